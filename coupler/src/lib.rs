@@ -1,0 +1,1 @@
+//! Launches, sequences, accelerates and reports the coupled run

@@ -1,0 +1,625 @@
+//! What a user writes: one TOML file, typed.
+//!
+//! Every key carries its unit in its name. Unknown keys are refused. Sections
+//! that are absent are effects that are off: they cost nothing.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A scene: what is simulated, with which effects, in which stages.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Short name; names the result folder.
+    pub name: String,
+    /// One line for people.
+    #[serde(default)]
+    pub title: String,
+    /// Geometry of fabric, lines and payload.
+    pub canopy: Canopy,
+    /// Material of the fabric.
+    pub fabric: Fabric,
+    /// Material of suspension lines and risers; needed when the canopy has lines.
+    pub lines: Option<Lines>,
+    /// Time integration and solvers of the structure.
+    #[serde(default)]
+    pub structure: Structure,
+    /// Air, flow grid and flow solver; needed when a stage runs the flow.
+    pub flow: Option<Flow>,
+    /// The grid motion solver.
+    #[serde(default)]
+    pub mesh: MeshMotion,
+    /// Staggered or implicit coupling of the fields.
+    #[serde(default)]
+    pub coupling: Coupling,
+    /// The falling mass. Absent: the canopy does not descend.
+    pub descent: Option<Descent>,
+    /// Gravity on fabric and lines, with the acceleration of the falling frame.
+    pub fabric_gravity: Option<FabricGravity>,
+    /// What runs, in this order. Each stage starts from the one before.
+    #[serde(rename = "stage")]
+    pub stages: Vec<Stage>,
+    /// Snapshots and checkpoints.
+    #[serde(default)]
+    pub output: Output,
+    /// Ranks per program.
+    #[serde(default)]
+    pub ranks: Ranks,
+    /// Replaces the program of a role: `structure = "python3 my_solver.py"`.
+    /// The run's arguments are appended.
+    #[serde(default)]
+    pub programs: BTreeMap<Role, String>,
+}
+
+/// One of the three solver programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// `structure-solver`
+    Structure,
+    /// `flow-solver`
+    Flow,
+    /// `mesh-mover`
+    Mesh,
+}
+
+impl Role {
+    /// All roles, in launch order.
+    pub const ALL: [Role; 3] = [Role::Structure, Role::Flow, Role::Mesh];
+
+    /// Name on channels and command lines.
+    pub fn name(self) -> &'static str {
+        match self {
+            Role::Structure => "structure",
+            Role::Flow => "flow",
+            Role::Mesh => "mesh",
+        }
+    }
+
+    /// Name of the project's own program for this role.
+    pub fn program(self) -> &'static str {
+        match self {
+            Role::Structure => "structure-solver",
+            Role::Flow => "flow-solver",
+            Role::Mesh => "mesh-mover",
+        }
+    }
+}
+
+/// Geometry of fabric, lines and payload. Lengths are of the unstressed state.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Canopy {
+    /// The cross parachute of the paper (Table 2): a square top with four arms.
+    Atps(Atps),
+    /// A flat square canopy with lines from its rim to one confluence point.
+    Square(FlatCanopy),
+    /// A flat circular canopy with lines from its rim to one confluence point.
+    Circular(FlatCanopy),
+    /// The square air bag of the paper, section 1.4: one octant by symmetry.
+    AirBag(AirBag),
+}
+
+/// The ATPS cross parachute. Defaults are Table 2 of the paper.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Atps {
+    /// Width of the square top, m.
+    pub top_width_m: f64,
+    /// Width of an arm at the hem, m.
+    pub bottom_edge_width_m: f64,
+    /// Length of an arm along its middle line, m.
+    pub arm_length_m: f64,
+    /// Length over which adjacent arms are stitched, m.
+    pub stitching_height_m: f64,
+    /// The end of the arms that is stitched.
+    pub stitched_end: StitchedEnd,
+    /// Unstretched length of a suspension line, m.
+    pub suspension_line_length_m: f64,
+    /// Unstretched length of a riser, m.
+    pub riser_length_m: f64,
+    /// Suspension lines for each arm.
+    pub lines_per_arm: u32,
+    /// Cable elements for each suspension line.
+    pub segments_per_line: u32,
+    /// Quadrilaterals across the top and across each arm (even).
+    pub cells_across: u32,
+    /// Quadrilaterals along an arm above the stitching (the vent).
+    pub cells_along_vent: u32,
+    /// Quadrilaterals along the stitched part of an arm.
+    pub cells_along_stitching: u32,
+    /// Line elements along the panel edges (hem, seams, vents), sharing canopy
+    /// nodes, with the section and stiffness of the suspension lines.
+    pub reinforcements: bool,
+}
+
+impl Default for Atps {
+    fn default() -> Self {
+        Self {
+            top_width_m: 6.43128,
+            bottom_edge_width_m: 6.09600,
+            arm_length_m: 3.93192,
+            stitching_height_m: 0.73152,
+            stitched_end: StitchedEnd::Hem,
+            suspension_line_length_m: 6.40080,
+            riser_length_m: 1.21920,
+            lines_per_arm: 7,
+            segments_per_line: 1,
+            cells_across: 18,
+            cells_along_vent: 9,
+            cells_along_stitching: 2,
+            reinforcements: false,
+        }
+    }
+}
+
+/// The end of the arms at which adjacent arms are stitched together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StitchedEnd {
+    /// At the hem: the vents are slits between the stitching and the top.
+    Hem,
+    /// At the top: the slits run down to the hem.
+    Top,
+}
+
+/// A flat canopy cut from one sheet.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlatCanopy {
+    /// Side of the square, or diameter of the circle, m.
+    pub width_m: f64,
+    /// Quadrilaterals across (even).
+    pub cells_across: u32,
+    /// Lines from the rim to the confluence point. 0: the rim is fixed instead.
+    #[serde(default)]
+    pub line_count: u32,
+    /// Unstretched length of a line, m.
+    #[serde(default)]
+    pub line_length_m: f64,
+    /// Cable elements for each line.
+    #[serde(default = "one")]
+    pub segments_per_line: u32,
+}
+
+/// One octant of the square air bag of the paper: a quarter of the upper sheet.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct AirBag {
+    /// Edge of the whole square bag, m.
+    pub edge_m: f64,
+    /// Quadrilaterals along each side of the quarter sheet.
+    pub cells_across: u32,
+}
+
+impl Default for AirBag {
+    fn default() -> Self {
+        Self { edge_m: 0.3048, cells_across: 50 }
+    }
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// Material of the fabric: St. Venant-Kirchhoff in plane stress.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fabric {
+    /// Young's modulus ("membrane stiffness"), Pa.
+    pub youngs_modulus_pa: f64,
+    /// Poisson's ratio.
+    pub poisson_ratio: f64,
+    /// Thickness, m.
+    pub thickness_m: f64,
+    /// Density, kg/m3.
+    pub density_kg_m3: f64,
+    /// Tension field (taut, wrinkled, slack) after Lu, Accorsi and Leonard
+    /// (2001). Off: the fabric carries compression.
+    #[serde(default)]
+    pub wrinkling: bool,
+}
+
+/// Material of lines and risers.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lines {
+    /// Young's modulus ("cable stiffness"), Pa.
+    pub youngs_modulus_pa: f64,
+    /// Cross-sectional area, m2.
+    pub area_m2: f64,
+    /// Density, kg/m3.
+    pub density_kg_m3: f64,
+    /// A line that is shorter than its rest length carries nothing.
+    #[serde(default = "yes")]
+    pub tension_only: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// Gravity on fabric and lines.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FabricGravity {}
+
+/// Time integration and solvers of the structure.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Structure {
+    /// Spectral radius at infinite frequency of the generalized-alpha method,
+    /// 0 to 1. Absent: Newmark with gamma 1/2, beta 1/4, as in the paper.
+    pub spectral_radius: Option<f64>,
+    /// Newton stops when the residual falls below this share of the applied load.
+    pub newton_tolerance: f64,
+    /// Newton steps before a time step is cut.
+    pub newton_max_steps: u32,
+    /// Relative tolerance of GMRES within a Newton step.
+    pub gmres_tolerance: f64,
+    /// How often a time step may be halved before the run ends.
+    pub max_step_cuts: u32,
+}
+
+impl Default for Structure {
+    fn default() -> Self {
+        Self {
+            spectral_radius: None,
+            newton_tolerance: 1e-5,
+            newton_max_steps: 25,
+            gmres_tolerance: 1e-3,
+            max_step_cuts: 6,
+        }
+    }
+}
+
+/// Air, flow grid and flow solver.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Flow {
+    /// Density of the undisturbed air, kg/m3.
+    #[serde(default = "sea_level_density")]
+    pub density_kg_m3: f64,
+    /// Temperature of the undisturbed air, K.
+    #[serde(default = "sea_level_temperature")]
+    pub temperature_k: f64,
+    /// Wind in the frame of the ground, m/s.
+    #[serde(default)]
+    pub wind_m_s: [f64; 3],
+    /// Viscosity. Absent: inviscid.
+    pub viscosity: Option<Viscosity>,
+    /// Solves the energy equation. Absent: isothermal, four equations.
+    pub energy: Option<Energy>,
+    /// Limits gradients (Venkatakrishnan). Absent: unlimited, second order.
+    pub limiter: Option<Limiter>,
+    /// The volume grid around the canopy.
+    #[serde(default)]
+    pub grid: Grid,
+    /// Pseudo-time iterations.
+    #[serde(default)]
+    pub solver: FlowSolver,
+}
+
+fn sea_level_density() -> f64 {
+    1.225
+}
+fn sea_level_temperature() -> f64 {
+    288.15
+}
+
+/// Laminar viscosity.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Viscosity {
+    /// Dynamic viscosity, Pa s.
+    #[serde(default = "air_viscosity")]
+    pub dynamic_viscosity_pa_s: f64,
+    /// Model of the unresolved turbulence. Absent: laminar.
+    pub turbulence: Option<Turbulence>,
+}
+
+fn air_viscosity() -> f64 {
+    1.789e-5
+}
+
+/// Models of unresolved turbulence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Turbulence {
+    /// Smagorinsky with a constant of 0.17.
+    Smagorinsky,
+}
+
+/// The energy equation.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Energy {}
+
+/// Gradient limiting.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limiter {
+    /// Venkatakrishnan's K: larger limits less.
+    pub k: f64,
+}
+
+impl Default for Limiter {
+    fn default() -> Self {
+        Self { k: 5.0 }
+    }
+}
+
+/// The volume grid: hexahedra in shells around the canopy.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Grid {
+    /// Cells between the canopy and the core block inside it.
+    pub layers_inside: u32,
+    /// Cells between the canopy and the far field.
+    pub layers_outside: u32,
+    /// Thickness of the cells at the canopy, m.
+    pub first_layer_m: f64,
+    /// Distance of the far field from the canopy's middle, in canopy widths.
+    pub far_field_widths: f64,
+    /// The same, downstream (above the canopy).
+    pub wake_widths: f64,
+    /// Cells across each vent.
+    pub cells_across_vent: u32,
+}
+
+impl Default for Grid {
+    fn default() -> Self {
+        Self {
+            layers_inside: 8,
+            layers_outside: 22,
+            first_layer_m: 0.12,
+            far_field_widths: 6.0,
+            wake_widths: 10.0,
+            cells_across_vent: 2,
+        }
+    }
+}
+
+/// Pseudo-time iterations of the flow.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FlowSolver {
+    /// How the implicit system of a pseudo-time step is solved.
+    pub method: FlowMethod,
+    /// A time step is converged when the unsteady residual has dropped by this factor.
+    pub residual_drop: f64,
+    /// Pseudo-time iterations at most for each time step.
+    pub max_iterations: u32,
+}
+
+impl Default for FlowSolver {
+    fn default() -> Self {
+        Self { method: FlowMethod::Gmres, residual_drop: 1e-2, max_iterations: 60 }
+    }
+}
+
+/// How the implicit system of a pseudo-time step is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FlowMethod {
+    /// One LU-SGS sweep pair each pseudo-time step, as in the paper.
+    LuSgs,
+    /// GMRES preconditioned with LU-SGS sweeps.
+    Gmres,
+}
+
+/// Grid motion.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MeshMotion {
+    /// Exponent of the stiffening by the Jacobian (Stein, Tezduyar, Benney 2003).
+    pub stiffening_exponent: f64,
+    /// Poisson's ratio of the pseudo-solid.
+    pub poisson_ratio: f64,
+    /// Relative tolerance of the interior solution: only smoothness is at stake.
+    pub tolerance: f64,
+    /// Smallest scaled Jacobian that is accepted, above 0.
+    pub min_quality: f64,
+    /// Most sub-increments for one window.
+    pub max_increments: u32,
+}
+
+impl Default for MeshMotion {
+    fn default() -> Self {
+        Self {
+            stiffening_exponent: 1.0,
+            poisson_ratio: 0.3,
+            tolerance: 1e-3,
+            min_quality: 1e-3,
+            max_increments: 8,
+        }
+    }
+}
+
+/// Coupling of the fields.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Coupling {
+    /// The sequence of the programs in a window.
+    pub scheme: Scheme,
+    /// Load over the substeps of a window.
+    pub load: LoadShape,
+    /// An implicit window is converged when interface displacement and descent
+    /// speed change by less than this, relative to their change over the window.
+    pub tolerance: f64,
+    /// Coupling iterations at most in a window.
+    pub max_iterations: u32,
+    /// Relaxation of the first iteration, and of all with `constant`.
+    pub relaxation: f64,
+    /// Acceleration of the iterations.
+    pub acceleration: Acceleration,
+    /// Past windows whose secants IQN-ILS reuses.
+    pub reused_windows: u32,
+}
+
+impl Default for Coupling {
+    fn default() -> Self {
+        Self {
+            scheme: Scheme::Implicit,
+            load: LoadShape::Linear,
+            tolerance: 1e-3,
+            max_iterations: 30,
+            relaxation: 0.1,
+            acceleration: Acceleration::IqnIls,
+            reused_windows: 8,
+        }
+    }
+}
+
+/// The sequence of the programs in a window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Scheme {
+    /// The paper's sequence: each program once, with pressures of the last flow step.
+    Staggered,
+    /// Each window is iterated until structure, flow and descent agree.
+    Implicit,
+}
+
+/// Load on the structure over the substeps of one window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum LoadShape {
+    /// The window's last pressure throughout.
+    Constant,
+    /// From the pressure at the start to the one at the end.
+    Linear,
+}
+
+/// Acceleration of implicit coupling.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Acceleration {
+    /// Fixed relaxation.
+    Constant,
+    /// Aitken's dynamic relaxation.
+    Aitken,
+    /// Interface quasi-Newton, inverse least squares.
+    IqnIls,
+}
+
+/// The falling mass: one degree of freedom (paper, equation 9).
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Descent {
+    /// Mass of the payload, kg. Fabric and lines are added.
+    pub payload_mass_kg: f64,
+    /// Descent speed at the start, m/s, positive downwards.
+    pub initial_speed_m_s: f64,
+    /// Acceleration of gravity, m/s2.
+    #[serde(default = "standard_gravity")]
+    pub gravity_m_s2: f64,
+    /// Area that turns drag into a coefficient, m2.
+    pub reference_area_m2: f64,
+}
+
+fn standard_gravity() -> f64 {
+    9.80665
+}
+
+/// One stage of a run.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// Name of the stage and of its result folder.
+    pub name: String,
+    /// What runs.
+    pub kind: StageKind,
+    /// Simulated time, s.
+    pub duration_s: f64,
+    /// Length of a window (the flow's time step), s.
+    pub window_s: f64,
+    /// Structural steps in a window.
+    #[serde(default = "ten")]
+    pub substeps: u32,
+    /// Uniform pressure jump on the canopy, Pa (pre-inflation).
+    pub pressure_pa: Option<f64>,
+    /// Mass-proportional damping of the structure in this stage, 1/s.
+    #[serde(default)]
+    pub mass_damping_per_s: f64,
+    /// Ends the stage early once the kinetic energy of the structure is below
+    /// this share of its strain energy.
+    pub settled_energy_ratio: Option<f64>,
+}
+
+fn ten() -> u32 {
+    10
+}
+
+/// What runs in a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StageKind {
+    /// Structure alone under constant pressure (paper, section 5.1).
+    PreInflation,
+    /// Flow alone around the canopy held still, at the initial descent speed.
+    FlowOnly,
+    /// Structure, mesh and flow, coupled, with the descent (paper, section 5.2).
+    Coupled,
+}
+
+impl StageKind {
+    /// The programs that this stage needs.
+    pub fn roles(self) -> &'static [Role] {
+        match self {
+            StageKind::PreInflation => &[Role::Structure],
+            StageKind::FlowOnly => &[Role::Flow],
+            StageKind::Coupled => &[Role::Structure, Role::Flow, Role::Mesh],
+        }
+    }
+}
+
+/// Snapshots and checkpoints.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Output {
+    /// Windows between ParaView snapshots of the canopy. 0: none.
+    pub surface_every_windows: u32,
+    /// Windows between ParaView snapshots of the flow. 0: none.
+    pub volume_every_windows: u32,
+    /// Result folder. Default: `runs/<name>`.
+    pub folder: Option<PathBuf>,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self { surface_every_windows: 4, volume_every_windows: 20, folder: None }
+    }
+}
+
+/// Ranks per program.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Ranks {
+    /// Ranks of the structure-solver.
+    pub structure: u32,
+    /// Ranks of the flow-solver.
+    pub flow: u32,
+    /// Ranks of the mesh-mover.
+    pub mesh: u32,
+}
+
+impl Default for Ranks {
+    fn default() -> Self {
+        Self { structure: 1, flow: 2, mesh: 2 }
+    }
+}
+
+impl Ranks {
+    /// Ranks of one program.
+    pub fn of(&self, role: Role) -> u32 {
+        match role {
+            Role::Structure => self.structure,
+            Role::Flow => self.flow,
+            Role::Mesh => self.mesh,
+        }
+    }
+}

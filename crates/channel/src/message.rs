@@ -1,0 +1,122 @@
+//! What every message says about itself.
+
+/// Version of the contract. Bumped by every change to a header, a payload, a
+/// service name or the order of messages; see `docs/contract.md`.
+pub const CONTRACT_VERSION: u32 = 1;
+
+/// One window of the run: from `time` to `time + dt`.
+///
+/// A window may be asked for several times: each time the participant starts
+/// from the state of the last accepted window and must give the same answer to
+/// the same input (to its own tolerance, where it warm-starts).
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[repr(C)]
+pub struct Window {
+    /// Number of the window, from 0.
+    pub index: u64,
+    /// Coupling iteration within the window, from 0.
+    pub iteration: u64,
+    /// Substeps of the structure in this window.
+    pub substeps: u64,
+    /// Time at the start of the window, s: `index * dt`, never accumulated.
+    pub time: f64,
+    /// Length of the window, s.
+    pub dt: f64,
+    /// Velocity of the falling frame at the end of the window, m/s. Canopy and
+    /// grid coordinates are given in this frame; z points up.
+    pub frame_velocity: [f64; 3],
+    /// Mean acceleration of the falling frame over the window, m/s2.
+    pub frame_acceleration: [f64; 3],
+}
+
+/// Number of [`Stats::values`].
+pub const STATS: usize = 16;
+
+/// What a participant reports with each answer, beside the payload.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[repr(C)]
+pub struct Stats {
+    /// Wall seconds the rank worked on the answer.
+    pub busy_s: f64,
+    /// Meaning by role: [`structure_stats`], [`flow_stats`], [`mesh_stats`].
+    /// Global values, the same on each rank.
+    pub values: [f64; STATS],
+}
+
+/// Indices into [`Stats::values`] of the structure.
+pub mod structure_stats {
+    /// Kinetic energy at the end of the window, J.
+    pub const KINETIC_ENERGY: usize = 0;
+    /// Strain energy at the end of the window, J.
+    pub const STRAIN_ENERGY: usize = 1;
+    /// Work of the pressure over the window, J.
+    pub const LOAD_WORK: usize = 2;
+    /// Newton steps in the window.
+    pub const NEWTON_STEPS: usize = 3;
+    /// GMRES iterations in the window.
+    pub const GMRES_ITERATIONS: usize = 4;
+    /// Matrix factorisations in the window.
+    pub const FACTORISATIONS: usize = 5;
+    /// Vertical load of the pressure on the canopy, N, upwards.
+    pub const VERTICAL_LOAD: usize = 6;
+    /// Projected area of the canopy on a horizontal plane, m2.
+    pub const PROJECTED_AREA: usize = 7;
+    /// Largest line tension, N.
+    pub const MAX_LINE_TENSION: usize = 8;
+    /// Residual of the last Newton step relative to the load.
+    pub const RESIDUAL: usize = 9;
+    /// Time steps that were cut.
+    pub const STEP_CUTS: usize = 10;
+    /// Time of assembly, s.
+    pub const ASSEMBLY_S: usize = 11;
+    /// Time of factorisation, s.
+    pub const FACTORISATION_S: usize = 12;
+    /// Time of Krylov solves, s.
+    pub const SOLVE_S: usize = 13;
+    /// Vertical force in the risers at the payload, N, upwards on the payload.
+    pub const RISER_FORCE: usize = 14;
+    /// Volume under the canopy closed by its hem plane, m3 (0 if open shape).
+    pub const VOLUME: usize = 15;
+}
+
+/// Indices into [`Stats::values`] of the flow.
+pub mod flow_stats {
+    /// Force on the canopy at the end of the window, N: x, y, z at 0, 1, 2.
+    pub const FORCE: usize = 0;
+    /// Unsteady residual before the first iteration, scaled.
+    pub const RESIDUAL_START: usize = 3;
+    /// Unsteady residual after the last iteration, same scale.
+    pub const RESIDUAL_END: usize = 4;
+    /// Nonlinear (pseudo-time) iterations.
+    pub const ITERATIONS: usize = 5;
+    /// Linear (Krylov) iterations or sweeps.
+    pub const LINEAR_ITERATIONS: usize = 6;
+    /// Largest Mach number.
+    pub const MAX_MACH: usize = 7;
+    /// Largest convective Courant number.
+    pub const MAX_COURANT: usize = 8;
+    /// Largest gauge pressure, Pa.
+    pub const MAX_PRESSURE: usize = 9;
+    /// Smallest gauge pressure, Pa.
+    pub const MIN_PRESSURE: usize = 10;
+    /// Moment on the canopy about the origin of the frame, N m: 11, 12, 13.
+    pub const MOMENT: usize = 11;
+    /// Mass defect: sum over cells of the residual of continuity, kg/s.
+    pub const MASS_DEFECT: usize = 14;
+}
+
+/// Indices into [`Stats::values`] of the mesh mover.
+pub mod mesh_stats {
+    /// Smallest scaled Jacobian of the moved grid.
+    pub const MIN_QUALITY: usize = 0;
+    /// Krylov iterations.
+    pub const ITERATIONS: usize = 1;
+    /// Sub-increments.
+    pub const INCREMENTS: usize = 2;
+    /// Relative residual reached.
+    pub const RESIDUAL: usize = 3;
+    /// Smallest ratio of a cell's volume to its volume at the start.
+    pub const MIN_VOLUME_RATIO: usize = 4;
+    /// Cell (global) of the smallest scaled Jacobian.
+    pub const WORST_CELL: usize = 5;
+}

@@ -1,0 +1,136 @@
+//! What a solver program is to the rest of the system.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Stats, Window};
+
+/// A solver program: the only thing that a replacement must implement.
+///
+/// One instance lives on each rank of the program. The calls arrive in the same
+/// order on each rank, so a participant may use MPI collectives inside them.
+///
+/// State machine of a window: `advance` (once or more, always from the state of
+/// the last accepted window), then `accept`. Rolling back needs no call.
+pub trait Participant {
+    /// What this rank announces in the handshake.
+    fn announce(&self) -> Announcement;
+
+    /// Global indices of the rows that this rank's output holds, in the order of
+    /// the output: canopy nodes (structure), canopy faces (flow), grid nodes (mesh).
+    fn output_rows(&self) -> Vec<u64>;
+
+    /// Global indices of the grid nodes that this rank reads (flow on a moving
+    /// grid); empty otherwise.
+    fn grid_rows(&self) -> Vec<u64> {
+        Vec::new()
+    }
+
+    /// Computes window `w` from the state of the last accepted window.
+    ///
+    /// `output` is this rank's slice of shared memory, shape
+    /// `[output_rows][output_width]`, to be filled completely.
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault>;
+
+    /// The last `advance` of window `w` is final: it becomes the state that later
+    /// windows start from.
+    fn accept(&mut self, w: &Window) -> Result<(), Fault>;
+
+    /// Writes the accepted state below `folder` (created, shared by all ranks).
+    fn save(&mut self, folder: &Path) -> Result<(), Fault>;
+
+    /// Adds the accepted state to the ParaView series below `folder`.
+    fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault>;
+}
+
+/// What a rank announces: the coupler refuses a mismatch by name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Announcement {
+    /// Role: `structure`, `flow` or `mesh`.
+    pub role: String,
+    /// Name of the program, for messages.
+    pub program: String,
+    /// Version of the program.
+    pub version: String,
+    /// Canopy nodes of the interface.
+    pub canopy_nodes: u64,
+    /// Canopy faces of the interface.
+    pub canopy_faces: u64,
+    /// Hash of the interface faces: [`surface_hash`].
+    pub surface_hash: u64,
+    /// Nodes of the whole flow grid (mesh and flow on a moving grid; else 0).
+    pub grid_nodes: u64,
+    /// Numbers in one row of the output.
+    pub output_width: u64,
+    /// Effects that the program implements, by their scene keys.
+    pub effects: Vec<String>,
+}
+
+/// What a participant reads, in place, from shared memory. All ranks of a
+/// program see the same `canopy` fields.
+pub struct Input<'a> {
+    /// Fields on the whole canopy, shape by role:
+    /// * structure: [`CanopyLoad`] as `[faces][8]`: pressure jump and traction
+    ///   x, y, z at the start of the window, then the same at its end;
+    /// * mesh: displacement from the unstressed shape, `[nodes][3]`, m;
+    /// * flow: empty.
+    pub canopy: &'a [f64],
+    /// Rows of the moved grid for [`Participant::grid_rows`] in their order:
+    /// `[x, y, z, vx, vy, vz]`, m and m/s in the falling frame. Empty on a grid at rest.
+    pub grid: Grid<'a>,
+}
+
+/// The moved grid as published by the ranks of the mesh-mover.
+#[derive(Clone, Copy, Default)]
+pub struct Grid<'a> {
+    /// One slice for each rank of the mesh-mover, shape `[rows][6]`.
+    pub pieces: &'a [&'a [f64]],
+    /// Piece and row of each of the reader's `grid_rows`.
+    pub index: &'a [(u32, u32)],
+}
+
+impl Grid<'_> {
+    /// Whether the grid stands still (nothing was published).
+    pub fn is_empty(&self) -> bool {
+        self.pieces.is_empty()
+    }
+
+    /// Row `i` of the reader's `grid_rows`: position (m), velocity (m/s).
+    #[inline]
+    pub fn row(&self, i: usize) -> &[f64; 6] {
+        let (piece, row) = self.index[i];
+        let at = row as usize * 6;
+        self.pieces[piece as usize][at..at + 6].try_into().expect("a row of six")
+    }
+}
+
+/// Numbers in one row of the flow's output and of each half of the structure's
+/// input: pressure jump (inside minus outside), Pa, and shear traction x, y, z
+/// summed over both sides, Pa.
+pub const LOAD_WIDTH: usize = 4;
+
+/// An error that ends the run: what, where, and what to do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[error("{message}")]
+pub struct Fault {
+    /// One message for a person: value, place, remedy.
+    pub message: String,
+}
+
+impl Fault {
+    /// From any message or error.
+    pub fn new(message: impl std::fmt::Display) -> Self {
+        Self { message: message.to_string() }
+    }
+}
+
+/// Hash of the interface's faces (FNV-1a over the node indices as little-endian
+/// `u32`), the same in every language.
+pub fn surface_hash(faces: &[[u32; 4]]) -> u64 {
+    faces
+        .iter()
+        .flatten()
+        .flat_map(|n| n.to_le_bytes())
+        .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
+}

@@ -1,0 +1,228 @@
+//! The ranks of one program, with the reductions and exchanges they need.
+
+use std::rc::Rc;
+
+use mpi::collective::SystemOperation;
+use mpi::datatype::{Partition, PartitionMut};
+use mpi::environment::Universe;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::*;
+
+/// A failure to set up message passing.
+#[derive(Debug, thiserror::Error)]
+pub enum CommError {
+    /// `MPI_Init` failed or was called before.
+    #[error("MPI could not be initialised (was it initialised before in this process?)")]
+    Init,
+    /// The launcher promised another number of ranks than MPI reports.
+    #[error(
+        "this program was told it has {expected} ranks but MPI reports {found}: \
+         is `mpirun` of the MPI library that the program was built with first on the PATH?"
+    )]
+    WrongLauncher {
+        /// Rank count on the command line.
+        expected: usize,
+        /// Size of the MPI world.
+        found: usize,
+    },
+}
+
+struct World {
+    world: SimpleCommunicator,
+    // Dropped last: `MPI_Finalize` runs when the last `Comm` goes.
+    _universe: Universe,
+}
+
+/// The ranks of one program. Cheap to clone.
+#[derive(Clone)]
+pub struct Comm {
+    mpi: Option<Rc<World>>,
+    rank: usize,
+    size: usize,
+}
+
+impl std::fmt::Debug for Comm {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "rank {} of {}", self.rank, self.size)
+    }
+}
+
+impl Comm {
+    /// Initialises MPI. `expected` is the rank count that the launcher passed:
+    /// a wrong `mpirun` silently starts many one-rank worlds, which this catches.
+    pub fn init(expected: Option<usize>) -> Result<Self, CommError> {
+        let universe = mpi::initialize().ok_or(CommError::Init)?;
+        let world = universe.world();
+        let (rank, size) = (world.rank() as usize, world.size() as usize);
+        if let Some(expected) = expected.filter(|&n| n != size) {
+            return Err(CommError::WrongLauncher { expected, found: size });
+        }
+        let world = World { world, _universe: universe };
+        Ok(Self { mpi: Some(Rc::new(world)), rank, size })
+    }
+
+    /// A world of one rank that needs no MPI.
+    pub fn solo() -> Self {
+        Self { mpi: None, rank: 0, size: 1 }
+    }
+
+    /// This rank, counted from 0.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// Number of ranks.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Whether this is rank 0.
+    pub fn is_root(&self) -> bool {
+        self.rank == 0
+    }
+
+    pub(crate) fn world(&self) -> Option<&SimpleCommunicator> {
+        self.mpi.as_ref().map(|w| &w.world)
+    }
+
+    fn reduce<T: Equivalence + Copy>(&self, values: &mut [T], op: SystemOperation) {
+        if let Some(world) = self.world() {
+            // Dot products and norms are the common case and must not allocate.
+            let n = values.len();
+            match values.first().copied() {
+                None => {}
+                Some(first) if n <= 64 => {
+                    let mut send = [first; 64];
+                    send[..n].copy_from_slice(values);
+                    world.all_reduce_into(&send[..n], values, op);
+                }
+                Some(_) => {
+                    let send = values.to_vec();
+                    world.all_reduce_into(&send[..], values, op);
+                }
+            }
+        }
+    }
+
+    /// Sum over ranks. The order of summation is fixed for a given rank count.
+    pub fn sum(&self, x: f64) -> f64 {
+        let mut v = [x];
+        self.reduce(&mut v, SystemOperation::sum());
+        v[0]
+    }
+
+    /// Sums each entry over ranks, in place.
+    pub fn sum_slice(&self, x: &mut [f64]) {
+        self.reduce(x, SystemOperation::sum());
+    }
+
+    /// Sums each integer entry over ranks, in place.
+    pub fn sum_u64(&self, x: &mut [u64]) {
+        self.reduce(x, SystemOperation::sum());
+    }
+
+    /// Maximum over ranks. A NaN on any rank is not guaranteed to survive:
+    /// check with [`Comm::all`] first where it matters.
+    pub fn max(&self, x: f64) -> f64 {
+        let mut v = [x];
+        self.reduce(&mut v, SystemOperation::max());
+        v[0]
+    }
+
+    /// Minimum over ranks.
+    pub fn min(&self, x: f64) -> f64 {
+        let mut v = [x];
+        self.reduce(&mut v, SystemOperation::min());
+        v[0]
+    }
+
+    /// Maximum of an integer over ranks.
+    pub fn max_u64(&self, x: u64) -> u64 {
+        let mut v = [x];
+        self.reduce(&mut v, SystemOperation::max());
+        v[0]
+    }
+
+    /// Whether `x` holds on every rank.
+    pub fn all(&self, x: bool) -> bool {
+        self.max_u64(u64::from(!x)) == 0
+    }
+
+    /// Waits for every rank. Spins: for short waits only.
+    pub fn barrier(&self) {
+        if let Some(world) = self.world() {
+            world.barrier();
+        }
+    }
+
+    /// One value of each rank, in rank order.
+    pub fn all_gather_u64(&self, x: u64) -> Vec<u64> {
+        let mut all = vec![0; self.size];
+        match self.world() {
+            Some(world) => world.all_gather_into(&x, &mut all[..]),
+            None => all[0] = x,
+        }
+        all
+    }
+
+    /// The concatenation of every rank's `x` in rank order, on every rank.
+    pub fn all_gather_var<T: Equivalence + Copy + Default>(&self, x: &[T]) -> Vec<T> {
+        let Some(world) = self.world() else {
+            return x.to_vec();
+        };
+        let counts: Vec<i32> = self.all_gather_u64(x.len() as u64).iter().map(|&n| n as i32).collect();
+        let displs = offsets(&counts);
+        let mut all = vec![T::default(); counts.iter().sum::<i32>() as usize];
+        let mut part = PartitionMut::new(&mut all[..], counts, displs);
+        world.all_gather_varcount_into(x, &mut part);
+        all
+    }
+
+    /// Sends `to[r]` to rank `r` and returns what each rank sent here. For set-up.
+    pub fn all_to_all_var<T: Equivalence + Copy + Default>(&self, to: &[Vec<T>]) -> Vec<Vec<T>> {
+        assert_eq!(to.len(), self.size, "one list for each rank");
+        let Some(world) = self.world() else {
+            return to.to_vec();
+        };
+        let send_counts: Vec<i32> = to.iter().map(|v| v.len() as i32).collect();
+        let mut recv_counts = vec![0i32; self.size];
+        world.all_to_all_into(&send_counts[..], &mut recv_counts[..]);
+        let flat: Vec<T> = to.iter().flatten().copied().collect();
+        let send = Partition::new(&flat[..], &send_counts[..], offsets(&send_counts));
+        let mut buffer = vec![T::default(); recv_counts.iter().sum::<i32>() as usize];
+        {
+            let displs = offsets(&recv_counts);
+            let mut recv = PartitionMut::new(&mut buffer[..], &recv_counts[..], displs);
+            world.all_to_all_varcount_into(&send, &mut recv);
+        }
+        let mut rest = &buffer[..];
+        recv_counts
+            .iter()
+            .map(|&n| {
+                let (head, tail) = rest.split_at(n as usize);
+                rest = tail;
+                head.to_vec()
+            })
+            .collect()
+    }
+
+    /// Ends every rank of the program at once. For faults that one rank alone
+    /// has seen while others may wait for it in a collective.
+    pub fn abort(&self, code: i32) -> ! {
+        match self.world() {
+            Some(world) => world.abort(code),
+            None => std::process::exit(code),
+        }
+    }
+}
+
+fn offsets(counts: &[i32]) -> Vec<i32> {
+    counts
+        .iter()
+        .scan(0, |at, &n| {
+            let start = *at;
+            *at += n;
+            Some(start)
+        })
+        .collect()
+}

@@ -1,0 +1,97 @@
+//! The meshes that pass between the crates.
+
+use serde::{Deserialize, Serialize};
+
+/// A point or vector, m.
+pub type Vec3 = [f64; 3];
+
+/// Fabric, lines and payload.
+///
+/// The first [`StructureMesh::n_canopy`] nodes are the canopy: in this order
+/// they are the interface nodes of the contract. Faces are ordered too and are
+/// the interface faces of the contract.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StructureMesh {
+    /// Unstressed positions, m.
+    pub coords: Vec<Vec3>,
+    /// Number of canopy (interface) nodes.
+    pub n_canopy: usize,
+    /// Interface faces as quadrilaterals of canopy nodes; a triangle repeats its
+    /// last node. The right-hand normal points out of the canopy, so a positive
+    /// pressure jump (inside minus outside) pushes along it.
+    pub faces: Vec<[u32; 4]>,
+    /// Panel of each face (0: top; arms from 1), for pictures and reports.
+    pub face_panel: Vec<u32>,
+    /// Membrane elements, oriented as their face.
+    pub triangles: Vec<[u32; 3]>,
+    /// Interface face of each triangle.
+    pub triangle_face: Vec<u32>,
+    /// Cable elements.
+    pub cables: Vec<Cable>,
+    /// Node and mass, kg.
+    pub point_masses: Vec<(u32, f64)>,
+    /// Node and its constrained components.
+    pub fixed: Vec<(u32, [bool; 3])>,
+}
+
+/// A two-node cable element.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cable {
+    /// End nodes.
+    pub nodes: [u32; 2],
+    /// Unstretched length, m: not the distance of the nodes.
+    pub rest_length: f64,
+    /// What it models.
+    pub kind: CableKind,
+    /// Number of the line it is a part of, for line tensions.
+    pub line: u32,
+}
+
+/// What a cable element models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CableKind {
+    /// From the hem to a confluence point.
+    SuspensionLine,
+    /// From a confluence point to the payload.
+    Riser,
+    /// Along a panel edge, on canopy nodes.
+    Reinforcement,
+}
+
+/// The volume grid around a canopy.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlowGrid {
+    /// Node positions, m.
+    pub coords: Vec<Vec3>,
+    /// Hexahedra in VTK order (0-3 one face, 4-7 the opposite one). Other shapes
+    /// repeat nodes: prism `[a,b,c,c, d,e,f,f]`, pyramid `[a,b,c,d, e,e,e,e]`,
+    /// tetrahedron `[a,b,c,c, d,d,d,d]`, or any collapsed edge.
+    pub cells: Vec<[u32; 8]>,
+    /// Grid node of each canopy node.
+    pub canopy_nodes: Vec<u32>,
+    /// Interface faces in grid nodes, in the order and orientation of
+    /// [`StructureMesh::faces`]. Each is a wall of zero thickness between two
+    /// cells that share these nodes.
+    pub canopy_faces: Vec<[u32; 4]>,
+    /// Outer boundary faces with their condition.
+    pub boundary: Vec<(Patch, [u32; 4])>,
+}
+
+/// Condition on an outer boundary face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Patch {
+    /// Undisturbed air (the wind) far away.
+    FarField,
+    /// Given gauge pressure of zero, the rest from inside.
+    Outlet,
+    /// No slip, moving with the grid.
+    Wall,
+    /// No flow through, no friction.
+    Slip,
+    /// Mirror plane.
+    Symmetry,
+}
+
+/// The six faces of a hexahedron in VTK order, each turned outwards.
+pub const HEX_FACES: [[usize; 4]; 6] =
+    [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];

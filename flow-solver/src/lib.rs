@@ -1,0 +1,1 @@
+//! Unsteady low-Mach flow on moving grids: finite volumes under MPI

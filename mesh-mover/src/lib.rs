@@ -1,0 +1,1 @@
+//! The flow grid as a pseudo-solid that follows the canopy

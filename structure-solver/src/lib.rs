@@ -1,0 +1,1 @@
+//! Membranes and cables: total Lagrangian finite elements under MPI

@@ -1,0 +1,1 @@
+//! Cross-program tests of Ripstop: see `tests/tests/`.
