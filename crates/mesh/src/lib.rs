@@ -3,6 +3,13 @@
 //! Topology and coordinates only: no physics and no MPI. Everything here is
 //! deterministic, so each program builds the same mesh from the same scene.
 
+mod boxes;
+mod error;
+mod faces;
+pub mod quality;
 mod types;
 
+pub use boxes::*;
+pub use error::*;
+pub use faces::*;
 pub use types::*;

@@ -1,0 +1,129 @@
+//! Box grids for tests and verification.
+
+use std::ops::Range;
+
+use crate::{FlowGrid, Patch, Vec3};
+
+/// Shape of the cells of a box grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BoxShape {
+    /// One hexahedron for each box.
+    Hexahedra,
+    /// Two prisms, cut along a diagonal in x-y.
+    Prisms,
+    /// Six pyramids about the middle.
+    Pyramids,
+    /// Six tetrahedra about the main diagonal.
+    Tetrahedra,
+}
+
+/// A box from `lo` to `hi` of `n` hexahedra along x, y, z. Patches: low x, high
+/// x, low y, high y, low z, high z. Nodes and cells run along x first.
+pub fn box_grid(n: [usize; 3], lo: Vec3, hi: Vec3, patches: [Patch; 6]) -> FlowGrid {
+    let node = |i: usize, j: usize, k: usize| (i + (n[0] + 1) * (j + (n[1] + 1) * k)) as u32;
+    let mut grid = FlowGrid::default();
+    for k in 0..=n[2] {
+        for j in 0..=n[1] {
+            for i in 0..=n[0] {
+                let at = |a: usize, m: usize| {
+                    let s = m as f64 / n[a] as f64;
+                    lo[a] * (1.0 - s) + hi[a] * s
+                };
+                grid.coords.push([at(0, i), at(1, j), at(2, k)]);
+            }
+        }
+    }
+    for k in 0..n[2] {
+        for j in 0..n[1] {
+            for i in 0..n[0] {
+                let quad = |k| [node(i, j, k), node(i + 1, j, k), node(i + 1, j + 1, k), node(i, j + 1, k)];
+                let (low, high) = (quad(k), quad(k + 1));
+                let cell = [low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]];
+                // Local faces in the order of the patches: x, y, z.
+                let ends = [
+                    (i == 0, 5),
+                    (i + 1 == n[0], 3),
+                    (j == 0, 2),
+                    (j + 1 == n[1], 4),
+                    (k == 0, 0),
+                    (k + 1 == n[2], 1),
+                ];
+                for ((outer, face), patch) in ends.into_iter().zip(patches) {
+                    if outer {
+                        grid.boundary.push((patch, crate::HEX_FACES[face].map(|v| cell[v])));
+                    }
+                }
+                grid.cells.push(cell);
+            }
+        }
+    }
+    grid
+}
+
+/// A box of hexahedra with a plate of zero thickness: the z-faces at level
+/// `level` whose cells lie in the given ranges of i and j. Normal +z.
+pub fn plate_grid(
+    n: [usize; 3],
+    lo: Vec3,
+    hi: Vec3,
+    patches: [Patch; 6],
+    level: usize,
+    ranges: [Range<usize>; 2],
+) -> FlowGrid {
+    let mut grid = box_grid(n, lo, hi, patches);
+    let node = |i: usize, j: usize| (i + (n[0] + 1) * (j + (n[1] + 1) * level)) as u32;
+    let [is, js] = ranges;
+    for j in js.start..=js.end {
+        for i in is.start..=is.end {
+            grid.canopy_nodes.push(node(i, j));
+        }
+    }
+    for j in js {
+        for i in is.clone() {
+            grid.canopy_faces.push([node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)]);
+        }
+    }
+    grid
+}
+
+/// A box of cells of another shape, from the same boxes.
+pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Vec3, hi: Vec3, patches: [Patch; 6]) -> FlowGrid {
+    let base = box_grid(n, lo, hi, patches);
+    let mut grid = FlowGrid { coords: base.coords.clone(), ..Default::default() };
+    for cell in &base.cells {
+        let [a, b, c, d, e, f, g, h] = *cell;
+        match shape {
+            BoxShape::Hexahedra => grid.cells.push(*cell),
+            BoxShape::Prisms => grid.cells.extend([[a, b, c, c, e, f, g, g], [a, c, d, d, e, g, h, h]]),
+            BoxShape::Pyramids => {
+                let m = grid.coords.len() as u32;
+                grid.coords.push(std::array::from_fn(|x| {
+                    cell.iter().map(|&v| base.coords[v as usize][x]).sum::<f64>() / 8.0
+                }));
+                for face in crate::HEX_FACES {
+                    let [p, q, r, s] = face.map(|v| cell[v]);
+                    grid.cells.push([s, r, q, p, m, m, m, m]);
+                }
+            }
+            BoxShape::Tetrahedra => {
+                for [p, q] in [[b, c], [c, d], [d, h], [h, e], [e, f], [f, b]] {
+                    grid.cells.push([a, p, q, q, g, g, g, g]);
+                }
+            }
+        }
+    }
+    for &(patch, f) in &base.boundary {
+        // Diagonals as the cells' own: prisms cut z-faces from the first node to
+        // the third; tetrahedra cut all faces from the lowest to the highest node.
+        let z_face = base.coords[f[0] as usize][2] == base.coords[f[1] as usize][2]
+            && base.coords[f[0] as usize][2] == base.coords[f[2] as usize][2];
+        if shape == BoxShape::Tetrahedra || (shape == BoxShape::Prisms && z_face) {
+            let low = (0..4).min_by_key(|&i| f[i]).expect("four nodes");
+            let [p, q, r, s] = std::array::from_fn(|i| f[(low + i) % 4]);
+            grid.boundary.extend([(patch, [p, q, r, r]), (patch, [p, r, s, s])]);
+        } else {
+            grid.boundary.push((patch, f));
+        }
+    }
+    grid
+}

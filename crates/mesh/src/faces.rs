@@ -1,0 +1,227 @@
+//! Who is whose neighbour: the faces of a volume grid.
+
+use crate::{FlowGrid, HEX_FACES, MeshError, Patch, quality};
+
+/// A quadrilateral face in its cycle; a triangle repeats its last node.
+pub type FaceNodes = [u32; 4];
+
+/// Faces of a [`FlowGrid`]. Faces collapsed to an edge or a point are left out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FaceTable {
+    /// Nodes, owner, neighbour. The right-hand normal points from owner to
+    /// neighbour; the owner has the lower number; sorted by owner.
+    pub interior: Vec<(FaceNodes, u32, u32)>,
+    /// Cell inside and cell outside of each canopy face, whose normal
+    /// ([`FlowGrid::canopy_faces`]) points from the first to the second.
+    pub canopy: Vec<(u32, u32)>,
+    /// Condition, nodes (normal out of the domain) and cell, in the order of
+    /// [`FlowGrid::boundary`].
+    pub boundary: Vec<(Patch, FaceNodes, u32)>,
+}
+
+/// The face without repeated neighbours in its cycle, triangles closed by
+/// repeating the last node. `None` if fewer than three nodes are left.
+pub fn clean_face(face: FaceNodes) -> Option<FaceNodes> {
+    let mut out = [0; 4];
+    let mut n = 0;
+    for i in 0..4 {
+        if face[i] != face[(i + 3) % 4] {
+            out[n] = face[i];
+            n += 1;
+        }
+    }
+    match n {
+        4 if out[0] != out[2] && out[1] != out[3] => Some(out),
+        3 => Some([out[0], out[1], out[2], out[2]]),
+        _ => None,
+    }
+}
+
+/// The four nodes of a face of a cell, turned out of the cell.
+pub fn cell_face(cell: &[u32; 8], side: usize) -> Option<FaceNodes> {
+    clean_face(HEX_FACES[side].map(|i| cell[i]))
+}
+
+fn key(mut face: FaceNodes) -> FaceNodes {
+    // A triangle counts its repeated node once: the free place takes the largest number.
+    if face[2] == face[3] {
+        face[3] = u32::MAX;
+    }
+    face.sort_unstable();
+    face
+}
+
+/// Node after `node` in the cycle of a clean face.
+fn after(face: FaceNodes, node: u32) -> u32 {
+    let n = if face[2] == face[3] { 3 } else { 4 };
+    let i = face.iter().position(|&f| f == node).unwrap_or(0);
+    face[(i + 1) % n]
+}
+
+fn same_turn(a: FaceNodes, b: FaceNodes) -> bool {
+    let start = key(a)[0];
+    after(a, start) == after(b, start)
+}
+
+/// What a face of a cell meets.
+const OPEN: u32 = u32::MAX;
+const NONE: u32 = u32::MAX - 1;
+const TAKEN: u32 = u32::MAX - 2;
+
+impl FaceTable {
+    /// Finds all faces in linear time.
+    ///
+    /// # Errors
+    /// A face that is open without a condition or shared by too many cells, a
+    /// canopy or boundary face that no cell has, a cell without positive volume.
+    pub fn new(grid: &FlowGrid) -> Result<Self, MeshError> {
+        quality::check_volumes(grid)?;
+        let slots = grid.cells.len() * 6;
+        let face = |slot: usize| cell_face(&grid.cells[slot / 6], slot % 6);
+        // Faces by their smallest node: a compressed list of slots.
+        let mut start = vec![0u32; grid.coords.len() + 1];
+        for slot in 0..slots {
+            if let Some(f) = face(slot) {
+                start[key(f)[0] as usize + 1] += 1;
+            }
+        }
+        for i in 1..start.len() {
+            start[i] += start[i - 1];
+        }
+        let mut fill = start.clone();
+        let mut list = vec![0u32; *start.last().unwrap_or(&0) as usize];
+        for slot in 0..slots {
+            if let Some(f) = face(slot) {
+                let at = &mut fill[key(f)[0] as usize];
+                list[*at as usize] = slot as u32;
+                *at += 1;
+            }
+        }
+        drop(fill);
+        let around = |f: FaceNodes| {
+            let node = key(f)[0] as usize;
+            let range =
+                if node + 1 < start.len() { start[node] as usize..start[node + 1] as usize } else { 0..0 };
+            list[range].iter().copied().filter(move |&s| face(s as usize).map(key) == Some(key(f)))
+        };
+        let crowd = |f: FaceNodes| MeshError::CrowdedFace {
+            nodes: f,
+            cells: around(f).map(|s| s as usize / 6).collect(),
+        };
+
+        let mut partner = vec![NONE; slots];
+        for slot in 0..slots {
+            let Some(f) = face(slot) else { continue };
+            let mut others = around(f).filter(|&s| s as usize != slot);
+            partner[slot] = match (others.next(), others.next()) {
+                (None, _) => OPEN,
+                (Some(other), None) => other,
+                _ => return Err(crowd(f)),
+            };
+            if partner[slot] != OPEN {
+                let g = face(partner[slot] as usize).expect("a listed face is clean");
+                if same_turn(f, g) {
+                    return Err(crowd(f));
+                }
+            }
+        }
+
+        let mut table = FaceTable::default();
+        for (index, &nodes) in grid.canopy_faces.iter().enumerate() {
+            let loose = MeshError::LooseFace { kind: "canopy", index, nodes };
+            let Some(f) = clean_face(nodes) else { return Err(loose) };
+            let Some(first) = around(f).next() else { return Err(loose) };
+            let second = partner[first as usize];
+            if second >= TAKEN {
+                return Err(loose);
+            }
+            let own = face(first as usize).expect("a listed face is clean");
+            let (a, b) = (first / 6, second / 6);
+            table.canopy.push(if same_turn(own, f) { (a, b) } else { (b, a) });
+            partner[first as usize] = TAKEN;
+            partner[second as usize] = TAKEN;
+        }
+        for (index, &(patch, nodes)) in grid.boundary.iter().enumerate() {
+            let loose = MeshError::LooseFace { kind: "boundary", index, nodes };
+            let Some(f) = clean_face(nodes) else { return Err(loose) };
+            let Some(slot) = around(f).next().filter(|&s| partner[s as usize] == OPEN) else {
+                return Err(loose);
+            };
+            let outward = face(slot as usize).expect("a listed face is clean");
+            table.boundary.push((patch, outward, slot / 6));
+            partner[slot as usize] = TAKEN;
+        }
+        for slot in 0..slots {
+            let (cell, other) = ((slot / 6) as u32, partner[slot]);
+            match other {
+                NONE | TAKEN => {}
+                OPEN => {
+                    let nodes = face(slot).expect("a listed face is clean");
+                    return Err(MeshError::OpenFace { nodes, cell: slot / 6 });
+                }
+                _ if other as usize > slot => {
+                    let nodes = face(slot).expect("a listed face is clean");
+                    table.interior.push((nodes, cell, other / 6));
+                }
+                _ => {}
+            }
+        }
+        Ok(table)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BoxShape, box_grid, box_grid_of};
+
+    fn counts(shape: BoxShape) -> (usize, usize, usize) {
+        let grid = box_grid_of(shape, [3, 4, 5], [0.0; 3], [1.0, 2.0, 3.0], [Patch::Wall; 6]);
+        let table = FaceTable::new(&grid).unwrap();
+        let volume: f64 = (0..grid.cells.len()).map(|c| quality::cell_volume(&grid, c)).sum();
+        assert!((volume - 6.0).abs() < 1e-12, "{shape:?} fills {volume}");
+        (grid.cells.len(), table.interior.len(), table.boundary.len())
+    }
+
+    #[test]
+    fn boxes_of_every_shape_close() {
+        let sides = 2 * (12 + 15 + 20);
+        // Each interior face lies between two cells: faces = (cell faces - boundary) / 2.
+        assert_eq!(counts(BoxShape::Hexahedra), (60, (6 * 60 - sides) / 2, sides));
+        let prism_sides = sides + 2 * 12;
+        assert_eq!(counts(BoxShape::Prisms), (120, (5 * 120 - prism_sides) / 2, prism_sides));
+        assert_eq!(counts(BoxShape::Pyramids), (360, (5 * 360 - sides) / 2, sides));
+        assert_eq!(counts(BoxShape::Tetrahedra), (360, (4 * 360 - 2 * sides) / 2, 2 * sides));
+    }
+
+    #[test]
+    fn plate_separates_its_two_cells() {
+        let grid = crate::plate_grid([4, 4, 4], [0.0; 3], [1.0; 3], [Patch::FarField; 6], 2, [1..3, 1..3]);
+        let table = FaceTable::new(&grid).unwrap();
+        assert_eq!(table.canopy.len(), 4);
+        for &(inside, outside) in &table.canopy {
+            let z = |c: u32| quality::cell_centre(&grid, c as usize)[2];
+            assert!(z(inside) < 0.5 && z(outside) > 0.5);
+        }
+        // The plate took 4 of the interior faces away.
+        let free = box_grid([4, 4, 4], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
+        assert_eq!(FaceTable::new(&free).unwrap().interior.len(), table.interior.len() + 4);
+    }
+
+    #[test]
+    fn a_missing_condition_is_named() {
+        let mut grid = box_grid([2, 2, 2], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
+        grid.boundary.pop();
+        assert!(matches!(FaceTable::new(&grid), Err(MeshError::OpenFace { cell: 7, .. })));
+    }
+
+    #[test]
+    fn an_inverted_cell_is_named() {
+        let mut grid = box_grid([2, 2, 2], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
+        grid.cells[3].swap(0, 4);
+        grid.cells[3].swap(1, 5);
+        grid.cells[3].swap(2, 6);
+        grid.cells[3].swap(3, 7);
+        assert!(matches!(FaceTable::new(&grid), Err(MeshError::NegativeVolume { cell: 3, .. })));
+    }
+}
