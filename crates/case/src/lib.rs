@@ -1,7 +1,18 @@
 //! Scenes: TOML cases as typed, validated values.
+//!
+//! A scene is read in two stages. What the user wrote ([`load`]) is checked
+//! against the schema for its keys and types, then for physical sense; only
+//! then do programs see it, as a [`Scene`] they may rely on.
 
+mod error;
 mod layout;
+mod load;
 mod scene;
+mod schema;
+mod validate;
 
+pub use error::{Problem, SceneError};
 pub use layout::*;
+pub use load::{load, parse};
 pub use scene::*;
+pub use schema::schema;

@@ -1,0 +1,343 @@
+//! Physical sense of a scene: magnitudes, and sections that need each other.
+
+use crate::{Canopy, Scene, StageKind};
+
+/// A refused value by its dotted path.
+pub(crate) struct Refusal {
+    pub path: String,
+    pub what: String,
+    pub help: String,
+}
+
+struct Check(Vec<Refusal>);
+
+impl Check {
+    fn refuse(&mut self, path: &str, what: impl Into<String>, help: impl Into<String>) {
+        self.0.push(Refusal { path: path.into(), what: what.into(), help: help.into() });
+    }
+
+    /// `low < value <= high`, or `low <= value` where `low` itself is allowed.
+    fn range(&mut self, path: &str, value: f64, low: f64, high: f64, with_low: bool, why: &str) {
+        let above = if with_low { value >= low } else { value > low };
+        if !(above && value <= high) {
+            let from = if with_low { "from" } else { "above" };
+            self.refuse(
+                path,
+                format!("`{path}` is {value}"),
+                format!("allowed: {from} {low} to {high}; {why}"),
+            );
+        }
+    }
+
+    fn positive(&mut self, path: &str, value: f64, high: f64, why: &str) {
+        self.range(path, value, 0.0, high, false, why);
+    }
+
+    fn count(&mut self, path: &str, value: u32, low: u32, high: u32, why: &str) {
+        if !(low..=high).contains(&value) {
+            self.refuse(path, format!("`{path}` is {value}"), format!("allowed: {low} to {high}; {why}"));
+        }
+    }
+}
+
+/// Everything about the scene that no solver could work with.
+pub(crate) fn problems(scene: &Scene) -> Vec<Refusal> {
+    let mut c = Check(Vec::new());
+    names(scene, &mut c);
+    canopy(scene, &mut c);
+    materials(scene, &mut c);
+    solvers(scene, &mut c);
+    stages(scene, &mut c);
+    c.0
+}
+
+fn plain_name(name: &str) -> bool {
+    !name.is_empty()
+        && name.len() <= 64
+        && !name.starts_with('.')
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || "-_.".contains(c))
+}
+
+fn names(scene: &Scene, c: &mut Check) {
+    let help = "use letters, digits, `-`, `_` and `.`: it becomes the name of a folder";
+    if !plain_name(&scene.name) {
+        c.refuse("name", format!("`name` is \"{}\"", scene.name), help);
+    }
+    for (i, stage) in scene.stages.iter().enumerate() {
+        let path = format!("stage[{i}].name");
+        if !plain_name(&stage.name) {
+            c.refuse(&path, format!("`{path}` is \"{}\"", stage.name), help);
+        }
+        if scene.stages[..i].iter().any(|s| s.name == stage.name) {
+            c.refuse(
+                &path,
+                format!("two stages are named \"{}\"", stage.name),
+                "give each stage its own name",
+            );
+        }
+    }
+}
+
+fn even(c: &mut Check, path: &str, value: u32) {
+    c.count(path, value, 2, 2000, "cells across a panel");
+    if value % 2 == 1 {
+        c.refuse(
+            path,
+            format!("`{path}` is {value}, which is odd"),
+            "an even number keeps the canopy's symmetry",
+        );
+    }
+}
+
+fn canopy(scene: &Scene, c: &mut Check) {
+    const LENGTH: &str = "a length in metres";
+    match &scene.canopy {
+        Canopy::Atps(a) => {
+            for (path, value) in [
+                ("canopy.top_width_m", a.top_width_m),
+                ("canopy.bottom_edge_width_m", a.bottom_edge_width_m),
+                ("canopy.arm_length_m", a.arm_length_m),
+                ("canopy.stitching_height_m", a.stitching_height_m),
+                ("canopy.suspension_line_length_m", a.suspension_line_length_m),
+                ("canopy.riser_length_m", a.riser_length_m),
+            ] {
+                c.positive(path, value, 200.0, LENGTH);
+            }
+            if a.stitching_height_m >= a.arm_length_m {
+                c.refuse(
+                    "canopy.stitching_height_m",
+                    format!(
+                        "the stitching ({} m) is as long as the arm ({} m)",
+                        a.stitching_height_m, a.arm_length_m
+                    ),
+                    "leave a vent: stitch less than the length of the arm",
+                );
+            }
+            if (a.top_width_m - a.bottom_edge_width_m).abs() / 2.0 >= a.arm_length_m {
+                c.refuse(
+                    "canopy.arm_length_m",
+                    format!("the arm ({} m) cannot reach from the top edge to the hem", a.arm_length_m),
+                    "make it longer than half the difference of the two widths",
+                );
+            }
+            if a.suspension_line_length_m <= a.bottom_edge_width_m / 2.0 {
+                c.refuse(
+                    "canopy.suspension_line_length_m",
+                    format!("lines of {} m cannot reach from the hem to a point", a.suspension_line_length_m),
+                    "make them longer than half the bottom edge",
+                );
+            }
+            even(c, "canopy.cells_across", a.cells_across);
+            c.count("canopy.cells_along_vent", a.cells_along_vent, 2, 2000, "cells along the vent");
+            c.count(
+                "canopy.cells_along_stitching",
+                a.cells_along_stitching,
+                1,
+                2000,
+                "cells along the stitching",
+            );
+            c.count("canopy.lines_per_arm", a.lines_per_arm, 2, 1000, "suspension lines for each arm");
+            c.count("canopy.segments_per_line", a.segments_per_line, 1, 1000, "cable elements for each line");
+            if a.lines_per_arm > a.cells_across + 1 {
+                c.refuse(
+                    "canopy.lines_per_arm",
+                    format!("{} lines do not fit on {} hem nodes", a.lines_per_arm, a.cells_across + 1),
+                    "use fewer lines or more cells across",
+                );
+            }
+        }
+        Canopy::Square(f) | Canopy::Circular(f) => {
+            c.positive("canopy.width_m", f.width_m, 200.0, LENGTH);
+            even(c, "canopy.cells_across", f.cells_across);
+            c.count("canopy.segments_per_line", f.segments_per_line, 1, 1000, "cable elements for each line");
+            if f.line_count > 0 && f.line_length_m <= f.width_m / 2.0 {
+                c.refuse(
+                    "canopy.line_length_m",
+                    format!(
+                        "lines of {} m cannot reach from the rim to a point below the middle",
+                        f.line_length_m
+                    ),
+                    format!("make them longer than half the width ({} m)", f.width_m / 2.0),
+                );
+            }
+        }
+        Canopy::AirBag(a) => {
+            c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
+            c.count("canopy.cells_across", a.cells_across, 2, 2000, "cells along the quarter sheet");
+        }
+    }
+}
+
+fn materials(scene: &Scene, c: &mut Check) {
+    let f = &scene.fabric;
+    c.positive("fabric.youngs_modulus_pa", f.youngs_modulus_pa, 1e13, "a modulus in Pa");
+    c.range("fabric.poisson_ratio", f.poisson_ratio, -1.0, 0.499, false, "plane stress needs less than 0.5");
+    c.positive(
+        "fabric.thickness_m",
+        f.thickness_m,
+        0.1,
+        "a fabric is thinner than 0.1 m: is the value in metres?",
+    );
+    c.positive("fabric.density_kg_m3", f.density_kg_m3, 30_000.0, "a density in kg/m3");
+    if let Some(l) = &scene.lines {
+        c.positive("lines.youngs_modulus_pa", l.youngs_modulus_pa, 1e13, "a modulus in Pa");
+        c.positive("lines.area_m2", l.area_m2, 0.1, "a cross-section in m2: is the value in square metres?");
+        c.positive("lines.density_kg_m3", l.density_kg_m3, 30_000.0, "a density in kg/m3");
+    } else if scene.has_cables() {
+        c.refuse(
+            "canopy",
+            "the canopy has lines but the scene has no [lines]",
+            "add [lines] with their material",
+        );
+    }
+}
+
+impl Scene {
+    /// Whether the canopy has suspension lines or reinforcements.
+    pub fn has_cables(&self) -> bool {
+        match &self.canopy {
+            Canopy::Atps(_) => true,
+            Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
+            Canopy::AirBag(_) => false,
+        }
+    }
+}
+
+fn solvers(scene: &Scene, c: &mut Check) {
+    let s = &scene.structure;
+    if let Some(r) = s.spectral_radius {
+        c.range(
+            "structure.spectral_radius",
+            r,
+            0.0,
+            1.0,
+            true,
+            "1 keeps all frequencies, 0 damps the highest at once",
+        );
+    }
+    c.positive("structure.newton_tolerance", s.newton_tolerance, 0.1, "a share of the load");
+    c.positive("structure.gmres_tolerance", s.gmres_tolerance, 0.5, "a relative residual");
+    c.count("structure.newton_max_steps", s.newton_max_steps, 1, 1000, "Newton steps");
+    c.count("structure.max_step_cuts", s.max_step_cuts, 0, 30, "halvings of a time step");
+    let m = &scene.mesh;
+    c.range("mesh.stiffening_exponent", m.stiffening_exponent, 0.0, 4.0, true, "0 is none, 1 to 2 is usual");
+    c.range("mesh.poisson_ratio", m.poisson_ratio, -0.9, 0.45, true, "of the pseudo-solid");
+    c.positive("mesh.tolerance", m.tolerance, 0.5, "a relative residual");
+    c.range("mesh.min_quality", m.min_quality, 0.0, 0.9, true, "a scaled Jacobian");
+    c.count("mesh.max_increments", m.max_increments, 1, 10_000, "sub-increments");
+    let k = &scene.coupling;
+    c.positive("coupling.tolerance", k.tolerance, 0.5, "a relative change");
+    c.count("coupling.max_iterations", k.max_iterations, 1, 10_000, "coupling iterations");
+    c.positive("coupling.relaxation", k.relaxation, 1.0, "a relaxation factor");
+    if let Some(f) = &scene.flow {
+        c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");
+        c.range("flow.temperature_k", f.temperature_k, 10.0, 5000.0, true, "a temperature in kelvin");
+        let g = &f.grid;
+        c.count("flow.grid.layers_inside", g.layers_inside, 2, 500, "cells");
+        c.count("flow.grid.layers_outside", g.layers_outside, 4, 1000, "cells");
+        c.count("flow.grid.cells_across_vent", g.cells_across_vent, 1, 100, "cells");
+        c.positive("flow.grid.first_layer_m", g.first_layer_m, 10.0, "a length in metres");
+        c.range("flow.grid.far_field_widths", g.far_field_widths, 1.5, 1000.0, true, "in canopy widths");
+        c.range("flow.grid.wake_widths", g.wake_widths, 1.5, 1000.0, true, "in canopy widths");
+        c.positive("flow.solver.residual_drop", f.solver.residual_drop, 0.9, "a factor");
+        c.count("flow.solver.max_iterations", f.solver.max_iterations, 1, 100_000, "iterations");
+        if let Some(v) = &f.viscosity {
+            c.positive("flow.viscosity.dynamic_viscosity_pa_s", v.dynamic_viscosity_pa_s, 1e4, "in Pa s");
+        }
+        let sound = (1.4 * 287.05 * f.temperature_k).sqrt();
+        let speed = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s)
+            + f.wind_m_s.iter().map(|w| w * w).sum::<f64>().sqrt();
+        if speed > 0.5 * sound {
+            c.refuse(
+                "descent.initial_speed_m_s",
+                format!("the stream is {speed} m/s, Mach {:.2}", speed / sound),
+                "the flow-solver is made for Mach numbers below 0.5",
+            );
+        }
+    }
+    if let Some(d) = &scene.descent {
+        c.positive("descent.payload_mass_kg", d.payload_mass_kg, 1e6, "a mass in kg");
+        c.range(
+            "descent.initial_speed_m_s",
+            d.initial_speed_m_s,
+            0.0,
+            1000.0,
+            true,
+            "positive downwards, m/s",
+        );
+        c.range("descent.gravity_m_s2", d.gravity_m_s2, 0.0, 1000.0, true, "in m/s2");
+        c.positive("descent.reference_area_m2", d.reference_area_m2, 1e6, "an area in m2");
+    }
+    for (path, n) in [
+        ("ranks.structure", scene.ranks.structure),
+        ("ranks.flow", scene.ranks.flow),
+        ("ranks.mesh", scene.ranks.mesh),
+    ] {
+        c.count(path, n, 1, 100_000, "ranks of one program");
+    }
+}
+
+fn stages(scene: &Scene, c: &mut Check) {
+    if scene.stages.is_empty() {
+        c.refuse("stage", "the scene has no stage", "add at least one [[stage]]");
+    }
+    for (i, s) in scene.stages.iter().enumerate() {
+        let at = |key: &str| format!("stage[{i}].{key}");
+        c.positive(&at("duration_s"), s.duration_s, 1e6, "in seconds");
+        c.positive(
+            &at("window_s"),
+            s.window_s,
+            s.duration_s.max(1e-9),
+            "a window is not longer than its stage",
+        );
+        c.count(&at("substeps"), s.substeps, 1, 100_000, "structural steps in a window");
+        c.range(&at("mass_damping_per_s"), s.mass_damping_per_s, 0.0, 1e6, true, "in 1/s");
+        if let Some(r) = s.settled_energy_ratio {
+            c.positive(&at("settled_energy_ratio"), r, 1.0, "kinetic over strain energy");
+        }
+        match (s.kind, s.pressure_pa) {
+            (StageKind::PreInflation, None) => c.refuse(
+                &at("name"),
+                format!("stage \"{}\" inflates, but with no pressure", s.name),
+                "add `pressure_pa = ...` (the paper: 14.5672)",
+            ),
+            (StageKind::PreInflation, Some(p)) => {
+                c.range(&at("pressure_pa"), p, -1e7, 1e7, true, "a pressure in Pa")
+            }
+            (_, Some(_)) => c.refuse(
+                &at("pressure_pa"),
+                "`pressure_pa` belongs to a pre-inflation stage",
+                "remove it: here the flow makes the pressure",
+            ),
+            _ => {}
+        }
+        if s.kind != StageKind::PreInflation {
+            if scene.flow.is_none() {
+                c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
+            }
+            if matches!(scene.canopy, Canopy::AirBag(_)) {
+                c.refuse(
+                    &at("kind"),
+                    "an air-bag octant has no flow around it",
+                    "use kind = \"pre-inflation\"",
+                );
+            }
+        }
+        if s.kind == StageKind::Coupled && scene.has_vents() {
+            let inflated = scene.stages[..i].iter().any(|s| s.kind == StageKind::PreInflation);
+            if !inflated {
+                c.refuse(
+                    &at("kind"),
+                    "the vents of the unstressed canopy are closed slits: no flow grid fits them",
+                    "put a stage of kind \"pre-inflation\" before this one",
+                );
+            }
+        }
+    }
+}
+
+impl Scene {
+    fn has_vents(&self) -> bool {
+        matches!(self.canopy, Canopy::Atps(_))
+    }
+}

@@ -1,0 +1,120 @@
+//! Scenes that are right are read; scenes that are wrong say where and why.
+
+use std::path::Path;
+
+use case::{Canopy, Scene, SceneError, StageKind};
+
+const ATPS: &str = include_str!("../../../cases/atps-descent/scene.toml");
+
+fn read(text: &str) -> Result<Scene, SceneError> {
+    case::parse(Path::new("scene.toml"), text)
+}
+
+/// The message for the ATPS scene with `from` replaced by `to`.
+fn refused(from: &str, to: &str) -> String {
+    assert!(ATPS.contains(from), "the scene no longer contains {from:?}");
+    read(&ATPS.replacen(from, to, 1)).expect_err("this scene should be refused").to_string()
+}
+
+#[test]
+fn every_case_in_the_repository_is_valid() {
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases");
+    let mut seen = 0;
+    for entry in std::fs::read_dir(cases).unwrap() {
+        let file = entry.unwrap().path().join("scene.toml");
+        if file.exists() {
+            let scene = case::load(&file).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(Some(scene.name.as_str()), file.parent().unwrap().file_name().unwrap().to_str());
+            seen += 1;
+        }
+    }
+    assert!(seen >= 3);
+}
+
+#[test]
+fn defaults_are_table_2_of_the_paper() {
+    let scene = read(ATPS).unwrap();
+    let Canopy::Atps(a) = &scene.canopy else { panic!("an ATPS scene") };
+    assert_eq!((a.top_width_m, a.suspension_line_length_m), (6.43128, 6.40080));
+    assert_eq!(scene.stages[2].kind, StageKind::Coupled);
+    assert_eq!(scene.source_stage(2, case::Role::Flow), Some(1));
+    assert_eq!(scene.source_stage(2, case::Role::Structure), Some(0));
+    assert_eq!(scene.source_stage(2, case::Role::Mesh), None);
+}
+
+#[test]
+fn a_misspelt_key_names_its_place_and_the_nearest_key() {
+    let text = refused("thickness_m", "thicknes_m");
+    assert!(text.contains("scene.toml:19:1: unknown key `thicknes_m` in [fabric]"), "{text}");
+    assert!(text.contains("did you mean `thickness_m`?"), "{text}");
+    assert!(!text.contains("missing key"), "{text}");
+    assert!(text.contains("^^^^^^^^^^"), "{text}");
+}
+
+#[test]
+fn a_missing_key_is_named_with_its_meaning() {
+    let text = refused("thickness_m = 3.048e-5\n", "");
+    assert!(text.contains("missing key `thickness_m` in [fabric]"), "{text}");
+    assert!(text.contains("Thickness, m."), "{text}");
+}
+
+#[test]
+fn keys_of_the_tagged_canopy_are_checked_too() {
+    let text = refused("cells_along_vent = 10", "cells_along_vents = 10");
+    assert!(text.contains("unknown key `cells_along_vents` in [canopy]"), "{text}");
+    assert!(text.contains("did you mean `cells_along_vent`?"), "{text}");
+    let text = refused("kind = \"atps\"", "kind = \"apts\"");
+    assert!(text.contains("did you mean \"atps\"?"), "{text}");
+}
+
+#[test]
+fn magnitudes_are_checked_with_their_units() {
+    for (from, to, wanted) in [
+        ("thickness_m = 3.048e-5", "thickness_m = -3.048e-5", "`fabric.thickness_m` is -0.00003048"),
+        ("thickness_m = 3.048e-5", "thickness_m = 3.048", "is the value in metres?"),
+        ("thickness_m = 3.048e-5", "thickness_m = nan", "`fabric.thickness_m` is NaN"),
+        ("poisson_ratio = 0.3 ", "poisson_ratio = 0.6 ", "plane stress needs less than 0.5"),
+        ("window_s = 2e-2", "window_s = 20.0", "a window is not longer than its stage"),
+        ("initial_speed_m_s = 4.8768", "initial_speed_m_s = 400", "Mach"),
+        ("cells_across = 18 ", "cells_across = 17 ", "odd"),
+    ] {
+        let text = refused(from, to);
+        assert!(text.contains(wanted), "{to}: {text}");
+        assert!(text.starts_with("scene.toml:"), "{text}");
+    }
+}
+
+#[test]
+fn wrong_types_and_names_say_what_is_allowed() {
+    let text = refused("thickness_m = 3.048e-5", "thickness_m = \"thin\"");
+    assert!(text.contains("`fabric.thickness_m` is a string, not a number"), "{text}");
+    let text = refused("kind = \"coupled\"", "kind = \"couple\"");
+    assert!(text.contains("did you mean \"coupled\"?"), "{text}");
+    let text = refused("[descent]", "[descend]");
+    assert!(text.contains("did you mean `descent`?"), "{text}");
+    let text = refused("name = \"atps-descent\"", "name = \"../up\"");
+    assert!(text.contains("becomes the name of a folder"), "{text}");
+}
+
+#[test]
+fn sections_that_need_each_other() {
+    let text = refused("pressure_pa = 14.5672\n", "");
+    assert!(text.contains("inflates, but with no pressure"), "{text}");
+    let text = refused("kind = \"pre-inflation\"\npressure_pa = 14.5672", "kind = \"flow-only\"");
+    assert!(text.contains("closed slits"), "{text}");
+    let text = read("name = 1").unwrap_err().to_string();
+    assert!(text.contains("missing key `canopy`"), "{text}");
+    let text = read("name = ").unwrap_err().to_string();
+    assert!(text.contains("not TOML"), "{text}");
+}
+
+#[test]
+fn the_schema_kept_for_editors_is_the_one_of_the_types() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/scene.schema.json");
+    let text = serde_json::to_string_pretty(&case::schema()).unwrap() + "\n";
+    if std::env::var_os("RIPSTOP_WRITE").is_some() {
+        std::fs::write(&file, &text).unwrap();
+    }
+    let kept = std::fs::read_to_string(&file).unwrap_or_default();
+    assert!(kept == text, "run `RIPSTOP_WRITE=1 cargo test -p case` to write cases/scene.schema.json anew");
+}
