@@ -19,4 +19,4 @@ mod world;
 
 pub use halo::{Halo, Scalar};
 pub use numbering::Numbering;
-pub use world::{Comm, CommError};
+pub use world::{Comm, CommError, mpirun_env};

@@ -226,3 +226,17 @@ fn offsets(counts: &[i32]) -> Vec<i32> {
         })
         .collect()
 }
+
+/// Sets the environment that several small MPI programs need to share few cores:
+/// no binding, more ranks than cores, and ranks that yield while they wait. Root
+/// is allowed only where the user is root.
+pub fn mpirun_env(command: &mut std::process::Command) -> &mut std::process::Command {
+    use std::os::unix::fs::MetadataExt;
+    if std::fs::metadata("/proc/self").is_ok_and(|m| m.uid() == 0) {
+        command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    }
+    command
+        .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
+        .env("OMPI_MCA_hwloc_base_binding_policy", "none")
+        .env("OMPI_MCA_mpi_yield_when_idle", "1")
+}

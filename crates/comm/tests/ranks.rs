@@ -1,0 +1,97 @@
+//! The same checks on 1, 2, 3 and 5 ranks: this test starts itself under `mpirun`.
+
+use std::process::Command;
+
+use comm::{Comm, Halo, Numbering};
+
+const N: u64 = 23;
+const MARK: &str = "RIPSTOP_COMM_TEST_RANKS";
+
+fn main() {
+    if let Ok(ranks) = std::env::var(MARK) {
+        return checks(&Comm::init(Some(ranks.parse().expect("a number"))).expect("MPI starts"));
+    }
+    checks(&Comm::solo());
+    let program = std::env::current_exe().expect("this test has a path");
+    let mut failed = 0;
+    for ranks in ["1", "2", "3", "5"] {
+        let ok = comm::mpirun_env(&mut Command::new("mpirun"))
+            .args(["-n", ranks])
+            .arg(&program)
+            .env(MARK, ranks)
+            .status()
+            .is_ok_and(|s| s.success());
+        println!("test comm_on_{ranks}_ranks ... {}", if ok { "ok" } else { "FAILED" });
+        failed += u32::from(!ok);
+    }
+    println!("\n{} passed, {failed} failed", 4 - failed);
+    assert_eq!(failed, 0);
+}
+
+/// A ring of `N` entities dealt out in blocks; each rank reads one neighbour on
+/// either side.
+fn ring(comm: &Comm) -> Numbering {
+    let (rank, size) = (comm.rank() as u64, comm.size() as u64);
+    let owner = |g: u64| (0..size).find(|r| g < N * (r + 1) / size).expect("dealt out") as u32;
+    let owned: Vec<u64> = (N * rank / size..N * (rank + 1) / size).collect();
+    let ghosts = owned
+        .iter()
+        .flat_map(|g| [(g + 1) % N, (g + N - 1) % N])
+        .filter(|&g| owner(g) as u64 != rank)
+        .map(|g| (g, owner(g)))
+        .collect();
+    Numbering::new(owned, ghosts)
+}
+
+fn checks(comm: &Comm) {
+    let (rank, size) = (comm.rank(), comm.size());
+    let numbering = ring(comm);
+    let halo = Halo::new(comm, &numbering);
+
+    // Exchange brings every ghost the value of its owner.
+    let value = |g: u64, c: usize| (g * 10) as f64 + c as f64;
+    let mut x = vec![f64::NAN; halo.n_local() * 3];
+    for i in 0..halo.n_owned() {
+        (0..3).for_each(|c| x[i * 3 + c] = value(numbering.global[i], c));
+    }
+    let inner = halo.overlap(&mut x, 3, |x| x[..halo.n_owned() * 3].iter().sum::<f64>());
+    assert!(inner.is_finite());
+    for i in 0..halo.n_local() {
+        (0..3).for_each(|c| assert_eq!(x[i * 3 + c], value(numbering.global[i], c)));
+    }
+
+    // Accumulate is its transpose: each entity has two neighbours that add 1.
+    let mut y = vec![0f32; halo.n_local()];
+    for i in 0..halo.n_owned() {
+        let g = numbering.global[i];
+        for other in [(g + 1) % N, (g + N - 1) % N] {
+            y[numbering.local(other).expect("a neighbour is known")] += 1.0;
+        }
+    }
+    halo.accumulate(&mut y, 1);
+    assert!(y[..halo.n_owned()].iter().all(|&v| v == 2.0));
+    assert!(y[halo.n_owned()..].iter().all(|&v| v == 0.0));
+
+    // Reductions, short (on the stack) and long.
+    let total = (size * (size + 1) / 2) as f64;
+    assert_eq!(comm.sum((rank + 1) as f64), total);
+    for n in [1, 64, 65, 1000] {
+        let mut v = vec![(rank + 1) as f64; n];
+        comm.sum_slice(&mut v);
+        assert!(v.iter().all(|&s| s == total));
+    }
+    assert_eq!(comm.max(rank as f64), (size - 1) as f64);
+    assert_eq!(comm.min(rank as f64), 0.0);
+    assert!(comm.all(true));
+    assert_eq!(comm.all(rank != size - 1), false);
+
+    // Set-up exchanges.
+    let all = comm.all_gather_var(&vec![rank as u64; rank + 1]);
+    let wanted: Vec<u64> = (0..size).flat_map(|r| vec![r as u64; r + 1]).collect();
+    assert_eq!(all, wanted);
+    let sent: Vec<Vec<u64>> = (0..size).map(|to| vec![(rank * 100 + to) as u64; to]).collect();
+    for (from, got) in comm.all_to_all_var(&sent).iter().enumerate() {
+        assert_eq!(*got, vec![(from * 100 + rank) as u64; rank]);
+    }
+    comm.barrier();
+}
