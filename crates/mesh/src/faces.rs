@@ -110,16 +110,16 @@ impl FaceTable {
         };
 
         let mut partner = vec![NONE; slots];
-        for slot in 0..slots {
+        for (slot, partner) in partner.iter_mut().enumerate() {
             let Some(f) = face(slot) else { continue };
             let mut others = around(f).filter(|&s| s as usize != slot);
-            partner[slot] = match (others.next(), others.next()) {
+            *partner = match (others.next(), others.next()) {
                 (None, _) => OPEN,
                 (Some(other), None) => other,
                 _ => return Err(crowd(f)),
             };
-            if partner[slot] != OPEN {
-                let g = face(partner[slot] as usize).expect("a listed face is clean");
+            if *partner != OPEN {
+                let g = face(*partner as usize).expect("a listed face is clean");
                 if same_turn(f, g) {
                     return Err(crowd(f));
                 }
@@ -151,8 +151,8 @@ impl FaceTable {
             table.boundary.push((patch, outward, slot / 6));
             partner[slot as usize] = TAKEN;
         }
-        for slot in 0..slots {
-            let (cell, other) = ((slot / 6) as u32, partner[slot]);
+        for (slot, &other) in partner.iter().enumerate() {
+            let cell = (slot / 6) as u32;
             match other {
                 NONE | TAKEN => {}
                 OPEN => {

@@ -7,9 +7,11 @@ mod boxes;
 mod error;
 mod faces;
 pub mod quality;
+mod structure;
 mod types;
 
 pub use boxes::*;
 pub use error::*;
 pub use faces::*;
+pub use structure::structure_mesh;
 pub use types::*;

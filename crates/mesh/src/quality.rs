@@ -65,7 +65,7 @@ pub fn cell_centre(grid: &FlowGrid, c: usize) -> Vec3 {
 pub(crate) fn check_volumes(grid: &FlowGrid) -> Result<(), MeshError> {
     for cell in 0..grid.cells.len() {
         let volume = cell_volume(grid, cell);
-        if !(volume > 0.0) {
+        if volume <= 0.0 || volume.is_nan() {
             return Err(MeshError::NegativeVolume { cell, at: cell_centre(grid, cell), volume });
         }
     }

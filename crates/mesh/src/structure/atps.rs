@@ -1,0 +1,246 @@
+//! The ATPS cross parachute: a truncated pyramid of five flat panels.
+
+use case::{Atps, StitchedEnd};
+
+use super::{even, positive, refuse};
+use crate::quality::{norm, sub};
+use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
+
+/// Numbers the canopy nodes of the ATPS by panel position.
+///
+/// Panel 0 is the top, node (i, j) along x and y. Arm k (panel k + 1) is arm 0
+/// (at +x) turned by k quarter turns about z; its node (a, b) counts a across,
+/// counter-clockwise seen from above, and b down from the top.
+pub(crate) struct AtpsLayout {
+    /// Cells across.
+    pub n: usize,
+    /// Cells along an arm.
+    pub m: usize,
+    /// Adjacent arms share their edge nodes at this level.
+    shared: Vec<bool>,
+    /// First node of each level of the arms.
+    start: Vec<u32>,
+}
+
+impl AtpsLayout {
+    pub fn new(a: &Atps) -> Result<Self, MeshError> {
+        let n = even("canopy.cells_across", a.cells_across)?;
+        let (vent, stitch) = (a.cells_along_vent as usize, a.cells_along_stitching as usize);
+        for (key, value, least) in
+            [("canopy.cells_along_vent", vent, 2), ("canopy.cells_along_stitching", stitch, 1)]
+        {
+            if !(least..=10_000).contains(&value) {
+                return Err(refuse(key, value, format!("must be from {least} to 10000")));
+            }
+        }
+        let m = vent + stitch;
+        let shared: Vec<bool> = (0..=m)
+            .map(|b| match a.stitched_end {
+                StitchedEnd::Hem => b == 0 || b >= vent,
+                StitchedEnd::Top => b <= stitch,
+            })
+            .collect();
+        let mut start = vec![0; m + 2];
+        start[1] = ((n + 1) * (n + 1)) as u32;
+        for b in 1..=m {
+            start[b + 1] = start[b] + 4 * (if shared[b] { n } else { n + 1 }) as u32;
+        }
+        Ok(Self { n, m, shared, start })
+    }
+
+    /// Number of canopy nodes.
+    pub fn nodes(&self) -> usize {
+        self.start[self.m + 1] as usize
+    }
+
+    /// Whether adjacent arms share their edge nodes at level `b`.
+    pub fn is_shared(&self, b: usize) -> bool {
+        self.shared[b]
+    }
+
+    /// Node (i, j) of the top panel.
+    pub fn top(&self, i: usize, j: usize) -> u32 {
+        (i + (self.n + 1) * j) as u32
+    }
+
+    /// Node (a, b) of arm `k`.
+    pub fn arm(&self, k: usize, a: usize, b: usize) -> u32 {
+        let n = self.n;
+        if b == 0 {
+            return match k % 4 {
+                0 => self.top(n, a),
+                1 => self.top(n - a, n),
+                2 => self.top(0, n - a),
+                _ => self.top(a, 0),
+            };
+        }
+        // Shared levels run around the box as one ring; the others arm by arm.
+        let place = if self.shared[b] { (k * n + a) % (4 * n) } else { k * (n + 1) + a };
+        self.start[b] + place as u32
+    }
+}
+
+/// Turns by k quarter turns about z, exactly.
+fn turn(k: usize, [x, y, z]: Vec3) -> Vec3 {
+    match k % 4 {
+        0 => [x, y, z],
+        1 => [-y, x, z],
+        2 => [-x, -y, z],
+        _ => [y, -x, z],
+    }
+}
+
+/// Builds the mesh; `payload_mass` in kg if the payload falls.
+pub(super) fn atps(p: &Atps, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
+    let layout = AtpsLayout::new(p)?;
+    let (n, m) = (layout.n, layout.m);
+    let top_width = positive("canopy.top_width_m", p.top_width_m)?;
+    let hem_width = positive("canopy.bottom_edge_width_m", p.bottom_edge_width_m)?;
+    let length = positive("canopy.arm_length_m", p.arm_length_m)?;
+    let stitch = positive("canopy.stitching_height_m", p.stitching_height_m)?;
+    let line_length = positive("canopy.suspension_line_length_m", p.suspension_line_length_m)?;
+    let riser_length = positive("canopy.riser_length_m", p.riser_length_m)?;
+    let inset = 0.5 * (top_width - hem_width);
+    if inset.abs() >= length {
+        return Err(refuse(
+            "canopy.arm_length_m",
+            length,
+            format!("must exceed half the difference of top and bottom width, {:.4} m", inset.abs()),
+        ));
+    }
+    if stitch >= length {
+        return Err(refuse(
+            "canopy.stitching_height_m",
+            stitch,
+            format!("must be below arm_length_m, {length} m"),
+        ));
+    }
+    let height = (length * length - inset * inset).sqrt();
+    let half_hem = 0.5 * hem_width;
+    if line_length <= half_hem {
+        return Err(refuse(
+            "canopy.suspension_line_length_m",
+            line_length,
+            format!("must exceed half of bottom_edge_width_m, {half_hem} m, to meet below the arm"),
+        ));
+    }
+
+    let mut mesh = StructureMesh { coords: vec![[0.0; 3]; layout.nodes()], ..Default::default() };
+    // From -1 to 1, exactly antisymmetric.
+    let across = |a: usize| (2.0 * a as f64 - n as f64) / n as f64;
+    for j in 0..=n {
+        for i in 0..=n {
+            let half = 0.5 * top_width;
+            mesh.coords[layout.top(i, j) as usize] = [across(i) * half, across(j) * half, 0.0];
+        }
+    }
+    let (vent_cells, stitch_cells) = (p.cells_along_vent as usize, p.cells_along_stitching as usize);
+    let (above, below, cut) = match p.stitched_end {
+        StitchedEnd::Hem => (vent_cells, stitch_cells, length - stitch),
+        StitchedEnd::Top => (stitch_cells, vent_cells, stitch),
+    };
+    for b in 1..=m {
+        let s = if b <= above {
+            cut * b as f64 / above as f64
+        } else {
+            cut + (length - cut) * (b - above) as f64 / below as f64
+        };
+        let w = 0.5 * top_width - inset * s / length;
+        for k in 0..4 {
+            for a in 0..=n {
+                mesh.coords[layout.arm(k, a, b) as usize] = turn(k, [w, across(a) * w, -height * s / length]);
+            }
+        }
+    }
+    mesh.n_canopy = mesh.coords.len();
+
+    for j in 0..n {
+        for i in 0..n {
+            let quad =
+                [layout.top(i, j), layout.top(i + 1, j), layout.top(i + 1, j + 1), layout.top(i, j + 1)];
+            mesh.push_quad(quad, 0, (i + j) % 2 == 0);
+        }
+    }
+    for k in 0..4 {
+        for b in 0..m {
+            for a in 0..n {
+                let quad = [
+                    layout.arm(k, a, b),
+                    layout.arm(k, a, b + 1),
+                    layout.arm(k, a + 1, b + 1),
+                    layout.arm(k, a + 1, b),
+                ];
+                mesh.push_quad(quad, k as u32 + 1, (a + b) % 2 == 0);
+            }
+        }
+    }
+
+    let lines = p.lines_per_arm as usize;
+    if lines < 2 || lines > n + 1 {
+        return Err(refuse(
+            "canopy.lines_per_arm",
+            lines,
+            format!("must be from 2 to cells_across + 1 = {}", n + 1),
+        ));
+    }
+    let segments = p.segments_per_line as usize;
+    if !(1..=10_000).contains(&segments) {
+        return Err(refuse("canopy.segments_per_line", segments, "must be from 1 to 10000"));
+    }
+    // Riser and middle of the outer lines in one straight line, all of them taut.
+    let line_in_plane = (line_length * line_length - half_hem * half_hem).sqrt();
+    let down_in_plane = line_in_plane + riser_length;
+    if down_in_plane <= half_hem {
+        return Err(refuse("canopy.riser_length_m", riser_length, "lines and risers are too short to meet"));
+    }
+    let drop = (down_in_plane * down_in_plane - half_hem * half_hem).sqrt();
+    let share = line_in_plane / down_in_plane;
+    let confluence = [half_hem * (1.0 - share), 0.0, -height - drop * share];
+    let payload = mesh.push_node([0.0, 0.0, -height - drop]);
+    let confluences: [u32; 4] = std::array::from_fn(|k| mesh.push_node(turn(k, confluence)));
+    for (k, &confluence) in confluences.iter().enumerate() {
+        for l in 0..lines {
+            // Nearest node, mirrored about the arm's middle.
+            let near = |l: usize| (l * n + (lines - 1) / 2) / (lines - 1);
+            let a = if 2 * l < lines { near(l) } else { n - near(lines - 1 - l) };
+            let ends = [layout.arm(k, a, m), confluence];
+            mesh.push_line(ends, line_length, segments, CableKind::SuspensionLine, (k * lines + l) as u32);
+        }
+    }
+    let mut line = (4 * lines) as u32;
+    for c in confluences {
+        mesh.push_line([c, payload], riser_length, 1, CableKind::Riser, line);
+        line += 1;
+    }
+    if p.reinforcements {
+        reinforce(&mut mesh, &layout, line);
+    }
+    mesh.fixed.push((payload, [true; 3]));
+    mesh.point_masses.extend(payload_mass.map(|mass| (payload, mass)));
+    Ok(mesh)
+}
+
+/// Cables along all panel edges, one line number for each edge.
+fn reinforce(mesh: &mut StructureMesh, layout: &AtpsLayout, first_line: u32) {
+    let (n, m) = (layout.n, layout.m);
+    let mut line = first_line;
+    let mut edge = |nodes: &mut dyn Iterator<Item = u32>| {
+        let nodes: Vec<u32> = nodes.collect();
+        for pair in nodes.windows(2) {
+            let [a, b] = [pair[0], pair[1]];
+            let rest_length = norm(sub(mesh.coords[a as usize], mesh.coords[b as usize]));
+            mesh.cables.push(Cable { nodes: [a, b], rest_length, kind: CableKind::Reinforcement, line });
+        }
+        line += 1;
+    };
+    for k in 0..4 {
+        edge(&mut (0..=n).map(|a| layout.arm(k, a, 0)));
+        edge(&mut (0..=n).map(|a| layout.arm(k, a, m)));
+        // The edge to the next arm, and that arm's own edge where it is apart.
+        edge(&mut (0..=m).map(|b| layout.arm(k, n, b)));
+        let apart: Vec<usize> = (1..=m).filter(|&b| !layout.is_shared(b)).collect();
+        if let (Some(&from), Some(&to)) = (apart.first(), apart.last()) {
+            edge(&mut (from - 1..=(to + 1).min(m)).map(|b| layout.arm((k + 1) % 4, 0, b)));
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Structure meshes from the parameters of a scene.
+
+mod atps;
+mod flat;
+#[cfg(test)]
+pub(crate) mod tests;
+
+use case::{Canopy, Scene};
+
+use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
+
+/// Fabric, lines and payload of a scene, unstressed.
+///
+/// # Errors
+/// [`MeshError::Parameter`] if the parameters make no canopy.
+pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
+    let payload_mass = scene.descent.as_ref().map(|d| d.payload_mass_kg);
+    match &scene.canopy {
+        Canopy::Atps(a) => atps::atps(a, payload_mass),
+        Canopy::Square(f) => flat::flat(f, flat::Outline::Square, payload_mass),
+        Canopy::Circular(f) => flat::flat(f, flat::Outline::Circle, payload_mass),
+        Canopy::AirBag(b) => flat::air_bag(b),
+    }
+}
+
+pub(crate) fn refuse(key: &'static str, value: impl ToString, reason: impl Into<String>) -> MeshError {
+    MeshError::Parameter { key, value: value.to_string(), reason: reason.into() }
+}
+
+/// A length that must be finite and above zero.
+pub(crate) fn positive(key: &'static str, value: f64) -> Result<f64, MeshError> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(refuse(key, value, "must be a length above zero"))
+    }
+}
+
+/// Numbers of cells that a grid can have.
+pub(crate) fn even(key: &'static str, value: u32) -> Result<usize, MeshError> {
+    if value >= 2 && value.is_multiple_of(2) && value <= 10_000 {
+        Ok(value as usize)
+    } else {
+        Err(refuse(key, value, "must be an even number from 2 to 10000"))
+    }
+}
+
+impl StructureMesh {
+    /// Adds a quadrilateral face and its two triangles. `straight` cuts from the
+    /// first to the third node.
+    fn push_quad(&mut self, quad: [u32; 4], panel: u32, straight: bool) {
+        let face = self.faces.len() as u32;
+        let [a, b, c, d] = quad;
+        self.faces.push(quad);
+        self.face_panel.push(panel);
+        let cut = if straight { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+        self.triangles.extend(cut);
+        self.triangle_face.extend([face; 2]);
+    }
+
+    /// Adds a line of `segments` cable elements with new nodes on its chord.
+    fn push_line(&mut self, ends: [u32; 2], rest_length: f64, segments: usize, kind: CableKind, line: u32) {
+        let [a, b] = ends.map(|n| self.coords[n as usize]);
+        let mut from = ends[0];
+        for s in 1..=segments {
+            let to = if s == segments {
+                ends[1]
+            } else {
+                let t = s as f64 / segments as f64;
+                self.push_node(std::array::from_fn(|i| a[i] + t * (b[i] - a[i])))
+            };
+            let rest_length = rest_length / segments as f64;
+            self.cables.push(Cable { nodes: [from, to], rest_length, kind, line });
+            from = to;
+        }
+    }
+
+    fn push_node(&mut self, x: Vec3) -> u32 {
+        self.coords.push(x);
+        (self.coords.len() - 1) as u32
+    }
+
+    /// Area of the fabric, m2, of the panels that `panel` picks.
+    pub fn fabric_area(&self, panel: impl Fn(u32) -> bool) -> f64 {
+        use crate::quality::{cross, norm, sub};
+        let picked = self.triangles.iter().zip(&self.triangle_face);
+        picked
+            .filter(|(_, face)| panel(self.face_panel[**face as usize]))
+            .map(|(t, _)| {
+                let [a, b, c] = t.map(|n| self.coords[n as usize]);
+                0.5 * norm(cross(sub(b, a), sub(c, a)))
+            })
+            .sum()
+    }
+
+    /// Unstretched length of the cables of a kind, m.
+    pub fn cable_length(&self, kind: CableKind) -> f64 {
+        self.cables.iter().filter(|c| c.kind == kind).map(|c| c.rest_length).sum()
+    }
+}
