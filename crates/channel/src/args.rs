@@ -1,0 +1,91 @@
+//! The command line of every solver program.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use case::Role;
+use clap::Parser;
+
+use crate::ServeOptions;
+
+/// What the coupler passes to a solver program: the same for every program, also
+/// for one that replaces a solver.
+#[derive(Clone, Debug, PartialEq, Parser)]
+#[command(
+    about = "A solver program of Ripstop. Started by `ripstop run`, or by hand beside `ripstop attach`."
+)]
+pub struct ProgramArgs {
+    /// Scene file.
+    #[arg(long, value_name = "PATH")]
+    pub scene: PathBuf,
+    /// Stage of the scene to run, from 0.
+    #[arg(long, value_name = "N")]
+    pub stage: usize,
+    /// Session of the coupler to join.
+    #[arg(long, value_name = "NAME")]
+    pub session: String,
+    /// Folder of the run's results.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Ranks of this program, as passed to `mpirun -n`.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub ranks: u32,
+    /// Longest silence of the coupler before this program gives up, s. Absent: no
+    /// limit (a coupler that dies is noticed in any case).
+    #[arg(long, value_name = "S", value_parser = positive_seconds)]
+    pub deadline_s: Option<f64>,
+}
+
+impl ProgramArgs {
+    /// The arguments of this process, or a message with a remedy (or the help text).
+    pub fn from_command_line() -> Result<Self, String> {
+        Self::from_words(std::env::args_os())
+    }
+
+    /// The same from given words, the program's name first.
+    pub fn from_words<I, T>(words: I) -> Result<Self, String>
+    where
+        I: IntoIterator<Item = T>,
+        T: Into<std::ffi::OsString> + Clone,
+    {
+        Self::try_parse_from(words).map_err(|e| {
+            if e.use_stderr() {
+                format!(
+                    "{}\nThe coupler passes these arguments; to start this program by hand, \
+                     copy the line that `ripstop attach` prints.",
+                    e.to_string().trim_end()
+                )
+            } else {
+                e.to_string()
+            }
+        })
+    }
+
+    /// The same, ending the process with code 2 and a message where they are wrong
+    /// (code 0 for `--help`). To be called before MPI is initialised.
+    pub fn parse_or_exit() -> Self {
+        match Self::try_parse() {
+            Ok(args) => args,
+            Err(e) => e.exit(),
+        }
+    }
+
+    /// Options of [`crate::serve`] for one rank of this program.
+    pub fn serve_options(&self, role: Role, rank: usize) -> ServeOptions {
+        ServeOptions {
+            session: self.session.clone(),
+            role,
+            rank,
+            ranks: self.ranks as usize,
+            stage: self.stage,
+            deadline: self.deadline_s.map(Duration::from_secs_f64),
+        }
+    }
+}
+
+fn positive_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(s) if s > 0.0 && s < 1e9 => Ok(s),
+        _ => Err("a number of seconds above 0 and below 1e9".into()),
+    }
+}
