@@ -1,1 +1,2 @@
+//! Membranes and cables: total Lagrangian finite elements under MPI
 fn main() {}

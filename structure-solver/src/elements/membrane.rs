@@ -1,0 +1,231 @@
+//! The 3-node membrane: total Lagrangian, constant strain (paper, equations 2 and 3).
+//!
+//! The reference triangle is laid into a plane frame of its own. There the
+//! shape functions have constant gradients $H_{N,\alpha}$, the columns of the
+//! deformation gradient are $f_\alpha = \sum_N x_N H_{N,\alpha}$, and the Green
+//! strain is $E_{\alpha\beta} = \tfrac12 (f_\alpha\cdot f_\beta - \delta_{\alpha\beta})$.
+//! Strains and stresses are in Voigt order: 11, 22, 12 with $\gamma = 2E_{12}$.
+
+use crate::vec3::{Mat3, Vec3, add, cross, dot, norm, scale, sub};
+
+/// What a membrane element keeps of its reference state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference {
+    /// Gradients of the shape functions of nodes 1 and 2, 1/m, as
+    /// `[H1,1, H1,2, H2,1, H2,2]`; node 0 has minus their sum.
+    pub gradient: [f64; 4],
+    /// Area, m2.
+    pub area: f64,
+}
+
+impl Reference {
+    /// Of an unstressed triangle (m). `None` if its area vanishes beside its
+    /// longest edge squared, so that no gradient exists.
+    pub fn new(x: [Vec3; 3]) -> Option<Self> {
+        let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
+        let normal = cross(a, b);
+        let twice_area = norm(normal);
+        let longest = dot(a, a).max(dot(b, b)).max(dot(sub(b, a), sub(b, a)));
+        // Rounding of the coordinates alone spoils flatter triangles.
+        if !(twice_area > 1e-10 * longest) {
+            return None;
+        }
+        let length = norm(a);
+        let e1 = scale(1.0 / length, a);
+        let e2 = cross(scale(1.0 / twice_area, normal), e1);
+        // Plane coordinates: node 1 (length, 0), node 2 (p, q).
+        let (p, q) = (dot(b, e1), dot(b, e2));
+        let gradient = [1.0 / length, -p / (length * q), 0.0, 1.0 / q];
+        Some(Self { gradient, area: 0.5 * twice_area })
+    }
+}
+
+/// Deformed tangent vectors and the Green strain.
+#[derive(Clone, Copy, Debug)]
+pub struct Deformation {
+    /// Columns of the 3x2 deformation gradient.
+    pub f: [Vec3; 2],
+    /// Green strain E11, E22, 2 E12.
+    pub strain: [f64; 3],
+}
+
+/// Deformation of the triangle with nodes now at `x` (m).
+#[inline(always)]
+pub fn deformation(h: &[f64; 4], x: &[Vec3; 3]) -> Deformation {
+    let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
+    let f1 = add(scale(h[0], a), scale(h[2], b));
+    let f2 = add(scale(h[1], a), scale(h[3], b));
+    Deformation { f: [f1, f2], strain: [0.5 * (dot(f1, f1) - 1.0), 0.5 * (dot(f2, f2) - 1.0), dot(f1, f2)] }
+}
+
+/// Internal nodal forces (N) for second Piola-Kirchhoff stress `s` (Pa) and
+/// `volume`, the reference area times the thickness (m3).
+#[inline(always)]
+pub fn force(h: &[f64; 4], d: &Deformation, s: &[f64; 3], volume: f64) -> [Vec3; 3] {
+    let one = |h1: f64, h2: f64| {
+        let c1 = volume * (s[0] * h1 + s[2] * h2);
+        let c2 = volume * (s[2] * h1 + s[1] * h2);
+        add(scale(c1, d.f[0]), scale(c2, d.f[1]))
+    };
+    let (r1, r2) = (one(h[0], h[1]), one(h[2], h[3]));
+    [scale(-1.0, add(r1, r2)), r1, r2]
+}
+
+/// Tangent of [`force`], blocks `[row node][column node]` (N/m), with the
+/// material tangent `c` (Pa, Voigt). Symmetric for symmetric `c`.
+///
+/// Paper, equation 3: $K_{NM} = V\,(H_N\cdot S H_M\, I + \sum_{ab} D_{ab}\, f_a f_b^T)$
+/// with $D_{ab} = \sum_{\alpha\beta} H_{N\alpha} C_{a\alpha b\beta} H_{M\beta}$. The
+/// rows and columns of node 0 follow from rigid translation.
+#[inline(always)]
+pub fn stiffness(
+    h: &[f64; 4],
+    d: &Deformation,
+    s: &[f64; 3],
+    c: &[[f64; 3]; 3],
+    volume: f64,
+) -> [[Mat3; 3]; 3] {
+    let [f1, f2] = d.f;
+    let block = |n: [f64; 2], m: [f64; 2]| {
+        let g = volume * (n[0] * (s[0] * m[0] + s[2] * m[1]) + n[1] * (s[2] * m[0] + s[1] * m[1]));
+        // Voigt rows of (a, alpha): (1,1) -> 0, (2,2) -> 1, mixed -> 2.
+        let row = |a: usize| {
+            let (i, j) = if a == 0 { (0, 2) } else { (2, 1) };
+            [
+                volume * (n[0] * c[i][0] + n[1] * c[j][0]),
+                volume * (n[0] * c[i][1] + n[1] * c[j][1]),
+                volume * (n[0] * c[i][2] + n[1] * c[j][2]),
+            ]
+        };
+        let (r1, r2) = (row(0), row(1));
+        let d11 = r1[0] * m[0] + r1[2] * m[1];
+        let d12 = r1[2] * m[0] + r1[1] * m[1];
+        let d21 = r2[0] * m[0] + r2[2] * m[1];
+        let d22 = r2[2] * m[0] + r2[1] * m[1];
+        // f1 (d11 f1 + d12 f2)^T + f2 (d21 f1 + d22 f2)^T
+        let u = add(scale(d11, f1), scale(d12, f2));
+        let v = add(scale(d21, f1), scale(d22, f2));
+        let mut k = [[0.0; 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                k[i][j] = f1[i] * u[j] + f2[i] * v[j];
+            }
+            k[i][i] += g;
+        }
+        k
+    };
+    let (h1, h2) = ([h[0], h[1]], [h[2], h[3]]);
+    let (k11, k12, k22) = (block(h1, h1), block(h1, h2), block(h2, h2));
+    let mut k = [[[[0.0; 3]; 3]; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            let (a, b, bt, e) = (k11[i][j], k12[i][j], k12[j][i], k22[i][j]);
+            k[1][1][i][j] = a;
+            k[1][2][i][j] = b;
+            k[2][1][i][j] = bt;
+            k[2][2][i][j] = e;
+            k[0][1][i][j] = -(a + bt);
+            k[0][2][i][j] = -(b + e);
+            k[1][0][i][j] = -(a + b);
+            k[2][0][i][j] = -(bt + e);
+            k[0][0][i][j] = a + b + bt + e;
+        }
+    }
+    k
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elements::check::tangent_error;
+    use crate::materials::{Material, StVenantKirchhoff, TensionField};
+
+    const SHEET: [Vec3; 3] = [[0.1, -0.2, 0.3], [1.2, 0.1, 0.2], [0.3, 0.9, 0.6]];
+    const VOLUME: f64 = 0.01;
+
+    fn deformed(map: impl Fn(Vec3) -> Vec3) -> [Vec3; 3] {
+        SHEET.map(map)
+    }
+
+    fn check(material: impl Material, x: [Vec3; 3]) {
+        let r = Reference::new(SHEET).expect("a proper triangle");
+        let d = deformation(&r.gradient, &x);
+        let (s, c) = material.tangent(d.strain);
+        let k = stiffness(&r.gradient, &d, &s, &c, VOLUME);
+        let f = |x: &[Vec3; 3]| {
+            let d = deformation(&r.gradient, x);
+            force(&r.gradient, &d, &material.stress(d.strain), VOLUME)
+        };
+        let e = tangent_error(x, f, &k);
+        assert!(e < 1e-7, "tangent differs from finite differences by {e}");
+    }
+
+    #[test]
+    fn tangent_is_the_derivative_of_the_force() {
+        let m = StVenantKirchhoff::isotropic(10.0, 0.3);
+        check(m, deformed(|x| [1.2 * x[0] + 0.1 * x[1], 1.1 * x[1] - 0.2 * x[2], x[2] + 0.3 * x[0] * x[1]]));
+        check(m, deformed(|x| [0.8 * x[0], 0.9 * x[1], 1.1 * x[2]]));
+    }
+
+    #[test]
+    fn tangent_is_consistent_in_each_state_of_the_tension_field() {
+        use crate::materials::Regime::{Slack, Taut, Wrinkled};
+        let m = TensionField::new(10.0, 0.3);
+        let r = Reference::new(SHEET).expect("a proper triangle");
+        // Stretch the edge direction of the element's own frame, so that the
+        // state is known; then add a skew part to exercise the rotation.
+        let e1 = scale(1.0 / norm(sub(SHEET[1], SHEET[0])), sub(SHEET[1], SHEET[0]));
+        let stretch = |s1: f64, s2: f64| {
+            deformed(|x| {
+                let y = sub(x, SHEET[0]);
+                let along = dot(y, e1);
+                let across = sub(y, scale(along, e1));
+                add(scale(s1 * along + 0.05 * across[0], e1), scale(s2, across))
+            })
+        };
+        for (x, regime) in
+            [(stretch(1.2, 1.1), Taut), (stretch(1.2, 0.7), Wrinkled), (stretch(0.7, 0.8), Slack)]
+        {
+            let d = deformation(&r.gradient, &x);
+            assert_eq!(m.regime(d.strain), regime);
+            if regime != Slack {
+                check(m, x);
+            } else {
+                assert_eq!(m.tangent(d.strain), ([0.0; 3], [[0.0; 3]; 3]));
+            }
+        }
+    }
+
+    #[test]
+    fn rotation_and_translation_strain_nothing() {
+        let r = Reference::new(SHEET).expect("a proper triangle");
+        // Rotation by the angle 1.1 about (1, 2, 2)/3, by Rodrigues' formula.
+        let k = [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0];
+        let (c, s) = (1.1f64.cos(), 1.1f64.sin());
+        let x = deformed(|x| {
+            let turned = add(scale(c, x), add(scale(s, cross(k, x)), scale((1.0 - c) * dot(k, x), k)));
+            add(turned, [3.0, -7.0, 2.0])
+        });
+        let d = deformation(&r.gradient, &x);
+        assert!(d.strain.iter().all(|e| e.abs() < 1e-14), "{:?}", d.strain);
+    }
+
+    #[test]
+    fn homogeneous_stretch_gives_its_strain() {
+        let r = Reference::new([[0.0; 3], [2.0, 0.0, 0.0], [0.5, 1.5, 0.0]]).expect("a proper triangle");
+        let x = [[0.0; 3], [2.4, 0.0, 0.0], [0.6, 1.35, 0.0]];
+        let d = deformation(&r.gradient, &x);
+        let exact = [0.5 * (1.44 - 1.0), 0.5 * (0.81 - 1.0), 0.0];
+        for i in 0..3 {
+            assert!((d.strain[i] - exact[i]).abs() < 1e-14);
+        }
+        assert!((r.area - 1.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn collinear_nodes_have_no_reference() {
+        assert_eq!(Reference::new([[0.0; 3], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]), None);
+        assert_eq!(Reference::new([[1.0; 3]; 3]), None);
+        assert_eq!(Reference::new([[f64::NAN; 3]; 3]), None);
+    }
+}
