@@ -1,1 +1,130 @@
 //! Cross-program tests of Ripstop: see `tests/tests/`.
+//!
+//! This library runs the real programs and reads what they leave behind.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+/// The repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the repository").to_path_buf()
+}
+
+/// A program of this build, beside the running test.
+pub fn program(name: &str) -> PathBuf {
+    let test = std::env::current_exe().expect("a test has a path");
+    let folder = test.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>");
+    let path = folder.join(name);
+    assert!(path.exists(), "{} is missing: build it with scripts/setup", path.display());
+    path
+}
+
+/// A scene of the repository.
+pub fn scene(case: &str) -> PathBuf {
+    root().join("cases").join(case).join("scene.toml")
+}
+
+/// Text of a scene with replacements made, written into `folder`.
+pub fn changed_scene(case: &str, folder: &Path, changes: &[(&str, &str)]) -> PathBuf {
+    let mut text = std::fs::read_to_string(scene(case)).expect("the scene can be read");
+    for (from, to) in changes {
+        assert!(text.contains(from), "scene {case} no longer contains {from:?}");
+        text = text.replacen(from, to, 1);
+    }
+    let file = folder.join("scene.toml");
+    std::fs::write(&file, text).expect("the scene can be written");
+    file
+}
+
+/// A `ripstop run` of `scene` into `out`.
+pub fn ripstop_run(scene: &Path, out: &Path, options: &[&str]) -> Command {
+    let mut command = Command::new(program("ripstop"));
+    command.arg("run").arg(scene).arg("--out").arg(out).args(options);
+    command
+}
+
+/// Runs to the end and demands success.
+pub fn succeed(mut command: Command) -> Output {
+    let output = command.output().expect("the program starts");
+    assert!(
+        output.status.success(),
+        "{command:?} ended with {}\n{}\n{}",
+        output.status,
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output
+}
+
+/// Starts in the background with its output captured.
+pub fn start(mut command: Command) -> Child {
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts")
+}
+
+/// A table with named columns.
+pub struct History {
+    names: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl History {
+    /// Reads `<out>/<stage>/history.csv`.
+    pub fn read(out: &Path, stage: &str) -> Self {
+        let file = out.join(stage).join("history.csv");
+        let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        let mut lines = text.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let names = lines.next().expect("a header");
+        let rows: Vec<_> = lines.collect();
+        assert!(rows.iter().all(|r| r.len() == names.len()), "ragged rows in {}", file.display());
+        Self { names, rows }
+    }
+
+    /// Number of windows.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether no window was finished.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// A column as numbers.
+    pub fn column(&self, name: &str) -> Vec<f64> {
+        let i = self.names.iter().position(|n| n == name);
+        let i = i.unwrap_or_else(|| panic!("no column {name} among {:?}", self.names));
+        self.rows.iter().map(|r| r[i].parse().unwrap_or_else(|_| panic!("{name}: {}", r[i]))).collect()
+    }
+
+    /// Everything but wall times, for comparison byte by byte.
+    pub fn without_wall_times(&self) -> Vec<Vec<&str>> {
+        let keep: Vec<usize> = (0..self.names.len()).filter(|&i| !self.names[i].contains("wall")).collect();
+        std::iter::once(&self.names)
+            .chain(&self.rows)
+            .map(|r| keep.iter().map(|&i| r[i].as_str()).collect())
+            .collect()
+    }
+}
+
+/// Processes of the project's programs that name `mark` on their command line.
+pub fn processes_naming(mark: &str) -> Vec<(u32, String)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir("/proc").expect("/proc").flatten() {
+        let Some(pid) = entry.file_name().to_str().and_then(|n| n.parse::<u32>().ok()) else { continue };
+        let Ok(line) = std::fs::read(entry.path().join("cmdline")) else { continue };
+        let line = String::from_utf8_lossy(&line).replace('\0', " ");
+        if pid != std::process::id() && line.contains(mark) {
+            found.push((pid, line));
+        }
+    }
+    found
+}
+
+/// Names in `/dev/shm`: shared memory that lives on.
+pub fn shared_memory() -> Vec<String> {
+    let Ok(list) = std::fs::read_dir("/dev/shm") else { return Vec::new() };
+    let mut names: Vec<String> =
+        list.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
