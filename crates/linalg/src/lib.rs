@@ -2,7 +2,26 @@
 //!
 //! Vectors are plain slices of local values: `n_owned` rows owned by this rank,
 //! followed by ghosts, `B` numbers to a row (block size).
+//!
+//! * [`BlockCsr`]: block rows of a distributed matrix, assembled through precomputed
+//!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
+//! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
+//! * [`BlockJacobi`]: the simplest preconditioner.
 
+// Blocks are written in index notation, like the formulas they implement.
+#![allow(clippy::needless_range_loop)]
+
+mod block;
+mod block_csr;
+mod dirichlet;
+mod jacobi;
+mod krylov;
 mod operator;
+mod vector;
 
-pub use operator::{Operator, Preconditioner};
+pub use block::Real;
+pub use block_csr::BlockCsr;
+pub use dirichlet::Lift;
+pub use jacobi::{BlockJacobi, SingularBlock};
+pub use krylov::{Cg, Gmres, KrylovError, KrylovInfo, KrylovParams};
+pub use operator::{Identity, Operator, Preconditioner};

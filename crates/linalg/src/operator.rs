@@ -15,3 +15,14 @@ pub trait Preconditioner {
     /// `z[..n_owned] ~ A^-1 r[..n_owned]`. Ghosts of `z` need not be set.
     fn apply(&self, r: &[f64], z: &mut [f64]);
 }
+
+/// No preconditioning.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Identity;
+
+impl Preconditioner for Identity {
+    fn apply(&self, r: &[f64], z: &mut [f64]) {
+        let n = r.len().min(z.len());
+        z[..n].copy_from_slice(&r[..n]);
+    }
+}

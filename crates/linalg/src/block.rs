@@ -1,0 +1,108 @@
+//! Small dense blocks, row-major, in storage precision `T`.
+
+/// A storage precision of matrix entries. Arithmetic on vectors stays in `f64`.
+pub trait Real: Copy + Default + Send + Sync + std::fmt::Debug + 'static {
+    /// Rounds to this precision.
+    fn from_f64(x: f64) -> Self;
+    /// Widens.
+    fn to_f64(self) -> f64;
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x as f32
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+/// `y += A x`.
+#[inline(always)]
+pub(crate) fn add_mul<const R: usize, const C: usize, T: Real>(
+    y: &mut [f64; R],
+    a: &[[T; C]; R],
+    x: &[f64; C],
+) {
+    for r in 0..R {
+        for c in 0..C {
+            y[r] += a[r][c].to_f64() * x[c];
+        }
+    }
+}
+
+/// Inverse by Gauss-Jordan elimination with partial pivoting, `None` if singular
+/// to working precision or not finite.
+pub(crate) fn invert<const B: usize>(a: &[[f64; B]; B]) -> Option<[[f64; B]; B]> {
+    let mut a = *a;
+    let mut inv = [[0.0; B]; B];
+    let mut scale = 0.0f64;
+    for r in 0..B {
+        inv[r][r] = 1.0;
+        for c in 0..B {
+            if !a[r][c].is_finite() {
+                return None;
+            }
+            scale = scale.max(a[r][c].abs());
+        }
+    }
+    for k in 0..B {
+        let mut p = k;
+        for r in k + 1..B {
+            if a[r][k].abs() > a[p][k].abs() {
+                p = r;
+            }
+        }
+        if a[p][k].abs() <= scale * 1e-14 {
+            return None;
+        }
+        a.swap(k, p);
+        inv.swap(k, p);
+        let d = 1.0 / a[k][k];
+        for c in 0..B {
+            a[k][c] *= d;
+            inv[k][c] *= d;
+        }
+        for r in 0..B {
+            if r != k {
+                let f = a[r][k];
+                for c in 0..B {
+                    a[r][c] -= f * a[k][c];
+                    inv[r][c] -= f * inv[k][c];
+                }
+            }
+        }
+    }
+    Some(inv)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inverse_of_a_pivoting_block() {
+        let a = [[0.0, 2.0, 1.0], [1.0, 0.0, 3.0], [4.0, 1.0, 0.0]];
+        let inv = invert(&a).unwrap();
+        for r in 0..3 {
+            for c in 0..3 {
+                let s: f64 = (0..3).map(|k| a[r][k] * inv[k][c]).sum();
+                assert!((s - f64::from(u8::from(r == c))).abs() < 1e-14);
+            }
+        }
+        assert!(invert(&[[1.0, 2.0], [2.0, 4.0]]).is_none());
+    }
+}
