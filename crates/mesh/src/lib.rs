@@ -6,12 +6,17 @@
 mod boxes;
 mod error;
 mod faces;
+mod partition;
 pub mod quality;
+mod shape;
 mod structure;
 mod types;
+pub mod vtk;
 
 pub use boxes::*;
 pub use error::*;
 pub use faces::*;
+pub use partition::*;
+pub use shape::{load_shape, save_shape};
 pub use structure::structure_mesh;
 pub use types::*;

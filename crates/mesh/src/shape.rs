@@ -1,0 +1,105 @@
+//! The canopy's shape in a file: what the structure leaves for the flow grid.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::vtk::write_aside;
+use crate::{MeshError, Vec3};
+
+const MAGIC: [u8; 8] = *b"ripshape";
+const VERSION: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+struct File {
+    magic: [u8; 8],
+    version: u32,
+    count: u64,
+    checksum: u64,
+    positions: Vec<Vec3>,
+}
+
+/// FNV-1a over the bits of all coordinates.
+fn checksum(positions: &[Vec3]) -> u64 {
+    let bytes = positions.as_flattened().iter().flat_map(|v| v.to_bits().to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// Saves the positions of the canopy nodes, m, in the order of the interface.
+///
+/// # Errors
+/// Trouble with the file.
+pub fn save_shape(path: &Path, positions: &[Vec3]) -> Result<(), MeshError> {
+    let file = File {
+        magic: MAGIC,
+        version: VERSION,
+        count: positions.len() as u64,
+        checksum: checksum(positions),
+        positions: positions.to_vec(),
+    };
+    let bytes = bincode::serde::encode_to_vec(&file, bincode::config::standard())
+        .map_err(|e| MeshError::File { path: path.into(), reason: e.to_string() })?;
+    write_aside(path, |out| out.write_all(&bytes).map_err(|e| e.to_string()))
+}
+
+/// Loads what [`save_shape`] saved; `expected` is the number of canopy nodes.
+///
+/// # Errors
+/// A missing, foreign or damaged file, one of another version, or of another canopy.
+pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Vec3>, MeshError> {
+    let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
+    let bad = |reason: String| MeshError::File { path: path.into(), reason };
+    if bytes.get(..8) != Some(&MAGIC) {
+        return Err(bad("is not a canopy shape of ripstop".into()));
+    }
+    // A damaged length must not reserve memory without end.
+    let config = bincode::config::standard().with_limit::<{ 1 << 32 }>();
+    let (file, used): (File, usize) =
+        bincode::serde::decode_from_slice(&bytes, config).map_err(|e| bad(format!("is damaged: {e}")))?;
+    if file.version != VERSION {
+        return Err(bad(format!("has format version {}, this program reads {VERSION}", file.version)));
+    }
+    let count = file.positions.len();
+    if used != bytes.len() || file.count != count as u64 || file.checksum != checksum(&file.positions) {
+        return Err(bad("is damaged: its checksum does not match".into()));
+    }
+    if count != expected {
+        return Err(bad(format!(
+            "holds {count} canopy nodes, this scene's canopy has {expected}: run the earlier stage again"
+        )));
+    }
+    if let Some(node) = file.positions.iter().position(|x| x.iter().any(|v| !v.is_finite())) {
+        return Err(bad(format!("node {node} has a position that is not a number")));
+    }
+    Ok(file.positions)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comes_back_and_refuses_damage() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("canopy.bin");
+        let shape: Vec<Vec3> = (0..50).map(|i| [f64::from(i), 0.1, -1e-300]).collect();
+        save_shape(&path, &shape).unwrap();
+        assert_eq!(load_shape(&path, 50).unwrap(), shape);
+        let reason = |expected| match load_shape(&path, expected) {
+            Err(MeshError::File { reason, .. }) => reason,
+            other => panic!("{other:?}"),
+        };
+        assert!(reason(49).contains("50 canopy nodes"));
+        let good = std::fs::read(&path).unwrap();
+        // A damaged byte or a cut is found wherever it is.
+        for at in (0..good.len()).step_by(23).chain(0..30) {
+            let mut bad = good.clone();
+            bad[at] ^= 0x40;
+            std::fs::write(&path, &bad).unwrap();
+            reason(50);
+            std::fs::write(&path, &good[..at]).unwrap();
+            reason(50);
+        }
+        assert!(matches!(load_shape(&folder.path().join("none"), 50), Err(MeshError::Io { .. })));
+    }
+}
