@@ -1,1 +1,12 @@
-//! The flow grid as a pseudo-solid that follows the canopy
+#![allow(clippy::needless_range_loop)]
+
+//! The flow grid as a pseudo-solid that follows the canopy (paper, section 3).
+
+pub mod elastic;
+pub mod element;
+pub mod local;
+pub mod mover;
+pub mod quality;
+pub mod sample;
+pub mod solve;
+pub mod warm;

@@ -1,0 +1,197 @@
+//! The pseudo-solid: linear elasticity with stiffening by the Jacobian.
+
+use linalg::{BlockCsr, BlockJacobi, Operator, Preconditioner};
+use mesh::Vec3;
+
+use crate::element::stiffness;
+use crate::local::{Kind, LocalGrid};
+use crate::mover::{Effort, Mover, MoverError};
+use crate::solve::{Scratch, correct};
+use crate::warm::Warm;
+
+/// Parameters of the pseudo-solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solid {
+    /// Exponent of the stiffening by the Jacobian; 0: uniform.
+    pub chi: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Accepted error of a node's position, in shares of the shortest edge around it.
+    pub tolerance: f64,
+    /// Most iterations of a solve.
+    pub max_iterations: usize,
+}
+
+impl From<&case::MeshMotion> for Solid {
+    fn from(m: &case::MeshMotion) -> Self {
+        Self {
+            chi: m.stiffening_exponent,
+            poisson: m.poisson_ratio,
+            tolerance: m.tolerance,
+            max_iterations: 1000,
+        }
+    }
+}
+
+/// Linear elasticity on the reference grid (paper, equation 8). The unknowns are
+/// the free nodes; the canopy enters by its coupling blocks.
+pub struct Elastic {
+    solid: Solid,
+    system: Option<System>,
+}
+
+/// The linear system of one reference grid.
+struct System {
+    /// In single precision: that is a solid whose stiffness differs by 1e-7.
+    matrix: BlockCsr<3, f32>,
+    /// Owned free row, interface node, and block: what the canopy pushes.
+    canopy: Vec<(u32, u32, [[f64; 3]; 3])>,
+    preconditioner: Box<dyn Preconditioner>,
+    /// Shortest edge around each owned free node, m.
+    sizes: Vec<f64>,
+    warm: Warm,
+    scratch: Scratch,
+    guess: Vec<f64>,
+    rhs: Vec<f64>,
+}
+
+impl Elastic {
+    /// A mover without a reference grid yet: [`Mover::rebase`] comes first.
+    pub fn new(solid: Solid) -> Self {
+        Self { solid, system: None }
+    }
+}
+
+impl Mover for Elastic {
+    fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError> {
+        self.system = None;
+        let (matrix, canopy) = assemble(grid, x, &self.solid)?;
+        let preconditioner = BlockJacobi::<3>::new(&matrix)
+            .map_err(|e| MoverError::Singular { node: 0, reason: e.to_string() })?;
+        let (n, n_local) = (matrix.n_owned(), matrix.n_local());
+        let mut sizes = grid.free_sizes(x);
+        sizes.truncate(grid.n_free);
+        self.system = Some(System {
+            matrix: matrix.cast(),
+            canopy,
+            preconditioner: Box::new(preconditioner),
+            sizes,
+            warm: Warm::new(n),
+            scratch: Scratch::new(n, n_local),
+            guess: vec![0.0; n],
+            rhs: vec![0.0; n],
+        });
+        Ok(())
+    }
+
+    fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {
+        let s = self.system.as_mut().expect("a mover is used after `rebase`");
+        let comm = grid.comm();
+        let n = s.rhs.len();
+        s.rhs.fill(0.0);
+        for (row, k, block) in &s.canopy {
+            let b = &mut s.rhs[3 * *row as usize..][..3];
+            let g = &canopy[3 * *k as usize..][..3];
+            for (b, a) in b.iter_mut().zip(block) {
+                *b -= a[0] * g[0] + a[1] * g[1] + a[2] * g[2];
+            }
+        }
+        s.warm.guess(comm, &s.rhs, &mut s.guess);
+        u[..n].copy_from_slice(&s.guess);
+        s.matrix.apply(u, &mut s.scratch.r);
+        for (r, b) in s.scratch.r.iter_mut().zip(&s.rhs) {
+            *r = b - *r;
+        }
+        // The residual of the guess is kept where the right-hand side was.
+        s.rhs.copy_from_slice(&s.scratch.r);
+        let Solid { tolerance, max_iterations, .. } = self.solid;
+        let end =
+            correct(&s.matrix, &*s.preconditioner, comm, &s.sizes, tolerance, max_iterations, &mut s.scratch);
+        if end.error.is_nan() || end.error > tolerance {
+            return Err(MoverError::NotConverged { iterations: end.iterations, error: end.error, tolerance });
+        }
+        for (u, d) in u[..n].iter_mut().zip(&s.scratch.d) {
+            *u += d;
+        }
+        if end.iterations > 0 {
+            // A d is what the iterations took from the residual.
+            for (ad, r) in s.rhs.iter_mut().zip(&s.scratch.r) {
+                *ad -= r;
+            }
+            s.warm.learn(comm, &mut s.scratch.d, &s.rhs);
+        }
+        grid.free_halo.exchange(u, 3);
+        Ok(Effort { iterations: end.iterations, error: end.error })
+    }
+}
+
+type Coupling = Vec<(u32, u32, [[f64; 3]; 3])>;
+
+/// Stiffness of the owned free rows at node positions `x`: its free columns, and
+/// the columns of the canopy.
+fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3>, Coupling), MoverError> {
+    let mut free = Vec::with_capacity(8 * grid.cells.len());
+    let mut ends = Vec::with_capacity(grid.cells.len() + 1);
+    ends.push(0);
+    let mut pairs: Vec<(u32, u32)> = Vec::new();
+    for cell in &grid.cells {
+        for &a in cell {
+            if let Kind::Free(i) = grid.kind[a as usize] {
+                free.push(i);
+                if (i as usize) < grid.n_free {
+                    pairs.extend(cell.iter().filter_map(|&b| match grid.kind[b as usize] {
+                        Kind::Canopy(k) => Some((i, k)),
+                        _ => None,
+                    }));
+                }
+            }
+        }
+        ends.push(free.len());
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    let lists = ends.windows(2).map(|w| &free[w[0]..w[1]]);
+    let mut matrix = BlockCsr::<3>::from_elements(grid.free_halo.clone(), lists);
+    let mut canopy: Coupling = pairs.iter().map(|&(i, k)| (i, k, [[0.0; 3]; 3])).collect();
+
+    // E = 1 in a cell of mean size: only ratios matter.
+    let nu = solid.poisson;
+    let scale = (grid.mean_volume / 8.0).powf(solid.chi);
+    let mu = scale * 0.5 / (1.0 + nu);
+    let lambda = scale * nu / ((1.0 + nu) * (1.0 - 2.0 * nu));
+    for (c, cell) in grid.cells.iter().enumerate() {
+        let corners = grid.corners(c, x);
+        let k =
+            stiffness(&corners, lambda, mu, solid.chi).map_err(|e| inverted(grid, c, x, e.determinant))?;
+        for (a, &na) in cell.iter().enumerate() {
+            let Kind::Free(row) = grid.kind[na as usize] else { continue };
+            if row as usize >= grid.n_free {
+                continue;
+            }
+            for (b, &nb) in cell.iter().enumerate() {
+                let target = match grid.kind[nb as usize] {
+                    Kind::Fixed => continue,
+                    Kind::Free(col) => {
+                        let slot = matrix.slot(row as usize, col as usize);
+                        &mut matrix.values[slot.expect("the pattern holds all pairs of a cell")]
+                    }
+                    Kind::Canopy(k) => {
+                        let at = pairs.binary_search(&(row, k));
+                        &mut canopy[at.expect("the pattern holds all pairs of a cell")].2
+                    }
+                };
+                for (i, t) in target.iter_mut().enumerate() {
+                    for (j, t) in t.iter_mut().enumerate() {
+                        *t += k[3 * a + i][3 * b + j];
+                    }
+                }
+            }
+        }
+    }
+    Ok((matrix, canopy))
+}
+
+fn inverted(grid: &LocalGrid, c: usize, x: &[f64], determinant: f64) -> MoverError {
+    let at: Vec3 = grid.centre(c, x);
+    MoverError::Inverted { cell: grid.cell_global[c], at, determinant }
+}

@@ -1,0 +1,187 @@
+//! One rank's part of the grid: its nodes, the cells around them, and which
+//! nodes are free, follow the canopy, or stay.
+
+use std::rc::Rc;
+
+use comm::{Comm, Halo, Numbering};
+use mesh::{FlowGrid, Vec3};
+
+/// What decides where a node goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The pseudo-solid: index among the local free nodes.
+    Free(u32),
+    /// The canopy: interface node.
+    Canopy(u32),
+    /// Outer boundary, or a node that no cell uses.
+    Fixed,
+}
+
+/// The grid as one rank sees it: owned nodes, then ghosts; every cell that
+/// touches an owned node. So each row of the stiffness matrix is complete
+/// without adding up across ranks.
+pub struct LocalGrid {
+    /// Local and global indices of all nodes.
+    pub nodes: Numbering,
+    /// Kind of each local node.
+    pub kind: Vec<Kind>,
+    /// Cells in local nodes.
+    pub cells: Vec<[u32; 8]>,
+    /// Global index of each cell.
+    pub cell_global: Vec<u32>,
+    /// Local node of each local free node: owned first, then ghosts.
+    pub free_node: Vec<u32>,
+    /// Number of owned free nodes.
+    pub n_free: usize,
+    /// Exchange of values on free nodes.
+    pub free_halo: Rc<Halo>,
+    /// Local node and interface node, of every canopy node known here.
+    pub canopy: Vec<(u32, u32)>,
+    /// Nodes of the whole grid.
+    pub n_global: usize,
+    /// Interface nodes of the whole canopy.
+    pub n_canopy: usize,
+    /// Mean volume of the cells of the whole grid, m3.
+    pub mean_volume: f64,
+}
+
+impl LocalGrid {
+    /// Cuts this rank's part out of `grid`, `owner` being the rank of each node. Collective.
+    pub fn new(grid: &FlowGrid, owner: &[u32], comm: &Comm) -> Self {
+        let n = grid.coords.len();
+        let me = comm.rank() as u32;
+        let (mut cells, mut cell_global) = (Vec::new(), Vec::new());
+        let mut seen = vec![false; n];
+        for (c, cell) in grid.cells.iter().enumerate() {
+            if cell.iter().any(|&a| owner[a as usize] == me) {
+                cells.push(*cell);
+                cell_global.push(c as u32);
+                cell.iter().for_each(|&a| seen[a as usize] = true);
+            }
+        }
+        let owned: Vec<u64> = (0..n).filter(|&a| owner[a] == me).map(|a| a as u64).collect();
+        let ghosts = |a: &usize| seen[*a] && owner[*a] != me;
+        let ghost_list: Vec<(u64, u32)> = (0..n).filter(ghosts).map(|a| (a as u64, owner[a])).collect();
+        let nodes = Numbering::new(owned, ghost_list);
+        for cell in &mut cells {
+            *cell = cell.map(|a| nodes.local(u64::from(a)).expect("nodes of local cells are local") as u32);
+        }
+
+        let mut global_kind = vec![Kind::Fixed; n];
+        // Kinds are the same on all ranks, so a ghost is free exactly where its owner has it free.
+        for a in grid.cells.iter().flatten() {
+            global_kind[*a as usize] = Kind::Free(0);
+        }
+        for a in grid.boundary.iter().flat_map(|(_, face)| face) {
+            global_kind[*a as usize] = Kind::Fixed;
+        }
+        for (k, &a) in grid.canopy_nodes.iter().enumerate() {
+            global_kind[a as usize] = Kind::Canopy(k as u32);
+        }
+
+        let mut kind = Vec::with_capacity(nodes.n_local());
+        let (mut free_owned, mut free_ghosts) = (Vec::new(), Vec::new());
+        let (mut free_node, mut canopy) = (Vec::new(), Vec::new());
+        let mut n_free = 0;
+        for (local, &g) in nodes.global.iter().enumerate() {
+            kind.push(match global_kind[g as usize] {
+                Kind::Free(_) => {
+                    let index = free_node.len() as u32;
+                    free_node.push(local as u32);
+                    if local < nodes.n_owned {
+                        free_owned.push(g);
+                        n_free += 1;
+                    } else {
+                        free_ghosts.push((g, nodes.ghost_owner[local - nodes.n_owned]));
+                    }
+                    Kind::Free(index)
+                }
+                Kind::Canopy(k) => {
+                    canopy.push((local as u32, k));
+                    Kind::Canopy(k)
+                }
+                Kind::Fixed => Kind::Fixed,
+            });
+        }
+        // Both numberings order ghosts by owner and global index, so `free_node` fits the halo.
+        let free_halo = Rc::new(Halo::new(comm, &Numbering::new(free_owned, free_ghosts)));
+        let total: f64 = (0..grid.cells.len()).map(|c| mesh::quality::cell_volume(grid, c)).sum();
+        let mean_volume = total / grid.cells.len().max(1) as f64;
+        Self {
+            nodes,
+            kind,
+            cells,
+            cell_global,
+            free_node,
+            n_free,
+            free_halo,
+            canopy,
+            n_global: n,
+            n_canopy: grid.canopy_nodes.len(),
+            mean_volume,
+        }
+    }
+
+    /// The ranks that share the grid.
+    pub fn comm(&self) -> &Comm {
+        self.free_halo.comm()
+    }
+
+    /// Owned and ghost nodes.
+    pub fn n_local(&self) -> usize {
+        self.nodes.n_local()
+    }
+
+    /// Values of local nodes picked from a global field.
+    pub fn gather(&self, global: &[Vec3]) -> Vec<f64> {
+        self.nodes.global.iter().flat_map(|&g| global[g as usize]).collect()
+    }
+
+    /// Corner positions of local cell `c`.
+    pub fn corners(&self, c: usize, x: &[f64]) -> [Vec3; 8] {
+        self.cells[c].map(|a| {
+            let a = 3 * a as usize;
+            [x[a], x[a + 1], x[a + 2]]
+        })
+    }
+
+    /// Mean of the distinct corners of local cell `c`.
+    pub fn centre(&self, c: usize, x: &[f64]) -> Vec3 {
+        let mut list = self.cells[c].to_vec();
+        list.sort_unstable();
+        list.dedup();
+        let mut m = [0.0; 3];
+        for a in &list {
+            for i in 0..3 {
+                m[i] += x[3 * *a as usize + i] / list.len() as f64;
+            }
+        }
+        m
+    }
+
+    /// Shortest edge of the cells around each local free node at `x`, m: the
+    /// length that an error of the node's position is measured by.
+    pub fn free_sizes(&self, x: &[f64]) -> Vec<f64> {
+        let mut size = vec![f64::INFINITY; self.n_local()];
+        for c in 0..self.cells.len() {
+            let p = self.corners(c, x);
+            let mut shortest = f64::INFINITY;
+            for (i, j) in EDGES {
+                if self.cells[c][i] != self.cells[c][j] {
+                    let d = crate::element::sub(p[i], p[j]);
+                    shortest = shortest.min(crate::element::dot(d, d).sqrt());
+                }
+            }
+            for &a in &self.cells[c] {
+                size[a as usize] = size[a as usize].min(shortest);
+            }
+        }
+        let mut free: Vec<f64> = self.free_node.iter().map(|&a| size[a as usize]).collect();
+        // A ghost sees only some of its cells here: its owner knows better.
+        self.free_halo.exchange(&mut free, 1);
+        free
+    }
+}
+
+const EDGES: [(usize, usize); 12] =
+    [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];

@@ -1,0 +1,66 @@
+//! The one idea behind every way to move a grid.
+
+use crate::local::LocalGrid;
+
+/// What an answer took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Effort {
+    /// Krylov iterations.
+    pub iterations: usize,
+    /// Largest estimated error of a node's position, in shares of the shortest
+    /// edge of the cells around it.
+    pub error: f64,
+}
+
+/// Carries the motion of the canopy into the grid around it.
+///
+/// A mover stands on a reference grid, whose displacements it knows. All ranks call together.
+pub trait Mover {
+    /// Takes `x` (all local nodes, flat, m) as the reference grid.
+    fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError>;
+
+    /// Displacements `u` of the local free nodes (owned and ghosts, `[n][3]`, m)
+    /// when the canopy (all of it, `[n_canopy][3]`, m) is displaced by `canopy`
+    /// from the reference grid.
+    fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError>;
+}
+
+/// Why a mover has no answer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MoverError {
+    /// A reference grid with a cell that is turned inside out.
+    #[error(
+        "cell {cell} at ({:.4}, {:.4}, {:.4}) m is inverted (Jacobian determinant {determinant:.3e} m3): \
+         the grid cannot move from here; refine or smooth the grid there", at[0], at[1], at[2]
+    )]
+    Inverted {
+        /// Global cell.
+        cell: u32,
+        /// Its centre, m.
+        at: [f64; 3],
+        /// Jacobian determinant at the Gauss point.
+        determinant: f64,
+    },
+    /// A node that no cell holds in place.
+    #[error("grid node {node} has a singular stiffness ({reason}): is it attached to the grid?")]
+    Singular {
+        /// Global node, as far as known.
+        node: u64,
+        /// What the linear algebra found.
+        reason: String,
+    },
+    /// The linear solver made no progress.
+    #[error(
+        "the grid motion solver did not converge: after {iterations} iterations a node's position is \
+         uncertain by {error:.2e} of its cell (accepted: {tolerance:.1e}); \
+         raise mesh.tolerance or lower mesh.stiffening_exponent"
+    )]
+    NotConverged {
+        /// Iterations made.
+        iterations: usize,
+        /// Error reached, in shares of the cell.
+        error: f64,
+        /// Error accepted.
+        tolerance: f64,
+    },
+}

@@ -1,0 +1,194 @@
+//! Warm starts: what past solutions know about the next one.
+
+use comm::Comm;
+
+/// A basis of past solutions, orthonormal in the energy of one fixed matrix A
+/// (P. F. Fischer, Comput. Methods Appl. Mech. Engrg. 163, 1998).
+///
+/// The guess for a right-hand side b is its Galerkin solution in the basis,
+/// $\sum_i (v_i \cdot b)\, v_i$: a linear function of b alone, so a motion that
+/// returns gets the same guess again, and no motion gets none. Past solutions
+/// contain their own extrapolations in time.
+///
+/// Vectors are kept in `f32`: what a guess lacks, the iterations find.
+pub struct Warm {
+    basis: Vec<Vec<f32>>,
+    /// Share of each basis vector in the latest solution.
+    shares: Vec<f64>,
+    spare: Vec<Vec<f32>>,
+}
+
+/// Basis vectors kept: reading them costs about as much as two products with the matrix.
+const CAPACITY: usize = 24;
+
+impl Warm {
+    /// An empty basis for vectors of `n` numbers.
+    pub fn new(n: usize) -> Self {
+        Self {
+            basis: Vec::with_capacity(CAPACITY),
+            shares: Vec::with_capacity(CAPACITY + 1),
+            spare: vec![vec![0.0; n]; CAPACITY],
+        }
+    }
+
+    /// Forgets everything: the matrix has changed.
+    pub fn clear(&mut self) {
+        self.spare.append(&mut self.basis);
+        self.shares.clear();
+    }
+
+    /// Sets `x` to the guess for `b` (owned parts). Collective.
+    pub fn guess(&mut self, comm: &Comm, b: &[f64], x: &mut [f64]) {
+        let mut c = [0.0; CAPACITY];
+        let m = self.basis.len();
+        for (c, v) in c.iter_mut().zip(&self.basis) {
+            *c = dot(v, b);
+        }
+        comm.sum_slice(&mut c[..m]);
+        x.fill(0.0);
+        for (c, v) in c.iter().zip(&self.basis) {
+            axpy(*c, v, x);
+        }
+        self.shares.clear();
+        self.shares.extend_from_slice(&c[..m]);
+    }
+
+    /// Learns the correction `d` that the iterations added to the last guess;
+    /// `ad` is A d. Both are used up as scratch. Collective.
+    pub fn learn(&mut self, comm: &Comm, d: &mut [f64], ad: &[f64]) {
+        let m = self.basis.len();
+        let mut c = [0.0; CAPACITY + 1];
+        for (c, v) in c.iter_mut().zip(&self.basis) {
+            *c = dot(v, ad);
+        }
+        c[m] = d.iter().zip(ad).map(|(a, b)| a * b).sum();
+        comm.sum_slice(&mut c[..=m]);
+        let energy = c[m];
+        let rest = energy - c[..m].iter().map(|c| c * c).sum::<f64>();
+        for (s, c) in self.shares.iter_mut().zip(&c[..m]) {
+            *s += c;
+        }
+        // Below this share of its energy the new direction is rounding of `f32`.
+        if rest.is_nan() || rest <= 1e-10 * energy {
+            return;
+        }
+        for (c, v) in c[..m].iter().zip(&self.basis) {
+            axpy(-c, v, d);
+        }
+        if m == CAPACITY {
+            self.merge();
+        }
+        let norm = rest.sqrt();
+        let mut v = self.spare.pop().expect("as many vectors as the capacity");
+        for (v, d) in v.iter_mut().zip(&*d) {
+            *v = (d / norm) as f32;
+        }
+        self.basis.push(v);
+        self.shares.push(norm);
+    }
+
+    /// Replaces the older half by the one combination of it that the latest
+    /// solution uses, which keeps the basis orthonormal and that solution in it.
+    fn merge(&mut self) {
+        let old = CAPACITY / 2;
+        let norm = self.shares[..old].iter().map(|s| s * s).sum::<f64>().sqrt();
+        let mut removed: Vec<Vec<f32>> = self.basis.drain(..old).collect();
+        let shares: Vec<f64> = self.shares.drain(..old).collect();
+        if norm > 0.0 {
+            let (first, rest) = removed.split_first_mut().expect("half of the capacity");
+            let scale = (shares[0] / norm) as f32;
+            first.iter_mut().for_each(|v| *v *= scale);
+            for (v, s) in rest.iter().zip(&shares[1..]) {
+                let s = (s / norm) as f32;
+                first.iter_mut().zip(v).for_each(|(a, b)| *a += s * b);
+            }
+            self.basis.insert(0, removed.remove(0));
+            self.shares.insert(0, norm);
+        }
+        self.spare.append(&mut removed);
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        self.basis.iter().chain(&self.spare).map(|v| 4 * v.len()).sum()
+    }
+}
+
+fn dot(v: &[f32], b: &[f64]) -> f64 {
+    const L: usize = 8;
+    let (vs, vr) = v.as_chunks::<L>();
+    let (bs, br) = b.as_chunks::<L>();
+    let mut acc = [0.0; L];
+    for (v, b) in vs.iter().zip(bs) {
+        for l in 0..L {
+            acc[l] += f64::from(v[l]) * b[l];
+        }
+    }
+    acc.iter().sum::<f64>() + vr.iter().zip(br).map(|(v, b)| f64::from(*v) * b).sum::<f64>()
+}
+
+fn axpy(c: f64, v: &[f32], x: &mut [f64]) {
+    for (x, v) in x.iter_mut().zip(v) {
+        *x += c * f64::from(*v);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A diagonal matrix, motions in a space of 8 dimensions.
+    #[test]
+    fn guesses_what_it_has_seen_through_merges() {
+        let comm = Comm::solo();
+        let n = 50;
+        let a: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
+        let wave = |k: usize, i: usize| ((k + 1) as f64 * 0.37 * i as f64).sin();
+        let mut warm = Warm::new(n);
+        let (mut x, mut first, mut late) = (vec![0.0; n], 0.0f64, 0.0f64);
+        for step in 0..100 {
+            let b: Vec<f64> = (0..n)
+                .map(|i| (0..8).map(|k| wave(k, i) * (0.3 * step as f64 + k as f64).sin()).sum())
+                .collect();
+            warm.guess(&comm, &b, &mut x);
+            let exact: Vec<f64> = b.iter().zip(&a).map(|(b, a)| b / a).collect();
+            let mut d: Vec<f64> = exact.iter().zip(&x).map(|(e, x)| e - x).collect();
+            let miss = d.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let size = exact.iter().map(|v| v * v).sum::<f64>().sqrt();
+            if step == 0 {
+                first = miss / size;
+            } else if step >= 8 {
+                late = late.max(miss / size);
+            }
+            let ad: Vec<f64> = d.iter().zip(&a).map(|(d, a)| d * a).collect();
+            warm.learn(&comm, &mut d, &ad);
+            assert!(warm.basis.len() <= CAPACITY);
+        }
+        assert_eq!(first, 1.0);
+        assert!(late < 1e-5, "all motions are known after 8 steps: {late}");
+        warm.guess(&comm, &vec![0.0; n], &mut x);
+        assert!(x.iter().all(|&v| v == 0.0));
+    }
+
+    #[test]
+    fn a_merge_keeps_the_latest_solution() {
+        let comm = Comm::solo();
+        let n = 200;
+        let mut warm = Warm::new(n);
+        let mut x = vec![0.0; n];
+        // Unit matrix; each step adds one new direction to all earlier ones.
+        let b = |step: usize| -> Vec<f64> {
+            (0..n).map(|i| (0..=step).map(|k| ((7 * k + 3) as f64 * (i + 1) as f64).sin()).sum()).collect()
+        };
+        for step in 0..60 {
+            let b = b(step);
+            warm.guess(&comm, &b, &mut x);
+            let mut d: Vec<f64> = b.iter().zip(&x).map(|(b, x)| b - x).collect();
+            let ad = d.clone();
+            warm.learn(&comm, &mut d, &ad);
+            warm.guess(&comm, &b, &mut x);
+            let miss: f64 = b.iter().zip(&x).map(|(b, x)| (b - x).abs()).fold(0.0, f64::max);
+            assert!(miss < 1e-4, "step {step}: {miss}");
+        }
+    }
+}
