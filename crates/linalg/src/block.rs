@@ -1,7 +1,7 @@
 //! Small dense blocks, row-major, in storage precision `T`.
 
 /// A storage precision of matrix entries. Arithmetic on vectors stays in `f64`.
-pub trait Real: Copy + Default + Send + Sync + std::fmt::Debug + 'static {
+pub trait Real: faer::traits::RealField + Copy + Default {
     /// Rounds to this precision.
     fn from_f64(x: f64) -> Self;
     /// Widens.

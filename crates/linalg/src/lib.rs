@@ -7,21 +7,26 @@
 //!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
 //! * [`BlockJacobi`]: the simplest preconditioner.
+//! * [`SchwarzLu`]: a sparse direct factor of each subdomain.
 
 // Blocks are written in index notation, like the formulas they implement.
 #![allow(clippy::needless_range_loop)]
 
 mod block;
 mod block_csr;
+mod direct;
 mod dirichlet;
 mod jacobi;
 mod krylov;
 mod operator;
+mod schwarz;
 mod vector;
 
 pub use block::Real;
 pub use block_csr::BlockCsr;
+pub use direct::FactorError;
 pub use dirichlet::Lift;
 pub use jacobi::{BlockJacobi, SingularBlock};
 pub use krylov::{Cg, Gmres, KrylovError, KrylovInfo, KrylovParams};
 pub use operator::{Identity, Operator, Preconditioner};
+pub use schwarz::SchwarzLu;

@@ -1,0 +1,7 @@
+//! Sparse direct solution of rank-local systems.
+
+mod block_lu;
+mod symbolic;
+
+pub(crate) use block_lu::BlockLu;
+pub use block_lu::FactorError;

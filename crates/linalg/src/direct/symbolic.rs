@@ -1,0 +1,126 @@
+//! Elimination order, supernodes and assembly maps of a multifrontal factorisation,
+//! worked out once for a pattern of block rows.
+
+use faer::sparse::SymbolicSparseColMatRef;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::linalg::{SupernodalThreshold, SymbolicSupernodalParams};
+
+/// A dense front: the rows that one supernode eliminates and those it updates.
+pub(super) struct Front {
+    /// First eliminated block row, in elimination order.
+    pub start: usize,
+    /// Eliminated block rows.
+    pub n_pivot: usize,
+    /// Updated block rows, in elimination order, ascending.
+    pub pattern: Vec<u32>,
+    /// Matrix entries that enter here: slot, block row and block column in the front.
+    pub entries: Vec<[u32; 3]>,
+    /// Front that receives the update, with the position there of each row of `pattern`.
+    pub parent: Option<(usize, Vec<u32>)>,
+    pub children: Vec<u32>,
+}
+
+/// The plan of a factorisation.
+pub(super) struct Symbolic {
+    /// Block row that is eliminated at each position.
+    pub order: Vec<u32>,
+    /// Fronts, children before parents.
+    pub fronts: Vec<Front>,
+}
+
+/// Adjacent supernodes merge if the share of zeros that this adds is below the bound
+/// for their common size in block rows: small fronts cost more in overhead than in zeros.
+const RELAX: &[(usize, f64)] = &[(4, 0.9), (8, 0.5), (24, 0.15), (usize::MAX, 0.05)];
+
+impl Symbolic {
+    /// Analyses the pattern of `n` block rows (`row_ptr`, `cols`), taken as symmetric:
+    /// an entry whose transpose is missing is allowed, its transpose counts as zero.
+    pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
+        let n = row_ptr.len() - 1;
+        if n == 0 {
+            return Self { order: Vec::new(), fronts: Vec::new() };
+        }
+        let (col_ptr, row_idx) = upper_triangle(row_ptr, cols);
+        let a = SymbolicSparseColMatRef::new_checked(n, n, &col_ptr, None, &row_idx);
+        let params = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            supernodal_params: SymbolicSupernodalParams { relax: Some(RELAX) },
+            ..Default::default()
+        };
+        let plan = factorize_symbolic_cholesky(a, faer::Side::Upper, SymmetricOrdering::Amd, params)
+            .expect("indices fit and memory suffices");
+        let (order, position) = plan.perm().expect("an ordering was asked for").arrays();
+        let SymbolicCholeskyRaw::Supernodal(plan) = plan.raw() else {
+            unreachable!("a supernodal plan was forced");
+        };
+
+        let mut front_of = vec![0u32; n];
+        let mut fronts: Vec<Front> = (0..plan.n_supernodes())
+            .map(|s| {
+                let (start, end) = (plan.supernode_begin()[s], plan.supernode_end()[s]);
+                front_of[start..end].fill(s as u32);
+                let pattern = plan.supernode(s).pattern().iter().map(|&i| i as u32).collect();
+                Front {
+                    start,
+                    n_pivot: end - start,
+                    pattern,
+                    entries: Vec::new(),
+                    parent: None,
+                    children: Vec::new(),
+                }
+            })
+            .collect();
+        for s in 0..fronts.len() {
+            if let Some(&first) = fronts[s].pattern.first() {
+                let p = front_of[first as usize] as usize;
+                let map = fronts[s].pattern.iter().map(|&i| fronts[p].locate(i)).collect();
+                fronts[s].parent = Some((p, map));
+                fronts[p].children.push(s as u32);
+            }
+        }
+        for i in 0..n {
+            for slot in row_ptr[i]..row_ptr[i + 1] {
+                let (r, c) = (position[i] as u32, position[cols[slot] as usize] as u32);
+                let front = &mut fronts[front_of[r.min(c) as usize] as usize];
+                let entry = [slot as u32, front.locate(r), front.locate(c)];
+                front.entries.push(entry);
+            }
+        }
+        Self { order: order.iter().map(|&i| i as u32).collect(), fronts }
+    }
+}
+
+impl Front {
+    /// Position in the front of a row given in elimination order.
+    fn locate(&self, row: u32) -> u32 {
+        let row = row as usize;
+        if row < self.start + self.n_pivot {
+            return (row - self.start) as u32;
+        }
+        let at = self.pattern.binary_search(&(row as u32)).expect("a front holds the rows it couples to");
+        (self.n_pivot + at) as u32
+    }
+}
+
+/// Upper triangle of the symmetrised pattern by columns, row indices ascending.
+fn upper_triangle(row_ptr: &[usize], cols: &[u32]) -> (Vec<usize>, Vec<usize>) {
+    let n = row_ptr.len() - 1;
+    let mut columns: Vec<Vec<usize>> = vec![Vec::new(); n];
+    for i in 0..n {
+        for &j in &cols[row_ptr[i]..row_ptr[i + 1]] {
+            let j = j as usize;
+            columns[i.max(j)].push(i.min(j));
+        }
+    }
+    let mut col_ptr = vec![0];
+    let mut row_idx = Vec::with_capacity(cols.len());
+    for column in &mut columns {
+        column.sort_unstable();
+        column.dedup();
+        row_idx.extend_from_slice(column);
+        col_ptr.push(row_idx.len());
+    }
+    (col_ptr, row_idx)
+}
