@@ -1,1 +1,6 @@
-//! Launches, sequences, accelerates and reports the coupled run
+//! Launches, sequences, accelerates and reports the coupled run.
+
+pub mod descent;
+pub mod error;
+pub mod partners;
+pub mod schemes;

@@ -1,0 +1,131 @@
+//! Why a run ends early, in words for a person.
+
+use std::path::PathBuf;
+
+use case::Role;
+
+/// Where in a run something happened.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Name of the stage.
+    pub stage: String,
+    /// Window and coupling iteration, once the first one was opened.
+    pub window: Option<(u64, u64)>,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "stage `{}`", self.stage)?;
+        match self.window {
+            Some((window, iteration)) => write!(f, ", window {window}, coupling iteration {iteration}"),
+            None => write!(f, ", before its first window"),
+        }
+    }
+}
+
+/// Why a run ended before its end.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The scene or the command line asks for something impossible.
+    #[error("{0}")]
+    Input(String),
+    /// Ctrl-C or a termination signal.
+    #[error("interrupted in {0}")]
+    Interrupted(Place),
+    /// A program reported an error.
+    #[error("{program}{} failed in {place}: {message}", rank_text(*.rank))]
+    Fault {
+        /// Role of the program.
+        role: Role,
+        /// What was started.
+        program: String,
+        /// Rank that reported, if known.
+        rank: Option<u64>,
+        /// Where.
+        place: Place,
+        /// The program's own words.
+        message: String,
+    },
+    /// A process ended on its own.
+    #[error("{program}{} ended unexpectedly ({how}) in {place}{}", rank_text(*.rank), tail_text(.tail))]
+    Died {
+        /// Role of the program.
+        role: Role,
+        /// What was started.
+        program: String,
+        /// Rank that died, if known.
+        rank: Option<u64>,
+        /// Exit code or signal.
+        how: String,
+        /// Where.
+        place: Place,
+        /// Its last words.
+        tail: String,
+    },
+    /// A program answered nothing within its deadline.
+    #[error(
+        "{program} gave no answer for {seconds:.0} s in {place}: it hangs, is stopped, or is slower than \
+         the limit (--deadline SECONDS raises it)"
+    )]
+    Stalled {
+        /// Role of the program.
+        role: Role,
+        /// What was started.
+        program: String,
+        /// Seconds waited.
+        seconds: f64,
+        /// Where.
+        place: Place,
+    },
+    /// The coupling iteration failed although every program answered.
+    #[error("the coupling failed in {place}: {message}")]
+    Coupling {
+        /// Where.
+        place: Place,
+        /// What was seen and what to do.
+        message: String,
+    },
+    /// The channel refused (handshake, mismatch, out of memory).
+    #[error("{place}: {message}")]
+    Channel {
+        /// Where.
+        place: Place,
+        /// The channel's message.
+        message: String,
+    },
+    /// A file could not be read or written.
+    #[error("cannot {action} {}: {source}", .path.display())]
+    File {
+        /// read, write, create
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+}
+
+fn rank_text(rank: Option<u64>) -> String {
+    rank.map(|r| format!(" rank {r}")).unwrap_or_default()
+}
+
+fn tail_text(tail: &str) -> String {
+    if tail.is_empty() { String::new() } else { format!("; its last words:\n{tail}") }
+}
+
+impl RunError {
+    /// For `map_err` on file operations.
+    pub fn file(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::File { action, path, source }
+    }
+
+    /// The exit code of `ripstop` for this error.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Interrupted(_) => 130,
+            _ => 1,
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! What the coupling schemes need from the three solver programs, and nothing
+//! more: real programs, recorded ones and closed-form models all look alike.
+
+use std::path::Path;
+
+use case::Role;
+use channel::{Stats, Window};
+
+use crate::error::RunError;
+
+/// Load of the canopy over a window, each `[faces][LOAD_WIDTH]` (Pa).
+#[derive(Clone, Copy)]
+pub struct LoadOverWindow<'a> {
+    /// At the start of the window.
+    pub start: &'a [f64],
+    /// At its end; the structure interpolates linearly over its substeps.
+    pub end: &'a [f64],
+}
+
+/// What a program says about its answer.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Answer {
+    /// Statistics; `busy_s` of the slowest rank.
+    pub stats: Stats,
+    /// Wall seconds from question to answer.
+    pub wall_s: f64,
+}
+
+/// The solver programs of a stage. Each question may be repeated within a
+/// window; every time the answer starts from the last accepted window.
+pub trait Partners {
+    /// Structure: displacement `[nodes][3]` (m, from the unstressed shape) at
+    /// the end of the window under `load`.
+    fn structure(
+        &mut self,
+        w: &Window,
+        load: LoadOverWindow<'_>,
+        displacement: &mut [f64],
+    ) -> Result<Answer, RunError>;
+
+    /// Mesh: moves the flow grid to the canopy's `displacement` `[nodes][3]`.
+    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError>;
+
+    /// Flow: load `[faces][LOAD_WIDTH]` (Pa) at the end of the window.
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError>;
+
+    /// The last answers are final.
+    fn accept(&mut self, w: &Window) -> Result<(), RunError>;
+
+    /// All programs write their accepted state below `folder`.
+    fn save(&mut self, folder: &Path) -> Result<(), RunError>;
+
+    /// One program adds its accepted state to its ParaView series below `folder`.
+    fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError>;
+}

@@ -1,0 +1,21 @@
+//! The sequence of the programs in a window, and how its iteration is accelerated.
+//!
+//! One loop ([`window::WindowLoop`]) serves every scheme; an acceleration is a
+//! function from the iterate `x` and the answer `x_tilde` to the next iterate.
+
+mod accelerate;
+mod criterion;
+mod iqn;
+mod predictor;
+mod unknowns;
+mod window;
+
+pub use accelerate::{Accelerator, Aitken, Constant, accelerator};
+pub use criterion::{Criterion, Field};
+pub use iqn::{IqnIls, IqnOptions};
+pub use predictor::Predictor;
+pub use unknowns::Unknowns;
+pub use window::{InterfaceState, WindowLoop, WindowReport};
+
+#[cfg(test)]
+mod tests;
