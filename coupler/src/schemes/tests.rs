@@ -14,8 +14,6 @@ use crate::partners::{Answer, LoadOverWindow, Partners};
 const NODES: usize = 24;
 const DT: f64 = 5e-3;
 const SUBSTEPS: u32 = 10;
-/// Weight of the falling body that the descent tests use, kg.
-const BODY: f64 = 100.0;
 
 /// Position, velocity, acceleration of a mode.
 #[derive(Clone, Copy, Default)]
@@ -25,14 +23,20 @@ struct Mode {
     a: f64,
 }
 
-/// Newmark (gamma 1/2, beta 1/4) over the substeps, load linear in time.
-fn newmark(start: Mode, mass: f64, stiffness: f64, load: [f64; 2], dt: f64) -> Mode {
+/// Generalized-alpha (spectral radius 0.9) over the substeps, load linear in
+/// time: the structure-solver's scheme for one mode of unit mass.
+fn substeps(start: Mode, stiffness: f64, load: [f64; 2], dt: f64) -> Mode {
+    const RHO: f64 = 0.9;
+    let (am, af) = ((2.0 * RHO - 1.0) / (RHO + 1.0), RHO / (RHO + 1.0));
+    let (gamma, beta) = (0.5 - am + af, 0.25 * (1.0 - am + af) * (1.0 - am + af));
     let h = dt / f64::from(SUBSTEPS);
+    let at = |i: u32| load[0] + (load[1] - load[0]) * f64::from(i) / f64::from(SUBSTEPS);
     (1..=SUBSTEPS).fold(start, |s, i| {
-        let load = load[0] + (load[1] - load[0]) * f64::from(i) / f64::from(SUBSTEPS);
-        let known = s.x + h * s.v + 0.25 * h * h * s.a;
-        let a = (load - stiffness * known) / (mass + 0.25 * h * h * stiffness);
-        Mode { x: known + 0.25 * h * h * a, v: s.v + 0.5 * h * (s.a + a), a }
+        let load = (1.0 - af) * at(i) + af * at(i - 1);
+        let known = s.x + h * s.v + (0.5 - beta) * h * h * s.a;
+        let a = (load - am * s.a - stiffness * ((1.0 - af) * known + af * s.x))
+            / (1.0 - am + (1.0 - af) * stiffness * beta * h * h);
+        Mode { x: known + beta * h * h * a, v: s.v + h * ((1.0 - gamma) * s.a + gamma * a), a }
     })
 }
 
@@ -44,7 +48,8 @@ struct AddedMass {
     drag: f64,
     accepted: Vec<Mode>,
     trial: Vec<Mode>,
-    fluid: [Vec<f64>; 2],
+    /// Positions at the last two window ends, wall velocities likewise.
+    fluid: [Vec<f64>; 4],
     grid: Vec<f64>,
     velocity: [f64; 2],
 }
@@ -54,13 +59,13 @@ impl AddedMass {
     fn new(ratio: f64) -> Self {
         let angle = |j: usize| std::f64::consts::PI * (j + 1) as f64 / (NODES + 1) as f64;
         Self {
-            stiffness: (0..NODES).map(|j| 3e4 * (2.0 - 2.0 * angle(j).cos())).collect(),
+            stiffness: (0..NODES).map(|j| 5e4 * (2.0 - 2.0 * angle(j).cos())).collect(),
             added: (0..NODES).map(|j| ratio / (j + 1) as f64).collect(),
             body_added: 0.0,
             drag: 0.0,
             accepted: vec![Mode::default(); NODES],
             trial: vec![Mode::default(); NODES],
-            fluid: [vec![0.0; NODES], vec![0.0; NODES]],
+            fluid: std::array::from_fn(|_| vec![0.0; NODES]),
             grid: vec![0.0; NODES],
             velocity: [0.0; 2],
         }
@@ -84,9 +89,15 @@ impl AddedMass {
         Self::modal(|_| 200.0)[j]
     }
 
+    /// Wall velocity of mode `j` at window end position `x` (BDF2, from rest).
+    fn wall_velocity(&self, j: usize, x: f64, dt: f64) -> f64 {
+        (1.5 * x - 2.0 * self.fluid[0][j] + 0.5 * self.fluid[1][j]) / dt
+    }
+
     /// Fluid pressure of mode `j` at window end position `x`: affine in it.
     fn pressure(&self, j: usize, x: f64, dt: f64) -> f64 {
-        let acceleration = (x - 2.0 * self.fluid[0][j] + self.fluid[1][j]) / (dt * dt);
+        let u = self.wall_velocity(j, x, dt);
+        let acceleration = (1.5 * u - 2.0 * self.fluid[2][j] + 0.5 * self.fluid[3][j]) / dt;
         Self::drive(j) - self.added[j] * acceleration
     }
 }
@@ -101,7 +112,7 @@ impl Partners for AddedMass {
         let start = Self::modal(|i| load.start[i * LOAD_WIDTH]);
         let end = Self::modal(|i| load.end[i * LOAD_WIDTH]);
         for j in 0..NODES {
-            self.trial[j] = newmark(self.accepted[j], 1.0, self.stiffness[j], [start[j], end[j]], w.dt);
+            self.trial[j] = substeps(self.accepted[j], self.stiffness[j], [start[j], end[j]], w.dt);
         }
         let positions: Vec<f64> = self.trial.iter().map(|m| m.x).collect();
         for (i, node) in displacement.chunks_exact_mut(3).enumerate() {
@@ -132,8 +143,9 @@ impl Partners for AddedMass {
 
     fn accept(&mut self, _w: &Window) -> Result<(), RunError> {
         self.accepted.copy_from_slice(&self.trial);
-        let last = std::mem::replace(&mut self.fluid[0], self.grid.clone());
-        self.fluid[1] = last;
+        let u: Vec<f64> = (0..NODES).map(|j| self.wall_velocity(j, self.grid[j], DT)).collect();
+        self.fluid[3] = std::mem::replace(&mut self.fluid[2], u);
+        self.fluid[1] = std::mem::replace(&mut self.fluid[0], self.grid.clone());
         self.velocity[0] = self.velocity[1];
         Ok(())
     }
@@ -168,13 +180,7 @@ fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64
 }
 
 fn window(index: u64) -> Window {
-    Window {
-        index,
-        substeps: u64::from(SUBSTEPS),
-        time: index as f64 * DT,
-        dt: DT,
-        ..Window::default()
-    }
+    Window { index, substeps: u64::from(SUBSTEPS), time: index as f64 * DT, dt: DT, ..Window::default() }
 }
 
 /// Iterations of each window; error of the last positions against the exact solution
@@ -191,7 +197,10 @@ fn fly(mass_ratio: f64, coupling: &Coupling, windows: u64) -> Result<(Vec<u32>, 
         let mut positions = vec![0.0; NODES];
         for j in 0..NODES {
             let start = loads[j];
-            let answer = |end| newmark(exact.accepted[j], 1.0, exact.stiffness[j], [start, end], DT);
+            let answer = |end: f64| {
+                let felt = start + MEAN_WEIGHT * (end - start);
+                substeps(exact.accepted[j], exact.stiffness[j], [felt, felt], DT)
+            };
             let (alpha, beta) = (answer(0.0).x, answer(1.0).x - answer(0.0).x);
             let gamma = exact.pressure(j, 0.0, DT);
             let delta = exact.pressure(j, 1.0, DT) - gamma;
@@ -203,9 +212,18 @@ fn fly(mass_ratio: f64, coupling: &Coupling, windows: u64) -> Result<(Vec<u32>, 
         exact.accept(&window(index))?;
     }
     let largest = exact.accepted.iter().fold(0.0f64, |m, s| m.max(s.x.abs()));
-    let error =
-        model.accepted.iter().zip(&exact.accepted).fold(0.0f64, |m, (a, b)| m.max((a.x - b.x).abs()));
+    let error = model.accepted.iter().zip(&exact.accepted).fold(0.0f64, |m, (a, b)| m.max((a.x - b.x).abs()));
     Ok((iterations, error / largest))
+}
+
+/// Largest displacement over the run; infinite when it ends in an error.
+fn largest_motion(mass_ratio: f64, coupling: &Coupling, windows: u64) -> f64 {
+    let mut model = AddedMass::new(mass_ratio);
+    let mut scheme = window_loop(coupling, None, 0.0);
+    (0..windows).fold(0.0f64, |largest, index| match scheme.run(&mut model, window(index)) {
+        Ok(_) => scheme.state().displacement.iter().fold(largest, |m, d| m.max(d.abs())),
+        Err(_) => f64::INFINITY,
+    })
 }
 
 #[test]
@@ -213,9 +231,99 @@ fn iqn_ils_converges_for_every_mass_ratio() {
     for ratio in [0.1, 1.0, 10.0, 50.0, 100.0, 1000.0] {
         let (iterations, error) = fly(ratio, &coupling(Acceleration::IqnIls, 0.05), 60).unwrap();
         let mean = f64::from(iterations.iter().sum::<u32>()) / iterations.len() as f64;
-        let late = f64::from(iterations[40..].iter().sum::<u32>()) / 20.0;
-        println!("ratio {ratio}: {iterations:?} mean {mean:.2}, late {late:.2}, error {error:.1e}");
-        assert!(error < 1e-4, "ratio {ratio}: error {error:.1e}");
-        assert!(mean < 12.0, "ratio {ratio}: {mean} iterations a window");
+        // 24 modes: without secants of past windows each window could need as
+        // many iterations; measured 3.6 to 5.5.
+        assert!(error < 1e-6, "ratio {ratio}: error {error:.1e} at tolerance 1e-6");
+        assert!(mean < 7.0, "ratio {ratio}: {mean} iterations a window: {iterations:?}");
     }
+}
+
+#[test]
+fn reused_secants_pay() {
+    let with = fly(50.0, &coupling(Acceleration::IqnIls, 0.05), 40).unwrap().0;
+    let alone = Coupling { reused_windows: 0, ..coupling(Acceleration::IqnIls, 0.05) };
+    let without = fly(50.0, &alone, 40).unwrap().0;
+    let total = |n: &[u32]| n.iter().sum::<u32>();
+    assert!(total(&with) * 2 < total(&without), "{} against {}", total(&with), total(&without));
+}
+
+#[test]
+fn aitken_and_constant_relaxation_reach_the_same_answer() {
+    for (acceleration, relaxation) in [(Acceleration::Aitken, 0.05), (Acceleration::Constant, 0.05)] {
+        let slow = Coupling { max_iterations: 3000, ..coupling(acceleration, relaxation) };
+        let (_, error) = fly(20.0, &slow, 12).unwrap();
+        assert!(error < 1e-4, "{acceleration:?}: {error:.1e}");
+    }
+}
+
+#[test]
+fn plain_iteration_diverges_and_says_so() {
+    let plain = coupling(Acceleration::Constant, 1.0);
+    let message = fly(50.0, &plain, 5).unwrap_err().to_string();
+    assert!(message.contains("window 0") && message.contains("Remedies"), "{message}");
+}
+
+#[test]
+fn staggered_stands_for_heavy_canopies_only() {
+    let staggered = Coupling { scheme: Scheme::Staggered, ..coupling(Acceleration::Constant, 1.0) };
+    let implicit = coupling(Acceleration::IqnIls, 0.05);
+    let reference = largest_motion(0.01, &implicit, 60);
+    let motion = largest_motion(0.01, &staggered, 60);
+    assert!(motion < 1.5 * reference, "{motion} against {reference}");
+    // The light canopy: the same scene explodes, while the iterated one stays bounded.
+    let reference = largest_motion(50.0, &implicit, 60);
+    let motion = largest_motion(50.0, &staggered, 60);
+    assert!(motion > 1e6 * reference, "{motion} against {reference}");
+}
+
+#[test]
+fn linear_load_over_substeps_is_unstable_although_every_window_converges() {
+    let mean = coupling(Acceleration::IqnIls, 0.05);
+    let linear = Coupling { load: case::LoadShape::Linear, ..mean.clone() };
+    let (stable, unstable) = (largest_motion(50.0, &mean, 40), largest_motion(50.0, &linear, 40));
+    assert!(unstable > 1e3 * stable, "{unstable} against {stable}");
+}
+
+#[test]
+fn descent_is_solved_with_the_canopy() {
+    // A body of 100 kg with 3.2 times its mass of air: the velocity alone would
+    // diverge (3.2 > 1). Exact: implicit Euler of (m + m_a) dv/dt = c v^2 - m g.
+    let model = DescentModel {
+        mass_kg: 100.0,
+        gravity_m_s2: 9.80665,
+        reference_area_m2: 40.0,
+        reference_speed_m_s: 4.8,
+        air_density_kg_m3: 1.225,
+    };
+    let mut partners = AddedMass { body_added: 320.0, drag: 45.0, ..AddedMass::new(50.0) };
+    partners.velocity = [-6.0; 2];
+    let mut scheme = window_loop(&coupling(Acceleration::IqnIls, 0.05), Some(model), -6.0);
+    let mut v: f64 = -6.0;
+    for index in 0..60 {
+        let report = scheme.run(&mut partners, window(index)).unwrap();
+        assert!(report.converged);
+        let (a, b, c) = (45.0 * DT / 420.0, -1.0, v - 980.665 * DT / 420.0);
+        v = (-b - (b * b - 4.0 * a * c).sqrt()) / (2.0 * a);
+        let got = scheme.state().velocity;
+        assert!((got - v).abs() < 1e-5, "window {index}: {got} against {v}");
+    }
+}
+
+#[test]
+fn the_first_flow_answer_stands_for_an_unknown_start_load() {
+    let mut model = AddedMass::new(10.0);
+    let implicit = coupling(Acceleration::IqnIls, 0.05);
+    let unknowns = Unknowns::new(NODES, DT, false);
+    let criterion = Criterion { fields: vec![Field { range: 0..3 * NODES, floor: 1e-7 }], tolerance: 1e-6 };
+    let state =
+        InterfaceState { displacement: vec![0.0; 3 * NODES], load: None, velocity: 0.0, acceleration: 0.0 };
+    let mut scheme = WindowLoop::new("test", &implicit, unknowns, criterion, NODES, None, state, false);
+    scheme.run(&mut model, window(0)).unwrap();
+    // The answer to a canopy at rest is the steady push of 200 Pa; under it for the
+    // whole first window the membrane has moved further than from zero load.
+    let with = scheme.state().displacement[3 * (NODES / 2) + 2];
+    let mut other = AddedMass::new(10.0);
+    let mut zero = window_loop(&implicit, None, 0.0);
+    zero.run(&mut other, window(0)).unwrap();
+    assert!(with > 1.2 * zero.state().displacement[3 * (NODES / 2) + 2]);
 }

@@ -3,6 +3,7 @@
 use case::{Coupling, LoadShape, Scheme};
 use channel::{Stats, Window, flow_stats};
 
+use super::load_shape::shape_load;
 use super::{Accelerator, Criterion, Predictor, Unknowns};
 use crate::descent::DescentModel;
 use crate::error::{Place, RunError};
@@ -74,7 +75,6 @@ pub struct WindowLoop {
     load_shape: LoadShape,
     max_iterations: u32,
     keep_going: bool,
-    faces: usize,
     unknowns: Unknowns,
     criterion: Criterion,
     accelerator: Box<dyn Accelerator>,
@@ -87,6 +87,7 @@ pub struct WindowLoop {
     start: Vec<f64>,
     displacement: Vec<f64>,
     load_end: Vec<f64>,
+    felt: [Vec<f64>; 2],
 }
 
 impl WindowLoop {
@@ -114,7 +115,6 @@ impl WindowLoop {
             load_shape: coupling.load,
             max_iterations: coupling.max_iterations.max(1),
             keep_going,
-            faces,
             criterion,
             accelerator: super::accelerator(coupling, n),
             predictor,
@@ -125,6 +125,7 @@ impl WindowLoop {
             start,
             displacement: state.displacement.clone(),
             load_end: vec![0.0; faces * channel::LOAD_WIDTH],
+            felt: [vec![0.0; faces * channel::LOAD_WIDTH], vec![0.0; faces * channel::LOAD_WIDTH]],
             state,
             unknowns,
         }
@@ -133,12 +134,6 @@ impl WindowLoop {
     /// Values at the end of the last accepted window.
     pub fn state(&self) -> &InterfaceState {
         &self.state
-    }
-
-    /// Interface load at the start of the last window's structure solve and at
-    /// its end: what the structure felt.
-    pub fn faces(&self) -> usize {
-        self.faces
     }
 
     /// Computes and accepts the window that `window` opens (index, time, dt,
@@ -189,13 +184,9 @@ impl WindowLoop {
             report.add(case::Role::Flow, partners.flow(&w, &mut self.load_end)?);
             self.finite("flow", &w, &self.load_end)?;
             let start = self.state.load.get_or_insert_with(|| self.load_end.clone());
-            let load = LoadOverWindow {
-                start: match self.load_shape {
-                    LoadShape::Constant => &self.load_end,
-                    LoadShape::Linear => start,
-                },
-                end: &self.load_end,
-            };
+            let [felt_start, felt_end] = &mut self.felt;
+            shape_load(self.load_shape, start, &self.load_end, felt_start, felt_end);
+            let load = LoadOverWindow { start: felt_start, end: felt_end };
             report.add(case::Role::Structure, partners.structure(&w, load, &mut self.displacement)?);
             self.finite("structure", &w, &self.displacement)?;
             let velocity = self.descend(&report, w.dt);
