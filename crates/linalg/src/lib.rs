@@ -8,6 +8,7 @@
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
 //! * [`BlockJacobi`]: the simplest preconditioner.
 //! * [`SchwarzLu`]: a sparse direct factor of each subdomain.
+//! * [`recycle::Projection`]: initial guesses from past solutions.
 
 // Blocks are written in index notation, like the formulas they implement.
 #![allow(clippy::needless_range_loop)]
@@ -19,6 +20,7 @@ mod dirichlet;
 mod jacobi;
 mod krylov;
 mod operator;
+pub mod recycle;
 mod schwarz;
 mod vector;
 

@@ -45,7 +45,8 @@ impl Symbolic {
         let (col_ptr, row_idx) = upper_triangle(row_ptr, cols);
         let a = SymbolicSparseColMatRef::new_checked(n, n, &col_ptr, None, &row_idx);
         let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            // Below zero, so that a diagonal matrix (no flops at all) has supernodes too.
+            supernodal_flop_ratio_threshold: SupernodalThreshold(-1.0),
             supernodal_params: SymbolicSupernodalParams { relax: Some(RELAX) },
             ..Default::default()
         };
