@@ -6,6 +6,7 @@
 mod boxes;
 mod error;
 mod faces;
+mod grid;
 mod partition;
 pub mod quality;
 mod shape;
@@ -16,6 +17,7 @@ pub mod vtk;
 pub use boxes::*;
 pub use error::*;
 pub use faces::*;
+pub use grid::{draft_grid, flow_grid};
 pub use partition::*;
 pub use shape::{load_shape, save_shape};
 pub use structure::structure_mesh;

@@ -48,6 +48,11 @@ impl AtpsLayout {
         Ok(Self { n, m, shared, start })
     }
 
+    /// A flat sheet of n x n cells: the top panel alone.
+    pub fn sheet(n: usize) -> Self {
+        Self { n, m: 0, shared: vec![true], start: vec![0, ((n + 1) * (n + 1)) as u32] }
+    }
+
     /// Number of canopy nodes.
     pub fn nodes(&self) -> usize {
         self.start[self.m + 1] as usize

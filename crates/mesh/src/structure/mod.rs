@@ -5,6 +5,8 @@ mod flat;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub(crate) use atps::AtpsLayout;
+
 use case::{Canopy, Scene};
 
 use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};

@@ -1,0 +1,142 @@
+//! The flow grid around a canopy.
+
+#[cfg(test)]
+mod inflate;
+mod place;
+mod smooth;
+#[cfg(test)]
+mod tests;
+mod topology;
+
+use case::{Canopy, Grid, Scene, StitchedEnd};
+
+use crate::quality::{self, norm, sub};
+use crate::structure::{AtpsLayout, even, positive, refuse};
+use crate::{FlowGrid, MeshError, StructureMesh, Vec3};
+use topology::Blocks;
+
+/// Vents narrower than this share of the canopy's width are closed.
+const LEAST_VENT: f64 = 0.01;
+
+/// Body-conforming hexahedra around the canopy at `positions` (m, one for each
+/// of its nodes). Canopy nodes come first, in the canopy's order. Depends on the
+/// arguments alone, to the last bit.
+///
+/// # Errors
+/// A canopy without flow grid, parameters or positions that make none, closed
+/// vents, and a shape around which no valid grid was found.
+pub fn flow_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> Result<FlowGrid, MeshError> {
+    let grid = draft_grid(scene, canopy, positions)?;
+    let worst = quality::summary(&grid);
+    if worst.min_volume <= 0.0 || worst.min_scaled_jacobian <= 0.0 {
+        return Err(MeshError::Tangled {
+            cell: worst.worst_cell,
+            at: worst.worst_at,
+            quality: worst.min_scaled_jacobian,
+        });
+    }
+    Ok(grid)
+}
+
+/// What [`flow_grid`] makes, valid or not: for pictures of what went wrong.
+///
+/// # Errors
+/// As [`flow_grid`], without a look at the cells.
+pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> Result<FlowGrid, MeshError> {
+    let Some(flow) = &scene.flow else {
+        return Err(refuse("flow", "absent", "a flow grid needs the section [flow]"));
+    };
+    let (blocks, width) = blocks(scene, &flow.grid, canopy)?;
+    if positions.len() != canopy.n_canopy {
+        let (found, expected) = (positions.len(), canopy.n_canopy);
+        return Err(MeshError::Count { what: "positions of canopy nodes", found, expected });
+    }
+    if let Some(node) = positions.iter().position(|x| x.iter().any(|v| !v.is_finite())) {
+        return Err(refuse(
+            "positions",
+            format!("{:?}", positions[node]),
+            format!("canopy node {node} is nowhere"),
+        ));
+    }
+    check_vents(&blocks, positions, LEAST_VENT * width)?;
+    let coords = place::place(&blocks, positions, &flow.grid, width);
+    let mut grid = blocks.grid(coords, canopy);
+    smooth::smooth(&blocks, &mut grid);
+    Ok(grid)
+}
+
+/// Blocks and the width of the canopy, m.
+fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks, f64), MeshError> {
+    for (key, value) in [
+        ("flow.grid.layers_inside", grid.layers_inside),
+        ("flow.grid.layers_outside", grid.layers_outside),
+        ("flow.grid.cells_across_vent", grid.cells_across_vent),
+    ] {
+        if !(1..=10_000).contains(&value) {
+            return Err(refuse(key, value, "must be from 1 to 10000"));
+        }
+    }
+    let (layout, width) = match &scene.canopy {
+        Canopy::Atps(a) if a.stitched_end == StitchedEnd::Top => {
+            return Err(refuse(
+                "canopy.stitched_end",
+                "top",
+                "the flow grid knows vents that end above the hem only; use \"hem\", or run the structure alone",
+            ));
+        }
+        Canopy::Atps(a) => (AtpsLayout::new(a)?, a.top_width_m),
+        Canopy::Square(f) | Canopy::Circular(f) => {
+            (AtpsLayout::sheet(even("canopy.cells_across", f.cells_across)?), f.width_m)
+        }
+        Canopy::AirBag(_) => {
+            return Err(refuse(
+                "canopy.kind",
+                "air-bag",
+                "the air bag has no flow grid; run the structure alone",
+            ));
+        }
+    };
+    let first = positive("flow.grid.first_layer_m", grid.first_layer_m)?;
+    if first > 0.25 * width {
+        return Err(refuse(
+            "flow.grid.first_layer_m",
+            first,
+            format!("must be below a quarter of the canopy's width, {:.4} m", 0.25 * width),
+        ));
+    }
+    for (key, value) in
+        [("flow.grid.far_field_widths", grid.far_field_widths), ("flow.grid.wake_widths", grid.wake_widths)]
+    {
+        if !(1.5..=1e4).contains(&value) {
+            return Err(refuse(key, value, "must be from 1.5 to 10000 canopy widths"));
+        }
+    }
+    // Levels of open fluid between the hem and the cap: as long as cells are high.
+    let skirt = if layout.m == 0 { layout.n.div_ceil(3) } else { layout.m.div_ceil(3) };
+    let layers = [grid.layers_inside as usize, grid.layers_outside as usize];
+    let (n, m) = (layout.n as u64, layout.m as u64);
+    let surface = 2 * n * n + 4 * (n + u64::from(grid.cells_across_vent)) * (m + skirt as u64);
+    let nodes = surface * (layers[0] + layers[1]) as u64 + (n + 1) * (n + 1) * (m + skirt as u64 + 1);
+    // Faces are numbered in 32 bits, six for each cell.
+    if nodes > u64::from(u32::MAX) / 7 {
+        return Err(refuse("flow.grid", nodes, "more nodes than the grid can number; use fewer cells"));
+    }
+    let blocks = Blocks::new(layout, canopy, skirt.max(2), grid.cells_across_vent as usize, layers);
+    Ok((blocks, width))
+}
+
+fn check_vents(blocks: &Blocks, positions: &[Vec3], least_m: f64) -> Result<(), MeshError> {
+    if blocks.open_levels().next().is_none() {
+        return Ok(());
+    }
+    let opening = |k: usize, b: usize| {
+        let [p, q] = [0, blocks.across].map(|z| positions[blocks.zipper(k, z, b) as usize]);
+        norm(sub(p, q))
+    };
+    let widest = |k: usize| blocks.open_levels().map(|b| opening(k, b)).fold(0.0, f64::max);
+    let width_m = (0..4).map(widest).fold(f64::INFINITY, f64::min);
+    if width_m < least_m {
+        return Err(MeshError::VentsClosed { width_m, least_m });
+    }
+    Ok(())
+}

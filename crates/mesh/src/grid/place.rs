@@ -1,0 +1,228 @@
+//! First positions of all grid nodes, before smoothing.
+
+use case::Grid;
+
+use super::topology::Blocks;
+use crate::Vec3;
+use crate::quality::{add, cross, dot, norm, scale, sub};
+
+/// The core's size over the surface's, and how round the core is (0: a box).
+const CORE_SIZE: f64 = 0.5;
+const CORE_ROUND: f64 = 0.4;
+/// How far the open bottom bulges below the hem, over the hem's radius.
+const BULGE: f64 = 0.45;
+
+/// Positions of all grid nodes, m, from those of the canopy.
+pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -> Vec<Vec3> {
+    let mut x = vec![[0.0; 3]; blocks.nodes];
+    x[..canopy.len()].copy_from_slice(canopy);
+    fill_vents(blocks, &mut x);
+    let links = surface_links(blocks);
+    fill_mouth(blocks, &links, &mut x);
+
+    let surface = &x[..blocks.surface];
+    let (lo, hi) = bounds(surface);
+    let centre: Vec3 = std::array::from_fn(|i| 0.5 * (lo[i] + hi[i]));
+    let half: Vec3 = std::array::from_fn(|i| 0.5 * (hi[i] - lo[i]));
+    let normals = normals(blocks, surface, &links);
+
+    let core: Vec<Vec3> = blocks
+        .core_cube()
+        .map(|c| {
+            let ball = ball(c);
+            // A box of the same size as the ball has 0.8 of its half-width.
+            let shape: Vec3 =
+                std::array::from_fn(|i| CORE_SIZE * (0.8 * (1.0 - CORE_ROUND) * c[i] + CORE_ROUND * ball[i]));
+            std::array::from_fn(|i| centre[i] + half[i] * shape[i])
+        })
+        .collect();
+    x[blocks.core..blocks.core + core.len()].copy_from_slice(&core);
+
+    let (side, wake) = (grid.far_field_widths * width, grid.wake_widths * width);
+    let first = grid.first_layer_m;
+    for s in 0..blocks.surface {
+        let wall = x[s];
+        let sphere = sphere(blocks.cube[s]);
+        let far: Vec3 = [
+            centre[0] + side * sphere[0],
+            centre[1] + side * sphere[1],
+            centre[2] + if sphere[2] > 0.0 { wake } else { side } * sphere[2],
+        ];
+        let line: Vec<u32> = blocks.line(s).collect();
+        let [inside, outside] = blocks.layers;
+        let inner = Curve::new(wall, scale(normals[s], -1.0), x[line[0] as usize]);
+        let steps = stretch(first / inner.chord, inside);
+        for l in 1..inside {
+            x[line[inside - l] as usize] = inner.at(steps[l]);
+        }
+        let outer = Curve::new(wall, normals[s], far);
+        let steps = stretch(first / outer.chord, outside);
+        for l in 1..=outside {
+            x[line[inside + l] as usize] = outer.at(steps[l]);
+        }
+    }
+    x
+}
+
+/// A curve from a wall, leaving along a direction and becoming straight.
+struct Curve {
+    from: Vec3,
+    to: Vec3,
+    along: Vec3,
+    chord: f64,
+}
+
+impl Curve {
+    fn new(from: Vec3, along: Vec3, to: Vec3) -> Self {
+        let chord = norm(sub(to, from)).max(f64::MIN_POSITIVE);
+        Curve { from, to, along, chord }
+    }
+
+    /// Cubic from `from` to `to`, its first tangent between normal and chord.
+    fn at(&self, t: f64) -> Vec3 {
+        let straight = sub(self.to, self.from);
+        let start = add(scale(self.along, 0.6 * self.chord), scale(straight, 0.4));
+        let bend = sub(start, straight);
+        // Hermite's basis function of the start tangent, minus the straight line.
+        add(add(self.from, scale(straight, t)), scale(bend, t * (1.0 - t) * (1.0 - t)))
+    }
+}
+
+/// `layers + 1` values from 0 to 1 whose first step is `first`, growing by a
+/// constant ratio; evenly spaced where `first` is larger than that.
+fn stretch(first: f64, layers: usize) -> Vec<f64> {
+    let sum = |ratio: f64| (0..layers).fold(0.0, |s, _| s * ratio + 1.0);
+    let (mut low, mut high) = (1.0, 1.0);
+    if sum(1.0) * first < 1.0 && layers > 1 {
+        while sum(high) * first < 1.0 {
+            high *= 1.5;
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if sum(middle) * first < 1.0 { low = middle } else { high = middle }
+        }
+    }
+    let ratio = 0.5 * (low + high);
+    let total = sum(ratio);
+    let mut values = vec![0.0];
+    let mut step = 1.0 / total;
+    for l in 0..layers {
+        values.push(values[l] + step);
+        step *= ratio;
+    }
+    values[layers] = 1.0;
+    values
+}
+
+/// Smooth map of the cube to the ball of radius 1.
+fn ball([x, y, z]: Vec3) -> Vec3 {
+    let f = |x: f64, y: f64, z: f64| x * (1.0 - 0.5 * (y * y + z * z) + y * y * z * z / 3.0).max(0.0).sqrt();
+    [f(x, y, z), f(y, z, x), f(z, x, y)]
+}
+
+/// The unit sphere's point for a point of the cube's surface, at equal angles.
+fn sphere(cube: Vec3) -> Vec3 {
+    let t = cube.map(|c| (std::f64::consts::FRAC_PI_4 * c).tan());
+    scale(t, 1.0 / norm(t))
+}
+
+fn bounds(x: &[Vec3]) -> (Vec3, Vec3) {
+    let lo = x.iter().fold([f64::MAX; 3], |m, p| std::array::from_fn(|i| m[i].min(p[i])));
+    let hi = x.iter().fold([f64::MIN; 3], |m, p| std::array::from_fn(|i| m[i].max(p[i])));
+    (lo, hi)
+}
+
+fn fill_vents(blocks: &Blocks, x: &mut [Vec3]) {
+    for b in blocks.open_levels() {
+        for k in 0..4 {
+            let [p, q] = [0, blocks.across].map(|z| x[blocks.zipper(k, z, b) as usize]);
+            for z in 1..blocks.across {
+                let t = z as f64 / blocks.across as f64;
+                x[blocks.zipper(k, z, b) as usize] = add(scale(p, 1.0 - t), scale(q, t));
+            }
+        }
+    }
+}
+
+/// Neighbours along the surface's edges.
+fn surface_links(blocks: &Blocks) -> crate::Graph {
+    let edges = blocks.quads.iter().flat_map(|q| (0..4).map(move |i| [q[i], q[(i + 1) % 4]]));
+    crate::Graph::from_pairs(blocks.surface, edges)
+}
+
+/// Skirt and cap: a harmonic map of the mouth in plan, bulging downwards.
+fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
+    let n = blocks.n;
+    let hem: Vec<u32> = (0..4 * n).map(|i| blocks.side(i / n, i % n, blocks.hem())).collect();
+    let mean = hem.iter().fold([0.0; 3], |m, &s| add(m, scale(x[s as usize], 0.25 / n as f64)));
+    let radius =
+        hem.iter().map(|&s| (x[s as usize][0] - mean[0]).hypot(x[s as usize][1] - mean[1])).sum::<f64>()
+            / (4 * n) as f64;
+    let rings = (blocks.levels - blocks.hem()) as f64 + 0.5 * n as f64;
+    let mut free = Vec::new();
+    for b in blocks.hem() + 1..=blocks.levels {
+        for i in 0..4 * n {
+            let s = blocks.side(i / n, i % n, b);
+            let rim = x[hem[i] as usize];
+            let t = (b - blocks.hem()) as f64 / rings;
+            x[s as usize] = add(scale(rim, 1.0 - t), scale(mean, t));
+            free.push(s);
+        }
+    }
+    for j in 1..n {
+        for i in 1..n {
+            // From the cap's own edge towards the middle, by the larger coordinate.
+            let [u, v] = [i, j].map(|a| 2.0 * a as f64 / n as f64 - 1.0);
+            let size = u.abs().max(v.abs()).max(1e-9);
+            let on_edge = |w: f64| (((w / size + 1.0) * 0.5 * n as f64).round() as usize).min(n);
+            let rim = x[blocks.cap(on_edge(u), on_edge(v)) as usize];
+            let s = blocks.cap(i, j);
+            x[s as usize] = add(scale(rim, size), scale(mean, 1.0 - size));
+            free.push(s);
+        }
+    }
+    // Jacobi sweeps, which keep the canopy's symmetry; the start is close already.
+    let mut next = vec![[0.0; 3]; free.len()];
+    for _ in 0..2 * n {
+        for (next, &s) in next.iter_mut().zip(&free) {
+            let around = links.of(s as usize);
+            let sum = around.iter().fold([0.0; 3], |m, &t| add(m, x[t as usize]));
+            *next = scale(sum, 1.0 / around.len() as f64);
+        }
+        for (next, &s) in next.iter().zip(&free) {
+            x[s as usize] = *next;
+        }
+    }
+    // The bulge: an ellipsoid below the hem's radius in each direction.
+    for &s in &free {
+        let p = x[s as usize];
+        let out = ((p[0] - mean[0]).hypot(p[1] - mean[1]) / radius).min(1.0);
+        x[s as usize][2] -= BULGE * radius * (1.0 - out * out).max(0.0).sqrt();
+    }
+}
+
+/// Unit normals of the surface's nodes, out of the canopy, smoothed a little.
+fn normals(blocks: &Blocks, x: &[Vec3], links: &crate::Graph) -> Vec<Vec3> {
+    let mut sum = vec![[0.0; 3]; x.len()];
+    for q in &blocks.quads {
+        let [a, b, c, d] = q.map(|s| x[s as usize]);
+        let area = cross(sub(c, a), sub(d, b));
+        for (i, &s) in q.iter().enumerate() {
+            if !q[..i].contains(&s) {
+                sum[s as usize] = add(sum[s as usize], area);
+            }
+        }
+    }
+    let unit = |v: Vec3| if norm(v) > 0.0 { scale(v, 1.0 / norm(v)) } else { v };
+    let mut own: Vec<Vec3> = sum.into_iter().map(unit).collect();
+    for _ in 0..2 {
+        own = (0..x.len())
+            .map(|s| {
+                let near = links.of(s).iter().fold([0.0; 3], |m, &t| add(m, own[t as usize]));
+                let mixed = unit(add(own[s], scale(near, 1.0 / links.of(s).len() as f64)));
+                if dot(mixed, own[s]) > 0.0 { mixed } else { own[s] }
+            })
+            .collect();
+    }
+    own
+}
