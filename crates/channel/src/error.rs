@@ -129,6 +129,14 @@ pub enum ServeError {
         /// What went wrong.
         fault: Fault,
     },
+    /// The run failed elsewhere, and the coupler said so.
+    #[error("the run was ended in {during}: {message}")]
+    Aborted {
+        /// What the coupler reported.
+        message: String,
+        /// Window and iteration, or another step of the run.
+        during: String,
+    },
     /// The coupler's process is gone.
     #[error("the coupler of session `{session}` (process {pid}) died in {during}")]
     CouplerDied {

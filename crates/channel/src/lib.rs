@@ -7,14 +7,22 @@
 
 mod args;
 mod error;
+mod handshake;
+mod header;
 mod hub;
 mod message;
 mod participant;
+mod post;
 mod serve;
+mod session;
+mod transport;
+mod wire;
 
 pub use args::*;
 pub use error::*;
+pub use header::{Header, Kind, MAGIC, Unit, role_code};
 pub use hub::*;
 pub use message::*;
 pub use participant::*;
 pub use serve::*;
+pub use session::{cleanup, cleanup_stale, session_files};

@@ -1,10 +1,17 @@
 //! The loop of one rank of a participant.
 
-use std::time::Duration;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::{Duration, Instant};
 
 use case::Role;
 
-use crate::{Participant, ServeError};
+use crate::header::{COUPLER, Kind, Unit, text_words, unpack_text};
+use crate::post::Post;
+use crate::session::panic_fault;
+use crate::transport::{Message, Receiver, Sender};
+use crate::wire::{Hello, Welcome, decode_rows, during, to_json};
+use crate::{CONTRACT_VERSION, Fault, Grid, Input, Participant, ServeError, Stats, Window};
 
 /// Which rank serves, and where.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +37,9 @@ pub struct ServeEnd {
     pub windows: u64,
 }
 
+/// Numbers that any answer channel can carry, so that messages to people fit.
+const TEXT_WORDS: usize = 1024;
+
 /// Serves one rank of a program from the handshake to the coupler's `stop`.
 ///
 /// Each rank of the program calls this with its own participant. While it waits
@@ -38,6 +48,484 @@ pub struct ServeEnd {
 /// other than zero (under MPI without `MPI_Finalize`, so that `mpirun` ends the
 /// other ranks).
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
-    let _ = (participant, at);
-    todo!()
+    let post = Post::join(at, at.deadline)?;
+    let mut desk = Desk::open(participant, post)?;
+    desk.handshake()?;
+    desk.run(participant)
+}
+
+/// Tells the coupler that this rank cannot even begin (its scene, mesh or state
+/// is faulty), so that its one message names the cause. Does nothing where no
+/// coupler is there.
+pub fn report(at: &ServeOptions, fault: &Fault) {
+    let Ok(post) = Post::join(at, Some(Duration::from_millis(200))) else { return };
+    let _ = post.answer_sender(TEXT_WORDS).and_then(|answers| {
+        answers.send_text(post.header(Kind::Fault, 0), &fault.message)?;
+        post.coupler_bell.ring();
+        // The coupler connects to a new sender when it next looks: stay until then.
+        std::thread::sleep(Duration::from_millis(300));
+        Ok(())
+    });
+}
+
+/// Runs a call of the participant; a panic becomes a fault.
+fn guarded<T>(call: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+    catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(panic_fault(panic)))
+}
+
+/// The place of one rank in a session: its channels, and where it stands.
+struct Desk {
+    post: Post,
+    answers: Sender,
+    commands: Receiver,
+    /// Where the mesh puts its grid.
+    grid_out: Option<Sender>,
+    /// Held until the first window: its readers may be late.
+    layout_out: Option<Sender>,
+    link: GridLink,
+    welcome: Welcome,
+    output_rows: Vec<u64>,
+    grid_rows: Vec<u64>,
+    /// Number of the last command, and what it was.
+    sequence: u64,
+    step: (Kind, Window),
+}
+
+/// What a rank of the flow needs to read the grid where the mesh wrote it.
+#[derive(Default)]
+struct GridLink {
+    pieces: Vec<Receiver>,
+    /// Piece and row of each of the reader's rows.
+    index: Vec<(u32, u32)>,
+}
+
+impl Desk {
+    /// Asks the participant who it is, and announces it.
+    fn open(participant: &mut dyn Participant, post: Post) -> Result<Self, ServeError> {
+        let role = post.at.role;
+        let (name, spec) = post.roster.command(role);
+        let commands = post.link.join(&name, spec)?.receiver()?;
+        let asked =
+            guarded(|| Ok((participant.announce(), participant.output_rows(), participant.grid_rows())));
+        let step = (Kind::Announce, Window::default());
+        let (announcement, output_rows, grid_rows) = match asked {
+            Ok(asked) => asked,
+            Err(fault) => return Err(post.fail(&post.answer_sender(TEXT_WORDS)?, 0, &step, fault)),
+        };
+        let hello = to_json(&Hello {
+            contract: CONTRACT_VERSION,
+            stage: post.at.stage,
+            rank: post.at.rank,
+            ranks: post.at.ranks,
+            pid: std::process::id(),
+            output_rows: output_rows.len() as u64,
+            grid_rows: grid_rows.len() as u64,
+            announcement,
+        })?;
+        let output = output_rows.len() * Unit::of_output(role).width();
+        let grid_out = if role == Role::Mesh {
+            let (name, spec) = post.roster.grid(post.at.rank);
+            Some(post.link.join(&name, spec)?.sender(output.max(1))?)
+        } else {
+            None
+        };
+        let answer = if grid_out.is_some() { 0 } else { output };
+        let answers = post.answer_sender(answer.max(TEXT_WORDS).max(text_words(&hello)))?;
+        answers.send_text(post.header(Kind::Announce, 0), &hello)?;
+        post.coupler_bell.ring();
+        Ok(Self {
+            post,
+            answers,
+            commands,
+            grid_out,
+            layout_out: None,
+            link: GridLink::default(),
+            welcome: Welcome::default(),
+            output_rows,
+            grid_rows,
+            sequence: 0,
+            step,
+        })
+    }
+
+    fn handshake(&mut self) -> Result<(), ServeError> {
+        let command = self.expect(Kind::Welcome)?;
+        let text = unpack_text(command.payload(), command.header().bytes).unwrap_or_default();
+        drop(command);
+        self.welcome = match serde_json::from_str(&text) {
+            Ok(welcome) => welcome,
+            Err(e) => return Err(self.broken(format!("the coupler's welcome cannot be read: {e}"))),
+        };
+        let (role, rank) = (self.post.at.role, self.post.at.rank);
+        let mut layouts = Vec::new();
+        if role == Role::Flow {
+            for mesh_rank in 0..self.welcome.mesh_rows.len() {
+                let (name, spec) = self.post.roster.grid(mesh_rank);
+                self.link.pieces.push(self.post.link.join(&name, spec)?.receiver()?);
+                let (name, spec) = self.post.roster.layout(Role::Mesh, mesh_rank);
+                layouts.push(self.post.link.join(&name, spec)?.receiver()?);
+            }
+        }
+        self.done()?;
+
+        drop(self.expect(Kind::SendLayout)?);
+        let (name, spec) = self.post.roster.layout(role, rank);
+        let rows = self.output_rows.len() + self.grid_rows.len();
+        let sender = self.post.link.join(&name, spec)?.sender(rows.max(1))?;
+        let mut loan = sender.loan(rows)?;
+        for (word, &row) in loan.payload().iter_mut().zip(self.output_rows.iter().chain(&self.grid_rows)) {
+            *word = row as f64;
+        }
+        let header = self.post.header(Kind::Layout, self.sequence).with_payload(Unit::Rows, rows);
+        let readers = if role == Role::Mesh { self.welcome.grid_readers } else { 0 };
+        let got = loan.send(header)?;
+        self.delivered(Kind::Layout, got, 1 + readers)?;
+        self.layout_out = Some(sender);
+        self.post.ring_readers();
+        if !layouts.is_empty() {
+            self.link.index = self.index_grid(&layouts)?;
+        }
+        self.done()
+    }
+
+    /// Piece and row of each grid node that this rank reads.
+    fn index_grid(&self, layouts: &[Receiver]) -> Result<Vec<(u32, u32)>, ServeError> {
+        let mut place = std::collections::HashMap::with_capacity(self.grid_rows.len());
+        place.extend(self.grid_rows.iter().map(|&row| (row, (u32::MAX, 0))));
+        for (rank, layout) in layouts.iter().enumerate() {
+            let message = self.wait(|| Ok(layout.receive()?))?;
+            let rows = self.welcome.mesh_rows[rank] as usize;
+            let problem = self.post.problem(&message, Role::Mesh, rank, Kind::Layout, Unit::Rows, None);
+            let owned = message.payload().get(..rows).and_then(decode_rows);
+            let (None, Some(owned)) = (&problem, owned) else {
+                let problem = problem.unwrap_or_else(|| "rows that are no row numbers".into());
+                return Err(self.broken(format!("layout of the mesh-mover (rank {rank}): {problem}")));
+            };
+            for (i, row) in owned.iter().enumerate() {
+                if let Some(place) = place.get_mut(row) {
+                    *place = (rank as u32, i as u32);
+                }
+            }
+        }
+        let index: Vec<_> = self.grid_rows.iter().map(|row| place[row]).collect();
+        match index.iter().position(|&(piece, _)| piece == u32::MAX) {
+            None => Ok(index),
+            Some(i) => {
+                let row = self.grid_rows[i];
+                Err(self.broken(format!(
+                    "grid node {row}, which this rank reads, is on no rank of the mesh-mover"
+                )))
+            }
+        }
+    }
+
+    /// Serves windows until the coupler stops the run.
+    fn run(mut self, participant: &mut dyn Participant) -> Result<ServeEnd, ServeError> {
+        let mut windows = Windows::default();
+        loop {
+            let command = self.next()?;
+            let (kind, w) = self.step;
+            match kind {
+                Kind::Advance => {
+                    self.layout_out = None;
+                    if let Some(problem) = windows.advance(&w) {
+                        return Err(self.broken(problem));
+                    }
+                    self.advance(participant, &command, &w)?;
+                }
+                Kind::Accept => {
+                    if let Some(problem) = windows.accept(&w) {
+                        return Err(self.broken(problem));
+                    }
+                    self.call(|| participant.accept(&w))?;
+                }
+                Kind::Save | Kind::Snapshot => {
+                    let Some(folder) = unpack_text(command.payload(), command.header().bytes) else {
+                        return Err(self.broken("a folder whose name is no text".into()));
+                    };
+                    let folder = Path::new(&folder);
+                    if kind == Kind::Save {
+                        self.call(|| participant.save(folder))?;
+                    } else {
+                        self.call(|| participant.snapshot(w.time, folder))?;
+                    }
+                }
+                Kind::Stop => {
+                    self.done()?;
+                    return Ok(ServeEnd { windows: windows.accepted });
+                }
+                _ => return Err(self.broken(format!("`{kind:?}` between windows"))),
+            }
+        }
+    }
+
+    /// One window: input read in place, output written in place.
+    fn advance(
+        &self,
+        participant: &mut dyn Participant,
+        command: &Message,
+        w: &Window,
+    ) -> Result<(), ServeError> {
+        let role = self.post.at.role;
+        let input = self.welcome.input_length as usize;
+        let unit = Unit::of_input(role);
+        if command.payload().len() != input || command.header().unit != unit as u32 {
+            let (n, code) = (command.payload().len(), command.header().unit);
+            return Err(self.broken(format!(
+                "input of {n} numbers in unit {code}, expected {input} in unit {} ({unit:?})",
+                unit as u32
+            )));
+        }
+        let pieces = self.grid_pieces(w)?;
+        let pieces: Vec<&[f64]> = pieces.iter().map(Message::payload).collect();
+        let input =
+            Input { canopy: command.payload(), grid: Grid { pieces: &pieces, index: &self.link.index } };
+
+        let unit = Unit::of_output(role);
+        let words = self.output_rows.len() * unit.width();
+        let mut loan = self.grid_out.as_ref().unwrap_or(&self.answers).loan(words)?;
+        let start = Instant::now();
+        let result = guarded(|| participant.advance(w, &input, loan.payload()))
+            .and_then(|stats| self.finite(loan.payload(), unit.width(), &stats).map(|()| stats));
+        let mut stats = match result {
+            Ok(stats) => stats,
+            Err(fault) => {
+                // Only one message can be in the making.
+                drop(loan);
+                return Err(self.post.fail(&self.answers, self.sequence, &self.step, fault));
+            }
+        };
+        stats.busy_s = start.elapsed().as_secs_f64();
+
+        let mut answer = self.post.header(Kind::Output, self.sequence).with_window(*w);
+        answer.stats = stats;
+        if self.grid_out.is_some() {
+            let mut grid = self.post.header(Kind::Grid, self.sequence).with_payload(unit, words);
+            grid.window = *w;
+            let got = loan.send(grid)?;
+            let readers = self.welcome.grid_readers + usize::from(self.welcome.coupler_reads_grid);
+            self.delivered(Kind::Grid, got, readers)?;
+            self.post.ring_readers();
+            self.answer(self.answers.send(answer)?)
+        } else {
+            self.answer(loan.send(answer.with_payload(unit, words))?)
+        }
+    }
+
+    /// The grid of window `w`, one message for each rank of the mesh.
+    fn grid_pieces(&self, w: &Window) -> Result<Vec<Message>, ServeError> {
+        let mut pieces = Vec::with_capacity(self.link.pieces.len());
+        for (rank, receiver) in self.link.pieces.iter().enumerate() {
+            let message = self.wait(|| {
+                while let Some(message) = receiver.receive()? {
+                    let found = message.header().window;
+                    match (found.index, found.iteration).cmp(&(w.index, w.iteration)) {
+                        // Of an iteration that the coupler did not ask the flow for.
+                        std::cmp::Ordering::Less => continue,
+                        std::cmp::Ordering::Equal => return Ok(Some(message)),
+                        std::cmp::Ordering::Greater => {
+                            return Err(self.broken(format!(
+                                "the mesh-mover (rank {rank}) is ahead, in {}",
+                                during(Kind::Grid, &found)
+                            )));
+                        }
+                    }
+                }
+                if let Some(command) = self.commands.receive()? {
+                    return Err(self.end_early(&command));
+                }
+                Ok(None)
+            })?;
+            let length = self.welcome.mesh_rows[rank] as usize * Unit::Grid.width();
+            if let Some(problem) =
+                self.post.problem(&message, Role::Mesh, rank, Kind::Grid, Unit::Grid, Some(length))
+            {
+                return Err(self.broken(format!("grid of the mesh-mover (rank {rank}): {problem}")));
+            }
+            pieces.push(message);
+        }
+        Ok(pieces)
+    }
+
+    /// An output that may leave the program.
+    fn finite(&self, output: &[f64], width: usize, stats: &Stats) -> Result<(), Fault> {
+        if let Some(i) = output.iter().position(|x| !x.is_finite()) {
+            let (row, component) = (self.output_rows[i / width], i % width);
+            return Err(Fault::new(format!(
+                "component {component} of output row {row} is {} (NaN also where it was not written): \
+                 the solution has diverged or the row was left out",
+                output[i]
+            )));
+        }
+        if let Some(i) = stats.values.iter().position(|x| !x.is_finite()) {
+            return Err(Fault::new(format!(
+                "statistic {i} is {}: the solution has diverged",
+                stats.values[i]
+            )));
+        }
+        Ok(())
+    }
+
+    /// A call of the participant that is answered with `Done`.
+    fn call(&self, call: impl FnOnce() -> Result<(), Fault>) -> Result<(), ServeError> {
+        match guarded(call) {
+            Ok(()) => self.done(),
+            Err(fault) => Err(self.post.fail(&self.answers, self.sequence, &self.step, fault)),
+        }
+    }
+
+    fn done(&self) -> Result<(), ServeError> {
+        self.answer(self.answers.send(self.post.header(Kind::Done, self.sequence).with_window(self.step.1))?)
+    }
+
+    fn answer(&self, got: usize) -> Result<(), ServeError> {
+        self.delivered(Kind::Output, got, 1)?;
+        self.post.coupler_bell.ring();
+        Ok(())
+    }
+
+    fn delivered(&self, kind: Kind, got: usize, expected: usize) -> Result<(), ServeError> {
+        if got == expected {
+            return Ok(());
+        }
+        // A reader that is gone is the more likely, and the better, reason.
+        if !self.post.coupler.is_held() {
+            return Err(self.post.coupler_died(&self.step));
+        }
+        Err(self.broken(format!("`{kind:?}` reached {got} of {expected} readers")))
+    }
+
+    /// The next command, waited for asleep.
+    fn next(&mut self) -> Result<Message, ServeError> {
+        let command = self.wait(|| Ok(self.commands.receive()?))?;
+        let header = *command.header();
+        if let Some(problem) = header.problem(self.post.id, COUPLER, 0, command.payload().len()) {
+            return Err(self.broken(problem));
+        }
+        if header.sequence != self.sequence + 1 {
+            return Err(self.broken(format!("command {} after command {}", header.sequence, self.sequence)));
+        }
+        match Kind::from_code(header.kind) {
+            Some(Kind::Abort | Kind::Refuse) => return Err(self.end_early(&command)),
+            Some(kind) => self.step = (kind, header.window),
+            None => return Err(self.broken(format!("a command of unknown kind {}", header.kind))),
+        }
+        self.sequence += 1;
+        Ok(command)
+    }
+
+    fn expect(&mut self, kind: Kind) -> Result<Message, ServeError> {
+        let command = self.next()?;
+        if self.step.0 == kind {
+            Ok(command)
+        } else {
+            Err(self.broken(format!("`{:?}` where `{kind:?}` was due", self.step.0)))
+        }
+    }
+
+    /// What a command that comes while another is being carried out means.
+    fn end_early(&self, command: &Message) -> ServeError {
+        let message = unpack_text(command.payload(), command.header().bytes).unwrap_or_default();
+        match Kind::from_code(command.header().kind) {
+            Some(Kind::Refuse) => ServeError::Refused { message },
+            Some(Kind::Abort) => ServeError::Aborted { message, during: during(self.step.0, &self.step.1) },
+            kind => self.broken(format!("command {kind:?} before the last was answered")),
+        }
+    }
+
+    fn wait<T>(&self, poll: impl FnMut() -> Result<Option<T>, ServeError>) -> Result<T, ServeError> {
+        self.post.wait(&self.step, poll)
+    }
+
+    /// Ends this rank because somebody else broke the contract; the coupler is told.
+    fn broken(&self, problem: String) -> ServeError {
+        self.post.fail(&self.answers, self.sequence, &self.step, Fault::new(&problem));
+        ServeError::Contract { during: during(self.step.0, &self.step.1), problem }
+    }
+}
+
+/// Which windows may come next.
+#[derive(Debug, Default)]
+struct Windows {
+    /// Window and iteration of the last `advance` since the last `accept`.
+    open: Option<(u64, u64)>,
+    /// The last window that was accepted.
+    last: Option<u64>,
+    /// How many were accepted.
+    accepted: u64,
+}
+
+impl Windows {
+    fn advance(&mut self, w: &Window) -> Option<String> {
+        let problem = match (self.open, self.last) {
+            (Some((index, iteration)), _) if w.index != index || w.iteration <= iteration => Some(format!(
+                "window {} iteration {} after window {index} iteration {iteration}, which was not accepted",
+                w.index, w.iteration
+            )),
+            (None, Some(last)) if w.index != last + 1 => {
+                Some(format!("window {} after window {last} was accepted", w.index))
+            }
+            _ if !(w.dt > 0.0 && w.dt.is_finite() && w.time.is_finite()) => {
+                Some(format!("a window from {} s of {} s", w.time, w.dt))
+            }
+            _ => None,
+        };
+        self.open = Some((w.index, w.iteration));
+        problem
+    }
+
+    fn accept(&mut self, w: &Window) -> Option<String> {
+        match self.open.take() {
+            Some((index, _)) if index == w.index => {
+                self.last = Some(index);
+                self.accepted += 1;
+                None
+            }
+            open => Some(format!("window {} is to be accepted, computed was {open:?}", w.index)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn window(index: u64, iteration: u64) -> Window {
+        Window { index, iteration, dt: 0.1, ..Window::default() }
+    }
+
+    #[test]
+    fn windows_come_in_turn() {
+        let mut s = Windows::default();
+        // A restarted run begins anywhere.
+        assert_eq!(s.advance(&window(7, 0)), None);
+        assert_eq!(s.advance(&window(7, 1)), None);
+        assert_eq!(s.advance(&window(7, 4)), None);
+        assert_eq!(s.accept(&window(7, 4)), None);
+        assert_eq!(s.advance(&window(8, 0)), None);
+        assert_eq!(s.accept(&window(8, 0)), None);
+        assert_eq!(s.accepted, 2);
+    }
+
+    #[test]
+    fn windows_out_of_turn_are_refused() {
+        type Step = fn(&mut Windows) -> Option<String>;
+        let cases: [(Step, &str); 6] = [
+            (|s| s.advance(&window(3, 2)), "window 3 iteration 2 after window 3 iteration 2"),
+            (|s| s.advance(&window(3, 1)), "after window 3 iteration 2"),
+            (|s| s.advance(&window(4, 0)), "which was not accepted"),
+            (|s| s.accept(&window(4, 0)), "window 4 is to be accepted"),
+            (|s| s.accept(&window(3, 2)).or_else(|| s.accept(&window(3, 2))), "computed was None"),
+            (|s| s.accept(&window(3, 2)).or_else(|| s.advance(&window(5, 0))), "window 5 after window 3"),
+        ];
+        for (step, text) in cases {
+            let mut s = Windows::default();
+            assert_eq!(s.advance(&window(3, 2)), None);
+            let problem = step(&mut s).expect(text);
+            assert!(problem.contains(text), "{problem}");
+        }
+        let mut s = Windows::default();
+        assert!(s.advance(&Window { dt: f64::NAN, ..window(0, 0) }).is_some());
+        assert!(Windows::default().advance(&Window::default()).is_some(), "an empty window");
+    }
 }

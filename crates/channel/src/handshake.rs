@@ -1,0 +1,277 @@
+//! The coupler's part of the handshake: who has arrived, and do they fit.
+
+use std::time::{Duration, Instant};
+
+use case::Role;
+
+use crate::header::{Kind, Unit};
+use crate::hub::{Arrivals, Hub, HubOptions, Interface, OnWait, RoleOptions};
+use crate::wire::{Hello, Welcome, decode_rows, to_json};
+use crate::{Abort, CONTRACT_VERSION, HubError, Who, Window};
+
+/// Between two calls of the caller while participants arrive.
+const TICK: Duration = Duration::from_millis(100);
+
+impl Hub {
+    pub(crate) fn handshake(
+        &mut self,
+        on_wait: &mut dyn FnMut(&Arrivals) -> Result<(), Abort>,
+    ) -> Result<(), HubError> {
+        let start = Instant::now();
+        self.arrivals(start, on_wait)?;
+        if let Err(message) = self.fit() {
+            let roles: Vec<Role> = self.programs.iter().map(|p| p.role).collect();
+            // They are told by the end of the session if not by this.
+            let _ = self.tell(&roles, Kind::Refuse, &Window::default(), &message);
+            return Err(HubError::Refused { message });
+        }
+        let all = self.arrived(start);
+        self.welcome(&mut || on_wait(&all))
+    }
+
+    fn arrived(&self, start: Instant) -> Arrivals {
+        let mut arrivals = Arrivals { seconds: start.elapsed().as_secs_f64(), ..Arrivals::default() };
+        for rank in self.programs.iter().flat_map(|p| &p.ranks) {
+            match &rank.hello {
+                Some(hello) => {
+                    let a = &hello.announcement;
+                    arrivals.arrived.push((rank.who, format!("{} {}", a.program, a.version)));
+                }
+                None => arrivals.missing.push(rank.who),
+            }
+        }
+        arrivals
+    }
+
+    /// Waits for the announcements of all ranks.
+    fn arrivals(
+        &mut self,
+        start: Instant,
+        on_wait: &mut dyn FnMut(&Arrivals) -> Result<(), Abort>,
+    ) -> Result<(), HubError> {
+        loop {
+            let dead = self.dead();
+            self.greet()?;
+            let arrivals = self.arrived(start);
+            on_wait(&arrivals)?;
+            let Some(&missing) = arrivals.missing.first() else { return Ok(()) };
+            if let Some(who) = dead {
+                return Err(HubError::Died { who, during: "the handshake".into() });
+            }
+            if let Some(deadline) = self.options.arrival_deadline.filter(|&d| start.elapsed() >= d) {
+                let seconds = deadline.as_secs_f64();
+                return Err(HubError::Deadline { who: missing, during: "the handshake".into(), seconds });
+            }
+            self.sleep(TICK)?;
+        }
+    }
+
+    /// Checks the announcements against the session and each other.
+    fn fit(&mut self) -> Result<(), String> {
+        let hellos = |role: Role| {
+            let program = self.programs.iter().find(|p| p.role == role);
+            program.into_iter().flat_map(|p| &p.ranks).filter_map(|r| Some((r.who, r.hello.clone()?)))
+        };
+        let all: Vec<(Who, Hello)> = Role::ALL.into_iter().flat_map(hellos).collect();
+        self.interface = check(&self.options, &all)?;
+        let Interface { nodes, faces, .. } = self.interface;
+        for program in &mut self.programs {
+            let unit = Unit::of_input(program.role);
+            let rows = match unit {
+                Unit::LoadPair => faces,
+                Unit::Displacement => nodes,
+                _ => 0,
+            };
+            program.input_length = rows as usize * unit.width();
+        }
+        Ok(())
+    }
+
+    /// Tells each participant of its partners, and has the layouts published.
+    fn welcome(&mut self, on_wait: OnWait<'_>) -> Result<(), HubError> {
+        let roles: Vec<Role> = self.programs.iter().map(|p| p.role).collect();
+        let mesh = self.programs.iter().find(|p| p.role == Role::Mesh);
+        let linked = mesh.is_some() && roles.contains(&Role::Flow);
+        let mesh_rows: Vec<u64> = match mesh {
+            Some(mesh) if linked => {
+                mesh.ranks.iter().filter_map(|r| Some(r.hello.as_ref()?.output_rows)).collect()
+            }
+            _ => Vec::new(),
+        };
+        let grid_readers = if linked { self.roster.ranks(Role::Flow) } else { 0 };
+        for &role in &roles {
+            let input_length = self.program(role)?.input_length as u64;
+            let coupler_reads_grid = self.options.watch_grid;
+            let mesh_rows = mesh_rows.clone();
+            let text = to_json(&Welcome { input_length, mesh_rows, grid_readers, coupler_reads_grid })?;
+            self.tell(&[role], Kind::Welcome, &Window::default(), &text)?;
+        }
+        self.finish(&roles, on_wait)?;
+        self.ask(&roles, Kind::SendLayout, &Window::default(), "", on_wait)?;
+        self.layouts()
+    }
+
+    /// Reads the layouts: each row must be on exactly one rank.
+    fn layouts(&mut self) -> Result<(), HubError> {
+        for p in 0..self.programs.len() {
+            let role = self.programs[p].role;
+            let total = match role {
+                Role::Structure => self.interface.nodes,
+                Role::Flow => self.interface.faces,
+                Role::Mesh => {
+                    self.programs[p].ranks[0].hello.as_ref().map_or(0, |h| h.announcement.grid_nodes)
+                }
+            };
+            let mut owner = Owner::new(total);
+            for r in 0..self.programs[p].ranks.len() {
+                let layout = self.layout(role, r)?;
+                let rank = &mut self.programs[p].ranks[r];
+                let count = rank.hello.as_ref().map_or(0, |h| h.output_rows as usize);
+                let result = decode_rows(&layout)
+                    .ok_or_else(|| "its layout holds a number that is no row".to_string())
+                    .and_then(|rows| owner.claim(r, &rows[..count]).map(|()| rows));
+                match result {
+                    Ok(mut rows) => {
+                        rows.truncate(count);
+                        rank.rows = rows;
+                    }
+                    Err(problem) => return Err(rank.broken(Kind::Layout, &Window::default(), problem)),
+                }
+            }
+            if let Err(problem) = owner.complete() {
+                return Err(self.programs[p].ranks[0].broken(Kind::Layout, &Window::default(), problem));
+            }
+        }
+        for rank in self.programs.iter_mut().flat_map(|p| &mut p.ranks) {
+            rank.settle();
+        }
+        Ok(())
+    }
+}
+
+/// Which rank holds each row.
+struct Owner(Vec<u32>);
+
+const NOBODY: u32 = u32::MAX;
+
+impl Owner {
+    fn new(rows: u64) -> Self {
+        Self(vec![NOBODY; rows as usize])
+    }
+
+    fn claim(&mut self, rank: usize, rows: &[u64]) -> Result<(), String> {
+        let total = self.0.len();
+        for &row in rows {
+            let Some(owner) = self.0.get_mut(row as usize) else {
+                return Err(format!("output row {row} is beyond the {total} rows of the interface"));
+            };
+            if *owner != NOBODY {
+                return Err(format!("output row {row} is on rank {rank} and on rank {owner}"));
+            }
+            *owner = rank as u32;
+        }
+        Ok(())
+    }
+
+    fn complete(&self) -> Result<(), String> {
+        match self.0.iter().position(|&owner| owner == NOBODY) {
+            None => Ok(()),
+            Some(row) => Err(format!("output row {row} is on no rank")),
+        }
+    }
+}
+
+/// Checks what the ranks announce against the session and each other. Returns
+/// the interface they share, or one message that names both sides.
+fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, String> {
+    for (who, hello) in hellos {
+        let spec = options.roles.iter().find(|r| r.role == who.role);
+        check_alone(options, spec.ok_or("a program without a role")?, *who, hello)?;
+    }
+    let mut known = options.interface.map(|i| ("the coupler (from the scene)".to_string(), i));
+    let mut grid: Option<(Who, u64)> = None;
+    for (who, hello) in hellos {
+        let a = &hello.announcement;
+        let here = Interface { nodes: a.canopy_nodes, faces: a.canopy_faces, surface_hash: a.surface_hash };
+        match &known {
+            Some((other, expected)) if *expected != here => {
+                return Err(format!(
+                    "the canopies differ: {other} has {}, {who} has {}: give all programs the same scene \
+                     and version",
+                    canopy(expected),
+                    canopy(&here)
+                ));
+            }
+            Some(_) => {}
+            None => known = Some((who.to_string(), here)),
+        }
+        if who.role != Role::Structure && options.roles.iter().any(|r| r.role == Role::Mesh) {
+            match grid {
+                Some((other, nodes)) if nodes != a.grid_nodes => {
+                    return Err(format!(
+                        "the flow grids differ: {other} has {nodes} nodes, {who} has {}: give both programs \
+                         the same scene and version",
+                        a.grid_nodes
+                    ));
+                }
+                Some(_) => {}
+                None => grid = Some((*who, a.grid_nodes)),
+            }
+        }
+    }
+    known.map(|(_, i)| i).ok_or_else(|| "nobody has arrived".into())
+}
+
+fn canopy(i: &Interface) -> String {
+    format!("{} nodes and {} faces (hash {:016x})", i.nodes, i.faces, i.surface_hash)
+}
+
+fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello) -> Result<(), String> {
+    let a = &hello.announcement;
+    let name = format!("{who} ({} {})", a.program, a.version);
+    let differ = |what: &str, here: String, there: String, remedy: &str| {
+        Err(format!("{name} announces {what} {there}, the coupler expects {here}: {remedy}"))
+    };
+    if hello.contract != CONTRACT_VERSION {
+        return differ(
+            "contract version",
+            CONTRACT_VERSION.to_string(),
+            hello.contract.to_string(),
+            "build both from the same version",
+        );
+    }
+    if a.role != who.role.name() {
+        return differ("role", who.role.name().into(), a.role.clone(), "start the program of that role");
+    }
+    if hello.ranks != spec.ranks {
+        return differ(
+            "rank count",
+            spec.ranks.to_string(),
+            hello.ranks.to_string(),
+            "start it with as many ranks as the scene or `--ranks` says",
+        );
+    }
+    if hello.stage != options.stage {
+        return differ("stage", options.stage.to_string(), hello.stage.to_string(), "pass the same --stage");
+    }
+    let width = Unit::of_output(who.role).width() as u64;
+    if a.output_width != width {
+        return differ("output width", width.to_string(), a.output_width.to_string(), "see docs/contract.md");
+    }
+    let most = hello.output_rows.max(hello.grid_rows);
+    let rows = if who.role == Role::Mesh { a.grid_nodes } else { a.canopy_nodes.max(a.canopy_faces) };
+    if most > rows.max(a.grid_nodes) {
+        return Err(format!("{name} announces {most} rows on one rank, but only {rows} in all"));
+    }
+    let lacking: Vec<&str> =
+        spec.effects.iter().filter(|e| !a.effects.contains(e)).map(String::as_str).collect();
+    if !lacking.is_empty() {
+        return Err(format!(
+            "the scene calls for `{}`, which {name} does not implement (it has: {}): leave the effect out of \
+             the scene or use another program",
+            lacking.join("`, `"),
+            if a.effects.is_empty() { "none".into() } else { a.effects.join(", ") }
+        ));
+    }
+    Ok(())
+}

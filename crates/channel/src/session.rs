@@ -1,0 +1,321 @@
+//! Where a session lives on this machine, who of it is alive, and how it is cleaned.
+//!
+//! A session is a folder `/dev/shm/ripstop-<user>/<key>` and shared-memory files
+//! `/dev/shm/rs<key>_*`, where the key is a hash of the session's name. Each
+//! process holds a lock on a file of its own in the folder for as long as it
+//! lives: the kernel frees it however the process ends, so "is it alive" needs no
+//! process numbers, which are reused and differ between containers.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write as _};
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Fault, SessionError};
+
+const MEMORY: &str = "/dev/shm";
+const LOCK: &str = "lock.";
+
+/// Paths of one session.
+#[derive(Clone, Debug)]
+pub(crate) struct Place {
+    pub session: String,
+    key: String,
+}
+
+/// What the coupler writes for its participants to find, `session.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Notice {
+    pub contract: u32,
+    pub session: String,
+    /// Identity of this very session, in each header (hexadecimal).
+    pub id: String,
+    pub pid: u32,
+    /// Roles and their ranks.
+    pub roles: Vec<(String, usize)>,
+}
+
+impl Place {
+    pub fn of(session: &str) -> Result<Self, SessionError> {
+        let fine = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
+        if session.is_empty() || session.len() > 64 || !session.bytes().all(fine) {
+            return Err(SessionError::BadName(session.into()));
+        }
+        // 12 hexadecimal digits keep socket paths short; a clash of two names shows in `session.json`.
+        let key = format!("{:016x}", fnv(session.as_bytes()))[..12].to_string();
+        Ok(Self { session: session.into(), key })
+    }
+
+    pub fn folder(&self) -> PathBuf {
+        base().join(&self.key)
+    }
+
+    /// Start of the names of the session's shared-memory files.
+    pub fn prefix(&self) -> String {
+        format!("rs{}_", self.key)
+    }
+
+    pub fn lock_file(&self, holder: &str) -> PathBuf {
+        self.folder().join(format!("{LOCK}{holder}"))
+    }
+
+    fn notice_file(&self) -> PathBuf {
+        self.folder().join("session.json")
+    }
+
+    /// The coupler's notice, if the session is open.
+    pub fn notice(&self) -> Option<Notice> {
+        let notice: Notice = serde_json::from_slice(&fs::read(self.notice_file()).ok()?).ok()?;
+        (notice.session == self.session).then_some(notice)
+    }
+
+    /// Shows the notice to participants, all at once.
+    pub fn publish(&self, notice: &Notice) -> Result<(), SessionError> {
+        let draft = self.folder().join("session.draft");
+        let text = serde_json::to_vec_pretty(notice).map_err(|e| at(&draft)(e.into()))?;
+        let mut file = private().create(true).truncate(true).open(&draft).map_err(at(&draft))?;
+        file.write_all(&text).map_err(at(&draft))?;
+        fs::rename(&draft, self.notice_file()).map_err(at(&draft))
+    }
+
+    /// Makes the session's folder anew and takes the coupler's lock. `Ok(Err(who))`:
+    /// a process of a session of this name still lives.
+    pub fn open(&self) -> Result<Result<Lock, String>, SessionError> {
+        let _guard = lock_base()?;
+        let folder = self.folder();
+        if let Some(who) = holder(&folder) {
+            return Ok(Err(who));
+        }
+        self.remove_files()?;
+        fs::DirBuilder::new().mode(0o700).create(&folder).map_err(at(&folder))?;
+        let lock = Lock::take(&self.lock_file("coupler"))?;
+        lock.ok_or_else(|| SessionError::StillAlive { session: self.session.clone(), who: "coupler".into() })
+            .map(Ok)
+    }
+
+    fn remove_files(&self) -> Result<(), SessionError> {
+        remove_memory(&self.prefix())?;
+        absent_is_fine(fs::remove_dir_all(self.folder())).map_err(at(&self.folder()))
+    }
+
+    /// Removes what is left of the session. An error if a process of it lives.
+    pub fn clean(&self) -> Result<(), SessionError> {
+        if !base().exists() {
+            return remove_memory(&self.prefix());
+        }
+        let guard = lock_base()?;
+        if let Some(who) = holder(&self.folder()) {
+            return Err(SessionError::StillAlive { session: self.session.clone(), who });
+        }
+        self.remove_files()?;
+        // Fails, rightly, while other sessions are there.
+        let _ = fs::remove_dir(base());
+        drop(guard);
+        Ok(())
+    }
+}
+
+/// Removes what is left of `session` in shared memory, after all its processes
+/// have ended; an error names one that has not. A session that never was is fine.
+pub fn cleanup(session: &str) -> Result<(), SessionError> {
+    Place::of(session)?.clean()
+}
+
+/// What a session has in shared memory now: its folder and files. Empty after
+/// its end.
+pub fn session_files(session: &str) -> Result<Vec<PathBuf>, SessionError> {
+    let place = Place::of(session)?;
+    let (folder, prefix) = (place.folder(), place.prefix());
+    let memory = fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten();
+    let files = memory.filter(|e| e.file_name().to_string_lossy().starts_with(&prefix)).map(|e| e.path());
+    Ok(folder.exists().then_some(folder).into_iter().chain(files).collect())
+}
+
+/// Removes what earlier runs of this user left behind when they were killed.
+/// Sessions of which any process lives are left alone. Returns how many were removed.
+pub fn cleanup_stale() -> Result<usize, SessionError> {
+    if !base().exists() {
+        return Ok(0);
+    }
+    let _guard = lock_base()?;
+    let mut removed = 0;
+    let mut live = Vec::new();
+    for entry in fs::read_dir(base()).map_err(at(&base()))?.flatten() {
+        let key = entry.file_name().to_string_lossy().into_owned();
+        let place = Place { session: String::new(), key };
+        if holder(&place.folder()).is_some() {
+            live.push(place.prefix());
+        } else {
+            place.remove_files()?;
+            removed += 1;
+        }
+    }
+    // Shared memory whose folder is gone: its name tells that it was ours.
+    let uid = user();
+    for entry in fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let ours = name.len() > 15
+            && name.starts_with("rs")
+            && name.as_bytes()[14] == b'_'
+            && name[2..14].bytes().all(|b| b.is_ascii_hexdigit())
+            && entry.metadata().is_ok_and(|m| m.is_file() && m.uid() == uid);
+        if ours && !live.iter().any(|p| name.starts_with(p)) {
+            absent_is_fine(fs::remove_file(entry.path())).map_err(at(&entry.path()))?;
+        }
+    }
+    let _ = fs::remove_dir(base());
+    Ok(removed)
+}
+
+fn remove_memory(prefix: &str) -> Result<(), SessionError> {
+    for entry in fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten() {
+        if entry.file_name().to_string_lossy().starts_with(prefix) {
+            absent_is_fine(fs::remove_file(entry.path())).map_err(at(&entry.path()))?;
+        }
+    }
+    Ok(())
+}
+
+fn absent_is_fine(result: io::Result<()>) -> io::Result<()> {
+    match result {
+        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(()),
+        other => other,
+    }
+}
+
+/// Name of a process in `folder` that lives.
+fn holder(folder: &Path) -> Option<String> {
+    fs::read_dir(folder).ok()?.flatten().find_map(|entry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let who = name.strip_prefix(LOCK)?;
+        Watch::on(&entry.path()).is_some_and(|w| w.is_held()).then(|| who.to_string())
+    })
+}
+
+/// A lock held while this process lives.
+#[derive(Debug)]
+pub(crate) struct Lock(#[expect(dead_code, reason = "held, not read")] File);
+
+impl Lock {
+    /// `None`: another process holds it.
+    pub fn take(path: &Path) -> Result<Option<Self>, SessionError> {
+        let file = private().read(true).create(true).open(path).map_err(at(path))?;
+        let mut want = whole_file();
+        // SAFETY: an open descriptor and a valid `flock` for the length of the call.
+        let failed = unsafe { libc::fcntl(file.as_raw_fd(), libc::F_OFD_SETLK, &raw mut want) } != 0;
+        if !failed {
+            return Ok(Some(Self(file)));
+        }
+        match io::Error::last_os_error() {
+            e if matches!(e.raw_os_error(), Some(libc::EAGAIN | libc::EACCES)) => Ok(None),
+            e => Err(at(path)(e)),
+        }
+    }
+}
+
+/// An eye on another process's [`Lock`].
+#[derive(Debug)]
+pub(crate) struct Watch(File);
+
+impl Watch {
+    /// `None`: no such file.
+    pub fn on(path: &Path) -> Option<Self> {
+        File::open(path).ok().map(Self)
+    }
+
+    /// Whether the process that took the lock lives.
+    pub fn is_held(&self) -> bool {
+        let mut answer = whole_file();
+        // SAFETY: an open descriptor and a valid `flock` for the length of the call.
+        let ok = unsafe { libc::fcntl(self.0.as_raw_fd(), libc::F_OFD_GETLK, &raw mut answer) } == 0;
+        ok && answer.l_type != libc::F_UNLCK as libc::c_short
+    }
+}
+
+fn whole_file() -> libc::flock {
+    libc::flock {
+        l_type: libc::F_WRLCK as libc::c_short,
+        l_whence: libc::SEEK_SET as libc::c_short,
+        l_start: 0,
+        l_len: 0,
+        l_pid: 0,
+    }
+}
+
+/// Opens or makes the folder of all sessions of this user and locks it against
+/// other processes that make or clean sessions right now.
+fn lock_base() -> Result<File, SessionError> {
+    let path = base();
+    loop {
+        match fs::DirBuilder::new().mode(0o700).create(&path) {
+            Err(e) if e.kind() != io::ErrorKind::AlreadyExists => return Err(at(&path)(e)),
+            _ => {}
+        }
+        let Ok(found) = fs::symlink_metadata(&path) else { continue };
+        let problem = if !found.is_dir() {
+            "is not a folder"
+        } else if found.uid() != user() {
+            "belongs to another user"
+        } else if found.mode() & 0o077 != 0 {
+            "is open to other users"
+        } else {
+            ""
+        };
+        if !problem.is_empty() {
+            return Err(SessionError::Untrusted { path, problem: problem.into() });
+        }
+        let Ok(folder) = File::open(&path) else { continue };
+        // SAFETY: an open descriptor; the call has no other argument that must be valid.
+        if unsafe { libc::flock(folder.as_raw_fd(), libc::LOCK_EX) } != 0 {
+            match io::Error::last_os_error() {
+                e if e.kind() == io::ErrorKind::Interrupted => continue,
+                e => return Err(at(&path)(e)),
+            }
+        }
+        // Somebody may have removed the folder between opening and locking it.
+        let same = |a: fs::Metadata, b: fs::Metadata| a.ino() == b.ino() && a.dev() == b.dev();
+        if let (Ok(a), Ok(b)) = (folder.metadata(), fs::symlink_metadata(&path))
+            && same(a, b)
+        {
+            return Ok(folder);
+        }
+    }
+}
+
+fn base() -> PathBuf {
+    Path::new(MEMORY).join(format!("ripstop-{}", user()))
+}
+
+fn user() -> u32 {
+    // SAFETY: no arguments, cannot fail.
+    unsafe { libc::geteuid() }
+}
+
+fn private() -> OpenOptions {
+    let mut options = OpenOptions::new();
+    options.write(true).mode(0o600);
+    options
+}
+
+fn at(path: &Path) -> impl FnOnce(io::Error) -> SessionError {
+    let path = path.to_path_buf();
+    move |source| SessionError::File { path, source }
+}
+
+/// FNV-1a.
+pub(crate) fn fnv(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
+/// Text of a caught panic.
+pub(crate) fn panic_fault(panic: Box<dyn std::any::Any + Send>) -> Fault {
+    let text = panic
+        .downcast_ref::<&str>()
+        .map(|s| (*s).to_string())
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".into());
+    Fault::new(format!("panic: {text} (a defect of the program; RUST_BACKTRACE=1 shows the place)"))
+}

@@ -1,0 +1,296 @@
+//! Shared memory between processes: the only module that names iceoryx2.
+//!
+//! A *channel* has one sender and a fixed number of receivers; payloads are
+//! slices of `f64` under a [`Header`], written and read in place. A *bell* wakes
+//! processes that sleep in the kernel. Nothing here waits for a partner to make
+//! room: the contract is lock-step, so a message that does not fit is an error.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+
+use crate::header::{Header, pack_text, text_words};
+use crate::session::Place;
+use crate::{CONTRACT_VERSION, SessionError};
+
+type Ipc = ipc::Service;
+
+// SAFETY: `Header` is `repr(C)`, holds numbers only (no pointers, no padding: a
+// test adds up its fields), and every bit pattern of it is valid.
+unsafe impl ZeroCopySend for Header {
+    // The version makes iceoryx2 refuse a process that was built with another contract.
+    unsafe fn type_name() -> &'static str {
+        HEADER_TYPE
+    }
+}
+
+/// Name under which the header's type is known to the transport, in any language.
+pub(crate) const HEADER_TYPE: &str = "ripstop.Header.v1";
+const _: () = assert!(CONTRACT_VERSION == 1, "HEADER_TYPE must follow CONTRACT_VERSION");
+
+/// A process's (or, in tests, thread's) connection to a session.
+pub(crate) struct Link {
+    node: Node<Ipc>,
+}
+
+/// Sizes of a channel; both ends must state the same.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ChannelSpec {
+    /// Receivers at most.
+    pub receivers: usize,
+    /// The newest message replaces one that was not read. Otherwise it is refused.
+    pub newest_wins: bool,
+}
+
+pub(crate) struct Channel {
+    name: String,
+    service: publish_subscribe::PortFactory<Ipc, [f64], Header>,
+    receivers: usize,
+}
+
+/// Messages that a receiver can hold unread, and hold borrowed.
+const BUFFER: usize = 2;
+
+fn failed<E: std::fmt::Debug>(what: &str) -> impl FnOnce(E) -> SessionError {
+    let what = what.to_string();
+    move |e| SessionError::Transport { what, problem: format!("{e:?}") }
+}
+
+impl Link {
+    pub fn new(place: &Place, name: &str) -> Result<Self, SessionError> {
+        set_log_level_from_env_or(LogLevel::Fatal);
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(place.prefix().as_bytes()).map_err(failed("prefix"))?;
+        let folder = place.folder();
+        let folder = Path::new(folder.as_os_str().as_encoded_bytes()).map_err(failed("folder"))?;
+        config.global.set_root_path(&folder);
+        // A session is removed as a whole when its last process has ended: no
+        // process of it tidies up after another while that may still be read.
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        let node = NodeBuilder::new()
+            .name(&name.try_into().map_err(failed("node name"))?)
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(failed(&format!("node `{name}`")))?;
+        Ok(Self { node })
+    }
+
+    /// The coupler makes a channel.
+    pub fn create(&self, name: &str, spec: ChannelSpec) -> Result<Channel, SessionError> {
+        self.channel(name, spec, true)
+    }
+
+    /// A participant joins a channel.
+    pub fn join(&self, name: &str, spec: ChannelSpec) -> Result<Channel, SessionError> {
+        self.channel(name, spec, false)
+    }
+
+    fn channel(&self, name: &str, spec: ChannelSpec, create: bool) -> Result<Channel, SessionError> {
+        let builder = self
+            .node
+            .service_builder(&name.try_into().map_err(failed(name))?)
+            .publish_subscribe::<[f64]>()
+            .user_header::<Header>()
+            .payload_alignment(Alignment::new(64).expect("a power of two"))
+            .max_publishers(1)
+            .max_subscribers(spec.receivers)
+            .max_nodes(spec.receivers + 2)
+            .subscriber_max_buffer_size(BUFFER)
+            .subscriber_max_borrowed_samples(BUFFER)
+            .history_size(0)
+            .enable_safe_overflow(spec.newest_wins);
+        let service = if create {
+            builder.create().map_err(failed(name))?
+        } else {
+            builder.open().map_err(failed(name))?
+        };
+        Ok(Channel { name: name.into(), service, receivers: spec.receivers })
+    }
+
+    /// The coupler makes a bell.
+    pub fn create_bell(&self, name: &str, sleepers: usize, ringers: usize) -> Result<Bell, SessionError> {
+        self.bell(name, sleepers, ringers, true)
+    }
+
+    /// A participant joins a bell.
+    pub fn join_bell(&self, name: &str, sleepers: usize, ringers: usize) -> Result<Bell, SessionError> {
+        self.bell(name, sleepers, ringers, false)
+    }
+
+    fn bell(&self, name: &str, sleepers: usize, ringers: usize, create: bool) -> Result<Bell, SessionError> {
+        let builder = self
+            .node
+            .service_builder(&name.try_into().map_err(failed(name))?)
+            .event()
+            .max_listeners(sleepers)
+            .max_notifiers(ringers)
+            .max_nodes(sleepers + ringers + 1)
+            .event_id_max_value(1);
+        let service = if create {
+            builder.create().map_err(failed(name))?
+        } else {
+            builder.open().map_err(failed(name))?
+        };
+        Ok(Bell { name: name.into(), service })
+    }
+}
+
+impl Channel {
+    /// The sending end for messages of at most `words` numbers.
+    pub fn sender(&self, words: usize) -> Result<Sender, SessionError> {
+        let publisher = self
+            .service
+            .publisher_builder()
+            .initial_max_slice_len(words)
+            .max_loaned_samples(1)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            // In lock-step at most: one borrowed, two unread, one replaced, one loaned.
+            .override_sample_preallocation(|worst| worst.min(2 * BUFFER + 2))
+            .create()
+            .map_err(failed(&format!("sending on `{}`", self.name)))?;
+        Ok(Sender { name: self.name.clone(), publisher, words })
+    }
+
+    pub fn receiver(&self) -> Result<Receiver, SessionError> {
+        let subscriber = self
+            .service
+            .subscriber_builder()
+            .create()
+            .map_err(failed(&format!("receiving on `{}` ({} places)", self.name, self.receivers)))?;
+        Ok(Receiver { name: self.name.clone(), subscriber })
+    }
+}
+
+pub(crate) struct Sender {
+    name: String,
+    publisher: Publisher<Ipc, [f64], Header>,
+    /// Numbers in the longest message.
+    pub words: usize,
+}
+
+/// A message being written in shared memory.
+pub(crate) struct Loan {
+    name: String,
+    sample: iceoryx2::sample_mut::SampleMut<Ipc, [f64], Header>,
+}
+
+impl Sender {
+    /// Shared memory for a message of `words` numbers, all NaN: what the writer
+    /// leaves out shows.
+    pub fn loan(&self, words: usize) -> Result<Loan, SessionError> {
+        let sample = self
+            .publisher
+            .loan_slice_uninit(words)
+            .map_err(failed(&format!("{words} numbers on `{}`", self.name)))?
+            .write_from_fn(|_| f64::NAN);
+        Ok(Loan { name: self.name.clone(), sample })
+    }
+
+    /// Sends a message without numbers. Returns how many receivers got it.
+    pub fn send(&self, header: Header) -> Result<usize, SessionError> {
+        self.loan(0)?.send(header)
+    }
+
+    /// Sends a text, cut to what fits. Returns how many receivers got it.
+    pub fn send_text(&self, header: Header, text: &str) -> Result<usize, SessionError> {
+        let text = crate::header::clipped(text, self.words * 8);
+        let words = text_words(text);
+        let mut loan = self.loan(words)?;
+        pack_text(text, loan.payload());
+        let mut header = header.with_payload(crate::header::Unit::Text, words);
+        header.bytes = text.len() as u64;
+        loan.send(header)
+    }
+}
+
+impl Loan {
+    pub fn payload(&mut self) -> &mut [f64] {
+        self.sample.payload_mut()
+    }
+
+    /// Returns how many receivers got it.
+    pub fn send(mut self, header: Header) -> Result<usize, SessionError> {
+        *self.sample.user_header_mut() = header;
+        self.sample.send().map_err(failed(&format!("sending on `{}`", self.name)))
+    }
+}
+
+pub(crate) struct Receiver {
+    name: String,
+    subscriber: Subscriber<Ipc, [f64], Header>,
+}
+
+/// A received message, borrowed from shared memory until dropped.
+pub(crate) struct Message(iceoryx2::sample::Sample<Ipc, [f64], Header>);
+
+impl Receiver {
+    /// The next message, if one is there.
+    pub fn receive(&self) -> Result<Option<Message>, SessionError> {
+        let sample = self.subscriber.receive().map_err(failed(&format!("receiving on `{}`", self.name)))?;
+        Ok(sample.map(Message))
+    }
+}
+
+impl Message {
+    /// As the sender claims: check it.
+    pub fn header(&self) -> &Header {
+        self.0.user_header()
+    }
+
+    pub fn payload(&self) -> &[f64] {
+        self.0.payload()
+    }
+}
+
+pub(crate) struct Bell {
+    name: String,
+    service: event::PortFactory<Ipc>,
+}
+
+impl Bell {
+    pub fn sleeper(&self) -> Result<Sleeper, SessionError> {
+        let listener = self.service.listener_builder().create();
+        listener.map(Sleeper).map_err(failed(&format!("listening to `{}`", self.name)))
+    }
+
+    pub fn ringer(&self) -> Result<Ringer, SessionError> {
+        let notifier = self.service.notifier_builder().create();
+        notifier.map(Ringer).map_err(failed(&format!("ringing `{}`", self.name)))
+    }
+}
+
+/// Sleeps in the kernel until somebody rings.
+pub(crate) struct Sleeper(Listener<Ipc>);
+
+impl Sleeper {
+    /// Returns after a ring, or after `limit`. A ring from before the call counts.
+    pub fn sleep(&self, limit: Duration) -> Result<(), SessionError> {
+        let end = Instant::now() + limit;
+        loop {
+            // May come back early without a ring.
+            let left = end.saturating_duration_since(Instant::now());
+            let rings = self.0.timed_wait(|_| {}, left).map_err(failed("sleeping"))?;
+            if rings > 0 || left.is_zero() {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// Wakes the sleepers of a bell.
+pub(crate) struct Ringer(Notifier<Ipc>);
+
+impl Ringer {
+    /// A sleeper that is gone is no error here: its lock tells.
+    pub fn ring(&self) {
+        let _ = self.0.notify();
+    }
+}

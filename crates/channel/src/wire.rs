@@ -1,0 +1,114 @@
+//! Names and sizes of a session's services, and the texts of the handshake: the
+//! same on both sides.
+
+use case::Role;
+use serde::{Deserialize, Serialize};
+
+use crate::session::Notice;
+use crate::transport::ChannelSpec;
+use crate::{Announcement, Kind, SessionError, Window};
+
+/// Rank counts of a session, from which all sizes follow.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Roster(pub Vec<(Role, usize)>);
+
+impl Roster {
+    pub fn from_notice(notice: &Notice) -> Option<Self> {
+        let role = |name: &str| Role::ALL.into_iter().find(|r| r.name() == name);
+        notice.roles.iter().map(|(name, ranks)| Some((role(name)?, *ranks))).collect::<Option<_>>().map(Self)
+    }
+
+    pub fn ranks(&self, role: Role) -> usize {
+        self.0.iter().find(|(r, _)| *r == role).map_or(0, |&(_, n)| n)
+    }
+
+    /// Coupler to all ranks of a program.
+    pub fn command(&self, role: Role) -> (String, ChannelSpec) {
+        let spec = ChannelSpec { receivers: self.ranks(role), newest_wins: false };
+        (format!("command/{}", role.name()), spec)
+    }
+
+    /// Rank to coupler.
+    pub fn answer(&self, role: Role, rank: usize) -> (String, ChannelSpec) {
+        (format!("answer/{}.{rank}", role.name()), ChannelSpec { receivers: 1, newest_wins: false })
+    }
+
+    /// Rank to coupler and, for the mesh, ranks of the flow; during the handshake.
+    pub fn layout(&self, role: Role, rank: usize) -> (String, ChannelSpec) {
+        let partners = if role == Role::Mesh { self.ranks(Role::Flow) } else { 0 };
+        let spec = ChannelSpec { receivers: 1 + partners, newest_wins: false };
+        (format!("layout/{}.{rank}", role.name()), spec)
+    }
+
+    /// Rank of the mesh to all ranks of the flow, and to a coupler that watches.
+    /// A grid that nobody asked the flow to read is replaced by the next.
+    pub fn grid(&self, rank: usize) -> (String, ChannelSpec) {
+        let spec = ChannelSpec { receivers: 1 + self.ranks(Role::Flow), newest_wins: true };
+        (format!("grid/{rank}"), spec)
+    }
+
+    /// Wakes the coupler: name, sleepers, ringers.
+    pub fn coupler_bell(&self) -> (&'static str, usize, usize) {
+        ("bell/coupler", 1, self.0.iter().map(|&(_, n)| n).sum())
+    }
+
+    /// Wakes the ranks of a program: name, sleepers, ringers.
+    pub fn bell(&self, role: Role) -> (String, usize, usize) {
+        let partners = if role == Role::Flow { self.ranks(Role::Mesh) } else { 0 };
+        (format!("bell/{}", role.name()), self.ranks(role), 1 + partners)
+    }
+}
+
+/// Text of [`Kind::Announce`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Hello {
+    pub contract: u32,
+    pub stage: usize,
+    pub rank: usize,
+    pub ranks: usize,
+    pub pid: u32,
+    /// Length of [`crate::Participant::output_rows`].
+    pub output_rows: u64,
+    /// Length of [`crate::Participant::grid_rows`].
+    pub grid_rows: u64,
+    pub announcement: Announcement,
+}
+
+/// Text of [`Kind::Welcome`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Welcome {
+    /// Numbers in the payload of each [`Kind::Advance`].
+    pub input_length: u64,
+    /// Rows of each rank of the mesh, where the flow reads the moved grid; else empty.
+    pub mesh_rows: Vec<u64>,
+    /// Ranks of the flow that read the moved grid.
+    pub grid_readers: usize,
+    /// Whether the coupler reads the moved grid too.
+    pub coupler_reads_grid: bool,
+}
+
+/// Where in a run a message belongs, for people.
+pub(crate) fn during(kind: Kind, w: &Window) -> String {
+    match kind {
+        Kind::Advance | Kind::Output | Kind::Grid => {
+            format!("window {} iteration {} (t = {} s)", w.index, w.iteration, w.time)
+        }
+        Kind::Accept => format!("the acceptance of window {}", w.index),
+        Kind::Save => "saving".into(),
+        Kind::Snapshot => "writing pictures".into(),
+        Kind::Stop | Kind::Abort => "the end of the run".into(),
+        _ => "the handshake".into(),
+    }
+}
+
+/// A payload of row numbers coded as doubles; `None` where one is not a row number.
+pub(crate) fn decode_rows(payload: &[f64]) -> Option<Vec<u64>> {
+    const EXACT: f64 = 9_007_199_254_740_992.0;
+    payload.iter().map(|&x| ((0.0..EXACT).contains(&x) && x.fract() == 0.0).then_some(x as u64)).collect()
+}
+
+/// JSON of a text of the handshake.
+pub(crate) fn to_json<T: Serialize>(value: &T) -> Result<String, SessionError> {
+    serde_json::to_string(value)
+        .map_err(|e| SessionError::Transport { what: "handshake".into(), problem: e.to_string() })
+}

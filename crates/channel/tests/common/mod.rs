@@ -1,0 +1,254 @@
+//! Fake participants and a scripted coupler, for tests in one process or in many.
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use case::Role;
+use channel::{
+    Abort, Announcement, Fault, Hub, HubError, HubOptions, Input, Participant, RoleOptions, ServeEnd,
+    ServeError, ServeOptions, Stats, Window, serve, surface_hash,
+};
+
+/// Nodes and faces of the fake canopy, nodes of the fake grid.
+pub const NODES: usize = 35;
+pub const FACES: usize = 24;
+pub const GRID: usize = 101;
+
+/// What a fake does wrong in a given call of `advance` (counted from 0).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Trouble {
+    None,
+    Fault(u32),
+    Panic(u32),
+    Nan(u32),
+    Forget(u32),
+    Stall(u32),
+    Exit(u32),
+}
+
+/// A participant with arithmetic in place of physics: each answer depends on all
+/// that it was given, so a stale or lost message shows in the numbers.
+pub struct Fake {
+    pub role: Role,
+    pub rank: usize,
+    pub ranks: usize,
+    pub announcement: Announcement,
+    pub trouble: Trouble,
+    calls: u32,
+    /// The accepted state, and the last answer.
+    state: f64,
+    last: f64,
+}
+
+impl Fake {
+    pub fn new(role: Role, rank: usize, ranks: usize) -> Self {
+        let announcement = Announcement {
+            role: role.name().into(),
+            program: format!("fake-{}", role.name()),
+            version: "0.0.1".into(),
+            canopy_nodes: NODES as u64,
+            canopy_faces: FACES as u64,
+            surface_hash: surface_hash(&[[0, 1, 2, 3]]),
+            grid_nodes: if role == Role::Structure { 0 } else { GRID as u64 },
+            output_width: width(role) as u64,
+            effects: vec!["fabric.wrinkling".into()],
+        };
+        Self { role, rank, ranks, announcement, trouble: Trouble::None, calls: 0, state: 0.0, last: 0.0 }
+    }
+
+    pub fn with(mut self, trouble: Trouble) -> Self {
+        self.trouble = trouble;
+        self
+    }
+}
+
+pub fn width(role: Role) -> usize {
+    match role {
+        Role::Structure => 3,
+        Role::Flow => 4,
+        Role::Mesh => 6,
+    }
+}
+
+/// Rows are dealt out in turn, backwards, so that no order is trivial.
+pub fn rows(role: Role, rank: usize, ranks: usize) -> Vec<u64> {
+    let total = match role {
+        Role::Structure => NODES,
+        Role::Flow => FACES,
+        Role::Mesh => GRID,
+    };
+    (0..total as u64).rev().filter(|row| *row as usize % ranks == rank).collect()
+}
+
+/// What node `row` of the fake grid holds, given the mean displacement.
+pub fn grid_value(row: u64, component: usize, mean: f64, w: &Window) -> f64 {
+    row as f64 + 0.1 * component as f64 + mean + 1e3 * w.index as f64 + 1e5 * w.iteration as f64
+}
+
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+impl Participant for Fake {
+    fn announce(&self) -> Announcement {
+        self.announcement.clone()
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        rows(self.role, self.rank, self.ranks)
+    }
+
+    fn grid_rows(&self) -> Vec<u64> {
+        // Overlapping parts, as with ghost cells.
+        let wanted = |row: &u64| (row % self.ranks as u64) as usize == self.rank || row.is_multiple_of(5);
+        if self.role == Role::Flow { (0..GRID as u64).filter(wanted).collect() } else { Vec::new() }
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let call = self.calls;
+        self.calls += 1;
+        match self.trouble {
+            Trouble::Fault(n) if n == call => return Err(Fault::new("the fake has had enough")),
+            Trouble::Panic(n) if n == call => panic!("the fake panics"),
+            Trouble::Stall(n) if n == call => thread::sleep(Duration::from_secs(3600)),
+            Trouble::Exit(n) if n == call => std::process::exit(0),
+            _ => {}
+        }
+        let rows = self.output_rows();
+        let width = width(self.role);
+        self.last = self.state + mean(input.canopy) + w.time;
+        for (row, out) in rows.iter().zip(output.chunks_exact_mut(width)) {
+            for (component, x) in out.iter_mut().enumerate() {
+                *x = match self.role {
+                    Role::Structure => self.last + *row as f64 + 0.1 * component as f64,
+                    Role::Mesh => grid_value(*row, component, mean(input.canopy), w),
+                    Role::Flow => *row as f64 + 0.01 * component as f64,
+                };
+            }
+        }
+        if self.role == Role::Flow && !input.grid.is_empty() {
+            let read: Vec<f64> = (0..self.grid_rows().len()).flat_map(|i| *input.grid.row(i)).collect();
+            output.iter_mut().for_each(|x| *x += 1e-3 * mean(&read));
+        }
+        match self.trouble {
+            Trouble::Nan(n) if n == call => output[width + 1] = f64::NAN,
+            Trouble::Forget(n) if n == call => output[0] = f64::from_bits(0x7ff8_0000_0000_0000),
+            _ => {}
+        }
+        let mut stats = Stats::default();
+        stats.values[0] = f64::from(self.calls);
+        Ok(stats)
+    }
+
+    fn accept(&mut self, _: &Window) -> Result<(), Fault> {
+        self.state = self.last;
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let file = folder.join(format!("{}.{}.txt", self.role.name(), self.rank));
+        std::fs::write(&file, format!("{}", self.state))
+            .map_err(|e| Fault::new(format!("{}: {e}", file.display())))
+    }
+
+    fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        let file = folder.join(format!("{}.{}.vtu", self.role.name(), self.rank));
+        std::fs::write(file, format!("{time}")).map_err(Fault::new)
+    }
+}
+
+/// A session name that no other test uses.
+pub fn name(test: &str) -> String {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    format!("{test}-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
+}
+
+pub fn at(session: &str, role: Role, rank: usize, ranks: usize) -> ServeOptions {
+    let deadline = Some(Duration::from_secs(20));
+    ServeOptions { session: session.into(), role, rank, ranks, stage: 0, deadline }
+}
+
+pub fn options(session: &str, roles: &[(Role, usize)]) -> HubOptions {
+    let role = |&(role, ranks): &(Role, usize)| RoleOptions {
+        role,
+        ranks,
+        deadline: Some(Duration::from_secs(20)),
+        effects: Vec::new(),
+    };
+    HubOptions {
+        session: session.into(),
+        roles: roles.iter().map(role).collect(),
+        stage: 0,
+        interface: None,
+        arrival_deadline: Some(Duration::from_secs(20)),
+        watch_grid: false,
+    }
+}
+
+pub type Served = JoinHandle<Result<ServeEnd, ServeError>>;
+
+/// Serves a fake in a thread, as one rank.
+pub fn spawn(session: &str, fake: Fake) -> Served {
+    let at = at(session, fake.role, fake.rank, fake.ranks);
+    spawn_at(at, fake)
+}
+
+pub fn spawn_at(at: ServeOptions, mut fake: Fake) -> Served {
+    thread::spawn(move || serve(&mut fake, &at))
+}
+
+/// All ranks of all roles.
+pub fn spawn_all(session: &str, roles: &[(Role, usize)]) -> Vec<Served> {
+    let ranks = roles.iter().flat_map(|&(role, n)| (0..n).map(move |rank| (role, rank, n)));
+    ranks.map(|(role, rank, n)| spawn(session, Fake::new(role, rank, n))).collect()
+}
+
+/// A wait that only watches the clock: no test hangs.
+pub fn patience() -> impl FnMut() -> Result<(), Abort> {
+    let start = Instant::now();
+    move || if start.elapsed() < Duration::from_secs(30) { Ok(()) } else { Err(Abort::new("the test hangs")) }
+}
+
+pub fn window(index: u64, iteration: u64) -> Window {
+    Window { index, iteration, substeps: 10, time: 0.005 * index as f64, dt: 0.005, ..Window::default() }
+}
+
+/// Gathers a role's output by global row.
+pub fn gather(hub: &mut Hub, role: Role) -> Result<Vec<f64>, HubError> {
+    let w = width(role);
+    let total = rows(role, 0, 1).len();
+    let mut all = vec![f64::NAN; total * w];
+    hub.collect(
+        role,
+        &mut |rows, data| {
+            for (row, values) in rows.iter().zip(data.chunks_exact(w)) {
+                all[*row as usize * w..][..w].copy_from_slice(values);
+            }
+        },
+        &mut patience(),
+    )?;
+    Ok(all)
+}
+
+/// Opens a session and waits for everybody.
+pub fn open(options: HubOptions) -> Result<Hub, HubError> {
+    let mut hub = Hub::create(options)?;
+    let mut patience = patience();
+    hub.await_participants(&mut |_| patience())?;
+    Ok(hub)
+}
+
+/// Names of what a session left in shared memory.
+pub fn leftovers(session: &str) -> Vec<String> {
+    channel::session_files(session).expect("a valid name").iter().map(|p| p.display().to_string()).collect()
+}
+
+/// Every participant ends by `stop`.
+pub fn end_well(threads: Vec<Served>) {
+    for thread in threads {
+        thread.join().expect("no panic").expect("a good end");
+    }
+}
