@@ -1,1 +1,17 @@
-//! Unsteady low-Mach flow on moving grids: finite volumes under MPI
+//! Unsteady low-Mach flow on moving grids: finite volumes under MPI.
+//!
+//! The method follows section 2 of the paper (Weiss-Smith preconditioned
+//! primitive variables, BDF2 with moving control volumes, dual time), on
+//! cell-centred finite volumes of second order:
+//!
+//! * [`physics`]: gas, fluxes, viscosity as functions of small arrays;
+//! * [`geometry`]: closed faces, volumes and swept volumes, exact to round-off;
+//! * [`topology`]: the part of a grid that one rank works on;
+//! * [`implicit`]: what turns a residual into a correction;
+//! * [`Solver`]: one time step of the whole.
+
+pub mod geometry;
+pub mod gradient;
+pub mod implicit;
+pub mod physics;
+pub mod topology;

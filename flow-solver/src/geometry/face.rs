@@ -1,0 +1,119 @@
+//! One face: triangles about its middle, the same seen from both sides.
+//!
+//! A quadrilateral with corners $p_0..p_3$ need not be plane. It stands for the
+//! four triangles $(p_k, p_{k+1}, m)$ about the mean $m$ of its corners, so two
+//! cells that share it agree on its surface and every cell is closed exactly.
+//! A triangle repeats its last corner.
+
+use super::vec3::{Vec3, add, cross, dot, scale, sub};
+
+/// What a face looks like at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaceShape {
+    /// Area vector, m2: exactly that of the boundary polygon.
+    pub area: Vec3,
+    /// Mean of the corners, m: the apex that all its triangles share.
+    pub middle: Vec3,
+    /// Centre of area, m.
+    pub centre: Vec3,
+}
+
+/// Area vector, middle and centre of a face.
+#[inline]
+pub fn shape(p: &[Vec3; 4], triangle: bool) -> FaceShape {
+    if triangle {
+        let middle = scale(1.0 / 3.0, add(add(p[0], p[1]), p[2]));
+        let area = scale(0.5, cross(sub(p[1], p[0]), sub(p[2], p[0])));
+        return FaceShape { area, middle, centre: middle };
+    }
+    let middle = scale(0.25, add(add(p[0], p[1]), add(p[2], p[3])));
+    let area = scale(0.5, cross(sub(p[2], p[0]), sub(p[3], p[1])));
+    // Triangles weighted by their area along the mean normal.
+    let mut moment = [0.0; 3];
+    let mut weight = 0.0;
+    for k in 0..4 {
+        let (a, b) = (sub(p[k], middle), sub(p[(k + 1) % 4], middle));
+        let w = dot(cross(a, b), area);
+        weight += w;
+        moment = add(moment, scale(w / 3.0, add(a, b)));
+    }
+    let shift = if weight > 0.0 { scale(1.0 / weight, moment) } else { [0.0; 3] };
+    FaceShape { area, middle, centre: add(middle, shift) }
+}
+
+/// Volume that a face sweeps along its area vector while its corners move on
+/// straight lines from `old` to `new`, m3.
+///
+/// The velocity is linear on each triangle and its area vector quadratic in
+/// time, so Simpson's rule is exact: the swept volumes of a cell's faces sum to
+/// the change of its volume to round-off (the geometric conservation law).
+#[inline]
+pub fn swept_volume(old: &[Vec3; 4], new: &[Vec3; 4], triangle: bool) -> f64 {
+    if triangle {
+        let (o, n) = ([old[0], old[1], old[2]], [new[0], new[1], new[2]]);
+        return swept_by_triangle(&o, &n);
+    }
+    let middle = |p: &[Vec3; 4]| scale(0.25, add(add(p[0], p[1]), add(p[2], p[3])));
+    let (om, nm) = (middle(old), middle(new));
+    (0..4)
+        .map(|k| {
+            let l = (k + 1) % 4;
+            swept_by_triangle(&[old[k], old[l], om], &[new[k], new[l], nm])
+        })
+        .sum()
+}
+
+#[inline(always)]
+fn swept_by_triangle(old: &[Vec3; 3], new: &[Vec3; 3]) -> f64 {
+    let (a0, b0) = (sub(old[1], old[0]), sub(old[2], old[0]));
+    let (a1, b1) = (sub(new[1], new[0]), sub(new[2], new[0]));
+    // Twice the sum of the area vectors at the ends, and eight times the middle one.
+    let ends = add(cross(a0, b0), cross(a1, b1));
+    let half = cross(add(a0, a1), add(b0, b1));
+    let path = add(add(sub(new[0], old[0]), sub(new[1], old[1])), sub(new[2], old[2]));
+    // (1/3) path . (A0 + 4 Ah + A1) / 6 with A = cross / 2, Ah = half / 8.
+    dot(path, add(ends, half)) / 36.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: [Vec3; 4] = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+
+    #[test]
+    fn plane_rectangle() {
+        let f = shape(&SQUARE, false);
+        assert_eq!(f.area, [0.0, 0.0, 2.0]);
+        assert_eq!(f.centre, [1.0, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn centre_of_a_trapezium() {
+        let p = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let f = shape(&p, false);
+        // Closed form for parallel sides a = 3, b = 1, h = 1: y = h (a + 2 b) / (3 (a + b)).
+        assert!((f.centre[1] - 5.0 / 12.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn translation_sweeps_a_prism() {
+        let d = [0.3, -0.2, 0.7];
+        let moved = SQUARE.map(|p| add(p, d));
+        assert!((swept_volume(&SQUARE, &moved, false) - 2.0 * 0.7).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_polygon_reversed_is_the_same_face() {
+        let p = [[0.0, 0.0, 0.1], [2.0, 0.2, -0.3], [2.1, 1.0, 0.4], [-0.1, 1.2, 0.0]];
+        let q = [[0.1, 0.0, 0.5], [2.2, 0.1, 0.3], [1.9, 1.1, 0.2], [0.1, 1.0, 0.4]];
+        let turn = |p: [Vec3; 4]| [p[0], p[3], p[2], p[1]];
+        let (f, g) = (shape(&p, false), shape(&turn(p), false));
+        for c in 0..3 {
+            assert!((f.area[c] + g.area[c]).abs() < 1e-15);
+            assert!((f.centre[c] - g.centre[c]).abs() < 1e-15);
+        }
+        let forward = swept_volume(&p, &q, false);
+        assert!((forward + swept_volume(&turn(p), &turn(q), false)).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,7 @@
+//! Areas, volumes, centres and swept volumes.
+
+pub mod face;
+mod metrics;
+pub mod vec3;
+
+pub use metrics::{FaceMetric, Metrics};

@@ -1,0 +1,98 @@
+//! Weighted least-squares gradients, exact for linear fields on any grid.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::geometry::Metrics;
+use crate::geometry::vec3::{Vec3, dot, sub};
+use crate::topology::Topology;
+
+/// Gradient of `N` variables: `g[direction][variable]`.
+pub type Gradient<const N: usize> = [[f64; N]; 3];
+
+/// Weights of each neighbour in the gradient of a cell: the rows of the
+/// pseudo-inverse of the distances, weighted by inverse distance squared.
+#[derive(Clone, Debug, Default)]
+pub struct LeastSquares {
+    weight: Vec<Vec3>,
+}
+
+impl LeastSquares {
+    /// Weights for the cells of `topology` with the centres of `metrics`.
+    pub fn new(topology: &Topology, metrics: &Metrics) -> Self {
+        let mut this = Self { weight: vec![[0.0; 3]; topology.adjacency.cell.len()] };
+        this.update(topology, metrics);
+        this
+    }
+
+    /// Recomputes the weights after the grid has moved.
+    pub fn update(&mut self, topology: &Topology, metrics: &Metrics) {
+        let a = &topology.adjacency;
+        for i in 0..topology.n_owned {
+            let row = a.start[i] as usize..a.start[i + 1] as usize;
+            let x = metrics.centre[i];
+            // xx, yy, zz, xy, xz, yz
+            let mut m = [0.0; 6];
+            for k in row.clone() {
+                let d = sub(metrics.centre[a.cell[k] as usize], x);
+                let w = 1.0 / dot(d, d);
+                for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+                    *m += w * d[p] * d[q];
+                }
+                self.weight[k] = [w * d[0], w * d[1], w * d[2]];
+            }
+            let inverse = inverse(m);
+            for w in &mut self.weight[row] {
+                *w = [
+                    inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2],
+                    inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2],
+                    inverse[4] * w[0] + inverse[5] * w[1] + inverse[2] * w[2],
+                ];
+            }
+        }
+    }
+
+    /// Gradients of the owned cells.
+    pub fn apply<const N: usize>(&self, topology: &Topology, q: &[[f64; N]], gradient: &mut [Gradient<N>]) {
+        let a = &topology.adjacency;
+        for (i, g) in gradient[..topology.n_owned].iter_mut().enumerate() {
+            let row = a.start[i] as usize..a.start[i + 1] as usize;
+            let qi = q[i];
+            let mut sum = [[0.0; N]; 3];
+            for (&j, w) in a.cell[row.clone()].iter().zip(&self.weight[row]) {
+                let qj = &q[j as usize];
+                for v in 0..N {
+                    let d = qj[v] - qi[v];
+                    sum[0][v] += w[0] * d;
+                    sum[1][v] += w[1] * d;
+                    sum[2][v] += w[2] * d;
+                }
+            }
+            *g = sum;
+        }
+    }
+}
+
+/// Inverse of a symmetric matrix (xx, yy, zz, xy, xz, yz); where neighbours do
+/// not span a direction, the pseudo-inverse: no gradient along it.
+fn inverse(m: [f64; 6]) -> [f64; 6] {
+    let [a, b, c, d, e, f] = m;
+    let cof = [b * c - f * f, a * c - e * e, a * b - d * d, e * f - c * d, d * f - b * e, d * e - a * f];
+    let det = a * cof[0] + d * cof[3] + e * cof[4];
+    let trace = a + b + c;
+    // Eigenvalues below about 1e-3 of the largest count as absent.
+    if det > 1e-6 * trace * trace * trace {
+        return cof.map(|x| x / det);
+    }
+    let eigen = Matrix3::new(a, d, e, d, b, f, e, f, c).symmetric_eigen();
+    let mut out = [0.0; 6];
+    for k in 0..3 {
+        let l = eigen.eigenvalues[k];
+        if l > 1e-6 * trace {
+            let v: Vector3<f64> = eigen.eigenvectors.column(k).into();
+            for (o, (p, q)) in out.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+                *o += v[p] * v[q] / l;
+            }
+        }
+    }
+    out
+}

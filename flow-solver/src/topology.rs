@@ -1,0 +1,356 @@
+//! The part of a grid that one rank works on.
+//!
+//! Cells are numbered locally: owned ones first, then one layer of ghosts. Faces
+//! are numbered flat: between two cells first, then the outer boundary, then the
+//! canopy. A wall of zero thickness is one face with two sides.
+
+use std::collections::HashMap;
+
+use comm::Numbering;
+use mesh::{FlowGrid, HEX_FACES, Patch};
+
+/// How one side of a boundary face acts on its cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Side {
+    /// Local face.
+    pub face: u32,
+    /// Local (owned) cell.
+    pub cell: u32,
+    /// +1 where the face's area vector points out of the cell, else -1.
+    pub sign: f64,
+    /// Local canopy face, or `u32::MAX` on the outer boundary.
+    pub canopy: u32,
+}
+
+/// Cells, faces and nodes of one rank.
+#[derive(Clone, Debug, Default)]
+pub struct Topology {
+    /// Owned and ghost cells.
+    pub numbering: Numbering,
+    /// Number of owned cells.
+    pub n_owned: usize,
+    /// Global number of each local node.
+    pub node_global: Vec<u64>,
+    /// Local nodes of each owned cell, in VTK order.
+    pub cell_nodes: Vec<[u32; 8]>,
+    /// Local nodes of each face; a triangle repeats its last node.
+    pub face_nodes: Vec<[u32; 4]>,
+    /// First and second cell of each face between cells: the first
+    /// `cells.len()` faces. At least one of them is owned.
+    pub cells: Vec<[u32; 2]>,
+    /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
+    pub slip: Vec<Side>,
+    /// Sides where air sticks to the wall.
+    pub no_slip: Vec<Side>,
+    /// Sides towards undisturbed air.
+    pub far_field: Vec<Side>,
+    /// Sides at zero gauge pressure.
+    pub outlet: Vec<Side>,
+    /// Canopy faces: owned ones (owner: the rank of the inside cell), then those
+    /// of which only the outside cell is owned here.
+    pub canopy: Numbering,
+    /// Face of each local canopy face.
+    pub canopy_face: Vec<u32>,
+    /// Neighbours of owned cells.
+    pub adjacency: Adjacency,
+}
+
+/// Neighbours of the owned cells, in compressed rows.
+#[derive(Clone, Debug, Default)]
+pub struct Adjacency {
+    /// Row `i` is `start[i]..start[i + 1]`.
+    pub start: Vec<u32>,
+    /// Neighbour cell of each entry; rows are sorted.
+    pub cell: Vec<u32>,
+    /// First entry of each row whose cell is larger than the row.
+    pub upper: Vec<u32>,
+    /// First entry of each row whose cell is a ghost.
+    pub ghost: Vec<u32>,
+    /// Entries of each face between cells: in the row of its first and of its
+    /// second cell. A ghost's row does not exist: one entry past the end.
+    pub slot: Vec<[u32; 2]>,
+}
+
+impl Adjacency {
+    fn new(n_owned: usize, cells: &[[u32; 2]]) -> Self {
+        let mut rows: Vec<Vec<(u32, u32, usize)>> = vec![Vec::new(); n_owned];
+        for (f, &[i, j]) in cells.iter().enumerate() {
+            for (a, b, side) in [(i, j, 0), (j, i, 1)] {
+                if (a as usize) < n_owned {
+                    rows[a as usize].push((b, f as u32, side));
+                }
+            }
+        }
+        let mut adjacency = Self { start: vec![0], slot: vec![[u32::MAX; 2]; cells.len()], ..Self::default() };
+        for (i, row) in rows.iter_mut().enumerate() {
+            row.sort_unstable();
+            for &(j, f, side) in row.iter() {
+                adjacency.slot[f as usize][side] = adjacency.cell.len() as u32;
+                adjacency.cell.push(j);
+            }
+            let at = adjacency.start[i];
+            let count = |p: &dyn Fn(u32) -> bool| row.iter().filter(|&&(j, ..)| p(j)).count() as u32;
+            adjacency.upper.push(at + count(&|j| j < i as u32));
+            adjacency.ghost.push(at + count(&|j| j < n_owned as u32));
+            adjacency.start.push(adjacency.cell.len() as u32);
+        }
+        let past = adjacency.cell.len() as u32;
+        adjacency.slot.iter_mut().flatten().filter(|s| **s == u32::MAX).for_each(|s| *s = past);
+        adjacency
+    }
+}
+
+/// A grid that cannot be solved on.
+#[derive(Debug, thiserror::Error)]
+pub enum TopologyError {
+    /// A face of a single cell has no condition.
+    #[error(
+        "face with nodes {nodes:?} of cell {cell} is open: neither a second cell, a boundary patch nor the canopy is there"
+    )]
+    OpenFace {
+        /// Global cell.
+        cell: usize,
+        /// Global nodes.
+        nodes: [u32; 4],
+    },
+    /// More than two cells meet at a face.
+    #[error("more than two cells share the face with nodes {nodes:?} (one of them is cell {cell})")]
+    CrowdedFace {
+        /// Global cell.
+        cell: usize,
+        /// Global nodes.
+        nodes: [u32; 4],
+    },
+    /// A canopy or boundary face that no cell has.
+    #[error("{what} face {index} with nodes {nodes:?} is not a face of {need}")]
+    Stray {
+        /// `canopy` or `boundary`.
+        what: &'static str,
+        /// Its number.
+        index: usize,
+        /// Its nodes.
+        nodes: [u32; 4],
+        /// How many cells it needs.
+        need: &'static str,
+    },
+}
+
+/// Every face of a grid once, with what lies on both sides.
+#[derive(Clone, Debug, Default)]
+pub struct Faces {
+    /// Nodes, first cell (the area points out of it), second cell.
+    pub interior: Vec<([u32; 4], u32, u32)>,
+    /// For each canopy face: nodes (as in the grid), inside cell, outside cell.
+    pub canopy: Vec<([u32; 4], u32, u32)>,
+    /// Nodes turned outwards, cell, patch.
+    pub boundary: Vec<([u32; 4], u32, Patch)>,
+}
+
+/// Corners of a face without repetition: `None` when it has collapsed to a line.
+fn corners(nodes: [u32; 4]) -> Option<[u32; 4]> {
+    let mut c = [0; 4];
+    let mut n = 0;
+    for k in 0..4 {
+        if !c[..n].contains(&nodes[k]) {
+            c[n] = nodes[k];
+            n += 1;
+        }
+    }
+    match n {
+        4 => Some(c),
+        3 => Some([c[0], c[1], c[2], c[2]]),
+        _ => None,
+    }
+}
+
+fn key(nodes: [u32; 4]) -> [u32; 4] {
+    let mut k = nodes;
+    if k[2] == k[3] {
+        k[3] = u32::MAX;
+    }
+    k.sort_unstable();
+    k
+}
+
+/// Whether `b` runs around the same corners in the same sense as `a`.
+fn same_sense(a: [u32; 4], b: [u32; 4]) -> bool {
+    let n = if a[2] == a[3] { 3 } else { 4 };
+    let at = b[..n].iter().position(|&x| x == a[0]).unwrap_or(0);
+    b[(at + 1) % n] == a[1]
+}
+
+impl Faces {
+    /// Finds the faces of `grid`, sorted by first cell.
+    pub fn new(grid: &FlowGrid) -> Result<Self, TopologyError> {
+        let mut all: Vec<([u32; 4], u32, [u32; 4])> = Vec::with_capacity(grid.cells.len() * 6);
+        for (c, cell) in grid.cells.iter().enumerate() {
+            for f in HEX_FACES {
+                if let Some(nodes) = corners(f.map(|k| cell[k])) {
+                    all.push((key(nodes), c as u32, nodes));
+                }
+            }
+        }
+        all.sort_unstable();
+        let stray = |what, index, nodes, need| TopologyError::Stray { what, index, nodes, need };
+        let mut canopy_of: HashMap<[u32; 4], usize> = HashMap::new();
+        for (i, &nodes) in grid.canopy_faces.iter().enumerate() {
+            let c = corners(nodes).ok_or_else(|| stray("canopy", i, nodes, "two cells (it is a line)"))?;
+            canopy_of.insert(key(c), i);
+        }
+        let mut patch_of: HashMap<[u32; 4], usize> = HashMap::new();
+        for (i, &(_, nodes)) in grid.boundary.iter().enumerate() {
+            let c = corners(nodes).ok_or_else(|| stray("boundary", i, nodes, "one cell (it is a line)"))?;
+            patch_of.insert(key(c), i);
+        }
+        let mut faces = Self { canopy: vec![([0; 4], u32::MAX, u32::MAX); grid.canopy_faces.len()], ..Self::default() };
+        let mut boundary_seen = vec![false; grid.boundary.len()];
+        let mut at = 0;
+        while at < all.len() {
+            let end = at + all[at..].iter().take_while(|f| f.0 == all[at].0).count();
+            let (k, cell, nodes) = all[at];
+            match end - at {
+                1 => {
+                    let Some(&i) = patch_of.get(&k) else {
+                        return Err(TopologyError::OpenFace { cell: cell as usize, nodes });
+                    };
+                    boundary_seen[i] = true;
+                    faces.boundary.push((nodes, cell, grid.boundary[i].0));
+                }
+                2 => {
+                    let other = all[at + 1].1;
+                    match canopy_of.get(&k) {
+                        None => faces.interior.push((nodes, cell, other)),
+                        Some(&i) => {
+                            let turned = corners(grid.canopy_faces[i]).unwrap_or(nodes);
+                            let (inside, outside) =
+                                if same_sense(turned, nodes) { (cell, other) } else { (other, cell) };
+                            faces.canopy[i] = (turned, inside, outside);
+                        }
+                    }
+                }
+                _ => return Err(TopologyError::CrowdedFace { cell: cell as usize, nodes }),
+            }
+            at = end;
+        }
+        if let Some(i) = faces.canopy.iter().position(|f| f.1 == u32::MAX) {
+            return Err(stray("canopy", i, grid.canopy_faces[i], "two cells"));
+        }
+        if let Some(i) = boundary_seen.iter().position(|&s| !s) {
+            return Err(stray("boundary", i, grid.boundary[i].1, "one single cell"));
+        }
+        faces.interior.sort_unstable_by_key(|f| (f.1, f.2));
+        faces.boundary.sort_unstable_by_key(|f| f.1);
+        Ok(faces)
+    }
+}
+
+impl Topology {
+    /// What `rank` works on, where `part[cell]` is the owner of each cell.
+    /// `order` lists all cells in the order in which owned ones are numbered.
+    /// `viscous` makes the canopy a no-slip wall.
+    pub fn new(grid: &FlowGrid, faces: &Faces, part: &[u32], order: &[u32], rank: u32, viscous: bool) -> Self {
+        let owned: Vec<u64> = order.iter().filter(|&&c| part[c as usize] == rank).map(|&c| u64::from(c)).collect();
+        let mut ghosts = Vec::new();
+        for &(_, i, j) in &faces.interior {
+            let (pi, pj) = (part[i as usize], part[j as usize]);
+            if pi != pj && pi == rank {
+                ghosts.push((u64::from(j), pj));
+            } else if pi != pj && pj == rank {
+                ghosts.push((u64::from(i), pi));
+            }
+        }
+        let numbering = Numbering::new(owned, ghosts);
+        let n_owned = numbering.n_owned;
+        let local = |c: u32| numbering.local(u64::from(c));
+
+        let mut t = Self { n_owned, ..Self::default() };
+        let mut node_local: HashMap<u32, u32> = HashMap::new();
+        let mut node = |n: u32, list: &mut Vec<u64>| {
+            *node_local.entry(n).or_insert_with(|| {
+                list.push(u64::from(n));
+                list.len() as u32 - 1
+            })
+        };
+        for &c in numbering.owned() {
+            let nodes = grid.cells[c as usize].map(|n| node(n, &mut t.node_global));
+            t.cell_nodes.push(nodes);
+        }
+        let mut interior: Vec<([u32; 4], u32, u32)> = Vec::new();
+        for &(nodes, i, j) in &faces.interior {
+            if let (true, Some(a), Some(b)) =
+                (part[i as usize] == rank || part[j as usize] == rank, local(i), local(j))
+            {
+                interior.push((nodes, a as u32, b as u32));
+            }
+        }
+        // Near in memory what is near in space.
+        interior.sort_by_key(|f| (f.1.min(f.2), f.1.max(f.2)));
+        for (nodes, a, b) in interior {
+            t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
+            t.cells.push([a, b]);
+        }
+        for &(nodes, c, patch) in faces.boundary.iter().filter(|f| part[f.1 as usize] == rank) {
+            let side = Side {
+                face: t.face_nodes.len() as u32,
+                cell: local(c).expect("owned") as u32,
+                sign: 1.0,
+                canopy: u32::MAX,
+            };
+            t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
+            match patch {
+                Patch::FarField => t.far_field.push(side),
+                Patch::Outlet => t.outlet.push(side),
+                Patch::Wall => t.no_slip.push(side),
+                Patch::Slip | Patch::Symmetry => t.slip.push(side),
+            }
+        }
+        let of = |c: u32| part[c as usize];
+        let (mut mine, mut theirs) = (Vec::new(), Vec::new());
+        for (k, &(_, inside, outside)) in faces.canopy.iter().enumerate() {
+            if of(inside) == rank {
+                mine.push(k as u64);
+            } else if of(outside) == rank {
+                theirs.push((k as u64, of(inside)));
+            }
+        }
+        t.canopy = Numbering::new(mine, theirs);
+        for (k, &g) in t.canopy.global.iter().enumerate() {
+            let (nodes, inside, outside) = faces.canopy[g as usize];
+            let face = t.face_nodes.len() as u32;
+            t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
+            t.canopy_face.push(face);
+            for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
+                if of(cell) == rank {
+                    let cell = local(cell).expect("owned") as u32;
+                    let side = Side { face, cell, sign, canopy: k as u32 };
+                    if viscous { t.no_slip.push(side) } else { t.slip.push(side) }
+                }
+            }
+        }
+        t.adjacency = Adjacency::new(n_owned, &t.cells);
+        t.numbering = numbering;
+        t
+    }
+
+    /// Owned and ghost cells together.
+    pub fn n_local(&self) -> usize {
+        self.numbering.n_local()
+    }
+
+    /// All sides of boundary and canopy faces.
+    pub fn sides(&self) -> impl Iterator<Item = &Side> {
+        self.slip.iter().chain(&self.no_slip).chain(&self.far_field).chain(&self.outlet)
+    }
+
+    /// Calls `visit(face, cell, sign)` for each side of each face; `sign` is +1
+    /// where the area vector points out of the cell.
+    pub fn for_each_side(&self, mut visit: impl FnMut(usize, usize, f64)) {
+        for (f, &[i, j]) in self.cells.iter().enumerate() {
+            visit(f, i as usize, 1.0);
+            visit(f, j as usize, -1.0);
+        }
+        for s in self.sides() {
+            visit(s.face as usize, s.cell as usize, s.sign);
+        }
+    }
+}
