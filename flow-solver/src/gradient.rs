@@ -70,6 +70,21 @@ impl LeastSquares {
             *g = sum;
         }
     }
+
+    /// Gradient of the scalar `x` (with ghosts) in owned cell `i`.
+    #[inline]
+    pub fn scalar(&self, topology: &Topology, i: usize, x: &[f32]) -> Vec3 {
+        let a = &topology.adjacency;
+        let row = a.start[i] as usize..a.start[i + 1] as usize;
+        let mut sum = [0.0; 3];
+        for (&j, w) in a.cell[row.clone()].iter().zip(&self.weight[row]) {
+            let d = f64::from(x[j as usize] - x[i]);
+            for (s, w) in sum.iter_mut().zip(w) {
+                *s += w * d;
+            }
+        }
+        sum
+    }
 }
 
 /// Inverse of a symmetric matrix (xx, yy, zz, xy, xz, yz); where neighbours do

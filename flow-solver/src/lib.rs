@@ -10,8 +10,15 @@
 //! * [`implicit`]: what turns a residual into a correction;
 //! * [`Solver`]: one time step of the whole.
 
+mod error;
 pub mod geometry;
 pub mod gradient;
 pub mod implicit;
 pub mod physics;
+pub mod residual;
+mod solver;
+pub mod time;
 pub mod topology;
+
+pub use error::FlowError;
+pub use solver::{Instant, Report, Settings, Solver, Step};

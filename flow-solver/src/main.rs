@@ -1,1 +1,3 @@
+//! The flow-solver program.
+
 fn main() {}

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 
 use comm::Numbering;
-use mesh::{FlowGrid, HEX_FACES, Patch};
+use mesh::{FaceTable, FlowGrid, Patch, clean_face};
 
 /// How one side of a boundary face acts on its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,7 +81,8 @@ impl Adjacency {
                 }
             }
         }
-        let mut adjacency = Self { start: vec![0], slot: vec![[u32::MAX; 2]; cells.len()], ..Self::default() };
+        let mut adjacency =
+            Self { start: vec![0], slot: vec![[u32::MAX; 2]; cells.len()], ..Self::default() };
         for (i, row) in rows.iter_mut().enumerate() {
             row.sort_unstable();
             for &(j, f, side) in row.iter() {
@@ -100,156 +101,20 @@ impl Adjacency {
     }
 }
 
-/// A grid that cannot be solved on.
-#[derive(Debug, thiserror::Error)]
-pub enum TopologyError {
-    /// A face of a single cell has no condition.
-    #[error(
-        "face with nodes {nodes:?} of cell {cell} is open: neither a second cell, a boundary patch nor the canopy is there"
-    )]
-    OpenFace {
-        /// Global cell.
-        cell: usize,
-        /// Global nodes.
-        nodes: [u32; 4],
-    },
-    /// More than two cells meet at a face.
-    #[error("more than two cells share the face with nodes {nodes:?} (one of them is cell {cell})")]
-    CrowdedFace {
-        /// Global cell.
-        cell: usize,
-        /// Global nodes.
-        nodes: [u32; 4],
-    },
-    /// A canopy or boundary face that no cell has.
-    #[error("{what} face {index} with nodes {nodes:?} is not a face of {need}")]
-    Stray {
-        /// `canopy` or `boundary`.
-        what: &'static str,
-        /// Its number.
-        index: usize,
-        /// Its nodes.
-        nodes: [u32; 4],
-        /// How many cells it needs.
-        need: &'static str,
-    },
-}
-
-/// Every face of a grid once, with what lies on both sides.
-#[derive(Clone, Debug, Default)]
-pub struct Faces {
-    /// Nodes, first cell (the area points out of it), second cell.
-    pub interior: Vec<([u32; 4], u32, u32)>,
-    /// For each canopy face: nodes (as in the grid), inside cell, outside cell.
-    pub canopy: Vec<([u32; 4], u32, u32)>,
-    /// Nodes turned outwards, cell, patch.
-    pub boundary: Vec<([u32; 4], u32, Patch)>,
-}
-
-/// Corners of a face without repetition: `None` when it has collapsed to a line.
-fn corners(nodes: [u32; 4]) -> Option<[u32; 4]> {
-    let mut c = [0; 4];
-    let mut n = 0;
-    for k in 0..4 {
-        if !c[..n].contains(&nodes[k]) {
-            c[n] = nodes[k];
-            n += 1;
-        }
-    }
-    match n {
-        4 => Some(c),
-        3 => Some([c[0], c[1], c[2], c[2]]),
-        _ => None,
-    }
-}
-
-fn key(nodes: [u32; 4]) -> [u32; 4] {
-    let mut k = nodes;
-    if k[2] == k[3] {
-        k[3] = u32::MAX;
-    }
-    k.sort_unstable();
-    k
-}
-
-/// Whether `b` runs around the same corners in the same sense as `a`.
-fn same_sense(a: [u32; 4], b: [u32; 4]) -> bool {
-    let n = if a[2] == a[3] { 3 } else { 4 };
-    let at = b[..n].iter().position(|&x| x == a[0]).unwrap_or(0);
-    b[(at + 1) % n] == a[1]
-}
-
-impl Faces {
-    /// Finds the faces of `grid`, sorted by first cell.
-    pub fn new(grid: &FlowGrid) -> Result<Self, TopologyError> {
-        let mut all: Vec<([u32; 4], u32, [u32; 4])> = Vec::with_capacity(grid.cells.len() * 6);
-        for (c, cell) in grid.cells.iter().enumerate() {
-            for f in HEX_FACES {
-                if let Some(nodes) = corners(f.map(|k| cell[k])) {
-                    all.push((key(nodes), c as u32, nodes));
-                }
-            }
-        }
-        all.sort_unstable();
-        let stray = |what, index, nodes, need| TopologyError::Stray { what, index, nodes, need };
-        let mut canopy_of: HashMap<[u32; 4], usize> = HashMap::new();
-        for (i, &nodes) in grid.canopy_faces.iter().enumerate() {
-            let c = corners(nodes).ok_or_else(|| stray("canopy", i, nodes, "two cells (it is a line)"))?;
-            canopy_of.insert(key(c), i);
-        }
-        let mut patch_of: HashMap<[u32; 4], usize> = HashMap::new();
-        for (i, &(_, nodes)) in grid.boundary.iter().enumerate() {
-            let c = corners(nodes).ok_or_else(|| stray("boundary", i, nodes, "one cell (it is a line)"))?;
-            patch_of.insert(key(c), i);
-        }
-        let mut faces = Self { canopy: vec![([0; 4], u32::MAX, u32::MAX); grid.canopy_faces.len()], ..Self::default() };
-        let mut boundary_seen = vec![false; grid.boundary.len()];
-        let mut at = 0;
-        while at < all.len() {
-            let end = at + all[at..].iter().take_while(|f| f.0 == all[at].0).count();
-            let (k, cell, nodes) = all[at];
-            match end - at {
-                1 => {
-                    let Some(&i) = patch_of.get(&k) else {
-                        return Err(TopologyError::OpenFace { cell: cell as usize, nodes });
-                    };
-                    boundary_seen[i] = true;
-                    faces.boundary.push((nodes, cell, grid.boundary[i].0));
-                }
-                2 => {
-                    let other = all[at + 1].1;
-                    match canopy_of.get(&k) {
-                        None => faces.interior.push((nodes, cell, other)),
-                        Some(&i) => {
-                            let turned = corners(grid.canopy_faces[i]).unwrap_or(nodes);
-                            let (inside, outside) =
-                                if same_sense(turned, nodes) { (cell, other) } else { (other, cell) };
-                            faces.canopy[i] = (turned, inside, outside);
-                        }
-                    }
-                }
-                _ => return Err(TopologyError::CrowdedFace { cell: cell as usize, nodes }),
-            }
-            at = end;
-        }
-        if let Some(i) = faces.canopy.iter().position(|f| f.1 == u32::MAX) {
-            return Err(stray("canopy", i, grid.canopy_faces[i], "two cells"));
-        }
-        if let Some(i) = boundary_seen.iter().position(|&s| !s) {
-            return Err(stray("boundary", i, grid.boundary[i].1, "one single cell"));
-        }
-        faces.interior.sort_unstable_by_key(|f| (f.1, f.2));
-        faces.boundary.sort_unstable_by_key(|f| f.1);
-        Ok(faces)
-    }
-}
-
 impl Topology {
     /// What `rank` works on, where `part[cell]` is the owner of each cell.
     /// `order` lists all cells in the order in which owned ones are numbered.
     /// `viscous` makes the canopy a no-slip wall.
-    pub fn new(grid: &FlowGrid, faces: &Faces, part: &[u32], order: &[u32], rank: u32, viscous: bool) -> Self {
-        let owned: Vec<u64> = order.iter().filter(|&&c| part[c as usize] == rank).map(|&c| u64::from(c)).collect();
+    pub fn new(
+        grid: &FlowGrid,
+        faces: &FaceTable,
+        part: &[u32],
+        order: &[u32],
+        rank: u32,
+        viscous: bool,
+    ) -> Self {
+        let owned: Vec<u64> =
+            order.iter().filter(|&&c| part[c as usize] == rank).map(|&c| u64::from(c)).collect();
         let mut ghosts = Vec::new();
         for &(_, i, j) in &faces.interior {
             let (pi, pj) = (part[i as usize], part[j as usize]);
@@ -289,7 +154,7 @@ impl Topology {
             t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
             t.cells.push([a, b]);
         }
-        for &(nodes, c, patch) in faces.boundary.iter().filter(|f| part[f.1 as usize] == rank) {
+        for &(patch, nodes, c) in faces.boundary.iter().filter(|f| part[f.2 as usize] == rank) {
             let side = Side {
                 face: t.face_nodes.len() as u32,
                 cell: local(c).expect("owned") as u32,
@@ -306,7 +171,7 @@ impl Topology {
         }
         let of = |c: u32| part[c as usize];
         let (mut mine, mut theirs) = (Vec::new(), Vec::new());
-        for (k, &(_, inside, outside)) in faces.canopy.iter().enumerate() {
+        for (k, &(inside, outside)) in faces.canopy.iter().enumerate() {
             if of(inside) == rank {
                 mine.push(k as u64);
             } else if of(outside) == rank {
@@ -315,7 +180,8 @@ impl Topology {
         }
         t.canopy = Numbering::new(mine, theirs);
         for (k, &g) in t.canopy.global.iter().enumerate() {
-            let (nodes, inside, outside) = faces.canopy[g as usize];
+            let (inside, outside) = faces.canopy[g as usize];
+            let nodes = clean_face(grid.canopy_faces[g as usize]).expect("the face table has checked it");
             let face = t.face_nodes.len() as u32;
             t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
             t.canopy_face.push(face);

@@ -1,0 +1,204 @@
+//! Nonlinear GMRES: the best combination of the last corrections.
+//!
+//! Washio and Oosterlee (1997). On a linear problem it is GMRES preconditioned
+//! from the right by whatever made the corrections; on a nonlinear one every
+//! residual it uses is a true residual, so no product with a Jacobian is needed.
+
+use comm::Comm;
+
+/// Differences of states and residuals of the last corrections.
+#[derive(Clone, Debug)]
+pub struct Acceleration {
+    depth: usize,
+    used: usize,
+    next: usize,
+    /// `[depth][n]`, single precision.
+    states: Vec<Vec<f32>>,
+    residuals: Vec<Vec<f32>>,
+    last_state: Vec<f64>,
+    last_residual: Vec<f64>,
+    open: bool,
+    gram: Vec<f64>,
+}
+
+impl Acceleration {
+    /// Combines up to `depth` corrections of vectors of length `n`.
+    pub fn new(depth: usize, n: usize) -> Self {
+        Self {
+            depth,
+            used: 0,
+            next: 0,
+            states: vec![vec![0.0; n]; depth],
+            residuals: vec![vec![0.0; n]; depth],
+            last_state: vec![0.0; n],
+            last_residual: vec![0.0; n],
+            open: false,
+            gram: vec![0.0; depth * (depth + 1)],
+        }
+    }
+
+    /// Forgets all corrections.
+    pub fn clear(&mut self) {
+        self.used = 0;
+        self.next = 0;
+        self.open = false;
+    }
+
+    /// Forgets where the last correction started, but keeps the secants: for a
+    /// new problem with nearly the same Jacobian.
+    pub fn pause(&mut self) {
+        self.open = false;
+    }
+
+    /// Takes in the state `q` with its (weighted) residual `r`, then moves both to
+    /// the combination with the smallest residual. Collective.
+    pub fn combine(&mut self, comm: &Comm, q: &mut [f64], r: &mut [f64]) {
+        if self.depth == 0 {
+            return;
+        }
+        if self.open {
+            let (s, t) = (&mut self.states[self.next], &mut self.residuals[self.next]);
+            for i in 0..q.len() {
+                s[i] = (q[i] - self.last_state[i]) as f32;
+                t[i] = (r[i] - self.last_residual[i]) as f32;
+            }
+            self.next = (self.next + 1) % self.depth;
+            self.used = (self.used + 1).min(self.depth);
+        }
+        self.last_state.copy_from_slice(q);
+        self.last_residual.copy_from_slice(r);
+        self.open = true;
+        let m = self.used;
+        if m == 0 {
+            return;
+        }
+        let gram = &mut self.gram[..m * (m + 1)];
+        for a in 0..m {
+            for b in 0..=a {
+                gram[a * (m + 1) + b] = dot(&self.residuals[a], &self.residuals[b]);
+            }
+            gram[a * (m + 1) + m] = -dot_mixed(&self.residuals[a], r);
+        }
+        comm.sum_slice(gram);
+        let mut alpha = [0.0; 32];
+        solve_spd(gram, m, &mut alpha);
+        for a in 0..m {
+            let w = alpha[a];
+            if w != 0.0 {
+                for (q, s) in q.iter_mut().zip(&self.states[a]) {
+                    *q += w * f64::from(*s);
+                }
+                for (r, t) in r.iter_mut().zip(&self.residuals[a]) {
+                    *r += w * f64::from(*t);
+                }
+            }
+        }
+    }
+}
+
+/// Solves the symmetric system stored as lower triangle and right-hand side in
+/// rows of `m + 1`; directions that add nothing new get no weight.
+fn solve_spd(a: &mut [f64], m: usize, x: &mut [f64; 32]) {
+    let w = m + 1;
+    let scale: [f64; 32] = std::array::from_fn(|i| if i < m { a[i * w + i].max(1e-300).sqrt() } else { 1.0 });
+    for i in 0..m {
+        for j in 0..=i {
+            a[i * w + j] /= scale[i] * scale[j];
+        }
+        a[i * w + m] /= scale[i];
+    }
+    let mut dead = [false; 32];
+    for i in 0..m {
+        for j in 0..i {
+            if dead[j] {
+                continue;
+            }
+            let mut s = a[i * w + j];
+            for k in 0..j {
+                if !dead[k] {
+                    s -= a[i * w + k] * a[j * w + k];
+                }
+            }
+            a[i * w + j] = s / a[j * w + j];
+        }
+        let mut s = a[i * w + i];
+        for k in 0..i {
+            if !dead[k] {
+                s -= a[i * w + k] * a[i * w + k];
+            }
+        }
+        // Secants are stored in single precision: what is left below this is noise.
+        dead[i] = s < 1e-9;
+        a[i * w + i] = if dead[i] { 1.0 } else { s.sqrt() };
+    }
+    for i in 0..m {
+        x[i] = 0.0;
+        if !dead[i] {
+            let s: f64 = (0..i).filter(|&k| !dead[k]).map(|k| a[i * w + k] * x[k]).sum();
+            x[i] = (a[i * w + m] - s) / a[i * w + i];
+        }
+    }
+    for i in (0..m).rev() {
+        if !dead[i] {
+            let s: f64 = (i + 1..m).filter(|&k| !dead[k]).map(|k| a[k * w + i] * x[k]).sum();
+            x[i] = (x[i] - s) / a[i * w + i];
+        }
+    }
+    for i in 0..m {
+        x[i] /= scale[i];
+    }
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let mut lanes = [0.0f64; 8];
+    let (ca, cb) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = ca.remainder().iter().zip(cb.remainder()).map(|(a, b)| f64::from(a * b)).sum();
+    for (a, b) in ca.zip(cb) {
+        for l in 0..8 {
+            lanes[l] += f64::from(a[l]) * f64::from(b[l]);
+        }
+    }
+    lanes.iter().sum::<f64>() + rest
+}
+
+fn dot_mixed(a: &[f32], b: &[f64]) -> f64 {
+    let mut lanes = [0.0f64; 8];
+    let (ca, cb) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = ca.remainder().iter().zip(cb.remainder()).map(|(a, b)| f64::from(*a) * b).sum();
+    for (a, b) in ca.zip(cb) {
+        for l in 0..8 {
+            lanes[l] += f64::from(a[l]) * b[l];
+        }
+    }
+    lanes.iter().sum::<f64>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On a linear system with an identity "preconditioner" it must be GMRES:
+    /// the residual is zero after as many corrections as there are unknowns.
+    #[test]
+    fn linear_problem_ends_in_n_steps() {
+        let a = [[4.0, 1.0, 0.0], [-1.0, 3.0, 0.5], [0.3, 0.2, 2.0]];
+        let b = [1.0, -2.0, 0.5];
+        let residual = |q: &[f64]| -> Vec<f64> {
+            (0..3).map(|i| (0..3).map(|j| a[i][j] * q[j]).sum::<f64>() - b[i]).collect()
+        };
+        let comm = Comm::solo();
+        let mut acceleration = Acceleration::new(4, 3);
+        let mut q = vec![0.0; 3];
+        for _ in 0..4 {
+            let mut r = residual(&q);
+            acceleration.combine(&comm, &mut q, &mut r);
+            for i in 0..3 {
+                q[i] -= 0.3 * r[i];
+            }
+        }
+        let mut r = residual(&q);
+        acceleration.combine(&comm, &mut q, &mut r);
+        let end = residual(&q).iter().map(|x| x.abs()).fold(0.0, f64::max);
+        assert!(end < 1e-6, "{end}");
+    }
+}

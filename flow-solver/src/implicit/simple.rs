@@ -1,0 +1,251 @@
+//! Pressure correction as an approximate inverse of the coupled system.
+//!
+//! The Jacobian of the primitive residual is nearly
+//! $\begin{pmatrix} C & D \\ G & A\end{pmatrix}$ with compressibility $C$,
+//! divergence $D$, gradient $G$ and a transport operator $A$ that is the same
+//! for all velocity components. One application solves the transport part by a
+//! symmetric Gauss-Seidel sweep, then the pressure Schur complement
+//! $C - D\,\mathrm{diag}(A)^{-1}G$ on the compact stencil by conjugate
+//! gradients, then corrects the velocity (Patankar's SIMPLE, as a
+//! preconditioner). The pressure diffusion of the flux is chosen such that the
+//! compact stencil is also what the residual sees.
+
+use super::pressure::{PressureSystem, SolveReport};
+use crate::geometry::vec3::dot;
+use crate::gradient::Gradient;
+use crate::physics::{Gas, Scheme, Viscosity};
+use crate::residual::{Domain, Spatial};
+use crate::topology::Topology;
+
+/// Matrices and workspace of the pressure correction.
+#[derive(Clone, Debug, Default)]
+pub struct PressureCorrection {
+    /// Transport coefficient of each entry of the adjacency, kg/s.
+    off: Vec<f32>,
+    /// Inverse diagonal of the transport operator, s/kg.
+    inverse: Vec<f32>,
+    /// `density * volume / diagonal` of all local cells, s: how long pressure acts.
+    response: Vec<f64>,
+    diagonal: Vec<f64>,
+    density: Vec<f64>,
+    /// Sound speed squared of owned cells.
+    sound2: Vec<f64>,
+    pressure: PressureSystem,
+    transported: Vec<[f32; 4]>,
+    source: Vec<f32>,
+    correction: Vec<f32>,
+    /// Relative tolerance of the pressure equation.
+    pub tolerance: f64,
+    /// Conjugate-gradient iterations at most.
+    pub max_iterations: usize,
+}
+
+impl PressureCorrection {
+    /// Workspace for a grid.
+    pub fn new(topology: &Topology) -> Self {
+        let (n, all, entries) = (topology.n_owned, topology.n_local(), topology.adjacency.cell.len());
+        Self {
+            off: vec![0.0; entries + 1],
+            inverse: vec![0.0; n],
+            response: vec![0.0; all],
+            diagonal: vec![0.0; all],
+            density: vec![0.0; all],
+            sound2: vec![0.0; n],
+            pressure: PressureSystem::new(n, all, entries),
+            transported: vec![[0.0; 4]; all],
+            source: vec![0.0; n],
+            correction: vec![0.0; all],
+            tolerance: 0.05,
+            max_iterations: 60,
+        }
+    }
+
+    /// Fills the matrices for the state `q` with the mass fluxes `mass` of its
+    /// residual. `extra` scales the time derivative: 1 is Newton's method, more
+    /// is a pseudo-time step. Collective.
+    #[allow(clippy::too_many_arguments)]
+    pub fn assemble<G: Gas<N>, V: Viscosity, const N: usize>(
+        &mut self,
+        spatial: &Spatial<G, V>,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        gradient: &[Gradient<N>],
+        mass: &[f64],
+        extra: f64,
+    ) {
+        let (t, m) = (on.topology, on.metrics);
+        let n = t.n_owned;
+        let rate = scheme.rate * extra;
+        for (i, q) in q.iter().enumerate() {
+            self.density[i] = spatial.gas.density(q);
+            self.diagonal[i] = rate * self.density[i] * m.volume[i];
+        }
+        for (c, q) in self.sound2.iter_mut().zip(q) {
+            *c = spatial.gas.sound_speed_squared(q);
+        }
+        let viscosity = |i: usize| {
+            let g = &gradient[i];
+            let u = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
+            spatial.viscosity.dynamic(self.density[i], &u, m.size[i])
+        };
+        for (f, &[i, j]) in t.cells.iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let face = &m.faces[f];
+            let mut both = 0.25 * scheme.velocity_diffusion * mass[f].abs();
+            if V::ACTIVE {
+                both += 0.5 * (viscosity(i) + viscosity(j)) * face.magnitude / face.spacing;
+            }
+            let [si, sj] = t.adjacency.slot[f];
+            let (ki, kj) = (both + (-mass[f]).max(0.0), both + mass[f].max(0.0));
+            self.off[si as usize] = ki as f32;
+            self.off[sj as usize] = kj as f32;
+            self.diagonal[i] += ki;
+            self.diagonal[j] += kj;
+        }
+        for side in t.far_field.iter().chain(&t.outlet) {
+            self.diagonal[side.cell as usize] += (-mass[side.face as usize]).max(0.0);
+        }
+        if V::ACTIVE {
+            for side in &t.no_slip {
+                let face = &m.faces[side.face as usize];
+                self.diagonal[side.cell as usize] +=
+                    viscosity(side.cell as usize) * face.magnitude / face.spacing;
+            }
+        }
+        for i in 0..n {
+            self.inverse[i] = (1.0 / self.diagonal[i]) as f32;
+            self.response[i] = self.density[i] * m.volume[i] / self.diagonal[i];
+        }
+        on.halo.exchange(&mut self.response, 1);
+        self.assemble_pressure(on, scheme, rate);
+    }
+
+    fn assemble_pressure(&mut self, on: &Domain<'_>, scheme: &Scheme, rate: f64) {
+        let (t, m) = (on.topology, on.metrics);
+        // Sums in double precision: reuse the transport diagonal's storage.
+        for i in 0..t.n_owned {
+            self.diagonal[i] = rate * m.volume[i] / self.sound2[i];
+        }
+        for (f, &[i, j]) in t.cells.iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let face = &m.faces[f];
+            let k = 0.5 * (self.response[i] + self.response[j]) * face.magnitude / face.spacing;
+            let [si, sj] = t.adjacency.slot[f];
+            self.pressure.off[si as usize] = k as f32;
+            self.pressure.off[sj as usize] = k as f32;
+            self.diagonal[i] += k;
+            self.diagonal[j] += k;
+        }
+        for side in t.outlet.iter() {
+            let face = &m.faces[side.face as usize];
+            let i = side.cell as usize;
+            self.diagonal[i] += self.response[i] * face.magnitude / face.spacing;
+        }
+        for side in t.far_field.iter() {
+            let face = &m.faces[side.face as usize];
+            let i = side.cell as usize;
+            let leaving = crate::physics::leaving(scheme, face, side.sign);
+            let open = self.response[i] / face.spacing;
+            let closed = 0.5 / self.sound2[i].sqrt();
+            self.diagonal[i] += face.magnitude * (leaving * open + (1.0 - leaving) * closed);
+        }
+        for (p, d) in self.pressure.diagonal.iter_mut().zip(&self.diagonal) {
+            *p = *d as f32;
+        }
+        self.pressure.prepare();
+    }
+
+    /// Adds to `q` the correction for the primitive residual `r`. Collective.
+    pub fn apply<G: Gas<N>, const N: usize>(
+        &mut self,
+        gas: &G,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        r: &[[f64; N]],
+        q: &mut [[f64; N]],
+    ) -> SolveReport {
+        let (t, m) = (on.topology, on.metrics);
+        let n = t.n_owned;
+        self.transport(t, r);
+        on.halo.exchange(self.transported.as_flattened_mut(), 4);
+        for (d, r) in self.diagonal[..n].iter_mut().zip(r) {
+            *d = -r[0];
+        }
+        let x = &self.transported;
+        let through =
+            |i: usize, s: &[f64; 3]| dot([f64::from(x[i][0]), f64::from(x[i][1]), f64::from(x[i][2])], *s);
+        for (f, &[i, j]) in t.cells.iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let s = &m.faces[f].area;
+            let rho = 0.5 * (self.density[i] + self.density[j]);
+            let flux = 0.5 * rho * (through(i, s) + through(j, s));
+            self.diagonal[i] -= flux;
+            self.diagonal[j] += flux;
+        }
+        for (list, far) in [(&t.outlet, false), (&t.far_field, true)] {
+            for side in list {
+                let face = &m.faces[side.face as usize];
+                let i = side.cell as usize;
+                let share =
+                    if far { 0.5 + 0.5 * crate::physics::leaving(scheme, face, side.sign) } else { 1.0 };
+                self.diagonal[i] -= share * self.density[i] * side.sign * through(i, &face.area);
+            }
+        }
+        for (s, d) in self.source.iter_mut().zip(&self.diagonal) {
+            *s = *d as f32;
+        }
+        let report = self.pressure.solve(
+            &t.adjacency,
+            on.halo,
+            &self.source,
+            &mut self.correction,
+            self.tolerance,
+            self.max_iterations,
+        );
+        for i in 0..n {
+            let dp = f64::from(self.correction[i]);
+            let g = on.gradients.scalar(t, i, &self.correction);
+            let push = self.response[i] / self.density[i];
+            let adiabatic = gas.compression(&q[i]);
+            let x = &self.transported[i];
+            let q = &mut q[i];
+            for d in 0..3 {
+                q[1 + d] += f64::from(x[d]) - push * g[d];
+            }
+            q[0] += dp;
+            if N > 4 {
+                q[N - 1] += f64::from(x[3]) + adiabatic[N - 1] * dp;
+            }
+        }
+        report
+    }
+
+    /// One symmetric Gauss-Seidel sweep of the transport operator on `-r`.
+    fn transport<const N: usize>(&mut self, t: &Topology, r: &[[f64; N]]) {
+        let rows = &t.adjacency;
+        let x = &mut self.transported;
+        for i in 0..t.n_owned {
+            let mut s: [f32; 4] = std::array::from_fn(|d| if d + 1 < N { -r[i][d + 1] as f32 } else { 0.0 });
+            let row = rows.start[i] as usize..rows.upper[i] as usize;
+            for (k, &j) in self.off[row.clone()].iter().zip(&rows.cell[row]) {
+                for d in 0..4 {
+                    s[d] += k * x[j as usize][d];
+                }
+            }
+            x[i] = s.map(|s| s * self.inverse[i]);
+        }
+        for i in (0..t.n_owned).rev() {
+            let mut s = [0.0f32; 4];
+            let row = rows.upper[i] as usize..rows.ghost[i] as usize;
+            for (k, &j) in self.off[row.clone()].iter().zip(&rows.cell[row]) {
+                for d in 0..4 {
+                    s[d] += k * x[j as usize][d];
+                }
+            }
+            for d in 0..4 {
+                x[i][d] += s[d] * self.inverse[i];
+            }
+        }
+    }
+}

@@ -1,0 +1,270 @@
+//! Ideal gas, with and without its energy equation.
+
+use crate::geometry::vec3::Vec3;
+
+/// Undisturbed air.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Air {
+    /// Density, kg/m3.
+    pub density: f64,
+    /// Temperature, K.
+    pub temperature: f64,
+    /// Gas constant, J/(kg K).
+    pub gas_constant: f64,
+    /// Ratio of specific heats.
+    pub gamma: f64,
+}
+
+impl Air {
+    /// Dry air of the given density (kg/m3) and temperature (K).
+    pub fn new(density: f64, temperature: f64) -> Self {
+        Self { density, temperature, gas_constant: 287.05, gamma: 1.4 }
+    }
+
+    /// Absolute pressure of the undisturbed air, Pa.
+    pub fn pressure(&self) -> f64 {
+        self.density * self.gas_constant * self.temperature
+    }
+}
+
+/// Equations of state and the conserved quantities of a model with `N` equations.
+pub trait Gas<const N: usize>: Copy {
+    /// Undisturbed air moving at `wind`, m/s.
+    fn undisturbed(&self, wind: Vec3) -> [f64; N];
+    /// Density, kg/m3.
+    fn density(&self, q: &[f64; N]) -> f64;
+    /// Squared speed of sound of the model, m2/s2.
+    fn sound_speed_squared(&self, q: &[f64; N]) -> f64;
+    /// What a unit of mass carries into its volume: 1, velocity[, energy, J/kg].
+    fn stored(&self, q: &[f64; N]) -> [f64; N];
+    /// What a unit of mass carries through a face: 1, velocity[, enthalpy, J/kg].
+    fn carried(&self, q: &[f64; N]) -> [f64; N];
+    /// Momentum (and work) that gauge pressure `p` passes through a face of area
+    /// vector `area` that sweeps `grid_flux` (m3/s).
+    fn pressure_flux(&self, p: f64, area: Vec3, grid_flux: f64) -> [f64; N];
+    /// Residual of the conserved quantities turned into that of the primitive
+    /// ones: continuity, then $\rho\,DQ/Dt$ (its energy row is divided by c_p).
+    fn primitive_residual(&self, q: &[f64; N], r: &[f64; N]) -> [f64; N];
+    /// Change of the other unknowns that a change of pressure by 1 Pa brings at
+    /// once (adiabatic compression); zero for the velocity.
+    fn compression(&self, q: &[f64; N]) -> [f64; N];
+    /// $\partial W/\partial Q$: rows are conserved quantities.
+    fn jacobian(&self, q: &[f64; N]) -> [[f64; N]; N] {
+        self.time_matrix(q, None)
+    }
+    /// $\partial W/\partial Q$ with $\partial\rho/\partial p$ replaced, where
+    /// given: the Weiss-Smith matrix.
+    fn time_matrix(&self, q: &[f64; N], compressibility: Option<f64>) -> [[f64; N]; N];
+    /// Heat flux into the energy row for a temperature gradient along the face:
+    /// `conductivity * gradient`; nothing without an energy equation.
+    fn conduction(&self, viscosity: f64, gradient: impl Fn(usize) -> f64, work: f64) -> [f64; N];
+}
+
+/// Four equations: temperature stays that of the undisturbed air,
+/// $\rho = \rho_\infty + p'/(R T_\infty)$.
+#[derive(Clone, Copy, Debug)]
+pub struct Isothermal {
+    density: f64,
+    inverse_rt: f64,
+}
+
+impl Isothermal {
+    /// From the undisturbed air.
+    pub fn new(air: Air) -> Self {
+        Self { density: air.density, inverse_rt: 1.0 / (air.gas_constant * air.temperature) }
+    }
+}
+
+impl Gas<4> for Isothermal {
+    fn undisturbed(&self, wind: Vec3) -> [f64; 4] {
+        [0.0, wind[0], wind[1], wind[2]]
+    }
+    #[inline(always)]
+    fn density(&self, q: &[f64; 4]) -> f64 {
+        self.density + q[0] * self.inverse_rt
+    }
+    #[inline(always)]
+    fn sound_speed_squared(&self, _: &[f64; 4]) -> f64 {
+        1.0 / self.inverse_rt
+    }
+    #[inline(always)]
+    fn stored(&self, q: &[f64; 4]) -> [f64; 4] {
+        [1.0, q[1], q[2], q[3]]
+    }
+    #[inline(always)]
+    fn carried(&self, q: &[f64; 4]) -> [f64; 4] {
+        [1.0, q[1], q[2], q[3]]
+    }
+    #[inline(always)]
+    fn pressure_flux(&self, p: f64, area: Vec3, _: f64) -> [f64; 4] {
+        [0.0, p * area[0], p * area[1], p * area[2]]
+    }
+    #[inline(always)]
+    fn primitive_residual(&self, q: &[f64; 4], r: &[f64; 4]) -> [f64; 4] {
+        [r[0], r[1] - q[1] * r[0], r[2] - q[2] * r[0], r[3] - q[3] * r[0]]
+    }
+    #[inline(always)]
+    fn compression(&self, _: &[f64; 4]) -> [f64; 4] {
+        [1.0, 0.0, 0.0, 0.0]
+    }
+    fn time_matrix(&self, q: &[f64; 4], compressibility: Option<f64>) -> [[f64; 4]; 4] {
+        let rho = self.density(q);
+        let k = compressibility.unwrap_or(self.inverse_rt);
+        let mut m = [[0.0; 4]; 4];
+        m[0][0] = k;
+        for d in 1..4 {
+            m[d][0] = q[d] * k;
+            m[d][d] = rho;
+        }
+        m
+    }
+    #[inline(always)]
+    fn conduction(&self, _: f64, _: impl Fn(usize) -> f64, _: f64) -> [f64; 4] {
+        [0.0; 4]
+    }
+}
+
+/// Five equations: ideal gas with energy. Temperature is kept as its difference
+/// from the undisturbed air, energy is measured from the same state.
+#[derive(Clone, Copy, Debug)]
+pub struct IdealGas {
+    air: Air,
+    pressure: f64,
+    cv: f64,
+    cp: f64,
+}
+
+/// Prandtl number of air.
+const PRANDTL: f64 = 0.72;
+
+impl IdealGas {
+    /// From the undisturbed air.
+    pub fn new(air: Air) -> Self {
+        let cv = air.gas_constant / (air.gamma - 1.0);
+        Self { air, pressure: air.pressure(), cv, cp: cv + air.gas_constant }
+    }
+
+    #[inline(always)]
+    fn temperature(&self, q: &[f64; 5]) -> f64 {
+        self.air.temperature + q[4]
+    }
+
+    #[inline(always)]
+    fn energy(&self, q: &[f64; 5]) -> f64 {
+        self.cv * q[4] + 0.5 * (q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    }
+}
+
+impl Gas<5> for IdealGas {
+    fn undisturbed(&self, wind: Vec3) -> [f64; 5] {
+        [0.0, wind[0], wind[1], wind[2], 0.0]
+    }
+    #[inline(always)]
+    fn density(&self, q: &[f64; 5]) -> f64 {
+        (self.pressure + q[0]) / (self.air.gas_constant * self.temperature(q))
+    }
+    #[inline(always)]
+    fn sound_speed_squared(&self, q: &[f64; 5]) -> f64 {
+        self.air.gamma * self.air.gas_constant * self.temperature(q)
+    }
+    #[inline(always)]
+    fn stored(&self, q: &[f64; 5]) -> [f64; 5] {
+        [1.0, q[1], q[2], q[3], self.energy(q)]
+    }
+    #[inline(always)]
+    fn carried(&self, q: &[f64; 5]) -> [f64; 5] {
+        // H = E + p / rho
+        [1.0, q[1], q[2], q[3], self.energy(q) + self.air.gas_constant * self.temperature(q)]
+    }
+    #[inline(always)]
+    fn pressure_flux(&self, p: f64, area: Vec3, grid_flux: f64) -> [f64; 5] {
+        [0.0, p * area[0], p * area[1], p * area[2], (self.pressure + p) * grid_flux]
+    }
+    #[inline(always)]
+    fn primitive_residual(&self, q: &[f64; 5], r: &[f64; 5]) -> [f64; 5] {
+        let m = [r[1] - q[1] * r[0], r[2] - q[2] * r[0], r[3] - q[3] * r[0]];
+        let h = self.carried(q)[4];
+        let e = r[4] - h * r[0] - (q[1] * m[0] + q[2] * m[1] + q[3] * m[2]);
+        [r[0], m[0], m[1], m[2], e / self.cp]
+    }
+    #[inline(always)]
+    fn compression(&self, q: &[f64; 5]) -> [f64; 5] {
+        [1.0, 0.0, 0.0, 0.0, 1.0 / (self.density(q) * self.cp)]
+    }
+    fn time_matrix(&self, q: &[f64; 5], compressibility: Option<f64>) -> [[f64; 5]; 5] {
+        let rho = self.density(q);
+        let t = self.temperature(q);
+        let k = compressibility.unwrap_or(1.0 / (self.air.gas_constant * t));
+        let rho_t = -rho / t;
+        let e = self.energy(q);
+        let h = e + self.air.gas_constant * t;
+        let mut m = [[0.0; 5]; 5];
+        (m[0][0], m[0][4]) = (k, rho_t);
+        for d in 1..4 {
+            m[d][0] = q[d] * k;
+            m[d][d] = rho;
+            m[d][4] = q[d] * rho_t;
+            m[4][d] = rho * q[d];
+        }
+        // rho E = rho H - p
+        m[4][0] = h * k - 1.0;
+        m[4][4] = h * rho_t + rho * self.cp;
+        m
+    }
+    #[inline(always)]
+    fn conduction(&self, viscosity: f64, gradient: impl Fn(usize) -> f64, work: f64) -> [f64; 5] {
+        [0.0, 0.0, 0.0, 0.0, viscosity * self.cp / PRANDTL * gradient(4) + work]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn conserved<const N: usize>(gas: &impl Gas<N>, q: &[f64; N]) -> [f64; N] {
+        let rho = gas.density(q);
+        gas.stored(q).map(|s| rho * s)
+    }
+
+    fn check_jacobian<const N: usize>(gas: &impl Gas<N>, q: [f64; N]) {
+        let m = gas.jacobian(&q);
+        for c in 0..N {
+            let h = [10.0, 0.01, 0.01, 0.01, 0.01][c];
+            let (mut a, mut b) = (q, q);
+            a[c] -= h;
+            b[c] += h;
+            let (wa, wb) = (conserved(gas, &a), conserved(gas, &b));
+            for r in 0..N {
+                let difference = (wb[r] - wa[r]) / (2.0 * h);
+                let scale = 1e-6 * (m[r][c].abs() + difference.abs()) + 1e-9;
+                assert!((difference - m[r][c]).abs() < scale, "{r} {c}: {difference} {}", m[r][c]);
+            }
+        }
+    }
+
+    #[test]
+    fn jacobians_agree_with_differences() {
+        let air = Air::new(1.225, 288.15);
+        check_jacobian(&Isothermal::new(air), [120.0, 3.0, -2.0, 5.0]);
+        check_jacobian(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 1.3]);
+    }
+
+    /// The primitive residual undoes the Jacobian: dW = M dQ gives back rho dQ
+    /// apart from the pressure work, which continuity and compression carry.
+    #[test]
+    fn primitive_residual_separates_the_unknowns() {
+        let air = Air::new(1.225, 288.15);
+        let gas = IdealGas::new(air);
+        let q = [120.0, 3.0, -2.0, 5.0, 1.3];
+        let dq = [7.0, 0.1, 0.2, -0.3, 0.4];
+        let m = gas.jacobian(&q);
+        let dw: [f64; 5] = std::array::from_fn(|r| (0..5).map(|c| m[r][c] * dq[c]).sum());
+        let r = gas.primitive_residual(&q, &dw);
+        let rho = gas.density(&q);
+        for d in 1..4 {
+            assert!((r[d] - rho * dq[d]).abs() < 1e-10);
+        }
+        let temperature = r[4] / rho + gas.compression(&q)[4] * dq[0];
+        assert!((temperature - dq[4]).abs() < 1e-8, "{temperature}");
+    }
+}

@@ -1,0 +1,15 @@
+//! Point physics: small arrays in, small arrays out.
+//!
+//! Unknowns are primitive, $Q = (p', u, v, w[, T'])$: gauge pressure relative to
+//! the undisturbed air (so no digits are lost at Mach 0.014), velocity relative
+//! to the ground, temperature difference from the undisturbed air.
+
+mod flux;
+mod gas;
+mod precondition;
+mod viscosity;
+
+pub use flux::{Interface, Scheme, far_field, interface, leaving, outlet, wall};
+pub use gas::{Air, Gas, IdealGas, Isothermal};
+pub use precondition::{preconditioner, reference_speed, spectral_radius};
+pub use viscosity::{Inviscid, Laminar, Smagorinsky, Viscosity, stress_force, wall_traction};

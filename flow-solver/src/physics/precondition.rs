@@ -1,0 +1,62 @@
+//! The Weiss-Smith matrix and the speeds that scale it.
+//!
+//! Weiss and Smith (1995): in the pseudo-time term the compressibility
+//! $\partial\rho/\partial p$ is replaced by $\Theta = 1/U_r^2 - \rho_T/(\rho c_p)$,
+//! which brings the pseudo-acoustic speeds down to the reference speed $U_r$.
+
+use super::gas::Gas;
+
+/// Reference speed, m/s: the largest of the flow's own speed, of what the time
+/// step lets pressure act over (`length * rate`, the unsteady limit) and of what
+/// friction diffuses over a cell, and never above the speed of sound.
+#[inline(always)]
+pub fn reference_speed(speed: f64, length: f64, rate: f64, kinematic_viscosity: f64, sound: f64) -> f64 {
+    speed.max(length * rate).max(kinematic_viscosity / length).min(sound)
+}
+
+/// Weiss-Smith matrix $\Gamma = \partial W/\partial Q$ with the compressibility
+/// of the reference speed `ur`. At `ur = c` it is the Jacobian itself.
+pub fn preconditioner<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N], ur: f64) -> [[f64; N]; N] {
+    let c2 = gas.sound_speed_squared(q);
+    // rho_p of the model is 1/c^2 plus its thermal part, which stays.
+    let thermal = gas.jacobian(q)[0][0] - 1.0 / c2;
+    gas.time_matrix(q, Some(1.0 / (ur * ur) + thermal))
+}
+
+/// Largest pseudo-acoustic speed for velocity `un` along the face (relative to
+/// it), reference speed `ur` and sound speed `c`, m/s.
+#[inline(always)]
+pub fn spectral_radius(un: f64, ur: f64, c: f64) -> f64 {
+    // u' = u (1 - alpha), c' = sqrt(alpha^2 u^2 + ur^2), alpha = (1 - ur^2/c^2)/2.
+    let alpha = 0.5 * (1.0 - (ur / c) * (ur / c));
+    un.abs() * (1.0 - alpha) + (alpha * alpha * un * un + ur * ur).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::gas::{Air, IdealGas, Isothermal};
+    use super::*;
+
+    #[test]
+    fn at_the_speed_of_sound_nothing_is_preconditioned() {
+        let gas = IdealGas::new(Air::new(1.225, 288.15));
+        let q = [10.0, 1.0, 2.0, 3.0, 0.5];
+        let c = gas.sound_speed_squared(&q).sqrt();
+        let (a, b) = (preconditioner(&gas, &q, c), gas.jacobian(&q));
+        for r in 0..5 {
+            for k in 0..5 {
+                assert!((a[r][k] - b[r][k]).abs() <= 1e-9 * b[r][k].abs().max(1e-3));
+            }
+        }
+        assert!((spectral_radius(30.0, c, c) - (30.0 + c)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slow_flow_has_slow_pseudo_waves() {
+        let gas = Isothermal::new(Air::new(1.225, 288.15));
+        let c = gas.sound_speed_squared(&[0.0; 4]).sqrt();
+        assert!(spectral_radius(1.0, 1.0, c) < 1.7);
+        assert_eq!(reference_speed(1.0, 0.1, 100.0, 0.0, c), 10.0);
+        assert_eq!(reference_speed(1.0, 0.1, 1e9, 0.0, c), c);
+    }
+}

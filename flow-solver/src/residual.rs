@@ -1,0 +1,221 @@
+//! The spatial residual: what leaves each cell, to second order.
+
+use comm::Halo;
+
+use crate::geometry::Metrics;
+use crate::geometry::vec3::{Vec3, dot, scale, sub};
+use crate::gradient::{Gradient, LeastSquares};
+use crate::physics::{self, Gas, Interface, Scheme, Viscosity};
+use crate::topology::{Side, Topology};
+
+/// Models and constants of the spatial scheme.
+#[derive(Clone, Copy, Debug)]
+pub struct Spatial<G, V> {
+    /// Equations of state.
+    pub gas: G,
+    /// Stress.
+    pub viscosity: V,
+    /// Share of the plain difference of two neighbours in a reconstructed value:
+    /// 1/3 makes the scheme of third order on even grids, 0 is purely upwind.
+    pub chi: f64,
+}
+
+/// What the residual works on: the grid of one rank at one instant.
+pub struct Domain<'a> {
+    /// Cells and faces.
+    pub topology: &'a Topology,
+    /// Areas, volumes, grid fluxes.
+    pub metrics: &'a Metrics,
+    /// Weights of the gradients.
+    pub gradients: &'a LeastSquares,
+    /// Exchange of ghosts.
+    pub halo: &'a Halo,
+    /// Velocity of each face's middle in the falling frame, m/s (walls only need it).
+    pub wall_velocity: &'a [Vec3],
+}
+
+impl<G, V: Viscosity> Spatial<G, V> {
+    /// Net outflow of each owned cell for the state `q`.
+    ///
+    /// Fills the ghosts of `q`, `gradient` on all local cells, and the mass flux
+    /// of each face (outward at the outer boundary). Entries of `residual` for
+    /// ghosts are left meaningless. Collective.
+    pub fn evaluate<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &mut [[f64; N]],
+        gradient: &mut [Gradient<N>],
+        residual: &mut [[f64; N]],
+        mass: &mut [f64],
+    ) where
+        G: Gas<N>,
+    {
+        on.halo.exchange(q.as_flattened_mut(), N);
+        on.gradients.apply(on.topology, q, gradient);
+        on.halo.exchange(gradient.as_flattened_mut().as_flattened_mut(), 3 * N);
+        residual.fill([0.0; N]);
+        self.interior(on, scheme, q, gradient, residual, mass);
+        self.boundary(on, scheme, q, gradient, residual, mass);
+    }
+
+    fn interior<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        gradient: &[Gradient<N>],
+        residual: &mut [[f64; N]],
+        mass: &mut [f64],
+    ) where
+        G: Gas<N>,
+    {
+        let centre = &on.metrics.centre;
+        let faces = on.metrics.faces.iter().zip(mass).zip(&on.topology.cells);
+        for ((face, mass), &[i, j]) in faces {
+            let (i, j) = (i as usize, j as usize);
+            let (di, dj) = (sub(face.centre, centre[i]), sub(face.centre, centre[j]));
+            let between = sub(di, dj);
+            let (qi, qj, gi, gj) = (&q[i], &q[j], &gradient[i], &gradient[j]);
+            let (mut l, mut r) = (*qi, *qj);
+            for v in 0..N {
+                let along_i = gi[0][v] * between[0] + gi[1][v] * between[1] + gi[2][v] * between[2];
+                let along_j = gj[0][v] * between[0] + gj[1][v] * between[1] + gj[2][v] * between[2];
+                let step = qj[v] - qi[v];
+                l[v] += gi[0][v] * di[0] + gi[1][v] * di[1] + gi[2][v] * di[2];
+                l[v] += 0.5 * self.chi * (step - along_i);
+                r[v] += gj[0][v] * dj[0] + gj[1][v] * dj[1] + gj[2][v] * dj[2];
+                r[v] -= 0.5 * self.chi * (step - along_j);
+            }
+            let Interface { mut flux, mass: m } = physics::interface(&self.gas, scheme, &l, &r, face);
+            *mass = m;
+            if V::ACTIVE {
+                // Mean gradient, its part along the line of centres replaced by the difference.
+                let length2 = dot(between, between);
+                let mut g = [[0.0; N]; 3];
+                for v in 0..N {
+                    for d in 0..3 {
+                        g[d][v] = 0.5 * (gi[d][v] + gj[d][v]);
+                    }
+                    let along = g[0][v] * between[0] + g[1][v] * between[1] + g[2][v] * between[2];
+                    let missing = (qj[v] - qi[v] - along) / length2;
+                    for d in 0..3 {
+                        g[d][v] += missing * between[d];
+                    }
+                }
+                let u: [Vec3; 3] = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
+                let h = 0.5 * (on.metrics.size[i] + on.metrics.size[j]);
+                let mu = self.viscosity.dynamic(self.gas.density(&l), &u, h);
+                let force = physics::stress_force(mu, &u, face.area);
+                let velocity = [0.5 * (l[1] + r[1]), 0.5 * (l[2] + r[2]), 0.5 * (l[3] + r[3])];
+                let normal =
+                    |v: usize| g[0][v] * face.area[0] + g[1][v] * face.area[1] + g[2][v] * face.area[2];
+                let heat = self.gas.conduction(mu, normal, dot(force, velocity));
+                for (f, h) in flux.iter_mut().zip(heat) {
+                    *f -= h;
+                }
+                for d in 0..3 {
+                    flux[1 + d] -= force[d];
+                }
+            }
+            for v in 0..N {
+                residual[i][v] += flux[v];
+                residual[j][v] -= flux[v];
+            }
+        }
+    }
+
+    fn boundary<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        gradient: &[Gradient<N>],
+        residual: &mut [[f64; N]],
+        mass: &mut [f64],
+    ) where
+        G: Gas<N>,
+    {
+        let t = on.topology;
+        let mut add = |side: &Side, flux: &[f64; N]| {
+            for (r, f) in residual[side.cell as usize].iter_mut().zip(flux) {
+                *r += f;
+            }
+        };
+        let face_of = |side: &Side| &on.metrics.faces[side.face as usize];
+        for side in t.slip.iter().chain(&t.no_slip) {
+            let face = face_of(side);
+            let p = self.wall_pressure(on, q, gradient, side);
+            let f = physics::wall(&self.gas, p, scale(side.sign, face.area), side.sign * face.grid_flux);
+            add(side, &f.flux);
+        }
+        if V::ACTIVE {
+            for side in &t.no_slip {
+                let face = face_of(side);
+                let force = scale(face.magnitude, self.wall_traction(on, scheme, q, side));
+                let wall = self.wall_velocity(on, scheme, side);
+                let heat = self.gas.conduction(0.0, |_| 0.0, -dot(force, wall));
+                let mut flux = heat.map(|h| -h);
+                for d in 0..3 {
+                    flux[1 + d] += force[d];
+                }
+                add(side, &flux);
+            }
+        }
+        for (list, condition) in [
+            (&t.far_field, physics::far_field::<G, N> as fn(&G, &Scheme, &_, &_, f64) -> Interface<N>),
+            (&t.outlet, physics::outlet::<G, N>),
+        ] {
+            for side in list {
+                let face = face_of(side);
+                let cell = side.cell as usize;
+                let d = sub(face.centre, on.metrics.centre[cell]);
+                let g = &gradient[cell];
+                let inside =
+                    std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2]);
+                let f = condition(&self.gas, scheme, &inside, face, side.sign);
+                mass[side.face as usize] = f.mass;
+                add(side, &f.flux);
+            }
+        }
+    }
+
+    /// Gauge pressure at a wall, Pa: linear from the cell.
+    pub fn wall_pressure<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        q: &[[f64; N]],
+        gradient: &[Gradient<N>],
+        side: &Side,
+    ) -> f64 {
+        let cell = side.cell as usize;
+        let d = sub(on.metrics.faces[side.face as usize].centre, on.metrics.centre[cell]);
+        let g = &gradient[cell];
+        q[cell][0] + g[0][0] * d[0] + g[1][0] * d[1] + g[2][0] * d[2]
+    }
+
+    /// Shear stress of the air on a no-slip wall, Pa: on the wall, so the cell
+    /// feels the opposite.
+    pub fn wall_traction<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        side: &Side,
+    ) -> Vec3
+    where
+        G: Gas<N>,
+    {
+        let face = &on.metrics.faces[side.face as usize];
+        let cell = &q[side.cell as usize];
+        let slip = sub([cell[1], cell[2], cell[3]], self.wall_velocity(on, scheme, side));
+        // The sub-grid model is silent at a wall: no eddy is smaller than it.
+        let mu = self.viscosity.dynamic(self.gas.density(cell), &[[0.0; 3]; 3], 0.0);
+        physics::wall_traction(mu, slip, scale(1.0 / face.magnitude, face.area), face.spacing)
+    }
+
+    fn wall_velocity(&self, on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {
+        let w = on.wall_velocity[side.face as usize];
+        [w[0] + scheme.frame[0], w[1] + scheme.frame[1], w[2] + scheme.frame[2]]
+    }
+}

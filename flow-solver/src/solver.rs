@@ -1,0 +1,471 @@
+//! One time step of the flow: grid motion, BDF2, iterations to a residual drop.
+
+use comm::{Comm, Halo};
+
+use crate::error::{FlowError, agree};
+use crate::geometry::Metrics;
+use crate::geometry::vec3::Vec3;
+use crate::gradient::{Gradient, LeastSquares};
+use crate::implicit::{Acceleration, PressureCorrection};
+use crate::physics::{Air, Gas, Scheme, Viscosity};
+use crate::residual::{Domain, Spatial};
+use crate::time::Backward;
+use crate::topology::Topology;
+
+/// How a step is solved.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Undisturbed air.
+    pub air: Air,
+    /// Its velocity relative to the ground, m/s.
+    pub wind: Vec3,
+    /// The residual must fall by this factor.
+    pub residual_drop: f64,
+    /// Iterations at most.
+    pub max_iterations: usize,
+    /// Corrections that are combined (nonlinear GMRES); 0 takes each as it is.
+    pub depth: usize,
+    /// Speed that floors the reference speeds, m/s: a tenth of the stream's.
+    pub reference_speed: f64,
+    /// Weight of velocity diffusion in the interface pressure.
+    pub velocity_diffusion: f64,
+}
+
+/// One step to be taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Length, s.
+    pub dt: f64,
+    /// Velocity of the grid's frame relative to the ground, m/s.
+    pub frame: Vec3,
+    /// Whether the same step was computed before (and is now repeated with
+    /// slightly other data): starts from that result.
+    pub again: bool,
+    /// Whether [`Solver::nodes`] were changed.
+    pub moved: bool,
+}
+
+/// What a step took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Report {
+    /// Residual of the last accepted state in the new step, N.
+    pub start: f64,
+    /// Residual at the end, N.
+    pub end: f64,
+    /// Corrections.
+    pub iterations: usize,
+    /// Iterations of the pressure equation.
+    pub linear_iterations: usize,
+    /// Sum of the continuity residual over all cells, kg/s.
+    pub mass_defect: f64,
+}
+
+/// State at an accepted instant.
+#[derive(Clone, Debug)]
+pub struct Instant<const N: usize> {
+    /// Unknowns of local cells.
+    pub q: Vec<[f64; N]>,
+    /// Volumes of local cells, m3.
+    pub volume: Vec<f64>,
+    /// Node positions, m.
+    pub nodes: Vec<Vec3>,
+}
+
+/// The flow on one rank's part of the grid.
+pub struct Solver<G, V, const N: usize> {
+    /// Cells and faces.
+    pub topology: Topology,
+    /// Exchange of cell values.
+    pub halo: Halo,
+    /// Gas, viscosity, reconstruction.
+    pub spatial: Spatial<G, V>,
+    /// Tolerances.
+    pub settings: Settings,
+    /// Node positions at the end of the step, m.
+    pub nodes: Vec<Vec3>,
+    /// Node velocities in the falling frame at the end of the step, m/s.
+    pub node_velocity: Vec<Vec3>,
+    /// Unknowns at the end of the step.
+    pub q: Vec<[f64; N]>,
+    /// Their gradients.
+    pub gradient: Vec<Gradient<N>>,
+    /// Geometry at the end of the step.
+    pub metrics: Metrics,
+    /// Last accepted instant and the one before it.
+    pub past: [Instant<N>; 2],
+    /// First-order steps still to take before BDF2.
+    pub first_order_steps: u32,
+    /// Length of the last accepted step, s (0: none).
+    pub last_dt: f64,
+    /// Constants of the last step's flux.
+    pub scheme: Scheme,
+    least_squares: LeastSquares,
+    wall_velocity: Vec<Vec3>,
+    swept: Vec<f64>,
+    swept_before: Vec<f64>,
+    residual: Vec<[f64; N]>,
+    history: Vec<[f64; N]>,
+    weight: Vec<f64>,
+    mass: Vec<f64>,
+    start: f64,
+    correction: PressureCorrection,
+    acceleration: Acceleration,
+}
+
+macro_rules! domain {
+    ($s:ident) => {
+        Domain {
+            topology: &$s.topology,
+            metrics: &$s.metrics,
+            gradients: &$s.least_squares,
+            halo: &$s.halo,
+            wall_velocity: &$s.wall_velocity,
+        }
+    };
+}
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+    /// Undisturbed air everywhere, on a grid with node positions `nodes` (local). Collective.
+    pub fn new(
+        comm: &Comm,
+        topology: Topology,
+        nodes: Vec<Vec3>,
+        spatial: Spatial<G, V>,
+        settings: Settings,
+    ) -> Result<Self, FlowError> {
+        let halo = Halo::new(comm, &topology.numbering);
+        let metrics = Metrics::new(&topology, &halo, &nodes);
+        let least_squares = LeastSquares::new(&topology, &metrics);
+        let (n, faces) = (topology.n_local(), topology.face_nodes.len());
+        let q = vec![spatial.gas.undisturbed(settings.wind); n];
+        let instant = Instant { q: q.clone(), volume: metrics.volume.clone(), nodes: nodes.clone() };
+        let solver = Self {
+            node_velocity: vec![[0.0; 3]; nodes.len()],
+            gradient: vec![[[0.0; N]; 3]; n],
+            past: [instant.clone(), instant],
+            first_order_steps: 2,
+            last_dt: 0.0,
+            scheme: Scheme {
+                rate: 0.0,
+                frame: [0.0; 3],
+                wind: settings.wind,
+                floor_squared: settings.reference_speed * settings.reference_speed,
+                velocity_diffusion: settings.velocity_diffusion,
+                pressure_diffusion: 2.0 / (1.0 - spatial.chi),
+            },
+            least_squares,
+            wall_velocity: vec![[0.0; 3]; faces],
+            swept: vec![0.0; faces],
+            swept_before: vec![0.0; faces],
+            residual: vec![[0.0; N]; n],
+            history: vec![[0.0; N]; topology.n_owned],
+            weight: vec![0.0; topology.n_owned],
+            mass: vec![0.0; faces],
+            start: 0.0,
+            correction: PressureCorrection::new(&topology),
+            acceleration: Acceleration::new(settings.depth, topology.n_owned * N),
+            nodes,
+            q,
+            metrics,
+            halo,
+            spatial,
+            settings,
+            topology,
+        };
+        solver.check_volumes()?;
+        Ok(solver)
+    }
+
+    /// The ranks that share the grid.
+    pub fn comm(&self) -> &Comm {
+        self.halo.comm()
+    }
+
+    /// Computes the step from the last accepted instant. Collective.
+    pub fn advance(&mut self, step: &Step) -> Result<Report, FlowError> {
+        let order = self.order(step.dt);
+        if step.moved {
+            self.move_grid()?;
+        }
+        self.prepare(step, order);
+        let report = self.iterate(step, order)?;
+        Ok(report)
+    }
+
+    /// Backward difference for a step of length `dt`.
+    fn order(&self, dt: f64) -> Backward {
+        let same = (dt - self.last_dt).abs() <= 1e-9 * dt;
+        if self.first_order_steps > 0 || !same { Backward::FIRST } else { Backward::SECOND }
+    }
+
+    /// Geometry of the moved grid.
+    fn move_grid(&mut self) -> Result<(), FlowError> {
+        let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+        let bad = self.nodes.iter().zip(&self.node_velocity).position(|(x, v)| !finite(x) || !finite(v));
+        let finding = bad.map(|n| (self.topology.node_global[n], [0.0; 3], 0.0));
+        if let Some((rank, (node, ..))) = agree(self.halo.comm(), finding) {
+            return Err(FlowError::BadNode { node, rank });
+        }
+        self.metrics.update(&self.topology, &self.halo, &self.nodes);
+        self.check_volumes()?;
+        self.least_squares.update(&self.topology, &self.metrics);
+        Metrics::swept(&self.topology, &self.past[0].nodes, &self.nodes, &mut self.swept);
+        if V::ACTIVE {
+            for side in &self.topology.no_slip {
+                let nodes = self.topology.face_nodes[side.face as usize];
+                let count = if nodes[2] == nodes[3] { 3 } else { 4 };
+                let sum = nodes[..count].iter().fold([0.0; 3], |s: Vec3, &n| {
+                    let v = self.node_velocity[n as usize];
+                    [s[0] + v[0], s[1] + v[1], s[2] + v[2]]
+                });
+                self.wall_velocity[side.face as usize] = sum.map(|s| s / count as f64);
+            }
+        }
+        Ok(())
+    }
+
+    fn check_volumes(&self) -> Result<(), FlowError> {
+        let n = self.topology.n_owned;
+        let bad = self.metrics.volume[..n].iter().position(|v| v.is_nan() || *v <= 0.0);
+        let finding =
+            bad.map(|c| (self.topology.numbering.global[c], self.metrics.centre[c], self.metrics.volume[c]));
+        match agree(self.halo.comm(), finding) {
+            None => Ok(()),
+            Some((rank, (cell, at, volume))) => Err(FlowError::InvertedCell { cell, at, rank, volume }),
+        }
+    }
+
+    /// Constants of the step: grid fluxes, history of the time derivative, weights.
+    fn prepare(&mut self, step: &Step, order: Backward) {
+        let dt = step.dt;
+        for ((f, now), before) in self.metrics.faces.iter_mut().zip(&self.swept).zip(&self.swept_before) {
+            f.grid_flux = order.grid_flux(*now, *before, dt);
+            f.grid_flux += f.area[0] * step.frame[0] + f.area[1] * step.frame[1] + f.area[2] * step.frame[2];
+        }
+        self.scheme.rate = order.c[0] / dt;
+        self.scheme.frame = step.frame;
+        let gas = &self.spatial.gas;
+        let old = |past: &Instant<N>, c: f64, i: usize| {
+            let q = &past.q[i];
+            let m = c / dt * past.volume[i] * gas.density(q);
+            gas.stored(q).map(|s| m * s)
+        };
+        for (i, h) in self.history.iter_mut().enumerate() {
+            *h = old(&self.past[0], order.c[1], i);
+            if order.c[2] != 0.0 {
+                let older = old(&self.past[1], order.c[2], i);
+                for (h, o) in h.iter_mut().zip(older) {
+                    *h += o;
+                }
+            }
+            // A defect of mass acts like the force that would have to undo it.
+            self.weight[i] = self.metrics.size[i] * self.scheme.rate + self.settings.reference_speed;
+        }
+    }
+
+    /// Residual of the step at `q`: primitive, weighted to N. Returns its norm.
+    fn evaluate(&mut self) -> f64 {
+        self.spatial.evaluate(
+            &domain!(self),
+            &self.scheme,
+            &mut self.q,
+            &mut self.gradient,
+            &mut self.residual,
+            &mut self.mass,
+        );
+        let gas = &self.spatial.gas;
+        let mut sum = 0.0;
+        for i in 0..self.topology.n_owned {
+            let (q, r, h) = (&self.q[i], &mut self.residual[i], &self.history[i]);
+            let m = self.scheme.rate * self.metrics.volume[i] * gas.density(q);
+            let stored = gas.stored(q);
+            for v in 0..N {
+                r[v] += m * stored[v] + h[v];
+            }
+            *r = gas.primitive_residual(q, r);
+            r[0] *= self.weight[i];
+            if N > 4 {
+                r[N - 1] *= TEMPERATURE_WEIGHT;
+            }
+            sum += r.iter().map(|x| x * x).sum::<f64>();
+        }
+        self.halo.comm().sum(sum).sqrt()
+    }
+
+    fn iterate(&mut self, step: &Step, order: Backward) -> Result<Report, FlowError> {
+        let n = self.topology.n_owned;
+        let mut norm;
+        if step.again {
+            norm = self.evaluate();
+        } else {
+            self.q.copy_from_slice(&self.past[0].q);
+            norm = self.evaluate();
+            self.start = norm;
+            if order == Backward::SECOND {
+                // A smooth flow goes on as it went; keep the guess only if it is better.
+                for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
+                    for v in 0..N {
+                        q[v] = 2.0 * a[v] - b[v];
+                    }
+                }
+                norm = self.evaluate();
+                if norm.is_nan() || norm > self.start {
+                    self.q.copy_from_slice(&self.past[0].q);
+                    norm = self.evaluate();
+                }
+            }
+        }
+        let first = norm;
+        // Below this the residual is round-off of the fluxes themselves.
+        let target = (self.settings.residual_drop * self.start).max(self.round_off());
+        let mut report = Report { start: self.start, ..Report::default() };
+        self.acceleration.clear();
+        let mut extra = 1.0;
+        let mut best = (norm, self.q.clone());
+        let mut assembled = false;
+        while report.iterations < self.settings.max_iterations && !(norm <= target) {
+            if !assembled {
+                self.correction.assemble(
+                    &self.spatial,
+                    &domain!(self),
+                    &self.scheme,
+                    &self.q,
+                    &self.gradient,
+                    &self.mass,
+                    extra,
+                );
+            }
+            self.acceleration.combine(
+                self.halo.comm(),
+                self.q[..n].as_flattened_mut(),
+                self.residual[..n].as_flattened_mut(),
+            );
+            for (r, w) in self.residual[..n].iter_mut().zip(&self.weight) {
+                r[0] /= w;
+                if N > 4 {
+                    r[N - 1] /= TEMPERATURE_WEIGHT;
+                }
+            }
+            let linear = self.correction.apply(
+                &self.spatial.gas,
+                &domain!(self),
+                &self.scheme,
+                &self.residual,
+                &mut self.q,
+            );
+            report.linear_iterations += linear.iterations;
+            report.iterations += 1;
+            let bad = self.bad_cell();
+            if bad.is_none() {
+                norm = self.evaluate();
+            }
+            if bad.is_some() || !norm.is_finite() || norm > 10.0 * best.0 {
+                // Back to the best state so far, with a shorter pseudo-time step.
+                self.acceleration.clear();
+                self.q.copy_from_slice(&best.1);
+                extra *= 4.0;
+                if extra > 1e5 {
+                    if let Some((rank, (cell, at, density))) = bad {
+                        return Err(FlowError::BadState { cell, at, rank, density });
+                    }
+                    return Err(FlowError::Diverged {
+                        start: first,
+                        end: norm,
+                        iterations: report.iterations,
+                    });
+                }
+                norm = self.evaluate();
+                continue;
+            }
+            if norm < best.0 {
+                best.0 = norm;
+                best.1.copy_from_slice(&self.q);
+                extra = (0.5 * extra).max(1.0);
+            }
+            assembled = false;
+        }
+        if norm > best.0 {
+            self.q.copy_from_slice(&best.1);
+            norm = self.evaluate();
+        }
+        report.end = norm;
+        let defect: f64 = self.residual[..n].iter().zip(&self.weight).map(|(r, w)| r[0] / w).sum();
+        report.mass_defect = self.halo.comm().sum(defect);
+        Ok(report)
+    }
+
+    /// Norm of what round-off alone leaves in the residual, N.
+    fn round_off(&self) -> f64 {
+        let air = &self.settings.air;
+        let sum: f64 = self.metrics.faces.iter().map(|f| f.magnitude * f.magnitude).sum();
+        let area = self.halo.comm().sum(sum).sqrt();
+        let speed = self.settings.reference_speed.max(1e-3) * 10.0;
+        1e-14 * area * air.density * speed * speed
+    }
+
+    /// The first cell whose state is not physical, agreed on by all ranks.
+    fn bad_cell(&self) -> Option<(usize, (u64, Vec3, f64))> {
+        let floor = 0.1 * self.settings.air.density;
+        let ceiling = 10.0 * self.settings.air.density;
+        let fine = |q: &[f64; N]| {
+            let rho = self.spatial.gas.density(q);
+            q.iter().all(|x| x.is_finite()) && rho > floor && rho < ceiling
+        };
+        let bad = self.q[..self.topology.n_owned].iter().position(|q| !fine(q));
+        let finding = bad.map(|c| {
+            let rho = self.spatial.gas.density(&self.q[c]);
+            (self.topology.numbering.global[c], self.metrics.centre[c], rho)
+        });
+        agree(self.halo.comm(), finding)
+    }
+
+    /// The step becomes the state that later steps start from.
+    pub fn accept(&mut self, dt: f64, moved: bool) {
+        if self.last_dt != 0.0 && (dt - self.last_dt).abs() > 1e-9 * dt {
+            self.first_order_steps = self.first_order_steps.max(1);
+        }
+        self.last_dt = dt;
+        self.first_order_steps = self.first_order_steps.saturating_sub(1);
+        self.past.swap(0, 1);
+        let [now, _] = &mut self.past;
+        now.q.copy_from_slice(&self.q);
+        now.volume.copy_from_slice(&self.metrics.volume);
+        now.nodes.copy_from_slice(&self.nodes);
+        std::mem::swap(&mut self.swept, &mut self.swept_before);
+        if !moved {
+            self.swept_before.fill(0.0);
+        }
+        self.swept.fill(0.0);
+    }
+
+    /// Continues from two saved instants. Collective.
+    pub fn restore(
+        &mut self,
+        past: [Instant<N>; 2],
+        last_dt: f64,
+        first_order_steps: u32,
+    ) -> Result<(), FlowError> {
+        self.past = past;
+        self.last_dt = last_dt;
+        self.first_order_steps = first_order_steps;
+        for k in [1, 0] {
+            self.nodes.copy_from_slice(&self.past[k].nodes);
+            self.metrics.update(&self.topology, &self.halo, &self.nodes);
+            self.past[k].volume.copy_from_slice(&self.metrics.volume);
+        }
+        self.check_volumes()?;
+        self.least_squares.update(&self.topology, &self.metrics);
+        Metrics::swept(&self.topology, &self.past[1].nodes, &self.past[0].nodes, &mut self.swept_before);
+        self.swept.fill(0.0);
+        self.q.copy_from_slice(&self.past[0].q);
+        Ok(())
+    }
+
+    /// What the kernels work on.
+    pub fn domain(&self) -> Domain<'_> {
+        domain!(self)
+    }
+}
+
+/// Turns the temperature residual (kg K/s) into a force: c_p / c, m/(s K).
+const TEMPERATURE_WEIGHT: f64 = 3.0;

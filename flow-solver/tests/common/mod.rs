@@ -1,0 +1,60 @@
+//! Shared by the tests: a solver on one rank.
+#![allow(dead_code)]
+
+use comm::Comm;
+use flow_solver::physics::{Air, Gas, Isothermal, Viscosity};
+use flow_solver::residual::Spatial;
+use flow_solver::topology::Topology;
+use flow_solver::{Settings, Solver, Step};
+use mesh::{FaceTable, FlowGrid};
+
+/// Air, wind and tolerances of the tests.
+pub fn settings(wind: [f64; 3], drop: f64) -> Settings {
+    let speed = (wind[0] * wind[0] + wind[1] * wind[1] + wind[2] * wind[2]).sqrt();
+    Settings {
+        air: Air::new(1.225, 288.15),
+        wind,
+        residual_drop: drop,
+        max_iterations: 100,
+        depth: 5,
+        reference_speed: 0.1 * speed,
+        velocity_diffusion: 0.5,
+    }
+}
+
+/// A solver for the whole of `grid`.
+pub fn solver_of<G: Gas<N>, V: Viscosity, const N: usize>(
+    grid: &FlowGrid,
+    gas: G,
+    viscosity: V,
+    settings: Settings,
+) -> Solver<G, V, N> {
+    let faces = FaceTable::new(grid).unwrap();
+    let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
+    let part = vec![0; grid.cells.len()];
+    let topology = Topology::new(grid, &faces, &part, &order, 0, V::ACTIVE);
+    let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
+    let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0 };
+    Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
+}
+
+/// Isothermal.
+pub fn isothermal<V: Viscosity>(grid: &FlowGrid, v: V, settings: Settings) -> Solver<Isothermal, V, 4> {
+    solver_of(grid, Isothermal::new(settings.air), v, settings)
+}
+
+/// A step on a grid at rest.
+pub fn at_rest(dt: f64) -> Step {
+    Step { dt, frame: [0.0; 3], again: false, moved: false }
+}
+
+/// Small reproducible numbers in -1..1.
+pub struct Noise(pub u64);
+
+impl Noise {
+    /// The next one.
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
