@@ -4,9 +4,13 @@
 
 pub mod elastic;
 pub mod element;
+pub mod inverse_distance;
 pub mod local;
+pub mod motion;
 pub mod mover;
 pub mod quality;
 pub mod sample;
 pub mod solve;
+pub mod untangle;
+pub mod velocity;
 pub mod warm;

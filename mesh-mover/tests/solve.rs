@@ -9,7 +9,7 @@ use mesh_mover::quality::Corners;
 use mesh_mover::sample::plate_in_box;
 
 fn solid(chi: f64, tolerance: f64) -> Solid {
-    Solid { chi, poisson: 0.3, tolerance, max_iterations: 2000 }
+    Solid { chi, shape_exponent: 3.0 * chi.min(1.0), poisson: 0.3, tolerance, max_iterations: 2000 }
 }
 
 /// All outer nodes become canopy nodes, so that any motion of the whole boundary can be prescribed.

@@ -1,0 +1,342 @@
+//! A grid that follows the canopy and stays usable: total form first, then
+//! increments with an updated reference, then local untangling, then an error.
+
+use comm::Comm;
+use mesh::Vec3;
+
+use crate::local::{Kind, LocalGrid};
+use crate::mover::{Effort, Mover, MoverError};
+use crate::quality::Corners;
+use crate::untangle::untangle;
+
+/// What a moved grid must keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Smallest scaled Jacobian that is accepted.
+    pub min_quality: f64,
+    /// Most sub-increments of one motion.
+    pub max_increments: u32,
+}
+
+/// The grid is based anew once its worst cell is below this and below
+/// [`REBASE_LOSS`] of the quality that its reference grid had: stiffening then protects
+/// the cells that are now bad, at the price of drift (see [`Motion`]). Measured on a
+/// plate lifted, turned and bent in a box: with 0.3 the worst cell ends at a
+/// third of the quality, with 1.0 at the same quality for twice the assemblies.
+const REBASE_BELOW: f64 = 0.5;
+/// See [`REBASE_BELOW`].
+const REBASE_LOSS: f64 = 0.7;
+
+/// Shape of the grid: the same values on all ranks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shape {
+    /// Smallest scaled Jacobian.
+    pub quality: f64,
+    /// Global cell that has it.
+    pub cell: u32,
+    /// Its centre, m.
+    pub at: Vec3,
+    /// Smallest ratio of a cell's volume to its volume at the start.
+    pub volume_ratio: f64,
+}
+
+/// How the grid got there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moved {
+    /// Iterations of all solves, error of the last.
+    pub effort: Effort,
+    /// Increments: 1 unless the total form failed.
+    pub increments: u32,
+    /// What came out.
+    pub shape: Shape,
+}
+
+/// Why the grid cannot follow.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MotionError {
+    /// The mover has no answer.
+    #[error(transparent)]
+    Mover(#[from] MoverError),
+    /// All means failed.
+    #[error(
+        "the grid cannot follow the canopy: cell {} at ({:.4}, {:.4}, {:.4}) m has scaled Jacobian {:.3e} \
+         (accepted: {least:.1e}) after {increments} increments and untangling",
+        shape.cell, shape.at[0], shape.at[1], shape.at[2], shape.quality
+    )]
+    Tangled {
+        /// The best grid found.
+        shape: Shape,
+        /// Scaled Jacobian that was asked for.
+        least: f64,
+        /// Increments tried.
+        increments: u32,
+    },
+    /// The start grid is not usable.
+    #[error(
+        "cell {} of the start grid, at ({:.4}, {:.4}, {:.4}) m, has scaled Jacobian {:.3e} (accepted: \
+         {least:.1e}): lower mesh.min_quality, or change flow.grid",
+        shape.cell, shape.at[0], shape.at[1], shape.at[2], shape.quality
+    )]
+    BadStart {
+        /// The worst cell.
+        shape: Shape,
+        /// Scaled Jacobian that was asked for.
+        least: f64,
+    },
+}
+
+/// Positions of grid and canopy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Positions {
+    /// Local nodes of the grid, flat, m.
+    pub grid: Vec<f64>,
+    /// All canopy nodes, flat, m.
+    pub canopy: Vec<f64>,
+}
+
+/// The moving grid.
+///
+/// **Drift.** In the total form positions depend on the canopy's position alone
+/// (to the solver's tolerance; exactly for the start shape), however it got
+/// there. Each new reference grid replaces that start by the grid at hand: from
+/// then on the grid returns to that one. [`Motion::rebased`] counts them.
+pub struct Motion {
+    /// The grid's topology.
+    pub grid: LocalGrid,
+    mover: Box<dyn Mover>,
+    limits: Limits,
+    corners: Corners,
+    start_volumes: Vec<f64>,
+    reference: Positions,
+    reference_quality: f64,
+    rebased: u32,
+    /// Displacement of the canopy from the reference, and of the local free nodes.
+    push: Vec<f64>,
+    u: Vec<f64>,
+}
+
+impl Motion {
+    /// Starts at `start`; a grid that was moved before continues on `reference`. Collective.
+    ///
+    /// # Errors
+    /// A start grid that is inverted or below the limit.
+    pub fn new(
+        grid: LocalGrid,
+        start: &[f64],
+        reference: Positions,
+        mover: Box<dyn Mover>,
+        limits: Limits,
+    ) -> Result<Self, MotionError> {
+        let corners = Corners::new(&grid.cells);
+        let volume = |c: usize| mesh::quality::volume(&grid.corners(c, start));
+        let start_volumes = (0..grid.cells.len()).map(volume).collect();
+        let (push, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
+        let mut motion = Self {
+            grid,
+            mover,
+            limits,
+            corners,
+            start_volumes,
+            reference,
+            reference_quality: 1.0,
+            rebased: 0,
+            push,
+            u,
+        };
+        let shape = motion.shape(&motion.reference.grid);
+        if !motion.accepts(&shape) {
+            return Err(MotionError::BadStart { shape, least: limits.min_quality });
+        }
+        motion.reference_quality = shape.quality;
+        motion.mover.rebase(&motion.grid, &motion.reference.grid)?;
+        Ok(motion)
+    }
+
+    /// The grid that displacements are counted from.
+    pub fn reference(&self) -> &Positions {
+        &self.reference
+    }
+
+    /// How often the reference grid was replaced.
+    pub fn rebased(&self) -> u32 {
+        self.rebased
+    }
+
+    /// Moves the grid so that the canopy is at `to.canopy`; `from` is the last
+    /// accepted state, where increments start. Fills `to.grid`; canopy nodes
+    /// get their positions to the bit. Collective.
+    ///
+    /// # Errors
+    /// [`MotionError`]; the accepted state is untouched.
+    pub fn follow(&mut self, from: &Positions, to: &mut Positions) -> Result<Moved, MotionError> {
+        let mut iterations = 0;
+        match self.total(to) {
+            Ok(effort) => {
+                let shape = self.shape(&to.grid);
+                if self.accepts(&shape) {
+                    return Ok(Moved { effort, increments: 1, shape });
+                }
+                iterations += effort.iterations;
+            }
+            Err(MoverError::NotConverged { iterations: n, .. }) => iterations += n,
+            Err(e) => return Err(e.into()),
+        }
+        let mut worst = None;
+        let mut count = 1;
+        while count <= self.limits.max_increments {
+            let last = 2 * count > self.limits.max_increments;
+            match self.in_increments(from, to, count, last, &mut iterations)? {
+                Ok(moved) => return Ok(moved),
+                Err(shape) => worst = Some(shape),
+            }
+            count *= 2;
+        }
+        let shape = worst.unwrap_or_else(|| self.shape(&to.grid));
+        Err(MotionError::Tangled {
+            shape,
+            least: self.limits.min_quality,
+            increments: self.limits.max_increments,
+        })
+    }
+
+    /// To be called with an accepted state: takes it as the new reference where
+    /// quality has fallen far. Collective.
+    ///
+    /// # Errors
+    /// The mover cannot stand on this grid.
+    pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Result<(), MotionError> {
+        if shape.quality < REBASE_BELOW && shape.quality < REBASE_LOSS * self.reference_quality {
+            self.rebase(accepted, shape.quality)?;
+        }
+        Ok(())
+    }
+
+    /// Shape of the grid at `x` (local nodes). Collective.
+    pub fn shape(&self, x: &[f64]) -> Shape {
+        let (mut quality, mut worst, mut ratio) = (f64::INFINITY, None, f64::INFINITY);
+        for c in 0..self.grid.cells.len() {
+            let q = self.corners.quality(c, x);
+            if q < quality {
+                (quality, worst) = (q, Some(c));
+            }
+            let r = mesh::quality::volume(&self.grid.corners(c, x)) / self.start_volumes[c];
+            ratio = if r >= ratio {
+                ratio
+            } else if r.is_nan() {
+                f64::NEG_INFINITY
+            } else {
+                r
+            };
+        }
+        let (cell, at) = match worst {
+            Some(c) => (self.grid.cell_global[c], self.grid.centre(c, x)),
+            None => (u32::MAX, [0.0; 3]),
+        };
+        worst_of_all(self.grid.comm(), Shape { quality, cell, at, volume_ratio: ratio })
+    }
+
+    fn accepts(&self, shape: &Shape) -> bool {
+        shape.quality >= self.limits.min_quality && shape.volume_ratio > 0.0
+    }
+
+    /// One linear solve from the reference grid.
+    fn total(&mut self, to: &mut Positions) -> Result<Effort, MoverError> {
+        for ((p, c), r) in self.push.iter_mut().zip(&to.canopy).zip(&self.reference.canopy) {
+            *p = c - r;
+        }
+        let effort = self.mover.displace(&self.grid, &self.push, &mut self.u)?;
+        to.grid.copy_from_slice(&self.reference.grid);
+        for (&a, u) in self.grid.free_node.iter().zip(self.u.as_chunks::<3>().0) {
+            let x = &mut to.grid[3 * a as usize..][..3];
+            x.iter_mut().zip(u).for_each(|(x, u)| *x += u);
+        }
+        self.grid.place_canopy(&to.canopy, &mut to.grid);
+        Ok(effort)
+    }
+
+    fn rebase(&mut self, at: &Positions, quality: f64) -> Result<(), MoverError> {
+        self.mover.rebase(&self.grid, &at.grid)?;
+        self.reference.clone_from(at);
+        self.reference_quality = quality;
+        self.rebased += 1;
+        Ok(())
+    }
+
+    /// Goes from `from` in `count` equal increments, with a new reference grid
+    /// for each. The inner error is the grid that was not accepted.
+    fn in_increments(
+        &mut self,
+        from: &Positions,
+        to: &mut Positions,
+        count: u32,
+        repair: bool,
+        iterations: &mut usize,
+    ) -> Result<Result<Moved, Shape>, MotionError> {
+        let goal = to.canopy.clone();
+        let mut at = from.clone();
+        let mut shape = self.shape(&at.grid);
+        let mut effort = Effort::default();
+        let result = (|| {
+            for k in 1..=count {
+                self.rebase(&at, shape.quality)?;
+                let s = f64::from(k) / f64::from(count);
+                for ((c, a), b) in to.canopy.iter_mut().zip(&from.canopy).zip(&goal) {
+                    *c = if k == count { *b } else { a + s * (b - a) };
+                }
+                effort = self.total(to)?;
+                *iterations += effort.iterations;
+                shape = self.shape(&to.grid);
+                if !self.accepts(&shape) && repair {
+                    untangle(&self.grid, &self.corners, &mut to.grid, 4.0 * self.limits.min_quality);
+                    shape = self.shape(&to.grid);
+                    if k == count && self.accepts(&shape) {
+                        // Later iterations of this window must start from the repaired grid.
+                        self.rebase(to, shape.quality)?;
+                    }
+                }
+                if !self.accepts(&shape) {
+                    return Ok(Err(shape));
+                }
+                at.clone_from(to);
+            }
+            Ok(Ok(Moved { effort: Effort { iterations: *iterations, ..effort }, increments: count, shape }))
+        })();
+        to.canopy.copy_from_slice(&goal);
+        match result {
+            // A coarser increment may fail where a finer one does not.
+            Err(MotionError::Mover(MoverError::NotConverged { .. })) if !repair => Ok(Err(shape)),
+            other => other,
+        }
+    }
+}
+
+impl LocalGrid {
+    /// Puts the canopy nodes of `x` where `canopy` (all of it) is.
+    pub fn place_canopy(&self, canopy: &[f64], x: &mut [f64]) {
+        for &(a, k) in &self.canopy {
+            x[3 * a as usize..][..3].copy_from_slice(&canopy[3 * k as usize..][..3]);
+        }
+    }
+
+    /// Whether local node `a` is free and owned here.
+    pub(crate) fn is_mine_to_move(&self, a: u32) -> bool {
+        matches!(self.kind[a as usize], Kind::Free(i) if (i as usize) < self.n_free)
+    }
+}
+
+/// The worst over ranks; ties go to the lowest cell, so that the answer does not
+/// depend on the number of ranks.
+fn worst_of_all(comm: &Comm, s: Shape) -> Shape {
+    let row = [s.quality, f64::from(s.cell), s.at[0], s.at[1], s.at[2], s.volume_ratio];
+    let all = comm.all_gather_var(&row);
+    let mut worst = s;
+    for r in all.as_chunks::<6>().0 {
+        if r[0] < worst.quality || (r[0] == worst.quality && r[1] < f64::from(worst.cell)) {
+            worst.quality = r[0];
+            worst.cell = r[1] as u32;
+            worst.at = [r[2], r[3], r[4]];
+        }
+        worst.volume_ratio = worst.volume_ratio.min(r[5]);
+    }
+    worst
+}

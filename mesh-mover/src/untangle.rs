@@ -1,0 +1,131 @@
+//! Local optimisation of bad cells: the last resort before an error.
+
+use crate::local::LocalGrid;
+use crate::quality::Corners;
+
+/// Sweeps over all bad cells at most.
+const SWEEPS: usize = 20;
+
+/// Moves the free nodes of cells whose scaled Jacobian is below `target`, one
+/// node at a time, so that the worst cell around each becomes as good as a
+/// pattern search finds. `x`: local positions, flat. Collective.
+///
+/// Ranks take turns, so that two owners of one cell never move at once.
+pub fn untangle(grid: &LocalGrid, corners: &Corners, x: &mut [f64], target: f64) {
+    let comm = grid.comm();
+    let around = cells_of_nodes(grid);
+    let mut free = vec![0.0; 3 * grid.free_node.len()];
+    for _ in 0..SWEEPS {
+        let bad = |x: &[f64]| -> Vec<usize> {
+            (0..grid.cells.len()).filter(|&c| corners.quality(c, x) < target).collect()
+        };
+        if comm.all(bad(x).is_empty()) {
+            return;
+        }
+        for turn in 0..comm.size() {
+            if turn == comm.rank() {
+                let mut nodes: Vec<u32> =
+                    bad(x).iter().flat_map(|&c| grid.cells[c]).filter(|&a| grid.is_mine_to_move(a)).collect();
+                nodes.sort_unstable();
+                nodes.dedup();
+                for a in nodes {
+                    improve(a, &around[a as usize], corners, grid, x);
+                }
+            }
+            for (f, &a) in free.as_chunks_mut::<3>().0.iter_mut().zip(&grid.free_node) {
+                f.copy_from_slice(&x[3 * a as usize..][..3]);
+            }
+            grid.free_halo.exchange(&mut free, 3);
+            for (f, &a) in free.as_chunks::<3>().0.iter().zip(&grid.free_node) {
+                x[3 * a as usize..][..3].copy_from_slice(f);
+            }
+        }
+    }
+}
+
+fn cells_of_nodes(grid: &LocalGrid) -> Vec<Vec<u32>> {
+    let mut around = vec![Vec::new(); grid.n_local()];
+    for (c, cell) in grid.cells.iter().enumerate() {
+        for &a in cell {
+            let list: &mut Vec<u32> = &mut around[a as usize];
+            if list.last() != Some(&(c as u32)) {
+                list.push(c as u32);
+            }
+        }
+    }
+    around
+}
+
+/// Pattern search along the axes and towards the mean of the neighbours.
+fn improve(a: u32, cells: &[u32], corners: &Corners, grid: &LocalGrid, x: &mut [f64]) {
+    let at = 3 * a as usize;
+    let worst =
+        |x: &[f64]| cells.iter().map(|&c| corners.quality(c as usize, x)).fold(f64::INFINITY, f64::min);
+    let mut mean = [0.0; 3];
+    let mut n = 0.0;
+    let mut reach = 0.0f64;
+    for &c in cells {
+        for &b in &grid.cells[c as usize] {
+            let d: f64 = (0..3).map(|i| (x[3 * b as usize + i] - x[at + i]).powi(2)).sum();
+            reach = reach.max(d.sqrt());
+            (0..3).for_each(|i| mean[i] += x[3 * b as usize + i]);
+            n += 1.0;
+        }
+    }
+    let mut best = worst(x);
+    let mut step = 0.25 * reach;
+    while step > 1e-3 * reach {
+        let here = [x[at], x[at + 1], x[at + 2]];
+        let inwards: Vec<f64> = (0..3).map(|i| mean[i] / n - here[i]).collect();
+        let length = inwards.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-300);
+        let mut found = None;
+        let towards = [inwards[0] / length, inwards[1] / length, inwards[2] / length];
+        let axes = (0..6).map(|k| {
+            let mut d = [0.0; 3];
+            d[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
+            d
+        });
+        for d in axes.chain([towards]) {
+            (0..3).for_each(|i| x[at + i] = here[i] + step * d[i]);
+            let q = worst(x);
+            if q > best {
+                best = q;
+                found = Some([x[at], x[at + 1], x[at + 2]]);
+            }
+        }
+        x[at..at + 3].copy_from_slice(&found.unwrap_or(here));
+        if found.is_none() {
+            step *= 0.5;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use comm::Comm;
+
+    #[test]
+    fn nodes_pushed_through_their_cells_come_back() {
+        let grid = crate::sample::plate_in_box(6, 0.1, 0.8, true);
+        let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
+        let corners = Corners::new(&local.cells);
+        let mut x = local.gather(&grid.coords);
+        let fixed = x.clone();
+        // Several nodes, by more than a cell.
+        let mut pushed = 0;
+        for &a in local.free_node.iter().step_by(37) {
+            x[3 * a as usize] += 0.4;
+            pushed += 1;
+        }
+        assert!(pushed >= 4 && corners.worst(&x).unwrap().1 < 0.0);
+        untangle(&local, &corners, &mut x, 0.1);
+        let (cell, q) = corners.worst(&x).unwrap();
+        assert!(q >= 0.1, "cell {cell}: {q}");
+        for a in 0..local.n_local() {
+            if !local.is_mine_to_move(a as u32) {
+                assert_eq!(x[3 * a..3 * a + 3], fixed[3 * a..3 * a + 3]);
+            }
+        }
+    }
+}

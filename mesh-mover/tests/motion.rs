@@ -1,0 +1,155 @@
+//! Large motions: what the grid survives, and what it says when it does not.
+
+use comm::Comm;
+use mesh::FlowGrid;
+use mesh_mover::elastic::{Elastic, Solid};
+use mesh_mover::inverse_distance::InverseDistance;
+use mesh_mover::local::LocalGrid;
+use mesh_mover::motion::{Limits, Motion, MotionError, Moved, Positions};
+use mesh_mover::mover::Mover;
+use mesh_mover::sample::plate_in_box;
+
+const LIMITS: Limits = Limits { min_quality: 1e-3, max_increments: 8 };
+
+fn elastic() -> Box<dyn Mover> {
+    Box::new(Elastic::new(Solid::from(&case::MeshMotion::default())))
+}
+
+struct Run {
+    start: Positions,
+    at: Positions,
+    motion: Motion,
+}
+
+impl Run {
+    fn new(grid: &FlowGrid, mover: Box<dyn Mover>, limits: Limits) -> Self {
+        let local = LocalGrid::new(grid, &vec![0; grid.coords.len()], &Comm::solo());
+        let x = local.gather(&grid.coords);
+        let canopy = grid.canopy_nodes.iter().flat_map(|&a| grid.coords[a as usize]).collect();
+        let start = Positions { grid: x.clone(), canopy };
+        let motion = Motion::new(local, &x, start.clone(), mover, limits).unwrap();
+        Self { at: start.clone(), start, motion }
+    }
+
+    /// One window: the canopy goes to `shape` of its start position.
+    fn window(&mut self, shape: impl Fn([f64; 3]) -> [f64; 3]) -> Result<Moved, MotionError> {
+        let mut to = self.at.clone();
+        for (c, s) in to.canopy.as_chunks_mut::<3>().0.iter_mut().zip(self.start.canopy.as_chunks::<3>().0) {
+            *c = shape(*s);
+        }
+        let moved = self.motion.follow(&self.at, &mut to)?;
+        for &(a, k) in &self.motion.grid.canopy {
+            assert_eq!(to.grid[3 * a as usize..][..3], to.canopy[3 * k as usize..][..3], "canopy exact");
+        }
+        self.at = to;
+        self.motion.settle(&self.at, &moved.shape)?;
+        Ok(moved)
+    }
+}
+
+type Path = fn([f64; 3], f64) -> [f64; 3];
+
+fn turn(p: [f64; 3], s: f64) -> [f64; 3] {
+    let (sin, cos) = (s * std::f64::consts::FRAC_PI_3).sin_cos();
+    [cos * p[0] - sin * p[2], p[1], sin * p[0] + cos * p[2]]
+}
+
+/// The plate is 1 wide in a box of 2; layers at the plate are 0.06 thick.
+const TORTURE: [(&str, Path, f64); 5] = [
+    ("translated normally by half its width", |p, s| [p[0], p[1], p[2] + 0.5 * s], 0.1),
+    ("translated in its plane by a quarter", |p, s| [p[0] + 0.25 * s, p[1], p[2]], 0.2),
+    ("turned by 60 degrees", turn, 0.05),
+    ("squeezed to half", |p, s| [p[0] * (1.0 - 0.5 * s), p[1] * (1.0 - 0.5 * s), p[2]], 0.1),
+    ("a flap bent to 90 degrees", flap, 0.05),
+];
+
+/// The half at x > 0 rolls up on a circle until its end stands upright.
+fn flap(p: [f64; 3], s: f64) -> [f64; 3] {
+    let k = s * std::f64::consts::PI;
+    if p[0] <= 0.0 || k == 0.0 { p } else { [(k * p[0]).sin() / k, p[1], (1.0 - (k * p[0]).cos()) / k] }
+}
+
+#[test]
+fn torture_without_inversion() {
+    let grid = plate_in_box(12, 0.1, 0.8, false);
+    for (name, path, least) in TORTURE {
+        let mut run = Run::new(&grid, elastic(), LIMITS);
+        let (mut worst, mut iterations, mut increments) = (1.0f64, 0, 0);
+        for step in 1..=20 {
+            let moved = run.window(|p| path(p, step as f64 / 20.0));
+            let moved = moved.unwrap_or_else(|e| panic!("{name}, step {step}: {e}"));
+            worst = worst.min(moved.shape.quality);
+            iterations += moved.effort.iterations;
+            increments = increments.max(moved.increments);
+        }
+        println!(
+            "{name}: worst {worst:.3}, {iterations} iterations, {increments} increments at most, {} new references",
+            run.motion.rebased()
+        );
+        assert!(worst > least, "{name}: {worst}");
+    }
+}
+
+#[test]
+fn oscillation_in_the_total_form_does_not_drift() {
+    let grid = plate_in_box(8, 0.1, 0.8, true);
+    let mut run = Run::new(&grid, elastic(), LIMITS);
+    let swing = |s: f64| move |p: [f64; 3]| [p[0] + 0.05 * s, p[1], p[2] + 0.1 * s * (1.0 - p[0] * p[0])];
+    let phase = |step: usize| (step as f64 * std::f64::consts::TAU / 20.0).sin();
+    for step in 1..20 {
+        run.window(swing(phase(step))).unwrap();
+    }
+    let quarter = {
+        run.window(swing(1.0)).unwrap();
+        run.at.clone()
+    };
+    let mut iterations = 0;
+    for step in 0..1000 {
+        iterations += run.window(swing(phase(step))).unwrap().effort.iterations;
+    }
+    assert_eq!(run.motion.rebased(), 0);
+    println!("{iterations} iterations in 1000 windows");
+    assert!(iterations < 1000, "past solutions know the way: {iterations}");
+    run.window(|p| p).unwrap();
+    assert_eq!(run.at.grid, run.start.grid, "the start grid to the bit");
+    run.window(swing(1.0)).unwrap();
+    let apart = run.at.grid.iter().zip(&quarter.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // Two answers within the tolerance of 1e-3 of the smallest edge, 0.1.
+    assert!(apart < 2e-4, "{apart}");
+}
+
+#[test]
+fn a_jump_over_several_layers_is_cut_into_increments() {
+    let grid = plate_in_box(12, 0.1, 0.8, false);
+    let mut run = Run::new(&grid, elastic(), LIMITS);
+    let moved = run.window(|p| turn(p, 0.8)).unwrap();
+    println!("{moved:?}");
+    assert!(moved.increments > 1 && moved.shape.quality > 1e-3);
+}
+
+#[test]
+fn what_cannot_be_followed_names_the_cell_and_leaves_the_state() {
+    let grid = plate_in_box(8, 0.0, 0.9, false);
+    let mut run = Run::new(&grid, elastic(), Limits { min_quality: 1e-3, max_increments: 2 });
+    let before = run.at.clone();
+    // Through the wall of the box.
+    let error = run.window(|p| [p[0], p[1], p[2] + 1.5]).unwrap_err();
+    println!("{error}");
+    let MotionError::Tangled { shape, increments, .. } = &error else { panic!("{error}") };
+    assert!(shape.quality < 1e-3 && *increments == 2);
+    assert!(error.to_string().contains(&format!("cell {}", shape.cell)));
+    assert_eq!(run.at, before);
+    // The same motion object goes on from the accepted state.
+    run.window(|p| [p[0], p[1], p[2] + 0.05]).unwrap();
+}
+
+#[test]
+fn inverse_distance_weighting_for_comparison() {
+    let grid = plate_in_box(12, 0.1, 0.8, false);
+    for (name, path, _) in TORTURE {
+        let mut run = Run::new(&grid, Box::new(InverseDistance::default()), LIMITS);
+        let lasted = (1..=20).take_while(|&step| run.window(|p| path(p, step as f64 / 20.0)).is_ok()).count();
+        println!("{name}: {} of 20 windows, {} new references", lasted, run.motion.rebased());
+        assert!(lasted >= 2, "{name}: {lasted}");
+    }
+}
