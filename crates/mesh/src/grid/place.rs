@@ -9,8 +9,14 @@ use crate::quality::{add, cross, dot, norm, scale, sub};
 /// The core's size over the surface's, and how round the core is (0: a box).
 const CORE_SIZE: f64 = 0.5;
 const CORE_ROUND: f64 = 0.4;
-/// How far the open bottom bulges below the hem, over the hem's radius.
-const BULGE: f64 = 0.45;
+/// The open bottom bulges below the hem by the hem's radius, less this share of
+/// the canopy's height, but by this share of the radius at least.
+const BULGE_LESS: f64 = 0.55;
+const BULGE_LEAST: f64 = 0.45;
+/// Lines leave the surface along its normal over this share of its half-width.
+const NORMAL_REACH: f64 = 0.3;
+/// Direction at the surface: all normal (1) or all chord (0).
+const NORMAL_SHARE: f64 = 0.7;
 
 /// Positions of all grid nodes, m, from those of the canopy.
 pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -> Vec<Vec3> {
@@ -40,6 +46,7 @@ pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -
 
     let (side, wake) = (grid.far_field_widths * width, grid.wake_widths * width);
     let first = grid.first_layer_m;
+    let reach = NORMAL_REACH * half[0].max(half[1]);
     for s in 0..blocks.surface {
         let wall = x[s];
         let sphere = sphere(blocks.cube[s]);
@@ -50,12 +57,12 @@ pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -
         ];
         let line: Vec<u32> = blocks.line(s).collect();
         let [inside, outside] = blocks.layers;
-        let inner = Curve::new(wall, scale(normals[s], -1.0), x[line[0] as usize]);
+        let inner = Curve::new(wall, scale(normals[s], -1.0), x[line[0] as usize], reach);
         let steps = stretch(first / inner.chord, inside);
         for l in 1..inside {
             x[line[inside - l] as usize] = inner.at(steps[l]);
         }
-        let outer = Curve::new(wall, normals[s], far);
+        let outer = Curve::new(wall, normals[s], far, reach);
         let steps = stretch(first / outer.chord, outside);
         for l in 1..=outside {
             x[line[inside + l] as usize] = outer.at(steps[l]);
@@ -64,27 +71,28 @@ pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -
     x
 }
 
-/// A curve from a wall, leaving along a direction and becoming straight.
+/// A line that leaves a wall along a direction and ends in a point.
 struct Curve {
     from: Vec3,
     to: Vec3,
-    along: Vec3,
+    /// From the chord's direction to the wall's normal.
+    turn: Vec3,
+    reach: f64,
     chord: f64,
 }
 
 impl Curve {
-    fn new(from: Vec3, along: Vec3, to: Vec3) -> Self {
+    fn new(from: Vec3, along: Vec3, to: Vec3, reach: f64) -> Self {
         let chord = norm(sub(to, from)).max(f64::MIN_POSITIVE);
-        Curve { from, to, along, chord }
+        let turn = sub(along, scale(sub(to, from), 1.0 / chord));
+        Curve { from, to, turn, reach: reach.min(0.4 * chord), chord }
     }
 
-    /// Cubic from `from` to `to`, its first tangent between normal and chord.
+    /// The point at the share `t` of the chord.
     fn at(&self, t: f64) -> Vec3 {
-        let straight = sub(self.to, self.from);
-        let start = add(scale(self.along, 0.6 * self.chord), scale(straight, 0.4));
-        let bend = sub(start, straight);
-        // Hermite's basis function of the start tangent, minus the straight line.
-        add(add(self.from, scale(straight, t)), scale(bend, t * (1.0 - t) * (1.0 - t)))
+        let straight = add(scale(self.from, 1.0 - t), scale(self.to, t));
+        let aside = self.reach * (1.0 - (-t * self.chord / self.reach).exp());
+        add(straight, scale(self.turn, NORMAL_SHARE * aside * (1.0 - t) * (1.0 - t)))
     }
 }
 
@@ -159,45 +167,54 @@ fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
         hem.iter().map(|&s| (x[s as usize][0] - mean[0]).hypot(x[s as usize][1] - mean[1])).sum::<f64>()
             / (4 * n) as f64;
     let rings = (blocks.levels - blocks.hem()) as f64 + 0.5 * n as f64;
+    // Free nodes with a fourth coordinate: 1 - r^2 of a disc of radius 1, from 0 at the hem.
     let mut free = Vec::new();
+    let mut bulge = vec![0.0; blocks.surface];
     for b in blocks.hem() + 1..=blocks.levels {
-        for i in 0..4 * n {
+        for (i, &rim) in hem.iter().enumerate() {
             let s = blocks.side(i / n, i % n, b);
-            let rim = x[hem[i] as usize];
             let t = (b - blocks.hem()) as f64 / rings;
-            x[s as usize] = add(scale(rim, 1.0 - t), scale(mean, t));
+            x[s as usize] = add(scale(x[rim as usize], 1.0 - t), scale(mean, t));
+            bulge[s as usize] = 1.0 - (1.0 - t) * (1.0 - t);
             free.push(s);
         }
     }
+    let edge = 0.5 * n as f64 / rings;
     for j in 1..n {
         for i in 1..n {
             // From the cap's own edge towards the middle, by the larger coordinate.
             let [u, v] = [i, j].map(|a| 2.0 * a as f64 / n as f64 - 1.0);
             let size = u.abs().max(v.abs()).max(1e-9);
-            let on_edge = |w: f64| (((w / size + 1.0) * 0.5 * n as f64).round() as usize).min(n);
-            let rim = x[blocks.cap(on_edge(u), on_edge(v)) as usize];
+            let place = |w: f64| ((w / size).clamp(-1.0, 1.0) + 1.0) * 0.5 * n as f64;
+            let (p, q) = (place(u), place(v));
+            let at = |p: f64, q: f64| x[blocks.cap(p as usize, q as usize) as usize];
+            let share = (p - p.floor()) + (q - q.floor());
+            let rim = add(scale(at(p.floor(), q.floor()), 1.0 - share), scale(at(p.ceil(), q.ceil()), share));
             let s = blocks.cap(i, j);
             x[s as usize] = add(scale(rim, size), scale(mean, 1.0 - size));
+            bulge[s as usize] = 1.0 - (edge * size) * (edge * size);
             free.push(s);
         }
     }
     // Jacobi sweeps, which keep the canopy's symmetry; the start is close already.
-    let mut next = vec![[0.0; 3]; free.len()];
+    let mut next = vec![([0.0; 3], 0.0); free.len()];
     for _ in 0..2 * n {
         for (next, &s) in next.iter_mut().zip(&free) {
             let around = links.of(s as usize);
+            let share = 1.0 / around.len() as f64;
             let sum = around.iter().fold([0.0; 3], |m, &t| add(m, x[t as usize]));
-            *next = scale(sum, 1.0 / around.len() as f64);
+            let mean_bulge = around.iter().map(|&t| bulge[t as usize]).sum::<f64>() * share;
+            *next = (scale(sum, share), mean_bulge + 1.0 / (rings * rings));
         }
         for (next, &s) in next.iter().zip(&free) {
-            x[s as usize] = *next;
+            (x[s as usize], bulge[s as usize]) = *next;
         }
     }
-    // The bulge: an ellipsoid below the hem's radius in each direction.
+    let highest = x[..blocks.surface].iter().map(|p| p[2]).fold(f64::MIN, f64::max);
+    let depth = (radius - BULGE_LESS * (highest - mean[2])).max(BULGE_LEAST * radius);
+    let most = bulge.iter().fold(f64::MIN_POSITIVE, |m, &b| m.max(b));
     for &s in &free {
-        let p = x[s as usize];
-        let out = ((p[0] - mean[0]).hypot(p[1] - mean[1]) / radius).min(1.0);
-        x[s as usize][2] -= BULGE * radius * (1.0 - out * out).max(0.0).sqrt();
+        x[s as usize][2] -= depth * (bulge[s as usize] / most).sqrt();
     }
 }
 
@@ -215,7 +232,9 @@ fn normals(blocks: &Blocks, x: &[Vec3], links: &crate::Graph) -> Vec<Vec3> {
     }
     let unit = |v: Vec3| if norm(v) > 0.0 { scale(v, 1.0 / norm(v)) } else { v };
     let mut own: Vec<Vec3> = sum.into_iter().map(unit).collect();
-    for _ in 0..2 {
+    // Over the same distance at any resolution: sweeps grow with its square.
+    let sweeps = (blocks.n * blocks.n / 160).clamp(2, 400);
+    for _ in 0..sweeps {
         own = (0..x.len())
             .map(|s| {
                 let near = links.of(s).iter().fold([0.0; 3], |m, &t| add(m, own[t as usize]));
