@@ -1,7 +1,7 @@
 //! Small dense blocks, row-major, in storage precision `T`.
 
 /// A storage precision of matrix entries. Arithmetic on vectors stays in `f64`.
-pub trait Real: faer::traits::RealField + Copy + Default {
+pub trait Real: faer::traits::RealField + comm::Scalar {
     /// Rounds to this precision.
     fn from_f64(x: f64) -> Self;
     /// Widens.

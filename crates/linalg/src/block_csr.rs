@@ -18,9 +18,9 @@ use crate::block::{Real, add_mul};
 #[derive(Clone, Debug)]
 pub struct BlockCsr<const B: usize, T: Real = f64> {
     halo: Rc<Halo>,
-    row_ptr: Vec<usize>,
-    cols: Vec<u32>,
-    diagonal: Vec<usize>,
+    row_ptr: Rc<Vec<usize>>,
+    cols: Rc<Vec<u32>>,
+    diagonal: Rc<Vec<usize>>,
     /// Runs of rows that read no ghost: worked on while ghosts travel.
     interior: Vec<std::ops::Range<usize>>,
     boundary: Vec<std::ops::Range<usize>>,
@@ -49,6 +49,7 @@ impl<const B: usize, T: Real> BlockCsr<B, T> {
             push_run(runs, i);
         }
         let values = vec![[[T::default(); B]; B]; cols.len()];
+        let (row_ptr, cols, diagonal) = (Rc::new(row_ptr), Rc::new(cols), Rc::new(diagonal));
         Self { halo, row_ptr, cols, diagonal, interior, boundary, values }
     }
 
@@ -165,7 +166,11 @@ impl<const B: usize, T: Real> BlockCsr<B, T> {
 
     /// The same matrix stored in another precision.
     pub fn cast<S: Real>(&self) -> BlockCsr<B, S> {
-        let cast = |a: &[[T; B]; B]| a.map(|row| row.map(|v| S::from_f64(v.to_f64())));
+        self.map(|v| S::from_f64(v.to_f64()))
+    }
+
+    /// The matrix of `f` of each entry.
+    pub(crate) fn map<S: Real>(&self, f: impl Fn(T) -> S) -> BlockCsr<B, S> {
         BlockCsr {
             halo: self.halo.clone(),
             row_ptr: self.row_ptr.clone(),
@@ -173,7 +178,7 @@ impl<const B: usize, T: Real> BlockCsr<B, T> {
             diagonal: self.diagonal.clone(),
             interior: self.interior.clone(),
             boundary: self.boundary.clone(),
-            values: self.values.iter().map(cast).collect(),
+            values: self.values.iter().map(|a| a.map(|row| row.map(&f))).collect(),
         }
     }
 

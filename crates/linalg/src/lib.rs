@@ -8,15 +8,18 @@
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
 //! * [`BlockJacobi`]: the simplest preconditioner.
 //! * [`SchwarzLu`]: a sparse direct factor of each subdomain.
+//! * [`Amg`]: smoothed aggregation multigrid for elasticity.
 //! * [`recycle::Projection`]: initial guesses from past solutions.
 
 // Blocks are written in index notation, like the formulas they implement.
 #![allow(clippy::needless_range_loop)]
 
+mod amg;
 mod block;
 mod block_csr;
 mod direct;
 mod dirichlet;
+mod ghost_rows;
 mod jacobi;
 mod krylov;
 mod operator;
@@ -24,6 +27,7 @@ pub mod recycle;
 mod schwarz;
 mod vector;
 
+pub use amg::{Amg, AmgError, AmgParams};
 pub use block::Real;
 pub use block_csr::BlockCsr;
 pub use direct::FactorError;

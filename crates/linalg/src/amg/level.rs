@@ -1,0 +1,193 @@
+//! One level of the hierarchy: matrix, smoother, transfer.
+
+use std::cell::{RefCell, RefMut};
+
+use comm::Comm;
+
+use super::coarsen::Step;
+use super::prolongation::Prolongation;
+use super::{AmgError, AmgParams, MODES, coarsen};
+use crate::BlockCsr;
+use crate::block::{Real, invert};
+use crate::jacobi::SingularBlock;
+
+pub(super) struct Level<const F: usize, T: Real> {
+    a: BlockCsr<F, T>,
+    /// Inverse of the smoother's diagonal blocks.
+    inverse: Vec<[[T; F]; F]>,
+    /// What the smoother adds to the diagonal: half the couplings to other ranks, so that
+    /// Jacobi between ranks converges.
+    extra: Vec<[T; F]>,
+    p: Prolongation<F, T>,
+    /// Right-hand side and solution of this level, for whoever calls `cycle`.
+    buffers: RefCell<(Vec<T>, Vec<T>)>,
+    work: RefCell<Work<T>>,
+}
+
+struct Work<T> {
+    residual: Vec<T>,
+    coarse_rhs: Vec<T>,
+    coarse_x: Vec<T>,
+}
+
+impl<const F: usize, T: Real> Level<F, T> {
+    /// Sets up the level of `a / scale` and makes the next coarser problem. Collective.
+    pub fn new(
+        a: &BlockCsr<F>,
+        scale: f64,
+        modes: &[[[f64; MODES]; F]],
+        params: &AmgParams,
+        level: usize,
+    ) -> Result<(Self, Step), AmgError> {
+        let n = a.n_rows();
+        let scaled = a.map(|v| v / scale);
+        let mut singular = None;
+        let mut inverse = Vec::with_capacity(n);
+        let mut extra = vec![[T::default(); F]; n];
+        let mut jacobi = Vec::with_capacity(n);
+        for i in 0..n {
+            let slot = scaled.diagonal_slot(i);
+            let mut d = scaled.values[slot];
+            jacobi.push(invert(&d).unwrap_or([[0.0; F]; F]));
+            for s in slot + 1..scaled.row(i).end {
+                if scaled.cols()[s] as usize >= n {
+                    for r in 0..F {
+                        let l1: f64 = scaled.values[s][r].iter().map(|v| v.abs()).sum();
+                        extra[i][r] += T::from_f64(0.5 * l1);
+                    }
+                }
+            }
+            (0..F).for_each(|r| d[r][r] += extra[i][r].to_f64());
+            match invert(&d) {
+                Some(d) => inverse.push(d.map(|r| r.map(T::from_f64))),
+                None => {
+                    singular = singular.or(Some(SingularBlock { row: i }));
+                    inverse.push([[T::default(); F]; F]);
+                }
+            }
+        }
+        if !a.halo().comm().all(singular.is_none()) {
+            return Err(match singular {
+                Some(source) => AmgError::Singular { level, source },
+                None => AmgError::OtherRank { level },
+            });
+        }
+        let (step, p) = coarsen(&scaled, &jacobi, modes, params);
+        let level = Self {
+            a: scaled.cast(),
+            inverse,
+            extra,
+            p: p.cast(),
+            buffers: RefCell::default(),
+            work: RefCell::new(Work { residual: Vec::new(), coarse_rhs: Vec::new(), coarse_x: Vec::new() }),
+        };
+        Ok((level, step))
+    }
+
+    /// Allocates the vectors of the cycle.
+    pub fn reserve(&mut self) {
+        let n = self.a.n_rows() * F;
+        let local = self.a.halo().n_local() * F;
+        let coarse = self.p.coarse.n_local() * MODES;
+        *self.buffers.get_mut() = (vec![T::default(); n], vec![T::default(); local]);
+        *self.work.get_mut() = Work {
+            residual: vec![T::default(); n],
+            coarse_rhs: vec![T::default(); coarse],
+            coarse_x: vec![T::default(); coarse],
+        };
+    }
+
+    pub fn n_rows(&self) -> usize {
+        self.a.n_rows()
+    }
+
+    pub fn comm(&self) -> &Comm {
+        self.a.halo().comm()
+    }
+
+    pub fn buffers(&self) -> RefMut<'_, (Vec<T>, Vec<T>)> {
+        self.buffers.borrow_mut()
+    }
+
+    pub fn bytes(&self) -> usize {
+        self.a.bytes() + self.inverse.len() * size_of::<[[T; F]; F]>() + self.p.bytes()
+    }
+
+    /// `x = M^-1 r`: smooth, correct by `coarse`, smooth in reverse. `x` has local length.
+    pub fn cycle(&self, r: &[T], x: &mut [T], coarse: impl FnOnce(&[T], &mut [T])) {
+        let Work { residual, coarse_rhs, coarse_x } = &mut *self.work.borrow_mut();
+        self.forward_from_zero(r, x);
+        self.a.halo().exchange(x, F);
+        self.residual_after_forward(x, residual);
+        self.p.restrict(residual, coarse_rhs);
+        coarse(coarse_rhs, coarse_x);
+        self.p.prolong_add(coarse_x, x);
+        self.a.halo().exchange(x, F);
+        self.backward(r, x);
+    }
+
+    /// A forward Gauss-Seidel sweep from `x = 0`: only the lower triangle is read.
+    fn forward_from_zero(&self, r: &[T], x: &mut [T]) {
+        let (r, x) = (r.as_chunks::<F>().0, x.as_chunks_mut::<F>().0);
+        for i in 0..self.a.n_rows() {
+            let lower = self.a.row(i).start..self.a.diagonal_slot(i);
+            let mut s = r[i];
+            for (&j, a) in self.a.cols()[lower.clone()].iter().zip(&self.a.values[lower]) {
+                subtract(&mut s, a, &x[j as usize]);
+            }
+            x[i] = multiply(&self.inverse[i], &s);
+        }
+    }
+
+    /// The residual after that sweep: what the sweep solved cancels, so that only the
+    /// upper triangle (with the ghosts) is read.
+    fn residual_after_forward(&self, x: &[T], residual: &mut [T]) {
+        let (x, residual) = (x.as_chunks::<F>().0, residual.as_chunks_mut::<F>().0);
+        for i in 0..self.a.n_rows() {
+            let upper = self.a.diagonal_slot(i) + 1..self.a.row(i).end;
+            let mut s = [T::default(); F];
+            (0..F).for_each(|c| s[c] = self.extra[i][c] * x[i][c]);
+            for (&j, a) in self.a.cols()[upper.clone()].iter().zip(&self.a.values[upper]) {
+                subtract(&mut s, a, &x[j as usize]);
+            }
+            residual[i] = s;
+        }
+    }
+
+    /// A backward Gauss-Seidel sweep with the ghosts as they are.
+    fn backward(&self, r: &[T], x: &mut [T]) {
+        let (r, x) = (r.as_chunks::<F>().0, x.as_chunks_mut::<F>().0);
+        for i in (0..self.a.n_rows()).rev() {
+            let (row, diagonal) = (self.a.row(i), self.a.diagonal_slot(i));
+            let mut s = r[i];
+            (0..F).for_each(|c| s[c] += self.extra[i][c] * x[i][c]);
+            for part in [row.start..diagonal, diagonal + 1..row.end] {
+                for (&j, a) in self.a.cols()[part.clone()].iter().zip(&self.a.values[part]) {
+                    subtract(&mut s, a, &x[j as usize]);
+                }
+            }
+            x[i] = multiply(&self.inverse[i], &s);
+        }
+    }
+}
+
+/// `s -= A x`.
+#[inline(always)]
+fn subtract<const F: usize, T: Real>(s: &mut [T; F], a: &[[T; F]; F], x: &[T; F]) {
+    for r in 0..F {
+        for c in 0..F {
+            s[r] -= a[r][c] * x[c];
+        }
+    }
+}
+
+#[inline(always)]
+fn multiply<const F: usize, T: Real>(a: &[[T; F]; F], x: &[T; F]) -> [T; F] {
+    let mut y = [T::default(); F];
+    for r in 0..F {
+        for c in 0..F {
+            y[r] += a[r][c] * x[c];
+        }
+    }
+    y
+}
