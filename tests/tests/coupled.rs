@@ -1,0 +1,107 @@
+//! The small coupled descent, from its scene to its results.
+
+use std::path::{Path, PathBuf};
+
+use ripstop_tests::{History, changed_scene, ripstop_run, scene, succeed};
+
+fn fly(scene: &Path, out: &Path, options: &[&str]) -> History {
+    succeed(ripstop_run(scene, out, options));
+    History::read(out, "descent")
+}
+
+fn exists(out: &Path, names: &[&str]) {
+    for name in names {
+        let file: PathBuf = out.join(name);
+        let size = std::fs::metadata(&file).map(|m| m.len()).unwrap_or(0);
+        assert!(size > 0, "{} is missing or empty", file.display());
+    }
+}
+
+#[test]
+fn a_descent_is_complete_consistent_and_the_same_twice() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    let first = fly(&scene("square-drop"), &a, &[]);
+    let second = fly(&scene("square-drop"), &b, &[]);
+    assert_eq!(first.without_wall_times(), second.without_wall_times(), "two runs differ");
+    assert_eq!(
+        History::read(&a, "pre-inflation").without_wall_times(),
+        History::read(&b, "pre-inflation").without_wall_times()
+    );
+
+    // 0.1 s in windows of 5 ms.
+    assert_eq!(first.len(), 20);
+    let time = first.column("time_s");
+    assert!(time.iter().enumerate().all(|(i, &t)| (t - (i + 1) as f64 * 5e-3).abs() < 1e-12));
+
+    // The descent equation, from its columns: m a = F - m g, v' = v + a dt.
+    // Mass: payload 5 kg, fabric 4 m2, 8 lines of 2.4 m.
+    let mass = 5.0 + 4.0 * 3.048e-5 * 1223.5093 + 8.0 * 2.4 * 3.11e-6 * 1223.50932;
+    let (speed, drag, acceleration) =
+        (first.column("descent_speed_m_s"), first.column("drag_n"), first.column("acceleration_m_s2"));
+    let mut before = 4.0;
+    for i in 0..first.len() {
+        // Nine digits are written; the coupling stops at 1e-3 of a window's change.
+        let a = drag[i] / mass - 9.80665;
+        let scale = acceleration[i].abs().max(1.0);
+        assert!((a - acceleration[i]).abs() < 0.05 * scale, "row {i}: {a} {}", acceleration[i]);
+        assert!((before - acceleration[i] * 5e-3 - speed[i]).abs() < 1e-6, "row {i}");
+        before = speed[i];
+    }
+    assert!(drag.iter().all(|&d| d > 0.0), "an open canopy is slowed by the air");
+    assert!(first.column("coupling_converged").iter().all(|&c| c == 1.0));
+    assert!(first.column("mesh_min_quality").iter().all(|&q| q > 0.0));
+
+    exists(
+        &a,
+        &[
+            "descent/history.csv",
+            "descent.svg",
+            "summary.json",
+            "descent/logs/flow.log",
+            "descent/state/flow.bin",
+        ],
+    );
+    let series: Vec<_> = walk(&a).into_iter().filter(|f| f.extension().is_some_and(|e| e == "pvd")).collect();
+    assert!(series.len() >= 2, "surface and volume series: {series:?}");
+}
+
+fn walk(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        let path = entry.path();
+        if path.is_dir() { files.extend(walk(&path)) } else { files.push(path) }
+    }
+    files
+}
+
+#[test]
+fn rank_counts_change_the_answer_within_solver_tolerance() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Tight tolerances: what remains is the rank count.
+    let tight = [
+        ("[structure]", "[structure]\nnewton_tolerance = 1e-9\ngmres_tolerance = 1e-6"),
+        (
+            "[flow.grid]",
+            "[flow.solver]\nresidual_drop = 1e-5\nmax_iterations = 400\n\n[mesh]\ntolerance = 1e-8\n\n[coupling]\ntolerance = 1e-6\n\n[flow.grid]",
+        ),
+        ("duration_s = 0.1\n", "duration_s = 0.02\n"),
+    ];
+    let scene = changed_scene("square-drop", folder.path(), &tight);
+    let runs: Vec<History> = ["1", "2", "3"]
+        .iter()
+        .map(|n| {
+            let ranks = format!("structure={n},flow={n},mesh={n}");
+            fly(&scene, &folder.path().join(n), &["--ranks", &ranks])
+        })
+        .collect();
+    for other in &runs[1..] {
+        for (name, tolerance) in [("descent_speed_m_s", 1e-5), ("drag_n", 1e-3), ("projected_area_m2", 1e-4)]
+        {
+            let (a, b) = (runs[0].column(name), other.column(name));
+            for (i, (x, y)) in a.iter().zip(&b).enumerate() {
+                assert!((x - y).abs() <= tolerance * x.abs(), "{name}, row {i}: {x} and {y}");
+            }
+        }
+    }
+}
