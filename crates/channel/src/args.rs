@@ -79,6 +79,7 @@ impl ProgramArgs {
             ranks: self.ranks as usize,
             stage: self.stage,
             deadline: self.deadline_s.map(Duration::from_secs_f64),
+            exit_when_orphaned: true,
         }
     }
 }
@@ -87,5 +88,42 @@ fn positive_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(s) if s > 0.0 && s < 1e9 => Ok(s),
         _ => Err("a number of seconds above 0 and below 1e9".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LINE: &str = "flow --scene a/scene.toml --stage 1 --session s-1 --out runs/a --ranks 2";
+
+    fn parse(line: &str) -> Result<ProgramArgs, String> {
+        ProgramArgs::from_words(line.split_whitespace())
+    }
+
+    #[test]
+    fn the_coupler_s_line_is_understood() {
+        let args = parse(LINE).expect("fine");
+        assert_eq!((args.stage, args.ranks, args.deadline_s), (1, 2, None));
+        let at = args.serve_options(Role::Flow, 1);
+        assert_eq!((at.session.as_str(), at.rank, at.ranks, at.deadline), ("s-1", 1, 2, None));
+        let args = parse(&format!("{LINE} --deadline-s 2.5")).expect("fine");
+        assert_eq!(args.serve_options(Role::Flow, 0).deadline, Some(Duration::from_millis(2500)));
+    }
+
+    #[test]
+    fn wrong_lines_are_explained() {
+        for (line, word) in [
+            ("flow --scene a", "--stage"),
+            (&format!("{LINE} --ranks 0"), "--ranks"),
+            (&LINE.replace("--ranks 2", "--ranks 0"), "0 is not in 1.."),
+            (&format!("{LINE} --deadline-s nan"), "seconds above 0"),
+            (&format!("{LINE} --deadline-s 0"), "seconds above 0"),
+            (&format!("{LINE} --speed 3"), "--speed"),
+        ] {
+            let message = parse(line).expect_err(line);
+            assert!(message.contains(word) && message.contains("ripstop attach"), "{message}");
+        }
+        assert!(!parse("flow --help").expect_err("help").contains("to start this program by hand"));
     }
 }

@@ -219,6 +219,20 @@ fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, Str
             }
         }
     }
+    for (who, hello) in hellos {
+        let a = &hello.announcement;
+        let rows = match who.role {
+            Role::Structure => a.canopy_nodes,
+            Role::Flow => a.canopy_faces,
+            Role::Mesh => a.grid_nodes,
+        };
+        if hello.output_rows > rows || hello.grid_rows > a.grid_nodes {
+            return Err(format!(
+                "{who} announces {} output rows of {rows} and {} grid rows of {}: no rank can have more than all",
+                hello.output_rows, hello.grid_rows, a.grid_nodes
+            ));
+        }
+    }
     known.map(|(_, i)| i).ok_or_else(|| "nobody has arrived".into())
 }
 
@@ -257,11 +271,6 @@ fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello
     let width = Unit::of_output(who.role).width() as u64;
     if a.output_width != width {
         return differ("output width", width.to_string(), a.output_width.to_string(), "see docs/contract.md");
-    }
-    let most = hello.output_rows.max(hello.grid_rows);
-    let rows = if who.role == Role::Mesh { a.grid_nodes } else { a.canopy_nodes.max(a.canopy_faces) };
-    if most > rows.max(a.grid_nodes) {
-        return Err(format!("{name} announces {most} rows on one rank, but only {rows} in all"));
     }
     let lacking: Vec<&str> =
         spec.effects.iter().filter(|e| !a.effects.contains(e)).map(String::as_str).collect();

@@ -8,7 +8,7 @@ use case::Role;
 use crate::header::{COUPLER, Header, Kind, Unit, role_code, text_words, unpack_text};
 use crate::session::{Lock, Notice, Place, Watch, cleanup_stale, fnv};
 use crate::transport::{Bell, Channel, Link, Message, Receiver, Ringer, Sender, Sleeper};
-use crate::wire::{Hello, Roster, during};
+use crate::wire::{Hello, Roster, during, first_not_finite};
 use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, SessionError, Stats, Who, Window};
 
 /// What a session consists of.
@@ -408,24 +408,21 @@ impl Hub {
 
     /// Fetches answers that have come; a fault of any rank is an error at once.
     pub(crate) fn drain(&mut self) -> Result<(), HubError> {
-        for program in &mut self.programs {
-            for rank in program.ranks.iter_mut().filter(|r| r.answer.is_none()) {
-                let Some(message) = rank.answers.receive()? else { continue };
-                let header = message.header();
-                if header.kind == Kind::Fault as u32 {
-                    let text = unpack_text(message.payload(), header.bytes);
-                    let (kind, window) =
-                        program.asked.map_or_else(Default::default, |a| (Some(a.kind), a.window));
-                    return Err(HubError::Fault {
-                        who: rank.who,
-                        during: during(kind.unwrap_or(Kind::Announce), &window),
-                        fault: Fault::new(text.as_deref().unwrap_or("a message that is no text")),
-                    });
-                }
+        let mut faulty = None;
+        for rank in self.programs.iter_mut().flat_map(|p| &mut p.ranks).filter(|r| r.answer.is_none()) {
+            let Some(message) = rank.answers.receive()? else { continue };
+            let header = message.header();
+            if header.kind == Kind::Fault as u32 && faulty.is_none() {
+                let text = unpack_text(message.payload(), header.bytes);
+                faulty = Some((rank.who, Fault::new(text.as_deref().unwrap_or("a message that is no text"))));
+            } else {
                 rank.answer = Some(message);
             }
         }
-        Ok(())
+        match faulty {
+            Some((who, fault)) => Err(HubError::Fault { who, during: self.doing(who.role), fault }),
+            None => Ok(()),
+        }
     }
 
     /// A rank that has arrived, has not answered, and whose process is gone.
@@ -604,7 +601,7 @@ impl Program {
             Payload::Numbers(unit, length, fill) => {
                 let mut loan = sender.loan(length)?;
                 fill(loan.payload());
-                if let Some(i) = loan.payload().iter().position(|x| !x.is_finite()) {
+                if let Some(i) = first_not_finite(loan.payload()) {
                     return Err(HubError::Misuse(format!(
                         "component {} of row {} of the input of {} in {} is {}: the coupling has diverged \
                          or the row was left out",
@@ -665,10 +662,10 @@ impl Program {
                 problem = Some(format!("it answered {}", during(Kind::Output, &answered)));
             }
             let data = grid.as_ref().unwrap_or(&message).payload();
-            if let Some(i) = data.iter().position(|x| !x.is_finite()) {
+            if let Some(i) = first_not_finite(data) {
                 problem = Some(format!("output row {} holds {}", rank.rows[i / output.width()], data[i]));
             }
-            if let Some(i) = message.header().stats.values.iter().position(|x| !x.is_finite()) {
+            if let Some(i) = first_not_finite(&message.header().stats.values) {
                 problem = Some(format!("statistic {i} is not finite"));
             }
             match problem {

@@ -5,6 +5,10 @@
 //! `transport` module names iceoryx2. The whole contract, byte by byte:
 //! `docs/contract.md`.
 
+// The fakes of `tests/common` name this crate from outside.
+#[cfg(test)]
+extern crate self as channel;
+
 mod args;
 mod error;
 mod handshake;
@@ -17,6 +21,9 @@ mod serve;
 mod session;
 mod transport;
 mod wire;
+
+#[cfg(test)]
+mod order_tests;
 
 pub use args::*;
 pub use error::*;

@@ -1,5 +1,7 @@
 //! How a rank joins a session, waits in it, and reports that it cannot go on.
 
+use std::path::PathBuf;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use case::Role;
@@ -23,6 +25,7 @@ pub(crate) struct Post {
     /// Falls silent when the coupler dies.
     pub coupler: Watch,
     coupler_pid: u32,
+    coupler_lock: PathBuf,
     readers: Option<Ringer>,
     sleeper: Sleeper,
     pub link: Link,
@@ -101,6 +104,7 @@ impl Post {
             coupler_bell,
             coupler,
             coupler_pid,
+            coupler_lock: place.lock_file("coupler"),
             readers,
             sleeper,
             link,
@@ -197,6 +201,45 @@ impl Post {
                 Some(format!("{found} numbers instead of {expected}"))
             }
         })
+    }
+}
+
+/// A thread that ends the process when the coupler has died and this rank does
+/// not notice, because it computes. Gone when dropped.
+pub(crate) struct Guardian {
+    _end: mpsc::Sender<()>,
+}
+
+impl Guardian {
+    /// Code with which an orphaned process ends.
+    const ORPHAN: i32 = 70;
+    /// Longer than a rank that waits needs to notice by itself.
+    const PATIENCE: u32 = 4;
+
+    pub fn over(post: &Post) -> Result<Self, ServeError> {
+        let file = |source| SessionError::File { path: post.coupler_lock.clone(), source };
+        let (end, ended) = mpsc::channel::<()>();
+        let path = post.coupler_lock.clone();
+        let (session, pid) = (post.at.session.clone(), post.coupler_pid);
+        let (program, rank) = (post.at.role.program(), post.at.rank);
+        let watch = Watch::on(&path).ok_or_else(|| file(std::io::ErrorKind::NotFound.into()))?;
+        let work = move || {
+            let mut alone = 0;
+            while ended.recv_timeout(Duration::from_millis(500)) == Err(RecvTimeoutError::Timeout) {
+                alone = if watch.is_held() { 0 } else { alone + 1 };
+                if alone == Self::PATIENCE {
+                    eprintln!(
+                        "{program} (rank {rank}): the coupler of session `{session}` (process {pid}) died; \
+                         this process ends in the middle of its computation"
+                    );
+                    // SAFETY: takes any code and does not return. Handlers of a
+                    // normal exit may wait for the thread that computes.
+                    unsafe { libc::_exit(Self::ORPHAN) };
+                }
+            }
+        };
+        std::thread::Builder::new().name("guardian".into()).spawn(work).map_err(file)?;
+        Ok(Self { _end: end })
     }
 }
 

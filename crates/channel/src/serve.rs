@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use case::Role;
 
 use crate::header::{COUPLER, Kind, Unit, text_words, unpack_text};
-use crate::post::Post;
+use crate::post::{Guardian, Post};
 use crate::session::panic_fault;
 use crate::transport::{Message, Receiver, Sender};
-use crate::wire::{Hello, Welcome, decode_rows, during, to_json};
+use crate::wire::{Hello, Welcome, decode_rows, during, first_not_finite, to_json};
 use crate::{CONTRACT_VERSION, Fault, Grid, Input, Participant, ServeError, Stats, Window};
 
 /// Which rank serves, and where.
@@ -28,6 +28,9 @@ pub struct ServeOptions {
     pub stage: usize,
     /// Longest silence of the coupler. `None`: no limit.
     pub deadline: Option<Duration>,
+    /// Ends this *process* when the coupler dies in the middle of a long
+    /// computation. Off: that is noticed when the computation is over.
+    pub exit_when_orphaned: bool,
 }
 
 /// How a run ended well.
@@ -49,6 +52,7 @@ const TEXT_WORDS: usize = 1024;
 /// other ranks).
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
     let post = Post::join(at, at.deadline)?;
+    let _guardian = at.exit_when_orphaned.then(|| Guardian::over(&post)).transpose()?;
     let mut desk = Desk::open(participant, post)?;
     desk.handshake()?;
     desk.run(participant)
@@ -349,7 +353,7 @@ impl Desk {
 
     /// An output that may leave the program.
     fn finite(&self, output: &[f64], width: usize, stats: &Stats) -> Result<(), Fault> {
-        if let Some(i) = output.iter().position(|x| !x.is_finite()) {
+        if let Some(i) = first_not_finite(output) {
             let (row, component) = (self.output_rows[i / width], i % width);
             return Err(Fault::new(format!(
                 "component {component} of output row {row} is {} (NaN also where it was not written): \
@@ -357,7 +361,7 @@ impl Desk {
                 output[i]
             )));
         }
-        if let Some(i) = stats.values.iter().position(|x| !x.is_finite()) {
+        if let Some(i) = first_not_finite(&stats.values) {
             return Err(Fault::new(format!(
                 "statistic {i} is {}: the solution has diverged",
                 stats.values[i]

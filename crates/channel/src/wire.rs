@@ -112,3 +112,41 @@ pub(crate) fn to_json<T: Serialize>(value: &T) -> Result<String, SessionError> {
     serde_json::to_string(value)
         .map_err(|e| SessionError::Transport { what: "handshake".into(), problem: e.to_string() })
 }
+
+/// Index of the first number that is NaN or infinite. Works on bits, which
+/// compilers turn into vector code: it reads every message once.
+pub(crate) fn first_not_finite(values: &[f64]) -> Option<usize> {
+    const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
+    let bad = |x: &f64| x.to_bits() & EXPONENT == EXPONENT;
+    const BLOCK: usize = 256;
+    let block = values.chunks(BLOCK).position(|block| block.iter().fold(false, |any, x| any | bad(x)))?;
+    values[block * BLOCK..].iter().position(bad).map(|i| block * BLOCK + i)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_number_that_is_not_finite_is_found() {
+        for n in [0, 1, 255, 256, 257, 1000] {
+            let mut values = vec![f64::MAX; n];
+            assert_eq!(first_not_finite(&values), None);
+            for (i, x) in [(n / 2, f64::NAN), (n.saturating_sub(1), f64::NEG_INFINITY)] {
+                if n > 0 {
+                    values[i] = x;
+                    assert_eq!(first_not_finite(&values), Some(i));
+                    values[i] = -0.0;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_row_numbers_are_row_numbers() {
+        assert_eq!(decode_rows(&[0.0, 3.0, 4e15]), Some(vec![0, 3, 4_000_000_000_000_000]));
+        for bad in [-1.0, 0.5, f64::NAN, f64::INFINITY, 1e16] {
+            assert_eq!(decode_rows(&[1.0, bad]), None, "{bad}");
+        }
+    }
+}

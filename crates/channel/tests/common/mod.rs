@@ -168,7 +168,7 @@ pub fn name(test: &str) -> String {
 
 pub fn at(session: &str, role: Role, rank: usize, ranks: usize) -> ServeOptions {
     let deadline = Some(Duration::from_secs(20));
-    ServeOptions { session: session.into(), role, rank, ranks, stage: 0, deadline }
+    ServeOptions { session: session.into(), role, rank, ranks, stage: 0, deadline, exit_when_orphaned: false }
 }
 
 pub fn options(session: &str, roles: &[(Role, usize)]) -> HubOptions {
