@@ -4,7 +4,7 @@ use case::Grid;
 
 use super::topology::Blocks;
 use crate::Vec3;
-use crate::quality::{add, cross, dot, norm, scale, sub};
+use crate::quality::{add, cross, norm, scale, sub};
 
 /// The core's size over the surface's, and how round the core is (0: a box).
 const CORE_SIZE: f64 = 0.5;
@@ -84,7 +84,7 @@ struct Curve {
 impl Curve {
     fn new(from: Vec3, along: Vec3, to: Vec3, reach: f64) -> Self {
         let chord = norm(sub(to, from)).max(f64::MIN_POSITIVE);
-        let turn = sub(along, scale(sub(to, from), 1.0 / chord));
+        let turn = sub(along, scale(sub(to, from), norm(along) / chord));
         Curve { from, to, turn, reach: reach.min(0.4 * chord), chord }
     }
 
@@ -218,7 +218,8 @@ fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
     }
 }
 
-/// Unit normals of the surface's nodes, out of the canopy, smoothed a little.
+/// Normals of the surface's nodes, out of the canopy, smoothed: of length 1 where
+/// the surface is nearly flat, down to 0 where it bends sharply.
 fn normals(blocks: &Blocks, x: &[Vec3], links: &crate::Graph) -> Vec<Vec3> {
     let mut sum = vec![[0.0; 3]; x.len()];
     for q in &blocks.quads {
@@ -238,10 +239,10 @@ fn normals(blocks: &Blocks, x: &[Vec3], links: &crate::Graph) -> Vec<Vec3> {
         own = (0..x.len())
             .map(|s| {
                 let near = links.of(s).iter().fold([0.0; 3], |m, &t| add(m, own[t as usize]));
-                let mixed = unit(add(own[s], scale(near, 1.0 / links.of(s).len() as f64)));
-                if dot(mixed, own[s]) > 0.0 { mixed } else { own[s] }
+                scale(add(own[s], scale(near, 1.0 / links.of(s).len() as f64)), 0.5)
             })
             .collect();
     }
-    own
+    let straightness = |m: f64| ((m - 0.85) / 0.1).clamp(0.0, 1.0);
+    own.into_iter().map(|v| scale(unit(v), straightness(norm(v)))).collect()
 }
