@@ -11,7 +11,7 @@ mod topology;
 use case::{Canopy, Grid, Scene, StitchedEnd};
 
 use crate::quality::{self, norm, sub};
-use crate::structure::{AtpsLayout, even, positive, refuse};
+use crate::structure::{AtpsLayout, flat_layout, positive, refuse};
 use crate::{FlowGrid, MeshError, StructureMesh, Vec3};
 use topology::Blocks;
 
@@ -61,7 +61,8 @@ pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> 
     check_vents(&blocks, positions, LEAST_VENT * width)?;
     let coords = place::place(&blocks, positions, &flow.grid, width);
     let mut grid = blocks.grid(coords, canopy);
-    smooth::smooth(&blocks, &mut grid);
+    let (canopy_nodes, far) = (canopy.n_canopy, blocks.far_field());
+    smooth::smooth(&mut grid, |n| n < canopy_nodes || n >= far);
     Ok(grid)
 }
 
@@ -85,9 +86,8 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
             ));
         }
         Canopy::Atps(a) => (AtpsLayout::new(a)?, a.top_width_m),
-        Canopy::Square(f) | Canopy::Circular(f) => {
-            (AtpsLayout::sheet(even("canopy.cells_across", f.cells_across)?), f.width_m)
-        }
+        Canopy::Square(f) => (flat_layout(f, false)?, f.width_m),
+        Canopy::Circular(f) => (flat_layout(f, true)?, f.width_m),
         Canopy::AirBag(_) => {
             return Err(refuse(
                 "canopy.kind",
@@ -112,7 +112,10 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
         }
     }
     // Levels of open fluid between the hem and the cap: as long as cells are high.
-    let skirt = if layout.m == 0 { layout.n.div_ceil(3) } else { layout.m.div_ceil(3) };
+    let skirt = match scene.canopy {
+        Canopy::Atps(_) => layout.m.div_ceil(3),
+        _ => layout.n.div_ceil(3),
+    };
     let layers = [grid.layers_inside as usize, grid.layers_outside as usize];
     let (n, m) = (layout.n as u64, layout.m as u64);
     let surface = 2 * n * n + 4 * (n + u64::from(grid.cells_across_vent)) * (m + skirt as u64);

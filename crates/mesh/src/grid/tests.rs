@@ -1,4 +1,4 @@
-use case::{Atps, Canopy, Scene};
+use case::{Atps, Canopy, FlatCanopy, Scene, StitchedEnd};
 
 use super::inflate::inflate;
 use crate::quality::{self, norm, sub};
@@ -68,4 +68,112 @@ fn closed_vents_are_refused() {
     let error = flow_grid(&scene, &mesh, &mesh.coords[..mesh.n_canopy]).unwrap_err();
     assert!(matches!(error, MeshError::VentsClosed { width_m: 0.0, .. }));
     assert!(error.to_string().contains("pre-inflation"));
+}
+
+#[test]
+fn atps_at_other_resolutions() {
+    for (across, vent, stitch, zip, pressure) in
+        [(8, 4, 1, 1, 20.4), (12, 5, 3, 3, 8.0), (30, 15, 3, 4, 14.567)]
+    {
+        let atps = Atps {
+            cells_across: across,
+            cells_along_vent: vent,
+            cells_along_stitching: stitch,
+            ..Default::default()
+        };
+        let (mut scene, mesh, x) = inflated(Canopy::Atps(atps), pressure);
+        scene.flow.as_mut().unwrap().grid.cells_across_vent = zip;
+        let grid = flow_grid(&scene, &mesh, &x).unwrap();
+        check(&mesh, &x, &grid);
+        let summary = quality::summary(&grid);
+        assert!(summary.min_scaled_jacobian > 0.25, "{across}: {summary:?}");
+    }
+}
+
+/// Nodes pushed about by a third of a cell, as wrinkles do.
+#[test]
+fn wrinkled_canopies_are_repaired() {
+    let (scene, mesh, mut x) = inflated(Canopy::Atps(Atps::default()), 14.567);
+    let mut seed = 1u64;
+    let mut random = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as f64 / f64::from(1u32 << 31) - 0.5
+    };
+    for p in &mut x {
+        p.iter_mut().for_each(|v| *v += 0.2 * random());
+    }
+    let grid = flow_grid(&scene, &mesh, &x).unwrap();
+    check(&mesh, &x, &grid);
+}
+
+fn flat(cells: u32, lines: u32) -> FlatCanopy {
+    FlatCanopy {
+        width_m: 6.0,
+        cells_across: cells,
+        line_count: lines,
+        line_length_m: 8.0,
+        segments_per_line: 1,
+    }
+}
+
+#[test]
+fn flat_sheets_and_domes() {
+    for (canopy, least) in [(Canopy::Square(flat(12, 0)), 0.1), (Canopy::Circular(flat(18, 0)), 0.2)] {
+        let scene = flow_scene(canopy);
+        let mesh = structure_mesh(&scene).unwrap();
+        for angle in [0.0, 45.0f64, 90.0] {
+            // Bent over a sphere along its radii: up to a hemisphere on the disc.
+            let ball = 3.0 / angle.to_radians().max(1e-6);
+            let bend = |p: &Vec3| {
+                let r = p[0].hypot(p[1]);
+                let s = if r > 0.0 { ball * (r / ball).sin() / r } else { 1.0 };
+                [s * p[0], s * p[1], ball * ((r / ball).cos() - 1.0)]
+            };
+            // The square's corners would bend round to its middle.
+            let angle_of_corner =
+                if matches!(scene.canopy, Canopy::Square(_)) { angle * 1.42 } else { angle };
+            if angle_of_corner > 91.0 {
+                continue;
+            }
+            let x: Vec<Vec3> = mesh.coords[..mesh.n_canopy].iter().map(bend).collect();
+            let grid = flow_grid(&scene, &mesh, &x).unwrap();
+            check(&mesh, &x, &grid);
+            let summary = quality::summary(&grid);
+            assert!(summary.min_scaled_jacobian > least, "{angle} degrees: {summary:?}");
+        }
+    }
+}
+
+#[test]
+fn inflated_flat_canopies() {
+    for canopy in [Canopy::Square(flat(12, 8)), Canopy::Circular(flat(18, 16))] {
+        let (scene, mesh, x) = inflated(canopy, 5.0);
+        check(&mesh, &x, &flow_grid(&scene, &mesh, &x).unwrap());
+    }
+}
+
+#[test]
+fn what_has_no_grid_is_refused() {
+    let refused = |scene: &Scene| {
+        let mesh = structure_mesh(scene).unwrap();
+        let error = flow_grid(scene, &mesh, &mesh.coords[..mesh.n_canopy]).unwrap_err();
+        let MeshError::Parameter { key, .. } = error else { panic!("{error}") };
+        key
+    };
+    let top = Atps { stitched_end: StitchedEnd::Top, ..Default::default() };
+    assert_eq!(refused(&flow_scene(Canopy::Atps(top))), "canopy.stitched_end");
+    assert_eq!(refused(&flow_scene(Canopy::AirBag(Default::default()))), "canopy.kind");
+    assert_eq!(refused(&scene(Canopy::Atps(Atps::default()))), "flow");
+    let mut thick = flow_scene(Canopy::Square(flat(4, 0)));
+    thick.flow.as_mut().unwrap().grid.first_layer_m = 5.0;
+    assert_eq!(refused(&thick), "flow.grid.first_layer_m");
+    let scene = flow_scene(Canopy::Square(flat(4, 0)));
+    let mesh = structure_mesh(&scene).unwrap();
+    assert!(matches!(flow_grid(&scene, &mesh, &[[0.0; 3]; 3]), Err(MeshError::Count { found: 3, .. })));
+    let mut x = mesh.coords.clone();
+    x[7][1] = f64::NAN;
+    assert!(flow_grid(&scene, &mesh, &x).unwrap_err().to_string().contains("node 7"));
+    // Turned inside out, no smoothing can help: an error, not a bad grid.
+    let folded: Vec<Vec3> = mesh.coords.iter().map(|p| [p[0].abs(), p[1], p[2]]).collect();
+    assert!(matches!(flow_grid(&scene, &mesh, &folded), Err(MeshError::Tangled { .. })));
 }

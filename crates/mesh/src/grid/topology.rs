@@ -135,6 +135,11 @@ impl Blocks {
         (0..=self.layout.m).filter(|&b| self.is_open(b))
     }
 
+    /// First node of the far field; all nodes from here on lie there.
+    pub fn far_field(&self) -> usize {
+        self.nodes - self.surface
+    }
+
     /// The level of the hem (or rim).
     pub fn hem(&self) -> usize {
         self.layout.m

@@ -48,9 +48,12 @@ impl AtpsLayout {
         Ok(Self { n, m, shared, start })
     }
 
-    /// A flat sheet of n x n cells: the top panel alone.
-    pub fn sheet(n: usize) -> Self {
-        Self { n, m: 0, shared: vec![true], start: vec![0, ((n + 1) * (n + 1)) as u32] }
+    /// A sheet without cuts: n x n cells and `rings` rings of cells around them.
+    pub fn sheet(n: usize, rings: usize) -> Self {
+        let start = (0..=rings + 1)
+            .map(|b| if b == 0 { 0 } else { ((n + 1) * (n + 1) + 4 * n * (b - 1)) as u32 })
+            .collect();
+        Self { n, m: rings, shared: vec![true; rings + 1], start }
     }
 
     /// Number of canopy nodes.
@@ -61,6 +64,37 @@ impl AtpsLayout {
     /// Whether adjacent arms share their edge nodes at level `b`.
     pub fn is_shared(&self, b: usize) -> bool {
         self.shared[b]
+    }
+
+    /// Adds all faces, the top first, in panel 0; `panel` names those of the arms.
+    /// The triangles' diagonals alternate, so that the mesh has all symmetries of
+    /// the canopy, and no corner is cut off by a triangle of its own.
+    pub fn push_faces(&self, mesh: &mut StructureMesh, panel: impl Fn(usize) -> u32) {
+        let (n, m) = (self.n, self.m);
+        for j in 0..n {
+            for i in 0..n {
+                let quad = [self.top(i, j), self.top(i + 1, j), self.top(i + 1, j + 1), self.top(i, j + 1)];
+                mesh.push_quad(quad, 0, (i + j) % 2 == 0);
+            }
+        }
+        for k in 0..4 {
+            for b in 0..m {
+                for a in 0..n {
+                    let quad = [
+                        self.arm(k, a, b),
+                        self.arm(k, a, b + 1),
+                        self.arm(k, a + 1, b + 1),
+                        self.arm(k, a + 1, b),
+                    ];
+                    mesh.push_quad(quad, panel(k), (a + b) % 2 == 0);
+                }
+            }
+        }
+    }
+
+    /// Nodes of the lower edge, once around counter-clockwise (where it is shared).
+    pub fn rim(&self) -> Vec<u32> {
+        (0..4 * self.n).map(|i| self.arm(i / self.n, i % self.n, self.m)).collect()
     }
 
     /// Node (i, j) of the top panel.
@@ -86,7 +120,7 @@ impl AtpsLayout {
 }
 
 /// Turns by k quarter turns about z, exactly.
-fn turn(k: usize, [x, y, z]: Vec3) -> Vec3 {
+pub(super) fn turn(k: usize, [x, y, z]: Vec3) -> Vec3 {
     match k % 4 {
         0 => [x, y, z],
         1 => [-y, x, z],

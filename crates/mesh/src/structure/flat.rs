@@ -2,6 +2,7 @@
 
 use case::{AirBag, FlatCanopy};
 
+use super::atps::{AtpsLayout, turn};
 use super::{even, positive, refuse};
 use crate::{CableKind, MeshError, StructureMesh, Vec3};
 
@@ -12,44 +13,49 @@ pub(super) enum Outline {
     Circle,
 }
 
-impl Outline {
-    /// Maps the square [-1, 1]^2 to the sheet of half-width 1. The disc is the
-    /// elliptical map: lines of constant x or y become ellipses.
-    fn map(self, x: f64, y: f64) -> [f64; 2] {
-        match self {
-            Outline::Square => [x, y],
-            Outline::Circle => [x * (1.0 - 0.5 * y * y).sqrt(), y * (1.0 - 0.5 * x * x).sqrt()],
-        }
+/// Node numbers of a flat canopy: a square is one n x n panel; a disc has rings
+/// around a smaller panel, because the four corners of a single panel would lie
+/// straight on the rim, as cells with a corner of 180 degrees.
+pub(crate) fn layout(p: &FlatCanopy, round: bool) -> Result<AtpsLayout, MeshError> {
+    let n = even("canopy.cells_across", p.cells_across)?;
+    if !round {
+        return Ok(AtpsLayout::sheet(n, 0));
     }
+    if n < 4 {
+        return Err(refuse("canopy.cells_across", n, "must be at least 4 for a circular canopy"));
+    }
+    let rings = (n / 6).max(1);
+    Ok(AtpsLayout::sheet(n - 2 * rings, rings))
 }
 
-/// Rim nodes of an (n + 1)^2 sheet, counter-clockwise from its first corner.
-pub(crate) fn rim(n: usize) -> Vec<u32> {
-    let node = |i: usize, j: usize| (i + (n + 1) * j) as u32;
-    let sides: [&dyn Fn(usize) -> u32; 4] =
-        [&|s| node(s, 0), &|s| node(n, s), &|s| node(n - s, n), &|s| node(0, n - s)];
-    sides.iter().flat_map(|side| (0..n).map(side)).collect()
-}
-
-fn sheet(n: usize, at: impl Fn(usize, usize) -> Vec3) -> StructureMesh {
-    let node = |i: usize, j: usize| (i + (n + 1) * j) as u32;
-    let mut mesh = StructureMesh::default();
+/// Places the nodes of a disc of radius 1.
+fn place_disc(layout: &AtpsLayout, coords: &mut [Vec3]) {
+    let (n, rings) = (layout.n, layout.m);
+    let across = |a: usize| (2.0 * a as f64 - n as f64) / n as f64;
+    // Half-way between a square and the disc, whose lines x, y = const become
+    // ellipses; as wide as its share of the cells.
+    let size = n as f64 / (n + 2 * rings) as f64 / (0.5 * 0.85 + 0.5);
     for j in 0..=n {
         for i in 0..=n {
-            mesh.coords.push(at(i, j));
+            let (x, y) = (across(i), across(j));
+            let round = [x * (1.0 - 0.5 * y * y).sqrt(), y * (1.0 - 0.5 * x * x).sqrt()];
+            let mix = |flat: f64, round: f64| size * (0.5 * 0.85 * flat + 0.5 * round);
+            coords[layout.top(i, j) as usize] = [mix(x, round[0]), mix(y, round[1]), 0.0];
         }
     }
-    mesh.n_canopy = mesh.coords.len();
-    for j in 0..n {
-        for i in 0..n {
-            mesh.push_quad(
-                [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)],
-                0,
-                (i + j) % 2 == 0,
-            );
+    for a in 0..=n {
+        // Side 0 turned, so that all sides are equal to the last bit.
+        let edge = coords[layout.arm(0, a, 0) as usize];
+        let angle = std::f64::consts::FRAC_PI_4 * across(a);
+        let rim = [angle.cos(), angle.sin(), 0.0];
+        for b in 1..=rings {
+            let t = b as f64 / rings as f64;
+            let x = std::array::from_fn(|i| edge[i] + t * (rim[i] - edge[i]));
+            for k in 0..4 {
+                coords[layout.arm(k, a, b) as usize] = turn(k, x);
+            }
         }
     }
-    mesh
 }
 
 pub(super) fn flat(
@@ -57,14 +63,24 @@ pub(super) fn flat(
     outline: Outline,
     payload_mass: Option<f64>,
 ) -> Result<StructureMesh, MeshError> {
-    let n = even("canopy.cells_across", p.cells_across)?;
     let half = 0.5 * positive("canopy.width_m", p.width_m)?;
-    let across = |a: usize| (2.0 * a as f64 - n as f64) / n as f64;
-    let mut mesh = sheet(n, |i, j| {
-        let [x, y] = outline.map(across(i), across(j));
-        [half * x, half * y, 0.0]
-    });
-    let rim = rim(n);
+    let layout = layout(p, outline == Outline::Circle)?;
+    let mut mesh = StructureMesh { coords: vec![[0.0; 3]; layout.nodes()], ..Default::default() };
+    mesh.n_canopy = layout.nodes();
+    match outline {
+        Outline::Circle => place_disc(&layout, &mut mesh.coords),
+        Outline::Square => {
+            let across = |a: usize| (2.0 * a as f64 - layout.n as f64) / layout.n as f64;
+            for j in 0..=layout.n {
+                for i in 0..=layout.n {
+                    mesh.coords[layout.top(i, j) as usize] = [across(i), across(j), 0.0];
+                }
+            }
+        }
+    }
+    mesh.coords.iter_mut().flatten().for_each(|x| *x *= half);
+    layout.push_faces(&mut mesh, |_| 0);
+    let rim = layout.rim();
     let count = p.line_count as usize;
     if count == 0 {
         mesh.fixed.extend(rim.iter().map(|&node| (node, [true; 3])));
@@ -109,12 +125,21 @@ pub(super) fn air_bag(p: &AirBag) -> Result<StructureMesh, MeshError> {
         return Err(refuse("canopy.cells_across", n, "must be from 1 to 10000"));
     }
     let half = 0.5 * positive("canopy.edge_m", p.edge_m)?;
-    let mut mesh = sheet(n, |i, j| [half * i as f64 / n as f64, half * j as f64 / n as f64, 0.0]);
+    let layout = AtpsLayout::sheet(n, 0);
+    let mut mesh = StructureMesh { coords: vec![[0.0; 3]; layout.nodes()], ..Default::default() };
+    mesh.n_canopy = layout.nodes();
+    for j in 0..=n {
+        for i in 0..=n {
+            mesh.coords[layout.top(i, j) as usize] =
+                [half * i as f64 / n as f64, half * j as f64 / n as f64, 0.0];
+        }
+    }
+    layout.push_faces(&mut mesh, |_| 0);
     for j in 0..=n {
         for i in 0..=n {
             let fixed = [i == 0, j == 0, i == n || j == n];
             if fixed.contains(&true) {
-                mesh.fixed.push(((i + (n + 1) * j) as u32, fixed));
+                mesh.fixed.push((layout.top(i, j), fixed));
             }
         }
     }

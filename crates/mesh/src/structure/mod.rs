@@ -6,6 +6,7 @@ mod flat;
 pub(crate) mod tests;
 
 pub(crate) use atps::AtpsLayout;
+pub(crate) use flat::layout as flat_layout;
 
 use case::{Canopy, Scene};
 

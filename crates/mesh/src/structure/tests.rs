@@ -173,15 +173,17 @@ fn flat_canopies() {
     close(square.fabric_area(|_| true), 4.0);
     assert_eq!((square.n_canopy, square.faces.len(), square.cables.len()), (441, 400, 48));
     let round = structure_mesh(&scene(Canopy::Circular(flat.clone()))).unwrap();
-    // The polygon of 80 unequal rim edges lies within 0.2 % of the disc.
-    let area = round.fabric_area(|_| true);
-    assert!(area < std::f64::consts::PI && area > 0.998 * std::f64::consts::PI, "{area}");
+    // 14 x 14 cells and 3 rings; the rim is a regular polygon of 56 edges.
+    assert_eq!((round.n_canopy, round.faces.len()), (15 * 15 + 3 * 56, 14 * 14 + 3 * 56));
+    close(round.fabric_area(|_| true), 28.0 * (std::f64::consts::TAU / 56.0).sin());
     let payload = round.coords[round.fixed[0].0 as usize];
     assert!((payload[2] + 8f64.sqrt()).abs() < 1e-12);
     for mesh in [&square, &round] {
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|n| mesh.coords[n as usize]);
-            assert!(cross(sub(b, a), sub(c, a))[2] > 0.0);
+            // Up, and of even size.
+            let area = 0.5 * cross(sub(b, a), sub(c, a))[2];
+            assert!((0.25..2.5).contains(&(area * mesh.triangles.len() as f64 / 4.0)), "{area}");
         }
     }
     let fixed = structure_mesh(&scene(Canopy::Square(FlatCanopy { line_count: 0, ..flat }))).unwrap();
