@@ -1,0 +1,311 @@
+//! The mesh-mover as a participant of a coupled run.
+
+use std::path::Path;
+use std::time::Instant;
+
+use case::{Role, Scene};
+use channel::{Announcement, Fault, Input, Participant, Stats, Window, mesh_stats};
+use comm::Comm;
+use mesh::{FaceTable, FlowGrid, StructureMesh, Vec3};
+
+use crate::elastic::{Elastic, Solid};
+use crate::local::LocalGrid;
+use crate::motion::{Limits, Motion, MotionError, Moved, Positions};
+use crate::mover::Mover;
+use crate::state::State;
+use crate::velocity::backward_difference;
+
+/// Numbers in a row of the output: position (m), velocity (m/s).
+const WIDTH: usize = 6;
+
+/// One rank of the mesh-mover.
+pub struct MeshMover {
+    motion: Motion,
+    /// Unstressed positions of the canopy, flat, m.
+    unstressed: Vec<f64>,
+    /// Panel of each canopy node, for messages.
+    panels: Vec<u32>,
+    surface: Surface,
+    /// End of the last accepted window, the window before, and its length.
+    now: Positions,
+    before: Option<Positions>,
+    dt: f64,
+    /// The last answer, until it is accepted.
+    trial: Positions,
+    answered: Option<(Window, Moved)>,
+}
+
+struct Surface {
+    faces: u64,
+    hash: u64,
+}
+
+/// The parts of a mesh-mover that exist before any rank's share is cut.
+pub struct Setup<'a> {
+    /// The start grid.
+    pub grid: &'a FlowGrid,
+    /// The canopy: unstressed coordinates, interface faces, panels.
+    pub structure: &'a StructureMesh,
+    /// Rank of each grid node.
+    pub owner: &'a [u32],
+    /// How the interior moves.
+    pub mover: Box<dyn Mover>,
+    /// What the moved grid must keep.
+    pub limits: Limits,
+    /// Where to go on from; `None`: the start grid at rest.
+    pub state: Option<State>,
+}
+
+impl MeshMover {
+    /// The mover of a stage of a scene: builds the start grid around the shape that
+    /// the last uncoupled stage left, and loads the state of an earlier stage. Collective.
+    ///
+    /// # Errors
+    /// No grid, more ranks than cells, unusable files, a bad start grid.
+    pub fn new(scene: &Scene, stage: usize, out: &Path, comm: &Comm) -> Result<Self, Fault> {
+        let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
+        let grid = start_grid(scene, stage, out, &structure)?;
+        let owner = owners(&grid, comm.size())?;
+        let state = scene.source_state(out, stage, Role::Mesh);
+        let state = state.map(|path| State::load(&path, grid.coords.len())).transpose().map_err(Fault::new)?;
+        let mover = Box::new(Elastic::new(Solid::from(&scene.mesh)));
+        let limits = Limits::from(&scene.mesh);
+        Self::on_grid(Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state }, comm)
+    }
+
+    /// The mover of a given grid. Collective.
+    ///
+    /// # Errors
+    /// A bad start grid, or a canopy that the grid does not carry.
+    pub fn on_grid(setup: Setup<'_>, comm: &Comm) -> Result<Self, Fault> {
+        let Setup { grid, structure, owner, mover, limits, state } = setup;
+        if grid.canopy_nodes.len() != structure.n_canopy {
+            return Err(Fault::new(format!(
+                "the flow grid carries {} canopy nodes, the structure mesh has {}",
+                grid.canopy_nodes.len(),
+                structure.n_canopy
+            )));
+        }
+        let unstressed: Vec<f64> = structure.coords[..structure.n_canopy].as_flattened().to_vec();
+        let mut panels = vec![0; structure.n_canopy];
+        for (face, &panel) in structure.faces.iter().zip(&structure.face_panel) {
+            face.iter().for_each(|&a| panels[a as usize] = panel);
+        }
+        let local = LocalGrid::new(grid, owner, comm);
+        let positions = |global: &[Vec3]| Positions {
+            grid: local.gather(global),
+            canopy: grid.canopy_nodes.iter().flat_map(|&a| global[a as usize]).collect(),
+        };
+        let start = positions(&grid.coords);
+        let of = |flat: &[f64]| (!flat.is_empty()).then(|| positions(flat.as_chunks::<3>().0));
+        let state = state.unwrap_or_default();
+        let now = of(&state.now).unwrap_or_else(|| start.clone());
+        let before = of(&state.before);
+        let reference = of(&state.reference).unwrap_or_else(|| start.clone());
+        let motion = Motion::new(local, &start.grid, reference, mover, limits).map_err(Fault::new)?;
+        Ok(Self {
+            motion,
+            unstressed,
+            panels,
+            surface: Surface {
+                faces: structure.faces.len() as u64,
+                hash: channel::surface_hash(&structure.faces),
+            },
+            trial: now.clone(),
+            now,
+            before,
+            dt: state.dt,
+            answered: None,
+        })
+    }
+
+    /// The moving grid.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Accepted positions.
+    pub fn positions(&self) -> &Positions {
+        &self.now
+    }
+
+    fn read_canopy(&mut self, displacement: &[f64]) -> Result<(), Fault> {
+        let expected = self.unstressed.len();
+        if displacement.len() != expected {
+            return Err(Fault::new(format!(
+                "canopy displacement of {} numbers received, {expected} expected ({} nodes x 3)",
+                displacement.len(),
+                expected / 3
+            )));
+        }
+        if let Some(i) = displacement.iter().position(|v| !v.is_finite()) {
+            return Err(Fault::new(format!(
+                "canopy node {} (panel {}) has a displacement of {} m along {}: \
+                 the structure or the coupling has diverged",
+                i / 3,
+                self.panels[i / 3],
+                displacement[i],
+                ["x", "y", "z"][i % 3]
+            )));
+        }
+        for ((c, x), d) in self.trial.canopy.iter_mut().zip(&self.unstressed).zip(displacement) {
+            *c = x + d;
+        }
+        Ok(())
+    }
+
+    /// A motion error with the part of the canopy that it concerns.
+    fn explain(&self, error: &MotionError, w: &Window) -> Fault {
+        let at = match error {
+            MotionError::Tangled { shape, .. } | MotionError::BadStart { shape, .. } => shape.at,
+            MotionError::Mover(crate::mover::MoverError::Inverted { at, .. }) => *at,
+            MotionError::Mover(_) => return Fault::new(format!("grid motion, window {}: {error}", w.index)),
+        };
+        let distance2 = |p: &[f64; 3]| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
+        let nodes = self.trial.canopy.as_chunks::<3>().0.iter().map(distance2).enumerate();
+        let place = match nodes.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((k, d)) => {
+                format!("; nearest canopy node {k} (panel {}), {:.4} m away", self.panels[k], d.sqrt())
+            }
+            None => String::new(),
+        };
+        Fault::new(format!(
+            "grid motion, window {}, iteration {}: {error}{place}; shorter windows or a start grid \
+             around a shape nearer to this one may help",
+            w.index, w.iteration
+        ))
+    }
+
+    /// A field on all nodes of the grid in their global order, on every rank. Collective.
+    fn gather(&self, field: &[f64]) -> Vec<f64> {
+        let nodes = &self.motion.grid.nodes;
+        let comm = self.motion.grid.comm();
+        let ids = comm.all_gather_var(nodes.owned());
+        let rows = comm.all_gather_var(&field[..3 * nodes.n_owned]);
+        let mut all = vec![0.0; 3 * self.motion.grid.n_global];
+        for (&g, row) in ids.iter().zip(rows.as_chunks::<3>().0) {
+            all[3 * g as usize..][..3].copy_from_slice(row);
+        }
+        all
+    }
+}
+
+impl Participant for MeshMover {
+    fn announce(&self) -> Announcement {
+        Announcement {
+            role: Role::Mesh.name().into(),
+            program: "mesh-mover".into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            canopy_nodes: self.panels.len() as u64,
+            canopy_faces: self.surface.faces,
+            surface_hash: self.surface.hash,
+            grid_nodes: self.motion.grid.n_global as u64,
+            output_width: WIDTH as u64,
+            effects: Vec::new(),
+        }
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        self.motion.grid.nodes.owned().to_vec()
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let clock = Instant::now();
+        self.answered = None;
+        if !(w.dt.is_finite() && w.dt > 0.0) {
+            return Err(Fault::new(format!("window {} has a length of {} s", w.index, w.dt)));
+        }
+        self.read_canopy(input.canopy)?;
+        let moved =
+            self.motion.follow(&self.now, &mut self.trial).map_err(|e| self.explain(&e, w))?;
+        // Windows of another length would need other weights: start over with first order.
+        let earlier = self.before.as_ref().filter(|_| self.dt == w.dt);
+        let n = self.motion.grid.nodes.n_owned;
+        assert_eq!(output.len(), WIDTH * n, "one row for each owned node");
+        for (a, row) in output.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
+            for i in 0..3 {
+                let at = 3 * a + i;
+                let x2 = earlier.map(|b| b.grid[at]);
+                row[i] = self.trial.grid[at];
+                row[3 + i] = backward_difference(self.trial.grid[at], self.now.grid[at], x2, w.dt);
+            }
+        }
+        self.answered = Some((*w, moved));
+        let mut stats = Stats::default();
+        let v = &mut stats.values;
+        v[mesh_stats::MIN_QUALITY] = moved.shape.quality;
+        v[mesh_stats::ITERATIONS] = moved.effort.iterations as f64;
+        v[mesh_stats::INCREMENTS] = f64::from(moved.increments);
+        v[mesh_stats::RESIDUAL] = moved.effort.error;
+        v[mesh_stats::MIN_VOLUME_RATIO] = moved.shape.volume_ratio;
+        v[mesh_stats::WORST_CELL] = f64::from(moved.shape.cell);
+        stats.busy_s = clock.elapsed().as_secs_f64();
+        Ok(stats)
+    }
+
+    fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        let Some((_, moved)) = self.answered.take().filter(|(a, _)| a.index == w.index) else {
+            return Err(Fault::new(format!("window {} was accepted before it was answered", w.index)));
+        };
+        let before = self.before.get_or_insert_with(|| self.now.clone());
+        std::mem::swap(before, &mut self.now);
+        std::mem::swap(&mut self.now, &mut self.trial);
+        self.dt = w.dt;
+        self.motion.settle(&self.now, &moved.shape);
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let now = self.gather(&self.now.grid);
+        let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
+        let rebased = self.motion.reference_differs();
+        let reference =
+            if rebased { self.gather(&self.motion.reference().grid) } else { Vec::new() };
+        if self.motion.grid.comm().is_root() {
+            let state = State { now, before, dt: self.dt, reference };
+            state.save(&case::state_file(folder, Role::Mesh)).map_err(Fault::new)?;
+        }
+        Ok(())
+    }
+
+    fn snapshot(&mut self, _time: f64, _folder: &Path) -> Result<(), Fault> {
+        // The flow-solver draws the grid with its fields on it.
+        Ok(())
+    }
+}
+
+/// The grid that a stage starts from, the same on every rank and in the flow-solver.
+///
+/// # Errors
+/// An unreadable shape, or no grid around it.
+pub fn start_grid(
+    scene: &Scene,
+    stage: usize,
+    out: &Path,
+    structure: &StructureMesh,
+) -> Result<FlowGrid, Fault> {
+    let positions = match scene.grid_shape(out, stage) {
+        Some(path) => mesh::load_shape(&path, structure.n_canopy).map_err(Fault::new)?,
+        None => structure.coords[..structure.n_canopy].to_vec(),
+    };
+    mesh::flow_grid(scene, structure, &positions).map_err(Fault::new)
+}
+
+/// Rank of each grid node: METIS shares of the cells, nodes by majority.
+///
+/// # Errors
+/// More ranks than cells.
+pub fn owners(grid: &FlowGrid, ranks: usize) -> Result<Vec<u32>, Fault> {
+    if ranks == 1 {
+        return Ok(vec![0; grid.coords.len()]);
+    }
+    let faces = FaceTable::new(grid).map_err(Fault::new)?;
+    let parts = mesh::partition_cells(grid.cells.len(), &faces, ranks).map_err(Fault::new)?;
+    Ok(mesh::node_parts(grid.coords.len(), &grid.cells, &parts))
+}
+
+impl From<&case::MeshMotion> for Limits {
+    fn from(m: &case::MeshMotion) -> Self {
+        Self { min_quality: m.min_quality, max_increments: m.max_increments }
+    }
+}
