@@ -77,7 +77,6 @@ impl Elastic {
 
 impl Mover for Elastic {
     fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError> {
-        self.system = None;
         let (matrix, canopy) = agree(grid, assemble(grid, x, &self.solid))?;
         let preconditioner = BlockJacobi::<3>::new(&matrix).map_err(|e| MoverError::Singular {
             node: grid.nodes.global[grid.free_node[e.row] as usize],
@@ -98,6 +97,12 @@ impl Mover for Elastic {
             rhs: vec![0.0; n],
         });
         Ok(())
+    }
+
+    fn bytes(&self) -> usize {
+        let Some(s) = &self.system else { return 0 };
+        let vectors = 8 * (5 * s.scratch.r.len() + s.guess.len() + s.rhs.len() + s.sizes.len());
+        s.matrix.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {

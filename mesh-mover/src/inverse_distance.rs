@@ -63,6 +63,10 @@ impl Mover for InverseDistance {
         Ok(())
     }
 
+    fn bytes(&self) -> usize {
+        24 * (self.free.len() + self.canopy.len()) + 8 * self.scale.len()
+    }
+
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {
         for ((p, scale), u) in self.free.iter().zip(&self.scale).zip(u.as_chunks_mut::<3>().0) {
             let mut sum = [0.0; 3];

@@ -39,6 +39,8 @@ pub struct LocalGrid {
     pub canopy: Vec<(u32, u32)>,
     /// Nodes of the whole grid.
     pub n_global: usize,
+    /// Cells of the whole grid.
+    pub n_cells_global: usize,
     /// Interface nodes of the whole canopy.
     pub n_canopy: usize,
     /// Mean volume of the cells of the whole grid, m3.
@@ -117,9 +119,15 @@ impl LocalGrid {
             free_halo,
             canopy,
             n_global: n,
+            n_cells_global: grid.cells.len(),
             n_canopy: grid.canopy_nodes.len(),
             mean_volume,
         }
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        self.cells.len() * 36 + self.n_local() * (size_of::<Kind>() + 8 + 24) + 4 * self.free_node.len()
     }
 
     /// The ranks that share the grid.

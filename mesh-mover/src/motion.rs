@@ -110,6 +110,8 @@ pub struct Motion {
     reference: Positions,
     reference_quality: f64,
     rebased: u32,
+    /// Whether the reference is the start grid.
+    at_start: bool,
     /// Displacement of the canopy from the reference, and of the local free nodes.
     push: Vec<f64>,
     u: Vec<f64>,
@@ -131,6 +133,7 @@ impl Motion {
         let volume = |c: usize| mesh::quality::volume(&grid.corners(c, start));
         let start_volumes = (0..grid.cells.len()).map(volume).collect();
         let (push, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
+        let at_start = grid.comm().all(reference.grid == start);
         let mut motion = Self {
             grid,
             mover,
@@ -140,6 +143,7 @@ impl Motion {
             reference,
             reference_quality: 1.0,
             rebased: 0,
+            at_start,
             push,
             u,
         };
@@ -199,16 +203,24 @@ impl Motion {
         })
     }
 
+    /// Whether the reference is the start grid: nothing has drifted.
+    pub fn is_total(&self) -> bool {
+        self.at_start
+    }
+
+    /// Bytes held for the motion.
+    pub fn bytes(&self) -> usize {
+        let flat = self.reference.grid.len() + self.u.len() + self.push.len() + self.start_volumes.len();
+        8 * flat + self.grid.bytes() + self.corners.bytes() + self.mover.bytes()
+    }
+
     /// To be called with an accepted state: takes it as the new reference where
-    /// quality has fallen far. Collective.
-    ///
-    /// # Errors
-    /// The mover cannot stand on this grid.
-    pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Result<(), MotionError> {
+    /// quality has fallen far and the mover can stand on it. Collective.
+    pub fn settle(&mut self, accepted: &Positions, shape: &Shape) {
         if shape.quality < REBASE_BELOW && shape.quality < REBASE_LOSS * self.reference_quality {
-            self.rebase(accepted, shape.quality)?;
+            // Not a need but a precaution: the old reference still serves where this fails.
+            let _ = self.rebase(accepted, shape.quality);
         }
-        Ok(())
     }
 
     /// Shape of the grid at `x` (local nodes). Collective.
@@ -259,6 +271,7 @@ impl Motion {
         self.reference.clone_from(at);
         self.reference_quality = quality;
         self.rebased += 1;
+        self.at_start = false;
         Ok(())
     }
 

@@ -16,8 +16,12 @@ pub struct Effort {
 ///
 /// A mover stands on a reference grid, whose displacements it knows. All ranks call together.
 pub trait Mover {
-    /// Takes `x` (all local nodes, flat, m) as the reference grid.
+    /// Takes `x` (all local nodes, flat, m) as the reference grid. After an error
+    /// the mover stands where it stood; all ranks get the same error.
     fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError>;
+
+    /// Bytes held.
+    fn bytes(&self) -> usize;
 
     /// Displacements `u` of the local free nodes (owned and ghosts, `[n][3]`, m)
     /// when the canopy (all of it, `[n_canopy][3]`, m) is displaced by `canopy`

@@ -67,7 +67,8 @@ impl MeshMover {
         let grid = start_grid(scene, stage, out, &structure)?;
         let owner = owners(&grid, comm.size())?;
         let state = scene.source_state(out, stage, Role::Mesh);
-        let state = state.map(|path| State::load(&path, grid.coords.len())).transpose().map_err(Fault::new)?;
+        let state =
+            state.map(|path| State::load(&path, grid.coords.len())).transpose().map_err(Fault::new)?;
         let mover = Box::new(Elastic::new(Solid::from(&scene.mesh)));
         let limits = Limits::from(&scene.mesh);
         Self::on_grid(Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state }, comm)
@@ -216,8 +217,7 @@ impl Participant for MeshMover {
             return Err(Fault::new(format!("window {} has a length of {} s", w.index, w.dt)));
         }
         self.read_canopy(input.canopy)?;
-        let moved =
-            self.motion.follow(&self.now, &mut self.trial).map_err(|e| self.explain(&e, w))?;
+        let moved = self.motion.follow(&self.now, &mut self.trial).map_err(|e| self.explain(&e, w))?;
         // Windows of another length would need other weights: start over with first order.
         let earlier = self.before.as_ref().filter(|_| self.dt == w.dt);
         let n = self.motion.grid.nodes.n_owned;
@@ -258,9 +258,8 @@ impl Participant for MeshMover {
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
         let now = self.gather(&self.now.grid);
         let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
-        let rebased = self.motion.reference_differs();
-        let reference =
-            if rebased { self.gather(&self.motion.reference().grid) } else { Vec::new() };
+        let rebased = !self.motion.is_total();
+        let reference = if rebased { self.gather(&self.motion.reference().grid) } else { Vec::new() };
         if self.motion.grid.comm().is_root() {
             let state = State { now, before, dt: self.dt, reference };
             state.save(&case::state_file(folder, Role::Mesh)).map_err(Fault::new)?;

@@ -45,6 +45,11 @@ impl Corners {
         Self { quads, first }
     }
 
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        16 * self.quads.len() + 4 * self.first.len()
+    }
+
     /// Number of cells.
     pub fn n_cells(&self) -> usize {
         self.first.len() - 1

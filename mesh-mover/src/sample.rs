@@ -1,7 +1,7 @@
 //! A small grid for tests, benchmarks and trials without a scene: a box of
 //! mixed cells with a plate of zero thickness inside.
 
-use mesh::{FlowGrid, Patch, Vec3};
+use mesh::{FlowGrid, Patch, StructureMesh, Vec3};
 
 /// A box `[-1, 1]^3` with `n^3` hexahedra (`n` even, at least 4) and a square plate
 /// of half the width in its middle plane `z = 0`, whose nodes are the canopy.
@@ -22,6 +22,8 @@ pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGri
         let z: f64 = (0..layers).map(|l| stretch.powi((half - l) as i32)).sum::<f64>() / total;
         if k < half { -z } else { z }
     };
+    let cut = |i: usize, j: usize| mixed && (i + 2 * j).is_multiple_of(3);
+    let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c, c], [a, c, d, d]];
     let on_plate = |i: usize| 4 * i >= n && 4 * i <= 3 * n;
     let mut grid = FlowGrid::default();
     for k in 0..m {
@@ -52,7 +54,11 @@ pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGri
         for i in 0..n {
             let f = [at(i, j, half), at(i + 1, j, half), at(i + 1, j + 1, half), at(i, j + 1, half)];
             if f.iter().all(|&a| canopy(a)) {
-                grid.canopy_faces.push(f);
+                if cut(i, j) {
+                    grid.canopy_faces.extend(halves(f));
+                } else {
+                    grid.canopy_faces.push(f);
+                }
             }
         }
     }
@@ -61,7 +67,7 @@ pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGri
             for i in 0..n {
                 let f = |k| [at(i, j, k), at(i + 1, j, k), at(i + 1, j + 1, k), at(i, j + 1, k)];
                 let ([a, b, c, d], [e, g, h, l]) = (f(k), f(k + 1));
-                if mixed && (i + 2 * j) % 3 == 0 {
+                if cut(i, j) {
                     grid.cells.push([a, b, c, c, e, g, h, h]);
                     grid.cells.push([a, c, d, d, e, h, l, l]);
                 } else if mixed && (i + n * (j + n * k)).is_multiple_of(7) {
@@ -86,8 +92,15 @@ pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGri
                 for (face, outer) in
                     mesh::HEX_FACES.iter().zip([k == 0, k + 1 == n, j == 0, i + 1 == n, j + 1 == n, i == 0])
                 {
-                    if outer {
-                        grid.boundary.push((Patch::FarField, face.map(|v| cell[v])));
+                    if !outer {
+                        continue;
+                    }
+                    let quad = face.map(|v| cell[v]);
+                    let flat = face == &mesh::HEX_FACES[0] || face == &mesh::HEX_FACES[1];
+                    if flat && cut(i, j) {
+                        grid.boundary.extend(halves(quad).map(|f| (Patch::FarField, f)));
+                    } else {
+                        grid.boundary.push((Patch::FarField, quad));
                     }
                 }
             }
@@ -96,8 +109,28 @@ pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGri
     grid
 }
 
-/// Owners of the nodes in slabs along x: a partition for tests.
-pub fn slabs(grid: &FlowGrid, ranks: usize) -> Vec<u32> {
-    let slab = |p: &Vec3| (0.5 * (p[0] + 1.0) * ranks as f64).clamp(0.0, ranks as f64 - 1.0) as u32;
-    grid.coords.iter().map(slab).collect()
+/// The plate as the canopy of a structure, unstressed where the grid has it.
+pub fn plate_structure(grid: &FlowGrid) -> StructureMesh {
+    let of_grid = |a: u32| {
+        grid.canopy_nodes.iter().position(|&b| a == b).expect("canopy faces have canopy nodes") as u32
+    };
+    StructureMesh {
+        coords: grid.canopy_nodes.iter().map(|&a| grid.coords[a as usize]).collect(),
+        n_canopy: grid.canopy_nodes.len(),
+        faces: grid.canopy_faces.iter().map(|f| f.map(of_grid)).collect(),
+        face_panel: vec![0; grid.canopy_faces.len()],
+        ..StructureMesh::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn faces_match() {
+        for mixed in [false, true] {
+            let grid = super::plate_in_box(8, 0.1, 0.8, mixed);
+            let faces = mesh::FaceTable::new(&grid).unwrap();
+            assert_eq!(faces.canopy.len(), grid.canopy_faces.len());
+        }
+    }
 }

@@ -87,7 +87,9 @@ impl State {
         }
         let s = file.state;
         if used != bytes.len() || checksum(&s) != file.checksum {
-            return Err(unfit("is damaged (its checksum does not match): run the earlier stage again".into()));
+            return Err(unfit(
+                "is damaged (its checksum does not match): run the earlier stage again".into(),
+            ));
         }
         let fits = |v: &Vec<f64>, may_miss: bool| v.len() == 3 * nodes || (may_miss && v.is_empty());
         if !fits(&s.now, false) || !fits(&s.before, true) || !fits(&s.reference, true) {

@@ -1,0 +1,140 @@
+//! The developer's command: a prescribed motion without partners.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use case::Scene;
+use channel::{Fault, Input, Participant, Window, mesh_stats};
+use clap::Parser;
+use comm::Comm;
+
+use crate::participant::MeshMover;
+
+/// Moves the grid of a scene without structure and flow: the canopy breathes about
+/// its start shape, each window is asked for several times with a shrinking
+/// error, as a coupled run does. Prints quality, iterations and seconds.
+///
+/// Example: mpirun -n 2 mesh-mover alone --scene cases/atps-descent/scene.toml
+/// --out runs/atps-descent --stage 2
+#[derive(Clone, Debug, Parser)]
+#[command(name = "mesh-mover alone")]
+pub struct AloneArgs {
+    /// Scene file.
+    #[arg(long, value_name = "PATH")]
+    pub scene: PathBuf,
+    /// Stage to start: its grid is built around the shape an earlier stage left in `--out`.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub stage: usize,
+    /// Folder of the run's results.
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub out: PathBuf,
+    /// Ranks, as passed to `mpirun -n` (checked where given).
+    #[arg(long, value_name = "N")]
+    pub ranks: Option<usize>,
+    /// Windows to move through.
+    #[arg(long, value_name = "N", default_value_t = 40)]
+    pub windows: u64,
+    /// Coupling iterations of a window.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub iterations: u64,
+    /// Share by which the canopy grows and shrinks about its axis.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
+    pub amplitude: f64,
+    /// Windows of one breath.
+    #[arg(long, value_name = "N", default_value_t = 40.0)]
+    pub period: f64,
+}
+
+impl AloneArgs {
+    /// The arguments of this process behind the word `alone`; ends the process where they are wrong.
+    pub fn parse_after_verb() -> Self {
+        Self::parse_from(std::env::args_os().take(1).chain(std::env::args_os().skip(2)))
+    }
+}
+
+/// Runs the command. Collective.
+///
+/// # Errors
+/// What the mesh-mover says.
+pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
+    if args.stage >= scene.stages.len() {
+        return Err(Fault::new(format!("the scene has {} stages, counted from 0", scene.stages.len())));
+    }
+    let clock = Instant::now();
+    let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
+    let mut mover = MeshMover::new(scene, args.stage, &args.out, comm)?;
+    let n_cells = mover.motion().grid.n_cells_global;
+    let start = mover.positions().canopy.clone();
+    let shape = mover.motion().shape(&mover.positions().grid);
+    let say = |line: String| {
+        if comm.is_root() {
+            println!("{line}");
+        }
+    };
+    say(format!(
+        "{} grid nodes, {n_cells} cells, {} ranks: start {:.2} s, {:.0} bytes per cell, worst scaled Jacobian {:.4} (cell {})",
+        mover.motion().grid.n_global,
+        comm.size(),
+        clock.elapsed().as_secs_f64(),
+        mover.motion().bytes() as f64 * comm.size() as f64 / n_cells as f64,
+        shape.quality,
+        shape.cell,
+    ));
+    let dt = scene.stages[args.stage].window_s;
+    let mut output = vec![0.0; 6 * mover.output_rows().len()];
+    let mut displacement = vec![0.0; start.len()];
+    let (mut seconds, mut total, mut worst) = (0.0, 0.0, f64::INFINITY);
+    for index in 0..args.windows {
+        let mut line = format!("window {index:4}:");
+        let mut last = None;
+        for iteration in 0..args.iterations {
+            // The first guesses of a window miss by a share of the window's motion.
+            let miss =
+                0.3 * 0.1f64.powi(iteration as i32) * if iteration + 1 < args.iterations { 1.0 } else { 0.0 };
+            let phase = std::f64::consts::TAU * (index as f64 + 1.0 - miss) / args.period;
+            breathe(&start, &structure.coords, args.amplitude * phase.sin(), phase, &mut displacement);
+            let w =
+                Window { index, iteration, substeps: 1, time: index as f64 * dt, dt, ..Window::default() };
+            let input = Input { canopy: &displacement, grid: Default::default() };
+            comm.barrier();
+            let clock = Instant::now();
+            let stats = mover.advance(&w, &input, &mut output)?;
+            let spent = comm.max(clock.elapsed().as_secs_f64());
+            seconds += spent;
+            total += stats.values[mesh_stats::ITERATIONS];
+            line += &format!(" {}it {:.1}ms", stats.values[mesh_stats::ITERATIONS], 1e3 * spent);
+            last = Some((w, stats.values));
+        }
+        let Some((w, v)) = last else { break };
+        let clock = Instant::now();
+        mover.accept(&w)?;
+        worst = f64::min(worst, v[mesh_stats::MIN_QUALITY]);
+        say(format!(
+            "{line} | quality {:.4} volume {:.3} increments {} references {} accept {:.1}ms",
+            v[mesh_stats::MIN_QUALITY],
+            v[mesh_stats::MIN_VOLUME_RATIO],
+            v[mesh_stats::INCREMENTS],
+            mover.motion().rebased(),
+            1e3 * clock.elapsed().as_secs_f64(),
+        ));
+    }
+    let calls = (args.windows * args.iterations).max(1) as f64;
+    say(format!(
+        "worst scaled Jacobian {worst:.4}; {:.2} iterations and {:.2} ms a call, {:.2} us per cell and call",
+        total / calls,
+        1e3 * seconds / calls,
+        1e6 * seconds / calls / n_cells as f64,
+    ));
+    Ok(())
+}
+
+/// The start shape, wider by `share` about its axis and waved a little, as
+/// displacement from the unstressed shape.
+fn breathe(start: &[f64], unstressed: &[[f64; 3]], share: f64, phase: f64, displacement: &mut [f64]) {
+    let rows = displacement.as_chunks_mut::<3>().0.iter_mut().zip(start.as_chunks::<3>().0);
+    for ((d, s), x) in rows.zip(unstressed) {
+        let wave = 0.1 * share.abs() * (3.0 * s[0] + 0.7 * phase).sin() * (3.0 * s[1]).cos();
+        let p = [s[0] * (1.0 + share), s[1] * (1.0 + share), s[2] * (1.0 - 0.5 * share) + wave];
+        (0..3).for_each(|i| d[i] = p[i] - x[i]);
+    }
+}

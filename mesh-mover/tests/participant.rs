@@ -1,0 +1,144 @@
+//! The contract of the participant on one rank.
+
+mod common;
+
+use case::{MeshMotion, Role};
+use channel::{Participant, mesh_stats};
+use comm::Comm;
+use common::{Rig, window};
+use mesh_mover::state::State;
+
+/// How near two answers to one input are, m: the tolerance is a thousandth of the
+/// shortest edge (0.07), as far as the preconditioner sees the error; smooth errors
+/// (which no cell feels) may be a few times larger.
+const CLOSE: f64 = 5e-4;
+
+fn rig() -> Rig {
+    Rig::new(&Comm::solo(), &MeshMotion::default(), None)
+}
+
+fn positions(output: &[f64]) -> Vec<f64> {
+    output.as_chunks::<6>().0.iter().flat_map(|r| [r[0], r[1], r[2]]).collect()
+}
+
+#[test]
+fn canopy_to_the_bit_outer_boundary_at_rest_velocities_by_the_formula() {
+    let mut rig = rig();
+    let dt = window(0, 0).dt;
+    let mut history = vec![rig.grid.coords.as_flattened().to_vec()];
+    for index in 0..4 {
+        let d = rig.displacement(0.5 * (index + 1) as f64);
+        let stats = rig.advance(&window(index, 0), &d).unwrap();
+        assert!(stats.values[mesh_stats::MIN_QUALITY] > 0.1);
+        assert_eq!(stats.values[mesh_stats::INCREMENTS], 1.0);
+        assert!(stats.values[mesh_stats::RESIDUAL] <= 1e-3);
+        let rows = rig.output.as_chunks::<6>().0;
+        for (k, &a) in rig.grid.canopy_nodes.iter().enumerate() {
+            for i in 0..3 {
+                assert_eq!(rows[a as usize][i], rig.structure.coords[k][i] + d[3 * k + i]);
+            }
+        }
+        for &a in rig.grid.boundary.iter().flat_map(|(_, f)| f) {
+            assert_eq!(rows[a as usize][..3], rig.grid.coords[a as usize]);
+            assert_eq!(rows[a as usize][3..], [0.0; 3]);
+        }
+        let now = positions(&rig.output);
+        for (a, row) in rows.iter().enumerate() {
+            for i in 0..3 {
+                let (x, x1) = (now[3 * a + i], history[index as usize][3 * a + i]);
+                let v = match index {
+                    0 => (x - x1) / dt,
+                    _ => (3.0 * x - 4.0 * x1 + history[index as usize - 1][3 * a + i]) / (2.0 * dt),
+                };
+                // The two forms of the formula differ by rounding of positions of order one.
+                assert!((row[3 + i] - v).abs() < 1e-14 / dt, "node {a}: {} {v}", row[3 + i]);
+            }
+        }
+        history.push(now);
+        rig.mover.accept(&window(index, 0)).unwrap();
+    }
+}
+
+#[test]
+fn iterations_restart_from_the_accepted_state() {
+    let mut rig = rig();
+    let (d1, d2) = (rig.displacement(0.6), rig.displacement(0.9));
+    rig.advance(&window(0, 0), &d1).unwrap();
+    rig.mover.accept(&window(0, 0)).unwrap();
+    rig.advance(&window(1, 0), &d2).unwrap();
+    let once = rig.output.clone();
+    let wild = rig.displacement(-1.5);
+    rig.advance(&window(1, 1), &wild).unwrap();
+    rig.advance(&window(1, 2), &d2).unwrap();
+    let apart = |i: usize, bound: f64| {
+        for (a, b) in rig.output.as_chunks::<6>().0.iter().zip(once.as_chunks::<6>().0) {
+            assert!((a[i] - b[i]).abs() < bound, "{} {}", a[i], b[i]);
+        }
+    };
+    (0..3).for_each(|i| apart(i, CLOSE));
+    (3..6).for_each(|i| apart(i, 1.5 * CLOSE / 0.25));
+}
+
+#[test]
+fn the_same_calls_give_the_same_bits() {
+    let run = || {
+        let mut rig = rig();
+        for index in 0..3 {
+            for iteration in 0..3 {
+                let d = rig.displacement(0.3 * index as f64 + 0.1 * iteration as f64);
+                rig.advance(&window(index, iteration), &d).unwrap();
+            }
+            rig.mover.accept(&window(index, 2)).unwrap();
+        }
+        rig.output
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn bad_input_is_named_and_leaves_the_state() {
+    let mut rig = rig();
+    let good = rig.displacement(0.5);
+    rig.advance(&window(0, 0), &good).unwrap();
+    rig.mover.accept(&window(0, 0)).unwrap();
+    let before = rig.mover.positions().clone();
+    for value in [f64::NAN, f64::INFINITY] {
+        let mut bad = good.clone();
+        bad[3 * 7 + 1] = value;
+        let fault = rig.advance(&window(1, 0), &bad).unwrap_err();
+        assert!(fault.message.contains("canopy node 7 (panel 0)"), "{fault}");
+        assert!(fault.message.contains("along y"), "{fault}");
+    }
+    let fault = rig.advance(&window(1, 0), &good[3..]).unwrap_err();
+    assert!(fault.message.contains("expected"), "{fault}");
+    // A jump through the wall of the box.
+    let far: Vec<f64> = good.iter().enumerate().map(|(i, d)| if i % 3 == 2 { d + 2.5 } else { *d }).collect();
+    let fault = rig.advance(&window(1, 0), &far).unwrap_err();
+    assert!(fault.message.contains("cell ") && fault.message.contains("nearest canopy node"), "{fault}");
+    assert!(rig.mover.accept(&window(1, 0)).is_err(), "nothing to accept after a fault");
+    assert_eq!(*rig.mover.positions(), before);
+    rig.advance(&window(1, 1), &good).unwrap();
+}
+
+#[test]
+fn a_saved_state_goes_on_as_if_nothing_happened() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = rig();
+    let path: Vec<Vec<f64>> = [0.2, 0.5, 0.4].iter().map(|&t| rig.displacement(t)).collect();
+    for index in 0..2 {
+        rig.advance(&window(index, 0), &path[index as usize]).unwrap();
+        rig.mover.accept(&window(index, 0)).unwrap();
+    }
+    rig.mover.save(folder.path()).unwrap();
+    rig.advance(&window(2, 0), &path[2]).unwrap();
+    let state = State::load(&case::state_file(folder.path(), Role::Mesh), rig.grid.coords.len()).unwrap();
+    assert!(state.reference.is_empty(), "the reference is the start grid");
+    let mut again = Rig::new(&Comm::solo(), &MeshMotion::default(), Some(state));
+    assert_eq!(rig.mover.positions(), again.mover.positions());
+    again.advance(&window(2, 0), &path[2]).unwrap();
+    for (i, (a, b)) in rig.output.iter().zip(&again.output).enumerate() {
+        // Without the past solutions: the tolerance of the solver, and its velocity.
+        let bound = if i % 6 < 3 { CLOSE } else { 1.5 * CLOSE / 0.25 };
+        assert!((a - b).abs() < bound, "{i}: {a} {b}");
+    }
+}
