@@ -78,7 +78,8 @@ impl FaceTable {
         quality::check_volumes(grid)?;
         let slots = grid.cells.len() * 6;
         let face = |slot: usize| cell_face(&grid.cells[slot / 6], slot % 6);
-        // Faces by their smallest node: a compressed list of slots.
+        // Faces by their smallest node: a compressed list of slots, each with the
+        // face's two next larger nodes, which decide nearly every comparison.
         let mut start = vec![0u32; grid.coords.len() + 1];
         for slot in 0..slots {
             if let Some(f) = face(slot) {
@@ -89,20 +90,23 @@ impl FaceTable {
             start[i] += start[i - 1];
         }
         let mut fill = start.clone();
-        let mut list = vec![0u32; *start.last().unwrap_or(&0) as usize];
+        let mut list = vec![(0u32, 0u32, 0u32); *start.last().unwrap_or(&0) as usize];
         for slot in 0..slots {
             if let Some(f) = face(slot) {
-                let at = &mut fill[key(f)[0] as usize];
-                list[*at as usize] = slot as u32;
+                let [least, second, third, _] = key(f);
+                let at = &mut fill[least as usize];
+                list[*at as usize] = (second, third, slot as u32);
                 *at += 1;
             }
         }
         drop(fill);
         let around = |f: FaceNodes| {
-            let node = key(f)[0] as usize;
+            let f = key(f);
+            let node = f[0] as usize;
             let range =
                 if node + 1 < start.len() { start[node] as usize..start[node + 1] as usize } else { 0..0 };
-            list[range].iter().copied().filter(move |&s| face(s as usize).map(key) == Some(key(f)))
+            let alike = move |s: u32| face(s as usize).map(key) == Some(f);
+            list[range].iter().filter(move |e| e.0 == f[1] && e.1 == f[2] && alike(e.2)).map(|e| e.2)
         };
         let crowd = |f: FaceNodes| MeshError::CrowdedFace {
             nodes: f,

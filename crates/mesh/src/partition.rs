@@ -95,12 +95,13 @@ impl Graph {
         let mut seen = vec![false; n];
         let mut order: Vec<u32> = Vec::with_capacity(n);
         let mut next = Vec::new();
+        let (mut searched, mut search) = (vec![0; n], 0);
         for &seed in &by_degree {
             if seen[seed as usize] {
                 continue;
             }
             let from = order.len();
-            order.push(self.far_end(seed));
+            order.push(self.far_end(seed, &mut searched, &mut search));
             seen[order[from] as usize] = true;
             let mut head = from;
             while head < order.len() {
@@ -118,16 +119,19 @@ impl Graph {
         order
     }
 
-    /// A vertex far from `seed` in its component (two breadth-first searches).
-    fn far_end(&self, seed: u32) -> u32 {
+    /// A vertex far from `seed` in its component (two breadth-first searches);
+    /// `seen` marks the searches by number, `search` is the last one used.
+    fn far_end(&self, seed: u32, seen: &mut [u32], search: &mut u32) -> u32 {
         let mut end = seed;
         for _ in 0..2 {
-            let mut seen = std::collections::HashSet::from([end]);
+            *search += 1;
             let mut queue = vec![end];
+            seen[end as usize] = *search;
             let mut head = 0;
             while head < queue.len() {
                 for &w in self.of(queue[head] as usize) {
-                    if seen.insert(w) {
+                    if seen[w as usize] != *search {
+                        seen[w as usize] = *search;
                         queue.push(w);
                     }
                 }

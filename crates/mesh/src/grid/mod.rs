@@ -113,7 +113,7 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
     }
     // Levels of open fluid between the hem and the cap: as long as cells are high.
     let skirt = match scene.canopy {
-        Canopy::Atps(_) => layout.m.div_ceil(3),
+        Canopy::Atps(_) => layout.m.div_ceil(4),
         _ => layout.n.div_ceil(3),
     };
     let layers = [grid.layers_inside as usize, grid.layers_outside as usize];

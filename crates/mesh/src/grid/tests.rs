@@ -61,6 +61,31 @@ fn atps_default() {
     assert_eq!(grid, flow_grid(&scene, &mesh, &x).unwrap());
 }
 
+/// Air passes from inside to outside through the vents and the mouth only.
+#[test]
+fn vents_are_open() {
+    let (scene, mesh, x) = inflated(Canopy::Atps(Atps::default()), 14.567);
+    let grid = flow_grid(&scene, &mesh, &x).unwrap();
+    let faces = check(&mesh, &x, &grid);
+    let (blocks, _) = super::blocks(&scene, &Default::default(), &mesh).unwrap();
+    // Faces on the surface that are not canopy: vents, skirt and cap.
+    let on_surface = |f: &[u32; 4]| f.iter().all(|&n| (n as usize) < blocks.surface);
+    let open: Vec<_> = faces.interior.iter().filter(|f| on_surface(&f.0)).collect();
+    assert_eq!(open.len(), blocks.quads.len() - mesh.faces.len());
+    let between_arms = |f: &[u32; 4]| f.iter().any(|&n| n as usize >= blocks.surface - 4 * 8);
+    let vents: Vec<_> = open.iter().filter(|f| between_arms(&f.0)).collect();
+    assert_eq!(vents.len(), 4 * 9 * 2);
+    let area: f64 = vents
+        .iter()
+        .map(|f| {
+            let [a, b, c, d] = f.0.map(|n| grid.coords[n as usize]);
+            0.5 * norm(quality::cross(sub(c, a), sub(d, b)))
+        })
+        .sum();
+    // Four lenses about 3 m high and 1 m wide.
+    assert!((4.0..10.0).contains(&area), "{area} m2");
+}
+
 #[test]
 fn closed_vents_are_refused() {
     let scene = flow_scene(Canopy::Atps(Atps::default()));
