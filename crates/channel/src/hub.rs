@@ -86,7 +86,8 @@ pub struct Hub {
     pub(crate) interface: Interface,
     pub(crate) programs: Vec<Program>,
     pub(crate) roster: Roster,
-    id: u64,
+    /// Identity of the session.
+    pub(crate) id: u64,
     /// Why the run fails, once it does.
     failure: Option<String>,
     stopped: bool,
@@ -110,7 +111,7 @@ pub(crate) struct Program {
     command: Option<Sender>,
     bell: Ringer,
     /// Number of the last command.
-    sequence: u64,
+    pub sequence: u64,
     /// The command that is being carried out.
     asked: Option<Asked>,
     /// Window of the last `advance` since the last `accept`.
@@ -191,6 +192,7 @@ impl Hub {
             });
             bells.push(bell);
         }
+        place.close_to_others()?;
         place.publish(&Notice {
             contract: CONTRACT_VERSION,
             session: options.session.clone(),

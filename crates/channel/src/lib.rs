@@ -22,9 +22,6 @@ mod session;
 mod transport;
 mod wire;
 
-#[cfg(test)]
-mod order_tests;
-
 pub use args::*;
 pub use error::*;
 pub use header::{Header, Kind, MAGIC, Unit, role_code};

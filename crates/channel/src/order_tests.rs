@@ -1,1 +1,135 @@
+//! Messages out of turn, sent on purpose: each is refused by the side that gets it.
 
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::thread;
+
+use case::Role::{Flow, Mesh, Structure};
+use common::*;
+
+use super::*;
+use crate::{Header, Hub, HubError};
+
+/// A rank that joins honestly and answers its first window with a header changed
+/// by `tamper`; how the coupler takes it.
+fn rogue(tamper: fn(&mut Header), words: usize) -> String {
+    let session = name("rogue");
+    let at = at(&session, Structure, 0, 1);
+    let thread = thread::spawn(move || {
+        let mut fake = Fake::new(Structure, 0, 1);
+        let mut desk = Desk::open(&mut fake, Post::join(&at, at.deadline)?)?;
+        desk.handshake()?;
+        drop(desk.expect(Kind::Advance)?);
+        let mut loan = desk.answers.loan(words)?;
+        loan.payload().fill(1.0);
+        let header = desk.post.header(Kind::Output, desk.sequence);
+        let mut header = header.with_window(desk.step.1).with_payload(Unit::Displacement, words);
+        tamper(&mut header);
+        loan.send(header)?;
+        desk.post.coupler_bell.ring();
+        desk.expect(Kind::Stop).map(drop)
+    });
+    let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
+    hub.advance(Structure, &window(6, 2), &mut |x| x.fill(0.0)).expect("asked");
+    let mut used = false;
+    let result = hub.collect(Structure, &mut |_, _| used = true, &mut patience());
+    let text = match result {
+        Ok(_) => "accepted".to_string(),
+        Err(error) => {
+            assert!(matches!(error, HubError::Contract { .. }), "{error}");
+            assert!(!used, "the data were used: {error}");
+            error.to_string()
+        }
+    };
+    drop(hub);
+    assert!(thread.join().expect("no panic").is_err(), "it is told that the run has ended");
+    text
+}
+
+#[test]
+fn the_coupler_uses_no_answer_out_of_turn() {
+    let all = NODES * 3;
+    assert_eq!(rogue(|_| {}, all), "accepted", "the rogue is honest up to its header");
+    let cases: [(fn(&mut Header), usize, &str); 11] = [
+        (|h| h.window.iteration -= 1, all, "it answered window 6 iteration 1"),
+        (|h| h.window.index += 1, all, "it answered window 7 iteration 2"),
+        (|h| h.sequence -= 1, all, "an answer to command 2 where 3 was asked"),
+        (|h| h.session ^= 1, all, "session"),
+        (|h| h.contract += 1, all, "contract version"),
+        (|h| h.rank = 1, all, "sender"),
+        (|h| h.kind = Kind::Done as u32, all, "Done in unit 3 where Output"),
+        (|h| h.kind = 77, all, "an unknown kind"),
+        (|h| h.unit = Unit::Load as u32, all, "unit 4 where Output in unit Displacement"),
+        (|h| h.length += 1, all, "length"),
+        (|_| {}, all - 3, "102 numbers where 105 were due"),
+    ];
+    for (tamper, words, expected) in cases {
+        let text = rogue(tamper, words);
+        assert!(text.contains(expected) && text.contains("structure-solver (rank 0)"), "{text} / {expected}");
+    }
+}
+
+#[test]
+fn a_participant_obeys_no_command_out_of_turn() {
+    let cases: [(fn(&mut Hub), &str); 5] = [
+        (|hub| hub.programs[0].sequence += 3, "command 7 after command 3"),
+        (|hub| hub.programs[0].sequence -= 1, "command 3 after command 3"),
+        (|hub| hub.id ^= 1, "session"),
+        (|hub| hub.programs[0].input_length -= 1, "input of 191 numbers"),
+        (
+            |hub| hub.tell(&[Structure], Kind::Welcome, &Window::default(), "").expect("sent"),
+            "`Welcome` between windows",
+        ),
+    ];
+    for (tamper, expected) in cases {
+        let session = name("tamper");
+        let served = spawn(&session, Fake::new(Structure, 0, 1));
+        let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
+        hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("asked");
+        gather(&mut hub, Structure).expect("an answer");
+        tamper(&mut hub);
+        let _ = hub.advance(Structure, &window(0, 1), &mut |x| x.fill(1.0));
+        let end = served.join().expect("no panic").expect_err(expected);
+        assert!(matches!(&end, ServeError::Contract { .. }), "{end}");
+        assert!(end.to_string().contains(expected), "{end} / {expected}");
+    }
+}
+
+#[test]
+fn the_flow_reads_no_grid_out_of_turn() {
+    let cases: [(fn(&mut Header), usize, &str); 4] = [
+        (|h| h.window.iteration += 1, GRID * 6, "is ahead, in window 6 iteration 3"),
+        (|h| h.window.index += 1, GRID * 6, "is ahead, in window 7"),
+        (|h| h.session ^= 1, GRID * 6, "session"),
+        (|_| {}, GRID * 6 - 6, "600 numbers instead of 606"),
+    ];
+    for (tamper, words, expected) in cases {
+        let session = name("grid");
+        let flow = spawn(&session, Fake::new(Flow, 0, 1));
+        let at = at(&session, Mesh, 0, 1);
+        let mesh = thread::spawn(move || {
+            let mut fake = Fake::new(Mesh, 0, 1);
+            let mut desk = Desk::open(&mut fake, Post::join(&at, at.deadline)?)?;
+            desk.handshake()?;
+            drop(desk.expect(Kind::Advance)?);
+            let mut loan = desk.grid_out.as_ref().expect("the mesh has one").loan(words)?;
+            loan.payload().fill(1.0);
+            let header = desk.post.header(Kind::Grid, desk.sequence);
+            let mut header = header.with_window(desk.step.1).with_payload(Unit::Grid, words);
+            tamper(&mut header);
+            loan.send(header)?;
+            desk.post.ring_readers();
+            desk.expect(Kind::Stop).map(drop)
+        });
+        let mut hub = open(options(&session, &[(Mesh, 1), (Flow, 1)])).expect("a handshake");
+        for role in [Mesh, Flow] {
+            hub.advance(role, &window(6, 2), &mut |x| x.fill(0.0)).expect("asked");
+        }
+        let error = gather(&mut hub, Flow).expect_err(expected).to_string();
+        assert!(error.contains("flow-solver (rank 0)") && error.contains(expected), "{error} / {expected}");
+        drop(hub);
+        assert!(flow.join().expect("no panic").is_err());
+        assert!(mesh.join().expect("no panic").is_err());
+    }
+}

@@ -491,6 +491,10 @@ impl Windows {
 }
 
 #[cfg(test)]
+#[path = "order_tests.rs"]
+mod order_tests;
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -9,7 +9,7 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
 use std::os::fd::AsRawFd;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -96,6 +96,18 @@ impl Place {
             .map(Ok)
     }
 
+    /// Takes from other users what the transport gives them (its counter of
+    /// processes is open to all by default).
+    pub fn close_to_others(&self) -> Result<(), SessionError> {
+        for path in memory_files(&self.prefix())? {
+            let mode = fs::metadata(&path).map_err(at(&path))?.mode();
+            if mode & 0o077 != 0 {
+                fs::set_permissions(&path, fs::Permissions::from_mode(mode & 0o700)).map_err(at(&path))?;
+            }
+        }
+        Ok(())
+    }
+
     fn remove_files(&self) -> Result<(), SessionError> {
         remove_memory(&self.prefix())?;
         absent_is_fine(fs::remove_dir_all(self.folder())).map_err(at(&self.folder()))
@@ -128,10 +140,8 @@ pub fn cleanup(session: &str) -> Result<(), SessionError> {
 /// its end.
 pub fn session_files(session: &str) -> Result<Vec<PathBuf>, SessionError> {
     let place = Place::of(session)?;
-    let (folder, prefix) = (place.folder(), place.prefix());
-    let memory = fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten();
-    let files = memory.filter(|e| e.file_name().to_string_lossy().starts_with(&prefix)).map(|e| e.path());
-    Ok(folder.exists().then_some(folder).into_iter().chain(files).collect())
+    let folder = place.folder();
+    Ok(folder.exists().then_some(folder).into_iter().chain(memory_files(&place.prefix())?).collect())
 }
 
 /// Removes what earlier runs of this user left behind when they were killed.
@@ -170,13 +180,13 @@ pub fn cleanup_stale() -> Result<usize, SessionError> {
     Ok(removed)
 }
 
+fn memory_files(prefix: &str) -> Result<Vec<PathBuf>, SessionError> {
+    let entries = fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten();
+    Ok(entries.filter(|e| e.file_name().to_string_lossy().starts_with(prefix)).map(|e| e.path()).collect())
+}
+
 fn remove_memory(prefix: &str) -> Result<(), SessionError> {
-    for entry in fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten() {
-        if entry.file_name().to_string_lossy().starts_with(prefix) {
-            absent_is_fine(fs::remove_file(entry.path())).map_err(at(&entry.path()))?;
-        }
-    }
-    Ok(())
+    memory_files(prefix)?.iter().try_for_each(|path| absent_is_fine(fs::remove_file(path)).map_err(at(path)))
 }
 
 fn absent_is_fine(result: io::Result<()>) -> io::Result<()> {

@@ -1,0 +1,295 @@
+//! Sessions of real processes: deaths, leftovers, sleep.
+//!
+//! The processes are this test program again, started to run the "test"
+//! `as_child` only, which does nothing unless told by the environment.
+
+mod common;
+
+use std::os::unix::fs::MetadataExt;
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use case::Role::{self, Flow, Mesh, Structure};
+use channel::{Hub, HubError, Who};
+use common::*;
+
+const TELL: &str = "RIPSTOP_TEST_CHILD";
+
+/// What a child process does.
+#[test]
+fn as_child() {
+    let Ok(line) = std::env::var(TELL) else { return };
+    let words: Vec<&str> = line.split(' ').collect();
+    let number = |i: usize| words[i].parse::<usize>().expect("a number");
+    let session = words[0];
+    let code = if words[1] == "coupler" {
+        let mut hub = open(options(session, &[(Structure, number(2)), (Flow, 1)])).expect("a handshake");
+        println!("ready");
+        let mut k = 0;
+        loop {
+            for role in [Structure, Flow] {
+                hub.advance(role, &window(0, k), &mut |x| x.fill(1.0)).expect("asked");
+                hub.collect(role, &mut |_, _| {}, &mut || Ok(())).expect("an answer");
+            }
+            k += 1;
+        }
+    } else {
+        let role = Role::ALL.into_iter().find(|r| r.name() == words[1]).expect("a role");
+        let trouble = match words[4] {
+            "stall" => Trouble::Stall(number(5) as u32),
+            "exit" => Trouble::Exit(number(5) as u32),
+            _ => Trouble::None,
+        };
+        let mut at = at(session, role, number(2), number(3));
+        at.exit_when_orphaned = true;
+        let mut fake = Fake::new(role, number(2), number(3)).with(trouble);
+        match channel::serve(&mut fake, &at) {
+            Ok(_) => 0,
+            Err(e) => {
+                eprintln!("{e}");
+                1
+            }
+        }
+    };
+    std::process::exit(code);
+}
+
+/// A process that is killed when the test ends, however it ends.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Process {
+    fn start(line: &str) -> Self {
+        let program = std::env::current_exe().expect("this program");
+        let child = Command::new(program)
+            .args(["as_child", "--exact", "--nocapture"])
+            .env(TELL, line)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn();
+        Self(child.expect("a process"))
+    }
+
+    fn participant(session: &str, role: Role, rank: usize, ranks: usize, trouble: &str) -> Self {
+        Self::start(&format!("{session} {} {rank} {ranks} {trouble}", role.name()))
+    }
+
+    fn signal(&self, signal: i32) {
+        // SAFETY: a plain system call on a child that has not been waited for.
+        assert_eq!(unsafe { libc::kill(self.0.id() as i32, signal) }, 0);
+    }
+
+    /// Stops it in its tracks, and waits until it has stopped.
+    fn freeze(&self) {
+        self.signal(libc::SIGSTOP);
+        while self.stat()[0] != "T" {
+            sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Fields of `/proc/PID/stat` from the state on.
+    fn stat(&self) -> Vec<String> {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.0.id())).expect("it lives");
+        stat.rsplit(')').next().expect("a name").split_whitespace().map(String::from).collect()
+    }
+
+    /// Exit code and what it wrote to standard error.
+    fn end(&mut self, limit: Duration) -> (Option<i32>, String) {
+        let start = Instant::now();
+        let status = loop {
+            if let Some(status) = self.0.try_wait().expect("a child") {
+                break status;
+            }
+            assert!(start.elapsed() < limit, "still there after {limit:?}");
+            sleep(Duration::from_millis(10));
+        };
+        let mut text = String::new();
+        let errors = self.0.stderr.take().expect("piped");
+        std::io::Read::read_to_string(&mut { errors }, &mut text).expect("text");
+        (status.code(), text)
+    }
+
+    /// Processor time used so far, ticks of 10 ms.
+    fn ticks(&self) -> u64 {
+        let stat = self.stat();
+        stat[11].parse::<u64>().expect("utime") + stat[12].parse::<u64>().expect("stime")
+    }
+}
+
+const SECONDS: Duration = Duration::from_secs(5);
+
+fn ask(hub: &mut Hub, k: u64) -> Result<Vec<f64>, HubError> {
+    hub.advance(Structure, &window(0, k), &mut |x| x.fill(1.0))?;
+    gather(hub, Structure)
+}
+
+#[test]
+fn processes_fly_a_session_unseen_by_others_and_asleep() {
+    let session = name("process");
+    let roles = [(Structure, 2), (Mesh, 2), (Flow, 2)];
+    let mut processes = Vec::new();
+    for (role, n) in roles {
+        for rank in 0..n {
+            processes.push(Process::participant(&session, role, rank, n, "none"));
+        }
+    }
+    let mut hub = open(options(&session, &roles)).expect("a handshake");
+    for k in 0..3 {
+        for (role, _) in roles {
+            hub.advance(role, &window(0, k), &mut |x| x.fill(1.0)).expect("asked");
+            if role == Mesh {
+                hub.collect(role, &mut |_, _| {}, &mut patience()).expect("an answer");
+            } else {
+                gather(&mut hub, role).expect("an answer");
+            }
+        }
+    }
+
+    // Readable by the owner alone.
+    let mut paths = channel::session_files(&session).expect("a name");
+    assert!(paths.len() > 20, "{paths:?}");
+    while let Some(path) = paths.pop() {
+        let found = std::fs::symlink_metadata(&path).expect("there");
+        assert_eq!(found.mode() & 0o077, 0, "{} has mode {:o}", path.display(), found.mode());
+        if found.file_type().is_dir() {
+            break; // What is below a closed folder is closed.
+        }
+    }
+
+    // All ranks and programs wait now.
+    let before: Vec<u64> = processes.iter().map(Process::ticks).collect();
+    sleep(Duration::from_secs(1));
+    let after: Vec<u64> = processes.iter().map(Process::ticks).collect();
+    for (before, after) in before.iter().zip(&after) {
+        // One tick is 1 %: five looks at the coupler a second take far less.
+        assert!(after - before <= 1, "{before:?} {after:?}");
+    }
+
+    hub.accept(&window(0, 2), &mut patience()).expect("accepted");
+    hub.stop(&mut patience()).expect("stopped");
+    for process in &mut processes {
+        assert_eq!(process.end(SECONDS), (Some(0), String::new()));
+    }
+    assert_eq!(leftovers(&session), Vec::<String>::new());
+}
+
+#[test]
+fn a_killed_participant_is_named_and_all_others_end() {
+    for (how, trouble) in [("kill", "none"), ("exit", "exit 2")] {
+        let session = name("killed");
+        let mut processes = [
+            Process::participant(&session, Structure, 0, 2, "none"),
+            Process::participant(&session, Structure, 1, 2, trouble),
+            Process::participant(&session, Flow, 0, 1, "none"),
+        ];
+        let mut hub = open(options(&session, &[(Structure, 2), (Flow, 1)])).expect("a handshake");
+        ask(&mut hub, 0).expect("an answer");
+        ask(&mut hub, 1).expect("an answer");
+        if how == "kill" {
+            processes[1].freeze();
+            hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("asked");
+            processes[1].signal(libc::SIGKILL);
+        } else {
+            hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("asked");
+        }
+        let start = Instant::now();
+        let error = gather(&mut hub, Structure).expect_err("it died");
+        assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+        let HubError::Died { who, during } = &error else { panic!("{error}") };
+        assert_eq!(*who, Who { role: Structure, rank: 1 });
+        assert!(during.contains("window 0 iteration 2"), "{during}");
+        drop(hub);
+        for other in [0, 2] {
+            let (code, text) = processes[other].end(SECONDS);
+            assert_eq!(code, Some(1));
+            assert!(text.contains("structure-solver (rank 1) died in window 0 iteration 2"), "{text}");
+        }
+        processes[1].end(SECONDS);
+        channel::cleanup(&session).expect("all have ended");
+        assert_eq!(leftovers(&session), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn a_stopped_process_meets_its_deadline() {
+    let session = name("sigstop");
+    let process = Process::participant(&session, Structure, 0, 1, "none");
+    let mut options = options(&session, &[(Structure, 1)]);
+    options.roles[0].deadline = Some(Duration::from_millis(500));
+    let mut hub = open(options).expect("a handshake");
+    ask(&mut hub, 0).expect("an answer");
+    process.freeze();
+    let error = ask(&mut hub, 1).expect_err("a deadline");
+    assert!(matches!(error, HubError::Deadline { .. }), "{error}");
+    drop(hub);
+    drop(process);
+    channel::cleanup(&session).expect("all have ended");
+    assert_eq!(leftovers(&session), Vec::<String>::new());
+}
+
+#[test]
+fn a_killed_coupler_is_noticed_by_ranks_that_wait_and_ranks_that_compute() {
+    let session = name("orphans");
+    let mut coupler = Process::start(&format!("{session} coupler 2"));
+    let mut waiting = Process::participant(&session, Structure, 0, 2, "none");
+    let mut computing = Process::participant(&session, Structure, 1, 2, "stall 3");
+    let mut idle = Process::participant(&session, Flow, 0, 1, "none");
+    let out = coupler.0.stdout.take().expect("piped");
+    let ready = std::io::BufRead::lines(std::io::BufReader::new(out)).map_while(Result::ok);
+    assert!(ready.into_iter().any(|line| line.contains("ready")));
+    sleep(Duration::from_millis(300));
+    coupler.signal(libc::SIGKILL);
+    let start = Instant::now();
+    for process in [&mut waiting, &mut idle] {
+        let (code, text) = process.end(SECONDS);
+        assert_eq!(code, Some(1));
+        assert!(
+            text.contains("the coupler of session") && text.contains("died in window 0 iteration"),
+            "{text}"
+        );
+    }
+    assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+    let (code, text) = computing.end(SECONDS);
+    assert_eq!(code, Some(70), "{text}");
+    assert!(text.contains("in the middle of its computation"), "{text}");
+    coupler.end(SECONDS);
+    assert!(!leftovers(&session).is_empty(), "nobody was left to tidy up");
+
+    // What is left does not stand in the way of the next run of that name.
+    let again = spawn(&session, Fake::new(Structure, 0, 1));
+    let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
+    ask(&mut hub, 0).expect("an answer");
+    hub.stop(&mut patience()).expect("stopped");
+    assert!(again.join().expect("no panic").is_ok());
+    assert_eq!(leftovers(&session), Vec::<String>::new());
+}
+
+#[test]
+fn all_killed_at_once_any_number_of_times() {
+    let session = name("massacre");
+    for round in 0..6 {
+        let mut processes = vec![Process::start(&format!("{session} coupler 1"))];
+        processes.push(Process::participant(&session, Structure, 0, 1, "none"));
+        processes.push(Process::participant(&session, Flow, 0, 1, "none"));
+        // Also in the middle of the handshake.
+        sleep(Duration::from_millis(5 + 40 * round));
+        processes.iter().for_each(|p| p.signal(libc::SIGKILL));
+        processes.iter_mut().for_each(|p| drop(p.end(SECONDS)));
+    }
+    // An unrelated live session is left alone by the sweep.
+    let other = name("bystander");
+    let served = spawn(&other, Fake::new(Structure, 0, 1));
+    let mut hub = open(options(&other, &[(Structure, 1)])).expect("a handshake");
+    channel::cleanup_stale().expect("swept");
+    assert_eq!(leftovers(&session), Vec::<String>::new());
+    ask(&mut hub, 0).expect("still there");
+    hub.stop(&mut patience()).expect("stopped");
+    assert!(served.join().expect("no panic").is_ok());
+}
