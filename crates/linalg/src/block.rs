@@ -38,8 +38,27 @@ pub(crate) fn add_mul<const R: usize, const C: usize, T: Real>(
     x: &[f64; C],
 ) {
     for r in 0..R {
+        // The row is summed before it is added: a short chain of dependent additions.
+        let mut sum = a[r][0].to_f64() * x[0];
+        for c in 1..C {
+            sum += a[r][c].to_f64() * x[c];
+        }
+        y[r] += sum;
+    }
+}
+
+/// Adds the products that make up `A x`, each to its own sum: `A x` is the sum over
+/// columns of `sums`. Without dependence between neighbouring entries the compiler fills
+/// vector registers, and a row of blocks costs one horizontal sum.
+#[inline(always)]
+pub(crate) fn accumulate<const R: usize, const C: usize, T: Real>(
+    sums: &mut [[f64; C]; R],
+    a: &[[T; C]; R],
+    x: &[f64; C],
+) {
+    for r in 0..R {
         for c in 0..C {
-            y[r] += a[r][c].to_f64() * x[c];
+            sums[r][c] += a[r][c].to_f64() * x[c];
         }
     }
 }

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use comm::Halo;
 
 use crate::Operator;
-use crate::block::{Real, add_mul};
+use crate::block::{Real, accumulate};
 
 /// Block rows of a distributed square matrix.
 ///
@@ -186,11 +186,13 @@ impl<const B: usize, T: Real> BlockCsr<B, T> {
         for run in runs {
             for i in run.clone() {
                 let row = self.row_ptr[i]..self.row_ptr[i + 1];
-                let mut sum = [0.0; B];
+                let mut sum = [[0.0; B]; B];
                 for (&j, a) in self.cols[row.clone()].iter().zip(&self.values[row]) {
-                    add_mul(&mut sum, a, &x[j as usize]);
+                    accumulate(&mut sum, a, &x[j as usize]);
                 }
-                y[i] = sum;
+                for r in 0..B {
+                    y[i][r] = sum[r].iter().sum();
+                }
             }
         }
     }

@@ -6,7 +6,7 @@
 //! * [`BlockCsr`]: block rows of a distributed matrix, assembled through precomputed
 //!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
-//! * [`BlockJacobi`]: the simplest preconditioner.
+//! * [`BlockJacobi`], [`BlockIlu0`]: rank-local preconditioners.
 //! * [`SchwarzLu`]: a sparse direct factor of each subdomain.
 //! * [`Amg`]: smoothed aggregation multigrid for elasticity.
 //! * [`recycle::Projection`]: initial guesses from past solutions.
@@ -20,6 +20,7 @@ mod block_csr;
 mod direct;
 mod dirichlet;
 mod ghost_rows;
+mod ilu;
 mod jacobi;
 mod krylov;
 mod operator;
@@ -32,6 +33,7 @@ pub use block::Real;
 pub use block_csr::BlockCsr;
 pub use direct::FactorError;
 pub use dirichlet::Lift;
+pub use ilu::BlockIlu0;
 pub use jacobi::{BlockJacobi, SingularBlock};
 pub use krylov::{Cg, Gmres, KrylovError, KrylovInfo, KrylovParams};
 pub use operator::{Identity, Operator, Preconditioner};

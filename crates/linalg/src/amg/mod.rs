@@ -31,7 +31,7 @@ pub struct AmgParams {
 
 impl Default for AmgParams {
     fn default() -> Self {
-        Self { strength: 0.02, coarsest_nodes: 100, max_levels: 12 }
+        Self { strength: 0.08, coarsest_nodes: 100, max_levels: 12 }
     }
 }
 

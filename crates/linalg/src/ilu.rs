@@ -1,0 +1,167 @@
+//! Block incomplete factorisation without fill.
+
+use std::cell::RefCell;
+
+use crate::block::{Real, invert};
+use crate::{BlockCsr, Preconditioner, SingularBlock};
+
+/// ILU(0) of the rank's own rows and columns, by blocks, stored in precision `T`.
+///
+/// The factor has the pattern of the matrix. Between ranks it is block Jacobi. For a
+/// symmetric matrix the factor is symmetric, but nothing ensures that it is positive:
+/// prefer GMRES where the matrix is far from an M-matrix.
+pub struct BlockIlu0<const B: usize, T: Real = f64> {
+    row_ptr: Vec<usize>,
+    cols: Vec<u32>,
+    diagonal: Vec<usize>,
+    /// Slot of the matrix behind each entry.
+    source: Vec<usize>,
+    /// Unit lower factor, inverse diagonal, upper factor.
+    values: Vec<[[T; B]; B]>,
+    place: Vec<u32>,
+    x: RefCell<Vec<[T; B]>>,
+}
+
+impl<const B: usize, T: Real> BlockIlu0<B, T> {
+    /// Factorises `a`.
+    pub fn new(a: &BlockCsr<B>) -> Result<Self, SingularBlock> {
+        let n = a.n_rows();
+        let mut row_ptr = vec![0];
+        let (mut cols, mut source, mut diagonal) = (Vec::new(), Vec::new(), Vec::with_capacity(n));
+        for i in 0..n {
+            for s in a.row(i).filter(|&s| (a.cols()[s] as usize) < n) {
+                if s == a.diagonal_slot(i) {
+                    diagonal.push(cols.len());
+                }
+                cols.push(a.cols()[s]);
+                source.push(s);
+            }
+            row_ptr.push(cols.len());
+        }
+        let values = vec![[[T::default(); B]; B]; cols.len()];
+        let x = RefCell::new(vec![[T::default(); B]; n]);
+        let mut this = Self { row_ptr, cols, diagonal, source, values, place: vec![u32::MAX; n], x };
+        this.refactor(a)?;
+        Ok(this)
+    }
+
+    /// Factorises again, after the values of `a` changed.
+    pub fn refactor(&mut self, a: &BlockCsr<B>) -> Result<(), SingularBlock> {
+        for (v, &s) in self.values.iter_mut().zip(&self.source) {
+            *v = a.values[s].map(|row| row.map(T::from_f64));
+        }
+        for i in 0..self.diagonal.len() {
+            let row = self.row_ptr[i]..self.row_ptr[i + 1];
+            for s in row.clone() {
+                self.place[self.cols[s] as usize] = s as u32;
+            }
+            for s in row.start..self.diagonal[i] {
+                let k = self.cols[s] as usize;
+                let l = product(&self.values[s], &self.values[self.diagonal[k]]);
+                self.values[s] = l;
+                for u in self.diagonal[k] + 1..self.row_ptr[k + 1] {
+                    let at = self.place[self.cols[u] as usize];
+                    if at != u32::MAX {
+                        let lu = product(&l, &self.values[u]);
+                        let target = &mut self.values[at as usize];
+                        for r in 0..B {
+                            (0..B).for_each(|c| target[r][c] -= lu[r][c]);
+                        }
+                    }
+                }
+            }
+            for s in row {
+                self.place[self.cols[s] as usize] = u32::MAX;
+            }
+            let d = &mut self.values[self.diagonal[i]];
+            let inverse = invert(&d.map(|r| r.map(T::to_f64))).ok_or(SingularBlock { row: i })?;
+            *d = inverse.map(|r| r.map(T::from_f64));
+        }
+        Ok(())
+    }
+}
+
+impl<const B: usize, T: Real> Preconditioner for BlockIlu0<B, T> {
+    fn apply(&self, r: &[f64], z: &mut [f64]) {
+        let mut x = self.x.borrow_mut();
+        let (r, z) = (r.as_chunks::<B>().0, z.as_chunks_mut::<B>().0);
+        let n = x.len();
+        for i in 0..n {
+            let mut s = r[i].map(T::from_f64);
+            self.subtract(&mut s, self.row_ptr[i]..self.diagonal[i], &x);
+            x[i] = s;
+        }
+        for i in (0..n).rev() {
+            let mut s = x[i];
+            self.subtract(&mut s, self.diagonal[i] + 1..self.row_ptr[i + 1], &x);
+            let d = &self.values[self.diagonal[i]];
+            for r in 0..B {
+                let mut sum = d[r][0] * s[0];
+                (1..B).for_each(|c| sum += d[r][c] * s[c]);
+                x[i][r] = sum;
+            }
+            z[i] = x[i].map(T::to_f64);
+        }
+    }
+}
+
+impl<const B: usize, T: Real> BlockIlu0<B, T> {
+    #[inline(always)]
+    fn subtract(&self, s: &mut [T; B], slots: std::ops::Range<usize>, x: &[[T; B]]) {
+        for (&j, a) in self.cols[slots.clone()].iter().zip(&self.values[slots]) {
+            let x = &x[j as usize];
+            for r in 0..B {
+                let mut sum = a[r][0] * x[0];
+                (1..B).for_each(|c| sum += a[r][c] * x[c]);
+                s[r] -= sum;
+            }
+        }
+    }
+}
+
+fn product<const B: usize, T: Real>(a: &[[T; B]; B], b: &[[T; B]; B]) -> [[T; B]; B] {
+    let mut p = [[T::default(); B]; B];
+    for r in 0..B {
+        for k in 0..B {
+            for c in 0..B {
+                p[r][c] += a[r][k] * b[k][c];
+            }
+        }
+    }
+    p
+}
+
+#[cfg(test)]
+mod tests {
+    use std::rc::Rc;
+
+    use super::*;
+    use crate::Operator;
+    use comm::Halo;
+
+    /// A chain has no fill: ILU(0) is its exact factor.
+    #[test]
+    fn exact_on_a_chain() {
+        let n = 30;
+        let lists: Vec<Vec<u32>> =
+            (0..n as u32).map(|i| [i.saturating_sub(1), (i + 1).min(n as u32 - 1)].to_vec()).collect();
+        let mut a = BlockCsr::<2>::from_adjacency(Rc::new(Halo::solo(n)), &lists);
+        for i in 0..n {
+            for s in a.row(i) {
+                let w = (s as f64).sin();
+                a.values[s] = match a.cols()[s] as usize == i {
+                    true => [[4.0, w], [0.5, 5.0]],
+                    false => [[-1.0, 0.3 * w], [w, -1.5]],
+                };
+            }
+        }
+        let mut x: Vec<f64> = (0..2 * n).map(|i| (i as f64).cos()).collect();
+        let mut b = vec![0.0; 2 * n];
+        a.apply(&mut x, &mut b);
+        let mut z = vec![0.0; 2 * n];
+        BlockIlu0::<2>::new(&a).unwrap().apply(&b, &mut z);
+        assert!(z.iter().zip(&x).all(|(z, x)| (z - x).abs() < 1e-12));
+        BlockIlu0::<2, f32>::new(&a).unwrap().apply(&b, &mut z);
+        assert!(z.iter().zip(&x).all(|(z, x)| (z - x).abs() < 1e-5));
+    }
+}
