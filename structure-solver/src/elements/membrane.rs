@@ -27,7 +27,7 @@ impl Reference {
         let twice_area = norm(normal);
         let longest = dot(a, a).max(dot(b, b)).max(dot(sub(b, a), sub(b, a)));
         // Rounding of the coordinates alone spoils flatter triangles.
-        if !(twice_area > 1e-10 * longest) {
+        if twice_area.is_nan() || twice_area <= 1e-10 * longest {
             return None;
         }
         let length = norm(a);
@@ -216,9 +216,7 @@ mod tests {
         let x = [[0.0; 3], [2.4, 0.0, 0.0], [0.6, 1.35, 0.0]];
         let d = deformation(&r.gradient, &x);
         let exact = [0.5 * (1.44 - 1.0), 0.5 * (0.81 - 1.0), 0.0];
-        for i in 0..3 {
-            assert!((d.strain[i] - exact[i]).abs() < 1e-14);
-        }
+        assert!(d.strain.iter().zip(exact).all(|(e, x)| (e - x).abs() < 1e-14));
         assert!((r.area - 1.5).abs() < 1e-15);
     }
 

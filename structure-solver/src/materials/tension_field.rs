@@ -168,7 +168,7 @@ mod tests {
         /// Central differences, kept away from the borders where the tangent jumps.
         #[test]
         fn tangent_is_the_derivative_of_the_stress(
-            e1 in -0.3..0.5f64, e2 in -0.5..0.5f64, angle in 0.0..3.14f64,
+            e1 in -0.3..0.5f64, e2 in -0.5..0.5f64, angle in 0.0..3.1f64,
         ) {
             let (e1, e2) = (e1.max(e2), e1.min(e2));
             prop_assume!(e1.abs() > 1e-3 && (e2 + NU * e1).abs() > 1e-3 && e1 - e2 > 1e-3);
@@ -193,7 +193,7 @@ mod tests {
         /// The relaxed energy never exceeds the full one, and is their minimum over
         /// all lengthenings: S:E/2 is checked against a search.
         #[test]
-        fn energy_is_the_relaxed_one(e1 in -0.3..0.5f64, e2 in -0.5..0.5f64, angle in 0.0..3.14f64) {
+        fn energy_is_the_relaxed_one(e1 in -0.3..0.5f64, e2 in -0.5..0.5f64, angle in 0.0..3.1f64) {
             let (e1, e2) = (e1.max(e2), e1.min(e2));
             let full = |e: Strain| {
                 let s = StVenantKirchhoff::isotropic(Y, NU).stress(e);
