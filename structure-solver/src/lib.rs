@@ -4,6 +4,19 @@
 //! Venant-Kirchhoff material with a tension field, follower pressure, implicit
 //! time integration, Newton's method, GMRES.
 
+// Small fixed-size blocks are written in index notation, like their formulas.
+#![allow(clippy::needless_range_loop)]
+
+pub mod alone;
+pub mod assemble;
+pub mod dynamics;
 pub mod elements;
+pub mod linear;
+pub mod loops;
 pub mod materials;
+pub mod measures;
+pub mod model;
+pub mod newton;
+pub mod scheme;
+pub mod system;
 pub mod vec3;

@@ -1,0 +1,242 @@
+//! Windows of time steps: substeps, cuts, and what they cost.
+
+use crate::linear::LinearSolver;
+use crate::loops::FaceLoad;
+use crate::newton::{Balance, Newton, NewtonError, NewtonInfo, NewtonParams, State};
+use crate::scheme::Scheme;
+use crate::system::System;
+
+/// A load that runs linearly from the start to the end of a window.
+#[derive(Clone, Copy, Debug)]
+pub struct LoadPath<'a> {
+    /// Pressure jumps at the start, Pa, `[faces]`.
+    pub pressure: [&'a [f64]; 2],
+    /// Tractions at start and end, Pa, `[faces][3]`; empty where there are none.
+    pub traction: [&'a [f64]; 2],
+}
+
+/// A window that could not be computed.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error(
+    "the structure failed {time:.6} s into the window, at a step of {dt:.3e} s after {cuts} halvings: {cause}; \
+     smaller steps (stage.substeps), more damping or a smaller pressure may help"
+)]
+pub struct StepFailure {
+    /// Time since the start of the window, s.
+    pub time: f64,
+    /// The step that failed last, s.
+    pub dt: f64,
+    /// Halvings that were tried.
+    pub cuts: u32,
+    /// Why.
+    pub cause: NewtonError,
+}
+
+/// What a window cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WindowInfo {
+    /// Newton steps.
+    pub newton_steps: u64,
+    /// Time steps that were halved.
+    pub cuts: u64,
+    /// Largest final residual relative to the load.
+    pub residual: f64,
+    /// Work of the load, J.
+    pub load_work: f64,
+}
+
+/// Equations, time integration and solvers of one rank.
+pub struct Dynamics {
+    /// Equations of motion.
+    pub system: System,
+    /// Linear solver.
+    pub linear: LinearSolver,
+    /// Newton's method.
+    pub newton: Newton,
+    scheme: Scheme,
+    damping: f64,
+    max_cuts: u32,
+    /// State of the last accepted window.
+    pub accepted: State,
+    /// State at the end of the last computed window.
+    pub current: State,
+    next: State,
+    pressure: Vec<f64>,
+    traction: Vec<f64>,
+    force: [Vec<f64>; 2],
+    x: Vec<f64>,
+    /// Displacements after each substep of the last computed window: they start
+    /// the next coupling iteration.
+    path: Vec<Vec<f64>>,
+}
+
+/// Choices of a scene.
+#[derive(Clone, Copy, Debug)]
+pub struct DynamicsParams {
+    /// Time integration.
+    pub scheme: Scheme,
+    /// Mass-proportional damping, 1/s.
+    pub damping: f64,
+    /// Newton's limits.
+    pub newton: NewtonParams,
+    /// Relative tolerance of linear solves.
+    pub linear_tolerance: f64,
+    /// Halvings of a step.
+    pub max_cuts: u32,
+}
+
+impl Dynamics {
+    /// From rest.
+    pub fn new(system: System, p: DynamicsParams) -> Self {
+        let n = system.model.n_local();
+        let linear = LinearSolver::new(system.comm(), p.linear_tolerance);
+        let newton = Newton::new(&system, p.newton);
+        let zero = || vec![0.0; 3 * n];
+        let n_faces = system.model.n_faces;
+        Self {
+            linear,
+            newton,
+            scheme: p.scheme,
+            damping: p.damping,
+            max_cuts: p.max_cuts,
+            accepted: State::rest(n),
+            current: State::rest(n),
+            next: State::rest(n),
+            pressure: vec![0.0; n_faces],
+            traction: Vec::new(),
+            force: [zero(), zero()],
+            x: zero(),
+            path: Vec::new(),
+            system,
+        }
+    }
+
+    /// Sets the accelerations of the accepted state in balance with a load. For the
+    /// start of a motion whose accelerations are not known.
+    pub fn balance_start(&mut self, load: FaceLoad<'_>, body: [f64; 3]) -> Result<(), linalg::KrylovError> {
+        let (u, v) = (&self.accepted.u, &self.accepted.v);
+        for i in 0..self.x.len() {
+            self.x[i] = self.system.model.reference[i] + u[i];
+            self.next.u[i] = body[i % 3] - self.damping * v[i];
+        }
+        let f = &mut self.force[0];
+        self.system.forces(&self.x, load, f);
+        f.iter_mut().for_each(|f| *f = -*f);
+        self.system.add_mass_product(&self.next.u, f);
+        self.system.constrain(f);
+        self.system.accelerations(f, &mut self.accepted.a)
+    }
+
+    /// Computes a window of `substeps` equal steps from the accepted state into
+    /// `current`. `iterated`: the same window was computed before, so its path
+    /// is a good start.
+    pub fn window(
+        &mut self,
+        dt: f64,
+        substeps: u64,
+        load: LoadPath<'_>,
+        body: [f64; 3],
+        iterated: bool,
+    ) -> Result<WindowInfo, StepFailure> {
+        self.current.copy_from(&self.accepted);
+        let mut info = WindowInfo::default();
+        let n = self.current.u.len();
+        let known = iterated && self.path.len() == substeps as usize;
+        if !known {
+            self.path.resize_with(substeps as usize, || vec![0.0; n]);
+        }
+        for k in 0..substeps {
+            let share = |k: u64| k as f64 / substeps as f64;
+            self.interval([share(k), share(k + 1)], dt, load, body, known.then_some(k as usize), 0, &mut info)?;
+            self.path[k as usize].copy_from_slice(&self.current.u);
+        }
+        info.load_work = self.system.comm().sum(info.load_work);
+        Ok(info)
+    }
+
+    /// Advances `current` over a share of the window, halving the step where it fails.
+    #[allow(clippy::too_many_arguments)]
+    fn interval(
+        &mut self,
+        span: [f64; 2],
+        window: f64,
+        load: LoadPath<'_>,
+        body: [f64; 3],
+        known: Option<usize>,
+        cuts: u32,
+        info: &mut WindowInfo,
+    ) -> Result<(), StepFailure> {
+        let dt = (span[1] - span[0]) * window;
+        match self.step(span, dt, load, body, known) {
+            Ok(step) => {
+                info.newton_steps += u64::from(step.steps);
+                info.residual = info.residual.max(step.residual);
+                info.load_work += self.load_work(span, load);
+                std::mem::swap(&mut self.current, &mut self.next);
+                Ok(())
+            }
+            Err(cause) if cuts < self.max_cuts => {
+                info.cuts += 1;
+                info.newton_steps += u64::from(cause.steps());
+                self.linear.renew();
+                let middle = 0.5 * (span[0] + span[1]);
+                self.interval([span[0], middle], window, load, body, None, cuts + 1, info)?;
+                self.interval([middle, span[1]], window, load, body, None, cuts + 1, info)
+            }
+            Err(cause) => Err(StepFailure { time: span[1] * window, dt, cuts, cause }),
+        }
+    }
+
+    fn step(
+        &mut self,
+        span: [f64; 2],
+        dt: f64,
+        load: LoadPath<'_>,
+        body: [f64; 3],
+        known: Option<usize>,
+    ) -> Result<NewtonInfo, NewtonError> {
+        let form = self.scheme.step(dt, self.damping);
+        let at = span[0] + form.force_weight * (span[1] - span[0]);
+        blend(load, at, &mut self.pressure, &mut self.traction);
+        let balance = Balance {
+            from: &self.current,
+            form,
+            load: FaceLoad { pressure: &self.pressure, traction: &self.traction },
+            body,
+        };
+        let guess: Option<&[f64]> = known.map(|k| self.path[k].as_slice());
+        let guesses = guess.as_slice();
+        self.newton.step(&mut self.system, &mut self.linear, &balance, guesses, &mut self.next)
+    }
+
+    /// Trapezoidal work of the load on owned nodes from `current` to `next`, J.
+    fn load_work(&mut self, span: [f64; 2], load: LoadPath<'_>) -> f64 {
+        for (k, state) in [&self.current, &self.next].into_iter().enumerate() {
+            blend(load, span[k], &mut self.pressure, &mut self.traction);
+            for i in 0..self.x.len() {
+                self.x[i] = self.system.model.reference[i] + state.u[i];
+            }
+            let face_load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
+            self.system.external(&self.x, face_load, &mut self.force[k]);
+        }
+        let n = 3 * self.system.model.n_owned();
+        (0..n).map(|i| 0.5 * (self.force[0][i] + self.force[1][i]) * (self.next.u[i] - self.current.u[i])).sum()
+    }
+
+    /// The last computed window is final.
+    pub fn accept(&mut self) {
+        self.accepted.copy_from(&self.current);
+    }
+}
+
+/// The load at a share of the window.
+fn blend(load: LoadPath<'_>, share: f64, pressure: &mut [f64], traction: &mut Vec<f64>) {
+    let mix = |a: f64, b: f64| a + share * (b - a);
+    for ((p, a), b) in pressure.iter_mut().zip(load.pressure[0]).zip(load.pressure[1]) {
+        *p = mix(*a, *b);
+    }
+    traction.resize(load.traction[0].len(), 0.0);
+    for ((t, a), b) in traction.iter_mut().zip(load.traction[0]).zip(load.traction[1]) {
+        *t = mix(*a, *b);
+    }
+}

@@ -1,0 +1,290 @@
+//! The element loops: kernels applied to every element of a rank.
+//!
+//! A loop is written for concrete materials and laws, so the compiler sees
+//! straight arithmetic; which loops there are is chosen once, at construction.
+
+use crate::elements::{cable, load, membrane};
+use crate::materials::{Material, Regime};
+use crate::model::{CableElement, Model, Triangle};
+use crate::vec3::{Mat3, Vec3, add, add_at, add_block, at, scale};
+
+/// Loads on the interface faces at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct FaceLoad<'a> {
+    /// Pressure jump, inside minus outside, Pa, one for each face.
+    pub pressure: &'a [f64],
+    /// Traction, Pa, shape `[faces][3]`; empty where there is none.
+    pub traction: &'a [f64],
+}
+
+/// Slot of a block in a row that another rank owns: not assembled here.
+pub const ELSEWHERE: u32 = u32::MAX;
+
+/// The elements of one kind on a rank. Flat arrays have shape `[n_local][3]`;
+/// rows of ghosts receive partial sums that nobody reads.
+pub trait ElementLoop {
+    /// Adds internal minus external forces (N) at positions `x` (m) to `out`.
+    fn forces(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]);
+
+    /// As [`ElementLoop::forces`], and adds `factor` times their derivative to
+    /// the blocks of the system matrix.
+    fn tangent(&self, x: &[f64], load: FaceLoad<'_>, factor: f64, out: &mut [f64], blocks: &mut [Mat3]);
+
+    /// Adds external forces alone (N) to `out`.
+    fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]);
+
+    /// Strain energy of the elements counted on this rank, J.
+    fn energy(&self, x: &[f64]) -> f64;
+
+    /// Masses of the elements with their local nodes, kg.
+    fn masses(&self) -> Vec<(Vec<u32>, f64)>;
+
+    /// Finds where the blocks of the elements lie in the system matrix.
+    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32);
+
+    /// Principal stresses (Pa, first the larger) and state of membrane elements.
+    fn stresses(&self, _x: &[f64]) -> Vec<([f64; 2], Regime)> {
+        Vec::new()
+    }
+
+    /// Tensions (N) of cable elements.
+    fn tensions(&self, _x: &[f64]) -> Vec<f64> {
+        Vec::new()
+    }
+}
+
+struct Membrane {
+    nodes: [u32; 3],
+    face: u32,
+    gradient: [f64; 4],
+    /// Reference area times thickness, m3.
+    volume: f64,
+    slots: [[u32; 3]; 3],
+}
+
+/// Membrane elements of one material, with the loads on their faces.
+pub struct Membranes<M> {
+    elements: Vec<Membrane>,
+    n_own: usize,
+    material: M,
+    density: f64,
+}
+
+impl<M: Material> Membranes<M> {
+    /// Of all triangles of `model`: thickness in m, density in kg/m3.
+    pub fn new(model: &Model, material: M, thickness: f64, density: f64) -> Self {
+        let of = |t: &Triangle| Membrane {
+            nodes: t.nodes,
+            face: t.face,
+            gradient: t.reference.gradient,
+            volume: t.reference.area * thickness,
+            slots: [[ELSEWHERE; 3]; 3],
+        };
+        let elements = model.triangles.iter().map(of).collect();
+        Self { elements, n_own: model.n_own_triangles, material, density }
+    }
+
+    fn forces_with<const TRACTION: bool>(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        for e in &self.elements {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            let d = membrane::deformation(&e.gradient, &p);
+            let r = membrane::force(&e.gradient, &d, &self.material.stress(d.strain), e.volume);
+            let f = face_force::<TRACTION>(e, load, &p);
+            for n in 0..3 {
+                add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
+            }
+        }
+    }
+
+    fn tangent_with<const TRACTION: bool>(
+        &self,
+        x: &[f64],
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        for e in &self.elements {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            let d = membrane::deformation(&e.gradient, &p);
+            let (s, c) = self.material.tangent(d.strain);
+            let r = membrane::force(&e.gradient, &d, &s, e.volume);
+            let f = face_force::<TRACTION>(e, load, &p);
+            for n in 0..3 {
+                add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
+            }
+            let mut k = membrane::stiffness(&e.gradient, &d, &s, &c, e.volume * factor);
+            let face = e.face as usize;
+            let by_column = load::pressure_tangent(-factor * load.pressure[face], &p);
+            let by_traction = if TRACTION {
+                load::traction_tangent(scale(-factor, at(load.traction, face)), &p)
+            } else {
+                [[[0.0; 3]; 3]; 3]
+            };
+            for (n, row) in k.iter_mut().enumerate() {
+                for m in 0..3 {
+                    add_block(&mut row[m], &by_column[m]);
+                    if TRACTION {
+                        add_block(&mut row[m], &by_traction[m]);
+                    }
+                }
+                if e.slots[n][n] != ELSEWHERE {
+                    for m in 0..3 {
+                        add_block(&mut blocks[e.slots[n][m] as usize], &row[m]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn face_force<const TRACTION: bool>(e: &Membrane, load: FaceLoad<'_>, p: &[Vec3; 3]) -> Vec3 {
+    let face = e.face as usize;
+    let f = load::pressure_force(load.pressure[face], p);
+    if TRACTION { add(f, load::traction_force(at(load.traction, face), p)) } else { f }
+}
+
+impl<M: Material> ElementLoop for Membranes<M> {
+    fn forces(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        if load.traction.is_empty() {
+            self.forces_with::<false>(x, load, out);
+        } else {
+            self.forces_with::<true>(x, load, out);
+        }
+    }
+
+    fn tangent(&self, x: &[f64], load: FaceLoad<'_>, factor: f64, out: &mut [f64], blocks: &mut [Mat3]) {
+        if load.traction.is_empty() {
+            self.tangent_with::<false>(x, load, factor, out, blocks);
+        } else {
+            self.tangent_with::<true>(x, load, factor, out, blocks);
+        }
+    }
+
+    fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        for e in &self.elements {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            let f = if load.traction.is_empty() {
+                face_force::<false>(e, load, &p)
+            } else {
+                face_force::<true>(e, load, &p)
+            };
+            e.nodes.iter().for_each(|&n| add_at(out, n as usize, f));
+        }
+    }
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        let one = |e: &Membrane| {
+            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
+            let s = self.material.stress(d.strain);
+            0.5 * e.volume * (s[0] * d.strain[0] + s[1] * d.strain[1] + s[2] * d.strain[2])
+        };
+        self.elements[..self.n_own].iter().map(one).sum()
+    }
+
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        self.elements.iter().map(|e| (e.nodes.to_vec(), self.density * e.volume)).collect()
+    }
+
+    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        for e in &mut self.elements {
+            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
+        }
+    }
+
+    fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
+        let one = |e: &Membrane| {
+            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
+            let s = self.material.stress(d.strain);
+            let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
+            ([mean + radius, mean - radius], self.material.regime(d.strain))
+        };
+        self.elements.iter().map(one).collect()
+    }
+}
+
+struct Line {
+    nodes: [u32; 2],
+    rest_length: f64,
+    slots: [[u32; 2]; 2],
+}
+
+/// Cable elements of one law.
+pub struct Cables<L> {
+    elements: Vec<Line>,
+    n_own: usize,
+    law: L,
+    area: f64,
+    density: f64,
+}
+
+impl<L: cable::CableLaw> Cables<L> {
+    /// Of all cables of `model`: cross-section in m2, density in kg/m3.
+    pub fn new(model: &Model, law: L, area: f64, density: f64) -> Self {
+        let of = |c: &CableElement| Line {
+            nodes: c.nodes,
+            rest_length: c.rest_length,
+            slots: [[ELSEWHERE; 2]; 2],
+        };
+        let elements = model.cables.iter().map(of).collect();
+        Self { elements, n_own: model.n_own_cables, law, area, density }
+    }
+}
+
+impl<L: cable::CableLaw> ElementLoop for Cables<L> {
+    fn forces(&self, x: &[f64], _load: FaceLoad<'_>, out: &mut [f64]) {
+        for e in &self.elements {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            let f = cable::force(&self.law, &p, e.rest_length, self.area);
+            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
+            add_at(out, e.nodes[1] as usize, f);
+        }
+    }
+
+    fn tangent(&self, x: &[f64], _load: FaceLoad<'_>, factor: f64, out: &mut [f64], blocks: &mut [Mat3]) {
+        for e in &self.elements {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            let (f, k) = cable::stiffness(&self.law, &p, e.rest_length, self.area);
+            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
+            add_at(out, e.nodes[1] as usize, f);
+            let plus = k.map(|row| scale(factor, row));
+            let minus = k.map(|row| scale(-factor, row));
+            for n in 0..2 {
+                if e.slots[n][n] != ELSEWHERE {
+                    add_block(&mut blocks[e.slots[n][n] as usize], &plus);
+                    add_block(&mut blocks[e.slots[n][1 - n] as usize], &minus);
+                }
+            }
+        }
+    }
+
+    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        let one = |e: &Line| {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            cable::energy(&self.law, &p, e.rest_length, self.area)
+        };
+        self.elements[..self.n_own].iter().map(one).sum()
+    }
+
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        let mass = |e: &Line| self.density * self.area * e.rest_length;
+        self.elements.iter().map(|e| (e.nodes.to_vec(), mass(e))).collect()
+    }
+
+    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        for e in &mut self.elements {
+            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
+        }
+    }
+
+    fn tensions(&self, x: &[f64]) -> Vec<f64> {
+        let one = |e: &Line| {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            cable::tension(&self.law, &p, e.rest_length, self.area)
+        };
+        self.elements.iter().map(one).collect()
+    }
+}

@@ -1,0 +1,138 @@
+//! Numbers that describe a state: energies, loads, areas, tensions, volume.
+
+use mesh::{CableKind, StructureMesh};
+
+use crate::elements::load::area_vector;
+use crate::loops::FaceLoad;
+use crate::newton::State;
+use crate::system::System;
+use crate::vec3::at;
+
+/// Global values of a state, the same on each rank.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measures {
+    /// Kinetic energy, J.
+    pub kinetic: f64,
+    /// Strain energy, J.
+    pub strain: f64,
+    /// Vertical load of the pressure, N, upwards.
+    pub vertical_load: f64,
+    /// Projected area on a horizontal plane, m2: the area of the upward part of
+    /// the surface, `sum max(0, n_z) A`. It equals the union of all projections
+    /// while no two upward parts lie above each other, which holds for a canopy
+    /// without folds over its top.
+    pub projected_area: f64,
+    /// Largest line tension, N.
+    pub max_line_tension: f64,
+    /// Vertical force of the lines on the node that they hang from (the payload),
+    /// N, upwards.
+    pub riser_force: f64,
+    /// Volume between the canopy and the horizontal plane through its hem, m3.
+    pub volume: f64,
+}
+
+/// What the measures need beside the state.
+pub struct Gauge {
+    /// Local nodes of the hem that this rank owns.
+    hem: Vec<u32>,
+    /// Cables counted here that end on a fixed node, with the end (0 or 1) there.
+    held: Vec<(u32, usize)>,
+    /// Cables counted here that are lines or risers.
+    lines: Vec<u32>,
+    x: Vec<f64>,
+    w: Vec<f64>,
+}
+
+impl Gauge {
+    /// The hem is where suspension lines start; without lines it is the rim.
+    pub fn new(system: &System, mesh: &StructureMesh) -> Self {
+        let model = &system.model;
+        let mut is_hem = vec![false; mesh.coords.len()];
+        for c in mesh.cables.iter().filter(|c| c.kind == CableKind::SuspensionLine) {
+            c.nodes.iter().filter(|n| (**n as usize) < mesh.n_canopy).for_each(|&n| is_hem[n as usize] = true);
+        }
+        if !is_hem.contains(&true) {
+            rim_nodes(mesh).into_iter().for_each(|n| is_hem[n as usize] = true);
+        }
+        let hem = (0..model.n_owned()).filter(|&i| is_hem[model.numbering.global[i] as usize]);
+        let fixed = |n: u32| (0..3).all(|c| model.fixed[3 * n as usize + c]);
+        let own = model.cables[..model.n_own_cables].iter().enumerate();
+        let mut held = Vec::new();
+        let mut lines = Vec::new();
+        for (k, c) in own.filter(|(_, c)| c.kind != CableKind::Reinforcement) {
+            lines.push(k as u32);
+            held.extend((0..2).filter(|&end| fixed(c.nodes[end])).map(|end| (k as u32, end)));
+        }
+        let zero = || vec![0.0; 3 * model.n_local()];
+        Self { hem: hem.map(|i| i as u32).collect(), held, lines, x: zero(), w: zero() }
+    }
+
+    /// Measures `state` under `load`. Collective.
+    pub fn measure(&mut self, system: &System, state: &State, load: FaceLoad<'_>) -> Measures {
+        let model = &system.model;
+        let comm = &model.comm;
+        for i in 0..self.x.len() {
+            self.x[i] = model.reference[i] + state.u[i];
+        }
+        let x = &self.x;
+        let mut hem = [self.hem.iter().map(|&n| x[3 * n as usize + 2]).sum(), self.hem.len() as f64];
+        comm.sum_slice(&mut hem);
+        let hem_z = if hem[1] > 0.0 { hem[0] / hem[1] } else { 0.0 };
+
+        self.w.fill(0.0);
+        system.add_mass_product(&state.v, &mut self.w);
+        let n = 3 * model.n_owned();
+        let kinetic: f64 = 0.5 * self.w[..n].iter().zip(&state.v).map(|(m, v)| m * v).sum::<f64>();
+        let strain: f64 = system.loops().iter().map(|l| l.energy(x)).sum();
+        let (mut lift, mut area, mut volume) = (0.0, 0.0, 0.0);
+        for t in &model.triangles[..model.n_own_triangles] {
+            let p = t.nodes.map(|n| at(x, n as usize));
+            let a = area_vector(&p);
+            let face = t.face as usize;
+            lift += load.pressure[face] * a[2];
+            area += a[2].max(0.0);
+            // Divergence theorem with the field (0, 0, z - hem): the closing plane
+            // and vertical gaps add nothing.
+            volume += ((p[0][2] + p[1][2] + p[2][2]) / 3.0 - hem_z) * a[2];
+            if !load.traction.is_empty() {
+                lift += load.traction[3 * face + 2] * crate::vec3::norm(a);
+            }
+        }
+        let tensions: Vec<f64> = system.loops().iter().flat_map(|l| l.tensions(x)).collect();
+        let pull = |&(k, end): &(u32, usize)| {
+            let c = &model.cables[k as usize];
+            let [from, to] = [c.nodes[end], c.nodes[1 - end]].map(|n| at(x, n as usize));
+            let d = crate::vec3::sub(to, from);
+            tensions[k as usize] * d[2] / crate::vec3::norm(d)
+        };
+        let riser: f64 = self.held.iter().map(pull).sum();
+        let mut sums = [kinetic, strain, lift, area, volume, riser];
+        comm.sum_slice(&mut sums);
+        let tension = self.lines.iter().map(|&k| tensions[k as usize]).fold(0.0, f64::max);
+        Measures {
+            kinetic: sums[0],
+            strain: sums[1],
+            vertical_load: sums[2],
+            projected_area: sums[3],
+            volume: sums[4],
+            riser_force: sums[5],
+            max_line_tension: comm.max(tension),
+        }
+    }
+}
+
+/// Canopy nodes on edges of one triangle only.
+fn rim_nodes(mesh: &StructureMesh) -> Vec<u32> {
+    let mut edges: Vec<[u32; 2]> = mesh
+        .triangles
+        .iter()
+        .flat_map(|t| (0..3).map(|i| [t[i], t[(i + 1) % 3]]))
+        .map(|[a, b]| [a.min(b), a.max(b)])
+        .collect();
+    edges.sort_unstable();
+    let single = edges.chunk_by(|a, b| a == b).filter(|c| c.len() == 1).map(|c| c[0]);
+    let mut nodes: Vec<u32> = single.flatten().collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes
+}

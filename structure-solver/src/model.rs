@@ -1,0 +1,291 @@
+//! A rank's part of the structure (paper, Fig. 1): element level and system level.
+//!
+//! System level: METIS gives each rank nodes, the rows it solves for. Element
+//! level: a rank computes every element that touches one of its nodes, so its
+//! rows are complete without sending element data; elements on a border are
+//! computed by each rank that they touch.
+
+use std::rc::Rc;
+
+use comm::{Comm, Halo, Numbering};
+use mesh::{CableKind, StructureMesh};
+
+use crate::elements::membrane;
+use crate::vec3::Vec3;
+
+/// A structure that cannot be computed: what, where, and what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ModelError {
+    /// A triangle without area.
+    #[error("triangle {triangle} (nodes {nodes:?}) has no area: its nodes lie on one line; repair the mesh")]
+    FlatTriangle {
+        /// Triangle of the mesh.
+        triangle: usize,
+        /// Its nodes.
+        nodes: [u32; 3],
+    },
+    /// A cable that cannot be strained.
+    #[error("cable {cable} (nodes {nodes:?}) has a rest length of {rest_length} m: it must be above zero")]
+    NoLength {
+        /// Cable of the mesh.
+        cable: usize,
+        /// Its nodes.
+        nodes: [u32; 2],
+        /// Rest length, m.
+        rest_length: f64,
+    },
+    /// A cable without a material.
+    #[error("cable {cable} has no material: add [lines] to the scene")]
+    NoMaterial {
+        /// Cable of the mesh.
+        cable: usize,
+    },
+    /// A node that nothing holds.
+    #[error(
+        "node {node} at {position:?} m belongs to no element and has no mass: it cannot move; \
+         remove it or fix it"
+    )]
+    LooseNode {
+        /// Node of the mesh.
+        node: usize,
+        /// Its position, m.
+        position: Vec3,
+    },
+    /// Two nodes of one element in one place, or a node outside the mesh.
+    #[error("{what} {element} names node {node} {reason}")]
+    BadNode {
+        /// Kind of element.
+        what: &'static str,
+        /// Its number.
+        element: usize,
+        /// The node.
+        node: u32,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// More ranks than nodes to share.
+    #[error("{ranks} ranks are too many for {nodes} nodes: use at most {nodes}")]
+    TooManyRanks {
+        /// Ranks of the program.
+        ranks: usize,
+        /// Nodes of the mesh.
+        nodes: usize,
+    },
+}
+
+/// A membrane element of this rank. Node numbers are local.
+#[derive(Clone, Copy, Debug)]
+pub struct Triangle {
+    /// Nodes.
+    pub nodes: [u32; 3],
+    /// Interface face whose load acts on it (global).
+    pub face: u32,
+    /// Reference state.
+    pub reference: membrane::Reference,
+    /// Number in the mesh, for messages.
+    pub global: u32,
+}
+
+/// A cable element of this rank. Node numbers are local.
+#[derive(Clone, Copy, Debug)]
+pub struct CableElement {
+    /// End nodes.
+    pub nodes: [u32; 2],
+    /// Rest length, m.
+    pub rest_length: f64,
+    /// What it models.
+    pub kind: CableKind,
+    /// Line that it is a part of.
+    pub line: u32,
+    /// Number in the mesh, for messages.
+    pub global: u32,
+}
+
+/// Nodes and elements of one rank.
+#[derive(Debug)]
+pub struct Model {
+    /// Ranks of the program.
+    pub comm: Comm,
+    /// Local numbering of the nodes.
+    pub numbering: Numbering,
+    /// Exchange of nodal values.
+    pub halo: Rc<Halo>,
+    /// Unstressed positions, m, shape `[n_local][3]`.
+    pub reference: Vec<f64>,
+    /// Membrane elements; the first [`Model::n_own_triangles`] are counted here
+    /// in sums over all ranks.
+    pub triangles: Vec<Triangle>,
+    /// Triangles whose first node is owned here.
+    pub n_own_triangles: usize,
+    /// Cable elements, ordered like the triangles.
+    pub cables: Vec<CableElement>,
+    /// Cables whose first node is owned here.
+    pub n_own_cables: usize,
+    /// Constrained components, shape `[n_local][3]`.
+    pub fixed: Vec<bool>,
+    /// Point masses of local nodes, kg.
+    pub point_masses: Vec<(u32, f64)>,
+    /// Interface faces of the whole canopy.
+    pub n_faces: usize,
+}
+
+impl Model {
+    /// The part of `mesh` that `comm.rank()` works on, given the `owner` rank of
+    /// each node. Collective.
+    pub fn new(comm: &Comm, mesh: &StructureMesh, owner: &[u32]) -> Result<Self, ModelError> {
+        check(mesh)?;
+        let rank = comm.rank() as u32;
+        let mine = |n: &u32| owner[*n as usize] == rank;
+        let mut ghosts = Vec::new();
+        let mut touch = |nodes: &[u32]| {
+            let here = nodes.iter().any(mine);
+            if here {
+                ghosts.extend(
+                    nodes.iter().filter(|n| !mine(n)).map(|&n| (u64::from(n), owner[n as usize])),
+                );
+            }
+            here
+        };
+        let triangles: Vec<usize> = (0..mesh.triangles.len()).filter(|&t| touch(&mesh.triangles[t])).collect();
+        let cables: Vec<usize> = (0..mesh.cables.len()).filter(|&c| touch(&mesh.cables[c].nodes)).collect();
+        let owned = (0..mesh.coords.len() as u64).filter(|&n| owner[n as usize] == rank).collect();
+        let numbering = Numbering::new(owned, ghosts);
+        let halo = Rc::new(Halo::new(comm, &numbering));
+        let local = |n: u32| numbering.local(u64::from(n)).expect("nodes of local elements are local") as u32;
+
+        let mut own = Vec::new();
+        for &t in &triangles {
+            let nodes = mesh.triangles[t];
+            let x = nodes.map(|n| mesh.coords[n as usize]);
+            let reference =
+                membrane::Reference::new(x).ok_or(ModelError::FlatTriangle { triangle: t, nodes })?;
+            let face = mesh.triangle_face[t];
+            own.push(Triangle { nodes: nodes.map(local), face, reference, global: t as u32 });
+        }
+        let n_owned = numbering.n_owned as u32;
+        own.sort_by_key(|t| t.nodes[0] >= n_owned);
+        let mut own_cables: Vec<_> = cables
+            .iter()
+            .map(|&c| {
+                let mesh::Cable { nodes, rest_length, kind, line } = mesh.cables[c];
+                CableElement { nodes: nodes.map(local), rest_length, kind, line, global: c as u32 }
+            })
+            .collect();
+        own_cables.sort_by_key(|c| c.nodes[0] >= n_owned);
+
+        let mut fixed = vec![false; 3 * numbering.n_local()];
+        for (n, components) in &mesh.fixed {
+            if let Some(i) = numbering.local(u64::from(*n)) {
+                (0..3).for_each(|c| fixed[3 * i + c] |= components[c]);
+            }
+        }
+        let point_masses = mesh
+            .point_masses
+            .iter()
+            .filter_map(|&(n, m)| numbering.local(u64::from(n)).map(|i| (i as u32, m)))
+            .collect();
+        Ok(Self {
+            comm: comm.clone(),
+            reference: numbering.global.iter().flat_map(|&g| mesh.coords[g as usize]).collect(),
+            n_own_triangles: own.partition_point(|t| t.nodes[0] < n_owned),
+            triangles: own,
+            n_own_cables: own_cables.partition_point(|c| c.nodes[0] < n_owned),
+            cables: own_cables,
+            fixed,
+            point_masses,
+            n_faces: mesh.faces.len(),
+            numbering,
+            halo,
+        })
+    }
+
+    /// Owned nodes.
+    pub fn n_owned(&self) -> usize {
+        self.numbering.n_owned
+    }
+
+    /// Owned and ghost nodes.
+    pub fn n_local(&self) -> usize {
+        self.numbering.n_local()
+    }
+}
+
+/// Refuses meshes that no rank could compute; the same verdict on each rank.
+fn check(mesh: &StructureMesh) -> Result<(), ModelError> {
+    let n = mesh.coords.len();
+    let mut held = vec![false; n];
+    let mut visit = |what, element, nodes: &[u32]| {
+        for (k, &node) in nodes.iter().enumerate() {
+            if node as usize >= n {
+                return Err(ModelError::BadNode { what, element, node, reason: "outside the mesh" });
+            }
+            if nodes[..k].contains(&node) {
+                return Err(ModelError::BadNode { what, element, node, reason: "twice" });
+            }
+            held[node as usize] = true;
+        }
+        Ok(())
+    };
+    for (t, nodes) in mesh.triangles.iter().enumerate() {
+        visit("triangle", t, nodes)?;
+    }
+    for (c, cable) in mesh.cables.iter().enumerate() {
+        visit("cable", c, &cable.nodes)?;
+        if !(cable.rest_length.is_finite() && cable.rest_length > 0.0) {
+            let mesh::Cable { nodes, rest_length, .. } = *cable;
+            return Err(ModelError::NoLength { cable: c, nodes, rest_length });
+        }
+    }
+    for &(node, mass) in &mesh.point_masses {
+        held[node as usize] |= mass > 0.0;
+    }
+    for &(node, components) in &mesh.fixed {
+        held[node as usize] |= components == [true; 3];
+    }
+    match held.iter().position(|h| !h) {
+        Some(node) => Err(ModelError::LooseNode { node, position: mesh.coords[node] }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one_triangle() -> StructureMesh {
+        StructureMesh {
+            coords: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            n_canopy: 3,
+            faces: vec![[0, 1, 2, 2]],
+            face_panel: vec![0],
+            triangles: vec![[0, 1, 2]],
+            triangle_face: vec![0],
+            ..Default::default()
+        }
+    }
+
+    fn error(mesh: &StructureMesh) -> String {
+        let owner = vec![0; mesh.coords.len()];
+        Model::new(&Comm::solo(), mesh, &owner).expect_err("a bad mesh").to_string()
+    }
+
+    #[test]
+    fn bad_meshes_are_refused_by_name() {
+        let mut m = one_triangle();
+        m.coords[2] = [2.0, 0.0, 0.0];
+        assert!(error(&m).contains("triangle 0"));
+        let mut m = one_triangle();
+        m.triangles[0] = [0, 1, 1];
+        assert!(error(&m).contains("node 1 twice"));
+        let mut m = one_triangle();
+        m.triangles[0] = [0, 1, 7];
+        assert!(error(&m).contains("node 7 outside"));
+        let mut m = one_triangle();
+        m.coords.push([5.0; 3]);
+        assert!(error(&m).contains("node 3"));
+        let mut m = one_triangle();
+        let kind = CableKind::SuspensionLine;
+        m.cables.push(mesh::Cable { nodes: [0, 1], rest_length: 0.0, kind, line: 0 });
+        assert!(error(&m).contains("rest length of 0 m"));
+    }
+}

@@ -1,0 +1,368 @@
+//! Newton's method with a line search for one implicit time step.
+
+use std::time::Instant;
+
+use crate::linear::LinearSolver;
+use crate::loops::FaceLoad;
+use crate::scheme::StepForm;
+use crate::system::System;
+
+/// Displacements (m), velocities (m/s) and accelerations (m/s2) of a rank's
+/// nodes, shape `[n_local][3]` with current ghosts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct State {
+    /// Displacements from the unstressed positions.
+    pub u: Vec<f64>,
+    /// Velocities.
+    pub v: Vec<f64>,
+    /// Accelerations.
+    pub a: Vec<f64>,
+}
+
+impl State {
+    /// At rest in the unstressed positions.
+    pub fn rest(n_local: usize) -> Self {
+        let zero = || vec![0.0; 3 * n_local];
+        Self { u: zero(), v: zero(), a: zero() }
+    }
+
+    /// Copies without allocating.
+    pub fn copy_from(&mut self, other: &State) {
+        self.u.copy_from_slice(&other.u);
+        self.v.copy_from_slice(&other.v);
+        self.a.copy_from_slice(&other.a);
+    }
+}
+
+/// Limits of Newton's method.
+#[derive(Clone, Copy, Debug)]
+pub struct NewtonParams {
+    /// Stops when the residual is below this share of the load.
+    pub tolerance: f64,
+    /// Stops when no component of a correction exceeds this, m: rounding.
+    pub smallest_correction: f64,
+    /// Newton steps before the time step fails.
+    pub max_steps: u32,
+}
+
+/// Which test ended the iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The residual fell below its share of the load.
+    Residual,
+    /// The correction vanished in rounding.
+    Correction,
+}
+
+/// How a time step converged.
+#[derive(Clone, Copy, Debug)]
+pub struct NewtonInfo {
+    /// Newton steps.
+    pub steps: u32,
+    /// Residual relative to the load.
+    pub residual: f64,
+    /// Which test ended the iteration.
+    pub stop: Stop,
+}
+
+/// Why a time step failed.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum NewtonError {
+    /// Too many Newton steps.
+    #[error("no balance of forces in {steps} Newton steps: residual {residual:.2e} of the load, largest at node {node}")]
+    NotConverged {
+        /// Newton steps.
+        steps: u32,
+        /// Residual relative to the load.
+        residual: f64,
+        /// Node (global) with the largest residual.
+        node: u64,
+    },
+    /// NaN or infinity.
+    #[error("forces became NaN or infinite after {steps} Newton steps, first at node {node}")]
+    NotFinite {
+        /// Newton steps.
+        steps: u32,
+        /// Node (global) where it was seen.
+        node: u64,
+    },
+    /// The linear solver failed.
+    #[error("the linear system of Newton step {steps} was not solved: {cause}")]
+    Linear {
+        /// Newton steps.
+        steps: u32,
+        /// Message of the solver.
+        cause: String,
+    },
+}
+
+impl NewtonError {
+    /// Newton steps that were spent.
+    pub fn steps(&self) -> u32 {
+        match self {
+            Self::NotConverged { steps, .. } | Self::NotFinite { steps, .. } | Self::Linear { steps, .. } => {
+                *steps
+            }
+        }
+    }
+}
+
+/// Residual evaluations in one line search at most.
+const SEARCHES: usize = 6;
+/// A line search ends when the slope has fallen to this share.
+const SLOPE: f64 = 0.5;
+
+/// Newton's method with its workspace.
+pub struct Newton {
+    params: NewtonParams,
+    /// Unknown displacements.
+    u: Vec<f64>,
+    /// Positions at the point of balance.
+    x: Vec<f64>,
+    /// Inertia per mass.
+    w: Vec<f64>,
+    /// Part of `w` that the old state gives.
+    w0: Vec<f64>,
+    g: Vec<f64>,
+    rhs: Vec<f64>,
+    du: Vec<f64>,
+    /// Start of a line search, and the best start of a step.
+    base: Vec<f64>,
+    /// Evaluations of the residual in line searches.
+    pub evaluations: u64,
+    /// Seconds in element loops.
+    pub assembly_s: f64,
+    /// Residuals of the last step relative to the load, for tests and reports.
+    pub history: Vec<f64>,
+}
+
+/// What a time step balances.
+pub struct Balance<'a> {
+    /// Old state.
+    pub from: &'a State,
+    /// Time integration.
+    pub form: StepForm,
+    /// Load at the point of balance.
+    pub load: FaceLoad<'a>,
+    /// Acceleration on every mass (gravity in the falling frame), m/s2.
+    pub body: [f64; 3],
+}
+
+impl Newton {
+    /// For the system's size.
+    pub fn new(system: &System, params: NewtonParams) -> Self {
+        let zero = || vec![0.0; 3 * system.model.n_local()];
+        Self {
+            params,
+            u: zero(),
+            x: zero(),
+            w: zero(),
+            w0: zero(),
+            g: zero(),
+            rhs: zero(),
+            du: zero(),
+            base: zero(),
+            evaluations: 0,
+            assembly_s: 0.0,
+            history: Vec::new(),
+        }
+    }
+
+    /// Solves one time step into `to`. `guesses` are displacements to start from
+    /// (with current ghosts) beside the extrapolated ones: the least residual wins.
+    pub fn step(
+        &mut self,
+        system: &mut System,
+        linear: &mut LinearSolver,
+        balance: &Balance<'_>,
+        guesses: &[&[f64]],
+        to: &mut State,
+    ) -> Result<NewtonInfo, NewtonError> {
+        let n = 3 * system.model.n_owned();
+        let form = balance.form;
+        let from = balance.from;
+        for i in 0..self.w0.len() {
+            self.w0[i] = form.from_v * from.v[i] + form.from_a * from.a[i] - balance.body[i % 3];
+        }
+        let scale = self.load_scale(system, balance);
+        let mut norm = self.predict(system, balance, guesses);
+        self.history.clear();
+        let mut steps = 0;
+        loop {
+            let relative = norm / scale;
+            self.history.push(relative);
+            if !relative.is_finite() {
+                return Err(NewtonError::NotFinite { steps, node: self.worst_node(system) });
+            }
+            if relative <= self.params.tolerance {
+                self.finish(balance, to);
+                return Ok(NewtonInfo { steps, residual: relative, stop: Stop::Residual });
+            }
+            if steps == self.params.max_steps {
+                let node = self.worst_node(system);
+                return Err(NewtonError::NotConverged { steps, residual: relative, node });
+            }
+            self.tangent(system, balance);
+            for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
+                *r = -g;
+            }
+            linear
+                .solve(&system.matrix, &self.rhs, &mut self.du)
+                .map_err(|cause| NewtonError::Linear { steps, cause })?;
+            system.model.halo.exchange(&mut self.du, 3);
+            steps += 1;
+            norm = self.search(system, balance, norm);
+            let largest = self.du[..n].iter().fold(0.0f64, |m, d| m.max(d.abs()));
+            if system.comm().max(largest) <= self.params.smallest_correction && norm.is_finite() {
+                self.finish(balance, to);
+                return Ok(NewtonInfo { steps, residual: norm / scale, stop: Stop::Correction });
+            }
+        }
+    }
+
+    /// Norm of the applied load; without load, of the forces that the old state
+    /// has out of balance, so that a free motion has a scale too.
+    fn load_scale(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+        let n = 3 * system.model.n_owned();
+        for i in 0..self.x.len() {
+            self.x[i] = system.model.reference[i] + balance.from.u[i];
+            self.w[i] = balance.body[i % 3];
+        }
+        system.external(&self.x, balance.load, &mut self.g);
+        system.add_mass_product(&self.w, &mut self.g);
+        system.constrain(&mut self.g);
+        system.forces(&self.x, balance.load, &mut self.rhs);
+        system.constrain(&mut self.rhs);
+        let mut sums = [dot(&self.g[..n], &self.g[..n]), 0.0];
+        // R - F + F = R.
+        sums[1] = self.g[..n].iter().zip(&self.rhs[..n]).map(|(f, r)| (f + r) * (f + r)).sum();
+        system.comm().sum_slice(&mut sums);
+        let scale = sums[0].sqrt().max(1e-2 * sums[1].sqrt());
+        if scale > 0.0 { scale } else { 1.0 }
+    }
+
+    /// Leaves the best start in `self.u` and its residual in `self.g`; returns its norm.
+    fn predict(&mut self, system: &System, balance: &Balance<'_>, guesses: &[&[f64]]) -> f64 {
+        let State { u, v, a } = balance.from;
+        let dt = balance.form.dt;
+        let mut best = f64::INFINITY;
+        for k in 0..3 + guesses.len() {
+            for i in 0..u.len() {
+                self.u[i] = match k {
+                    _ if system.model.fixed[i] => u[i],
+                    0 => u[i] + dt * v[i],
+                    1 => u[i] + dt * (v[i] + 0.5 * dt * a[i]),
+                    2 => u[i],
+                    _ => guesses[k - 3][i],
+                };
+            }
+            let norm = self.residual(system, balance);
+            if norm < best || k == 0 {
+                best = norm;
+                self.base.copy_from_slice(&self.u);
+            }
+        }
+        self.u.copy_from_slice(&self.base);
+        best
+    }
+
+    /// Forces out of balance at `self.u` into `self.g`; returns their norm.
+    fn residual(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+        let start = Instant::now();
+        let n = 3 * system.model.n_owned();
+        self.place(system, balance);
+        system.forces(&self.x, balance.load, &mut self.g);
+        system.add_mass_product(&self.w, &mut self.g);
+        system.constrain(&mut self.g);
+        self.assembly_s += start.elapsed().as_secs_f64();
+        system.comm().sum(dot(&self.g[..n], &self.g[..n])).sqrt()
+    }
+
+    /// Residual and matrix at `self.u`.
+    fn tangent(&mut self, system: &mut System, balance: &Balance<'_>) {
+        let start = Instant::now();
+        self.place(system, balance);
+        let form = balance.form;
+        system.tangent(&self.x, balance.load, form.force_weight, form.mass_factor, &mut self.g);
+        system.add_mass_product(&self.w, &mut self.g);
+        system.constrain(&mut self.g);
+        self.assembly_s += start.elapsed().as_secs_f64();
+    }
+
+    fn place(&mut self, system: &System, balance: &Balance<'_>) {
+        let (u0, form) = (&balance.from.u, balance.form);
+        for i in 0..self.u.len() {
+            let du = self.u[i] - u0[i];
+            self.x[i] = system.model.reference[i] + u0[i] + form.force_weight * du;
+            self.w[i] = form.mass_factor * du + self.w0[i];
+        }
+    }
+
+    /// Moves along the correction `du` to where it no longer points downhill:
+    /// a root of `phi(s) = du . g(u + s du)`. For a conservative load `g` is the
+    /// gradient of the incremental energy, so this minimises it along the line.
+    /// Leaves `u` there; returns the norm of the residual.
+    fn search(&mut self, system: &System, balance: &Balance<'_>, before: f64) -> f64 {
+        let n = 3 * system.model.n_owned();
+        self.base.copy_from_slice(&self.u);
+        let phi0 = system.comm().sum(dot(&self.du[..n], &self.g[..n]));
+        let (mut low, mut phi_low, mut high, mut phi_high) = (0.0, phi0, f64::INFINITY, f64::NAN);
+        let mut s = 1.0;
+        let mut norm = f64::NAN;
+        for trial in 0..SEARCHES {
+            for i in 0..self.u.len() {
+                self.u[i] = self.base[i] + s * self.du[i];
+            }
+            norm = self.residual(system, balance);
+            let phi = system.comm().sum(dot(&self.du[..n], &self.g[..n]));
+            self.evaluations += 1;
+            if (trial == 0 && norm <= before) || phi.abs() <= SLOPE * phi0.abs() {
+                break;
+            }
+            if phi.is_finite() && phi * phi0 > 0.0 {
+                // Still downhill: the root lies further on.
+                (low, phi_low) = (s, phi);
+            } else {
+                (high, phi_high) = (s, phi);
+            }
+            s = if high.is_infinite() {
+                2.0 * s
+            } else if phi_high.is_finite() {
+                let secant = low + (high - low) * phi_low / (phi_low - phi_high);
+                secant.clamp(low + 0.1 * (high - low), low + 0.9 * (high - low))
+            } else {
+                0.5 * (low + high)
+            };
+        }
+        norm
+    }
+
+    fn finish(&self, balance: &Balance<'_>, to: &mut State) {
+        let State { u, v, a } = balance.from;
+        for i in 0..u.len() {
+            let a1 = balance.form.acceleration(self.u[i] - u[i], v[i], a[i]);
+            to.u[i] = self.u[i];
+            to.v[i] = balance.form.velocity(v[i], a[i], a1);
+            to.a[i] = a1;
+        }
+    }
+
+    fn worst_node(&self, system: &System) -> u64 {
+        let n = system.model.n_owned();
+        let size = |i: usize| {
+            let s: f64 = self.g[3 * i..3 * i + 3].iter().map(|g| g * g).sum();
+            if s.is_finite() { s } else { f64::INFINITY }
+        };
+        let worst = (0..n).max_by(|&i, &j| size(i).total_cmp(&size(j)));
+        let value = worst.map_or(-1.0, size);
+        let comm = system.comm();
+        let largest = comm.max(value);
+        // The rank that holds it tells; others say 0.
+        let here = if value == largest { worst.map_or(0, |i| system.model.numbering.global[i] + 1) } else { 0 };
+        comm.max_u64(here).saturating_sub(1)
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,204 @@
+//! The system level on one rank: mass, internal and external forces, tangent,
+//! constraints, on the rows of owned nodes.
+
+use comm::Comm;
+use linalg::{BlockCsr, Cg, KrylovError, KrylovParams, Operator, Preconditioner};
+
+use crate::elements::mass::{MassMatrix, shares};
+use crate::loops::{ELSEWHERE, ElementLoop, FaceLoad};
+use crate::model::Model;
+
+/// A block in a constrained row or column.
+struct Masked {
+    slot: usize,
+    row: [bool; 3],
+    col: [bool; 3],
+    diagonal: bool,
+}
+
+/// Equations of the owned nodes. Flat vectors have shape `[n_local][3]`.
+pub struct System {
+    /// Nodes and elements of this rank.
+    pub model: Model,
+    /// Tangent of the last [`System::tangent`].
+    pub matrix: BlockCsr<3>,
+    loops: Vec<Box<dyn ElementLoop>>,
+    /// Mass of each block of the matrix, kg (the same in x, y and z).
+    mass: Vec<f64>,
+    masked: Vec<Masked>,
+    fixed_owned: Vec<u32>,
+}
+
+impl System {
+    /// Lays out the matrix and finds each element's place in it.
+    pub fn new(model: Model, mut loops: Vec<Box<dyn ElementLoop>>, kind: MassMatrix) -> Self {
+        let nodes: Vec<Vec<u32>> = loops.iter().flat_map(|l| l.masses()).map(|(n, _)| n).collect();
+        let matrix = BlockCsr::from_elements(model.halo.clone(), nodes.iter().map(Vec::as_slice));
+        let n_owned = model.n_owned() as u32;
+        let slot = |row: u32, col: u32| {
+            if row < n_owned {
+                matrix.slot(row as usize, col as usize).expect("elements made the pattern") as u32
+            } else {
+                ELSEWHERE
+            }
+        };
+        let mut mass = vec![0.0; matrix.cols().len()];
+        for element_loop in &mut loops {
+            element_loop.place(&slot);
+            for (nodes, m) in element_loop.masses() {
+                let share = |i: usize, j: usize| match nodes.len() {
+                    2 => shares::<2>(kind)[i][j],
+                    _ => shares::<3>(kind)[i][j],
+                };
+                for (i, &row) in nodes.iter().enumerate().filter(|(_, n)| **n < n_owned) {
+                    for (j, &col) in nodes.iter().enumerate() {
+                        mass[slot(row, col) as usize] += m * share(i, j);
+                    }
+                }
+            }
+        }
+        for &(node, m) in model.point_masses.iter().filter(|(n, _)| *n < n_owned) {
+            mass[matrix.diagonal_slot(node as usize)] += m;
+        }
+        let components = |n: usize| [0, 1, 2].map(|c| model.fixed[3 * n + c]);
+        let mut masked = Vec::new();
+        for i in 0..n_owned as usize {
+            for slot in matrix.row(i) {
+                let j = matrix.cols()[slot] as usize;
+                let (row, col) = (components(i), components(j));
+                if row.contains(&true) || col.contains(&true) {
+                    masked.push(Masked { slot, row, col, diagonal: i == j });
+                }
+            }
+        }
+        let fixed_owned = (0..3 * n_owned).filter(|&i| model.fixed[i as usize]).collect();
+        Self { model, matrix, loops, mass, masked, fixed_owned }
+    }
+
+    /// The element loops, for measures and pictures.
+    pub fn loops(&self) -> &[Box<dyn ElementLoop>] {
+        &self.loops
+    }
+
+    /// `out = R - F` at positions `x` (m) on the owned rows: internal minus external forces, N.
+    pub fn forces(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        out.fill(0.0);
+        self.loops.iter().for_each(|l| l.forces(x, load, out));
+    }
+
+    /// `out = F`: external forces alone, N, with constrained components removed.
+    pub fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        out.fill(0.0);
+        self.loops.iter().for_each(|l| l.external(x, load, out));
+    }
+
+    /// As [`System::forces`]; the matrix becomes
+    /// `stiffness_factor d(R - F)/dx + mass_factor M`, with constrained rows and
+    /// columns replaced by their diagonal.
+    pub fn tangent(
+        &mut self,
+        x: &[f64],
+        load: FaceLoad<'_>,
+        stiffness_factor: f64,
+        mass_factor: f64,
+        out: &mut [f64],
+    ) {
+        out.fill(0.0);
+        for (block, m) in self.matrix.values.iter_mut().zip(&self.mass) {
+            let d = mass_factor * m;
+            *block = [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]];
+        }
+        for l in &self.loops {
+            l.tangent(x, load, stiffness_factor, out, &mut self.matrix.values);
+        }
+        for m in &self.masked {
+            let block = &mut self.matrix.values[m.slot];
+            for i in 0..3 {
+                for j in 0..3 {
+                    if m.row[i] || m.col[j] {
+                        block[i][j] = 0.0;
+                    }
+                }
+                if m.diagonal && m.row[i] {
+                    // The inertia keeps the scale of its neighbours' diagonals.
+                    let d = mass_factor * self.mass[m.slot];
+                    block[i][i] = if d > 0.0 { d } else { 1.0 };
+                }
+            }
+        }
+    }
+
+    /// `out += M w` on the owned rows. Ghosts of `w` are current.
+    pub fn add_mass_product(&self, w: &[f64], out: &mut [f64]) {
+        let (w, out) = (w.as_chunks::<3>().0, out.as_chunks_mut::<3>().0);
+        let (row_ptr, cols) = (self.matrix.row_ptr(), self.matrix.cols());
+        for (i, y) in out[..self.model.n_owned()].iter_mut().enumerate() {
+            let row = row_ptr[i]..row_ptr[i + 1];
+            for (&j, m) in cols[row.clone()].iter().zip(&self.mass[row]) {
+                let w = &w[j as usize];
+                (0..3).for_each(|c| y[c] += m * w[c]);
+            }
+        }
+    }
+
+    /// Clears the constrained components of owned rows.
+    pub fn constrain(&self, r: &mut [f64]) {
+        self.fixed_owned.iter().for_each(|&i| r[i as usize] = 0.0);
+    }
+
+    /// Total mass of fabric, lines and points, kg.
+    pub fn total_mass(&self) -> f64 {
+        self.model.comm.sum(self.mass.iter().sum())
+    }
+
+    /// Solves `M a = f` for the accelerations that start a motion. `f` is
+    /// constrained; constrained components of `a` stay zero.
+    pub fn accelerations(&self, f: &[f64], a: &mut [f64]) -> Result<(), KrylovError> {
+        let n = 3 * self.model.n_owned();
+        let operator = MassOperator(self);
+        // The diagonal bounds a consistent mass matrix within a factor of four.
+        let inverse = (0..n)
+            .map(|i| match self.mass[self.matrix.diagonal_slot(i / 3)] {
+                m if m > 0.0 && !self.model.fixed[i] => 1.0 / m,
+                _ => 0.0,
+            })
+            .collect();
+        let params = KrylovParams { rel_tol: 1e-10, max_iterations: 200, ..Default::default() };
+        a.fill(0.0);
+        Cg::new(&self.model.comm).solve(&operator, &Diagonal(inverse), f, a, params)?;
+        self.model.halo.exchange(a, 3);
+        Ok(())
+    }
+
+    /// The ranks of the program.
+    pub fn comm(&self) -> &Comm {
+        &self.model.comm
+    }
+}
+
+struct MassOperator<'a>(&'a System);
+
+impl Operator for MassOperator<'_> {
+    fn n_owned(&self) -> usize {
+        3 * self.0.model.n_owned()
+    }
+    fn n_local(&self) -> usize {
+        3 * self.0.model.n_local()
+    }
+    fn apply(&self, x: &mut [f64], y: &mut [f64]) {
+        self.0.model.halo.exchange(x, 3);
+        y[..self.n_owned()].fill(0.0);
+        self.0.add_mass_product(x, y);
+        self.0.constrain(y);
+    }
+}
+
+struct Diagonal(Vec<f64>);
+
+impl Preconditioner for Diagonal {
+    fn apply(&self, r: &[f64], z: &mut [f64]) {
+        for ((z, r), d) in z.iter_mut().zip(r).zip(&self.0) {
+            *z = d * r;
+        }
+    }
+}
