@@ -1,84 +1,118 @@
-//! A pre-inflation stage in one process, without coupler: for developers.
+//! A pre-inflation stage without the coupler, for developers: the participant is
+//! driven as the coupler would, and its numbers are printed.
 
 use std::path::Path;
-use std::rc::Rc;
 use std::time::Instant;
 
-use case::Scene;
+use case::{Scene, StageKind};
+use channel::{Fault, Grid, Input, Participant, Window, structure_stats as stat};
 use comm::Comm;
 
-use crate::dynamics::LoadPath;
-use crate::loops::FaceLoad;
-use crate::measures::Gauge;
+use crate::participant::StructureSolver;
 
-/// Runs stage `stage` of `scene` and prints a table on rank 0.
-pub fn run(comm: &Comm, scene: &Scene, stage: usize, _out: &Path, profile: bool) -> Result<(), String> {
-    let mesh = Rc::new(mesh::structure_mesh(scene).map_err(|e| e.to_string())?);
-    let mut d = crate::assemble::dynamics(comm, scene, stage, &mesh).map_err(|e| e.to_string())?;
-    let mut gauge = Gauge::new(&d.system, &mesh);
+/// What to do beside running.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Prints where the time went.
+    pub profile: bool,
+    /// Windows between snapshots. 0: none.
+    pub snapshot_every: u64,
+}
+
+/// Lines of the table.
+const LINES: u64 = 40;
+
+/// Runs stage `stage` of `scene`, prints a table on rank 0 and saves the state
+/// below `out`.
+pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Options) -> Result<(), Fault> {
+    let mut solver = StructureSolver::new(comm, scene, stage, out)?;
     let s = &scene.stages[stage];
-    let p = s.pressure_pa.ok_or("the stage has no pressure_pa")?;
-    let pressure = vec![p; mesh.faces.len()];
-    let load = LoadPath { pressure: [&pressure; 2], traction: [&[]; 2] };
-    let face_load = FaceLoad { pressure: &pressure, traction: &[] };
-    d.balance_start(face_load, [0.0; 3]).map_err(|e| e.to_string())?;
+    let pressure = match (s.kind, s.pressure_pa) {
+        (StageKind::PreInflation, Some(p)) => p,
+        _ => {
+            return Err(Fault::new(format!(
+                "stage {stage} ({}) cannot run alone: it must be of kind pre-inflation with a pressure_pa",
+                s.name
+            )));
+        }
+    };
+    let canopy: Vec<f64> =
+        solver.mesh().faces.iter().flat_map(|_| [pressure, 0.0, 0.0, 0.0, pressure, 0.0, 0.0, 0.0]).collect();
+    let input = Input { canopy: &canopy, grid: Grid::default() };
+    let mut output = vec![0.0; 3 * solver.output_rows().len()];
+    let folder = case::stage_folder(out, scene, stage);
     let windows = (s.duration_s / s.window_s).round() as u64;
     if comm.is_root() {
-        println!("# {} nodes, {} triangles, {} cables", mesh.coords.len(), mesh.triangles.len(), mesh.cables.len());
+        let m = solver.mesh();
+        println!("# {} nodes, {} triangles, {} cables", m.coords.len(), m.triangles.len(), m.cables.len());
         println!(
-            "#     t s    kinetic J   strain J   load N   riser N   area m2  volume m3  tension N  newton cuts gmres factor   wall s"
+            "#    t s   kinetic J    strain J     work J   load N  riser N  area m2 volume m3 line N newton cuts gmres factor wall s"
         );
     }
     let start = Instant::now();
-    let (mut newton, mut cuts, mut last) = (0, 0, d.linear.cost);
-    let every = (windows / 40).max(1);
-    for w in 0..windows {
-        let info = d.window(s.window_s, u64::from(s.substeps), load, [0.0; 3], false).map_err(|e| e.to_string())?;
-        d.accept();
-        newton += info.newton_steps;
-        cuts += info.cuts;
-        let done = w + 1 == windows;
-        if (w + 1) % every == 0 || done || s.settled_energy_ratio.is_some() {
-            let m = gauge.measure(&d.system, &d.accepted, face_load);
-            let settled = s.settled_energy_ratio.is_some_and(|r| m.kinetic < r * m.strain) && w > 10;
-            if comm.is_root() && ((w + 1) % every == 0 || done || settled) {
-                let cost = d.linear.cost;
-                println!(
-                    "{:9.5} {:12.5e} {:10.4e} {:8.2} {:9.2} {:9.3} {:10.3} {:10.3} {:7} {:4} {:5} {:6} {:8.2}",
-                    (w + 1) as f64 * s.window_s,
-                    m.kinetic,
-                    m.strain,
-                    m.vertical_load,
-                    m.riser_force,
-                    m.projected_area,
-                    m.volume,
-                    m.max_line_tension,
-                    newton,
-                    cuts,
-                    cost.iterations - last.iterations,
-                    cost.factorisations - last.factorisations,
-                    start.elapsed().as_secs_f64()
-                );
-                last = cost;
-            }
-            if settled {
-                break;
-            }
+    let every = (windows / LINES).max(1);
+    let mut work = 0.0;
+    let mut sums = [0.0; 4];
+    let mut newton = 0.0;
+    for index in 0..windows {
+        let w = Window {
+            index,
+            substeps: u64::from(s.substeps),
+            time: index as f64 * s.window_s,
+            dt: s.window_s,
+            ..Window::default()
+        };
+        let v = solver.advance(&w, &input, &mut output)?.values;
+        solver.accept(&w)?;
+        let time = (index + 1) as f64 * s.window_s;
+        if options.snapshot_every > 0 && (index + 1).is_multiple_of(options.snapshot_every) {
+            solver.snapshot(time, &folder)?;
+        }
+        work += v[stat::LOAD_WORK];
+        newton += v[stat::NEWTON_STEPS];
+        let counts = [stat::NEWTON_STEPS, stat::STEP_CUTS, stat::GMRES_ITERATIONS, stat::FACTORISATIONS];
+        (0..4).for_each(|i| sums[i] += v[counts[i]]);
+        let settled =
+            s.settled_energy_ratio.is_some_and(|r| index > 0 && v[stat::KINETIC_ENERGY] < r * v[stat::STRAIN_ENERGY]);
+        if comm.is_root() && (settled || (index + 1).is_multiple_of(every) || index + 1 == windows) {
+            println!(
+                "{time:8.4} {:11.4e} {:11.4e} {work:10.3e} {:8.2} {:8.2} {:8.4} {:9.4e} {:6.2} {:6} {:4} {:5} {:6} {:6.2}",
+                v[stat::KINETIC_ENERGY],
+                v[stat::STRAIN_ENERGY],
+                v[stat::VERTICAL_LOAD],
+                v[stat::RISER_FORCE],
+                v[stat::PROJECTED_AREA],
+                v[stat::VOLUME],
+                v[stat::MAX_LINE_TENSION],
+                sums[0],
+                sums[1],
+                sums[2],
+                sums[3],
+                start.elapsed().as_secs_f64()
+            );
+            sums = [0.0; 4];
+        }
+        if settled {
+            break;
         }
     }
-    if comm.is_root() && profile {
-        let total = start.elapsed().as_secs_f64();
-        let c = d.linear.cost;
+    let total = start.elapsed().as_secs_f64();
+    let state = case::state_folder(out, scene, stage);
+    std::fs::create_dir_all(&state).map_err(|e| Fault::new(format!("{}: {e}", state.display())))?;
+    solver.save(&state)?;
+    if options.profile && comm.is_root() {
+        let c = solver.linear_cost();
+        let (assembly, rest) = (solver.assembly_s(), total - solver.assembly_s() - c.factorisation_s - c.solve_s);
         let share = |s: f64| 100.0 * s / total;
+        println!("# {total:.3} s on rank 0, {newton} Newton steps of {:.3} ms", 1e3 * total / newton.max(1.0));
         println!(
-            "# {total:.2} s: {newton} Newton steps, {:.3} ms each; assembly {:.1} %, factorisation {:.1} % ({}), GMRES {:.1} % ({} iterations), line searches {}",
-            1e3 * total / newton as f64,
-            share(d.newton.assembly_s),
+            "# assembly {:.1} %, factorisation {:.1} % ({} times), GMRES {:.1} % ({} iterations), rest {:.1} %",
+            share(assembly),
             share(c.factorisation_s),
             c.factorisations,
             share(c.solve_s),
             c.iterations,
-            d.newton.evaluations,
+            share(rest)
         );
     }
     Ok(())

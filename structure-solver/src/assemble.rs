@@ -71,8 +71,6 @@ pub fn dynamics(
 
 fn owners(comm: &Comm, mesh: &StructureMesh) -> Result<Vec<u32>, ModelError> {
     let nodes = mesh.coords.len();
-    if comm.size() > nodes {
-        return Err(ModelError::TooManyRanks { ranks: comm.size(), nodes });
-    }
-    Ok(vec![0; nodes])
+    mesh::partition_structure(mesh, comm.size())
+        .map_err(|_| ModelError::TooManyRanks { ranks: comm.size(), nodes })
 }

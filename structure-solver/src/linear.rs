@@ -21,6 +21,7 @@ pub struct LinearCost {
 
 /// GMRES with a kept factorisation.
 pub struct LinearSolver {
+    comm: Comm,
     gmres: Gmres,
     factor: Option<SchwarzLu<3>>,
     tolerance: f64,
@@ -38,7 +39,14 @@ const LIMIT: usize = 200;
 impl LinearSolver {
     /// Relative tolerance of each solve.
     pub fn new(comm: &Comm, tolerance: f64) -> Self {
-        Self { gmres: Gmres::new(comm), factor: None, tolerance, stale: true, cost: LinearCost::default() }
+        Self {
+            comm: comm.clone(),
+            gmres: Gmres::new(comm),
+            factor: None,
+            tolerance,
+            stale: true,
+            cost: LinearCost::default(),
+        }
     }
 
     /// Solves `A x = b` from zero. `b` holds owned rows, `x` local ones; the ghosts
@@ -85,6 +93,9 @@ impl LinearSolver {
             Some(f) => f.refactor(a).map_err(|e| e.to_string()),
             None => SchwarzLu::new(a).map(|f| self.factor = Some(f)).map_err(|e| e.to_string()),
         };
+        // A subdomain may be singular on one rank alone: all must hear of it.
+        let all = self.comm.all(result.is_ok());
+        let result = if all { result } else { result.and(Err("another rank found its block singular".into())) };
         self.cost.factorisation_s += start.elapsed().as_secs_f64();
         self.cost.factorisations += 1;
         self.stale = result.is_err();

@@ -22,7 +22,7 @@ pub struct Measures {
     /// while no two upward parts lie above each other, which holds for a canopy
     /// without folds over its top.
     pub projected_area: f64,
-    /// Largest line tension, N.
+    /// Largest tension of a suspension line, N.
     pub max_line_tension: f64,
     /// Vertical force of the lines on the node that they hang from (the payload),
     /// N, upwards.
@@ -37,7 +37,7 @@ pub struct Gauge {
     hem: Vec<u32>,
     /// Cables counted here that end on a fixed node, with the end (0 or 1) there.
     held: Vec<(u32, usize)>,
-    /// Cables counted here that are lines or risers.
+    /// Cables counted here that are suspension lines.
     lines: Vec<u32>,
     x: Vec<f64>,
     w: Vec<f64>,
@@ -56,11 +56,12 @@ impl Gauge {
         }
         let hem = (0..model.n_owned()).filter(|&i| is_hem[model.numbering.global[i] as usize]);
         let fixed = |n: u32| (0..3).all(|c| model.fixed[3 * n as usize + c]);
-        let own = model.cables[..model.n_own_cables].iter().enumerate();
         let mut held = Vec::new();
         let mut lines = Vec::new();
-        for (k, c) in own.filter(|(_, c)| c.kind != CableKind::Reinforcement) {
-            lines.push(k as u32);
+        for (k, c) in model.cables[..model.n_own_cables].iter().enumerate() {
+            if c.kind == CableKind::SuspensionLine {
+                lines.push(k as u32);
+            }
             held.extend((0..2).filter(|&end| fixed(c.nodes[end])).map(|end| (k as u32, end)));
         }
         let zero = || vec![0.0; 3 * model.n_local()];

@@ -1,0 +1,265 @@
+//! The structure as a participant of the coupled run.
+
+use std::path::Path;
+use std::rc::Rc;
+use std::time::Instant;
+
+use case::{Role, Scene};
+use channel::{Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash};
+use comm::Comm;
+use mesh::StructureMesh;
+
+use crate::dynamics::{Dynamics, LoadPath, WindowInfo};
+use crate::linear::LinearCost;
+use crate::loops::FaceLoad;
+use crate::measures::{Gauge, Measures};
+use crate::snapshot::Pictures;
+use crate::state_file;
+
+/// Effects of a scene that this program implements.
+const EFFECTS: [&str; 6] = [
+    "fabric.wrinkling",
+    "lines",
+    "lines.tension_only",
+    "structure.spectral_radius",
+    "fabric_gravity",
+    "stage.mass_damping_per_s",
+];
+
+/// Numbers of a face in the input: pressure jump and traction, at start and end.
+const WIDTH: usize = 8;
+
+/// One rank of the structure-solver.
+pub struct StructureSolver {
+    scene: Scene,
+    mesh: Rc<StructureMesh>,
+    dynamics: Dynamics,
+    gauge: Gauge,
+    pictures: Pictures,
+    /// Load at the start and at the end of the window.
+    pressure: [Vec<f64>; 2],
+    traction: [Vec<f64>; 2],
+    /// Acceleration of gravity, m/s2, where the scene asks for it on the fabric.
+    gravity: Option<f64>,
+    /// The motion starts here: accelerations follow from the first load.
+    from_rest: bool,
+    /// Window of the last `advance`.
+    computed: Option<u64>,
+    /// What the last `advance` measured.
+    measures: Measures,
+}
+
+impl StructureSolver {
+    /// The structure of `scene` in stage `stage`, continuing from the state that an
+    /// earlier stage left below `out`. Collective.
+    pub fn new(comm: &Comm, scene: &Scene, stage: usize, out: &Path) -> Result<Self, Fault> {
+        if stage >= scene.stages.len() {
+            let n = scene.stages.len();
+            return Err(Fault::new(format!("the scene has {n} stages, so there is no stage {stage}")));
+        }
+        let mesh = Rc::new(mesh::structure_mesh(scene).map_err(Fault::new)?);
+        let mut dynamics = crate::assemble::dynamics(comm, scene, stage, &mesh).map_err(Fault::new)?;
+        let source = scene.source_state(out, stage, Role::Structure);
+        if let Some(path) = &source {
+            dynamics.accepted =
+                state_file::load(&dynamics.system.model, mesh.coords.len(), path).map_err(Fault::new)?;
+        }
+        let gauge = Gauge::new(&dynamics.system, &mesh);
+        let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
+        let n = mesh.faces.len();
+        Ok(Self {
+            scene: scene.clone(),
+            dynamics,
+            gauge,
+            pictures: Pictures::default(),
+            pressure: [vec![0.0; n], vec![0.0; n]],
+            traction: [Vec::new(), Vec::new()],
+            gravity: scene.fabric_gravity.as_ref().map(|_| gravity),
+            from_rest: source.is_none(),
+            computed: None,
+            measures: Measures::default(),
+            mesh,
+        })
+    }
+
+    /// The mesh of the whole structure.
+    pub fn mesh(&self) -> &StructureMesh {
+        &self.mesh
+    }
+
+    /// Costs of the linear solver since the start.
+    pub fn linear_cost(&self) -> LinearCost {
+        self.dynamics.linear.cost
+    }
+
+    /// Seconds in element loops since the start.
+    pub fn assembly_s(&self) -> f64 {
+        self.dynamics.newton.assembly_s
+    }
+
+    /// What the last `advance` measured.
+    pub fn measures(&self) -> Measures {
+        self.measures
+    }
+
+    /// Takes the load of a window from the input.
+    fn read_load(&mut self, canopy: &[f64]) -> Result<(), Fault> {
+        let faces = self.mesh.faces.len();
+        if canopy.len() != WIDTH * faces {
+            return Err(Fault::new(format!(
+                "the load has {} numbers, but {faces} faces need {}: pressure jump and traction at start and end",
+                canopy.len(),
+                WIDTH * faces
+            )));
+        }
+        if let Some(i) = canopy.iter().position(|v| !v.is_finite()) {
+            return Err(Fault::new(format!(
+                "the load on canopy face {} is {}: the flow or the coupling has diverged",
+                i / WIDTH,
+                canopy[i]
+            )));
+        }
+        let rows = canopy.as_chunks::<WIDTH>().0;
+        let sheared = rows.iter().any(|r| (1..4).any(|c| r[c] != 0.0 || r[c + 4] != 0.0));
+        for half in 0..2 {
+            let at = 4 * half;
+            for (p, row) in self.pressure[half].iter_mut().zip(rows) {
+                *p = row[at];
+            }
+            // Without shear the kernels without traction run.
+            let traction = &mut self.traction[half];
+            traction.clear();
+            if sheared {
+                traction.extend(rows.iter().flat_map(|row| &row[at + 1..at + 4]));
+            }
+        }
+        Ok(())
+    }
+
+    fn stats(&self, busy: f64, info: &WindowInfo, m: &Measures, before: LinearCost, assembly: f64) -> Stats {
+        let cost = self.dynamics.linear.cost;
+        let mut stats = Stats { busy_s: busy, ..Stats::default() };
+        let v = &mut stats.values;
+        v[stat::KINETIC_ENERGY] = m.kinetic;
+        v[stat::STRAIN_ENERGY] = m.strain;
+        v[stat::LOAD_WORK] = info.load_work;
+        v[stat::NEWTON_STEPS] = info.newton_steps as f64;
+        v[stat::GMRES_ITERATIONS] = (cost.iterations - before.iterations) as f64;
+        v[stat::FACTORISATIONS] = (cost.factorisations - before.factorisations) as f64;
+        v[stat::VERTICAL_LOAD] = m.vertical_load;
+        v[stat::PROJECTED_AREA] = m.projected_area;
+        v[stat::MAX_LINE_TENSION] = m.max_line_tension;
+        v[stat::RESIDUAL] = info.residual;
+        v[stat::STEP_CUTS] = info.cuts as f64;
+        v[stat::RISER_FORCE] = m.riser_force;
+        v[stat::VOLUME] = m.volume;
+        // Seconds differ between ranks; the slowest tells.
+        let comm = self.dynamics.system.comm();
+        v[stat::ASSEMBLY_S] = comm.max(self.assembly_s() - assembly);
+        v[stat::FACTORISATION_S] = comm.max(cost.factorisation_s - before.factorisation_s);
+        v[stat::SOLVE_S] = comm.max(cost.solve_s - before.solve_s);
+        stats
+    }
+}
+
+impl Participant for StructureSolver {
+    fn announce(&self) -> Announcement {
+        Announcement {
+            role: Role::Structure.name().into(),
+            program: env!("CARGO_PKG_NAME").into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            canopy_nodes: self.mesh.n_canopy as u64,
+            canopy_faces: self.mesh.faces.len() as u64,
+            surface_hash: surface_hash(&self.mesh.faces),
+            grid_nodes: 0,
+            output_width: 3,
+            effects: EFFECTS.map(String::from).to_vec(),
+        }
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        let canopy = |g: &&u64| **g < self.mesh.n_canopy as u64;
+        self.dynamics.system.model.numbering.owned().iter().filter(canopy).copied().collect()
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let start = Instant::now();
+        let (before, assembly) = (self.linear_cost(), self.assembly_s());
+        self.read_load(input.canopy)?;
+        let body = match self.gravity {
+            Some(g) => {
+                let a = w.frame_acceleration;
+                [-a[0], -a[1], -g - a[2]]
+            }
+            None => [0.0; 3],
+        };
+        let load = LoadPath {
+            pressure: [&self.pressure[0], &self.pressure[1]],
+            traction: [&self.traction[0], &self.traction[1]],
+        };
+        if self.from_rest {
+            let first = FaceLoad { pressure: load.pressure[0], traction: load.traction[0] };
+            self.dynamics.balance_start(first, body).map_err(Fault::new)?;
+        }
+        let iterated = self.computed == Some(w.index);
+        let info = self
+            .dynamics
+            .window(w.dt, w.substeps.max(1), load, body, iterated)
+            .map_err(|e| Fault::new(format!("window {} (t = {:.6} s): {e}", w.index, w.time)))?;
+        self.computed = Some(w.index);
+        let last = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
+        let m = self.gauge.measure(&self.dynamics.system, &self.dynamics.current, last);
+        self.measures = m;
+        // Owned nodes ascend, and the canopy's come first.
+        output.copy_from_slice(&self.dynamics.current.u[..output.len()]);
+        Ok(self.stats(start.elapsed().as_secs_f64(), &info, &m, before, assembly))
+    }
+
+    fn accept(&mut self, _w: &Window) -> Result<(), Fault> {
+        self.dynamics.accept();
+        self.from_rest = false;
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let model = &self.dynamics.system.model;
+        let nodes = self.mesh.coords.len();
+        let state = &self.dynamics.accepted;
+        state_file::save(model, state, nodes, &case::state_file(folder, Role::Structure)).map_err(Fault::new)?;
+        let u = state_file::gather(&model.comm, model.numbering.owned(), &state.u[..3 * model.n_owned()], 3, nodes);
+        let result = if model.comm.is_root() {
+            let shape: Vec<_> = self.mesh.coords[..self.mesh.n_canopy]
+                .iter()
+                .zip(u.as_chunks::<3>().0)
+                .map(|(x, u)| crate::vec3::add(*x, *u))
+                .collect();
+            mesh::save_shape(&case::canopy_file(folder), &shape).map_err(Fault::new)
+        } else {
+            Ok(())
+        };
+        agree(&model.comm, result)
+    }
+
+    fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        let d = &self.dynamics;
+        let load = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
+        let result = self.pictures.add(&d.system, &self.mesh, &d.accepted, load, time, folder);
+        agree(d.system.comm(), result.map_err(Fault::new))
+    }
+}
+
+impl StructureSolver {
+    /// The scene that is run.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+}
+
+/// A fault on one rank becomes a fault on every rank.
+fn agree(comm: &Comm, result: Result<(), Fault>) -> Result<(), Fault> {
+    let all = comm.all(result.is_ok());
+    match result {
+        Ok(()) if !all => Err(Fault::new("another rank could not write its results")),
+        other => other,
+    }
+}
