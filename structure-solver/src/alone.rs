@@ -72,8 +72,9 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
         newton += v[stat::NEWTON_STEPS];
         let counts = [stat::NEWTON_STEPS, stat::STEP_CUTS, stat::GMRES_ITERATIONS, stat::FACTORISATIONS];
         (0..4).for_each(|i| sums[i] += v[counts[i]]);
-        let settled =
-            s.settled_energy_ratio.is_some_and(|r| index > 0 && v[stat::KINETIC_ENERGY] < r * v[stat::STRAIN_ENERGY]);
+        let settled = s
+            .settled_energy_ratio
+            .is_some_and(|r| index > 0 && v[stat::KINETIC_ENERGY] < r * v[stat::STRAIN_ENERGY]);
         if comm.is_root() && (settled || (index + 1).is_multiple_of(every) || index + 1 == windows) {
             println!(
                 "{time:8.4} {:11.4e} {:11.4e} {work:10.3e} {:8.2} {:8.2} {:8.4} {:9.4e} {:6.2} {:6} {:4} {:5} {:6} {:6.2}",
@@ -102,9 +103,13 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
     solver.save(&state)?;
     if options.profile && comm.is_root() {
         let c = solver.linear_cost();
-        let (assembly, rest) = (solver.assembly_s(), total - solver.assembly_s() - c.factorisation_s - c.solve_s);
+        let (assembly, rest) =
+            (solver.assembly_s(), total - solver.assembly_s() - c.factorisation_s - c.solve_s);
         let share = |s: f64| 100.0 * s / total;
-        println!("# {total:.3} s on rank 0, {newton} Newton steps of {:.3} ms", 1e3 * total / newton.max(1.0));
+        println!(
+            "# {total:.3} s on rank 0, {newton} Newton steps of {:.3} ms",
+            1e3 * total / newton.max(1.0)
+        );
         println!(
             "# assembly {:.1} %, factorisation {:.1} % ({} times), GMRES {:.1} % ({} iterations), rest {:.1} %",
             share(assembly),

@@ -65,6 +65,8 @@ pub struct Dynamics {
     traction: Vec<f64>,
     force: [Vec<f64>; 2],
     x: Vec<f64>,
+    /// Force that residuals of the window are measured against, N.
+    scale: f64,
     /// Displacements after each substep of the last computed window: they start
     /// the next coupling iteration.
     path: Vec<Vec<f64>>,
@@ -106,6 +108,7 @@ impl Dynamics {
             traction: Vec::new(),
             force: [zero(), zero()],
             x: zero(),
+            scale: 1.0,
             path: Vec::new(),
             system,
         }
@@ -145,9 +148,21 @@ impl Dynamics {
         if !known {
             self.path.resize_with(substeps as usize, || vec![0.0; n]);
         }
+        let form = self.scheme.step(dt / substeps as f64, self.damping);
+        let start = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
+        let balance = Balance { from: &self.current, form, load: start, body };
+        self.scale = self.newton.load_scale(&self.system, &balance);
         for k in 0..substeps {
             let share = |k: u64| k as f64 / substeps as f64;
-            self.interval([share(k), share(k + 1)], dt, load, body, known.then_some(k as usize), 0, &mut info)?;
+            self.interval(
+                [share(k), share(k + 1)],
+                dt,
+                load,
+                body,
+                known.then_some(k as usize),
+                0,
+                &mut info,
+            )?;
             self.path[k as usize].copy_from_slice(&self.current.u);
         }
         info.load_work = self.system.comm().sum(info.load_work);
@@ -206,7 +221,7 @@ impl Dynamics {
         };
         let guess: Option<&[f64]> = known.map(|k| self.path[k].as_slice());
         let guesses = guess.as_slice();
-        self.newton.step(&mut self.system, &mut self.linear, &balance, guesses, &mut self.next)
+        self.newton.step(&mut self.system, &mut self.linear, &balance, guesses, self.scale, &mut self.next)
     }
 
     /// Trapezoidal work of the load on owned nodes from `current` to `next`, J.
@@ -220,7 +235,9 @@ impl Dynamics {
             self.system.external(&self.x, face_load, &mut self.force[k]);
         }
         let n = 3 * self.system.model.n_owned();
-        (0..n).map(|i| 0.5 * (self.force[0][i] + self.force[1][i]) * (self.next.u[i] - self.current.u[i])).sum()
+        (0..n)
+            .map(|i| 0.5 * (self.force[0][i] + self.force[1][i]) * (self.next.u[i] - self.current.u[i]))
+            .sum()
     }
 
     /// The last computed window is final.

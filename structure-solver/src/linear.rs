@@ -1,17 +1,18 @@
 //! The linear solves of Newton's method: GMRES on block rows, preconditioned by
-//! direct factors per subdomain that are kept while they serve.
+//! direct factors per subdomain that are kept while they serve, or by block Jacobi
+//! where that is enough.
 
 use std::time::Instant;
 
 use comm::Comm;
-use linalg::{BlockCsr, BlockJacobi as SchwarzLu, Gmres, KrylovParams};
+use linalg::{BlockCsr, BlockJacobi, Gmres, KrylovError, KrylovParams, SchwarzLu};
 
 /// What solving has cost so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LinearCost {
     /// GMRES iterations.
     pub iterations: u64,
-    /// Factorisations.
+    /// Direct factorisations.
     pub factorisations: u64,
     /// Seconds in factorisations.
     pub factorisation_s: f64,
@@ -19,11 +20,28 @@ pub struct LinearCost {
     pub solve_s: f64,
 }
 
-/// GMRES with a kept factorisation.
+/// Iterations with a kept factor after which renewing it is the cheaper way.
+const PATIENCE: usize = 12;
+/// Iterations with block Jacobi beyond which a direct factor is the cheaper way: one
+/// of its applications costs about as much as four products.
+const JACOBI_LIMIT: usize = 30;
+/// Iterations with a fresh factor before a solve is given up.
+const LIMIT: usize = 200;
+
+/// What GMRES is preconditioned with. Where inertia dominates (short steps, soft
+/// fabric) block Jacobi is enough and costs nothing; the first solve that needs
+/// more brings the direct factors, which then stay. Iteration counts decide, never
+/// clocks, so that a run can be repeated to the last bit.
+enum Preconditioned {
+    Jacobi(Option<BlockJacobi<3>>),
+    Direct(Box<SchwarzLu<3>>),
+}
+
+/// GMRES with a preconditioner that is kept while it serves.
 pub struct LinearSolver {
     comm: Comm,
     gmres: Gmres,
-    factor: Option<SchwarzLu<3>>,
+    by: Preconditioned,
     tolerance: f64,
     /// The factor is renewed before the next solve.
     stale: bool,
@@ -31,18 +49,13 @@ pub struct LinearSolver {
     pub cost: LinearCost,
 }
 
-/// Iterations after which renewing the factor is the cheaper way.
-const PATIENCE: usize = 12;
-/// Iterations with a fresh factor before a solve is given up.
-const LIMIT: usize = 200;
-
 impl LinearSolver {
     /// Relative tolerance of each solve.
     pub fn new(comm: &Comm, tolerance: f64) -> Self {
         Self {
             comm: comm.clone(),
             gmres: Gmres::new(comm),
-            factor: None,
+            by: Preconditioned::Jacobi(None),
             tolerance,
             stale: true,
             cost: LinearCost::default(),
@@ -50,52 +63,79 @@ impl LinearSolver {
     }
 
     /// Solves `A x = b` from zero. `b` holds owned rows, `x` local ones; the ghosts
-    /// of `x` are not current on return.
+    /// of `x` are not current on return. All ranks see the same outcome.
     pub fn solve(&mut self, a: &BlockCsr<3>, b: &[f64], x: &mut [f64]) -> Result<(), String> {
-        let mut fresh = false;
-        if self.stale || self.factor.is_none() {
-            self.refactor(a)?;
-            fresh = true;
+        if matches!(self.by, Preconditioned::Jacobi(_)) {
+            if self.jacobi(a)? && self.gmres(a, b, x, JACOBI_LIMIT).is_ok() {
+                return Ok(());
+            }
+            self.by = Preconditioned::Direct(Box::new(SchwarzLu::plan(a)));
+            self.stale = true;
         }
-        x.fill(0.0);
-        loop {
-            let limit = if fresh { LIMIT } else { PATIENCE };
-            let start = Instant::now();
-            let factor = self.factor.as_ref().expect("made above");
-            let params =
-                KrylovParams { rel_tol: self.tolerance, max_iterations: limit, restart: 60, ..Default::default() };
-            let result = self.gmres.solve(a, factor, b, x, params);
-            self.cost.solve_s += start.elapsed().as_secs_f64();
-            self.cost.iterations += self.gmres.history().len().saturating_sub(1) as u64;
-            match result {
-                Ok(info) => {
-                    // All ranks see the same count, so they renew together.
-                    self.stale = !fresh && info.iterations > PATIENCE / 2;
+        if !self.stale {
+            match self.gmres(a, b, x, PATIENCE) {
+                Ok(iterations) => {
+                    self.stale = iterations > PATIENCE / 2;
                     return Ok(());
                 }
-                Err(linalg::KrylovError::Stalled { .. }) => return Ok(()),
-                Err(e) if fresh => {
-                    self.stale = true;
-                    return Err(e.to_string());
-                }
-                Err(_) => {
-                    x.fill(0.0);
-                    self.refactor(a)?;
-                    fresh = true;
-                }
+                Err(KrylovError::Stalled { .. }) => return Ok(()),
+                Err(_) => {}
+            }
+        }
+        self.refactor(a)?;
+        match self.gmres(a, b, x, LIMIT) {
+            // A correction to rounding is still one: Newton judges it.
+            Ok(_) | Err(KrylovError::Stalled { .. }) => Ok(()),
+            Err(e) => {
+                self.stale = true;
+                Err(e.to_string())
             }
         }
     }
 
-    fn refactor(&mut self, a: &BlockCsr<3>) -> Result<(), String> {
+    /// Inverts the diagonal blocks; `false` if one is singular on some rank.
+    fn jacobi(&mut self, a: &BlockCsr<3>) -> Result<bool, String> {
+        let Preconditioned::Jacobi(jacobi) = &mut self.by else { return Ok(false) };
         let start = Instant::now();
-        let result = match &mut self.factor {
-            Some(f) => f.refactor(a).map_err(|e| e.to_string()),
-            None => SchwarzLu::new(a).map(|f| self.factor = Some(f)).map_err(|e| e.to_string()),
+        let good = match jacobi {
+            Some(j) => j.refactor(a).is_ok(),
+            None => BlockJacobi::new(a).map(|j| *jacobi = Some(j)).is_ok(),
         };
-        // A subdomain may be singular on one rank alone: all must hear of it.
-        let all = self.comm.all(result.is_ok());
-        let result = if all { result } else { result.and(Err("another rank found its block singular".into())) };
+        self.cost.factorisation_s += start.elapsed().as_secs_f64();
+        Ok(self.comm.all(good))
+    }
+
+    fn gmres(
+        &mut self,
+        a: &BlockCsr<3>,
+        b: &[f64],
+        x: &mut [f64],
+        limit: usize,
+    ) -> Result<usize, KrylovError> {
+        let start = Instant::now();
+        x.fill(0.0);
+        let params = KrylovParams {
+            rel_tol: self.tolerance,
+            max_iterations: limit,
+            restart: 60,
+            ..Default::default()
+        };
+        let result = match &self.by {
+            Preconditioned::Jacobi(j) => {
+                let j = j.as_ref().expect("made before the first solve");
+                self.gmres.solve(a, j, b, x, params)
+            }
+            Preconditioned::Direct(lu) => self.gmres.solve(a, &**lu, b, x, params),
+        };
+        self.cost.solve_s += start.elapsed().as_secs_f64();
+        self.cost.iterations += self.gmres.history().len().saturating_sub(1) as u64;
+        result.map(|info| info.iterations)
+    }
+
+    fn refactor(&mut self, a: &BlockCsr<3>) -> Result<(), String> {
+        let Preconditioned::Direct(lu) = &mut self.by else { return Ok(()) };
+        let start = Instant::now();
+        let result = lu.refactor(a).map_err(|e| e.to_string());
         self.cost.factorisation_s += start.elapsed().as_secs_f64();
         self.cost.factorisations += 1;
         self.stale = result.is_err();

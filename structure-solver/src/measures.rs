@@ -49,7 +49,10 @@ impl Gauge {
         let model = &system.model;
         let mut is_hem = vec![false; mesh.coords.len()];
         for c in mesh.cables.iter().filter(|c| c.kind == CableKind::SuspensionLine) {
-            c.nodes.iter().filter(|n| (**n as usize) < mesh.n_canopy).for_each(|&n| is_hem[n as usize] = true);
+            c.nodes
+                .iter()
+                .filter(|n| (**n as usize) < mesh.n_canopy)
+                .for_each(|&n| is_hem[n as usize] = true);
         }
         if !is_hem.contains(&true) {
             rim_nodes(mesh).into_iter().for_each(|n| is_hem[n as usize] = true);

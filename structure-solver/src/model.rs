@@ -140,13 +140,12 @@ impl Model {
         let mut touch = |nodes: &[u32]| {
             let here = nodes.iter().any(mine);
             if here {
-                ghosts.extend(
-                    nodes.iter().filter(|n| !mine(n)).map(|&n| (u64::from(n), owner[n as usize])),
-                );
+                ghosts.extend(nodes.iter().filter(|n| !mine(n)).map(|&n| (u64::from(n), owner[n as usize])));
             }
             here
         };
-        let triangles: Vec<usize> = (0..mesh.triangles.len()).filter(|&t| touch(&mesh.triangles[t])).collect();
+        let triangles: Vec<usize> =
+            (0..mesh.triangles.len()).filter(|&t| touch(&mesh.triangles[t])).collect();
         let cables: Vec<usize> = (0..mesh.cables.len()).filter(|&c| touch(&mesh.cables[c].nodes)).collect();
         let owned = (0..mesh.coords.len() as u64).filter(|&n| owner[n as usize] == rank).collect();
         let numbering = Numbering::new(owned, ghosts);

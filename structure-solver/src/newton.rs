@@ -69,7 +69,9 @@ pub struct NewtonInfo {
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum NewtonError {
     /// Too many Newton steps.
-    #[error("no balance of forces in {steps} Newton steps: residual {residual:.2e} of the load, largest at node {node}")]
+    #[error(
+        "no balance of forces in {steps} Newton steps: residual {residual:.2e} of the load, largest at node {node}"
+    )]
     NotConverged {
         /// Newton steps.
         steps: u32,
@@ -170,12 +172,14 @@ impl Newton {
 
     /// Solves one time step into `to`. `guesses` are displacements to start from
     /// (with current ghosts) beside the extrapolated ones: the least residual wins.
+    /// `scale` is the force (N) that residuals are measured against.
     pub fn step(
         &mut self,
         system: &mut System,
         linear: &mut LinearSolver,
         balance: &Balance<'_>,
         guesses: &[&[f64]],
+        scale: f64,
         to: &mut State,
     ) -> Result<NewtonInfo, NewtonError> {
         let n = 3 * system.model.n_owned();
@@ -184,7 +188,6 @@ impl Newton {
         for i in 0..self.w0.len() {
             self.w0[i] = form.from_v * from.v[i] + form.from_a * from.a[i] - balance.body[i % 3];
         }
-        let scale = self.load_scale(system, balance);
         let mut norm = self.predict(system, balance, guesses);
         self.history.clear();
         let mut steps = 0;
@@ -222,7 +225,7 @@ impl Newton {
 
     /// Norm of the applied load; without load, of the forces that the old state
     /// has out of balance, so that a free motion has a scale too.
-    fn load_scale(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+    pub fn load_scale(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
         let n = 3 * system.model.n_owned();
         for i in 0..self.x.len() {
             self.x[i] = system.model.reference[i] + balance.from.u[i];
@@ -246,14 +249,13 @@ impl Newton {
         let State { u, v, a } = balance.from;
         let dt = balance.form.dt;
         let mut best = f64::INFINITY;
-        for k in 0..3 + guesses.len() {
+        for k in 0..2 + guesses.len() {
             for i in 0..u.len() {
                 self.u[i] = match k {
                     _ if system.model.fixed[i] => u[i],
                     0 => u[i] + dt * v[i],
                     1 => u[i] + dt * (v[i] + 0.5 * dt * a[i]),
-                    2 => u[i],
-                    _ => guesses[k - 3][i],
+                    _ => guesses[k - 2][i],
                 };
             }
             let norm = self.residual(system, balance);
@@ -358,7 +360,8 @@ impl Newton {
         let comm = system.comm();
         let largest = comm.max(value);
         // The rank that holds it tells; others say 0.
-        let here = if value == largest { worst.map_or(0, |i| system.model.numbering.global[i] + 1) } else { 0 };
+        let here =
+            if value == largest { worst.map_or(0, |i| system.model.numbering.global[i] + 1) } else { 0 };
         comm.max_u64(here).saturating_sub(1)
     }
 }

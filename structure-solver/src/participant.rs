@@ -5,7 +5,9 @@ use std::rc::Rc;
 use std::time::Instant;
 
 use case::{Role, Scene};
-use channel::{Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash};
+use channel::{
+    Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash,
+};
 use comm::Comm;
 use mesh::StructureMesh;
 
@@ -225,8 +227,15 @@ impl Participant for StructureSolver {
         let model = &self.dynamics.system.model;
         let nodes = self.mesh.coords.len();
         let state = &self.dynamics.accepted;
-        state_file::save(model, state, nodes, &case::state_file(folder, Role::Structure)).map_err(Fault::new)?;
-        let u = state_file::gather(&model.comm, model.numbering.owned(), &state.u[..3 * model.n_owned()], 3, nodes);
+        state_file::save(model, state, nodes, &case::state_file(folder, Role::Structure))
+            .map_err(Fault::new)?;
+        let u = state_file::gather(
+            &model.comm,
+            model.numbering.owned(),
+            &state.u[..3 * model.n_owned()],
+            3,
+            nodes,
+        );
         let result = if model.comm.is_root() {
             let shape: Vec<_> = self.mesh.coords[..self.mesh.n_canopy]
                 .iter()

@@ -65,9 +65,9 @@ impl Pictures {
         let regime: Vec<u32> = column(2).iter().map(|r| *r as u32).collect();
         let pressure: Vec<f64> = mesh.triangle_face.iter().map(|&f| load.pressure[f as usize]).collect();
         let m = mesh.n_canopy;
-        let [canopy, lines] = self.series.get_or_insert_with(|| {
-            ["canopy.pvd", "lines.pvd"].map(|name| Series::new(folder.join(name)))
-        });
+        let [canopy, lines] = self
+            .series
+            .get_or_insert_with(|| ["canopy.pvd", "lines.pvd"].map(|name| Series::new(folder.join(name))));
         let name = format!("canopy_{:05}.vtu", self.count);
         write_surface(
             &folder.join(&name),

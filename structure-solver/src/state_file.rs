@@ -122,7 +122,9 @@ fn read(path: &Path, nodes: usize) -> Result<Vec<f64>, StateError> {
     if file.version != VERSION {
         return Err(bad(format!("has version {}, this program reads version {VERSION}", file.version)));
     }
-    if used != bytes.len() || file.values.len() as u64 != 9 * file.nodes || file.checksum != checksum(&file.values)
+    if used != bytes.len()
+        || file.values.len() as u64 != 9 * file.nodes
+        || file.checksum != checksum(&file.values)
     {
         return Err(bad("is damaged (its checksum does not match)".into()));
     }
