@@ -8,7 +8,7 @@ mod smooth;
 mod tests;
 mod topology;
 
-use case::{Canopy, Grid, Scene, StitchedEnd};
+use case::{Canopy, Grid, Scene};
 
 use crate::quality::{self, norm, sub};
 use crate::structure::{AtpsLayout, flat_layout, positive, refuse};
@@ -78,13 +78,6 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
         }
     }
     let (layout, width) = match &scene.canopy {
-        Canopy::Atps(a) if a.stitched_end == StitchedEnd::Top => {
-            return Err(refuse(
-                "canopy.stitched_end",
-                "top",
-                "the flow grid knows vents that end above the hem only; use \"hem\", or run the structure alone",
-            ));
-        }
         Canopy::Atps(a) => (AtpsLayout::new(a)?, a.top_width_m),
         Canopy::Square(f) => (flat_layout(f, false)?, f.width_m),
         Canopy::Circular(f) => (flat_layout(f, true)?, f.width_m),

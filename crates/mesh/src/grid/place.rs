@@ -174,7 +174,10 @@ fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
         for (i, &rim) in hem.iter().enumerate() {
             let s = blocks.side(i / n, i % n, b);
             let t = (b - blocks.hem()) as f64 / rings;
-            x[s as usize] = add(scale(x[rim as usize], 1.0 - t), scale(mean, t));
+            // Between two arms that are apart at the hem: half-way.
+            let other = if i % n == 0 { blocks.side((i / n + 3) % 4, n, blocks.hem()) } else { rim };
+            let rim = scale(add(x[rim as usize], x[other as usize]), 0.5);
+            x[s as usize] = add(scale(rim, 1.0 - t), scale(mean, t));
             bulge[s as usize] = 1.0 - (1.0 - t) * (1.0 - t);
             free.push(s);
         }

@@ -115,6 +115,16 @@ fn atps_at_other_resolutions() {
     }
 }
 
+#[test]
+fn atps_stitched_at_the_top() {
+    let atps = Atps { stitched_end: StitchedEnd::Top, ..Default::default() };
+    let (scene, mesh, x) = inflated(Canopy::Atps(atps), 14.567);
+    let grid = flow_grid(&scene, &mesh, &x).unwrap();
+    check(&mesh, &x, &grid);
+    let summary = quality::summary(&grid);
+    assert!(summary.min_scaled_jacobian > 0.1, "{summary:?}");
+}
+
 /// Nodes pushed about by a third of a cell, as wrinkles do.
 #[test]
 fn wrinkled_canopies_are_repaired() {
@@ -185,8 +195,6 @@ fn what_has_no_grid_is_refused() {
         let MeshError::Parameter { key, .. } = error else { panic!("{error}") };
         key
     };
-    let top = Atps { stitched_end: StitchedEnd::Top, ..Default::default() };
-    assert_eq!(refused(&flow_scene(Canopy::Atps(top))), "canopy.stitched_end");
     assert_eq!(refused(&flow_scene(Canopy::AirBag(Default::default()))), "canopy.kind");
     assert_eq!(refused(&scene(Canopy::Atps(Atps::default()))), "flow");
     let mut thick = flow_scene(Canopy::Square(flat(4, 0)));

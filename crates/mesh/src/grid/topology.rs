@@ -6,7 +6,8 @@
 //! sides; below the hem the sides go on as open fluid (the *skirt*) and close in
 //! the cap. Each vent is filled with a *zipper*: a column of
 //! [`Blocks::across`] quadrilaterals between the edges of two arms, which
-//! shrinks to a single node at the vent's ends.
+//! shrinks to a single node at the vent's ends. Where the vents run down to the
+//! hem, that end is the first level of the skirt.
 //!
 //! Inside, layers lead from the surface to a core block of n x n x levels
 //! hexahedra, where the zippers shrink to the core's upright edges; outside,
@@ -33,8 +34,9 @@ pub(super) struct Blocks {
     skirt: usize,
     /// First inner node of the cap.
     cap: usize,
-    /// First node between the edges of a vent.
+    /// First node between the edges of a vent, and the level where that is.
     zip: usize,
+    first_open: usize,
     /// Number of surface nodes.
     pub surface: usize,
     /// First node of the core, of the layers inside, of the layers outside, end.
@@ -64,6 +66,7 @@ impl Blocks {
         let cap = skirt + 4 * n * skirt_levels;
         let zip = cap + (n - 1) * (n - 1);
         let open_levels = (0..=m).filter(|&b| !layout.is_shared(b)).count();
+        let first_open = (0..=m).find(|&b| !layout.is_shared(b)).unwrap_or(0);
         let surface = zip + 4 * (across - 1) * open_levels;
         let core = surface;
         let inside = core + (n + 1) * (n + 1) * (levels + 1);
@@ -78,6 +81,7 @@ impl Blocks {
             skirt,
             cap,
             zip,
+            first_open,
             surface,
             core,
             inside,
@@ -126,8 +130,7 @@ impl Blocks {
         if z == self.across {
             return self.side((k + 1) % 4, 0, b);
         }
-        // Open levels start below the top corner.
-        (self.zip + (4 * (b - 1) + k) * (self.across - 1) + z - 1) as u32
+        (self.zip + (4 * (b - self.first_open) + k) * (self.across - 1) + z - 1) as u32
     }
 
     /// Levels at which the zippers are open.
@@ -184,7 +187,7 @@ impl Blocks {
                     ]);
                 }
             }
-            for b in 0..m {
+            for b in 0..=m {
                 if !self.is_open(b) && !self.is_open(b + 1) {
                     continue;
                 }
