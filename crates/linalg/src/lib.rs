@@ -7,7 +7,7 @@
 //!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
 //! * [`BlockJacobi`], [`BlockIlu0`]: rank-local preconditioners.
-//! * [`SchwarzLu`]: a sparse direct factor of each subdomain.
+//! * [`SchwarzLu`]: a sparse direct factor of each subdomain; [`SchurLu`]: of the whole.
 //! * [`Amg`]: smoothed aggregation multigrid for elasticity.
 //! * [`recycle::Projection`]: initial guesses from past solutions.
 
@@ -37,4 +37,4 @@ pub use ilu::BlockIlu0;
 pub use jacobi::{BlockJacobi, SingularBlock};
 pub use krylov::{Cg, Gmres, KrylovError, KrylovInfo, KrylovParams};
 pub use operator::{Identity, Operator, Preconditioner};
-pub use schwarz::SchwarzLu;
+pub use schwarz::{SchurLu, SchwarzLu};

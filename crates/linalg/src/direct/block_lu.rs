@@ -36,6 +36,9 @@ pub enum FactorError {
     /// This rank's part is fine but another's is not.
     #[error("the part of the matrix on another rank is singular or not finite")]
     OtherRank,
+    /// The subdomains are fine but what couples them is not.
+    #[error("the matrix is singular or not finite where the parts of the ranks meet")]
+    Border,
 }
 
 /// Where the factor of one front lies in the common storage.
@@ -53,6 +56,7 @@ pub(crate) struct BlockLu<const B: usize, T: Real> {
     factor: Vec<T>,
     /// Dense parts of the current front and the updates that wait for their parent.
     work: Work<T>,
+    n_kept: usize,
     scratch: RefCell<Scratch<T>>,
 }
 
@@ -76,7 +80,12 @@ struct Scratch<T> {
 impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Plans the factorisation of matrices with this pattern (`row_ptr`, `cols`).
     pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
-        let plan = Symbolic::new(row_ptr, cols);
+        Self::keeping(row_ptr, cols, &[])
+    }
+
+    /// Plans the elimination of all rows but those `kept` (ascending).
+    pub fn keeping(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> Self {
+        let plan = Symbolic::new(row_ptr, cols, kept);
         let mut at = 0;
         let mut places = Vec::with_capacity(plan.fronts.len());
         for f in &plan.fronts {
@@ -104,7 +113,15 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             x: vec![T::default(); plan.order.len() * B],
             front: vec![T::default(); most(|p| p.n1 + p.n2)],
         };
-        Self { plan, places, factor: vec![T::default(); at], work, scratch: RefCell::new(scratch) }
+        let factor = vec![T::default(); at];
+        Self { plan, places, factor, work, n_kept: kept.len(), scratch: RefCell::new(scratch) }
+    }
+
+    /// Schur complement of the kept rows after a factorisation, `[n_kept B][n_kept B]`
+    /// by columns.
+    pub fn schur(&self) -> &[T] {
+        let n = self.n_kept * B;
+        self.work.updates.last().map_or(&[], |s| &s[..n * n])
     }
 
     /// Bytes of the factor, all read once by a solve.
@@ -115,6 +132,12 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Factorises the matrix whose blocks, in the order of the pattern, are `values`.
     pub fn factor(&mut self, values: &[[[f64; B]; B]]) -> Result<(), FactorError> {
         let work = &mut self.work;
+        // A Schur complement that was handed out, or what a failed attempt left.
+        for update in &mut work.updates {
+            if update.capacity() > 0 {
+                work.pool.push(std::mem::take(update));
+            }
+        }
         for (s, (front, place)) in self.plan.fronts.iter().zip(&self.places).enumerate() {
             let (n1, n2) = (place.n1, place.n2);
             let mut update = work.pool.pop().unwrap_or_default();
@@ -144,6 +167,10 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 work.pool.push(from);
             }
 
+            if n1 == 0 {
+                work.updates[s] = update;
+                continue;
+            }
             let storage = &mut self.factor[place.at..place.at + n1 * (n1 + 2 * n2)];
             let (r, h) = storage.split_at_mut(n1 * (n1 + n2));
             let r = MatMut::from_row_major_slice_mut(r, n1, n1 + n2);
@@ -181,15 +208,21 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         Ok(())
     }
 
-    /// `x = A^-1 x` for the first rows of `x`, as many as the matrix has.
+    /// `x = A^-1 x` for the first rows of `x`, as many as the matrix has. No rows are kept.
     pub fn solve(&self, x: &mut [f64]) {
+        self.solve_around(x, |_| ());
+    }
+
+    /// As [`BlockLu::solve`]; `kept` gets the right-hand side of the Schur complement
+    /// system of the kept rows (`[n_kept][B]`) and turns it into its solution.
+    pub fn solve_around(&self, x: &mut [f64], kept: impl FnOnce(&mut [T])) {
         let Scratch { x: y, front: gathered } = &mut *self.scratch.borrow_mut();
         let x = x.as_chunks_mut::<B>().0;
         let blocks = y.as_chunks_mut::<B>().0;
         for (y, &i) in blocks.iter_mut().zip(&self.plan.order) {
             *y = x[i as usize].map(T::from_f64);
         }
-        for (front, place) in self.plan.fronts.iter().zip(&self.places) {
+        for (front, place) in self.plan.fronts.iter().zip(&self.places).filter(|(_, p)| p.n1 > 0) {
             let (n1, n2) = (place.n1, place.n2);
             let (b1, sum) = gathered.split_at_mut(n1);
             let sum = &mut sum[..n2];
@@ -205,7 +238,9 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 }
             }
         }
-        for (front, place) in self.plan.fronts.iter().zip(&self.places).rev() {
+        let n_eliminated = y.len() - self.n_kept * B;
+        kept(&mut y[n_eliminated..]);
+        for (front, place) in self.plan.fronts.iter().zip(&self.places).rev().filter(|(_, p)| p.n1 > 0) {
             let (n1, n2) = (place.n1, place.n2);
             let gathered = &mut gathered[..n1 + n2];
             let first = front.start * B;
@@ -421,6 +456,30 @@ mod tests {
         fn solves_random_systems(n in 1usize..60, edges in prop::collection::vec((0usize..60, 0usize..60), 0..150)) {
             prop_assert!(error::<f64>(n, &edges) < 1e-10);
             prop_assert!(error::<f32>(n, &edges) < 1e-3);
+        }
+    }
+
+    /// Eliminating around kept rows and solving their Schur complement densely is the
+    /// same as solving the whole.
+    #[test]
+    fn kept_rows_leave_their_schur_complement() {
+        let edges: Vec<(usize, usize)> =
+            (0..30).flat_map(|i| [(i, (i + 1) % 30), (i, (i * 7 + 3) % 30)]).collect();
+        let (row_ptr, cols, values) = matrix(30, &edges);
+        let kept = [2u32, 11, 29];
+        let mut lu = BlockLu::<3, f64>::keeping(&row_ptr, &cols, &kept);
+        let exact: Vec<f64> = (0..90).map(|i| (i as f64 * 0.7).cos()).collect();
+        let b = multiply(&row_ptr, &cols, &values, &exact);
+        for _ in 0..2 {
+            lu.factor(&values).unwrap();
+            let s = faer::Mat::from_fn(9, 9, |i, j| lu.schur()[j * 9 + i]);
+            let mut x = b.clone();
+            lu.solve_around(&mut x, |kept| {
+                let rhs = faer::Mat::from_fn(9, 1, |i, _| kept[i]);
+                let solution = faer::linalg::solvers::Solve::solve(&s.partial_piv_lu(), &rhs);
+                (0..9).for_each(|i| kept[i] = solution[(i, 0)]);
+            });
+            assert!(x.iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-11));
         }
     }
 

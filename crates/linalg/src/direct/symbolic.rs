@@ -35,14 +35,16 @@ pub(super) struct Symbolic {
 const RELAX: &[(usize, f64)] = &[(4, 0.9), (8, 0.5), (24, 0.15), (usize::MAX, 0.05)];
 
 impl Symbolic {
-    /// Analyses the pattern of `n` block rows (`row_ptr`, `cols`), taken as symmetric:
+    /// Analyses the pattern of block rows (`row_ptr`, `cols`), taken as symmetric:
     /// an entry whose transpose is missing is allowed, its transpose counts as zero.
-    pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
+    /// The rows `kept` (ascending) are not eliminated: they come last, and if there are
+    /// any, the last front eliminates nothing and holds their Schur complement.
+    pub fn new(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> Self {
         let n = row_ptr.len() - 1;
         if n == 0 {
             return Self { order: Vec::new(), fronts: Vec::new() };
         }
-        let (col_ptr, row_idx) = upper_triangle(row_ptr, cols);
+        let (col_ptr, row_idx) = upper_triangle(row_ptr, cols, kept);
         let a = SymbolicSparseColMatRef::new_checked(n, n, &col_ptr, None, &row_idx);
         let params = CholeskySymbolicParams {
             // Below zero, so that a diagonal matrix (no flops at all) has supernodes too.
@@ -50,32 +52,48 @@ impl Symbolic {
             supernodal_params: SymbolicSupernodalParams { relax: Some(RELAX) },
             ..Default::default()
         };
-        let plan = factorize_symbolic_cholesky(a, faer::Side::Upper, SymmetricOrdering::Amd, params)
-            .expect("indices fit and memory suffices");
+        let analyse = |order| {
+            factorize_symbolic_cholesky(a, faer::Side::Upper, order, params)
+                .expect("indices fit and memory suffices")
+        };
+        let mut plan = analyse(SymmetricOrdering::Amd);
+        if !kept.is_empty() {
+            // AMD sees the kept rows as a clique and leaves most of them to the end by itself.
+            let (amd, _) = plan.perm().expect("an ordering was asked for").arrays();
+            let stays = |i: &usize| kept.binary_search(&(*i as u32)).is_ok();
+            let mut order: Vec<usize> = amd.iter().copied().filter(|i| !stays(i)).collect();
+            order.extend(kept.iter().map(|&i| i as usize));
+            let mut position = vec![0; n];
+            order.iter().enumerate().for_each(|(k, &i)| position[i] = k);
+            let order = faer::perm::PermRef::new_checked(&order, &position, n);
+            plan = analyse(SymmetricOrdering::Custom(order));
+        }
         let (order, position) = plan.perm().expect("an ordering was asked for").arrays();
         let SymbolicCholeskyRaw::Supernodal(plan) = plan.raw() else {
             unreachable!("a supernodal plan was forced");
         };
 
+        let n_eliminated = n - kept.len();
         let mut front_of = vec![0u32; n];
-        let mut fronts: Vec<Front> = (0..plan.n_supernodes())
-            .map(|s| {
-                let (start, end) = (plan.supernode_begin()[s], plan.supernode_end()[s]);
-                front_of[start..end].fill(s as u32);
-                let pattern = plan.supernode(s).pattern().iter().map(|&i| i as u32).collect();
-                Front {
-                    start,
-                    n_pivot: end - start,
-                    pattern,
-                    entries: Vec::new(),
-                    parent: None,
-                    children: Vec::new(),
-                }
-            })
-            .collect();
+        let mut fronts: Vec<Front> = Vec::with_capacity(plan.n_supernodes() + 1);
+        for s in 0..plan.n_supernodes() {
+            let (start, end) = (plan.supernode_begin()[s], plan.supernode_end()[s]);
+            let pivots = end.min(n_eliminated);
+            if start >= pivots {
+                break;
+            }
+            front_of[start..pivots].fill(s as u32);
+            let rest = plan.supernode(s).pattern().iter().map(|&i| i as u32);
+            let pattern = (pivots as u32..end as u32).chain(rest).collect();
+            fronts.push(Front::new(start, pivots - start, pattern));
+        }
+        if !kept.is_empty() {
+            front_of[n_eliminated..].fill(fronts.len() as u32);
+            fronts.push(Front::new(n_eliminated, 0, (n_eliminated as u32..n as u32).collect()));
+        }
         for s in 0..fronts.len() {
-            if let Some(&first) = fronts[s].pattern.first() {
-                let p = front_of[first as usize] as usize;
+            let parent = fronts[s].pattern.first().map(|&first| front_of[first as usize] as usize);
+            if let Some(p) = parent.filter(|&p| p != s) {
                 let map = fronts[s].pattern.iter().map(|&i| fronts[p].locate(i)).collect();
                 fronts[s].parent = Some((p, map));
                 fronts[p].children.push(s as u32);
@@ -94,6 +112,10 @@ impl Symbolic {
 }
 
 impl Front {
+    fn new(start: usize, n_pivot: usize, pattern: Vec<u32>) -> Self {
+        Self { start, n_pivot, pattern, entries: Vec::new(), parent: None, children: Vec::new() }
+    }
+
     /// Position in the front of a row given in elimination order.
     fn locate(&self, row: u32) -> u32 {
         let row = row as usize;
@@ -105,8 +127,9 @@ impl Front {
     }
 }
 
-/// Upper triangle of the symmetrised pattern by columns, row indices ascending.
-fn upper_triangle(row_ptr: &[usize], cols: &[u32]) -> (Vec<usize>, Vec<usize>) {
+/// Upper triangle of the symmetrised pattern by columns, row indices ascending, with all
+/// couplings between `kept` rows.
+fn upper_triangle(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> (Vec<usize>, Vec<usize>) {
     let n = row_ptr.len() - 1;
     let mut columns: Vec<Vec<usize>> = vec![Vec::new(); n];
     for i in 0..n {
@@ -114,6 +137,9 @@ fn upper_triangle(row_ptr: &[usize], cols: &[u32]) -> (Vec<usize>, Vec<usize>) {
             let j = j as usize;
             columns[i.max(j)].push(i.min(j));
         }
+    }
+    for (k, &j) in kept.iter().enumerate() {
+        columns[j as usize].extend(kept[..=k].iter().map(|&i| i as usize));
     }
     let mut col_ptr = vec![0];
     let mut row_idx = Vec::with_capacity(cols.len());

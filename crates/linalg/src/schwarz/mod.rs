@@ -1,6 +1,7 @@
 //! Restricted additive Schwarz with a direct factor on every subdomain.
 
 mod overlap;
+mod schur;
 
 use std::cell::RefCell;
 
@@ -8,6 +9,8 @@ use crate::block::Real;
 use crate::direct::BlockLu;
 use crate::{BlockCsr, FactorError, Preconditioner};
 use overlap::Overlap;
+
+pub use schur::SchurLu;
 
 /// Restricted additive Schwarz (Cai and Sarkis 1999) with one layer of overlap and a
 /// sparse LU factor of each subdomain, stored in precision `T`.
