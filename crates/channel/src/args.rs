@@ -7,6 +7,7 @@ use case::Role;
 use clap::Parser;
 
 use crate::ServeOptions;
+use crate::post::Guardian;
 
 /// What the coupler passes to a solver program: the same for every program, also
 /// for one that replaces a solver.
@@ -39,7 +40,9 @@ pub struct ProgramArgs {
 impl ProgramArgs {
     /// The arguments of this process, or a message with a remedy (or the help text).
     pub fn from_command_line() -> Result<Self, String> {
-        Self::from_words(std::env::args_os())
+        let args = Self::from_words(std::env::args_os())?;
+        args.watch_coupler();
+        Ok(args)
     }
 
     /// The same from given words, the program's name first.
@@ -65,8 +68,21 @@ impl ProgramArgs {
     /// (code 0 for `--help`). To be called before MPI is initialised.
     pub fn parse_or_exit() -> Self {
         match Self::try_parse() {
-            Ok(args) => args,
+            Ok(args) => {
+                args.watch_coupler();
+                args
+            }
             Err(e) => e.exit(),
+        }
+    }
+
+    /// If the coupler serves its session already (it launched this program), ends
+    /// this process (code 70) 2 s after the coupler's death, whatever it is doing
+    /// then, until the coupler has stopped the run in good order.
+    pub fn watch_coupler(&self) {
+        // A session that cannot be watched cannot be joined either: that will tell.
+        if let Ok(Some(guardian)) = Guardian::over(&self.session) {
+            guardian.stay();
         }
     }
 

@@ -202,6 +202,20 @@ pub enum SessionError {
         /// Name of its lock.
         who: String,
     },
+    /// Too little shared memory.
+    #[error(
+        "{what} needs {needed} MB in {path}, where {free} MB are free: make room or enlarge it (mount -o remount,size=...)"
+    )]
+    Memory {
+        /// Where.
+        path: std::path::PathBuf,
+        /// For which service.
+        what: String,
+        /// Needed, MB.
+        needed: u64,
+        /// Free, MB.
+        free: u64,
+    },
     /// The shared-memory transport.
     #[error("shared memory, {what}: {problem}{}", remedy(.problem))]
     Transport {

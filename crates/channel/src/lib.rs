@@ -22,6 +22,9 @@ mod session;
 mod transport;
 mod wire;
 
+#[cfg(test)]
+mod contract_doc;
+
 pub use args::*;
 pub use error::*;
 pub use header::{Header, Kind, MAGIC, Unit, role_code};

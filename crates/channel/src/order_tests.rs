@@ -11,9 +11,11 @@ use common::*;
 use super::*;
 use crate::{Header, Hub, HubError};
 
+type Tamper = fn(&mut Header);
+
 /// A rank that joins honestly and answers its first window with a header changed
 /// by `tamper`; how the coupler takes it.
-fn rogue(tamper: fn(&mut Header), words: usize) -> String {
+fn rogue(tamper: Tamper, words: usize) -> String {
     let session = name("rogue");
     let at = at(&session, Structure, 0, 1);
     let thread = thread::spawn(move || {
@@ -51,7 +53,7 @@ fn rogue(tamper: fn(&mut Header), words: usize) -> String {
 fn the_coupler_uses_no_answer_out_of_turn() {
     let all = NODES * 3;
     assert_eq!(rogue(|_| {}, all), "accepted", "the rogue is honest up to its header");
-    let cases: [(fn(&mut Header), usize, &str); 11] = [
+    let cases: [(Tamper, usize, &str); 11] = [
         (|h| h.window.iteration -= 1, all, "it answered window 6 iteration 1"),
         (|h| h.window.index += 1, all, "it answered window 7 iteration 2"),
         (|h| h.sequence -= 1, all, "an answer to command 2 where 3 was asked"),
@@ -72,7 +74,8 @@ fn the_coupler_uses_no_answer_out_of_turn() {
 
 #[test]
 fn a_participant_obeys_no_command_out_of_turn() {
-    let cases: [(fn(&mut Hub), &str); 5] = [
+    type Change = fn(&mut Hub);
+    let cases: [(Change, &str); 5] = [
         (|hub| hub.programs[0].sequence += 3, "command 7 after command 3"),
         (|hub| hub.programs[0].sequence -= 1, "command 3 after command 3"),
         (|hub| hub.id ^= 1, "session"),
@@ -98,7 +101,7 @@ fn a_participant_obeys_no_command_out_of_turn() {
 
 #[test]
 fn the_flow_reads_no_grid_out_of_turn() {
-    let cases: [(fn(&mut Header), usize, &str); 4] = [
+    let cases: [(Tamper, usize, &str); 4] = [
         (|h| h.window.iteration += 1, GRID * 6, "is ahead, in window 6 iteration 3"),
         (|h| h.window.index += 1, GRID * 6, "is ahead, in window 7"),
         (|h| h.session ^= 1, GRID * 6, "session"),

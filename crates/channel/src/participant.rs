@@ -71,7 +71,7 @@ pub struct Announcement {
 /// program see the same `canopy` fields.
 pub struct Input<'a> {
     /// Fields on the whole canopy, shape by role:
-    /// * structure: [`CanopyLoad`] as `[faces][8]`: pressure jump and traction
+    /// * structure: `[faces][8]`: pressure jump and traction
     ///   x, y, z at the start of the window, then the same at its end;
     /// * mesh: displacement from the unstressed shape, `[nodes][3]`, m;
     /// * flow: empty.

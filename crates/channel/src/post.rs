@@ -1,6 +1,6 @@
 //! How a rank joins a session, waits in it, and reports that it cannot go on.
 
-use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -25,7 +25,6 @@ pub(crate) struct Post {
     /// Falls silent when the coupler dies.
     pub coupler: Watch,
     coupler_pid: u32,
-    coupler_lock: PathBuf,
     readers: Option<Ringer>,
     sleeper: Sleeper,
     pub link: Link,
@@ -104,7 +103,6 @@ impl Post {
             coupler_bell,
             coupler,
             coupler_pid,
-            coupler_lock: place.lock_file("coupler"),
             readers,
             sleeper,
             link,
@@ -204,33 +202,48 @@ impl Post {
     }
 }
 
-/// A thread that ends the process when the coupler has died and this rank does
-/// not notice, because it computes. Gone when dropped.
+/// The coupler has ended the run in good order: this process may take its time.
+static STOPPED: AtomicBool = AtomicBool::new(false);
+
+/// From now on this process may outlive the coupler.
+pub(crate) fn dismiss_guardians() {
+    STOPPED.store(true, Ordering::Relaxed);
+}
+
+/// A thread that ends the process when the coupler has died and nobody here
+/// notices, because this rank computes, reads its scene or waits in MPI.
 pub(crate) struct Guardian {
-    _end: mpsc::Sender<()>,
+    /// The thread ends when this goes.
+    end: mpsc::Sender<()>,
 }
 
 impl Guardian {
     /// Code with which an orphaned process ends.
     const ORPHAN: i32 = 70;
-    /// Longer than a rank that waits needs to notice by itself.
-    const PATIENCE: u32 = 4;
+    /// Looks, half a second apart, until the process is ended: longer than a rank
+    /// that waits needs to notice by itself.
+    const LOOKS: u32 = 4;
 
-    pub fn over(post: &Post) -> Result<Self, ServeError> {
-        let file = |source| SessionError::File { path: post.coupler_lock.clone(), source };
+    /// `None`: no coupler serves `session` now.
+    pub fn over(session: &str) -> Result<Option<Self>, SessionError> {
+        let place = Place::of(session)?;
+        let path = place.lock_file("coupler");
+        let (Some(notice), Some(watch)) = (place.notice(), Watch::on(&path)) else { return Ok(None) };
+        if !watch.is_held() {
+            return Ok(None);
+        }
         let (end, ended) = mpsc::channel::<()>();
-        let path = post.coupler_lock.clone();
-        let (session, pid) = (post.at.session.clone(), post.coupler_pid);
-        let (program, rank) = (post.at.role.program(), post.at.rank);
-        let watch = Watch::on(&path).ok_or_else(|| file(std::io::ErrorKind::NotFound.into()))?;
         let work = move || {
             let mut alone = 0;
             while ended.recv_timeout(Duration::from_millis(500)) == Err(RecvTimeoutError::Timeout) {
-                alone = if watch.is_held() { 0 } else { alone + 1 };
-                if alone == Self::PATIENCE {
+                alone = if watch.is_held() || STOPPED.load(Ordering::Relaxed) { 0 } else { alone + 1 };
+                if alone == Self::LOOKS {
                     eprintln!(
-                        "{program} (rank {rank}): the coupler of session `{session}` (process {pid}) died; \
-                         this process ends in the middle of its computation"
+                        "the coupler of session `{}` (process {}) died; this process ({}) ends in the middle \
+                         of its computation",
+                        notice.session,
+                        notice.pid,
+                        std::process::id()
                     );
                     // SAFETY: takes any code and does not return. Handlers of a
                     // normal exit may wait for the thread that computes.
@@ -238,8 +251,14 @@ impl Guardian {
                 }
             }
         };
+        let file = |source| SessionError::File { path, source };
         std::thread::Builder::new().name("guardian".into()).spawn(work).map_err(file)?;
-        Ok(Self { _end: end })
+        Ok(Some(Self { end }))
+    }
+
+    /// Lets it watch until the process ends.
+    pub fn stay(self) {
+        std::mem::forget(self.end);
     }
 }
 

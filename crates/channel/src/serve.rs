@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use case::Role;
 
 use crate::header::{COUPLER, Kind, Unit, text_words, unpack_text};
-use crate::post::{Guardian, Post};
+use crate::post::{Guardian, Post, dismiss_guardians};
 use crate::session::panic_fault;
 use crate::transport::{Message, Receiver, Sender};
 use crate::wire::{Hello, Welcome, decode_rows, during, first_not_finite, to_json};
@@ -52,7 +52,7 @@ const TEXT_WORDS: usize = 1024;
 /// other ranks).
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
     let post = Post::join(at, at.deadline)?;
-    let _guardian = at.exit_when_orphaned.then(|| Guardian::over(&post)).transpose()?;
+    let _guardian = if at.exit_when_orphaned { Guardian::over(&at.session)? } else { None };
     let mut desk = Desk::open(participant, post)?;
     desk.handshake()?;
     desk.run(participant)
@@ -255,6 +255,9 @@ impl Desk {
                     }
                 }
                 Kind::Stop => {
+                    if self.post.at.exit_when_orphaned {
+                        dismiss_guardians();
+                    }
                     self.done()?;
                     return Ok(ServeEnd { windows: windows.accepted });
                 }

@@ -180,6 +180,31 @@ pub fn cleanup_stale() -> Result<usize, SessionError> {
     Ok(removed)
 }
 
+/// Checks that shared memory has `bytes` left for `what`.
+pub(crate) fn memory_for(what: &str, bytes: u64) -> Result<(), SessionError> {
+    let path = Path::new(MEMORY);
+    let name = std::ffi::CString::new(MEMORY).expect("no zero in it");
+    let mut found = std::mem::MaybeUninit::<libc::statvfs>::zeroed();
+    // SAFETY: a terminated string and room for the answer.
+    if unsafe { libc::statvfs(name.as_ptr(), found.as_mut_ptr()) } != 0 {
+        return Err(at(path)(io::Error::last_os_error()));
+    }
+    // SAFETY: plain numbers, zeroed before and filled by the successful call.
+    let found = unsafe { found.assume_init() };
+    let free = found.f_bavail as u64 * found.f_frsize as u64;
+    if bytes <= free {
+        return Ok(());
+    }
+    Err(SessionError::Memory {
+        path: path.into(),
+        what: what.into(),
+        needed: bytes.div_ceil(MB),
+        free: free / MB,
+    })
+}
+
+const MB: u64 = 1_000_000;
+
 fn memory_files(prefix: &str) -> Result<Vec<PathBuf>, SessionError> {
     let entries = fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten();
     Ok(entries.filter(|e| e.file_name().to_string_lossy().starts_with(prefix)).map(|e| e.path()).collect())
@@ -328,4 +353,50 @@ pub(crate) fn panic_fault(panic: Box<dyn std::any::Any + Send>) -> Fault {
         .or_else(|| panic.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "no message".into());
     Fault::new(format!("panic: {text} (a defect of the program; RUST_BACKTRACE=1 shows the place)"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_sessions_are_checked() {
+        for bad in ["", "a b", "../x", "a/b", &"x".repeat(65)] {
+            assert!(matches!(Place::of(bad), Err(SessionError::BadName(_))), "{bad}");
+        }
+        let place = Place::of("run-1_a.b").expect("fine");
+        assert_eq!(place.prefix().len(), 15);
+        assert_ne!(place.prefix(), Place::of("run-1_a.c").expect("fine").prefix());
+    }
+
+    /// A socket's path may have 107 bytes; the transport adds at most 66 to the folder.
+    #[test]
+    fn paths_of_sockets_stay_short() {
+        let base = "/dev/shm/ripstop-4294967295";
+        let key = Place::of("x").expect("fine").key;
+        assert!(base.len() + 1 + key.len() + 66 <= 107);
+    }
+
+    #[test]
+    fn locks_tell_the_living() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("lock.flow.0");
+        assert!(Watch::on(&path).is_none());
+        let lock = Lock::take(&path).expect("a file").expect("free");
+        let watch = Watch::on(&path).expect("a file");
+        assert!(watch.is_held());
+        assert_eq!(holder(folder.path()).as_deref(), Some("flow.0"));
+        assert!(Lock::take(&path).expect("a file").is_none(), "taken");
+        drop(lock);
+        assert!(!watch.is_held());
+        assert_eq!(holder(folder.path()), None);
+        assert!(Lock::take(&path).expect("a file").is_some(), "free again");
+    }
+
+    #[test]
+    fn too_little_memory_is_told_before_it_is_used() {
+        memory_for("a test", 4096).expect("a page is there");
+        let error = memory_for("grid/0", u64::MAX).expect_err("too much").to_string();
+        assert!(error.contains("grid/0") && error.contains("MB") && error.contains("/dev/shm"), "{error}");
+    }
 }

@@ -15,7 +15,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 
 use crate::header::{Header, pack_text, text_words};
-use crate::session::Place;
+use crate::session::{Place, memory_for};
 use crate::{CONTRACT_VERSION, SessionError};
 
 type Ipc = ipc::Service;
@@ -146,6 +146,9 @@ impl Link {
 impl Channel {
     /// The sending end for messages of at most `words` numbers.
     pub fn sender(&self, words: usize) -> Result<Sender, SessionError> {
+        // Memory is taken page by page when it is written: running out of it then
+        // would kill the process without a word.
+        memory_for(&self.name, 3 * 8 * words as u64)?;
         let publisher = self
             .service
             .publisher_builder()

@@ -34,6 +34,12 @@ fn as_child() {
             }
             k += 1;
         }
+    } else if words[1] == "builder" {
+        let line = format!("x --scene s --stage 0 --session {session} --out o --ranks 1");
+        let args = channel::ProgramArgs::from_words(line.split(' ')).expect("fine");
+        args.watch_coupler();
+        sleep(Duration::from_secs(3600));
+        0
     } else {
         let role = Role::ALL.into_iter().find(|r| r.name() == words[1]).expect("a role");
         let trouble = match words[4] {
@@ -235,7 +241,7 @@ fn a_stopped_process_meets_its_deadline() {
 }
 
 #[test]
-fn a_killed_coupler_is_noticed_by_ranks_that_wait_and_ranks_that_compute() {
+fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
     let session = name("orphans");
     let mut coupler = Process::start(&format!("{session} coupler 2"));
     let mut waiting = Process::participant(&session, Structure, 0, 2, "none");
@@ -244,6 +250,7 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_and_ranks_that_compute() {
     let out = coupler.0.stdout.take().expect("piped");
     let ready = std::io::BufRead::lines(std::io::BufReader::new(out)).map_while(Result::ok);
     assert!(ready.into_iter().any(|line| line.contains("ready")));
+    let mut building = Process::start(&format!("{session} builder"));
     sleep(Duration::from_millis(300));
     coupler.signal(libc::SIGKILL);
     let start = Instant::now();
@@ -256,9 +263,11 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_and_ranks_that_compute() {
         );
     }
     assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
-    let (code, text) = computing.end(SECONDS);
-    assert_eq!(code, Some(70), "{text}");
-    assert!(text.contains("in the middle of its computation"), "{text}");
+    for process in [&mut computing, &mut building] {
+        let (code, text) = process.end(SECONDS);
+        assert_eq!(code, Some(70), "{text}");
+        assert!(text.contains("in the middle of its computation"), "{text}");
+    }
     coupler.end(SECONDS);
     assert!(!leftovers(&session).is_empty(), "nobody was left to tidy up");
 
