@@ -111,10 +111,74 @@ fn socket(numbers: usize) -> Vec<f64> {
     micros
 }
 
+/// The grid link: the mesh writes `GRID` rows of six, the flow reads some in place.
+struct Link {
+    role: Role,
+}
+
+const GRID: usize = 500_000;
+
+impl Participant for Link {
+    fn announce(&self) -> Announcement {
+        Announcement { grid_nodes: GRID as u64, ..Fake::new(self.role, 0, 1).announcement }
+    }
+    fn output_rows(&self) -> Vec<u64> {
+        (0..if self.role == Role::Mesh { GRID } else { FACES } as u64).collect()
+    }
+    fn grid_rows(&self) -> Vec<u64> {
+        if self.role == Role::Flow { (0..GRID as u64).collect() } else { Vec::new() }
+    }
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        match self.role {
+            Role::Mesh => output.fill(w.iteration as f64),
+            _ => output.fill(input.grid.row(GRID - 1)[5]),
+        }
+        Ok(Stats::default())
+    }
+    fn accept(&mut self, _: &Window) -> Result<(), Fault> {
+        Ok(())
+    }
+    fn save(&mut self, _: &Path) -> Result<(), Fault> {
+        Ok(())
+    }
+    fn snapshot(&mut self, _: f64, _: &Path) -> Result<(), Fault> {
+        Ok(())
+    }
+}
+
+/// Times of the mesh (writing the grid) and of the flow (reading it).
+fn grid_link() -> [Vec<f64>; 2] {
+    let session = name("link");
+    let roles = [(Role::Mesh, 1), (Role::Flow, 1)];
+    let serve_one = |(role, _): (Role, usize)| {
+        let at = at(&session, role, 0, 1);
+        std::thread::spawn(move || serve(&mut Link { role }, &at))
+    };
+    let served = roles.map(serve_one);
+    let mut hub = open(options(&session, &roles)).expect("a handshake");
+    let mut micros = [Vec::new(), Vec::new()];
+    for k in 0..100 {
+        for (i, (role, _)) in roles.into_iter().enumerate() {
+            let start = Instant::now();
+            hub.advance(role, &window(0, k), &mut |x| x.fill(0.0)).expect("asked");
+            let mut read = |_: &[u64], data: &[f64]| assert!(data.iter().all(|&x| x == k as f64));
+            hub.collect(role, &mut read, &mut || Ok(())).expect("an answer");
+            micros[i].push(start.elapsed().as_secs_f64() * 1e6);
+        }
+    }
+    hub.stop(&mut || Ok(())).expect("stopped");
+    served.into_iter().for_each(|s| assert!(s.join().expect("no panic").is_ok()));
+    micros
+}
+
 fn main() {
     println!("{ROUNDS} round trips, {NODES} x 3 doubles each way (1.3 MB)");
     report("channel, checked for NaN on both sides", channel(NODES));
     report("Unix socket, unchecked", socket(NODES * 3));
     report("channel, 6 doubles", channel(2));
     report("Unix socket, 6 doubles", socket(6));
+    let [mesh, flow] = grid_link();
+    println!("grid link, {GRID} nodes x 6 doubles (24 MB)");
+    report("mesh writes all, checked for NaN", mesh);
+    report("flow is asked and reads in place", flow);
 }

@@ -191,7 +191,7 @@ pub(crate) fn memory_for(what: &str, bytes: u64) -> Result<(), SessionError> {
     }
     // SAFETY: plain numbers, zeroed before and filled by the successful call.
     let found = unsafe { found.assume_init() };
-    let free = found.f_bavail as u64 * found.f_frsize as u64;
+    let free = found.f_bavail * found.f_frsize;
     if bytes <= free {
         return Ok(());
     }
@@ -369,12 +369,14 @@ mod tests {
         assert_ne!(place.prefix(), Place::of("run-1_a.c").expect("fine").prefix());
     }
 
-    /// A socket's path may have 107 bytes; the transport adds at most 66 to the folder.
+    /// A socket's path may have 107 bytes. The transport's sockets lie in the
+    /// session's folder and are named by prefix, a number of 128 bits, `.event`.
     #[test]
     fn paths_of_sockets_stay_short() {
-        let base = "/dev/shm/ripstop-4294967295";
-        let key = Place::of("x").expect("fine").key;
-        assert!(base.len() + 1 + key.len() + 66 <= 107);
+        let place = Place::of("x").expect("fine");
+        let name = format!("{}{}.event", place.prefix(), u128::MAX);
+        let longest = format!("/dev/shm/ripstop-{}/{}/{name}", u32::MAX, place.key);
+        assert!(longest.len() <= 107, "{longest}");
     }
 
     #[test]
