@@ -14,6 +14,7 @@ mod error;
 pub mod geometry;
 pub mod gradient;
 pub mod implicit;
+mod loads;
 pub mod physics;
 pub mod residual;
 mod solver;
@@ -21,4 +22,5 @@ pub mod time;
 pub mod topology;
 
 pub use error::FlowError;
+pub use loads::{FaceLoad, Loads, Total};
 pub use solver::{Instant, Report, Settings, Solver, Step};

@@ -1,0 +1,44 @@
+//! The common plate case: drag, iterations and cost per cell and step.
+//!
+//! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth]`
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+#[path = "../tests/common/plate.rs"]
+mod plate;
+
+use std::time::Instant;
+
+use flow_solver::Loads;
+use flow_solver::physics::Laminar;
+
+fn main() {
+    let arg = |k: usize, d: f64| std::env::args().nth(k).map_or(d, |a| a.parse().expect("a number"));
+    let (every, steps, drop, dt) = (arg(1, 2.0) as usize, arg(2, 20.0) as usize, arg(3, 1e-2), arg(4, 0.02));
+    let grid = plate::plate(every);
+    let speed = 4.88;
+    let mut settings = common::settings([0.0, 0.0, speed], drop);
+    settings.depth = arg(5, 5.0) as usize;
+    let viscosity = Laminar { viscosity: 0.0244 * 1.225 };
+    let mut solver = common::isothermal(&grid, viscosity, settings);
+    let mut loads = Loads::new(&solver);
+    let cells = grid.cells.len();
+    let begin = Instant::now();
+    for k in 1..=steps {
+        let now = Instant::now();
+        let report = solver.advance(&common::at_rest(dt)).unwrap();
+        let cost = now.elapsed().as_secs_f64() * 1e6 / cells as f64;
+        let total = loads.compute(&solver);
+        solver.accept(dt, false);
+        println!(
+            "{k:3} Cd {:9.5}  residual {:.2e} -> {:.2e}  iterations {:3} pressure {:4}  {cost:6.2} us/cell",
+            total.force[2] / (0.5 * 1.225 * speed * speed),
+            report.start,
+            report.end,
+            report.iterations,
+            report.linear_iterations
+        );
+    }
+    let all = begin.elapsed().as_secs_f64() * 1e6 / (cells * steps) as f64;
+    println!("{cells} cells, mean {all:.2} us per cell and step");
+}

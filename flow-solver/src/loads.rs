@@ -1,0 +1,69 @@
+//! What the air does to the canopy.
+
+use comm::Halo;
+
+use crate::geometry::vec3::{Vec3, add, cross, norm, scale};
+use crate::physics::{Gas, Viscosity};
+use crate::solver::Solver;
+
+/// Numbers of one canopy face: pressure jump (inside minus outside), Pa, and
+/// shear traction x, y, z summed over both sides, Pa.
+pub type FaceLoad = [f64; 4];
+
+/// Loads on the canopy faces of one rank.
+pub struct Loads {
+    halo: Halo,
+    /// Local canopy faces in the order of `Topology::canopy`; owned ones first.
+    pub faces: Vec<FaceLoad>,
+}
+
+/// Load on the whole canopy.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Total {
+    /// Force, N.
+    pub force: Vec3,
+    /// Moment about the origin of the frame, N m.
+    pub moment: Vec3,
+}
+
+impl Loads {
+    /// For the canopy faces of `solver`. Collective.
+    pub fn new<G: Gas<N>, V: Viscosity, const N: usize>(solver: &Solver<G, V, N>) -> Self {
+        let canopy = &solver.topology.canopy;
+        Self { halo: Halo::new(solver.comm(), canopy), faces: vec![[0.0; 4]; canopy.n_local()] }
+    }
+
+    /// Loads of the solver's last step; afterwards the owned part of `faces` is
+    /// complete. The canopy's normal points from inside to outside. Collective.
+    pub fn compute<G: Gas<N>, V: Viscosity, const N: usize>(&mut self, solver: &Solver<G, V, N>) -> Total {
+        let on = solver.domain();
+        self.faces.fill([0.0; 4]);
+        let t = on.topology;
+        for side in t.slip.iter().chain(&t.no_slip).filter(|s| s.canopy != u32::MAX) {
+            let p = solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side);
+            self.faces[side.canopy as usize][0] += side.sign * p;
+        }
+        if V::ACTIVE {
+            for side in t.no_slip.iter().filter(|s| s.canopy != u32::MAX) {
+                let shear = solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side);
+                for (l, s) in self.faces[side.canopy as usize][1..].iter_mut().zip(shear) {
+                    *l += s;
+                }
+            }
+        }
+        self.halo.accumulate(self.faces.as_flattened_mut(), 4);
+        let mut sum = [0.0; 6];
+        for (load, &face) in self.faces[..t.canopy.n_owned].iter().zip(&t.canopy_face) {
+            let face = &on.metrics.faces[face as usize];
+            let shear = scale(norm(face.area), [load[1], load[2], load[3]]);
+            let force = add(scale(load[0], face.area), shear);
+            let moment = cross(face.centre, force);
+            for d in 0..3 {
+                sum[d] += force[d];
+                sum[3 + d] += moment[d];
+            }
+        }
+        solver.comm().sum_slice(&mut sum);
+        Total { force: [sum[0], sum[1], sum[2]], moment: [sum[3], sum[4], sum[5]] }
+    }
+}
