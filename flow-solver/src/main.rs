@@ -1,3 +1,138 @@
-//! The flow-solver program.
+//! The flow-solver program: one rank of it.
 
-fn main() {}
+use std::path::PathBuf;
+
+use case::Role;
+use channel::{Fault, Input, ProgramArgs, Window};
+use clap::Parser;
+use comm::Comm;
+use flow_solver::setup::Setup;
+
+/// Runs the flow of one stage alone, on a grid at rest that falls at the initial
+/// descent speed. For developers: no coupler, no channels.
+#[derive(Parser)]
+#[command(name = "flow-solver alone")]
+struct Alone {
+    /// Scene file.
+    #[arg(long, value_name = "PATH")]
+    scene: PathBuf,
+    /// Stage of the scene, from 0.
+    #[arg(long, value_name = "N")]
+    stage: usize,
+    /// Folder of the run's results; earlier stages' states are looked for there.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Time steps. Default: the stage's duration.
+    #[arg(long, value_name = "N")]
+    steps: Option<u64>,
+    /// Time steps between snapshots. 0: one at the end.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    snapshot_every: u64,
+    /// Writes the state at the end, as the stage itself would.
+    #[arg(long)]
+    save: bool,
+}
+
+fn main() {
+    let words: Vec<_> = std::env::args_os().collect();
+    let outcome = if words.get(1).is_some_and(|w| w == "alone") {
+        let args = Alone::parse_from(words.into_iter().skip(1));
+        alone(&args)
+    } else {
+        let args = ProgramArgs::parse_or_exit();
+        serve(&args)
+    };
+    if let Err(message) = outcome {
+        eprintln!("flow-solver: {message}");
+        // Without MPI_Finalize, so that mpirun ends the other ranks at once.
+        std::process::exit(1);
+    }
+}
+
+fn serve(args: &ProgramArgs) -> Result<(), String> {
+    let comm = Comm::init(Some(args.ranks as usize)).map_err(|e| e.to_string())?;
+    let options = args.serve_options(Role::Flow, comm.rank());
+    let end = built(&args.scene, args.stage, &args.out, &comm)
+        .map_err(|e| e.to_string())
+        .and_then(|mut p| channel::serve(p.as_mut(), &options).map_err(|e| e.to_string()));
+    if end.is_err() {
+        // Keep MPI alive: the caller exits without finalising it.
+        std::mem::forget(comm);
+    }
+    end.map(|_| ())
+}
+
+fn built(
+    scene: &std::path::Path,
+    stage: usize,
+    out: &std::path::Path,
+    comm: &Comm,
+) -> Result<Box<dyn channel::Participant>, Fault> {
+    let scene = case::load(scene).map_err(Fault::new)?;
+    if stage >= scene.stages.len() {
+        return Err(Fault::new(format!("stage {stage} does not exist: the scene has {}", scene.stages.len())));
+    }
+    let setup = Setup::new(scene, stage, out)?;
+    flow_solver::participant(&setup, comm)
+}
+
+fn alone(args: &Alone) -> Result<(), String> {
+    let comm = Comm::init(None).map_err(|e| e.to_string())?;
+    let run = fly(args, &comm).map_err(|e| e.to_string());
+    if run.is_err() {
+        std::mem::forget(comm);
+    }
+    run
+}
+
+fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
+    use channel::flow_stats as at;
+    let scene = case::load(&args.scene).map_err(Fault::new)?;
+    let mut participant = built(&args.scene, args.stage, &args.out, comm)?;
+    let stage = &scene.stages[args.stage];
+    let folder = case::stage_folder(&args.out, &scene, args.stage);
+    let steps = args.steps.unwrap_or((stage.duration_s / stage.window_s).round() as u64);
+    let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+    let mut output = vec![0.0; participant.output_rows().len() * channel::LOAD_WIDTH];
+    if comm.is_root() {
+        println!("   step    time s     force z N   residual start    end  steps  linear  Courant    wall s");
+    }
+    for index in 0..steps {
+        let w = Window {
+            index,
+            substeps: 1,
+            time: index as f64 * stage.window_s,
+            dt: stage.window_s,
+            frame_velocity: [0.0, 0.0, -fall],
+            ..Window::default()
+        };
+        let input = Input { canopy: &[], grid: channel::Grid::default() };
+        let stats = participant.advance(&w, &input, &mut output)?;
+        participant.accept(&w)?;
+        let v = &stats.values;
+        if comm.is_root() {
+            println!(
+                "{index:7} {:9.4} {:13.4} {:12.3e} {:9.2e} {:5} {:7} {:8.2} {:9.3}",
+                w.time + w.dt,
+                v[at::FORCE + 2],
+                v[at::RESIDUAL_START],
+                v[at::RESIDUAL_END],
+                v[at::ITERATIONS],
+                v[at::LINEAR_ITERATIONS],
+                v[at::MAX_COURANT],
+                stats.busy_s
+            );
+        }
+        let due = args.snapshot_every > 0 && (index + 1) % args.snapshot_every == 0;
+        if due || index + 1 == steps {
+            std::fs::create_dir_all(&folder).map_err(Fault::new)?;
+            participant.snapshot(w.time + w.dt, &folder)?;
+        }
+    }
+    if args.save {
+        let folder = case::state_folder(&args.out, &scene, args.stage);
+        std::fs::create_dir_all(&folder).map_err(Fault::new)?;
+        participant.save(&folder)?;
+    }
+    Ok(())
+}

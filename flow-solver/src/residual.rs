@@ -5,6 +5,7 @@ use comm::Halo;
 use crate::geometry::Metrics;
 use crate::geometry::vec3::{Vec3, dot, scale, sub};
 use crate::gradient::{Gradient, LeastSquares};
+use crate::limiter;
 use crate::physics::{self, Gas, Interface, Scheme, Viscosity};
 use crate::topology::{Side, Topology};
 
@@ -18,6 +19,8 @@ pub struct Spatial<G, V> {
     /// Share of the plain difference of two neighbours in a reconstructed value:
     /// 1/3 makes the scheme of third order on even grids, 0 is purely upwind.
     pub chi: f64,
+    /// Venkatakrishnan's K where gradients are limited.
+    pub limiter: Option<f64>,
 }
 
 /// What the residual works on: the grid of one rank at one instant.
@@ -53,6 +56,12 @@ impl<G, V: Viscosity> Spatial<G, V> {
     {
         on.halo.exchange(q.as_flattened_mut(), N);
         on.gradients.apply(on.topology, q, gradient);
+        if let Some(k) = self.limiter {
+            let speed = scheme.floor_squared.sqrt() * 10.0;
+            let mut typical = [speed; N];
+            typical[0] = self.gas.density(&self.gas.undisturbed(scheme.wind)) * speed * speed;
+            limiter::venkatakrishnan(on.topology, on.metrics, q, gradient, k, typical);
+        }
         on.halo.exchange(gradient.as_flattened_mut().as_flattened_mut(), 3 * N);
         residual.fill([0.0; N]);
         self.interior(on, scheme, q, gradient, residual, mass);

@@ -34,7 +34,7 @@ pub fn solver_of<G: Gas<N>, V: Viscosity, const N: usize>(
     let part = vec![0; grid.cells.len()];
     let topology = Topology::new(grid, &faces, &part, &order, 0, V::ACTIVE);
     let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
-    let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0 };
+    let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
 }
 

@@ -1,0 +1,60 @@
+//! Gradient limiting after Venkatakrishnan (1995).
+
+use crate::geometry::Metrics;
+use crate::geometry::vec3::sub;
+use crate::gradient::Gradient;
+use crate::topology::Topology;
+
+/// Scales the gradients of owned cells such that no face value leaves the range
+/// of the cell's neighbours by more than a smooth flow would; `k` times the cell
+/// size is the length below which variations pass. `scale` is a typical size of
+/// each variable.
+pub fn venkatakrishnan<const N: usize>(
+    topology: &Topology,
+    metrics: &Metrics,
+    q: &[[f64; N]],
+    gradient: &mut [Gradient<N>],
+    k: f64,
+    scale: [f64; N],
+) {
+    let n = topology.n_owned;
+    let rows = &topology.adjacency;
+    let mut range = vec![([0.0f64; N], [0.0f64; N]); n];
+    for (i, (low, high)) in range.iter_mut().enumerate() {
+        for &j in &rows.cell[rows.start[i] as usize..rows.start[i + 1] as usize] {
+            for v in 0..N {
+                let d = q[j as usize][v] - q[i][v];
+                low[v] = low[v].min(d);
+                high[v] = high[v].max(d);
+            }
+        }
+    }
+    let mut factor = vec![[1.0f64; N]; n];
+    let length = metrics.size[..n].iter().fold(0.0f64, |m, h| m.max(*h));
+    topology.for_each_side(|f, c, _| {
+        if c >= n {
+            return;
+        }
+        let d = sub(metrics.faces[f].centre, metrics.centre[c]);
+        let g = &gradient[c];
+        let relative = k * metrics.size[c] / length;
+        for v in 0..N {
+            let step = g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2];
+            let bound = if step > 0.0 { range[c].1[v] } else { range[c].0[v] };
+            let eps2 = relative.powi(3) * scale[v] * scale[v];
+            let (a, b) = (bound, step);
+            let top = a * a + eps2 + 2.0 * a * b;
+            let bottom = a * a + 2.0 * b * b + a * b + eps2;
+            if bottom > 0.0 {
+                factor[c][v] = factor[c][v].min(top / bottom);
+            }
+        }
+    });
+    for (g, f) in gradient.iter_mut().zip(&factor) {
+        for g in g {
+            for v in 0..N {
+                g[v] *= f[v];
+            }
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! The flow as the rest of the system sees it.
+
+use std::path::Path;
+use std::time::Instant as Clock;
+
+use case::{Role, Turbulence};
+use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
+use comm::Comm;
+
+use crate::geometry::vec3::{norm, sub};
+use crate::loads::{Loads, Total};
+use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Smagorinsky, Viscosity};
+use crate::residual::Spatial;
+use crate::setup::Setup;
+use crate::snapshot::Snapshots;
+use crate::solver::{Report, Solver, Step};
+use crate::state;
+
+/// One rank of the flow-solver.
+pub struct FlowParticipant<G, V, const N: usize> {
+    solver: Solver<G, V, N>,
+    loads: Loads,
+    snapshots: Snapshots,
+    announcement: Announcement,
+    totals: (usize, usize),
+    moved: bool,
+}
+
+/// The participant with the effects that the scene asks for. Collective.
+///
+/// # Errors
+/// A grid that cannot be used, a saved state that does not fit.
+pub fn participant(setup: &Setup, comm: &Comm) -> Result<Box<dyn Participant>, Fault> {
+    let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+    let air = setup.settings.air;
+    match flow.energy {
+        None => with_gas(setup, comm, Isothermal::new(air)),
+        Some(_) => with_gas(setup, comm, IdealGas::new(air)),
+    }
+}
+
+fn with_gas<G: Gas<N> + 'static, const N: usize>(
+    setup: &Setup,
+    comm: &Comm,
+    gas: G,
+) -> Result<Box<dyn Participant>, Fault> {
+    let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+    Ok(match &flow.viscosity {
+        None => Box::new(FlowParticipant::new(setup, comm, gas, Inviscid)?),
+        Some(v) => {
+            let viscosity = v.dynamic_viscosity_pa_s;
+            match v.turbulence {
+                None => Box::new(FlowParticipant::new(setup, comm, gas, Laminar { viscosity })?),
+                Some(Turbulence::Smagorinsky) => {
+                    Box::new(FlowParticipant::new(setup, comm, gas, Smagorinsky { viscosity })?)
+                }
+            }
+        }
+    })
+}
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
+    /// From a set-up scene. Collective.
+    ///
+    /// # Errors
+    /// A grid that cannot be used, a saved state that does not fit.
+    pub fn new(setup: &Setup, comm: &Comm, gas: G, viscosity: V) -> Result<Self, Fault> {
+        let topology = setup.topology(comm, V::ACTIVE)?;
+        let nodes = topology.node_global.iter().map(|&n| setup.grid.coords[n as usize]).collect();
+        let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+        let limiter = flow.limiter.as_ref().map(|l| l.k);
+        let spatial = Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
+        let mut solver = Solver::new(comm, topology, nodes, spatial, setup.settings).map_err(Fault::new)?;
+        let totals = (setup.grid.cells.len(), setup.grid.coords.len());
+        if let Some(file) = &setup.source {
+            let saved = state::load::<N>(file, &solver.topology, totals)?;
+            solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
+        }
+        let announcement = Announcement {
+            role: Role::Flow.name().into(),
+            program: env!("CARGO_PKG_NAME").into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            canopy_nodes: setup.structure.n_canopy as u64,
+            canopy_faces: setup.structure.faces.len() as u64,
+            surface_hash: surface_hash(&setup.structure.faces),
+            grid_nodes: totals.1 as u64,
+            output_width: LOAD_WIDTH as u64,
+            effects: ["flow", "flow.viscosity", "flow.viscosity.turbulence", "flow.energy", "flow.limiter"]
+                .map(String::from)
+                .to_vec(),
+        };
+        let loads = Loads::new(&solver);
+        Ok(Self { solver, loads, snapshots: Snapshots::default(), announcement, totals, moved: false })
+    }
+
+    fn stats(&self, total: &Total, report: &Report, dt: f64) -> [f64; channel::STATS] {
+        let s = &self.solver;
+        let (mut mach, mut courant, mut high, mut low) = (0.0f64, 0.0f64, f64::MIN, f64::MAX);
+        for (q, h) in s.q[..s.topology.n_owned].iter().zip(&s.metrics.size) {
+            let speed = norm(sub([q[1], q[2], q[3]], s.scheme.frame));
+            mach = mach.max(speed * speed / s.spatial.gas.sound_speed_squared(q));
+            courant = courant.max(speed * dt / h);
+            high = high.max(q[0]);
+            low = low.min(q[0]);
+        }
+        let comm = s.comm();
+        let mut values = [0.0; channel::STATS];
+        for d in 0..3 {
+            values[flow_stats::FORCE + d] = total.force[d];
+            values[flow_stats::MOMENT + d] = total.moment[d];
+        }
+        values[flow_stats::RESIDUAL_START] = report.start;
+        values[flow_stats::RESIDUAL_END] = report.end;
+        values[flow_stats::ITERATIONS] = report.iterations as f64;
+        values[flow_stats::LINEAR_ITERATIONS] = report.linear_iterations as f64;
+        values[flow_stats::MAX_MACH] = comm.max(mach).sqrt();
+        values[flow_stats::MAX_COURANT] = comm.max(courant);
+        values[flow_stats::MAX_PRESSURE] = comm.max(high);
+        values[flow_stats::MIN_PRESSURE] = comm.min(low);
+        values[flow_stats::MASS_DEFECT] = report.mass_defect;
+        values
+    }
+}
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G, V, N> {
+    fn announce(&self) -> Announcement {
+        self.announcement.clone()
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        self.solver.topology.canopy.owned().to_vec()
+    }
+
+    fn grid_rows(&self) -> Vec<u64> {
+        self.solver.topology.node_global.clone()
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let clock = Clock::now();
+        self.moved = !input.grid.is_empty();
+        if self.moved {
+            let s = &mut self.solver;
+            for (i, (x, v)) in s.nodes.iter_mut().zip(&mut s.node_velocity).enumerate() {
+                let row = input.grid.row(i);
+                x.copy_from_slice(&row[..3]);
+                v.copy_from_slice(&row[3..]);
+            }
+        }
+        let step =
+            Step { dt: w.dt, frame: w.frame_velocity, again: w.iteration > 0, moved: self.moved };
+        let report = self
+            .solver
+            .advance(&step)
+            .map_err(|e| Fault::new(format!("window {} (t = {:.4} s): {e}", w.index, w.time)))?;
+        let total = self.loads.compute(&self.solver);
+        let owned = &self.loads.faces[..self.solver.topology.canopy.n_owned];
+        output.copy_from_slice(owned.as_flattened());
+        let values = self.stats(&total, &report, w.dt);
+        let finite = output.iter().chain(&values).all(|x| x.is_finite());
+        if !self.solver.comm().all(finite) {
+            return Err(Fault::new(format!(
+                "window {}: the load on the canopy is not a finite number; check the flow's residuals",
+                w.index
+            )));
+        }
+        Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
+    }
+
+    fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        self.solver.accept(w.dt, self.moved);
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let s = &self.solver;
+        let file = case::state_file(folder, Role::Flow);
+        state::save(&file, s.comm(), &s.topology, self.totals, &s.past, s.last_dt, s.first_order_steps)
+    }
+
+    fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        self.snapshots.write(&self.solver, time, folder)
+    }
+}

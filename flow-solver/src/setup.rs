@@ -1,0 +1,93 @@
+//! From a scene to this rank's part of its flow grid.
+
+use std::path::{Path, PathBuf};
+
+use case::{Role, Scene};
+use channel::Fault;
+use comm::Comm;
+use mesh::{FaceTable, FlowGrid, Graph, StructureMesh};
+
+use crate::physics::Air;
+use crate::solver::Settings;
+use crate::topology::Topology;
+
+/// What a stage of a scene asks of the flow.
+pub struct Setup {
+    /// The scene.
+    pub scene: Scene,
+    /// The canopy.
+    pub structure: StructureMesh,
+    /// The whole flow grid at the start.
+    pub grid: FlowGrid,
+    /// Its faces.
+    pub faces: FaceTable,
+    /// State of an earlier stage to start from.
+    pub source: Option<PathBuf>,
+    /// Tolerances and the undisturbed air.
+    pub settings: Settings,
+}
+
+impl Setup {
+    /// Builds the grid of `stage`. The same on every rank.
+    ///
+    /// # Errors
+    /// A scene without a flow, and what the mesh crate finds wrong.
+    pub fn new(scene: Scene, stage: usize, out: &Path) -> Result<Self, Fault> {
+        let flow = scene.flow.as_ref().ok_or_else(|| {
+            Fault::new(format!("scene `{}` has no [flow] section, but a stage that runs the flow", scene.name))
+        })?;
+        let structure = mesh::structure_mesh(&scene).map_err(Fault::new)?;
+        let positions = match scene.grid_shape(out, stage) {
+            Some(file) => mesh::load_shape(&file, structure.n_canopy).map_err(Fault::new)?,
+            None => structure.coords[..structure.n_canopy].to_vec(),
+        };
+        let grid = mesh::flow_grid(&scene, &structure, &positions).map_err(Fault::new)?;
+        let faces = FaceTable::new(&grid).map_err(Fault::new)?;
+        let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+        let [x, y, z] = flow.wind_m_s;
+        let air = Air::new(flow.density_kg_m3, flow.temperature_k);
+        let speed = (x * x + y * y + (z + fall) * (z + fall)).sqrt();
+        let sound = (air.gas_constant * air.temperature).sqrt();
+        if speed >= sound {
+            return Err(Fault::new(format!(
+                "the air meets the canopy at {speed:.1} m/s, faster than sound ({sound:.1} m/s): \
+                 flow-solver is made for subsonic flow; lower wind_m_s or initial_speed_m_s"
+            )));
+        }
+        let settings = Settings {
+            air,
+            wind: flow.wind_m_s,
+            residual_drop: flow.solver.residual_drop,
+            max_iterations: flow.solver.max_iterations as usize,
+            depth: 5,
+            // A canopy that starts at rest soon moves at metres per second.
+            reference_speed: 0.1 * speed.max(1.0),
+            velocity_diffusion: 0.5,
+        };
+        let source = scene.source_state(out, stage, Role::Flow);
+        Ok(Self { structure, grid, faces, source, settings, scene })
+    }
+
+    /// Partitions the grid and takes this rank's part of it.
+    ///
+    /// # Errors
+    /// More ranks than cells.
+    pub fn topology(&self, comm: &Comm, viscous: bool) -> Result<Topology, Fault> {
+        partitioned(&self.grid, &self.faces, comm, viscous)
+    }
+}
+
+/// This rank's part of `grid`, split by METIS, its cells ordered for the cache.
+///
+/// # Errors
+/// More ranks than cells.
+pub fn partitioned(grid: &FlowGrid, faces: &FaceTable, comm: &Comm, viscous: bool) -> Result<Topology, Fault> {
+    let cells = grid.cells.len();
+    let graph = Graph::of_cells(cells, faces);
+    let part = match comm.size() {
+        1 => vec![0; cells],
+        n => graph.partition(n, None).map_err(Fault::new)?,
+    };
+    let order = graph.cuthill_mckee();
+    Ok(Topology::new(grid, faces, &part, &order, comm.rank() as u32, viscous))
+}

@@ -1,0 +1,142 @@
+//! The saved state: independent of the number of ranks.
+
+use std::path::Path;
+
+use channel::Fault;
+use comm::Comm;
+use serde::{Deserialize, Serialize};
+
+use crate::solver::Instant;
+use crate::topology::Topology;
+
+const MAGIC: u64 = u64::from_le_bytes(*b"RIPFLOW\0");
+const VERSION: u32 = 1;
+
+/// Two instants in global order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Saved {
+    magic: u64,
+    version: u32,
+    equations: u32,
+    cells: u64,
+    nodes: u64,
+    last_dt: f64,
+    first_order_steps: u32,
+    /// Unknowns `[cells][equations]`, newest instant first.
+    q: [Vec<f64>; 2],
+    /// Node positions `[nodes][3]`, m.
+    x: [Vec<f64>; 2],
+}
+
+/// FNV-1a.
+fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
+/// Rows of all ranks in global order, on every rank.
+fn gather<const W: usize>(comm: &Comm, global: &[u64], rows: &[[f64; W]], total: usize) -> Vec<f64> {
+    let index = comm.all_gather_var(global);
+    let values = comm.all_gather_var(rows.as_flattened());
+    let mut all = vec![0.0; total * W];
+    for (&g, row) in index.iter().zip(values.chunks_exact(W)) {
+        all[g as usize * W..(g as usize + 1) * W].copy_from_slice(row);
+    }
+    all
+}
+
+/// Writes two instants. Collective.
+///
+/// # Errors
+/// Trouble with the file, on every rank.
+pub fn save<const N: usize>(
+    file: &Path,
+    comm: &Comm,
+    topology: &Topology,
+    totals: (usize, usize),
+    past: &[Instant<N>; 2],
+    last_dt: f64,
+    first_order_steps: u32,
+) -> Result<(), Fault> {
+    let (cells, nodes) = totals;
+    let n = topology.n_owned;
+    let q = [0, 1].map(|k| gather(comm, topology.numbering.owned(), &past[k].q[..n], cells));
+    let x = [0, 1].map(|k| gather(comm, &topology.node_global, &past[k].nodes, nodes));
+    let mut outcome = Ok(());
+    if comm.is_root() {
+        let saved = Saved {
+            magic: MAGIC,
+            version: VERSION,
+            equations: N as u32,
+            cells: cells as u64,
+            nodes: nodes as u64,
+            last_dt,
+            first_order_steps,
+            q,
+            x,
+        };
+        outcome = write(file, &saved);
+    }
+    if comm.all(outcome.is_ok()) {
+        return Ok(());
+    }
+    Err(outcome.err().unwrap_or_else(|| Fault::new(format!("rank 0 could not write {}", file.display()))))
+}
+
+fn write(file: &Path, saved: &Saved) -> Result<(), Fault> {
+    let fail = |e: &dyn std::fmt::Display| Fault::new(format!("cannot write flow state {}: {e}", file.display()));
+    let mut bytes = bincode::serde::encode_to_vec(saved, bincode::config::standard()).map_err(|e| fail(&e))?;
+    let sum = checksum(&bytes);
+    bytes.extend(sum.to_le_bytes());
+    let aside = file.with_extension("part");
+    std::fs::write(&aside, &bytes).map_err(|e| fail(&e))?;
+    std::fs::rename(&aside, file).map_err(|e| fail(&e))
+}
+
+/// Two instants as saved.
+pub struct Restored<const N: usize> {
+    /// Newest first; ghosts are included, volumes are not set.
+    pub past: [Instant<N>; 2],
+    /// Length of the last step, s.
+    pub last_dt: f64,
+    /// First-order steps still to take.
+    pub first_order_steps: u32,
+}
+
+/// Reads this rank's part of a saved state.
+///
+/// # Errors
+/// A file that is missing, damaged, of another version or of another grid.
+pub fn load<const N: usize>(
+    file: &Path,
+    topology: &Topology,
+    totals: (usize, usize),
+) -> Result<Restored<N>, Fault> {
+    let fail = |what: &dyn std::fmt::Display| {
+        Fault::new(format!("flow state {}: {what}; run the stage that writes it again", file.display()))
+    };
+    let bytes = std::fs::read(file).map_err(|e| fail(&e))?;
+    let (body, tail) = bytes.split_last_chunk::<8>().ok_or_else(|| fail(&"is empty"))?;
+    if checksum(body) != u64::from_le_bytes(*tail) {
+        return Err(fail(&"is damaged (checksum)"));
+    }
+    let (saved, _): (Saved, usize) =
+        bincode::serde::decode_from_slice(body, bincode::config::standard()).map_err(|e| fail(&e))?;
+    if saved.magic != MAGIC || saved.version != VERSION {
+        return Err(fail(&format!("is of version {}, this program reads {VERSION}", saved.version)));
+    }
+    if saved.equations as usize != N {
+        return Err(fail(&format!("has {} equations, this stage {N}", saved.equations)));
+    }
+    if (saved.cells as usize, saved.nodes as usize) != totals {
+        let found = format!("{} cells and {} nodes", saved.cells, saved.nodes);
+        return Err(fail(&format!("has {found}, this stage's grid {} and {}", totals.0, totals.1)));
+    }
+    let row = |g: u64, k: usize| std::array::from_fn(|v| saved.q[k][g as usize * N + v]);
+    let node = |g: u64, k: usize| std::array::from_fn(|d| saved.x[k][g as usize * 3 + d]);
+    let past = [0, 1].map(|k| Instant {
+        q: topology.numbering.global.iter().map(|&g| row(g, k)).collect(),
+        volume: vec![0.0; topology.n_local()],
+        nodes: topology.node_global.iter().map(|&g| node(g, k)).collect(),
+    });
+    Ok(Restored { past, last_dt: saved.last_dt, first_order_steps: saved.first_order_steps })
+}
