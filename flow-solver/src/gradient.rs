@@ -14,12 +14,27 @@ pub type Gradient<const N: usize> = [[f64; N]; 3];
 #[derive(Clone, Debug, Default)]
 pub struct LeastSquares {
     weight: Vec<Vec3>,
+    /// Scratch: how far each cell's reconstruction reaches.
+    reach: Vec<f64>,
+    /// Cells whose reconstruction is shortened, and by how much.
+    shortened: Vec<(u32, f64)>,
 }
+
+/// Largest sum of the weights (their absolute values) with which neighbours may
+/// enter a value on a face of a cell. Even hexahedra have 0.5, regular
+/// tetrahedra 0.75; needles and slivers beyond make the second-order scheme
+/// unstable, because a face value then extrapolates instead of averaging (seen on
+/// the prisms in the vents of the ATPS grid: unstable at 1.0, stable at 0.75).
+const REACH: f64 = 0.75;
 
 impl LeastSquares {
     /// Weights for the cells of `topology` with the centres of `metrics`.
     pub fn new(topology: &Topology, metrics: &Metrics) -> Self {
-        let mut this = Self { weight: vec![[0.0; 3]; topology.adjacency.cell.len()] };
+        let mut this = Self {
+            weight: vec![[0.0; 3]; topology.adjacency.cell.len()],
+            reach: vec![0.0; topology.n_owned],
+            shortened: Vec::new(),
+        };
         this.update(topology, metrics);
         this
     }
@@ -48,6 +63,32 @@ impl LeastSquares {
                     inverse[4] * w[0] + inverse[5] * w[1] + inverse[2] * w[2],
                 ];
             }
+        }
+        self.find_needles(topology, metrics);
+    }
+
+    fn find_needles(&mut self, topology: &Topology, metrics: &Metrics) {
+        let a = &topology.adjacency;
+        let (reach, weight) = (&mut self.reach, &self.weight);
+        reach.fill(0.0);
+        topology.for_each_side(|f, i, _| {
+            if i < topology.n_owned {
+                let d = sub(metrics.faces[f].centre, metrics.centre[i]);
+                let row = a.start[i] as usize..a.start[i + 1] as usize;
+                let sum: f64 = weight[row].iter().map(|w| dot(*w, d).abs()).sum();
+                reach[i] = reach[i].max(sum);
+            }
+        });
+        let far = reach.iter().enumerate().filter(|(_, r)| **r > REACH);
+        self.shortened.clear();
+        self.shortened.extend(far.map(|(i, r)| (i as u32, REACH / r)));
+    }
+
+    /// Shortens the gradients of needle-like owned cells to what a stable
+    /// reconstruction bears.
+    pub fn shorten<const N: usize>(&self, gradient: &mut [Gradient<N>]) {
+        for &(i, s) in &self.shortened {
+            gradient[i as usize].as_flattened_mut().iter_mut().for_each(|g| *g *= s);
         }
     }
 

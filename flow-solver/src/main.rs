@@ -38,6 +38,8 @@ fn main() {
     let outcome = if words.get(1).is_some_and(|w| w == "alone") {
         let args = Alone::parse_from(words.into_iter().skip(1));
         alone(&args)
+    } else if words.get(1).is_some_and(|w| w == "self-test") {
+        self_test(&words[2..])
     } else {
         let args = ProgramArgs::parse_or_exit();
         serve(&args)
@@ -53,7 +55,10 @@ fn serve(args: &ProgramArgs) -> Result<(), String> {
     let comm = Comm::init(Some(args.ranks as usize)).map_err(|e| e.to_string())?;
     let options = args.serve_options(Role::Flow, comm.rank());
     let end = built(&args.scene, args.stage, &args.out, &comm)
-        .map_err(|e| e.to_string())
+        .map_err(|e| {
+            channel::report(&options, &e);
+            e.to_string()
+        })
         .and_then(|mut p| channel::serve(p.as_mut(), &options).map_err(|e| e.to_string()));
     if end.is_err() {
         // Keep MPI alive: the caller exits without finalising it.
@@ -74,6 +79,17 @@ fn built(
     }
     let setup = Setup::new(scene, stage, out)?;
     flow_solver::participant(&setup, comm)
+}
+
+/// Part of the program's own tests: see `tests/ranks.rs`.
+fn self_test(words: &[std::ffi::OsString]) -> Result<(), String> {
+    let comm = Comm::init(None).map_err(|e| e.to_string())?;
+    let file = words.first().map(PathBuf::from).ok_or("self-test needs a file name")?;
+    let force = flow_solver::self_test(&comm, &file).map_err(|e| e.to_string())?;
+    if comm.is_root() {
+        force.iter().for_each(|f| println!("{:.15e} {:.15e} {:.15e}", f[0], f[1], f[2]));
+    }
+    Ok(())
 }
 
 fn alone(args: &Alone) -> Result<(), String> {

@@ -388,6 +388,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             self.q.copy_from_slice(&best.1);
             norm = self.evaluate();
         }
+        if report.iterations >= self.settings.max_iterations && norm > 0.5 * self.start.max(target) {
+            return Err(FlowError::Diverged { start: first, end: norm, iterations: report.iterations });
+        }
         report.end = norm;
         let defect: f64 = self.residual[..n].iter().zip(&self.weight).map(|(r, w)| r[0] / w).sum();
         report.mass_defect = self.halo.comm().sum(defect);

@@ -1,0 +1,75 @@
+//! A small moving case that must give the same forces on any number of ranks.
+
+use std::path::Path;
+
+use channel::Fault;
+use comm::Comm;
+use mesh::{FaceTable, Patch, plate_grid};
+
+use crate::geometry::vec3::Vec3;
+use crate::loads::Loads;
+use crate::physics::{Air, Isothermal, Laminar};
+use crate::residual::Spatial;
+use crate::setup::partitioned;
+use crate::solver::{Settings, Solver, Step};
+use crate::state;
+
+/// A plate in a viscous stream on a grid that heaves and twists: the force after
+/// each of four steps. The state after the second step is written to `file`, or,
+/// where `file` exists, the run starts from it. Collective.
+///
+/// # Errors
+/// Whatever the solver reports.
+#[doc(hidden)]
+pub fn self_test(comm: &Comm, file: &Path) -> Result<Vec<Vec3>, Fault> {
+    let (lo, hi) = ([-1.5, -1.5, -1.0], [1.5, 1.5, 2.0]);
+    let side = Patch::Slip;
+    let patches = [side, side, Patch::FarField, Patch::FarField, Patch::FarField, Patch::Outlet];
+    let grid = plate_grid([12, 12, 12], lo, hi, patches, 4, [4..8, 3..9]);
+    let faces = FaceTable::new(&grid).map_err(Fault::new)?;
+    let topology = partitioned(&grid, &faces, comm, true)?;
+    let start: Vec<Vec3> = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
+    let air = Air::new(1.225, 288.15);
+    let settings = Settings {
+        air,
+        wind: [0.5, 0.0, 4.0],
+        residual_drop: 1e-11,
+        max_iterations: 80,
+        depth: 8,
+        reference_speed: 0.4,
+        velocity_diffusion: 0.5,
+    };
+    let viscosity = Laminar { viscosity: 0.02 };
+    let spatial = Spatial { gas: Isothermal::new(air), viscosity, chi: 1.0 / 3.0, limiter: None };
+    let mut solver = Solver::new(comm, topology, start.clone(), spatial, settings).map_err(Fault::new)?;
+    let mut loads = Loads::new(&solver);
+    let totals = (grid.cells.len(), grid.coords.len());
+    let resumed = file.exists();
+    if resumed {
+        let saved = state::load(file, &solver.topology, totals)?;
+        solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
+    }
+    let dt = 0.02;
+    let mut forces = Vec::new();
+    for k in if resumed { 2..4 } else { 0..4 } {
+        let at = |t: f64, x: &Vec3| {
+            let bump = (1.0 - (x[0] / 1.5).powi(2)) * (1.0 - (x[1] / 1.5).powi(2));
+            [x[0] + 0.05 * bump * t.sin(), x[1], x[2] + 0.2 * bump * (2.0 * t).sin()]
+        };
+        let t = f64::from(k + 1) * dt * 5.0;
+        for (i, x0) in start.iter().enumerate() {
+            let (now, before) = (at(t, x0), at(t - 5.0 * dt, x0));
+            solver.nodes[i] = now;
+            solver.node_velocity[i] = std::array::from_fn(|d| (now[d] - before[d]) / dt);
+        }
+        let step = Step { dt, frame: [0.0, 0.1, -0.5], again: false, moved: true };
+        solver.advance(&step).map_err(Fault::new)?;
+        forces.push(loads.compute(&solver).force);
+        solver.accept(dt, true);
+        if k == 1 {
+            let (t, past) = (&solver.topology, &solver.past);
+            state::save(file, comm, t, totals, past, solver.last_dt, solver.first_order_steps)?;
+        }
+    }
+    Ok(forces)
+}
