@@ -75,7 +75,10 @@ fn built(
 ) -> Result<Box<dyn channel::Participant>, Fault> {
     let scene = case::load(scene).map_err(Fault::new)?;
     if stage >= scene.stages.len() {
-        return Err(Fault::new(format!("stage {stage} does not exist: the scene has {}", scene.stages.len())));
+        return Err(Fault::new(format!(
+            "stage {stage} does not exist: the scene has {}",
+            scene.stages.len()
+        )));
     }
     let setup = Setup::new(scene, stage, out)?;
     flow_solver::participant(&setup, comm)

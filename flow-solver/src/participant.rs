@@ -69,7 +69,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
         let nodes = topology.node_global.iter().map(|&n| setup.grid.coords[n as usize]).collect();
         let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
         let limiter = flow.limiter.as_ref().map(|l| l.k);
-        let spatial = Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
+        let spatial =
+            Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
         let mut solver = Solver::new(comm, topology, nodes, spatial, setup.settings).map_err(Fault::new)?;
         let totals = (setup.grid.cells.len(), setup.grid.coords.len());
         if let Some(file) = &setup.source {
@@ -146,8 +147,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
                 v.copy_from_slice(&row[3..]);
             }
         }
-        let step =
-            Step { dt: w.dt, frame: w.frame_velocity, again: w.iteration > 0, moved: self.moved };
+        let step = Step { dt: w.dt, frame: w.frame_velocity, again: w.iteration > 0, moved: self.moved };
         let report = self
             .solver
             .advance(&step)

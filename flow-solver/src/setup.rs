@@ -34,7 +34,10 @@ impl Setup {
     /// A scene without a flow, and what the mesh crate finds wrong.
     pub fn new(scene: Scene, stage: usize, out: &Path) -> Result<Self, Fault> {
         let flow = scene.flow.as_ref().ok_or_else(|| {
-            Fault::new(format!("scene `{}` has no [flow] section, but a stage that runs the flow", scene.name))
+            Fault::new(format!(
+                "scene `{}` has no [flow] section, but a stage that runs the flow",
+                scene.name
+            ))
         })?;
         let structure = mesh::structure_mesh(&scene).map_err(Fault::new)?;
         let positions = match scene.grid_shape(out, stage) {
@@ -81,7 +84,12 @@ impl Setup {
 ///
 /// # Errors
 /// More ranks than cells.
-pub fn partitioned(grid: &FlowGrid, faces: &FaceTable, comm: &Comm, viscous: bool) -> Result<Topology, Fault> {
+pub fn partitioned(
+    grid: &FlowGrid,
+    faces: &FaceTable,
+    comm: &Comm,
+    viscous: bool,
+) -> Result<Topology, Fault> {
     let cells = grid.cells.len();
     let graph = Graph::of_cells(cells, faces);
     let part = match comm.size() {

@@ -4,7 +4,7 @@ use comm::{Comm, Halo};
 
 use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
-use crate::geometry::vec3::Vec3;
+use crate::geometry::vec3::{Vec3, norm};
 use crate::gradient::{Gradient, LeastSquares};
 use crate::implicit::{Acceleration, PressureCorrection};
 use crate::physics::{Air, Gas, Scheme, Viscosity};
@@ -294,7 +294,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     fn iterate(&mut self, step: &Step, order: Backward) -> Result<Report, FlowError> {
         let n = self.topology.n_owned;
-        let mut norm;
+        let mut norm: f64;
         if step.again {
             norm = self.evaluate();
         } else {
@@ -388,7 +388,10 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             self.q.copy_from_slice(&best.1);
             norm = self.evaluate();
         }
-        if report.iterations >= self.settings.max_iterations && norm > 0.5 * self.start.max(target) {
+        if report.iterations >= self.settings.max_iterations
+            && norm > 0.5 * self.start
+            && norm > 1e3 * self.round_off()
+        {
             return Err(FlowError::Diverged { start: first, end: norm, iterations: report.iterations });
         }
         report.end = norm;
@@ -397,13 +400,18 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         Ok(report)
     }
 
-    /// Norm of what round-off alone leaves in the residual, N.
+    /// Norm of what round-off alone may leave in the residual, N.
     fn round_off(&self) -> f64 {
-        let air = &self.settings.air;
-        let sum: f64 = self.metrics.faces.iter().map(|f| f.magnitude * f.magnitude).sum();
-        let area = self.halo.comm().sum(sum).sqrt();
-        let speed = self.settings.reference_speed.max(1e-3) * 10.0;
-        1e-14 * area * air.density * speed * speed
+        let speed = 10.0 * self.settings.reference_speed + norm(self.scheme.frame);
+        let cells = self.weight.iter().zip(&self.metrics.volume).zip(&self.metrics.size);
+        let sum: f64 = cells
+            .map(|((w, v), h)| {
+                // Momentum stored and passed, and mass in the weight of its row.
+                let e = (self.scheme.rate * v + speed * h * h) * (speed + w);
+                e * e
+            })
+            .sum();
+        4.0 * f64::EPSILON * self.settings.air.density * self.halo.comm().sum(sum).sqrt()
     }
 
     /// The first cell whose state is not physical, agreed on by all ranks.

@@ -83,8 +83,10 @@ pub fn save<const N: usize>(
 }
 
 fn write(file: &Path, saved: &Saved) -> Result<(), Fault> {
-    let fail = |e: &dyn std::fmt::Display| Fault::new(format!("cannot write flow state {}: {e}", file.display()));
-    let mut bytes = bincode::serde::encode_to_vec(saved, bincode::config::standard()).map_err(|e| fail(&e))?;
+    let fail =
+        |e: &dyn std::fmt::Display| Fault::new(format!("cannot write flow state {}: {e}", file.display()));
+    let mut bytes =
+        bincode::serde::encode_to_vec(saved, bincode::config::standard()).map_err(|e| fail(&e))?;
     let sum = checksum(&bytes);
     bytes.extend(sum.to_le_bytes());
     let aside = file.with_extension("part");

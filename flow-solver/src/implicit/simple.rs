@@ -30,6 +30,9 @@ pub struct PressureCorrection {
     density: Vec<f64>,
     /// Sound speed squared of owned cells.
     sound2: Vec<f64>,
+    /// Cells whose velocity along a far face's normal is held by the acoustic
+    /// condition there: cell, unit normal, share of that component to take away.
+    held: Vec<(u32, [f64; 3], f64)>,
     pressure: PressureSystem,
     transported: Vec<[f32; 4]>,
     source: Vec<f32>,
@@ -51,6 +54,7 @@ impl PressureCorrection {
             diagonal: vec![0.0; all],
             density: vec![0.0; all],
             sound2: vec![0.0; n],
+            held: Vec::with_capacity(topology.far_field.len()),
             pressure: PressureSystem::new(n, all, entries),
             transported: vec![[0.0; 4]; all],
             source: vec![0.0; n],
@@ -113,6 +117,16 @@ impl PressureCorrection {
                     viscosity(side.cell as usize) * face.magnitude / face.spacing;
             }
         }
+        self.held.clear();
+        for side in &t.far_field {
+            let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
+            let leaving = crate::physics::leaving(scheme, face, side.sign);
+            // The characteristic pressure there grows by rho c / 2 for each m/s.
+            let stiff = (1.0 - leaving) * 0.5 * self.density[i] * self.sound2[i].sqrt() * face.magnitude;
+            let normal = face.area.map(|a| a / face.magnitude);
+            self.held.push((side.cell, normal, stiff / (stiff + self.diagonal[i])));
+        }
+        self.held.sort_unstable_by_key(|h| h.0);
         for i in 0..n {
             self.inverse[i] = (1.0 / self.diagonal[i]) as f32;
             self.response[i] = self.density[i] * m.volume[i] / self.diagonal[i];
@@ -168,6 +182,13 @@ impl PressureCorrection {
         let (t, m) = (on.topology, on.metrics);
         let n = t.n_owned;
         self.transport(t, r);
+        for &(i, normal, share) in &self.held {
+            let x = &mut self.transported[i as usize];
+            let along = share * (0..3).map(|d| f64::from(x[d]) * normal[d]).sum::<f64>();
+            for d in 0..3 {
+                x[d] -= (along * normal[d]) as f32;
+            }
+        }
         on.halo.exchange(self.transported.as_flattened_mut(), 4);
         for (d, r) in self.diagonal[..n].iter_mut().zip(r) {
             *d = -r[0];
@@ -203,9 +224,19 @@ impl PressureCorrection {
             self.tolerance,
             self.max_iterations,
         );
+        let mut held = self.held.iter().peekable();
         for i in 0..n {
             let dp = f64::from(self.correction[i]);
-            let g = on.gradients.scalar(t, i, &self.correction);
+            let mut g = on.gradients.scalar(t, i, &self.correction);
+            while let Some(&&(cell, normal, share)) = held.peek()
+                && cell as usize == i
+            {
+                let along = share * dot(g, normal);
+                for d in 0..3 {
+                    g[d] -= along * normal[d];
+                }
+                held.next();
+            }
             let push = self.response[i] / self.density[i];
             let adiabatic = gas.compression(&q[i]);
             let x = &self.transported[i];
