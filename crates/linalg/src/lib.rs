@@ -35,6 +35,6 @@ pub use direct::FactorError;
 pub use dirichlet::Lift;
 pub use ilu::BlockIlu0;
 pub use jacobi::{BlockJacobi, SingularBlock};
-pub use krylov::{Cg, Gmres, KrylovError, KrylovInfo, KrylovParams};
+pub use krylov::{Cg, Gmres, History, KrylovError, KrylovInfo, KrylovParams};
 pub use operator::{Identity, Operator, Preconditioner};
 pub use schwarz::{SchurLu, SchwarzLu};

@@ -57,6 +57,8 @@ pub(crate) struct BlockLu<const B: usize, T: Real> {
     /// Dense parts of the current front and the updates that wait for their parent.
     work: Work<T>,
     n_kept: usize,
+    /// The factor is that of the matrix times this.
+    scale: f64,
     scratch: RefCell<Scratch<T>>,
 }
 
@@ -114,14 +116,19 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             front: vec![T::default(); most(|p| p.n1 + p.n2)],
         };
         let factor = vec![T::default(); at];
-        Self { plan, places, factor, work, n_kept: kept.len(), scratch: RefCell::new(scratch) }
+        Self { plan, places, factor, work, n_kept: kept.len(), scale: 1.0, scratch: RefCell::new(scratch) }
     }
 
     /// Schur complement of the kept rows after a factorisation, `[n_kept B][n_kept B]`
-    /// by columns.
+    /// by columns, times [`BlockLu::scale`].
     pub fn schur(&self) -> &[T] {
         let n = self.n_kept * B;
         self.work.updates.last().map_or(&[], |s| &s[..n * n])
+    }
+
+    /// What the matrix was multiplied by to bring it to unit size.
+    pub fn scale(&self) -> f64 {
+        self.scale
     }
 
     /// Bytes of the factor, all read once by a solve.
@@ -132,6 +139,8 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Factorises the matrix whose blocks, in the order of the pattern, are `values`.
     pub fn factor(&mut self, values: &[[[f64; B]; B]]) -> Result<(), FactorError> {
         let work = &mut self.work;
+        let largest = values.iter().flatten().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
+        self.scale = if largest > 0.0 && largest.is_finite() { 1.0 / largest } else { 1.0 };
         // A Schur complement that was handed out, or what a failed attempt left.
         for update in &mut work.updates {
             if update.capacity() > 0 {
@@ -158,7 +167,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 f21: &mut work.f21,
                 f22: &mut update,
             };
-            parts.assemble(front, values);
+            parts.assemble(front, values, self.scale);
             for &child in &front.children {
                 let (_, map) =
                     self.plan.fronts[child as usize].parent.as_ref().expect("a child has a parent");
@@ -214,13 +223,14 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
     }
 
     /// As [`BlockLu::solve`]; `kept` gets the right-hand side of the Schur complement
-    /// system of the kept rows (`[n_kept][B]`) and turns it into its solution.
+    /// system of the kept rows (`[n_kept][B]`, times [`BlockLu::scale`]) and turns it into
+    /// its solution.
     pub fn solve_around(&self, x: &mut [f64], kept: impl FnOnce(&mut [T])) {
         let Scratch { x: y, front: gathered } = &mut *self.scratch.borrow_mut();
         let x = x.as_chunks_mut::<B>().0;
         let blocks = y.as_chunks_mut::<B>().0;
         for (y, &i) in blocks.iter_mut().zip(&self.plan.order) {
-            *y = x[i as usize].map(T::from_f64);
+            *y = x[i as usize].map(|v| T::from_f64(v * self.scale));
         }
         for (front, place) in self.plan.fronts.iter().zip(&self.places).filter(|(_, p)| p.n1 > 0) {
             let (n1, n2) = (place.n1, place.n2);
@@ -280,7 +290,7 @@ impl<T: Real> Parts<'_, T> {
         }
     }
 
-    fn assemble<const B: usize>(&mut self, front: &Front, values: &[[[f64; B]; B]]) {
+    fn assemble<const B: usize>(&mut self, front: &Front, values: &[[[f64; B]; B]], scale: f64) {
         let n1 = self.n1;
         for &[slot, row, col] in &front.entries {
             let a = &values[slot as usize];
@@ -290,7 +300,7 @@ impl<T: Real> Parts<'_, T> {
                 let part =
                     if row < n1 { &mut top[row..row + B] } else { &mut bottom[row - n1..row - n1 + B] };
                 for r in 0..B {
-                    part[r] += T::from_f64(a[r][c]);
+                    part[r] += T::from_f64(a[r][c] * scale);
                 }
             }
         }

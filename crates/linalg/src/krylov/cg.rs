@@ -2,7 +2,7 @@
 
 use comm::Comm;
 
-use super::{KrylovError, KrylovInfo, KrylovParams};
+use super::{History, KrylovError, KrylovInfo, KrylovParams};
 use crate::vector::{axpy, dot, residual, xpby};
 use crate::{Operator, Preconditioner};
 
@@ -76,7 +76,7 @@ impl Cg {
                     iterations: info.iterations,
                     residual: norm,
                     target,
-                    history: self.history.clone(),
+                    history: History(self.history.clone()),
                 });
             }
 
@@ -109,14 +109,19 @@ impl Cg {
     }
 
     fn not_finite(&self, what: &'static str, iteration: usize) -> KrylovError {
-        KrylovError::NotFinite { what, iteration, history: self.history.clone() }
+        KrylovError::NotFinite { what, iteration, history: History(self.history.clone()) }
     }
 
     fn positive(&self, what: &'static str, energy: f64, iteration: usize) -> Result<(), KrylovError> {
         if energy > 0.0 && energy.is_finite() {
             Ok(())
         } else if energy.is_finite() {
-            Err(KrylovError::NotPositiveDefinite { what, energy, iteration, history: self.history.clone() })
+            Err(KrylovError::NotPositiveDefinite {
+                what,
+                energy,
+                iteration,
+                history: History(self.history.clone()),
+            })
         } else {
             Err(self.not_finite(what, iteration))
         }

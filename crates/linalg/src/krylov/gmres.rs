@@ -2,7 +2,7 @@
 
 use comm::Comm;
 
-use super::{KrylovError, KrylovInfo, KrylovParams};
+use super::{History, KrylovError, KrylovInfo, KrylovParams};
 use crate::vector::{axpy, dot, residual};
 use crate::{Operator, Preconditioner};
 
@@ -86,7 +86,7 @@ impl Gmres {
                     iterations: info.iterations,
                     residual: norm,
                     target,
-                    history: self.history.clone(),
+                    history: History(self.history.clone()),
                 });
             }
             let budget = params.restart.max(1).min(params.max_iterations - info.iterations);
@@ -100,7 +100,11 @@ impl Gmres {
                 norm = norm.min(target);
             } else if norm > 10.0 * estimate && norm > 0.5 * before {
                 // The cycle promised far more than it delivered.
-                return Err(KrylovError::Stalled { residual: norm, target, history: self.history.clone() });
+                return Err(KrylovError::Stalled {
+                    residual: norm,
+                    target,
+                    history: History(self.history.clone()),
+                });
             }
         }
     }
@@ -200,7 +204,7 @@ impl Gmres {
     }
 
     fn not_finite(&self, what: &'static str, iteration: usize) -> KrylovError {
-        KrylovError::NotFinite { what, iteration, history: self.history.clone() }
+        KrylovError::NotFinite { what, iteration, history: History(self.history.clone()) }
     }
 }
 

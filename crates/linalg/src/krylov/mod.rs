@@ -39,6 +39,28 @@ pub struct KrylovInfo {
     pub rhs_norm: f64,
 }
 
+/// Residual norms, of the initial guess and after each iteration.
+#[derive(Clone, PartialEq)]
+pub struct History(pub Vec<f64>);
+
+impl std::ops::Deref for History {
+    type Target = [f64];
+    fn deref(&self) -> &[f64] {
+        &self.0
+    }
+}
+
+/// Only the ends: a failed solve may have made thousands of iterations.
+impl std::fmt::Debug for History {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let n = self.len();
+        if n <= 6 {
+            return self.0.fmt(f);
+        }
+        write!(f, "{:?} ({} more) {:?}", &self[..3], n - 6, &self[n - 3..])
+    }
+}
+
 /// Why a solve failed. The best iterate so far is left in `x`, unless it holds NaN.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum KrylovError {
@@ -55,7 +77,7 @@ pub enum KrylovError {
         /// Residual norm that was asked for.
         target: f64,
         /// Residual norm of the initial guess and after each iteration.
-        history: Vec<f64>,
+        history: History,
     },
     /// NaN or infinity in the operator, the preconditioner or the data.
     #[error(
@@ -67,7 +89,7 @@ pub enum KrylovError {
         /// Iteration at which it was seen.
         iteration: usize,
         /// Residual norms until then.
-        history: Vec<f64>,
+        history: History,
     },
     /// Rounding keeps the true residual above the target.
     #[error(
@@ -79,7 +101,7 @@ pub enum KrylovError {
         /// Residual norm that was asked for.
         target: f64,
         /// Residual norms.
-        history: Vec<f64>,
+        history: History,
     },
     /// CG met a direction of non-positive energy.
     #[error(
@@ -93,6 +115,6 @@ pub enum KrylovError {
         /// Iteration at which it was seen.
         iteration: usize,
         /// Residual norms until then.
-        history: Vec<f64>,
+        history: History,
     },
 }

@@ -140,7 +140,7 @@ impl<const B: usize, T: Real> SchurLu<B, T> {
                 let block = &mut part[start + j];
                 for r in 0..B {
                     for c in 0..B {
-                        block[r][c] = schur[(j * B + c) * n + i * B + r].to_f64();
+                        block[r][c] = schur[(j * B + c) * n + i * B + r].to_f64() / self.interior.scale();
                     }
                 }
             }
@@ -166,7 +166,7 @@ impl<const B: usize, T: Real> Preconditioner for SchurLu<B, T> {
         x.copy_from_slice(&r[..n]);
         self.interior.solve_around(x, |kept| {
             part.clear();
-            part.extend(kept.iter().map(|v| v.to_f64()));
+            part.extend(kept.iter().map(|v| v.to_f64() / self.interior.scale()));
             let mut all = self.halo.comm().all_gather_var(part);
             self.border.solve(&mut all);
             for (k, v) in kept.iter_mut().zip(&all[self.first * B..]) {
