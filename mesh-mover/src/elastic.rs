@@ -1,9 +1,10 @@
 //! The pseudo-solid: linear elasticity with stiffening by the Jacobian.
 
-use linalg::{BlockCsr, BlockJacobi, Operator, Preconditioner};
+use linalg::{Amg, AmgParams, BlockCsr, BlockJacobi, Operator};
 use mesh::Vec3;
 
 use crate::element::stiffness;
+use crate::glance::Glance;
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
 use crate::solve::{Scratch, correct};
@@ -59,7 +60,8 @@ struct System {
     matrix: BlockCsr<3, f32>,
     /// Owned free row, interface node, and block: what the canopy pushes.
     canopy: Vec<(u32, u32, [[f64; 3]; 3])>,
-    preconditioner: Box<dyn Preconditioner>,
+    preconditioner: Amg<f32>,
+    glance: Glance,
     /// Shortest edge around each owned free node, m.
     sizes: Vec<f64>,
     warm: Warm,
@@ -78,18 +80,22 @@ impl Elastic {
 impl Mover for Elastic {
     fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError> {
         let (matrix, canopy) = agree(grid, assemble(grid, x, &self.solid))?;
-        let preconditioner = BlockJacobi::<3>::new(&matrix).map_err(|e| MoverError::Singular {
-            node: grid.nodes.global[grid.free_node[e.row] as usize],
-            reason: e.to_string(),
-        });
-        let preconditioner = agree(grid, preconditioner)?;
+        let at = |a: &u32| -> Vec3 { [0, 1, 2].map(|i| x[3 * *a as usize + i]) };
+        let coords: Vec<Vec3> = grid.free_node[..grid.n_free].iter().map(at).collect();
+        // Fails on all ranks alike.
+        let singular = |e: &dyn std::error::Error| MoverError::Singular { reason: e.to_string() };
+        let preconditioner =
+            Amg::<f32>::new(&matrix, &coords, AmgParams::default()).map_err(|e| singular(&e))?;
+        // Every diagonal block has an inverse: multigrid has them too.
+        let glance = BlockJacobi::new(&matrix).map_err(|e| singular(&e))?;
         let (n, n_local) = (matrix.n_owned(), matrix.n_local());
         let mut sizes = grid.free_sizes(x);
         sizes.truncate(grid.n_free);
         self.system = Some(System {
             matrix: matrix.cast(),
             canopy,
-            preconditioner: Box::new(preconditioner),
+            preconditioner,
+            glance: Glance::new(glance),
             sizes,
             warm: Warm::new(n),
             scratch: Scratch::new(n, n_local),
@@ -123,14 +129,21 @@ impl Mover for Elastic {
         for (r, b) in s.scratch.r.iter_mut().zip(&s.rhs) {
             *r = b - *r;
         }
+        let Solid { tolerance, max_iterations, .. } = self.solid;
+        let seen = s.glance.look(comm, &s.scratch.r, &s.sizes, &mut s.scratch.z);
+        let error = s.glance.error(seen);
+        if error <= tolerance {
+            grid.free_halo.exchange(u, 3);
+            return Ok(Effort { iterations: 0, error });
+        }
         // The residual of the guess is kept where the right-hand side was.
         s.rhs.copy_from_slice(&s.scratch.r);
-        let Solid { tolerance, max_iterations, .. } = self.solid;
         let end =
-            correct(&s.matrix, &*s.preconditioner, comm, &s.sizes, tolerance, max_iterations, &mut s.scratch);
+            correct(&s.matrix, &s.preconditioner, comm, &s.sizes, tolerance, max_iterations, &mut s.scratch);
         if end.error.is_nan() || end.error > tolerance {
             return Err(MoverError::NotConverged { iterations: end.iterations, error: end.error, tolerance });
         }
+        s.glance.learn(seen, end.first);
         for (u, d) in u[..n].iter_mut().zip(&s.scratch.d) {
             *u += d;
         }
@@ -218,24 +231,18 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3>, 
 /// The first error in rank order on every rank, so that all leave together. Collective.
 fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Result<T, MoverError> {
     let row = match &result {
-        Ok(_) => Vec::new(),
         Err(MoverError::Inverted { cell, at, determinant }) => {
-            vec![0.0, f64::from(*cell), at[0], at[1], at[2], *determinant]
+            vec![f64::from(*cell), at[0], at[1], at[2], *determinant]
         }
-        Err(MoverError::Singular { node, .. }) => vec![1.0, *node as f64, 0.0, 0.0, 0.0, 0.0],
-        // Errors of a solve are the same on all ranks by themselves.
-        Err(MoverError::NotConverged { .. }) => return result,
+        // Others come from solves, which end alike on all ranks.
+        _ => Vec::new(),
     };
-    let all = grid.comm().all_gather_var(&row);
-    let Some(first) = all.as_chunks::<6>().0.first() else { return result };
-    Err(match first[0] {
-        0.0 => MoverError::Inverted {
-            cell: first[1] as u32,
-            at: [first[2], first[3], first[4]],
-            determinant: first[5],
-        },
-        _ => MoverError::Singular { node: first[1] as u64, reason: "singular diagonal block".into() },
-    })
+    match grid.comm().all_gather_var(&row).as_chunks::<5>().0.first() {
+        Some(&[cell, x, y, z, determinant]) => {
+            Err(MoverError::Inverted { cell: cell as u32, at: [x, y, z], determinant })
+        }
+        None => result,
+    }
 }
 
 fn inverted(grid: &LocalGrid, c: usize, x: &[f64], determinant: f64) -> MoverError {

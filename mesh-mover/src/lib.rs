@@ -5,6 +5,7 @@
 pub mod alone;
 pub mod elastic;
 pub mod element;
+pub mod glance;
 pub mod inverse_distance;
 pub mod local;
 pub mod motion;

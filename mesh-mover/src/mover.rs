@@ -45,11 +45,9 @@ pub enum MoverError {
         /// Jacobian determinant at the Gauss point.
         determinant: f64,
     },
-    /// A node that no cell holds in place.
-    #[error("grid node {node} has a singular stiffness ({reason}): is it attached to the grid?")]
+    /// A part of the grid that nothing holds in place.
+    #[error("the stiffness of the grid is singular ({reason}): is every cell joined to the outer boundary?")]
     Singular {
-        /// Global node, as far as known.
-        node: u64,
         /// What the linear algebra found.
         reason: String,
     },

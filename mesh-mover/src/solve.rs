@@ -10,7 +10,7 @@ pub struct Scratch {
     /// Correction found.
     pub d: Vec<f64>,
     /// Preconditioned residual: an estimate of the error.
-    z: Vec<f64>,
+    pub z: Vec<f64>,
     /// Search direction (local numbers).
     p: Vec<f64>,
     q: Vec<f64>,
@@ -31,6 +31,8 @@ pub struct Ending {
     pub iterations: usize,
     /// Largest estimated error of a node, in shares of its size.
     pub error: f64,
+    /// The same before the first iteration.
+    pub first: f64,
 }
 
 /// Solves A d = r for three numbers a node until the preconditioned residual, which
@@ -51,12 +53,15 @@ pub fn correct<A: Operator + ?Sized, P: Preconditioner + ?Sized>(
     let n = a.n_owned();
     s.d.fill(0.0);
     s.p.fill(0.0);
-    let mut rho = 0.0;
+    let (mut rho, mut first) = (0.0, 0.0);
     for iterations in 0.. {
         preconditioner.apply(&s.r, &mut s.z);
         let error = comm.max(largest(&s.z, sizes));
+        if iterations == 0 {
+            first = error;
+        }
         if error <= tolerance || iterations == max_iterations || error.is_nan() {
-            return Ending { iterations, error };
+            return Ending { iterations, error, first };
         }
         let new = comm.sum(dot(&s.r, &s.z));
         let beta = if iterations == 0 { 0.0 } else { new / rho };
@@ -69,7 +74,7 @@ pub fn correct<A: Operator + ?Sized, P: Preconditioner + ?Sized>(
         if curvature.is_nan() || curvature <= 0.0 {
             // Rounding has eaten the direction, or the preconditioner is not
             // definite: the caller judges by the error.
-            return Ending { iterations, error };
+            return Ending { iterations, error, first };
         }
         let alpha = rho / curvature;
         for i in 0..n {
@@ -81,7 +86,7 @@ pub fn correct<A: Operator + ?Sized, P: Preconditioner + ?Sized>(
 }
 
 /// Largest length of a row of `z` over its size; NaN becomes infinity.
-fn largest(z: &[f64], sizes: &[f64]) -> f64 {
+pub(crate) fn largest(z: &[f64], sizes: &[f64]) -> f64 {
     let mut most = 0.0f64;
     for (z, h) in z.as_chunks::<3>().0.iter().zip(sizes) {
         let e = (z[0] * z[0] + z[1] * z[1] + z[2] * z[2]) / (h * h);

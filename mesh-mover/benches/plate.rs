@@ -1,0 +1,74 @@
+//! What moving the grid costs: `cargo bench -p mesh-mover --bench plate [-- cells_per_side ...]`
+//!
+//! A plate in a box breathes and bends in small steps, four calls a window.
+
+use std::time::Instant;
+
+use case::MeshMotion;
+use channel::{Input, Participant, Window, mesh_stats};
+use comm::Comm;
+use mesh_mover::elastic::{Elastic, Solid};
+use mesh_mover::inverse_distance::InverseDistance;
+use mesh_mover::motion::Limits;
+use mesh_mover::mover::Mover;
+use mesh_mover::participant::{MeshMover, Setup};
+use mesh_mover::sample::{plate_in_box, plate_structure};
+
+const WINDOWS: u64 = 20;
+const CALLS: u64 = 4;
+
+fn main() {
+    let sizes: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
+    println!(
+        "{:>9} {:>12} {:>9} {:>8} {:>9} {:>11} {:>14} {:>8}",
+        "cells", "mover", "start s", "B/cell", "cold it", "it a call", "us/cell/call", "quality"
+    );
+    for n in if sizes.is_empty() { vec![16, 32] } else { sizes } {
+        bench(n, "elastic", Box::new(Elastic::new(Solid::from(&MeshMotion::default()))));
+        bench(n, "inverse", Box::new(InverseDistance::default()));
+    }
+}
+
+fn bench(n: usize, name: &str, mover: Box<dyn Mover>) {
+    let grid = plate_in_box(n, 0.1, 0.9, false);
+    let structure = plate_structure(&grid);
+    let cells = grid.cells.len() as f64;
+    let owner = vec![0; grid.coords.len()];
+    let clock = Instant::now();
+    let limits = Limits::from(&MeshMotion::default());
+    let setup = Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state: None };
+    let mut mover = MeshMover::on_grid(setup, &Comm::solo()).expect("the sample grid is sound");
+    let start = clock.elapsed().as_secs_f64();
+    let mut output = vec![0.0; 6 * grid.coords.len()];
+    let (mut cold, mut warm, mut seconds, mut quality) = (0.0, 0.0, 0.0, f64::INFINITY);
+    for index in 0..WINDOWS {
+        let mut w = Window { index, dt: 5e-3, ..Window::default() };
+        for iteration in 0..CALLS {
+            w.iteration = iteration;
+            let miss = if iteration + 1 < CALLS { 0.3 * 0.1f64.powi(iteration as i32) } else { 0.0 };
+            let t = 0.15 * (index as f64 + 1.0 - miss);
+            let bend = |p: &[f64; 3]| {
+                [0.05 * t.sin() * p[0], 0.05 * t.sin() * p[1], 0.1 * t.sin() * (2.0 * p[0] + t).cos()]
+            };
+            let displacement: Vec<f64> = structure.coords.iter().flat_map(bend).collect();
+            let input = Input { canopy: &displacement, grid: Default::default() };
+            let clock = Instant::now();
+            let v = mover.advance(&w, &input, &mut output).expect("a small motion").values;
+            if (index, iteration) == (0, 0) {
+                cold = v[mesh_stats::ITERATIONS];
+            } else {
+                seconds += clock.elapsed().as_secs_f64();
+                warm += v[mesh_stats::ITERATIONS];
+            }
+            quality = f64::min(quality, v[mesh_stats::MIN_QUALITY]);
+        }
+        mover.accept(&w).expect("was answered");
+    }
+    let calls = (WINDOWS * CALLS - 1) as f64;
+    println!(
+        "{cells:>9} {name:>12} {start:>9.2} {:>8.0} {cold:>9} {:>11.2} {:>14.3} {quality:>8.3}",
+        mover.motion().bytes() as f64 / cells,
+        warm / calls,
+        1e6 * seconds / calls / cells,
+    );
+}
