@@ -110,8 +110,9 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
         mover.accept(&w)?;
         worst = f64::min(worst, v[mesh_stats::MIN_QUALITY]);
         say(format!(
-            "{line} | quality {:.4} volume {:.3} increments {} references {} accept {:.1}ms",
+            "{line} | quality {:.4} cell {} volume {:.3} increments {} references {} accept {:.1}ms",
             v[mesh_stats::MIN_QUALITY],
+            v[mesh_stats::WORST_CELL],
             v[mesh_stats::MIN_VOLUME_RATIO],
             v[mesh_stats::INCREMENTS],
             mover.motion().rebased(),

@@ -7,7 +7,7 @@ use crate::element::stiffness;
 use crate::glance::Glance;
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
-use crate::solve::{Scratch, correct};
+use crate::solve::{Goal, Scratch, correct};
 use crate::warm::Warm;
 
 /// Parameters of the pseudo-solid.
@@ -129,21 +129,17 @@ impl Mover for Elastic {
         for (r, b) in s.scratch.r.iter_mut().zip(&s.rhs) {
             *r = b - *r;
         }
-        let Solid { tolerance, max_iterations, .. } = self.solid;
-        let seen = s.glance.look(comm, &s.scratch.r, &s.sizes, &mut s.scratch.z);
-        let error = s.glance.error(seen);
-        if error <= tolerance {
-            grid.free_halo.exchange(u, 3);
-            return Ok(Effort { iterations: 0, error });
-        }
         // The residual of the guess is kept where the right-hand side was.
         s.rhs.copy_from_slice(&s.scratch.r);
-        let end =
-            correct(&s.matrix, &s.preconditioner, comm, &s.sizes, tolerance, max_iterations, &mut s.scratch);
-        if end.error.is_nan() || end.error > tolerance {
-            return Err(MoverError::NotConverged { iterations: end.iterations, error: end.error, tolerance });
+        let goal = Goal { tolerance: self.solid.tolerance, max_iterations: self.solid.max_iterations };
+        let end = correct(&s.matrix, &s.preconditioner, &mut s.glance, comm, &s.sizes, goal, &mut s.scratch);
+        if end.error.is_nan() || end.error > goal.tolerance {
+            return Err(MoverError::NotConverged {
+                iterations: end.iterations,
+                error: end.error,
+                tolerance: goal.tolerance,
+            });
         }
-        s.glance.learn(seen, end.first);
         for (u, d) in u[..n].iter_mut().zip(&s.scratch.d) {
             *u += d;
         }
@@ -193,10 +189,10 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3>, 
     let scale = (grid.mean_volume / 8.0).powf(solid.chi);
     let mu = scale * 0.5 / (1.0 + nu);
     let lambda = scale * nu / ((1.0 + nu) * (1.0 - 2.0 * nu));
-    let shapes = crate::quality::Corners::new(&grid.cells);
+
     for (c, cell) in grid.cells.iter().enumerate() {
         let corners = grid.corners(c, x);
-        let f = shapes.quality(c, x).clamp(LEAST_SHAPE, 1.0).powf(-solid.shape_exponent);
+        let f = grid.shapes.quality(c, x).clamp(LEAST_SHAPE, 1.0).powf(-solid.shape_exponent);
         let (lambda, mu) = (f * lambda, f * mu);
         let k =
             stiffness(&corners, lambda, mu, solid.chi).map_err(|e| inverted(grid, c, x, e.determinant))?;

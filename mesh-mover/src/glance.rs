@@ -16,8 +16,9 @@ pub struct Glance {
 
 /// Comparisons before a glance counts.
 const APPRENTICESHIP: u32 = 4;
-/// Distrust of the gain seen so far.
-const SAFETY: f64 = 2.0;
+/// Distrust of the gain seen so far. (On the ATPS grid, a single gain lies between
+/// 0.6 and 1.8: once a motion is known, what is left is local.)
+const SAFETY: f64 = 1.25;
 /// The gain of one look fades by this with each later one.
 const FADING: f64 = 0.9;
 
@@ -27,7 +28,8 @@ impl Glance {
         Self { jacobi, gain: 0.0, looks: 0 }
     }
 
-    /// Block Jacobi's largest error of a node, in shares of its size; `z` is scratch. Collective.
+    /// Block Jacobi's largest error of a node, in shares of its size; `z` is scratch.
+    /// Collective.
     pub fn look(&self, comm: &Comm, r: &[f64], sizes: &[f64], z: &mut [f64]) -> f64 {
         self.jacobi.apply(r, z);
         comm.max(largest(z, sizes))
@@ -40,7 +42,7 @@ impl Glance {
 
     /// Multigrid found `error` where a glance had `seen`.
     pub fn learn(&mut self, seen: f64, error: f64) {
-        if seen > 0.0 && error.is_finite() {
+        if seen > 0.0 && error > 0.0 && error.is_finite() {
             self.gain = (FADING * self.gain).max(error / seen);
             self.looks = self.looks.saturating_add(1);
         }

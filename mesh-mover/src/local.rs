@@ -6,6 +6,8 @@ use std::rc::Rc;
 use comm::{Comm, Halo, Numbering};
 use mesh::{FlowGrid, Vec3};
 
+use crate::quality::Corners;
+
 /// What decides where a node goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -29,6 +31,8 @@ pub struct LocalGrid {
     pub cells: Vec<[u32; 8]>,
     /// Global index of each cell.
     pub cell_global: Vec<u32>,
+    /// Corners of the cells, for their quality.
+    pub shapes: Corners,
     /// Local node of each local free node: owned first, then ghosts.
     pub free_node: Vec<u32>,
     /// Number of owned free nodes.
@@ -109,11 +113,14 @@ impl LocalGrid {
         let free_halo = Rc::new(Halo::new(comm, &Numbering::new(free_owned, free_ghosts)));
         let total: f64 = (0..grid.cells.len()).map(|c| mesh::quality::cell_volume(grid, c)).sum();
         let mean_volume = total / grid.cells.len().max(1) as f64;
+        let start: Vec<f64> = nodes.global.iter().flat_map(|&g| grid.coords[g as usize]).collect();
+        let shapes = Corners::new(&cells, &start);
         Self {
             nodes,
             kind,
             cells,
             cell_global,
+            shapes,
             free_node,
             n_free,
             free_halo,
@@ -127,7 +134,10 @@ impl LocalGrid {
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.cells.len() * 36 + self.n_local() * (size_of::<Kind>() + 8 + 24) + 4 * self.free_node.len()
+        self.shapes.bytes()
+            + self.cells.len() * 36
+            + self.n_local() * (size_of::<Kind>() + 8 + 24)
+            + 4 * self.free_node.len()
     }
 
     /// The ranks that share the grid.

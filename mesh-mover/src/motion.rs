@@ -6,7 +6,6 @@ use mesh::Vec3;
 
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
-use crate::quality::Corners;
 use crate::untangle::untangle;
 
 /// What a moved grid must keep.
@@ -105,7 +104,6 @@ pub struct Motion {
     pub grid: LocalGrid,
     mover: Box<dyn Mover>,
     limits: Limits,
-    corners: Corners,
     start_volumes: Vec<f64>,
     reference: Positions,
     reference_quality: f64,
@@ -129,7 +127,6 @@ impl Motion {
         mover: Box<dyn Mover>,
         limits: Limits,
     ) -> Result<Self, MotionError> {
-        let corners = Corners::new(&grid.cells);
         let volume = |c: usize| mesh::quality::volume(&grid.corners(c, start));
         let start_volumes = (0..grid.cells.len()).map(volume).collect();
         let (push, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
@@ -138,7 +135,6 @@ impl Motion {
             grid,
             mover,
             limits,
-            corners,
             start_volumes,
             reference,
             reference_quality: 1.0,
@@ -211,7 +207,7 @@ impl Motion {
     /// Bytes held for the motion.
     pub fn bytes(&self) -> usize {
         let flat = self.reference.grid.len() + self.u.len() + self.push.len() + self.start_volumes.len();
-        8 * flat + self.grid.bytes() + self.corners.bytes() + self.mover.bytes()
+        8 * flat + self.grid.bytes() + self.mover.bytes()
     }
 
     /// To be called with an accepted state: takes it as the new reference where
@@ -227,7 +223,7 @@ impl Motion {
     pub fn shape(&self, x: &[f64]) -> Shape {
         let (mut quality, mut worst, mut ratio) = (f64::INFINITY, None, f64::INFINITY);
         for c in 0..self.grid.cells.len() {
-            let q = self.corners.quality(c, x);
+            let q = self.grid.shapes.quality(c, x);
             if q < quality {
                 (quality, worst) = (q, Some(c));
             }
@@ -300,7 +296,7 @@ impl Motion {
                 *iterations += effort.iterations;
                 shape = self.shape(&to.grid);
                 if !self.accepts(&shape) && repair {
-                    untangle(&self.grid, &self.corners, &mut to.grid, 4.0 * self.limits.min_quality);
+                    untangle(&self.grid, &mut to.grid, 4.0 * self.limits.min_quality);
                     shape = self.shape(&to.grid);
                     if k == count && self.accepts(&shape) {
                         // Later iterations of this window must start from the repaired grid.

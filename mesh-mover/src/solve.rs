@@ -3,6 +3,8 @@
 use comm::Comm;
 use linalg::{Operator, Preconditioner};
 
+use crate::glance::Glance;
+
 /// Work space of [`correct`]; vectors of owned numbers unless said otherwise.
 pub struct Scratch {
     /// Residual; in: of the guess, out: what is left.
@@ -31,38 +33,54 @@ pub struct Ending {
     pub iterations: usize,
     /// Largest estimated error of a node, in shares of its size.
     pub error: f64,
-    /// The same before the first iteration.
-    pub first: f64,
 }
 
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goal {
+    /// Error of a node, in shares of its size.
+    pub tolerance: f64,
+    /// Iterations at most; the caller sees from the error if they did not suffice.
+    pub max_iterations: usize,
+}
+
+/// Once iterations are made, they go on to this share of the tolerance: the calls
+/// that follow in the same window then find their guess good enough.
+const MARGIN: f64 = 0.5;
+
 /// Solves A d = r for three numbers a node until the preconditioned residual, which
-/// estimates the error, is below `tolerance` times `sizes` at every node (or
-/// `max_iterations` are made, which the caller sees from the error). Collective.
+/// estimates the error, is below the tolerance times `sizes` at every node. `glance` saves
+/// applications of the preconditioner where it is sure enough. Collective.
 ///
 /// Measuring the error in lengths of the grid, not relative to the right-hand
 /// side, is what makes calls cheap: a motion that no cell can feel costs nothing.
 pub fn correct<A: Operator + ?Sized, P: Preconditioner + ?Sized>(
     a: &A,
     preconditioner: &P,
+    glance: &mut Glance,
     comm: &Comm,
     sizes: &[f64],
-    tolerance: f64,
-    max_iterations: usize,
+    goal: Goal,
     s: &mut Scratch,
 ) -> Ending {
     let n = a.n_owned();
     s.d.fill(0.0);
     s.p.fill(0.0);
-    let (mut rho, mut first) = (0.0, 0.0);
+    let mut rho = 0.0;
+    let mut enough = goal.tolerance;
     for iterations in 0.. {
+        let seen = glance.look(comm, &s.r, sizes, &mut s.z);
+        let error = glance.error(seen);
+        if error <= enough {
+            return Ending { iterations, error };
+        }
         preconditioner.apply(&s.r, &mut s.z);
         let error = comm.max(largest(&s.z, sizes));
-        if iterations == 0 {
-            first = error;
+        glance.learn(seen, error);
+        if error <= enough || iterations == goal.max_iterations || !error.is_finite() {
+            return Ending { iterations, error };
         }
-        if error <= tolerance || iterations == max_iterations || error.is_nan() {
-            return Ending { iterations, error, first };
-        }
+        enough = MARGIN * goal.tolerance;
         let new = comm.sum(dot(&s.r, &s.z));
         let beta = if iterations == 0 { 0.0 } else { new / rho };
         rho = new;
@@ -74,7 +92,7 @@ pub fn correct<A: Operator + ?Sized, P: Preconditioner + ?Sized>(
         if curvature.is_nan() || curvature <= 0.0 {
             // Rounding has eaten the direction, or the preconditioner is not
             // definite: the caller judges by the error.
-            return Ending { iterations, error, first };
+            return Ending { iterations, error };
         }
         let alpha = rho / curvature;
         for i in 0..n {

@@ -1,7 +1,6 @@
 //! Local optimisation of bad cells: the last resort before an error.
 
 use crate::local::LocalGrid;
-use crate::quality::Corners;
 
 /// Sweeps over all bad cells at most.
 const SWEEPS: usize = 20;
@@ -11,13 +10,13 @@ const SWEEPS: usize = 20;
 /// pattern search finds. `x`: local positions, flat. Collective.
 ///
 /// Ranks take turns, so that two owners of one cell never move at once.
-pub fn untangle(grid: &LocalGrid, corners: &Corners, x: &mut [f64], target: f64) {
+pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
     let comm = grid.comm();
     let around = cells_of_nodes(grid);
     let mut free = vec![0.0; 3 * grid.free_node.len()];
     for _ in 0..SWEEPS {
         let bad = |x: &[f64]| -> Vec<usize> {
-            (0..grid.cells.len()).filter(|&c| corners.quality(c, x) < target).collect()
+            (0..grid.cells.len()).filter(|&c| grid.shapes.quality(c, x) < target).collect()
         };
         if comm.all(bad(x).is_empty()) {
             return;
@@ -29,7 +28,7 @@ pub fn untangle(grid: &LocalGrid, corners: &Corners, x: &mut [f64], target: f64)
                 nodes.sort_unstable();
                 nodes.dedup();
                 for a in nodes {
-                    improve(a, &around[a as usize], corners, grid, x);
+                    improve(a, &around[a as usize], grid, x);
                 }
             }
             for (f, &a) in free.as_chunks_mut::<3>().0.iter_mut().zip(&grid.free_node) {
@@ -57,10 +56,10 @@ fn cells_of_nodes(grid: &LocalGrid) -> Vec<Vec<u32>> {
 }
 
 /// Pattern search along the axes and towards the mean of the neighbours.
-fn improve(a: u32, cells: &[u32], corners: &Corners, grid: &LocalGrid, x: &mut [f64]) {
+fn improve(a: u32, cells: &[u32], grid: &LocalGrid, x: &mut [f64]) {
     let at = 3 * a as usize;
     let worst =
-        |x: &[f64]| cells.iter().map(|&c| corners.quality(c as usize, x)).fold(f64::INFINITY, f64::min);
+        |x: &[f64]| cells.iter().map(|&c| grid.shapes.quality(c as usize, x)).fold(f64::INFINITY, f64::min);
     let mut mean = [0.0; 3];
     let mut n = 0.0;
     let mut reach = 0.0f64;
@@ -109,7 +108,6 @@ mod tests {
     fn nodes_pushed_through_their_cells_come_back() {
         let grid = crate::sample::plate_in_box(6, 0.1, 0.8, true);
         let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
-        let corners = Corners::new(&local.cells);
         let mut x = local.gather(&grid.coords);
         let fixed = x.clone();
         // Several nodes, by more than a cell.
@@ -118,9 +116,9 @@ mod tests {
             x[3 * a as usize] += 0.4;
             pushed += 1;
         }
-        assert!(pushed >= 4 && corners.worst(&x).unwrap().1 < 0.0);
-        untangle(&local, &corners, &mut x, 0.1);
-        let (cell, q) = corners.worst(&x).unwrap();
+        assert!(pushed >= 4 && local.shapes.worst(&x).unwrap().1 < 0.0);
+        untangle(&local, &mut x, 0.1);
+        let (cell, q) = local.shapes.worst(&x).unwrap();
         assert!(q >= 0.1, "cell {cell}: {q}");
         for a in 0..local.n_local() {
             if !local.is_mine_to_move(a as u32) {

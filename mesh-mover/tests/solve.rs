@@ -5,7 +5,6 @@ use mesh::{BoxShape, FlowGrid, Patch};
 use mesh_mover::elastic::{Elastic, Solid};
 use mesh_mover::local::{Kind, LocalGrid};
 use mesh_mover::mover::Mover;
-use mesh_mover::quality::Corners;
 use mesh_mover::sample::plate_in_box;
 
 fn solid(chi: f64, tolerance: f64) -> Solid {
@@ -110,7 +109,6 @@ fn one_linear_solve_survives_motions_of_several_cell_layers() {
     let grid = plate_in_box(12, 0.1, 0.7, false);
     let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
     let x0 = local.gather(&grid.coords);
-    let corners = Corners::new(&local.cells);
     let mut mover = Elastic::new(solid(1.0, 1e-3));
     mover.rebase(&local, &x0).unwrap();
     let mut u = vec![0.0; 3 * local.free_node.len()];
@@ -136,7 +134,7 @@ fn one_linear_solve_survives_motions_of_several_cell_layers() {
                 (0..3).for_each(|i| x[3 * a + i] += canopy[3 * *k as usize + i]);
             }
         }
-        let (cell, q) = corners.worst(&x).unwrap();
+        let (cell, q) = local.shapes.worst(&x).unwrap();
         println!("{name}: worst cell {cell} {q:.3} ({} iterations)", effort.iterations);
         assert!(q > least, "{name}: cell {cell} has quality {q}");
     }
