@@ -89,10 +89,14 @@ pub enum NewtonError {
         node: u64,
     },
     /// The linear solver failed.
-    #[error("the linear system of Newton step {steps} was not solved: {cause}")]
+    #[error(
+        "the linear system of Newton step {steps} was not solved (largest residual at node {node}): {cause}"
+    )]
     Linear {
         /// Newton steps.
         steps: u32,
+        /// Node (global) with the largest residual.
+        node: u64,
         /// Message of the solver.
         cause: String,
     },
@@ -209,9 +213,9 @@ impl Newton {
             for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
                 *r = -g;
             }
-            linear
-                .solve(&system.matrix, &self.rhs, &mut self.du)
-                .map_err(|cause| NewtonError::Linear { steps, cause })?;
+            if let Err(cause) = linear.solve(&system.matrix, &self.rhs, &mut self.du) {
+                return Err(NewtonError::Linear { steps, node: self.worst_node(system), cause });
+            }
             system.model.halo.exchange(&mut self.du, 3);
             steps += 1;
             norm = self.search(system, balance, norm);

@@ -146,10 +146,8 @@ fn half_periods(d: &mut Dynamics, i: usize, dt: f64, count: usize) -> f64 {
 fn taut_string_has_its_frequency() {
     let (l, rest, y, area, density) = (2.0, 1.9, 1e7, 1e-5, 1100.0);
     let m = chain(40, l, rest);
-    let mut d = Dynamics::new(
-        lines(&m, TwoWay { youngs_modulus: y }, area, density),
-        params(Scheme::newmark(), 0.0),
-    );
+    let mut d =
+        Dynamics::new(lines(&m, TwoWay { youngs_modulus: y }, area, density), params(Scheme::newmark(), 0.0));
     let e = 0.5 * ((l / rest) * (l / rest) - 1.0);
     let tension = area * y * e * l / rest;
     let mu = density * area * rest / l;
@@ -169,10 +167,8 @@ fn taut_string_has_its_frequency() {
 fn square_drum_has_its_frequency_and_keeps_its_energy() {
     let (a0, n, lambda, y, nu) = (1.0, 12, 1.02, 1e6, 0.3);
     let m = sheet(n, a0);
-    let mut d = Dynamics::new(
-        membrane(&m, StVenantKirchhoff::isotropic(y, nu)),
-        params(Scheme::newmark(), 0.0),
-    );
+    let mut d =
+        Dynamics::new(membrane(&m, StVenantKirchhoff::isotropic(y, nu)), params(Scheme::newmark(), 0.0));
     stretch(&mut d, lambda);
     let a = lambda * a0;
     // S11 = S22 = Y E / (1 - nu); force per deformed length is S h (lambda / lambda).

@@ -1,0 +1,278 @@
+//! The program as a whole: uniform pressure on the ATPS, restarts, repeated
+//! windows, ranks, bad input.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use case::{Role, Scene};
+use channel::{Grid, Input, Participant, Window, structure_stats as stat};
+use comm::Comm;
+use structure_solver::participant::StructureSolver;
+
+fn scene(stages: &str, changes: &[(&str, &str)]) -> (Scene, String) {
+    let mut text = format!(
+        r#"
+        name = "atps"
+        [canopy]
+        kind = "atps"
+        cells_across = 12
+        cells_along_vent = 6
+        cells_along_stitching = 2
+        [fabric]
+        youngs_modulus_pa = 9.5648e6
+        poisson_ratio = 0.3
+        thickness_m = 3.048e-5
+        density_kg_m3 = 1223.5093
+        wrinkling = true
+        [lines]
+        youngs_modulus_pa = 5.3420e8
+        area_m2 = 3.11e-6
+        density_kg_m3 = 1223.50932
+        [structure]
+        spectral_radius = 0.6
+        {stages}
+        "#
+    );
+    for (from, to) in changes {
+        assert!(text.contains(from));
+        text = text.replace(from, to);
+    }
+    (case::parse(Path::new("atps.toml"), &text).expect("a good scene"), text)
+}
+
+const STAGE: &str = r#"
+        [[stage]]
+        name = "one"
+        kind = "pre-inflation"
+        pressure_pa = 14.567
+        duration_s = 0.1
+        window_s = 1e-2
+        substeps = 5
+        mass_damping_per_s = 4.0
+"#;
+
+fn uniform(solver: &StructureSolver, pressure: f64) -> Vec<f64> {
+    let row = [pressure, 0.0, 0.0, 0.0, pressure, 0.0, 0.0, 0.0];
+    solver.mesh().faces.iter().flat_map(|_| row).collect()
+}
+
+struct Run {
+    solver: StructureSolver,
+    load: Vec<f64>,
+    output: Vec<f64>,
+}
+
+impl Run {
+    fn new(scene: &Scene, stage: usize, out: &Path, pressure: f64) -> Self {
+        let solver = StructureSolver::new(&Comm::solo(), scene, stage, out).expect("a good structure");
+        let load = uniform(&solver, pressure);
+        let output = vec![0.0; 3 * solver.output_rows().len()];
+        Self { solver, load, output }
+    }
+
+    fn advance(&mut self, index: u64) -> [f64; 16] {
+        let w = window(index);
+        let input = Input { canopy: &self.load, grid: Grid::default() };
+        self.solver.advance(&w, &input, &mut self.output).expect("a solvable window").values
+    }
+
+    fn accept(&mut self, index: u64) {
+        self.solver.accept(&window(index)).expect("accepted");
+    }
+}
+
+fn window(index: u64) -> Window {
+    Window { index, substeps: 5, time: index as f64 * 1e-2, dt: 1e-2, ..Window::default() }
+}
+
+fn difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).fold(0.0, |m, (a, b)| m.max((a - b).abs()))
+}
+
+/// DESIGN.md section 6: load 715 N at 14.567 Pa; 1041 N, 68 m2, 275 m3 and lines of
+/// 42 to 46 N at 20.4 Pa; 3 % each. At rest the risers carry the load.
+#[test]
+fn atps_under_uniform_pressure_has_the_independent_figures() {
+    let grid =
+        [("across = 12", "across = 18"), ("vent = 6", "vent = 10"), ("stitching = 2", "stitching = 3")];
+    let (scene, _) = scene(STAGE, &[&grid[..], &[("per_s = 4.0", "per_s = 12.0")]].concat());
+    let near =
+        |found: f64, figure: f64| assert!((found / figure - 1.0).abs() < 0.03, "{found} beside {figure}");
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let mut last = [0.0; 16];
+    let mut run = Run::new(&scene, 0, out.path(), 14.567);
+    for (pressure, windows) in [(14.567, 0..150), (20.4, 150..260)] {
+        run.load = uniform(&run.solver, pressure);
+        for index in windows {
+            last = run.advance(index);
+            run.accept(index);
+        }
+        near(last[stat::RISER_FORCE], last[stat::VERTICAL_LOAD]);
+        if pressure < 15.0 {
+            near(last[stat::VERTICAL_LOAD], 715.0);
+        }
+    }
+    near(last[stat::VERTICAL_LOAD], 1041.0);
+    near(last[stat::PROJECTED_AREA], 68.0);
+    near(last[stat::VOLUME], 275.0);
+    let tension = last[stat::MAX_LINE_TENSION];
+    assert!((42.0 * 0.97..46.0 * 1.03).contains(&tension), "{tension}");
+    let energy = last[stat::STRAIN_ENERGY];
+    assert!(last[stat::KINETIC_ENERGY] < 1e-4 * energy, "at rest");
+}
+
+/// A window that is asked for again, with other loads in between, gives the same
+/// answer to the solver's tolerance, and leaves the accepted state alone.
+#[test]
+fn a_window_can_be_repeated_and_rolled_back() {
+    let (scene, _) =
+        scene(STAGE, &[("spectral_radius = 0.6", "spectral_radius = 0.6\nnewton_tolerance = 1e-9")]);
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let mut run = Run::new(&scene, 0, out.path(), 14.567);
+    for index in 0..3 {
+        run.advance(index);
+        run.accept(index);
+    }
+    let first = run.advance(3);
+    let answer = run.output.clone();
+    run.load.iter_mut().for_each(|p| *p *= 1.5);
+    run.advance(3);
+    assert!(difference(&answer, &run.output) > 1e-6, "another load, another answer");
+    run.load.iter_mut().for_each(|p| *p /= 1.5);
+    let again = run.advance(3);
+    assert!(difference(&answer, &run.output) < 1e-9, "{}", difference(&answer, &run.output));
+    assert!(again[stat::NEWTON_STEPS] <= first[stat::NEWTON_STEPS], "the path of the last iteration helps");
+}
+
+/// Two stages in a row do what one long stage does: nothing is lost in the file.
+#[test]
+fn a_run_continues_from_its_saved_state() {
+    let second = STAGE.replace("\"one\"", "\"two\"");
+    let (scene, _) = scene(&format!("{STAGE}{second}"), &[]);
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let mut whole = Run::new(&scene, 0, out.path(), 14.567);
+    for index in 0..4 {
+        whole.advance(index);
+        whole.accept(index);
+        if index == 1 {
+            let folder = case::state_folder(out.path(), &scene, 0);
+            std::fs::create_dir_all(&folder).expect("a folder");
+            whole.solver.save(&folder).expect("saved");
+            let n = whole.solver.mesh().n_canopy;
+            let shape = mesh::load_shape(&case::canopy_file(&folder), n).expect("a shape");
+            let x = whole.solver.mesh().coords[5];
+            let moved = [0, 1, 2].map(|c| x[c] + whole.output[15 + c]);
+            assert!(difference(&shape[5], &moved) < 1e-15);
+        }
+    }
+    let mut rest = Run::new(&scene, 1, out.path(), 14.567);
+    for index in 0..2 {
+        rest.advance(index);
+        rest.accept(index);
+    }
+    assert!(difference(&whole.output, &rest.output) < 1e-12, "{}", difference(&whole.output, &rest.output));
+}
+
+/// Loads that run linearly over a window act as such: a window under a ramp equals
+/// the mean of neither end, and equals many windows under the same ramp.
+#[test]
+fn a_ramp_of_the_load_is_followed() {
+    let (scene, _) =
+        scene(STAGE, &[("spectral_radius = 0.6", "spectral_radius = 0.6\nnewton_tolerance = 1e-10")]);
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let ramp = |solver: &StructureSolver, a: f64, b: f64| -> Vec<f64> {
+        solver.mesh().faces.iter().flat_map(|_| [a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0]).collect()
+    };
+    let mut one = Run::new(&scene, 0, out.path(), 0.0);
+    one.load = ramp(&one.solver, 0.0, 20.0);
+    one.advance(0);
+    let mut five = Run::new(&scene, 0, out.path(), 0.0);
+    for k in 0..5 {
+        five.load = ramp(&five.solver, 4.0 * k as f64, 4.0 * (k + 1) as f64);
+        let w = Window { index: k, substeps: 1, time: 2e-3 * k as f64, dt: 2e-3, ..Window::default() };
+        let input = Input { canopy: &five.load, grid: Grid::default() };
+        five.solver.advance(&w, &input, &mut five.output).expect("a solvable window");
+        five.accept(k);
+    }
+    assert!(difference(&one.output, &five.output) < 1e-10, "{}", difference(&one.output, &five.output));
+}
+
+#[test]
+fn loads_that_are_not_finite_or_too_few_are_refused() {
+    let (scene, _) = scene(STAGE, &[]);
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let mut run = Run::new(&scene, 0, out.path(), 14.567);
+    run.load[8 * 17] = f64::NAN;
+    let w = window(0);
+    let error = run
+        .solver
+        .advance(&w, &Input { canopy: &run.load, grid: Grid::default() }, &mut run.output)
+        .expect_err("NaN")
+        .message;
+    assert!(error.contains("canopy face 17"), "{error}");
+    let short = Input { canopy: &run.load[1..], grid: Grid::default() };
+    assert!(run.solver.advance(&w, &short, &mut run.output).is_err());
+}
+
+/// A pressure that tears every limit ends in a message with place and time.
+#[test]
+fn an_absurd_pressure_is_reported_with_place_and_time() {
+    let (scene, _) = scene(
+        STAGE,
+        &[("spectral_radius = 0.6", "spectral_radius = 0.6\nmax_step_cuts = 1\nnewton_max_steps = 3")],
+    );
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let mut run = Run::new(&scene, 0, out.path(), 1e12);
+    let input = Input { canopy: &run.load, grid: Grid::default() };
+    let error = run.solver.advance(&window(0), &input, &mut run.output).expect_err("too much").message;
+    assert!(error.contains("node") && error.contains("window 0") && error.contains("halvings"), "{error}");
+}
+
+fn mpirun(ranks: usize, scene: &Path, out: &Path) -> PathBuf {
+    let result = Command::new("mpirun")
+        .args(["-n", &ranks.to_string(), env!("CARGO_BIN_EXE_structure-solver"), "alone", "--scene"])
+        .arg(scene)
+        .arg("--out")
+        .arg(out)
+        .args(["--snapshot-every", "2"])
+        .envs([
+            ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
+            ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
+            ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
+            ("OMPI_MCA_hwloc_base_binding_policy", "none"),
+            ("OMPI_MCA_mpi_yield_when_idle", "1"),
+        ])
+        .output()
+        .expect("mpirun starts");
+    assert!(result.status.success(), "{}", String::from_utf8_lossy(&result.stderr));
+    out.join("one/state/canopy.bin")
+}
+
+/// 1, 2 and 3 ranks end in the same shape, to the tolerance of the solvers.
+#[test]
+fn any_rank_count_gives_the_same_answer() {
+    let short = STAGE.replace("duration_s = 0.1", "duration_s = 0.04");
+    let (scene, text) =
+        scene(&short, &[("spectral_radius = 0.6", "spectral_radius = 0.6\nnewton_tolerance = 1e-9")]);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, text).expect("written");
+    let n = mesh::structure_mesh(&scene).expect("a mesh").n_canopy;
+    let shapes: Vec<_> = (1..=3)
+        .map(|ranks| {
+            let out = folder.path().join(format!("out{ranks}"));
+            let shape = mesh::load_shape(&mpirun(ranks, &file, &out), n).expect("a shape");
+            for series in ["canopy", "lines"] {
+                assert!(out.join(format!("one/{series}.pvd")).exists());
+                assert!(out.join(format!("one/{series}_00001.vtu")).exists());
+            }
+            shape
+        })
+        .collect();
+    for other in &shapes[1..] {
+        let d = difference(shapes[0].as_flattened(), other.as_flattened());
+        assert!(d < 1e-8, "{d}");
+    }
+    // Any rank count reads the state of any other.
+    assert!(case::state_file(&folder.path().join("out3/one/state"), Role::Structure).exists());
+}
