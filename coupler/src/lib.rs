@@ -2,5 +2,6 @@
 
 pub mod descent;
 pub mod error;
+pub mod launch;
 pub mod partners;
 pub mod schemes;

@@ -1,0 +1,186 @@
+//! What is started, word by word.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use case::{Role, Scene};
+
+use crate::error::RunError;
+
+/// One program of a stage, ready to be started.
+#[derive(Clone, Debug)]
+pub struct Program {
+    /// Its role.
+    pub role: Role,
+    /// How messages call it.
+    pub name: String,
+    /// Command and arguments.
+    pub words: Vec<OsString>,
+    /// Environment on top of the coupler's own.
+    pub environment: Vec<(&'static str, OsString)>,
+    /// File that keeps everything it prints.
+    pub log: PathBuf,
+}
+
+impl Program {
+    /// The command as a line that can be pasted into a shell.
+    pub fn line(&self) -> String {
+        let quoted = self.words.iter().map(|w| quote(&w.to_string_lossy()));
+        quoted.collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// Everything that the command lines of a stage depend on.
+pub struct LaunchPlan<'a> {
+    /// The scene, with rank counts and replaced programs as the user wants them.
+    pub scene: &'a Scene,
+    /// Its file.
+    pub scene_file: &'a Path,
+    /// Stage, from 0.
+    pub stage: usize,
+    /// Session to join.
+    pub session: &'a str,
+    /// Folder of the run's results.
+    pub out: &'a Path,
+    /// Folder that the project's own programs lie in.
+    pub programs: &'a Path,
+    /// Folder for MPI's temporary files, removed after the run.
+    pub scratch: &'a Path,
+}
+
+impl LaunchPlan<'_> {
+    /// The programs of the stage in launch order.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] for a program that does not exist or a command that
+    /// cannot be read.
+    pub fn programs(&self) -> Result<Vec<Program>, RunError> {
+        let roles = self.scene.stages[self.stage].kind.roles();
+        roles.iter().map(|&role| self.program(role)).collect()
+    }
+
+    fn program(&self, role: Role) -> Result<Program, RunError> {
+        let (name, command) = match self.scene.programs.get(&role) {
+            Some(line) => {
+                let words = split_words(line).filter(|w| !w.is_empty()).ok_or_else(|| {
+                    RunError::Input(format!(
+                        "the command for {}, `{line}`, is empty or has an unclosed quote",
+                        role.name()
+                    ))
+                })?;
+                (format!("{} (`{line}`)", role.name()), words.into_iter().map(OsString::from).collect())
+            }
+            None => {
+                let file = self.programs.join(role.program());
+                if !file.is_file() {
+                    return Err(RunError::Input(format!(
+                        "{} does not exist: build it with `cargo build --release`, or name another program \
+                         for this role with --{} \"COMMAND\"",
+                        file.display(),
+                        role.name()
+                    )));
+                }
+                (role.program().to_owned(), vec![file.into_os_string()])
+            }
+        };
+        let ranks = self.scene.ranks.of(role).to_string();
+        let mut words: Vec<OsString> = vec!["mpirun".into(), "-n".into(), ranks.clone().into()];
+        words.extend(command);
+        let arguments: [(&str, OsString); 5] = [
+            ("--scene", self.scene_file.into()),
+            ("--stage", self.stage.to_string().into()),
+            ("--session", self.session.into()),
+            ("--out", self.out.into()),
+            ("--ranks", ranks.into()),
+        ];
+        for (key, value) in arguments {
+            words.extend([OsString::from(key), value]);
+        }
+        let folder = case::stage_folder(self.out, self.scene, self.stage);
+        let log = folder.join("logs").join(format!("{}.log", role.name()));
+        Ok(Program { role, name, words, environment: environment(self.scratch), log })
+    }
+}
+
+/// Environment of a program under OpenMPI: several programs share the cores, so
+/// ranks are neither bound nor allowed to spin, and keep to one thread each.
+fn environment(scratch: &Path) -> Vec<(&'static str, OsString)> {
+    let mut set: Vec<(&'static str, OsString)> = vec![
+        ("OMPI_MCA_rmaps_base_oversubscribe", "1".into()),
+        ("OMPI_MCA_hwloc_base_binding_policy", "none".into()),
+        ("OMPI_MCA_mpi_yield_when_idle", "1".into()),
+        // Cross-memory attach is forbidden in many containers, which costs a warning a rank.
+        ("OMPI_MCA_btl_vader_single_copy_mechanism", "none".into()),
+        // In one place, so that nothing stays when a rank is killed.
+        ("OMPI_MCA_orte_tmpdir_base", scratch.into()),
+        ("OMPI_MCA_btl_vader_backing_directory", scratch.into()),
+        ("OMP_NUM_THREADS", "1".into()),
+        ("RAYON_NUM_THREADS", "1".into()),
+    ];
+    // SAFETY: geteuid has no preconditions and cannot fail.
+    if unsafe { libc::geteuid() } == 0 {
+        set.push(("OMPI_ALLOW_RUN_AS_ROOT", "1".into()));
+        set.push(("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1".into()));
+    }
+    set
+}
+
+/// Folder of this executable: the project's programs lie side by side.
+pub fn program_folder() -> Result<PathBuf, RunError> {
+    let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
+    Ok(me.parent().map(Path::to_path_buf).unwrap_or_default())
+}
+
+/// Splits a command line into words as a shell does for plain words, single and
+/// double quotes and backslashes. `None` for an unclosed quote.
+pub fn split_words(line: &str) -> Option<Vec<String>> {
+    let mut words = Vec::new();
+    let mut word: Option<String> = None;
+    let mut quote = None;
+    let mut letters = line.chars();
+    while let Some(letter) = letters.next() {
+        match (quote, letter) {
+            (Some(q), l) if l == q => quote = None,
+            (Some('\''), l) => word.get_or_insert_default().push(l),
+            (_, '\\') => word.get_or_insert_default().push(letters.next()?),
+            (Some(_), l) => word.get_or_insert_default().push(l),
+            (None, '\'' | '"') => {
+                quote = Some(letter);
+                word.get_or_insert_default();
+            }
+            (None, l) if l.is_whitespace() => words.extend(word.take()),
+            (None, l) => word.get_or_insert_default().push(l),
+        }
+    }
+    words.extend(word);
+    quote.is_none().then_some(words)
+}
+
+fn quote(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,@%+".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_as_in_a_shell() {
+        let split = |s| split_words(s).unwrap();
+        assert_eq!(split("python3 my_solver.py"), ["python3", "my_solver.py"]);
+        assert_eq!(split(r#" a 'b c'  "d \" e" f\ g '' "#), ["a", "b c", "d \" e", "f g", ""]);
+        assert_eq!(split_words("a 'b"), None);
+    }
+
+    #[test]
+    fn quoted_words_come_back() {
+        for word in ["plain", "with space", "it's", "", "a\"b"] {
+            assert_eq!(split_words(&quote(word)).unwrap(), [word]);
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Where the lines of all programs meet the terminal.
+
+use std::io::{IsTerminal, Write};
+use std::sync::{Arc, Mutex};
+
+use case::Role;
+use indicatif::ProgressBar;
+
+/// Prints lines without tearing the progress line apart.
+#[derive(Clone, Default)]
+pub struct Console {
+    quiet: bool,
+    colour: bool,
+    bar: Arc<Mutex<Option<ProgressBar>>>,
+}
+
+impl Console {
+    /// On standard error; `quiet` drops everything but errors.
+    pub fn new(quiet: bool) -> Self {
+        let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+        Self { quiet, colour, bar: Arc::default() }
+    }
+
+    /// Whether standard error is a terminal that shows colours.
+    pub fn colour(&self) -> bool {
+        self.colour
+    }
+
+    /// Whether only errors are printed.
+    pub fn quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// From now on lines are printed above this progress line (`None`: plainly).
+    pub fn set_bar(&self, bar: Option<ProgressBar>) {
+        if let Ok(mut place) = self.bar.lock() {
+            *place = bar;
+        }
+    }
+
+    /// A line for the user, unless quiet.
+    pub fn line(&self, text: &str) {
+        if self.quiet {
+            return;
+        }
+        let bar = self.bar.lock().ok().and_then(|b| b.clone());
+        match bar {
+            Some(bar) if !bar.is_hidden() => bar.println(text),
+            // A closed pipe must not end the run.
+            _ => drop(writeln!(std::io::stderr(), "{text}")),
+        }
+    }
+
+    /// A line that a program printed.
+    pub fn program_line(&self, role: Role, text: &str) {
+        let name = role.name();
+        if self.colour {
+            let colour = match role {
+                Role::Structure => 36,
+                Role::Flow => 34,
+                Role::Mesh => 35,
+            };
+            self.line(&format!("\x1b[{colour}m{name:>9}\x1b[0m | {text}"));
+        } else {
+            self.line(&format!("{name:>9} | {text}"));
+        }
+    }
+
+    /// A warning of the coupler.
+    pub fn warning(&self, text: &str) {
+        if self.colour {
+            self.line(&format!("\x1b[33mwarning\x1b[0m: {text}"));
+        } else {
+            self.line(&format!("warning: {text}"));
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! Starting the solver programs, watching over them, and ending them.
+//!
+//! Every program is a child of this process: its death is seen at once, and it
+//! dies with this process however that ends. Nothing here knows what the
+//! programs say to each other.
+
+mod command;
+mod console;
+mod process;
+mod supervisor;
+
+pub use command::{LaunchPlan, Program, program_folder, split_words};
+pub use console::Console;
+pub use supervisor::{Casualty, Supervisor};
+
+#[cfg(test)]
+mod tests;

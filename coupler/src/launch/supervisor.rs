@@ -1,0 +1,318 @@
+//! Watching over the programs of a stage.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use case::Role;
+
+use super::process::{self, Seen};
+use super::{Console, Program};
+use crate::error::RunError;
+
+/// Time that a program's own message is given to arrive over the channel before
+/// its exit alone is reported.
+const LAST_WORDS: Duration = Duration::from_millis(700);
+/// Time between the request to end and the forced end.
+const GRACE: Duration = Duration::from_millis(2000);
+/// Lines of a log shown with a death.
+const TAIL: usize = 12;
+
+/// A program that ended although it should not have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Casualty {
+    /// Its role.
+    pub role: Role,
+    /// How messages call it.
+    pub name: String,
+    /// Exit code or signal.
+    pub how: String,
+    /// The end of its log.
+    pub tail: String,
+}
+
+struct Running {
+    program: Program,
+    child: Child,
+    status: Option<(ExitStatus, Instant)>,
+    readers: Vec<JoinHandle<()>>,
+    tail: Arc<Mutex<VecDeque<String>>>,
+}
+
+/// The running programs of a stage. Dropping it ends them all.
+pub struct Supervisor {
+    running: Vec<Running>,
+    session: String,
+    known: Vec<Seen>,
+}
+
+impl Supervisor {
+    /// Starts all `programs`; `session` marks their ranks.
+    ///
+    /// # Errors
+    /// A program that cannot be started (those before it are ended), or a log
+    /// that cannot be written.
+    pub fn start(programs: Vec<Program>, session: &str, console: &Console) -> Result<Self, RunError> {
+        process::adopt_orphans();
+        let mut all = Self { running: Vec::new(), session: session.to_owned(), known: Vec::new() };
+        for program in programs {
+            all.running.push(start(program, console)?);
+        }
+        Ok(all)
+    }
+
+    /// The first program that has ended, once its own last words had time to
+    /// arrive elsewhere. Never waits.
+    pub fn casualty(&mut self) -> Option<Casualty> {
+        self.poll();
+        let at = self.running.iter().position(|r| r.status.is_some_and(|(_, t)| t.elapsed() > LAST_WORDS))?;
+        Some(self.running[at].casualty())
+    }
+
+    /// What became of `role` if it ends within `patience`: its exit and last words.
+    pub fn fate(&mut self, role: Role, patience: Duration) -> Option<Casualty> {
+        let at = self.running.iter().position(|r| r.program.role == role)?;
+        wait_until(patience, || {
+            self.poll();
+            self.running[at].status.is_some()
+        });
+        self.running[at].status.is_some().then(|| self.running[at].casualty())
+    }
+
+    /// How messages call the program of `role`.
+    pub fn name(&self, role: Role) -> String {
+        let found = self.running.iter().find(|r| r.program.role == role);
+        found.map_or_else(|| role.program().to_owned(), |r| r.program.name.clone())
+    }
+
+    /// Waits for all programs to end by themselves; those that do not within
+    /// `patience` are ended. Returns those that did not end well.
+    pub fn finish(mut self, patience: Duration) -> Vec<Casualty> {
+        let done = wait_until(patience, || {
+            self.poll();
+            self.running.iter().all(|r| r.status.is_some())
+        });
+        let bad = self
+            .running
+            .iter()
+            .filter(|r| !r.status.is_some_and(|(status, _)| status.success()))
+            .map(Running::casualty)
+            .collect();
+        if !done {
+            self.end();
+        }
+        bad
+    }
+
+    /// Ends everything: asks, waits, then forces. Ranks included, however their
+    /// launcher ended. Takes under 4 s.
+    pub fn end(&mut self) {
+        self.remember();
+        for running in &self.running {
+            if running.status.is_none() {
+                process::signal(-(running.child.id() as i32), libc::SIGTERM);
+            }
+        }
+        wait_until(GRACE, || {
+            self.poll();
+            self.remember();
+            self.running.iter().all(|r| r.status.is_some()) && self.living().is_empty()
+        });
+        for running in &self.running {
+            process::signal(-(running.child.id() as i32), libc::SIGKILL);
+        }
+        wait_until(Duration::from_millis(1500), || {
+            self.remember();
+            for seen in self.living() {
+                process::signal(seen.process as i32, libc::SIGKILL);
+                process::reap(seen.process);
+            }
+            self.poll();
+            self.running.iter().all(|r| r.status.is_some()) && self.living().is_empty()
+        });
+        for seen in &self.known {
+            process::reap(seen.process);
+        }
+        for running in &mut self.running {
+            for reader in running.readers.drain(..) {
+                // A grandchild that holds the pipe open must not hold us.
+                if reader.is_finished() {
+                    let _ = reader.join();
+                }
+            }
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn first_process(&self) -> i32 {
+        self.running[0].child.id() as i32
+    }
+
+    fn poll(&mut self) {
+        for running in &mut self.running {
+            if running.status.is_none()
+                && let Ok(Some(status)) = running.child.try_wait()
+            {
+                running.status = Some((status, Instant::now()));
+            }
+        }
+    }
+
+    /// Notes all processes below the programs, to find them when their parents are gone.
+    fn remember(&mut self) {
+        let roots: Vec<u32> = self.running.iter().map(|r| r.child.id()).collect();
+        for seen in process::descendants(&roots, &self.session) {
+            if !self.known.iter().any(|k| k.process == seen.process && k.start == seen.start) {
+                self.known.push(seen);
+            }
+        }
+    }
+
+    /// Processes once seen that are still there (the same, by start time), but
+    /// for the programs themselves, whose exit `poll` collects.
+    fn living(&self) -> Vec<Seen> {
+        let root = |p: u32| self.running.iter().any(|r| r.child.id() == p);
+        let alive = |k: &&Seen| process::look(k.process).is_some_and(|now| now.start == k.start);
+        self.known.iter().filter(|k| !root(k.process)).filter(alive).copied().collect()
+    }
+}
+
+impl Drop for Supervisor {
+    fn drop(&mut self) {
+        if self.running.iter().any(|r| r.status.is_none()) || !self.known.is_empty() {
+            self.end();
+        }
+    }
+}
+
+impl Running {
+    fn casualty(&self) -> Casualty {
+        let how = match self.status {
+            None => "still running".to_owned(),
+            Some((status, _)) => match (status.code(), status.signal()) {
+                // A shell's and mpirun's way of passing on a signal.
+                (Some(code), _) if code > 128 && code < 160 => signal_name(code - 128),
+                (Some(code), _) => format!("exit code {code}"),
+                (None, Some(signal)) => signal_name(signal),
+                (None, None) => "unknown".to_owned(),
+            },
+        };
+        let tail = self.tail.lock().map(|t| t.iter().cloned().collect::<Vec<_>>().join("\n"));
+        Casualty {
+            role: self.program.role,
+            name: self.program.name.clone(),
+            how,
+            tail: tail.unwrap_or_default(),
+        }
+    }
+}
+
+fn signal_name(signal: i32) -> String {
+    let name = match signal {
+        libc::SIGKILL => " SIGKILL: killed, perhaps for want of memory",
+        libc::SIGSEGV => " SIGSEGV: memory fault",
+        libc::SIGABRT => " SIGABRT: aborted",
+        libc::SIGTERM => " SIGTERM: asked to end",
+        libc::SIGINT => " SIGINT: interrupted",
+        libc::SIGBUS => " SIGBUS: memory fault, perhaps /dev/shm is full",
+        libc::SIGFPE => " SIGFPE: arithmetic fault",
+        _ => "",
+    };
+    format!("signal {signal}{name}")
+}
+
+fn start(program: Program, console: &Console) -> Result<Running, RunError> {
+    if let Some(folder) = program.log.parent() {
+        std::fs::create_dir_all(folder).map_err(RunError::file("create", folder))?;
+    }
+    let mut log = File::create(&program.log).map_err(RunError::file("create", &program.log))?;
+    // Everything that goes wrong later is in the log; this line makes it repeatable.
+    let _ = writeln!(log, "$ {}", program.line());
+    let log = Arc::new(Mutex::new(log));
+    let mut command = Command::new(&program.words[0]);
+    command
+        .args(&program.words[1..])
+        .envs(program.environment.iter().map(|(k, v)| (k, v)))
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    process::tie_to_parent(&mut command);
+    let mut child = command.spawn().map_err(|source| {
+        let what = program.words[0].to_string_lossy().into_owned();
+        let help = if what == "mpirun" {
+            "install OpenMPI (`apt install openmpi-bin`) or put it on the PATH"
+        } else {
+            "check the path and that it may be executed"
+        };
+        RunError::Input(format!("cannot start `{what}` for {}: {source}; {help}", program.name))
+    })?;
+    let tail = Arc::new(Mutex::new(VecDeque::new()));
+    let mut readers = Vec::new();
+    if let Some(pipe) = child.stdout.take() {
+        readers.push(read(pipe, log.clone(), tail.clone(), None));
+    }
+    if let Some(pipe) = child.stderr.take() {
+        readers.push(read(pipe, log, tail.clone(), Some((program.role, console.clone()))));
+    }
+    Ok(Running { program, child, status: None, readers, tail })
+}
+
+/// Copies lines to the log, the end of them to `tail`, and those of standard
+/// error to the console, but for MPI's framed notices about a death, which the
+/// coupler reports better.
+fn read(
+    pipe: impl Read + Send + 'static,
+    log: Arc<Mutex<File>>,
+    tail: Arc<Mutex<VecDeque<String>>>,
+    show: Option<(Role, Console)>,
+) -> JoinHandle<()> {
+    std::thread::spawn(move || {
+        let mut framed = false;
+        let mut reader = BufReader::new(pipe);
+        let mut bytes = Vec::new();
+        loop {
+            bytes.clear();
+            match reader.read_until(b'\n', &mut bytes) {
+                Ok(0) | Err(_) => break,
+                Ok(_) => {}
+            }
+            let line = String::from_utf8_lossy(&bytes).trim_end().to_owned();
+            if let Ok(mut log) = log.lock() {
+                let _ = writeln!(log, "{line}");
+            }
+            let frame = line.len() > 20 && line.bytes().all(|b| b == b'-');
+            framed ^= frame;
+            if frame || framed || line.is_empty() {
+                continue;
+            }
+            if let Ok(mut tail) = tail.lock() {
+                if tail.len() == TAIL {
+                    tail.pop_front();
+                }
+                tail.push_back(line.clone());
+            }
+            if let Some((role, console)) = &show {
+                console.program_line(*role, &line);
+            }
+        }
+    })
+}
+
+/// Polls every 10 ms until `done` or the time is over; whether it was done.
+fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
+    let start = Instant::now();
+    loop {
+        if done() {
+            return true;
+        }
+        if start.elapsed() >= patience {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}

@@ -1,0 +1,138 @@
+//! Supervision of tiny programs that die, hang and refuse to end.
+
+use std::ffi::OsString;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use case::Role;
+
+use super::*;
+
+fn script(folder: &Path, name: &str, text: &str) -> OsString {
+    let file = folder.join(name);
+    std::fs::write(&file, format!("#!/bin/sh\n{text}\n")).unwrap();
+    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o755)).unwrap();
+    file.into_os_string()
+}
+
+fn program(folder: &Path, role: Role, words: Vec<OsString>) -> Program {
+    let log = folder.join("logs").join(format!("{}.log", role.name()));
+    Program { role, name: role.program().into(), words, environment: Vec::new(), log }
+}
+
+fn alive(process: &str) -> bool {
+    super::process::look(process.trim().parse().unwrap()).is_some()
+}
+
+fn wait_for(mut condition: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !condition() {
+        assert!(start.elapsed() < Duration::from_secs(10), "waited in vain");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn a_death_is_noticed_with_its_cause_and_the_rest_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    let note = dir.join("sleeper");
+    let dies = script(dir, "dies", "echo 'grid file is damaged' >&2; exit 3");
+    let sleeps = script(dir, "sleeps", &format!("echo $$ > {}; exec sleep 100", note.display()));
+    let programs = vec![program(dir, Role::Structure, vec![sleeps]), program(dir, Role::Flow, vec![dies])];
+    let mut supervisor = Supervisor::start(programs, "t1", &Console::new(true)).unwrap();
+    let mut casualty = None;
+    wait_for(|| {
+        casualty = supervisor.casualty();
+        casualty.is_some()
+    });
+    let casualty = casualty.unwrap();
+    assert_eq!((casualty.role, casualty.how.as_str()), (Role::Flow, "exit code 3"));
+    assert_eq!(casualty.tail, "grid file is damaged");
+    wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
+    let sleeper = std::fs::read_to_string(&note).unwrap();
+    assert!(alive(&sleeper));
+    let start = Instant::now();
+    drop(supervisor);
+    assert!(start.elapsed() < Duration::from_secs(2));
+    assert!(!alive(&sleeper));
+    let log = std::fs::read_to_string(dir.join("logs/flow.log")).unwrap();
+    assert!(log.starts_with("$ ") && log.contains("grid file is damaged"), "{log}");
+}
+
+#[test]
+fn a_program_that_ignores_the_request_is_forced_with_its_children() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    let note = dir.join("ranks");
+    // Like mpirun: a launcher whose ranks are in groups and sessions of their own.
+    let stubborn = script(
+        dir,
+        "stubborn",
+        &format!(
+            "trap '' TERM; setsid sh -c \"trap '' TERM; echo \\$\\$ > {}; while :; do sleep 1; done\" & \
+             while :; do sleep 1; done",
+            note.display()
+        ),
+    );
+    let mut supervisor =
+        Supervisor::start(vec![program(dir, Role::Mesh, vec![stubborn])], "t2", &Console::new(true)).unwrap();
+    wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
+    let rank = std::fs::read_to_string(&note).unwrap();
+    assert!(supervisor.casualty().is_none() && alive(&rank));
+    let start = Instant::now();
+    supervisor.end();
+    assert!(start.elapsed() < Duration::from_secs(5), "took {:?}", start.elapsed());
+    assert!(!alive(&rank));
+}
+
+#[test]
+fn ranks_of_a_killed_launcher_are_found_by_their_session() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    let note = dir.join("rank");
+    let rank = script(dir, "rank.sh", &format!("echo $$ > {}; while :; do sleep 1; done", note.display()));
+    let rank = rank.to_string_lossy();
+    let launcher = script(dir, "launcher", &format!("setsid {rank} --session t3-orphan & wait"));
+    let mut supervisor =
+        Supervisor::start(vec![program(dir, Role::Flow, vec![launcher])], "t3-orphan", &Console::new(true))
+            .unwrap();
+    wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
+    let orphan = std::fs::read_to_string(&note).unwrap();
+    super::process::signal(supervisor.first_process(), libc::SIGKILL);
+    let mut casualty = None;
+    wait_for(|| {
+        casualty = supervisor.casualty();
+        casualty.is_some()
+    });
+    assert!(casualty.unwrap().how.starts_with("signal 9"));
+    assert!(alive(&orphan));
+    supervisor.end();
+    assert!(!alive(&orphan));
+}
+
+#[test]
+fn a_good_end_is_no_casualty_and_a_late_one_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    let good = script(dir, "good", "exit 0");
+    let supervisor =
+        Supervisor::start(vec![program(dir, Role::Flow, vec![good])], "t4", &Console::new(true)).unwrap();
+    assert_eq!(supervisor.finish(Duration::from_secs(5)), []);
+    let late = script(dir, "late", "exec sleep 100");
+    let supervisor =
+        Supervisor::start(vec![program(dir, Role::Flow, vec![late])], "t5", &Console::new(true)).unwrap();
+    let bad = supervisor.finish(Duration::from_millis(100));
+    assert_eq!(bad[0].how, "still running");
+}
+
+#[test]
+fn a_missing_program_names_itself_and_a_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = program(folder.path(), Role::Flow, vec!["/nowhere/flow".into()]);
+    let Err(error) = Supervisor::start(vec![missing], "t6", &Console::new(true)) else { panic!("started") };
+    assert_eq!(error.exit_code(), 2);
+    let text = error.to_string();
+    assert!(text.contains("/nowhere/flow") && text.contains("check the path"), "{text}");
+}
