@@ -1,7 +1,17 @@
 //! Launches, sequences, accelerates and reports the coupled run.
 
 pub mod descent;
+pub mod effects;
 pub mod error;
+pub mod history;
+pub mod hub_partners;
+pub mod interface;
 pub mod launch;
 pub mod partners;
+pub mod plot;
+pub mod progress;
+pub mod run;
 pub mod schemes;
+pub mod stages;
+pub mod state;
+pub mod summary;

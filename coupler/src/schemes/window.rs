@@ -14,7 +14,7 @@ use crate::partners::{Answer, LoadOverWindow, Partners};
 pub const ACCEPTABLE: f64 = 0.1;
 
 /// Values on the interface at the end of the last accepted window.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct InterfaceState {
     /// Displacement of the canopy from the unstressed shape, `[nodes][3]`, m.
     pub displacement: Vec<f64>,

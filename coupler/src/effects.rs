@@ -1,0 +1,43 @@
+//! Which effects a scene turns on, by their keys.
+
+use case::{Role, Scene};
+
+/// One effect: its scene key, the program that must implement it, and whether
+/// the scene asks for it.
+pub struct Effect {
+    /// Dotted key in the scene.
+    pub key: &'static str,
+    /// The program that simulates it.
+    pub role: Role,
+    /// Asked for.
+    pub on: bool,
+    /// One line for people.
+    pub what: &'static str,
+}
+
+/// All effects that can be on or off.
+pub fn effects(scene: &Scene) -> Vec<Effect> {
+    let effect = |key, role, on, what| Effect { key, role, on, what };
+    let flow = scene.flow.as_ref();
+    let viscosity = flow.and_then(|f| f.viscosity.as_ref());
+    let turbulence = viscosity.and_then(|v| v.turbulence);
+    vec![
+        effect("fabric.wrinkling", Role::Structure, scene.fabric.wrinkling, "fabric carries no compression"),
+        effect("lines", Role::Structure, scene.has_cables(), "suspension lines and risers"),
+        effect(
+            "fabric_gravity",
+            Role::Structure,
+            scene.fabric_gravity.is_some(),
+            "weight and inertia of the fabric in the falling frame",
+        ),
+        effect("flow.viscosity", Role::Flow, viscosity.is_some(), "laminar viscosity, no slip on the canopy"),
+        effect(
+            "flow.viscosity.turbulence",
+            Role::Flow,
+            turbulence.is_some(),
+            "model of the unresolved turbulence",
+        ),
+        effect("flow.energy", Role::Flow, flow.is_some_and(|f| f.energy.is_some()), "energy equation"),
+        effect("flow.limiter", Role::Flow, flow.is_some_and(|f| f.limiter.is_some()), "gradient limiter"),
+    ]
+}

@@ -1,0 +1,241 @@
+//! The real programs behind the channel, watched over while they work.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use case::Role;
+use channel::{Abort, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, RoleOptions, Stats, Who, Window};
+
+use crate::error::{Place, RunError};
+use crate::interface::CanopyInterface;
+use crate::launch::{Casualty, Console, Program, Supervisor};
+use crate::partners::{Answer, LoadOverWindow, Partners};
+
+/// How long a dead rank's launcher may take to say what happened.
+const FATE: Duration = Duration::from_millis(1500);
+/// How long programs may take to end after they were told to.
+const FAREWELL: Duration = Duration::from_secs(10);
+
+/// What a session is made of.
+pub struct SessionOptions<'a> {
+    /// Name of the session.
+    pub session: &'a str,
+    /// Name and number of the stage.
+    pub stage: (&'a str, usize),
+    /// Programs with their ranks.
+    pub programs: Vec<(Program, u32)>,
+    /// Effects that each role must implement.
+    pub effects: Vec<(Role, String)>,
+    /// Longest time for one answer.
+    pub deadline: Option<Duration>,
+}
+
+/// The solver programs of a stage, running.
+pub struct HubPartners<'a> {
+    // Dropped in this order: first the programs end, then the channel closes.
+    supervisor: Supervisor,
+    hub: Hub,
+    stop: &'a AtomicBool,
+    place: Place,
+}
+
+/// Looks after the programs while the hub waits.
+struct Watch<'a> {
+    supervisor: &'a mut Supervisor,
+    stop: &'a AtomicBool,
+    casualty: Option<Casualty>,
+}
+
+impl Watch<'_> {
+    fn look(&mut self) -> Result<(), Abort> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(Abort::new("interrupted"));
+        }
+        self.casualty = self.supervisor.casualty();
+        match &self.casualty {
+            Some(casualty) => Err(Abort::new(&casualty.how)),
+            None => Ok(()),
+        }
+    }
+}
+
+impl<'a> HubPartners<'a> {
+    /// Opens the session, starts the programs and waits until all have arrived.
+    ///
+    /// # Errors
+    /// A program that cannot be started, dies, does not arrive, or does not fit.
+    pub fn start(
+        options: SessionOptions<'_>,
+        interface: &CanopyInterface,
+        stop: &'a AtomicBool,
+        console: &Console,
+    ) -> Result<Self, RunError> {
+        let place = Place { stage: options.stage.0.to_owned(), window: None };
+        let roles = options.programs.iter().map(|(program, ranks)| RoleOptions {
+            role: program.role,
+            ranks: *ranks as usize,
+            deadline: options.deadline,
+            effects: options
+                .effects
+                .iter()
+                .filter(|(r, _)| *r == program.role)
+                .map(|(_, e)| e.clone())
+                .collect(),
+        });
+        let hub = Hub::create(HubOptions {
+            session: options.session.to_owned(),
+            roles: roles.collect(),
+            stage: options.stage.1,
+            interface: Some(Interface {
+                nodes: interface.nodes() as u64,
+                faces: interface.faces.len() as u64,
+                surface_hash: channel::surface_hash(&interface.faces),
+            }),
+            arrival_deadline: options.deadline,
+            watch_grid: false,
+        })
+        .map_err(|e| RunError::Channel { place: place.clone(), message: e.to_string() })?;
+        let programs = options.programs.into_iter().map(|(program, _)| program).collect();
+        let supervisor = Supervisor::start(programs, options.session, console)?;
+        let mut all = Self { supervisor, hub, stop, place };
+        all.ask(|hub, watch| hub.await_participants(&mut |_| watch.look()))?;
+        Ok(all)
+    }
+
+    /// Ends the session in good order.
+    ///
+    /// # Errors
+    /// A program that fails at the very end.
+    pub fn finish(self, console: &Console) -> Result<(), RunError> {
+        let Self { mut supervisor, hub, stop, place } = self;
+        let mut watch = Watch { supervisor: &mut supervisor, stop, casualty: None };
+        // Programs may be gone before the hub has seen all goodbyes: that is no casualty.
+        let stopped = hub.stop(&mut || match watch.look() {
+            Err(_) if watch.casualty.is_some() => Ok(()),
+            other => other,
+        });
+        stopped.map_err(|e| RunError::Channel { place, message: e.to_string() })?;
+        for bad in supervisor.finish(FAREWELL) {
+            console.warning(&format!("{} did not end well after its work: {}", bad.name, bad.how));
+        }
+        Ok(())
+    }
+
+    /// A question to the hub, with the programs watched and every error told in full.
+    fn ask<T>(
+        &mut self,
+        question: impl FnOnce(&mut Hub, &mut Watch<'_>) -> Result<T, HubError>,
+    ) -> Result<T, RunError> {
+        let mut watch = Watch { supervisor: &mut self.supervisor, stop: self.stop, casualty: None };
+        let answer = question(&mut self.hub, &mut watch);
+        let casualty = watch.casualty.take();
+        answer.map_err(|error| self.explain(error, casualty))
+    }
+
+    fn explain(&mut self, error: HubError, casualty: Option<Casualty>) -> RunError {
+        let place = self.place.clone();
+        let died = |casualty: Casualty, rank| RunError::Died {
+            role: casualty.role,
+            program: casualty.name,
+            rank,
+            how: casualty.how,
+            place: place.clone(),
+            tail: casualty.tail,
+        };
+        match error {
+            HubError::Aborted(_) => match casualty {
+                Some(casualty) => died(casualty, None),
+                None => RunError::Interrupted(place),
+            },
+            HubError::Fault { who: Who { role, rank }, fault, .. } => RunError::Fault {
+                role,
+                program: self.supervisor.name(role),
+                rank: Some(rank as u64),
+                place,
+                message: fault.message,
+            },
+            HubError::Died { who: Who { role, rank }, .. } => {
+                let casualty = self.supervisor.fate(role, FATE).unwrap_or_else(|| Casualty {
+                    role,
+                    name: self.supervisor.name(role),
+                    how: "killed or crashed".into(),
+                    tail: String::new(),
+                });
+                died(casualty, Some(rank as u64))
+            }
+            HubError::Deadline { who, seconds, .. } => RunError::Stalled {
+                role: who.role,
+                program: format!("{} rank {}", self.supervisor.name(who.role), who.rank),
+                seconds,
+                place,
+            },
+            other => RunError::Channel { place, message: other.to_string() },
+        }
+    }
+
+    fn advance(
+        &mut self,
+        role: Role,
+        w: &Window,
+        fill: &mut dyn FnMut(&mut [f64]),
+        each: &mut dyn FnMut(&[u64], &[f64]),
+    ) -> Result<Answer, RunError> {
+        self.place.window = Some((w.index, w.iteration));
+        let start = Instant::now();
+        let stats = self.ask(|hub, watch| {
+            hub.advance(role, w, fill)?;
+            hub.collect(role, each, &mut || watch.look())
+        })?;
+        // Values are the same on each rank; the slowest rank decides the time.
+        let busy_s = stats.iter().fold(0.0, |most: f64, s| most.max(s.busy_s));
+        let stats = Stats { busy_s, ..stats.first().copied().unwrap_or_default() };
+        Ok(Answer { stats, wall_s: start.elapsed().as_secs_f64() })
+    }
+}
+
+/// Puts rows of `width` numbers at their places in `all`.
+fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64]) {
+    for (row, values) in rows.iter().zip(data.chunks_exact(width)) {
+        all[*row as usize * width..][..width].copy_from_slice(values);
+    }
+}
+
+impl Partners for HubPartners<'_> {
+    fn structure(
+        &mut self,
+        w: &Window,
+        load: LoadOverWindow<'_>,
+        displacement: &mut [f64],
+    ) -> Result<Answer, RunError> {
+        let mut fill = |input: &mut [f64]| {
+            let faces = load.start.chunks_exact(LOAD_WIDTH).zip(load.end.chunks_exact(LOAD_WIDTH));
+            for (row, (start, end)) in input.chunks_exact_mut(2 * LOAD_WIDTH).zip(faces) {
+                row[..LOAD_WIDTH].copy_from_slice(start);
+                row[LOAD_WIDTH..].copy_from_slice(end);
+            }
+        };
+        self.advance(Role::Structure, w, &mut fill, &mut |rows, data| scatter(rows, data, 3, displacement))
+    }
+
+    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+        let mut fill = |input: &mut [f64]| input.copy_from_slice(displacement);
+        self.advance(Role::Mesh, w, &mut fill, &mut |_, _| {})
+    }
+
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+        self.advance(Role::Flow, w, &mut |_| {}, &mut |rows, data| scatter(rows, data, LOAD_WIDTH, load))
+    }
+
+    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
+        self.ask(|hub, watch| hub.accept(w, &mut || watch.look()))
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), RunError> {
+        self.ask(|hub, watch| hub.save(folder, &mut || watch.look()))
+    }
+
+    fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError> {
+        self.ask(|hub, watch| hub.snapshot(&[role], time, folder, &mut || watch.look()))
+    }
+}

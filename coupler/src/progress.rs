@@ -1,0 +1,129 @@
+//! What a person sees while a stage runs.
+
+use std::time::{Duration, Instant};
+
+use case::StageKind;
+use channel::structure_stats;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::history::Row;
+use crate::launch::Console;
+
+/// Time between plain lines where there is no terminal.
+const EVERY: Duration = Duration::from_secs(5);
+
+/// The progress line of a stage.
+pub struct Progress {
+    console: Console,
+    bar: Option<ProgressBar>,
+    stage: String,
+    kind: StageKind,
+    windows: u64,
+    start: Instant,
+    last_line: Option<Instant>,
+}
+
+impl Progress {
+    /// For a stage of `windows` windows.
+    pub fn new(console: &Console, stage: &str, kind: StageKind, windows: u64) -> Self {
+        let bar = (console.colour() && !console.quiet()).then(|| {
+            let bar = ProgressBar::new(windows);
+            // The template is fixed; a wrong one would be seen in the first run.
+            if let Ok(style) = ProgressStyle::with_template("{prefix:.bold} {bar:24.cyan/dim} {msg}") {
+                bar.set_style(style.progress_chars("━╸─"));
+            }
+            bar.set_prefix(stage.to_owned());
+            bar
+        });
+        console.set_bar(bar.clone());
+        Self {
+            console: console.clone(),
+            bar,
+            stage: stage.to_owned(),
+            kind,
+            windows,
+            start: Instant::now(),
+            last_line: None,
+        }
+    }
+
+    /// What is going on before the first window.
+    pub fn note(&self, text: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(text.to_owned());
+        }
+    }
+
+    /// A window is done.
+    pub fn update(&mut self, row: &Row) {
+        let done = row.window + 1;
+        let wall = self.start.elapsed().as_secs_f64();
+        let rest = wall / done as f64 * self.windows.saturating_sub(done) as f64;
+        let mut text = format!(
+            "t {:.3} s | window {done}/{} | wall {} | rest about {}",
+            row.time_s,
+            self.windows,
+            clock(wall),
+            clock(rest)
+        );
+        text += &state(self.kind, row);
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(done);
+                bar.set_message(text);
+            }
+            None => {
+                let due = self.last_line.is_none_or(|t| t.elapsed() >= EVERY) || done == self.windows;
+                if due {
+                    self.last_line = Some(Instant::now());
+                    self.console.line(&format!("[{}] {text}", self.stage));
+                }
+            }
+        }
+    }
+
+    /// Seconds since the stage began.
+    pub fn seconds(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.console.set_bar(None);
+        if let Some(bar) = self.bar.take() {
+            bar.abandon();
+        }
+    }
+}
+
+fn state(kind: StageKind, row: &Row) -> String {
+    let structure = &row.report.stats[case::Role::Structure as usize].values;
+    match kind {
+        StageKind::PreInflation => format!(
+            " | load {:.0} N | projected area {:.1} m2 | kinetic/strain energy {:.1e}",
+            structure[structure_stats::VERTICAL_LOAD],
+            structure[structure_stats::PROJECTED_AREA],
+            structure[structure_stats::KINETIC_ENERGY]
+                / structure[structure_stats::STRAIN_ENERGY].max(f64::MIN_POSITIVE)
+        ),
+        StageKind::FlowOnly => format!(" | drag {:.0} N", row.report.force[2]),
+        StageKind::Coupled => format!(
+            " | descent {:.3} m/s | drag {:.0} N | {} iterations{}",
+            row.descent_speed_m_s,
+            row.report.force[2],
+            row.report.iterations,
+            if row.report.converged { "" } else { " (not converged)" }
+        ),
+    }
+}
+
+/// Seconds as `m:ss`, or with a decimal below a minute.
+pub(crate) fn clock(seconds: f64) -> String {
+    if seconds < 60.0 {
+        format!("{seconds:.1} s")
+    } else {
+        let whole = seconds.round() as u64;
+        format!("{}:{:02} min", whole / 60, whole % 60)
+    }
+}

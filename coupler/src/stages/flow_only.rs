@@ -1,0 +1,40 @@
+//! The flow alone around the canopy held still, at the speed the run has so far.
+
+use case::Role;
+use channel::{LOAD_WIDTH, Window};
+
+use super::{StageContext, Stepper, force, require_finite};
+use crate::error::{Place, RunError};
+use crate::partners::Partners;
+use crate::schemes::{InterfaceState, WindowReport};
+
+pub(super) struct FlowOnly {
+    place: Place,
+    state: InterfaceState,
+}
+
+impl FlowOnly {
+    pub(super) fn new(context: &StageContext<'_>, mut state: InterfaceState) -> Self {
+        state.acceleration = 0.0;
+        state.load.get_or_insert_default().resize(context.interface.faces.len() * LOAD_WIDTH, 0.0);
+        Self { place: context.place(), state }
+    }
+}
+
+impl Stepper for FlowOnly {
+    fn step(&mut self, partners: &mut dyn Partners, mut w: Window) -> Result<WindowReport, RunError> {
+        w.frame_velocity = [0.0, 0.0, self.state.velocity];
+        let mut report = WindowReport { iterations: 1, converged: true, ..WindowReport::default() };
+        let load = self.state.load.get_or_insert_default();
+        let answer = partners.flow(&w, load)?;
+        require_finite(Role::Flow, &self.place, &w, load)?;
+        report.add(Role::Flow, answer);
+        debug_assert_eq!(report.force, force(&answer.stats));
+        partners.accept(&w)?;
+        Ok(report)
+    }
+
+    fn state(&self) -> &InterfaceState {
+        &self.state
+    }
+}

@@ -1,0 +1,268 @@
+//! The stages of a run: window after window, whatever runs in them.
+
+mod coupled;
+mod flow_only;
+mod pre_inflation;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use case::{Role, Scene, Stage, StageKind};
+use channel::{Window, flow_stats};
+
+use crate::descent::DescentModel;
+use crate::error::{Place, RunError};
+use crate::history::{History, Row};
+use crate::interface::CanopyInterface;
+use crate::launch::Console;
+use crate::partners::Partners;
+use crate::progress::Progress;
+use crate::schemes::{InterfaceState, WindowReport};
+use crate::summary::StageSummary;
+
+/// Windows between two saves within a stage, so that a long stage that fails
+/// leaves a state behind.
+const SAVE_EVERY: u64 = 100;
+
+/// A stage as a person wants it.
+#[derive(Clone, Debug, Default)]
+pub struct StageOptions {
+    /// Ends the stage after so many windows.
+    pub stop_after_windows: Option<u64>,
+    /// Accepts coupled windows that do not converge.
+    pub keep_going: bool,
+}
+
+/// What a stage works on.
+pub struct StageContext<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Number of the stage.
+    pub stage: usize,
+    /// Folder of the run.
+    pub out: &'a Path,
+    /// The canopy.
+    pub interface: &'a CanopyInterface,
+    /// Options.
+    pub options: StageOptions,
+    /// Where lines go.
+    pub console: &'a Console,
+}
+
+/// What differs between the kinds of stages: how one window is computed.
+trait Stepper {
+    /// Computes and accepts a window.
+    fn step(&mut self, partners: &mut dyn Partners, w: Window) -> Result<WindowReport, RunError>;
+
+    /// Values at the end of the last accepted window.
+    fn state(&self) -> &InterfaceState;
+
+    /// Why the stage may end now, before its time.
+    fn settled(&self, report: &WindowReport) -> Option<String> {
+        let _ = report;
+        None
+    }
+
+    /// Energy that the coupling added in the last window, J.
+    fn energy_error(&self) -> f64 {
+        0.0
+    }
+}
+
+impl StageContext<'_> {
+    fn description(&self) -> &Stage {
+        &self.scene.stages[self.stage]
+    }
+
+    /// Windows of the stage.
+    pub fn windows(&self) -> u64 {
+        windows(self.description())
+    }
+
+    /// The descent equation of the scene, if it has one.
+    pub fn descent(&self) -> Option<DescentModel> {
+        descent_model(self.scene, self.interface)
+    }
+
+    /// Runs the stage from `state` and saves its end. What was computed before an
+    /// error stays, in files and in `summary`.
+    ///
+    /// # Errors
+    /// Whatever ends the run early.
+    pub fn run(
+        &self,
+        partners: &mut dyn Partners,
+        state: InterfaceState,
+        summary: &mut StageSummary,
+    ) -> Result<InterfaceState, RunError> {
+        let stage = self.description();
+        let mut stepper: Box<dyn Stepper> = match stage.kind {
+            StageKind::PreInflation => Box::new(pre_inflation::PreInflation::new(self, state)?),
+            StageKind::FlowOnly => Box::new(flow_only::FlowOnly::new(self, state)),
+            StageKind::Coupled => Box::new(coupled::Coupled::new(self, state)),
+        };
+        let folder = case::stage_folder(self.out, self.scene, self.stage);
+        let mut history = History::create(&folder.join("history.csv"), stage.kind)?;
+        let windows = self.options.stop_after_windows.map_or(self.windows(), |n| n.min(self.windows()));
+        let mut progress = Progress::new(self.console, &stage.name, stage.kind, windows);
+        summary.ended = "failed".into();
+        let descent = self.descent();
+        let mut energy_error_sum_j = 0.0;
+        let mut ended = if windows < self.windows() { "stopped as asked" } else { "complete" }.to_owned();
+        for index in 0..windows {
+            let start = Instant::now();
+            let w = Window {
+                index,
+                iteration: 0,
+                substeps: u64::from(stage.substeps),
+                time: index as f64 * stage.window_s,
+                dt: stage.window_s,
+                ..Window::default()
+            };
+            let report = stepper.step(partners, w)?;
+            let wall_s = start.elapsed().as_secs_f64();
+            energy_error_sum_j += stepper.energy_error();
+            let state = stepper.state();
+            let row = Row {
+                window: index,
+                time_s: (index + 1) as f64 * stage.window_s,
+                descent_speed_m_s: -state.velocity,
+                acceleration_m_s2: state.acceleration,
+                drag_coefficient: descent.map(|d| d.drag_coefficient(report.force[2])),
+                energy_error_j: stepper.energy_error(),
+                energy_error_sum_j,
+                coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
+                wall_s,
+                report,
+            };
+            if !row.report.converged {
+                self.console.warning(&format!(
+                    "window {index} of stage `{}` did not converge: {:.1e} after {} iterations (tolerance {:.1e})",
+                    stage.name,
+                    row.report.residual.unwrap_or(f64::NAN),
+                    row.report.iterations,
+                    self.scene.coupling.tolerance
+                ));
+            }
+            history.push(&row)?;
+            summary.add(&row);
+            summary.wall_s = progress.seconds();
+            progress.update(&row);
+            let ends = stepper.settled(&row.report);
+            let last = ends.is_some() || index + 1 == windows;
+            self.snapshots(partners, &folder, index + 1, row.time_s, last)?;
+            if let Some(why) = ends {
+                ended = why;
+                break;
+            }
+            if (index + 1) % SAVE_EVERY == 0 && index + 1 < windows {
+                self.save(partners, stepper.state())?;
+            }
+        }
+        progress.note("saving");
+        self.save(partners, stepper.state())?;
+        summary.ended = ended;
+        summary.wall_s = progress.seconds();
+        Ok(stepper.state().clone())
+    }
+
+    fn snapshots(
+        &self,
+        partners: &mut dyn Partners,
+        folder: &Path,
+        done: u64,
+        time: f64,
+        last: bool,
+    ) -> Result<(), RunError> {
+        let roles = self.description().kind.roles();
+        let output = &self.scene.output;
+        for (role, every) in
+            [(Role::Structure, output.surface_every_windows), (Role::Flow, output.volume_every_windows)]
+        {
+            let due = every > 0 && (done % u64::from(every) == 0 || last);
+            if roles.contains(&role) && due {
+                partners.snapshot(role, time, folder)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Saves beside the last state, then takes its place, so that a failure
+    /// while saving never costs the older one.
+    fn save(&self, partners: &mut dyn Partners, state: &InterfaceState) -> Result<(), RunError> {
+        let target = case::state_folder(self.out, self.scene, self.stage);
+        let draft = target.with_extension("new");
+        let old = target.with_extension("old");
+        remove(&draft)?;
+        std::fs::create_dir_all(&draft).map_err(RunError::file("create", &draft))?;
+        partners.save(&draft)?;
+        crate::state::save(&draft, state)?;
+        remove(&old)?;
+        if target.exists() {
+            std::fs::rename(&target, &old).map_err(RunError::file("rename", &target))?;
+        }
+        std::fs::rename(&draft, &target).map_err(RunError::file("rename", &draft))?;
+        remove(&old)
+    }
+
+    /// A place in this stage for errors.
+    pub fn place(&self) -> Place {
+        Place { stage: self.description().name.clone(), window: None }
+    }
+}
+
+fn remove(folder: &PathBuf) -> Result<(), RunError> {
+    match std::fs::remove_dir_all(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(RunError::file("remove", folder)(e)),
+        _ => Ok(()),
+    }
+}
+
+/// Windows of a stage: its duration in window lengths, rounded, at least one.
+pub fn windows(stage: &Stage) -> u64 {
+    (stage.duration_s / stage.window_s).round().max(1.0) as u64
+}
+
+/// The descent equation of a scene with the mass of its canopy, if it has one.
+pub fn descent_model(scene: &Scene, interface: &CanopyInterface) -> Option<DescentModel> {
+    scene.descent.as_ref().map(|d| DescentModel {
+        mass_kg: d.payload_mass_kg + interface.masses.fabric + interface.masses.cables,
+        gravity_m_s2: d.gravity_m_s2,
+        reference_area_m2: d.reference_area_m2,
+        reference_speed_m_s: d.initial_speed_m_s,
+        air_density_kg_m3: scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3),
+    })
+}
+
+/// State before the first stage: unstressed canopy, initial speed, no load known.
+pub fn initial_state(scene: &Scene, interface: &CanopyInterface) -> InterfaceState {
+    InterfaceState {
+        displacement: vec![0.0; 3 * interface.nodes()],
+        load: None,
+        velocity: scene.descent.as_ref().map_or(0.0, |d| -d.initial_speed_m_s),
+        acceleration: 0.0,
+    }
+}
+
+/// An answer must hold numbers only: NaN never leaves a program, but a replaced
+/// program may not know that.
+fn require_finite(who: Role, place: &Place, w: &Window, values: &[f64]) -> Result<(), RunError> {
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(RunError::Fault {
+            role: who,
+            program: who.program().into(),
+            rank: None,
+            place: Place { stage: place.stage.clone(), window: Some((w.index, w.iteration)) },
+            message: format!("its answer holds {} at position {at}", values[at]),
+        }),
+    }
+}
+
+/// Force of the air in an answer of the flow, N.
+fn force(stats: &channel::Stats) -> [f64; 3] {
+    std::array::from_fn(|i| stats.values[flow_stats::FORCE + i])
+}
+
+#[cfg(test)]
+mod tests;

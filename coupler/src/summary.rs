@@ -1,0 +1,219 @@
+//! What a run came to: a table for people, `summary.json` for programs.
+
+use std::path::Path;
+
+use case::{Role, Stage, StageKind};
+use channel::structure_stats;
+use serde::Serialize;
+
+use crate::error::RunError;
+use crate::history::Row;
+use crate::progress::clock;
+
+/// What a stage came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct StageSummary {
+    /// Name of the stage.
+    pub name: String,
+    /// What ran.
+    pub kind: StageKind,
+    /// Windows done.
+    pub windows: u64,
+    /// Simulated time, s.
+    pub time_s: f64,
+    /// Why it ended.
+    pub ended: String,
+    /// Wall seconds of the windows, saves and snapshots (without launch).
+    pub wall_s: f64,
+    /// Wall seconds that the structure, flow and mesh computed.
+    pub structure_busy_s: f64,
+    /// Flow.
+    pub flow_busy_s: f64,
+    /// Mesh.
+    pub mesh_busy_s: f64,
+    /// Wall seconds of the coupler.
+    pub coupler_s: f64,
+    /// Wall seconds of waiting for channels and cores.
+    pub waiting_s: f64,
+    /// Coupling iterations over all windows.
+    pub iterations: u64,
+    /// Most coupling iterations in a window.
+    pub most_iterations: u32,
+    /// Windows above the tolerance.
+    pub not_converged: u64,
+    /// Descent speed at the end, m/s.
+    pub descent_speed_m_s: f64,
+    /// Mean of the descent speed over the last half of the stage, m/s.
+    pub mean_descent_speed_m_s: f64,
+    /// Drag at the end, N.
+    pub drag_n: f64,
+    /// Mean of the drag over the last half of the stage, N.
+    pub mean_drag_n: f64,
+    /// Energy that the coupling added, J.
+    pub interface_energy_error_j: f64,
+    /// Projected area at the end, m2.
+    pub projected_area_m2: f64,
+    /// Vertical load on the structure at the end, N.
+    pub vertical_load_n: f64,
+    #[serde(skip)]
+    speeds: Vec<(f64, f64)>,
+}
+
+impl StageSummary {
+    /// Nothing yet.
+    pub fn new(stage: &Stage) -> Self {
+        Self {
+            name: stage.name.clone(),
+            kind: stage.kind,
+            windows: 0,
+            time_s: 0.0,
+            ended: "complete".into(),
+            wall_s: 0.0,
+            structure_busy_s: 0.0,
+            flow_busy_s: 0.0,
+            mesh_busy_s: 0.0,
+            coupler_s: 0.0,
+            waiting_s: 0.0,
+            iterations: 0,
+            most_iterations: 0,
+            not_converged: 0,
+            descent_speed_m_s: 0.0,
+            mean_descent_speed_m_s: 0.0,
+            drag_n: 0.0,
+            mean_drag_n: 0.0,
+            interface_energy_error_j: 0.0,
+            projected_area_m2: 0.0,
+            vertical_load_n: 0.0,
+            speeds: Vec::new(),
+        }
+    }
+
+    /// Takes a window into account.
+    pub fn add(&mut self, row: &Row) {
+        let report = &row.report;
+        self.windows += 1;
+        self.time_s = row.time_s;
+        self.structure_busy_s += report.busy_s[Role::Structure as usize];
+        self.flow_busy_s += report.busy_s[Role::Flow as usize];
+        self.mesh_busy_s += report.busy_s[Role::Mesh as usize];
+        self.coupler_s += row.coupler_s;
+        self.waiting_s += row.waiting_s();
+        self.iterations += u64::from(report.iterations);
+        self.most_iterations = self.most_iterations.max(report.iterations);
+        self.not_converged += u64::from(!report.converged);
+        self.descent_speed_m_s = row.descent_speed_m_s;
+        self.drag_n = report.force[2];
+        self.interface_energy_error_j = row.energy_error_sum_j;
+        let structure = &report.stats[Role::Structure as usize].values;
+        self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
+        self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
+        self.speeds.push((row.descent_speed_m_s, report.force[2]));
+        let late = &self.speeds[self.speeds.len() / 2..];
+        let mean = |of: fn(&(f64, f64)) -> f64| late.iter().map(of).sum::<f64>() / late.len() as f64;
+        self.mean_descent_speed_m_s = mean(|s| s.0);
+        self.mean_drag_n = mean(|s| s.1);
+    }
+}
+
+/// What a run came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunSummary {
+    /// Name of the scene.
+    pub scene: String,
+    /// `complete`, or why it ended early.
+    pub ended: String,
+    /// Version of `ripstop`.
+    pub version: &'static str,
+    /// Wall seconds of everything, launches included.
+    pub wall_s: f64,
+    /// Ranks of structure, flow, mesh.
+    pub ranks: [u32; 3],
+    /// Stages that ran (the last one perhaps in part).
+    pub stages: Vec<StageSummary>,
+}
+
+impl RunSummary {
+    /// Writes `summary.json`.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn write(&self, out: &Path) -> Result<(), RunError> {
+        let path = out.join("summary.json");
+        let text = serde_json::to_string_pretty(self).unwrap_or_default();
+        std::fs::write(&path, text + "\n").map_err(RunError::file("write", path))
+    }
+
+    /// The table for people.
+    pub fn table(&self, out: &Path) -> String {
+        let mut lines = Vec::new();
+        lines.push(format!("{}: {} in {}", self.scene, self.ended, clock(self.wall_s)));
+        lines.push(format!(
+            "  {:<16} {:>8} {:>9} {:>10} | {:>9} {:>6} {:>6} {:>8} {:>8} | {:>11}",
+            "stage",
+            "windows",
+            "time s",
+            "wall",
+            "structure",
+            "flow",
+            "mesh",
+            "coupler",
+            "waiting",
+            "iterations"
+        ));
+        for s in &self.stages {
+            let sum = s.structure_busy_s + s.flow_busy_s + s.mesh_busy_s + s.coupler_s + s.waiting_s;
+            let share = |part: f64| format!("{:.0} %", 100.0 * part / sum.max(f64::MIN_POSITIVE));
+            let iterations = if s.kind == StageKind::Coupled && s.windows > 0 {
+                format!("{:.1} (<= {})", s.iterations as f64 / s.windows as f64, s.most_iterations)
+            } else {
+                "-".into()
+            };
+            lines.push(format!(
+                "  {:<16} {:>8} {:>9.3} {:>10} | {:>9} {:>6} {:>6} {:>8} {:>8} | {:>11}",
+                s.name,
+                s.windows,
+                s.time_s,
+                clock(s.wall_s),
+                share(s.structure_busy_s),
+                share(s.flow_busy_s),
+                share(s.mesh_busy_s),
+                share(s.coupler_s),
+                share(s.waiting_s),
+                iterations
+            ));
+        }
+        for s in self.stages.iter().filter(|s| s.windows > 0) {
+            lines.push(match s.kind {
+                StageKind::PreInflation => format!(
+                    "  {}: load {:.1} N, projected area {:.2} m2; {}",
+                    s.name, s.vertical_load_n, s.projected_area_m2, s.ended
+                ),
+                StageKind::FlowOnly => {
+                    format!(
+                        "  {}: drag {:.1} N at {:.4} m/s; {}",
+                        s.name, s.drag_n, s.descent_speed_m_s, s.ended
+                    )
+                }
+                StageKind::Coupled => format!(
+                    "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
+                     projected area {:.2} m2; coupling added {:.2e} J{}; {}",
+                    s.name,
+                    s.descent_speed_m_s,
+                    s.mean_descent_speed_m_s,
+                    s.drag_n,
+                    s.mean_drag_n,
+                    s.projected_area_m2,
+                    s.interface_energy_error_j,
+                    if s.not_converged > 0 {
+                        format!("; {} windows above the tolerance", s.not_converged)
+                    } else {
+                        String::new()
+                    },
+                    s.ended
+                ),
+            });
+        }
+        lines.push(format!("  results: {}", out.display()));
+        lines.join("\n")
+    }
+}
