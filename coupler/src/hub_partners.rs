@@ -33,9 +33,10 @@ pub struct SessionOptions<'a> {
 
 /// The solver programs of a stage, running.
 pub struct HubPartners<'a> {
-    // Dropped in this order: first the programs end, then the channel closes.
-    supervisor: Supervisor,
+    // Dropped in this order: the hub tells the programs that the run has failed
+    // and waits a moment; the supervisor ends those that do not listen.
     hub: Hub,
+    supervisor: Supervisor,
     stop: &'a AtomicBool,
     place: Place,
 }
@@ -98,7 +99,7 @@ impl<'a> HubPartners<'a> {
         .map_err(|e| RunError::Channel { place: place.clone(), message: e.to_string() })?;
         let programs = options.programs.into_iter().map(|(program, _)| program).collect();
         let supervisor = Supervisor::start(programs, options.session, console)?;
-        let mut all = Self { supervisor, hub, stop, place };
+        let mut all = Self { hub, supervisor, stop, place };
         all.ask(|hub, watch| hub.await_participants(&mut |_| watch.look()))?;
         Ok(all)
     }
@@ -108,7 +109,7 @@ impl<'a> HubPartners<'a> {
     /// # Errors
     /// A program that fails at the very end.
     pub fn finish(self, console: &Console) -> Result<(), RunError> {
-        let Self { mut supervisor, hub, stop, place } = self;
+        let Self { hub, mut supervisor, stop, place } = self;
         let mut watch = Watch { supervisor: &mut supervisor, stop, casualty: None };
         // Programs may be gone before the hub has seen all goodbyes: that is no casualty.
         let stopped = hub.stop(&mut || match watch.look() {

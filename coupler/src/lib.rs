@@ -1,5 +1,7 @@
 //! Launches, sequences, accelerates and reports the coupled run.
 
+pub mod check;
+pub mod cli;
 pub mod descent;
 pub mod effects;
 pub mod error;
@@ -8,6 +10,7 @@ pub mod hub_partners;
 pub mod interface;
 pub mod launch;
 pub mod partners;
+pub mod picture;
 pub mod plot;
 pub mod progress;
 pub mod run;

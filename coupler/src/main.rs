@@ -1,2 +1,5 @@
 //! The command line `ripstop`.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    coupler::cli::main()
+}

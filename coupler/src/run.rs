@@ -89,12 +89,25 @@ pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
     Ok(Prepared { file: absolute(&options.scene)?, out: absolute(&out)?, scene, interface, first })
 }
 
-/// Runs the stages of a scene. `stop` ends it early when it becomes true.
+/// Runs the stages of a scene; returns what came of it and the folder of the
+/// results. `stop` ends it early when it becomes true.
 ///
 /// # Errors
 /// Whatever ended it early; results so far, `summary.json` included, are kept.
-pub fn run(options: &RunOptions, stop: &AtomicBool, console: &Console) -> Result<RunSummary, RunError> {
+pub fn run(
+    options: &RunOptions,
+    stop: &AtomicBool,
+    console: &Console,
+) -> Result<(RunSummary, PathBuf), RunError> {
     let Prepared { scene, file, out, interface, first } = prepare(options)?;
+    for stage in first..scene.stages.len() {
+        // A program that is missing in the last stage should not cost the first ones.
+        let programs = &program_folder()?;
+        let (session, scratch) = ("", Path::new(""));
+        let plan =
+            LaunchPlan { scene: &scene, scene_file: &file, stage, session, out: &out, programs, scratch };
+        plan.programs()?;
+    }
     let start = Instant::now();
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
     let _lock = lock(&out)?;
@@ -141,7 +154,7 @@ pub fn run(options: &RunOptions, stop: &AtomicBool, console: &Console) -> Result
     if let Err(error) = plots(&scene, &out, &interface) {
         console.warning(&error.to_string());
     }
-    result.map(|()| summary)
+    result.map(|()| (summary, out))
 }
 
 fn run_stage(

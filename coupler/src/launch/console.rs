@@ -66,6 +66,12 @@ impl Console {
         }
     }
 
+    /// The one message of a run that failed: printed even when quiet.
+    pub fn error(&self, text: &str) {
+        let head = if self.colour { "\x1b[1;31merror\x1b[0m" } else { "error" };
+        drop(writeln!(std::io::stderr(), "{head}: {text}"));
+    }
+
     /// A warning of the coupler.
     pub fn warning(&self, text: &str) {
         if self.colour {

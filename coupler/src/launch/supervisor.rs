@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -19,7 +20,9 @@ use crate::error::RunError;
 /// its exit alone is reported.
 const LAST_WORDS: Duration = Duration::from_millis(700);
 /// Time between the request to end and the forced end.
-const GRACE: Duration = Duration::from_millis(2000);
+const GRACE: Duration = Duration::from_millis(1500);
+/// The part of it in which only the ranks are asked.
+const RANKS_FIRST: Duration = Duration::from_millis(700);
 /// Lines of a log shown with a death.
 const TAIL: usize = 12;
 
@@ -49,6 +52,8 @@ pub struct Supervisor {
     running: Vec<Running>,
     session: String,
     known: Vec<Seen>,
+    /// Set while all is being ended: what programs print then is in their logs only.
+    muted: Arc<AtomicBool>,
 }
 
 impl Supervisor {
@@ -59,9 +64,15 @@ impl Supervisor {
     /// that cannot be written.
     pub fn start(programs: Vec<Program>, session: &str, console: &Console) -> Result<Self, RunError> {
         process::adopt_orphans();
-        let mut all = Self { running: Vec::new(), session: session.to_owned(), known: Vec::new() };
+        let mut all = Self {
+            running: Vec::new(),
+            session: session.to_owned(),
+            known: Vec::new(),
+            muted: Arc::default(),
+        };
         for program in programs {
-            all.running.push(start(program, console)?);
+            let started = start(program, console, &all.muted)?;
+            all.running.push(started);
         }
         Ok(all)
     }
@@ -109,20 +120,27 @@ impl Supervisor {
         bad
     }
 
-    /// Ends everything: asks, waits, then forces. Ranks included, however their
-    /// launcher ended. Takes under 4 s.
+    /// Ends everything: asks the ranks, then their launchers, then forces. Ranks
+    /// included, however their launcher ended. Takes under 4 s.
     pub fn end(&mut self) {
+        self.muted.store(true, Ordering::Relaxed);
         self.remember();
-        for running in &self.running {
-            if running.status.is_none() {
-                process::signal(-(running.child.id() as i32), libc::SIGTERM);
+        for seen in self.living() {
+            process::signal(seen.process as i32, libc::SIGTERM);
+        }
+        // A launcher whose ranks have ended ends by itself, and more cleanly so.
+        for patience in [RANKS_FIRST, GRACE] {
+            let done = wait_until(patience, || {
+                self.poll();
+                self.remember();
+                self.running.iter().all(|r| r.status.is_some()) && self.living().is_empty()
+            });
+            if !done && patience == RANKS_FIRST {
+                for running in self.running.iter().filter(|r| r.status.is_none()) {
+                    process::signal(-(running.child.id() as i32), libc::SIGTERM);
+                }
             }
         }
-        wait_until(GRACE, || {
-            self.poll();
-            self.remember();
-            self.running.iter().all(|r| r.status.is_some()) && self.living().is_empty()
-        });
         for running in &self.running {
             process::signal(-(running.child.id() as i32), libc::SIGKILL);
         }
@@ -226,7 +244,7 @@ fn signal_name(signal: i32) -> String {
     format!("signal {signal}{name}")
 }
 
-fn start(program: Program, console: &Console) -> Result<Running, RunError> {
+fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result<Running, RunError> {
     if let Some(folder) = program.log.parent() {
         std::fs::create_dir_all(folder).map_err(RunError::file("create", folder))?;
     }
@@ -257,9 +275,17 @@ fn start(program: Program, console: &Console) -> Result<Running, RunError> {
         readers.push(read(pipe, log.clone(), tail.clone(), None));
     }
     if let Some(pipe) = child.stderr.take() {
-        readers.push(read(pipe, log, tail.clone(), Some((program.role, console.clone()))));
+        let show = Show { role: program.role, console: console.clone(), muted: muted.clone() };
+        readers.push(read(pipe, log, tail.clone(), Some(show)));
     }
     Ok(Running { program, child, status: None, readers, tail })
+}
+
+/// Where lines of standard error are shown, until it is muted.
+struct Show {
+    role: Role,
+    console: Console,
+    muted: Arc<AtomicBool>,
 }
 
 /// Copies lines to the log, the end of them to `tail`, and those of standard
@@ -269,7 +295,7 @@ fn read(
     pipe: impl Read + Send + 'static,
     log: Arc<Mutex<File>>,
     tail: Arc<Mutex<VecDeque<String>>>,
-    show: Option<(Role, Console)>,
+    show: Option<Show>,
 ) -> JoinHandle<()> {
     std::thread::spawn(move || {
         let mut framed = false;
@@ -296,8 +322,10 @@ fn read(
                 }
                 tail.push_back(line.clone());
             }
-            if let Some((role, console)) = &show {
-                console.program_line(*role, &line);
+            if let Some(show) = &show
+                && !show.muted.load(Ordering::Relaxed)
+            {
+                show.console.program_line(show.role, &line);
             }
         }
     })

@@ -1,0 +1,143 @@
+//! `ripstop check`: what would run, and why.
+
+use case::{Acceleration, LoadShape, Scheme, StageKind};
+
+use crate::effects::effects;
+use crate::error::RunError;
+use crate::launch::{LaunchPlan, program_folder};
+use crate::run::{Prepared, RunOptions, prepare};
+use crate::stages::{descent_model, windows};
+
+/// Loads and checks a scene, and describes the run.
+///
+/// # Errors
+/// Whatever `ripstop run` would refuse before it starts a program.
+pub fn report(options: &RunOptions) -> Result<String, RunError> {
+    let prepared = prepare(options)?;
+    let Prepared { scene, file, out, interface, first } = &prepared;
+    let mut lines = vec![format!("{}: {}", scene.name, scene.title)];
+    let sizes = interface.sizes;
+    lines.push(format!(
+        "canopy: {} interface nodes, {} faces; mesh of {} nodes, {} triangles, {} cables",
+        interface.nodes(),
+        interface.faces.len(),
+        sizes.nodes,
+        sizes.triangles,
+        sizes.cables
+    ));
+    lines.push(format!(
+        "masses: fabric {:.4} kg ({:.3} m2), lines {:.4} kg{}",
+        interface.masses.fabric,
+        sizes.fabric_area,
+        interface.masses.cables,
+        descent_model(scene, interface).map_or_else(String::new, |m| format!(
+            ", with payload {:.3} kg; drag balances the weight of {:.1} N at a coefficient of {:.3}",
+            m.mass_kg,
+            m.mass_kg * m.gravity_m_s2,
+            m.drag_coefficient(m.mass_kg * m.gravity_m_s2)
+        ))
+    ));
+    if scene.flow.is_some() {
+        lines.push(flow_grid_line(&prepared));
+    }
+    lines.push("effects:".into());
+    for effect in effects(scene) {
+        let state = if effect.on { "on " } else { "off" };
+        lines.push(format!("  {state} {:<28} {} ({})", effect.key, effect.what, effect.role.program()));
+    }
+    if scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {
+        lines.push(coupling(scene));
+    }
+    lines.push("stages:".into());
+    for (at, stage) in scene.stages.iter().enumerate().skip(*first) {
+        let why = match stage.kind {
+            StageKind::PreInflation => format!(
+                "structure alone under {} Pa",
+                stage.pressure_pa.map_or_else(|| "?".into(), |p| p.to_string())
+            ),
+            StageKind::FlowOnly => "flow alone around the canopy held still".into(),
+            StageKind::Coupled => {
+                "structure, mesh and flow coupled".to_owned()
+                    + if scene.descent.is_some() { ", with the descent" } else { "" }
+            }
+        };
+        let substeps = if stage.kind == StageKind::FlowOnly {
+            String::new()
+        } else {
+            format!(" x {} substeps", stage.substeps)
+        };
+        lines.push(format!(
+            "  {}. {}: {why}; {} s in {} windows of {} s{substeps}",
+            at + 1,
+            stage.name,
+            stage.duration_s,
+            windows(stage),
+            stage.window_s
+        ));
+        let plan = LaunchPlan {
+            scene,
+            scene_file: file,
+            stage: at,
+            session: "SESSION",
+            out,
+            programs: &program_folder()?,
+            scratch: &std::env::temp_dir(),
+        };
+        match plan.programs() {
+            Ok(programs) => lines.extend(programs.iter().map(|p| format!("       {}", p.line()))),
+            Err(error) => lines.push(format!("       missing: {error}")),
+        }
+    }
+    lines.push(format!("results: {}", out.display()));
+    Ok(lines.join("\n"))
+}
+
+fn coupling(scene: &case::Scene) -> String {
+    let c = &scene.coupling;
+    let scheme = match c.scheme {
+        Scheme::Staggered => {
+            "staggered: each program once in a window, with the pressures of the last".to_owned()
+        }
+        Scheme::Implicit => {
+            let by = match c.acceleration {
+                Acceleration::Constant => format!("relaxation {}", c.relaxation),
+                Acceleration::Aitken => format!("Aitken's relaxation from {}", c.relaxation),
+                Acceleration::IqnIls => {
+                    format!("IQN-ILS with the secants of {} earlier windows", c.reused_windows)
+                }
+            };
+            format!(
+                "implicit: at most {} iterations a window to {:.0e}, accelerated by {by}",
+                c.max_iterations, c.tolerance
+            )
+        }
+    };
+    let load = match c.load {
+        LoadShape::Mean => "mean",
+        LoadShape::Constant => "constant",
+        LoadShape::Linear => "linear",
+    };
+    let warning = if c.scheme == Scheme::Staggered {
+        "\n  note: unstable for fabric that is lighter than the air that moves with it"
+    } else if c.load == LoadShape::Linear {
+        "\n  note: a linear load over substeps is unstable for light fabric; `mean` is the stable choice"
+    } else {
+        ""
+    };
+    format!("coupling: {scheme}; load over the substeps: {load}{warning}")
+}
+
+/// Sizes of the flow grid: its topology is that around the unstressed canopy.
+fn flow_grid_line(prepared: &Prepared) -> String {
+    let made = mesh::structure_mesh(&prepared.scene)
+        .and_then(|canopy| mesh::draft_grid(&prepared.scene, &canopy, &prepared.interface.coords));
+    match made {
+        Ok(grid) => format!(
+            "flow grid: {} cells, {} nodes, far field of {} faces",
+            grid.cells.len(),
+            grid.coords.len(),
+            grid.boundary.len()
+        ),
+        Err(error) => format!("flow grid: made from the inflated shape at the start of a stage ({error})"),
+    }
+}

@@ -1,0 +1,423 @@
+//! Whole runs of the real `ripstop` with fake programs over the real channel.
+//!
+//! This file is also those programs: started with `--session` it serves as the
+//! participant that `--fake ROLE` names, with simple arithmetic as physics.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use case::Role;
+use channel::{
+    Announcement, Fault, Input, LOAD_WIDTH, Participant, ServeOptions, Stats, Window, flow_stats,
+    structure_stats,
+};
+
+/// What goes wrong in a fake, `--trouble` of its command line.
+#[derive(Clone, Copy, PartialEq)]
+enum Trouble {
+    None,
+    Fault,
+    Exit,
+    Kill,
+    Hang,
+    Nan,
+}
+
+/// Window in which it goes wrong.
+const TROUBLE_WINDOW: u64 = 2;
+
+/// Each node is a mass on a spring; the air is a pressure that falls with speed.
+struct Fake {
+    role: Role,
+    trouble: Trouble,
+    canopy: mesh::StructureMesh,
+    accepted: Vec<f64>,
+    trial: Vec<f64>,
+    grid: Vec<f64>,
+}
+
+impl Participant for Fake {
+    fn announce(&self) -> Announcement {
+        Announcement {
+            role: self.role.name().into(),
+            program: "fake".into(),
+            version: "0".into(),
+            canopy_nodes: self.canopy.n_canopy as u64,
+            canopy_faces: self.canopy.faces.len() as u64,
+            surface_hash: channel::surface_hash(&self.canopy.faces),
+            grid_nodes: if self.role == Role::Structure { 0 } else { self.canopy.n_canopy as u64 },
+            output_width: [3, LOAD_WIDTH as u64, 6][self.role as usize],
+            effects: ["fabric.wrinkling", "lines"].map(String::from).to_vec(),
+        }
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        let rows = if self.role == Role::Flow { self.canopy.faces.len() } else { self.canopy.n_canopy };
+        (0..rows as u64).collect()
+    }
+
+    fn grid_rows(&self) -> Vec<u64> {
+        if self.role == Role::Flow { (0..self.canopy.n_canopy as u64).collect() } else { Vec::new() }
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let mut stats = Stats::default();
+        if w.index == TROUBLE_WINDOW {
+            match self.trouble {
+                Trouble::None => {}
+                Trouble::Fault => return Err(Fault::new("cell 17 is inverted: take a smaller window_s")),
+                Trouble::Exit => {
+                    eprintln!("fake: the licence has expired");
+                    std::process::exit(3);
+                }
+                Trouble::Kill => {
+                    let _ = Command::new("kill").args(["-9", &std::process::id().to_string()]).status();
+                }
+                Trouble::Hang => std::thread::sleep(Duration::from_secs(1000)),
+                Trouble::Nan => output.fill(f64::NAN),
+            }
+            if self.trouble == Trouble::Nan {
+                return Ok(stats);
+            }
+        }
+        match self.role {
+            Role::Structure => {
+                // Overdamped: each node goes a tenth of its way to where the mean load holds it.
+                let faces = self.canopy.faces.len() as f64;
+                let load: f64 =
+                    input.canopy.chunks_exact(8).map(|f| 0.5 * (f[0] + f[4])).sum::<f64>() / faces;
+                for (at, out) in output.iter_mut().enumerate() {
+                    let target = if at % 3 == 2 { 0.01 * load } else { 0.0 };
+                    *out = self.accepted[at] + 0.1 * (target - self.accepted[at]);
+                }
+                stats.values[structure_stats::VERTICAL_LOAD] = load;
+                stats.values[structure_stats::PROJECTED_AREA] = 4.0;
+                stats.values[structure_stats::STRAIN_ENERGY] = 1.0;
+                stats.values[structure_stats::KINETIC_ENERGY] = 1.0;
+            }
+            Role::Mesh => {
+                for (row, moved) in output.chunks_exact_mut(6).zip(input.canopy.chunks_exact(3)) {
+                    row[..3].copy_from_slice(moved);
+                    row[3..].fill(0.0);
+                }
+            }
+            Role::Flow => {
+                let moved = if input.grid.is_empty() {
+                    0.0
+                } else {
+                    (0..self.canopy.n_canopy).map(|i| input.grid.row(i)[2]).sum::<f64>()
+                        / self.canopy.n_canopy as f64
+                };
+                // Falls with the canopy's own motion: a (strong) added damping.
+                let speed = -w.frame_velocity[2];
+                let jump = 0.6125 * speed * speed - 200.0 * (moved - self.grid[0]);
+                output.chunks_exact_mut(LOAD_WIDTH).for_each(|f| f.copy_from_slice(&[jump, 0.0, 0.0, 0.0]));
+                stats.values[flow_stats::FORCE + 2] = 4.0 * jump;
+                self.grid[1] = moved;
+            }
+        }
+        if self.role != Role::Flow {
+            self.trial.copy_from_slice(output);
+        }
+        Ok(stats)
+    }
+
+    fn accept(&mut self, _w: &Window) -> Result<(), Fault> {
+        self.accepted.copy_from_slice(&self.trial);
+        self.grid[0] = self.grid[1];
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let path = case::state_file(folder, self.role);
+        std::fs::write(&path, format!("{:?}", self.accepted.first())).map_err(Fault::new)
+    }
+
+    fn snapshot(&mut self, _time: f64, folder: &Path) -> Result<(), Fault> {
+        std::fs::write(folder.join(format!("{}.pvd", self.role.name())), "").map_err(Fault::new)
+    }
+}
+
+fn serve_fake(words: &[String]) -> Result<(), String> {
+    let value = |key: &str| {
+        let at = words.iter().position(|w| w == key).ok_or(format!("no {key}"))?;
+        words.get(at + 1).cloned().ok_or(format!("no value of {key}"))
+    };
+    let role = Role::ALL.into_iter().find(|r| Ok(r.name()) == value("--fake").as_deref()).ok_or("role")?;
+    let trouble = match value("--trouble").as_deref() {
+        Ok("fault") => Trouble::Fault,
+        Ok("exit") => Trouble::Exit,
+        Ok("kill") => Trouble::Kill,
+        Ok("hang") => Trouble::Hang,
+        Ok("nan") => Trouble::Nan,
+        _ => Trouble::None,
+    };
+    if value("--trouble").as_deref() == Ok("start") {
+        return Err("the grid file is damaged".into());
+    }
+    let scene = case::load(Path::new(&value("--scene")?)).map_err(|e| e.to_string())?;
+    let canopy = mesh::structure_mesh(&scene).map_err(|e| e.to_string())?;
+    let width = [3, LOAD_WIDTH, 6][role as usize];
+    let n = canopy.n_canopy.max(canopy.faces.len()) * width;
+    let n = if role == Role::Flow { n } else { canopy.n_canopy * width };
+    let mut fake =
+        Fake { role, trouble, canopy, accepted: vec![0.0; n], trial: vec![0.0; n], grid: vec![0.0; 2] };
+    let options = ServeOptions {
+        session: value("--session")?,
+        role,
+        rank: 0,
+        ranks: 1,
+        stage: value("--stage")?.parse().map_err(|e| format!("{e}"))?,
+        deadline: None,
+    };
+    channel::serve(&mut fake, &options).map(|_| ()).map_err(|e| e.to_string())
+}
+
+/// A run of `ripstop` in a folder of its own.
+struct Flight {
+    folder: tempfile::TempDir,
+}
+
+impl Flight {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/square-drop/scene.toml");
+        let text = std::fs::read_to_string(scene).expect("the scene");
+        let text = text.replace("cells_across = 12", "cells_across = 4");
+        std::fs::write(folder.path().join("scene.toml"), text).expect("a copy of the scene");
+        Self { folder }
+    }
+
+    fn out(&self) -> PathBuf {
+        self.folder.path().join("out")
+    }
+
+    fn command(&self, troubled: Option<(Role, &str)>, more: &[&str]) -> Command {
+        let me = std::env::current_exe().expect("this program");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ripstop"));
+        command.arg("run").arg(self.folder.path().join("scene.toml")).arg("--out").arg(self.out());
+        command.args(["--ranks", "structure=1,flow=1,mesh=1"]);
+        for role in Role::ALL {
+            let trouble = troubled.filter(|(r, _)| *r == role).map_or("none", |(_, t)| t);
+            command.arg(format!("--{}", role.name()));
+            command.arg(format!("{} --fake {} --trouble {trouble}", me.display(), role.name()));
+        }
+        command.args(more).stdin(Stdio::null());
+        command
+    }
+
+    fn fly(&self, troubled: Option<(Role, &str)>, more: &[&str]) -> (i32, String, Duration) {
+        let start = Instant::now();
+        let Output { status, stderr, .. } = self.command(troubled, more).output().expect("ripstop starts");
+        let text = String::from_utf8_lossy(&stderr).into_owned();
+        (status.code().unwrap_or(-1), text, start.elapsed())
+    }
+
+    /// History of a stage without its wall times.
+    fn history(&self, stage: &str) -> String {
+        let path = self.out().join(stage).join("history.csv");
+        let text = std::fs::read_to_string(&path).expect("a history");
+        let names: Vec<&str> = text.lines().next().expect("names").split(',').collect();
+        let keep = names.iter().position(|n| *n == "structure_wall_s").expect("wall times");
+        text.lines().map(|l| l.split(',').take(keep).collect::<Vec<_>>().join(",") + "\n").collect()
+    }
+
+    /// Nothing of this flight may be left: no process, no shared memory.
+    fn left_behind(&self) -> Vec<String> {
+        let mark = self.folder.path().to_string_lossy().into_owned();
+        let mut left = Vec::new();
+        for entry in std::fs::read_dir("/proc").expect("/proc").flatten() {
+            if let Ok(line) = std::fs::read(entry.path().join("cmdline"))
+                && String::from_utf8_lossy(&line).contains(&mark)
+            {
+                left.push(entry.path().display().to_string());
+            }
+        }
+        left
+    }
+}
+
+/// Names in shared memory that belong to ripstop.
+fn memory() -> BTreeSet<String> {
+    let names = std::fs::read_dir("/dev/shm").expect("/dev/shm").flatten();
+    let ours = |n: &String| n.starts_with("ripstop-mpi-") || n.starts_with("rs");
+    names.map(|e| e.file_name().to_string_lossy().into_owned()).filter(ours).collect()
+}
+
+fn require(condition: bool, what: &str, text: &str) {
+    assert!(condition, "{what}\n--- output ---\n{text}");
+}
+
+fn complete_and_repeatable() {
+    let (a, b) = (Flight::new(), Flight::new());
+    let (code, text, _) = a.fly(None, &[]);
+    require(code == 0, "a complete run ends with 0", &text);
+    for expected in ["stage `descent`", "descent speed", "results:", "waiting"] {
+        require(text.contains(expected), expected, &text);
+    }
+    let rows = a.history("descent").lines().count();
+    require(rows == 21, "20 windows and a header", &a.history("descent"));
+    for file in ["summary.json", "scene.toml", "descent/descent.svg", "descent/logs/flow.log"] {
+        require(a.out().join(file).is_file(), file, &text);
+    }
+    for file in ["structure.bin", "flow.bin", "mesh.bin", "coupler.bin"] {
+        require(a.out().join("descent/state").join(file).is_file(), file, &text);
+    }
+    let (code, text, _) = b.fly(None, &["--quiet"]);
+    require(code == 0 && text.is_empty(), "a quiet run says nothing", &text);
+    for stage in ["pre-inflation", "developed-flow", "descent"] {
+        assert_eq!(a.history(stage), b.history(stage), "stage {stage} repeats byte for byte");
+    }
+    // A later stage alone, from the states of the first run.
+    let whole = a.history("descent");
+    let (code, text, _) = a.fly(None, &["--stage", "descent"]);
+    require(code == 0, "the last stage alone", &text);
+    assert_eq!(a.history("descent"), whole);
+}
+
+fn each_failure_names_its_culprit() {
+    let cases = [
+        (Role::Mesh, "fault", vec!["mesh", "rank 0", "window 2", "cell 17 is inverted"]),
+        (Role::Flow, "exit", vec!["flow", "window 2", "licence has expired"]),
+        (Role::Structure, "kill", vec!["structure", "window 2"]),
+        (Role::Flow, "nan", vec!["flow", "window 2", "NaN"]),
+    ];
+    for (role, trouble, words) in cases {
+        let flight = Flight::new();
+        // The structure runs in the first stage already, the flow in the second.
+        let (code, text, wall) = flight.fly(Some((role, trouble)), &[]);
+        require(code == 1, &format!("{trouble} ends with 1"), &text);
+        for word in words {
+            require(text.contains(word), &format!("{trouble}: the message holds `{word}`"), &text);
+        }
+        require(text.matches("error: ").count() == 1, "one message", &text);
+        require(wall < Duration::from_secs(25), &format!("{trouble} took {wall:?}"), &text);
+        require(flight.out().join("summary.json").is_file(), "results so far are kept", &text);
+        assert_eq!(flight.left_behind(), Vec::<String>::new(), "{trouble}");
+    }
+}
+
+fn a_program_that_fails_at_its_start_is_quoted() {
+    let flight = Flight::new();
+    let (code, text, wall) = flight.fly(Some((Role::Structure, "start")), &[]);
+    require(code == 1 && text.contains("the grid file is damaged"), "last words", &text);
+    require(text.contains("before its first window"), "place", &text);
+    require(wall < Duration::from_secs(8), &format!("took {wall:?}"), &text);
+}
+
+fn a_hanging_program_ends_by_its_deadline() {
+    let flight = Flight::new();
+    let (code, text, wall) = flight.fly(Some((Role::Structure, "hang")), &["--deadline", "3"]);
+    require(code == 1 && text.contains("no answer for 3 s"), "deadline", &text);
+    require(wall < Duration::from_secs(3 + 5 + 3), &format!("took {wall:?}"), &text);
+    assert_eq!(flight.left_behind(), Vec::<String>::new());
+}
+
+fn ctrl_c_ends_all_within_five_seconds() {
+    let flight = Flight::new();
+    let child = flight.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::piped()).spawn();
+    let mut child = child.expect("ripstop starts");
+    let history = flight.out().join("pre-inflation/history.csv");
+    let start = Instant::now();
+    while !std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3) {
+        assert!(start.elapsed() < Duration::from_secs(30), "the run does not come to window 2");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let at = Instant::now();
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    let status = child.wait().expect("an end");
+    assert!(at.elapsed() < Duration::from_secs(5), "took {:?}", at.elapsed());
+    assert_eq!(status.code(), Some(130));
+    assert_eq!(flight.left_behind(), Vec::<String>::new());
+}
+
+fn a_killed_coupler_leaves_no_program() {
+    let flight = Flight::new();
+    let child = flight.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::null()).spawn();
+    let mut child = child.expect("ripstop starts");
+    let history = flight.out().join("pre-inflation/history.csv");
+    let start = Instant::now();
+    while !std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3) {
+        assert!(start.elapsed() < Duration::from_secs(30), "the run does not come to window 2");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    child.kill().expect("kill -9");
+    child.wait().expect("an end");
+    let at = Instant::now();
+    while !flight.left_behind().is_empty() {
+        assert!(at.elapsed() < Duration::from_secs(6), "still there: {:?}", flight.left_behind());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+fn bad_input_starts_nothing() {
+    let flight = Flight::new();
+    let scene = flight.folder.path().join("scene.toml");
+    let good = std::fs::read_to_string(&scene).expect("the scene");
+    let cases = [
+        (good.replace("thickness_m = 3.048e-5", "thickness_m = -1.0"), "thickness_m", vec![]),
+        (good.replace("poisson_ratio", "poison_ratio"), "poison_ratio", vec![]),
+        (good.clone(), "no stage `descend`", vec!["--stage", "descend"]),
+        (good.clone(), "ranks for the structure", vec!["--ranks", "structure=9999"]),
+        (good.clone(), "/nowhere/flow", vec!["--flow", "/nowhere/flow"]),
+        (good.clone(), "unclosed quote", vec!["--mesh", "python3 'x"]),
+        (good, "run that one first", vec!["--stage", "descent"]),
+    ];
+    for (text, expected, more) in cases {
+        std::fs::write(&scene, text).expect("a scene");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ripstop"));
+        command.arg("run").arg(&scene).arg("--out").arg(flight.out());
+        let me = std::env::current_exe().expect("this program");
+        for role in Role::ALL {
+            let key = format!("--{}", role.name());
+            if !more.contains(&key.as_str()) {
+                command.arg(key).arg(format!("{} --fake {}", me.display(), role.name()));
+            }
+        }
+        let output = command.args(&more).output().expect("ripstop starts");
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        require(output.status.code() == Some(2), &format!("{expected}: code 2"), &text);
+        require(text.contains(expected), expected, &text);
+        require(!flight.out().join("pre-inflation").exists(), "nothing was started", &text);
+    }
+}
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().collect();
+    if words.iter().any(|w| w == "--session") {
+        return match serve_fake(&words) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(message) => {
+                eprintln!("{message}");
+                ExitCode::FAILURE
+            }
+        };
+    }
+    if words.iter().any(|w| w == "--list") {
+        return ExitCode::SUCCESS;
+    }
+    let before = memory();
+    let tests: [(&str, fn()); 7] = [
+        ("complete_and_repeatable", complete_and_repeatable),
+        ("each_failure_names_its_culprit", each_failure_names_its_culprit),
+        ("a_program_that_fails_at_its_start_is_quoted", a_program_that_fails_at_its_start_is_quoted),
+        ("a_hanging_program_ends_by_its_deadline", a_hanging_program_ends_by_its_deadline),
+        ("ctrl_c_ends_all_within_five_seconds", ctrl_c_ends_all_within_five_seconds),
+        ("a_killed_coupler_leaves_no_program", a_killed_coupler_leaves_no_program),
+        ("bad_input_starts_nothing", bad_input_starts_nothing),
+    ];
+    let filter = words.iter().skip(1).find(|w| !w.starts_with('-'));
+    for (name, test) in tests {
+        if filter.is_none_or(|f| name.contains(f.as_str())) {
+            let start = Instant::now();
+            test();
+            println!("test {name} ... ok ({:.1} s)", start.elapsed().as_secs_f64());
+        }
+    }
+    // The killed coupler's folder is swept by the next run on this machine.
+    let after: Vec<String> = memory().difference(&before).cloned().collect();
+    println!("left in shared memory: {after:?}");
+    ExitCode::SUCCESS
+}
