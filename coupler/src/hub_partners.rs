@@ -136,6 +136,10 @@ impl<'a> HubPartners<'a> {
 
     fn explain(&mut self, error: HubError, casualty: Option<Casualty>) -> RunError {
         let place = self.place.clone();
+        // The signal may also have cut a system call short: that is no error of its own.
+        if self.stop.load(Ordering::Relaxed) {
+            return RunError::Interrupted(place);
+        }
         let died = |casualty: Casualty, rank| RunError::Died {
             role: casualty.role,
             program: casualty.name,

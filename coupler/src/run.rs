@@ -115,6 +115,7 @@ pub fn run(
     if let Err(error) = channel::cleanup_stale() {
         console.warning(&format!("leftovers of earlier runs could not be removed: {error}"));
     }
+    Scratch::sweep();
     let mut summary = RunSummary {
         scene: scene.name.clone(),
         ended: "complete".into(),
@@ -271,11 +272,29 @@ fn lock(out: &Path) -> Result<fs::File, RunError> {
 struct Scratch(PathBuf);
 
 impl Scratch {
-    fn create(session: &str) -> Result<Self, RunError> {
+    const PREFIX: &str = "ripstop-mpi-";
+
+    fn base() -> PathBuf {
         let memory = Path::new("/dev/shm");
-        let base = if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() };
+        if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() }
+    }
+
+    /// Removes folders of runs that were killed: their names hold the process.
+    fn sweep() {
+        let Ok(entries) = fs::read_dir(Self::base()) else { return };
+        for entry in entries.flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let Some(session) = name.strip_prefix(Self::PREFIX) else { continue };
+            let process = session.rsplit('-').nth(1).and_then(|p| p.parse::<u32>().ok());
+            if process.is_some_and(|p| !Path::new(&format!("/proc/{p}")).exists()) {
+                let _ = fs::remove_dir_all(entry.path());
+            }
+        }
+    }
+
+    fn create(session: &str) -> Result<Self, RunError> {
         // MPI puts socket paths below it, which must stay short.
-        let folder = base.join(format!("ripstop-mpi-{session}"));
+        let folder = Self::base().join(format!("{}{session}", Self::PREFIX));
         fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
         Ok(Self(folder))
     }

@@ -171,6 +171,7 @@ fn serve_fake(words: &[String]) -> Result<(), String> {
         ranks: 1,
         stage: value("--stage")?.parse().map_err(|e| format!("{e}"))?,
         deadline: None,
+        exit_when_orphaned: true,
     };
     channel::serve(&mut fake, &options).map(|_| ()).map_err(|e| e.to_string())
 }

@@ -55,6 +55,11 @@ impl LaunchPlan<'_> {
     /// [`RunError::Input`] for a program that does not exist or a command that
     /// cannot be read.
     pub fn programs(&self) -> Result<Vec<Program>, RunError> {
+        if !can_be_found("mpirun") {
+            return Err(RunError::Input(
+                "`mpirun` is not on the PATH: install OpenMPI (`apt install openmpi-bin`)".into(),
+            ));
+        }
         let roles = self.scene.stages[self.stage].kind.roles();
         roles.iter().map(|&role| self.program(role)).collect()
     }
@@ -68,6 +73,15 @@ impl LaunchPlan<'_> {
                         role.name()
                     ))
                 })?;
+                if !can_be_found(&words[0]) {
+                    return Err(RunError::Input(format!(
+                        "the program `{}` for {} does not exist: check the path of --{} or of `programs` in \
+                         the scene (relative paths count from the folder that ripstop was started in)",
+                        words[0],
+                        role.name(),
+                        role.name()
+                    )));
+                }
                 (format!("{} (`{line}`)", role.name()), words.into_iter().map(OsString::from).collect())
             }
             None => {
@@ -123,6 +137,15 @@ fn environment(scratch: &Path) -> Vec<(&'static str, OsString)> {
         set.push(("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1".into()));
     }
     set
+}
+
+/// Whether a shell would find this program: a file, or a name on the PATH.
+fn can_be_found(program: &str) -> bool {
+    if program.contains('/') {
+        return Path::new(program).is_file();
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
 }
 
 /// Folder of this executable: the project's programs lie side by side.
