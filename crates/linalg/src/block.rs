@@ -6,7 +6,12 @@ pub trait Real: faer::traits::RealField + comm::Scalar {
     fn from_f64(x: f64) -> Self;
     /// Widens.
     fn to_f64(self) -> f64;
+    /// `self * a + b`, in one instruction where the target has it (Rust does not fuse by
+    /// itself, and without the instruction `mul_add` is a slow function).
+    fn fused(self, a: Self, b: Self) -> Self;
 }
+
+const FUSES: bool = cfg!(any(target_feature = "fma", target_arch = "aarch64"));
 
 impl Real for f64 {
     #[inline(always)]
@@ -16,6 +21,10 @@ impl Real for f64 {
     #[inline(always)]
     fn to_f64(self) -> f64 {
         self
+    }
+    #[inline(always)]
+    fn fused(self, a: f64, b: f64) -> f64 {
+        if FUSES { self.mul_add(a, b) } else { self * a + b }
     }
 }
 
@@ -27,6 +36,10 @@ impl Real for f32 {
     #[inline(always)]
     fn to_f64(self) -> f64 {
         f64::from(self)
+    }
+    #[inline(always)]
+    fn fused(self, a: f32, b: f32) -> f32 {
+        if FUSES { self.mul_add(a, b) } else { self * a + b }
     }
 }
 
@@ -41,7 +54,7 @@ pub(crate) fn add_mul<const R: usize, const C: usize, T: Real>(
         // The row is summed before it is added: a short chain of dependent additions.
         let mut sum = a[r][0].to_f64() * x[0];
         for c in 1..C {
-            sum += a[r][c].to_f64() * x[c];
+            sum = a[r][c].to_f64().fused(x[c], sum);
         }
         y[r] += sum;
     }
@@ -58,7 +71,7 @@ pub(crate) fn accumulate<const R: usize, const C: usize, T: Real>(
 ) {
     for r in 0..R {
         for c in 0..C {
-            sums[r][c] += a[r][c].to_f64() * x[c];
+            sums[r][c] = a[r][c].to_f64().fused(x[c], sums[r][c]);
         }
     }
 }

@@ -112,7 +112,7 @@ impl<const B: usize, T: Real> BlockIlu0<B, T> {
             let x = &x[j as usize];
             for r in 0..B {
                 let mut sum = a[r][0] * x[0];
-                (1..B).for_each(|c| sum += a[r][c] * x[c]);
+                (1..B).for_each(|c| sum = a[r][c].fused(x[c], sum));
                 s[r] -= sum;
             }
         }

@@ -1,6 +1,8 @@
 //! Vector kernels. Sums use eight fixed lanes, so they vectorise and their order
 //! (and so the answer to the last bit) never changes.
 
+use crate::block::Real;
+
 const LANES: usize = 8;
 
 /// Rank-local dot product.
@@ -10,7 +12,7 @@ pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
     let mut acc = [0.0; LANES];
     for (x, y) in xs.iter().zip(ys) {
         for l in 0..LANES {
-            acc[l] += x[l] * y[l];
+            acc[l] = x[l].fused(y[l], acc[l]);
         }
     }
     let tail: f64 = xr.iter().zip(yr).map(|(x, y)| x * y).sum();

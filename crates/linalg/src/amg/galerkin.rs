@@ -8,6 +8,7 @@ use comm::{Halo, Numbering};
 use super::MODES;
 use super::prolongation::Prolongation;
 use crate::BlockCsr;
+use crate::block::Real;
 use crate::ghost_rows::{GhostRows, owner};
 
 /// Block rows with global coarse columns.
@@ -119,7 +120,7 @@ pub(super) fn galerkin<const F: usize>(
                 for r in 0..F {
                     for c in 0..F {
                         for m in 0..MODES {
-                            sum[r][m] += block[r][c] * pj[c][m];
+                            sum[r][m] = block[r][c].fused(pj[c][m], sum[r][m]);
                         }
                     }
                 }
@@ -131,7 +132,7 @@ pub(super) fn galerkin<const F: usize>(
                 for f in 0..F {
                     for m in 0..MODES {
                         for k in 0..MODES {
-                            sum[m][k] += pi[f][m] * product[f][k];
+                            sum[m][k] = pi[f][m].fused(product[f][k], sum[m][k]);
                         }
                     }
                 }

@@ -174,7 +174,7 @@ fn subtract<const F: usize, T: Real>(s: &mut [T; F], cols: &[u32], values: &[[[T
         let x = &x[j as usize];
         for r in 0..F {
             for c in 0..F {
-                sums[r][c] += a[r][c] * x[c];
+                sums[r][c] = a[r][c].fused(x[c], sums[r][c]);
             }
         }
     }
@@ -192,7 +192,7 @@ fn multiply<const F: usize, T: Real>(a: &[[T; F]; F], x: &[T; F]) -> [T; F] {
     let mut y = [T::default(); F];
     for r in 0..F {
         for c in 0..F {
-            y[r] += a[r][c] * x[c];
+            y[r] = a[r][c].fused(x[c], y[r]);
         }
     }
     y

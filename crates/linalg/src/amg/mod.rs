@@ -138,13 +138,14 @@ impl<T: Real> Preconditioner for Amg<T> {
         let (rhs, x) = &mut *local;
         // The residual is brought to unit size: late in a solve it may underflow in f32.
         let size = self.fine.comm().max(r[..n].iter().fold(0.0, |m: f64, v| m.max(v.abs())));
-        if !(size > 0.0 && size.is_finite()) {
+        if !size.is_normal() {
             // Zero stays zero and NaN stays NaN: the Krylov solver reports it.
             z[..n].copy_from_slice(&r[..n]);
             return;
         }
+        let inverse = 1.0 / size;
         for (rhs, r) in rhs.iter_mut().zip(&r[..n]) {
-            *rhs = T::from_f64(r / size);
+            *rhs = T::from_f64(r * inverse);
         }
         self.fine.cycle(rhs, x, |r, x| self.descend(0, r, x));
         let factor = size / self.scale;

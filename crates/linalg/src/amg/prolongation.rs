@@ -34,7 +34,7 @@ impl<const F: usize, T: Real> Prolongation<F, T> {
                 let sum = &mut blocks[j as usize];
                 for f in 0..F {
                     for m in 0..MODES {
-                        sum[m] += p[f][m] * r[f];
+                        sum[m] = p[f][m].fused(r[f], sum[m]);
                     }
                 }
             }
@@ -53,7 +53,7 @@ impl<const F: usize, T: Real> Prolongation<F, T> {
                 for f in 0..F {
                     let mut sum = T::default();
                     for m in 0..MODES {
-                        sum += p[f][m] * c[m];
+                        sum = p[f][m].fused(c[m], sum);
                     }
                     x[f] += sum;
                 }

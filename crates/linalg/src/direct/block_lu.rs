@@ -345,7 +345,7 @@ fn add_columns<T: Real>(m: &[T], x: &[T], y: &mut [T]) {
         let (b, four) = four.split_at(n);
         let (c, d) = four.split_at(n);
         for i in 0..n {
-            y[i] += (a[i] * q[0] + b[i] * q[1]) + (c[i] * q[2] + d[i] * q[3]);
+            y[i] = a[i].fused(q[0], b[i].fused(q[1], c[i].fused(q[2], d[i].fused(q[3], y[i]))));
         }
     }
     for (column, &q) in columns.remainder().chunks_exact(n).zip(rest) {
@@ -370,7 +370,7 @@ fn rows_dot<T: Real>(m: &[T], x: &[T], y: &mut [T]) {
             for r in 0..3 {
                 let a = &chunks[r].0[k];
                 for l in 0..LANES {
-                    acc[r][l] += a[l] * x[l];
+                    acc[r][l] = a[l].fused(x[l], acc[r][l]);
                 }
             }
         }
