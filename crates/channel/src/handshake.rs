@@ -4,8 +4,10 @@ use std::time::{Duration, Instant};
 
 use case::Role;
 
-use crate::header::{Kind, Unit};
-use crate::hub::{Arrivals, Hub, HubOptions, Interface, OnWait, RoleOptions};
+use crate::header::{Kind, Unit, unpack_text};
+use crate::hub::{Hub, OnWait};
+use crate::hub_options::{Arrivals, HubOptions, Interface, RoleOptions};
+use crate::session::Watch;
 use crate::wire::{Hello, Welcome, decode_rows, to_json};
 use crate::{Abort, CONTRACT_VERSION, HubError, Who, Window};
 
@@ -63,6 +65,50 @@ impl Hub {
                 return Err(HubError::Deadline { who: missing, during: "the handshake".into(), seconds });
             }
             self.sleep(TICK)?;
+        }
+    }
+
+    /// Announcements that have come since the last call.
+    fn greet(&mut self) -> Result<(), HubError> {
+        self.drain()?;
+        for rank in self.programs.iter_mut().flat_map(|p| &mut p.ranks) {
+            if let Some(message) = rank.answer.take() {
+                let hello = rank
+                    .check(&message, self.id, Kind::Announce, Unit::Text, None, 0)
+                    .or_else(|| rank.hello.is_some().then(|| "announced itself twice".to_string()));
+                let text = unpack_text(message.payload(), message.header().bytes).unwrap_or_default();
+                match (hello, serde_json::from_str::<Hello>(&text)) {
+                    (None, Ok(hello)) => rank.hello = Some(hello),
+                    (problem, parsed) => {
+                        let problem = problem.unwrap_or_else(|| {
+                            format!(
+                                "its announcement cannot be read: {}",
+                                parsed.err().map_or("?".into(), |e| e.to_string())
+                            )
+                        });
+                        return Err(rank.broken(Kind::Announce, &Window::default(), problem));
+                    }
+                }
+                let Who { role, rank: number } = rank.who;
+                rank.watch = Watch::on(&self.place.lock_file(&format!("{}.{number}", role.name())));
+            }
+        }
+        Ok(())
+    }
+
+    /// What ranks published as their layout.
+    fn layout(&mut self, role: Role, rank: usize) -> Result<Vec<f64>, HubError> {
+        let id = self.id;
+        let rank = &mut self.program(role)?.ranks[rank];
+        let (_, receiver) = rank.layout.as_ref().expect("opened with the session");
+        let Some(message) = receiver.receive()? else {
+            return Err(rank.broken(Kind::Layout, &Window::default(), "it published no layout".into()));
+        };
+        let hello = rank.hello.as_ref().expect("it has arrived");
+        let length = (hello.output_rows + hello.grid_rows) as usize;
+        match rank.check(&message, id, Kind::Layout, Unit::Rows, Some(length), message.header().sequence) {
+            Some(problem) => Err(rank.broken(Kind::Layout, &Window::default(), problem)),
+            None => Ok(message.payload().to_vec()),
         }
     }
 

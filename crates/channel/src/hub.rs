@@ -1,69 +1,17 @@
-//! The coupler's side.
+//! The coupler's side: opens a session, commands its programs, waits for them.
 
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use case::Role;
 
-use crate::header::{COUPLER, Header, Kind, Unit, role_code, text_words, unpack_text};
+use crate::header::{Kind, unpack_text};
+use crate::hub_options::{Arrivals, HubOptions, Interface};
+use crate::program::{Payload, Program, Rank};
 use crate::session::{Lock, Notice, Place, Watch, cleanup_stale, fnv};
-use crate::transport::{Bell, Channel, Link, Message, Receiver, Ringer, Sender, Sleeper};
-use crate::wire::{Hello, Roster, during, first_not_finite};
+use crate::transport::{Bell, Link, Sleeper};
+use crate::wire::{Roster, during};
 use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, SessionError, Stats, Who, Window};
-
-/// What a session consists of.
-#[derive(Clone, Debug)]
-pub struct HubOptions {
-    /// Name of the session: isolates it from all others on this machine.
-    pub session: String,
-    /// Participants.
-    pub roles: Vec<RoleOptions>,
-    /// Stage of the scene, checked against what the programs announce.
-    pub stage: usize,
-    /// The canopy as the coupler knows it. `None`: what the programs announce,
-    /// if they agree.
-    pub interface: Option<Interface>,
-    /// Longest wait for all participants to arrive. `None`: no limit.
-    pub arrival_deadline: Option<Duration>,
-    /// Lets [`Hub::collect`] see the grid that the mesh-mover publishes (for
-    /// recordings and conformance tests).
-    pub watch_grid: bool,
-}
-
-/// One program of a session.
-#[derive(Clone, Debug)]
-pub struct RoleOptions {
-    /// Its role.
-    pub role: Role,
-    /// Its ranks.
-    pub ranks: usize,
-    /// Longest time for one answer. `None`: no limit.
-    pub deadline: Option<Duration>,
-    /// Effects of the scene that it must implement.
-    pub effects: Vec<String>,
-}
-
-/// The canopy that all programs share.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Interface {
-    /// Nodes.
-    pub nodes: u64,
-    /// Faces.
-    pub faces: u64,
-    /// [`crate::surface_hash`] of the faces.
-    pub surface_hash: u64,
-}
-
-/// Who has arrived so far.
-#[derive(Clone, Debug, Default)]
-pub struct Arrivals {
-    /// Ranks that have announced themselves, with the name and version of their program.
-    pub arrived: Vec<(Who, String)>,
-    /// Ranks that have not.
-    pub missing: Vec<Who>,
-    /// Seconds since the wait began.
-    pub seconds: f64,
-}
 
 /// Called while the hub waits for answers, at most 50 ms apart: look after child
 /// processes and Ctrl-C here. An error ends the wait.
@@ -71,8 +19,8 @@ pub type OnWait<'a> = &'a mut dyn FnMut() -> Result<(), Abort>;
 
 /// Longest sleep between two calls of `on_wait`.
 const TICK: Duration = Duration::from_millis(40);
-/// Numbers that any command can carry, so that folders and messages fit.
-const TEXT_WORDS: usize = 1024;
+/// How long participants of a dead coupler may take to end.
+const ORPHANS: Duration = Duration::from_secs(4);
 /// How long participants are given to hear that the run has failed.
 const FAREWELL: Duration = Duration::from_millis(300);
 
@@ -95,52 +43,10 @@ pub struct Hub {
     /// Kept for as long as participants may want to join.
     _bells: Vec<Bell>,
     _link: Link,
-    place: Place,
+    pub(crate) place: Place,
     lock: Option<Lock>,
     /// Last: works when all else is closed.
     _sweep: Sweep,
-}
-
-/// One program, seen from the coupler.
-pub(crate) struct Program {
-    pub role: Role,
-    pub deadline: Option<Duration>,
-    pub input_length: usize,
-    pub ranks: Vec<Rank>,
-    channel: Channel,
-    command: Option<Sender>,
-    bell: Ringer,
-    /// Number of the last command.
-    pub sequence: u64,
-    /// The command that is being carried out.
-    asked: Option<Asked>,
-    /// Window of the last `advance` since the last `accept`.
-    open: Option<u64>,
-}
-
-#[derive(Clone, Copy)]
-struct Asked {
-    kind: Kind,
-    window: Window,
-    at: Instant,
-}
-
-/// One rank, seen from the coupler.
-pub(crate) struct Rank {
-    pub who: Who,
-    pub hello: Option<Hello>,
-    /// Global rows of its output.
-    pub rows: Vec<u64>,
-    /// Its layout during the handshake.
-    pub layout: Option<(Channel, Receiver)>,
-    /// Its grid, if it is the mesh's: made by the coupler, read by the flow.
-    grid: Option<Channel>,
-    watched_grid: Option<Receiver>,
-    answers: Receiver,
-    /// Its answer, in place and not yet used.
-    answer: Option<Message>,
-    /// Whether it lives; from its arrival on.
-    watch: Option<Watch>,
 }
 
 impl Hub {
@@ -150,9 +56,16 @@ impl Hub {
         check_options(&options)?;
         let place = Place::of(&options.session)?;
         cleanup_stale()?;
-        let lock = match place.open()? {
-            Ok(lock) => lock,
-            Err(owner) => return Err(HubError::SessionInUse { session: options.session, owner }),
+        let start = Instant::now();
+        let lock = loop {
+            match place.open()? {
+                Ok(lock) => break lock,
+                // Of a session whose coupler died; they end by themselves.
+                Err(owner) if owner != "coupler" && start.elapsed() < ORPHANS => {
+                    std::thread::sleep(Duration::from_millis(50));
+                }
+                Err(owner) => return Err(HubError::SessionInUse { session: options.session, owner }),
+            }
         };
         let made = Self::open(options, place.clone(), lock);
         if made.is_err() {
@@ -172,24 +85,9 @@ impl Hub {
         let sleeper = bells[0].sleeper()?;
         let mut programs = Vec::new();
         for spec in &options.roles {
-            let role = spec.role;
-            let (name, sleepers, ringers) = roster.bell(role);
+            let (name, sleepers, ringers) = roster.bell(spec.role);
             let bell = link.create_bell(&name, sleepers, ringers)?;
-            let ranks = (0..spec.ranks).map(|rank| Rank::open(&link, &roster, Who { role, rank }, &options));
-            let ranks = ranks.collect::<Result<_, _>>()?;
-            let (name, channel) = roster.command(role);
-            programs.push(Program {
-                role,
-                deadline: spec.deadline,
-                input_length: 0,
-                ranks,
-                channel: link.create(&name, channel)?,
-                command: None,
-                bell: bell.ringer()?,
-                sequence: 0,
-                asked: None,
-                open: None,
-            });
+            programs.push(Program::open(&link, &roster, spec, bell.ringer()?, options.watch_grid)?);
             bells.push(bell);
         }
         place.close_to_others()?;
@@ -452,50 +350,6 @@ impl Hub {
         }
     }
 
-    /// Announcements that have come since the last call.
-    pub(crate) fn greet(&mut self) -> Result<(), HubError> {
-        self.drain()?;
-        for rank in self.programs.iter_mut().flat_map(|p| &mut p.ranks) {
-            if let Some(message) = rank.answer.take() {
-                let hello = rank
-                    .check(&message, self.id, Kind::Announce, Unit::Text, None, 0)
-                    .or_else(|| rank.hello.is_some().then(|| "announced itself twice".to_string()));
-                let text = unpack_text(message.payload(), message.header().bytes).unwrap_or_default();
-                match (hello, serde_json::from_str::<Hello>(&text)) {
-                    (None, Ok(hello)) => rank.hello = Some(hello),
-                    (problem, parsed) => {
-                        let problem = problem.unwrap_or_else(|| {
-                            format!(
-                                "its announcement cannot be read: {}",
-                                parsed.err().map_or("?".into(), |e| e.to_string())
-                            )
-                        });
-                        return Err(rank.broken(Kind::Announce, &Window::default(), problem));
-                    }
-                }
-                let Who { role, rank: number } = rank.who;
-                rank.watch = Watch::on(&self.place.lock_file(&format!("{}.{number}", role.name())));
-            }
-        }
-        Ok(())
-    }
-
-    /// What ranks published as their layout.
-    pub(crate) fn layout(&mut self, role: Role, rank: usize) -> Result<Vec<f64>, HubError> {
-        let id = self.id;
-        let rank = &mut self.program(role)?.ranks[rank];
-        let (_, receiver) = rank.layout.as_ref().expect("opened with the session");
-        let Some(message) = receiver.receive()? else {
-            return Err(rank.broken(Kind::Layout, &Window::default(), "it published no layout".into()));
-        };
-        let hello = rank.hello.as_ref().expect("it has arrived");
-        let length = (hello.output_rows + hello.grid_rows) as usize;
-        match rank.check(&message, id, Kind::Layout, Unit::Rows, Some(length), message.header().sequence) {
-            Some(problem) => Err(rank.broken(Kind::Layout, &Window::default(), problem)),
-            None => Ok(message.payload().to_vec()),
-        }
-    }
-
     /// Remembers why the run fails, to tell the participants.
     fn noted<T>(&mut self, result: Result<T, HubError>) -> Result<T, HubError> {
         if let Err(e) = &result {
@@ -537,209 +391,6 @@ pub(crate) struct Sweep(Place);
 impl Drop for Sweep {
     fn drop(&mut self) {
         let _ = self.0.clean();
-    }
-}
-
-enum Payload<'a> {
-    Text(&'a str),
-    Numbers(Unit, usize, &'a mut dyn FnMut(&mut [f64])),
-}
-
-impl Program {
-    fn ask_window(&mut self, id: u64, w: &Window, fill: &mut dyn FnMut(&mut [f64])) -> Result<(), HubError> {
-        if let Some(open) = self.open.filter(|&open| open != w.index) {
-            return Err(HubError::Misuse(format!(
-                "{} is asked for window {} before window {open} was accepted",
-                self.role.program(),
-                w.index
-            )));
-        }
-        let input = Payload::Numbers(Unit::of_input(self.role), self.input_length, fill);
-        self.command(id, Kind::Advance, w, input)?;
-        self.open = Some(w.index);
-        Ok(())
-    }
-
-    /// Sends a command that is to be answered.
-    fn command(&mut self, id: u64, kind: Kind, w: &Window, payload: Payload<'_>) -> Result<(), HubError> {
-        if let Some(asked) = self.asked {
-            return Err(HubError::Misuse(format!(
-                "{} was told `{kind:?}` while it works on {}",
-                self.role.program(),
-                during(asked.kind, &asked.window)
-            )));
-        }
-        if let Some(rank) = self.ranks.iter().find(|r| r.answer.is_some()) {
-            return Err(rank.broken(kind, w, "it sent an answer that nobody asked for".into()));
-        }
-        self.asked = Some(Asked { kind, window: *w, at: Instant::now() });
-        let got = self.send(id, kind, w, payload)?;
-        if got == self.ranks.len() {
-            return Ok(());
-        }
-        if let Some(dead) = self.ranks.iter().find(|r| r.watch.as_ref().is_some_and(|w| !w.is_held())) {
-            return Err(HubError::Died { who: dead.who, during: during(kind, w) });
-        }
-        let problem = format!("`{kind:?}` reached {got} of its {} ranks", self.ranks.len());
-        Err(self.ranks[0].broken(kind, w, problem))
-    }
-
-    /// Sends a command. Returns how many ranks it reached.
-    fn send(&mut self, id: u64, kind: Kind, w: &Window, payload: Payload<'_>) -> Result<usize, HubError> {
-        let longest = self.input_length.max(TEXT_WORDS);
-        if self.command.as_ref().is_none_or(|c| c.words < longest) {
-            // A channel has one sender at a time.
-            self.command = None;
-            self.command = Some(self.channel.sender(longest)?);
-        }
-        let sender = self.command.as_ref().expect("just made");
-        let header = Header::new(kind, id, COUPLER, 0, self.sequence + 1).with_window(*w);
-        let got = match payload {
-            Payload::Text("") => sender.send(header)?,
-            Payload::Text(text) if text_words(text) > sender.words && kind != Kind::Abort => {
-                return Err(HubError::Misuse(format!("the text of `{kind:?}` is too long: {text}")));
-            }
-            Payload::Text(text) => sender.send_text(header, text)?,
-            Payload::Numbers(unit, length, fill) => {
-                let mut loan = sender.loan(length)?;
-                fill(loan.payload());
-                if let Some(i) = first_not_finite(loan.payload()) {
-                    return Err(HubError::Misuse(format!(
-                        "component {} of row {} of the input of {} in {} is {}: the coupling has diverged \
-                         or the row was left out",
-                        i % unit.width(),
-                        i / unit.width(),
-                        self.role.program(),
-                        during(kind, w),
-                        loan.payload()[i]
-                    )));
-                }
-                loan.send(header.with_payload(unit, length))?
-            }
-        };
-        self.sequence += 1;
-        self.bell.ring();
-        Ok(got)
-    }
-
-    fn take_done(&mut self, id: u64) -> Result<(), HubError> {
-        let asked = self.asked.take().expect("a command was sent");
-        for rank in &mut self.ranks {
-            let message = rank.answer.take().expect("each rank has answered");
-            if let Some(problem) = rank.check(&message, id, Kind::Done, Unit::None, Some(0), self.sequence) {
-                return Err(rank.broken(asked.kind, &asked.window, problem));
-            }
-        }
-        Ok(())
-    }
-
-    fn take_outputs(
-        &mut self,
-        id: u64,
-        each: &mut dyn FnMut(&[u64], &[f64]),
-    ) -> Result<Vec<Stats>, HubError> {
-        let asked = self.asked.take().expect("a window was asked for");
-        let mut stats = Vec::with_capacity(self.ranks.len());
-        for rank in &mut self.ranks {
-            let message = rank.answer.take().expect("each rank has answered");
-            stats.push(message.header().stats);
-            let sequence = self.sequence;
-            let through_hub = self.role != Role::Mesh;
-            let output = Unit::of_output(self.role);
-            let length = rank.rows.len() * output.width();
-            let (unit, expected) = if through_hub { (output, length) } else { (Unit::None, 0) };
-            let mut problem = rank.check(&message, id, Kind::Output, unit, Some(expected), sequence);
-            let mut grid = None;
-            if let (None, Some(receiver)) = (&problem, &rank.watched_grid) {
-                match receiver.receive()? {
-                    Some(message) => {
-                        problem = rank.check(&message, id, Kind::Grid, output, Some(length), sequence);
-                        grid = Some(message);
-                    }
-                    None => problem = Some("it published no grid".into()),
-                }
-            }
-            let answered = message.header().window;
-            if (answered.index, answered.iteration) != (asked.window.index, asked.window.iteration) {
-                problem = Some(format!("it answered {}", during(Kind::Output, &answered)));
-            }
-            let data = grid.as_ref().unwrap_or(&message).payload();
-            if let Some(i) = first_not_finite(data) {
-                problem = Some(format!("output row {} holds {}", rank.rows[i / output.width()], data[i]));
-            }
-            if let Some(i) = first_not_finite(&message.header().stats.values) {
-                problem = Some(format!("statistic {i} is not finite"));
-            }
-            match problem {
-                Some(problem) => return Err(rank.broken(asked.kind, &asked.window, problem)),
-                None => each(&rank.rows, data),
-            }
-        }
-        Ok(stats)
-    }
-}
-
-impl Rank {
-    fn open(link: &Link, roster: &Roster, who: Who, options: &HubOptions) -> Result<Self, SessionError> {
-        let (name, spec) = roster.answer(who.role, who.rank);
-        let answers = link.create(&name, spec)?.receiver()?;
-        let (name, spec) = roster.layout(who.role, who.rank);
-        let layout = link.create(&name, spec)?;
-        let layout_receiver = layout.receiver()?;
-        let (mut grid, mut watched_grid) = (None, None);
-        if who.role == Role::Mesh {
-            let (name, spec) = roster.grid(who.rank);
-            let channel = link.create(&name, spec)?;
-            watched_grid = options.watch_grid.then(|| channel.receiver()).transpose()?;
-            grid = Some(channel);
-        }
-        Ok(Self {
-            who,
-            hello: None,
-            rows: Vec::new(),
-            layout: Some((layout, layout_receiver)),
-            grid,
-            watched_grid,
-            answers,
-            answer: None,
-            watch: None,
-        })
-    }
-
-    /// The participants have joined what they need.
-    pub fn settle(&mut self) {
-        self.layout = None;
-        self.grid = None;
-    }
-
-    /// What is wrong with a message of this rank, if anything.
-    fn check(
-        &self,
-        message: &Message,
-        id: u64,
-        kind: Kind,
-        unit: Unit,
-        length: Option<usize>,
-        sequence: u64,
-    ) -> Option<String> {
-        let (header, found) = (message.header(), message.payload().len());
-        let shared = header.problem(id, role_code(self.who.role), self.who.rank, found);
-        shared.or_else(|| {
-            if header.kind != kind as u32 || header.unit != unit as u32 {
-                let came =
-                    Kind::from_code(header.kind).map_or("an unknown kind".into(), |k| format!("{k:?}"));
-                Some(format!("{came} in unit {} where {kind:?} in unit {unit:?} was due", header.unit))
-            } else if header.sequence != sequence {
-                Some(format!("an answer to command {} where {sequence} was asked", header.sequence))
-            } else {
-                let expected = length.filter(|&n| n != found)?;
-                Some(format!("{found} numbers where {expected} were due"))
-            }
-        })
-    }
-
-    pub fn broken(&self, kind: Kind, w: &Window, problem: String) -> HubError {
-        HubError::Contract { who: self.who, during: during(kind, w), problem }
     }
 }
 

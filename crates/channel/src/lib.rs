@@ -14,12 +14,15 @@ mod error;
 mod handshake;
 mod header;
 mod hub;
+mod hub_options;
 mod message;
 mod participant;
 mod post;
+mod program;
 mod serve;
 mod session;
 mod transport;
+mod windows;
 mod wire;
 
 #[cfg(test)]
@@ -29,6 +32,7 @@ pub use args::*;
 pub use error::*;
 pub use header::{Header, Kind, MAGIC, Unit, role_code};
 pub use hub::*;
+pub use hub_options::*;
 pub use message::*;
 pub use participant::*;
 pub use serve::*;

@@ -10,6 +10,7 @@ use crate::header::{COUPLER, Kind, Unit, text_words, unpack_text};
 use crate::post::{Guardian, Post, dismiss_guardians};
 use crate::session::panic_fault;
 use crate::transport::{Message, Receiver, Sender};
+use crate::windows::Windows;
 use crate::wire::{Hello, Welcome, decode_rows, during, first_not_finite, to_json};
 use crate::{CONTRACT_VERSION, Fault, Grid, Input, Participant, ServeError, Stats, Window};
 
@@ -451,92 +452,6 @@ impl Desk {
     }
 }
 
-/// Which windows may come next.
-#[derive(Debug, Default)]
-struct Windows {
-    /// Window and iteration of the last `advance` since the last `accept`.
-    open: Option<(u64, u64)>,
-    /// The last window that was accepted.
-    last: Option<u64>,
-    /// How many were accepted.
-    accepted: u64,
-}
-
-impl Windows {
-    fn advance(&mut self, w: &Window) -> Option<String> {
-        let problem = match (self.open, self.last) {
-            (Some((index, iteration)), _) if w.index != index || w.iteration <= iteration => Some(format!(
-                "window {} iteration {} after window {index} iteration {iteration}, which was not accepted",
-                w.index, w.iteration
-            )),
-            (None, Some(last)) if w.index != last + 1 => {
-                Some(format!("window {} after window {last} was accepted", w.index))
-            }
-            _ if !(w.dt > 0.0 && w.dt.is_finite() && w.time.is_finite()) => {
-                Some(format!("a window from {} s of {} s", w.time, w.dt))
-            }
-            _ => None,
-        };
-        self.open = Some((w.index, w.iteration));
-        problem
-    }
-
-    fn accept(&mut self, w: &Window) -> Option<String> {
-        match self.open.take() {
-            Some((index, _)) if index == w.index => {
-                self.last = Some(index);
-                self.accepted += 1;
-                None
-            }
-            open => Some(format!("window {} is to be accepted, computed was {open:?}", w.index)),
-        }
-    }
-}
-
 #[cfg(test)]
 #[path = "order_tests.rs"]
 mod order_tests;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn window(index: u64, iteration: u64) -> Window {
-        Window { index, iteration, dt: 0.1, ..Window::default() }
-    }
-
-    #[test]
-    fn windows_come_in_turn() {
-        let mut s = Windows::default();
-        // A restarted run begins anywhere.
-        assert_eq!(s.advance(&window(7, 0)), None);
-        assert_eq!(s.advance(&window(7, 1)), None);
-        assert_eq!(s.advance(&window(7, 4)), None);
-        assert_eq!(s.accept(&window(7, 4)), None);
-        assert_eq!(s.advance(&window(8, 0)), None);
-        assert_eq!(s.accept(&window(8, 0)), None);
-        assert_eq!(s.accepted, 2);
-    }
-
-    #[test]
-    fn windows_out_of_turn_are_refused() {
-        type Step = fn(&mut Windows) -> Option<String>;
-        let cases: [(Step, &str); 6] = [
-            (|s| s.advance(&window(3, 2)), "window 3 iteration 2 after window 3 iteration 2"),
-            (|s| s.advance(&window(3, 1)), "after window 3 iteration 2"),
-            (|s| s.advance(&window(4, 0)), "which was not accepted"),
-            (|s| s.accept(&window(4, 0)), "window 4 is to be accepted"),
-            (|s| s.accept(&window(3, 2)).or_else(|| s.accept(&window(3, 2))), "computed was None"),
-            (|s| s.accept(&window(3, 2)).or_else(|| s.advance(&window(5, 0))), "window 5 after window 3"),
-        ];
-        for (step, text) in cases {
-            let mut s = Windows::default();
-            assert_eq!(s.advance(&window(3, 2)), None);
-            let problem = step(&mut s).expect(text);
-            assert!(problem.contains(text), "{problem}");
-        }
-        let mut s = Windows::default();
-        assert!(s.advance(&Window { dt: f64::NAN, ..window(0, 0) }).is_some());
-        assert!(Windows::default().advance(&Window::default()).is_some(), "an empty window");
-    }
-}

@@ -221,18 +221,31 @@ fn absent_is_fine(result: io::Result<()>) -> io::Result<()> {
     }
 }
 
-/// Name of a process in `folder` that lives.
+/// Name of a process in `folder` that lives; the coupler first.
 fn holder(folder: &Path) -> Option<String> {
-    fs::read_dir(folder).ok()?.flatten().find_map(|entry| {
+    let files = fs::read_dir(folder).ok()?.flatten();
+    let held = files.filter_map(|entry| {
         let name = entry.file_name().to_string_lossy().into_owned();
         let who = name.strip_prefix(LOCK)?;
         Watch::on(&entry.path()).is_some_and(|w| w.is_held()).then(|| who.to_string())
-    })
+    });
+    held.min_by_key(|who| who != "coupler")
 }
 
 /// A lock held while this process lives.
 #[derive(Debug)]
-pub(crate) struct Lock(#[expect(dead_code, reason = "held, not read")] File);
+pub(crate) struct Lock(File);
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Closing is not enough: a child that is being started has a copy of the
+        // descriptor for a moment.
+        let mut free = whole_file();
+        free.l_type = libc::F_UNLCK as libc::c_short;
+        // SAFETY: an open descriptor and a valid `flock` for the length of the call.
+        unsafe { libc::fcntl(self.0.as_raw_fd(), libc::F_OFD_SETLK, &raw mut free) };
+    }
+}
 
 impl Lock {
     /// `None`: another process holds it.

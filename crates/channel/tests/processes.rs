@@ -224,6 +224,23 @@ fn a_killed_participant_is_named_and_all_others_end() {
 }
 
 #[test]
+fn a_participant_that_dies_while_others_are_awaited_is_named() {
+    let session = name("early");
+    let mut hub = Hub::create(options(&session, &[(Structure, 1), (Flow, 1)])).expect("open");
+    let process = Process::participant(&session, Structure, 0, 1, "none");
+    let mut patience = patience();
+    let error = hub.await_participants(&mut |arrivals| {
+        if let [(who, program)] = &arrivals.arrived[..] {
+            assert_eq!((who.role, program.as_str()), (Structure, "fake-structure 0.0.1"));
+            process.signal(libc::SIGKILL);
+        }
+        patience()
+    });
+    let HubError::Died { who, .. } = error.expect_err("it died") else { panic!("another error") };
+    assert_eq!(who, Who { role: Structure, rank: 0 });
+}
+
+#[test]
 fn a_stopped_process_meets_its_deadline() {
     let session = name("sigstop");
     let process = Process::participant(&session, Structure, 0, 1, "none");
@@ -254,6 +271,11 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
     sleep(Duration::from_millis(300));
     coupler.signal(libc::SIGKILL);
     let start = Instant::now();
+    // A new run of the same name waits for the orphans to go.
+    let next = {
+        let session = session.clone();
+        std::thread::spawn(move || Hub::create(options(&session, &[(Structure, 1)])).map(drop))
+    };
     for process in [&mut waiting, &mut idle] {
         let (code, text) = process.end(SECONDS);
         assert_eq!(code, Some(1));
@@ -269,9 +291,8 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
         assert!(text.contains("in the middle of its computation"), "{text}");
     }
     coupler.end(SECONDS);
-    assert!(!leftovers(&session).is_empty(), "nobody was left to tidy up");
+    next.join().expect("no panic").expect("it may begin");
 
-    // What is left does not stand in the way of the next run of that name.
     let again = spawn(&session, Fake::new(Structure, 0, 1));
     let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
     ask(&mut hub, 0).expect("an answer");
@@ -292,6 +313,7 @@ fn all_killed_at_once_any_number_of_times() {
         processes.iter().for_each(|p| p.signal(libc::SIGKILL));
         processes.iter_mut().for_each(|p| drop(p.end(SECONDS)));
     }
+    assert!(!leftovers(&session).is_empty(), "nobody was left to tidy up");
     // An unrelated live session is left alone by the sweep.
     let other = name("bystander");
     let served = spawn(&other, Fake::new(Structure, 0, 1));

@@ -1,0 +1,61 @@
+//! What the coupler says about a session, and learns while participants arrive.
+
+use std::time::Duration;
+
+use case::Role;
+
+use crate::Who;
+
+/// What a session consists of.
+#[derive(Clone, Debug)]
+pub struct HubOptions {
+    /// Name of the session: isolates it from all others on this machine.
+    pub session: String,
+    /// Participants.
+    pub roles: Vec<RoleOptions>,
+    /// Stage of the scene, checked against what the programs announce.
+    pub stage: usize,
+    /// The canopy as the coupler knows it. `None`: what the programs announce,
+    /// if they agree.
+    pub interface: Option<Interface>,
+    /// Longest wait for all participants to arrive. `None`: no limit.
+    pub arrival_deadline: Option<Duration>,
+    /// Lets [`Hub::collect`] see the grid that the mesh-mover publishes (for
+    /// recordings and conformance tests).
+    pub watch_grid: bool,
+}
+
+/// One program of a session.
+#[derive(Clone, Debug)]
+pub struct RoleOptions {
+    /// Its role.
+    pub role: Role,
+    /// Its ranks.
+    pub ranks: usize,
+    /// Longest time for one answer. `None`: no limit.
+    pub deadline: Option<Duration>,
+    /// Effects of the scene that it must implement.
+    pub effects: Vec<String>,
+}
+
+/// The canopy that all programs share.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Interface {
+    /// Nodes.
+    pub nodes: u64,
+    /// Faces.
+    pub faces: u64,
+    /// [`crate::surface_hash`] of the faces.
+    pub surface_hash: u64,
+}
+
+/// Who has arrived so far.
+#[derive(Clone, Debug, Default)]
+pub struct Arrivals {
+    /// Ranks that have announced themselves, with the name and version of their program.
+    pub arrived: Vec<(Who, String)>,
+    /// Ranks that have not.
+    pub missing: Vec<Who>,
+    /// Seconds since the wait began.
+    pub seconds: f64,
+}

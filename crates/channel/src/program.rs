@@ -1,0 +1,291 @@
+//! One program of a session, seen from the coupler: commands to all its ranks,
+//! answers from each, checked before they are used.
+
+use std::time::{Duration, Instant};
+
+use case::Role;
+
+use crate::header::{COUPLER, Header, Kind, Unit, role_code, text_words};
+use crate::hub_options::RoleOptions;
+use crate::session::Watch;
+use crate::transport::{Channel, Link, Message, Receiver, Ringer, Sender};
+use crate::wire::{Hello, Roster, during, first_not_finite};
+use crate::{HubError, SessionError, Stats, Who, Window};
+
+/// Numbers that any command can carry, so that folders and messages fit.
+const TEXT_WORDS: usize = 1024;
+
+/// One program, seen from the coupler.
+pub(crate) struct Program {
+    pub role: Role,
+    pub deadline: Option<Duration>,
+    pub input_length: usize,
+    pub ranks: Vec<Rank>,
+    channel: Channel,
+    command: Option<Sender>,
+    pub bell: Ringer,
+    /// Number of the last command.
+    pub sequence: u64,
+    /// The command that is being carried out.
+    pub asked: Option<Asked>,
+    /// Window of the last `advance` since the last `accept`.
+    pub open: Option<u64>,
+}
+
+#[derive(Clone, Copy)]
+pub(crate) struct Asked {
+    pub kind: Kind,
+    pub window: Window,
+    pub at: Instant,
+}
+
+/// One rank, seen from the coupler.
+pub(crate) struct Rank {
+    pub who: Who,
+    pub hello: Option<Hello>,
+    /// Global rows of its output.
+    pub rows: Vec<u64>,
+    /// Its layout during the handshake.
+    pub layout: Option<(Channel, Receiver)>,
+    /// Its grid, if it is the mesh's: made by the coupler, read by the flow.
+    grid: Option<Channel>,
+    watched_grid: Option<Receiver>,
+    pub answers: Receiver,
+    /// Its answer, in place and not yet used.
+    pub answer: Option<Message>,
+    /// Whether it lives; from its arrival on.
+    pub watch: Option<Watch>,
+}
+
+pub(crate) enum Payload<'a> {
+    Text(&'a str),
+    Numbers(Unit, usize, &'a mut dyn FnMut(&mut [f64])),
+}
+
+impl Program {
+    /// Makes the program's channels and those of its ranks.
+    pub fn open(
+        link: &Link,
+        roster: &Roster,
+        spec: &RoleOptions,
+        bell: Ringer,
+        watch_grid: bool,
+    ) -> Result<Self, SessionError> {
+        let role = spec.role;
+        let ranks = (0..spec.ranks).map(|rank| Rank::open(link, roster, Who { role, rank }, watch_grid));
+        let (name, channel) = roster.command(role);
+        Ok(Self {
+            role,
+            deadline: spec.deadline,
+            input_length: 0,
+            ranks: ranks.collect::<Result<_, _>>()?,
+            channel: link.create(&name, channel)?,
+            command: None,
+            bell,
+            sequence: 0,
+            asked: None,
+            open: None,
+        })
+    }
+
+    pub fn ask_window(
+        &mut self,
+        id: u64,
+        w: &Window,
+        fill: &mut dyn FnMut(&mut [f64]),
+    ) -> Result<(), HubError> {
+        if let Some(open) = self.open.filter(|&open| open != w.index) {
+            return Err(HubError::Misuse(format!(
+                "{} is asked for window {} before window {open} was accepted",
+                self.role.program(),
+                w.index
+            )));
+        }
+        let input = Payload::Numbers(Unit::of_input(self.role), self.input_length, fill);
+        self.command(id, Kind::Advance, w, input)?;
+        self.open = Some(w.index);
+        Ok(())
+    }
+
+    /// Sends a command that is to be answered.
+    pub fn command(&mut self, id: u64, kind: Kind, w: &Window, payload: Payload<'_>) -> Result<(), HubError> {
+        if let Some(asked) = self.asked {
+            return Err(HubError::Misuse(format!(
+                "{} was told `{kind:?}` while it works on {}",
+                self.role.program(),
+                during(asked.kind, &asked.window)
+            )));
+        }
+        if let Some(rank) = self.ranks.iter().find(|r| r.answer.is_some()) {
+            return Err(rank.broken(kind, w, "it sent an answer that nobody asked for".into()));
+        }
+        self.asked = Some(Asked { kind, window: *w, at: Instant::now() });
+        let got = self.send(id, kind, w, payload)?;
+        if got == self.ranks.len() {
+            return Ok(());
+        }
+        if let Some(dead) = self.ranks.iter().find(|r| r.watch.as_ref().is_some_and(|w| !w.is_held())) {
+            return Err(HubError::Died { who: dead.who, during: during(kind, w) });
+        }
+        let problem = format!("`{kind:?}` reached {got} of its {} ranks", self.ranks.len());
+        Err(self.ranks[0].broken(kind, w, problem))
+    }
+
+    /// Sends a command. Returns how many ranks it reached.
+    pub fn send(&mut self, id: u64, kind: Kind, w: &Window, payload: Payload<'_>) -> Result<usize, HubError> {
+        let longest = self.input_length.max(TEXT_WORDS);
+        if self.command.as_ref().is_none_or(|c| c.words < longest) {
+            // A channel has one sender at a time.
+            self.command = None;
+            self.command = Some(self.channel.sender(longest)?);
+        }
+        let sender = self.command.as_ref().expect("just made");
+        let header = Header::new(kind, id, COUPLER, 0, self.sequence + 1).with_window(*w);
+        let got = match payload {
+            Payload::Text("") => sender.send(header)?,
+            Payload::Text(text) if text_words(text) > sender.words && kind != Kind::Abort => {
+                return Err(HubError::Misuse(format!("the text of `{kind:?}` is too long: {text}")));
+            }
+            Payload::Text(text) => sender.send_text(header, text)?,
+            Payload::Numbers(unit, length, fill) => {
+                let mut loan = sender.loan(length)?;
+                fill(loan.payload());
+                if let Some(i) = first_not_finite(loan.payload()) {
+                    return Err(HubError::Misuse(format!(
+                        "component {} of row {} of the input of {} in {} is {}: the coupling has diverged \
+                         or the row was left out",
+                        i % unit.width(),
+                        i / unit.width(),
+                        self.role.program(),
+                        during(kind, w),
+                        loan.payload()[i]
+                    )));
+                }
+                loan.send(header.with_payload(unit, length))?
+            }
+        };
+        self.sequence += 1;
+        self.bell.ring();
+        Ok(got)
+    }
+
+    pub fn take_done(&mut self, id: u64) -> Result<(), HubError> {
+        let asked = self.asked.take().expect("a command was sent");
+        for rank in &mut self.ranks {
+            let message = rank.answer.take().expect("each rank has answered");
+            if let Some(problem) = rank.check(&message, id, Kind::Done, Unit::None, Some(0), self.sequence) {
+                return Err(rank.broken(asked.kind, &asked.window, problem));
+            }
+        }
+        Ok(())
+    }
+
+    pub fn take_outputs(
+        &mut self,
+        id: u64,
+        each: &mut dyn FnMut(&[u64], &[f64]),
+    ) -> Result<Vec<Stats>, HubError> {
+        let asked = self.asked.take().expect("a window was asked for");
+        let mut stats = Vec::with_capacity(self.ranks.len());
+        for rank in &mut self.ranks {
+            let message = rank.answer.take().expect("each rank has answered");
+            stats.push(message.header().stats);
+            let sequence = self.sequence;
+            let through_hub = self.role != Role::Mesh;
+            let output = Unit::of_output(self.role);
+            let length = rank.rows.len() * output.width();
+            let (unit, expected) = if through_hub { (output, length) } else { (Unit::None, 0) };
+            let mut problem = rank.check(&message, id, Kind::Output, unit, Some(expected), sequence);
+            let mut grid = None;
+            if let (None, Some(receiver)) = (&problem, &rank.watched_grid) {
+                match receiver.receive()? {
+                    Some(message) => {
+                        problem = rank.check(&message, id, Kind::Grid, output, Some(length), sequence);
+                        grid = Some(message);
+                    }
+                    None => problem = Some("it published no grid".into()),
+                }
+            }
+            let answered = message.header().window;
+            if (answered.index, answered.iteration) != (asked.window.index, asked.window.iteration) {
+                problem = Some(format!("it answered {}", during(Kind::Output, &answered)));
+            }
+            let data = grid.as_ref().unwrap_or(&message).payload();
+            if let Some(i) = first_not_finite(data) {
+                problem = Some(format!("output row {} holds {}", rank.rows[i / output.width()], data[i]));
+            }
+            if let Some(i) = first_not_finite(&message.header().stats.values) {
+                problem = Some(format!("statistic {i} is not finite"));
+            }
+            match problem {
+                Some(problem) => return Err(rank.broken(asked.kind, &asked.window, problem)),
+                None => each(&rank.rows, data),
+            }
+        }
+        Ok(stats)
+    }
+}
+
+impl Rank {
+    pub fn open(link: &Link, roster: &Roster, who: Who, watch_grid: bool) -> Result<Self, SessionError> {
+        let (name, spec) = roster.answer(who.role, who.rank);
+        let answers = link.create(&name, spec)?.receiver()?;
+        let (name, spec) = roster.layout(who.role, who.rank);
+        let layout = link.create(&name, spec)?;
+        let layout_receiver = layout.receiver()?;
+        let (mut grid, mut watched_grid) = (None, None);
+        if who.role == Role::Mesh {
+            let (name, spec) = roster.grid(who.rank);
+            let channel = link.create(&name, spec)?;
+            watched_grid = watch_grid.then(|| channel.receiver()).transpose()?;
+            grid = Some(channel);
+        }
+        Ok(Self {
+            who,
+            hello: None,
+            rows: Vec::new(),
+            layout: Some((layout, layout_receiver)),
+            grid,
+            watched_grid,
+            answers,
+            answer: None,
+            watch: None,
+        })
+    }
+
+    /// The participants have joined what they need.
+    pub fn settle(&mut self) {
+        self.layout = None;
+        self.grid = None;
+    }
+
+    /// What is wrong with a message of this rank, if anything.
+    pub fn check(
+        &self,
+        message: &Message,
+        id: u64,
+        kind: Kind,
+        unit: Unit,
+        length: Option<usize>,
+        sequence: u64,
+    ) -> Option<String> {
+        let (header, found) = (message.header(), message.payload().len());
+        let shared = header.problem(id, role_code(self.who.role), self.who.rank, found);
+        shared.or_else(|| {
+            if header.kind != kind as u32 || header.unit != unit as u32 {
+                let came =
+                    Kind::from_code(header.kind).map_or("an unknown kind".into(), |k| format!("{k:?}"));
+                Some(format!("{came} in unit {} where {kind:?} in unit {unit:?} was due", header.unit))
+            } else if header.sequence != sequence {
+                Some(format!("an answer to command {} where {sequence} was asked", header.sequence))
+            } else {
+                let expected = length.filter(|&n| n != found)?;
+                Some(format!("{found} numbers where {expected} were due"))
+            }
+        })
+    }
+
+    pub fn broken(&self, kind: Kind, w: &Window, problem: String) -> HubError {
+        HubError::Contract { who: self.who, during: during(kind, w), problem }
+    }
+}
