@@ -6,7 +6,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{Problem, SceneError};
-use crate::{Scene, schema, validate};
+use crate::{Canopy, Scene, schema, validate};
 
 /// Reads and validates a scene file.
 pub fn load(file: &Path) -> Result<Scene, SceneError> {
@@ -34,13 +34,16 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     if !problems.is_empty() {
         return Err(error(problems));
     }
-    let scene: Scene = toml::from_str(text).map_err(|e| {
+    let mut scene: Scene = toml::from_str(text).map_err(|e| {
         error(vec![Problem::new(
             e.span(),
             e.message().trim_end(),
             "`ripstop schema` prints what a scene may contain",
         )])
     })?;
+    if let (Canopy::Gmsh(g), Some(folder)) = (&mut scene.canopy, file.parent()) {
+        g.file = folder.join(&g.file);
+    }
     let problems = validate::problems(&scene)
         .into_iter()
         .map(|p| Problem::new(span_of(&document, &p.path), p.what, p.help))

@@ -101,6 +101,8 @@ pub enum Canopy {
     Circular(FlatCanopy),
     /// The square air bag of the paper, section 1.4: one octant by symmetry.
     AirBag(AirBag),
+    /// A surface mesh from a file, for the structure alone.
+    Gmsh(GmshCanopy),
 }
 
 /// The ATPS cross parachute. Defaults are Table 2 of the paper.
@@ -199,6 +201,17 @@ impl Default for AirBag {
     fn default() -> Self {
         Self { edge_m: 0.3048, cells_across: 50 }
     }
+}
+
+/// A canopy from a Gmsh file (format 4.1, ASCII, metres). Its triangles and
+/// quadrilaterals are fabric. Physical groups named `lines`, `risers` and
+/// `reinforcements` are cables at their rest length; `fixed`, `fixed-x`, `fixed-y`
+/// and `fixed-z` hold nodes; `payload` is the payload's point.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GmshCanopy {
+    /// The file, from the scene's folder.
+    pub file: PathBuf,
 }
 
 fn one() -> u32 {

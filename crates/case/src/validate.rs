@@ -165,6 +165,15 @@ fn canopy(scene: &Scene, c: &mut Check) {
             c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
             c.count("canopy.cells_across", a.cells_across, 2, 2000, "cells along the quarter sheet");
         }
+        Canopy::Gmsh(g) => {
+            if !g.file.is_file() {
+                c.refuse(
+                    "canopy.file",
+                    format!("the mesh file {} does not exist", g.file.display()),
+                    "name a Gmsh file (4.1, ASCII) by its path from the scene's folder",
+                );
+            }
+        }
     }
 }
 
@@ -198,7 +207,8 @@ impl Scene {
         match &self.canopy {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
-            Canopy::AirBag(_) => false,
+            // A file may have none; what it has needs [lines], which the structure checks.
+            Canopy::AirBag(_) | Canopy::Gmsh(_) => false,
         }
     }
 }
@@ -315,10 +325,10 @@ fn stages(scene: &Scene, c: &mut Check) {
             if scene.flow.is_none() {
                 c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
             }
-            if matches!(scene.canopy, Canopy::AirBag(_)) {
+            if matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) {
                 c.refuse(
                     &at("kind"),
-                    "an air-bag octant has no flow around it",
+                    "an air-bag octant or a canopy from a file has no flow grid around it",
                     "use kind = \"pre-inflation\"",
                 );
             }

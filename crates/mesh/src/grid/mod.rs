@@ -88,6 +88,13 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
                 "the air bag has no flow grid; run the structure alone",
             ));
         }
+        Canopy::Gmsh(_) => {
+            return Err(refuse(
+                "canopy.kind",
+                "gmsh",
+                "flow grids fit parametric canopies only; run the structure alone",
+            ));
+        }
     };
     let first = positive("flow.grid.first_layer_m", grid.first_layer_m)?;
     if first > 0.25 * width {

@@ -2,6 +2,7 @@
 
 mod atps;
 mod flat;
+mod gmsh;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -15,15 +16,21 @@ use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
 /// Fabric, lines and payload of a scene, unstressed.
 ///
 /// # Errors
-/// [`MeshError::Parameter`] if the parameters make no canopy.
+/// [`MeshError::Parameter`] if the parameters make no canopy, and what is wrong
+/// with a mesh file.
 pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
     let payload_mass = scene.descent.as_ref().map(|d| d.payload_mass_kg);
-    match &scene.canopy {
+    let mesh = match &scene.canopy {
         Canopy::Atps(a) => atps::atps(a, payload_mass),
         Canopy::Square(f) => flat::flat(f, flat::Outline::Square, payload_mass),
         Canopy::Circular(f) => flat::flat(f, flat::Outline::Circle, payload_mass),
         Canopy::AirBag(b) => flat::air_bag(b),
+        Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
+    }?;
+    if scene.lines.is_none() && !mesh.cables.is_empty() {
+        return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));
     }
+    Ok(mesh)
 }
 
 pub(crate) fn refuse(key: &'static str, value: impl ToString, reason: impl Into<String>) -> MeshError {
