@@ -108,7 +108,7 @@ impl Mover for Elastic {
     fn bytes(&self) -> usize {
         let Some(s) = &self.system else { return 0 };
         let vectors = 8 * (5 * s.scratch.r.len() + s.guess.len() + s.rhs.len() + s.sizes.len());
-        s.matrix.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
+        s.matrix.bytes() + s.preconditioner.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {

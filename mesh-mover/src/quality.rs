@@ -158,7 +158,7 @@ mod tests {
         let x = flat(&cube());
         // Positions where collapsed corners count as they are: all flat at the start.
         let q = |cell: [u32; 8]| {
-            let c = Corners::new(&[cell], &vec![0.0; 24]);
+            let c = Corners::new(&[cell], &[0.0; 24]);
             (c.quads.len(), c.quality(0, &x))
         };
         assert_eq!(q([0, 1, 2, 3, 4, 5, 6, 7]), (8, 1.0));
