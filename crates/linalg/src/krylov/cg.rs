@@ -8,7 +8,8 @@ use crate::{Operator, Preconditioner};
 
 /// Preconditioned conjugate gradients with the Polak-Ribiere formula, which forgives
 /// a preconditioner that is symmetric only to rounding (Notay 2000).
-/// Two reductions an iteration. Owns its workspace.
+/// Three reductions an iteration. Owns its workspace. Residual norms are those of the
+/// recursion; they follow the true ones down to rounding of the largest iterate.
 pub struct Cg {
     comm: Comm,
     r: Vec<f64>,
