@@ -20,7 +20,7 @@ pub struct HubOptions {
     pub interface: Option<Interface>,
     /// Longest wait for all participants to arrive. `None`: no limit.
     pub arrival_deadline: Option<Duration>,
-    /// Lets [`Hub::collect`] see the grid that the mesh-mover publishes (for
+    /// Lets [`crate::Hub::collect`] see the grid that the mesh-mover publishes (for
     /// recordings and conformance tests).
     pub watch_grid: bool,
 }

@@ -7,7 +7,7 @@
 
 use std::time::{Duration, Instant};
 
-use iceoryx2::port::listener::Listener;
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -281,12 +281,17 @@ impl Sleeper {
             let left = end.saturating_duration_since(Instant::now());
             // A limit below the socket's resolution would mean "for ever" to it.
             if left < Duration::from_micros(100) {
-                self.0.try_wait(|_| {}).map_err(failed("sleeping"))?;
-                return Ok(());
+                return match self.0.try_wait(|_| {}) {
+                    Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+                    Err(e) => Err(failed("sleeping")(e)),
+                };
             }
-            // May come back early without a ring.
-            if self.0.timed_wait(|_| {}, left).map_err(failed("sleeping"))? > 0 {
-                return Ok(());
+            match self.0.timed_wait(|_| {}, left) {
+                // May come back early without a ring.
+                Ok(0) => {}
+                // A signal is for the caller to look at, who polls again.
+                Ok(_) | Err(ListenerWaitError::InterruptSignal) => return Ok(()),
+                Err(e) => return Err(failed("sleeping")(e)),
             }
         }
     }

@@ -334,3 +334,33 @@ fn a_program_that_cannot_begin_says_so() {
     assert!(leftovers(&session).is_empty());
     channel::report(&common::at(&session, Mesh, 0, 1), &channel::Fault::new("nobody listens"));
 }
+
+#[test]
+fn signals_do_not_disturb_a_wait() {
+    extern "C" fn nothing(_: libc::c_int) {}
+    // SAFETY: a handler that does nothing, for a signal that nobody else uses;
+    // without SA_RESTART, so that it interrupts system calls.
+    unsafe {
+        let mut action: libc::sigaction = std::mem::zeroed();
+        action.sa_sigaction = nothing as extern "C" fn(libc::c_int) as usize;
+        assert_eq!(libc::sigaction(libc::SIGUSR1, &raw const action, std::ptr::null_mut()), 0);
+    }
+    let session = name("signals");
+    let mut options = options(&session, &[(Structure, 1)]);
+    options.roles[0].deadline = Some(Duration::from_millis(400));
+    let _never = spawn(&session, Fake::new(Structure, 0, 1).with(Trouble::Stall(0)));
+    let mut hub = open(options).expect("a handshake");
+    hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("asked");
+    // SAFETY: no arguments.
+    let waiting = unsafe { libc::pthread_self() };
+    let nudge = std::thread::spawn(move || {
+        for _ in 0..30 {
+            std::thread::sleep(Duration::from_millis(7));
+            // SAFETY: the thread waits for this one to end.
+            unsafe { libc::pthread_kill(waiting, libc::SIGUSR1) };
+        }
+    });
+    let error = gather(&mut hub, Structure).expect_err("a deadline");
+    nudge.join().expect("no panic");
+    assert!(matches!(error, HubError::Deadline { .. }), "{error}");
+}

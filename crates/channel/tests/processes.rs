@@ -270,6 +270,7 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
     let mut building = Process::start(&format!("{session} builder"));
     sleep(Duration::from_millis(300));
     coupler.signal(libc::SIGKILL);
+    coupler.end(SECONDS);
     let start = Instant::now();
     // A new run of the same name waits for the orphans to go.
     let next = {
@@ -290,7 +291,6 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
         assert_eq!(code, Some(70), "{text}");
         assert!(text.contains("in the middle of its computation"), "{text}");
     }
-    coupler.end(SECONDS);
     next.join().expect("no panic").expect("it may begin");
 
     let again = spawn(&session, Fake::new(Structure, 0, 1));
