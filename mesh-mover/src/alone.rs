@@ -40,6 +40,9 @@ pub struct AloneArgs {
     /// Share by which the canopy grows and shrinks about its axis.
     #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     pub amplitude: f64,
+    /// Canopy shape (a `canopy.bin`) to move to in a straight line, instead of breathing.
+    #[arg(long, value_name = "PATH")]
+    pub toward: Option<PathBuf>,
     /// Windows of one breath.
     #[arg(long, value_name = "N", default_value_t = 40.0)]
     pub period: f64,
@@ -80,6 +83,10 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
         shape.quality,
         shape.cell,
     ));
+    let goal = match &args.toward {
+        Some(path) => Some(mesh::load_shape(path, structure.n_canopy).map_err(Fault::new)?),
+        None => None,
+    };
     let dt = scene.stages[args.stage].window_s;
     let mut output = vec![0.0; 6 * mover.output_rows().len()];
     let mut displacement = vec![0.0; start.len()];
@@ -91,8 +98,17 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
             // The first guesses of a window miss by a share of the window's motion.
             let miss =
                 0.3 * 0.1f64.powi(iteration as i32) * if iteration + 1 < args.iterations { 1.0 } else { 0.0 };
-            let phase = std::f64::consts::TAU * (index as f64 + 1.0 - miss) / args.period;
-            breathe(&start, &structure.coords, args.amplitude * phase.sin(), phase, &mut displacement);
+            let now = index as f64 + 1.0 - miss;
+            let phase = std::f64::consts::TAU * now / args.period;
+            match &goal {
+                Some(goal) => {
+                    go(&start, goal, now / args.windows as f64, &structure.coords, &mut displacement);
+                }
+                None => {
+                    let share = args.amplitude * phase.sin();
+                    breathe(&start, &structure.coords, share, phase, &mut displacement);
+                }
+            }
             let w =
                 Window { index, iteration, substeps: 1, time: index as f64 * dt, dt, ..Window::default() };
             let input = Input { canopy: &displacement, grid: Default::default() };
@@ -127,6 +143,14 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
         1e6 * seconds / calls / n_cells as f64,
     ));
     Ok(())
+}
+
+/// The shape at share `s` of the way from the start to `goal`, as displacement from the unstressed shape.
+fn go(start: &[f64], goal: &[[f64; 3]], s: f64, unstressed: &[[f64; 3]], displacement: &mut [f64]) {
+    let rows = displacement.as_chunks_mut::<3>().0.iter_mut().zip(start.as_chunks::<3>().0);
+    for (((d, a), b), x) in rows.zip(goal).zip(unstressed) {
+        (0..3).for_each(|i| d[i] = a[i] + s * (b[i] - a[i]) - x[i]);
+    }
 }
 
 /// The start shape, wider by `share` about its axis and waved a little, as
