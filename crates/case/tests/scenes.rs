@@ -118,3 +118,13 @@ fn the_schema_kept_for_editors_is_the_one_of_the_types() {
     let kept = std::fs::read_to_string(&file).unwrap_or_default();
     assert!(kept == text, "run `RIPSTOP_WRITE=1 cargo test -p case` to write cases/scene.schema.json anew");
 }
+
+#[test]
+fn a_mesh_file_that_does_not_exist_is_refused() {
+    let start = ATPS.find("[canopy]").unwrap();
+    let end = ATPS.find("[fabric]").unwrap();
+    let text = [&ATPS[..start], "[canopy]\nkind = \"gmsh\"\nfile = \"no.msh\"\n", &ATPS[end..]].concat();
+    let message = read(&text).expect_err("there is no such file").to_string();
+    assert!(message.contains("no.msh does not exist"), "{message}");
+    assert!(message.contains("no flow grid"), "{message}");
+}

@@ -220,3 +220,46 @@ fn impossible_parameters_are_named() {
     assert_eq!(refused(|p| p.lines_per_arm = 1), "canopy.lines_per_arm");
     assert_eq!(refused(|p| p.cells_along_vent = 1), "canopy.cells_along_vent");
 }
+
+proptest::proptest! {
+    #![proptest_config(proptest::test_runner::Config::with_cases(64))]
+
+    /// Any pyramid: areas and volume by formula, outer lines taut, orientation kept.
+    #[test]
+    fn any_atps_is_a_truncated_pyramid(
+        top in 0.5..20.0f64, hem_share in 0.5..1.3f64, arm_share in 0.3..2.0f64,
+        stitch_share in 0.05..0.9f64, line_share in 0.6..3.0f64,
+        half_cells in 4u32..12, vent in 2u32..8, stitch in 1u32..4, lines in 2u32..9, top_end: bool,
+    ) {
+        let (hem, arm) = (hem_share * top, arm_share * top);
+        let p = Atps {
+            top_width_m: top,
+            bottom_edge_width_m: hem,
+            arm_length_m: arm,
+            stitching_height_m: stitch_share * arm,
+            stitched_end: if top_end { StitchedEnd::Top } else { StitchedEnd::Hem },
+            suspension_line_length_m: line_share * hem,
+            riser_length_m: 0.2 * top,
+            lines_per_arm: lines,
+            cells_across: 2 * half_cells,
+            cells_along_vent: vent,
+            cells_along_stitching: stitch,
+            ..Default::default()
+        };
+        let mesh = structure_mesh(&scene(Canopy::Atps(p))).unwrap();
+        let same = |a: f64, b: f64| assert!((a - b).abs() < 1e-10 * b.abs(), "{a} is not {b}");
+        same(mesh.fabric_area(|panel| panel > 0), 2.0 * (top + hem) * arm);
+        let height = (arm * arm - 0.25 * (top - hem) * (top - hem)).sqrt();
+        same(enclosed(&mesh), height / 3.0 * (top * top + top * hem + hem * hem));
+        let outer = mesh.cables.iter().filter(|c| c.line == 0);
+        for c in outer {
+            let [a, b] = c.nodes.map(|n| mesh.coords[n as usize]);
+            same(norm(sub(a, b)), c.rest_length);
+        }
+        // No line is longer than its chord allows; risers are taut.
+        for c in &mesh.cables {
+            let [a, b] = c.nodes.map(|n| mesh.coords[n as usize]);
+            assert!(norm(sub(a, b)) <= c.rest_length * (1.0 + 1e-12));
+        }
+    }
+}
