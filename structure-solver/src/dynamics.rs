@@ -1,7 +1,7 @@
 //! Windows of time steps: substeps, cuts, and what they cost.
 
 use crate::linear::LinearSolver;
-use crate::loops::FaceLoad;
+use crate::loops::{FaceLoad, Place};
 use crate::newton::{Balance, Newton, NewtonError, NewtonInfo, NewtonParams, State};
 use crate::scheme::Scheme;
 use crate::system::System;
@@ -123,7 +123,7 @@ impl Dynamics {
             self.next.u[i] = body[i % 3] - self.damping * v[i];
         }
         let f = &mut self.force[0];
-        self.system.forces(&self.x, load, f);
+        self.system.forces(Place::only(&self.x), load, f);
         f.iter_mut().for_each(|f| *f = -*f);
         self.system.add_mass_product(&self.next.u, f);
         self.system.constrain(f);

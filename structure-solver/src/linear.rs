@@ -21,7 +21,7 @@ pub struct LinearCost {
 }
 
 /// Iterations with a kept factor after which renewing it is the cheaper way.
-const PATIENCE: usize = 12;
+const PATIENCE: usize = 30;
 /// Iterations with block Jacobi beyond which a direct factor is the cheaper way: one
 /// of its applications costs about as much as four products.
 const JACOBI_LIMIT: usize = 30;

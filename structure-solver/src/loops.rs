@@ -3,10 +3,12 @@
 //! A loop is written for concrete materials and laws, so the compiler sees
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
+use crate::elements::membrane::Deformation;
 use crate::elements::{cable, load, membrane};
+use crate::materials::step::{self, StepStart};
 use crate::materials::{Material, Regime};
 use crate::model::{CableElement, Model, Triangle};
-use crate::vec3::{Mat3, Vec3, add, add_at, add_block, at, scale};
+use crate::vec3::{Mat3, Vec3, add, add_at, add_block, at, scale, sub};
 
 /// Loads on the interface faces at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -17,18 +19,54 @@ pub struct FaceLoad<'a> {
     pub traction: &'a [f64],
 }
 
+/// The configuration in which forces balance.
+///
+/// Geometry and loads are taken at positions `at`. Strains are those at `end`, or,
+/// with a `weight` below one, `weight E(end) + (1 - weight) E(start)` with the
+/// strains of the step's start ([`ElementLoop::anchor`]): the work of averaged
+/// strains over a step equals the change of a quadratic energy (Simo and Tarnow
+/// 1992; Kuhl and Crisfield 1999), where strains at averaged positions can create
+/// energy without bound.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// Positions that turn stresses into forces, m.
+    pub at: &'a [f64],
+    /// Positions at the end of the step, m.
+    pub end: &'a [f64],
+    /// Weight of the strains at `end`.
+    pub weight: f64,
+}
+
+impl<'a> Place<'a> {
+    /// Forces of positions `x` alone.
+    pub fn only(x: &'a [f64]) -> Self {
+        Self { at: x, end: x, weight: 1.0 }
+    }
+}
+
 /// Slot of a block in a row that another rank owns: not assembled here.
 pub const ELSEWHERE: u32 = u32::MAX;
 
 /// The elements of one kind on a rank. Flat arrays have shape `[n_local][3]`;
 /// rows of ghosts receive partial sums that nobody reads.
 pub trait ElementLoop {
-    /// Adds internal minus external forces (N) at positions `x` (m) to `out`.
-    fn forces(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]);
+    /// Keeps the strains at positions `x` (m) as those of a step's start.
+    fn anchor(&mut self, x: &[f64]);
+
+    /// Adds internal minus external forces (N) to `out`.
+    fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]);
 
     /// As [`ElementLoop::forces`], and adds `factor` times their derivative to
-    /// the blocks of the system matrix.
-    fn tangent(&self, x: &[f64], load: FaceLoad<'_>, factor: f64, out: &mut [f64], blocks: &mut [Mat3]);
+    /// the blocks of the system matrix. The derivative is by `at`, with `end`
+    /// moving in proportion (`factor` is their common weight).
+    fn tangent(
+        &self,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    );
 
     /// Adds external forces alone (N) to `out`.
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]);
@@ -60,6 +98,7 @@ struct Membrane {
     /// Reference area times thickness, m3.
     volume: f64,
     slots: [[u32; 3]; 3],
+    start: StepStart,
 }
 
 /// Membrane elements of one material, with the loads on their faces.
@@ -79,16 +118,27 @@ impl<M: Material> Membranes<M> {
             gradient: t.reference.gradient,
             volume: t.reference.area * thickness,
             slots: [[ELSEWHERE; 3]; 3],
+            start: StepStart::default(),
         };
         let elements = model.triangles.iter().map(of).collect();
         Self { elements, n_own: model.n_own_triangles, material, density }
     }
 
-    fn forces_with<const TRACTION: bool>(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+    fn forces_with<const TRACTION: bool, const BLEND: bool>(
+        &self,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        out: &mut [f64],
+    ) {
         for e in &self.elements {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.nodes.map(|n| at(place.at, n as usize));
             let d = membrane::deformation(&e.gradient, &p);
-            let r = membrane::force(&e.gradient, &d, &self.material.stress(d.strain), e.volume);
+            let s = if BLEND {
+                step::stress(&self.material, &e.start, e.at_end(place).strain, place.weight)
+            } else {
+                self.material.stress(d.strain)
+            };
+            let r = membrane::force(&e.gradient, &d, &s, e.volume);
             let f = face_force::<TRACTION>(e, load, &p);
             for n in 0..3 {
                 add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
@@ -96,24 +146,33 @@ impl<M: Material> Membranes<M> {
         }
     }
 
-    fn tangent_with<const TRACTION: bool>(
+    fn tangent_with<const TRACTION: bool, const BLEND: bool>(
         &self,
-        x: &[f64],
+        place: Place<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
         for e in &self.elements {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.nodes.map(|n| at(place.at, n as usize));
             let d = membrane::deformation(&e.gradient, &p);
-            let (s, c) = self.material.tangent(d.strain);
+            let end = if BLEND { e.at_end(place) } else { d };
+            let (s, c) = if BLEND {
+                step::tangent(&self.material, &e.start, end.strain, place.weight)
+            } else {
+                self.material.tangent(d.strain)
+            };
             let r = membrane::force(&e.gradient, &d, &s, e.volume);
             let f = face_force::<TRACTION>(e, load, &p);
             for n in 0..3 {
                 add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
             }
-            let mut k = membrane::stiffness(&e.gradient, &d, &s, &c, e.volume * factor);
+            let mut k = if BLEND {
+                membrane::stiffness_between(&e.gradient, &d, &end, &s, &c, e.volume * factor)
+            } else {
+                membrane::stiffness(&e.gradient, &d, &s, &c, e.volume * factor)
+            };
             let face = e.face as usize;
             let by_column = load::pressure_tangent(-factor * load.pressure[face], &p);
             let by_traction = if TRACTION {
@@ -138,6 +197,14 @@ impl<M: Material> Membranes<M> {
     }
 }
 
+impl Membrane {
+    /// Deformation at the end of the step.
+    #[inline(always)]
+    fn at_end(&self, place: Place<'_>) -> Deformation {
+        membrane::deformation(&self.gradient, &self.nodes.map(|n| at(place.end, n as usize)))
+    }
+}
+
 #[inline(always)]
 fn face_force<const TRACTION: bool>(e: &Membrane, load: FaceLoad<'_>, p: &[Vec3; 3]) -> Vec3 {
     let face = e.face as usize;
@@ -146,19 +213,35 @@ fn face_force<const TRACTION: bool>(e: &Membrane, load: FaceLoad<'_>, p: &[Vec3;
 }
 
 impl<M: Material> ElementLoop for Membranes<M> {
-    fn forces(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        if load.traction.is_empty() {
-            self.forces_with::<false>(x, load, out);
-        } else {
-            self.forces_with::<true>(x, load, out);
+    fn anchor(&mut self, x: &[f64]) {
+        for e in &mut self.elements {
+            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
+            e.start = StepStart::new(&self.material, d.strain);
         }
     }
 
-    fn tangent(&self, x: &[f64], load: FaceLoad<'_>, factor: f64, out: &mut [f64], blocks: &mut [Mat3]) {
-        if load.traction.is_empty() {
-            self.tangent_with::<false>(x, load, factor, out, blocks);
-        } else {
-            self.tangent_with::<true>(x, load, factor, out, blocks);
+    fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
+        match (load.traction.is_empty(), place.weight == 1.0) {
+            (true, true) => self.forces_with::<false, false>(place, load, out),
+            (true, false) => self.forces_with::<false, true>(place, load, out),
+            (false, true) => self.forces_with::<true, false>(place, load, out),
+            (false, false) => self.forces_with::<true, true>(place, load, out),
+        }
+    }
+
+    fn tangent(
+        &self,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        match (load.traction.is_empty(), place.weight == 1.0) {
+            (true, true) => self.tangent_with::<false, false>(place, load, factor, out, blocks),
+            (true, false) => self.tangent_with::<false, true>(place, load, factor, out, blocks),
+            (false, true) => self.tangent_with::<true, false>(place, load, factor, out, blocks),
+            (false, false) => self.tangent_with::<true, true>(place, load, factor, out, blocks),
         }
     }
 
@@ -208,6 +291,16 @@ struct Line {
     nodes: [u32; 2],
     rest_length: f64,
     slots: [[u32; 2]; 2],
+    /// Strain at the start of the step.
+    start: f64,
+}
+
+impl Line {
+    /// Vectors between the ends at the point of balance and at the end of the step.
+    #[inline(always)]
+    fn between(&self, place: Place<'_>) -> [Vec3; 2] {
+        [place.at, place.end].map(|x| sub(at(x, self.nodes[1] as usize), at(x, self.nodes[0] as usize)))
+    }
 }
 
 /// Cable elements of one law.
@@ -226,6 +319,7 @@ impl<L: cable::CableLaw> Cables<L> {
             nodes: c.nodes,
             rest_length: c.rest_length,
             slots: [[ELSEWHERE; 2]; 2],
+            start: 0.0,
         };
         let elements = model.cables.iter().map(of).collect();
         Self { elements, n_own: model.n_own_cables, law, area, density }
@@ -233,19 +327,36 @@ impl<L: cable::CableLaw> Cables<L> {
 }
 
 impl<L: cable::CableLaw> ElementLoop for Cables<L> {
-    fn forces(&self, x: &[f64], _load: FaceLoad<'_>, out: &mut [f64]) {
+    fn anchor(&mut self, x: &[f64]) {
+        for e in &mut self.elements {
+            let d = sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
+            e.start = cable::strain(d, e.rest_length);
+        }
+    }
+
+    fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
         for e in &self.elements {
-            let p = e.nodes.map(|n| at(x, n as usize));
-            let f = cable::force(&self.law, &p, e.rest_length, self.area);
+            let [d, end] = e.between(place);
+            let (s, _) = cable::step(&self.law, e.start, cable::strain(end, e.rest_length), place.weight);
+            let f = cable::force(s, d, e.rest_length, self.area);
             add_at(out, e.nodes[0] as usize, scale(-1.0, f));
             add_at(out, e.nodes[1] as usize, f);
         }
     }
 
-    fn tangent(&self, x: &[f64], _load: FaceLoad<'_>, factor: f64, out: &mut [f64], blocks: &mut [Mat3]) {
+    fn tangent(
+        &self,
+        place: Place<'_>,
+        _load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
         for e in &self.elements {
-            let p = e.nodes.map(|n| at(x, n as usize));
-            let (f, k) = cable::stiffness(&self.law, &p, e.rest_length, self.area);
+            let [d, end] = e.between(place);
+            let (s, y) = cable::step(&self.law, e.start, cable::strain(end, e.rest_length), place.weight);
+            let f = cable::force(s, d, e.rest_length, self.area);
+            let k = cable::stiffness(s, y, d, end, e.rest_length, self.area);
             add_at(out, e.nodes[0] as usize, scale(-1.0, f));
             add_at(out, e.nodes[1] as usize, f);
             let plus = k.map(|row| scale(factor, row));

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use crate::linear::LinearSolver;
-use crate::loops::FaceLoad;
+use crate::loops::{FaceLoad, Place};
 use crate::scheme::StepForm;
 use crate::system::System;
 
@@ -125,6 +125,8 @@ pub struct Newton {
     u: Vec<f64>,
     /// Positions at the point of balance.
     x: Vec<f64>,
+    /// Positions at the end of the step.
+    end: Vec<f64>,
     /// Inertia per mass.
     w: Vec<f64>,
     /// Part of `w` that the old state gives.
@@ -162,6 +164,7 @@ impl Newton {
             params,
             u: zero(),
             x: zero(),
+            end: zero(),
             w: zero(),
             w0: zero(),
             g: zero(),
@@ -191,6 +194,12 @@ impl Newton {
         let from = balance.from;
         for i in 0..self.w0.len() {
             self.w0[i] = form.from_v * from.v[i] + form.from_a * from.a[i] - balance.body[i % 3];
+        }
+        if form.force_weight < 1.0 {
+            for i in 0..self.x.len() {
+                self.x[i] = system.model.reference[i] + from.u[i];
+            }
+            system.anchor(&self.x);
         }
         let mut norm = self.predict(system, balance, guesses);
         self.history.clear();
@@ -238,7 +247,7 @@ impl Newton {
         system.external(&self.x, balance.load, &mut self.g);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
-        system.forces(&self.x, balance.load, &mut self.rhs);
+        system.forces(Place::only(&self.x), balance.load, &mut self.rhs);
         system.constrain(&mut self.rhs);
         let mut sums = [dot(&self.g[..n], &self.g[..n]), 0.0];
         // R - F + F = R.
@@ -277,7 +286,8 @@ impl Newton {
         let start = Instant::now();
         let n = 3 * system.model.n_owned();
         self.place(system, balance);
-        system.forces(&self.x, balance.load, &mut self.g);
+        let place = Place { at: &self.x, end: &self.end, weight: balance.form.force_weight };
+        system.forces(place, balance.load, &mut self.g);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
         self.assembly_s += start.elapsed().as_secs_f64();
@@ -289,7 +299,8 @@ impl Newton {
         let start = Instant::now();
         self.place(system, balance);
         let form = balance.form;
-        system.tangent(&self.x, balance.load, form.force_weight, form.mass_factor, &mut self.g);
+        let place = Place { at: &self.x, end: &self.end, weight: form.force_weight };
+        system.tangent(place, balance.load, form.force_weight, form.mass_factor, &mut self.g);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
         self.assembly_s += start.elapsed().as_secs_f64();
@@ -299,7 +310,9 @@ impl Newton {
         let (u0, form) = (&balance.from.u, balance.form);
         for i in 0..self.u.len() {
             let du = self.u[i] - u0[i];
-            self.x[i] = system.model.reference[i] + u0[i] + form.force_weight * du;
+            let start = system.model.reference[i] + u0[i];
+            self.x[i] = start + form.force_weight * du;
+            self.end[i] = start + du;
             self.w[i] = form.mass_factor * du + self.w0[i];
         }
     }

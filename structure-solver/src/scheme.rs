@@ -7,7 +7,11 @@
 //!
 //! Balance holds at the point $u_\alpha=(1-\alpha_f)u_1+\alpha_f u_0$ for forces and
 //! $a_\alpha=(1-\alpha_m)a_1+\alpha_m a_0$ for inertia (Chung and Hulbert 1993).
-//! Newmark, as in the paper, is $\alpha_f=\alpha_m=0$.
+//! Newmark, as in the paper, is $\alpha_f=\alpha_m=0$. It conserves the energy of
+//! linear vibrations only: where fabric snaps between slack and taut it can create
+//! energy without bound (the air bag of the paper does so from 0.006 s on). With
+//! $\alpha_f>0$ the stresses come from averaged strains instead
+//! ([`crate::materials::step`]), which creates none.
 
 /// Coefficients of the time integration.
 #[derive(Clone, Copy, Debug, PartialEq)]

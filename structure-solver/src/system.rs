@@ -5,7 +5,7 @@ use comm::Comm;
 use linalg::{BlockCsr, Cg, KrylovError, KrylovParams, Operator, Preconditioner};
 
 use crate::elements::mass::{MassMatrix, shares};
-use crate::loops::{ELSEWHERE, ElementLoop, FaceLoad};
+use crate::loops::{ELSEWHERE, ElementLoop, FaceLoad, Place};
 use crate::model::Model;
 
 /// A block in a constrained row or column.
@@ -80,10 +80,15 @@ impl System {
         &self.loops
     }
 
-    /// `out = R - F` at positions `x` (m) on the owned rows: internal minus external forces, N.
-    pub fn forces(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+    /// See [`ElementLoop::anchor`].
+    pub fn anchor(&mut self, x: &[f64]) {
+        self.loops.iter_mut().for_each(|l| l.anchor(x));
+    }
+
+    /// `out = R - F` on the owned rows: internal minus external forces, N.
+    pub fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
         out.fill(0.0);
-        self.loops.iter().for_each(|l| l.forces(x, load, out));
+        self.loops.iter().for_each(|l| l.forces(place, load, out));
     }
 
     /// `out = F`: external forces alone, N, with constrained components removed.
@@ -97,7 +102,7 @@ impl System {
     /// columns replaced by their diagonal.
     pub fn tangent(
         &mut self,
-        x: &[f64],
+        place: Place<'_>,
         load: FaceLoad<'_>,
         stiffness_factor: f64,
         mass_factor: f64,
@@ -109,7 +114,7 @@ impl System {
             *block = [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]];
         }
         for l in &self.loops {
-            l.tangent(x, load, stiffness_factor, out, &mut self.matrix.values);
+            l.tangent(place, load, stiffness_factor, out, &mut self.matrix.values);
         }
         for m in &self.masked {
             let block = &mut self.matrix.values[m.slot];

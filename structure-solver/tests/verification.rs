@@ -6,7 +6,7 @@ use common::*;
 use linalg::Operator;
 use structure_solver::dynamics::Dynamics;
 use structure_solver::elements::cable::{TensionOnly, TwoWay};
-use structure_solver::loops::FaceLoad;
+use structure_solver::loops::{FaceLoad, Place};
 use structure_solver::materials::{StVenantKirchhoff, TensionField};
 use structure_solver::scheme::Scheme;
 
@@ -39,7 +39,7 @@ fn affine_deformations_leave_inner_nodes_in_balance() {
         .collect();
     let mut f = vec![0.0; x.len()];
     let load = FaceLoad { pressure: &vec![0.0; m.faces.len()], traction: &[] };
-    system.forces(&x, load, &mut f);
+    system.forces(Place::only(&x), load, &mut f);
     let largest = norm(&f);
     system.constrain(&mut f);
     assert!(norm(&f) < 1e-13 * largest, "{} of {largest}", norm(&f));
@@ -76,14 +76,14 @@ fn the_matrix_is_the_derivative_of_the_forces() {
     let mut d: Vec<f64> = (0..n).map(|i| wave(i, 0.9)).collect();
     system.constrain(&mut d);
     let mut g = vec![0.0; n];
-    system.tangent(&x, load, 1.0, 0.0, &mut g);
+    system.tangent(Place::only(&x), load, 1.0, 0.0, &mut g);
     let mut kd = vec![0.0; n];
     system.matrix.apply(&mut d.clone(), &mut kd);
     let h = 1e-6;
     let at = |s: f64| {
         let y: Vec<f64> = x.iter().zip(&d).map(|(x, d)| x + s * d).collect();
         let mut f = vec![0.0; n];
-        system.forces(&y, load, &mut f);
+        system.forces(Place::only(&y), load, &mut f);
         system.constrain(&mut f);
         f
     };

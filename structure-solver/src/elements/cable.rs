@@ -47,29 +47,45 @@ pub fn strain(d: Vec3, rest_length: f64) -> f64 {
     0.5 * (dot(d, d) / (rest_length * rest_length) - 1.0)
 }
 
-/// Force on the second end (N), by the cable's own pull inwards its negative:
-/// the internal force vector is `[-f, f]`.
+/// Stress of a step from Green strain `start` to `end`, and its derivative by `end`
+/// divided by `w`: see [`crate::materials::step`]. With `w = 1` the law itself.
 #[inline(always)]
-pub fn force(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, area: f64) -> Vec3 {
-    let d = sub(x[1], x[0]);
-    let (s, _) = law.stress(strain(d, rest_length));
+pub fn step(law: &impl CableLaw, start: f64, end: f64, w: f64) -> (f64, f64) {
+    let (s, y) = law.stress(w * end + (1.0 - w) * start);
+    if w == 1.0 {
+        return (s, y);
+    }
+    let (s1, s0) = (law.stress(end).0, law.stress(start).0);
+    let (stored, work) = (0.5 * (s1 * end - s0 * start), s * (end - start));
+    if stored - work > 1e-13 * (s1 * end + s0 * start) {
+        let mean = stored / (end - start);
+        (mean, (s1 - mean) / ((end - start) * w))
+    } else {
+        (s, y)
+    }
+}
+
+/// Force on the second end (N) for the stress `s` (Pa), `d` the vector between the
+/// ends: the internal force vector is `[-f, f]`.
+#[inline(always)]
+pub fn force(s: f64, d: Vec3, rest_length: f64, area: f64) -> Vec3 {
     scale(area * s / rest_length, d)
 }
 
-/// Force as [`force`] and the block $k$ of its tangent $[[k,-k],[-k,k]]$ (N/m).
+/// The block $k$ of the tangent $[[k,-k],[-k,k]]$ of [`force`] (N/m), `y` the
+/// derivative of the stress. The strain grows along `by` (m): `d` itself, or the
+/// vector between the ends in another configuration that makes the stress.
 #[inline(always)]
-pub fn stiffness(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, area: f64) -> (Vec3, Mat3) {
-    let d = sub(x[1], x[0]);
-    let (s, y) = law.stress(strain(d, rest_length));
+pub fn stiffness(s: f64, y: f64, d: Vec3, by: Vec3, rest_length: f64, area: f64) -> Mat3 {
     let (geometric, material) = (area * s / rest_length, area * y / rest_length.powi(3));
     let mut k = [[0.0; 3]; 3];
     for i in 0..3 {
         for j in 0..3 {
-            k[i][j] = material * d[i] * d[j];
+            k[i][j] = material * d[i] * by[j];
         }
         k[i][i] += geometric;
     }
-    (scale(geometric, d), k)
+    k
 }
 
 /// Axial force (N), positive in tension.
@@ -93,9 +109,12 @@ mod tests {
 
     fn error(law: impl CableLaw, rest_length: f64) -> f64 {
         let minus = |k: Mat3| k.map(|r| r.map(|v| -v));
-        let (_, k) = stiffness(&law, &X, rest_length, 0.3);
+        let d = sub(X[1], X[0]);
+        let (s, y) = law.stress(strain(d, rest_length));
+        let k = stiffness(s, y, d, d, rest_length, 0.3);
         let f = |x: &[Vec3; 2]| {
-            let f = force(&law, x, rest_length, 0.3);
+            let d = sub(x[1], x[0]);
+            let f = force(law.stress(strain(d, rest_length)).0, d, rest_length, 0.3);
             [scale(-1.0, f), f]
         };
         tangent_error(X, f, &[[k, minus(k)], [minus(k), k]])
@@ -111,8 +130,25 @@ mod tests {
     #[test]
     fn a_slack_line_carries_nothing() {
         let law = TensionOnly { youngs_modulus: 5.0 };
-        assert_eq!(stiffness(&law, &X, 1.4, 0.3), ([0.0; 3], [[0.0; 3]; 3]));
+        let d = sub(X[1], X[0]);
+        assert_eq!(law.stress(strain(d, 1.4)), (0.0, 0.0));
+        assert_eq!(stiffness(0.0, 0.0, d, d, 1.4, 0.3), [[0.0; 3]; 3]);
         assert_eq!(energy(&law, &X, 1.4, 0.3), 0.0);
+    }
+
+    #[test]
+    fn a_step_creates_no_energy_and_knows_its_derivative() {
+        let law = TensionOnly { youngs_modulus: 5.0 };
+        let stored = |e: f64| 0.5 * law.stress(e).0 * e;
+        for w in [0.5, 0.6, 1.0] {
+            for (a, b) in [(0.1, 0.3), (-0.2, 0.3), (0.3, -0.25), (-0.3, -0.1), (-0.1, 0.05), (0.2, 0.2)] {
+                let (s, y) = step(&law, a, b, w);
+                assert!(s * (b - a) >= stored(b) - stored(a) - 1e-15, "{w} {a} {b}");
+                let h = 1e-6;
+                let slope = (step(&law, a, b + h, w).0 - step(&law, a, b - h, w).0) / (2.0 * h);
+                assert!((slope - w * y).abs() < 1e-6, "{w} {a} {b}: {slope} {}", w * y);
+            }
+        }
     }
 
     #[test]

@@ -85,7 +85,34 @@ pub fn stiffness(
     c: &[[f64; 3]; 3],
     volume: f64,
 ) -> [[Mat3; 3]; 3] {
-    let [f1, f2] = d.f;
+    blocks::<false>(h, &d.f, &d.f, s, c, volume)
+}
+
+/// As [`stiffness`] where the stress comes from strains of another configuration
+/// than the one that turns it into forces (columns there, rows here), as in
+/// energy-conserving time integration. Not symmetric.
+#[inline(always)]
+pub fn stiffness_between(
+    h: &[f64; 4],
+    forces: &Deformation,
+    strains: &Deformation,
+    s: &[f64; 3],
+    c: &[[f64; 3]; 3],
+    volume: f64,
+) -> [[Mat3; 3]; 3] {
+    blocks::<true>(h, &forces.f, &strains.f, s, c, volume)
+}
+
+#[inline(always)]
+fn blocks<const BETWEEN: bool>(
+    h: &[f64; 4],
+    rows: &[Vec3; 2],
+    cols: &[Vec3; 2],
+    s: &[f64; 3],
+    c: &[[f64; 3]; 3],
+    volume: f64,
+) -> [[Mat3; 3]; 3] {
+    let ([f1, f2], [g1, g2]) = (*rows, *cols);
     let block = |n: [f64; 2], m: [f64; 2]| {
         let g = volume * (n[0] * (s[0] * m[0] + s[2] * m[1]) + n[1] * (s[2] * m[0] + s[1] * m[1]));
         // Voigt rows of (a, alpha): (1,1) -> 0, (2,2) -> 1, mixed -> 2.
@@ -102,9 +129,9 @@ pub fn stiffness(
         let d12 = r1[2] * m[0] + r1[1] * m[1];
         let d21 = r2[0] * m[0] + r2[2] * m[1];
         let d22 = r2[2] * m[0] + r2[1] * m[1];
-        // f1 (d11 f1 + d12 f2)^T + f2 (d21 f1 + d22 f2)^T
-        let u = add(scale(d11, f1), scale(d12, f2));
-        let v = add(scale(d21, f1), scale(d22, f2));
+        // f1 (d11 g1 + d12 g2)^T + f2 (d21 g1 + d22 g2)^T
+        let u = add(scale(d11, g1), scale(d12, g2));
+        let v = add(scale(d21, g1), scale(d22, g2));
         let mut k = [[0.0; 3]; 3];
         for i in 0..3 {
             for j in 0..3 {
@@ -116,19 +143,20 @@ pub fn stiffness(
     };
     let (h1, h2) = ([h[0], h[1]], [h[2], h[3]]);
     let (k11, k12, k22) = (block(h1, h1), block(h1, h2), block(h2, h2));
+    let k21 = if BETWEEN { block(h2, h1) } else { [0, 1, 2].map(|i| [k12[0][i], k12[1][i], k12[2][i]]) };
     let mut k = [[[[0.0; 3]; 3]; 3]; 3];
     for i in 0..3 {
         for j in 0..3 {
-            let (a, b, bt, e) = (k11[i][j], k12[i][j], k12[j][i], k22[i][j]);
+            let (a, b, c, e) = (k11[i][j], k12[i][j], k21[i][j], k22[i][j]);
             k[1][1][i][j] = a;
             k[1][2][i][j] = b;
-            k[2][1][i][j] = bt;
+            k[2][1][i][j] = c;
             k[2][2][i][j] = e;
-            k[0][1][i][j] = -(a + bt);
+            k[0][1][i][j] = -(a + c);
             k[0][2][i][j] = -(b + e);
             k[1][0][i][j] = -(a + b);
-            k[2][0][i][j] = -(bt + e);
-            k[0][0][i][j] = a + b + bt + e;
+            k[2][0][i][j] = -(c + e);
+            k[0][0][i][j] = a + b + c + e;
         }
     }
     k

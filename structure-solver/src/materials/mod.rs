@@ -4,6 +4,7 @@
 //! A law is two functions. The strain energy needs none: for each law here the
 //! stress is homogeneous of degree one, so the energy per volume is `S:E/2`.
 
+pub mod step;
 mod svk;
 mod tension_field;
 
