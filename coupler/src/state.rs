@@ -69,6 +69,7 @@ mod tests {
         let state = InterfaceState {
             displacement: vec![0.1; 6],
             load: Some(vec![2.0; 4]),
+            load_before: Some(vec![1.5; 4]),
             velocity: -4.0,
             acceleration: 0.2,
         };

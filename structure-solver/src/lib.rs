@@ -23,3 +23,4 @@ pub mod snapshot;
 pub mod state_file;
 pub mod system;
 pub mod vec3;
+pub mod velocity_average;

@@ -17,6 +17,7 @@ use crate::loops::FaceLoad;
 use crate::measures::{Gauge, Measures};
 use crate::snapshot::Pictures;
 use crate::state_file;
+use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
 const EFFECTS: [&str; 6] = [
@@ -45,6 +46,9 @@ pub struct StructureSolver {
     gravity: Option<f64>,
     /// The motion starts here: accelerations follow from the first load.
     from_rest: bool,
+    /// Keeps the end velocity of windows near what the flow sees, where the scene
+    /// couples implicitly.
+    average: Option<VelocityAverage>,
     /// Window of the last `advance`.
     computed: Option<u64>,
     /// What the last `advance` measured.
@@ -78,6 +82,7 @@ impl StructureSolver {
             traction: [Vec::new(), Vec::new()],
             gravity: scene.fabric_gravity.as_ref().map(|_| gravity),
             from_rest: source.is_none(),
+            average: VelocityAverage::of(scene, stage),
             computed: None,
             measures: Measures::default(),
             mesh,
@@ -217,7 +222,11 @@ impl Participant for StructureSolver {
         Ok(self.stats(start.elapsed().as_secs_f64(), &info, &m, before, assembly))
     }
 
-    fn accept(&mut self, _w: &Window) -> Result<(), Fault> {
+    fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        if let Some(average) = &mut self.average {
+            let Dynamics { accepted, current, .. } = &mut self.dynamics;
+            average.apply(w.dt, &accepted.u, &current.u, &mut current.v);
+        }
         self.dynamics.accept();
         self.from_rest = false;
         Ok(())

@@ -14,7 +14,7 @@ mod window;
 pub use accelerate::{Accelerator, Aitken, Constant, accelerator};
 pub use criterion::{Criterion, Field};
 pub use iqn::{IqnIls, IqnOptions};
-pub use load_shape::{MEAN_WEIGHT, shape_load};
+pub use load_shape::{FlowLoads, MEAN_WEIGHTS, shape_load};
 pub use predictor::Predictor;
 pub use unknowns::Unknowns;
 pub use window::{InterfaceState, WindowLoop, WindowReport};

@@ -3,7 +3,7 @@
 use case::{Coupling, LoadShape, Scheme};
 use channel::{Stats, Window, flow_stats};
 
-use super::load_shape::shape_load;
+use super::load_shape::{FlowLoads, shape_load};
 use super::{Accelerator, Criterion, Predictor, Unknowns};
 use crate::descent::DescentModel;
 use crate::error::{Place, RunError};
@@ -20,6 +20,9 @@ pub struct InterfaceState {
     pub displacement: Vec<f64>,
     /// Load of the flow, `[faces][LOAD_WIDTH]`, Pa; `None` before the first flow step.
     pub load: Option<Vec<f64>>,
+    /// The same one window earlier.
+    #[serde(default)]
+    pub load_before: Option<Vec<f64>>,
     /// Vertical velocity of the frame, m/s, positive up.
     pub velocity: f64,
     /// Mean vertical acceleration of the frame over the window, m/s2.
@@ -183,9 +186,11 @@ impl WindowLoop {
             report.add(case::Role::Mesh, partners.mesh(&w, self.unknowns.displacement(&self.x))?);
             report.add(case::Role::Flow, partners.flow(&w, &mut self.load_end)?);
             self.finite("flow", &w, &self.load_end)?;
-            let start = self.state.load.get_or_insert_with(|| self.load_end.clone());
+            let start = &*self.state.load.get_or_insert_with(|| self.load_end.clone());
+            let before = self.state.load_before.as_ref().unwrap_or(start);
+            let flow = FlowLoads { before, start, end: &self.load_end };
             let [felt_start, felt_end] = &mut self.felt;
-            shape_load(self.load_shape, start, &self.load_end, felt_start, felt_end);
+            shape_load(self.load_shape, flow, felt_start, felt_end);
             let load = LoadOverWindow { start: felt_start, end: felt_end };
             report.add(case::Role::Structure, partners.structure(&w, load, &mut self.displacement)?);
             self.finite("structure", &w, &self.displacement)?;
@@ -224,6 +229,7 @@ impl WindowLoop {
         self.state.acceleration = (velocity - self.state.velocity) / w.dt;
         self.state.velocity = velocity;
         self.state.displacement.copy_from_slice(&self.displacement);
+        std::mem::swap(&mut self.state.load, &mut self.state.load_before);
         let load = self.state.load.get_or_insert_default();
         load.clear();
         load.extend_from_slice(&self.load_end);

@@ -237,6 +237,7 @@ pub fn descent_model(scene: &Scene, interface: &CanopyInterface) -> Option<Desce
 /// State before the first stage: unstressed canopy, initial speed, no load known.
 pub fn initial_state(scene: &Scene, interface: &CanopyInterface) -> InterfaceState {
     InterfaceState {
+        load_before: None,
         displacement: vec![0.0; 3 * interface.nodes()],
         load: None,
         velocity: scene.descent.as_ref().map_or(0.0, |d| -d.initial_speed_m_s),

@@ -471,6 +471,9 @@ pub struct Coupling {
     pub acceleration: Acceleration,
     /// Past windows whose secants IQN-ILS reuses.
     pub reused_windows: u32,
+    /// Share of the flow's wall velocity in the structure's velocity at the end of
+    /// an implicit window, 0 to 1: keeps the two together where the fabric is light.
+    pub velocity_average: f64,
 }
 
 impl Default for Coupling {
@@ -483,6 +486,7 @@ impl Default for Coupling {
             relaxation: 0.1,
             acceleration: Acceleration::IqnIls,
             reused_windows: 8,
+            velocity_average: 0.5,
         }
     }
 }
@@ -504,9 +508,9 @@ pub enum Scheme {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LoadShape {
-    /// A weighted mean of the pressures at the start (0.45) and the end (0.55)
-    /// throughout: the stable one for light fabric, with a
-    /// `structure.spectral_radius` of about 0.9.
+    /// A second-order mean of the last three pressures throughout, which also
+    /// damps a pressure that alternates from window to window: the stable one for
+    /// light fabric.
     Mean,
     /// The window's last pressure throughout.
     Constant,
