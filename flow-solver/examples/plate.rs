@@ -1,6 +1,7 @@
 //! The common plate case: drag, iterations and cost per cell and step.
 //!
-//! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth]`
+//! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth, or -Courant for LU-SGS] [first-order steps]
+//! [velocity diffusion]`
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -9,8 +10,8 @@ mod plate;
 
 use std::time::Instant;
 
-use flow_solver::Loads;
 use flow_solver::physics::Laminar;
+use flow_solver::{Loads, Method};
 
 fn main() {
     let arg = |k: usize, d: f64| std::env::args().nth(k).map_or(d, |a| a.parse().expect("a number"));
@@ -18,9 +19,15 @@ fn main() {
     let grid = plate::plate(every);
     let speed = 4.88;
     let mut settings = common::settings([0.0, 0.0, speed], drop);
-    settings.depth = arg(5, 5.0) as usize;
+    settings.method = match arg(5, 5.0) {
+        depth if depth >= 0.0 => Method::PressureCorrection { depth: depth as usize },
+        courant => Method::LuSgs { courant: -courant },
+    };
+    settings.max_iterations = 2000;
+    settings.velocity_diffusion = arg(7, 0.5);
     let viscosity = Laminar { viscosity: 0.0244 * 1.225 };
     let mut solver = common::isothermal(&grid, viscosity, settings);
+    solver.first_order_steps = arg(6, 2.0) as u32;
     let mut loads = Loads::new(&solver);
     let cells = grid.cells.len();
     let begin = Instant::now();

@@ -32,4 +32,4 @@ pub use loads::{FaceLoad, Loads, Total};
 pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;
-pub use solver::{Instant, Report, Settings, Solver, Step};
+pub use solver::{Instant, Method, Report, Settings, Solver, Step};

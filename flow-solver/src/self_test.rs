@@ -11,7 +11,7 @@ use crate::loads::Loads;
 use crate::physics::{Air, Isothermal, Laminar};
 use crate::residual::Spatial;
 use crate::setup::partitioned;
-use crate::solver::{Settings, Solver, Step};
+use crate::solver::{Method, Settings, Solver, Step};
 use crate::state;
 
 /// A plate in a viscous stream on a grid that heaves and twists: the force after
@@ -35,7 +35,7 @@ pub fn self_test(comm: &Comm, file: &Path) -> Result<Vec<Vec3>, Fault> {
         wind: [0.5, 0.0, 4.0],
         residual_drop: 1e-11,
         max_iterations: 80,
-        depth: 8,
+        method: Method::PressureCorrection { depth: 8 },
         reference_speed: 0.4,
         velocity_diffusion: 0.5,
     };

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use case::{Role, Scene};
+use case::{FlowMethod, Role, Scene};
 use channel::Fault;
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Graph, StructureMesh};
 
 use crate::physics::Air;
-use crate::solver::Settings;
+use crate::solver::{Method, Settings};
 use crate::topology::Topology;
 
 /// What a stage of a scene asks of the flow.
@@ -62,7 +62,10 @@ impl Setup {
             wind: flow.wind_m_s,
             residual_drop: flow.solver.residual_drop,
             max_iterations: flow.solver.max_iterations as usize,
-            depth: 5,
+            method: match flow.solver.method {
+                FlowMethod::Gmres => Method::PressureCorrection { depth: 5 },
+                FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
+            },
             // A canopy that starts at rest soon moves at metres per second.
             reference_speed: 0.1 * speed.max(1.0),
             velocity_diffusion: 0.5,

@@ -6,11 +6,26 @@ use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
 use crate::geometry::vec3::{Vec3, norm};
 use crate::gradient::{Gradient, LeastSquares};
-use crate::implicit::{Acceleration, PressureCorrection};
+use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
 use crate::physics::{Air, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
 use crate::time::Backward;
 use crate::topology::Topology;
+
+/// What corrects the state in each iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// Pressure corrections, combined by nonlinear GMRES over this many (0: none).
+    PressureCorrection {
+        /// Corrections that are combined.
+        depth: usize,
+    },
+    /// The paper's LU-SGS steps in pseudo time.
+    LuSgs {
+        /// Pseudo-time Courant number.
+        courant: f64,
+    },
+}
 
 /// How a step is solved.
 #[derive(Clone, Copy, Debug)]
@@ -23,8 +38,8 @@ pub struct Settings {
     pub residual_drop: f64,
     /// Iterations at most.
     pub max_iterations: usize,
-    /// Corrections that are combined (nonlinear GMRES); 0 takes each as it is.
-    pub depth: usize,
+    /// What corrects the state.
+    pub method: Method,
     /// Speed that floors the reference speeds, m/s: a tenth of the stream's.
     pub reference_speed: f64,
     /// Weight of velocity diffusion in the interface pressure.
@@ -108,7 +123,7 @@ pub struct Solver<G, V, const N: usize> {
     weight: Vec<f64>,
     mass: Vec<f64>,
     start: f64,
-    correction: PressureCorrection,
+    correction: Box<dyn Correction<G, V, N>>,
     acceleration: Acceleration,
 }
 
@@ -138,6 +153,10 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         let least_squares = LeastSquares::new(&topology, &metrics);
         let (n, faces) = (topology.n_local(), topology.face_nodes.len());
         let q = vec![spatial.gas.undisturbed(settings.wind); n];
+        let (correction, depth): (Box<dyn Correction<G, V, N>>, usize) = match settings.method {
+            Method::PressureCorrection { depth } => (Box::new(PressureCorrection::new(&topology)), depth),
+            Method::LuSgs { courant } => (Box::new(LuSgs::new(&topology, courant)), 0),
+        };
         let instant = Instant { q: q.clone(), volume: metrics.volume.clone(), nodes: nodes.clone() };
         let solver = Self {
             node_velocity: vec![[0.0; 3]; nodes.len()],
@@ -162,8 +181,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             weight: vec![0.0; topology.n_owned],
             mass: vec![0.0; faces],
             start: 0.0,
-            correction: PressureCorrection::new(&topology),
-            acceleration: Acceleration::new(settings.depth, topology.n_owned * N),
+            correction,
+            acceleration: Acceleration::new(depth, topology.n_owned * N),
             nodes,
             q,
             metrics,

@@ -1,9 +1,43 @@
 //! From a residual to a correction.
 
 mod acceleration;
+mod lusgs;
 mod pressure;
 mod simple;
 
 pub use acceleration::Acceleration;
+pub use lusgs::LuSgs;
 pub use pressure::{PressureSystem, SolveReport};
 pub use simple::PressureCorrection;
+
+use crate::gradient::Gradient;
+use crate::physics::Scheme;
+use crate::residual::{Domain, Spatial};
+
+/// An approximate inverse of the linearised step.
+pub trait Correction<G, V, const N: usize> {
+    /// Prepares for the state `q` with the mass fluxes `mass` of its residual.
+    /// `extra` of 1 is the method's own pseudo-time step, more a shorter one.
+    /// Collective.
+    #[allow(clippy::too_many_arguments)]
+    fn assemble(
+        &mut self,
+        spatial: &Spatial<G, V>,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        gradient: &[Gradient<N>],
+        mass: &[f64],
+        extra: f64,
+    );
+
+    /// Adds to `q` the correction for the primitive residual `r`. Collective.
+    fn apply(
+        &mut self,
+        gas: &G,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        r: &[[f64; N]],
+        q: &mut [[f64; N]],
+    ) -> SolveReport;
+}

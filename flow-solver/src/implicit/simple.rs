@@ -10,6 +10,7 @@
 //! preconditioner). The pressure diffusion of the flux is chosen such that the
 //! compact stencil is also what the residual sees.
 
+use super::Correction;
 use super::pressure::{PressureSystem, SolveReport};
 use crate::geometry::vec3::dot;
 use crate::gradient::Gradient;
@@ -64,11 +65,72 @@ impl PressureCorrection {
         }
     }
 
-    /// Fills the matrices for the state `q` with the mass fluxes `mass` of its
-    /// residual. `extra` scales the time derivative: 1 is Newton's method, more
-    /// is a pseudo-time step. Collective.
-    #[allow(clippy::too_many_arguments)]
-    pub fn assemble<G: Gas<N>, V: Viscosity, const N: usize>(
+    fn assemble_pressure(&mut self, on: &Domain<'_>, scheme: &Scheme, rate: f64) {
+        let (t, m) = (on.topology, on.metrics);
+        // Sums in double precision: reuse the transport diagonal's storage.
+        for i in 0..t.n_owned {
+            self.diagonal[i] = rate * m.volume[i] / self.sound2[i];
+        }
+        for (f, &[i, j]) in t.cells.iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let face = &m.faces[f];
+            let k = 0.5 * (self.response[i] + self.response[j]) * face.magnitude / face.spacing;
+            let [si, sj] = t.adjacency.slot[f];
+            self.pressure.off[si as usize] = k as f32;
+            self.pressure.off[sj as usize] = k as f32;
+            self.diagonal[i] += k;
+            self.diagonal[j] += k;
+        }
+        for side in t.outlet.iter() {
+            let face = &m.faces[side.face as usize];
+            let i = side.cell as usize;
+            self.diagonal[i] += self.response[i] * face.magnitude / face.spacing;
+        }
+        for side in t.far_field.iter() {
+            let face = &m.faces[side.face as usize];
+            let i = side.cell as usize;
+            let leaving = crate::physics::leaving(scheme, face, side.sign);
+            let open = self.response[i] / face.spacing;
+            let closed = 0.5 / self.sound2[i].sqrt();
+            self.diagonal[i] += face.magnitude * (leaving * open + (1.0 - leaving) * closed);
+        }
+        for (p, d) in self.pressure.diagonal.iter_mut().zip(&self.diagonal) {
+            *p = *d as f32;
+        }
+        self.pressure.prepare();
+    }
+
+    /// One symmetric Gauss-Seidel sweep of the transport operator on `-r`.
+    fn transport<const N: usize>(&mut self, t: &Topology, r: &[[f64; N]]) {
+        let rows = &t.adjacency;
+        let x = &mut self.transported;
+        for i in 0..t.n_owned {
+            let mut s: [f32; 4] = std::array::from_fn(|d| if d + 1 < N { -r[i][d + 1] as f32 } else { 0.0 });
+            let row = rows.start[i] as usize..rows.upper[i] as usize;
+            for (k, &j) in self.off[row.clone()].iter().zip(&rows.cell[row]) {
+                for d in 0..4 {
+                    s[d] += k * x[j as usize][d];
+                }
+            }
+            x[i] = s.map(|s| s * self.inverse[i]);
+        }
+        for i in (0..t.n_owned).rev() {
+            let mut s = [0.0f32; 4];
+            let row = rows.upper[i] as usize..rows.ghost[i] as usize;
+            for (k, &j) in self.off[row.clone()].iter().zip(&rows.cell[row]) {
+                for d in 0..4 {
+                    s[d] += k * x[j as usize][d];
+                }
+            }
+            for d in 0..4 {
+                x[i][d] += s[d] * self.inverse[i];
+            }
+        }
+    }
+}
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCorrection {
+    fn assemble(
         &mut self,
         spatial: &Spatial<G, V>,
         on: &Domain<'_>,
@@ -135,43 +197,7 @@ impl PressureCorrection {
         self.assemble_pressure(on, scheme, rate);
     }
 
-    fn assemble_pressure(&mut self, on: &Domain<'_>, scheme: &Scheme, rate: f64) {
-        let (t, m) = (on.topology, on.metrics);
-        // Sums in double precision: reuse the transport diagonal's storage.
-        for i in 0..t.n_owned {
-            self.diagonal[i] = rate * m.volume[i] / self.sound2[i];
-        }
-        for (f, &[i, j]) in t.cells.iter().enumerate() {
-            let (i, j) = (i as usize, j as usize);
-            let face = &m.faces[f];
-            let k = 0.5 * (self.response[i] + self.response[j]) * face.magnitude / face.spacing;
-            let [si, sj] = t.adjacency.slot[f];
-            self.pressure.off[si as usize] = k as f32;
-            self.pressure.off[sj as usize] = k as f32;
-            self.diagonal[i] += k;
-            self.diagonal[j] += k;
-        }
-        for side in t.outlet.iter() {
-            let face = &m.faces[side.face as usize];
-            let i = side.cell as usize;
-            self.diagonal[i] += self.response[i] * face.magnitude / face.spacing;
-        }
-        for side in t.far_field.iter() {
-            let face = &m.faces[side.face as usize];
-            let i = side.cell as usize;
-            let leaving = crate::physics::leaving(scheme, face, side.sign);
-            let open = self.response[i] / face.spacing;
-            let closed = 0.5 / self.sound2[i].sqrt();
-            self.diagonal[i] += face.magnitude * (leaving * open + (1.0 - leaving) * closed);
-        }
-        for (p, d) in self.pressure.diagonal.iter_mut().zip(&self.diagonal) {
-            *p = *d as f32;
-        }
-        self.pressure.prepare();
-    }
-
-    /// Adds to `q` the correction for the primitive residual `r`. Collective.
-    pub fn apply<G: Gas<N>, const N: usize>(
+    fn apply(
         &mut self,
         gas: &G,
         on: &Domain<'_>,
@@ -250,33 +276,5 @@ impl PressureCorrection {
             }
         }
         report
-    }
-
-    /// One symmetric Gauss-Seidel sweep of the transport operator on `-r`.
-    fn transport<const N: usize>(&mut self, t: &Topology, r: &[[f64; N]]) {
-        let rows = &t.adjacency;
-        let x = &mut self.transported;
-        for i in 0..t.n_owned {
-            let mut s: [f32; 4] = std::array::from_fn(|d| if d + 1 < N { -r[i][d + 1] as f32 } else { 0.0 });
-            let row = rows.start[i] as usize..rows.upper[i] as usize;
-            for (k, &j) in self.off[row.clone()].iter().zip(&rows.cell[row]) {
-                for d in 0..4 {
-                    s[d] += k * x[j as usize][d];
-                }
-            }
-            x[i] = s.map(|s| s * self.inverse[i]);
-        }
-        for i in (0..t.n_owned).rev() {
-            let mut s = [0.0f32; 4];
-            let row = rows.upper[i] as usize..rows.ghost[i] as usize;
-            for (k, &j) in self.off[row.clone()].iter().zip(&rows.cell[row]) {
-                for d in 0..4 {
-                    s[d] += k * x[j as usize][d];
-                }
-            }
-            for d in 0..4 {
-                x[i][d] += s[d] * self.inverse[i];
-            }
-        }
     }
 }

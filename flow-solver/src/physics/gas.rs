@@ -42,6 +42,9 @@ pub trait Gas<const N: usize>: Copy {
     /// Momentum (and work) that gauge pressure `p` passes through a face of area
     /// vector `area` that sweeps `grid_flux` (m3/s).
     fn pressure_flux(&self, p: f64, area: Vec3, grid_flux: f64) -> [f64; N];
+    /// Change of the pressure's part of the flux when pressure alone changes by
+    /// `dp`, through an area vector that the air crosses at `through` (m3/s).
+    fn pressure_change(&self, dp: f64, area: Vec3, through: f64) -> [f64; N];
     /// Residual of the conserved quantities turned into that of the primitive
     /// ones: continuity, then $\rho\,DQ/Dt$ (its energy row is divided by c_p).
     fn primitive_residual(&self, q: &[f64; N], r: &[f64; N]) -> [f64; N];
@@ -49,6 +52,7 @@ pub trait Gas<const N: usize>: Copy {
     /// once (adiabatic compression); zero for the velocity.
     fn compression(&self, q: &[f64; N]) -> [f64; N];
     /// $\partial W/\partial Q$: rows are conserved quantities.
+    #[inline(always)]
     fn jacobian(&self, q: &[f64; N]) -> [[f64; N]; N] {
         self.time_matrix(q, None)
     }
@@ -100,6 +104,10 @@ impl Gas<4> for Isothermal {
         [0.0, p * area[0], p * area[1], p * area[2]]
     }
     #[inline(always)]
+    fn pressure_change(&self, dp: f64, area: Vec3, _: f64) -> [f64; 4] {
+        [0.0, dp * area[0], dp * area[1], dp * area[2]]
+    }
+    #[inline(always)]
     fn primitive_residual(&self, q: &[f64; 4], r: &[f64; 4]) -> [f64; 4] {
         [r[0], r[1] - q[1] * r[0], r[2] - q[2] * r[0], r[3] - q[3] * r[0]]
     }
@@ -107,6 +115,7 @@ impl Gas<4> for Isothermal {
     fn compression(&self, _: &[f64; 4]) -> [f64; 4] {
         [1.0, 0.0, 0.0, 0.0]
     }
+    #[inline(always)]
     fn time_matrix(&self, q: &[f64; 4], compressibility: Option<f64>) -> [[f64; 4]; 4] {
         let rho = self.density(q);
         let k = compressibility.unwrap_or(self.inverse_rt);
@@ -181,6 +190,10 @@ impl Gas<5> for IdealGas {
         [0.0, p * area[0], p * area[1], p * area[2], (self.pressure + p) * grid_flux]
     }
     #[inline(always)]
+    fn pressure_change(&self, dp: f64, area: Vec3, through: f64) -> [f64; 5] {
+        [0.0, dp * area[0], dp * area[1], dp * area[2], dp * through]
+    }
+    #[inline(always)]
     fn primitive_residual(&self, q: &[f64; 5], r: &[f64; 5]) -> [f64; 5] {
         let m = [r[1] - q[1] * r[0], r[2] - q[2] * r[0], r[3] - q[3] * r[0]];
         let h = self.carried(q)[4];
@@ -191,6 +204,7 @@ impl Gas<5> for IdealGas {
     fn compression(&self, q: &[f64; 5]) -> [f64; 5] {
         [1.0, 0.0, 0.0, 0.0, 1.0 / (self.density(q) * self.cp)]
     }
+    #[inline(always)]
     fn time_matrix(&self, q: &[f64; 5], compressibility: Option<f64>) -> [[f64; 5]; 5] {
         let rho = self.density(q);
         let t = self.temperature(q);

@@ -9,6 +9,7 @@ mod gas;
 mod precondition;
 mod viscosity;
 
+pub(crate) use flux::relative_speed;
 pub use flux::{Interface, Scheme, far_field, interface, leaving, outlet, wall};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use precondition::{preconditioner, reference_speed, spectral_radius};

@@ -16,6 +16,7 @@ pub fn reference_speed(speed: f64, length: f64, rate: f64, kinematic_viscosity: 
 
 /// Weiss-Smith matrix $\Gamma = \partial W/\partial Q$ with the compressibility
 /// of the reference speed `ur`. At `ur = c` it is the Jacobian itself.
+#[inline(always)]
 pub fn preconditioner<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N], ur: f64) -> [[f64; N]; N] {
     let c2 = gas.sound_speed_squared(q);
     // rho_p of the model is 1/c^2 plus its thermal part, which stays.

@@ -5,7 +5,7 @@ use comm::Comm;
 use flow_solver::physics::{Air, Gas, Isothermal, Viscosity};
 use flow_solver::residual::Spatial;
 use flow_solver::topology::Topology;
-use flow_solver::{Settings, Solver, Step};
+use flow_solver::{Method, Settings, Solver, Step};
 use mesh::{FaceTable, FlowGrid};
 
 /// Air, wind and tolerances of the tests.
@@ -16,7 +16,7 @@ pub fn settings(wind: [f64; 3], drop: f64) -> Settings {
         wind,
         residual_drop: drop,
         max_iterations: 100,
-        depth: 5,
+        method: Method::PressureCorrection { depth: 5 },
         reference_speed: 0.1 * speed,
         velocity_diffusion: 0.5,
     }
