@@ -1,7 +1,7 @@
 //! The common plate case: drag, iterations and cost per cell and step.
 //!
 //! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth, or -Courant for LU-SGS] [first-order steps]
-//! [velocity diffusion]`
+//! [velocity diffusion] [speed]`
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -17,7 +17,7 @@ fn main() {
     let arg = |k: usize, d: f64| std::env::args().nth(k).map_or(d, |a| a.parse().expect("a number"));
     let (every, steps, drop, dt) = (arg(1, 2.0) as usize, arg(2, 20.0) as usize, arg(3, 1e-2), arg(4, 0.02));
     let grid = plate::plate(every);
-    let speed = 4.88;
+    let speed = arg(8, 4.88);
     let mut settings = common::settings([0.0, 0.0, speed], drop);
     settings.method = match arg(5, 5.0) {
         depth if depth >= 0.0 => Method::PressureCorrection { depth: depth as usize },
@@ -25,11 +25,12 @@ fn main() {
     };
     settings.max_iterations = 2000;
     settings.velocity_diffusion = arg(7, 0.5);
-    let viscosity = Laminar { viscosity: 0.0244 * 1.225 };
+    let viscosity = Laminar { viscosity: speed / 200.0 * 1.225 };
     let mut solver = common::isothermal(&grid, viscosity, settings);
     solver.first_order_steps = arg(6, 2.0) as u32;
     let mut loads = Loads::new(&solver);
     let cells = grid.cells.len();
+    let dt = dt * 4.88 / speed;
     let begin = Instant::now();
     for k in 1..=steps {
         let now = Instant::now();

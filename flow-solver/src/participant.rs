@@ -106,10 +106,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
         }
         let comm = s.comm();
         let mut values = [0.0; channel::STATS];
-        for d in 0..3 {
-            values[flow_stats::FORCE + d] = total.force[d];
-            values[flow_stats::MOMENT + d] = total.moment[d];
-        }
+        values[flow_stats::FORCE..][..3].copy_from_slice(&total.force);
+        values[flow_stats::MOMENT..][..3].copy_from_slice(&total.moment);
         values[flow_stats::RESIDUAL_START] = report.start;
         values[flow_stats::RESIDUAL_END] = report.end;
         values[flow_stats::ITERATIONS] = report.iterations as f64;

@@ -164,6 +164,21 @@ impl<G, V: Viscosity> Spatial<G, V> {
             add(side, &f.flux);
         }
         if V::ACTIVE {
+            for side in &t.slip {
+                // No friction, but the normal stress of air that spreads along the wall.
+                let face = face_of(side);
+                let cell = side.cell as usize;
+                let g = &gradient[cell];
+                let u: [Vec3; 3] = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
+                let mu = self.viscosity.dynamic(self.gas.density(&q[cell]), &u, on.metrics.size[cell]);
+                let force = physics::stress_force(mu, &u, face.area);
+                let normal = side.sign * dot(force, face.area) / (face.magnitude * face.magnitude);
+                let mut flux = self.gas.pressure_flux(0.0, [0.0; 3], 0.0);
+                for d in 0..3 {
+                    flux[1 + d] -= normal * face.area[d];
+                }
+                add(side, &flux);
+            }
             for side in &t.no_slip {
                 let face = face_of(side);
                 let force = scale(face.magnitude, self.wall_traction(on, scheme, q, side));
@@ -177,7 +192,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
             }
         }
         for (list, condition) in [
-            (&t.far_field, physics::far_field::<G, N> as fn(&G, &Scheme, &_, &_, f64) -> Interface<N>),
+            (&t.far_field, physics::far_field::<G, N> as fn(&G, &Scheme, &_, &_, &_, f64) -> Interface<N>),
             (&t.outlet, physics::outlet::<G, N>),
         ] {
             for side in list {
@@ -187,7 +202,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 let g = &gradient[cell];
                 let inside =
                     std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2]);
-                let f = condition(&self.gas, scheme, &inside, face, side.sign);
+                let f = condition(&self.gas, scheme, &inside, &q[cell], face, side.sign);
                 mass[side.face as usize] = f.mass;
                 add(side, &f.flux);
             }

@@ -79,17 +79,21 @@ pub fn wall<G: Gas<N>, const N: usize>(gas: &G, p: f64, area: Vec3, grid_flux: f
     Interface { flux: gas.pressure_flux(p, area, grid_flux), mass: 0.0 }
 }
 
-/// Flux out of the domain into undisturbed air, with `q` just inside.
+/// Flux out of the domain into undisturbed air, with `q` just inside the face
+/// and `cell` at the centre of the cell.
 ///
 /// Where the undisturbed stream enters or passes by, the acoustic
 /// characteristics set velocity and pressure (waves leave, the stream is held);
 /// where it leaves, gauge pressure is zero, so that a wake may pass. In between
-/// the two are blended by direction.
+/// the two are blended by direction. The characteristics take the cell's own
+/// state: at low Mach numbers they are so stiff in the velocity that an
+/// extrapolated one would couple cells which no local correction couples.
 #[inline(always)]
 pub fn far_field<G: Gas<N>, const N: usize>(
     gas: &G,
     scheme: &Scheme,
     q: &[f64; N],
+    cell: &[f64; N],
     face: &FaceMetric,
     sign: f64,
 ) -> Interface<N> {
@@ -100,8 +104,9 @@ pub fn far_field<G: Gas<N>, const N: usize>(
     let through = |q: &[f64; N]| (q[1] * s[0] + q[2] * s[1] + q[3] * s[2]) / face.magnitude;
     let (inner, outer) = (through(q), through(&far));
     let leaving = leaving(scheme, face, sign);
-    let speed = 0.5 * (inner + outer + q[0] / (rho * c));
-    let p = 0.5 * (q[0] + rho * c * (inner - outer));
+    let near = through(cell);
+    let speed = 0.5 * (near + outer + cell[0] / (rho * c));
+    let p = 0.5 * (cell[0] + rho * c * (near - outer));
     // At a leaving stream pressure pulls the mass flux as it does between cells.
     let up = (face.spacing * scheme.rate + speed.abs()).min(c);
     let open = inner + q[0] / (rho * up);
@@ -137,6 +142,7 @@ pub fn outlet<G: Gas<N>, const N: usize>(
     gas: &G,
     scheme: &Scheme,
     q: &[f64; N],
+    _: &[f64; N],
     face: &FaceMetric,
     sign: f64,
 ) -> Interface<N> {
