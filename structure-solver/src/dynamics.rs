@@ -152,6 +152,7 @@ impl Dynamics {
         let start = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
         let balance = Balance { from: &self.current, form, load: start, body };
         self.scale = self.newton.load_scale(&self.system, &balance);
+        self.load_on(0.0, load, false);
         for k in 0..substeps {
             let share = |k: u64| k as f64 / substeps as f64;
             self.interval(
@@ -224,20 +225,27 @@ impl Dynamics {
         self.newton.step(&mut self.system, &mut self.linear, &balance, guesses, self.scale, &mut self.next)
     }
 
-    /// Trapezoidal work of the load on owned nodes from `current` to `next`, J.
+    /// Trapezoidal work of the load on owned nodes from `current` to `next`, J. The
+    /// load on `current` is left from the step before.
     fn load_work(&mut self, span: [f64; 2], load: LoadPath<'_>) -> f64 {
-        for (k, state) in [&self.current, &self.next].into_iter().enumerate() {
-            blend(load, span[k], &mut self.pressure, &mut self.traction);
-            for i in 0..self.x.len() {
-                self.x[i] = self.system.model.reference[i] + state.u[i];
-            }
-            let face_load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
-            self.system.external(&self.x, face_load, &mut self.force[k]);
-        }
+        self.load_on(span[1], load, true);
         let n = 3 * self.system.model.n_owned();
-        (0..n)
-            .map(|i| 0.5 * (self.force[0][i] + self.force[1][i]) * (self.next.u[i] - self.current.u[i]))
-            .sum()
+        let [before, after] = &self.force;
+        let work = (0..n).map(|i| 0.5 * (before[i] + after[i]) * (self.next.u[i] - self.current.u[i])).sum();
+        self.force.swap(0, 1);
+        work
+    }
+
+    /// External forces at a share of the window: on `next` into `force[1]`, or on
+    /// `current` into `force[0]`.
+    fn load_on(&mut self, share: f64, load: LoadPath<'_>, next: bool) {
+        blend(load, share, &mut self.pressure, &mut self.traction);
+        let state = if next { &self.next } else { &self.current };
+        for i in 0..self.x.len() {
+            self.x[i] = self.system.model.reference[i] + state.u[i];
+        }
+        let face_load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
+        self.system.external(&self.x, face_load, &mut self.force[usize::from(next)]);
     }
 
     /// The last computed window is final.

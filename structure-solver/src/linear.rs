@@ -63,10 +63,11 @@ impl LinearSolver {
     }
 
     /// Solves `A x = b` from zero. `b` holds owned rows, `x` local ones; the ghosts
-    /// of `x` are not current on return. All ranks see the same outcome.
-    pub fn solve(&mut self, a: &BlockCsr<3>, b: &[f64], x: &mut [f64]) -> Result<(), String> {
+    /// of `x` are not current on return. `changed`: the matrix is another one than in
+    /// the last solve. All ranks see the same outcome.
+    pub fn solve(&mut self, a: &BlockCsr<3>, changed: bool, b: &[f64], x: &mut [f64]) -> Result<(), String> {
         if matches!(self.by, Preconditioned::Jacobi(_)) {
-            if self.jacobi(a)? && self.gmres(a, b, x, JACOBI_LIMIT).is_ok() {
+            if (!changed || self.jacobi(a)?) && self.gmres(a, b, x, JACOBI_LIMIT).is_ok() {
                 return Ok(());
             }
             self.by = Preconditioned::Direct(Box::new(SchwarzLu::plan(a)));

@@ -103,6 +103,41 @@ pub fn stiffness_between(
     blocks::<true>(h, &forces.f, &strains.f, s, c, volume)
 }
 
+/// Block of two nodes with gradients `n` and `m`.
+#[inline(always)]
+fn block(
+    n: [f64; 2],
+    m: [f64; 2],
+    [f1, f2]: &[Vec3; 2],
+    [g1, g2]: &[Vec3; 2],
+    s: &[f64; 3],
+    c: &[[f64; 3]; 3],
+    volume: f64,
+) -> Mat3 {
+    let g = volume * (n[0] * (s[0] * m[0] + s[2] * m[1]) + n[1] * (s[2] * m[0] + s[1] * m[1]));
+    // Voigt rows of (a, alpha): (1,1) -> 0, (2,2) -> 1, mixed -> 2.
+    let mut r = [[0.0; 3]; 2];
+    for k in 0..3 {
+        r[0][k] = volume * (n[0] * c[0][k] + n[1] * c[2][k]);
+        r[1][k] = volume * (n[0] * c[2][k] + n[1] * c[1][k]);
+    }
+    let d11 = r[0][0] * m[0] + r[0][2] * m[1];
+    let d12 = r[0][2] * m[0] + r[0][1] * m[1];
+    let d21 = r[1][0] * m[0] + r[1][2] * m[1];
+    let d22 = r[1][2] * m[0] + r[1][1] * m[1];
+    // f1 (d11 g1 + d12 g2)^T + f2 (d21 g1 + d22 g2)^T
+    let u = add(scale(d11, *g1), scale(d12, *g2));
+    let v = add(scale(d21, *g1), scale(d22, *g2));
+    let mut k = [[0.0; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            k[i][j] = f1[i] * u[j] + f2[i] * v[j];
+        }
+        k[i][i] += g;
+    }
+    k
+}
+
 #[inline(always)]
 fn blocks<const BETWEEN: bool>(
     h: &[f64; 4],
@@ -112,38 +147,17 @@ fn blocks<const BETWEEN: bool>(
     c: &[[f64; 3]; 3],
     volume: f64,
 ) -> [[Mat3; 3]; 3] {
-    let ([f1, f2], [g1, g2]) = (*rows, *cols);
-    let block = |n: [f64; 2], m: [f64; 2]| {
-        let g = volume * (n[0] * (s[0] * m[0] + s[2] * m[1]) + n[1] * (s[2] * m[0] + s[1] * m[1]));
-        // Voigt rows of (a, alpha): (1,1) -> 0, (2,2) -> 1, mixed -> 2.
-        let row = |a: usize| {
-            let (i, j) = if a == 0 { (0, 2) } else { (2, 1) };
-            [
-                volume * (n[0] * c[i][0] + n[1] * c[j][0]),
-                volume * (n[0] * c[i][1] + n[1] * c[j][1]),
-                volume * (n[0] * c[i][2] + n[1] * c[j][2]),
-            ]
-        };
-        let (r1, r2) = (row(0), row(1));
-        let d11 = r1[0] * m[0] + r1[2] * m[1];
-        let d12 = r1[2] * m[0] + r1[1] * m[1];
-        let d21 = r2[0] * m[0] + r2[2] * m[1];
-        let d22 = r2[2] * m[0] + r2[1] * m[1];
-        // f1 (d11 g1 + d12 g2)^T + f2 (d21 g1 + d22 g2)^T
-        let u = add(scale(d11, g1), scale(d12, g2));
-        let v = add(scale(d21, g1), scale(d22, g2));
-        let mut k = [[0.0; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                k[i][j] = f1[i] * u[j] + f2[i] * v[j];
-            }
-            k[i][i] += g;
-        }
-        k
-    };
     let (h1, h2) = ([h[0], h[1]], [h[2], h[3]]);
-    let (k11, k12, k22) = (block(h1, h1), block(h1, h2), block(h2, h2));
-    let k21 = if BETWEEN { block(h2, h1) } else { [0, 1, 2].map(|i| [k12[0][i], k12[1][i], k12[2][i]]) };
+    let (k11, k12, k22) = (
+        block(h1, h1, rows, cols, s, c, volume),
+        block(h1, h2, rows, cols, s, c, volume),
+        block(h2, h2, rows, cols, s, c, volume),
+    );
+    let k21 = if BETWEEN {
+        block(h2, h1, rows, cols, s, c, volume)
+    } else {
+        [0, 1, 2].map(|i| [k12[0][i], k12[1][i], k12[2][i]])
+    };
     let mut k = [[[[0.0; 3]; 3]; 3]; 3];
     for i in 0..3 {
         for j in 0..3 {
