@@ -1,6 +1,21 @@
-#![allow(clippy::needless_range_loop)]
-
 //! The flow grid as a pseudo-solid that follows the canopy (paper, section 3).
+//!
+//! * [`element`]: stiffness of one cell, a pure function; [`quality`]: shape of cells;
+//! * [`local`]: a rank's part of the grid; every cell that touches an owned node is
+//!   there, so matrix rows are complete without sums across ranks;
+//! * [`mover`]: the trait; [`elastic`] is the pseudo-solid (conjugate gradients in
+//!   [`solve`], multigrid, [`warm`] starts, a cheap first look in [`glance`]);
+//!   [`inverse_distance`] is a mover without equations, for comparison;
+//! * [`motion`]: total form first, then increments with an updated reference, then
+//!   [`untangle`], then an error that names the cell;
+//! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`];
+//! * [`alone`]: a prescribed motion without partners; [`sample`]: a small grid for tests.
+//!
+//! The interior of the grid is not physics: canopy nodes are exact to the bit, all other
+//! nodes to `mesh.tolerance` of the shortest cell edge around them.
+
+// Small vectors are written in index notation, like the formulas they implement.
+#![allow(clippy::needless_range_loop)]
 
 pub mod alone;
 pub mod elastic;

@@ -18,7 +18,9 @@ pub struct Warm {
     spare: Vec<Vec<f32>>,
 }
 
-/// Basis vectors kept: reading them costs about as much as two products with the matrix.
+/// Basis vectors kept: reading them costs about as much as a product with the matrix.
+/// Twice as many saved no iteration in a coupled ATPS descent (about 13 in the 11 to 17
+/// calls of a window, most of them in the first five).
 const CAPACITY: usize = 24;
 
 impl Warm {
