@@ -338,11 +338,16 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         // Below this the residual is round-off of the fluxes themselves.
         let target = (self.settings.residual_drop * self.start).max(self.round_off());
         let mut report = Report { start: self.start, ..Report::default() };
-        self.acceleration.clear();
+        if step.again {
+            // The Jacobian is nearly the same: what the last solve has learnt still holds.
+            self.acceleration.pause();
+        } else {
+            self.acceleration.clear();
+        }
         let mut extra = 1.0;
         let mut best = (norm, self.q.clone());
         let mut assembled = false;
-        while report.iterations < self.settings.max_iterations && !(norm <= target) {
+        while report.iterations < self.settings.max_iterations && (norm.is_nan() || norm > target) {
             if !assembled {
                 self.correction.assemble(
                     &self.spatial,

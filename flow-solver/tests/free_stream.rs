@@ -1,5 +1,7 @@
 //! A uniform stream stays uniform whatever the grid does.
 
+#![allow(clippy::needless_range_loop)]
+
 mod common;
 
 use common::{Noise, isothermal, settings, solver_of};

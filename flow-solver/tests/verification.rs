@@ -1,5 +1,7 @@
 //! Answers that are known: exact solutions, published tables, other programs.
 
+#![allow(clippy::needless_range_loop)]
+
 mod common;
 #[path = "common/plate.rs"]
 mod plate;
