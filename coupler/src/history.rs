@@ -197,6 +197,43 @@ impl History {
     }
 }
 
+/// `iterations.csv` of a coupled stage: the measure of every coupling iteration.
+pub struct Iterations {
+    path: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl Iterations {
+    /// Creates the file with its header line.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn create(path: &Path) -> Result<Self, RunError> {
+        let file = File::create(path).map_err(RunError::file("create", path))?;
+        let mut all = Self { path: path.into(), file: BufWriter::new(file) };
+        all.write(&["window,iteration,coupling_residual".to_owned()])?;
+        Ok(all)
+    }
+
+    /// Adds the iterations of a window.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn push(&mut self, row: &Row) -> Result<(), RunError> {
+        let residuals = row.report.residuals.iter().enumerate();
+        let lines: Vec<String> = residuals.map(|(i, r)| format!("{},{i},{r:.3e}", row.window)).collect();
+        self.write(&lines)
+    }
+
+    fn write(&mut self, lines: &[String]) -> Result<(), RunError> {
+        lines
+            .iter()
+            .try_for_each(|line| writeln!(self.file, "{line}"))
+            .and_then(|()| self.file.flush())
+            .map_err(RunError::file("write", &self.path))
+    }
+}
+
 /// Columns of a history file by name; empty cells are NaN.
 ///
 /// # Errors

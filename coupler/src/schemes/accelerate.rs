@@ -2,7 +2,7 @@
 
 use case::{Acceleration, Coupling};
 
-use super::{IqnIls, IqnOptions};
+use super::{IqnIls, IqnOptions, Relaxation};
 
 /// Turns an iterate and its answer into the next iterate.
 pub trait Accelerator {
@@ -16,8 +16,9 @@ pub trait Accelerator {
     fn end_window(&mut self, x: &[f64], x_tilde: &[f64]);
 }
 
-/// The acceleration a scene asks for, for `unknowns` numbers.
-pub fn accelerator(coupling: &Coupling, unknowns: usize) -> Box<dyn Accelerator> {
+/// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what
+/// quasi-Newton does with what it has not learnt yet.
+pub fn accelerator(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Box<dyn Accelerator> {
     match coupling.acceleration {
         Acceleration::Constant => Box::new(Constant::new(coupling.relaxation)),
         Acceleration::Aitken => Box::new(Aitken::new(coupling.relaxation)),
@@ -26,8 +27,10 @@ pub fn accelerator(coupling: &Coupling, unknowns: usize) -> Box<dyn Accelerator>
             IqnOptions {
                 relaxation: coupling.relaxation,
                 reused_windows: coupling.reused_windows,
+                noise: 0.1 * coupling.tolerance,
                 ..IqnOptions::default()
             },
+            rest,
         )),
     }
 }

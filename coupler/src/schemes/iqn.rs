@@ -7,27 +7,31 @@
 //! the columns span, and relaxes the rest:
 //!
 //! $$ c = -\operatorname*{argmin}_c \|\,\delta R\,c - r\|, \qquad
-//!    x \leftarrow x + \delta X\,c + \omega\,(r + \delta R\,c). $$
+//!    x \leftarrow x + \delta X\,c + \Omega\,(r + \delta R\,c). $$
 //!
-//! With $\omega = 1$ this is the method as published. A canopy is far lighter
+//! With $\Omega = I$ this is the method as published. A canopy is far lighter
 //! than the air it moves at *every* wave length the mesh resolves, so the
-//! unspanned part is amplified by a full step; a smaller $\omega$ keeps the
-//! iteration contracting there too.
+//! unspanned part is amplified by a full step; a [`Relaxation`] that knows the
+//! added mass keeps the iteration contracting there too.
 
 use std::collections::VecDeque;
 
 use super::accelerate::{Accelerator, Aitken, relax};
+use super::relaxation::Relaxation;
 
 /// Settings of [`IqnIls`].
 #[derive(Clone, Copy, Debug)]
 pub struct IqnOptions {
-    /// Relaxation of what no column spans, and of the very first iteration.
+    /// First factor of the Aitken relaxation that poor columns fall back to.
     pub relaxation: f64,
     /// Windows whose columns are kept besides the present one's.
     pub reused_windows: u32,
     /// A column is dropped when less than this share of it is new compared with
     /// the more recent ones.
     pub filter: f64,
+    /// Differences of residuals below this share of the window's largest residual
+    /// are noise of the solvers' own tolerances and teach nothing.
+    pub noise: f64,
     /// Columns at most.
     pub max_columns: usize,
     /// A step longer than this many residuals is not believed: for added mass a
@@ -37,7 +41,7 @@ pub struct IqnOptions {
 
 impl Default for IqnOptions {
     fn default() -> Self {
-        Self { relaxation: 0.1, reused_windows: 8, filter: 1e-2, max_columns: 100, max_step: 3.0 }
+        Self { relaxation: 0.1, reused_windows: 8, filter: 1e-2, noise: 0.0, max_columns: 100, max_step: 3.0 }
     }
 }
 
@@ -54,12 +58,14 @@ pub struct IqnIls {
     window: u64,
     previous: Option<(Vec<f64>, Vec<f64>)>,
     best: f64,
+    largest: f64,
     fallback: Aitken,
+    rest: Box<dyn Relaxation>,
 }
 
 impl IqnIls {
-    /// For vectors of `unknowns` numbers.
-    pub fn new(unknowns: usize, options: IqnOptions) -> Self {
+    /// For vectors of `unknowns` numbers; `rest` relaxes what no column spans.
+    pub fn new(unknowns: usize, options: IqnOptions, rest: Box<dyn Relaxation>) -> Self {
         let options = IqnOptions { max_columns: options.max_columns.min(unknowns.max(1)), ..options };
         Self {
             options,
@@ -67,7 +73,9 @@ impl IqnIls {
             window: 0,
             previous: None,
             best: f64::INFINITY,
+            largest: 0.0,
             fallback: Aitken::new(options.relaxation),
+            rest,
         }
     }
 
@@ -81,7 +89,8 @@ impl IqnIls {
         if let Some((old_x, old_r)) = self.previous.take() {
             let residual: Vec<f64> = r.iter().zip(&old_r).map(|(a, b)| a - b).collect();
             let step: Vec<f64> = x.iter().zip(&old_x).map(|(a, b)| a - b).collect();
-            if norm(&residual) > 0.0 && norm(&step) > 0.0 {
+            self.largest = self.largest.max(norm(&old_r));
+            if norm(&residual) > self.options.noise * self.largest && norm(&step) > 0.0 {
                 self.columns.push_front(Column { residual, step, window: self.window });
             }
         }
@@ -129,9 +138,6 @@ impl IqnIls {
     /// columns explain nothing or the step cannot be believed.
     fn newton_step(&mut self, residual: &[f64], step: &mut [f64]) -> bool {
         let (q, r) = self.factorise();
-        if q.is_empty() {
-            return false;
-        }
         let mut rest = residual.to_vec();
         let mut c: Vec<f64> = Vec::with_capacity(q.len());
         for basis in &q {
@@ -145,7 +151,7 @@ impl IqnIls {
                 c[i] -= r[j][i] * c[j];
             }
         }
-        step.iter_mut().zip(&rest).for_each(|(s, rest)| *s = self.options.relaxation * rest);
+        self.rest.apply(&rest, step);
         for (c, column) in c.iter().zip(&self.columns) {
             axpy(*c, &column.step, step);
         }
@@ -158,6 +164,7 @@ impl Accelerator for IqnIls {
     fn begin_window(&mut self) {
         self.previous = None;
         self.best = f64::INFINITY;
+        self.largest = 0.0;
         self.fallback.begin_window();
     }
 

@@ -8,6 +8,7 @@ mod criterion;
 mod iqn;
 mod load_shape;
 mod predictor;
+mod relaxation;
 mod unknowns;
 mod window;
 
@@ -16,6 +17,7 @@ pub use criterion::{Criterion, Field};
 pub use iqn::{IqnIls, IqnOptions};
 pub use load_shape::{FlowLoads, MEAN_WEIGHTS, shape_load};
 pub use predictor::Predictor;
+pub use relaxation::{AddedMassRelaxation, Relaxation, Uniform, Weights};
 pub use unknowns::Unknowns;
 pub use window::{InterfaceState, WindowLoop, WindowReport};
 

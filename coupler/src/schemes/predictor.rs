@@ -2,22 +2,33 @@
 
 use std::collections::VecDeque;
 
-/// Extrapolates accepted values: constant, then linear, then quadratic, as soon
-/// as there are enough windows (and up to the order asked for).
+/// Weights of the last values, newest first, by order.
+const WEIGHTS: [&[f64]; 3] = [&[1.0], &[2.0, -1.0], &[3.0, -3.0, 1.0]];
+
+/// Extrapolates accepted values with the order, up to the one asked for, that
+/// would have served the last window best: quadratic where the motion is smooth,
+/// none where it is not.
 #[derive(Clone, Debug)]
 pub struct Predictor {
     order: usize,
+    best: usize,
     past: VecDeque<Vec<f64>>,
 }
 
 impl Predictor {
     /// Extrapolation up to `order` (0 constant, 1 linear, 2 quadratic).
     pub fn new(order: usize) -> Self {
-        Self { order: order.min(2), past: VecDeque::with_capacity(order + 1) }
+        Self { order: order.min(2), best: order.min(2), past: VecDeque::with_capacity(order + 1) }
     }
 
     /// Adds the accepted value of the window that just ended.
     pub fn accept(&mut self, x: &[f64]) {
+        let misses = (0..=self.order.min(self.past.len().wrapping_sub(1)))
+            .filter(|_| self.past.len() > self.order)
+            .map(|order| (order, self.miss(order, x)));
+        if let Some((order, _)) = misses.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            self.best = order;
+        }
         let mut kept = if self.past.len() > self.order {
             self.past.pop_back().expect("not empty")
         } else {
@@ -28,6 +39,16 @@ impl Predictor {
         self.past.push_front(kept);
     }
 
+    /// Squared distance of `x` from its extrapolation.
+    fn miss(&self, order: usize, x: &[f64]) -> f64 {
+        (0..x.len())
+            .map(|i| {
+                let guess: f64 = WEIGHTS[order].iter().zip(&self.past).map(|(w, p)| w * p[i]).sum();
+                (x[i] - guess) * (x[i] - guess)
+            })
+            .sum()
+    }
+
     /// The last accepted value.
     pub fn last(&self) -> Option<&[f64]> {
         self.past.front().map(Vec::as_slice)
@@ -35,15 +56,8 @@ impl Predictor {
 
     /// Extrapolates to the end of the next window; all windows are equally long.
     pub fn predict(&self, x: &mut [f64]) {
-        let weights: &[f64] = match self.past.len() {
-            0 => &[],
-            1 => &[1.0],
-            2 => &[2.0, -1.0],
-            _ => &[3.0, -3.0, 1.0],
-        };
-        if weights.is_empty() {
-            return;
-        }
+        let Some(most) = self.past.len().checked_sub(1) else { return };
+        let weights = WEIGHTS[self.best.min(most)];
         x.fill(0.0);
         for (weight, past) in weights.iter().zip(&self.past) {
             for (x, p) in x.iter_mut().zip(past) {

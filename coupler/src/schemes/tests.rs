@@ -177,7 +177,17 @@ fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64
         acceleration: 0.0,
     };
     let criterion = Criterion { fields, tolerance: coupling.tolerance };
-    WindowLoop::new("test", coupling, unknowns, criterion, NODES, descent, state, false)
+    WindowLoop::new(
+        "test",
+        coupling,
+        unknowns,
+        criterion,
+        NODES,
+        descent,
+        state,
+        Box::new(Uniform(coupling.relaxation)),
+        false,
+    )
 }
 
 fn window(index: u64) -> Window {
@@ -325,7 +335,17 @@ fn the_first_flow_answer_stands_for_an_unknown_start_load() {
         velocity: 0.0,
         acceleration: 0.0,
     };
-    let mut scheme = WindowLoop::new("test", &implicit, unknowns, criterion, NODES, None, state, false);
+    let mut scheme = WindowLoop::new(
+        "test",
+        &implicit,
+        unknowns,
+        criterion,
+        NODES,
+        None,
+        state,
+        Box::new(Uniform(0.05)),
+        false,
+    );
     scheme.run(&mut model, window(0)).unwrap();
     // The answer to a canopy at rest is the steady push of 200 Pa; under it for the
     // whole first window the membrane has moved further than from zero load.

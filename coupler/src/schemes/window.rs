@@ -4,7 +4,7 @@ use case::{Coupling, LoadShape, Scheme};
 use channel::{Stats, Window, flow_stats};
 
 use super::load_shape::{FlowLoads, shape_load};
-use super::{Accelerator, Criterion, Predictor, Unknowns};
+use super::{Accelerator, Criterion, Predictor, Relaxation, Unknowns};
 use crate::descent::DescentModel;
 use crate::error::{Place, RunError};
 use crate::partners::{Answer, LoadOverWindow, Partners};
@@ -12,6 +12,19 @@ use crate::partners::{Answer, LoadOverWindow, Partners};
 /// A window that ends its iterations above the tolerance but below this measure
 /// is accepted and counted as not converged; above it the run ends.
 pub const ACCEPTABLE: f64 = 0.1;
+
+/// Iterations without progress after which an acceptable window is accepted: it
+/// has come to the noise of the solvers' own tolerances.
+const PATIENCE: usize = 6;
+
+/// Whether the last [`PATIENCE`] measures are all acceptable and no better than
+/// the best one before them.
+fn stalled(history: &[f64]) -> bool {
+    let Some(split) = history.len().checked_sub(PATIENCE).filter(|&s| s > 0) else { return false };
+    let best = |m: &[f64]| m.iter().copied().fold(f64::INFINITY, f64::min);
+    let recent = &history[split..];
+    recent.iter().all(|&m| m <= ACCEPTABLE) && best(recent) > 0.9 * best(&history[..split])
+}
 
 /// Values on the interface at the end of the last accepted window.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -37,6 +50,8 @@ pub struct WindowReport {
     /// Measure of the last iteration ([`Criterion::measure`]); `None` where
     /// nothing is iterated.
     pub residual: Option<f64>,
+    /// Measures of all iterations.
+    pub residuals: Vec<f64>,
     /// The tolerance was met (always so without iteration).
     pub converged: bool,
     /// Force of the air on the canopy at the end of the window, N.
@@ -105,6 +120,7 @@ impl WindowLoop {
         faces: usize,
         descent: Option<DescentModel>,
         state: InterfaceState,
+        rest: Box<dyn Relaxation>,
         keep_going: bool,
     ) -> Self {
         let n = unknowns.len();
@@ -119,7 +135,7 @@ impl WindowLoop {
             max_iterations: coupling.max_iterations.max(1),
             keep_going,
             criterion,
-            accelerator: super::accelerator(coupling, n),
+            accelerator: super::accelerator(coupling, n, rest),
             predictor,
             descent,
             x: start.clone(),
@@ -202,10 +218,11 @@ impl WindowLoop {
             report.iterations += 1;
             report.residual = Some(measure);
             report.converged = self.criterion.met(measure);
-            if report.converged || report.iterations == self.max_iterations {
+            if report.converged || report.iterations == self.max_iterations || stalled(&history) {
                 if !report.converged && measure > ACCEPTABLE && !self.keep_going {
                     return Err(self.diverged(&w, &history));
                 }
+                report.residuals = history;
                 self.accelerator.end_window(&self.x, &self.x_tilde);
                 self.accept(partners, &w, velocity)?;
                 return Ok(report);

@@ -12,7 +12,7 @@ use channel::{Window, flow_stats};
 
 use crate::descent::DescentModel;
 use crate::error::{Place, RunError};
-use crate::history::{History, Row};
+use crate::history::{History, Iterations, Row};
 use crate::interface::CanopyInterface;
 use crate::launch::Console;
 use crate::partners::Partners;
@@ -103,6 +103,9 @@ impl StageContext<'_> {
         };
         let folder = case::stage_folder(self.out, self.scene, self.stage);
         let mut history = History::create(&folder.join("history.csv"), stage.kind)?;
+        let mut iterations = (stage.kind == StageKind::Coupled)
+            .then(|| Iterations::create(&folder.join("iterations.csv")))
+            .transpose()?;
         let windows = self.options.stop_after_windows.map_or(self.windows(), |n| n.min(self.windows()));
         let mut progress = Progress::new(self.console, &stage.name, stage.kind, windows);
         summary.ended = "failed".into();
@@ -145,6 +148,9 @@ impl StageContext<'_> {
                 ));
             }
             history.push(&row)?;
+            if let Some(iterations) = &mut iterations {
+                iterations.push(&row)?;
+            }
             summary.add(&row);
             summary.wall_s = progress.seconds();
             progress.update(&row);
@@ -155,7 +161,7 @@ impl StageContext<'_> {
                 ended = why;
                 break;
             }
-            if (index + 1) % SAVE_EVERY == 0 && index + 1 < windows {
+            if (index + 1).is_multiple_of(SAVE_EVERY) && index + 1 < windows {
                 self.save(partners, stepper.state())?;
             }
         }
@@ -179,7 +185,7 @@ impl StageContext<'_> {
         for (role, every) in
             [(Role::Structure, output.surface_every_windows), (Role::Flow, output.volume_every_windows)]
         {
-            let due = every > 0 && (done % u64::from(every) == 0 || last);
+            let due = every > 0 && (done.is_multiple_of(u64::from(every)) || last);
             if roles.contains(&role) && due {
                 partners.snapshot(role, time, folder)?;
             }

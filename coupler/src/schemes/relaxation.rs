@@ -1,0 +1,312 @@
+//! What is done with the part of a residual that no secant spans.
+
+use mesh::Vec3;
+use nalgebra::{DMatrix, DVector, Dyn, LU};
+
+use super::Unknowns;
+
+/// Turns a residual into a step that the next iterate can bear.
+pub trait Relaxation {
+    /// Step for `residual` into `step`.
+    fn apply(&self, residual: &[f64], step: &mut [f64]);
+}
+
+/// The same factor for every unknown.
+pub struct Uniform(pub f64);
+
+impl Relaxation for Uniform {
+    fn apply(&self, residual: &[f64], step: &mut [f64]) {
+        step.iter_mut().zip(residual).for_each(|(s, r)| *s = self.0 * r);
+    }
+}
+
+/// Most faces for which [`AddedMassRelaxation`] is built: its dense matrix has
+/// the square of this many numbers.
+pub const MOST_FACES: usize = 4000;
+
+/// What the canopy and the air weigh, for [`AddedMassRelaxation::new`].
+#[derive(Clone, Copy, Debug)]
+pub struct Weights {
+    /// Mass of the fabric per area, kg/m2.
+    pub fabric_kg_m2: f64,
+    /// Density of the air, kg/m3.
+    pub air_kg_m3: f64,
+    /// Displacement at the end of a window, in $\Delta t^2/m$, per pressure at its
+    /// end: half the weight of that pressure in the load over the substeps.
+    pub response: f64,
+    /// Falling mass, kg; 0 without descent.
+    pub falling_kg: f64,
+}
+
+/// Relaxation by the added mass of potential flow.
+///
+/// The flow answers a normal displacement of the canopy with the pressure of the
+/// air it accelerates. In potential flow the jump of the potential over a thin
+/// surface is the strength $\Gamma$ of a sheet of vortex rings; with the normal
+/// velocities $A\Gamma$ that rings of unit strength induce at the faces, the
+/// added mass per area is $\rho A^{-1}$ for any wave length and any outline with
+/// its vents. A window turns a change $\delta x$ of the iterate into
+/// $-G\,\delta x$, $G = g A^{-1}$, with
+///
+/// $$ g = \tfrac94\, s\, \rho / m'' $$
+///
+/// ($\tfrac94$: BDF2 of BDF2 velocities; $s$: `response`; $m''$: fabric per
+/// area; stiffness neglected, which only damps). So the residual $r$ asks for
+/// the step $e = (I+G)^{-1} r = (A+gI)^{-1}A\,r$ along the normals. Tangential
+/// motion moves no air: there the full residual is the step.
+///
+/// The frame's vertical motion $V$ (velocity times $\Delta t$) accelerates the
+/// same air, and the air's force the frame: with $b = \rho A^{-T} a_z / M$, $a_z$
+/// the faces' areas upwards, both are solved together,
+///
+/// $$ \delta x + G\,\delta x + \tfrac23 G n_z\,\delta V = r, \qquad
+///    \delta V + b\cdot(\tfrac94\,\delta x + \tfrac32 n_z\,\delta V) = r_V. $$
+///
+/// (Apart, the two would swing against each other: a contraction of 0.9 only.)
+pub struct AddedMassRelaxation {
+    unknowns: Unknowns,
+    faces: Vec<[u32; 4]>,
+    face_normals: Vec<Vec3>,
+    node_normals: Vec<Vec3>,
+    /// Faces at each node.
+    node_faces: Vec<f64>,
+    influence: DMatrix<f64>,
+    factor: LU<f64, Dyn, Dyn>,
+    /// Step per residual where the faces are too coarse to see it.
+    fine: f64,
+    /// b, q = (I+G)^-1 G n_z, and the coefficient of V once x is eliminated.
+    force: DVector<f64>,
+    drawn: DVector<f64>,
+    velocity: f64,
+    /// Added mass of the whole canopy in vertical motion, kg.
+    pub vertical_added_mass: f64,
+}
+
+impl AddedMassRelaxation {
+    /// For a canopy at `positions` with these faces. `None` where the faces are
+    /// too many or make no sensible matrix.
+    pub fn new(
+        unknowns: Unknowns,
+        positions: &[Vec3],
+        faces: &[[u32; 4]],
+        weights: &Weights,
+    ) -> Option<Self> {
+        let n = faces.len();
+        if n == 0 || n > MOST_FACES || weights.fabric_kg_m2 <= 0.0 {
+            return None;
+        }
+        let corners: Vec<[Vec3; 4]> = faces.iter().map(|f| f.map(|node| positions[node as usize])).collect();
+        let areas: Vec<Vec3> = corners.iter().map(area_vector).collect();
+        let sizes: Vec<f64> = areas.iter().map(|a| dot(*a, *a).sqrt()).collect();
+        let face_normals: Vec<Vec3> =
+            areas.iter().zip(&sizes).map(|(a, s)| a.map(|a| a / s.max(f64::MIN_POSITIVE))).collect();
+        let centres: Vec<Vec3> = corners.iter().map(centre).collect();
+        let influence = DMatrix::from_fn(n, n, |i, j| dot(face_normals[i], ring(&corners[j], centres[i])));
+        let gain = 2.25 * weights.response * weights.air_kg_m3 / weights.fabric_kg_m2;
+        let factor = (&influence + DMatrix::identity(n, n) * gain).lu();
+        let mut node_normals = vec![[0.0; 3]; positions.len()];
+        let mut node_faces = vec![0.0; positions.len()];
+        for (face, area) in faces.iter().zip(&areas) {
+            for &node in distinct(face) {
+                node_faces[node as usize] += 1.0;
+                (0..3).for_each(|i| node_normals[node as usize][i] += area[i]);
+            }
+        }
+        for normal in &mut node_normals {
+            let size = dot(*normal, *normal).sqrt().max(f64::MIN_POSITIVE);
+            *normal = normal.map(|x| x / size);
+        }
+        // Vertical force of the air per acceleration of the faces along their normals.
+        let vertical = DVector::from_fn(n, |i, _| face_normals[i][2]);
+        let upwards = DVector::from_fn(n, |i, _| weights.air_kg_m3 * areas[i][2]);
+        let force = influence.transpose().lu().solve(&upwards)?;
+        let vertical_added_mass = force.dot(&vertical);
+        let drawn = &vertical - factor.solve(&(&influence * &vertical))?;
+        let force = if weights.falling_kg > 0.0 { force / weights.falling_kg } else { DVector::zeros(n) };
+        let velocity = 1.0 + 1.5 * force.dot(&vertical) - 1.5 * force.dot(&drawn);
+        // A zigzag between nodes has twice the face as wave length: A is pi/2 over its edge.
+        let edge = (sizes.iter().sum::<f64>() / n as f64).sqrt();
+        let zigzag = 0.5 * std::f64::consts::PI / edge;
+        let fine = zigzag / (zigzag + gain);
+        let sound = vertical_added_mass.is_finite() && velocity > 0.1 && factor.is_invertible();
+        sound.then_some(Self {
+            unknowns,
+            faces: faces.to_vec(),
+            face_normals,
+            node_normals,
+            node_faces,
+            influence,
+            factor,
+            fine,
+            force,
+            drawn,
+            velocity,
+            vertical_added_mass,
+        })
+    }
+}
+
+impl Relaxation for AddedMassRelaxation {
+    fn apply(&self, residual: &[f64], step: &mut [f64]) {
+        let moved = self.unknowns.displacements();
+        let at =
+            |values: &[f64], node: u32| -> Vec3 { std::array::from_fn(|i| values[3 * node as usize + i]) };
+        // Normal residual at the faces, and the step it asks for there.
+        let on_faces = DVector::from_iterator(
+            self.faces.len(),
+            self.faces.iter().zip(&self.face_normals).map(|(face, normal)| {
+                let nodes = distinct(face);
+                nodes.iter().map(|&n| dot(at(residual, n), *normal)).sum::<f64>() / nodes.len() as f64
+            }),
+        );
+        let mut asked = self.factor.solve(&(&self.influence * &on_faces)).unwrap_or_else(|| on_faces.clone());
+        // The frame's motion in the unit of displacements.
+        let scale = (self.unknowns.displacements() as f64 / 3.0).sqrt();
+        if let Some(r) = residual.get(moved) {
+            let frame = (r / scale - 2.25 * self.force.dot(&asked)) / self.velocity;
+            asked.axpy(-2.0 / 3.0 * frame, &self.drawn, 1.0);
+            step[moved] = frame * scale;
+        }
+        // Back to the nodes, as means over their faces: [residual seen, step].
+        let mut nodes = vec![[0.0; 2]; self.node_normals.len()];
+        for (at, face) in self.faces.iter().enumerate() {
+            for &node in distinct(face) {
+                nodes[node as usize][0] += on_faces[at];
+                nodes[node as usize][1] += asked[at];
+            }
+        }
+        for (node, [seen, asked]) in nodes.iter().enumerate() {
+            let (normal, count) = (self.node_normals[node], self.node_faces[node].max(1.0));
+            let whole = at(residual, node as u32);
+            let along = dot(whole, normal);
+            let wanted = asked / count + self.fine * (along - seen / count);
+            for i in 0..3 {
+                step[3 * node + i] = whole[i] + (wanted - along) * normal[i];
+            }
+        }
+    }
+}
+
+/// Corners of a face, a triangle's without its repeated one.
+fn distinct(face: &[u32; 4]) -> &[u32] {
+    if face[2] == face[3] { &face[..3] } else { face }
+}
+
+fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn minus(a: Vec3, b: Vec3) -> Vec3 {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn area_vector(corners: &[Vec3; 4]) -> Vec3 {
+    cross(minus(corners[2], corners[0]), minus(corners[3], corners[1])).map(|a| 0.5 * a)
+}
+
+fn centre(corners: &[Vec3; 4]) -> Vec3 {
+    let used = if corners[2] == corners[3] { 3 } else { 4 };
+    std::array::from_fn(|i| corners[..used].iter().map(|c| c[i]).sum::<f64>() / used as f64)
+}
+
+/// Velocity at `p` of a vortex ring of unit strength along the corners
+/// (Biot-Savart; straight segments, Katz and Plotkin section 10.4.5).
+fn ring(corners: &[Vec3; 4], p: Vec3) -> Vec3 {
+    let mut velocity = [0.0; 3];
+    for k in 0..4 {
+        let (a, b) = (corners[k], corners[(k + 1) % 4]);
+        let (r1, r2, r0) = (minus(p, a), minus(p, b), minus(b, a));
+        let normal = cross(r1, r2);
+        let square = dot(normal, normal);
+        let (l1, l2) = (dot(r1, r1).sqrt(), dot(r2, r2).sqrt());
+        // On the segment's own line it induces nothing; a repeated corner is no segment.
+        if square <= 1e-12 * dot(r0, r0) * l1 * l2 || l1 == 0.0 || l2 == 0.0 {
+            continue;
+        }
+        let along = dot(r0, r1) / l1 - dot(r0, r2) / l2;
+        let factor = along / (4.0 * std::f64::consts::PI * square);
+        (0..3).for_each(|i| velocity[i] += factor * normal[i]);
+    }
+    velocity
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Flat square of `n` x `n` faces with side 1.
+    fn plate(n: usize) -> (Vec<Vec3>, Vec<[u32; 4]>) {
+        let at = |i: usize, j: usize| (i * (n + 1) + j) as u32;
+        let line = 0..=n;
+        let positions = line
+            .clone()
+            .flat_map(|i| line.clone().map(move |j| [i as f64 / n as f64, j as f64 / n as f64, 0.0]))
+            .collect();
+        let faces = (0..n)
+            .flat_map(|i| (0..n).map(move |j| [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]))
+            .collect();
+        (positions, faces)
+    }
+
+    fn weights() -> Weights {
+        Weights { fabric_kg_m2: 0.0373, air_kg_m3: 1.0, response: 0.275, falling_kg: 1.0 }
+    }
+
+    fn model(n: usize) -> (AddedMassRelaxation, Vec<Vec3>) {
+        let (positions, faces) = plate(n);
+        let unknowns = Unknowns::new(positions.len(), 5e-3, true);
+        (AddedMassRelaxation::new(unknowns, &positions, &faces, &weights()).unwrap(), positions)
+    }
+
+    #[test]
+    fn added_mass_of_a_square_plate() {
+        // DNV-RP-C205, table D-2: 0.579 rho pi/4 for a square of side 1 moving along
+        // its normal. The lattice's outline acts half a face too far out: first order.
+        let (coarse, fine) = (model(10).0.vertical_added_mass, model(20).0.vertical_added_mass);
+        let error = (2.0 * fine - coarse) / (0.579 * std::f64::consts::FRAC_PI_4) - 1.0;
+        assert!(error.abs() < 0.02, "{coarse} {fine} (error {error})");
+    }
+
+    #[test]
+    fn leaves_tangents_alone_and_shortens_heavy_plunges() {
+        let (model, positions) = model(16);
+        let mut residual = vec![0.0; 3 * positions.len() + 1];
+        residual.chunks_exact_mut(3).for_each(|r| r.copy_from_slice(&[1.0, 0.0, 1.0]));
+        let mut step = vec![0.0; residual.len()];
+        model.apply(&residual, &mut step);
+        let middle = 3 * (positions.len() / 2);
+        assert!((step[middle] - 1.0).abs() < 1e-12);
+        assert!(step[middle + 2] > 0.01 && step[middle + 2] < 0.2, "{}", step[middle + 2]);
+    }
+
+    #[test]
+    fn solves_its_own_model_of_flow_and_fall() {
+        // Residual of a smooth plunge dx with a change dV of the frame, from the
+        // model's own equations: the step must bring both back.
+        let (model, positions) = model(12);
+        let n = model.faces.len();
+        let (dx, dv) = (DVector::from_element(n, 0.3), -0.2);
+        let pressed = model.influence.clone().lu().solve(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
+        let response = 0.275 / 0.0373;
+        let on_faces = &dx + pressed.unwrap() * response;
+        let frame = dv + model.force.dot(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
+        let mut asked = model.factor.solve(&(&model.influence * &on_faces)).unwrap();
+        let found = (frame - 2.25 * model.force.dot(&asked)) / model.velocity;
+        asked.axpy(-2.0 / 3.0 * found, &model.drawn, 1.0);
+        assert!((found - dv).abs() < 1e-10, "{found}");
+        assert!((asked - dx).norm() < 1e-9);
+        assert_eq!(positions.len(), 169);
+    }
+
+    #[test]
+    fn a_ring_of_unit_strength() {
+        // Middle of a square ring with half side a: w = sqrt(2) / (pi a)... for a = 1/2: 2 sqrt(2) / pi.
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let v = ring(&corners, [0.5, 0.5, 0.0]);
+        assert!((v[2] - 2.0 * 2f64.sqrt() / std::f64::consts::PI).abs() < 1e-12, "{v:?}");
+    }
+}
