@@ -44,10 +44,14 @@ pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState,
     let refuse = |why: String| RunError::Input(format!("{}: {why}", path.display()));
     let bytes = std::fs::read(&path).map_err(|e| refuse(format!("cannot read the saved state: {e}")))?;
     let config = bincode::config::standard().with_limit::<{ 1 << 32 }>();
+    let head: Result<(([u8; 8], u32), usize), _> = bincode::serde::decode_from_slice(&bytes, config);
+    if head.is_ok_and(|((magic, version), _)| magic == MAGIC && version != VERSION) {
+        return Err(refuse("was saved by another version of ripstop: run the earlier stage again".into()));
+    }
     let (file, _): (File, usize) = bincode::serde::decode_from_slice(&bytes, config)
         .map_err(|e| refuse(format!("the saved state is damaged: {e}")))?;
     if file.magic != MAGIC || file.version != VERSION {
-        return Err(refuse("is not a coupler state of this version: run the earlier stage again".into()));
+        return Err(refuse("is not a coupler state".into()));
     }
     let loads = file.state.load.as_ref().map_or(faces * channel::LOAD_WIDTH, Vec::len);
     if file.state.displacement.len() != 3 * nodes || loads != faces * channel::LOAD_WIDTH {
