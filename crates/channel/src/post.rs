@@ -1,5 +1,6 @@
 //! How a rank joins a session, waits in it, and reports that it cannot go on.
 
+use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
@@ -238,7 +239,10 @@ impl Guardian {
             while ended.recv_timeout(Duration::from_millis(500)) == Err(RecvTimeoutError::Timeout) {
                 alone = if watch.is_held() || STOPPED.load(Ordering::Relaxed) { 0 } else { alone + 1 };
                 if alone == Self::LOOKS {
-                    eprintln!(
+                    // Its reader died with the coupler: a line that cannot be written must
+                    // not end this thread before the process.
+                    let _ = writeln!(
+                        std::io::stderr(),
                         "the coupler of session `{}` (process {}) died; this process ({}) ends in the middle \
                          of its computation",
                         notice.session,
