@@ -336,7 +336,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         }
         let first = norm;
         // Below this the residual is round-off of the fluxes themselves.
-        let target = (self.settings.residual_drop * self.start).max(self.round_off());
+        let drop = self.settings.residual_drop;
+        // A coupled step answers changes of its input: what is left over must be small
+        // against the change that this call brought, or the coupling iterates on noise.
+        let scale =
+            if step.moved { (0.1 * first).clamp(1e-3 * self.start, 0.1 * self.start) } else { self.start };
+        let target = (drop * scale).max(self.round_off());
         let mut report = Report { start: self.start, ..Report::default() };
         if step.again {
             // The Jacobian is nearly the same: what the last solve has learnt still holds.
