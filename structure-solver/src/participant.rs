@@ -223,7 +223,7 @@ impl Participant for StructureSolver {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
-        if let Some(average) = &mut self.average {
+        if let Some(average) = self.average {
             let Dynamics { accepted, current, .. } = &mut self.dynamics;
             average.apply(w.dt, &accepted.u, &current.u, &mut current.v);
         }

@@ -471,8 +471,9 @@ pub struct Coupling {
     pub acceleration: Acceleration,
     /// Past windows whose secants IQN-ILS reuses.
     pub reused_windows: u32,
-    /// Share of the flow's wall velocity in the structure's velocity at the end of
-    /// an implicit window, 0 to 1: keeps the two together where the fabric is light.
+    /// Share of the mean velocity over an implicit window in the structure's velocity
+    /// at its end, 0 to 1: holds light fabric to the motion that the flow sees. 0 for
+    /// structures heavier than the air they move.
     pub velocity_average: f64,
 }
 
