@@ -2,6 +2,8 @@
 //!
 //! Every file is written aside and renamed, so a reader never sees half of one.
 
+pub mod read;
+
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,164 @@
+//! Triangles with a depth buffer, sampled finer than the picture and averaged.
+
+use tiny_skia::{Pixmap, PremultipliedColorU8};
+
+/// Red, green, blue from 0 to 1.
+pub(super) type Rgb = [f32; 3];
+
+/// A place in the picture: pixels to the right and down, and depth away from the eye.
+pub(super) type Place = [f64; 3];
+
+/// Samples in each direction of a pixel.
+const FINE: usize = 3;
+
+/// What has been drawn so far.
+pub(super) struct Raster {
+    width: usize,
+    height: usize,
+    samples: Vec<[u8; 3]>,
+    depth: Vec<f32>,
+}
+
+fn bytes(colour: Rgb) -> [u8; 3] {
+    colour.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)
+}
+
+/// Twice the signed area of the triangle `a b c`.
+fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+impl Raster {
+    /// An empty picture.
+    pub(super) fn new(width: u32, height: u32, background: Rgb) -> Self {
+        let (width, height) = (width as usize, height as usize);
+        let n = width * height * FINE * FINE;
+        Self { width, height, samples: vec![bytes(background); n], depth: vec![f32::INFINITY; n] }
+    }
+
+    /// Width and height, pixels.
+    pub(super) fn size(&self) -> [f64; 2] {
+        [self.width as f64, self.height as f64]
+    }
+
+    /// A triangle, its corners' colours blended linearly, where nothing nearer is.
+    pub(super) fn triangle(&mut self, corners: [Place; 3], colours: [Rgb; 3]) {
+        let fine = FINE as f64;
+        let p = corners.map(|c| [c[0] * fine, c[1] * fine]);
+        let area = cross(p[0], p[1], p[2]);
+        if !area.is_finite() || area == 0.0 || corners.iter().any(|c| !c[2].is_finite()) {
+            return;
+        }
+        let range = |axis: usize, limit: usize| {
+            let low = p.iter().map(|q| q[axis]).fold(f64::INFINITY, f64::min);
+            let high = p.iter().map(|q| q[axis]).fold(f64::NEG_INFINITY, f64::max);
+            let limit = (limit * FINE) as f64;
+            let clip = |x: f64| x.clamp(0.0, limit) as usize;
+            clip((low - 0.5).ceil())..clip((high - 0.5).floor() + 1.0)
+        };
+        for row in range(1, self.height) {
+            for column in range(0, self.width) {
+                let at = [column as f64 + 0.5, row as f64 + 0.5];
+                let w = [cross(p[1], p[2], at) / area, cross(p[2], p[0], at) / area];
+                let w = [w[0], w[1], 1.0 - w[0] - w[1]];
+                if w.iter().any(|&w| w < 0.0) {
+                    continue;
+                }
+                let sample = row * self.width * FINE + column;
+                let depth = (w[0] * corners[0][2] + w[1] * corners[1][2] + w[2] * corners[2][2]) as f32;
+                if depth <= self.depth[sample] {
+                    self.depth[sample] = depth;
+                    let part = |c: usize| (0..3).map(|i| w[i] as f32 * colours[i][c]).sum();
+                    self.samples[sample] = bytes([part(0), part(1), part(2)]);
+                }
+            }
+        }
+    }
+
+    /// A convex polygon of one colour.
+    pub(super) fn polygon(&mut self, corners: &[Place], colour: Rgb) {
+        if let [first, rest @ ..] = corners {
+            for pair in rest.windows(2) {
+                self.triangle([*first, pair[0], pair[1]], [colour; 3]);
+            }
+        }
+    }
+
+    /// A straight line, `width` pixels wide with square ends.
+    pub(super) fn line(&mut self, ends: [Place; 2], width: f64, colour: Rgb) {
+        let [a, b] = ends;
+        let along = [b[0] - a[0], b[1] - a[1]];
+        let length = along[0].hypot(along[1]);
+        if length < 1e-9 {
+            return;
+        }
+        let [x, y] = along.map(|d| 0.5 * width * d / length);
+        // Longer by half its width, so that no gap opens between two lines that meet.
+        let corner = |e: Place, s: f64, t: f64| [e[0] - s * y + t * x, e[1] + s * x + t * y, e[2]];
+        let corners =
+            [corner(a, 1.0, -1.0), corner(b, 1.0, 1.0), corner(b, -1.0, 1.0), corner(a, -1.0, -1.0)];
+        self.polygon(&corners, colour);
+    }
+
+    /// The picture; `None` only if it has no pixel.
+    pub(super) fn finish(&self) -> Option<Pixmap> {
+        let mut pixmap = Pixmap::new(self.width as u32, self.height as u32)?;
+        let half = FINE * FINE / 2;
+        for (i, pixel) in pixmap.pixels_mut().iter_mut().enumerate() {
+            let (row, column) = (i / self.width, i % self.width);
+            let mut sum = [half; 3];
+            for y in 0..FINE {
+                let from = (row * FINE + y) * self.width * FINE + column * FINE;
+                for sample in &self.samples[from..from + FINE] {
+                    for c in 0..3 {
+                        sum[c] += usize::from(sample[c]);
+                    }
+                }
+            }
+            let [r, g, b] = sum.map(|s| (s / (FINE * FINE)) as u8);
+            if let Some(colour) = PremultipliedColorU8::from_rgba(r, g, b, 255) {
+                *pixel = colour;
+            }
+        }
+        Some(pixmap)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RED: Rgb = [1.0, 0.0, 0.0];
+    const BLUE: Rgb = [0.0, 0.0, 1.0];
+
+    fn red(pixmap: &Pixmap, x: u32, y: u32) -> u8 {
+        pixmap.pixel(x, y).unwrap().red()
+    }
+
+    #[test]
+    fn the_nearer_triangle_wins_in_any_order() {
+        let near = [[0.0, 0.0, 1.0], [20.0, 0.0, 1.0], [0.0, 20.0, 1.0]];
+        let far = near.map(|[x, y, _]| [x, y, 2.0]);
+        for order in [[(near, RED), (far, BLUE)], [(far, BLUE), (near, RED)]] {
+            let mut raster = Raster::new(10, 8, [1.0; 3]);
+            for (corners, colour) in order {
+                raster.triangle(corners, [colour; 3]);
+            }
+            assert_eq!(red(&raster.finish().unwrap(), 3, 3), 255);
+        }
+    }
+
+    #[test]
+    fn polygons_fill_and_edges_are_smooth() {
+        let mut raster = Raster::new(10, 10, [0.0; 3]);
+        // Wider than the picture, and ending in the middle of pixel 5.
+        let corners = [[-5.0, -5.0, 0.0], [5.5, -5.0, 0.0], [5.5, 50.0, 0.0], [-5.0, 50.0, 0.0]];
+        raster.polygon(&corners, RED);
+        raster.polygon(&[[f64::NAN, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], BLUE);
+        let pixmap = raster.finish().unwrap();
+        for y in 0..10 {
+            assert_eq!((red(&pixmap, 0, y), red(&pixmap, 4, y), red(&pixmap, 7, y)), (255, 255, 0));
+            assert!((60..200).contains(&red(&pixmap, 5, y)));
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! From small snapshots in a run's layout to pixels.
+
+use std::path::Path;
+
+use clap::Parser;
+use mesh::vtk::{Series, Values, write_surface, write_volume};
+use mesh::{BoxShape, Patch as Side, box_grid_of};
+
+use super::*;
+
+#[derive(Parser)]
+struct Line {
+    #[command(flatten)]
+    args: PictureArgs,
+}
+
+fn args(run: &Path, more: &[&str]) -> PictureArgs {
+    let run = run.display().to_string();
+    Line::parse_from(["picture", &run, "--width", "300"].iter().chain(more)).args
+}
+
+fn draw(run: &Path, more: &[&str]) -> Result<(), RunError> {
+    picture(&args(run, more), &Console::new(true))
+}
+
+fn decode(run: &Path, name: &str) -> Pixmap {
+    let bytes = std::fs::read(run.join("pictures").join(name)).unwrap();
+    Pixmap::decode_png(&bytes).unwrap()
+}
+
+fn light(pixmap: &Pixmap, x: u32, y: u32) -> u32 {
+    let p = pixmap.pixel(x, y).unwrap();
+    2 * u32::from(p.red()) + 7 * u32::from(p.green()) + u32::from(p.blue())
+}
+
+fn colours(pixmap: &Pixmap) -> usize {
+    let mut all: Vec<[u8; 3]> = pixmap.pixels().iter().map(|p| [p.red(), p.green(), p.blue()]).collect();
+    all.sort_unstable();
+    all.dedup();
+    all.len()
+}
+
+/// A run without snapshots.
+fn run() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/atps-descent/scene.toml");
+    std::fs::copy(scene, folder.path().join("scene.toml")).unwrap();
+    folder
+}
+
+/// A flat canopy of 4 m at height 0 below two lines' ends, its pressure rising in x.
+fn canopy(stage: &Path, times: &[f64], jump: f64) {
+    let n = 4;
+    let points: Vec<Vec3> =
+        (0..=n).flat_map(|j| (0..=n).map(move |i| [f64::from(i) - 2.0, f64::from(j) - 2.0, 0.0])).collect();
+    let corner = |i: i32, j: i32| (j * (n + 1) + i) as u32;
+    let quads: Vec<[u32; 4]> = (0..n)
+        .flat_map(|j| {
+            (0..n).map(move |i| [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)])
+        })
+        .collect();
+    let pressure: Vec<f64> = (0..n * n).map(|c| 10.0 + jump * f64::from(c % n)).collect();
+    let moved: Vec<Vec3> = points.iter().map(|p| [0.0, 0.0, p[1]]).collect();
+    let mut with_payload = points.clone();
+    with_payload.push([0.0, 0.0, -4.0]);
+    let payload = points.len() as u32;
+    let (mut surface, mut lines) =
+        (Series::new(stage.join("canopy.pvd")), Series::new(stage.join("lines.pvd")));
+    for (i, &time) in times.iter().enumerate() {
+        let [file, line] = ["canopy", "lines"].map(|kind| format!("{kind}_{i}.vtu"));
+        let cell = [("pressure_jump_pa", Values::F64(&pressure))];
+        let point = [("displacement_m", Values::Vector(&moved))];
+        write_surface(&stage.join(&file), &points, &quads, &point, &cell).unwrap();
+        write_surface(&stage.join(&line), &with_payload, &[[0, payload], [24, payload]], &[], &[]).unwrap();
+        surface.push(time, &[file]).unwrap();
+        lines.push(time, &[line]).unwrap();
+    }
+}
+
+/// Two ranks' halves of a box around it, the speed rising in z from 0.
+fn flow(stage: &Path, field: &str) {
+    let mut files = Vec::new();
+    for (rank, shape) in [BoxShape::Hexahedra, BoxShape::Tetrahedra].into_iter().enumerate() {
+        let left = -16.0 + 16.0 * rank as f64;
+        let grid =
+            box_grid_of(shape, [6, 6, 12], [left, -8.0, -12.0], [left + 16.0, 8.0, 12.0], [Side::Wall; 6]);
+        let speed: Vec<[f32; 3]> = grid
+            .cells
+            .iter()
+            .map(|c| c.iter().map(|&n| grid.coords[n as usize][2] as f32 / 8.0).sum::<f32>())
+            .map(|z| [0.0, 0.0, z + 12.0])
+            .collect();
+        files.push(format!("flow/flow_00000_{rank}.vtu"));
+        let path = stage.join(&files[rank]);
+        write_volume(&path, &grid.coords, &grid.cells, &[], &[(field, Values::Vector32(&speed))]).unwrap();
+    }
+    Series::new(stage.join("flow.pvd")).push(0.1, &files).unwrap();
+}
+
+#[test]
+fn a_run_becomes_three_pictures() {
+    let run = run();
+    let run = run.path();
+    canopy(&run.join("pre-inflation"), &[0.2, 0.4, 1.5], 0.0);
+    canopy(&run.join("descent"), &[0.1, 0.2], 5.0);
+    flow(&run.join("descent"), "velocity_frame_m_s");
+    for more in [&[][..], &["--diagonal", "--time", "0.1"]] {
+        draw(run, more).unwrap();
+        for name in ["canopy.png", "flow.png", "pre-inflation.png"] {
+            let pixmap = decode(run, name);
+            assert_eq!(pixmap.width(), 300);
+            assert!(colours(&pixmap) > 20, "{name}: {} colours", colours(&pixmap));
+        }
+        // Faster, so lighter, upwards; on both ranks' sides; from one paper edge to the other.
+        let flow = decode(run, "flow.png");
+        for x in [2, 40, 260, 297] {
+            let rows: Vec<u32> = (0..180).rev().step_by(30).map(|y| light(&flow, x, y)).collect();
+            assert!(rows.windows(2).all(|w| w[1] >= w[0]), "column {x}: {rows:?}");
+            assert!(rows.last().unwrap() > &(rows[0] + 300), "column {x}: {rows:?}");
+        }
+    }
+    // The canopy's cut is ink in the middle; its fabric covers the axis.
+    let flow = decode(run, "flow.png");
+    let ink = (0..flow.height()).filter(|&y| light(&flow, 150, y) < 500).count();
+    assert!(ink >= 1, "no canopy in the cut");
+    // Where one stage has no flow, the canopy is drawn all the same.
+    std::fs::remove_file(run.join("pictures/flow.png")).unwrap();
+    draw(run, &["--stage", "pre-inflation"]).unwrap();
+    assert!(!run.join("pictures/flow.png").exists());
+    // A constant pressure does not colour the fabric: the displacement does.
+    assert!(colours(&decode(run, "canopy.png")) > 20);
+}
+
+#[test]
+fn a_flow_around_a_canopy_at_rest() {
+    let run = run();
+    let run = run.path();
+    canopy(&run.join("pre-inflation"), &[1.5], 0.0);
+    flow(&run.join("developed-flow"), "velocity_frame_m_s");
+    draw(run, &["--stage", "developed-flow"]).unwrap();
+    assert!(colours(&decode(run, "flow.png")) > 20);
+    assert!(!run.join("pictures/canopy.png").exists());
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let run = run();
+    let run = run.path();
+    let says = |run: &Path, more: &[&str], words: &[&str]| {
+        let error = draw(run, more).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{error}");
+        for word in words {
+            assert!(error.to_string().contains(word), "`{word}` is not in: {error}");
+        }
+    };
+    says(&run.join("nowhere"), &[], &["nowhere", "ripstop run"]);
+    let empty = tempfile::tempdir().unwrap();
+    says(empty.path(), &[], &["scene.toml", "ripstop run"]);
+    says(run, &[], &["canopy.pvd", "surface_every_windows", "ripstop run"]);
+    says(run, &["--stage", "landing"], &["`landing`", "`descent`"]);
+    says(run, &["--stage", "descent"], &["`descent`", "ripstop run"]);
+    canopy(&run.join("descent"), &[0.1], 5.0);
+    flow(&run.join("descent"), "velocity");
+    says(run, &[], &["velocity_frame_m_s", "flow_00000_0.vtu"]);
+    std::fs::remove_file(run.join("descent/canopy_0.vtu")).unwrap();
+    says(run, &[], &["canopy_0.vtu", "ripstop run"]);
+}

@@ -1,0 +1,211 @@
+//! Snapshots read back: what [`super::write_surface`], [`super::write_volume`] and
+//! [`super::Series`] wrote.
+
+use std::path::{Path, PathBuf};
+
+use vtkio::model::{Attribute, CellType, DataSet, Vtk};
+
+use super::Series;
+use crate::{MeshError, Vec3};
+
+/// The files of one time of a series, one for each rank.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// Time, s.
+    pub time: f64,
+    /// The `.vtu` files.
+    pub files: Vec<PathBuf>,
+}
+
+/// The snapshots that the `.pvd` file `path` lists, in its order.
+///
+/// # Errors
+/// No such file, or one that cannot be read.
+pub fn snapshots(path: &Path) -> Result<Vec<Snapshot>, MeshError> {
+    std::fs::metadata(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let mut found: Vec<Snapshot> = Vec::new();
+    for (time, _, file) in Series::resume(path, f64::INFINITY).sets {
+        let file = folder.join(file.replace("&quot;", "\"").replace("&lt;", "<").replace("&amp;", "&"));
+        match found.last_mut() {
+            Some(last) if last.time == time => last.files.push(file),
+            _ => found.push(Snapshot { time, files: vec![file] }),
+        }
+    }
+    Ok(found)
+}
+
+/// A field of a [`Piece`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Name, unit included.
+    pub name: String,
+    /// Numbers in each row.
+    pub width: usize,
+    /// `[rows][width]`.
+    pub values: Vec<f64>,
+}
+
+/// Points, cells and fields of one `.vtu` file.
+#[derive(Clone, Debug, Default)]
+pub struct Piece {
+    /// Positions, m.
+    pub points: Vec<Vec3>,
+    nodes: Vec<u32>,
+    ends: Vec<usize>,
+    kinds: Vec<CellType>,
+    /// Fields of the cells.
+    pub cell_fields: Vec<Column>,
+    /// Fields of the points.
+    pub point_fields: Vec<Column>,
+}
+
+impl Piece {
+    /// Reads a `.vtu` file.
+    ///
+    /// # Errors
+    /// A file that is missing, no unstructured grid, or contradicts itself.
+    pub fn read(path: &Path) -> Result<Self, MeshError> {
+        let wrong = |reason: String| MeshError::File { path: path.into(), reason };
+        std::fs::metadata(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
+        let DataSet::UnstructuredGrid { pieces, .. } =
+            Vtk::import(path).map_err(|e| wrong(e.to_string()))?.data
+        else {
+            return Err(wrong("not an unstructured grid".into()));
+        };
+        let [piece] = <[_; 1]>::try_from(pieces).map_err(|p| wrong(format!("{} pieces, not 1", p.len())))?;
+        let piece = piece.into_loaded_piece_data(Some(path)).map_err(|e| wrong(e.to_string()))?;
+        let numbers = || wrong("values that are no numbers".into());
+        let points = piece.points.cast_into::<f64>().ok_or_else(numbers)?.as_chunks::<3>().0.to_vec();
+        let kinds = piece.cells.types;
+        let (connectivity, offsets) = piece.cells.cell_verts.into_xml();
+        let ends: Vec<usize> = offsets.iter().map(|&o| o as usize).collect();
+        let sound = ends.len() == kinds.len()
+            && ends.is_sorted()
+            && ends.last().copied().unwrap_or(0) == connectivity.len()
+            && connectivity.iter().all(|&n| n < points.len() as u64);
+        if !sound {
+            return Err(wrong("cells that name points which are not there".into()));
+        }
+        let columns = |attributes: Vec<Attribute>, rows: usize| {
+            let mut columns = Vec::new();
+            for attribute in attributes {
+                let Attribute::DataArray(array) = attribute else { continue };
+                let values = array.data.cast_into::<f64>().ok_or_else(numbers)?;
+                if rows == 0 || values.len() % rows != 0 {
+                    return Err(wrong(format!(
+                        "`{}` has {} values for {rows} rows",
+                        array.name,
+                        values.len()
+                    )));
+                }
+                columns.push(Column { name: array.name, width: values.len() / rows, values });
+            }
+            Ok(columns)
+        };
+        Ok(Self {
+            cell_fields: columns(piece.data.cell, kinds.len())?,
+            point_fields: columns(piece.data.point, points.len())?,
+            nodes: connectivity.iter().map(|&n| n as u32).collect(),
+            points,
+            ends,
+            kinds,
+        })
+    }
+
+    /// Number of cells.
+    pub fn n_cells(&self) -> usize {
+        self.kinds.len()
+    }
+
+    /// Nodes of a cell, in VTK's order.
+    pub fn cell(&self, cell: usize) -> &[u32] {
+        let from = if cell == 0 { 0 } else { self.ends[cell - 1] };
+        &self.nodes[from..self.ends[cell]]
+    }
+
+    /// The edges of a cell, as pairs of nodes.
+    pub fn edges(&self, cell: usize) -> impl Iterator<Item = [u32; 2]> {
+        let nodes = self.cell(cell);
+        let table: &[[usize; 2]] = match self.kinds[cell] {
+            CellType::Tetra => &[[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]],
+            CellType::Pyramid => &[[0, 1], [1, 2], [2, 3], [3, 0], [0, 4], [1, 4], [2, 4], [3, 4]],
+            CellType::Wedge => &[[0, 1], [1, 2], [2, 0], [3, 4], [4, 5], [5, 3], [0, 3], [1, 4], [2, 5]],
+            CellType::Hexahedron => &[
+                [0, 1],
+                [1, 2],
+                [2, 3],
+                [3, 0],
+                [4, 5],
+                [5, 6],
+                [6, 7],
+                [7, 4],
+                [0, 4],
+                [1, 5],
+                [2, 6],
+                [3, 7],
+            ],
+            CellType::Line => &[[0, 1]],
+            CellType::Triangle => &[[0, 1], [1, 2], [2, 0]],
+            _ => &[[0, 1], [1, 2], [2, 3], [3, 0]],
+        };
+        table.iter().filter_map(move |&[a, b]| Some([*nodes.get(a)?, *nodes.get(b)?])).filter(|[a, b]| a != b)
+    }
+
+    /// The cells' field of this name.
+    pub fn cell_field(&self, name: &str) -> Option<&Column> {
+        self.cell_fields.iter().find(|c| c.name == name)
+    }
+
+    /// The points' field of this name.
+    pub fn point_field(&self, name: &str) -> Option<&Column> {
+        self.point_fields.iter().find(|c| c.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vtk::{Values, write_surface, write_volume};
+    use crate::{BoxShape, Patch, box_grid_of};
+
+    #[test]
+    fn a_snapshot_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut series = Series::new(folder.path().join("flow.pvd"));
+        // Euler: the distinct edges of a lattice of n^3 hexahedra are 3 n (n+1)^2.
+        let grid = box_grid_of(BoxShape::Hexahedra, [2; 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
+        let speed: Vec<[f32; 3]> = (0..grid.cells.len()).map(|c| [c as f32, 0.0, 0.5]).collect();
+        let file = folder.path().join("flow/a & b.vtu");
+        write_volume(&file, &grid.coords, &grid.cells, &[], &[("v", Values::Vector32(&speed))]).unwrap();
+        series.push(0.5, &["flow/a & b.vtu", "flow/c.vtu"]).unwrap();
+        series.push(1.0, &["flow/d.vtu"]).unwrap();
+
+        let list = snapshots(&folder.path().join("flow.pvd")).unwrap();
+        assert_eq!((list.len(), list[0].files.len(), list[1].time), (2, 2, 1.0));
+        let piece = Piece::read(&list[0].files[0]).unwrap();
+        assert_eq!(piece.points, grid.coords);
+        assert_eq!(piece.cell(7), grid.cells[7]);
+        let v = piece.cell_field("v").unwrap();
+        assert_eq!((v.width, &v.values[21..24]), (3, &[7.0, 0.0, 0.5][..]));
+        let mut edges: Vec<[u32; 2]> =
+            (0..8).flat_map(|c| piece.edges(c)).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        assert_eq!(edges.len(), 54);
+        assert!(piece.point_field("v").is_none());
+    }
+
+    #[test]
+    fn what_is_missing_or_cut_off_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("canopy.vtu");
+        assert!(matches!(Piece::read(&path), Err(MeshError::Io { .. })));
+        assert!(matches!(snapshots(&path), Err(MeshError::Io { .. })));
+        write_surface(&path, &[[0.0; 3], [1.0; 3]], &[[0, 1]], &[], &[]).unwrap();
+        assert_eq!(Piece::read(&path).unwrap().edges(0).count(), 1);
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, &text[..text.len() / 2]).unwrap();
+        assert!(matches!(Piece::read(&path), Err(MeshError::File { .. })));
+    }
+}
