@@ -40,13 +40,13 @@ pub(super) struct Range {
 }
 
 impl Range {
-    /// From the 1st to the 99th percentile, so that a few extreme cells do not
-    /// wash out the rest. Never empty.
-    pub(super) fn of(values: impl Iterator<Item = f64>) -> Self {
+    /// All but the part `cut` of the values at either end, so that a few extreme
+    /// cells do not wash out the rest. Never empty.
+    pub(super) fn of(values: impl Iterator<Item = f64>, cut: f64) -> Self {
         let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         values.sort_unstable_by(f64::total_cmp);
         let at = |part: f64| values.get((part * values.len() as f64) as usize).or(values.last());
-        let (low, high) = (at(0.01).copied().unwrap_or(0.0), at(0.99).copied().unwrap_or(1.0));
+        let (low, high) = (at(cut).copied().unwrap_or(0.0), at(1.0 - cut).copied().unwrap_or(1.0));
         if high - low > 1e-9 * high.abs().max(low.abs()) {
             Self { low, high }
         } else {
@@ -142,10 +142,10 @@ mod tests {
             Range { low: 0.0, high: 0.5 }.ticks(),
             (vec![0.0, 0.1, 0.2, 0.30000000000000004, 0.4, 0.5], 1)
         );
-        let constant = Range::of([3.0; 9].into_iter());
+        let constant = Range::of([3.0; 9].into_iter(), 0.01);
         assert!(constant.low < 3.0 && constant.high > 3.0);
-        assert_eq!(Range::of(std::iter::empty()).place(0.5), 0.5);
+        assert_eq!(Range::of(std::iter::empty(), 0.01).place(0.5), 0.5);
         let one_wild = (0..1000).map(|i| if i == 500 { 1e9 } else { f64::from(i) });
-        assert!(Range::of(one_wild).high < 1000.0);
+        assert!(Range::of(one_wild, 0.002).high < 1000.0);
     }
 }

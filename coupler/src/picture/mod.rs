@@ -123,7 +123,7 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
 
 fn caption(stage: &str, time: f64) -> String {
     // Times are sums of steps: no more digits than they mean.
-    format!("{}, {} s", stage.replace(['_', '-'], " "), (time * 1e4).round() / 1e4)
+    format!("{}, {} s", stage.replace('_', " "), (time * 1e4).round() / 1e4)
 }
 
 /// The file's bytes, without transparency; a third of what tiny-skia's own make.
@@ -151,7 +151,7 @@ fn fabric(canopy: &Piece) -> (Legend, Vec<f64>) {
     let legend = |title: &str, values: &[f64]| Legend {
         title: title.into(),
         scale: WARM,
-        range: Range::of(values.iter().copied()),
+        range: Range::of(values.iter().copied(), 0.01),
     };
     for (name, title, unit) in
         [("pressure_jump_pa", "pressure jump, Pa", 1.0), ("stress_1_pa", "major stress, MPa", 1e-6)]
@@ -290,7 +290,7 @@ impl Flow {
         let field_height = (scale * (high[1] - low[1])).clamp(0.2 * w, 2.0 * w).round();
         let mut raster = Raster::new(width, (field_height + 0.085 * w) as u32, PAPER);
         let place = |p: [f64; 2]| -> Place { [scale * (p[0] - low[0]), scale * (high[1] - p[1]), 0.0] };
-        let fastest = Range::of(self.patches.iter().map(|p| p.speed)).high;
+        let fastest = Range::of(self.patches.iter().map(|p| p.speed), 0.002).high;
         let legend = Legend {
             title: "speed relative to the canopy, m/s".into(),
             scale: COOL,
