@@ -186,7 +186,9 @@ impl Flight {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/square-drop/scene.toml");
         let text = std::fs::read_to_string(scene).expect("the scene");
-        let text = text.replace("cells_across = 12", "cells_across = 4");
+        let text = text
+            .replace("cells_across = 12", "cells_across = 4")
+            .replace("line_count = 24", "line_count = 8");
         std::fs::write(folder.path().join("scene.toml"), text).expect("a copy of the scene");
         Self { folder }
     }
