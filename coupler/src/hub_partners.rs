@@ -233,7 +233,11 @@ impl Partners for HubPartners<'_> {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {
-        self.ask(|hub, watch| hub.accept(w, &mut || watch.look()))
+        self.ask(|hub, watch| {
+            // Short windows never wait long enough for the hub to look by itself.
+            watch.look().map_err(HubError::Aborted)?;
+            hub.accept(w, &mut || watch.look())
+        })
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), RunError> {

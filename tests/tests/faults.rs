@@ -3,9 +3,17 @@
 use std::io::Read;
 use std::path::Path;
 use std::process::Child;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use ripstop_tests::{History, changed_scene, processes_naming, ripstop_run, shared_memory, start};
+
+/// These tests look at the machine's shared memory: one at a time.
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// A descent that would take minutes, so that there is time to break it.
 fn long_run(folder: &Path) -> (Child, std::path::PathBuf) {
@@ -69,6 +77,7 @@ fn nothing_left(out: &Path, before: &[String]) {
 
 #[test]
 fn each_program_killed_ends_the_run_and_is_named() {
+    let _alone = alone();
     for (program, rank) in [("structure-solver", 0), ("flow-solver", 1), ("mesh-mover", 0)] {
         let folder = tempfile::tempdir().expect("a folder");
         let before = shared_memory();
@@ -90,6 +99,7 @@ fn each_program_killed_ends_the_run_and_is_named() {
 
 #[test]
 fn an_interrupt_ends_everything() {
+    let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let before = shared_memory();
     let (run, out) = long_run(folder.path());
@@ -104,6 +114,7 @@ fn an_interrupt_ends_everything() {
 
 #[test]
 fn a_killed_coupler_takes_its_programs_along_and_the_next_run_works() {
+    let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let (mut run, out) = long_run(folder.path());
     wait_for_windows(&out, 1);
@@ -129,6 +140,7 @@ fn cpu_seconds(pid: u32) -> f64 {
 
 #[test]
 fn a_waiting_program_sleeps_on_all_its_ranks() {
+    let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let (run, out) = long_run(folder.path());
     wait_for_windows(&out, 2);
