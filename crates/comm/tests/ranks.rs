@@ -83,7 +83,7 @@ fn checks(comm: &Comm) {
     assert_eq!(comm.max(rank as f64), (size - 1) as f64);
     assert_eq!(comm.min(rank as f64), 0.0);
     assert!(comm.all(true));
-    assert_eq!(comm.all(rank != size - 1), false);
+    assert!(!comm.all(rank != size - 1));
 
     // Set-up exchanges.
     let all = comm.all_gather_var(&vec![rank as u64; rank + 1]);
