@@ -420,7 +420,7 @@ impl Default for FlowSolver {
 pub enum FlowMethod {
     /// One LU-SGS sweep pair each pseudo-time step, as in the paper.
     LuSgs,
-    /// GMRES preconditioned with LU-SGS sweeps.
+    /// Implicit pressure corrections, combined by nonlinear GMRES.
     Gmres,
 }
 
