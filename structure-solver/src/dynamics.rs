@@ -60,11 +60,11 @@ pub struct Dynamics {
     pub accepted: State,
     /// State at the end of the last computed window.
     pub current: State,
-    next: State,
+    pub(crate) next: State,
     pressure: Vec<f64>,
     traction: Vec<f64>,
-    force: [Vec<f64>; 2],
-    x: Vec<f64>,
+    pub(crate) force: [Vec<f64>; 2],
+    pub(crate) x: Vec<f64>,
     /// Force that residuals of the window are measured against, N.
     scale: f64,
     /// Displacements after each substep of the last computed window: they start

@@ -11,6 +11,7 @@ pub mod alone;
 pub mod assemble;
 pub mod dynamics;
 pub mod elements;
+pub mod equilibrium;
 pub mod linear;
 pub mod loops;
 pub mod materials;

@@ -177,6 +177,11 @@ impl Newton {
         }
     }
 
+    /// Changes the share of the load below which a residual ends the iteration.
+    pub(crate) fn set_tolerance(&mut self, tolerance: f64) {
+        self.params.tolerance = tolerance;
+    }
+
     /// Solves one time step into `to`. `guesses` are displacements to start from
     /// (with current ghosts) beside the extrapolated ones: the least residual wins.
     /// `scale` is the force (N) that residuals are measured against.

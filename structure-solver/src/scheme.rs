@@ -82,6 +82,23 @@ pub struct StepForm {
 }
 
 impl StepForm {
+    /// Implicit Euler of an overdamped motion: `mass_factor M (u1 - u0)` (1/s2) stands
+    /// for inertia. New velocities and accelerations mean nothing.
+    pub fn overdamped(mass_factor: f64) -> Self {
+        let none = 0.0;
+        Self {
+            dt: none,
+            force_weight: 1.0,
+            mass_factor,
+            from_v: none,
+            from_a: none,
+            c0: none,
+            c1: none,
+            c2: none,
+            gamma: none,
+        }
+    }
+
     /// New acceleration of one component.
     #[inline(always)]
     pub fn acceleration(&self, du: f64, v0: f64, a0: f64) -> f64 {

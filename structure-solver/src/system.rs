@@ -156,6 +156,11 @@ impl System {
         self.model.comm.sum(self.mass.iter().sum())
     }
 
+    /// Mass that belongs to an owned node: the sum of its row, kg.
+    pub fn lumped_mass(&self, node: usize) -> f64 {
+        self.matrix.row(node).map(|slot| self.mass[slot]).sum()
+    }
+
     /// Solves `M a = f` for the accelerations that start a motion. `f` is
     /// constrained; constrained components of `a` stay zero.
     pub fn accelerations(&self, f: &[f64], a: &mut [f64]) -> Result<(), KrylovError> {
