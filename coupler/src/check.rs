@@ -1,6 +1,6 @@
 //! `ripstop check`: what would run, and why.
 
-use case::{Acceleration, LoadShape, Scheme, StageKind};
+use case::{Acceleration, LoadShape, Scheme, Solve, StageKind};
 
 use crate::effects::effects;
 use crate::error::RunError;
@@ -66,14 +66,18 @@ pub fn report(options: &RunOptions) -> Result<String, RunError> {
         } else {
             format!(" x {} substeps", stage.substeps)
         };
-        lines.push(format!(
-            "  {}. {}: {why}; {} s in {} windows of {} s{substeps}",
-            at + 1,
-            stage.name,
-            stage.duration_s,
-            windows(stage),
-            stage.window_s
-        ));
+        let time = match stage.solve {
+            Solve::Static => "at rest".into(),
+            Solve::Dynamic => {
+                format!(
+                    "{} s in {} windows of {} s{substeps}",
+                    stage.duration_s,
+                    windows(stage),
+                    stage.window_s
+                )
+            }
+        };
+        lines.push(format!("  {}. {}: {why}; {time}", at + 1, stage.name));
         let plan = LaunchPlan {
             scene,
             scene_file: file,

@@ -51,8 +51,8 @@ pub fn dynamics(
     let owner = owners(comm, mesh)?;
     let model = Model::new(comm, mesh, &owner)?;
     let loops = loops(scene, &model)?;
-    let system = System::new(model, loops, MassMatrix::Consistent);
     let s = &scene.structure;
+    let system = System::new(model, loops, s.mass.into());
     let size = mesh.coords.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
     let params = DynamicsParams {
         scheme: s.spectral_radius.map_or_else(Scheme::newmark, Scheme::generalized_alpha),
@@ -67,6 +67,15 @@ pub fn dynamics(
         max_cuts: s.max_step_cuts,
     };
     Ok(Dynamics::new(system, params))
+}
+
+impl From<case::Mass> for MassMatrix {
+    fn from(mass: case::Mass) -> Self {
+        match mass {
+            case::Mass::Consistent => Self::Consistent,
+            case::Mass::Lumped => Self::Lumped,
+        }
+    }
 }
 
 fn owners(comm: &Comm, mesh: &StructureMesh) -> Result<Vec<u32>, ModelError> {

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use case::{Role, Scene};
+use case::{Role, Scene, Solve};
 use channel::{
     Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash,
 };
@@ -12,6 +12,7 @@ use comm::Comm;
 use mesh::StructureMesh;
 
 use crate::dynamics::{Dynamics, LoadPath, WindowInfo};
+use crate::equilibrium::{EquilibriumParams, PseudoStep};
 use crate::linear::LinearCost;
 use crate::loops::FaceLoad;
 use crate::measures::{Gauge, Measures};
@@ -31,6 +32,9 @@ const EFFECTS: [&str; 6] = [
 
 /// Numbers of a face in the input: pressure jump and traction, at start and end.
 const WIDTH: usize = 8;
+
+/// Time between lines about a static solution.
+const TELL: Duration = Duration::from_secs(2);
 
 /// One rank of the structure-solver.
 pub struct StructureSolver {
@@ -53,6 +57,8 @@ pub struct StructureSolver {
     computed: Option<u64>,
     /// What the last `advance` measured.
     measures: Measures,
+    /// Where the stage looks for the shape at rest: its tolerance.
+    rest: Option<f64>,
 }
 
 impl StructureSolver {
@@ -85,6 +91,7 @@ impl StructureSolver {
             average: VelocityAverage::of(scene, stage),
             computed: None,
             measures: Measures::default(),
+            rest: (scene.stages[stage].solve == Solve::Static).then_some(scene.structure.static_tolerance),
             mesh,
         })
     }
@@ -200,21 +207,12 @@ impl Participant for StructureSolver {
             }
             None => [0.0; 3],
         };
-        let load = LoadPath {
-            pressure: [&self.pressure[0], &self.pressure[1]],
-            traction: [&self.traction[0], &self.traction[1]],
+        let info = match self.rest {
+            Some(tolerance) => self.find_rest(tolerance, body)?,
+            None => self.step_in_time(w, body)?,
         };
-        if self.from_rest {
-            let first = FaceLoad { pressure: load.pressure[0], traction: load.traction[0] };
-            self.dynamics.balance_start(first, body).map_err(Fault::new)?;
-        }
-        let iterated = self.computed == Some(w.index);
-        let info = self
-            .dynamics
-            .window(w.dt, w.substeps.max(1), load, body, iterated)
-            .map_err(|e| Fault::new(format!("window {} (t = {:.6} s): {e}", w.index, w.time)))?;
         self.computed = Some(w.index);
-        let last = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
+        let last = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
         let m = self.gauge.measure(&self.dynamics.system, &self.dynamics.current, last);
         self.measures = m;
         // Owned nodes ascend, and the canopy's come first.
@@ -267,6 +265,46 @@ impl Participant for StructureSolver {
 }
 
 impl StructureSolver {
+    /// Computes a window in time into the current state.
+    fn step_in_time(&mut self, w: &Window, body: [f64; 3]) -> Result<WindowInfo, Fault> {
+        let load = LoadPath {
+            pressure: [&self.pressure[0], &self.pressure[1]],
+            traction: [&self.traction[0], &self.traction[1]],
+        };
+        if self.from_rest {
+            let first = FaceLoad { pressure: load.pressure[0], traction: load.traction[0] };
+            self.dynamics.balance_start(first, body).map_err(Fault::new)?;
+        }
+        let iterated = self.computed == Some(w.index);
+        self.dynamics
+            .window(w.dt, w.substeps.max(1), load, body, iterated)
+            .map_err(|e| Fault::new(format!("window {} (t = {:.6} s): {e}", w.index, w.time)))
+    }
+
+    /// Finds the shape at rest under the load at the end of the window, and tells
+    /// how it goes.
+    fn find_rest(&mut self, tolerance: f64, body: [f64; 3]) -> Result<WindowInfo, Fault> {
+        let load = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
+        let mut info = WindowInfo::default();
+        let root = self.dynamics.system.comm().is_root();
+        let mut told = Instant::now();
+        let mut tell = |s: &PseudoStep| {
+            info.newton_steps += u64::from(s.newton_steps);
+            info.cuts += u64::from(s.repeats);
+            info.residual = s.residual;
+            if root && (s.balanced.is_some() || told.elapsed() >= TELL) {
+                told = Instant::now();
+                println!(
+                    "static: step {}, out of balance {:.1e} of the load, moved {:.1e} m, {} Newton steps so far",
+                    s.number, s.residual, s.moved, info.newton_steps
+                );
+            }
+        };
+        let params = EquilibriumParams { tolerance, ..EquilibriumParams::default() };
+        self.dynamics.equilibrium(load, body, params, &mut tell).map_err(Fault::new)?;
+        Ok(info)
+    }
+
     /// The scene that is run.
     pub fn scene(&self) -> &Scene {
         &self.scene

@@ -249,6 +249,9 @@ pub struct Lines {
     /// A line that is shorter than its rest length carries nothing.
     #[serde(default = "yes")]
     pub tension_only: bool,
+    /// Stress at rest length, Pa: a pulled line has a positive one.
+    #[serde(default)]
+    pub prestress_pa: f64,
 }
 
 fn yes() -> bool {
@@ -275,6 +278,22 @@ pub struct Structure {
     pub gmres_tolerance: f64,
     /// How often a time step may be halved before the run ends.
     pub max_step_cuts: u32,
+    /// A static stage ends when the forces out of balance are below this share of
+    /// the load.
+    pub static_tolerance: f64,
+    /// Distribution of the mass of elements over their nodes.
+    pub mass: Mass,
+}
+
+/// Distribution of the mass of elements over their nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mass {
+    /// From the shape functions, as in the paper.
+    #[default]
+    Consistent,
+    /// Shared out to the nodes.
+    Lumped,
 }
 
 impl Default for Structure {
@@ -285,6 +304,8 @@ impl Default for Structure {
             newton_max_steps: 25,
             gmres_tolerance: 1e-3,
             max_step_cuts: 6,
+            static_tolerance: 1e-8,
+            mass: Mass::Consistent,
         }
     }
 }
@@ -559,9 +580,15 @@ pub struct Stage {
     pub name: String,
     /// What runs.
     pub kind: StageKind,
-    /// Simulated time, s.
+    /// How the structure of a pre-inflation is solved.
+    #[serde(default)]
+    pub solve: Solve,
+    /// Simulated time, s. Every stage has one but a static one.
+    #[serde(default)]
     pub duration_s: f64,
-    /// Length of a window (the flow's time step), s.
+    /// Length of a window (the flow's time step), s. Every stage has one but a
+    /// static one.
+    #[serde(default)]
     pub window_s: f64,
     /// Structural steps in a window.
     #[serde(default = "ten")]
@@ -571,6 +598,10 @@ pub struct Stage {
     /// Mass-proportional damping of the structure in this stage, 1/s.
     #[serde(default)]
     pub mass_damping_per_s: f64,
+    /// Stiffness-proportional damping of the structure in this stage, s: the stress
+    /// that it adds is this time times the rate of the elastic stress.
+    #[serde(default)]
+    pub stiffness_damping_s: f64,
     /// Ends the stage early once the kinetic energy of the structure is below
     /// this share of its strain energy.
     pub settled_energy_ratio: Option<f64>,
@@ -578,6 +609,17 @@ pub struct Stage {
 
 fn ten() -> u32 {
     10
+}
+
+/// How the structure of a pre-inflation is solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Solve {
+    /// In time.
+    #[default]
+    Dynamic,
+    /// For the shape at rest, from any start; in one window without duration.
+    Static,
 }
 
 /// What runs in a stage.

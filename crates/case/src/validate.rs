@@ -1,6 +1,6 @@
 //! Physical sense of a scene: magnitudes, and sections that need each other.
 
-use crate::{Canopy, Scene, StageKind};
+use crate::{Canopy, Scene, Solve, Stage, StageKind};
 
 /// A refused value by its dotted path.
 pub(crate) struct Refusal {
@@ -192,6 +192,8 @@ fn materials(scene: &Scene, c: &mut Check) {
         c.positive("lines.youngs_modulus_pa", l.youngs_modulus_pa, 1e13, "a modulus in Pa");
         c.positive("lines.area_m2", l.area_m2, 0.1, "a cross-section in m2: is the value in square metres?");
         c.positive("lines.density_kg_m3", l.density_kg_m3, 30_000.0, "a density in kg/m3");
+        let most = 0.5 * l.youngs_modulus_pa;
+        c.range("lines.prestress_pa", l.prestress_pa, -most, most, true, "at most half the modulus");
     } else if scene.has_cables() {
         c.refuse(
             "canopy",
@@ -225,6 +227,7 @@ fn solvers(scene: &Scene, c: &mut Check) {
             "1 keeps all frequencies, 0 damps the highest at once",
         );
     }
+    c.positive("structure.static_tolerance", s.static_tolerance, 0.1, "a share of the load");
     c.positive("structure.newton_tolerance", s.newton_tolerance, 0.1, "a share of the load");
     c.positive("structure.gmres_tolerance", s.gmres_tolerance, 0.5, "a relative residual");
     c.count("structure.newton_max_steps", s.newton_max_steps, 1, 1000, "Newton steps");
@@ -294,15 +297,10 @@ fn stages(scene: &Scene, c: &mut Check) {
     }
     for (i, s) in scene.stages.iter().enumerate() {
         let at = |key: &str| format!("stage[{i}].{key}");
-        c.positive(&at("duration_s"), s.duration_s, 1e6, "in seconds");
-        c.positive(
-            &at("window_s"),
-            s.window_s,
-            s.duration_s.max(1e-9),
-            "a window is not longer than its stage",
-        );
+        times(s, &at, c);
         c.count(&at("substeps"), s.substeps, 1, 100_000, "structural steps in a window");
         c.range(&at("mass_damping_per_s"), s.mass_damping_per_s, 0.0, 1e6, true, "in 1/s");
+        c.range(&at("stiffness_damping_s"), s.stiffness_damping_s, 0.0, 1e3, true, "in seconds");
         if let Some(r) = s.settled_energy_ratio {
             c.positive(&at("settled_energy_ratio"), r, 1.0, "kinetic over strain energy");
         }
@@ -344,6 +342,49 @@ fn stages(scene: &Scene, c: &mut Check) {
                 );
             }
         }
+    }
+}
+
+/// Durations: every stage has them but a static one.
+fn times(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    if s.solve == Solve::Static {
+        if s.kind != StageKind::PreInflation {
+            c.refuse(
+                &at("solve"),
+                format!("stage \"{}\" runs the flow, which has no static solution here", s.name),
+                "use solve = \"static\" in a stage of kind \"pre-inflation\"",
+            );
+        }
+        for (key, value) in [("duration_s", s.duration_s), ("window_s", s.window_s)] {
+            if value != 0.0 {
+                c.refuse(
+                    &at(key),
+                    format!("`{key}` of a static stage is {value}, but a static stage takes no time"),
+                    "remove it",
+                );
+            }
+        }
+        return;
+    }
+    for (key, value, what) in
+        [("duration_s", s.duration_s, "simulated time, s"), ("window_s", s.window_s, "length of a window, s")]
+    {
+        if value == 0.0 {
+            c.refuse(
+                &at(key),
+                format!("stage \"{}\" has no `{key}`", s.name),
+                format!("add `{key} = ...`: {what}"),
+            );
+        }
+    }
+    if s.duration_s != 0.0 && s.window_s != 0.0 {
+        c.positive(&at("duration_s"), s.duration_s, 1e6, "in seconds");
+        c.positive(
+            &at("window_s"),
+            s.window_s,
+            s.duration_s.max(1e-9),
+            "a window is not longer than its stage",
+        );
     }
 }
 

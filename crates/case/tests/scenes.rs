@@ -52,6 +52,19 @@ fn a_misspelt_key_names_its_place_and_the_nearest_key() {
 }
 
 #[test]
+fn a_static_stage_takes_no_time_and_all_others_do() {
+    let times = "duration_s = 1.5\nwindow_s = 5e-3\n";
+    let text = refused(times, "window_s = 5e-3\n");
+    assert!(text.contains("has no `duration_s`") && text.contains("scene.toml:46"), "{text}");
+    let text = refused(times, "solve = \"static\"\nduration_s = 1.0\n");
+    assert!(text.contains("takes no time"), "{text}");
+    let text = refused("kind = \"flow-only\"\n", "kind = \"flow-only\"\nsolve = \"static\"\n");
+    assert!(text.contains("no static solution"), "{text}");
+    let scene = read(&ATPS.replacen(times, "solve = \"static\"\n", 1)).unwrap();
+    assert_eq!(scene.stages[0].solve, case::Solve::Static);
+}
+
+#[test]
 fn a_missing_key_is_named_with_its_meaning() {
     let text = refused("thickness_m = 3.048e-5\n", "");
     assert!(text.contains("missing key `thickness_m` in [fabric]"), "{text}");

@@ -22,6 +22,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             area_m2: 3.11e-6,
             density_kg_m3: 1223.50932,
             tension_only: true,
+            prestress_pa: 0.0,
         }),
         structure: Structure::default(),
         flow: None,
