@@ -72,7 +72,8 @@ pub struct Adjacency {
 }
 
 impl Adjacency {
-    fn new(n_owned: usize, cells: &[[u32; 2]]) -> Self {
+    /// Of the cells that faces between `cells` join.
+    pub fn new(n_owned: usize, cells: &[[u32; 2]]) -> Self {
         let mut rows: Vec<Vec<(u32, u32, usize)>> = vec![Vec::new(); n_owned];
         for (f, &[i, j]) in cells.iter().enumerate() {
             for (a, b, side) in [(i, j, 0), (j, i, 1)] {

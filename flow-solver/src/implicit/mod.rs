@@ -2,6 +2,7 @@
 
 mod acceleration;
 mod lusgs;
+mod multigrid;
 mod pressure;
 mod simple;
 

@@ -2,17 +2,17 @@
 
 use comm::Halo;
 
+use super::multigrid::{Matrix, Multigrid};
+use crate::residual::Domain;
 use crate::topology::Adjacency;
 
-/// Matrix $d_i x_i - \sum_j k_{ij} x_j$ in the rows of [`Adjacency`], single
-/// precision (it only ever preconditions), with the vectors its solver needs.
-#[derive(Clone, Debug, Default)]
+/// The pressure matrix, single precision (it only ever preconditions), with the
+/// vectors its solver needs.
+#[derive(Debug)]
 pub struct PressureSystem {
-    /// Diagonal of each owned row.
-    pub diagonal: Vec<f32>,
-    /// $k_{ij}\ge 0$ of each entry, and one more that nobody reads.
-    pub off: Vec<f32>,
-    inverse: Vec<f32>,
+    /// Storage, boundaries and couplings.
+    pub matrix: Matrix,
+    multigrid: Option<Multigrid>,
     residual: Vec<f32>,
     direction: Vec<f32>,
     image: Vec<f32>,
@@ -29,28 +29,35 @@ pub struct SolveReport {
 }
 
 impl PressureSystem {
-    /// For `n_owned` rows, `n_local` unknowns and `entries` off-diagonals.
-    pub fn new(n_owned: usize, n_local: usize, entries: usize) -> Self {
+    /// For the rows of `rows` with `n_local` unknowns.
+    pub fn new(rows: &Adjacency, n_local: usize) -> Self {
+        let n = rows.start.len() - 1;
         Self {
-            diagonal: vec![0.0; n_owned],
-            off: vec![0.0; entries + 1],
-            inverse: vec![0.0; n_owned],
-            residual: vec![0.0; n_owned],
+            matrix: Matrix::new(rows),
+            multigrid: None,
+            residual: vec![0.0; n],
             direction: vec![0.0; n_local],
-            image: vec![0.0; n_owned],
-            relaxed: vec![0.0; n_owned],
+            image: vec![0.0; n],
+            relaxed: vec![0.0; n_local],
         }
     }
 
-    /// Call once after the matrix has been filled.
-    pub fn prepare(&mut self) {
-        for (i, d) in self.inverse.iter_mut().zip(&self.diagonal) {
-            *i = 1.0 / d;
-        }
+    /// Call once after the matrix has been filled. The first call merges the cells
+    /// of the coarse levels, which later ones keep. Collective.
+    pub fn prepare(&mut self, on: &Domain<'_>) {
+        let rows = &on.topology.adjacency;
+        let m = &mut self.matrix;
+        m.complete(rows);
+        self.multigrid
+            .get_or_insert_with(|| Multigrid::new(rows, on.halo, m, &on.metrics.centre, &on.metrics.volume))
+            .assemble(rows, m);
     }
 
-    /// Conjugate gradients preconditioned by symmetric Gauss-Seidel on each
-    /// rank's own rows. `x` (with ghosts, refreshed at the end) starts from zero.
+    /// Conjugate gradients preconditioned by one multigrid cycle. `x` (with ghosts,
+    /// refreshed at the end) starts from zero.
+    ///
+    /// # Panics
+    /// Before [`PressureSystem::prepare`].
     pub fn solve(
         &mut self,
         rows: &Adjacency,
@@ -60,30 +67,37 @@ impl PressureSystem {
         tolerance: f64,
         max: usize,
     ) -> SolveReport {
-        let n = self.diagonal.len();
+        let n = self.matrix.own.len();
+        let multigrid = self.multigrid.as_mut().expect("prepared");
+        let matrix = &self.matrix;
         x.fill(0.0);
         self.residual.copy_from_slice(&b[..n]);
-        gauss_seidel(rows, &self.off, &self.inverse, &self.diagonal, &self.residual, &mut self.relaxed);
-        let mut sums = [dot(&self.residual, &self.relaxed), dot(&self.residual, &self.residual)];
+        multigrid.cycle(rows, halo, matrix, &self.residual, &mut self.relaxed);
+        let mut sums = [dot(&self.residual, &self.relaxed[..n]), dot(&self.residual, &self.residual)];
         halo.comm().sum_slice(&mut sums);
         let [mut rz, bb] = sums;
         let mut report = SolveReport { iterations: 0, drop: 0.0 };
         if bb == 0.0 {
             return report;
         }
-        self.direction[..n].copy_from_slice(&self.relaxed);
+        self.direction[..n].copy_from_slice(&self.relaxed[..n]);
         report.drop = 1.0;
         while report.iterations < max && report.drop > tolerance {
             halo.exchange(&mut self.direction, 1);
-            let pap =
-                halo.comm().sum(product(rows, &self.off, &self.diagonal, &self.direction, &mut self.image));
+            let pap = halo.comm().sum(product(
+                rows,
+                &matrix.off,
+                &matrix.diagonal,
+                &self.direction,
+                &mut self.image,
+            ));
             let alpha = (rz / pap) as f32;
             for i in 0..n {
                 x[i] += alpha * self.direction[i];
                 self.residual[i] -= alpha * self.image[i];
             }
-            gauss_seidel(rows, &self.off, &self.inverse, &self.diagonal, &self.residual, &mut self.relaxed);
-            sums = [dot(&self.residual, &self.relaxed), dot(&self.residual, &self.residual)];
+            multigrid.cycle(rows, halo, matrix, &self.residual, &mut self.relaxed);
+            sums = [dot(&self.residual, &self.relaxed[..n]), dot(&self.residual, &self.residual)];
             halo.comm().sum_slice(&mut sums);
             let beta = (sums[0] / rz) as f32;
             rz = sums[0];
@@ -111,27 +125,6 @@ fn product(rows: &Adjacency, off: &[f32], diagonal: &[f32], x: &[f32], y: &mut [
         sum += f64::from(s) * f64::from(x[i]);
     }
     sum
-}
-
-/// One symmetric Gauss-Seidel sweep from zero: `z ~ A^-1 r`.
-fn gauss_seidel(rows: &Adjacency, off: &[f32], inverse: &[f32], diagonal: &[f32], r: &[f32], z: &mut [f32]) {
-    let n = diagonal.len();
-    for i in 0..n {
-        let row = rows.start[i] as usize..rows.upper[i] as usize;
-        let mut s = r[i];
-        for (k, &j) in off[row.clone()].iter().zip(&rows.cell[row]) {
-            s += k * z[j as usize];
-        }
-        z[i] = s * inverse[i];
-    }
-    for i in (0..n).rev() {
-        let row = rows.upper[i] as usize..rows.ghost[i] as usize;
-        let mut s = 0.0;
-        for (k, &j) in off[row.clone()].iter().zip(&rows.cell[row]) {
-            s += k * z[j as usize];
-        }
-        z[i] += s * inverse[i];
-    }
 }
 
 fn dot(a: &[f32], b: &[f32]) -> f64 {

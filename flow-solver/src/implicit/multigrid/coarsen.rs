@@ -1,0 +1,271 @@
+//! From cells to larger cells: matching, coarse couplings, transfers.
+
+use comm::{Halo, Numbering};
+
+use super::Matrix;
+use crate::geometry::vec3::{Vec3, add, norm, scale, sub};
+use crate::topology::Adjacency;
+
+/// Pairings between two levels: each halves the number of cells.
+const PAIRINGS: usize = 3;
+
+/// Entry whose two cells are merged.
+const INSIDE: u32 = u32::MAX;
+
+/// Coarse cells and where the fine ones went.
+#[derive(Debug)]
+pub(super) struct Coarse {
+    /// Neighbours of the owned coarse cells.
+    pub rows: Adjacency,
+    /// Coarse cell of each owned fine cell.
+    parent: Vec<u32>,
+    /// Coarse entry of each fine entry, or [`INSIDE`].
+    target: Vec<u32>,
+    /// Distance of the fine cells over that of the coarse ones, of each fine entry.
+    ratio: Vec<f32>,
+    /// Exchange of coarse ghosts.
+    pub halo: Halo,
+}
+
+/// Cells as the matching sees them: owned ones only.
+struct Graph {
+    start: Vec<u32>,
+    /// Neighbour and coupling.
+    entry: Vec<(u32, f32)>,
+    centre: Vec<Vec3>,
+    volume: Vec<f64>,
+}
+
+impl Graph {
+    /// Partner of each cell: its strongest free neighbour; a cell that finds none
+    /// joins the pair of its strongest neighbour. Returns the group of each cell
+    /// and the number of groups.
+    fn pairs(&self) -> (Vec<u32>, usize) {
+        const FREE: u32 = u32::MAX;
+        let n = self.centre.len();
+        let mut group = vec![FREE; n];
+        let mut count = 0;
+        let row = |i: usize| &self.entry[self.start[i] as usize..self.start[i + 1] as usize];
+        for i in 0..n {
+            if group[i] != FREE {
+                continue;
+            }
+            let (mut free, mut any) = ((FREE, 0.0f32), (FREE, 0.0f32));
+            for &(j, k) in row(i) {
+                if group[j as usize] == FREE && k > free.1 {
+                    free = (j, k);
+                }
+                if k > any.1 {
+                    any = (j, k);
+                }
+            }
+            // A weak partner spoils the coarse cell's shape.
+            if free.0 != FREE && free.1 > 0.25 * any.1 {
+                group[free.0 as usize] = count;
+            } else if any.0 != FREE && group[any.0 as usize] != FREE {
+                group[i] = group[any.0 as usize];
+                continue;
+            }
+            group[i] = count;
+            count += 1;
+        }
+        (group, count as usize)
+    }
+
+    /// The graph of the groups.
+    fn merged(&self, group: &[u32], count: usize) -> Self {
+        let mut centre = vec![[0.0; 3]; count];
+        let mut volume = vec![0.0; count];
+        for (i, &g) in group.iter().enumerate() {
+            centre[g as usize] = add(centre[g as usize], scale(self.volume[i], self.centre[i]));
+            volume[g as usize] += self.volume[i];
+        }
+        for (c, v) in centre.iter_mut().zip(&volume) {
+            *c = scale(1.0 / v, *c);
+        }
+        let (first, member) = members(group, count);
+        let (mut start, mut entry) = (vec![0], Vec::with_capacity(self.entry.len() / 2));
+        let mut row: Vec<(u32, f32)> = Vec::new();
+        for g in 0..count {
+            row.clear();
+            for &i in &member[first[g] as usize..first[g + 1] as usize] {
+                let i = i as usize;
+                for &(j, k) in &self.entry[self.start[i] as usize..self.start[i + 1] as usize] {
+                    let h = group[j as usize];
+                    if h as usize != g {
+                        let fine = norm(sub(self.centre[j as usize], self.centre[i]));
+                        row.push((h, k * ratio(fine, centre[g], centre[h as usize])));
+                    }
+                }
+            }
+            row.sort_by_key(|r| r.0);
+            for same in row.chunk_by(|a, b| a.0 == b.0) {
+                entry.push((same[0].0, same.iter().map(|e| e.1).sum()));
+            }
+            start.push(entry.len() as u32);
+        }
+        Self { start, entry, centre, volume }
+    }
+}
+
+/// How much weaker a coupling over the distance of `a` and `b` is than over `fine`.
+/// Never below one half: constant transfers bear no more. Merging along a line
+/// only would make the coarse correction too large otherwise.
+fn ratio(fine: f64, a: Vec3, b: Vec3) -> f32 {
+    let coarse = norm(sub(a, b));
+    if coarse > fine { (fine / coarse).max(0.5) as f32 } else { 1.0 }
+}
+
+/// Members of each group in compressed rows.
+fn members(group: &[u32], count: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut first = vec![0u32; count + 1];
+    group.iter().for_each(|&g| first[g as usize + 1] += 1);
+    for g in 0..count {
+        first[g + 1] += first[g];
+    }
+    let (mut next, mut member) = (first.clone(), vec![0; group.len()]);
+    for (i, &g) in group.iter().enumerate() {
+        member[next[g as usize] as usize] = i as u32;
+        next[g as usize] += 1;
+    }
+    (first, member)
+}
+
+impl Coarse {
+    /// Merges the owned cells of a level. `centre` and `volume` of its local cells
+    /// become those of the coarse local cells. Also returns how many these are. Collective.
+    pub fn new(
+        rows: &Adjacency,
+        halo: &Halo,
+        matrix: &Matrix,
+        centre: &mut Vec<Vec3>,
+        volume: &mut Vec<f64>,
+    ) -> (Self, usize) {
+        let n = matrix.own.len();
+        let (mut start, mut entry) = (vec![0], Vec::new());
+        for i in 0..n {
+            let row = rows.start[i] as usize..rows.ghost[i] as usize;
+            entry.extend(row.map(|k| (rows.cell[k], matrix.off[k])));
+            start.push(entry.len() as u32);
+        }
+        let mut graph = Graph { start, entry, centre: centre[..n].to_vec(), volume: volume[..n].to_vec() };
+        let mut parent: Vec<u32> = (0..n as u32).collect();
+        for _ in 0..PAIRINGS {
+            let (group, count) = graph.pairs();
+            parent.iter_mut().for_each(|p| *p = group[*p as usize]);
+            graph = graph.merged(&group, count);
+        }
+        let n_coarse = graph.centre.len();
+
+        // Numbers of the coarse cells that ghosts belong to.
+        let comm = halo.comm();
+        let sizes = comm.all_gather_u64(n_coarse as u64);
+        let offset: u64 = sizes[..comm.rank()].iter().sum();
+        let mut number = vec![0.0; halo.n_local()];
+        for (x, &p) in number.iter_mut().zip(&parent) {
+            *x = (offset + u64::from(p)) as f64;
+        }
+        halo.exchange(&mut number, 1);
+        let ends: Vec<u64> = sizes
+            .iter()
+            .scan(0, |end, s| {
+                *end += s;
+                Some(*end)
+            })
+            .collect();
+        let ghosts: Vec<(u64, u32)> = number[n..]
+            .iter()
+            .map(|&g| (g as u64, ends.partition_point(|&e| e <= g as u64) as u32))
+            .collect();
+        let numbering = Numbering::new((offset..offset + n_coarse as u64).collect(), ghosts);
+        let coarse_of: Vec<u32> = number
+            .iter()
+            .map(|&g| numbering.local(g as u64).expect("every number was entered above") as u32)
+            .collect();
+
+        let (first, member) = members(&parent, n_coarse);
+        let mut coarse_rows = Adjacency { start: vec![0], ..Adjacency::default() };
+        let mut target = vec![INSIDE; rows.cell.len()];
+        let mut row: Vec<u32> = Vec::new();
+        for c in 0..n_coarse {
+            row.clear();
+            let entries = member[first[c] as usize..first[c + 1] as usize]
+                .iter()
+                .flat_map(|&i| rows.start[i as usize] as usize..rows.start[i as usize + 1] as usize);
+            row.extend(
+                entries.clone().map(|k| coarse_of[rows.cell[k] as usize]).filter(|&d| d as usize != c),
+            );
+            row.sort_unstable();
+            row.dedup();
+            let at = coarse_rows.cell.len();
+            for k in entries {
+                if let Ok(place) = row.binary_search(&coarse_of[rows.cell[k] as usize]) {
+                    target[k] = (at + place) as u32;
+                }
+            }
+            coarse_rows.cell.extend_from_slice(&row);
+            coarse_rows.upper.push((at + row.partition_point(|&d| (d as usize) < c)) as u32);
+            coarse_rows.ghost.push((at + row.partition_point(|&d| (d as usize) < n_coarse)) as u32);
+            coarse_rows.start.push(coarse_rows.cell.len() as u32);
+        }
+
+        let mut middle = graph.centre;
+        middle.resize(numbering.n_local(), [0.0; 3]);
+        let fine_centre = std::mem::replace(centre, middle);
+        let mut size = graph.volume;
+        size.resize(numbering.n_local(), 0.0);
+        *volume = size;
+        // Ghost centres of the coarse level are needed for the ratios.
+        let exchange = Halo::new(comm, &numbering);
+        exchange.exchange(centre.as_flattened_mut(), 3);
+        exchange.exchange(volume, 1);
+        let mut ratios = vec![0.0; rows.cell.len()];
+        for i in 0..n {
+            for k in rows.start[i] as usize..rows.start[i + 1] as usize {
+                let j = rows.cell[k] as usize;
+                let fine = norm(sub(fine_centre[j], fine_centre[i]));
+                ratios[k] = ratio(fine, centre[parent[i] as usize], centre[coarse_of[j] as usize]);
+            }
+        }
+        (Self { rows: coarse_rows, parent, target, ratio: ratios, halo: exchange }, numbering.n_local())
+    }
+
+    /// Coarse matrix from the fine one.
+    pub fn collect(&self, rows: &Adjacency, fine: &Matrix, coarse: &mut Matrix) {
+        coarse.own.fill(0.0);
+        coarse.off.fill(0.0);
+        for (i, &p) in self.parent.iter().enumerate() {
+            coarse.own[p as usize] += fine.own[i];
+            let row = rows.start[i] as usize..rows.start[i + 1] as usize;
+            for ((k, r), &t) in
+                fine.off[row.clone()].iter().zip(&self.ratio[row.clone()]).zip(&self.target[row])
+            {
+                if t != INSIDE {
+                    coarse.off[t as usize] += k * r;
+                }
+            }
+        }
+        coarse.complete(&self.rows);
+    }
+
+    /// Sums what a forward sweep from zero, which gave `x` (with ghosts), has left:
+    /// the residual is the upper triangle's and the ghosts' part of the product.
+    pub fn restrict(&self, rows: &Adjacency, fine: &Matrix, x: &[f32], b: &mut [f32]) {
+        b.fill(0.0);
+        for (i, &p) in self.parent.iter().enumerate() {
+            let row = rows.upper[i] as usize..rows.start[i + 1] as usize;
+            let mut s = 0.0;
+            for (k, &j) in fine.off[row.clone()].iter().zip(&rows.cell[row]) {
+                s += k * x[j as usize];
+            }
+            b[p as usize] += s;
+        }
+    }
+
+    /// Adds the coarse correction to `x`.
+    pub fn prolong(&self, coarse: &[f32], x: &mut [f32]) {
+        for (x, &p) in x.iter_mut().zip(&self.parent) {
+            *x += coarse[p as usize];
+        }
+    }
+}
