@@ -7,38 +7,57 @@ use comm::Comm;
 use mesh::StructureMesh;
 
 use crate::dynamics::{Dynamics, DynamicsParams};
-use crate::elements::cable::{TensionOnly, TwoWay};
+use crate::elements::cable::{CableLaw, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
-use crate::loops::{Cables, ElementLoop, Membranes};
-use crate::materials::{StVenantKirchhoff, TensionField};
+use crate::loops::{CableDamping, Cables, ElementLoop, MembraneDamping, Membranes};
+use crate::materials::{Material, StVenantKirchhoff, TensionField};
 use crate::model::{Model, ModelError};
 use crate::newton::NewtonParams;
 use crate::scheme::Scheme;
 use crate::system::System;
 
-/// The element loops that the scene's effects call for.
-fn loops(scene: &Scene, model: &Model) -> Result<Vec<Box<dyn ElementLoop>>, ModelError> {
+type Loops = Vec<Box<dyn ElementLoop>>;
+
+/// The element loops that the scene's effects call for in a stage.
+fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError> {
     let f = &scene.fabric;
-    let (y, nu, h, rho) = (f.youngs_modulus_pa, f.poisson_ratio, f.thickness_m, f.density_kg_m3);
-    let mut all: Vec<Box<dyn ElementLoop>> = Vec::new();
-    all.push(if f.wrinkling {
-        Box::new(Membranes::new(model, TensionField::new(y, nu), h, rho))
+    let damping = scene.stages[stage].stiffness_damping_s;
+    let mut all = Loops::new();
+    if f.wrinkling {
+        fabric(scene, damping, model, TensionField::new(f.youngs_modulus_pa, f.poisson_ratio), &mut all);
     } else {
-        Box::new(Membranes::new(model, StVenantKirchhoff::isotropic(y, nu), h, rho))
-    });
+        let law = StVenantKirchhoff::isotropic(f.youngs_modulus_pa, f.poisson_ratio);
+        fabric(scene, damping, model, law, &mut all);
+    }
     match (&scene.lines, model.cables.first()) {
         (_, None) => {}
         (None, Some(c)) => return Err(ModelError::NoMaterial { cable: c.global as usize }),
         (Some(l), Some(_)) => {
             let youngs_modulus = l.youngs_modulus_pa;
-            all.push(if l.tension_only {
-                Box::new(Cables::new(model, TensionOnly { youngs_modulus }, l.area_m2, l.density_kg_m3))
+            if l.tension_only {
+                lines(l, damping, model, TensionOnly { youngs_modulus }, &mut all);
             } else {
-                Box::new(Cables::new(model, TwoWay { youngs_modulus }, l.area_m2, l.density_kg_m3))
-            });
+                lines(l, damping, model, TwoWay { youngs_modulus }, &mut all);
+            }
         }
     }
     Ok(all)
+}
+
+fn fabric(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
+    let f = &scene.fabric;
+    all.push(Box::new(Membranes::new(model, law, f.thickness_m, f.density_kg_m3)));
+    if damping > 0.0 {
+        all.push(Box::new(MembraneDamping::new(model, law, f.thickness_m, damping)));
+    }
+}
+
+fn lines(l: &case::Lines, damping: f64, model: &Model, law: impl CableLaw, all: &mut Loops) {
+    let offset = l.prestress_pa / l.youngs_modulus_pa;
+    all.push(Box::new(Cables::new(model, law, l.area_m2, l.density_kg_m3).with_strain_at_rest(offset)));
+    if damping > 0.0 {
+        all.push(Box::new(CableDamping::new(model, law, l.area_m2, offset, damping)));
+    }
 }
 
 /// The structure of a scene in stage `stage`, at rest. Collective.
@@ -50,7 +69,7 @@ pub fn dynamics(
 ) -> Result<Dynamics, ModelError> {
     let owner = owners(comm, mesh)?;
     let model = Model::new(comm, mesh, &owner)?;
-    let loops = loops(scene, &model)?;
+    let loops = loops(scene, stage, &model)?;
     let s = &scene.structure;
     let system = System::new(model, loops, s.mass.into());
     let size = mesh.coords.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));

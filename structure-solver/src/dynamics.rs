@@ -122,6 +122,7 @@ impl Dynamics {
             self.x[i] = self.system.model.reference[i] + u[i];
             self.next.u[i] = body[i % 3] - self.damping * v[i];
         }
+        self.system.set_step(f64::INFINITY);
         let f = &mut self.force[0];
         self.system.forces(Place::only(&self.x), load, f);
         f.iter_mut().for_each(|f| *f = -*f);
@@ -151,6 +152,7 @@ impl Dynamics {
         let form = self.scheme.step(dt / substeps as f64, self.damping);
         let start = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
         let balance = Balance { from: &self.current, form, load: start, body };
+        self.system.set_step(f64::INFINITY);
         self.scale = self.newton.load_scale(&self.system, &balance);
         self.load_on(0.0, load, false);
         for k in 0..substeps {
@@ -211,6 +213,13 @@ impl Dynamics {
         body: [f64; 3],
         known: Option<usize>,
     ) -> Result<NewtonInfo, NewtonError> {
+        if self.system.depends_on_rate() {
+            self.system.set_step(dt);
+            for i in 0..self.x.len() {
+                self.x[i] = self.system.model.reference[i] + self.current.u[i];
+            }
+            self.system.anchor(&self.x);
+        }
         let form = self.scheme.step(dt, self.damping);
         let at = span[0] + form.force_weight * (span[1] - span[0]);
         blend(load, at, &mut self.pressure, &mut self.traction);

@@ -173,6 +173,7 @@ impl Dynamics {
         self.current.copy_from(&self.accepted);
         self.current.v.fill(0.0);
         self.current.a.fill(0.0);
+        self.system.set_step(f64::INFINITY);
         c.scale = c.scale.max({
             let form = StepForm::overdamped(0.0);
             let balance = Balance { from: &self.current, form, load, body };

@@ -3,6 +3,10 @@
 //! A loop is written for concrete materials and laws, so the compiler sees
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
+mod damping;
+
+pub use damping::{CableDamping, MembraneDamping};
+
 use crate::elements::membrane::Deformation;
 use crate::elements::{cable, load, membrane};
 use crate::materials::step::{self, StepStart};
@@ -52,6 +56,21 @@ pub const ELSEWHERE: u32 = u32::MAX;
 pub trait ElementLoop {
     /// Keeps the strains at positions `x` (m) as those of a step's start.
     fn anchor(&mut self, x: &[f64]);
+
+    /// Whether forces depend on the rate of strains: then [`ElementLoop::anchor`] and
+    /// [`ElementLoop::set_step`] precede every step.
+    fn depends_on_rate(&self) -> bool {
+        false
+    }
+
+    /// Length of the next step, s; infinite where rates do not count.
+    fn set_step(&mut self, _dt: f64) {}
+
+    /// Energy (J) that elements counted on this rank took out of the motion in the
+    /// step from positions `before`, where they were anchored, to `after` (m).
+    fn dissipation(&self, _before: &[f64], _after: &[f64]) -> f64 {
+        0.0
+    }
 
     /// Adds internal minus external forces (N) to `out`.
     fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]);
@@ -308,6 +327,8 @@ pub struct Cables<L> {
     elements: Vec<Line>,
     n_own: usize,
     law: L,
+    /// Green strain at rest length that makes the pre-stress.
+    offset: f64,
     area: f64,
     density: f64,
 }
@@ -322,22 +343,34 @@ impl<L: cable::CableLaw> Cables<L> {
             start: 0.0,
         };
         let elements = model.cables.iter().map(of).collect();
-        Self { elements, n_own: model.n_own_cables, law, area, density }
+        Self { elements, n_own: model.n_own_cables, law, offset: 0.0, area, density }
+    }
+
+    /// With a Green strain at rest length: the pre-stress over the modulus. It adds to
+    /// the strain, so that energies and steps know of it too.
+    pub fn with_strain_at_rest(self, offset: f64) -> Self {
+        Self { offset, ..self }
+    }
+
+    #[inline(always)]
+    fn strain(&self, e: &Line, d: Vec3) -> f64 {
+        cable::strain(d, e.rest_length) + self.offset
     }
 }
 
 impl<L: cable::CableLaw> ElementLoop for Cables<L> {
     fn anchor(&mut self, x: &[f64]) {
+        let offset = self.offset;
         for e in &mut self.elements {
             let d = sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
-            e.start = cable::strain(d, e.rest_length);
+            e.start = cable::strain(d, e.rest_length) + offset;
         }
     }
 
     fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
         for e in &self.elements {
             let [d, end] = e.between(place);
-            let (s, _) = cable::step(&self.law, e.start, cable::strain(end, e.rest_length), place.weight);
+            let (s, _) = cable::step(&self.law, e.start, self.strain(e, end), place.weight);
             let f = cable::force(s, d, e.rest_length, self.area);
             add_at(out, e.nodes[0] as usize, scale(-1.0, f));
             add_at(out, e.nodes[1] as usize, f);
@@ -354,7 +387,7 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
     ) {
         for e in &self.elements {
             let [d, end] = e.between(place);
-            let (s, y) = cable::step(&self.law, e.start, cable::strain(end, e.rest_length), place.weight);
+            let (s, y) = cable::step(&self.law, e.start, self.strain(e, end), place.weight);
             let f = cable::force(s, d, e.rest_length, self.area);
             let k = cable::stiffness(s, y, d, end, e.rest_length, self.area);
             add_at(out, e.nodes[0] as usize, scale(-1.0, f));
@@ -375,7 +408,7 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
     fn energy(&self, x: &[f64]) -> f64 {
         let one = |e: &Line| {
             let p = e.nodes.map(|n| at(x, n as usize));
-            cable::energy(&self.law, &p, e.rest_length, self.area)
+            cable::energy(&self.law, &p, e.rest_length, self.offset, self.area)
         };
         self.elements[..self.n_own].iter().map(one).sum()
     }
@@ -394,7 +427,7 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
     fn tensions(&self, x: &[f64]) -> Vec<f64> {
         let one = |e: &Line| {
             let p = e.nodes.map(|n| at(x, n as usize));
-            cable::tension(&self.law, &p, e.rest_length, self.area)
+            cable::tension(&self.law, &p, e.rest_length, self.offset, self.area)
         };
         self.elements.iter().map(one).collect()
     }

@@ -27,6 +27,8 @@ pub struct System {
     mass: Vec<f64>,
     masked: Vec<Masked>,
     fixed_owned: Vec<u32>,
+    /// Some loop's forces depend on rates.
+    rates: bool,
 }
 
 impl System {
@@ -72,7 +74,8 @@ impl System {
             }
         }
         let fixed_owned = (0..3 * n_owned).filter(|&i| model.fixed[i as usize]).collect();
-        Self { model, matrix, loops, mass, masked, fixed_owned }
+        let rates = loops.iter().any(|l| l.depends_on_rate());
+        Self { model, matrix, loops, mass, masked, fixed_owned, rates }
     }
 
     /// The element loops, for measures and pictures.
@@ -83,6 +86,24 @@ impl System {
     /// See [`ElementLoop::anchor`].
     pub fn anchor(&mut self, x: &[f64]) {
         self.loops.iter_mut().for_each(|l| l.anchor(x));
+    }
+
+    /// Whether a step begins with [`System::set_step`] and [`System::anchor`] whatever
+    /// the scheme.
+    pub fn depends_on_rate(&self) -> bool {
+        self.rates
+    }
+
+    /// See [`ElementLoop::set_step`].
+    pub fn set_step(&mut self, dt: f64) {
+        if self.rates {
+            self.loops.iter_mut().for_each(|l| l.set_step(dt));
+        }
+    }
+
+    /// See [`ElementLoop::dissipation`]; of this rank.
+    pub fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {
+        self.loops.iter().map(|l| l.dissipation(before, after)).sum()
     }
 
     /// `out = R - F` on the owned rows: internal minus external forces, N.

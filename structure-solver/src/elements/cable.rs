@@ -88,15 +88,16 @@ pub fn stiffness(s: f64, y: f64, d: Vec3, by: Vec3, rest_length: f64, area: f64)
     k
 }
 
-/// Axial force (N), positive in tension.
-pub fn tension(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, area: f64) -> f64 {
+/// Axial force (N), positive in tension. `offset`: strain at rest length that makes
+/// the pre-stress.
+pub fn tension(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, offset: f64, area: f64) -> f64 {
     let d = sub(x[1], x[0]);
-    area * law.stress(strain(d, rest_length)).0 * dot(d, d).sqrt() / rest_length
+    area * law.stress(strain(d, rest_length) + offset).0 * dot(d, d).sqrt() / rest_length
 }
 
-/// Strain energy (J).
-pub fn energy(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, area: f64) -> f64 {
-    let e = strain(sub(x[1], x[0]), rest_length);
+/// Strain energy (J), that of the pre-stress included.
+pub fn energy(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, offset: f64, area: f64) -> f64 {
+    let e = strain(sub(x[1], x[0]), rest_length) + offset;
     0.5 * law.stress(e).0 * e * area * rest_length
 }
 
@@ -133,7 +134,7 @@ mod tests {
         let d = sub(X[1], X[0]);
         assert_eq!(law.stress(strain(d, 1.4)), (0.0, 0.0));
         assert_eq!(stiffness(0.0, 0.0, d, d, 1.4, 0.3), [[0.0; 3]; 3]);
-        assert_eq!(energy(&law, &X, 1.4, 0.3), 0.0);
+        assert_eq!(energy(&law, &X, 1.4, 0.0, 0.3), 0.0);
     }
 
     #[test]
@@ -151,12 +152,29 @@ mod tests {
         }
     }
 
+    /// Pre-stress S0 at rest length; released at the length where Y E = -S0.
+    #[test]
+    fn a_prestressed_line_pulls_at_its_rest_length() {
+        let (y, s0) = (7.0, 0.7);
+        let law = TensionOnly { youngs_modulus: y };
+        let at = |l: f64| tension(&law, &[[0.0; 3], [l, 0.0, 0.0]], 2.0, s0 / y, 0.5);
+        assert!((at(2.0) - 0.5 * s0).abs() < 1e-15);
+        let free = 2.0 * (1.0f64 - 2.0 * s0 / y).sqrt();
+        assert_eq!(at(free - 1e-6), 0.0);
+        assert!(at(free + 1e-6) > 0.0);
+        // The energy is the work of pulling from there: Simpson's rule, exact for the
+        // cubic tension.
+        let work = (2.0 - free) / 6.0 * (at(free) + 4.0 * at(0.5 * (2.0 + free)) + at(2.0));
+        let stored = energy(&law, &[[0.0; 3], [2.0, 0.0, 0.0]], 2.0, s0 / y, 0.5);
+        assert!((work - stored).abs() < 1e-15, "{work} {stored}");
+    }
+
     #[test]
     fn tension_is_measured_against_the_rest_length() {
         // Stretch 1.1: E = 0.105, N = A Y E l/L.
         let x = [[0.0; 3], [2.2, 0.0, 0.0]];
         let law = TensionOnly { youngs_modulus: 7.0 };
-        assert!((tension(&law, &x, 2.0, 0.5) - 0.5 * 7.0 * 0.105 * 1.1).abs() < 1e-14);
-        assert!((energy(&law, &x, 2.0, 0.5) - 0.5 * 7.0 * 0.105f64.powi(2)).abs() < 1e-14);
+        assert!((tension(&law, &x, 2.0, 0.0, 0.5) - 0.5 * 7.0 * 0.105 * 1.1).abs() < 1e-14);
+        assert!((energy(&law, &x, 2.0, 0.0, 0.5) - 0.5 * 7.0 * 0.105f64.powi(2)).abs() < 1e-14);
     }
 }
