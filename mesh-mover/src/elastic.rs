@@ -1,12 +1,13 @@
 //! The pseudo-solid: linear elasticity with stiffening by the Jacobian.
 
-use linalg::{Amg, AmgParams, BlockCsr, BlockJacobi, Operator};
+use linalg::{Amg, AmgParams, BlockCsr, Operator};
 use mesh::Vec3;
 
 use crate::element::stiffness;
 use crate::glance::Glance;
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
+use crate::near;
 use crate::solve::{Goal, Scratch, correct};
 use crate::warm::Warm;
 
@@ -56,18 +57,18 @@ pub struct Elastic {
 
 /// The linear system of one reference grid.
 struct System {
-    /// In single precision: that is a solid whose stiffness differs by 1e-7.
-    matrix: BlockCsr<3, f32>,
     /// Owned free row, interface node, and block: what the canopy pushes.
     canopy: Vec<(u32, u32, [[f64; 3]; 3])>,
-    preconditioner: Amg<f32>,
+    /// Holds the matrix too, in single precision: a solid whose stiffness differs by 1e-7.
+    amg: Amg<f32>,
     glance: Glance,
     /// Shortest edge around each owned free node, m.
     sizes: Vec<f64>,
     warm: Warm,
     scratch: Scratch,
-    guess: Vec<f64>,
     rhs: Vec<f64>,
+    /// Motion of the canopy that no past solution answers.
+    missing: Vec<f64>,
 }
 
 impl Elastic {
@@ -84,31 +85,27 @@ impl Mover for Elastic {
         let coords: Vec<Vec3> = grid.free_node[..grid.n_free].iter().map(at).collect();
         // Fails on all ranks alike.
         let singular = |e: &dyn std::error::Error| MoverError::Singular { reason: e.to_string() };
-        let preconditioner =
-            Amg::<f32>::new(&matrix, &coords, AmgParams::default()).map_err(|e| singular(&e))?;
-        // Every diagonal block has an inverse: multigrid has them too.
-        let glance = BlockJacobi::new(&matrix).map_err(|e| singular(&e))?;
         let (n, n_local) = (matrix.n_owned(), matrix.n_local());
+        let amg = Amg::of_matrix(matrix, &coords, AmgParams::default()).map_err(|e| singular(&e))?;
         let mut sizes = grid.free_sizes(x);
         sizes.truncate(grid.n_free);
         self.system = Some(System {
-            matrix: matrix.cast(),
             canopy,
-            preconditioner,
-            glance: Glance::new(glance),
+            amg,
+            glance: Glance::default(),
             sizes,
             warm: Warm::new(n),
             scratch: Scratch::new(n, n_local),
-            guess: vec![0.0; n],
             rhs: vec![0.0; n],
+            missing: vec![0.0; 3 * grid.n_canopy],
         });
         Ok(())
     }
 
     fn bytes(&self) -> usize {
         let Some(s) = &self.system else { return 0 };
-        let vectors = 8 * (5 * s.scratch.r.len() + s.guess.len() + s.rhs.len() + s.sizes.len());
-        s.matrix.bytes() + s.preconditioner.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
+        let vectors = 8 * (5 * s.scratch.r.len() + s.rhs.len() + s.sizes.len() + s.missing.len());
+        s.amg.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {
@@ -123,16 +120,16 @@ impl Mover for Elastic {
                 *b -= a[0] * g[0] + a[1] * g[1] + a[2] * g[2];
             }
         }
-        s.warm.guess(comm, &s.rhs, &mut s.guess);
-        u[..n].copy_from_slice(&s.guess);
-        s.matrix.apply(u, &mut s.scratch.r);
+        // The canopy's motion that past solutions do not answer is carried into the nearest rings.
+        s.missing.copy_from_slice(canopy);
+        s.warm.guess(comm, &s.rhs, &mut u[..n], &mut s.missing);
+        near::follow(grid, &s.missing, &mut u[..n]);
+        s.amg.matrix().apply(u, &mut s.scratch.r);
         for (r, b) in s.scratch.r.iter_mut().zip(&s.rhs) {
             *r = b - *r;
         }
-        // The residual of the guess is kept where the right-hand side was.
-        s.rhs.copy_from_slice(&s.scratch.r);
         let goal = Goal { tolerance: self.solid.tolerance, max_iterations: self.solid.max_iterations };
-        let end = correct(&s.matrix, &s.preconditioner, &mut s.glance, comm, &s.sizes, goal, &mut s.scratch);
+        let end = correct(&s.amg, &mut s.glance, comm, &s.sizes, goal, &mut s.scratch);
         if end.error.is_nan() || end.error > goal.tolerance {
             return Err(MoverError::NotConverged {
                 iterations: end.iterations,
@@ -140,15 +137,15 @@ impl Mover for Elastic {
                 tolerance: goal.tolerance,
             });
         }
-        for (u, d) in u[..n].iter_mut().zip(&s.scratch.d) {
-            *u += d;
+        let Scratch { d, z, p, r, .. } = &mut s.scratch;
+        for ((u, d), z) in u[..n].iter_mut().zip(&*d).zip(&*z) {
+            *u += d + z;
         }
         if end.iterations > 0 {
-            // A d is what the iterations took from the residual.
-            for (ad, r) in s.rhs.iter_mut().zip(&s.scratch.r) {
-                *ad -= r;
-            }
-            s.warm.learn(comm, &mut s.scratch.d, &s.rhs);
+            near::follow(grid, &s.missing, d);
+            p[..n].copy_from_slice(d);
+            s.amg.matrix().apply(p, r);
+            s.warm.learn(comm, d, r, &mut s.missing);
         }
         grid.free_halo.exchange(u, 3);
         Ok(Effort { iterations: end.iterations, error: end.error })
@@ -159,7 +156,7 @@ type Coupling = Vec<(u32, u32, [[f64; 3]; 3])>;
 
 /// Stiffness of the owned free rows at node positions `x`: its free columns, and
 /// the columns of the canopy.
-fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3>, Coupling), MoverError> {
+fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f32>, Coupling), MoverError> {
     let mut free = Vec::with_capacity(8 * grid.cells.len());
     let mut ends = Vec::with_capacity(grid.cells.len() + 1);
     ends.push(0);
@@ -181,7 +178,7 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3>, 
     pairs.sort_unstable();
     pairs.dedup();
     let lists = ends.windows(2).map(|w| &free[w[0]..w[1]]);
-    let mut matrix = BlockCsr::<3>::from_elements(grid.free_halo.clone(), lists);
+    let mut matrix = BlockCsr::<3, f32>::from_elements(grid.free_halo.clone(), lists);
     let mut canopy: Coupling = pairs.iter().map(|&(i, k)| (i, k, [[0.0; 3]; 3])).collect();
 
     // E = 1 in a cell of mean size: only ratios matter.
@@ -192,7 +189,7 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3>, 
 
     for (c, cell) in grid.cells.iter().enumerate() {
         let corners = grid.corners(c, x);
-        let f = grid.shapes.quality(c, x).clamp(LEAST_SHAPE, 1.0).powf(-solid.shape_exponent);
+        let f = grid.quality(c, x).clamp(LEAST_SHAPE, 1.0).powf(-solid.shape_exponent);
         let (lambda, mu) = (f * lambda, f * mu);
         let k =
             stiffness(&corners, lambda, mu, solid.chi).map_err(|e| inverted(grid, c, x, e.determinant))?;
@@ -202,20 +199,18 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3>, 
                 continue;
             }
             for (b, &nb) in cell.iter().enumerate() {
-                let target = match grid.kind[nb as usize] {
+                let block = |i: usize, j: usize| k[3 * a + i][3 * b + j];
+                match grid.kind[nb as usize] {
                     Kind::Fixed => continue,
                     Kind::Free(col) => {
                         let slot = matrix.slot(row as usize, col as usize);
-                        &mut matrix.values[slot.expect("the pattern holds all pairs of a cell")]
+                        let t = &mut matrix.values[slot.expect("the pattern holds all pairs of a cell")];
+                        (0..9).for_each(|e| t[e / 3][e % 3] += block(e / 3, e % 3) as f32);
                     }
                     Kind::Canopy(k) => {
                         let at = pairs.binary_search(&(row, k));
-                        &mut canopy[at.expect("the pattern holds all pairs of a cell")].2
-                    }
-                };
-                for (i, t) in target.iter_mut().enumerate() {
-                    for (j, t) in t.iter_mut().enumerate() {
-                        *t += k[3 * a + i][3 * b + j];
+                        let t = &mut canopy[at.expect("the pattern holds all pairs of a cell")].2;
+                        (0..9).for_each(|e| t[e / 3][e % 3] += block(e / 3, e % 3));
                     }
                 }
             }

@@ -1,14 +1,13 @@
 //! A cheap first look at a residual: most calls of a coupled window need no more.
 
 use comm::Comm;
-use linalg::{BlockJacobi, Preconditioner};
 
-use crate::solve::largest;
+use crate::solve::larger;
 
 /// Estimates the error that a residual stands for by block Jacobi, times the factor by
 /// which multigrid, which also sees smooth errors, found earlier ones larger.
+#[derive(Default)]
 pub struct Glance {
-    jacobi: BlockJacobi<3, f32>,
     /// Largest recent ratio of multigrid's estimate to block Jacobi's.
     gain: f64,
     looks: u32,
@@ -23,16 +22,19 @@ const SAFETY: f64 = 1.25;
 const FADING: f64 = 0.9;
 
 impl Glance {
-    /// Knows the diagonal blocks, but no gain yet.
-    pub fn new(jacobi: BlockJacobi<3, f32>) -> Self {
-        Self { jacobi, gain: 0.0, looks: 0 }
-    }
-
-    /// Block Jacobi's largest error of a node, in shares of its size; `z` is scratch.
-    /// Collective.
-    pub fn look(&self, comm: &Comm, r: &[f64], sizes: &[f64], z: &mut [f64]) -> f64 {
-        self.jacobi.apply(r, z);
-        comm.max(largest(z, sizes))
+    /// Block Jacobi's largest error of a node that the residual `r` stands for, in shares of its
+    /// size; `inverse` are the inverses of the diagonal blocks. Collective.
+    pub fn look(comm: &Comm, inverse: &[[[f32; 3]; 3]], r: &[f64], sizes: &[f64]) -> f64 {
+        let mut most = 0.0f64;
+        for ((d, r), h) in inverse.iter().zip(r.as_chunks::<3>().0).zip(sizes) {
+            let mut e = 0.0;
+            for row in d {
+                let z = f64::from(row[0]) * r[0] + f64::from(row[1]) * r[1] + f64::from(row[2]) * r[2];
+                e += z * z;
+            }
+            most = larger(most, e / (h * h));
+        }
+        comm.max(most.sqrt())
     }
 
     /// The error that `seen` may stand for; infinite while nothing is known.

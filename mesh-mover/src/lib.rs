@@ -6,6 +6,7 @@
 //! * [`mover`]: the trait; [`elastic`] is the pseudo-solid (conjugate gradients in
 //!   [`solve`], multigrid, [`warm`] starts, a cheap first look in [`glance`]);
 //!   [`inverse_distance`] is a mover without equations, for comparison;
+//! * [`near`]: small motions between the calls of one window, without equations;
 //! * [`motion`]: total form first, then increments with an updated reference, then
 //!   [`untangle`], then an error that names the cell;
 //! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`];
@@ -25,6 +26,7 @@ pub mod inverse_distance;
 pub mod local;
 pub mod motion;
 pub mod mover;
+pub mod near;
 pub mod participant;
 pub mod quality;
 pub mod sample;

@@ -6,7 +6,8 @@ use std::rc::Rc;
 use comm::{Comm, Halo, Numbering};
 use mesh::{FlowGrid, Vec3};
 
-use crate::quality::Corners;
+use crate::near;
+use crate::quality::{Corners, corners_at};
 
 /// What decides where a node goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +32,14 @@ pub struct LocalGrid {
     pub cells: Vec<[u32; 8]>,
     /// Global index of each cell.
     pub cell_global: Vec<u32>,
-    /// Corners of the cells, for their quality.
+    /// What it takes to judge the shape of the cells.
     pub shapes: Corners,
+    /// Local free nodes near the canopy: those that follow small motions directly.
+    pub near: Vec<near::Row>,
+    /// How many of them, the first ones, are owned here.
+    pub near_owned: usize,
+    /// Runs of cells that touch a near node or the canopy.
+    pub near_cells: Vec<std::ops::Range<usize>>,
     /// Local node of each local free node: owned first, then ghosts.
     pub free_node: Vec<u32>,
     /// Number of owned free nodes.
@@ -85,6 +92,8 @@ impl LocalGrid {
             global_kind[a as usize] = Kind::Canopy(k as u32);
         }
 
+        let rings = near::rings(grid, &global_kind);
+        let mut near = Vec::new();
         let mut kind = Vec::with_capacity(nodes.n_local());
         let (mut free_owned, mut free_ghosts) = (Vec::new(), Vec::new());
         let (mut free_node, mut canopy) = (Vec::new(), Vec::new());
@@ -93,6 +102,7 @@ impl LocalGrid {
             kind.push(match global_kind[g as usize] {
                 Kind::Free(_) => {
                     let index = free_node.len() as u32;
+                    near.extend(rings[g as usize].map(|ring| ring.row(index)));
                     free_node.push(local as u32);
                     if local < nodes.n_owned {
                         free_owned.push(g);
@@ -115,12 +125,26 @@ impl LocalGrid {
         let mean_volume = total / grid.cells.len().max(1) as f64;
         let start: Vec<f64> = nodes.global.iter().flat_map(|&g| grid.coords[g as usize]).collect();
         let shapes = Corners::new(&cells, &start);
+        let mut touched: Vec<bool> = kind.iter().map(|k| matches!(k, Kind::Canopy(_))).collect();
+        near.iter().for_each(|row: &near::Row| touched[free_node[row.free as usize] as usize] = true);
+        let mut near_cells: Vec<std::ops::Range<usize>> = Vec::new();
+        for (c, cell) in cells.iter().enumerate() {
+            if cell.iter().any(|&a| touched[a as usize]) {
+                match near_cells.last_mut() {
+                    Some(run) if run.end == c => run.end = c + 1,
+                    _ => near_cells.push(c..c + 1),
+                }
+            }
+        }
         Self {
             nodes,
             kind,
             cells,
             cell_global,
             shapes,
+            near_owned: near.partition_point(|row| (row.free as usize) < n_free),
+            near,
+            near_cells,
             free_node,
             n_free,
             free_halo,
@@ -138,6 +162,8 @@ impl LocalGrid {
             + self.cells.len() * 36
             + self.n_local() * (size_of::<Kind>() + 8 + 24)
             + 4 * self.free_node.len()
+            + size_of_val(&self.near[..])
+            + size_of_val(&self.near_cells[..])
     }
 
     /// The ranks that share the grid.
@@ -157,10 +183,18 @@ impl LocalGrid {
 
     /// Corner positions of local cell `c`.
     pub fn corners(&self, c: usize, x: &[f64]) -> [Vec3; 8] {
-        self.cells[c].map(|a| {
-            let a = 3 * a as usize;
-            [x[a], x[a + 1], x[a + 2]]
-        })
+        corners_at(&self.cells[c], x)
+    }
+
+    /// Smallest scaled Jacobian of local cell `c`, see [`Corners::quality`].
+    pub fn quality(&self, c: usize, x: &[f64]) -> f64 {
+        self.shapes.quality(&self.cells, c, x)
+    }
+
+    /// The worst local cell and its quality; `None` without cells.
+    pub fn worst(&self, x: &[f64]) -> Option<(usize, f64)> {
+        let all = (0..self.cells.len()).map(|c| (c, self.quality(c, x)));
+        all.reduce(|a, b| if b.1 < a.1 { b } else { a })
     }
 
     /// Mean of the distinct corners of local cell `c`.
@@ -201,5 +235,6 @@ impl LocalGrid {
     }
 }
 
-const EDGES: [(usize, usize); 12] =
+/// Edges of a hexahedron in VTK order.
+pub(crate) const EDGES: [(usize, usize); 12] =
     [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)];

@@ -6,6 +6,8 @@ use mesh::Vec3;
 
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
+use crate::near;
+use crate::quality::{lower, volume};
 use crate::untangle::untangle;
 
 /// What a moved grid must keep.
@@ -113,6 +115,19 @@ pub struct Motion {
     /// Displacement of the canopy from the reference, and of the local free nodes.
     push: Vec<f64>,
     u: Vec<f64>,
+    /// Largest small motion of each canopy node, m.
+    reach: Vec<f64>,
+    anchor: Option<Anchor>,
+    /// Canopy of the anchor (used while there is one).
+    anchor_canopy: Vec<f64>,
+}
+
+/// The first answer of a window: `u` holds its grid, small motions are counted from it.
+#[derive(Clone, Copy)]
+struct Anchor {
+    /// Shape of the cells that small motions leave alone.
+    far: Shape,
+    effort: Effort,
 }
 
 impl Motion {
@@ -127,7 +142,7 @@ impl Motion {
         mover: Box<dyn Mover>,
         limits: Limits,
     ) -> Result<Self, MotionError> {
-        let volume = |c: usize| mesh::quality::volume(&grid.corners(c, start));
+        let volume = |c: usize| volume(&grid.corners(c, start));
         let start_volumes = (0..grid.cells.len()).map(volume).collect();
         let (push, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
         let at_start = grid.comm().all(reference.grid == start);
@@ -142,6 +157,9 @@ impl Motion {
             at_start,
             push,
             u,
+            reach: Vec::new(),
+            anchor: None,
+            anchor_canopy: Vec::new(),
         };
         let shape = motion.shape(&motion.reference.grid);
         if !motion.accepts(&shape) {
@@ -149,6 +167,7 @@ impl Motion {
         }
         motion.reference_quality = shape.quality;
         motion.mover.rebase(&motion.grid, &motion.reference.grid)?;
+        motion.measure();
         Ok(motion)
     }
 
@@ -164,16 +183,24 @@ impl Motion {
 
     /// Moves the grid so that the canopy is at `to.canopy`; `from` is the last
     /// accepted state, where increments start. Fills `to.grid`; canopy nodes
-    /// get their positions to the bit. Collective.
+    /// get their positions to the bit. Calls between two [`Motion::settle`] whose canopies
+    /// are a small motion apart (see [`near`]) differ near the canopy only. Collective.
     ///
     /// # Errors
     /// [`MotionError`]; the accepted state is untouched.
     pub fn follow(&mut self, from: &Positions, to: &mut Positions) -> Result<Moved, MotionError> {
+        if let Some(moved) = self.near_anchor(to) {
+            return Ok(moved);
+        }
+        self.anchor = None;
         let mut iterations = 0;
         match self.total(to) {
             Ok(effort) => {
-                let shape = self.shape(&to.grid);
+                let [near, far] = self.near_and_far(&to.grid);
+                let shape = near.worse(&far);
                 if self.accepts(&shape) {
+                    self.anchor = Some(Anchor { far, effort });
+                    self.anchor_canopy.clone_from(&to.canopy);
                     return Ok(Moved { effort, increments: 1, shape });
                 }
                 iterations += effort.iterations;
@@ -207,12 +234,13 @@ impl Motion {
     /// Bytes held for the motion.
     pub fn bytes(&self) -> usize {
         let flat = self.reference.grid.len() + self.u.len() + self.push.len() + self.start_volumes.len();
-        8 * flat + self.grid.bytes() + self.mover.bytes()
+        8 * (flat + self.reach.len() + self.anchor_canopy.len()) + self.grid.bytes() + self.mover.bytes()
     }
 
     /// To be called with an accepted state: takes it as the new reference where
     /// quality has fallen far and the mover can stand on it. Collective.
     pub fn settle(&mut self, accepted: &Positions, shape: &Shape) {
+        self.anchor = None;
         if shape.quality < REBASE_BELOW && shape.quality < REBASE_LOSS * self.reference_quality {
             // Not a need but a precaution: the old reference still serves where this fails.
             let _ = self.rebase(accepted, shape.quality);
@@ -221,26 +249,79 @@ impl Motion {
 
     /// Shape of the grid at `x` (local nodes). Collective.
     pub fn shape(&self, x: &[f64]) -> Shape {
+        let [near, far] = self.near_and_far(x);
+        near.worse(&far)
+    }
+
+    /// Shapes of the cells that small motions touch, and of all others. Collective.
+    fn near_and_far(&self, x: &[f64]) -> [Shape; 2] {
+        let near = self.worst_in(self.grid.near_cells.iter().cloned(), x);
+        let ends = self.grid.near_cells.iter().map(|r| r.start).chain([self.grid.cells.len()]);
+        let starts = [0].into_iter().chain(self.grid.near_cells.iter().map(|r| r.end));
+        let far = self.worst_in(starts.zip(ends).map(|(a, b)| a..b), x);
+        worst_of_all(self.grid.comm(), [near, far])
+    }
+
+    /// The worst of this rank's cells in `runs`.
+    fn worst_in(&self, runs: impl Iterator<Item = std::ops::Range<usize>>, x: &[f64]) -> Shape {
         let (mut quality, mut worst, mut ratio) = (f64::INFINITY, None, f64::INFINITY);
-        for c in 0..self.grid.cells.len() {
-            let q = self.grid.shapes.quality(c, x);
-            if q < quality {
-                (quality, worst) = (q, Some(c));
-            }
-            let r = mesh::quality::volume(&self.grid.corners(c, x)) / self.start_volumes[c];
-            ratio = if r >= ratio {
-                ratio
-            } else if r.is_nan() {
-                f64::NEG_INFINITY
-            } else {
-                r
-            };
+        for run in runs {
+            self.grid.shapes.each(&self.grid.cells, run, x, |c, p, q| {
+                if q < quality {
+                    (quality, worst) = (q, Some(c));
+                }
+                ratio = lower(ratio, volume(p) / self.start_volumes[c]);
+            });
         }
         let (cell, at) = match worst {
             Some(c) => (self.grid.cell_global[c], self.grid.centre(c, x)),
             None => (u32::MAX, [0.0; 3]),
         };
-        worst_of_all(self.grid.comm(), Shape { quality, cell, at, volume_ratio: ratio })
+        Shape { quality, cell, at, volume_ratio: ratio }
+    }
+
+    /// The answer for a canopy that is a small motion away from the anchor's.
+    fn near_anchor(&mut self, to: &mut Positions) -> Option<Moved> {
+        let Anchor { far, effort } = self.anchor?;
+        for ((p, c), a) in self.push.iter_mut().zip(&to.canopy).zip(&self.anchor_canopy) {
+            *p = c - a;
+        }
+        let push = self.push.as_chunks::<3>().0;
+        // The same on every rank: all know the whole canopy.
+        let small = |(d, r): (&[f64; 3], &f64)| d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= r * r;
+        if !push.iter().zip(&self.reach).all(small) {
+            return None;
+        }
+        self.place(to);
+        for row in &self.grid.near {
+            let x = &mut to.grid[3 * self.grid.free_node[row.free as usize] as usize..][..3];
+            let d = &self.push[3 * row.canopy as usize..][..3];
+            let share = f64::from(row.share);
+            x.iter_mut().zip(d).for_each(|(x, d)| *x += share * d);
+        }
+        let near = self.worst_in(self.grid.near_cells.iter().cloned(), &to.grid);
+        let [near] = worst_of_all(self.grid.comm(), [near]);
+        let shape = near.worse(&far);
+        self.accepts(&shape).then_some(Moved {
+            effort: Effort { iterations: 0, ..effort },
+            increments: 1,
+            shape,
+        })
+    }
+
+    /// Puts reference plus `u` and the canopy into `to`.
+    fn place(&self, to: &mut Positions) {
+        to.grid.copy_from_slice(&self.reference.grid);
+        for (&a, u) in self.grid.free_node.iter().zip(self.u.as_chunks::<3>().0) {
+            let x = &mut to.grid[3 * a as usize..][..3];
+            x.iter_mut().zip(u).for_each(|(x, u)| *x += u);
+        }
+        self.grid.place_canopy(&to.canopy, &mut to.grid);
+    }
+
+    /// Measures how far small motions go on the reference grid. Collective.
+    fn measure(&mut self) {
+        self.reach = near::reach(&self.grid, &self.grid.free_sizes(&self.reference.grid));
     }
 
     fn accepts(&self, shape: &Shape) -> bool {
@@ -253,12 +334,7 @@ impl Motion {
             *p = c - r;
         }
         let effort = self.mover.displace(&self.grid, &self.push, &mut self.u)?;
-        to.grid.copy_from_slice(&self.reference.grid);
-        for (&a, u) in self.grid.free_node.iter().zip(self.u.as_chunks::<3>().0) {
-            let x = &mut to.grid[3 * a as usize..][..3];
-            x.iter_mut().zip(u).for_each(|(x, u)| *x += u);
-        }
-        self.grid.place_canopy(&to.canopy, &mut to.grid);
+        self.place(to);
         Ok(effort)
     }
 
@@ -268,6 +344,8 @@ impl Motion {
         self.reference_quality = quality;
         self.rebased += 1;
         self.at_start = false;
+        self.anchor = None;
+        self.measure();
         Ok(())
     }
 
@@ -333,19 +411,29 @@ impl LocalGrid {
     }
 }
 
-/// The worst over ranks; ties go to the lowest cell, so that the answer does not
-/// depend on the number of ranks.
-fn worst_of_all(comm: &Comm, s: Shape) -> Shape {
-    let row = [s.quality, f64::from(s.cell), s.at[0], s.at[1], s.at[2], s.volume_ratio];
-    let all = comm.all_gather_var(&row);
-    let mut worst = s;
-    for r in all.as_chunks::<6>().0 {
-        if r[0] < worst.quality || (r[0] == worst.quality && r[1] < f64::from(worst.cell)) {
-            worst.quality = r[0];
-            worst.cell = r[1] as u32;
-            worst.at = [r[2], r[3], r[4]];
+impl Shape {
+    /// Of two sets of cells together; ties go to the lowest cell, so that the answer does
+    /// not depend on who looked first.
+    fn worse(&self, other: &Self) -> Self {
+        let mine = self.quality < other.quality || (self.quality == other.quality && self.cell < other.cell);
+        let worst = if mine { self } else { other };
+        Self { volume_ratio: self.volume_ratio.min(other.volume_ratio), ..*worst }
+    }
+}
+
+/// The worst over ranks, of several sets of cells at once.
+fn worst_of_all<const N: usize>(comm: &Comm, own: [Shape; N]) -> [Shape; N] {
+    if comm.size() == 1 {
+        return own;
+    }
+    let rows = own.map(|s| [s.quality, f64::from(s.cell), s.at[0], s.at[1], s.at[2], s.volume_ratio]);
+    let all = comm.all_gather_var(rows.as_flattened());
+    let mut worst = own;
+    for rows in all.chunks(6 * N) {
+        for (worst, r) in worst.iter_mut().zip(rows.as_chunks::<6>().0) {
+            let at = [r[2], r[3], r[4]];
+            *worst = worst.worse(&Shape { quality: r[0], cell: r[1] as u32, at, volume_ratio: r[5] });
         }
-        worst.volume_ratio = worst.volume_ratio.min(r[5]);
     }
     worst
 }

@@ -13,7 +13,7 @@ use crate::local::LocalGrid;
 use crate::motion::{Limits, Motion, MotionError, Moved, Positions};
 use crate::mover::Mover;
 use crate::state::State;
-use crate::velocity::backward_difference;
+use crate::velocity::{first_order, second_order};
 
 /// Numbers in a row of the output: position (m), velocity (m/s).
 const WIDTH: usize = 6;
@@ -222,12 +222,25 @@ impl Participant for MeshMover {
         let earlier = self.before.as_ref().filter(|_| self.dt == w.dt);
         let n = self.motion.grid.nodes.n_owned;
         assert_eq!(output.len(), WIDTH * n, "one row for each owned node");
-        for (a, row) in output.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
-            for i in 0..3 {
-                let at = 3 * a + i;
-                let x2 = earlier.map(|b| b.grid[at]);
-                row[i] = self.trial.grid[at];
-                row[3 + i] = backward_difference(self.trial.grid[at], self.now.grid[at], x2, w.dt);
+        let rows = output.as_chunks_mut::<WIDTH>().0.iter_mut();
+        let rows = rows.zip(self.trial.grid.as_chunks::<3>().0).zip(self.now.grid.as_chunks::<3>().0);
+        let scale = 1.0 / w.dt;
+        match earlier {
+            Some(before) => {
+                for (((row, x), x1), x2) in rows.zip(before.grid.as_chunks::<3>().0) {
+                    for i in 0..3 {
+                        row[i] = x[i];
+                        row[3 + i] = second_order(x[i], x1[i], x2[i], scale);
+                    }
+                }
+            }
+            None => {
+                for ((row, x), x1) in rows {
+                    for i in 0..3 {
+                        row[i] = x[i];
+                        row[3 + i] = first_order(x[i], x1[i], scale);
+                    }
+                }
             }
         }
         self.answered = Some((*w, moved));

@@ -24,15 +24,67 @@ fn quality_of(quad: &[u32; 4], x: &[f64]) -> f64 {
     corner_quality(at(quad[0]), at(quad[1]), at(quad[2]), at(quad[3]))
 }
 
-/// The corners of a list of cells as flat node quadruples, so that the quality
-/// of moving cells of any shape is one loop without decisions.
+/// Scaled Jacobian of a hexahedron with eight distinct corners `p`: the smallest over them.
+/// Each of its twelve edges is measured once. NaN counts as minus infinity.
+#[inline]
+fn regular_quality(p: &[Vec3; 8]) -> f64 {
+    // Edges along the three parent axes, by the corner at their lower end.
+    let edge = |a: usize, b: usize| sub(p[b], p[a]);
+    let x = [edge(0, 1), edge(3, 2), edge(4, 5), edge(7, 6)];
+    let y = [edge(0, 3), edge(1, 2), edge(4, 7), edge(5, 6)];
+    let z = [edge(0, 4), edge(1, 5), edge(2, 6), edge(3, 7)];
+    let (x2, y2, z2) = (x.map(|e| dot(e, e)), y.map(|e| dot(e, e)), z.map(|e| dot(e, e)));
+    let mut squares = [0.0; 8];
+    for (s, [i, j, k]) in squares.iter_mut().zip(EDGES_AT) {
+        let det = dot(x[i], cross(y[j], z[k]));
+        *s = det * det.abs() / (x2[i] * y2[j] * z2[k]);
+    }
+    let mut worst = f64::INFINITY;
+    for s in squares {
+        worst = lower(worst, s);
+    }
+    worst.abs().sqrt().copysign(worst)
+}
+
+/// Volume of a (possibly collapsed) hexahedron with faces bent like its shape functions: the
+/// value of [`mesh::quality::volume`] from three determinants (J. Grandy, UCRL-ID-128886, 1997).
+#[inline]
+pub fn volume(p: &[Vec3; 8]) -> f64 {
+    let sum = |a: Vec3, b: Vec3| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+    let (a, b) = (sub(p[6], p[1]), sub(p[7], p[0]));
+    let (c, d) = (sub(p[6], p[3]), sub(p[2], p[0]));
+    let (e, f) = (sub(p[5], p[0]), sub(p[6], p[4]));
+    (dot(sum(a, b), cross(c, d)) + dot(b, cross(sum(c, e), f)) + dot(a, cross(e, sum(f, d)))) / 12.0
+}
+
+/// Edges (along x, y, z, as numbered in [`regular_quality`]) that meet in each corner.
+const EDGES_AT: [[usize; 3]; 8] =
+    [[0, 0, 0], [0, 1, 1], [1, 1, 2], [1, 0, 3], [2, 2, 0], [2, 3, 1], [3, 3, 2], [3, 2, 3]];
+
+/// The smaller one; NaN counts as minus infinity.
+#[inline]
+pub(crate) fn lower(worst: f64, s: f64) -> f64 {
+    if s >= worst {
+        worst
+    } else if s.is_nan() {
+        f64::NEG_INFINITY
+    } else {
+        s
+    }
+}
+
+/// Cells with what it takes to judge their shape quickly as they move: hexahedra with
+/// eight distinct corners need nothing, the corners of collapsed ones are listed as flat
+/// node quadruples.
 #[derive(Clone, Debug, Default)]
 pub struct Corners {
+    /// Cells with a collapsed edge, ascending.
+    collapsed: Vec<u32>,
     /// Corner node and the three nodes beside it.
     quads: Vec<[u32; 4]>,
     /// Factor of each corner's scaled Jacobian.
     scale: Vec<f32>,
-    /// First corner of each cell, and the end.
+    /// First corner of each collapsed cell, and the end.
     first: Vec<u32>,
 }
 
@@ -44,14 +96,12 @@ impl Corners {
     /// The sharp corners of wedges are sharp by intention (a slit ends there), so corners
     /// at a collapsed edge count relative to their start: 1 there, 0 when flat.
     pub fn new(cells: &[[u32; 8]], x: &[f64]) -> Self {
-        let mut all = Self {
-            quads: Vec::with_capacity(8 * cells.len()),
-            scale: Vec::with_capacity(8 * cells.len()),
-            first: Vec::with_capacity(cells.len() + 1),
-        };
-        for cell in cells {
+        let mut all = Self { first: vec![0], ..Self::default() };
+        for (c, cell) in cells.iter().enumerate() {
+            if (0..8).all(|i| !cell[..i].contains(&cell[i])) {
+                continue;
+            }
             let start = all.quads.len();
-            all.first.push(start as u32);
             for i in 0..8 {
                 let Some(quad) = corner(cell, i).filter(|q| !same_corner(&all.quads[start..], q)) else {
                     continue;
@@ -62,45 +112,68 @@ impl Corners {
                 all.scale.push(if counts_from_start { (1.0 / at_start) as f32 } else { 1.0 });
                 all.quads.push(quad);
             }
+            all.collapsed.push(c as u32);
+            all.first.push(all.quads.len() as u32);
         }
-        all.first.push(all.quads.len() as u32);
         all
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        20 * self.quads.len() + 4 * self.first.len()
+        20 * self.quads.len() + 8 * self.collapsed.len()
     }
 
-    /// Number of cells.
-    pub fn n_cells(&self) -> usize {
-        self.first.len() - 1
+    /// Smallest scaled Jacobian of cell `c` of `cells` (those of [`Corners::new`]) at node
+    /// positions `x` (flat, m). NaN counts as minus infinity.
+    pub fn quality(&self, cells: &[[u32; 8]], c: usize, x: &[f64]) -> f64 {
+        match self.collapsed.binary_search(&(c as u32)) {
+            Ok(k) => self.collapsed_quality(k, x),
+            Err(_) => regular_quality(&corners_at(&cells[c], x)),
+        }
     }
 
-    /// Smallest scaled Jacobian of cell `c` at node positions `x` (flat, m), see [`Corners::new`].
-    /// NaN counts as minus infinity.
+    /// Calls `f` with each cell of a run, its corners and its quality, in ascending order.
     #[inline]
-    pub fn quality(&self, c: usize, x: &[f64]) -> f64 {
+    pub fn each(
+        &self,
+        cells: &[[u32; 8]],
+        run: std::ops::Range<usize>,
+        x: &[f64],
+        mut f: impl FnMut(usize, &[Vec3; 8], f64),
+    ) {
+        let mut next = self.collapsed.partition_point(|&c| (c as usize) < run.start);
+        let mut at = run.start;
+        while at < run.end {
+            let stop = self.collapsed.get(next).map_or(run.end, |&c| (c as usize).min(run.end));
+            for (c, cell) in (at..stop).zip(&cells[at..stop]) {
+                let p = corners_at(cell, x);
+                f(c, &p, regular_quality(&p));
+            }
+            if stop < run.end {
+                f(stop, &corners_at(&cells[stop], x), self.collapsed_quality(next, x));
+                next += 1;
+            }
+            at = stop + 1;
+        }
+    }
+
+    fn collapsed_quality(&self, k: usize, x: &[f64]) -> f64 {
+        let range = self.first[k] as usize..self.first[k + 1] as usize;
         let mut worst = f64::INFINITY;
-        let range = self.first[c] as usize..self.first[c + 1] as usize;
         for (q, scale) in self.quads[range.clone()].iter().zip(&self.scale[range]) {
-            let s = f64::from(*scale) * quality_of(q, x);
-            worst = if s >= worst {
-                worst
-            } else if s.is_nan() {
-                f64::NEG_INFINITY
-            } else {
-                s
-            };
+            worst = lower(worst, f64::from(*scale) * quality_of(q, x));
         }
         worst
     }
+}
 
-    /// The worst cell and its quality; `None` without cells.
-    pub fn worst(&self, x: &[f64]) -> Option<(usize, f64)> {
-        let all = (0..self.n_cells()).map(|c| (c, self.quality(c, x)));
-        all.reduce(|a, b| if b.1 < a.1 { b } else { a })
-    }
+/// Corner positions of a cell.
+#[inline]
+pub fn corners_at(cell: &[u32; 8], x: &[f64]) -> [Vec3; 8] {
+    cell.map(|a| {
+        let a = 3 * a as usize;
+        [x[a], x[a + 1], x[a + 2]]
+    })
 }
 
 fn corner(cell: &[u32; 8], i: usize) -> Option<[u32; 4]> {
@@ -159,9 +232,9 @@ mod tests {
         // Positions where collapsed corners count as they are: all flat at the start.
         let q = |cell: [u32; 8]| {
             let c = Corners::new(&[cell], &[0.0; 24]);
-            (c.quads.len(), c.quality(0, &x))
+            (c.quads.len(), c.quality(&[cell], 0, &x))
         };
-        assert_eq!(q([0, 1, 2, 3, 4, 5, 6, 7]), (8, 1.0));
+        assert_eq!(q([0, 1, 2, 3, 4, 5, 6, 7]), (0, 1.0), "nothing to keep");
         let (n, s) = q([0, 1, 2, 2, 4, 5, 6, 6]);
         assert_eq!(n, 6);
         assert!((s - 0.5f64.sqrt()).abs() < 1e-14, "sharp corner of the prism, 45 degrees: {s}");
@@ -194,7 +267,7 @@ mod tests {
         // The tip is edge 0-4; 1-5 moves towards the line from it to 2-6.
         let wedge = [[0, 1, 2, 0, 4, 5, 6, 4]];
         let c = Corners::new(&wedge, &thin(0.05));
-        let known = |w: f64| c.quality(0, &thin(w));
+        let known = |w: f64| c.quality(&wedge, 0, &thin(w));
         assert!((known(0.05) - mesh::quality::scaled_jacobian(&points(&thin(0.05)), &wedge[0])).abs() < 1e-6);
         assert!(known(0.01) < 0.25 && known(0.01) > 0.1, "a fifth of its angle: {}", known(0.01));
         assert!(known(-0.01) < 0.0);
@@ -205,16 +278,32 @@ mod tests {
     }
 
     #[test]
+    fn volumes_are_those_of_the_start_grid() {
+        let mut x = cube();
+        for (a, p) in x.iter_mut().enumerate() {
+            (0..3).for_each(|i| p[i] += 0.2 * ((3 * a + i) as f64 * 1.7).sin());
+        }
+        for cell in [[0, 1, 2, 3, 4, 5, 6, 7], [0, 1, 2, 2, 4, 5, 6, 6], [0, 1, 2, 0, 4, 5, 6, 4]] {
+            let p = cell.map(|a: usize| x[a]);
+            let (a, b) = (volume(&p), mesh::quality::volume(&p));
+            assert!((a - b).abs() < 1e-14, "{cell:?}: {a} {b}");
+        }
+    }
+
+    #[test]
     fn a_pushed_corner_and_nan_are_seen() {
         for a in 0..8 {
             let mut x = cube();
             for (p, other) in [(0, 1.0), (1, 1.0), (2, 1.0)] {
                 x[a][p] += if x[a][p] > 0.5 { -other } else { other } * 0.7;
             }
-            let c = Corners::new(&[[0, 1, 2, 3, 4, 5, 6, 7]], &flat(&cube()));
-            assert!(c.quality(0, &flat(&x)) < 0.0, "corner {a} pushed through");
+            let cell = [[0, 1, 2, 3, 4, 5, 6, 7]];
+            let c = Corners::new(&cell, &flat(&cube()));
+            let q = c.quality(&cell, 0, &flat(&x));
+            let other = mesh::quality::scaled_jacobian(&x, &cell[0]);
+            assert!(q < 0.0 && (q - other).abs() < 1e-12, "corner {a} pushed through: {q} {other}");
             x[a][1] = f64::NAN;
-            assert_eq!(c.quality(0, &flat(&x)), f64::NEG_INFINITY);
+            assert_eq!(c.quality(&cell, 0, &flat(&x)), f64::NEG_INFINITY);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Conjugate gradients that stop when no node can be felt to be wrong.
 
 use comm::Comm;
-use linalg::{Operator, Preconditioner};
+use linalg::{Amg, Operator, Preconditioner};
 
 use crate::glance::Glance;
 
@@ -9,12 +9,12 @@ use crate::glance::Glance;
 pub struct Scratch {
     /// Residual; in: of the guess, out: what is left.
     pub r: Vec<f64>,
-    /// Correction found.
+    /// Correction found by conjugate gradients: A d is what they took from `r`.
     pub d: Vec<f64>,
-    /// Preconditioned residual: an estimate of the error.
+    /// What one more cycle adds to it.
     pub z: Vec<f64>,
     /// Search direction (local numbers).
-    p: Vec<f64>,
+    pub p: Vec<f64>,
     q: Vec<f64>,
 }
 
@@ -44,55 +44,58 @@ pub struct Goal {
     pub max_iterations: usize,
 }
 
-/// Once iterations are made, they go on to this share of the tolerance: the calls
-/// that follow in the same window then find their guess good enough.
-const MARGIN: f64 = 0.5;
+/// The last cycle's correction is taken too. Of an error that the cycle sees as z and reduces
+/// by 1 - l (l in 0 to 1), z/l was there and z (1 - l)/l is left: up to twice the tolerance
+/// may be seen where l is at least one half, as it is for all but the smoothest errors.
+const TAKEN: f64 = 2.0;
 
-/// Solves A d = r for three numbers a node until the preconditioned residual, which
+/// Solves A d = r, A being the matrix of `amg`, until the preconditioned residual, which
 /// estimates the error, is below the tolerance times `sizes` at every node. `glance` saves
 /// applications of the preconditioner where it is sure enough. Collective.
 ///
 /// Measuring the error in lengths of the grid, not relative to the right-hand
 /// side, is what makes calls cheap: a motion that no cell can feel costs nothing.
-pub fn correct<A: Operator + ?Sized, P: Preconditioner + ?Sized>(
-    a: &A,
-    preconditioner: &P,
+pub fn correct(
+    amg: &Amg<f32>,
     glance: &mut Glance,
     comm: &Comm,
     sizes: &[f64],
     goal: Goal,
     s: &mut Scratch,
 ) -> Ending {
+    let a = amg.matrix();
     let n = a.n_owned();
     s.d.fill(0.0);
-    s.p.fill(0.0);
-    let mut rho = 0.0;
-    let mut enough = goal.tolerance;
+    let mut rho = 1.0;
     for iterations in 0.. {
-        let seen = glance.look(comm, &s.r, sizes, &mut s.z);
+        let seen = Glance::look(comm, amg.inverse_blocks(), &s.r, sizes);
         let error = glance.error(seen);
-        if error <= enough {
+        if error <= goal.tolerance {
+            s.z.fill(0.0);
             return Ending { iterations, error };
         }
-        preconditioner.apply(&s.r, &mut s.z);
+        amg.apply(&s.r, &mut s.z);
         let error = comm.max(largest(&s.z, sizes));
         glance.learn(seen, error);
-        if error <= enough || iterations == goal.max_iterations || !error.is_finite() {
-            return Ending { iterations, error };
+        if error <= TAKEN * goal.tolerance || iterations == goal.max_iterations || !error.is_finite() {
+            return Ending { iterations, error: error / TAKEN };
         }
-        enough = MARGIN * goal.tolerance;
         let new = comm.sum(dot(&s.r, &s.z));
-        let beta = if iterations == 0 { 0.0 } else { new / rho };
+        let beta = new / rho;
         rho = new;
-        for (p, z) in s.p[..n].iter_mut().zip(&s.z) {
-            *p = z + beta * *p;
+        if iterations == 0 {
+            s.p[..n].copy_from_slice(&s.z);
+        } else {
+            for (p, z) in s.p[..n].iter_mut().zip(&s.z) {
+                *p = z + beta * *p;
+            }
         }
         a.apply(&mut s.p, &mut s.q);
         let curvature = comm.sum(dot(&s.p[..n], &s.q));
         if curvature.is_nan() || curvature <= 0.0 {
             // Rounding has eaten the direction, or the preconditioner is not
             // definite: the caller judges by the error.
-            return Ending { iterations, error };
+            return Ending { iterations, error: error / TAKEN };
         }
         let alpha = rho / curvature;
         for i in 0..n {
@@ -104,19 +107,25 @@ pub fn correct<A: Operator + ?Sized, P: Preconditioner + ?Sized>(
 }
 
 /// Largest length of a row of `z` over its size; NaN becomes infinity.
-pub(crate) fn largest(z: &[f64], sizes: &[f64]) -> f64 {
+fn largest(z: &[f64], sizes: &[f64]) -> f64 {
     let mut most = 0.0f64;
     for (z, h) in z.as_chunks::<3>().0.iter().zip(sizes) {
         let e = (z[0] * z[0] + z[1] * z[1] + z[2] * z[2]) / (h * h);
-        most = if e <= most {
-            most
-        } else if e.is_nan() {
-            f64::INFINITY
-        } else {
-            e
-        };
+        most = larger(most, e);
     }
     most.sqrt()
+}
+
+/// The larger one; NaN counts as infinity.
+#[inline]
+pub(crate) fn larger(most: f64, e: f64) -> f64 {
+    if e <= most {
+        most
+    } else if e.is_nan() {
+        f64::INFINITY
+    } else {
+        e
+    }
 }
 
 /// Rank-local dot product in a fixed order of summation.

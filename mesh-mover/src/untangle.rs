@@ -16,7 +16,7 @@ pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
     let mut free = vec![0.0; 3 * grid.free_node.len()];
     for _ in 0..SWEEPS {
         let bad = |x: &[f64]| -> Vec<usize> {
-            (0..grid.cells.len()).filter(|&c| grid.shapes.quality(c, x) < target).collect()
+            (0..grid.cells.len()).filter(|&c| grid.quality(c, x) < target).collect()
         };
         if comm.all(bad(x).is_empty()) {
             return;
@@ -58,8 +58,7 @@ fn cells_of_nodes(grid: &LocalGrid) -> Vec<Vec<u32>> {
 /// Pattern search along the axes and towards the mean of the neighbours.
 fn improve(a: u32, cells: &[u32], grid: &LocalGrid, x: &mut [f64]) {
     let at = 3 * a as usize;
-    let worst =
-        |x: &[f64]| cells.iter().map(|&c| grid.shapes.quality(c as usize, x)).fold(f64::INFINITY, f64::min);
+    let worst = |x: &[f64]| cells.iter().map(|&c| grid.quality(c as usize, x)).fold(f64::INFINITY, f64::min);
     let mut mean = [0.0; 3];
     let mut n = 0.0;
     let mut reach = 0.0f64;
@@ -116,9 +115,9 @@ mod tests {
             x[3 * a as usize] += 0.4;
             pushed += 1;
         }
-        assert!(pushed >= 4 && local.shapes.worst(&x).unwrap().1 < 0.0);
+        assert!(pushed >= 4 && local.worst(&x).unwrap().1 < 0.0);
         untangle(&local, &mut x, 0.1);
-        let (cell, q) = local.shapes.worst(&x).unwrap();
+        let (cell, q) = local.worst(&x).unwrap();
         assert!(q >= 0.1, "cell {cell}: {q}");
         for a in 0..local.n_local() {
             if !local.is_mine_to_move(a as u32) {

@@ -13,6 +13,8 @@ use comm::Comm;
 /// Vectors are kept in `f32`: what a guess lacks, the iterations find.
 pub struct Warm {
     basis: Vec<Vec<f32>>,
+    /// Motion of the canopy that each basis vector answers.
+    canopies: Vec<Vec<f64>>,
     /// Share of each basis vector in the latest solution.
     shares: Vec<f64>,
     spare: Vec<Vec<f32>>,
@@ -28,19 +30,15 @@ impl Warm {
     pub fn new(n: usize) -> Self {
         Self {
             basis: Vec::with_capacity(CAPACITY),
+            canopies: Vec::with_capacity(CAPACITY),
             shares: Vec::with_capacity(CAPACITY + 1),
             spare: vec![vec![0.0; n]; CAPACITY],
         }
     }
 
-    /// Forgets everything: the matrix has changed.
-    pub fn clear(&mut self) {
-        self.spare.append(&mut self.basis);
-        self.shares.clear();
-    }
-
-    /// Sets `x` to the guess for `b` (owned parts). Collective.
-    pub fn guess(&mut self, comm: &Comm, b: &[f64], x: &mut [f64]) {
+    /// Sets `x` to the guess for `b` (owned parts), and takes from `canopy`, the motion that
+    /// makes `b`, the part that the guess answers. Collective.
+    pub fn guess(&mut self, comm: &Comm, b: &[f64], x: &mut [f64], canopy: &mut [f64]) {
         let mut c = [0.0; CAPACITY];
         let m = self.basis.len();
         for (c, v) in c.iter_mut().zip(&self.basis) {
@@ -48,16 +46,17 @@ impl Warm {
         }
         comm.sum_slice(&mut c[..m]);
         x.fill(0.0);
-        for (c, v) in c.iter().zip(&self.basis) {
+        for ((c, v), known) in c.iter().zip(&self.basis).zip(&self.canopies) {
             axpy(*c, v, x);
+            canopy.iter_mut().zip(known).for_each(|(d, k)| *d -= c * k);
         }
         self.shares.clear();
         self.shares.extend_from_slice(&c[..m]);
     }
 
-    /// Learns the correction `d` that the iterations added to the last guess;
-    /// `ad` is A d. Both are used up as scratch. Collective.
-    pub fn learn(&mut self, comm: &Comm, d: &mut [f64], ad: &[f64]) {
+    /// Learns the correction `d` that was added to the last guess; `ad` is A d, `canopy` the
+    /// motion that it answers. Both `d` and `canopy` are used up. Collective.
+    pub fn learn(&mut self, comm: &Comm, d: &mut [f64], ad: &[f64], canopy: &mut [f64]) {
         let m = self.basis.len();
         let mut c = [0.0; CAPACITY + 1];
         for (c, v) in c.iter_mut().zip(&self.basis) {
@@ -74,8 +73,9 @@ impl Warm {
         if rest.is_nan() || rest <= 1e-10 * energy {
             return;
         }
-        for (c, v) in c[..m].iter().zip(&self.basis) {
+        for ((c, v), known) in c[..m].iter().zip(&self.basis).zip(&self.canopies) {
             axpy(-c, v, d);
+            canopy.iter_mut().zip(known).for_each(|(d, k)| *d -= c * k);
         }
         if m == CAPACITY {
             self.merge();
@@ -86,6 +86,7 @@ impl Warm {
             *v = (d / norm) as f32;
         }
         self.basis.push(v);
+        self.canopies.push(canopy.iter().map(|k| k / norm).collect());
         self.shares.push(norm);
     }
 
@@ -95,6 +96,7 @@ impl Warm {
         let old = CAPACITY / 2;
         let norm = self.shares[..old].iter().map(|s| s * s).sum::<f64>().sqrt();
         let mut removed: Vec<Vec<f32>> = self.basis.drain(..old).collect();
+        let mut known: Vec<Vec<f64>> = self.canopies.drain(..old).collect();
         let shares: Vec<f64> = self.shares.drain(..old).collect();
         if norm > 0.0 {
             let (first, rest) = removed.split_first_mut().expect("half of the capacity");
@@ -104,7 +106,13 @@ impl Warm {
                 let s = (s / norm) as f32;
                 first.iter_mut().zip(v).for_each(|(a, b)| *a += s * b);
             }
+            let (sum, rest) = known.split_first_mut().expect("as many as vectors");
+            sum.iter_mut().for_each(|k| *k *= shares[0] / norm);
+            for (k, s) in rest.iter().zip(&shares[1..]) {
+                sum.iter_mut().zip(k).for_each(|(a, b)| *a += s / norm * b);
+            }
             self.basis.insert(0, removed.remove(0));
+            self.canopies.insert(0, known.remove(0));
             self.shares.insert(0, norm);
         }
         self.spare.append(&mut removed);
@@ -112,7 +120,8 @@ impl Warm {
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.basis.iter().chain(&self.spare).map(|v| 4 * v.len()).sum()
+        let canopies: usize = self.canopies.iter().map(|k| 8 * k.len()).sum();
+        canopies + self.basis.iter().chain(&self.spare).map(|v| 4 * v.len()).sum::<usize>()
     }
 }
 
@@ -152,7 +161,8 @@ mod tests {
             let b: Vec<f64> = (0..n)
                 .map(|i| (0..8).map(|k| wave(k, i) * (0.3 * step as f64 + k as f64).sin()).sum())
                 .collect();
-            warm.guess(&comm, &b, &mut x);
+            let mut push = b.clone();
+            warm.guess(&comm, &b, &mut x, &mut push);
             let exact: Vec<f64> = b.iter().zip(&a).map(|(b, a)| b / a).collect();
             let mut d: Vec<f64> = exact.iter().zip(&x).map(|(e, x)| e - x).collect();
             let miss = d.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -163,12 +173,12 @@ mod tests {
                 late = late.max(miss / size);
             }
             let ad: Vec<f64> = d.iter().zip(&a).map(|(d, a)| d * a).collect();
-            warm.learn(&comm, &mut d, &ad);
+            warm.learn(&comm, &mut d, &ad, &mut push);
             assert!(warm.basis.len() <= CAPACITY);
         }
         assert_eq!(first, 1.0);
         assert!(late < 1e-5, "all motions are known after 8 steps: {late}");
-        warm.guess(&comm, &vec![0.0; n], &mut x);
+        warm.guess(&comm, &vec![0.0; n], &mut x, &mut []);
         assert!(x.iter().all(|&v| v == 0.0));
     }
 
@@ -184,11 +194,16 @@ mod tests {
         };
         for step in 0..60 {
             let b = b(step);
-            warm.guess(&comm, &b, &mut x);
+            let mut push = b.clone();
+            warm.guess(&comm, &b, &mut x, &mut push);
             let mut d: Vec<f64> = b.iter().zip(&x).map(|(b, x)| b - x).collect();
             let ad = d.clone();
-            warm.learn(&comm, &mut d, &ad);
-            warm.guess(&comm, &b, &mut x);
+            warm.learn(&comm, &mut d, &ad, &mut push);
+            let mut push = b.clone();
+            warm.guess(&comm, &b, &mut x, &mut push);
+            // With the unit matrix the motion answered is the guess itself.
+            let apart = b.iter().zip(&x).zip(&push).map(|((b, x), p)| (b - x - p).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-4, "step {step}: {apart}");
             let miss: f64 = b.iter().zip(&x).map(|(b, x)| (b - x).abs()).fold(0.0, f64::max);
             assert!(miss < 1e-4, "step {step}: {miss}");
         }

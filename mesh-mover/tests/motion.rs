@@ -114,8 +114,8 @@ fn oscillation_in_the_total_form_does_not_drift() {
     assert_eq!(run.at.grid, run.start.grid, "the start grid to the bit");
     run.window(swing(1.0)).unwrap();
     let apart = run.at.grid.iter().zip(&quarter.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // Two answers within the tolerance of 1e-3 of the smallest edge, 0.1.
-    assert!(apart < 2e-4, "{apart}");
+    // Two answers within the tolerance, 3e-3 of the smallest edge, 0.1.
+    assert!(apart < 6e-4, "{apart}");
 }
 
 #[test]

@@ -8,10 +8,10 @@ use comm::Comm;
 use common::{Rig, window};
 use mesh_mover::state::State;
 
-/// How near two answers to one input are, m: the tolerance is a thousandth of the
+/// How near two answers to one input are, m: the tolerance is 3 thousandths of the
 /// shortest edge (0.07), as far as the preconditioner sees the error; smooth errors
 /// (which no cell feels) may be a few times larger.
-const CLOSE: f64 = 5e-4;
+const CLOSE: f64 = 1e-3;
 
 fn rig() -> Rig {
     Rig::new(&Comm::solo(), &MeshMotion::default(), None)
@@ -31,7 +31,7 @@ fn canopy_to_the_bit_outer_boundary_at_rest_velocities_by_the_formula() {
         let stats = rig.advance(&window(index, 0), &d).unwrap();
         assert!(stats.values[mesh_stats::MIN_QUALITY] > 0.1);
         assert_eq!(stats.values[mesh_stats::INCREMENTS], 1.0);
-        assert!(stats.values[mesh_stats::RESIDUAL] <= 1e-3);
+        assert!(stats.values[mesh_stats::RESIDUAL] <= 3e-3);
         let rows = rig.output.as_chunks::<6>().0;
         for (k, &a) in rig.grid.canopy_nodes.iter().enumerate() {
             for i in 0..3 {
@@ -77,6 +77,39 @@ fn iterations_restart_from_the_accepted_state() {
     };
     (0..3).for_each(|i| apart(i, CLOSE));
     (3..6).for_each(|i| apart(i, 1.5 * CLOSE / 0.25));
+}
+
+#[test]
+fn within_a_window_small_motions_are_one_linear_function_to_the_bit() {
+    let mut rig = rig();
+    let d = rig.displacement(0.6);
+    rig.advance(&window(0, 0), &d).unwrap();
+    let first = rig.output.clone();
+    // Smooth and rough, up to 4 mm: the shortest edges are 70 mm.
+    let nudge = |s: f64| -> Vec<f64> {
+        d.iter()
+            .enumerate()
+            .map(|(i, d)| d + 4e-3 * s * (0.1 * i as f64).sin() * (1.7 * i as f64).cos())
+            .collect()
+    };
+    let whole = rig.advance(&window(0, 1), &nudge(1.0)).unwrap();
+    assert_eq!(whole.values[mesh_stats::ITERATIONS], 0.0);
+    let moved = rig.output.clone();
+    rig.advance(&window(0, 2), &nudge(-0.5)).unwrap();
+    let back = rig.output.clone();
+    let (mut near, mut far) = (0, 0);
+    for ((a, b), c) in first.iter().zip(&moved).zip(&back) {
+        assert!((b - a + 2.0 * (c - a)).abs() < 1e-13, "a line through {a}: {b} {c}");
+        if a == b { far += 1 } else { near += 1 }
+    }
+    assert!(near > 0 && far > near / 4, "{near} {far}");
+    rig.advance(&window(0, 3), &d).unwrap();
+    assert_eq!(rig.output, first, "the same input, the same bits");
+    // The next window starts from the canopy's position alone: nothing has piled up.
+    rig.advance(&window(0, 4), &nudge(1.0)).unwrap();
+    rig.mover.accept(&window(0, 4)).unwrap();
+    rig.advance(&window(1, 0), &vec![0.0; d.len()]).unwrap();
+    assert_eq!(positions(&rig.output), rig.grid.coords.as_flattened());
 }
 
 #[test]

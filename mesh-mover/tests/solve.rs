@@ -48,8 +48,8 @@ fn affine_miss(grid: FlowGrid, solid: Solid, map: [[f64; 3]; 3], shift: [f64; 3]
 
 const SHEAR: [[f64; 3]; 3] = [[0.1, 0.3, -0.2], [0.05, -0.2, 0.4], [0.0, 0.1, 0.3]];
 
-/// The matrix is stored in single precision: six digits of the displacement are exact.
-const SINGLE: f64 = 2e-6;
+/// The matrix is summed up in single precision: five to six digits of the displacement are exact.
+const SINGLE: f64 = 4e-6;
 
 #[test]
 fn patch_test_on_distorted_mixed_cells() {
@@ -134,7 +134,7 @@ fn one_linear_solve_survives_motions_of_several_cell_layers() {
                 (0..3).for_each(|i| x[3 * a + i] += canopy[3 * *k as usize + i]);
             }
         }
-        let (cell, q) = local.shapes.worst(&x).unwrap();
+        let (cell, q) = local.worst(&x).unwrap();
         println!("{name}: worst cell {cell} {q:.3} ({} iterations)", effort.iterations);
         assert!(q > least, "{name}: cell {cell} has quality {q}");
     }

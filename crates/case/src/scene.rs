@@ -453,7 +453,8 @@ pub struct MeshMotion {
     pub stiffening_exponent: f64,
     /// Poisson's ratio of the pseudo-solid.
     pub poisson_ratio: f64,
-    /// Relative tolerance of the interior solution: only smoothness is at stake.
+    /// Accepted error of an interior node's position, in shares of the shortest cell edge around
+    /// it: only smoothness is at stake.
     pub tolerance: f64,
     /// Smallest scaled Jacobian that is accepted, above 0.
     pub min_quality: f64,
@@ -466,7 +467,7 @@ impl Default for MeshMotion {
         Self {
             stiffening_exponent: 1.0,
             poisson_ratio: 0.3,
-            tolerance: 1e-3,
+            tolerance: 3e-3,
             min_quality: 1e-3,
             max_increments: 8,
         }

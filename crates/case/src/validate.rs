@@ -235,7 +235,7 @@ fn solvers(scene: &Scene, c: &mut Check) {
     let m = &scene.mesh;
     c.range("mesh.stiffening_exponent", m.stiffening_exponent, 0.0, 4.0, true, "0 is none, 1 to 2 is usual");
     c.range("mesh.poisson_ratio", m.poisson_ratio, -0.9, 0.45, true, "of the pseudo-solid");
-    c.positive("mesh.tolerance", m.tolerance, 0.5, "a relative residual");
+    c.positive("mesh.tolerance", m.tolerance, 0.5, "shares of the shortest edge around a node");
     c.range("mesh.min_quality", m.min_quality, 0.0, 0.9, true, "a scaled Jacobian");
     c.count("mesh.max_increments", m.max_increments, 1, 10_000, "sub-increments");
     let k = &scene.coupling;

@@ -169,6 +169,15 @@ impl<const B: usize, T: Real> BlockCsr<B, T> {
         self.map(|v| S::from_f64(v.to_f64()))
     }
 
+    /// The matrix itself in another precision; where that is its own, nothing is copied.
+    pub(crate) fn into_precision<S: Real>(self) -> BlockCsr<B, S> {
+        let mut itself = Some(self);
+        match (&mut itself as &mut dyn std::any::Any).downcast_mut::<Option<BlockCsr<B, S>>>() {
+            Some(same) => same.take().expect("just put there"),
+            None => itself.expect("of another type: not taken").cast(),
+        }
+    }
+
     /// The matrix of `f` of each entry.
     pub(crate) fn map<S: Real>(&self, f: impl Fn(T) -> S) -> BlockCsr<B, S> {
         BlockCsr {

@@ -1,6 +1,7 @@
 //! Groups of strongly coupled nodes.
 
 use crate::BlockCsr;
+use crate::block::Real;
 
 /// Aggregate of each owned node, or [`NONE`] for nodes that couple to nothing.
 pub(super) struct Aggregates {
@@ -13,9 +14,9 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// Greedy aggregation in three passes (Vanek et al. 1996): neighbourhoods that are free
 /// as a whole; nodes that touch one of those; what is left over.
-pub(super) fn aggregate<const F: usize>(a: &BlockCsr<F>, strength: f64) -> Aggregates {
+pub(super) fn aggregate<const F: usize, S: Real>(a: &BlockCsr<F, S>, strength: f64) -> Aggregates {
     let n = a.n_rows();
-    let norm2 = |s: usize| a.values[s].iter().flatten().map(|v| v * v).sum::<f64>();
+    let norm2 = |s: usize| a.values[s].iter().flatten().map(|v| v.to_f64() * v.to_f64()).sum::<f64>();
     let diagonal: Vec<f64> = (0..n).map(|i| norm2(a.diagonal_slot(i)).sqrt()).collect();
     let limit = strength * strength;
     // Strong couplings within the rank, as (neighbour, squared norm relative to limit).

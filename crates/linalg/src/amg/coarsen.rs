@@ -5,6 +5,7 @@ use super::galerkin::{CoarseRows, galerkin};
 use super::prolongation::Prolongation;
 use super::{AmgParams, MODES, spectrum};
 use crate::BlockCsr;
+use crate::block::Real;
 use crate::ghost_rows::{GhostRows, starts};
 
 /// The next coarser problem.
@@ -16,8 +17,8 @@ pub(super) struct Step {
 
 /// Aggregates the nodes of `a`, builds the tentative prolongation that reproduces
 /// `modes`, smooths it by one step of damped Jacobi, and projects. Collective.
-pub(super) fn coarsen<const F: usize>(
-    a: &BlockCsr<F>,
+pub(super) fn coarsen<const F: usize, S: Real>(
+    a: &BlockCsr<F, S>,
     inverse: &[[[f64; F]; F]],
     modes: &[[[f64; MODES]; F]],
     params: &AmgParams,
@@ -98,8 +99,8 @@ fn tentative<const F: usize>(
 }
 
 /// $P = (I - \omega D^{-1} A)\,T$ for the owned rows.
-fn smooth<const F: usize>(
-    a: &BlockCsr<F>,
+fn smooth<const F: usize, S: Real>(
+    a: &BlockCsr<F, S>,
     inverse: &[[[f64; F]; F]],
     tentative: &[f64],
     omega: f64,
@@ -126,7 +127,7 @@ fn smooth<const F: usize>(
                 let sum = &mut sums[at].1;
                 for r in 0..F {
                     for c in 0..F {
-                        let v = a.values[s][r][c];
+                        let v = a.values[s][r][c].to_f64();
                         for m in 0..MODES {
                             sum[r][m] += v * t(c, m);
                         }

@@ -50,8 +50,8 @@ impl Accumulator {
 
 /// Projects `a` with the owned rows `p` of the prolongation; this rank owns the coarse
 /// nodes `first[rank]..` (`count` of them). Collective.
-pub(super) fn galerkin<const F: usize>(
-    a: &BlockCsr<F>,
+pub(super) fn galerkin<const F: usize, S: Real>(
+    a: &BlockCsr<F, S>,
     ghosts: &GhostRows,
     p: &CoarseRows<F>,
     count: usize,
@@ -120,7 +120,7 @@ pub(super) fn galerkin<const F: usize>(
                 for r in 0..F {
                     for c in 0..F {
                         for m in 0..MODES {
-                            sum[r][m] = block[r][c].fused(pj[c][m], sum[r][m]);
+                            sum[r][m] = block[r][c].to_f64().fused(pj[c][m], sum[r][m]);
                         }
                     }
                 }
@@ -175,8 +175,8 @@ pub(super) fn galerkin<const F: usize>(
 }
 
 /// Numbers the coarse nodes for good and makes the matrix and the prolongation.
-fn finish<const F: usize>(
-    a: &BlockCsr<F>,
+fn finish<const F: usize, S: Real>(
+    a: &BlockCsr<F, S>,
     p: &CoarseRows<F>,
     sums: Accumulator,
     p_cols: &[u32],

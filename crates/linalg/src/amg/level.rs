@@ -31,28 +31,26 @@ struct Work<T> {
 }
 
 impl<const F: usize, T: Real> Level<F, T> {
-    /// Sets up the level of `a / scale` and makes the next coarser problem. Collective.
-    pub fn new(
-        a: &BlockCsr<F>,
-        scale: f64,
+    /// Sets up the level of `a` and makes the next coarser problem. Collective.
+    pub fn new<S: Real>(
+        a: BlockCsr<F, S>,
         modes: &[[[f64; MODES]; F]],
         params: &AmgParams,
         level: usize,
     ) -> Result<(Self, Step), AmgError> {
         let n = a.n_rows();
-        let scaled = a.map(|v| v / scale);
         let mut singular = None;
         let mut inverse = Vec::with_capacity(n);
         let mut extra = vec![[T::default(); F]; n];
         let mut jacobi = Vec::with_capacity(n);
         for i in 0..n {
-            let slot = scaled.diagonal_slot(i);
-            let mut d = scaled.values[slot];
+            let slot = a.diagonal_slot(i);
+            let mut d = a.values[slot].map(|row| row.map(S::to_f64));
             jacobi.push(invert(&d).unwrap_or([[0.0; F]; F]));
-            for s in slot + 1..scaled.row(i).end {
-                if scaled.cols()[s] as usize >= n {
+            for s in slot + 1..a.row(i).end {
+                if a.cols()[s] as usize >= n {
                     for r in 0..F {
-                        let l1: f64 = scaled.values[s][r].iter().map(|v| v.abs()).sum();
+                        let l1: f64 = a.values[s][r].iter().map(|v| v.to_f64().abs()).sum();
                         extra[i][r] += T::from_f64(0.5 * l1);
                     }
                 }
@@ -72,9 +70,9 @@ impl<const F: usize, T: Real> Level<F, T> {
                 None => AmgError::OtherRank { level },
             });
         }
-        let (step, p) = coarsen(&scaled, &jacobi, modes, params);
+        let (step, p) = coarsen(&a, &jacobi, modes, params);
         let level = Self {
-            a: scaled.cast(),
+            a: a.into_precision(),
             inverse,
             extra,
             p: p.cast(),
@@ -101,6 +99,14 @@ impl<const F: usize, T: Real> Level<F, T> {
         self.a.n_rows()
     }
 
+    pub fn matrix(&self) -> &BlockCsr<F, T> {
+        &self.a
+    }
+
+    pub fn inverse(&self) -> &[[[T; F]; F]] {
+        &self.inverse
+    }
+
     pub fn comm(&self) -> &Comm {
         self.a.halo().comm()
     }
@@ -110,7 +116,15 @@ impl<const F: usize, T: Real> Level<F, T> {
     }
 
     pub fn bytes(&self) -> usize {
-        self.a.bytes() + self.inverse.len() * size_of::<[[T; F]; F]>() + self.p.bytes()
+        let (buffers, work) = (self.buffers.borrow(), self.work.borrow());
+        let numbers = buffers.0.len()
+            + buffers.1.len()
+            + work.residual.len()
+            + work.coarse_rhs.len()
+            + work.coarse_x.len()
+            + self.extra.len() * F
+            + self.inverse.len() * F * F;
+        self.a.bytes() + numbers * size_of::<T>() + self.p.bytes()
     }
 
     /// `x = M^-1 r`: smooth, correct by `coarse`, smooth in reverse. `x` has local length.

@@ -78,14 +78,33 @@ impl<T: Real> Amg<T> {
     /// Builds the hierarchy of `a`, whose Dirichlet rows and columns have been
     /// eliminated. `coords` are the positions of the owned nodes (longer is allowed).
     /// Collective; when it fails it fails on every rank.
-    pub fn new(a: &BlockCsr<3>, coords: &[[f64; 3]], mut params: AmgParams) -> Result<Self, AmgError> {
+    pub fn new(a: &BlockCsr<3>, coords: &[[f64; 3]], params: AmgParams) -> Result<Self, AmgError> {
         let comm = a.halo().comm().clone();
         let diagonal = |i: usize| a.values[a.diagonal_slot(i)];
         let largest = (0..a.n_rows()).flat_map(|i| diagonal(i).into_iter().flatten()).fold(0.0, f64::max);
         let scale = comm.max(largest);
         let scale = if scale > 0.0 && scale.is_finite() { scale } else { 1.0 };
 
-        let (mut fine, step) = Level::new(a, scale, &rigid_modes(a, coords), &params, 0)?;
+        Self::build(a.map(|v| v / scale), scale, coords, params)
+    }
+
+    /// As [`Amg::new`], but keeps the matrix as it is as its finest level, where
+    /// [`Amg::matrix`] lends it: a solver then holds it once, and no copy in a higher precision
+    /// is ever made. In single precision its entries should be near one (1e-15 to 1e15).
+    pub fn of_matrix(a: BlockCsr<3, T>, coords: &[[f64; 3]], params: AmgParams) -> Result<Self, AmgError> {
+        Self::build(a, 1.0, coords, params)
+    }
+
+    fn build<S: Real>(
+        a: BlockCsr<3, S>,
+        scale: f64,
+        coords: &[[f64; 3]],
+        mut params: AmgParams,
+    ) -> Result<Self, AmgError> {
+        let comm = a.halo().comm().clone();
+        let modes = rigid_modes(&a, coords);
+        let (mut fine, step) = Level::new(a, &modes, &params, 0)?;
+        drop(modes);
         let mut coarse = Vec::new();
         let mut next = step;
         loop {
@@ -95,7 +114,7 @@ impl<T: Real> Amg<T> {
             }
             // Coarse matrices are denser and less anisotropic.
             params.strength *= 0.5;
-            let (level, step) = Level::new(&next.a, 1.0, &next.modes, &params, coarse.len() + 1)?;
+            let (level, step) = Level::new(next.a.clone(), &next.modes, &params, coarse.len() + 1)?;
             let fewer = comm.sum(step.a.n_rows() as f64) as usize;
             // Coarsening that hardly reduces the problem costs more than it helps.
             if fewer * 10 > nodes * 9 {
@@ -116,6 +135,17 @@ impl<T: Real> Amg<T> {
         nodes.extend(self.coarse.iter().map(Level::n_rows));
         nodes.push(self.coarsest.n_rows());
         nodes
+    }
+
+    /// The matrix of the finest level: the one given to [`Amg::of_matrix`], or the one given to
+    /// [`Amg::new`] divided by its largest entry.
+    pub fn matrix(&self) -> &BlockCsr<3, T> {
+        self.fine.matrix()
+    }
+
+    /// Inverses of the finest smoother's diagonal blocks (with the l1 safeguard between ranks).
+    pub fn inverse_blocks(&self) -> &[[[T; 3]; 3]] {
+        self.fine.inverse()
     }
 
     /// Bytes of the hierarchy on this rank.
@@ -157,7 +187,7 @@ impl<T: Real> Preconditioner for Amg<T> {
 
 /// The six rigid motions of each owned node, rotations about the mean position and
 /// scaled by the extent; components that a Dirichlet condition fixes are zero.
-fn rigid_modes(a: &BlockCsr<3>, coords: &[[f64; 3]]) -> Vec<[[f64; MODES]; 3]> {
+fn rigid_modes<S: Real>(a: &BlockCsr<3, S>, coords: &[[f64; 3]]) -> Vec<[[f64; MODES]; 3]> {
     let n = a.n_rows();
     let mut sums = [0.0; 4];
     for x in &coords[..n] {
@@ -187,7 +217,7 @@ fn rigid_modes(a: &BlockCsr<3>, coords: &[[f64; 3]]) -> Vec<[[f64; MODES]; 3]> {
 }
 
 /// Whether row `r` of node `i` holds nothing but its diagonal entry.
-fn is_decoupled<const F: usize>(a: &BlockCsr<F>, i: usize, r: usize) -> bool {
+fn is_decoupled<const F: usize, S: Real>(a: &BlockCsr<F, S>, i: usize, r: usize) -> bool {
     let diagonal = a.diagonal_slot(i);
-    a.row(i).all(|s| (0..F).all(|c| a.values[s][r][c] == 0.0 || (s == diagonal && c == r)))
+    a.row(i).all(|s| (0..F).all(|c| a.values[s][r][c].to_f64() == 0.0 || (s == diagonal && c == r)))
 }

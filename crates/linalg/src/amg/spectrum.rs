@@ -1,13 +1,17 @@
 //! The largest eigenvalue of the Jacobi-preconditioned matrix.
 
-use crate::block::add_mul;
+use crate::block::{Real, add_mul};
 use crate::vector::{axpy, dot, xpby};
 use crate::{BlockCsr, Operator};
 
 /// An estimate from above, by a few percent, of the largest eigenvalue of
 /// $D^{-1} A$ with the block diagonal $D$: Lanczos through the coefficients of
 /// conjugate gradients, from a fixed rough vector. Collective.
-pub(super) fn largest<const F: usize>(a: &BlockCsr<F>, inverse: &[[[f64; F]; F]], first: u64) -> f64 {
+pub(super) fn largest<const F: usize, S: Real>(
+    a: &BlockCsr<F, S>,
+    inverse: &[[[f64; F]; F]],
+    first: u64,
+) -> f64 {
     const STEPS: usize = 12;
     let comm = a.halo().comm();
     let n = a.n_owned();
