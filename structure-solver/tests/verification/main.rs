@@ -1,0 +1,12 @@
+//! Closed forms and exact properties. Each test derives its reference value and
+//! argues its tolerance.
+
+mod cables;
+mod common;
+mod convergence;
+mod elements;
+mod energy;
+mod pressure;
+mod shapes;
+mod vibrations;
+mod wrinkling;

@@ -1,0 +1,61 @@
+//! Tension fields: a strip in bending.
+
+use structure_solver::dynamics::Dynamics;
+use structure_solver::loops::{FaceLoad, Place};
+use structure_solver::materials::TensionField;
+use structure_solver::scheme::Scheme;
+
+use crate::common::*;
+use crate::shapes::*;
+
+/// Pure bending of a strip of height h under a tension P (Stein and Hedgepeth, NASA TN D-813, 1961).
+///
+/// A section carries tension that grows linearly from the border of the wrinkles at height b:
+/// $P=\tfrac12 Et\kappa(h-b)^2$, acting at $h-(h-b)/3$, so $M/(Ph)=\tfrac16+b/(3h)$. With
+/// $\kappa^*=Et h^2\kappa/(2P)$: $b/h=1-1/\sqrt{\kappa^*}$ and $2M/(Ph)=1-\tfrac23/\sqrt{\kappa^*}$;
+/// without wrinkles, $\kappa^*\le1$, $2M/(Ph)=\kappa^*/3$. Ends are turned as
+/// plane sections whose stretch makes P. Strains of 1e-4 keep the shape; the error
+/// is that of constant strains in bending, 1/n^2 for n elements over the height,
+/// which also steps over the border of the wrinkles.
+#[test]
+fn a_strip_in_bending_wrinkles_as_stein_and_hedgepeth_say() {
+    let (h, young, nu, n) = (1.0, 1e9, 0.3, 32usize);
+    for kappa_star in [0.5, 1.0, 2.0, 4.0, 9.0f64] {
+        let mut m = grid([n, n], true, |s, t| [h * s, h * t, 0.0]);
+        fix(&mut m, |x| [x[0] == 0.0 || x[0] == h, x[0] == 0.0 && x[1] == 0.5 * h, true]);
+        let mut d = Dynamics::new(
+            membrane(&m, TensionField::new(young, nu)),
+            params(Scheme::generalized_alpha(0.0), 100.0),
+        );
+        // Strain at height y is kappa (y - zero): zero is b, or lies below the strip.
+        let zero = if kappa_star > 1.0 { h * (1.0 - 1.0 / kappa_star.sqrt()) } else { 0.5 * h * (1.0 - 1.0 / kappa_star) };
+        let kappa = 1e-4 / (h - zero);
+        for (i, x) in m.coords.iter().enumerate() {
+            d.accepted.u[3 * i] = x[0] * kappa * (x[1] - zero);
+        }
+        let pressure = vec![0.0; m.faces.len()];
+        let load = FaceLoad { pressure: &pressure, traction: &[] };
+        rest(&mut d, 0.02, load, [0.0; 3], 1e-9 * h);
+        let x = positions(&d);
+        let mut f = vec![0.0; x.len()];
+        d.system.forces(Place::only(&x), load, &mut f);
+        let (mut tension, mut moment) = (0.0, 0.0);
+        for (i, p) in m.coords.iter().enumerate().filter(|(_, p)| p[0] == h) {
+            tension += f[3 * i];
+            moment += f[3 * i] * (p[1] - 0.5 * h);
+        }
+        let found = young * SHEET[0] * h * h * kappa / (2.0 * tension);
+        let exact = if kappa_star > 1.0 { 1.0 - 2.0 / 3.0 / kappa_star.sqrt() } else { kappa_star / 3.0 };
+        let ratio = 2.0 * moment / (tension * h);
+        // Share of the elements of the middle columns that carry nothing.
+        let slack = d.system.model.triangles.iter().zip(d.system.loops()[0].stresses(&x)).filter(|(t, s)| {
+            let middle = t.nodes.iter().map(|&n| m.coords[n as usize][0]).sum::<f64>() / 3.0;
+            (middle / h - 0.5).abs() < 0.25 && s.0[0] < 1e-3 * young * 1e-4
+        });
+        let band = slack.count() as f64 / (n * n) as f64;
+        println!("strip, kappa* {kappa_star}: {found:.4}; 2M/Ph {ratio:.4} beside {exact:.4}; band {band:.3} beside {:.3}", zero.max(0.0));
+        assert!((found / kappa_star - 1.0).abs() < 0.01 && (ratio - exact).abs() < 0.005, "{found} {ratio}");
+        // To one row of elements.
+        assert!((band - zero.max(0.0) / h).abs() < 1.0 / n as f64, "{band}");
+    }
+}
