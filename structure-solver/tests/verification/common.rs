@@ -5,6 +5,7 @@ use mesh::StructureMesh;
 use structure_solver::dynamics::{Dynamics, DynamicsParams, LoadPath};
 use structure_solver::elements::cable::CableLaw;
 use structure_solver::elements::mass::MassMatrix;
+use structure_solver::equilibrium::EquilibriumParams;
 use structure_solver::loops::{Cables, ElementLoop, FaceLoad, Membranes};
 use structure_solver::materials::Material;
 use structure_solver::model::Model;
@@ -101,25 +102,16 @@ pub fn stretch(d: &mut Dynamics, factor: f64) {
     }
 }
 
-/// Lets a structure come to rest: heavy damping and long steps of a scheme that
-/// removes high frequencies, until nothing moves by more than 1e-7 of `size` a step.
-pub fn settle(d: &mut Dynamics, dt: f64, pressure: f64, body: [f64; 3], size: f64) {
-    let p = vec![pressure; d.system.model.n_faces];
-    rest(d, dt, FaceLoad { pressure: &p, traction: &[] }, body, 1e-7 * size);
+/// Moves the accepted state to its equilibrium under a load, to `tolerance` of it.
+pub fn rest(d: &mut Dynamics, load: FaceLoad<'_>, body: [f64; 3], tolerance: f64) {
+    let params = EquilibriumParams { tolerance, ..EquilibriumParams::default() };
+    d.equilibrium(load, body, params, &mut |_| {}).expect("an equilibrium");
 }
 
-/// As [`settle`], until nothing moves by more than `still` (m) a step.
-pub fn rest(d: &mut Dynamics, dt: f64, load: FaceLoad<'_>, body: [f64; 3], still: f64) {
-    let path = LoadPath { pressure: [load.pressure; 2], traction: [load.traction; 2] };
-    for _ in 0..4000 {
-        let before = d.accepted.u.clone();
-        d.window(dt, 1, path, body, false).expect("a solvable window");
-        d.accept();
-        if largest_difference(&before, &d.accepted.u) < still {
-            return;
-        }
-    }
-    panic!("the structure did not come to rest");
+/// As [`rest`], under a uniform pressure (Pa).
+pub fn rest_under(d: &mut Dynamics, pressure: f64) {
+    let p = vec![pressure; d.system.model.n_faces];
+    rest(d, FaceLoad { pressure: &p, traction: &[] }, [0.0; 3], 1e-8);
 }
 
 pub fn norm(v: &[f64]) -> f64 {

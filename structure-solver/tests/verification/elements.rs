@@ -148,7 +148,7 @@ fn rotate(axis: [f64; 3], angle: f64, p: [f64; 3]) -> [f64; 3] {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Objectivity: whoever turns and shifts the whole state sees the same forces,
     /// turned. Both laws, lines, pressure and (turned) traction; to rounding.

@@ -19,15 +19,16 @@ pub fn thrown(scheme: Scheme, stretched: f64, speed: f64) -> Dynamics {
         add_cable(&mut m, [node(k, n / 2), node(k + 1, n / 2)], 0.98 / n as f64);
         add_cable(&mut m, [node(n / 2, k), node(n / 2, k + 1)], 0.98 / n as f64);
     }
-    let system =
-        both(&m, StVenantKirchhoff::isotropic(1e6, 0.3), TwoWay { youngs_modulus: 1e7 }, 1e-5);
+    let system = both(&m, StVenantKirchhoff::isotropic(1e6, 0.3), TwoWay { youngs_modulus: 1e7 }, 1e-5);
     let mut d = Dynamics::new(system, sharp(scheme));
     stretch(&mut d, stretched);
     let pi = std::f64::consts::PI;
     for (i, x) in m.coords.iter().enumerate() {
         let (s, t) = ((pi * x[0]).sin(), (pi * x[1]).sin());
         let v = [0.2 * s * t, 0.1 * (2.0 * pi * x[0]).sin() * t, s * t];
-        (0..3).for_each(|c| d.accepted.v[3 * i + c] = if m.fixed.iter().any(|f| f.0 == i as u32) { 0.0 } else { speed * v[c] });
+        (0..3).for_each(|c| {
+            d.accepted.v[3 * i + c] = if m.fixed.iter().any(|f| f.0 == i as u32) { 0.0 } else { speed * v[c] }
+        });
     }
     balance(&mut d, 0.0, [0.0; 3]);
     d
@@ -64,7 +65,10 @@ fn a_free_vibration_keeps_its_energy_over_10_000_steps() {
         drift(Scheme::newmark(), 4.0, 1e-3),
         drift(Scheme::newmark(), 4.0, 4e-3),
     ];
-    println!("energy drift: conserving {:.1e} (4 ms), {:.1e} (1 ms); Newmark {:.1e} (1 ms), {:.1e} (4 ms)", found[0], found[1], found[2], found[3]);
+    println!(
+        "energy drift: conserving {:.1e} (4 ms), {:.1e} (1 ms); Newmark {:.1e} (1 ms), {:.1e} (4 ms)",
+        found[0], found[1], found[2], found[3]
+    );
     assert!(found[0] < 1e-10 && found[1] < 1e-10, "{found:?}");
     assert!(found[2] < 1e-3, "{found:?}");
     // A fourth of the step, a sixteenth of the drift; half of that is asked for.
@@ -117,42 +121,38 @@ fn a_free_flight_keeps_momentum_and_spin() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Fabric that wrinkles and lines that go slack, thrown anyhow, and stepped too far for accuracy:
-    /// whatever states the elements pass through, no energy is made. (It may be lost: where
-    /// the law is not quadratic the step takes the least correction that
-    /// forbids a gain.)
+    /// Fabric that wrinkles and lines that go slack, thrown anyhow and stepped too far
+    /// for accuracy: with spectral radius 1 no step makes energy, whatever states the
+    /// elements pass through. (It may be lost: where the law is not quadratic a step
+    /// takes the least correction that forbids a gain.)
     #[test]
     fn nothing_is_gained_between_slack_and_taut(
-        by in prop::array::uniform3(-0.2..0.3f64), speed in 0.0..20.0f64, rho in 0.0..1.0f64, dt in 1e-4..5e-3f64,
+        by in prop::array::uniform3(-0.2..0.3f64), speed in 0.0..20.0f64, dt in 1e-4..5e-3f64,
     ) {
         let mut m = irregular();
         (0..4u32).for_each(|k| add_cable(&mut m, [6 * k, 6 * (k + 1)], 0.35));
         let system = both(&m, TensionField::new(1e6, 0.3), TensionOnly { youngs_modulus: 1e7 }, 1e-5);
-        let scheme = Scheme::generalized_alpha(rho);
-        let mut d = Dynamics::new(system, params(scheme, 0.0));
+        let mut d = Dynamics::new(system, params(Scheme::generalized_alpha(1.0), 0.0));
         for (i, x) in m.coords.iter().enumerate() {
             let wave = |a: f64| ((i as f64 + 1.0) * a).sin();
             let free = !m.fixed.iter().any(|f| f.0 == i as u32);
             let u = [by[0] * x[0], by[1] * x[1], 0.1 * by[2]];
-            for c in 0..3 {
-                d.accepted.u[3 * i + c] = u[c] + if free { 0.02 * wave(c as f64 + 1.7) } else { 0.0 };
+            for (c, u) in u.into_iter().enumerate() {
+                d.accepted.u[3 * i + c] = u + if free { 0.02 * wave(c as f64 + 1.7) } else { 0.0 };
                 d.accepted.v[3 * i + c] = if free { speed * wave(2.3 + c as f64) } else { 0.0 };
             }
         }
         balance(&mut d, 0.0, [0.0; 3]);
-        let mut before = bound(&d, scheme);
+        let energy = |d: &Dynamics| energies(d).iter().sum::<f64>();
+        let mut before = energy(&d);
         for _ in 0..40 {
             window(&mut d, dt, 1, 0.0, [0.0; 3]);
-            let now = bound(&d, scheme);
-            prop_assert!(now <= before * (1.0 + 1e-7), "{} to {}", before, now);
+            let now = energy(&d);
+            // Each step is solved to 1e-9 of its forces.
+            prop_assert!(now <= before * (1.0 + 1e-8) + 1e-12, "{} to {}", before, now);
             before = now;
         }
     }
-}
-
-/// What generalized-alpha cannot raise. TODO
-fn bound(d: &Dynamics, _s: Scheme) -> f64 {
-    energies(d).iter().sum()
 }
