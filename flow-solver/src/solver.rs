@@ -317,21 +317,23 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         if step.again {
             norm = self.evaluate();
         } else {
-            self.q.copy_from_slice(&self.past[0].q);
-            norm = self.evaluate();
-            self.start = norm;
+            let inertia = self.inertia();
+            norm = f64::INFINITY;
             if order == Backward::SECOND {
-                // A smooth flow goes on as it went; keep the guess only if it is better.
+                // A smooth flow goes on as it went.
                 for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
                     for v in 0..N {
                         q[v] = 2.0 * a[v] - b[v];
                     }
                 }
                 norm = self.evaluate();
-                if norm.is_nan() || norm > self.start {
-                    self.q.copy_from_slice(&self.past[0].q);
-                    norm = self.evaluate();
-                }
+                self.start = inertia;
+            }
+            // Not a smooth flow: from where it was.
+            if norm.is_nan() || norm > inertia {
+                self.q.copy_from_slice(&self.past[0].q);
+                self.start = self.evaluate();
+                norm = self.start;
             }
         }
         let first = norm;
@@ -385,6 +387,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             report.linear_iterations += linear.iterations;
             report.iterations += 1;
             let bad = self.bad_cell();
+            let before = norm;
             if bad.is_none() {
                 norm = self.evaluate();
             }
@@ -411,7 +414,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 best.1.copy_from_slice(&self.q);
                 extra = (0.5 * extra).max(1.0);
             }
-            assembled = false;
+            // What served well serves again.
+            assembled = norm < 0.5 * before;
         }
         if norm > best.0 {
             self.q.copy_from_slice(&best.1);
@@ -427,6 +431,21 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         let defect: f64 = self.residual[..n].iter().zip(&self.weight).map(|(r, w)| r[0] / w).sum();
         report.mass_defect = self.halo.comm().sum(defect);
         Ok(report)
+    }
+
+    /// What would remain in the momentum equations of a step on a grid at rest if
+    /// the flow stood still after its last change, N. Collective.
+    fn inertia(&self) -> f64 {
+        let gas = &self.spatial.gas;
+        let past = self.past[0].q.iter().zip(&self.past[1].q).zip(&self.metrics.volume);
+        let sum: f64 = past
+            .take(self.topology.n_owned)
+            .map(|((a, b), v)| {
+                let m = self.scheme.rate * v * gas.density(a);
+                (1..4).map(|d| (m * (a[d] - b[d])).powi(2)).sum::<f64>()
+            })
+            .sum();
+        self.halo.comm().sum(sum).sqrt()
     }
 
     /// Norm of what round-off alone may leave in the residual, N.
