@@ -2,19 +2,26 @@
 
 use std::rc::Rc;
 
-use case::Scene;
+use case::{Membrane, Scene};
 use comm::Comm;
-use mesh::StructureMesh;
+use mesh::{MeshError, StructureMesh};
 
 use crate::dynamics::{Dynamics, DynamicsParams};
 use crate::elements::cable::{CableLaw, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
-use crate::loops::{CableDamping, Cables, ElementLoop, MembraneDamping, Membranes};
-use crate::materials::{Material, StVenantKirchhoff, TensionField};
-use crate::model::{Model, ModelError};
+use crate::loops::{CableDamping, Cables, ElementLoop, MembraneDamping, Membranes, Quads};
+use crate::materials::{Material, OrthotropicTensionField, StVenantKirchhoff, TensionField};
+use crate::model::{Model, ModelError, Surface, Warp};
 use crate::newton::NewtonParams;
 use crate::scheme::Scheme;
 use crate::system::System;
+
+fn surface(scene: &Scene) -> Surface {
+    Surface {
+        quadrilaterals: scene.structure.membrane == Membrane::Quadrilateral,
+        warp: scene.fabric.orthotropic.as_ref().map(|o| o.direction.map_or(Warp::FirstEdge, Warp::Vector)),
+    }
+}
 
 type Loops = Vec<Box<dyn ElementLoop>>;
 
@@ -23,11 +30,18 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     let f = &scene.fabric;
     let damping = scene.stages[stage].stiffness_damping_s;
     let mut all = Loops::new();
-    if f.wrinkling {
-        fabric(scene, damping, model, TensionField::new(f.youngs_modulus_pa, f.poisson_ratio), &mut all);
-    } else {
-        let law = StVenantKirchhoff::isotropic(f.youngs_modulus_pa, f.poisson_ratio);
-        fabric(scene, damping, model, law, &mut all);
+    let (y, nu) = (f.youngs_modulus_pa, f.poisson_ratio);
+    match (&f.orthotropic, f.wrinkling) {
+        (None, true) => fabric(scene, damping, model, TensionField::new(y, nu), &mut all),
+        (None, false) => fabric(scene, damping, model, StVenantKirchhoff::isotropic(y, nu), &mut all),
+        (Some(o), true) => {
+            let law = OrthotropicTensionField::new(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
+            fabric(scene, damping, model, law, &mut all);
+        }
+        (Some(o), false) => {
+            let law = StVenantKirchhoff::orthotropic(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
+            fabric(scene, damping, model, law, &mut all);
+        }
     }
     match (&scene.lines, model.cables.first()) {
         (_, None) => {}
@@ -46,6 +60,10 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
 
 fn fabric(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
     let f = &scene.fabric;
+    if scene.structure.membrane == Membrane::Quadrilateral {
+        all.push(Box::new(Quads::new(model, law, f.thickness_m, f.density_kg_m3, damping)));
+        return;
+    }
     all.push(Box::new(Membranes::new(model, law, f.thickness_m, f.density_kg_m3)));
     if damping > 0.0 {
         all.push(Box::new(MembraneDamping::new(model, law, f.thickness_m, damping)));
@@ -68,7 +86,7 @@ pub fn dynamics(
     mesh: &Rc<StructureMesh>,
 ) -> Result<Dynamics, ModelError> {
     let owner = owners(comm, mesh)?;
-    let model = Model::new(comm, mesh, &owner)?;
+    let model = Model::with(comm, mesh, &owner, surface(scene))?;
     let loops = loops(scene, stage, &model)?;
     let s = &scene.structure;
     let system = System::new(model, loops, s.mass.into());
@@ -86,6 +104,30 @@ pub fn dynamics(
         max_cuts: s.max_step_cuts,
     };
     Ok(Dynamics::new(system, params))
+}
+
+/// Prescribes the motions and forces of stage `stage` from the accepted state on.
+/// Collective.
+pub fn nodal(
+    dynamics: &mut Dynamics,
+    scene: &Scene,
+    stage: usize,
+    mesh: &StructureMesh,
+) -> Result<(), MeshError> {
+    let s = &scene.stages[stage];
+    for (k, f) in s.forces.iter().enumerate() {
+        let key = format!("stage[{stage}].force[{k}]");
+        for node in mesh.nodes_of(&key, f.nodes.as_deref(), f.at_m)? {
+            dynamics.system.add_force(node, f.force_n);
+        }
+    }
+    for (k, m) in s.motions.iter().enumerate() {
+        let key = format!("stage[{stage}].motion[{k}]");
+        let nodes = mesh.nodes_of(&key, m.nodes.as_deref(), m.at_m)?;
+        let components = ['x', 'y', 'z'].map(|c| m.components.contains(c));
+        dynamics.prescribe(&nodes, components, &m.time_s, &m.displacement_m);
+    }
+    Ok(())
 }
 
 impl From<case::Mass> for MassMatrix {

@@ -2,6 +2,7 @@
 
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
+use crate::motion::Motion;
 use crate::newton::{Balance, Newton, NewtonError, NewtonInfo, NewtonParams, State};
 use crate::scheme::Scheme;
 use crate::system::System;
@@ -70,6 +71,12 @@ pub struct Dynamics {
     /// Displacements after each substep of the last computed window: they start
     /// the next coupling iteration.
     path: Vec<Vec<f64>>,
+    /// Prescribed motions; empty where there are none.
+    pub(crate) motions: Vec<Motion>,
+    /// Time since the start of the stage at the start of the next window, s.
+    pub time: f64,
+    /// Length of the last computed window, s.
+    window: f64,
 }
 
 /// Choices of a scene.
@@ -110,8 +117,51 @@ impl Dynamics {
             x: zero(),
             scale: 1.0,
             path: Vec::new(),
+            motions: Vec::new(),
+            time: 0.0,
+            window: 0.0,
             system,
         }
+    }
+
+    /// Moves `components` of the mesh's `nodes` by a history from where they are now:
+    /// `displacement` (m) at each `time` (s since the start of the stage, ascending, at
+    /// least one), linear in between. Collective.
+    pub fn prescribe(
+        &mut self,
+        nodes: &[u32],
+        components: [bool; 3],
+        time: &[f64],
+        displacement: &[[f64; 3]],
+    ) {
+        let local = nodes.iter().filter_map(|&n| self.system.model.numbering.local(u64::from(n)));
+        let dofs: Vec<u32> =
+            local.flat_map(|i| (0..3).filter(|&c| components[c]).map(move |c| (3 * i + c) as u32)).collect();
+        let start = dofs.iter().map(|&i| self.accepted.u[i as usize]).collect();
+        self.system.fix(&dofs);
+        self.motions.push(Motion::new(dofs, start, time.to_vec(), displacement.to_vec()));
+    }
+
+    /// Forces (N) that hold the constrained components of the accepted state under a
+    /// load and the acceleration `body` (m/s2), shape `[n_local][3]`: zero elsewhere,
+    /// and on ghosts.
+    pub fn reactions(&mut self, load: FaceLoad<'_>, body: [f64; 3]) -> Vec<f64> {
+        let State { u, v, a } = &self.accepted;
+        for i in 0..self.x.len() {
+            self.x[i] = self.system.model.reference[i] + u[i];
+            self.next.u[i] = a[i] + self.damping * v[i] - body[i % 3];
+        }
+        self.system.set_step(f64::INFINITY);
+        let mut f = vec![0.0; self.x.len()];
+        self.system.forces(Place::only(&self.x), load, &mut f);
+        self.system.add_mass_product(&self.next.u, &mut f);
+        let owned = 3 * self.system.model.n_owned();
+        for (i, f) in f.iter_mut().enumerate() {
+            if i >= owned || !self.system.model.fixed[i] {
+                *f = 0.0;
+            }
+        }
+        f
     }
 
     /// Sets the accelerations of the accepted state in balance with a load. For the
@@ -143,6 +193,7 @@ impl Dynamics {
         iterated: bool,
     ) -> Result<WindowInfo, StepFailure> {
         self.current.copy_from(&self.accepted);
+        self.window = dt;
         let mut info = WindowInfo::default();
         let n = self.current.u.len();
         let known = iterated && self.path.len() == substeps as usize;
@@ -185,7 +236,7 @@ impl Dynamics {
         info: &mut WindowInfo,
     ) -> Result<(), StepFailure> {
         let dt = (span[1] - span[0]) * window;
-        match self.step(span, dt, load, body, known) {
+        match self.step_with_motion(span, window, load, body, known) {
             Ok(step) => {
                 info.newton_steps += u64::from(step.steps);
                 info.residual = info.residual.max(step.residual);
@@ -203,6 +254,49 @@ impl Dynamics {
             }
             Err(cause) => Err(StepFailure { time: span[1] * window, dt, cuts, cause }),
         }
+    }
+
+    /// A step in which prescribed components move.
+    ///
+    /// They have the velocity of a uniform motion over the step and count with their
+    /// change of velocity as inertia of their neighbours.
+    fn step_with_motion(
+        &mut self,
+        span: [f64; 2],
+        window: f64,
+        load: LoadPath<'_>,
+        body: [f64; 3],
+        known: Option<usize>,
+    ) -> Result<NewtonInfo, NewtonError> {
+        let dt = (span[1] - span[0]) * window;
+        if self.motions.is_empty() {
+            return self.step(span, dt, load, body, known);
+        }
+        let end = self.time + span[1] * window;
+        self.system.prescribed.clear();
+        self.system.prescribed.extend(self.motions.iter().flat_map(|m| m.values(end)));
+        let form = self.scheme.step(dt, self.damping);
+        let mut before = Vec::with_capacity(self.system.prescribed.len());
+        for &(i, u) in &self.system.prescribed {
+            let i = i as usize;
+            let (du, v0, a0) = (u - self.current.u[i], self.current.v[i], self.current.a[i]);
+            let v1 = du / dt;
+            before.push((i, v0, a0, v1));
+            // The old velocity with which the scheme finds this inertia.
+            let inertia = (v1 - v0) / dt + self.damping * v1;
+            self.current.v[i] = (inertia - form.mass_factor * du) / form.from_v;
+            self.current.a[i] = 0.0;
+        }
+        let result = self.step(span, dt, load, body, known);
+        for (i, v0, a0, v1) in before {
+            self.current.v[i] = v0;
+            self.current.a[i] = a0;
+            if result.is_ok() {
+                self.next.v[i] = v1;
+                self.next.a[i] = 0.0;
+            }
+        }
+        result
     }
 
     fn step(
@@ -260,6 +354,8 @@ impl Dynamics {
     /// The last computed window is final.
     pub fn accept(&mut self) {
         self.accepted.copy_from(&self.current);
+        self.time += self.window;
+        self.window = 0.0;
     }
 }
 

@@ -134,7 +134,7 @@ const INNER: f64 = 0.1;
 impl Dynamics {
     /// Moves the accepted state to where it rests under a constant load and the
     /// acceleration `body` (m/s2). Velocities and accelerations become zero. `tell`
-    /// hears of each step. Collective.
+    /// hears of each step. Prescribed motions are taken at their last time. Collective.
     ///
     /// # Errors
     /// [`EquilibriumError`]; the accepted state is then the last one that was reached.
@@ -146,6 +146,10 @@ impl Dynamics {
         tell: &mut dyn FnMut(&PseudoStep),
     ) -> Result<EquilibriumInfo, EquilibriumError> {
         let mut continuation = Continuation::default();
+        self.system.prescribed.clear();
+        for (i, u) in self.motions.iter().flat_map(|m| m.values(f64::INFINITY)) {
+            self.accepted.u[i as usize] = u;
+        }
         let mut newton_steps = 0;
         loop {
             let step = self.creep(&mut continuation, load, body, params)?;
@@ -163,7 +167,7 @@ impl Dynamics {
     ///
     /// # Errors
     /// [`EquilibriumError`]: no attempt succeeded, or this would be one step too many.
-    pub fn creep(
+    fn creep(
         &mut self,
         c: &mut Continuation,
         load: FaceLoad<'_>,

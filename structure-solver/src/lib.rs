@@ -17,6 +17,7 @@ pub mod loops;
 pub mod materials;
 pub mod measures;
 pub mod model;
+pub mod motion;
 pub mod newton;
 pub mod participant;
 pub mod scheme;
@@ -25,3 +26,6 @@ pub mod state_file;
 pub mod system;
 pub mod vec3;
 pub mod velocity_average;
+
+#[cfg(test)]
+mod scene_tests;

@@ -4,9 +4,12 @@
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
 mod damping;
+mod quads;
 
 pub use damping::{CableDamping, MembraneDamping};
+pub use quads::Quads;
 
+use crate::elements::mass::{self, MassMatrix};
 use crate::elements::membrane::Deformation;
 use crate::elements::{cable, load, membrane};
 use crate::materials::step::{self, StepStart};
@@ -96,10 +99,15 @@ pub trait ElementLoop {
     /// Masses of the elements with their local nodes, kg.
     fn masses(&self) -> Vec<(Vec<u32>, f64)>;
 
+    /// Shares of the mass of element `element` (of [`ElementLoop::masses`]) in the
+    /// blocks between its nodes, row by row.
+    fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64>;
+
     /// Finds where the blocks of the elements lie in the system matrix.
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32);
 
-    /// Principal stresses (Pa, first the larger) and state of membrane elements.
+    /// Principal stresses (Pa, first the larger) and state of membrane elements, by
+    /// element. A bilinear element says it for each of the two triangles of its face.
     fn stresses(&self, _x: &[f64]) -> Vec<([f64; 2], Regime)> {
         Vec::new()
     }
@@ -289,6 +297,10 @@ impl<M: Material> ElementLoop for Membranes<M> {
         self.elements.iter().map(|e| (e.nodes.to_vec(), self.density * e.volume)).collect()
     }
 
+    fn mass_shares(&self, _element: usize, kind: MassMatrix) -> Vec<f64> {
+        mass::shares::<3>(kind).as_flattened().to_vec()
+    }
+
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
         for e in &mut self.elements {
             e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
@@ -416,6 +428,10 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
         let mass = |e: &Line| self.density * self.area * e.rest_length;
         self.elements.iter().map(|e| (e.nodes.to_vec(), mass(e))).collect()
+    }
+
+    fn mass_shares(&self, _element: usize, kind: MassMatrix) -> Vec<f64> {
+        mass::shares::<2>(kind).as_flattened().to_vec()
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {

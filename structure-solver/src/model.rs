@@ -10,7 +10,7 @@ use std::rc::Rc;
 use comm::{Comm, Halo, Numbering};
 use mesh::{CableKind, StructureMesh};
 
-use crate::elements::membrane;
+use crate::elements::{membrane, quad};
 use crate::vec3::Vec3;
 
 /// A structure that cannot be computed: what, where, and what to do.
@@ -23,6 +23,25 @@ pub enum ModelError {
         triangle: usize,
         /// Its nodes.
         nodes: [u32; 3],
+    },
+    /// A face that is no bilinear element.
+    #[error(
+        "face {face} (nodes {nodes:?}) cannot be a quadrilateral element: it has no area, or is folded over \
+         itself; repair the mesh, or choose membrane = \"triangle\""
+    )]
+    BadQuad {
+        /// Face of the mesh.
+        face: usize,
+        /// Its nodes.
+        nodes: [u32; 4],
+    },
+    /// The warp of a fabric stands on it.
+    #[error(
+        "fabric.orthotropic.direction stands on face {face}: it has no direction there; name another, or none"
+    )]
+    NoWarp {
+        /// Face of the mesh.
+        face: usize,
     },
     /// A cable that cannot be strained.
     #[error("cable {cable} (nodes {nodes:?}) has a rest length of {rest_length} m: it must be above zero")]
@@ -86,6 +105,35 @@ pub struct Triangle {
     pub global: u32,
 }
 
+/// A bilinear membrane element of this rank. Node numbers are local.
+#[derive(Clone, Debug)]
+pub struct Quad {
+    /// Nodes; a triangle repeats its last one.
+    pub nodes: [u32; 4],
+    /// Interface face that it is (global).
+    pub face: u32,
+    /// Reference state.
+    pub reference: quad::Reference,
+}
+
+/// Direction of the warp in the unstressed fabric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Warp {
+    /// Along the first edge of each face.
+    FirstEdge,
+    /// Along a vector laid onto the fabric.
+    Vector(Vec3),
+}
+
+/// How faces become elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// Bilinear elements beside the triangles, which then only describe the surface.
+    pub quadrilaterals: bool,
+    /// First axis of strains and stresses; anywhere if `None`.
+    pub warp: Option<Warp>,
+}
+
 /// A cable element of this rank. Node numbers are local.
 #[derive(Clone, Copy, Debug)]
 pub struct CableElement {
@@ -117,6 +165,10 @@ pub struct Model {
     pub triangles: Vec<Triangle>,
     /// Triangles whose first node is owned here.
     pub n_own_triangles: usize,
+    /// Bilinear elements, if chosen, ordered like the triangles.
+    pub quads: Vec<Quad>,
+    /// Bilinear elements whose first node is owned here.
+    pub n_own_quads: usize,
     /// Cable elements, ordered like the triangles.
     pub cables: Vec<CableElement>,
     /// Cables whose first node is owned here.
@@ -133,6 +185,16 @@ impl Model {
     /// The part of `mesh` that `comm.rank()` works on, given the `owner` rank of
     /// each node. Collective.
     pub fn new(comm: &Comm, mesh: &StructureMesh, owner: &[u32]) -> Result<Self, ModelError> {
+        Self::with(comm, mesh, owner, Surface::default())
+    }
+
+    /// As [`Model::new`], with a choice of elements and axes. Collective.
+    pub fn with(
+        comm: &Comm,
+        mesh: &StructureMesh,
+        owner: &[u32],
+        surface: Surface,
+    ) -> Result<Self, ModelError> {
         check(mesh)?;
         let rank = comm.rank() as u32;
         let mine = |n: &u32| owner[*n as usize] == rank;
@@ -147,22 +209,44 @@ impl Model {
         let triangles: Vec<usize> =
             (0..mesh.triangles.len()).filter(|&t| touch(&mesh.triangles[t])).collect();
         let cables: Vec<usize> = (0..mesh.cables.len()).filter(|&c| touch(&mesh.cables[c].nodes)).collect();
+        let faces = if surface.quadrilaterals { mesh.faces.len() } else { 0 };
+        let faces: Vec<usize> = (0..faces).filter(|&f| touch(&mesh.faces[f])).collect();
         let owned = (0..mesh.coords.len() as u64).filter(|&n| owner[n as usize] == rank).collect();
         let numbering = Numbering::new(owned, ghosts);
         let halo = Rc::new(Halo::new(comm, &numbering));
         let local = |n: u32| numbering.local(u64::from(n)).expect("nodes of local elements are local") as u32;
 
+        let warp = |face: usize| {
+            let [a, b] = [0, 1].map(|i| mesh.coords[mesh.faces[face][i] as usize]);
+            match surface.warp {
+                None => None,
+                Some(Warp::FirstEdge) => Some(crate::vec3::sub(b, a)),
+                Some(Warp::Vector(v)) => Some(v),
+            }
+        };
         let mut own = Vec::new();
         for &t in &triangles {
             let nodes = mesh.triangles[t];
             let x = nodes.map(|n| mesh.coords[n as usize]);
-            let reference =
+            let mut reference =
                 membrane::Reference::new(x).ok_or(ModelError::FlatTriangle { triangle: t, nodes })?;
             let face = mesh.triangle_face[t];
+            if let Some(v) = warp(face as usize) {
+                let none = ModelError::NoWarp { face: face as usize };
+                reference = membrane::Reference::along(x, v).ok_or(none)?;
+            }
             own.push(Triangle { nodes: nodes.map(local), face, reference, global: t as u32 });
         }
         let n_owned = numbering.n_owned as u32;
         own.sort_by_key(|t| t.nodes[0] >= n_owned);
+        let mut quads = Vec::new();
+        for &face in &faces {
+            let nodes = mesh.faces[face];
+            let x = nodes.map(|n| mesh.coords[n as usize]);
+            let reference = quad::Reference::new(x, warp(face)).ok_or(ModelError::BadQuad { face, nodes })?;
+            quads.push(Quad { nodes: nodes.map(local), face: face as u32, reference });
+        }
+        quads.sort_by_key(|q| q.nodes[0] >= n_owned);
         let mut own_cables: Vec<_> = cables
             .iter()
             .map(|&c| {
@@ -188,6 +272,8 @@ impl Model {
             reference: numbering.global.iter().flat_map(|&g| mesh.coords[g as usize]).collect(),
             n_own_triangles: own.partition_point(|t| t.nodes[0] < n_owned),
             triangles: own,
+            n_own_quads: quads.partition_point(|q| q.nodes[0] < n_owned),
+            quads,
             n_own_cables: own_cables.partition_point(|c| c.nodes[0] < n_owned),
             cables: own_cables,
             fixed,

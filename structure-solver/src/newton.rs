@@ -282,6 +282,9 @@ impl Newton {
                     _ => guesses[k - 2][i],
                 };
             }
+            for &(i, u) in &system.prescribed {
+                self.u[i as usize] = u;
+            }
             let norm = self.residual(system, balance);
             if norm < best || k == 0 {
                 best = norm;

@@ -76,6 +76,7 @@ impl StructureSolver {
             dynamics.accepted =
                 state_file::load(&dynamics.system.model, mesh.coords.len(), path).map_err(Fault::new)?;
         }
+        crate::assemble::nodal(&mut dynamics, scene, stage, &mesh).map_err(Fault::new)?;
         let gauge = Gauge::new(&dynamics.system, &mesh);
         let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
         let n = mesh.faces.len();
@@ -275,6 +276,7 @@ impl StructureSolver {
             let first = FaceLoad { pressure: load.pressure[0], traction: load.traction[0] };
             self.dynamics.balance_start(first, body).map_err(Fault::new)?;
         }
+        self.dynamics.time = w.time;
         let iterated = self.computed == Some(w.index);
         self.dynamics
             .window(w.dt, w.substeps.max(1), load, body, iterated)

@@ -4,7 +4,7 @@
 use comm::Comm;
 use linalg::{BlockCsr, Cg, KrylovError, KrylovParams, Operator, Preconditioner};
 
-use crate::elements::mass::{MassMatrix, shares};
+use crate::elements::mass::MassMatrix;
 use crate::loops::{ELSEWHERE, ElementLoop, FaceLoad, Place};
 use crate::model::Model;
 
@@ -29,6 +29,11 @@ pub struct System {
     fixed_owned: Vec<u32>,
     /// Some loop's forces depend on rates.
     rates: bool,
+    /// Displacements (m) that fixed components take in the next step; those not named
+    /// stay. Local numbers `3 node + component`.
+    pub(crate) prescribed: Vec<(u32, f64)>,
+    /// Constant forces on components, N; local numbers as above.
+    nodal: Vec<(u32, f64)>,
 }
 
 impl System {
@@ -47,11 +52,9 @@ impl System {
         let mut mass = vec![0.0; matrix.cols().len()];
         for element_loop in &mut loops {
             element_loop.place(&slot);
-            for (nodes, m) in element_loop.masses() {
-                let share = |i: usize, j: usize| match nodes.len() {
-                    2 => shares::<2>(kind)[i][j],
-                    _ => shares::<3>(kind)[i][j],
-                };
+            for (element, (nodes, m)) in element_loop.masses().into_iter().enumerate() {
+                let shares = element_loop.mass_shares(element, kind);
+                let share = |i: usize, j: usize| shares[i * nodes.len() + j];
                 for (i, &row) in nodes.iter().enumerate().filter(|(_, n)| **n < n_owned) {
                     for (j, &col) in nodes.iter().enumerate() {
                         mass[slot(row, col) as usize] += m * share(i, j);
@@ -62,20 +65,52 @@ impl System {
         for &(node, m) in model.point_masses.iter().filter(|(n, _)| *n < n_owned) {
             mass[matrix.diagonal_slot(node as usize)] += m;
         }
+        let rates = loops.iter().any(|l| l.depends_on_rate());
+        let mut system = Self {
+            model,
+            matrix,
+            loops,
+            mass,
+            masked: Vec::new(),
+            fixed_owned: Vec::new(),
+            rates,
+            prescribed: Vec::new(),
+            nodal: Vec::new(),
+        };
+        system.find_masked();
+        system
+    }
+
+    /// Finds the blocks that the model's constraints change.
+    fn find_masked(&mut self) {
+        let Self { model, matrix, .. } = self;
         let components = |n: usize| [0, 1, 2].map(|c| model.fixed[3 * n + c]);
-        let mut masked = Vec::new();
-        for i in 0..n_owned as usize {
+        self.masked.clear();
+        for i in 0..model.n_owned() {
             for slot in matrix.row(i) {
                 let j = matrix.cols()[slot] as usize;
                 let (row, col) = (components(i), components(j));
                 if row.contains(&true) || col.contains(&true) {
-                    masked.push(Masked { slot, row, col, diagonal: i == j });
+                    self.masked.push(Masked { slot, row, col, diagonal: i == j });
                 }
             }
         }
-        let fixed_owned = (0..3 * n_owned).filter(|&i| model.fixed[i as usize]).collect();
-        let rates = loops.iter().any(|l| l.depends_on_rate());
-        Self { model, matrix, loops, mass, masked, fixed_owned, rates }
+        let owned = 0..3 * model.n_owned() as u32;
+        self.fixed_owned = owned.filter(|&i| model.fixed[i as usize]).collect();
+    }
+
+    /// Constrains components, local numbers `3 node + component`, beside those that
+    /// the mesh holds.
+    pub fn fix(&mut self, dofs: &[u32]) {
+        dofs.iter().for_each(|&i| self.model.fixed[i as usize] = true);
+        self.find_masked();
+    }
+
+    /// Adds a constant force (N) on the mesh's node `node`.
+    pub fn add_force(&mut self, node: u32, force: [f64; 3]) {
+        if let Some(i) = self.model.numbering.local(u64::from(node)) {
+            self.nodal.extend((0..3).map(|c| ((3 * i + c) as u32, force[c])));
+        }
     }
 
     /// The element loops, for measures and pictures.
@@ -109,12 +144,14 @@ impl System {
     /// `out = R - F` on the owned rows: internal minus external forces, N.
     pub fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
         out.fill(0.0);
+        self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
         self.loops.iter().for_each(|l| l.forces(place, load, out));
     }
 
     /// `out = F`: external forces alone, N, with constrained components removed.
     pub fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
         out.fill(0.0);
+        self.nodal.iter().for_each(|&(i, f)| out[i as usize] += f);
         self.loops.iter().for_each(|l| l.external(x, load, out));
     }
 
@@ -130,6 +167,7 @@ impl System {
         out: &mut [f64],
     ) {
         out.fill(0.0);
+        self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
         for (block, m) in self.matrix.values.iter_mut().zip(&self.mass) {
             let d = mass_factor * m;
             *block = [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]];
@@ -180,6 +218,11 @@ impl System {
     /// Mass that belongs to an owned node: the sum of its row, kg.
     pub fn lumped_mass(&self, node: usize) -> f64 {
         self.matrix.row(node).map(|slot| self.mass[slot]).sum()
+    }
+
+    #[cfg(test)]
+    pub(crate) fn mass_of_block(&self, node: usize) -> f64 {
+        self.mass[self.matrix.diagonal_slot(node)]
     }
 
     /// Solves `M a = f` for the accelerations that start a motion. `f` is

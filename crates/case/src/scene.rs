@@ -39,6 +39,9 @@ pub struct Scene {
     pub descent: Option<Descent>,
     /// Gravity on fabric and lines, with the acceleration of the falling frame.
     pub fabric_gravity: Option<FabricGravity>,
+    /// Masses on nodes, beside those of fabric, lines and payload.
+    #[serde(default, rename = "point_mass")]
+    pub point_masses: Vec<PointMass>,
     /// What runs, in this order. Each stage starts from the one before.
     #[serde(rename = "stage")]
     pub stages: Vec<Stage>,
@@ -234,6 +237,22 @@ pub struct Fabric {
     /// (2001). Off: the fabric carries compression.
     #[serde(default)]
     pub wrinkling: bool,
+    /// Different stiffness along warp and weft. Absent: isotropic.
+    pub orthotropic: Option<Orthotropic>,
+}
+
+/// A fabric that is stiffer one way: the modulus and the ratio of `[fabric]` are then
+/// those of a pull along the first direction (the warp).
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Orthotropic {
+    /// Young's modulus across the first direction (along the weft), Pa.
+    pub youngs_modulus_2_pa: f64,
+    /// Shear modulus in the plane of the fabric, Pa.
+    pub shear_modulus_pa: f64,
+    /// First direction, laid onto the unstressed fabric. Absent: along the first
+    /// edge of each face, that is along the panels of a generated canopy.
+    pub direction: Option<[f64; 3]>,
 }
 
 /// Material of lines and risers.
@@ -283,6 +302,69 @@ pub struct Structure {
     pub static_tolerance: f64,
     /// Distribution of the mass of elements over their nodes.
     pub mass: Mass,
+    /// Elements of the fabric.
+    pub membrane: Membrane,
+}
+
+/// Elements of the fabric.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Membrane {
+    /// Two triangles of constant strain for each quadrilateral, as in the paper.
+    #[default]
+    Triangle,
+    /// One bilinear element for each quadrilateral.
+    Quadrilateral,
+}
+
+/// A mass on nodes.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointMass {
+    /// Name of a node set: `held`, `rim`, `canopy`, or a physical group of the mesh
+    /// file.
+    pub nodes: Option<String>,
+    /// In place of a name: the node nearest to this point of the unstressed shape, m.
+    pub at_m: Option<[f64; 3]>,
+    /// Mass on each of the nodes, kg.
+    pub mass_kg: f64,
+}
+
+/// A force on nodes.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Force {
+    /// Name of a node set: `held`, `rim`, `canopy`, or a physical group of the mesh
+    /// file.
+    pub nodes: Option<String>,
+    /// In place of a name: the node nearest to this point of the unstressed shape, m.
+    pub at_m: Option<[f64; 3]>,
+    /// Constant force on each of the nodes, N.
+    pub force_n: [f64; 3],
+}
+
+/// A prescribed motion of nodes.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Motion {
+    /// Name of a node set: `held`, `rim`, `canopy`, or a physical group of the mesh
+    /// file.
+    pub nodes: Option<String>,
+    /// In place of a name: the node nearest to this point of the unstressed shape, m.
+    pub at_m: Option<[f64; 3]>,
+    /// Components that move as prescribed.
+    #[serde(default = "all_components")]
+    pub components: String,
+    /// Ascending times since the start of the stage, s. A static stage ends at the
+    /// last one.
+    pub time_s: Vec<f64>,
+    /// Displacement at each time from where the nodes are at the start of the stage,
+    /// m; linear in between, constant before and after.
+    pub displacement_m: Vec<[f64; 3]>,
+}
+
+fn all_components() -> String {
+    "xyz".into()
 }
 
 /// Distribution of the mass of elements over their nodes.
@@ -306,6 +388,7 @@ impl Default for Structure {
             max_step_cuts: 6,
             static_tolerance: 1e-8,
             mass: Mass::Consistent,
+            membrane: Membrane::Triangle,
         }
     }
 }
@@ -606,6 +689,12 @@ pub struct Stage {
     /// Ends the stage early once the kinetic energy of the structure is below
     /// this share of its strain energy.
     pub settled_energy_ratio: Option<f64>,
+    /// Prescribed motions of nodes.
+    #[serde(default, rename = "motion")]
+    pub motions: Vec<Motion>,
+    /// Forces on nodes.
+    #[serde(default, rename = "force")]
+    pub forces: Vec<Force>,
 }
 
 fn ten() -> u32 {

@@ -46,6 +46,7 @@ pub(crate) fn problems(scene: &Scene) -> Vec<Refusal> {
     names(scene, &mut c);
     canopy(scene, &mut c);
     materials(scene, &mut c);
+    point_masses(scene, &mut c);
     solvers(scene, &mut c);
     stages(scene, &mut c);
     c.0
@@ -188,6 +189,25 @@ fn materials(scene: &Scene, c: &mut Check) {
         "a fabric is thinner than 0.1 m: is the value in metres?",
     );
     c.positive("fabric.density_kg_m3", f.density_kg_m3, 30_000.0, "a density in kg/m3");
+    if let Some(o) = &f.orthotropic {
+        c.positive("fabric.orthotropic.youngs_modulus_2_pa", o.youngs_modulus_2_pa, 1e13, "a modulus in Pa");
+        c.positive("fabric.orthotropic.shear_modulus_pa", o.shear_modulus_pa, 1e13, "a modulus in Pa");
+        let bound = 0.99 * (f.youngs_modulus_pa / o.youngs_modulus_2_pa).sqrt();
+        if f.poisson_ratio.abs() > bound {
+            c.refuse(
+                "fabric.poisson_ratio",
+                format!("`fabric.poisson_ratio` is {}", f.poisson_ratio),
+                format!("between these moduli a pull would give energy: at most {bound:.3} either way"),
+            );
+        }
+        if o.direction.is_some_and(|d| d.iter().any(|x| !x.is_finite()) || d == [0.0; 3]) {
+            c.refuse(
+                "fabric.orthotropic.direction",
+                "the direction has no length",
+                "name a vector, as [1, 0, 0]",
+            );
+        }
+    }
     if let Some(l) = &scene.lines {
         c.positive("lines.youngs_modulus_pa", l.youngs_modulus_pa, 1e13, "a modulus in Pa");
         c.positive("lines.area_m2", l.area_m2, 0.1, "a cross-section in m2: is the value in square metres?");
@@ -200,6 +220,13 @@ fn materials(scene: &Scene, c: &mut Check) {
             "the canopy has lines but the scene has no [lines]",
             "add [lines] with their material",
         );
+    }
+}
+
+fn point_masses(scene: &Scene, c: &mut Check) {
+    for (k, p) in scene.point_masses.iter().enumerate() {
+        chosen(&format!("point_mass[{k}]"), &p.nodes, &p.at_m, c);
+        c.positive(&format!("point_mass[{k}].mass_kg"), p.mass_kg, 1e6, "a mass in kg");
     }
 }
 
@@ -304,6 +331,7 @@ fn stages(scene: &Scene, c: &mut Check) {
         if let Some(r) = s.settled_energy_ratio {
             c.positive(&at("settled_energy_ratio"), r, 1.0, "kinetic over strain energy");
         }
+        nodal(s, &at, c);
         match (s.kind, s.pressure_pa) {
             (StageKind::PreInflation, None) => c.refuse(
                 &at("name"),
@@ -341,6 +369,60 @@ fn stages(scene: &Scene, c: &mut Check) {
                     "put a stage of kind \"pre-inflation\" before this one",
                 );
             }
+        }
+    }
+}
+
+/// Either a name or a point.
+fn chosen(path: &str, nodes: &Option<String>, at_m: &Option<[f64; 3]>, c: &mut Check) {
+    if nodes.is_some() == at_m.is_some() {
+        c.refuse(
+            path,
+            format!("`{path}` names {} nodes", if nodes.is_some() { "two kinds of" } else { "no" }),
+            "give either `nodes = \"NAME\"` or `at_m = [X, Y, Z]`",
+        );
+    }
+}
+
+/// Motions and forces of nodes.
+fn nodal(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    if s.kind == StageKind::FlowOnly && !(s.motions.is_empty() && s.forces.is_empty()) {
+        c.refuse(
+            &at("kind"),
+            format!("stage \"{}\" has no structure that could be moved or loaded", s.name),
+            "remove its [[stage.motion]] and [[stage.force]]",
+        );
+    }
+    for (k, f) in s.forces.iter().enumerate() {
+        chosen(&at(&format!("force[{k}]")), &f.nodes, &f.at_m, c);
+        if !f.force_n.iter().all(|f| f.is_finite()) {
+            c.refuse(&at(&format!("force[{k}].force_n")), "a force is not a number", "three numbers in N");
+        }
+    }
+    for (k, m) in s.motions.iter().enumerate() {
+        let path = at(&format!("motion[{k}]"));
+        chosen(&path, &m.nodes, &m.at_m, c);
+        if m.components.is_empty() || !m.components.chars().all(|c| "xyz".contains(c)) {
+            c.refuse(
+                &format!("{path}.components"),
+                format!("`components` is \"{}\"", m.components),
+                "name some of x, y and z, as \"xyz\" or \"z\"",
+            );
+        }
+        if m.time_s.is_empty() || m.time_s.len() != m.displacement_m.len() {
+            c.refuse(
+                &format!("{path}.displacement_m"),
+                format!("{} times, but {} displacements", m.time_s.len(), m.displacement_m.len()),
+                "give one displacement for each time, at least one",
+            );
+        }
+        let ascending = m.time_s.windows(2).all(|w| w[0] < w[1]);
+        if !ascending || !m.time_s.iter().chain(m.displacement_m.iter().flatten()).all(|v| v.is_finite()) {
+            c.refuse(
+                &format!("{path}.time_s"),
+                "the times do not ascend, or a value is not a number",
+                "list times in ascending order",
+            );
         }
     }
 }

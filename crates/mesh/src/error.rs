@@ -15,6 +15,18 @@ pub enum MeshError {
         /// Why it cannot be, and what can.
         reason: String,
     },
+    /// A scene speaks of nodes that are not there.
+    #[error("{key}: the node set \"{name}\" {what}; there are: {}", sets.join(", "))]
+    NoSuchNodes {
+        /// Where the scene says so.
+        key: String,
+        /// The name.
+        name: String,
+        /// What is wrong with it.
+        what: &'static str,
+        /// Sets that have nodes.
+        sets: Vec<String>,
+    },
     /// The vents have (nearly) no opening, so no cell fits in.
     #[error(
         "the vents are closed (widest opening {width_m:.3e} m, at least {least_m:.3e} m needed): \

@@ -1,5 +1,7 @@
 //! The meshes that pass between the crates.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 /// A point or vector, m.
@@ -32,6 +34,8 @@ pub struct StructureMesh {
     pub point_masses: Vec<(u32, f64)>,
     /// Node and its constrained components.
     pub fixed: Vec<(u32, [bool; 3])>,
+    /// Nodes by names: `held`, `rim`, `canopy`, and the physical groups of a mesh file.
+    pub node_sets: BTreeMap<String, Vec<u32>>,
 }
 
 /// A two-node cable element.

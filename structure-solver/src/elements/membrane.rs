@@ -40,6 +40,27 @@ impl Reference {
     }
 }
 
+impl Reference {
+    /// As [`Reference::new`], with the first axis of the strains along `direction` laid
+    /// onto the triangle. `None` also where `direction` stands on it.
+    pub fn along(x: [Vec3; 3], direction: Vec3) -> Option<Self> {
+        let Self { area, .. } = Self::new(x)?;
+        let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
+        let normal = scale(0.5 / area, cross(a, b));
+        let along = sub(direction, scale(dot(direction, normal), normal));
+        let length = norm(along);
+        if length.is_nan() || length <= 1e-6 * norm(direction) {
+            return None;
+        }
+        let e1 = scale(1.0 / length, along);
+        let e2 = cross(normal, e1);
+        let (a, b) = ([dot(a, e1), dot(a, e2)], [dot(b, e1), dot(b, e2)]);
+        let inverse = 0.5 / area;
+        let gradient = [inverse * b[1], -inverse * b[0], -inverse * a[1], inverse * a[0]];
+        Some(Self { gradient, area })
+    }
+}
+
 /// Deformed tangent vectors and the Green strain.
 #[derive(Clone, Copy, Debug)]
 pub struct Deformation {
@@ -105,7 +126,7 @@ pub fn stiffness_between(
 
 /// Block of two nodes with gradients `n` and `m`.
 #[inline(always)]
-fn block(
+pub(crate) fn block(
     n: [f64; 2],
     m: [f64; 2],
     [f1, f2]: &[Vec3; 2],

@@ -7,6 +7,7 @@ pub mod cable;
 pub mod load;
 pub mod mass;
 pub mod membrane;
+pub mod quad;
 
 #[cfg(test)]
 pub(crate) mod check;

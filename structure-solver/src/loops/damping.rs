@@ -12,6 +12,7 @@
 
 use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
 use crate::elements::cable::{self, CableLaw};
+use crate::elements::mass::MassMatrix;
 use crate::elements::membrane;
 use crate::materials::{Material, Stress};
 use crate::model::{CableElement, Model, Triangle};
@@ -121,6 +122,10 @@ impl<M: Material> ElementLoop for MembraneDamping<M> {
 
     /// None: the elements that are damped have it, and the matrix their blocks.
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        Vec::new()
+    }
+
+    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
         Vec::new()
     }
 
@@ -243,6 +248,10 @@ impl<L: CableLaw> ElementLoop for CableDamping<L> {
         Vec::new()
     }
 
+    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
+        Vec::new()
+    }
+
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
         for e in &mut self.elements {
             e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
@@ -258,7 +267,6 @@ mod tests {
     use super::*;
     use crate::dynamics::{Dynamics, DynamicsParams, LoadPath};
     use crate::elements::cable::{TensionOnly, TwoWay};
-    use crate::elements::mass::MassMatrix;
     use crate::loops::{Cables, Membranes};
     use crate::materials::TensionField;
     use crate::newton::NewtonParams;

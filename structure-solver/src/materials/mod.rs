@@ -4,10 +4,12 @@
 //! A law is two functions. The strain energy needs none: for each law here the
 //! stress is homogeneous of degree one, so the energy per volume is `S:E/2`.
 
+mod orthotropic_field;
 pub mod step;
 mod svk;
 mod tension_field;
 
+pub use orthotropic_field::OrthotropicTensionField;
 pub use svk::StVenantKirchhoff;
 pub use tension_field::TensionField;
 

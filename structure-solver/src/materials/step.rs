@@ -16,6 +16,11 @@ impl StepStart {
     pub fn new(material: &impl Material, e: Strain) -> Self {
         Self { strain: e, energy: energy(&material.stress(e), &e) }
     }
+
+    /// The strain.
+    pub fn strain(&self) -> Strain {
+        self.strain
+    }
 }
 
 /// Stress of a step from `start` to strain `end`.

@@ -5,6 +5,7 @@
 //! `risers` or `reinforcements` are cables (rest length: their length in the
 //! file; each curve is one line); anything in `fixed`, `fixed-x`, `fixed-y` or
 //! `fixed-z` holds its nodes; a point in `payload` carries the payload and is fixed.
+//! A scene may speak of the nodes of any physical group by its name.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
@@ -316,6 +317,14 @@ fn build(path: &Path, parts: &Parts, payload_mass: Option<f64>) -> Result<Struct
         }
     }
     mesh.fixed = fixed.into_iter().collect();
+    let mut sets: BTreeMap<&str, BTreeSet<u32>> = BTreeMap::new();
+    for (entity, nodes) in &parts.elements {
+        for name in names_of(entity) {
+            sets.entry(name).or_default().extend(nodes.iter().filter_map(|tag| number.get(tag)));
+        }
+    }
+    mesh.node_sets =
+        sets.into_iter().map(|(name, nodes)| (name.into(), nodes.into_iter().collect())).collect();
     if mesh.fixed.is_empty() {
         return Err(bad("fixes no node: put points or curves into a physical group named \"fixed\"".into()));
     }
@@ -417,6 +426,7 @@ $EndElements
         assert_eq!(mesh.cables.len(), 1);
         assert_eq!((mesh.cables[0].nodes, mesh.cables[0].rest_length), ([1, 6], 3.0));
         assert_eq!(mesh.point_masses, [(6, 5.0)]);
+        assert_eq!((&mesh.node_sets["fixed-z"], &mesh.node_sets["payload"]), (&vec![0, 3], &vec![6]));
         assert_eq!(mesh.fixed, [(0, [false, false, true]), (3, [false, false, true]), (6, [true; 3])]);
     }
 

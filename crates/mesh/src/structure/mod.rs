@@ -3,6 +3,7 @@
 mod atps;
 mod flat;
 mod gmsh;
+mod node_sets;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -20,7 +21,7 @@ use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
 /// with a mesh file.
 pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
     let payload_mass = scene.descent.as_ref().map(|d| d.payload_mass_kg);
-    let mesh = match &scene.canopy {
+    let mut mesh = match &scene.canopy {
         Canopy::Atps(a) => atps::atps(a, payload_mass),
         Canopy::Square(f) => flat::flat(f, flat::Outline::Square, payload_mass),
         Canopy::Circular(f) => flat::flat(f, flat::Outline::Circle, payload_mass),
@@ -29,6 +30,11 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
     }?;
     if scene.lines.is_none() && !mesh.cables.is_empty() {
         return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));
+    }
+    mesh.name_sets();
+    for (k, p) in scene.point_masses.iter().enumerate() {
+        let nodes = mesh.nodes_of(&format!("point_mass[{k}]"), p.nodes.as_deref(), p.at_m)?;
+        mesh.point_masses.extend(nodes.into_iter().map(|n| (n, p.mass_kg)));
     }
     Ok(mesh)
 }

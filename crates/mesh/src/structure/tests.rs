@@ -16,6 +16,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             thickness_m: 3.048e-5,
             density_kg_m3: 1223.5093,
             wrinkling: true,
+            orthotropic: None,
         },
         lines: Some(Lines {
             youngs_modulus_pa: 5.342e8,
@@ -35,6 +36,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             reference_area_m2: 41.3614,
         }),
         fabric_gravity: None,
+        point_masses: Vec::new(),
         stages: Vec::new(),
         output: Output::default(),
         ranks: Ranks::default(),

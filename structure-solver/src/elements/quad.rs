@@ -1,0 +1,350 @@
+//! The 4-node membrane: bilinear, 2x2 points of quadrature, total Lagrangian.
+//!
+//! At each point the reference element has a tangent plane of its own, with
+//! gradients $H_{N,\alpha}$ of the four shape functions; there everything is as in
+//! the triangle ([`super::membrane`]). The element passes the patch test in any
+//! shape, and two nodes in one place make it the triangle of the other three.
+
+use super::mass::MassMatrix;
+use super::membrane::{Deformation, block};
+use crate::vec3::{Mat3, Vec3, add, add_block, cross, dot, norm, scale, sub};
+
+/// Points of quadrature.
+pub const POINTS: usize = 4;
+/// Gradients of the four shape functions at a point, 1/m.
+pub type Gradient = [[f64; 2]; 4];
+
+/// Corners in the order of the nodes; the points lie at these over sqrt 3.
+const CORNERS: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+
+/// Coordinates of point `k`.
+#[inline(always)]
+fn point(k: usize) -> [f64; 2] {
+    const AT: f64 = 0.577_350_269_189_625_8;
+    [AT * CORNERS[k][0], AT * CORNERS[k][1]]
+}
+
+/// Shape functions at point `k`.
+#[inline(always)]
+fn shapes(k: usize) -> [f64; 4] {
+    let [a, b] = point(k);
+    CORNERS.map(|[c, d]| 0.25 * (1.0 + a * c) * (1.0 + b * d))
+}
+
+/// Their derivatives by the two coordinates at point `k`.
+#[inline(always)]
+fn slopes(k: usize) -> [[f64; 2]; 4] {
+    let [a, b] = point(k);
+    CORNERS.map(|[c, d]| [0.25 * c * (1.0 + b * d), 0.25 * d * (1.0 + a * c)])
+}
+
+/// Tangent vectors of the surface at point `k`.
+#[inline(always)]
+fn tangents(x: &[Vec3; 4], k: usize) -> [Vec3; 2] {
+    let mut t = [[0.0; 3]; 2];
+    for (s, x) in slopes(k).iter().zip(x) {
+        t[0] = add(t[0], scale(s[0], *x));
+        t[1] = add(t[1], scale(s[1], *x));
+    }
+    t
+}
+
+/// What a 4-node membrane keeps of its reference state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference {
+    /// Gradients at the points.
+    pub gradient: [Gradient; POINTS],
+    /// Area of each point, m2.
+    pub area: [f64; POINTS],
+}
+
+impl Reference {
+    /// Of an unstressed quadrilateral (m), its nodes in turn. The first axis of the
+    /// strains is `direction` laid onto the surface, or the first coordinate line.
+    /// `None` where a point has no tangent plane (collapsed, or folded over itself),
+    /// or where `direction` stands on the surface.
+    pub fn new(x: [Vec3; 4], direction: Option<Vec3>) -> Option<Self> {
+        let diagonals = [sub(x[2], x[0]), sub(x[3], x[1])];
+        let middle = cross(diagonals[0], diagonals[1]);
+        let size = (0..4).map(|i| sub(x[(i + 1) % 4], x[i])).map(|e| dot(e, e)).fold(0.0, f64::max);
+        let mut reference = Self { gradient: [[[0.0; 2]; 4]; POINTS], area: [0.0; POINTS] };
+        for k in 0..POINTS {
+            let [g1, g2] = tangents(&x, k);
+            let normal = cross(g1, g2);
+            let area = norm(normal);
+            // Rounding of the coordinates alone spoils flatter elements; a point
+            // whose normal looks back lies in a fold.
+            if area.is_nan() || area <= 1e-10 * size || dot(normal, middle) <= 0.0 {
+                return None;
+            }
+            let normal = scale(1.0 / area, normal);
+            let along = direction.unwrap_or(g1);
+            let along = sub(along, scale(dot(along, normal), normal));
+            let length = norm(along);
+            if direction.is_some_and(|d| length <= 1e-6 * norm(d)) {
+                return None;
+            }
+            let e1 = scale(1.0 / length, along);
+            let e2 = cross(normal, e1);
+            // Inverse of the 2x2 Jacobian [[g1.e1, g1.e2], [g2.e1, g2.e2]].
+            let (a, b, c, d) = (dot(g1, e1), dot(g1, e2), dot(g2, e1), dot(g2, e2));
+            let inverse = 1.0 / (a * d - b * c);
+            reference.gradient[k] =
+                slopes(k).map(|[s, t]| [inverse * (d * s - b * t), inverse * (a * t - c * s)]);
+            reference.area[k] = area;
+        }
+        Some(reference)
+    }
+
+    /// Mass matrix over density times thickness (m2).
+    pub fn shares(&self, kind: MassMatrix) -> [[f64; 4]; 4] {
+        let mut m = [[0.0; 4]; 4];
+        for k in 0..POINTS {
+            let n = shapes(k);
+            for i in 0..4 {
+                for j in 0..4 {
+                    match kind {
+                        MassMatrix::Consistent => m[i][j] += self.area[k] * n[i] * n[j],
+                        MassMatrix::Lumped if i == j => m[i][i] += self.area[k] * n[i],
+                        MassMatrix::Lumped => {}
+                    }
+                }
+            }
+        }
+        m
+    }
+}
+
+/// Deformation at a point with gradients `h` of the element with nodes now at `x` (m).
+#[inline(always)]
+pub fn deformation(h: &Gradient, x: &[Vec3; 4]) -> Deformation {
+    let mut f = [[0.0; 3]; 2];
+    for (h, x) in h.iter().zip(x) {
+        f[0] = add(f[0], scale(h[0], *x));
+        f[1] = add(f[1], scale(h[1], *x));
+    }
+    let [f1, f2] = f;
+    Deformation { f, strain: [0.5 * (dot(f1, f1) - 1.0), 0.5 * (dot(f2, f2) - 1.0), dot(f1, f2)] }
+}
+
+/// Adds the internal nodal forces (N) of one point to `r`, for second
+/// Piola-Kirchhoff stress `s` (Pa) and the point's `volume` (m3).
+#[inline(always)]
+pub fn add_force(h: &Gradient, d: &Deformation, s: &[f64; 3], volume: f64, r: &mut [Vec3; 4]) {
+    for (h, r) in h.iter().zip(r) {
+        let c1 = volume * (s[0] * h[0] + s[2] * h[1]);
+        let c2 = volume * (s[2] * h[0] + s[1] * h[1]);
+        *r = add(*r, add(scale(c1, d.f[0]), scale(c2, d.f[1])));
+    }
+}
+
+/// Adds the tangent of [`add_force`] (N/m) to `k`, blocks `[row node][column node]`,
+/// for the material tangent `c` (Pa). `forces` turns stresses into forces, `strains`
+/// makes them; both are the same but in energy-conserving steps.
+#[inline(always)]
+pub fn add_stiffness(
+    h: &Gradient,
+    forces: &Deformation,
+    strains: &Deformation,
+    s: &[f64; 3],
+    c: &[[f64; 3]; 3],
+    volume: f64,
+    k: &mut [[Mat3; 4]; 4],
+) {
+    for n in 0..4 {
+        for m in 0..4 {
+            add_block(&mut k[n][m], &block(h[n], h[m], &forces.f, &strains.f, s, c, volume));
+        }
+    }
+}
+
+/// Nodal forces (N) of a pressure jump `p` (Pa) along the normal: exact, as the
+/// integrand is of degree two in each coordinate.
+#[inline(always)]
+pub fn pressure_force(p: f64, x: &[Vec3; 4]) -> [Vec3; 4] {
+    let mut f = [[0.0; 3]; 4];
+    for k in 0..POINTS {
+        let [g1, g2] = tangents(x, k);
+        let a = scale(p, cross(g1, g2));
+        for (f, n) in f.iter_mut().zip(shapes(k)) {
+            *f = add(*f, scale(n, a));
+        }
+    }
+    f
+}
+
+/// Derivative of [`pressure_force`], blocks `[row node][column node]`.
+#[inline(always)]
+pub fn pressure_tangent(p: f64, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
+    let mut all = [[[[0.0; 3]; 3]; 4]; 4];
+    for k in 0..POINTS {
+        let [g1, g2] = tangents(x, k);
+        let (n, s) = (shapes(k), slopes(k));
+        for m in 0..4 {
+            // d (g1 x g2) = s1 (d x g2) + s2 (g1 x d) = (s2 g1 - s1 g2) x d
+            let v = sub(scale(s[m][1], g1), scale(s[m][0], g2));
+            let skew = [[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]];
+            for i in 0..4 {
+                add_block(&mut all[i][m], &skew.map(|row| scale(p * n[i], row)));
+            }
+        }
+    }
+    all
+}
+
+/// Nodal forces (N) of the traction `t` (Pa) on the deformed area.
+#[inline(always)]
+pub fn traction_force(t: Vec3, x: &[Vec3; 4]) -> [Vec3; 4] {
+    let mut share = [0.0; 4];
+    for k in 0..POINTS {
+        let [g1, g2] = tangents(x, k);
+        let area = norm(cross(g1, g2));
+        for (f, n) in share.iter_mut().zip(shapes(k)) {
+            *f += n * area;
+        }
+    }
+    share.map(|s| scale(s, t))
+}
+
+/// Derivative of [`traction_force`], blocks `[row node][column node]`.
+#[inline(always)]
+pub fn traction_tangent(t: Vec3, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
+    let mut all = [[[[0.0; 3]; 3]; 4]; 4];
+    for k in 0..POINTS {
+        let [g1, g2] = tangents(x, k);
+        let a = cross(g1, g2);
+        let size = norm(a);
+        let normal = if size > 0.0 { scale(1.0 / size, a) } else { [0.0; 3] };
+        let (n, s) = (shapes(k), slopes(k));
+        for m in 0..4 {
+            // n . ((s2 g1 - s1 g2) x d) = d . (n x (s2 g1 - s1 g2))
+            let v = sub(scale(s[m][1], g1), scale(s[m][0], g2));
+            let g = cross(normal, v);
+            for i in 0..4 {
+                add_block(&mut all[i][m], &t.map(|ti| scale(n[i] * ti, g)));
+            }
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::elements::check::tangent_error;
+    use crate::elements::mass::shares;
+    use crate::elements::{load, membrane};
+    use crate::materials::{Material, StVenantKirchhoff, TensionField};
+
+    /// Distorted and warped.
+    const X: [Vec3; 4] = [[0.0, 0.1, 0.0], [1.2, -0.1, 0.1], [1.0, 0.9, 0.3], [-0.2, 1.3, 0.1]];
+    const NOW: [Vec3; 4] = [[0.1, 0.0, 0.2], [1.4, 0.1, -0.1], [1.1, 1.1, 0.5], [-0.3, 1.2, 0.3]];
+
+    fn force(r: &Reference, law: &impl Material, x: &[Vec3; 4]) -> [Vec3; 4] {
+        let mut f = [[0.0; 3]; 4];
+        for k in 0..POINTS {
+            let d = deformation(&r.gradient[k], x);
+            add_force(&r.gradient[k], &d, &law.stress(d.strain), r.area[k], &mut f);
+        }
+        f
+    }
+
+    fn stiffness(r: &Reference, law: &impl Material, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
+        let mut all = [[[[0.0; 3]; 3]; 4]; 4];
+        for k in 0..POINTS {
+            let d = deformation(&r.gradient[k], x);
+            let (s, c) = law.tangent(d.strain);
+            add_stiffness(&r.gradient[k], &d, &d, &s, &c, r.area[k], &mut all);
+        }
+        all
+    }
+
+    #[test]
+    fn tangents_are_the_derivatives_of_the_forces() {
+        let r = Reference::new(X, None).expect("a good element");
+        let law = StVenantKirchhoff::isotropic(3.0, 0.3);
+        assert!(tangent_error(NOW, |x| force(&r, &law, x), &stiffness(&r, &law, &NOW)) < 1e-8);
+        let law = TensionField::new(3.0, 0.3);
+        let wrinkled = NOW.map(|x| [1.1 * x[0], 0.6 * x[1], x[2]]);
+        let regimes: Vec<_> =
+            r.gradient.iter().map(|h| law.regime(deformation(h, &wrinkled).strain)).collect();
+        assert!(regimes.contains(&crate::materials::Regime::Wrinkled), "{regimes:?}");
+        assert!(tangent_error(wrinkled, |x| force(&r, &law, x), &stiffness(&r, &law, &wrinkled)) < 1e-7);
+        assert!(tangent_error(NOW, |x| pressure_force(2.0, x), &pressure_tangent(2.0, &NOW)) < 1e-8);
+        let t = [0.4, -0.7, 1.1];
+        assert!(tangent_error(NOW, |x| traction_force(t, x), &traction_tangent(t, &NOW)) < 1e-8);
+    }
+
+    /// Any affine map of a plane element is a constant strain, whatever its shape:
+    /// the forces are those of the stress on its edges.
+    #[test]
+    fn a_distorted_element_passes_the_patch_test() {
+        let flat = X.map(|[x, y, _]| [x, y, 0.0]);
+        let r = Reference::new(flat, Some([1.0, 0.0, 0.0])).expect("a good element");
+        let map = |[x, y, _]: Vec3| [1.2 * x + 0.1 * y, 1.1 * y - 0.05 * x, 0.3 * x - 0.2 * y];
+        let now = flat.map(map);
+        let law = StVenantKirchhoff::orthotropic(3.0, 1.0, 0.2, 0.7);
+        let strain = deformation(&r.gradient[0], &now).strain;
+        for h in &r.gradient {
+            let e = deformation(h, &now).strain;
+            (0..3).for_each(|i| assert!((e[i] - strain[i]).abs() < 1e-14));
+        }
+        let s = law.stress(strain);
+        let columns = [[1.2, -0.05, 0.3], [0.1, 1.1, -0.2]];
+        let f = force(&r, &law, &now);
+        for n in 0..4 {
+            // Half of the outward normals of both edges at the node, in the plane.
+            let (a, b) = (flat[(n + 3) % 4], flat[(n + 1) % 4]);
+            let normal = [0.5 * (b[1] - a[1]), -0.5 * (b[0] - a[0])];
+            let t = [s[0] * normal[0] + s[2] * normal[1], s[2] * normal[0] + s[1] * normal[1]];
+            for i in 0..3 {
+                let exact = columns[0][i] * t[0] + columns[1][i] * t[1];
+                assert!((f[n][i] - exact).abs() < 1e-13, "{n} {i}: {} {exact}", f[n][i]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_turn_strains_nothing_and_collapsed_nodes_make_a_triangle() {
+        let r = Reference::new(X, None).expect("a good element");
+        let turned = X.map(|[x, y, z]| [z + 1.0, y - 2.0, -x]);
+        for h in &r.gradient {
+            deformation(h, &turned).strain.iter().for_each(|e| assert!(e.abs() < 1e-14));
+        }
+        let (x, now) = ([X[0], X[1], X[2]], [NOW[0], NOW[1], NOW[2]]);
+        let r = Reference::new([x[0], x[1], x[2], x[2]], None).expect("a triangle");
+        let t = membrane::Reference::new(x).expect("a triangle");
+        let law = StVenantKirchhoff::isotropic(3.0, 0.3);
+        let q = force(&r, &law, &[now[0], now[1], now[2], now[2]]);
+        let d = membrane::deformation(&t.gradient, &now);
+        let f = membrane::force(&t.gradient, &d, &law.stress(d.strain), t.area);
+        for i in 0..3 {
+            assert!((q[0][i] - f[0][i]).abs() < 1e-14 && (q[1][i] - f[1][i]).abs() < 1e-14);
+            assert!((q[2][i] + q[3][i] - f[2][i]).abs() < 1e-14);
+        }
+        let p = pressure_force(2.0, &[now[0], now[1], now[2], now[2]]);
+        let exact = load::pressure_force(2.0, &now);
+        (0..3).for_each(|i| assert!((p[0][i] - exact[i]).abs() < 1e-14));
+        let m = r.shares(MassMatrix::Consistent);
+        let exact = shares::<3>(MassMatrix::Consistent);
+        assert!((m[0][1] - t.area * exact[0][1]).abs() < 1e-15);
+        assert!((m[2][2] + m[3][3] + 2.0 * m[2][3] - t.area * exact[2][2]).abs() < 1e-15);
+    }
+
+    #[test]
+    fn masses_keep_the_total_and_bad_shapes_are_refused() {
+        let r = Reference::new(X, None).expect("a good element");
+        let total: f64 = r.area.iter().sum();
+        for kind in [MassMatrix::Consistent, MassMatrix::Lumped] {
+            assert!((r.shares(kind).iter().flatten().sum::<f64>() - total).abs() < 1e-14);
+        }
+        // The total pressure force is that on half the cross product of the diagonals.
+        let sum = pressure_force(2.0, &NOW).into_iter().fold([0.0; 3], add);
+        let exact = cross(sub(NOW[2], NOW[0]), sub(NOW[3], NOW[1]));
+        (0..3).for_each(|i| assert!((sum[i] - exact[i]).abs() < 1e-14));
+        assert!(Reference::new([X[0], X[2], X[1], X[3]], None).is_none(), "folded");
+        assert!(Reference::new([X[0], X[1], X[0], X[1]], None).is_none(), "no area");
+        let flat = X.map(|[x, y, _]| [x, y, 0.0]);
+        assert!(Reference::new(flat, Some([0.0, 0.0, 1.0])).is_none(), "no direction");
+    }
+}

@@ -1,0 +1,198 @@
+//! Effects of a scene, from its text to a solution.
+
+use std::path::Path;
+use std::rc::Rc;
+
+use case::Scene;
+use comm::Comm;
+use mesh::{Cable, CableKind, StructureMesh};
+
+use crate::assemble;
+use crate::dynamics::{Dynamics, LoadPath};
+use crate::equilibrium::EquilibriumParams;
+use crate::loops::FaceLoad;
+use crate::vec3::at;
+
+const LAST: &str = r#"
+    [[stage]]
+    name = "one"
+    kind = "pre-inflation"
+    pressure_pa = 23.94
+    solve = "static"
+"#;
+
+fn scene(canopy: &str, fabric: &str, rest: &str) -> Scene {
+    let text = format!(
+        r#"
+        name = "test"
+        [canopy]
+        {canopy}
+        [lines]
+        youngs_modulus_pa = 1e9
+        area_m2 = 1e-6
+        density_kg_m3 = 1000.0
+        [fabric]
+        youngs_modulus_pa = 206.8e6
+        poisson_ratio = 0.3
+        thickness_m = 3.048e-5
+        density_kg_m3 = 1223.5093
+        {fabric}
+        {rest}
+        "#
+    );
+    case::parse(Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn structure(scene: &Scene, mesh: Option<StructureMesh>) -> Result<Dynamics, String> {
+    let mesh = Rc::new(mesh.map_or_else(|| mesh::structure_mesh(scene), Ok).map_err(|e| e.to_string())?);
+    let mut d = assemble::dynamics(&Comm::solo(), scene, 0, &mesh).map_err(|e| e.to_string())?;
+    assemble::nodal(&mut d, scene, 0, &mesh).map_err(|e| e.to_string())?;
+    Ok(d)
+}
+
+fn rest(d: &mut Dynamics, pressure: f64) {
+    let p = vec![pressure; d.system.model.n_faces];
+    let load = FaceLoad { pressure: &p, traction: &[] };
+    let params = EquilibriumParams { tolerance: 1e-10, ..Default::default() };
+    d.equilibrium(load, [0.0; 3], params, &mut |_| ()).unwrap_or_else(|e| panic!("{e}"));
+}
+
+fn volume(d: &Dynamics) -> f64 {
+    let x: Vec<f64> = d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect();
+    let under =
+        |p: [[f64; 3]; 3]| crate::elements::load::area_vector(&p)[2] * (p[0][2] + p[1][2] + p[2][2]) / 3.0;
+    d.system.model.triangles.iter().map(|t| under(t.nodes.map(|n| at(&x, n as usize)))).sum()
+}
+
+const BAG: &str = "kind = \"air-bag\"\ncells_across = 12";
+const WRINKLING: &str = "wrinkling = true\n[structure]\nmembrane = \"quadrilateral\"";
+
+/// Bilinear elements fill the bag as the triangles do: 7.167e-4 m3 with 800 of them;
+/// the mesh is coarse, so to 1 %.
+#[test]
+fn quadrilaterals_inflate_the_air_bag() {
+    let mut d = structure(&scene(BAG, WRINKLING, LAST), None).expect("a structure");
+    assert_eq!((d.system.model.quads.len(), d.system.model.triangles.len()), (144, 288));
+    rest(&mut d, 23.94);
+    let v = volume(&d);
+    assert!((v / 7.167e-4 - 1.0).abs() < 0.01, "{v}");
+    assert!((d.accepted.u[2] / 0.0769 - 1.0).abs() < 0.01, "{}", d.accepted.u[2]);
+}
+
+/// Twice as stiff along x than along y: the edges move in by different amounts, and
+/// with equal moduli by the same.
+#[test]
+fn an_orthotropic_bag_knows_its_warp() {
+    let fabric = |weft: f64, shear: f64, quads: &str| {
+        format!(
+            "wrinkling = true\n[fabric.orthotropic]\nyoungs_modulus_2_pa = {weft}\nshear_modulus_pa = {shear}\n{quads}"
+        )
+    };
+    let bag = |text: &str| {
+        // Soft fabric, so that stretching shows.
+        let mut s = scene(BAG, text, LAST);
+        s.fabric.youngs_modulus_pa *= 1e-3;
+        let mut d = structure(&s, None).expect("a structure");
+        rest(&mut d, 23.94);
+        let n = |x: f64, y: f64| {
+            let near = |p: &[f64]| (p[0] - x).abs() < 1e-9 && (p[1] - y).abs() < 1e-9;
+            at(&d.accepted.u, d.system.model.reference.chunks(3).position(near).expect("a node"))
+        };
+        [n(0.1524, 0.0)[0], n(0.0, 0.1524)[1], n(0.0, 0.0)[2]]
+    };
+    let isotropic = bag("wrinkling = true");
+    let same = bag(&fabric(206.8e3, 0.5 * 206.8e3 / 1.3, ""));
+    (0..3).for_each(|i| assert!((same[i] / isotropic[i] - 1.0).abs() < 1e-4, "{same:?} {isotropic:?}"));
+    for quads in ["", "[structure]\nmembrane = \"quadrilateral\""] {
+        let [x, y, _] = bag(&fabric(0.5 * 206.8e3, 0.3 * 206.8e3, quads));
+        assert!(x < y - 1e-3 || y < x - 1e-3, "{x} {y}");
+    }
+}
+
+#[test]
+fn a_warp_that_stands_on_a_panel_is_refused() {
+    let fabric =
+        "[fabric.orthotropic]\nyoungs_modulus_2_pa = 1e8\nshear_modulus_pa = 1e7\ndirection = [0, 0, 1]";
+    let error = structure(&scene(BAG, fabric, LAST), None).err().expect("no direction");
+    assert!(error.contains("stands on face 0"), "{error}");
+}
+
+/// Cables along x, rest length 1 m each.
+fn chain(n: u32, fixed: Vec<(u32, [bool; 3])>) -> StructureMesh {
+    let kind = CableKind::SuspensionLine;
+    StructureMesh {
+        coords: (0..=n).map(|i| [f64::from(i), 0.0, 0.0]).collect(),
+        cables: (0..n).map(|i| Cable { nodes: [i, i + 1], rest_length: 1.0, kind, line: 0 }).collect(),
+        fixed,
+        node_sets: [("end".to_owned(), vec![n])].into(),
+        ..Default::default()
+    }
+}
+
+/// Force of a cable of rest length 1 m at length `l`: A Y E l.
+fn pull(l: f64) -> f64 {
+    1e-6 * 1e9 * 0.5 * (l * l - 1.0) * l
+}
+
+/// A force on the end of a chain, then the same through a prescribed end: lengths and
+/// reactions are those of the closed form.
+#[test]
+fn forces_and_motions_of_nodes_are_static_too() {
+    let held = vec![(0, [true; 3])];
+    let force = format!("{LAST}[[stage.force]]\nnodes = \"end\"\nforce_n = [{}, 0.0, 0.0]\n", pull(1.1));
+    let mut d = structure(&scene(BAG, "", &force), Some(chain(3, held.clone()))).expect("a structure");
+    rest(&mut d, 0.0);
+    assert!((d.accepted.u[9] - 0.3).abs() < 1e-9, "{}", d.accepted.u[9]);
+    let r = d.reactions(FaceLoad { pressure: &[], traction: &[] }, [0.0; 3]);
+    assert!((r[0] + pull(1.1)).abs() < 1e-7, "{r:?}");
+
+    let motion = format!(
+        "{LAST}[[stage.motion]]\nnodes = \"end\"\ntime_s = [0.0, 1.0]\ndisplacement_m = [[0, 0, 0], [0.3, 0, 0]]\n"
+    );
+    let mut d = structure(&scene(BAG, "", &motion), Some(chain(3, held))).expect("a structure");
+    rest(&mut d, 0.0);
+    assert!((d.accepted.u[3] - 0.1).abs() < 1e-8 && d.accepted.u[9] == 0.3, "{:?}", d.accepted.u);
+    let r = d.reactions(FaceLoad { pressure: &[], traction: &[] }, [0.0; 3]);
+    assert!((r[9] - pull(1.1)).abs() < 1e-5 && (r[0] + r[9]).abs() < 1e-5, "{r:?}");
+}
+
+/// A mass on a pre-stressed spring whose foot starts to move at constant speed V:
+/// u = V (t - sin(w t) / w). The trapezoidal rule with 200 steps a period is 8e-5 slow.
+#[test]
+fn a_moving_foot_shakes_a_mass() {
+    let rest_of = "[[stage]]\nname = \"one\"\nkind = \"pre-inflation\"\npressure_pa = 0\nduration_s = 1.0\nwindow_s = 1.0
+        [[stage.motion]]\nnodes = \"end\"\ntime_s = [0.0, 20.0]\ndisplacement_m = [[0, 0, 0], [0.02, 0, 0]]\n";
+    let mut s = scene(BAG, "", rest_of);
+    s.lines.as_mut().expect("lines").density_kg_m3 = 1e-9;
+    s.lines.as_mut().expect("lines").tension_only = false;
+    s.structure.newton_tolerance = 1e-10;
+    let mut mesh = chain(1, vec![(0, [false, true, true]), (1, [false, true, true])]);
+    mesh.point_masses.push((0, 1000.0));
+    let mut d = structure(&s, Some(mesh)).expect("a structure");
+    // d(A Y E l)/dl = A Y at rest: w = 1 / s.
+    let dt = 2.0 * std::f64::consts::PI / 200.0;
+    let load = LoadPath { pressure: [&[]; 2], traction: [&[]; 2] };
+    for step in 1..=400 {
+        d.window(dt, 1, load, [0.0; 3], false).expect("a step");
+        d.accept();
+        let t = dt * f64::from(step);
+        let exact = 1e-3 * (t - t.sin());
+        assert!((d.accepted.u[0] - exact).abs() < 5e-6, "{t}: {} beside {exact}", d.accepted.u[0]);
+        assert!((d.accepted.u[3] - 1e-3 * t).abs() < 1e-12 && (d.accepted.v[3] - 1e-3).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn point_masses_and_unknown_nodes() {
+    let mass = "[[point_mass]]\nat_m = [0, 0, 0]\nmass_kg = 0.5\n";
+    let heavy = structure(&scene(BAG, "", &format!("{mass}{LAST}")), None).expect("a structure");
+    let light = structure(&scene(BAG, "", LAST), None).expect("a structure");
+    assert!((heavy.system.total_mass() - light.system.total_mass() - 0.5).abs() < 1e-12);
+    let lumped = scene(BAG, "[structure]\nmass = \"lumped\"", LAST);
+    let lumped = structure(&lumped, None).expect("a structure");
+    assert!((lumped.system.total_mass() / light.system.total_mass() - 1.0).abs() < 1e-12);
+    assert!((lumped.system.lumped_mass(0) - lumped.system.mass_of_block(0)).abs() < 1e-18);
+    let force = format!("{LAST}[[stage.force]]\nnodes = \"apex\"\nforce_n = [1, 0, 0]\n");
+    let error = structure(&scene(BAG, "", &force), None).err().expect("no such nodes");
+    assert!(error.contains("stage[0].force[0]") && error.contains("rim"), "{error}");
+}
