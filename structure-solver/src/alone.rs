@@ -1,13 +1,16 @@
 //! A pre-inflation stage without the coupler, for developers: the participant is
 //! driven as the coupler would, and its numbers are printed.
 
-use std::path::Path;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use case::{Scene, StageKind};
 use channel::{Fault, Grid, Input, Participant, Window, structure_stats as stat};
 use comm::Comm;
 
+use crate::dynamics::WindowInfo;
 use crate::participant::StructureSolver;
 
 /// What to do beside running.
@@ -50,6 +53,8 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
             "#    t s   kinetic J    strain J     work J   load N  riser N  area m2 volume m3 line N newton cuts gmres factor wall s"
         );
     }
+    let state = case::state_folder(out, scene, stage);
+    let mut history = comm.is_root().then(|| History::create(&folder)).transpose()?;
     let start = Instant::now();
     let every = (windows / LINES).max(1);
     let mut work = 0.0;
@@ -63,8 +68,18 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
             dt: s.window_s,
             ..Window::default()
         };
-        let v = solver.advance(&w, &input, &mut output)?.values;
+        let v = match solver.advance(&w, &input, &mut output) {
+            Ok(stats) => stats.values,
+            Err(fault) => {
+                // What was reached stays, as a state to look at or to go on from.
+                save(&mut solver, comm, &state)?;
+                return Err(fault);
+            }
+        };
         solver.accept(&w)?;
+        if let Some(history) = &mut history {
+            history.push(index, (index + 1) as f64 * s.window_s, &v, &solver.info())?;
+        }
         let time = (index + 1) as f64 * s.window_s;
         if options.snapshot_every > 0 && (index + 1).is_multiple_of(options.snapshot_every) {
             solver.snapshot(time, &folder)?;
@@ -99,9 +114,7 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
         }
     }
     let total = start.elapsed().as_secs_f64();
-    let state = case::state_folder(out, scene, stage);
-    std::fs::create_dir_all(&state).map_err(|e| Fault::new(format!("{}: {e}", state.display())))?;
-    solver.save(&state)?;
+    save(&mut solver, comm, &state)?;
     if options.profile && comm.is_root() {
         let c = solver.linear_cost();
         let (assembly, rest) =
@@ -112,14 +125,66 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
             1e3 * total / newton.max(1.0)
         );
         println!(
-            "# assembly {:.1} %, factorisation {:.1} % ({} times), GMRES {:.1} % ({} iterations), rest {:.1} %",
+            "# assembly {:.1} %, factorisation {:.1} % ({} times), GMRES {:.1} % ({} iterations), rest {:.1} %; \
+             in all of these {:.1} % communication and waiting for other ranks",
             share(assembly),
             share(c.factorisation_s),
             c.factorisations,
             share(c.solve_s),
             c.iterations,
-            share(rest)
+            share(rest),
+            share(comm.waited_s())
         );
     }
     Ok(())
 }
+
+fn save(solver: &mut StructureSolver, comm: &Comm, folder: &Path) -> Result<(), Fault> {
+    if comm.is_root() {
+        std::fs::create_dir_all(folder).map_err(|e| Fault::new(format!("{}: {e}", folder.display())))?;
+    }
+    comm.barrier();
+    solver.save(folder)
+}
+
+/// `history.csv` of a stage: a row for each window, flushed as it comes.
+struct History {
+    path: PathBuf,
+    file: File,
+}
+
+impl History {
+    fn create(folder: &Path) -> Result<Self, Fault> {
+        let path = folder.join("history.csv");
+        let bad = |e: std::io::Error| Fault::new(format!("{}: {e}", path.display()));
+        std::fs::create_dir_all(folder).map_err(bad)?;
+        let mut file = File::create(&path).map_err(bad)?;
+        let names: Vec<&str> = COLUMNS.iter().map(|(name, _)| *name).collect();
+        writeln!(file, "window,time_s,{},damping_work_j", names.join(",")).map_err(bad)?;
+        Ok(Self { path, file })
+    }
+
+    fn push(&mut self, window: u64, time: f64, values: &[f64], info: &WindowInfo) -> Result<(), Fault> {
+        let cells: Vec<String> = COLUMNS.iter().map(|&(_, at)| format!("{:.8e}", values[at])).collect();
+        writeln!(self.file, "{window},{time:.8e},{},{:.8e}", cells.join(","), info.damping_work)
+            .map_err(|e| Fault::new(format!("{}: {e}", self.path.display())))
+    }
+}
+
+/// Columns of the history that are statistics of the participant. Works are those of
+/// the window.
+const COLUMNS: [(&str, usize); 13] = [
+    ("structure_kinetic_energy_j", stat::KINETIC_ENERGY),
+    ("structure_strain_energy_j", stat::STRAIN_ENERGY),
+    ("structure_load_work_j", stat::LOAD_WORK),
+    ("vertical_load_n", stat::VERTICAL_LOAD),
+    ("riser_force_n", stat::RISER_FORCE),
+    ("max_line_tension_n", stat::MAX_LINE_TENSION),
+    ("projected_area_m2", stat::PROJECTED_AREA),
+    ("volume_m3", stat::VOLUME),
+    ("structure_newton_steps", stat::NEWTON_STEPS),
+    ("structure_gmres_iterations", stat::GMRES_ITERATIONS),
+    ("structure_factorisations", stat::FACTORISATIONS),
+    ("structure_step_cuts", stat::STEP_CUTS),
+    ("structure_residual", stat::RESIDUAL),
+];

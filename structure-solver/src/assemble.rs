@@ -106,6 +106,33 @@ pub fn dynamics(
     Ok(Dynamics::new(system, params))
 }
 
+/// Nodes that the motions of a stage move, with their components.
+fn moved(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Result<Vec<(u32, [bool; 3])>, MeshError> {
+    let mut all = Vec::new();
+    for (k, m) in scene.stages[stage].motions.iter().enumerate() {
+        let nodes = mesh.nodes_of(&format!("stage[{stage}].motion[{k}]"), m.nodes.as_deref(), m.at_m)?;
+        let components = ['x', 'y', 'z'].map(|c| m.components.contains(c));
+        all.extend(nodes.into_iter().map(|n| (n, components)));
+    }
+    Ok(all)
+}
+
+/// Refuses a structure with a part that nothing holds in stage `stage`.
+pub fn check_held(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Result<(), SetupError> {
+    Ok(crate::connected::check(mesh, &moved(scene, stage, mesh)?)?)
+}
+
+/// A structure that cannot be set up.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// Its mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// Its elements.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
 /// Prescribes the motions and forces of stage `stage` from the accepted state on.
 /// Collective.
 pub fn nodal(

@@ -1,5 +1,6 @@
 //! Windows of time steps: substeps, cuts, and what they cost.
 
+use crate::culprit::{self, Culprit};
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
 use crate::motion::Motion;
@@ -19,8 +20,9 @@ pub struct LoadPath<'a> {
 /// A window that could not be computed.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error(
-    "the structure failed {time:.6} s into the window, at a step of {dt:.3e} s after {cuts} halvings: {cause}; \
-     smaller steps (stage.substeps), more damping or a smaller pressure may help"
+    "the structure failed {time:.6} s into the window, at a step of {dt:.3e} s after {cuts} halvings: {cause}{}; \
+     smaller steps (stage.substeps), more damping or a smaller pressure may help",
+    place(element)
 )]
 pub struct StepFailure {
     /// Time since the start of the window, s.
@@ -31,6 +33,13 @@ pub struct StepFailure {
     pub cuts: u32,
     /// Why.
     pub cause: NewtonError,
+    /// The most strained element at the node that the cause names, in the last attempt.
+    pub element: Option<Culprit>,
+}
+
+/// Where a failure is, as the end of a sentence.
+pub(crate) fn place(element: &Option<Culprit>) -> String {
+    element.map_or_else(String::new, |e| format!(", {e}"))
 }
 
 /// What a window cost.
@@ -44,6 +53,8 @@ pub struct WindowInfo {
     pub residual: f64,
     /// Work of the load, J.
     pub load_work: f64,
+    /// Energy that mass- and stiffness-proportional damping took, J.
+    pub damping_work: f64,
 }
 
 /// Equations, time integration and solvers of one rank.
@@ -219,7 +230,9 @@ impl Dynamics {
             )?;
             self.path[k as usize].copy_from_slice(&self.current.u);
         }
-        info.load_work = self.system.comm().sum(info.load_work);
+        let mut works = [info.load_work, info.damping_work];
+        self.system.comm().sum_slice(&mut works);
+        [info.load_work, info.damping_work] = works;
         Ok(info)
     }
 
@@ -241,6 +254,7 @@ impl Dynamics {
                 info.newton_steps += u64::from(step.steps);
                 info.residual = info.residual.max(step.residual);
                 info.load_work += self.load_work(span, load);
+                info.damping_work += self.damping_work();
                 std::mem::swap(&mut self.current, &mut self.next);
                 Ok(())
             }
@@ -252,7 +266,10 @@ impl Dynamics {
                 self.interval([span[0], middle], window, load, body, None, cuts + 1, info)?;
                 self.interval([middle, span[1]], window, load, body, None, cuts + 1, info)
             }
-            Err(cause) => Err(StepFailure { time: span[1] * window, dt, cuts, cause }),
+            Err(cause) => {
+                let element = self.culprit(&cause);
+                Err(StepFailure { time: span[1] * window, dt, cuts, cause, element })
+            }
         }
     }
 
@@ -337,6 +354,39 @@ impl Dynamics {
         let work = (0..n).map(|i| 0.5 * (before[i] + after[i]) * (self.next.u[i] - self.current.u[i])).sum();
         self.force.swap(0, 1);
         work
+    }
+
+    /// Energy that damping takes from `current` to `next` on owned nodes, J.
+    fn damping_work(&mut self) -> f64 {
+        let mut work = 0.0;
+        let (from, to) = (&self.current, &self.next);
+        if self.damping > 0.0 {
+            for i in 0..self.x.len() {
+                self.x[i] = 0.5 * self.damping * (from.v[i] + to.v[i]);
+            }
+            let f = &mut self.force[1];
+            f.fill(0.0);
+            self.system.add_mass_product(&self.x, f);
+            let n = 3 * self.system.model.n_owned();
+            work += (0..n).map(|i| f[i] * (to.u[i] - from.u[i])).sum::<f64>();
+        }
+        if self.system.depends_on_rate() {
+            let [_, y] = &mut self.force;
+            for i in 0..self.x.len() {
+                self.x[i] = self.system.model.reference[i] + from.u[i];
+                y[i] = self.system.model.reference[i] + to.u[i];
+            }
+            work += self.system.dissipation(&self.x, y);
+        }
+        work
+    }
+
+    /// The element that a failed step is about. Collective.
+    pub(crate) fn culprit(&mut self, cause: &NewtonError) -> Option<Culprit> {
+        for (i, u) in self.newton.trial().iter().enumerate() {
+            self.x[i] = self.system.model.reference[i] + u;
+        }
+        culprit::at_node(&self.system.model, cause.node(), &self.x)
     }
 
     /// External forces at a share of the window: on `next` into `force[1]`, or on

@@ -8,7 +8,8 @@
 //! last steps are Newton's for the static equations; a step that fails is taken back
 //! and repeated with a larger $\delta$. Nothing depends on the mass in the end.
 
-use crate::dynamics::Dynamics;
+use crate::culprit::{self, Culprit};
+use crate::dynamics::{Dynamics, place};
 use crate::loops::{FaceLoad, Place};
 use crate::newton::{Balance, NewtonError, Stop};
 use crate::scheme::StepForm;
@@ -66,14 +67,17 @@ pub struct EquilibriumInfo {
 pub enum EquilibriumError {
     /// Steps of any size fail.
     #[error(
-        "no way to an equilibrium: pseudo-time step {number} failed at any size ({cause}); \
-         is the structure held, and the load one that it can carry?"
+        "no way to an equilibrium: pseudo-time step {number} failed at any size ({cause}{}); \
+         is the structure held, and the load one that it can carry?",
+        place(element)
     )]
     Stuck {
         /// Number of the step.
         number: u32,
         /// Why the last attempt failed.
         cause: NewtonError,
+        /// The most strained element at the node that the cause names.
+        element: Option<Culprit>,
     },
     /// Something flies away.
     #[error(
@@ -88,8 +92,9 @@ pub enum EquilibriumError {
     },
     /// The steps ran out.
     #[error(
-        "no equilibrium in {steps} pseudo-time steps: residual {residual:.2e} of the load, largest at node {node}, \
-         which moved {moved:.2e} m in the last step; a part that nothing holds never rests"
+        "no equilibrium in {steps} pseudo-time steps: residual {residual:.2e} of the load, largest at node {node}{}, \
+         largest motion {moved:.2e} m in the last step; a part that nothing holds never rests",
+        place(element)
     )]
     NotConverged {
         /// Steps taken.
@@ -100,6 +105,8 @@ pub enum EquilibriumError {
         node: u64,
         /// Largest motion in the last step, m.
         moved: f64,
+        /// The most strained element at the node.
+        element: Option<Culprit>,
     },
 }
 
@@ -219,7 +226,8 @@ impl Dynamics {
                     step.newton_steps += cause.steps();
                     step.repeats += 1;
                     if step.repeats == ATTEMPTS {
-                        return Err(EquilibriumError::Stuck { number: step.number, cause });
+                        let element = self.culprit(&cause);
+                        return Err(EquilibriumError::Stuck { number: step.number, cause, element });
                     }
                     factor *= HARDER;
                     self.linear.renew();
@@ -248,7 +256,8 @@ impl Dynamics {
         if step.balanced.is_none() && step.number >= params.max_steps {
             let (node, _) = self.worst_node(&self.force[0]);
             let (steps, residual, moved) = (step.number, step.residual, step.moved);
-            return Err(EquilibriumError::NotConverged { steps, residual, node, moved });
+            let element = culprit::at_node(&self.system.model, node, &self.x);
+            return Err(EquilibriumError::NotConverged { steps, residual, node, moved, element });
         }
         let ease = match info.steps {
             0..=6 => 4.0,

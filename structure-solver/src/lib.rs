@@ -9,6 +9,8 @@
 
 pub mod alone;
 pub mod assemble;
+pub mod connected;
+pub mod culprit;
 pub mod dynamics;
 pub mod elements;
 pub mod equilibrium;

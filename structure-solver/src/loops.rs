@@ -9,6 +9,7 @@ mod quads;
 pub use damping::{CableDamping, MembraneDamping};
 pub use quads::Quads;
 
+use crate::culprit::principal;
 use crate::elements::mass::{self, MassMatrix};
 use crate::elements::membrane::Deformation;
 use crate::elements::{cable, load, membrane};
@@ -109,6 +110,12 @@ pub trait ElementLoop {
     /// Principal stresses (Pa, first the larger) and state of membrane elements, by
     /// element. A bilinear element says it for each of the two triangles of its face.
     fn stresses(&self, _x: &[f64]) -> Vec<([f64; 2], Regime)> {
+        Vec::new()
+    }
+
+    /// Principal Green strains of membrane elements, the larger first; as
+    /// [`ElementLoop::stresses`].
+    fn strains(&self, _x: &[f64]) -> Vec<[f64; 2]> {
         Vec::new()
     }
 
@@ -313,6 +320,13 @@ impl<M: Material> ElementLoop for Membranes<M> {
             let s = self.material.stress(d.strain);
             let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
             ([mean + radius, mean - radius], self.material.regime(d.strain))
+        };
+        self.elements.iter().map(one).collect()
+    }
+
+    fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
+        let one = |e: &Membrane| {
+            principal(membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize))).strain)
         };
         self.elements.iter().map(one).collect()
     }

@@ -55,7 +55,12 @@ impl Gauge {
                 .for_each(|&n| is_hem[n as usize] = true);
         }
         if !is_hem.contains(&true) {
-            rim_nodes(mesh).into_iter().for_each(|n| is_hem[n as usize] = true);
+            let rim = rim_nodes(mesh);
+            // Rim on symmetry planes is no hem where the rest is held at its height.
+            let level = |n: &&u32| mesh.fixed.iter().any(|(m, c)| m == *n && c[2]);
+            let held: Vec<u32> = rim.iter().filter(level).copied().collect();
+            let hem = if held.is_empty() { rim } else { held };
+            hem.into_iter().for_each(|n| is_hem[n as usize] = true);
         }
         let hem = (0..model.n_owned()).filter(|&i| is_hem[model.numbering.global[i] as usize]);
         let fixed = |n: u32| (0..3).all(|c| model.fixed[3 * n as usize + c]);

@@ -70,6 +70,34 @@ pub enum ModelError {
         /// Its position, m.
         position: Vec3,
     },
+    /// Two parts that touch without being joined.
+    #[error(
+        "nodes {here} and {there} both lie at {position:?} m, but no element joins their parts, and nothing holds \
+         that of node {here}: merge them (in Gmsh: Coherence Mesh)"
+    )]
+    Apart {
+        /// Node of the part that nothing holds.
+        here: u32,
+        /// Node of another part.
+        there: u32,
+        /// Where both are, m.
+        position: Vec3,
+    },
+    /// A part that nothing holds.
+    #[error(
+        "nothing holds the part of node {node} at {position:?} m ({nodes} nodes) along {axes}: \
+         join it to the rest, or fix a node of it"
+    )]
+    Drifts {
+        /// Lowest node of the part.
+        node: usize,
+        /// Its number of nodes.
+        nodes: usize,
+        /// Position of `node`, m.
+        position: Vec3,
+        /// Axes along which it may drift.
+        axes: String,
+    },
     /// Two nodes of one element in one place, or a node outside the mesh.
     #[error("{what} {element} names node {node} {reason}")]
     BadNode {

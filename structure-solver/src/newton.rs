@@ -103,6 +103,15 @@ pub enum NewtonError {
 }
 
 impl NewtonError {
+    /// Node (global) that it names.
+    pub fn node(&self) -> u64 {
+        match self {
+            Self::NotConverged { node, .. } | Self::NotFinite { node, .. } | Self::Linear { node, .. } => {
+                *node
+            }
+        }
+    }
+
     /// Newton steps that were spent.
     pub fn steps(&self) -> u32 {
         match self {
@@ -175,6 +184,11 @@ impl Newton {
             assembly_s: 0.0,
             history: Vec::new(),
         }
+    }
+
+    /// Displacements (m) of the last attempt, with current ghosts.
+    pub(crate) fn trial(&self) -> &[f64] {
+        &self.u
     }
 
     /// Changes the share of the load below which a residual ends the iteration.

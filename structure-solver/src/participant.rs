@@ -57,6 +57,8 @@ pub struct StructureSolver {
     computed: Option<u64>,
     /// What the last `advance` measured.
     measures: Measures,
+    /// What the last `advance` cost.
+    info: WindowInfo,
     /// Where the stage looks for the shape at rest: its tolerance.
     rest: Option<f64>,
 }
@@ -70,6 +72,7 @@ impl StructureSolver {
             return Err(Fault::new(format!("the scene has {n} stages, so there is no stage {stage}")));
         }
         let mesh = Rc::new(mesh::structure_mesh(scene).map_err(Fault::new)?);
+        crate::assemble::check_held(scene, stage, &mesh).map_err(Fault::new)?;
         let mut dynamics = crate::assemble::dynamics(comm, scene, stage, &mesh).map_err(Fault::new)?;
         let source = scene.source_state(out, stage, Role::Structure);
         if let Some(path) = &source {
@@ -92,6 +95,7 @@ impl StructureSolver {
             average: VelocityAverage::of(scene, stage),
             computed: None,
             measures: Measures::default(),
+            info: WindowInfo::default(),
             rest: (scene.stages[stage].solve == Solve::Static).then_some(scene.structure.static_tolerance),
             mesh,
         })
@@ -115,6 +119,11 @@ impl StructureSolver {
     /// What the last `advance` measured.
     pub fn measures(&self) -> Measures {
         self.measures
+    }
+
+    /// What the last `advance` cost, and what damping took in it.
+    pub fn info(&self) -> WindowInfo {
+        self.info
     }
 
     /// Takes the load of a window from the input.
@@ -216,6 +225,7 @@ impl Participant for StructureSolver {
         let last = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
         let m = self.gauge.measure(&self.dynamics.system, &self.dynamics.current, last);
         self.measures = m;
+        self.info = info;
         // Owned nodes ascend, and the canopy's come first.
         output.copy_from_slice(&self.dynamics.current.u[..output.len()]);
         Ok(self.stats(start.elapsed().as_secs_f64(), &info, &m, before, assembly))

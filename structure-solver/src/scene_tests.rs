@@ -7,6 +7,7 @@ use case::Scene;
 use comm::Comm;
 use mesh::{Cable, CableKind, StructureMesh};
 
+use crate::alone;
 use crate::assemble;
 use crate::dynamics::{Dynamics, LoadPath};
 use crate::equilibrium::EquilibriumParams;
@@ -195,4 +196,107 @@ fn point_masses_and_unknown_nodes() {
     let force = format!("{LAST}[[stage.force]]\nnodes = \"apex\"\nforce_n = [1, 0, 0]\n");
     let error = structure(&scene(BAG, "", &force), None).err().expect("no such nodes");
     assert!(error.contains("stage[0].force[0]") && error.contains("rim"), "{error}");
+}
+
+const TIME: &str = r#"
+    [[stage]]
+    name = "one"
+    kind = "pre-inflation"
+    pressure_pa = 23.94
+    duration_s = 1e-2
+    window_s = 1e-3
+    substeps = 2
+"#;
+
+/// A pressure that tears every limit: the step is halved as often as allowed, then
+/// named with its element, as a triangle or as a quadrilateral.
+#[test]
+fn an_absurd_pressure_names_an_element() {
+    for (quads, name) in [("", "in triangle"), ("membrane = \"quadrilateral\"", "in quadrilateral")] {
+        let fabric = format!("[structure]\nmax_step_cuts = 2\nnewton_max_steps = 4\n{quads}");
+        let mut d = structure(&scene(BAG, &fabric, TIME), None).expect("a structure");
+        let p = vec![1e13; d.system.model.n_faces];
+        let load = LoadPath { pressure: [&p; 2], traction: [&[]; 2] };
+        let failure = d.window(1e-3, 2, load, [0.0; 3], false).expect_err("too much");
+        assert_eq!(failure.cuts, 2);
+        let text = failure.to_string();
+        assert!(text.contains(name) && text.contains("strained") && text.contains("halvings"), "{text}");
+        assert!(d.accepted.u.iter().all(|u| *u == 0.0), "the accepted state is untouched");
+    }
+}
+
+/// What damping takes is what the motion loses: a fabric released from a stretched
+/// shape with both dampings, in small steps of the conserving scheme.
+#[test]
+fn damping_takes_what_the_motion_loses() {
+    for quads in ["triangle", "quadrilateral"] {
+        let fabric = format!(
+            "[structure]\nspectral_radius = 1.0\nnewton_tolerance = 1e-9\ngmres_tolerance = 1e-6\nmembrane = \"{quads}\""
+        );
+        let stage = format!("{TIME}mass_damping_per_s = 200.0\nstiffness_damping_s = 1e-6\n");
+        let mut d = structure(&scene(BAG, &fabric, &stage), None).expect("a structure");
+        for (i, u) in d.accepted.u.iter_mut().enumerate() {
+            let x = d.system.model.reference[i];
+            *u = if i % 3 == 2 { 0.0 } else { 1e-3 * x };
+        }
+        let energy = |d: &Dynamics| {
+            let x: Vec<f64> =
+                d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect();
+            let mut mv = vec![0.0; x.len()];
+            d.system.add_mass_product(&d.accepted.v, &mut mv);
+            let kinetic: f64 = 0.5 * mv.iter().zip(&d.accepted.v).map(|(m, v)| m * v).sum::<f64>();
+            kinetic + d.system.loops().iter().map(|l| l.energy(&x)).sum::<f64>()
+        };
+        let p = vec![0.0; d.system.model.n_faces];
+        d.balance_start(FaceLoad { pressure: &p, traction: &[] }, [0.0; 3]).expect("a mass");
+        let before = energy(&d);
+        let load = LoadPath { pressure: [&p; 2], traction: [&[]; 2] };
+        let mut taken = 0.0;
+        for _ in 0..40 {
+            taken += d.window(1e-6, 1, load, [0.0; 3], false).expect("a step").damping_work;
+            d.accept();
+        }
+        let lost = before - energy(&d);
+        assert!(lost > 0.01 * before, "{quads}: {lost} of {before}");
+        assert!((taken / lost - 1.0).abs() < 0.01, "{quads}: {taken} beside {lost}");
+    }
+}
+
+/// The history has a row for each window whose energies add up; a run that fails keeps
+/// what it had.
+#[test]
+fn a_run_alone_keeps_its_history_and_its_last_state() {
+    let fabric = "wrinkling = true\n[structure]\nspectral_radius = 1.0";
+    let run = |scene: &Scene, out: &Path| {
+        let options = alone::Options { profile: true, snapshot_every: 4 };
+        alone::run(&Comm::solo(), scene, 0, out, options)
+    };
+    let mut s = scene(BAG, fabric, TIME);
+    let out = tempfile::tempdir().expect("a folder");
+    run(&s, out.path()).expect("a run");
+    let read = |out: &Path| std::fs::read_to_string(out.join("one/history.csv")).expect("a history");
+    let text = read(out.path());
+    let names: Vec<&str> = text.lines().next().expect("names").split(',').collect();
+    let rows: Vec<Vec<f64>> =
+        text.lines().skip(1).map(|l| l.split(',').map(|c| c.parse().expect("a number")).collect()).collect();
+    assert_eq!(rows.len(), 10);
+    let column = |name: &str| {
+        let at = names.iter().position(|n| *n == name).expect("a column");
+        rows.iter().map(|r| r[at]).collect::<Vec<f64>>()
+    };
+    let work: f64 = column("structure_load_work_j").iter().sum();
+    let energy = column("structure_kinetic_energy_j")[9] + column("structure_strain_energy_j")[9];
+    // Trapezoidal work beside the scheme's own: they differ by the square of the step.
+    assert!((energy / work - 1.0).abs() < 0.05, "{energy} {work}");
+    assert!(column("damping_work_j").iter().all(|w| *w == 0.0));
+    assert!(out.path().join("one/canopy_00001.vtu").exists());
+
+    s.stages[0].pressure_pa = Some(1e7);
+    s.structure.newton_max_steps = 2;
+    s.structure.max_step_cuts = 1;
+    let out = tempfile::tempdir().expect("a folder");
+    let fault = run(&s, out.path()).expect_err("too much").message;
+    assert!(fault.contains("window 0") && fault.contains("in triangle"), "{fault}");
+    assert_eq!(read(out.path()).lines().count(), 1);
+    assert!(case::state_file(&out.path().join("one/state"), case::Role::Structure).exists());
 }

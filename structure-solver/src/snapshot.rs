@@ -23,8 +23,9 @@ impl Pictures {
     /// `folder`. Collective; rank 0 writes.
     ///
     /// Canopy: displacement and velocity of nodes; of triangles the principal
-    /// second Piola-Kirchhoff stresses, the state (0 slack, 1 wrinkled, 2 taut) and
-    /// the pressure jump. Lines: the tension of each cable.
+    /// second Piola-Kirchhoff stresses and Green strains, the state (0 slack, 1 wrinkled,
+    /// 2 taut) and the pressure jump. Lines: the tension of each cable, the line that it
+    /// is a part of and what it models (0 suspension line, 1 riser, 2 reinforcement).
     pub fn add(
         &mut self,
         system: &System,
@@ -50,6 +51,9 @@ impl Pictures {
             .flat_map(|([s1, s2], regime)| [s1, s2, f64::from(number(regime))])
             .collect();
         let fabric = gather(comm, &global, &rows, 3, mesh.triangles.len());
+        let rows: Vec<f64> =
+            system.loops().iter().flat_map(|l| l.strains(&x)).take(own.len()).flatten().collect();
+        let strain = gather(comm, &global, &rows, 2, mesh.triangles.len());
         let own = &model.cables[..model.n_own_cables];
         let global: Vec<u64> = own.iter().map(|c| u64::from(c.global)).collect();
         let rows: Vec<f64> = system.loops().iter().flat_map(|l| l.tensions(&x)).take(own.len()).collect();
@@ -62,6 +66,7 @@ impl Pictures {
         let points: Vec<_> = mesh.coords.iter().zip(u).map(|(x, u)| crate::vec3::add(*x, *u)).collect();
         let column = |c: usize| fabric.chunks_exact(3).map(|row| row[c]).collect::<Vec<f64>>();
         let (first, second) = (column(0), column(1));
+        let strains = [0, 1].map(|c| strain.iter().skip(c).step_by(2).copied().collect::<Vec<f64>>());
         let regime: Vec<u32> = column(2).iter().map(|r| *r as u32).collect();
         let pressure: Vec<f64> = mesh.triangle_face.iter().map(|&f| load.pressure[f as usize]).collect();
         let m = mesh.n_canopy;
@@ -77,6 +82,8 @@ impl Pictures {
             &[
                 ("stress_1_pa", Values::F64(&first)),
                 ("stress_2_pa", Values::F64(&second)),
+                ("strain_1", Values::F64(&strains[0])),
+                ("strain_2", Values::F64(&strains[1])),
                 ("wrinkling_state", Values::U32(&regime)),
                 ("pressure_jump_pa", Values::F64(&pressure)),
             ],
@@ -85,7 +92,13 @@ impl Pictures {
         if !mesh.cables.is_empty() {
             let name = format!("lines_{:05}.vtu", self.count);
             let ends: Vec<[u32; 2]> = mesh.cables.iter().map(|c| c.nodes).collect();
-            let fields = [("tension_n", Values::F64(&tension))];
+            let line: Vec<u32> = mesh.cables.iter().map(|c| c.line).collect();
+            let kind: Vec<u32> = mesh.cables.iter().map(|c| c.kind as u32).collect();
+            let fields = [
+                ("tension_n", Values::F64(&tension)),
+                ("line", Values::U32(&line)),
+                ("kind", Values::U32(&kind)),
+            ];
             write_surface(&folder.join(&name), &points, &ends, &[], &fields)?;
             lines.push(time, &[&name])?;
         }

@@ -169,6 +169,7 @@ impl Halo {
         let Some(world) = self.comm.world() else {
             return;
         };
+        let start = std::time::Instant::now();
         let mut requests = self.requests.borrow_mut();
         requests.clear();
         let ghost =
@@ -222,15 +223,19 @@ impl Halo {
                 requests.push(request);
             }
         }
+        drop(requests);
+        self.comm.count(start);
     }
 
     fn wait(&self) {
+        let start = std::time::Instant::now();
         let mut requests = self.requests.borrow_mut();
         // SAFETY: the requests were made by `start` and are completed once.
         unsafe {
             ffi::MPI_Waitall(requests.len() as i32, requests.as_mut_ptr(), ffi::RSMPI_STATUSES_IGNORE);
         }
         requests.clear();
+        self.comm.count(start);
     }
 }
 

@@ -1,6 +1,8 @@
 //! The ranks of one program, with the reductions and exchanges they need.
 
+use std::cell::Cell;
 use std::rc::Rc;
+use std::time::Instant;
 
 use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
@@ -29,6 +31,8 @@ pub enum CommError {
 
 struct World {
     world: SimpleCommunicator,
+    /// Seconds spent in reductions and in waiting for exchanges.
+    waited: Cell<f64>,
     // Dropped last: `MPI_Finalize` runs when the last `Comm` goes.
     _universe: Universe,
 }
@@ -57,7 +61,7 @@ impl Comm {
         if let Some(expected) = expected.filter(|&n| n != size) {
             return Err(CommError::WrongLauncher { expected, found: size });
         }
-        let world = World { world, _universe: universe };
+        let world = World { world, waited: Cell::new(0.0), _universe: universe };
         Ok(Self { mpi: Some(Rc::new(world)), rank, size })
     }
 
@@ -85,8 +89,24 @@ impl Comm {
         self.mpi.as_ref().map(|w| &w.world)
     }
 
+    /// Seconds that this rank has spent in reductions and in exchanges with other
+    /// ranks, waiting for them included, since the start.
+    pub fn waited_s(&self) -> f64 {
+        self.mpi.as_ref().map_or(0.0, |w| w.waited.get())
+    }
+
+    pub(crate) fn count(&self, since: Instant) {
+        if let Some(w) = &self.mpi {
+            w.waited.set(w.waited.get() + since.elapsed().as_secs_f64());
+        }
+    }
+
     fn reduce<T: Equivalence + Copy>(&self, values: &mut [T], op: SystemOperation) {
+        if self.size == 1 {
+            return;
+        }
         if let Some(world) = self.world() {
+            let start = Instant::now();
             // Dot products and norms are the common case and must not allocate.
             let n = values.len();
             match values.first().copied() {
@@ -101,6 +121,7 @@ impl Comm {
                     world.all_reduce_into(&send[..], values, op);
                 }
             }
+            self.count(start);
         }
     }
 

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use crate::culprit::principal;
 use crate::elements::mass::MassMatrix;
 use crate::elements::membrane::Deformation;
 use crate::elements::quad::{self, Gradient, POINTS};
@@ -124,6 +125,11 @@ impl Membrane {
         let x = self.at(x);
         self.gradient.map(|h| quad::deformation(&h, &x).strain)
     }
+
+    fn mean_strain(&self, x: &[f64]) -> [f64; 3] {
+        let strains = self.strains(x);
+        std::array::from_fn(|i| 0.25 * strains.iter().map(|e| e[i]).sum::<f64>())
+    }
 }
 
 impl<M: Material> ElementLoop for Quads<M> {
@@ -227,13 +233,16 @@ impl<M: Material> ElementLoop for Quads<M> {
     /// Of the mean strain of the points.
     fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
         let one = |&k: &u32| {
-            let strains = self.elements[k as usize].strains(x);
-            let mean: [f64; 3] = std::array::from_fn(|i| 0.25 * strains.iter().map(|e| e[i]).sum::<f64>());
+            let mean = self.elements[k as usize].mean_strain(x);
             let s = self.material.stress(mean);
             let (mean_stress, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
             ([mean_stress + radius, mean_stress - radius], self.material.regime(mean))
         };
         self.triangles.iter().map(one).collect()
+    }
+
+    fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
+        self.triangles.iter().map(|&k| principal(self.elements[k as usize].mean_strain(x))).collect()
     }
 }
 
