@@ -220,7 +220,7 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f
 }
 
 /// The first error in rank order on every rank, so that all leave together. Collective.
-fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Result<T, MoverError> {
+pub(crate) fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Result<T, MoverError> {
     let row = match &result {
         Err(MoverError::Inverted { cell, at, determinant }) => {
             vec![f64::from(*cell), at[0], at[1], at[2], *determinant]
@@ -236,7 +236,7 @@ fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Result<T, MoverE
     }
 }
 
-fn inverted(grid: &LocalGrid, c: usize, x: &[f64], determinant: f64) -> MoverError {
+pub(crate) fn inverted(grid: &LocalGrid, c: usize, x: &[f64], determinant: f64) -> MoverError {
     let at: Vec3 = grid.centre(c, x);
     MoverError::Inverted { cell: grid.cell_global[c], at, determinant }
 }

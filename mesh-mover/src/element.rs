@@ -118,6 +118,27 @@ pub fn stiffness(coords: &[Vec3; 8], lambda: f64, mu: f64, chi: f64) -> Result<C
     Ok(k)
 }
 
+/// Matrix of Laplace's equation on a cell, with conductivity one and the stiffening of
+/// [`stiffness`].
+///
+/// # Errors
+/// As [`stiffness`].
+pub fn conductance(coords: &[Vec3; 8], chi: f64) -> Result<[[f64; 8]; 8], Inverted> {
+    let mut k = [[0.0; 8]; 8];
+    for parent in &PARENT {
+        let mut grads = [[0.0; 3]; 8];
+        let det = gradients(coords, parent, &mut grads);
+        if det.is_nan() || det <= 0.0 {
+            return Err(Inverted { determinant: det });
+        }
+        let w = det.powf(1.0 - chi);
+        for a in 0..8 {
+            (0..8).for_each(|b| k[a][b] += w * dot(grads[a], grads[b]));
+        }
+    }
+    Ok(k)
+}
+
 /// Gradients of the shape functions in space; returns the determinant of the Jacobian.
 fn gradients(coords: &[Vec3; 8], parent: &[[f64; 3]; 8], out: &mut [[f64; 3]; 8]) -> f64 {
     let mut j = [[0.0; 3]; 3];

@@ -27,29 +27,35 @@ impl InverseDistance {
     }
 }
 
+/// Positions of all canopy nodes, in their order, and of all fixed nodes, on every rank. Collective.
+pub(crate) fn boundary(grid: &LocalGrid, x: &[f64]) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+    // Owned ones of each rank, with their interface index.
+    let mut rows = Vec::new();
+    for (kind, x) in grid.kind[..grid.nodes.n_owned].iter().zip(x.as_chunks::<3>().0) {
+        let k = match kind {
+            Kind::Free(_) => continue,
+            Kind::Canopy(k) => f64::from(*k),
+            Kind::Fixed => -1.0,
+        };
+        rows.extend([k, x[0], x[1], x[2]]);
+    }
+    let rows = grid.comm().all_gather_var(&rows);
+    let mut canopy = vec![[0.0; 3]; grid.n_canopy];
+    let mut outer = Vec::new();
+    for r in rows.as_chunks::<4>().0 {
+        match r[0] {
+            -1.0 => outer.push([r[1], r[2], r[3]]),
+            k => canopy[k as usize] = [r[1], r[2], r[3]],
+        }
+    }
+    (canopy, outer)
+}
+
 impl Mover for InverseDistance {
     fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError> {
         let at = |a: usize| [x[3 * a], x[3 * a + 1], x[3 * a + 2]];
-        let comm = grid.comm();
-        // Every rank needs all boundary nodes: owned ones of each, with their interface index.
-        let mut rows = Vec::new();
-        for a in 0..grid.nodes.n_owned {
-            let k = match grid.kind[a] {
-                Kind::Free(_) => continue,
-                Kind::Canopy(k) => f64::from(k),
-                Kind::Fixed => -1.0,
-            };
-            rows.extend([k, at(a)[0], at(a)[1], at(a)[2]]);
-        }
-        let rows = comm.all_gather_var(&rows);
-        self.canopy = vec![[0.0; 3]; grid.n_canopy];
-        let mut outer = Vec::new();
-        for r in rows.as_chunks::<4>().0 {
-            match r[0] {
-                -1.0 => outer.push([r[1], r[2], r[3]]),
-                k => self.canopy[k as usize] = [r[1], r[2], r[3]],
-            }
-        }
+        let (canopy, outer) = boundary(grid, x);
+        self.canopy = canopy;
         self.free = grid.free_node[..grid.n_free].iter().map(|&a| at(a as usize)).collect();
         let Some(&origin) = self.canopy.first() else {
             self.scale = vec![0.0; grid.n_free];

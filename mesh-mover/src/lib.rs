@@ -5,12 +5,13 @@
 //!   there, so matrix rows are complete without sums across ranks;
 //! * [`mover`]: the trait; [`elastic`] is the pseudo-solid (conjugate gradients in
 //!   [`solve`], multigrid, [`warm`] starts, a cheap first look in [`glance`]);
-//!   [`inverse_distance`] is a mover without equations, for comparison;
+//!   [`laplacian`], [`radial_basis`] and [`inverse_distance`] are for comparison; [`movers`] picks the one of the scene;
 //! * [`near`]: small motions between the calls of one window, without equations;
 //! * [`motion`]: total form first, then increments with an updated reference, then
 //!   [`untangle`], then an error that names the cell;
 //! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`];
-//! * [`alone`]: a prescribed motion without partners; [`sample`]: a small grid for tests.
+//! * [`alone`]: a prescribed motion without partners; [`sample`] and [`torture`]: a small grid and large
+//!   motions for tests and comparisons.
 //!
 //! The interior of the grid is not physics: canopy nodes are exact to the bit, all other
 //! nodes to `mesh.tolerance` of the shortest cell edge around them.
@@ -23,15 +24,19 @@ pub mod elastic;
 pub mod element;
 pub mod glance;
 pub mod inverse_distance;
+pub mod laplacian;
 pub mod local;
 pub mod motion;
 pub mod mover;
+pub mod movers;
 pub mod near;
 pub mod participant;
 pub mod quality;
+pub mod radial_basis;
 pub mod sample;
 pub mod solve;
 pub mod state;
+pub mod torture;
 pub mod untangle;
 pub mod velocity;
 pub mod warm;

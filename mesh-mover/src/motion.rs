@@ -17,6 +17,8 @@ pub struct Limits {
     pub min_quality: f64,
     /// Most sub-increments of one motion.
     pub max_increments: u32,
+    /// Whether cells are optimised where the mover alone leaves them in bad shape.
+    pub repair: bool,
 }
 
 /// The grid is based anew once its worst cell is below this and below
@@ -27,6 +29,11 @@ pub struct Limits {
 const REBASE_BELOW: f64 = 0.5;
 /// See [`REBASE_BELOW`].
 const REBASE_LOSS: f64 = 0.7;
+/// A new reference is optimised where its cells are worse than this: the next answers go there.
+const REPAIR_BELOW: f64 = 0.25;
+/// The canopy is on its way back to the start once it is nearer to it than this share of the
+/// distance at which the start grid was given up as reference: it becomes the reference again.
+const RETURN: f64 = 0.5;
 
 /// Shape of the grid: the same values on all ranks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,13 +107,19 @@ pub struct Positions {
 /// **Drift.** In the total form positions depend on the canopy's position alone
 /// (to the solver's tolerance; exactly for the start shape), however it got
 /// there. Each new reference grid replaces that start by the grid at hand: from
-/// then on the grid returns to that one. [`Motion::rebased`] counts them.
+/// then on the grid returns to that one, until the canopy is half way back to its
+/// start: then the start grid is the reference again, and all drift is gone.
+/// [`Motion::rebased`] counts the changes.
 pub struct Motion {
     /// The grid's topology.
     pub grid: LocalGrid,
     mover: Box<dyn Mover>,
     limits: Limits,
     start_volumes: Vec<f64>,
+    start: Positions,
+    start_quality: f64,
+    /// Distance of the canopy from its start where that was last given up as reference, m.
+    left: f64,
     reference: Positions,
     reference_quality: f64,
     rebased: u32,
@@ -137,20 +150,23 @@ impl Motion {
     /// A start grid that is inverted or below the limit.
     pub fn new(
         grid: LocalGrid,
-        start: &[f64],
+        start: Positions,
         reference: Positions,
         mover: Box<dyn Mover>,
         limits: Limits,
     ) -> Result<Self, MotionError> {
-        let volume = |c: usize| volume(&grid.corners(c, start));
+        let volume = |c: usize| volume(&grid.corners(c, &start.grid));
         let start_volumes = (0..grid.cells.len()).map(volume).collect();
         let (push, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
-        let at_start = grid.comm().all(reference.grid == start);
+        let at_start = grid.comm().all(reference.grid == start.grid);
         let mut motion = Self {
             grid,
             mover,
             limits,
             start_volumes,
+            start_quality: 1.0,
+            left: distance(&reference.canopy, &start.canopy),
+            start,
             reference,
             reference_quality: 1.0,
             rebased: 0,
@@ -166,6 +182,8 @@ impl Motion {
             return Err(MotionError::BadStart { shape, least: limits.min_quality });
         }
         motion.reference_quality = shape.quality;
+        motion.start_quality =
+            if at_start { shape.quality } else { motion.shape(&motion.start.grid).quality };
         motion.mover.rebase(&motion.grid, &motion.reference.grid)?;
         motion.measure();
         Ok(motion)
@@ -233,7 +251,7 @@ impl Motion {
 
     /// Bytes held for the motion.
     pub fn bytes(&self) -> usize {
-        let flat = self.reference.grid.len() + self.u.len() + self.push.len() + self.start_volumes.len();
+        let flat = 2 * self.reference.grid.len() + self.u.len() + self.push.len() + self.start_volumes.len();
         8 * (flat + self.reach.len() + self.anchor_canopy.len()) + self.grid.bytes() + self.mover.bytes()
     }
 
@@ -241,9 +259,20 @@ impl Motion {
     /// quality has fallen far and the mover can stand on it. Collective.
     pub fn settle(&mut self, accepted: &Positions, shape: &Shape) {
         self.anchor = None;
+        // All of this is not a need but a precaution: the old reference still serves where it fails.
         if shape.quality < REBASE_BELOW && shape.quality < REBASE_LOSS * self.reference_quality {
-            // Not a need but a precaution: the old reference still serves where this fails.
-            let _ = self.rebase(accepted, shape.quality);
+            let mut at = accepted.clone();
+            let mut quality = shape.quality;
+            if self.limits.repair && quality < REPAIR_BELOW {
+                untangle(&self.grid, &mut at.grid, REPAIR_BELOW);
+                quality = self.shape(&at.grid).quality;
+            }
+            let _ = self.rebase(&at, quality);
+        } else if !self.at_start && distance(&accepted.canopy, &self.start.canopy) < RETURN * self.left {
+            let start = self.start.clone();
+            if self.rebase(&start, self.start_quality).is_ok() {
+                self.at_start = true;
+            }
         }
     }
 
@@ -343,6 +372,9 @@ impl Motion {
         self.reference.clone_from(at);
         self.reference_quality = quality;
         self.rebased += 1;
+        if self.at_start {
+            self.left = distance(&at.canopy, &self.start.canopy);
+        }
         self.at_start = false;
         self.anchor = None;
         self.measure();
@@ -373,7 +405,7 @@ impl Motion {
                 effort = self.total(to)?;
                 *iterations += effort.iterations;
                 shape = self.shape(&to.grid);
-                if !self.accepts(&shape) && repair {
+                if !self.accepts(&shape) && repair && self.limits.repair {
                     untangle(&self.grid, &mut to.grid, 4.0 * self.limits.min_quality);
                     shape = self.shape(&to.grid);
                     if k == count && self.accepts(&shape) {
@@ -419,6 +451,12 @@ impl Shape {
         let worst = if mine { self } else { other };
         Self { volume_ratio: self.volume_ratio.min(other.volume_ratio), ..*worst }
     }
+}
+
+/// Largest distance between two positions of a node, m.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    let pairs = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0);
+    pairs.map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>()).fold(0.0, f64::max).sqrt()
 }
 
 /// The worst over ranks, of several sets of cells at once.

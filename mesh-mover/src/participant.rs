@@ -8,7 +8,6 @@ use channel::{Announcement, Fault, Input, Participant, Stats, Window, mesh_stats
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, StructureMesh, Vec3};
 
-use crate::elastic::{Elastic, Solid};
 use crate::local::LocalGrid;
 use crate::motion::{Limits, Motion, MotionError, Moved, Positions};
 use crate::mover::Mover;
@@ -69,7 +68,7 @@ impl MeshMover {
         let state = scene.source_state(out, stage, Role::Mesh);
         let state =
             state.map(|path| State::load(&path, grid.coords.len())).transpose().map_err(Fault::new)?;
-        let mover = Box::new(Elastic::new(Solid::from(&scene.mesh)));
+        let mover = crate::movers::mover(&scene.mesh);
         let limits = Limits::from(&scene.mesh);
         Self::on_grid(Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state }, comm)
     }
@@ -103,7 +102,7 @@ impl MeshMover {
         let now = of(&state.now).unwrap_or_else(|| start.clone());
         let before = of(&state.before);
         let reference = of(&state.reference).unwrap_or_else(|| start.clone());
-        let motion = Motion::new(local, &start.grid, reference, mover, limits).map_err(Fault::new)?;
+        let motion = Motion::new(local, start, reference, mover, limits).map_err(Fault::new)?;
         Ok(Self {
             motion,
             unstressed,
@@ -318,6 +317,6 @@ pub fn owners(grid: &FlowGrid, ranks: usize) -> Result<Vec<u32>, Fault> {
 
 impl From<&case::MeshMotion> for Limits {
     fn from(m: &case::MeshMotion) -> Self {
-        Self { min_quality: m.min_quality, max_increments: m.max_increments }
+        Self { min_quality: m.min_quality, max_increments: m.max_increments, repair: true }
     }
 }

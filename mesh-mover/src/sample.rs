@@ -11,6 +11,11 @@ use mesh::{FlowGrid, Patch, StructureMesh, Vec3};
 /// with `mixed`, every third column of cells is cut into prisms and every
 /// seventh cell elsewhere into six pyramids, so faces still match.
 pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGrid {
+    plate_with_margin(n, n.div_ceil(4), wiggle, stretch, mixed)
+}
+
+/// As [`plate_in_box`], the plate's edge being `margin` cells from the sides of the box.
+pub fn plate_with_margin(n: usize, margin: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGrid {
     assert!(n >= 4 && n.is_multiple_of(2), "the plate needs a middle plane");
     let m = n + 1;
     let at = |i: usize, j: usize, k: usize| (i + m * (j + m * k)) as u32;
@@ -24,7 +29,7 @@ pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGri
     };
     let cut = |i: usize, j: usize| mixed && (i + 2 * j).is_multiple_of(3);
     let halves = |[a, b, c, d]: [u32; 4]| [[a, b, c, c], [a, c, d, d]];
-    let on_plate = |i: usize| 4 * i >= n && 4 * i <= 3 * n;
+    let on_plate = |i: usize| (margin..=n - margin).contains(&i);
     let mut grid = FlowGrid::default();
     for k in 0..m {
         for j in 0..m {

@@ -12,23 +12,23 @@ const SWEEPS: usize = 20;
 /// Ranks take turns, so that two owners of one cell never move at once.
 pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
     let comm = grid.comm();
-    let around = cells_of_nodes(grid);
+    let all = 0..grid.cells.len();
     let mut free = vec![0.0; 3 * grid.free_node.len()];
-    for _ in 0..SWEEPS {
-        let bad = |x: &[f64]| -> Vec<usize> {
-            (0..grid.cells.len()).filter(|&c| grid.quality(c, x) < target).collect()
-        };
-        if comm.all(bad(x).is_empty()) {
+    let mut patch = Patch::around(grid, all.filter(|&c| grid.quality(c, x) < target));
+    for sweep in 0..SWEEPS {
+        let bad: Vec<u32> =
+            patch.cells.iter().copied().filter(|&c| grid.quality(c as usize, x) < target).collect();
+        if comm.all(bad.is_empty()) {
             return;
+        }
+        if sweep > 0 {
+            // Neighbours may have come down on the way.
+            patch = Patch::around(grid, bad.iter().map(|&c| c as usize));
         }
         for turn in 0..comm.size() {
             if turn == comm.rank() {
-                let mut nodes: Vec<u32> =
-                    bad(x).iter().flat_map(|&c| grid.cells[c]).filter(|&a| grid.is_mine_to_move(a)).collect();
-                nodes.sort_unstable();
-                nodes.dedup();
-                for a in nodes {
-                    improve(a, &around[a as usize], grid, x);
+                for (k, &a) in patch.nodes.iter().enumerate() {
+                    improve(a, patch.around_node(k), grid, x);
                 }
             }
             for (f, &a) in free.as_chunks_mut::<3>().0.iter_mut().zip(&grid.free_node) {
@@ -42,17 +42,44 @@ pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
     }
 }
 
-fn cells_of_nodes(grid: &LocalGrid) -> Vec<Vec<u32>> {
-    let mut around = vec![Vec::new(); grid.n_local()];
-    for (c, cell) in grid.cells.iter().enumerate() {
-        for &a in cell {
-            let list: &mut Vec<u32> = &mut around[a as usize];
-            if list.last() != Some(&(c as u32)) {
-                list.push(c as u32);
+/// The nodes of some cells that may move, and all cells around them.
+struct Patch {
+    /// Owned free nodes, ascending.
+    nodes: Vec<u32>,
+    /// First of each node's cells in `around`, and the end.
+    first: Vec<u32>,
+    around: Vec<u32>,
+    /// Cells around any of the nodes, ascending.
+    cells: Vec<u32>,
+}
+
+impl Patch {
+    fn around(grid: &LocalGrid, cells: impl Iterator<Item = usize>) -> Self {
+        let mut nodes: Vec<u32> =
+            cells.flat_map(|c| grid.cells[c]).filter(|&a| grid.is_mine_to_move(a)).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut pairs: Vec<(u32, u32)> = Vec::new();
+        if !nodes.is_empty() {
+            for (c, cell) in grid.cells.iter().enumerate() {
+                pairs.extend(
+                    cell.iter().filter_map(|a| nodes.binary_search(a).ok()).map(|k| (k as u32, c as u32)),
+                );
             }
         }
+        pairs.sort_unstable();
+        pairs.dedup();
+        let first = (0..=nodes.len()).map(|k| pairs.partition_point(|p| (p.0 as usize) < k) as u32).collect();
+        let mut cells: Vec<u32> = pairs.iter().map(|p| p.1).collect();
+        let around = cells.clone();
+        cells.sort_unstable();
+        cells.dedup();
+        Self { nodes, first, around, cells }
     }
-    around
+
+    fn around_node(&self, k: usize) -> &[u32] {
+        &self.around[self.first[k] as usize..self.first[k + 1] as usize]
+    }
 }
 
 /// Pattern search along the axes and towards the mean of the neighbours.

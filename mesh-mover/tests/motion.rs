@@ -1,48 +1,33 @@
 //! Large motions: what the grid survives, and what it says when it does not.
 
-use comm::Comm;
 use mesh::FlowGrid;
 use mesh_mover::elastic::{Elastic, Solid};
 use mesh_mover::inverse_distance::InverseDistance;
-use mesh_mover::local::LocalGrid;
-use mesh_mover::motion::{Limits, Motion, MotionError, Moved, Positions};
+use mesh_mover::motion::{Limits, MotionError, Moved};
 use mesh_mover::mover::Mover;
 use mesh_mover::sample::plate_in_box;
+use mesh_mover::torture::Trial;
 
-const LIMITS: Limits = Limits { min_quality: 1e-3, max_increments: 8 };
+const LIMITS: Limits = Limits { min_quality: 1e-3, max_increments: 8, repair: true };
 
 fn elastic() -> Box<dyn Mover> {
     Box::new(Elastic::new(Solid::from(&case::MeshMotion::default())))
 }
 
-struct Run {
-    start: Positions,
-    at: Positions,
-    motion: Motion,
-}
+/// A trial that looks at every window.
+struct Run(Trial);
 
 impl Run {
     fn new(grid: &FlowGrid, mover: Box<dyn Mover>, limits: Limits) -> Self {
-        let local = LocalGrid::new(grid, &vec![0; grid.coords.len()], &Comm::solo());
-        let x = local.gather(&grid.coords);
-        let canopy = grid.canopy_nodes.iter().flat_map(|&a| grid.coords[a as usize]).collect();
-        let start = Positions { grid: x.clone(), canopy };
-        let motion = Motion::new(local, &x, start.clone(), mover, limits).unwrap();
-        Self { at: start.clone(), start, motion }
+        Self(Trial::new(grid, mover, limits).unwrap())
     }
 
-    /// One window: the canopy goes to `shape` of its start position.
     fn window(&mut self, shape: impl Fn([f64; 3]) -> [f64; 3]) -> Result<Moved, MotionError> {
-        let mut to = self.at.clone();
-        for (c, s) in to.canopy.as_chunks_mut::<3>().0.iter_mut().zip(self.start.canopy.as_chunks::<3>().0) {
-            *c = shape(*s);
+        let moved = self.0.window(shape)?;
+        let (grid, at) = (&self.0.motion.grid, &self.0.at);
+        for &(a, k) in &grid.canopy {
+            assert_eq!(at.grid[3 * a as usize..][..3], at.canopy[3 * k as usize..][..3], "canopy exact");
         }
-        let moved = self.motion.follow(&self.at, &mut to)?;
-        for &(a, k) in &self.motion.grid.canopy {
-            assert_eq!(to.grid[3 * a as usize..][..3], to.canopy[3 * k as usize..][..3], "canopy exact");
-        }
-        self.at = to;
-        self.motion.settle(&self.at, &moved.shape);
         Ok(moved)
     }
 }
@@ -84,7 +69,7 @@ fn torture_without_inversion() {
         }
         println!(
             "{name}: worst {worst:.3}, {iterations} iterations, {increments} increments at most, {} new references",
-            run.motion.rebased()
+            run.0.motion.rebased()
         );
         assert!(worst > least, "{name}: {worst}");
     }
@@ -101,19 +86,19 @@ fn oscillation_in_the_total_form_does_not_drift() {
     }
     let quarter = {
         run.window(swing(1.0)).unwrap();
-        run.at.clone()
+        run.0.at.clone()
     };
     let mut iterations = 0;
     for step in 0..1000 {
         iterations += run.window(swing(phase(step))).unwrap().effort.iterations;
     }
-    assert_eq!(run.motion.rebased(), 0);
+    assert_eq!(run.0.motion.rebased(), 0);
     println!("{iterations} iterations in 1000 windows");
     assert!(iterations < 1000, "past solutions know the way: {iterations}");
     run.window(|p| p).unwrap();
-    assert_eq!(run.at.grid, run.start.grid, "the start grid to the bit");
+    assert_eq!(run.0.at.grid, run.0.start.grid, "the start grid to the bit");
     run.window(swing(1.0)).unwrap();
-    let apart = run.at.grid.iter().zip(&quarter.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let apart = run.0.at.grid.iter().zip(&quarter.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     // Two answers within the tolerance, 3e-3 of the smallest edge, 0.1.
     assert!(apart < 6e-4, "{apart}");
 }
@@ -130,15 +115,15 @@ fn a_jump_over_several_layers_is_cut_into_increments() {
 #[test]
 fn what_cannot_be_followed_names_the_cell_and_leaves_the_state() {
     let grid = plate_in_box(8, 0.0, 0.9, false);
-    let mut run = Run::new(&grid, elastic(), Limits { min_quality: 1e-3, max_increments: 2 });
-    let before = run.at.clone();
+    let mut run = Run::new(&grid, elastic(), Limits { min_quality: 1e-3, max_increments: 2, repair: true });
+    let before = run.0.at.clone();
     // Through the wall of the box.
     let error = run.window(|p| [p[0], p[1], p[2] + 1.5]).unwrap_err();
     println!("{error}");
     let MotionError::Tangled { shape, increments, .. } = &error else { panic!("{error}") };
     assert!(shape.quality < 1e-3 && *increments == 2);
     assert!(error.to_string().contains(&format!("cell {}", shape.cell)));
-    assert_eq!(run.at, before);
+    assert_eq!(run.0.at, before);
     // The same motion object goes on from the accepted state.
     run.window(|p| [p[0], p[1], p[2] + 0.05]).unwrap();
 }
@@ -149,7 +134,7 @@ fn inverse_distance_weighting_for_comparison() {
     for (name, path, _) in TORTURE {
         let mut run = Run::new(&grid, Box::new(InverseDistance::default()), LIMITS);
         let lasted = (1..=20).take_while(|&step| run.window(|p| path(p, step as f64 / 20.0)).is_ok()).count();
-        println!("{name}: {} of 20 windows, {} new references", lasted, run.motion.rebased());
+        println!("{name}: {} of 20 windows, {} new references", lasted, run.0.motion.rebased());
         assert!(lasted >= 2, "{name}: {lasted}");
     }
 }

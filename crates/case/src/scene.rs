@@ -532,6 +532,8 @@ pub enum FlowMethod {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MeshMotion {
+    /// What carries the canopy's motion into the grid.
+    pub mover: MoverKind,
     /// Exponent of the stiffening by the Jacobian (Stein, Tezduyar, Benney 2003).
     pub stiffening_exponent: f64,
     /// Poisson's ratio of the pseudo-solid.
@@ -548,6 +550,7 @@ pub struct MeshMotion {
 impl Default for MeshMotion {
     fn default() -> Self {
         Self {
+            mover: MoverKind::Elastic,
             stiffening_exponent: 1.0,
             poisson_ratio: 0.3,
             tolerance: 3e-3,
@@ -555,6 +558,23 @@ impl Default for MeshMotion {
             max_increments: 8,
         }
     }
+}
+
+/// What carries the canopy's motion into the grid. All but the first are there to compare.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MoverKind {
+    /// Linear elasticity, stiffer where cells are small or badly shaped.
+    #[default]
+    Elastic,
+    /// Linear elasticity of uniform stiffness.
+    PlainElastic,
+    /// Laplace's equation for each component, with the stiffening exponent.
+    Laplacian,
+    /// Radial basis functions of Wendland on selected boundary nodes.
+    RadialBasis,
+    /// Weights by the distance to each boundary node.
+    InverseDistance,
 }
 
 /// Coupling of the fields.
