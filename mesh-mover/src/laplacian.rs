@@ -19,12 +19,14 @@ struct System {
     matrix: BlockCsr<1>,
     jacobi: BlockJacobi<1>,
     cg: Cg,
-    /// Owned free row, interface node, entry.
-    canopy: Vec<(u32, u32, f64)>,
+    canopy: Coupling,
     rhs: Vec<f64>,
     /// Last solution of each component: the next guess.
     last: [Vec<f64>; 3],
 }
+
+/// Owned free row, interface node, entry.
+type Coupling = Vec<(u32, u32, f64)>;
 
 impl Laplacian {
     /// With stiffening by the Jacobian to the power `chi`; `tolerance` is the residual relative to
@@ -33,11 +35,7 @@ impl Laplacian {
         Self { chi, tolerance, system: None }
     }
 
-    fn assemble(
-        &self,
-        grid: &LocalGrid,
-        x: &[f64],
-    ) -> Result<(BlockCsr<1>, Vec<(u32, u32, f64)>), MoverError> {
+    fn assemble(&self, grid: &LocalGrid, x: &[f64]) -> Result<(BlockCsr<1>, Coupling), MoverError> {
         let free = |a: &u32| match grid.kind[*a as usize] {
             Kind::Free(i) => Some(i),
             _ => None,
@@ -96,11 +94,16 @@ impl Mover for Laplacian {
         let s = self.system.as_mut().expect("a mover is used after `rebase`");
         let params =
             KrylovParams { rel_tol: self.tolerance, max_iterations: 2000, ..KrylovParams::default() };
+        let comm = grid.comm();
         let mut effort = Effort::default();
         for (i, x) in s.last.iter_mut().enumerate() {
             s.rhs.fill(0.0);
             for (row, k, v) in &s.canopy {
                 s.rhs[*row as usize] -= v * canopy[3 * *k as usize + i];
+            }
+            if comm.max(s.rhs.iter().fold(0.0, |m, v| f64::max(m, v.abs()))) == 0.0 {
+                // No motion of this component is no motion to the bit.
+                x.fill(0.0);
             }
             let info = s.cg.solve(&s.matrix, &s.jacobi, &s.rhs, x, params).map_err(|e| match e {
                 KrylovError::NotConverged { iterations, residual, target, .. } => MoverError::NotConverged {

@@ -20,6 +20,7 @@
 #![allow(clippy::needless_range_loop)]
 
 pub mod alone;
+pub mod depth;
 pub mod elastic;
 pub mod element;
 pub mod glance;

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use comm::{Comm, Halo, Numbering};
 use mesh::{FlowGrid, Vec3};
 
+use crate::depth::depths;
 use crate::near;
 use crate::quality::{Corners, corners_at};
 
@@ -32,6 +33,8 @@ pub struct LocalGrid {
     pub cells: Vec<[u32; 8]>,
     /// Global index of each cell.
     pub cell_global: Vec<u32>,
+    /// Distance of each cell from the canopy in the start grid, see [`crate::depth`].
+    pub depth: Vec<f32>,
     /// What it takes to judge the shape of the cells.
     pub shapes: Corners,
     /// Local free nodes near the canopy: those that follow small motions directly.
@@ -92,6 +95,7 @@ impl LocalGrid {
             global_kind[a as usize] = Kind::Canopy(k as u32);
         }
 
+        let depth = depths(grid, cell_global.iter().map(|&c| &grid.cells[c as usize]));
         let rings = near::rings(grid, &global_kind);
         let mut near = Vec::new();
         let mut kind = Vec::with_capacity(nodes.n_local());
@@ -141,6 +145,7 @@ impl LocalGrid {
             kind,
             cells,
             cell_global,
+            depth,
             shapes,
             near_owned: near.partition_point(|row| (row.free as usize) < n_free),
             near,
@@ -159,7 +164,7 @@ impl LocalGrid {
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         self.shapes.bytes()
-            + self.cells.len() * 36
+            + self.cells.len() * 40
             + self.n_local() * (size_of::<Kind>() + 8 + 24)
             + 4 * self.free_node.len()
             + size_of_val(&self.near[..])

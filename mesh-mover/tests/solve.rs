@@ -8,7 +8,14 @@ use mesh_mover::mover::Mover;
 use mesh_mover::sample::plate_in_box;
 
 fn solid(chi: f64, tolerance: f64) -> Solid {
-    Solid { chi, shape_exponent: 3.0 * chi.min(1.0), poisson: 0.3, tolerance, max_iterations: 2000 }
+    Solid {
+        chi,
+        shape_exponent: 3.0 * chi.min(1.0),
+        depth_exponent: 2.0 * chi.min(1.0),
+        poisson: 0.3,
+        tolerance,
+        max_iterations: 2000,
+    }
 }
 
 /// All outer nodes become canopy nodes, so that any motion of the whole boundary can be prescribed.
@@ -69,7 +76,8 @@ fn rigid_motion_of_the_whole_boundary_is_rigid_inside() {
     let spin = [[0.0, -0.3, 0.2], [0.3, 0.0, -0.5], [-0.2, 0.5, 0.0]];
     for chi in [0.5, 1.0, 2.0] {
         let miss = affine_miss(grid(), solid(chi, 1e-9), [[0.0; 3]; 3], [1.0, -2.0, 3.0]);
-        assert!(miss < 3.0 * SINGLE, "translation, chi {chi}: {miss}");
+        // Stiffnesses differ by up to seven digits here, and the motion is 3.7 long.
+        assert!(miss < 10.0 * SINGLE, "translation, chi {chi}: {miss}");
         let miss = affine_miss(grid(), solid(chi, 1e-9), spin, [0.0; 3]);
         assert!(miss < SINGLE, "rotation, chi {chi}: {miss}");
     }
