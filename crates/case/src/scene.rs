@@ -139,6 +139,9 @@ pub struct Atps {
     /// Line elements along the panel edges (hem, seams, vents), sharing canopy
     /// nodes, with the section and stiffness of the suspension lines.
     pub reinforcements: bool,
+    /// With `reinforcements`: quadrilaterals between further line elements that run
+    /// along and across all panels, a grid of tapes. 0: none.
+    pub reinforcement_spacing_cells: u32,
 }
 
 impl Default for Atps {
@@ -157,6 +160,7 @@ impl Default for Atps {
             cells_along_vent: 9,
             cells_along_stitching: 2,
             reinforcements: false,
+            reinforcement_spacing_cells: 0,
         }
     }
 }

@@ -252,15 +252,16 @@ pub(super) fn atps(p: &Atps, payload_mass: Option<f64>) -> Result<StructureMesh,
         line += 1;
     }
     if p.reinforcements {
-        reinforce(&mut mesh, &layout, line);
+        reinforce(&mut mesh, &layout, line, p.reinforcement_spacing_cells as usize);
     }
     mesh.fixed.push((payload, [true; 3]));
     mesh.point_masses.extend(payload_mass.map(|mass| (payload, mass)));
     Ok(mesh)
 }
 
-/// Cables along all panel edges, one line number for each edge.
-fn reinforce(mesh: &mut StructureMesh, layout: &AtpsLayout, first_line: u32) {
+/// Cables along all panel edges, one line number for each edge; with a `spacing`
+/// (cells) also along and across the panels, mirrored about their middles.
+fn reinforce(mesh: &mut StructureMesh, layout: &AtpsLayout, first_line: u32, spacing: usize) {
     let (n, m) = (layout.n, layout.m);
     let mut line = first_line;
     let mut edge = |nodes: &mut dyn Iterator<Item = u32>| {
@@ -281,5 +282,16 @@ fn reinforce(mesh: &mut StructureMesh, layout: &AtpsLayout, first_line: u32) {
         if let (Some(&from), Some(&to)) = (apart.first(), apart.last()) {
             edge(&mut (from - 1..=(to + 1).min(m)).map(|b| layout.arm((k + 1) % 4, 0, b)));
         }
+    }
+    if spacing == 0 {
+        return;
+    }
+    for a in (1..n).filter(|&a| a.abs_diff(n / 2).is_multiple_of(spacing)) {
+        edge(&mut (0..=n).map(|i| layout.top(i, a)));
+        edge(&mut (0..=n).map(|j| layout.top(a, j)));
+        (0..4).for_each(|k| edge(&mut (0..=m).map(|b| layout.arm(k, a, b))));
+    }
+    for b in (1..m).filter(|b| b.is_multiple_of(spacing)) {
+        (0..4).for_each(|k| edge(&mut (0..=n).map(|a| layout.arm(k, a, b))));
     }
 }

@@ -164,6 +164,19 @@ fn reinforcements_run_along_all_edges() {
 }
 
 #[test]
+fn reinforcements_form_a_grid_on_all_panels() {
+    let edges = atps(|p| p.reinforcements = true).cables.len();
+    let mesh = atps(|p| (p.reinforcements, p.reinforcement_spacing_cells) = (true, 3));
+    // Of 18 cells across, 5 lines inside, both ways on the top, down the 11 cells of
+    // each arm; 3 lines across each arm.
+    assert_eq!(mesh.cables.len() - edges, 2 * 5 * 18 + 4 * 5 * 11 + 4 * 3 * 18);
+    let mut pairs: Vec<_> =
+        mesh.cables.iter().map(|c| (c.nodes[0].min(c.nodes[1]), c.nodes[0].max(c.nodes[1]))).collect();
+    pairs.sort_unstable();
+    assert!(pairs.windows(2).all(|p| p[0] != p[1]), "no cable twice");
+}
+
+#[test]
 fn flat_canopies() {
     let flat = FlatCanopy {
         width_m: 2.0,
