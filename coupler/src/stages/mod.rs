@@ -7,7 +7,7 @@ mod pre_inflation;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use case::{Role, Scene, Stage, StageKind};
+use case::{Role, Scene, Solve, Stage, StageKind};
 use channel::{Window, flow_stats};
 
 use crate::descent::DescentModel;
@@ -119,7 +119,8 @@ impl StageContext<'_> {
                 iteration: 0,
                 substeps: u64::from(stage.substeps),
                 time: index as f64 * stage.window_s,
-                dt: stage.window_s,
+                // A static stage has no time; a window must have some.
+                dt: if stage.solve == Solve::Static { 1.0 } else { stage.window_s },
                 ..Window::default()
             };
             let report = stepper.step(partners, w)?;
