@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use case::{Membrane, Scene};
+use case::{Membrane, Scene, Solve};
 use comm::Comm;
 use mesh::{MeshError, StructureMesh};
 
@@ -100,7 +100,12 @@ pub fn dynamics(
             smallest_correction: 1e-14 * size,
             max_steps: s.newton_max_steps,
         },
-        linear_tolerance: s.gmres_tolerance,
+        // A static solution leaves turns of the whole free; solves that respect the
+        // balance of moments do not turn it.
+        linear_tolerance: match scene.stages[stage].solve {
+            Solve::Static => s.gmres_tolerance.min(1e-6),
+            Solve::Dynamic => s.gmres_tolerance,
+        },
         max_cuts: s.max_step_cuts,
     };
     Ok(Dynamics::new(system, params))

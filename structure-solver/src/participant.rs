@@ -306,7 +306,7 @@ impl StructureSolver {
             info.residual = s.residual;
             if root && (s.balanced.is_some() || told.elapsed() >= TELL) {
                 told = Instant::now();
-                println!(
+                eprintln!(
                     "static: step {}, out of balance {:.1e} of the load, moved {:.1e} m, {} Newton steps so far",
                     s.number, s.residual, s.moved, info.newton_steps
                 );
