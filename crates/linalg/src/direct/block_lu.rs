@@ -136,6 +136,12 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         self.factor.len() * size_of::<T>()
     }
 
+    /// Multiplications (each with an addition) of a factorisation that stores no inverse.
+    pub fn flops(&self) -> u64 {
+        let of = |p: &Place| p.n1 * (p.n1 * p.n1 / 3 + p.n1 * p.n2 + p.n2 * p.n2);
+        self.places.iter().map(|p| of(p) as u64).sum()
+    }
+
     /// Factorises the matrix whose blocks, in the order of the pattern, are `values`.
     pub fn factor(&mut self, values: &[[[f64; B]; B]]) -> Result<(), FactorError> {
         let work = &mut self.work;

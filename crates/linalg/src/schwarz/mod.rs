@@ -65,6 +65,11 @@ impl<const B: usize, T: Real> SchwarzLu<B, T> {
     pub fn bytes(&self) -> usize {
         self.lu.bytes()
     }
+
+    /// Multiplications, each with an addition, that a factorisation on this rank needs.
+    pub fn flops(&self) -> u64 {
+        self.lu.flops()
+    }
 }
 
 impl<const B: usize, T: Real> Preconditioner for SchwarzLu<B, T> {

@@ -157,6 +157,11 @@ impl<const B: usize, T: Real> SchurLu<B, T> {
     pub fn bytes(&self) -> usize {
         self.interior.bytes() + self.border.bytes()
     }
+
+    /// Multiplications, each with an addition, that a factorisation on this rank needs.
+    pub fn flops(&self) -> u64 {
+        self.interior.flops() + self.border.flops()
+    }
 }
 
 impl<const B: usize, T: Real> Preconditioner for SchurLu<B, T> {
