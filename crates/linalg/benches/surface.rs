@@ -105,7 +105,9 @@ fn membrane(comm: &Comm, n: usize, state: &State) -> BlockCsr<3> {
                         let one = if r == c { 1.0 } else { 0.0 };
                         let tangent = one - normal[r] * normal[c];
                         block[r][c] += area
-                            * (lambda * gp[r] * gq[c] + mu * (gq[r] * gp[c] + d * tangent) + stress * d * one)
+                            * (lambda * gp[r] * gq[c]
+                                + mu * (gq[r] * gp[c] + d * tangent)
+                                + stress * d * one)
                             - pressure / 6.0 * skew[r][c];
                     }
                     if p == q {
@@ -140,7 +142,14 @@ macro_rules! factor {
 factor!(SchwarzLu<3, f64>, SchwarzLu<3, f32>, SchurLu<3, f64>);
 
 /// `first` is what the factor is made from, `a` what it then serves for.
-fn report(comm: &Comm, name: &str, first: &BlockCsr<3>, a: &BlockCsr<3>, factor: &mut dyn Factor, number: usize) {
+fn report(
+    comm: &Comm,
+    name: &str,
+    first: &BlockCsr<3>,
+    a: &BlockCsr<3>,
+    factor: &mut dyn Factor,
+    number: usize,
+) {
     factor.refactor(first);
     let refactor = time(5, || factor.refactor(first));
     let b: Vec<f64> = (0..a.n_owned()).map(|i| (i as f64).sin()).collect();

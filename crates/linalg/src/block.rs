@@ -6,6 +6,9 @@ pub trait Real: faer::traits::RealField + comm::Scalar {
     fn from_f64(x: f64) -> Self;
     /// Widens.
     fn to_f64(self) -> f64;
+    /// Zero in place of a number so small that its product with another such number would
+    /// be subnormal: processors compute with those many times slower.
+    fn flushed(self) -> Self;
     /// `self * a + b`, in one instruction where the target has it (Rust does not fuse by
     /// itself, and without the instruction `mul_add` is a slow function).
     fn fused(self, a: Self, b: Self) -> Self;
@@ -23,6 +26,10 @@ impl Real for f64 {
         self
     }
     #[inline(always)]
+    fn flushed(self) -> f64 {
+        if self.abs() < 1e-150 { 0.0 } else { self }
+    }
+    #[inline(always)]
     fn fused(self, a: f64, b: f64) -> f64 {
         if FUSES { self.mul_add(a, b) } else { self * a + b }
     }
@@ -36,6 +43,10 @@ impl Real for f32 {
     #[inline(always)]
     fn to_f64(self) -> f64 {
         f64::from(self)
+    }
+    #[inline(always)]
+    fn flushed(self) -> f32 {
+        if self.abs() < 1e-18 { 0.0 } else { self }
     }
     #[inline(always)]
     fn fused(self, a: f32, b: f32) -> f32 {

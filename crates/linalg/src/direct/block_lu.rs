@@ -18,6 +18,7 @@ use faer::linalg::lu::partial_pivoting as pivoted;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
+use super::sweep::{add_columns, flush, padded, rows_dot};
 use super::symbolic::{Front, Symbolic};
 use crate::block::Real;
 
@@ -43,10 +44,25 @@ pub enum FactorError {
 
 /// Where the factor of one front lies in the common storage.
 struct Place {
-    /// `R`, `n1 x (n1 + n2)` by rows, then `H`, `n2 x n1` by columns.
+    /// `R`, `n1 x (n1 + n2)` by rows, then `H`, `n2 x n1` by columns; rows and columns
+    /// filled up with zeros to whole vector registers.
     at: usize,
     n1: usize,
     n2: usize,
+}
+
+impl Place {
+    fn row(&self) -> usize {
+        padded(self.n1 + self.n2)
+    }
+    fn column(&self) -> usize {
+        padded(self.n2)
+    }
+    /// Where `R` lies, and `H`.
+    fn ranges(&self) -> [std::ops::Range<usize>; 2] {
+        let middle = self.at + self.n1 * self.row();
+        [self.at..middle, middle..middle + self.n1 * self.column()]
+    }
 }
 
 /// LU factor of a matrix of `B x B` blocks, stored in precision `T`.
@@ -92,8 +108,9 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         let mut places = Vec::with_capacity(plan.fronts.len());
         for f in &plan.fronts {
             let (n1, n2) = (f.n_pivot * B, f.pattern.len() * B);
-            places.push(Place { at, n1, n2 });
-            at += n1 * (n1 + 2 * n2);
+            let place = Place { at, n1, n2 };
+            at = place.ranges()[1].end;
+            places.push(place);
         }
         let most = |f: fn(&Place) -> usize| places.iter().map(f).max().unwrap_or(0);
         let n1 = most(|p| p.n1);
@@ -113,9 +130,13 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         };
         let scratch = Scratch {
             x: vec![T::default(); plan.order.len() * B],
-            front: vec![T::default(); most(|p| p.n1 + p.n2)],
+            front: vec![T::default(); most(|p| p.n1 + p.row())],
         };
-        let factor = vec![T::default(); at];
+        // The factor starts at a cache line: a register's load touches one line, not two.
+        let mut factor = vec![T::default(); at + 64];
+        let skip = factor.as_ptr().align_offset(64).min(64);
+        factor.truncate(at + skip);
+        places.iter_mut().for_each(|p| p.at += skip);
         Self { plan, places, factor, work, n_kept: kept.len(), scale: 1.0, scratch: RefCell::new(scratch) }
     }
 
@@ -186,11 +207,13 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 work.updates[s] = update;
                 continue;
             }
-            let storage = &mut self.factor[place.at..place.at + n1 * (n1 + 2 * n2)];
-            let (r, h) = storage.split_at_mut(n1 * (n1 + n2));
-            let r = MatMut::from_row_major_slice_mut(r, n1, n1 + n2);
+            let [in_r, in_h] = place.ranges();
+            let (r_values, h_values) = self.factor[in_r.start..in_h.end].split_at_mut(in_r.len());
+            // By rows: the transpose by columns.
+            let r = MatMut::from_column_major_slice_with_stride_mut(r_values, n1 + n2, n1, place.row());
+            let r = r.transpose_mut();
             let (mut w, mut minus_g) = r.split_at_col_mut(n1);
-            let mut h = MatMut::from_column_major_slice_mut(h, n2, n1);
+            let mut h = MatMut::from_column_major_slice_with_stride_mut(h_values, n2, n1, place.column());
             let mut f11 = MatMut::from_column_major_slice_mut(&mut work.f11[..n1 * n1], n1, n1);
             let f12 = MatRef::from_column_major_slice(&work.f12[..n1 * n2], n1, n2);
             let f21 = MatRef::from_column_major_slice(&work.f21[..n1 * n2], n2, n1);
@@ -218,6 +241,9 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             matmul(minus_g.as_mut(), Accum::Replace, w.as_ref(), f12, minus, Par::Seq);
             matmul(h.as_mut(), Accum::Replace, f21, w.as_ref(), one, Par::Seq);
             matmul(f22, Accum::Add, h.as_ref(), f12, minus, Par::Seq);
+            flush(r_values);
+            flush(h_values);
+            flush(&mut update[..n2 * n2]);
             work.updates[s] = update;
         }
         Ok(())
@@ -225,51 +251,63 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
 
     /// `x = A^-1 x` for the first rows of `x`, as many as the matrix has. No rows are kept.
     pub fn solve(&self, x: &mut [f64]) {
-        self.solve_around(x, |_| ());
+        self.solve_around(x, |_, _| ());
     }
 
     /// As [`BlockLu::solve`]; `kept` gets the right-hand side of the Schur complement
-    /// system of the kept rows (`[n_kept][B]`, times [`BlockLu::scale`]) and turns it into
-    /// its solution.
-    pub fn solve_around(&self, x: &mut [f64], kept: impl FnOnce(&mut [T])) {
+    /// system of the kept rows (`[n_kept][B]`, times the number that comes with it) and
+    /// turns it into the solution for [`BlockLu::schur`].
+    pub fn solve_around(&self, x: &mut [f64], kept: impl FnOnce(&mut [T], f64)) {
         let Scratch { x: y, front: gathered } = &mut *self.scratch.borrow_mut();
-        let x = x.as_chunks_mut::<B>().0;
+        let x = &mut x.as_chunks_mut::<B>().0[..self.plan.order.len()];
+        // Numbers around one, whatever the units.
+        let largest = x.as_flattened().iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let unit = if largest > 0.0 && largest.is_finite() { 1.0 / largest } else { 1.0 };
         let blocks = y.as_chunks_mut::<B>().0;
         for (y, &i) in blocks.iter_mut().zip(&self.plan.order) {
-            *y = x[i as usize].map(|v| T::from_f64(v * self.scale));
+            *y = x[i as usize].map(|v| T::from_f64(v * unit));
         }
-        for (front, place) in self.plan.fronts.iter().zip(&self.places).filter(|(_, p)| p.n1 > 0) {
+        let fronts = self.plan.fronts.iter().zip(&self.places).filter(|(_, p)| p.n1 > 0);
+        for (front, place) in fronts.clone() {
             let (n1, n2) = (place.n1, place.n2);
             let (b1, sum) = gathered.split_at_mut(n1);
-            let sum = &mut sum[..n2];
+            let sum = &mut sum[..place.column()];
             let first = front.start * B;
+            flush(&mut y[first..first + n1]);
             b1.copy_from_slice(&y[first..first + n1]);
             sum.fill(T::default());
-            let at = place.at + n1 * (n1 + n2);
-            add_columns(&self.factor[at..at + n1 * n2], b1, sum);
+            let [_, h] = place.ranges();
+            add_columns(&self.factor[h], b1, sum);
             let blocks = y.as_chunks_mut::<B>().0;
-            for (s, &i) in sum.as_chunks::<B>().0.iter().zip(&front.pattern) {
+            for (s, &i) in sum[..n2].as_chunks::<B>().0.iter().zip(&front.pattern) {
+                let block = &mut blocks[i as usize];
                 for c in 0..B {
-                    blocks[i as usize][c] -= s[c];
+                    block[c] -= s[c];
                 }
             }
         }
         let n_eliminated = y.len() - self.n_kept * B;
-        kept(&mut y[n_eliminated..]);
-        for (front, place) in self.plan.fronts.iter().zip(&self.places).rev().filter(|(_, p)| p.n1 > 0) {
+        kept(&mut y[n_eliminated..], unit);
+        for (front, place) in fronts.rev() {
             let (n1, n2) = (place.n1, place.n2);
-            let gathered = &mut gathered[..n1 + n2];
+            let gathered = &mut gathered[..place.row()];
             let first = front.start * B;
             gathered[..n1].copy_from_slice(&y[first..first + n1]);
             let blocks = y.as_chunks::<B>().0;
-            for (g, &i) in gathered[n1..].as_chunks_mut::<B>().0.iter_mut().zip(&front.pattern) {
+            let rest = gathered[n1..n1 + n2].as_chunks_mut::<B>().0;
+            for (g, &i) in rest.iter_mut().zip(&front.pattern) {
                 *g = blocks[i as usize];
             }
-            rows_dot(&self.factor[place.at..place.at + n1 * (n1 + n2)], gathered, &mut y[first..first + n1]);
+            gathered[n1 + n2..].fill(T::default());
+            let [r, _] = place.ranges();
+            let solution = &mut y[first..first + n1];
+            rows_dot(&self.factor[r], gathered, solution);
+            flush(solution);
         }
+        let back = self.scale / unit;
         let blocks = y.as_chunks::<B>().0;
         for (y, &i) in blocks.iter().zip(&self.plan.order) {
-            x[i as usize] = y.map(T::to_f64);
+            x[i as usize] = y.map(|v| v.to_f64() * back);
         }
     }
 }
@@ -335,68 +373,6 @@ impl<T: Real> Parts<'_, T> {
                 }
             }
         }
-    }
-}
-
-/// `y += M x` with `M` by columns, four columns at a time.
-fn add_columns<T: Real>(m: &[T], x: &[T], y: &mut [T]) {
-    let n = y.len();
-    if n == 0 {
-        return;
-    }
-    let mut columns = m.chunks_exact(4 * n);
-    let (quads, rest) = x.as_chunks::<4>();
-    for (four, q) in columns.by_ref().zip(quads) {
-        let (a, four) = four.split_at(n);
-        let (b, four) = four.split_at(n);
-        let (c, d) = four.split_at(n);
-        for i in 0..n {
-            y[i] = a[i].fused(q[0], b[i].fused(q[1], c[i].fused(q[2], d[i].fused(q[3], y[i]))));
-        }
-    }
-    for (column, &q) in columns.remainder().chunks_exact(n).zip(rest) {
-        for (y, &a) in y.iter_mut().zip(column) {
-            *y += a * q;
-        }
-    }
-}
-
-/// `y = M x` with `M` by rows, three rows at a time.
-fn rows_dot<T: Real>(m: &[T], x: &[T], y: &mut [T]) {
-    const LANES: usize = 16;
-    let n = x.len();
-    let (xs, xr) = x.as_chunks::<LANES>();
-    let mut rows = m.chunks_exact(3 * n);
-    let (triples, rest) = y.as_chunks_mut::<3>();
-    for (three, y) in rows.by_ref().zip(triples) {
-        let mut acc = [[T::default(); LANES]; 3];
-        let part = [&three[..n], &three[n..2 * n], &three[2 * n..]];
-        let chunks = part.map(|p| p.as_chunks::<LANES>());
-        for (k, x) in xs.iter().enumerate() {
-            for r in 0..3 {
-                let a = &chunks[r].0[k];
-                for l in 0..LANES {
-                    acc[r][l] = a[l].fused(x[l], acc[r][l]);
-                }
-            }
-        }
-        for r in 0..3 {
-            let mut sum = T::default();
-            for l in 0..LANES {
-                sum += acc[r][l];
-            }
-            for (&a, &x) in chunks[r].1.iter().zip(xr) {
-                sum += a * x;
-            }
-            y[r] = sum;
-        }
-    }
-    for (row, y) in rows.remainder().chunks_exact(n).zip(rest) {
-        let mut sum = T::default();
-        for (&a, &x) in row.iter().zip(x) {
-            sum += a * x;
-        }
-        *y = sum;
     }
 }
 
@@ -490,7 +466,7 @@ mod tests {
             lu.factor(&values).unwrap();
             let s = faer::Mat::from_fn(9, 9, |i, j| lu.schur()[j * 9 + i]);
             let mut x = b.clone();
-            lu.solve_around(&mut x, |kept| {
+            lu.solve_around(&mut x, |kept, _| {
                 let rhs = faer::Mat::from_fn(9, 1, |i, _| kept[i]);
                 let solution = faer::linalg::solvers::Solve::solve(&s.partial_piv_lu(), &rhs);
                 (0..9).for_each(|i| kept[i] = solution[(i, 0)]);

@@ -1,6 +1,7 @@
 //! Sparse direct solution of rank-local systems.
 
 mod block_lu;
+mod sweep;
 mod symbolic;
 
 pub(crate) use block_lu::BlockLu;

@@ -169,13 +169,13 @@ impl<const B: usize, T: Real> Preconditioner for SchurLu<B, T> {
         let Buffers { x, part } = &mut *self.buffers.borrow_mut();
         let n = x.len();
         x.copy_from_slice(&r[..n]);
-        self.interior.solve_around(x, |kept| {
+        self.interior.solve_around(x, |kept, unit| {
             part.clear();
-            part.extend(kept.iter().map(|v| v.to_f64() / self.interior.scale()));
+            part.extend(kept.iter().map(|v| v.to_f64() / unit));
             let mut all = self.halo.comm().all_gather_var(part);
             self.border.solve(&mut all);
             for (k, v) in kept.iter_mut().zip(&all[self.first * B..]) {
-                *k = T::from_f64(*v);
+                *k = T::from_f64(*v * unit / self.interior.scale());
             }
         });
         z[..n].copy_from_slice(x);
