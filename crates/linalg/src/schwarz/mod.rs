@@ -19,10 +19,9 @@ pub use schur::SchurLu;
 /// new values on the same pattern. On one rank this is a direct solver. Subdomains see
 /// zero values beyond their overlap. The map is not symmetric: use it with GMRES.
 ///
-/// `f32` halves memory and the time of a solve for an iteration or two more; where mass
-/// dominates stiffness the factor's entries decay into subnormal numbers, which are slow
-/// to compute with, and `f64` is the better choice.
-pub struct SchwarzLu<const B: usize = 3, T: Real = f64> {
+/// Single precision halves what a solve reads and costs GMRES an iteration where the matrix
+/// is very ill conditioned; the solution is as accurate, since GMRES computes in `f64`.
+pub struct SchwarzLu<const B: usize = 3, T: Real = f32> {
     overlap: Overlap<B>,
     lu: BlockLu<B, T>,
     /// Values of the owned and overlap rows (unused without overlap).
