@@ -2,14 +2,15 @@
 
 use comm::Comm;
 
+use super::gram_schmidt::{add_combination, orthonormalise};
 use super::{History, KrylovError, KrylovInfo, KrylovParams};
-use crate::vector::{axpy, dot, residual};
+use crate::vector::{dot, residual};
 use crate::{Operator, Preconditioner};
 
 /// Right-preconditioned flexible GMRES(m) (Saad 1993): it minimises the true residual,
 /// and the preconditioner may change between iterations. Orthogonalisation is
-/// classical Gram-Schmidt done twice, so an iteration has two reductions whatever the
-/// basis size. Owns its workspace.
+/// classical Gram-Schmidt, done twice where the first pass cancels much: an iteration has
+/// one or two reductions whatever the basis size. Owns its workspace.
 pub struct Gmres {
     comm: Comm,
     /// Orthonormal basis, `m + 1` vectors.
@@ -132,13 +133,16 @@ impl Gmres {
         let scale = 1.0 / norm;
         self.v[0].iter_mut().for_each(|v| *v *= scale);
         self.g[0] = norm;
+        let mut expected = 0.0;
         for k in 0..m {
             self.reserve(k + 1, n, op.n_local());
             pre.apply(&self.v[k], &mut self.z[k]);
             let (basis, rest) = self.v.split_at_mut(k + 1);
             let w = &mut rest[0];
             op.apply(&mut self.z[k], w);
-            let next = orthogonalise(&self.comm, basis, w, &mut self.h[k], &mut self.sums);
+            let h = &mut self.h[k][..=k];
+            let next = orthonormalise(&self.comm, basis, w, expected, h, &mut self.sums);
+            expected = h[k];
             if !next.is_finite() {
                 return Err(self.not_finite("the preconditioner or the operator", done + k + 1));
             }
@@ -147,10 +151,6 @@ impl Gmres {
             // A zero `next` means that the basis holds the exact solution.
             if residual <= target || next <= f64::EPSILON * self.h[k][k].abs() {
                 return Ok((k + 1, residual));
-            }
-            if k + 1 < m {
-                let scale = 1.0 / next;
-                self.v[k + 1].iter_mut().for_each(|v| *v *= scale);
             }
         }
         Ok((m, self.g[m].abs()))
@@ -182,10 +182,8 @@ impl Gmres {
             // that direction cannot lower the residual.
             self.g[i] = if self.h[i][i] != 0.0 { s / self.h[i][i] } else { 0.0 };
         }
-        for i in 0..k {
-            let n = self.v[0].len();
-            axpy(self.g[i], &self.z[i][..n], &mut x[..n]);
-        }
+        let n = self.v[0].len();
+        add_combination(&self.z[..k], &mut self.g[..k], &mut x[..n]);
     }
 
     /// Room for a basis of `k` vectors; allocates only when it grows.
@@ -206,28 +204,4 @@ impl Gmres {
     fn not_finite(&self, what: &'static str, iteration: usize) -> KrylovError {
         KrylovError::NotFinite { what, iteration, history: History(self.history.clone()) }
     }
-}
-
-/// Makes `w` orthogonal to the basis, `h` its coefficients; returns the norm of `w`.
-fn orthogonalise(comm: &Comm, basis: &[Vec<f64>], w: &mut [f64], h: &mut [f64], sums: &mut [f64]) -> f64 {
-    let k = basis.len();
-    h[..k].fill(0.0);
-    let mut norm2 = 0.0;
-    let mut rest = 0.0;
-    for _ in 0..2 {
-        for (s, v) in sums.iter_mut().zip(basis) {
-            *s = dot(v, w);
-        }
-        sums[k] = dot(w, w);
-        comm.sum_slice(&mut sums[..=k]);
-        for (i, v) in basis.iter().enumerate() {
-            axpy(-sums[i], v, w);
-            h[i] += sums[i];
-        }
-        norm2 = sums[k];
-        rest = norm2 - sums[..k].iter().map(|s| s * s).sum::<f64>();
-    }
-    // The second pass removes next to nothing, so Pythagoras is exact, unless `w`
-    // lies in the basis.
-    if rest > 0.5 * norm2 { rest.sqrt() } else { comm.sum(dot(w, w)).sqrt() }
 }

@@ -2,6 +2,7 @@
 
 mod cg;
 mod gmres;
+mod gram_schmidt;
 
 pub use cg::Cg;
 pub use gmres::Gmres;
