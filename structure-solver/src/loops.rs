@@ -91,6 +91,20 @@ pub trait ElementLoop {
         blocks: &mut [Mat3],
     );
 
+    /// As [`ElementLoop::tangent`] for the elements that touch an `active` node, shape
+    /// `[n_local]`: right in the rows of active nodes, of no meaning in others.
+    fn tangent_near(
+        &self,
+        _active: &[bool],
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        self.tangent(place, load, factor, out, blocks);
+    }
+
     /// Adds external forces alone (N) to `out`.
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]);
 
@@ -180,15 +194,16 @@ impl<M: Material> Membranes<M> {
         }
     }
 
-    fn tangent_with<const TRACTION: bool, const BLEND: bool>(
+    fn tangent_with<'e, const TRACTION: bool, const BLEND: bool>(
         &self,
+        elements: impl Iterator<Item = &'e Membrane>,
         place: Place<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        for e in &self.elements {
+        for e in elements {
             let p = e.nodes.map(|n| at(place.at, n as usize));
             let d = membrane::deformation(&e.gradient, &p);
             let end = if BLEND { e.at_end(place) } else { d };
@@ -227,6 +242,25 @@ impl<M: Material> Membranes<M> {
                     }
                 }
             }
+        }
+    }
+}
+
+impl<M: Material> Membranes<M> {
+    fn tangent_of<'e>(
+        &self,
+        elements: impl Iterator<Item = &'e Membrane>,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        match (load.traction.is_empty(), place.weight == 1.0) {
+            (true, true) => self.tangent_with::<false, false>(elements, place, load, factor, out, blocks),
+            (true, false) => self.tangent_with::<false, true>(elements, place, load, factor, out, blocks),
+            (false, true) => self.tangent_with::<true, false>(elements, place, load, factor, out, blocks),
+            (false, false) => self.tangent_with::<true, true>(elements, place, load, factor, out, blocks),
         }
     }
 }
@@ -271,12 +305,20 @@ impl<M: Material> ElementLoop for Membranes<M> {
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        match (load.traction.is_empty(), place.weight == 1.0) {
-            (true, true) => self.tangent_with::<false, false>(place, load, factor, out, blocks),
-            (true, false) => self.tangent_with::<false, true>(place, load, factor, out, blocks),
-            (false, true) => self.tangent_with::<true, false>(place, load, factor, out, blocks),
-            (false, false) => self.tangent_with::<true, true>(place, load, factor, out, blocks),
-        }
+        self.tangent_of(self.elements.iter(), place, load, factor, out, blocks);
+    }
+
+    fn tangent_near(
+        &self,
+        active: &[bool],
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        let near = |e: &&Membrane| e.nodes.iter().any(|&n| active[n as usize]);
+        self.tangent_of(self.elements.iter().filter(near), place, load, factor, out, blocks);
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use crate::elimination::{Elimination, ROUNDS};
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
 use crate::scheme::StepForm;
@@ -145,6 +146,7 @@ pub struct Newton {
     du: Vec<f64>,
     /// Start of a line search, and the best start of a step.
     base: Vec<f64>,
+    elimination: Elimination,
     /// Evaluations of the residual in line searches.
     pub evaluations: u64,
     /// Seconds in element loops.
@@ -180,6 +182,7 @@ impl Newton {
             rhs: zero(),
             du: zero(),
             base: zero(),
+            elimination: Elimination::new(system),
             evaluations: 0,
             assembly_s: 0.0,
             history: Vec::new(),
@@ -237,10 +240,17 @@ impl Newton {
                 let node = self.worst_node(system);
                 return Err(NewtonError::NotConverged { steps, residual: relative, node });
             }
+            let rounds = self.elimination.rounds;
+            norm = self.eliminate(system, balance, norm, scale);
+            if norm <= self.params.tolerance * scale {
+                continue;
+            }
+            // Elimination leaves the matrix with its own rows.
+            let spoilt = self.elimination.rounds > rounds;
             // A matrix that took the residual down by `fall` will about do so again:
             // where that suffices, it serves once more.
             let fall = self.history.iter().rev().nth(1).map_or(1.0, |before| relative / before);
-            let renew = steps == 0 || fall * relative > 0.5 * self.params.tolerance;
+            let renew = steps == 0 || spoilt || fall * relative > 0.5 * self.params.tolerance;
             if renew {
                 self.tangent(system, balance);
             }
@@ -259,6 +269,49 @@ impl Newton {
                 return Ok(NewtonInfo { steps, residual: norm / scale, stop: Stop::Correction });
             }
         }
+    }
+
+    /// Brings the nodes with the largest imbalance to balance among themselves, see
+    /// [`crate::elimination`]. Leaves the better of old and new displacements, with
+    /// their residual in `g`; returns its norm.
+    fn eliminate(&mut self, system: &mut System, balance: &Balance<'_>, norm: f64, scale: f64) -> f64 {
+        let n = 3 * system.model.n_owned();
+        let form = balance.form;
+        let mut now = norm;
+        let mut begun = false;
+        for _ in 0..ROUNDS {
+            if !self.elimination.choose(system, &self.g[..n], now, scale) {
+                break;
+            }
+            if !begun {
+                self.base.copy_from_slice(&self.u);
+                begun = true;
+            }
+            let start = Instant::now();
+            let place = Place { at: &self.x, end: &self.end, weight: form.force_weight };
+            let active = &self.elimination.active;
+            let (k, m) = (form.force_weight, form.mass_factor);
+            system.tangent_near(active, place, balance.load, k, m, &mut self.rhs);
+            self.assembly_s += start.elapsed().as_secs_f64();
+            for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
+                *r = -g;
+            }
+            let solved = self.elimination.correct(system, &self.rhs, &mut self.du);
+            system.model.halo.exchange(&mut self.du, 3);
+            for (u, d) in self.u.iter_mut().zip(&self.du) {
+                *u += d;
+            }
+            self.elimination.rounds += 1;
+            now = self.residual(system, balance);
+            if !system.comm().all(solved && now.is_finite()) {
+                break;
+            }
+        }
+        if begun && (now >= norm || !now.is_finite()) {
+            self.u.copy_from_slice(&self.base);
+            now = self.residual(system, balance);
+        }
+        now
     }
 
     /// Norm of the applied load; without load, of the forces that the old state

@@ -166,15 +166,41 @@ impl System {
         mass_factor: f64,
         out: &mut [f64],
     ) {
+        self.begin_tangent(mass_factor, out);
+        for l in &self.loops {
+            l.tangent(place, load, stiffness_factor, out, &mut self.matrix.values);
+        }
+        self.mask(mass_factor);
+    }
+
+    /// As [`System::tangent`], from the elements near `active` nodes, shape
+    /// `[n_local]`: right in the rows of active nodes alone.
+    pub fn tangent_near(
+        &mut self,
+        active: &[bool],
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        stiffness_factor: f64,
+        mass_factor: f64,
+        out: &mut [f64],
+    ) {
+        self.begin_tangent(mass_factor, out);
+        for l in &self.loops {
+            l.tangent_near(active, place, load, stiffness_factor, out, &mut self.matrix.values);
+        }
+        self.mask(mass_factor);
+    }
+
+    fn begin_tangent(&mut self, mass_factor: f64, out: &mut [f64]) {
         out.fill(0.0);
         self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
         for (block, m) in self.matrix.values.iter_mut().zip(&self.mass) {
             let d = mass_factor * m;
             *block = [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]];
         }
-        for l in &self.loops {
-            l.tangent(place, load, stiffness_factor, out, &mut self.matrix.values);
-        }
+    }
+
+    fn mask(&mut self, mass_factor: f64) {
         for m in &self.masked {
             let block = &mut self.matrix.values[m.slot];
             for i in 0..3 {

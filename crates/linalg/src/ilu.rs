@@ -25,24 +25,62 @@ pub struct BlockIlu0<const B: usize, T: Real = f64> {
 impl<const B: usize, T: Real> BlockIlu0<B, T> {
     /// Factorises `a`.
     pub fn new(a: &BlockCsr<B>) -> Result<Self, SingularBlock> {
-        let n = a.n_rows();
-        let mut row_ptr = vec![0];
-        let (mut cols, mut source, mut diagonal) = (Vec::new(), Vec::new(), Vec::with_capacity(n));
-        for i in 0..n {
-            for s in a.row(i).filter(|&s| (a.cols()[s] as usize) < n) {
-                if s == a.diagonal_slot(i) {
-                    diagonal.push(cols.len());
-                }
-                cols.push(a.cols()[s]);
-                source.push(s);
-            }
-            row_ptr.push(cols.len());
-        }
-        let values = vec![[[T::default(); B]; B]; cols.len()];
-        let x = RefCell::new(vec![[T::default(); B]; n]);
-        let mut this = Self { row_ptr, cols, diagonal, source, values, place: vec![u32::MAX; n], x };
-        this.refactor(a)?;
+        let mut this = Self::empty();
+        let rows: Vec<u32> = (0..a.n_rows() as u32).collect();
+        this.refit(a, &rows, &rows)?;
         Ok(this)
+    }
+
+    /// Of no matrix yet.
+    pub(crate) fn empty() -> Self {
+        Self {
+            row_ptr: Vec::new(),
+            cols: Vec::new(),
+            diagonal: Vec::new(),
+            source: Vec::new(),
+            values: Vec::new(),
+            place: Vec::new(),
+            x: RefCell::new(Vec::new()),
+        }
+    }
+
+    /// Factorises the square part of `a` in `rows`; `index` numbers them, and is
+    /// `u32::MAX` or missing for other columns. Keeps its memory.
+    pub(crate) fn refit(
+        &mut self,
+        a: &BlockCsr<B>,
+        rows: &[u32],
+        index: &[u32],
+    ) -> Result<(), SingularBlock> {
+        self.row_ptr.clear();
+        self.row_ptr.push(0);
+        self.cols.clear();
+        self.source.clear();
+        self.diagonal.clear();
+        for &i in rows {
+            let i = i as usize;
+            for s in a.row(i) {
+                let Some(&j) = index.get(a.cols()[s] as usize).filter(|j| **j != u32::MAX) else { continue };
+                if s == a.diagonal_slot(i) {
+                    self.diagonal.push(self.cols.len());
+                }
+                self.cols.push(j);
+                self.source.push(s);
+            }
+            self.row_ptr.push(self.cols.len());
+        }
+        let zero = [[T::default(); B]; B];
+        self.values.resize(self.cols.len(), zero);
+        self.place.clear();
+        self.place.resize(rows.len(), u32::MAX);
+        self.x.borrow_mut().resize(rows.len(), [T::default(); B]);
+        self.refactor(a)
+    }
+
+    /// Columns and slots in the matrix of the entries of row `i`.
+    pub(crate) fn row(&self, i: usize) -> impl Iterator<Item = (usize, usize)> {
+        let row = self.row_ptr[i]..self.row_ptr[i + 1];
+        self.cols[row.clone()].iter().map(|j| *j as usize).zip(self.source[row].iter().copied())
     }
 
     /// Factorises again, after the values of `a` changed.

@@ -6,6 +6,7 @@
 //! * [`BlockCsr`]: block rows of a distributed matrix, assembled through precomputed
 //!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
+//! * [`Subsystem`]: solves for some of a rank's rows, the others held.
 //! * [`BlockJacobi`], [`BlockIlu0`]: rank-local preconditioners.
 //! * [`SchwarzLu`]: a sparse direct factor of each subdomain; [`SchurLu`]: of the whole.
 //! * [`Amg`]: smoothed aggregation multigrid for elasticity.
@@ -26,6 +27,7 @@ mod krylov;
 mod operator;
 pub mod recycle;
 mod schwarz;
+mod subsystem;
 mod vector;
 
 pub use amg::{Amg, AmgError, AmgParams};
@@ -38,3 +40,4 @@ pub use jacobi::{BlockJacobi, SingularBlock};
 pub use krylov::{Cg, Gmres, History, KrylovError, KrylovInfo, KrylovParams};
 pub use operator::{Identity, Operator, Preconditioner};
 pub use schwarz::{SchurLu, SchwarzLu};
+pub use subsystem::{Subsystem, SubsystemError};

@@ -1,0 +1,100 @@
+//! Nonlinear elimination: where a few nodes carry most of the imbalance, they are
+//! brought to balance among themselves before the whole is solved.
+//!
+//! Stiff light fabric moves in folds: along a narrow front elements turn by several
+//! degrees in a step while the rest hardly deforms. Newton's method for the whole then
+//! spends most of its steps on the front (an unbalanced nonlinearity). With the
+//! displacements of all other nodes held, the front alone is a small problem of the
+//! same kind, cheap to solve by the same method; the steps for the whole that follow
+//! start where their quadratic convergence holds (Lanzkron, Rose and Wilkes, SIAM J.
+//! Sci. Comput. 17, 1996, 538-559; Cai and Li, SIAM J. Sci. Comput. 33, 2011,
+//! 746-762). It changes where Newton starts, never what it converges to. Each rank
+//! eliminates among its own nodes.
+
+use linalg::{KrylovError, KrylovParams, Subsystem, SubsystemError};
+
+use crate::system::System;
+
+/// A node is eliminated where its imbalance exceeds this share of the mean load on a
+/// node ...
+const OF_LOAD: f64 = 0.01;
+/// ... and this multiple of the mean imbalance: where all nodes are alike, the whole is
+/// the system to solve.
+const OF_MEAN: f64 = 1.0;
+/// Rings of neighbours that move along, so that the imbalance can spread.
+const RINGS: usize = 2;
+/// Share of the nodes beyond which the whole is the better system to solve.
+const MOST: f64 = 0.4;
+/// Rounds between two steps for the whole.
+pub(crate) const ROUNDS: usize = 12;
+
+/// Nodes to eliminate, and the solver for them.
+pub(crate) struct Elimination {
+    /// Whether a node takes part, shape `[n_local]`.
+    pub(crate) active: Vec<bool>,
+    /// The owned nodes that do.
+    rows: Vec<u32>,
+    subsystem: Subsystem<3>,
+    /// Rounds so far.
+    pub(crate) rounds: u64,
+}
+
+impl Elimination {
+    pub(crate) fn new(system: &System) -> Self {
+        Self {
+            active: vec![false; system.model.n_local()],
+            rows: Vec::new(),
+            subsystem: Subsystem::default(),
+            rounds: 0,
+        }
+    }
+
+    /// Chooses nodes by their imbalance `g` (N), with the norms of imbalance and load
+    /// over all ranks. `false` if there are none, or too many. Collective.
+    pub(crate) fn choose(&mut self, system: &System, g: &[f64], norm: f64, load: f64) -> bool {
+        let n = system.model.n_owned();
+        let mut counts = [n as f64, 0.0];
+        system.comm().sum_slice(&mut counts[..1]);
+        let level = (OF_LOAD * load).max(OF_MEAN * norm) / counts[0].sqrt();
+        self.rows.clear();
+        self.active.fill(false);
+        for (i, g) in g.as_chunks::<3>().0[..n].iter().enumerate() {
+            if g[0] * g[0] + g[1] * g[1] + g[2] * g[2] > level * level {
+                self.active[i] = true;
+                self.rows.push(i as u32);
+            }
+        }
+        let mut ring = 0..self.rows.len();
+        for _ in 0..RINGS {
+            for k in ring.clone() {
+                for s in system.matrix.row(self.rows[k] as usize) {
+                    let j = system.matrix.cols()[s];
+                    if (j as usize) < n && !self.active[j as usize] {
+                        self.active[j as usize] = true;
+                        self.rows.push(j);
+                    }
+                }
+            }
+            ring = ring.end..self.rows.len();
+        }
+        self.rows.sort_unstable();
+        counts[1] = self.rows.len() as f64;
+        system.comm().sum_slice(&mut counts[1..]);
+        counts[1] > 0.0 && counts[1] < MOST * counts[0]
+    }
+
+    /// Newton correction `du` (m) of the chosen nodes for the imbalance `g`, zero
+    /// elsewhere. The matrix holds their rows. `false` on a rank that found none.
+    pub(crate) fn correct(&mut self, system: &System, rhs: &[f64], du: &mut [f64]) -> bool {
+        du.fill(0.0);
+        if self.rows.is_empty() {
+            return true;
+        }
+        let params = KrylovParams { rel_tol: 1e-3, max_iterations: 80, restart: 80, ..Default::default() };
+        match self.subsystem.solve(&system.matrix, &self.rows, rhs, du, params) {
+            // The next round corrects what is left.
+            Ok(_) | Err(SubsystemError::Krylov(KrylovError::NotConverged { .. })) => true,
+            Err(_) => false,
+        }
+    }
+}
