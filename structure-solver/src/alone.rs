@@ -117,21 +117,24 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
     save(&mut solver, comm, &state)?;
     if options.profile && comm.is_root() {
         let c = solver.linear_cost();
-        let (assembly, rest) =
-            (solver.assembly_s(), total - solver.assembly_s() - c.factorisation_s - c.solve_s);
+        let (rounds, elimination) = solver.eliminations();
+        let assembly = solver.assembly_s();
+        let rest = total - assembly - c.factorisation_s - c.solve_s - elimination;
         let share = |s: f64| 100.0 * s / total;
         println!(
             "# {total:.3} s on rank 0, {newton} Newton steps of {:.3} ms",
             1e3 * total / newton.max(1.0)
         );
         println!(
-            "# assembly {:.1} %, factorisation {:.1} % ({} times), GMRES {:.1} % ({} iterations), rest {:.1} %; \
+            "# assembly {:.1} %, factorisation {:.1} % ({} times), GMRES {:.1} % ({} iterations), \
+             elimination of nodes {:.1} % ({rounds} rounds), rest {:.1} %; \
              in all of these {:.1} % communication and waiting for other ranks",
             share(assembly),
             share(c.factorisation_s),
             c.factorisations,
             share(c.solve_s),
             c.iterations,
+            share(elimination),
             share(rest),
             share(comm.waited_s())
         );

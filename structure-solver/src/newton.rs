@@ -151,6 +151,8 @@ pub struct Newton {
     pub evaluations: u64,
     /// Seconds in element loops.
     pub assembly_s: f64,
+    /// Seconds in solves for eliminated nodes.
+    pub elimination_s: f64,
     /// Residuals of the last step relative to the load, for tests and reports.
     pub history: Vec<f64>,
 }
@@ -185,6 +187,7 @@ impl Newton {
             elimination: Elimination::new(system),
             evaluations: 0,
             assembly_s: 0.0,
+            elimination_s: 0.0,
             history: Vec::new(),
         }
     }
@@ -271,6 +274,11 @@ impl Newton {
         }
     }
 
+    /// Rounds of elimination so far.
+    pub fn eliminations(&self) -> u64 {
+        self.elimination.rounds
+    }
+
     /// Brings the nodes with the largest imbalance to balance among themselves, see
     /// [`crate::elimination`]. Leaves the better of old and new displacements, with
     /// their residual in `g`; returns its norm.
@@ -296,7 +304,9 @@ impl Newton {
             for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
                 *r = -g;
             }
+            let start = Instant::now();
             let solved = self.elimination.correct(system, &self.rhs, &mut self.du);
+            self.elimination_s += start.elapsed().as_secs_f64();
             system.model.halo.exchange(&mut self.du, 3);
             for (u, d) in self.u.iter_mut().zip(&self.du) {
                 *u += d;

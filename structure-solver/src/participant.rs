@@ -111,6 +111,11 @@ impl StructureSolver {
         self.dynamics.linear.cost
     }
 
+    /// Rounds of nonlinear elimination and the seconds in their solves.
+    pub fn eliminations(&self) -> (u64, f64) {
+        (self.dynamics.newton.eliminations(), self.dynamics.newton.elimination_s)
+    }
+
     /// Seconds in element loops since the start.
     pub fn assembly_s(&self) -> f64 {
         self.dynamics.newton.assembly_s
