@@ -17,6 +17,12 @@ fn cpu() -> f64 {
     text.split(' ').next().and_then(|t| t.parse::<f64>().ok()).expect("nanoseconds") * 1e-9
 }
 
+/// Memory of this process, as the kernel words it.
+fn memory(what: &str) -> String {
+    let text = std::fs::read_to_string("/proc/self/status").expect("Linux");
+    text.lines().find_map(|l| l.strip_prefix(what)).unwrap_or("?").trim().to_string()
+}
+
 fn main() {
     let arg = |k: usize, d: f64| std::env::args().nth(k).map_or(d, |a| a.parse().expect("a number"));
     let (every, steps, drop, dt) = (arg(1, 2.0) as usize, arg(2, 20.0) as usize, arg(3, 1e-2), arg(4, 0.02));
@@ -32,6 +38,7 @@ fn main() {
     let viscosity = Laminar { viscosity: speed / 200.0 * 1.225 };
     let mut solver = common::isothermal(&grid, viscosity, settings);
     solver.first_order_steps = arg(6, 2.0) as u32;
+    println!("solver made: memory {}, peak {}", memory("VmRSS:"), memory("VmHWM:"));
     let mut loads = Loads::new(&solver);
     let cells = grid.cells.len();
     let dt = dt * 4.88 / speed;
@@ -53,8 +60,10 @@ fn main() {
         );
     }
     let all = (cpu() - begin) * 1e6 / (cells * steps) as f64;
-    let memory = std::fs::read_to_string("/proc/self/status").expect("Linux");
-    let peak = memory.lines().find_map(|l| l.strip_prefix("VmHWM:")).unwrap_or("?").trim();
     let mean = iterations as f64 / steps as f64;
-    println!("{cells} cells: {mean:.2} iterations and {all:.2} us per cell a step; peak memory {peak}");
+    println!(
+        "{cells} cells: {mean:.2} iterations and {all:.2} us per cell a step; memory {}, peak {}",
+        memory("VmRSS:"),
+        memory("VmHWM:")
+    );
 }

@@ -33,7 +33,8 @@ pub struct Domain<'a> {
     pub gradients: &'a LeastSquares,
     /// Exchange of ghosts.
     pub halo: &'a Halo,
-    /// Velocity of each face's middle in the falling frame, m/s (walls only need it).
+    /// Velocity of the middle of each face that is not between two cells, in the
+    /// falling frame, m/s (walls need it).
     pub wall_velocity: &'a [Vec3],
 }
 
@@ -244,7 +245,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
     }
 
     fn wall_velocity(&self, on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {
-        let w = on.wall_velocity[side.face as usize];
+        let w = on.wall_velocity[side.face as usize - on.topology.cells.len()];
         [w[0] + scheme.frame[0], w[1] + scheme.frame[1], w[2] + scheme.frame[2]]
     }
 }

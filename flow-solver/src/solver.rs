@@ -114,6 +114,9 @@ pub struct Solver<G, V, const N: usize> {
     pub last_dt: f64,
     /// Constants of the last step's flux.
     pub scheme: Scheme,
+    /// What each owned cell gains of the conserved quantities in unit time and
+    /// volume (kg/(m3 s), N/m3[, W/m3]) at the end of the step. Empty: nothing.
+    pub source: Vec<[f64; N]>,
     least_squares: LeastSquares,
     wall_velocity: Vec<Vec3>,
     swept: Vec<f64>,
@@ -123,6 +126,10 @@ pub struct Solver<G, V, const N: usize> {
     weight: Vec<f64>,
     mass: Vec<f64>,
     start: f64,
+    /// State with the smallest residual of the step.
+    best: Vec<[f64; N]>,
+    /// State before a correction that is taken in part.
+    before: Vec<[f64; N]>,
     correction: Box<dyn Correction<G, V, N>>,
     acceleration: Acceleration,
 }
@@ -172,8 +179,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 velocity_diffusion: settings.velocity_diffusion,
                 pressure_diffusion: 2.0 / (1.0 - spatial.chi),
             },
+            source: Vec::new(),
             least_squares,
-            wall_velocity: vec![[0.0; 3]; faces],
+            wall_velocity: vec![[0.0; 3]; faces - topology.cells.len()],
             swept: vec![0.0; faces],
             swept_before: vec![0.0; faces],
             residual: vec![[0.0; N]; n],
@@ -181,6 +189,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             weight: vec![0.0; topology.n_owned],
             mass: vec![0.0; faces],
             start: 0.0,
+            best: q.clone(),
+            before: vec![[0.0; N]; n],
             correction,
             acceleration: Acceleration::new(depth, topology.n_owned * N),
             nodes,
@@ -237,7 +247,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                     let v = self.node_velocity[n as usize];
                     [s[0] + v[0], s[1] + v[1], s[2] + v[2]]
                 });
-                self.wall_velocity[side.face as usize] = sum.map(|s| s / count as f64);
+                self.wall_velocity[side.face as usize - self.topology.cells.len()] =
+                    sum.map(|s| s / count as f64);
             }
         }
         Ok(())
@@ -263,6 +274,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         }
         self.scheme.rate = order.c[0] / dt;
         self.scheme.frame = step.frame;
+        self.scheme.wind = self.settings.wind;
         let gas = &self.spatial.gas;
         let old = |past: &Instant<N>, c: f64, i: usize| {
             let q = &past.q[i];
@@ -279,6 +291,16 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             }
             // A defect of mass acts like the force that would have to undo it.
             self.weight[i] = self.metrics.size[i] * self.scheme.rate + self.settings.reference_speed;
+        }
+        self.add_sources();
+    }
+
+    /// Adds the sources to what is constant in the step.
+    fn add_sources(&mut self) {
+        for ((h, s), v) in self.history.iter_mut().zip(&self.source).zip(&self.metrics.volume) {
+            for (h, s) in h.iter_mut().zip(s) {
+                *h -= v * s;
+            }
         }
     }
 
@@ -351,8 +373,10 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         } else {
             self.acceleration.clear();
         }
-        let mut extra = 1.0;
-        let mut best = (norm, self.q.clone());
+        // Share of each correction that is taken.
+        let mut share = 1.0;
+        let mut best = norm;
+        self.best.copy_from_slice(&self.q);
         let mut assembled = false;
         while report.iterations < self.settings.max_iterations && (norm.is_nan() || norm > target) {
             if !assembled {
@@ -363,7 +387,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                     &self.q,
                     &self.gradient,
                     &self.mass,
-                    extra,
+                    1.0,
                 );
             }
             self.acceleration.combine(
@@ -377,6 +401,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                     r[N - 1] /= TEMPERATURE_WEIGHT;
                 }
             }
+            if share < 1.0 {
+                self.before.copy_from_slice(&self.q);
+            }
             let linear = self.correction.apply(
                 &self.spatial.gas,
                 &domain!(self),
@@ -384,6 +411,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 &self.residual,
                 &mut self.q,
             );
+            if share < 1.0 {
+                for (q, b) in self.q[..n].as_flattened_mut().iter_mut().zip(self.before[..n].as_flattened()) {
+                    *q = b + share * (*q - b);
+                }
+            }
             report.linear_iterations += linear.iterations;
             report.iterations += 1;
             let bad = self.bad_cell();
@@ -391,12 +423,13 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             if bad.is_none() {
                 norm = self.evaluate();
             }
-            if bad.is_some() || !norm.is_finite() || norm > 10.0 * best.0 {
-                // Back to the best state so far, with a shorter pseudo-time step.
+            if bad.is_some() || !norm.is_finite() || norm > 10.0 * best {
+                // Back to the best state so far, and on by smaller steps.
                 self.acceleration.clear();
-                self.q.copy_from_slice(&best.1);
-                extra *= 4.0;
-                if extra > 1e5 {
+                self.q.copy_from_slice(&self.best);
+                share *= 0.5;
+                assembled = false;
+                if share < 1e-3 {
                     if let Some((rank, (cell, at, density))) = bad {
                         return Err(FlowError::BadState { cell, at, rank, density });
                     }
@@ -409,16 +442,16 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 norm = self.evaluate();
                 continue;
             }
-            if norm < best.0 {
-                best.0 = norm;
-                best.1.copy_from_slice(&self.q);
-                extra = (0.5 * extra).max(1.0);
+            if norm < best {
+                best = norm;
+                self.best.copy_from_slice(&self.q);
+                share = (2.0 * share).min(1.0);
             }
             // What served well serves again.
             assembled = norm < 0.5 * before;
         }
-        if norm > best.0 {
-            self.q.copy_from_slice(&best.1);
+        if norm > best {
+            self.q.copy_from_slice(&self.best);
             norm = self.evaluate();
         }
         if report.iterations >= self.settings.max_iterations
