@@ -23,12 +23,37 @@ pub fn effects(scene: &Scene) -> Vec<Effect> {
     let turbulence = viscosity.and_then(|v| v.turbulence);
     vec![
         effect("fabric.wrinkling", Role::Structure, scene.fabric.wrinkling, "fabric carries no compression"),
+        effect(
+            "fabric.orthotropic",
+            Role::Structure,
+            scene.fabric.orthotropic.is_some(),
+            "different stiffness along warp and weft",
+        ),
         effect("lines", Role::Structure, scene.has_cables(), "suspension lines and risers"),
         effect(
             "fabric_gravity",
             Role::Structure,
             scene.fabric_gravity.is_some(),
             "weight and inertia of the fabric in the falling frame",
+        ),
+        effect("point_mass", Role::Structure, !scene.point_masses.is_empty(), "masses on nodes"),
+        effect(
+            "stage.stiffness_damping_s",
+            Role::Structure,
+            scene.stages.iter().any(|s| s.stiffness_damping_s > 0.0),
+            "stresses by the rate of strains",
+        ),
+        effect(
+            "stage.motion",
+            Role::Structure,
+            scene.stages.iter().any(|s| !s.motions.is_empty()),
+            "prescribed motions of nodes",
+        ),
+        effect(
+            "stage.force",
+            Role::Structure,
+            scene.stages.iter().any(|s| !s.forces.is_empty()),
+            "forces on nodes",
         ),
         effect("flow.viscosity", Role::Flow, viscosity.is_some(), "laminar viscosity, no slip on the canopy"),
         effect(

@@ -65,8 +65,8 @@ pub struct Dynamics {
     pub linear: LinearSolver,
     /// Newton's method.
     pub newton: Newton,
-    scheme: Scheme,
-    damping: f64,
+    pub(crate) scheme: Scheme,
+    pub(crate) damping: f64,
     max_cuts: u32,
     /// State of the last accepted window.
     pub accepted: State,
@@ -133,24 +133,6 @@ impl Dynamics {
             window: 0.0,
             system,
         }
-    }
-
-    /// Moves `components` of the mesh's `nodes` by a history from where they are now:
-    /// `displacement` (m) at each `time` (s since the start of the stage, ascending, at
-    /// least one), linear in between. Collective.
-    pub fn prescribe(
-        &mut self,
-        nodes: &[u32],
-        components: [bool; 3],
-        time: &[f64],
-        displacement: &[[f64; 3]],
-    ) {
-        let local = nodes.iter().filter_map(|&n| self.system.model.numbering.local(u64::from(n)));
-        let dofs: Vec<u32> =
-            local.flat_map(|i| (0..3).filter(|&c| components[c]).map(move |c| (3 * i + c) as u32)).collect();
-        let start = dofs.iter().map(|&i| self.accepted.u[i as usize]).collect();
-        self.system.fix(&dofs);
-        self.motions.push(Motion::new(dofs, start, time.to_vec(), displacement.to_vec()));
     }
 
     /// Forces (N) that hold the constrained components of the accepted state under a
@@ -273,50 +255,7 @@ impl Dynamics {
         }
     }
 
-    /// A step in which prescribed components move.
-    ///
-    /// They have the velocity of a uniform motion over the step and count with their
-    /// change of velocity as inertia of their neighbours.
-    fn step_with_motion(
-        &mut self,
-        span: [f64; 2],
-        window: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
-        known: Option<usize>,
-    ) -> Result<NewtonInfo, NewtonError> {
-        let dt = (span[1] - span[0]) * window;
-        if self.motions.is_empty() {
-            return self.step(span, dt, load, body, known);
-        }
-        let end = self.time + span[1] * window;
-        self.system.prescribed.clear();
-        self.system.prescribed.extend(self.motions.iter().flat_map(|m| m.values(end)));
-        let form = self.scheme.step(dt, self.damping);
-        let mut before = Vec::with_capacity(self.system.prescribed.len());
-        for &(i, u) in &self.system.prescribed {
-            let i = i as usize;
-            let (du, v0, a0) = (u - self.current.u[i], self.current.v[i], self.current.a[i]);
-            let v1 = du / dt;
-            before.push((i, v0, a0, v1));
-            // The old velocity with which the scheme finds this inertia.
-            let inertia = (v1 - v0) / dt + self.damping * v1;
-            self.current.v[i] = (inertia - form.mass_factor * du) / form.from_v;
-            self.current.a[i] = 0.0;
-        }
-        let result = self.step(span, dt, load, body, known);
-        for (i, v0, a0, v1) in before {
-            self.current.v[i] = v0;
-            self.current.a[i] = a0;
-            if result.is_ok() {
-                self.next.v[i] = v1;
-                self.next.a[i] = 0.0;
-            }
-        }
-        result
-    }
-
-    fn step(
+    pub(crate) fn step(
         &mut self,
         span: [f64; 2],
         dt: f64,

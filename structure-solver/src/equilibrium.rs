@@ -136,7 +136,7 @@ const HARDER: f64 = 4.0;
 /// Attempts at one step.
 const ATTEMPTS: u32 = 15;
 /// Each step solves its own equations to this share of the static residual.
-const INNER: f64 = 0.1;
+const INNER: f64 = 0.3;
 
 impl Dynamics {
     /// Moves the accepted state to where it rests under a constant load and the

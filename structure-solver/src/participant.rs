@@ -21,8 +21,13 @@ use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 6] = [
+const EFFECTS: [&str; 11] = [
     "fabric.wrinkling",
+    "fabric.orthotropic",
+    "point_mass",
+    "stage.stiffness_damping_s",
+    "stage.motion",
+    "stage.force",
     "lines",
     "lines.tension_only",
     "structure.spectral_radius",
