@@ -6,9 +6,9 @@ use structure_solver::dynamics::{Dynamics, DynamicsParams, LoadPath};
 use structure_solver::elements::cable::CableLaw;
 use structure_solver::elements::mass::MassMatrix;
 use structure_solver::equilibrium::EquilibriumParams;
-use structure_solver::loops::{Cables, ElementLoop, FaceLoad, Membranes};
+use structure_solver::loops::{Cables, ElementLoop, FaceLoad, Membranes, Quads};
 use structure_solver::materials::Material;
-use structure_solver::model::Model;
+use structure_solver::model::{Model, Surface, Warp};
 use structure_solver::newton::NewtonParams;
 use structure_solver::scheme::Scheme;
 use structure_solver::system::System;
@@ -38,10 +38,28 @@ pub fn model(mesh: &StructureMesh) -> Model {
     Model::new(&Comm::solo(), mesh, &vec![0; mesh.coords.len()]).expect("a good mesh")
 }
 
+/// Which elements a membrane is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Element {
+    /// Two triangles of constant strain to a face.
+    Triangle,
+    /// One bilinear element to a face.
+    Quad,
+}
+
 pub fn membrane(mesh: &StructureMesh, material: impl Material) -> System {
-    let model = model(mesh);
-    let membranes = Membranes::new(&model, material, SHEET[0], SHEET[1]);
-    let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(membranes)];
+    fabric(mesh, material, Element::Triangle, None)
+}
+
+/// A membrane of a choice of elements, with the direction of the warp where it counts.
+pub fn fabric(mesh: &StructureMesh, material: impl Material, element: Element, warp: Option<Warp>) -> System {
+    let surface = Surface { quadrilaterals: element == Element::Quad, warp };
+    let owner = vec![0; mesh.coords.len()];
+    let model = Model::with(&Comm::solo(), mesh, &owner, surface).expect("a good mesh");
+    let loops: Vec<Box<dyn ElementLoop>> = vec![match element {
+        Element::Triangle => Box::new(Membranes::new(&model, material, SHEET[0], SHEET[1])),
+        Element::Quad => Box::new(Quads::new(&model, material, SHEET[0], SHEET[1], 0.0)),
+    }];
     System::new(model, loops, MassMatrix::Consistent)
 }
 

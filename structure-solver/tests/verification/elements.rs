@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use structure_solver::elements::cable::TensionOnly;
 use structure_solver::loops::{FaceLoad, Place};
 use structure_solver::materials::{Material, StVenantKirchhoff, TensionField};
+use structure_solver::model::Warp;
 use structure_solver::system::System;
 
 use crate::common::*;
@@ -16,15 +17,18 @@ use crate::shapes::*;
 #[test]
 fn affine_deformations_leave_inner_nodes_in_balance() {
     let m = irregular();
-    let system = membrane(&m, StVenantKirchhoff::isotropic(1e6, 0.3));
-    let map = |p: &[f64; 3]| [1.2 * p[0] + 0.1 * p[1], -0.05 * p[0] + 1.1 * p[1], 0.3 * p[0] - 0.2 * p[1]];
-    let x: Vec<f64> = m.coords.iter().flat_map(map).collect();
-    let mut f = vec![0.0; x.len()];
-    let load = FaceLoad { pressure: &vec![0.0; m.faces.len()], traction: &[] };
-    system.forces(Place::only(&x), load, &mut f);
-    let largest = norm(&f);
-    system.constrain(&mut f);
-    assert!(norm(&f) < 1e-13 * largest, "{} of {largest}", norm(&f));
+    for element in [Element::Triangle, Element::Quad] {
+        let system = fabric(&m, StVenantKirchhoff::isotropic(1e6, 0.3), element, None);
+        let map =
+            |p: &[f64; 3]| [1.2 * p[0] + 0.1 * p[1], -0.05 * p[0] + 1.1 * p[1], 0.3 * p[0] - 0.2 * p[1]];
+        let x: Vec<f64> = m.coords.iter().flat_map(map).collect();
+        let mut f = vec![0.0; x.len()];
+        let load = FaceLoad { pressure: &vec![0.0; m.faces.len()], traction: &[] };
+        system.forces(Place::only(&x), load, &mut f);
+        let largest = norm(&f);
+        system.constrain(&mut f);
+        assert!(norm(&f) < 1e-13 * largest, "{} of {largest}", norm(&f));
+    }
 }
 
 /// Patch test in each state of the tension field: an affine map gives each element the
@@ -58,16 +62,50 @@ fn affine_deformations_have_the_stress_of_the_law() {
     }
 }
 
+/// Patch test of orthotropic fabric with its warp at 35 degrees to the axes: strains turned to the warp, its law,
+/// and the principal stresses of the result, which do not depend on axes.
+#[test]
+fn orthotropic_fabric_follows_its_warp() {
+    let (y1, y2, nu, g) = (1e6, 3e5, 0.25, 1.5e5);
+    let m = irregular();
+    let angle = 35.0f64.to_radians();
+    let warp = Some(Warp::Vector([angle.cos(), angle.sin(), 0.0]));
+    let [[f11, f12], [f21, f22]] = [[1.1, 0.04], [-0.02, 1.05f64]];
+    let x: Vec<f64> =
+        m.coords.iter().flat_map(|p| [f11 * p[0] + f12 * p[1], f21 * p[0] + f22 * p[1], 0.0]).collect();
+    let e = [
+        0.5 * (f11 * f11 + f21 * f21 - 1.0),
+        0.5 * (f12 * f12 + f22 * f22 - 1.0),
+        0.5 * (f11 * f12 + f21 * f22),
+    ];
+    let (c, s) = (angle.cos(), angle.sin());
+    let along = c * c * e[0] + s * s * e[1] + 2.0 * s * c * e[2];
+    let across = s * s * e[0] + c * c * e[1] - 2.0 * s * c * e[2];
+    let shear = s * c * (e[1] - e[0]) + (c * c - s * s) * e[2];
+    let d = 1.0 - nu * nu * y2 / y1;
+    let stress = [(y1 * along + nu * y2 * across) / d, y2 * (across + nu * along) / d, 2.0 * g * shear];
+    let (mean, radius) = (0.5 * (stress[0] + stress[1]), (0.5 * (stress[0] - stress[1])).hypot(stress[2]));
+    for element in [Element::Triangle, Element::Quad] {
+        let system = fabric(&m, StVenantKirchhoff::orthotropic(y1, y2, nu, g), element, warp);
+        for (s, _) in system.loops()[0].stresses(&x) {
+            let error = (s[0] - mean - radius).abs().max((s[1] - mean + radius).abs());
+            assert!(error < 1e-12 * y1, "{element:?}: {s:?} beside {mean} and {radius}");
+        }
+    }
+}
+
 /// A turned and shifted sheet stores no energy (rounding squared, times the stiffness).
 #[test]
 fn rigid_motion_costs_no_energy() {
     let m = irregular();
-    let system = membrane(&m, StVenantKirchhoff::isotropic(1e6, 0.3));
-    let (c, s) = (0.8f64.cos(), 0.8f64.sin());
-    let turned = m.coords.iter().flat_map(|p| [c * p[0] - 2.0, p[1] + 5.0, s * p[0] + 1.0]);
-    let x: Vec<f64> = turned.collect();
-    let energy = strain_energy(&system, &x);
-    assert!(energy.abs() < 1e-24, "{energy}");
+    for element in [Element::Triangle, Element::Quad] {
+        let system = fabric(&m, StVenantKirchhoff::isotropic(1e6, 0.3), element, None);
+        let (c, s) = (0.8f64.cos(), 0.8f64.sin());
+        let turned = m.coords.iter().flat_map(|p| [c * p[0] - 2.0, p[1] + 5.0, s * p[0] + 1.0]);
+        let x: Vec<f64> = turned.collect();
+        let energy = strain_energy(&system, &x);
+        assert!(energy.abs() < 1e-24, "{energy}");
+    }
 }
 
 /// Fabric in its irregular sheet with lines along one diagonal.
@@ -133,6 +171,9 @@ fn the_matrix_is_the_derivative_of_the_forces() {
     let e = derivative_error(&m, &mut system, &x);
     assert!(e < 1e-8, "{e}");
     let (m, mut system) = fabric_with_lines(TensionField::new(1e6, 0.3));
+    let e = derivative_error(&m, &mut system, &x);
+    assert!(e < 1e-7, "{e}");
+    let mut system = fabric(&m, TensionField::new(1e6, 0.3), Element::Quad, None);
     let e = derivative_error(&m, &mut system, &x);
     assert!(e < 1e-7, "{e}");
 }
