@@ -48,8 +48,9 @@ fn a_strip_in_bending_wrinkles_as_stein_and_hedgepeth_say() {
         }
         let pressure = vec![0.0; m.faces.len()];
         let load = FaceLoad { pressure: &pressure, traction: &[] };
-        // Without a load residuals are measured against a hundredth of the inner forces.
-        rest(&mut d, load, [0.0; 3], 1e-5);
+        // Without a load residuals are measured against a hundredth of the inner forces:
+        // 1e-6 of these. Slack fabric in its plane has nothing to find a sharper balance by.
+        rest(&mut d, load, [0.0; 3], 1e-4);
         let x = positions(&d);
         let mut f = vec![0.0; x.len()];
         d.system.forces(Place::only(&x), load, &mut f);
