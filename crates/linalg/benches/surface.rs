@@ -4,8 +4,6 @@
 //! `cargo bench -p linalg --bench surface [-- nodes_per_side ...]`, or the built
 //! program under `mpirun -n N`: the sheet is cut into N strips. Times are medians of
 //! processor time, which other processes on the machine disturb less than the clock's.
-//! For instruction counts: `valgrind --tool=callgrind --toggle-collect='*refactor*'
-//! <built program> 50` (or `'*apply*'`).
 
 use std::rc::Rc;
 

@@ -18,8 +18,9 @@ use faer::linalg::lu::partial_pivoting as pivoted;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::sweep::{add_columns, flush, padded, rows_dot};
-use super::symbolic::{Front, Symbolic};
+use super::pivot;
+use super::sweep::{add_columns, flush, flush_finite, largest, padded, rows_dot};
+use super::symbolic::{Front, Run, Symbolic};
 use crate::block::Real;
 
 /// The matrix cannot be factorised.
@@ -42,26 +43,25 @@ pub enum FactorError {
     Border,
 }
 
-/// Where the factor of one front lies in the common storage.
+/// Where the factor of one front lies in the common storage. Rows and columns are filled
+/// up with zeros to whole vector registers.
 struct Place {
-    /// `R`, `n1 x (n1 + n2)` by rows, then `H`, `n2 x n1` by columns; rows and columns
-    /// filled up with zeros to whole vector registers.
-    at: usize,
     n1: usize,
     n2: usize,
+    /// `R`, `n1 x (n1 + n2)` by rows.
+    r: std::ops::Range<usize>,
+    /// `H`, `n2 x n1` by columns.
+    h: std::ops::Range<usize>,
 }
 
 impl Place {
+    /// Length of a row of `R`.
     fn row(&self) -> usize {
         padded(self.n1 + self.n2)
     }
+    /// Length of a column of `H`.
     fn column(&self) -> usize {
         padded(self.n2)
-    }
-    /// Where `R` lies, and `H`.
-    fn ranges(&self) -> [std::ops::Range<usize>; 2] {
-        let middle = self.at + self.n1 * self.row();
-        [self.at..middle, middle..middle + self.n1 * self.column()]
     }
 }
 
@@ -69,7 +69,9 @@ impl Place {
 pub(crate) struct BlockLu<const B: usize, T: Real> {
     plan: Symbolic,
     places: Vec<Place>,
-    factor: Vec<T>,
+    /// `R` of all fronts and `H` of all fronts, each in the order in which a solve reads them.
+    r: Vec<T>,
+    h: Vec<T>,
     /// Dense parts of the current front and the updates that wait for their parent.
     work: Work<T>,
     n_kept: usize,
@@ -104,13 +106,20 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Plans the elimination of all rows but those `kept` (ascending).
     pub fn keeping(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> Self {
         let plan = Symbolic::new(row_ptr, cols, kept);
-        let mut at = 0;
-        let mut places = Vec::with_capacity(plan.fronts.len());
-        for f in &plan.fronts {
-            let (n1, n2) = (f.n_pivot * B, f.pattern.len() * B);
-            let place = Place { at, n1, n2 };
-            at = place.ranges()[1].end;
-            places.push(place);
+        let mut places: Vec<Place> = plan
+            .fronts
+            .iter()
+            .map(|f| Place { n1: f.n_pivot * B, n2: f.pattern.len() * B, r: 0..0, h: 0..0 })
+            .collect();
+        let (h, mut at) = whole_lines(places.iter().map(|p| p.n1 * p.column()).sum());
+        for p in &mut places {
+            p.h = at..at + p.n1 * p.column();
+            at = p.h.end;
+        }
+        let (r, mut at) = whole_lines(places.iter().map(|p| p.n1 * p.row()).sum());
+        for p in places.iter_mut().rev() {
+            p.r = at..at + p.n1 * p.row();
+            at = p.r.end;
         }
         let most = |f: fn(&Place) -> usize| places.iter().map(f).max().unwrap_or(0);
         let n1 = most(|p| p.n1);
@@ -132,12 +141,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             x: vec![T::default(); plan.order.len() * B],
             front: vec![T::default(); most(|p| p.n1 + p.row())],
         };
-        // The factor starts at a cache line: a register's load touches one line, not two.
-        let mut factor = vec![T::default(); at + 64];
-        let skip = factor.as_ptr().align_offset(64).min(64);
-        factor.truncate(at + skip);
-        places.iter_mut().for_each(|p| p.at += skip);
-        Self { plan, places, factor, work, n_kept: kept.len(), scale: 1.0, scratch: RefCell::new(scratch) }
+        Self { plan, places, r, h, work, n_kept: kept.len(), scale: 1.0, scratch: RefCell::new(scratch) }
     }
 
     /// Schur complement of the kept rows after a factorisation, `[n_kept B][n_kept B]`
@@ -154,7 +158,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
 
     /// Bytes of the factor, all read once by a solve.
     pub fn bytes(&self) -> usize {
-        self.factor.len() * size_of::<T>()
+        (self.r.len() + self.h.len()) * size_of::<T>()
     }
 
     /// Multiplications (each with an addition) of a factorisation that stores no inverse.
@@ -166,7 +170,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Factorises the matrix whose blocks, in the order of the pattern, are `values`.
     pub fn factor(&mut self, values: &[[[f64; B]; B]]) -> Result<(), FactorError> {
         let work = &mut self.work;
-        let largest = values.iter().flatten().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
+        let largest = largest(values.as_flattened().as_flattened());
         self.scale = if largest > 0.0 && largest.is_finite() { 1.0 / largest } else { 1.0 };
         // A Schur complement that was handed out, or what a failed attempt left.
         for update in &mut work.updates {
@@ -196,10 +200,9 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             };
             parts.assemble(front, values, self.scale);
             for &child in &front.children {
-                let (_, map) =
-                    self.plan.fronts[child as usize].parent.as_ref().expect("a child has a parent");
+                let below = &self.plan.fronts[child as usize];
                 let from = std::mem::take(&mut work.updates[child as usize]);
-                parts.extend_add::<B>(map, &from);
+                parts.extend_add::<B>(&below.to_parent, below.pattern.len(), &from);
                 work.pool.push(from);
             }
 
@@ -207,43 +210,42 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 work.updates[s] = update;
                 continue;
             }
-            let [in_r, in_h] = place.ranges();
-            let (r_values, h_values) = self.factor[in_r.start..in_h.end].split_at_mut(in_r.len());
+            let r_values = &mut self.r[place.r.clone()];
+            let h_values = &mut self.h[place.h.clone()];
             // By rows: the transpose by columns.
             let r = MatMut::from_column_major_slice_with_stride_mut(r_values, n1 + n2, n1, place.row());
             let r = r.transpose_mut();
             let (mut w, mut minus_g) = r.split_at_col_mut(n1);
             let mut h = MatMut::from_column_major_slice_with_stride_mut(h_values, n2, n1, place.column());
-            let mut f11 = MatMut::from_column_major_slice_mut(&mut work.f11[..n1 * n1], n1, n1);
             let f12 = MatRef::from_column_major_slice(&work.f12[..n1 * n2], n1, n2);
             let f21 = MatRef::from_column_major_slice(&work.f21[..n1 * n2], n2, n1);
             let f22 = MatMut::from_column_major_slice_mut(&mut update[..n2 * n2], n2, n2);
 
-            let stack = MemStack::new(&mut work.stack);
-            let (_, pivots) = pivoted::factor::lu_in_place(
-                f11.as_mut(),
-                &mut work.pivots[..n1],
-                &mut work.pivots_inverse[..n1],
-                Par::Seq,
-                stack,
-                Default::default(),
-            );
-            pivoted::inverse::inverse(w.as_mut(), f11.as_ref(), f11.as_ref(), pivots, Par::Seq, stack);
-            let size: f64 = (0..n1)
-                .flat_map(|i| (0..n1).map(move |j| (i, j)))
-                .map(|(i, j)| w[(i, j)].to_f64().abs())
-                .sum();
-            if !size.is_finite() {
-                return Err(FactorError::Singular { row: self.plan.order[front.start] as usize });
+            if n1 <= pivot::SMALL {
+                pivot::invert(&mut work.f11, n1, &mut work.pivots);
+                w.copy_from(MatRef::from_column_major_slice(&work.f11[..n1 * n1], n1, n1));
+            } else {
+                let stack = MemStack::new(&mut work.stack);
+                let mut f11 = MatMut::from_column_major_slice_mut(&mut work.f11[..n1 * n1], n1, n1);
+                let (_, pivots) = pivoted::factor::lu_in_place(
+                    f11.as_mut(),
+                    &mut work.pivots[..n1],
+                    &mut work.pivots_inverse[..n1],
+                    Par::Seq,
+                    stack,
+                    Default::default(),
+                );
+                pivoted::inverse::inverse(w.as_mut(), f11.as_ref(), f11.as_ref(), pivots, Par::Seq, stack);
             }
             let one = T::from_f64(1.0);
             let minus = T::from_f64(-1.0);
             matmul(minus_g.as_mut(), Accum::Replace, w.as_ref(), f12, minus, Par::Seq);
             matmul(h.as_mut(), Accum::Replace, f21, w.as_ref(), one, Par::Seq);
             matmul(f22, Accum::Add, h.as_ref(), f12, minus, Par::Seq);
-            flush(r_values);
             flush(h_values);
-            flush(&mut update[..n2 * n2]);
+            if !flush_finite(r_values) {
+                return Err(FactorError::Singular { row: self.plan.order[front.start] as usize });
+            }
             work.updates[s] = update;
         }
         Ok(())
@@ -261,7 +263,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         let Scratch { x: y, front: gathered } = &mut *self.scratch.borrow_mut();
         let x = &mut x.as_chunks_mut::<B>().0[..self.plan.order.len()];
         // Numbers around one, whatever the units.
-        let largest = x.as_flattened().iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let largest = largest(x.as_flattened());
         let unit = if largest > 0.0 && largest.is_finite() { 1.0 / largest } else { 1.0 };
         let blocks = y.as_chunks_mut::<B>().0;
         for (y, &i) in blocks.iter_mut().zip(&self.plan.order) {
@@ -276,8 +278,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             flush(&mut y[first..first + n1]);
             b1.copy_from_slice(&y[first..first + n1]);
             sum.fill(T::default());
-            let [_, h] = place.ranges();
-            add_columns(&self.factor[h], b1, sum);
+            add_columns(&self.h[place.h.clone()], b1, sum);
             let blocks = y.as_chunks_mut::<B>().0;
             for (s, &i) in sum[..n2].as_chunks::<B>().0.iter().zip(&front.pattern) {
                 let block = &mut blocks[i as usize];
@@ -299,9 +300,8 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 *g = blocks[i as usize];
             }
             gathered[n1 + n2..].fill(T::default());
-            let [r, _] = place.ranges();
             let solution = &mut y[first..first + n1];
-            rows_dot(&self.factor[r], gathered, solution);
+            rows_dot(&self.r[place.r.clone()], gathered, solution);
             flush(solution);
         }
         let back = self.scale / unit;
@@ -310,6 +310,15 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             x[i as usize] = y.map(|v| v.to_f64() * back);
         }
     }
+}
+
+/// Zeros for `n` numbers that start at a cache line (a register's load then touches one
+/// line, not two), and where they start.
+fn whole_lines<T: Real>(n: usize) -> (Vec<T>, usize) {
+    let mut values = vec![T::default(); n + 64];
+    let skip = values.as_ptr().align_offset(64).min(64);
+    values.truncate(n + skip);
+    (values, skip)
 }
 
 /// The four parts of a front, column-major.
@@ -350,25 +359,20 @@ impl<T: Real> Parts<'_, T> {
         }
     }
 
-    /// Adds a child's update; `map` gives the block rows it goes to, ascending.
-    fn extend_add<const B: usize>(&mut self, map: &[u32], update: &[T]) {
-        let n = map.len() * B;
-        let split = map.partition_point(|&i| (i as usize * B) < self.n1);
+    /// Adds a child's update of `n` block rows; `runs` tell where they go.
+    fn extend_add<const B: usize>(&mut self, runs: &[Run], n: usize, update: &[T]) {
+        let n = n * B;
         let n1 = self.n1;
-        for (k, &col) in map.iter().enumerate() {
-            for c in 0..B {
-                let from = update[(k * B + c) * n..][..n].as_chunks::<B>().0;
-                let (top, bottom) = self.column(col as usize * B + c);
-                let top = top.as_chunks_mut::<B>().0;
-                let bottom = bottom.as_chunks_mut::<B>().0;
-                for (u, &row) in from[..split].iter().zip(&map[..split]) {
-                    for r in 0..B {
-                        top[row as usize][r] += u[r];
-                    }
-                }
-                for (u, &row) in from[split..].iter().zip(&map[split..]) {
-                    for r in 0..B {
-                        bottom[row as usize - n1 / B][r] += u[r];
+        for columns in runs {
+            for k in 0..columns.len * B {
+                let from = &update[(columns.from * B + k) * n..][..n];
+                let (top, bottom) = self.column(columns.to * B + k);
+                for rows in runs {
+                    let from = &from[rows.from * B..][..rows.len * B];
+                    let at = rows.to * B;
+                    let to = if at < n1 { &mut top[at..] } else { &mut bottom[at - n1..] };
+                    for (to, u) in to[..from.len()].iter_mut().zip(from) {
+                        *to += u.flushed();
                     }
                 }
             }

@@ -1,6 +1,7 @@
 //! Sparse direct solution of rank-local systems.
 
 mod block_lu;
+mod pivot;
 mod sweep;
 mod symbolic;
 

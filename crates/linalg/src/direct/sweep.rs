@@ -16,6 +16,31 @@ pub(super) fn flush<T: Real>(x: &mut [T]) {
     x.iter_mut().for_each(|v| *v = v.flushed());
 }
 
+/// Flushes whole registers; returns whether all numbers are finite.
+pub(super) fn flush_finite<T: Real>(x: &mut [T]) -> bool {
+    let mut sums = [T::default(); LANES];
+    for x in x.as_chunks_mut::<LANES>().0 {
+        for l in 0..LANES {
+            // Zero, or NaN.
+            sums[l] += x[l] - x[l];
+            x[l] = x[l].flushed();
+        }
+    }
+    sums.iter().all(|s| s.to_f64() == 0.0)
+}
+
+/// Largest magnitude; NaN is passed over.
+pub(super) fn largest(x: &[f64]) -> f64 {
+    let (chunks, rest) = x.as_chunks::<LANES>();
+    let mut most = [0.0f64; LANES];
+    for x in chunks {
+        for l in 0..LANES {
+            most[l] = if x[l].abs() > most[l] { x[l].abs() } else { most[l] };
+        }
+    }
+    most.iter().chain(rest).fold(0.0, |m, v| m.max(v.abs()))
+}
+
 /// `y += M x` with `M` by columns, four columns at a time.
 pub(super) fn add_columns<T: Real>(m: &[T], x: &[T], y: &mut [T]) {
     let y = y.as_chunks_mut::<LANES>().0;

@@ -17,9 +17,17 @@ pub(super) struct Front {
     pub pattern: Vec<u32>,
     /// Matrix entries that enter here: slot, block row and block column in the front.
     pub entries: Vec<[u32; 3]>,
-    /// Front that receives the update, with the position there of each row of `pattern`.
-    pub parent: Option<(usize, Vec<u32>)>,
+    /// Where the rows of `pattern` lie in the front that receives the update.
+    pub to_parent: Vec<Run>,
     pub children: Vec<u32>,
+}
+
+/// Block rows `from..from + len` of an update go to `to..to + len` of the parent's front,
+/// all of them either pivots there or not.
+pub(super) struct Run {
+    pub from: usize,
+    pub to: usize,
+    pub len: usize,
 }
 
 /// The plan of a factorisation.
@@ -94,8 +102,15 @@ impl Symbolic {
         for s in 0..fronts.len() {
             let parent = fronts[s].pattern.first().map(|&first| front_of[first as usize] as usize);
             if let Some(p) = parent.filter(|&p| p != s) {
-                let map = fronts[s].pattern.iter().map(|&i| fronts[p].locate(i)).collect();
-                fronts[s].parent = Some((p, map));
+                let mut runs: Vec<Run> = Vec::new();
+                for (from, &i) in fronts[s].pattern.iter().enumerate() {
+                    let to = fronts[p].locate(i) as usize;
+                    match runs.last_mut() {
+                        Some(r) if r.to + r.len == to && to != fronts[p].n_pivot => r.len += 1,
+                        _ => runs.push(Run { from, to, len: 1 }),
+                    }
+                }
+                fronts[s].to_parent = runs;
                 fronts[p].children.push(s as u32);
             }
         }
@@ -113,7 +128,7 @@ impl Symbolic {
 
 impl Front {
     fn new(start: usize, n_pivot: usize, pattern: Vec<u32>) -> Self {
-        Self { start, n_pivot, pattern, entries: Vec::new(), parent: None, children: Vec::new() }
+        Self { start, n_pivot, pattern, entries: Vec::new(), to_parent: Vec::new(), children: Vec::new() }
     }
 
     /// Position in the front of a row given in elimination order.
