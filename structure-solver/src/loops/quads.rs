@@ -113,6 +113,37 @@ impl<M: Material> Quads<M> {
         let f = self.external_of(e, load, &x);
         (0..4).for_each(|n| add_at(out, e.nodes[n] as usize, sub(r[n], f[n])));
     }
+
+    #[allow(clippy::too_many_arguments)]
+    fn add_tangent(
+        &self,
+        e: &Membrane,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        self.add_all(e, place, load, out);
+        let (x, end) = (e.at(place.at), e.at(place.end));
+        let face = e.face as usize;
+        let mut k = quad::pressure_tangent(-factor * load.pressure[face], &x);
+        if !load.traction.is_empty() {
+            let t = quad::traction_tangent(scale(-factor, at(load.traction, face)), &x);
+            for (row, t) in k.iter_mut().flatten().zip(t.iter().flatten()) {
+                add_block(row, t);
+            }
+        }
+        for p in 0..POINTS {
+            let h = &e.gradient[p];
+            let (d, end) = (quad::deformation(h, &x), quad::deformation(h, &end));
+            let (s, c) = self.tangent_of(&e.start[p], &end, place.weight);
+            quad::add_stiffness(h, &d, &end, &s, &c, e.volume[p] * factor, &mut k);
+        }
+        for n in (0..4).filter(|&n| e.slots[n][n] != ELSEWHERE) {
+            (0..4).for_each(|m| add_block(&mut blocks[e.slots[n][m] as usize], &k[n][m]));
+        }
+    }
 }
 
 impl Membrane {
@@ -160,27 +191,21 @@ impl<M: Material> ElementLoop for Quads<M> {
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        for e in &self.elements {
-            self.add_all(e, place, load, out);
-            let (x, end) = (e.at(place.at), e.at(place.end));
-            let face = e.face as usize;
-            let mut k = quad::pressure_tangent(-factor * load.pressure[face], &x);
-            if !load.traction.is_empty() {
-                let t = quad::traction_tangent(scale(-factor, at(load.traction, face)), &x);
-                for (row, t) in k.iter_mut().flatten().zip(t.iter().flatten()) {
-                    add_block(row, t);
-                }
-            }
-            for p in 0..POINTS {
-                let h = &e.gradient[p];
-                let (d, end) = (quad::deformation(h, &x), quad::deformation(h, &end));
-                let (s, c) = self.tangent_of(&e.start[p], &end, place.weight);
-                quad::add_stiffness(h, &d, &end, &s, &c, e.volume[p] * factor, &mut k);
-            }
-            for n in (0..4).filter(|&n| e.slots[n][n] != ELSEWHERE) {
-                (0..4).for_each(|m| add_block(&mut blocks[e.slots[n][m] as usize], &k[n][m]));
-            }
-        }
+        self.elements.iter().for_each(|e| self.add_tangent(e, place, load, factor, out, blocks));
+    }
+
+    fn tangent_near(
+        &self,
+        active: &[bool],
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        let near = |e: &&Membrane| e.nodes.iter().any(|&n| active[n as usize]);
+        let near = self.elements.iter().filter(near);
+        near.for_each(|e| self.add_tangent(e, place, load, factor, out, blocks));
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
