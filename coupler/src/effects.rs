@@ -62,6 +62,7 @@ pub fn effects(scene: &Scene) -> Vec<Effect> {
             turbulence.is_some(),
             "model of the unresolved turbulence",
         ),
+        effect("flow.gust", Role::Flow, flow.is_some_and(|f| f.gust.is_some()), "gust"),
         effect("flow.energy", Role::Flow, flow.is_some_and(|f| f.energy.is_some()), "energy equation"),
         effect("flow.limiter", Role::Flow, flow.is_some_and(|f| f.limiter.is_some()), "gradient limiter"),
     ]

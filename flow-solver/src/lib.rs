@@ -29,6 +29,7 @@ mod solver;
 pub mod state;
 pub mod time;
 pub mod topology;
+mod wind;
 
 pub use error::FlowError;
 pub use loads::{FaceLoad, Loads, Total};
@@ -36,3 +37,4 @@ pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;
 pub use solver::{Instant, Method, Report, Settings, Solver, Step};
+pub use wind::Wind;

@@ -9,12 +9,13 @@ use comm::Comm;
 
 use crate::geometry::vec3::{norm, sub};
 use crate::loads::{Loads, Total};
-use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Smagorinsky, Viscosity};
+use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Smagorinsky, Viscosity, Wale};
 use crate::residual::Spatial;
 use crate::setup::Setup;
 use crate::snapshot::Snapshots;
 use crate::solver::{Report, Solver, Step};
 use crate::state;
+use crate::wind::Wind;
 
 /// One rank of the flow-solver.
 pub struct FlowParticipant<G, V, const N: usize> {
@@ -24,6 +25,7 @@ pub struct FlowParticipant<G, V, const N: usize> {
     announcement: Announcement,
     totals: (usize, usize),
     moved: bool,
+    wind: Wind,
 }
 
 /// The participant with the effects that the scene asks for. Collective.
@@ -53,6 +55,9 @@ fn with_gas<G: Gas<N> + 'static, const N: usize>(
                 None => Box::new(FlowParticipant::new(setup, comm, gas, Laminar { viscosity })?),
                 Some(Turbulence::Smagorinsky) => {
                     Box::new(FlowParticipant::new(setup, comm, gas, Smagorinsky { viscosity })?)
+                }
+                Some(Turbulence::Wale) => {
+                    Box::new(FlowParticipant::new(setup, comm, gas, Wale { viscosity })?)
                 }
             }
         }
@@ -86,12 +91,27 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             surface_hash: surface_hash(&setup.structure.faces),
             grid_nodes: totals.1 as u64,
             output_width: LOAD_WIDTH as u64,
-            effects: ["flow", "flow.viscosity", "flow.viscosity.turbulence", "flow.energy", "flow.limiter"]
-                .map(String::from)
-                .to_vec(),
+            effects: [
+                "flow",
+                "flow.gust",
+                "flow.viscosity",
+                "flow.viscosity.turbulence",
+                "flow.energy",
+                "flow.limiter",
+            ]
+            .map(String::from)
+            .to_vec(),
         };
         let loads = Loads::new(&solver);
-        Ok(Self { solver, loads, snapshots: Snapshots::default(), announcement, totals, moved: false })
+        Ok(Self {
+            solver,
+            loads,
+            snapshots: Snapshots::default(),
+            announcement,
+            totals,
+            moved: false,
+            wind: setup.wind,
+        })
     }
 
     fn stats(&self, total: &Total, report: &Report, dt: f64) -> [f64; channel::STATS] {
@@ -146,6 +166,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
             }
         }
         let step = Step { dt: w.dt, frame: w.frame_velocity, again: w.iteration > 0, moved: self.moved };
+        self.solver.blow([1.0, 0.0, -1.0].map(|k| self.wind.at(w.time + k * w.dt)), w.dt);
         let report = self
             .solver
             .advance(&step)

@@ -10,6 +10,7 @@ use mesh::{FaceTable, FlowGrid, Graph, StructureMesh};
 use crate::physics::Air;
 use crate::solver::{Method, Settings};
 use crate::topology::Topology;
+use crate::wind::Wind;
 
 /// What a stage of a scene asks of the flow.
 pub struct Setup {
@@ -25,6 +26,8 @@ pub struct Setup {
     pub source: Option<PathBuf>,
     /// Tolerances and the undisturbed air.
     pub settings: Settings,
+    /// Its velocity in time.
+    pub wind: Wind,
 }
 
 impl Setup {
@@ -70,8 +73,15 @@ impl Setup {
             reference_speed: 0.1 * speed.max(1.0),
             velocity_diffusion: 0.5,
         };
+        let wind = flow.gust.as_ref().map_or(Wind::default(), |g| Wind {
+            gust: g.velocity_m_s,
+            start: g.start_s,
+            duration: g.duration_s,
+            ..Wind::default()
+        });
+        let wind = Wind { steady: flow.wind_m_s, ..wind };
         let source = scene.source_state(out, stage, Role::Flow);
-        Ok(Self { structure, grid, faces, source, settings, scene })
+        Ok(Self { structure, grid, faces, source, settings, wind, scene })
     }
 
     /// Partitions the grid and takes this rank's part of it.

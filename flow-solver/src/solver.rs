@@ -4,7 +4,7 @@ use comm::{Comm, Halo};
 
 use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
-use crate::geometry::vec3::{Vec3, norm};
+use crate::geometry::vec3::{Vec3, norm, sub};
 use crate::gradient::{Gradient, LeastSquares};
 use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
 use crate::physics::{Air, Gas, Scheme, Viscosity};
@@ -114,6 +114,11 @@ pub struct Solver<G, V, const N: usize> {
     pub last_dt: f64,
     /// Constants of the last step's flux.
     pub scheme: Scheme,
+    /// What moves the undisturbed air, m/s2: its momentum is supplied everywhere, so
+    /// that a wind which changes needs no pressure from the boundary.
+    pub wind_change: Vec3,
+    /// What the undisturbed velocity gains in this step and has gained in the last, m/s.
+    wind_gain: [Vec3; 2],
     /// What each owned cell gains of the conserved quantities in unit time and
     /// volume (kg/(m3 s), N/m3[, W/m3]) at the end of the step. Empty: nothing.
     pub source: Vec<[f64; N]>,
@@ -179,6 +184,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 velocity_diffusion: settings.velocity_diffusion,
                 pressure_diffusion: 2.0 / (1.0 - spatial.chi),
             },
+            wind_change: [0.0; 3],
+            wind_gain: [[0.0; 3]; 2],
             source: Vec::new(),
             least_squares,
             wall_velocity: vec![[0.0; 3]; faces - topology.cells.len()],
@@ -219,6 +226,16 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.prepare(step, order);
         let report = self.iterate(step, order)?;
         Ok(report)
+    }
+
+    /// The undisturbed velocity at the end of the next step of length `dt`, at its
+    /// start, and one such step before, m/s. The air is accelerated as the time
+    /// differences see it: a stream without obstacle follows to round-off.
+    pub fn blow(&mut self, wind: [Vec3; 3], dt: f64) {
+        let c = self.order(dt).c;
+        self.settings.wind = wind[0];
+        self.wind_gain = [sub(wind[0], wind[1]), sub(wind[1], wind[2])];
+        self.wind_change = std::array::from_fn(|d| (0..3).map(|k| c[k] * wind[k][d]).sum::<f64>() / dt);
     }
 
     /// Backward difference for a step of length `dt`.
@@ -315,6 +332,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             &mut self.mass,
         );
         let gas = &self.spatial.gas;
+        let push = self.wind_change.map(|a| self.settings.air.density * a);
         let mut sum = 0.0;
         for i in 0..self.topology.n_owned {
             let (q, r, h) = (&self.q[i], &mut self.residual[i], &self.history[i]);
@@ -324,6 +342,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 r[v] += m * stored[v] + h[v];
             }
             *r = gas.primitive_residual(q, r);
+            for d in 0..3 {
+                r[1 + d] -= self.metrics.volume[i] * push[d];
+            }
             r[0] *= self.weight[i];
             if N > 4 {
                 r[N - 1] *= TEMPERATURE_WEIGHT;
@@ -347,6 +368,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                     for v in 0..N {
                         q[v] = 2.0 * a[v] - b[v];
                     }
+                    for d in 0..3 {
+                        q[1 + d] += self.wind_gain[0][d] - self.wind_gain[1][d];
+                    }
                 }
                 norm = self.evaluate();
                 self.start = inertia;
@@ -354,6 +378,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             // Not a smooth flow: from where it was.
             if norm.is_nan() || norm > inertia {
                 self.q.copy_from_slice(&self.past[0].q);
+                for q in &mut self.q {
+                    for d in 0..3 {
+                        q[1 + d] += self.wind_gain[0][d];
+                    }
+                }
                 self.start = self.evaluate();
                 norm = self.start;
             }
@@ -467,15 +496,15 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     }
 
     /// What would remain in the momentum equations of a step on a grid at rest if
-    /// the flow stood still after its last change, N. Collective.
+    /// the flow kept its state relative to the undisturbed air, N. Collective.
     fn inertia(&self) -> f64 {
-        let gas = &self.spatial.gas;
+        let (gas, still) = (&self.spatial.gas, self.wind_gain[1]);
         let past = self.past[0].q.iter().zip(&self.past[1].q).zip(&self.metrics.volume);
         let sum: f64 = past
             .take(self.topology.n_owned)
             .map(|((a, b), v)| {
                 let m = self.scheme.rate * v * gas.density(a);
-                (1..4).map(|d| (m * (a[d] - b[d])).powi(2)).sum::<f64>()
+                (0..3).map(|d| (m * (a[1 + d] - b[1 + d] - still[d])).powi(2)).sum::<f64>()
             })
             .sum();
         self.halo.comm().sum(sum).sqrt()

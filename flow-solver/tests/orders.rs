@@ -195,6 +195,27 @@ fn time_steps_on_a_moving_grid_are_of_second_order() {
     }
 }
 
+/// Without an obstacle the air follows a gust exactly, on a grid at rest.
+#[test]
+fn a_gust_moves_all_air_alike() {
+    let grid = box_grid_of(BoxShape::Prisms, [3, 4, 3], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
+    let wind =
+        flow_solver::Wind { steady: [3.0, 0.0, 1.0], gust: [2.0, -5.0, 0.0], start: 0.05, duration: 0.4 };
+    let mut s = isothermal(&grid, Inviscid, settings(wind.steady, 1e-9));
+    let dt = 0.02;
+    for k in 0..15 {
+        let t = k as f64 * dt;
+        s.blow([t + dt, t, t - dt].map(|t| wind.at(t)), dt);
+        s.advance(&common::at_rest(dt)).unwrap();
+        s.accept(dt, false);
+        let v = wind.at(t + dt);
+        for q in &s.q {
+            let off = (0..3).map(|d| (q[1 + d] - v[d]).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-8 && q[0].abs() < 1e-6, "step {k}: {q:?} in a wind of {v:?}");
+        }
+    }
+}
+
 /// Error of an isentropic vortex that a stream of Mach 0.3 carries, n x n cells.
 fn vortex(n: usize) -> f64 {
     let grid = box_grid(

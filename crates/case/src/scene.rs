@@ -410,6 +410,8 @@ pub struct Flow {
     /// Wind in the frame of the ground, m/s.
     #[serde(default)]
     pub wind_m_s: [f64; 3],
+    /// A gust on top of the wind. Absent: steady wind.
+    pub gust: Option<Gust>,
     /// Viscosity. Absent: inviscid.
     pub viscosity: Option<Viscosity>,
     /// Solves the energy equation. Absent: isothermal, four equations.
@@ -429,6 +431,19 @@ fn sea_level_density() -> f64 {
 }
 fn sea_level_temperature() -> f64 {
     288.15
+}
+
+/// A gust that comes and goes as `1 - cos`: all air is moved alike.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Gust {
+    /// What the gust adds to the wind at its height, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// When it begins, s from the start of the stage.
+    #[serde(default)]
+    pub start_s: f64,
+    /// How long it lasts, s.
+    pub duration_s: f64,
 }
 
 /// Laminar viscosity.
@@ -452,6 +467,9 @@ fn air_viscosity() -> f64 {
 pub enum Turbulence {
     /// Smagorinsky with a constant of 0.17.
     Smagorinsky,
+    /// WALE (Nicoud and Ducros 1999) with a constant of 0.325: none in pure shear, so
+    /// that it fades towards walls.
+    Wale,
 }
 
 /// The energy equation.

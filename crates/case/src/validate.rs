@@ -285,9 +285,15 @@ fn solvers(scene: &Scene, c: &mut Check) {
         if let Some(v) = &f.viscosity {
             c.positive("flow.viscosity.dynamic_viscosity_pa_s", v.dynamic_viscosity_pa_s, 1e4, "in Pa s");
         }
+        let length = |v: &[f64; 3]| v.iter().map(|w| w * w).sum::<f64>().sqrt();
+        if let Some(g) = &f.gust {
+            c.positive("flow.gust.duration_s", g.duration_s, 1e6, "a time in s");
+            c.range("flow.gust.start_s", g.start_s, 0.0, 1e6, true, "in s");
+        }
         let sound = (1.4 * 287.05 * f.temperature_k).sqrt();
         let speed = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s)
-            + f.wind_m_s.iter().map(|w| w * w).sum::<f64>().sqrt();
+            + length(&f.wind_m_s)
+            + f.gust.as_ref().map_or(0.0, |g| length(&g.velocity_m_s));
         if speed > 0.5 * sound {
             c.refuse(
                 "descent.initial_speed_m_s",
