@@ -22,7 +22,7 @@ pub(super) fn flush_finite<T: Real>(x: &mut [T]) -> bool {
     for x in x.as_chunks_mut::<LANES>().0 {
         for l in 0..LANES {
             // Zero, or NaN.
-            sums[l] += x[l] - x[l];
+            sums[l] += x[l] * T::default();
             x[l] = x[l].flushed();
         }
     }
