@@ -32,6 +32,8 @@ pub(crate) const ROUNDS: usize = 12;
 pub(crate) struct Elimination {
     /// Whether a node takes part, shape `[n_local]`.
     pub(crate) active: Vec<bool>,
+    /// Owned nodes whose balance a correction reaches, shape `[n_local]`.
+    reached: Vec<bool>,
     /// The owned nodes that do.
     rows: Vec<u32>,
     subsystem: Subsystem<3>,
@@ -43,6 +45,7 @@ impl Elimination {
     pub(crate) fn new(system: &System) -> Self {
         Self {
             active: vec![false; system.model.n_local()],
+            reached: vec![false; system.model.n_local()],
             rows: Vec::new(),
             subsystem: Subsystem::default(),
             rounds: 0,
@@ -90,11 +93,22 @@ impl Elimination {
         if self.rows.is_empty() {
             return true;
         }
-        let params = KrylovParams { rel_tol: 1e-3, max_iterations: 80, restart: 80, ..Default::default() };
+        let params = KrylovParams { rel_tol: 1e-2, max_iterations: 50, restart: 50, ..Default::default() };
         match self.subsystem.solve(&system.matrix, &self.rows, rhs, du, params) {
             // The next round corrects what is left.
             Ok(_) | Err(SubsystemError::Krylov(KrylovError::NotConverged { .. })) => true,
             Err(_) => false,
         }
+    }
+
+    /// The owned nodes that moved by `du`, shape `[n_local][3]` with current ghosts, or
+    /// share an element with one that did.
+    pub(crate) fn reach(&mut self, system: &System, du: &[f64]) -> &[bool] {
+        let du = du.as_chunks::<3>().0;
+        for i in 0..system.model.n_owned() {
+            let columns = &system.matrix.cols()[system.matrix.row(i)];
+            self.reached[i] = columns.iter().any(|&j| du[j as usize] != [0.0; 3]);
+        }
+        &self.reached
     }
 }

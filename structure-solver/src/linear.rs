@@ -21,7 +21,7 @@ pub struct LinearCost {
 }
 
 /// Iterations with a kept factor after which renewing it is the cheaper way.
-const PATIENCE: usize = 30;
+const PATIENCE: usize = 16;
 /// Iterations with block Jacobi beyond which a direct factor is the cheaper way: one
 /// of its applications costs about as much as four products.
 const JACOBI_LIMIT: usize = 30;
@@ -42,7 +42,9 @@ pub struct LinearSolver {
     comm: Comm,
     gmres: Gmres,
     by: Preconditioned,
+    /// Least relative tolerance, and that of the solve at hand.
     tolerance: f64,
+    relative: f64,
     /// The factor is renewed before the next solve.
     stale: bool,
     /// Costs since construction.
@@ -57,15 +59,29 @@ impl LinearSolver {
             gmres: Gmres::new(comm),
             by: Preconditioned::Jacobi(None),
             tolerance,
+            relative: tolerance,
             stale: true,
             cost: LinearCost::default(),
         }
     }
 
-    /// Solves `A x = b` from zero. `b` holds owned rows, `x` local ones; the ghosts
+    /// Least relative tolerance of a solve.
+    pub fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
+    /// Solves `A x = b` from zero to the relative `tolerance`. `b` holds owned rows, `x` local ones; the ghosts
     /// of `x` are not current on return. `changed`: the matrix is another one than in
     /// the last solve. All ranks see the same outcome.
-    pub fn solve(&mut self, a: &BlockCsr<3>, changed: bool, b: &[f64], x: &mut [f64]) -> Result<(), String> {
+    pub fn solve(
+        &mut self,
+        a: &BlockCsr<3>,
+        changed: bool,
+        b: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+    ) -> Result<(), String> {
+        self.relative = tolerance;
         if matches!(self.by, Preconditioned::Jacobi(_)) {
             if (!changed || self.jacobi(a)?) && self.gmres(a, b, x, JACOBI_LIMIT).is_ok() {
                 return Ok(());
@@ -115,12 +131,8 @@ impl LinearSolver {
     ) -> Result<usize, KrylovError> {
         let start = Instant::now();
         x.fill(0.0);
-        let params = KrylovParams {
-            rel_tol: self.tolerance,
-            max_iterations: limit,
-            restart: 60,
-            ..Default::default()
-        };
+        let params =
+            KrylovParams { rel_tol: self.relative, max_iterations: limit, restart: 60, ..Default::default() };
         let result = match &self.by {
             Preconditioned::Jacobi(j) => {
                 let j = j.as_ref().expect("made before the first solve");

@@ -91,6 +91,12 @@ pub trait ElementLoop {
         blocks: &mut [Mat3],
     );
 
+    /// As [`ElementLoop::forces`] for the elements that touch an `active` node, shape
+    /// `[n_local]`: right in the rows of active nodes, of no meaning in others.
+    fn forces_near(&self, _active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
+        self.forces(place, load, out);
+    }
+
     /// As [`ElementLoop::tangent`] for the elements that touch an `active` node, shape
     /// `[n_local]`: right in the rows of active nodes, of no meaning in others.
     fn tangent_near(
@@ -172,13 +178,14 @@ impl<M: Material> Membranes<M> {
         Self { elements, n_own: model.n_own_triangles, material, density }
     }
 
-    fn forces_with<const TRACTION: bool, const BLEND: bool>(
+    fn forces_with<'e, const TRACTION: bool, const BLEND: bool>(
         &self,
+        elements: impl Iterator<Item = &'e Membrane>,
         place: Place<'_>,
         load: FaceLoad<'_>,
         out: &mut [f64],
     ) {
-        for e in &self.elements {
+        for e in elements {
             let p = e.nodes.map(|n| at(place.at, n as usize));
             let d = membrane::deformation(&e.gradient, &p);
             let s = if BLEND {
@@ -247,6 +254,21 @@ impl<M: Material> Membranes<M> {
 }
 
 impl<M: Material> Membranes<M> {
+    fn forces_of<'e>(
+        &self,
+        elements: impl Iterator<Item = &'e Membrane>,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        out: &mut [f64],
+    ) {
+        match (load.traction.is_empty(), place.weight == 1.0) {
+            (true, true) => self.forces_with::<false, false>(elements, place, load, out),
+            (true, false) => self.forces_with::<false, true>(elements, place, load, out),
+            (false, true) => self.forces_with::<true, false>(elements, place, load, out),
+            (false, false) => self.forces_with::<true, true>(elements, place, load, out),
+        }
+    }
+
     fn tangent_of<'e>(
         &self,
         elements: impl Iterator<Item = &'e Membrane>,
@@ -266,6 +288,11 @@ impl<M: Material> Membranes<M> {
 }
 
 impl Membrane {
+    #[inline(always)]
+    fn touches(&self, active: &[bool]) -> bool {
+        self.nodes.iter().any(|&n| active[n as usize])
+    }
+
     /// Deformation at the end of the step.
     #[inline(always)]
     fn at_end(&self, place: Place<'_>) -> Deformation {
@@ -289,12 +316,11 @@ impl<M: Material> ElementLoop for Membranes<M> {
     }
 
     fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        match (load.traction.is_empty(), place.weight == 1.0) {
-            (true, true) => self.forces_with::<false, false>(place, load, out),
-            (true, false) => self.forces_with::<false, true>(place, load, out),
-            (false, true) => self.forces_with::<true, false>(place, load, out),
-            (false, false) => self.forces_with::<true, true>(place, load, out),
-        }
+        self.forces_of(self.elements.iter(), place, load, out);
+    }
+
+    fn forces_near(&self, active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
+        self.forces_of(self.elements.iter().filter(|e| e.touches(active)), place, load, out);
     }
 
     fn tangent(
@@ -317,8 +343,8 @@ impl<M: Material> ElementLoop for Membranes<M> {
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        let near = |e: &&Membrane| e.nodes.iter().any(|&n| active[n as usize]);
-        self.tangent_of(self.elements.iter().filter(near), place, load, factor, out, blocks);
+        let near = self.elements.iter().filter(|e| e.touches(active));
+        self.tangent_of(near, place, load, factor, out, blocks);
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {

@@ -248,6 +248,7 @@ impl Newton {
             if norm <= self.params.tolerance * scale {
                 continue;
             }
+            let relative = norm / scale;
             // Elimination leaves the matrix with its own rows.
             let spoilt = self.elimination.rounds > rounds;
             // A matrix that took the residual down by `fall` will about do so again:
@@ -257,10 +258,11 @@ impl Newton {
             if renew {
                 self.tangent(system, balance);
             }
+            let forcing = forcing(self.params.tolerance / relative, linear.tolerance());
             for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
                 *r = -g;
             }
-            if let Err(cause) = linear.solve(&system.matrix, renew, &self.rhs, &mut self.du) {
+            if let Err(cause) = linear.solve(&system.matrix, renew, &self.rhs, &mut self.du, forcing) {
                 return Err(NewtonError::Linear { steps, node: self.worst_node(system), cause });
             }
             system.model.halo.exchange(&mut self.du, 3);
@@ -312,7 +314,7 @@ impl Newton {
                 *u += d;
             }
             self.elimination.rounds += 1;
-            now = self.residual(system, balance);
+            now = self.residual_near(system, balance);
             if !system.comm().all(solved && now.is_finite()) {
                 break;
             }
@@ -381,6 +383,23 @@ impl Newton {
         system.forces(place, balance.load, &mut self.g);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
+        self.assembly_s += start.elapsed().as_secs_f64();
+        system.comm().sum(dot(&self.g[..n], &self.g[..n])).sqrt()
+    }
+
+    /// As [`Newton::residual`] after the displacements moved by `self.du`, which leaves
+    /// most nodes where they were.
+    fn residual_near(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+        let start = Instant::now();
+        let n = 3 * system.model.n_owned();
+        self.place(system, balance);
+        let reached = self.elimination.reach(system, &self.du);
+        let place = Place { at: &self.x, end: &self.end, weight: balance.form.force_weight };
+        system.balance_near(reached, place, balance.load, &self.w, &mut self.rhs);
+        let (g, rhs) = (self.g.as_chunks_mut::<3>().0, self.rhs.as_chunks::<3>().0);
+        for ((g, r), _) in g.iter_mut().zip(rhs).zip(reached).filter(|(_, reached)| **reached) {
+            *g = *r;
+        }
         self.assembly_s += start.elapsed().as_secs_f64();
         system.comm().sum(dot(&self.g[..n], &self.g[..n])).sqrt()
     }
@@ -472,6 +491,16 @@ impl Newton {
             if value == largest { worst.map_or(0, |i| system.model.numbering.global[i] + 1) } else { 0 };
         comm.max_u64(here).saturating_sub(1)
     }
+}
+
+/// Relative tolerance of the linear solve of a Newton step when the residual is to
+/// fall to the share `goal`: the loosest that needs no more steps than `least` does, if
+/// nothing but the linear solves limits them.
+fn forcing(goal: f64, least: f64) -> f64 {
+    // Some margin below the goal.
+    let goal = 0.3 * goal;
+    let steps = (goal.ln() / least.ln()).ceil().max(1.0);
+    goal.powf(1.0 / steps).clamp(least, 0.1)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -7,9 +7,12 @@ use linalg::{BlockCsr, Cg, KrylovError, KrylovParams, Operator, Preconditioner};
 use crate::elements::mass::MassMatrix;
 use crate::loops::{ELSEWHERE, ElementLoop, FaceLoad, Place};
 use crate::model::Model;
+use crate::vec3::Mat3;
 
 /// A block in a constrained row or column.
 struct Masked {
+    /// Owned node of the row.
+    node: u32,
     slot: usize,
     row: [bool; 3],
     col: [bool; 3],
@@ -91,7 +94,7 @@ impl System {
                 let j = matrix.cols()[slot] as usize;
                 let (row, col) = (components(i), components(j));
                 if row.contains(&true) || col.contains(&true) {
-                    self.masked.push(Masked { slot, row, col, diagonal: i == j });
+                    self.masked.push(Masked { node: i as u32, slot, row, col, diagonal: i == j });
                 }
             }
         }
@@ -166,15 +169,18 @@ impl System {
         mass_factor: f64,
         out: &mut [f64],
     ) {
-        self.begin_tangent(mass_factor, out);
+        out.fill(0.0);
+        self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
+        for (block, m) in self.matrix.values.iter_mut().zip(&self.mass) {
+            *block = scaled_identity(mass_factor * m);
+        }
         for l in &self.loops {
             l.tangent(place, load, stiffness_factor, out, &mut self.matrix.values);
         }
-        self.mask(mass_factor);
+        self.mask(mass_factor, |_| true);
     }
 
-    /// As [`System::tangent`], from the elements near `active` nodes, shape
-    /// `[n_local]`: right in the rows of active nodes alone.
+    /// As [`System::tangent`] in the rows of `active` nodes, shape `[n_local]`, alone.
     pub fn tangent_near(
         &mut self,
         active: &[bool],
@@ -184,24 +190,21 @@ impl System {
         mass_factor: f64,
         out: &mut [f64],
     ) {
-        self.begin_tangent(mass_factor, out);
+        out.fill(0.0);
+        self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
+        for i in (0..self.model.n_owned()).filter(|&i| active[i]) {
+            for slot in self.matrix.row(i) {
+                self.matrix.values[slot] = scaled_identity(mass_factor * self.mass[slot]);
+            }
+        }
         for l in &self.loops {
             l.tangent_near(active, place, load, stiffness_factor, out, &mut self.matrix.values);
         }
-        self.mask(mass_factor);
+        self.mask(mass_factor, |node| active[node as usize]);
     }
 
-    fn begin_tangent(&mut self, mass_factor: f64, out: &mut [f64]) {
-        out.fill(0.0);
-        self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
-        for (block, m) in self.matrix.values.iter_mut().zip(&self.mass) {
-            let d = mass_factor * m;
-            *block = [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]];
-        }
-    }
-
-    fn mask(&mut self, mass_factor: f64) {
-        for m in &self.masked {
+    fn mask(&mut self, mass_factor: f64, within: impl Fn(u32) -> bool) {
+        for m in self.masked.iter().filter(|m| within(m.node)) {
             let block = &mut self.matrix.values[m.slot];
             for i in 0..3 {
                 for j in 0..3 {
@@ -218,11 +221,33 @@ impl System {
         }
     }
 
+    /// `out = R - F + M w`, constrained, in the owned rows of `active` nodes, shape
+    /// `[n_local]`; of no meaning in others.
+    pub fn balance_near(
+        &self,
+        active: &[bool],
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        w: &[f64],
+        out: &mut [f64],
+    ) {
+        out.fill(0.0);
+        self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
+        self.loops.iter().for_each(|l| l.forces_near(active, place, load, out));
+        self.add_mass_product_in(w, out, |i| active[i]);
+        self.constrain(out);
+    }
+
     /// `out += M w` on the owned rows. Ghosts of `w` are current.
     pub fn add_mass_product(&self, w: &[f64], out: &mut [f64]) {
+        self.add_mass_product_in(w, out, |_| true);
+    }
+
+    #[inline]
+    fn add_mass_product_in(&self, w: &[f64], out: &mut [f64], within: impl Fn(usize) -> bool) {
         let (w, out) = (w.as_chunks::<3>().0, out.as_chunks_mut::<3>().0);
         let (row_ptr, cols) = (self.matrix.row_ptr(), self.matrix.cols());
-        for (i, y) in out[..self.model.n_owned()].iter_mut().enumerate() {
+        for (i, y) in out[..self.model.n_owned()].iter_mut().enumerate().filter(|(i, _)| within(*i)) {
             let row = row_ptr[i]..row_ptr[i + 1];
             for (&j, m) in cols[row.clone()].iter().zip(&self.mass[row]) {
                 let w = &w[j as usize];
@@ -274,6 +299,10 @@ impl System {
     pub fn comm(&self) -> &Comm {
         &self.model.comm
     }
+}
+
+fn scaled_identity(d: f64) -> Mat3 {
+    [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]]
 }
 
 struct MassOperator<'a>(&'a System);
