@@ -217,7 +217,7 @@ impl Dynamics {
         let info = loop {
             let form = StepForm::overdamped(factor);
             let balance = Balance { from: &self.current, form, load, body };
-            self.newton.set_tolerance(inner);
+            self.newton.set_static_tolerance(inner);
             let solved =
                 self.newton.step(&mut self.system, &mut self.linear, &balance, &[], scale, &mut self.next);
             match solved {

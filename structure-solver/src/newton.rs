@@ -147,6 +147,8 @@ pub struct Newton {
     /// Start of a line search, and the best start of a step.
     base: Vec<f64>,
     elimination: Elimination,
+    /// How much looser than their least tolerance linear solves may be.
+    slack: f64,
     /// Evaluations of the residual in line searches.
     pub evaluations: u64,
     /// Seconds in element loops.
@@ -185,6 +187,7 @@ impl Newton {
             du: zero(),
             base: zero(),
             elimination: Elimination::new(system),
+            slack: 10.0,
             evaluations: 0,
             assembly_s: 0.0,
             elimination_s: 0.0,
@@ -197,9 +200,12 @@ impl Newton {
         &self.u
     }
 
-    /// Changes the share of the load below which a residual ends the iteration.
-    pub(crate) fn set_tolerance(&mut self, tolerance: f64) {
+    /// Changes the share of the load below which a residual ends the iteration, and
+    /// solves linear systems as tightly as they can be: without inertia a loose solve
+    /// moves a structure far.
+    pub(crate) fn set_static_tolerance(&mut self, tolerance: f64) {
         self.params.tolerance = tolerance;
+        self.slack = 1.0;
     }
 
     /// Solves one time step into `to`. `guesses` are displacements to start from
@@ -258,7 +264,7 @@ impl Newton {
             if renew {
                 self.tangent(system, balance);
             }
-            let forcing = forcing(self.params.tolerance / relative, linear.tolerance());
+            let forcing = forcing(self.params.tolerance / relative, linear.tolerance(), self.slack);
             for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
                 *r = -g;
             }
@@ -495,12 +501,12 @@ impl Newton {
 
 /// Relative tolerance of the linear solve of a Newton step when the residual is to
 /// fall to the share `goal`: the loosest that needs no more steps than `least` does, if
-/// nothing but the linear solves limits them.
-fn forcing(goal: f64, least: f64) -> f64 {
+/// nothing but the linear solves limits them; at most `slack` times `least`.
+fn forcing(goal: f64, least: f64, slack: f64) -> f64 {
     // Some margin below the goal.
     let goal = 0.3 * goal;
     let steps = (goal.ln() / least.ln()).ceil().max(1.0);
-    goal.powf(1.0 / steps).clamp(least, 0.1)
+    goal.powf(1.0 / steps).clamp(least, slack * least)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
