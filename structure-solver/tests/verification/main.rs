@@ -1,6 +1,7 @@
 //! Closed forms and exact properties. Each test derives its reference value and
 //! argues its tolerance.
 
+mod air_bag;
 mod cables;
 mod common;
 mod convergence;
