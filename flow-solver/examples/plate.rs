@@ -1,15 +1,15 @@
 //! The common plate case: drag, iterations and cost per cell and step.
 //!
 //! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth, or -Courant for LU-SGS] [first-order steps]
-//! [velocity diffusion] [speed]`
+//! [velocity diffusion] [speed] [equations: 4 or 5]`
 
 #[path = "../tests/common/mod.rs"]
 mod common;
 #[path = "../tests/common/plate.rs"]
 mod plate;
 
-use flow_solver::physics::Laminar;
-use flow_solver::{Loads, Method};
+use flow_solver::physics::{Gas, IdealGas, Isothermal, Laminar};
+use flow_solver::{Loads, Method, Solver};
 
 /// Processor time of this process so far, s: what neighbours on the machine disturb least.
 fn cpu() -> f64 {
@@ -36,11 +36,31 @@ fn main() {
     settings.max_iterations = 2000;
     settings.velocity_diffusion = arg(7, 0.5);
     let viscosity = Laminar { viscosity: speed / 200.0 * 1.225 };
-    let mut solver = common::isothermal(&grid, viscosity, settings);
-    solver.first_order_steps = arg(6, 2.0) as u32;
+    let air = settings.air;
+    if arg(9, 4.0) == 5.0 {
+        run(common::solver_of(&grid, IdealGas::new(air), viscosity, settings), steps, dt, speed, arg(6, 2.0));
+    } else {
+        run(
+            common::solver_of(&grid, Isothermal::new(air), viscosity, settings),
+            steps,
+            dt,
+            speed,
+            arg(6, 2.0),
+        );
+    }
+}
+
+fn run<G: Gas<N>, const N: usize>(
+    mut solver: Solver<G, Laminar, N>,
+    steps: usize,
+    dt: f64,
+    speed: f64,
+    first_order: f64,
+) {
+    solver.first_order_steps = first_order as u32;
     println!("solver made: memory {}, peak {}", memory("VmRSS:"), memory("VmHWM:"));
     let mut loads = Loads::new(&solver);
-    let cells = grid.cells.len();
+    let cells = solver.topology.n_owned;
     let dt = dt * 4.88 / speed;
     let (begin, mut iterations) = (cpu(), 0);
     for k in 1..=steps {

@@ -23,7 +23,8 @@ fn geometric(n: usize, length: f64, h: f64) -> Vec<f64> {
     steps.iter().map(|s| s * length / end).collect()
 }
 
-/// The grid with every `every`-th line of 56 x 56 x 80 cells.
+/// The grid with every `every`-th line of 56 x 56 x 80 cells; 0: each of these cells
+/// halved in all directions.
 pub fn plate(every: usize) -> FlowGrid {
     let h = 1.0 / 16.0;
     let line = |low: Vec<f64>, start: f64, uniform: usize, high: Vec<f64>| -> Vec<f64> {
@@ -31,6 +32,10 @@ pub fn plate(every: usize) -> FlowGrid {
         x.extend((0..=uniform).map(|k| start + k as f64 * h));
         let end = start + uniform as f64 * h;
         x.extend(high.iter().map(|s| end + s));
+        if every == 0 {
+            let middles = x.windows(2).flat_map(|w| [w[0], 0.5 * (w[0] + w[1])]);
+            return middles.chain([x[x.len() - 1]]).collect();
+        }
         x.into_iter().step_by(every).collect()
     };
     let z = line(geometric(20, 5.0, h), 0.0, 24, geometric(36, 8.5, h));
@@ -38,9 +43,10 @@ pub fn plate(every: usize) -> FlowGrid {
     let n = [y.len() - 1, y.len() - 1, z.len() - 1];
     let side = Patch::Slip;
     let patches = [side, side, side, side, Patch::FarField, Patch::Outlet];
-    let range = 20 / every..36 / every;
+    let at = |line: usize| if every == 0 { 2 * line } else { line / every };
+    let range = at(20)..at(36);
     let hi = n.map(|n| n as f64);
-    let mut grid = plate_grid(n, [0.0; 3], hi, patches, 20 / every, [range.clone(), range]);
+    let mut grid = plate_grid(n, [0.0; 3], hi, patches, at(20), [range.clone(), range]);
     for x in &mut grid.coords {
         *x = [y[x[0].round() as usize], y[x[1].round() as usize], z[x[2].round() as usize]];
     }
