@@ -60,6 +60,13 @@ impl Setup {
                  flow-solver is made for subsonic flow; lower wind_m_s or initial_speed_m_s"
             )));
         }
+        let still = speed == 0.0 && flow.gust.is_none();
+        if still && scene.stages.get(stage).is_some_and(|s| s.kind == case::StageKind::FlowOnly) {
+            return Err(Fault::new(format!(
+                "stage {stage} is the flow around a canopy at rest, but nothing moves: \
+                 set descent.initial_speed_m_s or flow.wind_m_s"
+            )));
+        }
         let settings = Settings {
             air,
             wind: flow.wind_m_s,

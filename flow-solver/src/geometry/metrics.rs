@@ -22,6 +22,13 @@ pub struct FaceMetric {
     pub grid_flux: f64,
 }
 
+/// Cube root of a volume, m: single precision, then one Newton step to double. The
+/// library's root took a twentieth of a coupled step.
+fn cube_root(v: f64) -> f64 {
+    let x = f64::from((v as f32).cbrt());
+    if x > 0.0 { x - (x - v / (x * x)) / 3.0 } else { v.cbrt() }
+}
+
 /// Faces, volumes and centres at one instant.
 #[derive(Clone, Debug, Default)]
 pub struct Metrics {
@@ -92,7 +99,7 @@ impl Metrics {
         halo.exchange(self.centre.as_flattened_mut(), 3);
         halo.exchange(&mut self.volume, 1);
         for (s, v) in self.size.iter_mut().zip(&self.volume) {
-            *s = v.cbrt();
+            *s = cube_root(*v);
         }
         for (k, f) in self.faces[..topology.cells.len()].iter_mut().enumerate() {
             let [i, j] = topology.cells[k];
@@ -113,5 +120,20 @@ impl Metrics {
             let (o, n) = (nodes.map(|n| old[n as usize]), nodes.map(|n| new[n as usize]));
             *s = face::swept_volume(&o, &n, nodes[2] == nodes[3]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cube_roots() {
+        for v in [1e-12, 3.7e-5, 1.0, 8.0, 123.456, 7e9] {
+            assert!((cube_root(v) / v.cbrt() - 1.0).abs() < 1e-13, "{v}");
+        }
+        assert!(cube_root(-8.0) == -2.0 && cube_root(0.0) == 0.0 && cube_root(f64::NAN).is_nan());
+        // Beyond single precision the library's own.
+        assert!((cube_root(1e-60) / 1e-20 - 1.0).abs() < 1e-13);
     }
 }
