@@ -43,7 +43,7 @@ pub fn plate(every: usize) -> FlowGrid {
     let n = [y.len() - 1, y.len() - 1, z.len() - 1];
     let side = Patch::Slip;
     let patches = [side, side, side, side, Patch::FarField, Patch::Outlet];
-    let at = |line: usize| if every == 0 { 2 * line } else { line / every };
+    let at = |line: usize| line.checked_div(every).unwrap_or(2 * line);
     let range = at(20)..at(36);
     let hi = n.map(|n| n as f64);
     let mut grid = plate_grid(n, [0.0; 3], hi, patches, at(20), [range.clone(), range]);
