@@ -1,13 +1,12 @@
 //! What moving the grid costs: `cargo bench -p mesh-mover --bench plate [-- cells_per_side ...]`
 //!
-//! A plate in a box breathes and bends in small steps, four calls a window. Times are
+//! Grids of one shape, only finer. A plate in a box breathes and bends in small steps, four calls a window. Times are
 //! of the processor (Linux), so that a busy machine does not change them much.
 
 use case::MeshMotion;
 use channel::{Input, Participant, Window, mesh_stats};
 use comm::Comm;
 use mesh_mover::elastic::{Elastic, Solid};
-use mesh_mover::inverse_distance::InverseDistance;
 use mesh_mover::motion::Limits;
 use mesh_mover::mover::Mover;
 use mesh_mover::participant::{MeshMover, Setup};
@@ -31,12 +30,11 @@ fn main() {
     );
     for n in if sizes.is_empty() { vec![16, 32] } else { sizes } {
         bench(n, "elastic", Box::new(Elastic::new(Solid::from(&MeshMotion::default()))));
-        bench(n, "inverse", Box::new(InverseDistance::default()));
     }
 }
 
 fn bench(n: usize, name: &str, mover: Box<dyn Mover>) {
-    let grid = plate_in_box(n, 0.1, 0.9, false);
+    let grid = plate_in_box(n, 0.1, 0.9f64.powf(32.0 / n as f64), false);
     let structure = plate_structure(&grid);
     let cells = grid.cells.len() as f64;
     let owner = vec![0; grid.coords.len()];

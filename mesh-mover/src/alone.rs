@@ -1,14 +1,17 @@
 //! The developer's command: a prescribed motion without partners.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use case::Scene;
 use channel::{Fault, Input, Participant, Window, mesh_stats};
 use clap::Parser;
 use comm::Comm;
+use mesh::StructureMesh;
 
-use crate::participant::MeshMover;
+use crate::motion::Limits;
+use crate::participant::{MeshMover, Setup, owners};
+use crate::resample::resample;
 
 /// Moves the grid of a scene without structure and flow: the canopy breathes about
 /// its start shape, each window is asked for several times with a shrinking
@@ -43,6 +46,20 @@ pub struct AloneArgs {
     /// Canopy shape (a `canopy.bin`) to move to in a straight line, instead of breathing.
     #[arg(long, value_name = "PATH")]
     pub toward: Option<PathBuf>,
+    /// Scene whose canopy mesh `--toward` belongs to, where it is another one.
+    #[arg(long, value_name = "PATH", requires = "toward")]
+    pub toward_scene: Option<PathBuf>,
+    /// Build the start grid around the shape at this share of the way from the unstressed canopy
+    /// to `--toward`, not around that of an earlier stage.
+    #[arg(long, value_name = "SHARE", requires = "toward")]
+    pub from: Option<f64>,
+    /// Draw cuts through the middle of the grid at the start and at the end: PATH-start.svg, PATH-end.svg
+    /// (on one rank).
+    #[arg(long, value_name = "PATH")]
+    pub cut: Option<PathBuf>,
+    /// Print every that many windows.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub every: u64,
     /// Windows of one breath.
     #[arg(long, value_name = "N", default_value_t = 40.0)]
     pub period: f64,
@@ -65,7 +82,22 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
     }
     let clock = Instant::now();
     let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
-    let mut mover = MeshMover::new(scene, args.stage, &args.out, comm)?;
+    let goal = args.toward.as_ref().map(|path| goal(path, args, &structure)).transpose()?;
+    let mut mover = match (&goal, args.from) {
+        (Some(goal), Some(share)) => {
+            let unstressed = &structure.coords[..structure.n_canopy];
+            let mix = |(x, g): (&[f64; 3], &[f64; 3])| [0, 1, 2].map(|i| x[i] + share * (g[i] - x[i]));
+            let positions: Vec<_> = unstressed.iter().zip(goal).map(mix).collect();
+            let grid = mesh::flow_grid(scene, &structure, &positions).map_err(Fault::new)?;
+            let owner = owners(&grid, comm.size())?;
+            let limits = Limits::from(&scene.mesh);
+            let mover = crate::movers::mover(&scene.mesh);
+            let setup =
+                Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state: None };
+            MeshMover::on_grid(setup, comm)?
+        }
+        _ => MeshMover::new(scene, args.stage, &args.out, comm)?,
+    };
     let n_cells = mover.motion().grid.n_cells_global;
     let start = mover.positions().canopy.clone();
     let shape = mover.motion().shape(&mover.positions().grid);
@@ -83,10 +115,19 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
         shape.quality,
         shape.cell,
     ));
-    let goal = match &args.toward {
-        Some(path) => Some(mesh::load_shape(path, structure.n_canopy).map_err(Fault::new)?),
-        None => None,
+    let draw = |mover: &MeshMover, name: &str| -> Result<(), Fault> {
+        let Some(path) = &args.cut else { return Ok(()) };
+        let at = mover.positions();
+        let nodes = at.canopy.as_chunks::<3>().0;
+        let mean = |i: usize| nodes.iter().map(|p| p[i]).sum::<f64>() / nodes.len() as f64;
+        let half = 1.6 * nodes.iter().map(|p| (p[0] - mean(0)).abs()).fold(0.0, f64::max);
+        // Not through the middle itself, where a layer of faces may lie.
+        let svg =
+            crate::cut::cut(&mover.motion().grid, &at.grid, mean(1) + 0.03 * half, [mean(0), mean(2)], half);
+        let path = format!("{}-{name}.svg", path.display());
+        std::fs::write(&path, svg).map_err(|e| Fault::new(format!("{path}: {e}")))
     };
+    draw(&mover, "start")?;
     let dt = scene.stages[args.stage].window_s;
     let mut output = vec![0.0; 6 * mover.output_rows().len()];
     let mut displacement = vec![0.0; start.len()];
@@ -125,6 +166,9 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
         let clock = Instant::now();
         mover.accept(&w)?;
         worst = f64::min(worst, v[mesh_stats::MIN_QUALITY]);
+        if (index + 1) % args.every.max(1) != 0 {
+            continue;
+        }
         say(format!(
             "{line} | quality {:.4} cell {} volume {:.3} increments {} references {} accept {:.1}ms",
             v[mesh_stats::MIN_QUALITY],
@@ -135,14 +179,36 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
             1e3 * clock.elapsed().as_secs_f64(),
         ));
     }
+    draw(&mover, "end")?;
     let calls = (args.windows * args.iterations).max(1) as f64;
     say(format!(
-        "worst scaled Jacobian {worst:.4}; {:.2} iterations and {:.2} ms a call, {:.2} us per cell and call",
+        "worst scaled Jacobian {worst:.4}; {:.2} iterations and {:.2} ms a call, {:.2} us per cell and call; \
+         {:.0} bytes per cell at most",
         total / calls,
         1e3 * seconds / calls,
         1e6 * seconds / calls / n_cells as f64,
+        comm.sum(peak_bytes()) / n_cells as f64,
     ));
     Ok(())
+}
+
+/// Most memory that this process has had, from the kernel's accounts (Linux; else 0).
+fn peak_bytes() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+    1024.0 * line.and_then(|l| l.trim().split(' ').next()?.parse::<f64>().ok()).unwrap_or(0.0)
+}
+
+/// The shape to go to, on this scene's canopy mesh.
+fn goal(path: &Path, args: &AloneArgs, structure: &StructureMesh) -> Result<Vec<[f64; 3]>, Fault> {
+    let Some(other) = &args.toward_scene else {
+        return mesh::load_shape(path, structure.n_canopy).map_err(Fault::new);
+    };
+    let other = case::load(other).map_err(Fault::new)?;
+    let from = mesh::structure_mesh(&other).map_err(Fault::new)?;
+    let positions = mesh::load_shape(path, from.n_canopy).map_err(Fault::new)?;
+    resample(&from, &positions, structure)
+        .ok_or_else(|| Fault::new(format!("{} is the shape of another canopy", path.display())))
 }
 
 /// The shape at share `s` of the way from the start to `goal`, as displacement from the unstressed shape.

@@ -10,7 +10,8 @@
 //! * [`motion`]: total form first, then increments with an updated reference, then
 //!   [`untangle`], then an error that names the cell;
 //! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`];
-//! * [`alone`]: a prescribed motion without partners; [`sample`] and [`torture`]: a small grid and large
+//! * [`alone`]: a prescribed motion without partners, on any mesh of a canopy ([`resample`]),
+//!   with pictures ([`cut`]); [`sample`] and [`torture`]: a small grid and large
 //!   motions for tests and comparisons.
 //!
 //! The interior of the grid is not physics: canopy nodes are exact to the bit, all other
@@ -20,6 +21,7 @@
 #![allow(clippy::needless_range_loop)]
 
 pub mod alone;
+pub mod cut;
 pub mod depth;
 pub mod elastic;
 pub mod element;
@@ -34,6 +36,7 @@ pub mod near;
 pub mod participant;
 pub mod quality;
 pub mod radial_basis;
+pub mod resample;
 pub mod sample;
 pub mod solve;
 pub mod state;
