@@ -97,6 +97,8 @@ impl Mover for Elastic {
         // Fails on all ranks alike.
         let singular = |e: &dyn std::error::Error| MoverError::Singular { reason: e.to_string() };
         let (n, n_local) = (matrix.n_owned(), matrix.n_local());
+        // The old system goes before the new one is set up: two would be the most memory ever held.
+        self.system = None;
         let amg = Amg::of_matrix(matrix, &coords, AmgParams::default()).map_err(|e| singular(&e))?;
         let mut sizes = grid.free_sizes(x);
         sizes.truncate(grid.n_free);
@@ -120,7 +122,9 @@ impl Mover for Elastic {
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {
-        let s = self.system.as_mut().expect("a mover is used after `rebase`");
+        let Some(s) = self.system.as_mut() else {
+            return Err(MoverError::Singular { reason: "the last reference grid made no solid".into() });
+        };
         let comm = grid.comm();
         let n = s.rhs.len();
         s.rhs.fill(0.0);

@@ -368,7 +368,13 @@ impl Motion {
     }
 
     fn rebase(&mut self, at: &Positions, quality: f64) -> Result<(), MoverError> {
-        self.mover.rebase(&self.grid, &at.grid)?;
+        if let Err(error) = self.mover.rebase(&self.grid, &at.grid) {
+            if !matches!(error, MoverError::Inverted { .. }) {
+                // Back to where it stood.
+                self.mover.rebase(&self.grid, &self.reference.grid)?;
+            }
+            return Err(error);
+        }
         self.reference.clone_from(at);
         self.reference_quality = quality;
         self.rebased += 1;

@@ -16,8 +16,9 @@ pub struct Effort {
 ///
 /// A mover stands on a reference grid, whose displacements it knows. All ranks call together.
 pub trait Mover {
-    /// Takes `x` (all local nodes, flat, m) as the reference grid. After an error
-    /// the mover stands where it stood; all ranks get the same error.
+    /// Takes `x` (all local nodes, flat, m) as the reference grid. All ranks get the same
+    /// error; after [`MoverError::Inverted`] the mover stands where it stood, after another one it
+    /// has no reference until the next call succeeds.
     fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError>;
 
     /// Bytes held.

@@ -39,11 +39,13 @@ pub(super) fn coarsen<const F: usize, S: Real>(
             row[1..].copy_from_slice(t.as_flattened());
         }
     }
+    drop(tentative);
     a.halo().exchange(&mut rows, width);
 
     let omega = 4.0 / (3.0 * spectrum::largest(a, inverse, ghosts.first[comm.rank()]));
     let p = smooth(a, inverse, &rows, omega);
-    let (a, p) = galerkin(a, &ghosts, &p, aggregates.count, &first);
+    drop(rows);
+    let (a, p) = galerkin(a, &ghosts, p, aggregates.count, &first);
     (Step { a, modes: coarse_modes }, p)
 }
 

@@ -53,7 +53,7 @@ impl Accumulator {
 pub(super) fn galerkin<const F: usize, S: Real>(
     a: &BlockCsr<F, S>,
     ghosts: &GhostRows,
-    p: &CoarseRows<F>,
+    p: CoarseRows<F>,
     count: usize,
     first: &[u64],
 ) -> (BlockCsr<MODES>, Prolongation<F, f64>) {
@@ -171,14 +171,15 @@ pub(super) fn galerkin<const F: usize, S: Real>(
         }
     }
     sums.rows.truncate(count);
-    finish(a, p, sums, &cols[..p.cols.len()], &global, count, first)
+    cols.truncate(p.cols.len());
+    finish(a, p, sums, &cols, &global, count, first)
 }
 
 /// Numbers the coarse nodes for good and makes the matrix and the prolongation.
 fn finish<const F: usize, S: Real>(
     a: &BlockCsr<F, S>,
-    p: &CoarseRows<F>,
-    sums: Accumulator,
+    p: CoarseRows<F>,
+    mut sums: Accumulator,
     p_cols: &[u32],
     global: &[u64],
     count: usize,
@@ -202,10 +203,19 @@ fn finish<const F: usize, S: Real>(
         entries[start..].sort_unstable();
         row_ptr.push(entries.len());
     }
+    sums.rows = Vec::new();
     let mut coarse = BlockCsr::new(halo.clone(), row_ptr, entries.iter().map(|e| e.0).collect());
-    for (value, entry) in coarse.values.iter_mut().zip(&entries) {
-        *value = sums.blocks[entry.1 as usize];
+    // In place: two copies of a large matrix would be the most memory that a set-up takes.
+    for k in 0..entries.len() {
+        let mut from = entries[k].1 as usize;
+        while from < k {
+            // What was there has been swapped on.
+            from = entries[from].1 as usize;
+        }
+        sums.blocks.swap(k, from);
     }
+    sums.blocks.truncate(entries.len());
+    coarse.values = sums.blocks;
     // A mode that its aggregate does not have left an empty row: any diagonal will do.
     for i in 0..count {
         let s = coarse.diagonal_slot(i);
@@ -218,9 +228,9 @@ fn finish<const F: usize, S: Real>(
     }
     let p = Prolongation {
         coarse: halo,
-        row_ptr: p.row_ptr.clone(),
+        row_ptr: p.row_ptr,
         cols: p_cols.iter().map(|&c| local(c)).collect(),
-        values: p.values.clone(),
+        values: p.values,
     };
     (coarse, p)
 }

@@ -31,13 +31,16 @@ struct Work<T> {
 }
 
 impl<const F: usize, T: Real> Level<F, T> {
-    /// Sets up the level of `a` and makes the next coarser problem. Collective.
+    /// Sets up the level of `a` and makes the next coarser problem; gives `a` back where coarsening
+    /// leaves more than the share `most` of its nodes. Collective.
+    #[allow(clippy::type_complexity)]
     pub fn new<S: Real>(
         a: BlockCsr<F, S>,
         modes: &[[[f64; MODES]; F]],
         params: &AmgParams,
         level: usize,
-    ) -> Result<(Self, Step), AmgError> {
+        most: f64,
+    ) -> Result<Result<(Self, Step), BlockCsr<F, S>>, AmgError> {
         let n = a.n_rows();
         let mut singular = None;
         let mut inverse = Vec::with_capacity(n);
@@ -71,6 +74,12 @@ impl<const F: usize, T: Real> Level<F, T> {
             });
         }
         let (step, p) = coarsen(&a, &jacobi, modes, params);
+        drop(jacobi);
+        let mut nodes = [n as f64, step.a.n_rows() as f64];
+        a.halo().comm().sum_slice(&mut nodes);
+        if nodes[1] > most * nodes[0] {
+            return Ok(Err(a));
+        }
         let level = Self {
             a: a.into_precision(),
             inverse,
@@ -79,7 +88,7 @@ impl<const F: usize, T: Real> Level<F, T> {
             buffers: RefCell::default(),
             work: RefCell::new(Work { residual: Vec::new(), coarse_rhs: Vec::new(), coarse_x: Vec::new() }),
         };
-        Ok((level, step))
+        Ok(Ok((level, step)))
     }
 
     /// Allocates the vectors of the cycle.

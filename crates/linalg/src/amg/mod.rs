@@ -10,7 +10,7 @@ mod spectrum;
 
 use crate::block::Real;
 use crate::{BlockCsr, FactorError, Preconditioner, SingularBlock};
-use coarsen::coarsen;
+use coarsen::{Step, coarsen};
 use coarsest::Coarsest;
 use level::Level;
 
@@ -103,10 +103,11 @@ impl<T: Real> Amg<T> {
     ) -> Result<Self, AmgError> {
         let comm = a.halo().comm().clone();
         let modes = rigid_modes(&a, coords);
-        let (mut fine, step) = Level::new(a, &modes, &params, 0)?;
+        let Ok((mut fine, mut next)) = Level::new(a, &modes, &params, 0, f64::INFINITY)? else {
+            unreachable!("any number of coarse nodes will do")
+        };
         drop(modes);
         let mut coarse = Vec::new();
-        let mut next = step;
         loop {
             let nodes = comm.sum(next.a.n_rows() as f64) as usize;
             if nodes <= params.coarsest_nodes || coarse.len() + 2 >= params.max_levels {
@@ -114,14 +115,18 @@ impl<T: Real> Amg<T> {
             }
             // Coarse matrices are denser and less anisotropic.
             params.strength *= 0.5;
-            let (level, step) = Level::new(next.a.clone(), &next.modes, &params, coarse.len() + 1)?;
-            let fewer = comm.sum(step.a.n_rows() as f64) as usize;
+            let Step { a, modes } = next;
             // Coarsening that hardly reduces the problem costs more than it helps.
-            if fewer * 10 > nodes * 9 {
-                break;
+            match Level::new(a, &modes, &params, coarse.len() + 1, 0.9)? {
+                Ok((level, step)) => {
+                    coarse.push(level);
+                    next = step;
+                }
+                Err(a) => {
+                    next = Step { a, modes };
+                    break;
+                }
             }
-            coarse.push(level);
-            next = step;
         }
         let coarsest = Coarsest::new(&next.a)?;
         fine.reserve();
