@@ -20,7 +20,7 @@ use crate::system::System;
 const OF_LOAD: f64 = 0.01;
 /// ... and this multiple of the mean imbalance: where all nodes are alike, the whole is
 /// the system to solve.
-const OF_MEAN: f64 = 1.0;
+const OF_MEAN: f64 = 2.0;
 /// Rings of neighbours that move along, so that the imbalance can spread.
 const RINGS: usize = 2;
 /// Share of the nodes beyond which the whole is the better system to solve.
