@@ -62,7 +62,7 @@ fn main() {
         .into());
     add("<text x=\"440\" y=\"75\" fill=\"#1f5fa8\">moment 2 M / (P h)</text>".into());
     add("<text x=\"440\" y=\"185\" fill=\"#b3541e\">wrinkled band b / h</text>".into());
-    add("<text x=\"60\" y=\"20\">Strip in bending: lines, Stein and Hedgepeth (1961); dots, 24 x 24 triangle pairs</text></svg>".into());
+    add("<text x=\"60\" y=\"20\">Lines: Stein and Hedgepeth (1961); dots: 24 x 24 triangle pairs</text></svg>".into());
     let file = std::env::args().nth(1).expect("name the picture's file");
     std::fs::write(&file, svg).unwrap_or_else(|e| panic!("{file}: {e}"));
 }
