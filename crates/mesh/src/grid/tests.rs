@@ -11,6 +11,7 @@ pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
         density_kg_m3: 1.225,
         temperature_k: 288.15,
         wind_m_s: [0.0; 3],
+        gust: None,
         viscosity: None,
         energy: None,
         limiter: None,
