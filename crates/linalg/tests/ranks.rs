@@ -140,7 +140,9 @@ fn compare() -> ExitCode {
                 if name.starts_with("cg_amg") && *many > few + 5 {
                     faults.push(format!("{name}: {few} iterations grow to {many} with the ranks"));
                 }
-                if name.starts_with("gmres_schwarz") && (*few > 4 || *many > 80) {
+                // A factor in single precision leaves 1e-7 of a residual that is to fall to 1e-10.
+                let most = if name.ends_with("f32") { 4 } else { 2 };
+                if name.starts_with("gmres_schwarz") && (*few > most || *many > 80) {
                     faults.push(format!("{name}: {few} and {many} iterations are too many"));
                 }
             }
