@@ -125,7 +125,7 @@ fn lid_driven_cavity() {
 
 /// `cargo test --release -p flow-solver --test verification cavity -- --ignored --nocapture`
 #[test]
-#[ignore = "minutes: Reynolds numbers 100, 400 and 1000, refined"]
+#[ignore = "minutes, and fails today: off by 0.0081 at Re 100 (docs/verification.md, known gaps)"]
 fn lid_driven_cavity_refined() {
     let u400 = [(0.9531, 0.55892), (0.8516, 0.29093), (0.7344, 0.16256), (0.5, -0.11477)];
     let u400 = [&u400[..], &[(0.2813, -0.32726), (0.1719, -0.24299), (0.0703, -0.10338)]].concat();
@@ -135,7 +135,7 @@ fn lid_driven_cavity_refined() {
     let v1000 =
         [(0.9063, -0.51550), (0.8047, -0.31966), (0.5, 0.02526), (0.2344, 0.32235), (0.0781, 0.30353)];
     for (reynolds, end, u, v, bound) in [
-        (100.0, 30.0, &GHIA_100_U[..], &GHIA_100_V[..], 0.009),
+        (100.0, 30.0, &GHIA_100_U[..], &GHIA_100_V[..], 0.004),
         (400.0, 50.0, &u400[..], &v400[..], 0.008),
         (1000.0, 80.0, &u1000[..], &v1000[..], 0.012),
     ] {

@@ -32,10 +32,10 @@ pub(crate) const ROUNDS: usize = 12;
 pub(crate) struct Elimination {
     /// Whether a node takes part, shape `[n_local]`.
     pub(crate) active: Vec<bool>,
-    /// Owned nodes whose balance a correction reaches, shape `[n_local]`.
-    reached: Vec<bool>,
     /// The owned nodes that do.
     rows: Vec<u32>,
+    /// Owned nodes whose balance a correction reaches, shape `[n_local]`.
+    reached: Vec<bool>,
     subsystem: Subsystem<3>,
     /// Rounds so far.
     pub(crate) rounds: u64,
@@ -87,7 +87,7 @@ impl Elimination {
     }
 
     /// Newton correction `du` (m) of the chosen nodes for the imbalance `g`, zero
-    /// elsewhere. The matrix holds their rows. `false` on a rank that found none.
+    /// elsewhere. The matrix holds their rows. `false` where the solve broke down.
     pub(crate) fn correct(&mut self, system: &System, rhs: &[f64], du: &mut [f64]) -> bool {
         du.fill(0.0);
         if self.rows.is_empty() {

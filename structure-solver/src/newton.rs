@@ -327,9 +327,9 @@ impl Newton {
         }
         if begun && (now >= norm || !now.is_finite()) {
             self.u.copy_from_slice(&self.base);
-            now = self.residual(system, balance);
         }
-        now
+        // What ends an iteration is never a residual that was put together from parts.
+        if begun { self.residual(system, balance) } else { norm }
     }
 
     /// Norm of the applied load; without load, of the forces that the old state
