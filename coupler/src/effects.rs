@@ -1,6 +1,6 @@
 //! Which effects a scene turns on, by their keys.
 
-use case::{Role, Scene};
+use case::{Integration, Role, Scene};
 
 /// One effect: its scene key, the program that must implement it, and whether
 /// the scene asks for it.
@@ -42,6 +42,12 @@ pub fn effects(scene: &Scene) -> Vec<Effect> {
             Role::Structure,
             scene.stages.iter().any(|s| s.stiffness_damping_s > 0.0),
             "stresses by the rate of strains",
+        ),
+        effect(
+            "structure.integration",
+            Role::Structure,
+            scene.structure.integration == Integration::Explicit,
+            "explicit time integration of the structure",
         ),
         effect(
             "stage.motion",

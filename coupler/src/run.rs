@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use case::{Role, Scene, StageKind};
 
+use crate::effects::effects;
 use crate::error::RunError;
 use crate::hub_partners::{HubPartners, SessionOptions};
 use crate::interface::CanopyInterface;
@@ -189,7 +190,7 @@ fn run_stage(
         session: &session,
         stage: (&stage.name, context.stage),
         programs,
-        effects: Vec::new(),
+        effects: asked(scene),
         deadline,
     };
     let ended = (|| {
@@ -202,6 +203,11 @@ fn run_stage(
         context.console.warning(&format!("shared memory of session {session}: {error}"));
     }
     ended
+}
+
+/// Effects of the scene, with the program that must implement each.
+fn asked(scene: &Scene) -> Vec<(Role, String)> {
+    effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect()
 }
 
 fn earlier_state(

@@ -49,6 +49,13 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
     if comm.is_root() {
         let m = solver.mesh();
         println!("# {} nodes, {} triangles, {} cables", m.coords.len(), m.triangles.len(), m.cables.len());
+        if let Some(e) = solver.explicit() {
+            println!(
+                "# explicit: highest frequency {:.3e} rad/s, steps of at most {:.2e} s (column newton counts them)",
+                e.frequency,
+                e.safety * e.stable_step()
+            );
+        }
         println!(
             "#    t s   kinetic J    strain J     work J   load N  riser N  area m2 volume m3 line N newton cuts gmres factor wall s"
         );
@@ -122,7 +129,8 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
         let rest = total - assembly - c.factorisation_s - c.solve_s - elimination;
         let share = |s: f64| 100.0 * s / total;
         println!(
-            "# {total:.3} s on rank 0, {newton} Newton steps of {:.3} ms",
+            "# {total:.3} s on rank 0, {newton} {} of {:.3} ms",
+            if solver.explicit().is_some() { "explicit steps" } else { "Newton steps" },
             1e3 * total / newton.max(1.0)
         );
         println!(

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use case::{Membrane, Scene, Solve};
+use case::{Integration, Membrane, Scene, Solve};
 use comm::Comm;
 use mesh::{MeshError, StructureMesh};
 
@@ -89,7 +89,11 @@ pub fn dynamics(
     let model = Model::with(comm, mesh, &owner, surface(scene))?;
     let loops = loops(scene, stage, &model)?;
     let s = &scene.structure;
-    let system = System::new(model, loops, s.mass.into());
+    let mass = match s.integration {
+        Integration::Implicit => s.mass.into(),
+        Integration::Explicit => MassMatrix::Lumped,
+    };
+    let system = System::new(model, loops, mass);
     let size = mesh.coords.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
     let params = DynamicsParams {
         scheme: s.spectral_radius.map_or_else(Scheme::newmark, Scheme::generalized_alpha),

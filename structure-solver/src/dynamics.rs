@@ -1,6 +1,7 @@
 //! Windows of time steps: substeps, cuts, and what they cost.
 
 use crate::culprit::{self, Culprit};
+use crate::explicit::{Explicit, ExplicitError};
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
 use crate::motion::Motion;
@@ -73,8 +74,8 @@ pub struct Dynamics {
     /// State at the end of the last computed window.
     pub current: State,
     pub(crate) next: State,
-    pressure: Vec<f64>,
-    traction: Vec<f64>,
+    pub(crate) pressure: Vec<f64>,
+    pub(crate) traction: Vec<f64>,
     pub(crate) force: [Vec<f64>; 2],
     pub(crate) x: Vec<f64>,
     /// Force that residuals of the window are measured against, N.
@@ -88,6 +89,8 @@ pub struct Dynamics {
     pub time: f64,
     /// Length of the last computed window, s.
     window: f64,
+    /// Explicit steps, where they take the place of the scheme.
+    pub(crate) explicit: Option<Explicit>,
 }
 
 /// Choices of a scene.
@@ -131,8 +134,25 @@ impl Dynamics {
             motions: Vec::new(),
             time: 0.0,
             window: 0.0,
+            explicit: None,
             system,
         }
+    }
+
+    /// Integrates explicitly from now on, with the share `safety` of the largest stable
+    /// step; the system's mass is lumped, and constraints do not change any more.
+    /// Collective.
+    ///
+    /// # Errors
+    /// [`ExplicitError`].
+    pub fn integrate_explicitly(&mut self, safety: f64) -> Result<&Explicit, ExplicitError> {
+        self.path = Vec::new();
+        Ok(self.explicit.insert(Explicit::new(&mut self.system, safety)?))
+    }
+
+    /// What explicit steps keep, where they are taken.
+    pub fn explicit(&self) -> Option<&Explicit> {
+        self.explicit.as_ref()
     }
 
     /// Forces (N) that hold the constrained components of the accepted state under a
@@ -190,7 +210,9 @@ impl Dynamics {
         let mut info = WindowInfo::default();
         let n = self.current.u.len();
         let known = iterated && self.path.len() == substeps as usize;
-        if !known {
+        if let Some(e) = &mut self.explicit {
+            e.forget();
+        } else if !known {
             self.path.resize_with(substeps as usize, || vec![0.0; n]);
         }
         let form = self.scheme.step(dt / substeps as f64, self.damping);
@@ -210,7 +232,9 @@ impl Dynamics {
                 0,
                 &mut info,
             )?;
-            self.path[k as usize].copy_from_slice(&self.current.u);
+            if self.explicit.is_none() {
+                self.path[k as usize].copy_from_slice(&self.current.u);
+            }
         }
         let mut works = [info.load_work, info.damping_work];
         self.system.comm().sum_slice(&mut works);
@@ -231,7 +255,11 @@ impl Dynamics {
         info: &mut WindowInfo,
     ) -> Result<(), StepFailure> {
         let dt = (span[1] - span[0]) * window;
-        match self.step_with_motion(span, window, load, body, known) {
+        let step = match self.explicit {
+            Some(_) => self.explicit_step(span, window, load, body),
+            None => self.step_with_motion(span, window, load, body, known),
+        };
+        match step {
             Ok(step) => {
                 info.newton_steps += u64::from(step.steps);
                 info.residual = info.residual.max(step.residual);
@@ -349,7 +377,7 @@ impl Dynamics {
 }
 
 /// The load at a share of the window.
-fn blend(load: LoadPath<'_>, share: f64, pressure: &mut [f64], traction: &mut Vec<f64>) {
+pub(crate) fn blend(load: LoadPath<'_>, share: f64, pressure: &mut [f64], traction: &mut Vec<f64>) {
     let mix = |a: f64, b: f64| a + share * (b - a);
     for ((p, a), b) in pressure.iter_mut().zip(load.pressure[0]).zip(load.pressure[1]) {
         *p = mix(*a, *b);

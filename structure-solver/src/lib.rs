@@ -15,6 +15,7 @@ pub mod dynamics;
 pub mod elements;
 mod elimination;
 pub mod equilibrium;
+pub mod explicit;
 pub mod linear;
 pub mod loops;
 pub mod materials;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use case::{Role, Scene, Solve};
+use case::{Integration, Role, Scene, Solve};
 use channel::{
     Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash,
 };
@@ -13,6 +13,7 @@ use mesh::StructureMesh;
 
 use crate::dynamics::{Dynamics, LoadPath, WindowInfo};
 use crate::equilibrium::{EquilibriumParams, PseudoStep};
+use crate::explicit::Explicit;
 use crate::linear::LinearCost;
 use crate::loops::FaceLoad;
 use crate::measures::{Gauge, Measures};
@@ -21,7 +22,7 @@ use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 11] = [
+const EFFECTS: [&str; 12] = [
     "fabric.wrinkling",
     "fabric.orthotropic",
     "point_mass",
@@ -31,6 +32,7 @@ const EFFECTS: [&str; 11] = [
     "lines",
     "lines.tension_only",
     "structure.spectral_radius",
+    "structure.integration",
     "fabric_gravity",
     "stage.mass_damping_per_s",
 ];
@@ -85,6 +87,10 @@ impl StructureSolver {
                 state_file::load(&dynamics.system.model, mesh.coords.len(), path).map_err(Fault::new)?;
         }
         crate::assemble::nodal(&mut dynamics, scene, stage, &mesh).map_err(Fault::new)?;
+        let s = &scene.structure;
+        if s.integration == Integration::Explicit && scene.stages[stage].solve == Solve::Dynamic {
+            dynamics.integrate_explicitly(s.explicit_safety).map_err(Fault::new)?;
+        }
         let gauge = Gauge::new(&dynamics.system, &mesh);
         let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
         let n = mesh.faces.len();
@@ -119,6 +125,11 @@ impl StructureSolver {
     /// Rounds of nonlinear elimination and the seconds in their solves.
     pub fn eliminations(&self) -> (u64, f64) {
         (self.dynamics.newton.eliminations(), self.dynamics.newton.elimination_s)
+    }
+
+    /// What explicit steps keep, where the scene takes them.
+    pub fn explicit(&self) -> Option<&Explicit> {
+        self.dynamics.explicit()
     }
 
     /// Seconds in element loops since the start.

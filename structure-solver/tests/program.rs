@@ -356,3 +356,40 @@ fn any_rank_count_gives_the_same_answer() {
     // Any rank count reads the state of any other.
     assert!(case::state_file(&folder.path().join("out3/one/state"), Role::Structure).exists());
 }
+
+/// The same for explicit steps, which solve nothing: only the order of sums differs.
+#[test]
+fn explicit_steps_give_the_same_answer_on_any_rank_count() {
+    let short = STAGE.replace("duration_s = 0.1", "duration_s = 0.04");
+    let (scene, text) = scene(&short, &[("spectral_radius = 0.6", "integration = \"explicit\"")]);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let d = ranks_differ_by(&scene, &text, folder.path(), &["canopy", "lines"]);
+    assert!(d < 1e-8, "{d}");
+}
+
+#[test]
+fn explicit_steps_refuse_what_they_cannot_do() {
+    let text = scene(STAGE, &[]).1;
+    for (from, to, key) in [
+        (
+            "spectral_radius = 0.6",
+            "spectral_radius = 0.6\nintegration = \"explicit\"",
+            "no numerical damping",
+        ),
+        (
+            "spectral_radius = 0.6",
+            "integration = \"explicit\"\n[[stage]]\nname = \"damped\"\nkind = \"pre-inflation\"\npressure_pa = 1.0\n\
+             duration_s = 0.1\nwindow_s = 0.1\nstiffness_damping_s = 1e-3",
+            "stable step",
+        ),
+        (
+            "spectral_radius = 0.6",
+            "integration = \"explicit\"\nexplicit_safety = 1.5",
+            "structure.explicit_safety",
+        ),
+    ] {
+        let error =
+            case::parse(Path::new("atps.toml"), &text.replace(from, to)).expect_err("a refused scene");
+        assert!(error.to_string().contains(key), "{error}");
+    }
+}

@@ -5,6 +5,7 @@
 //! then do programs see it, as a [`Scene`] they may rely on.
 
 mod error;
+mod integration;
 mod layout;
 mod load;
 mod scene;
@@ -12,6 +13,7 @@ mod schema;
 mod validate;
 
 pub use error::{Problem, SceneError};
+pub use integration::Integration;
 pub use layout::*;
 pub use load::{load, parse};
 pub use scene::*;

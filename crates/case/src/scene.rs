@@ -9,6 +9,8 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::integration::{EXPLICIT_SAFETY, Integration};
+
 /// A scene: what is simulated, with which effects, in which stages.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -308,6 +310,10 @@ pub struct Structure {
     pub mass: Mass,
     /// Elements of the fabric.
     pub membrane: Membrane,
+    /// Time integration; explicit steps always lump the mass.
+    pub integration: Integration,
+    /// Share of the largest stable step that explicit integration takes.
+    pub explicit_safety: f64,
 }
 
 /// Elements of the fabric.
@@ -393,6 +399,8 @@ impl Default for Structure {
             static_tolerance: 1e-8,
             mass: Mass::Consistent,
             membrane: Membrane::Triangle,
+            integration: Integration::Implicit,
+            explicit_safety: EXPLICIT_SAFETY,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Physical sense of a scene: magnitudes, and sections that need each other.
 
-use crate::{Canopy, Scene, Solve, Stage, StageKind};
+use crate::{Canopy, Integration, Scene, Solve, Stage, StageKind};
 
 /// A refused value by its dotted path.
 pub(crate) struct Refusal {
@@ -242,6 +242,24 @@ impl Scene {
     }
 }
 
+/// What explicit time integration does not go with.
+fn explicit(scene: &Scene, c: &mut Check) {
+    if scene.structure.spectral_radius.is_some() {
+        c.refuse(
+            "structure.spectral_radius",
+            "explicit time integration has no numerical damping to set",
+            "leave this key out, or set structure.integration = \"implicit\"",
+        );
+    }
+    for (k, _) in scene.stages.iter().enumerate().filter(|(_, s)| s.stiffness_damping_s > 0.0) {
+        c.refuse(
+            &format!("stage[{k}].stiffness_damping_s"),
+            "stiffness-proportional damping would shrink the stable step of explicit integration",
+            "leave it out, or set structure.integration = \"implicit\"",
+        );
+    }
+}
+
 fn solvers(scene: &Scene, c: &mut Check) {
     let s = &scene.structure;
     if let Some(r) = s.spectral_radius {
@@ -259,6 +277,10 @@ fn solvers(scene: &Scene, c: &mut Check) {
     c.positive("structure.gmres_tolerance", s.gmres_tolerance, 0.5, "a relative residual");
     c.count("structure.newton_max_steps", s.newton_max_steps, 1, 1000, "Newton steps");
     c.count("structure.max_step_cuts", s.max_step_cuts, 0, 30, "halvings of a time step");
+    c.positive("structure.explicit_safety", s.explicit_safety, 1.0, "a share of the largest stable step");
+    if s.integration == Integration::Explicit {
+        explicit(scene, c);
+    }
     let m = &scene.mesh;
     c.range("mesh.stiffening_exponent", m.stiffening_exponent, 0.0, 4.0, true, "0 is none, 1 to 2 is usual");
     c.range("mesh.poisson_ratio", m.poisson_ratio, -0.9, 0.45, true, "of the pseudo-solid");

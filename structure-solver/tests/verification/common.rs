@@ -72,12 +72,23 @@ pub fn lines(mesh: &StructureMesh, law: impl CableLaw, area: f64, density: f64) 
 
 /// Fabric with lines on it.
 pub fn both(mesh: &StructureMesh, material: impl Material, law: impl CableLaw, area: f64) -> System {
+    both_of_mass(mesh, material, law, area, MassMatrix::Consistent)
+}
+
+/// As [`both`], with a choice of the mass matrix.
+pub fn both_of_mass(
+    mesh: &StructureMesh,
+    material: impl Material,
+    law: impl CableLaw,
+    area: f64,
+    mass: MassMatrix,
+) -> System {
     let model = model(mesh);
     let loops: Vec<Box<dyn ElementLoop>> = vec![
         Box::new(Membranes::new(&model, material, SHEET[0], SHEET[1])),
         Box::new(Cables::new(&model, law, area, SHEET[1])),
     ];
-    System::new(model, loops, MassMatrix::Consistent)
+    System::new(model, loops, mass)
 }
 
 /// One window under a constant pressure (Pa) and body acceleration (m/s2).

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 use structure_solver::dynamics::Dynamics;
 use structure_solver::elements::cable::{TensionOnly, TwoWay};
+use structure_solver::elements::mass::MassMatrix;
 use structure_solver::materials::{StVenantKirchhoff, TensionField};
 use structure_solver::scheme::Scheme;
 
@@ -12,6 +13,11 @@ use crate::shapes::*;
 /// A taut sheet of 1 m with lines along its middle lines, thrown out of its plane and
 /// along it with speeds up to `speed` (m/s).
 pub fn thrown(scheme: Scheme, stretched: f64, speed: f64) -> Dynamics {
+    thrown_with(scheme, stretched, speed, MassMatrix::Consistent)
+}
+
+/// As [`thrown`], with a choice of the mass matrix.
+pub fn thrown_with(scheme: Scheme, stretched: f64, speed: f64, mass: MassMatrix) -> Dynamics {
     let n = 4;
     let mut m = sheet(n, 1.0);
     let node = |i: usize, j: usize| (i + (n + 1) * j) as u32;
@@ -19,8 +25,8 @@ pub fn thrown(scheme: Scheme, stretched: f64, speed: f64) -> Dynamics {
         add_cable(&mut m, [node(k, n / 2), node(k + 1, n / 2)], 0.98 / n as f64);
         add_cable(&mut m, [node(n / 2, k), node(n / 2, k + 1)], 0.98 / n as f64);
     }
-    let system = both(&m, StVenantKirchhoff::isotropic(1e6, 0.3), TwoWay { youngs_modulus: 1e7 }, 1e-5);
-    let mut d = Dynamics::new(system, sharp(scheme));
+    let (fabric, line) = (StVenantKirchhoff::isotropic(1e6, 0.3), TwoWay { youngs_modulus: 1e7 });
+    let mut d = Dynamics::new(both_of_mass(&m, fabric, line, 1e-5, mass), sharp(scheme));
     stretch(&mut d, stretched);
     let pi = std::f64::consts::PI;
     for (i, x) in m.coords.iter().enumerate() {
@@ -35,7 +41,7 @@ pub fn thrown(scheme: Scheme, stretched: f64, speed: f64) -> Dynamics {
 }
 
 /// Energy of the vibration alone: above that of the taut sheet at rest.
-fn vibration(d: &Dynamics, rest: f64) -> f64 {
+pub fn vibration(d: &Dynamics, rest: f64) -> f64 {
     energies(d).iter().sum::<f64>() - rest
 }
 

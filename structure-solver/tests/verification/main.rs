@@ -7,6 +7,7 @@ mod common;
 mod convergence;
 mod elements;
 mod energy;
+mod explicit;
 mod pressure;
 mod shapes;
 mod vibrations;

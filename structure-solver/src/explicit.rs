@@ -1,0 +1,304 @@
+//! Explicit time integration: central differences on a lumped mass.
+//!
+//! Velocity form of the central differences, with mass damping $c$ and $f$ the forces
+//! per mass (Belytschko, Liu and Moran, Nonlinear Finite Elements, section 6.2):
+//! $$v_{1/2} = \frac{v_0 + \frac h2 f_0}{1 + \frac h2 c},\quad u_1 = u_0 + h\,v_{1/2},\quad
+//!   v_1 = (1 - \tfrac h2 c)\,v_{1/2} + \tfrac h2 f_1$$
+//! Second order, no equations to solve, no numerical damping: where fabric snaps between
+//! slack and taut nothing has to converge. Stable for $h < 2/\omega$ with $\omega$ the
+//! highest circular frequency of the discrete structure.
+//!
+//! That frequency is computed, not estimated from edge lengths: power iteration on
+//! $M^{-1}K$ with $K$ the assembled stiffness of the structure blown up a little in all
+//! directions, where every membrane and line is taut. Fabric in wrinkles or slack is no
+//! stiffer: the relaxed energy of a tension field is a minimum over the wrinkling strain of
+//! the taut energy, and a minimum of functions bends no more than the lowest of them.
+//! Strain stiffens: a stretched element has $K \le (1 + 3E)K_0$ for the largest principal
+//! Green strain $E$, as its gradient grows with $1 + 2E$ and its stress adds $E$; so the
+//! step is found anew for each window.
+
+use comm::Comm;
+use linalg::Operator;
+
+use crate::culprit::principal;
+use crate::dynamics::{Dynamics, LoadPath, blend};
+use crate::elements::membrane;
+use crate::loops::{FaceLoad, Place};
+use crate::model::Model;
+use crate::newton::{NewtonError, NewtonInfo, State, Stop};
+use crate::system::System;
+use crate::vec3::{at, norm, sub};
+
+/// Expansion of the structure whose stiffness bounds the step.
+const EXPANSION: f64 = 1e-6;
+/// Green strain beyond which the motion has left all sense: no fabric is stretched tenfold.
+const TORN: f64 = 50.0;
+/// Rounds of the power iteration: it comes within a few percent from below, which
+/// [`Explicit::safety`] covers together with growing strains.
+const ROUNDS: usize = 60;
+
+/// A structure that cannot be integrated explicitly.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ExplicitError {
+    /// A node with no mass.
+    #[error(
+        "node {node} has no mass, so explicit time integration cannot move it: \
+         give its elements a density, add a [[point_mass]], or use structure.integration = \"implicit\""
+    )]
+    Massless {
+        /// Node (global).
+        node: u64,
+    },
+    /// No stiffness at all, or NaN.
+    #[error("the highest frequency of the structure came out as {0} rad/s: check moduli, thickness and mass")]
+    Frequency(f64),
+}
+
+/// What explicit steps keep.
+pub struct Explicit {
+    /// Inverse masses of owned components, 1/kg; zero where constrained.
+    inverse_mass: Vec<f64>,
+    /// Highest circular frequency of the taut structure without strain, rad/s.
+    pub frequency: f64,
+    /// Share of the largest stable step that is taken.
+    pub safety: f64,
+    /// Forces out of balance, N.
+    force: Vec<f64>,
+    /// Half-step velocities of local components, m/s.
+    half: Vec<f64>,
+    /// `force` belongs to the current state and the load there.
+    known: bool,
+    /// Largest stable step at the last check, s.
+    stable: f64,
+    /// Evaluations of the forces since the start.
+    pub evaluations: u64,
+}
+
+impl Explicit {
+    /// For `system`, whose mass is lumped and whose constraints do not change any more.
+    /// Collective.
+    ///
+    /// # Errors
+    /// [`ExplicitError`].
+    pub fn new(system: &mut System, safety: f64) -> Result<Self, ExplicitError> {
+        let model = &system.model;
+        let inverse_mass: Vec<f64> = (0..3 * model.n_owned())
+            .map(|i| if model.fixed[i] { 0.0 } else { 1.0 / system.lumped_mass(i / 3) })
+            .collect();
+        let massless = inverse_mass.iter().position(|m| !m.is_finite());
+        if let Some(node) = first_node(&model.comm, massless.map(|i| model.numbering.owned()[i / 3])) {
+            return Err(ExplicitError::Massless { node });
+        }
+        let frequency = highest_frequency(system, &inverse_mass);
+        if !(frequency.is_finite() && frequency > 0.0) {
+            return Err(ExplicitError::Frequency(frequency));
+        }
+        let n = 3 * system.model.n_local();
+        Ok(Self {
+            inverse_mass,
+            frequency,
+            safety,
+            force: vec![0.0; n],
+            half: vec![0.0; n],
+            known: false,
+            stable: 0.0,
+            evaluations: 0,
+        })
+    }
+
+    /// Largest stable step of the structure without strain, s.
+    pub fn stable_step(&self) -> f64 {
+        2.0 / self.frequency
+    }
+
+    /// The forces must be computed anew: the load or the state has changed.
+    pub(crate) fn forget(&mut self) {
+        self.known = false;
+    }
+
+    /// Acceleration of component `i` without damping, m/s2.
+    #[inline(always)]
+    fn acceleration(&self, i: usize, body: [f64; 3]) -> f64 {
+        if self.inverse_mass[i] > 0.0 { body[i % 3] - self.inverse_mass[i] * self.force[i] } else { 0.0 }
+    }
+}
+
+/// The lowest of the nodes that ranks name.
+fn first_node(comm: &Comm, node: Option<u64>) -> Option<u64> {
+    let first = comm.min(node.map_or(f64::INFINITY, |n| n as f64));
+    first.is_finite().then_some(first as u64)
+}
+
+/// Largest principal Green strain of membranes and lines with nodes at `x` (m); zero
+/// where all is slack. Collective.
+fn largest_strain(model: &Model, x: &[f64]) -> f64 {
+    model.comm.max(strains(model, x).map(|(_, e)| finite(e)).fold(0.0, f64::max))
+}
+
+/// A node (global) of the most strained element. Collective.
+fn most_strained(model: &Model, x: &[f64]) -> u64 {
+    let largest = largest_strain(model, x);
+    let here = strains(model, x).find(|(n, e)| finite(*e) >= largest && (*n as usize) < model.n_owned());
+    first_node(&model.comm, here.map(|(n, _)| model.numbering.owned()[n as usize])).unwrap_or(0)
+}
+
+fn finite(strain: f64) -> f64 {
+    if strain.is_nan() { f64::INFINITY } else { strain }
+}
+
+/// First node and largest principal Green strain of each membrane and line.
+fn strains(model: &Model, x: &[f64]) -> impl Iterator<Item = (u32, f64)> {
+    let fabric = model.triangles.iter().map(|t| {
+        let p = t.nodes.map(|n| at(x, n as usize));
+        (t.nodes[0], principal(membrane::deformation(&t.reference.gradient, &p).strain)[0])
+    });
+    let lines = model.cables.iter().map(|c| {
+        let l = norm(sub(at(x, c.nodes[1] as usize), at(x, c.nodes[0] as usize))) / c.rest_length;
+        (c.nodes[0], 0.5 * (l * l - 1.0))
+    });
+    fabric.chain(lines)
+}
+
+/// Highest circular frequency, rad/s, of the taut structure. Collective.
+fn highest_frequency(system: &mut System, inverse_mass: &[f64]) -> f64 {
+    let n = 3 * system.model.n_local();
+    let x: Vec<f64> = system.model.reference.iter().map(|x| x * (1.0 + EXPANSION)).collect();
+    let zero = vec![0.0; system.model.n_faces];
+    let load = FaceLoad { pressure: &zero, traction: &[] };
+    let mut work = vec![0.0; n];
+    system.set_step(f64::INFINITY);
+    system.tangent(Place::only(&x), load, 1.0, 0.0, &mut work);
+    // Any start with a share of the highest mode will do: alternating signs, which are
+    // the same whatever the partition.
+    let model = &system.model;
+    let mut v = vec![0.0; n];
+    for (row, &global) in v.as_chunks_mut::<3>().0.iter_mut().zip(model.numbering.owned()) {
+        let mix = (global.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 / f64::from(1u32 << 24) - 0.5;
+        *row = [mix, 0.7 * mix.signum() - mix, 0.5 - mix * mix];
+    }
+    let comm = &model.comm;
+    let mut square = 0.0;
+    for _ in 0..ROUNDS {
+        // In the norm of the mass: |v|^2 = v.M v, and M^{-1}K is symmetric in it.
+        let norm: f64 = v.iter().zip(inverse_mass).filter(|(_, m)| **m > 0.0).map(|(v, m)| v * v / m).sum();
+        let norm = comm.sum(norm).sqrt();
+        for (v, m) in v.iter_mut().zip(inverse_mass) {
+            *v = if *m > 0.0 { *v / norm } else { 0.0 };
+        }
+        system.matrix.apply(&mut v, &mut work);
+        for (w, m) in work.iter_mut().zip(inverse_mass) {
+            *w *= m;
+        }
+        let rayleigh: f64 =
+            work.iter().zip(inverse_mass).filter(|(_, m)| **m > 0.0).map(|(w, m)| w * w / m).sum();
+        square = comm.sum(rayleigh).sqrt();
+        std::mem::swap(&mut v, &mut work);
+    }
+    square.sqrt()
+}
+
+impl Dynamics {
+    /// Advances `current` by the share `span` of the window into `next`, in as many
+    /// equal explicit steps as stability asks for. Collective.
+    pub(crate) fn explicit_step(
+        &mut self,
+        span: [f64; 2],
+        window: f64,
+        load: LoadPath<'_>,
+        body: [f64; 3],
+    ) -> Result<NewtonInfo, NewtonError> {
+        let dt = (span[1] - span[0]) * window;
+        let mut e = self.explicit.take().expect("the caller has seen it");
+        let result = self.explicit_steps(&mut e, span, dt, window, load, body);
+        if result.is_err() {
+            e.forget();
+        }
+        self.explicit = Some(e);
+        result
+    }
+
+    fn explicit_steps(
+        &mut self,
+        e: &mut Explicit,
+        span: [f64; 2],
+        dt: f64,
+        window: f64,
+        load: LoadPath<'_>,
+        body: [f64; 3],
+    ) -> Result<NewtonInfo, NewtonError> {
+        self.next.copy_from(&self.current);
+        let Self { system, x, next, .. } = self;
+        for ((x, reference), u) in x.iter_mut().zip(&system.model.reference).zip(&next.u) {
+            *x = reference + u;
+        }
+        if !e.known {
+            let strain = largest_strain(&self.system.model, &self.x);
+            if strain.is_nan() || strain > TORN {
+                // The element is named with the failure, and the first node stands for it.
+                return Err(NewtonError::NotFinite {
+                    steps: 0,
+                    node: most_strained(&self.system.model, &self.x),
+                });
+            }
+            e.stable = e.stable_step() / (1.0 + 3.0 * strain).sqrt();
+            self.explicit_forces(e, span[0], load);
+        }
+        let count = (dt / (e.safety * e.stable)).ceil().clamp(1.0, 1e9);
+        let h = dt / count;
+        let (owned, slowing) = (e.inverse_mass.len(), 0.5 * h * self.damping);
+        for k in 1..=count as u64 {
+            let share = span[0] + (span[1] - span[0]) * k as f64 / count;
+            let State { u, v, .. } = &mut self.next;
+            for i in 0..owned {
+                e.half[i] = (v[i] + 0.5 * h * e.acceleration(i, body)) / (1.0 + slowing);
+                u[i] += h * e.half[i];
+            }
+            for (i, moved) in self.motions.iter().flat_map(|m| m.values(self.time + share * window)) {
+                let i = i as usize;
+                if i < owned {
+                    e.half[i] = (moved - (self.x[i] - self.system.model.reference[i])) / h;
+                    u[i] = moved;
+                }
+            }
+            for i in 0..owned {
+                self.x[i] = self.system.model.reference[i] + u[i];
+            }
+            self.system.model.halo.exchange(&mut self.x, 3);
+            self.explicit_forces(e, share, load);
+            let v = &mut self.next.v;
+            for i in 0..owned {
+                v[i] = (1.0 - slowing) * e.half[i] + 0.5 * h * e.acceleration(i, body);
+            }
+        }
+        // What moves as prescribed has the velocity of its last step.
+        for &i in self.motions.iter().flat_map(|m| &m.dofs).filter(|i| (**i as usize) < owned) {
+            self.next.v[i as usize] = e.half[i as usize];
+        }
+        for i in 0..owned {
+            self.next.a[i] = e.acceleration(i, body) - self.damping * self.next.v[i];
+        }
+        self.finite(owned, count as u32)?;
+        for field in [&mut self.next.u, &mut self.next.v, &mut self.next.a] {
+            self.system.model.halo.exchange(field, 3);
+        }
+        e.known = true;
+        Ok(NewtonInfo { steps: count as u32, residual: 0.0, stop: Stop::Residual })
+    }
+
+    fn explicit_forces(&mut self, e: &mut Explicit, share: f64, load: LoadPath<'_>) {
+        blend(load, share, &mut self.pressure, &mut self.traction);
+        let load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
+        self.system.forces(Place::only(&self.x), load, &mut e.force);
+        e.evaluations += 1;
+    }
+
+    /// NaN and infinity are noticed on all ranks.
+    fn finite(&self, owned: usize, steps: u32) -> Result<(), NewtonError> {
+        let model = &self.system.model;
+        let bad = (0..owned).find(|&i| !(self.next.u[i].is_finite() && self.next.v[i].is_finite()));
+        match first_node(&model.comm, bad.map(|i| model.numbering.owned()[i / 3])) {
+            Some(node) => Err(NewtonError::NotFinite { steps, node }),
+            None => Ok(()),
+        }
+    }
+}

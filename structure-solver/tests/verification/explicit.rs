@@ -1,0 +1,147 @@
+//! Explicit time integration: its stable step, its order, what it keeps.
+
+use mesh::StructureMesh;
+use structure_solver::dynamics::{Dynamics, LoadPath};
+use structure_solver::elements::cable::{TensionOnly, TwoWay};
+use structure_solver::elements::mass::MassMatrix;
+use structure_solver::explicit::ExplicitError;
+use structure_solver::loops::{Cables, ElementLoop};
+use structure_solver::materials::TensionField;
+use structure_solver::scheme::Scheme;
+use structure_solver::system::System;
+
+use crate::common::*;
+use crate::energy::{thrown_with, vibration};
+use crate::shapes::*;
+
+fn lumped_chain(mesh: &StructureMesh, density: f64) -> Dynamics {
+    let model = model(mesh);
+    let cables = Cables::new(&model, TwoWay { youngs_modulus: 1e6 }, 1e-4, density);
+    let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(cables)];
+    Dynamics::new(System::new(model, loops, MassMatrix::Lumped), params(Scheme::newmark(), 0.0))
+}
+
+/// A chain of n equal springs between fixed ends has the highest frequency
+/// 2 sqrt(k/m) sin((n - 1) pi / (2 n)), with k = E A / l and m = rho A l.
+#[test]
+fn the_highest_frequency_of_a_chain_is_found() {
+    let n = 24;
+    let mut d = lumped_chain(&chain(n, 2.4, 2.4), 1000.0);
+    let exact = 2.0
+        * (1e6 / (1000.0 * 0.01f64)).sqrt()
+        * ((n - 1) as f64 / (2 * n) as f64 * std::f64::consts::PI).sin();
+    let found = d.integrate_explicitly(0.5).expect("a chain with mass").frequency;
+    println!("highest frequency of a chain: {:.4} of the closed form", found / exact);
+    // Power iteration comes from below; the default step has a factor of two in hand.
+    assert!((0.97..1.0 + 1e-6).contains(&(found / exact)), "{found} {exact}");
+}
+
+/// Energy of a vibration over its start after 4000 steps at a share of the stable step.
+fn growth(safety: f64) -> f64 {
+    let mut d = thrown_with(Scheme::newmark(), 1.0 + 1e-6, 1e-3, MassMatrix::Lumped);
+    let rest = energies(&d)[1];
+    let stable = d.integrate_explicitly(1.0).expect("a sheet with mass").stable_step();
+    let start = vibration(&d, rest);
+    // One step to a substep: the limit is this test's, so nothing may divide further.
+    d.integrate_explicitly(1e3).expect("a sheet with mass");
+    for _ in 0..400 {
+        let p = vec![0.0; d.system.model.n_faces];
+        let load = LoadPath { pressure: [&p; 2], traction: [&[]; 2] };
+        if d.window(10.0 * safety * stable, 10, load, [0.0; 3], false).is_err() {
+            return f64::INFINITY;
+        }
+        d.accept();
+    }
+    vibration(&d, rest) / start
+}
+
+/// Just below the limit that was computed a vibration stays, just above it explodes: the
+/// limit is that of the structure, not an estimate from its edges.
+#[test]
+fn the_stable_step_is_sharp() {
+    let (below, above) = (growth(0.95), growth(1.05));
+    println!("energy after 4000 steps at 0.95 and 1.05 of the stable step: {below:.4} and {above:.1e}");
+    assert!((0.5..2.0).contains(&below), "{below}");
+    assert!(above.is_nan() || above > 1e3, "{above}");
+}
+
+fn explicit_drift(safety: f64) -> f64 {
+    let mut d = thrown_with(Scheme::newmark(), 1.05, 4.0, MassMatrix::Lumped);
+    let rest = energies(&d)[1];
+    let start = vibration(&d, rest);
+    let stable = d.integrate_explicitly(1e3).expect("a sheet with mass").stable_step();
+    (0..1000).fold(0.0f64, |worst, _| {
+        window(&mut d, 10.0 * safety * stable, 10, 0.0, [0.0; 3]);
+        worst.max((vibration(&d, rest) / start - 1.0).abs())
+    })
+}
+
+/// As for the implicit schemes: amplitudes of a tenth of the side, 10 000 steps.
+#[test]
+fn explicit_steps_keep_the_energy_of_a_free_vibration() {
+    let found = [explicit_drift(0.5), explicit_drift(0.25)];
+    println!("energy drift of explicit steps at 0.5 and 0.25 of the stable one: {}", sci(&found));
+    // Symplectic: the error does not grow, and falls with the square of the step.
+    assert!(found[0] < 1e-2 && found[1] < found[0] / 2.5, "{found:?}");
+}
+
+/// Smooth motion with mass damping under pressure and gravity: the error after a fixed time falls with the square of
+/// the step, against implicit steps (spectral radius 1, same lumped mass) so fine
+/// that theirs does not count.
+#[test]
+fn explicit_steps_have_order_two_and_agree_with_implicit_ones() {
+    let end = 0.02;
+    let run = |steps: u64, explicit: bool| {
+        let mut d = thrown_with(Scheme::generalized_alpha(1.0), 1.05, 2.0, MassMatrix::Lumped);
+        d.accepted.a.fill(0.0);
+        balance(&mut d, 3.0, [0.0, 0.0, -9.81]);
+        if explicit {
+            let stable = d.integrate_explicitly(1e3).expect("a sheet with mass").stable_step();
+            assert!(end / (steps as f64) < 0.9 * stable, "{stable}");
+        }
+        window(&mut d, end, steps, 3.0, [0.0, 0.0, -9.81]);
+        d.accepted.u.clone()
+    };
+    let exact = run(6400, true);
+    let errors = [200, 400, 800].map(|n| largest_difference(&run(n, true), &exact));
+    let orders = orders(&errors);
+    let implicit = [400, 800].map(|n| largest_difference(&run(n, false), &exact));
+    println!("explicit: errors {}, orders {orders:.2?}; implicit beside it {}", sci(&errors), sci(&implicit));
+    assert!(orders.iter().all(|o| (1.9..2.15).contains(o)), "{orders:?}");
+    assert!(implicit[1] < 0.3 * implicit[0] && implicit[1] < 1e-4, "{implicit:?}");
+}
+
+/// Fabric thrown slack and taut: what snapping adds to the energy falls with the step.
+#[test]
+fn snapping_fabric_keeps_its_energy_better_with_smaller_steps() {
+    let made = |safety: f64| {
+        let m = grid([8, 8], true, |s, t| [s, t, 0.0]);
+        let mut free = m.clone();
+        free.fixed.clear();
+        let fabric = TensionField::new(1e6, 0.3);
+        let line = TensionOnly { youngs_modulus: 1e7 };
+        let system = both_of_mass(&free, fabric, line, 1e-5, MassMatrix::Lumped);
+        let mut d = Dynamics::new(system, sharp(Scheme::newmark()));
+        for (v, x) in d.accepted.v.as_chunks_mut::<3>().0.iter_mut().zip(&free.coords) {
+            let phase = 40.0 * x[0] + 23.0 * x[1];
+            *v = [3.0 * phase.sin(), 3.0 * (1.7 * phase).cos(), 2.0 * (2.3 * phase).sin()];
+        }
+        let start: f64 = energies(&d).iter().sum();
+        d.integrate_explicitly(safety).expect("a sheet with mass");
+        (0..40).fold(0.0f64, |worst, _| {
+            window(&mut d, 1e-2, 1, 0.0, [0.0; 3]);
+            worst.max((energies(&d).iter().sum::<f64>() / start - 1.0).abs())
+        })
+    };
+    let found = [0.9, 0.5, 0.25].map(made);
+    println!("energy error of snapping fabric at 0.9, 0.5, 0.25 of the stable step: {}", sci(&found));
+    assert!(found[1] < 0.05 && found[2] < 0.5 * found[1] && found[1] < 0.5 * found[0], "{found:?}");
+}
+
+#[test]
+fn a_node_without_mass_is_refused_by_name() {
+    let mut d = lumped_chain(&chain(4, 0.4, 0.4), 0.0);
+    let error = d.integrate_explicitly(0.5).err().expect("no mass anywhere");
+    assert_eq!(error, ExplicitError::Massless { node: 1 });
+    assert!(error.to_string().contains("point_mass"), "{error}");
+}
