@@ -81,6 +81,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
         if let Some(file) = &setup.source {
             let saved = state::load::<N>(file, &solver.topology, totals)?;
             solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
+            solver.restore_ties(&saved.ties);
         }
         let announcement = Announcement {
             role: Role::Flow.name().into(),
@@ -193,7 +194,16 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
         let s = &self.solver;
         let file = case::state_file(folder, Role::Flow);
-        state::save(&file, s.comm(), &s.topology, self.totals, &s.past, s.last_dt, s.first_order_steps)
+        state::save(
+            &file,
+            s.comm(),
+            &s.topology,
+            self.totals,
+            &s.past,
+            s.last_dt,
+            s.first_order_steps,
+            s.through(),
+        )
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {

@@ -2,11 +2,11 @@
 
 use comm::Halo;
 
-use crate::geometry::Metrics;
 use crate::geometry::vec3::{Vec3, dot, scale, sub};
+use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{Gradient, LeastSquares};
 use crate::limiter;
-use crate::physics::{self, Gas, Interface, Scheme, Viscosity};
+use crate::physics::{self, FaceFlow, Gas, Interface, Scheme, Viscosity};
 use crate::topology::{Side, Topology};
 
 /// Models and constants of the spatial scheme.
@@ -22,6 +22,10 @@ pub struct Spatial<G, V> {
     /// Venkatakrishnan's K where gradients are limited.
     pub limiter: Option<f64>,
 }
+
+/// Flux out of an open boundary.
+type Condition<G, const N: usize> =
+    fn(&G, &Scheme, &[f64; N], &[f64; N], &FaceMetric, f64, [f32; 2]) -> Interface<N>;
 
 /// What the residual works on: the grid of one rank at one instant.
 pub struct Domain<'a> {
@@ -41,8 +45,8 @@ pub struct Domain<'a> {
 impl<G, V: Viscosity> Spatial<G, V> {
     /// Net outflow of each owned cell for the state `q`.
     ///
-    /// Fills the ghosts of `q`, `gradient` on all local cells, and the mass flux
-    /// of each face (outward at the outer boundary). Entries of `residual` for
+    /// Fills the ghosts of `q`, `gradient` on all local cells, and what
+    /// passes each face. Entries of `residual` for
     /// ghosts are left meaningless. Collective.
     pub fn evaluate<const N: usize>(
         &self,
@@ -51,7 +55,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         q: &mut [[f64; N]],
         gradient: &mut [Gradient<N>],
         residual: &mut [[f64; N]],
-        mass: &mut [f64],
+        through: &mut [FaceFlow],
     ) where
         G: Gas<N>,
     {
@@ -66,8 +70,8 @@ impl<G, V: Viscosity> Spatial<G, V> {
         }
         on.halo.exchange(gradient.as_flattened_mut().as_flattened_mut(), 3 * N);
         residual.fill([0.0; N]);
-        self.interior(on, scheme, q, gradient, residual, mass);
-        self.boundary(on, scheme, q, gradient, residual, mass);
+        self.interior(on, scheme, q, gradient, residual, through);
+        self.boundary(on, scheme, q, gradient, residual, through);
     }
 
     fn interior<const N: usize>(
@@ -77,13 +81,13 @@ impl<G, V: Viscosity> Spatial<G, V> {
         q: &[[f64; N]],
         gradient: &[Gradient<N>],
         residual: &mut [[f64; N]],
-        mass: &mut [f64],
+        through: &mut [FaceFlow],
     ) where
         G: Gas<N>,
     {
         let centre = &on.metrics.centre;
-        let faces = on.metrics.faces.iter().zip(mass).zip(&on.topology.cells);
-        for ((face, mass), &[i, j]) in faces {
+        let faces = on.metrics.faces.iter().zip(through).zip(&on.topology.cells);
+        for ((face, through), &[i, j]) in faces {
             let (i, j) = (i as usize, j as usize);
             let (di, dj) = (sub(face.centre, centre[i]), sub(face.centre, centre[j]));
             let between = sub(di, dj);
@@ -102,8 +106,9 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 r[v] += gj[0][v] * dj[0] + gj[1][v] * dj[1] + gj[2][v] * dj[2];
                 r[v] -= chi_j * (step - along_j);
             }
-            let Interface { mut flux, mass: m } = physics::interface(&self.gas, scheme, &l, &r, face);
-            *mass = m;
+            let Interface { mut flux, mass, tie } =
+                physics::interface(&self.gas, scheme, &l, &r, face, through.past);
+            (through.mass, through.tie) = (mass as f32, tie as f32);
             if V::ACTIVE {
                 // Mean gradient, its part along the line of centres replaced by the difference.
                 let length2 = dot(between, between);
@@ -147,7 +152,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         q: &[[f64; N]],
         gradient: &[Gradient<N>],
         residual: &mut [[f64; N]],
-        mass: &mut [f64],
+        through: &mut [FaceFlow],
     ) where
         G: Gas<N>,
     {
@@ -193,7 +198,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
             }
         }
         for (list, condition) in [
-            (&t.far_field, physics::far_field::<G, N> as fn(&G, &Scheme, &_, &_, &_, f64) -> Interface<N>),
+            (&t.far_field, physics::far_field::<G, N> as Condition<G, N>),
             (&t.outlet, physics::outlet::<G, N>),
         ] {
             for side in list {
@@ -203,8 +208,9 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 let g = &gradient[cell];
                 let inside =
                     std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2]);
-                let f = condition(&self.gas, scheme, &inside, &q[cell], face, side.sign);
-                mass[side.face as usize] = f.mass;
+                let kept = &mut through[side.face as usize];
+                let f = condition(&self.gas, scheme, &inside, &q[cell], face, side.sign, kept.past);
+                (kept.mass, kept.tie) = (f.mass as f32, f.tie as f32);
                 add(side, &f.flux);
             }
         }

@@ -48,6 +48,7 @@ pub fn self_test(comm: &Comm, file: &Path) -> Result<Vec<Vec3>, Fault> {
     if resumed {
         let saved = state::load(file, &solver.topology, totals)?;
         solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
+        solver.restore_ties(&saved.ties);
     }
     let dt = 0.02;
     let mut forces = Vec::new();
@@ -68,7 +69,16 @@ pub fn self_test(comm: &Comm, file: &Path) -> Result<Vec<Vec3>, Fault> {
         solver.accept(dt, true);
         if k == 1 {
             let (t, past) = (&solver.topology, &solver.past);
-            state::save(file, comm, t, totals, past, solver.last_dt, solver.first_order_steps)?;
+            state::save(
+                file,
+                comm,
+                t,
+                totals,
+                past,
+                solver.last_dt,
+                solver.first_order_steps,
+                solver.through(),
+            )?;
         }
     }
     Ok(forces)

@@ -7,7 +7,7 @@ use crate::geometry::Metrics;
 use crate::geometry::vec3::{Vec3, norm, sub};
 use crate::gradient::{Gradient, LeastSquares};
 use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
-use crate::physics::{Air, Gas, Scheme, Viscosity};
+use crate::physics::{Air, FaceFlow, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
 use crate::time::Backward;
 use crate::topology::Topology;
@@ -129,7 +129,9 @@ pub struct Solver<G, V, const N: usize> {
     residual: Vec<[f64; N]>,
     history: Vec<[f64; N]>,
     weight: Vec<f64>,
-    mass: Vec<f64>,
+    through: Vec<FaceFlow>,
+    /// Whether the faces know the last accepted instant only.
+    ties_are_new: bool,
     start: f64,
     /// State with the smallest residual of the step.
     best: Vec<[f64; N]>,
@@ -178,6 +180,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             last_dt: 0.0,
             scheme: Scheme {
                 rate: 0.0,
+                tie: [0.0; 3],
                 frame: [0.0; 3],
                 wind: settings.wind,
                 floor_squared: settings.reference_speed * settings.reference_speed,
@@ -194,7 +197,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             residual: vec![[0.0; N]; n],
             history: vec![[0.0; N]; topology.n_owned],
             weight: vec![0.0; topology.n_owned],
-            mass: vec![0.0; faces],
+            through: vec![FaceFlow::default(); faces],
+            ties_are_new: true,
             start: 0.0,
             best: q.clone(),
             before: vec![[0.0; N]; n],
@@ -290,6 +294,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             f.grid_flux += f.area[0] * step.frame[0] + f.area[1] * step.frame[1] + f.area[2] * step.frame[2];
         }
         self.scheme.rate = order.c[0] / dt;
+        self.scheme.tie = if self.ties_are_new { Backward::FIRST } else { order }.c.map(|c| c / dt);
         self.scheme.frame = step.frame;
         self.scheme.wind = self.settings.wind;
         let gas = &self.spatial.gas;
@@ -329,7 +334,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             &mut self.q,
             &mut self.gradient,
             &mut self.residual,
-            &mut self.mass,
+            &mut self.through,
         );
         let gas = &self.spatial.gas;
         let push = self.wind_change.map(|a| self.settings.air.density * a);
@@ -415,7 +420,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                     &self.scheme,
                     &self.q,
                     &self.gradient,
-                    &self.mass,
+                    &self.through,
                     1.0,
                 );
             }
@@ -552,6 +557,10 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         now.q.copy_from_slice(&self.q);
         now.volume.copy_from_slice(&self.metrics.volume);
         now.nodes.copy_from_slice(&self.nodes);
+        for t in &mut self.through {
+            t.past = [t.tie, t.past[0]];
+        }
+        self.ties_are_new = false;
         std::mem::swap(&mut self.swept, &mut self.swept_before);
         if !moved {
             self.swept_before.fill(0.0);
@@ -579,7 +588,23 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         Metrics::swept(&self.topology, &self.past[1].nodes, &self.past[0].nodes, &mut self.swept_before);
         self.swept.fill(0.0);
         self.q.copy_from_slice(&self.past[0].q);
+        self.through.fill(FaceFlow::default());
+        self.ties_are_new = true;
         Ok(())
+    }
+
+    /// What passed the faces.
+    pub fn through(&self) -> &[FaceFlow] {
+        &self.through
+    }
+
+    /// Continues with what pressure added to the mean momentum through the faces at the
+    /// last two instants. Without this it starts from nothing.
+    pub fn restore_ties(&mut self, ties: &[[f32; 2]]) {
+        for (t, past) in self.through.iter_mut().zip(ties) {
+            t.past = *past;
+        }
+        self.ties_are_new = false;
     }
 
     /// What the kernels work on.

@@ -6,11 +6,12 @@ use channel::Fault;
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
+use crate::physics::FaceFlow;
 use crate::solver::Instant;
 use crate::topology::Topology;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"RIPFLOW\0");
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Two instants in global order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +27,8 @@ struct Saved {
     q: [Vec<f64>; 2],
     /// Node positions `[nodes][3]`, m.
     x: [Vec<f64>; 2],
+    /// What pressure added to the mean momentum through each face `[faces][2]`, kg/(m2 s).
+    ties: Vec<f64>,
 }
 
 /// FNV-1a.
@@ -48,6 +51,7 @@ fn gather<const W: usize>(comm: &Comm, global: &[u64], rows: &[[f64; W]], total:
 ///
 /// # Errors
 /// Trouble with the file, on every rank.
+#[allow(clippy::too_many_arguments)]
 pub fn save<const N: usize>(
     file: &Path,
     comm: &Comm,
@@ -56,11 +60,16 @@ pub fn save<const N: usize>(
     past: &[Instant<N>; 2],
     last_dt: f64,
     first_order_steps: u32,
+    through: &[FaceFlow],
 ) -> Result<(), Fault> {
     let (cells, nodes) = totals;
     let n = topology.n_owned;
     let q = [0, 1].map(|k| gather(comm, topology.numbering.owned(), &past[k].q[..n], cells));
     let x = [0, 1].map(|k| gather(comm, &topology.node_global, &past[k].nodes, nodes));
+    let faces: Vec<u64> = topology.face_global.iter().map(|&f| u64::from(f)).collect();
+    let count = comm.max(faces.iter().fold(0.0, |m, &f| (f as f64 + 1.0).max(m))) as usize;
+    let ties: Vec<[f64; 2]> = through.iter().map(|t| t.past.map(f64::from)).collect();
+    let ties = gather(comm, &faces, &ties, count);
     let mut outcome = Ok(());
     if comm.is_root() {
         let saved = Saved {
@@ -73,6 +82,7 @@ pub fn save<const N: usize>(
             first_order_steps,
             q,
             x,
+            ties,
         };
         outcome = write(file, &saved);
     }
@@ -102,6 +112,8 @@ pub struct Restored<const N: usize> {
     pub last_dt: f64,
     /// First-order steps still to take.
     pub first_order_steps: u32,
+    /// What pressure added to the mean momentum through each local face.
+    pub ties: Vec<[f32; 2]>,
 }
 
 /// Reads this rank's part of a saved state.
@@ -133,6 +145,11 @@ pub fn load<const N: usize>(
         let found = format!("{} cells and {} nodes", saved.cells, saved.nodes);
         return Err(fail(&format!("has {found}, this stage's grid {} and {}", totals.0, totals.1)));
     }
+    let faces = topology.face_global.iter().map(|&f| 2 * f as usize);
+    if faces.clone().max().is_some_and(|f| f + 1 >= saved.ties.len()) {
+        return Err(fail(&"has fewer faces than this stage's grid"));
+    }
+    let ties = faces.map(|f| [saved.ties[f] as f32, saved.ties[f + 1] as f32]).collect();
     let row = |g: u64, k: usize| std::array::from_fn(|v| saved.q[k][g as usize * N + v]);
     let node = |g: u64, k: usize| std::array::from_fn(|d| saved.x[k][g as usize * 3 + d]);
     let past = [0, 1].map(|k| Instant {
@@ -140,5 +157,5 @@ pub fn load<const N: usize>(
         volume: vec![0.0; topology.n_local()],
         nodes: topology.node_global.iter().map(|&g| node(g, k)).collect(),
     });
-    Ok(Restored { past, last_dt: saved.last_dt, first_order_steps: saved.first_order_steps })
+    Ok(Restored { past, last_dt: saved.last_dt, first_order_steps: saved.first_order_steps, ties })
 }

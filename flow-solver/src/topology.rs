@@ -35,6 +35,8 @@ pub struct Topology {
     pub cell_nodes: Vec<[u32; 8]>,
     /// Local nodes of each face; a triangle repeats its last node.
     pub face_nodes: Vec<[u32; 4]>,
+    /// Number in the whole grid of each face: between cells, boundary, canopy.
+    pub face_global: Vec<u32>,
     /// First and second cell of each face between cells: the first
     /// `cells.len()` faces. At least one of them is owned.
     pub cells: Vec<[u32; 2]>,
@@ -141,21 +143,24 @@ impl Topology {
             let nodes = grid.cells[c as usize].map(|n| node(n, &mut t.node_global));
             t.cell_nodes.push(nodes);
         }
-        let mut interior: Vec<([u32; 4], u32, u32)> = Vec::new();
-        for &(nodes, i, j) in &faces.interior {
+        let mut interior: Vec<(usize, u32, u32)> = Vec::new();
+        for (f, &(_, i, j)) in faces.interior.iter().enumerate() {
             if let (true, Some(a), Some(b)) =
                 (part[i as usize] == rank || part[j as usize] == rank, local(i), local(j))
             {
-                interior.push((nodes, a as u32, b as u32));
+                interior.push((f, a as u32, b as u32));
             }
         }
         // Near in memory what is near in space.
         interior.sort_by_key(|f| (f.1.min(f.2), f.1.max(f.2)));
-        for (nodes, a, b) in interior {
-            t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
+        for (f, a, b) in interior {
+            t.face_nodes.push(faces.interior[f].0.map(|n| node(n, &mut t.node_global)));
+            t.face_global.push(f as u32);
             t.cells.push([a, b]);
         }
-        for &(patch, nodes, c) in faces.boundary.iter().filter(|f| part[f.2 as usize] == rank) {
+        let boundary = faces.boundary.iter().enumerate().filter(|(_, f)| part[f.2 as usize] == rank);
+        for (f, &(patch, nodes, c)) in boundary {
+            t.face_global.push((faces.interior.len() + f) as u32);
             let side = Side {
                 face: t.face_nodes.len() as u32,
                 cell: local(c).expect("owned") as u32,
@@ -185,6 +190,7 @@ impl Topology {
             let nodes = clean_face(grid.canopy_faces[g as usize]).expect("the face table has checked it");
             let face = t.face_nodes.len() as u32;
             t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
+            t.face_global.push((faces.interior.len() + faces.boundary.len()) as u32 + g as u32);
             t.canopy_face.push(face);
             for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
                 if of(cell) == rank {

@@ -11,7 +11,7 @@ use super::{Correction, SolveReport};
 use crate::geometry::vec3::{dot, norm, scale};
 use crate::gradient::Gradient;
 use crate::physics::{
-    Gas, Scheme, Viscosity, preconditioner, reference_speed, relative_speed, spectral_radius,
+    FaceFlow, Gas, Scheme, Viscosity, preconditioner, reference_speed, relative_speed, spectral_radius,
 };
 use crate::residual::{Domain, Spatial};
 use crate::topology::Topology;
@@ -97,7 +97,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         scheme: &Scheme,
         q: &[[f64; N]],
         gradient: &[Gradient<N>],
-        _: &[f64],
+        _: &[FaceFlow],
         extra: f64,
     ) {
         let (t, m, gas) = (on.topology, on.metrics, &spatial.gas);

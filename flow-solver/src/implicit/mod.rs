@@ -12,12 +12,12 @@ pub use pressure::{PressureSystem, SolveReport};
 pub use simple::PressureCorrection;
 
 use crate::gradient::Gradient;
-use crate::physics::Scheme;
+use crate::physics::{FaceFlow, Scheme};
 use crate::residual::{Domain, Spatial};
 
 /// An approximate inverse of the linearised step.
 pub trait Correction<G, V, const N: usize> {
-    /// Prepares for the state `q` with the mass fluxes `mass` of its residual.
+    /// Prepares for the state `q` with what passes the faces, `through`.
     /// `extra` of 1 is the method's own pseudo-time step, more a shorter one.
     /// Collective.
     #[allow(clippy::too_many_arguments)]
@@ -28,7 +28,7 @@ pub trait Correction<G, V, const N: usize> {
         scheme: &Scheme,
         q: &[[f64; N]],
         gradient: &[Gradient<N>],
-        mass: &[f64],
+        through: &[FaceFlow],
         extra: f64,
     );
 

@@ -14,7 +14,7 @@ use super::Correction;
 use super::pressure::{PressureSystem, SolveReport};
 use crate::geometry::vec3::dot;
 use crate::gradient::Gradient;
-use crate::physics::{Gas, Scheme, Viscosity};
+use crate::physics::{FaceFlow, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
 use crate::topology::Topology;
 
@@ -142,7 +142,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         scheme: &Scheme,
         q: &[[f64; N]],
         gradient: &[Gradient<N>],
-        mass: &[f64],
+        through: &[FaceFlow],
         extra: f64,
     ) {
         let (t, m) = (on.topology, on.metrics);
@@ -163,19 +163,20 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let face = &m.faces[f];
-            let mut both = 0.25 * scheme.velocity_diffusion * mass[f].abs();
+            let mass = f64::from(through[f].mass);
+            let mut both = 0.25 * scheme.velocity_diffusion * mass.abs();
             if V::ACTIVE {
                 both += 0.5 * (viscosity(i) + viscosity(j)) * face.magnitude / face.spacing;
             }
             let [si, sj] = t.adjacency.slot[f];
-            let (ki, kj) = (both + (-mass[f]).max(0.0), both + mass[f].max(0.0));
+            let (ki, kj) = (both + (-mass).max(0.0), both + mass.max(0.0));
             self.off[si as usize] = ki as f32;
             self.off[sj as usize] = kj as f32;
             self.diagonal[i] += ki;
             self.diagonal[j] += kj;
         }
         for side in t.far_field.iter().chain(&t.outlet) {
-            self.diagonal[side.cell as usize] += (-mass[side.face as usize]).max(0.0);
+            self.diagonal[side.cell as usize] += f64::from(-through[side.face as usize].mass).max(0.0);
         }
         if V::ACTIVE {
             for side in &t.no_slip {
