@@ -8,8 +8,8 @@
 //! same kind, cheap to solve by the same method; the steps for the whole that follow
 //! start where their quadratic convergence holds (Lanzkron, Rose and Wilkes, SIAM J.
 //! Sci. Comput. 17, 1996, 538-559; Cai and Li, SIAM J. Sci. Comput. 33, 2011,
-//! 746-762). It changes where Newton starts, never what it converges to. Each rank
-//! eliminates among its own nodes.
+//! 746-762). It changes where Newton starts, never what it converges to. The nodes are
+//! chosen and balanced across ranks: a fold that crosses a border is one front.
 
 use linalg::{KrylovError, KrylovParams, Subsystem, SubsystemError};
 
@@ -30,10 +30,16 @@ pub(crate) const ROUNDS: usize = 12;
 
 /// Nodes to eliminate, and the solver for them.
 pub(crate) struct Elimination {
-    /// Whether a node takes part, shape `[n_local]`.
+    /// Whether a node takes part, shape `[n_local]`, with current ghosts.
     pub(crate) active: Vec<bool>,
     /// The owned nodes that do.
     rows: Vec<u32>,
+    /// Owned nodes that share an element with a ghost.
+    border: Vec<u32>,
+    /// Carries `active` from rank to rank.
+    flags: Vec<f32>,
+    /// Nodes of all ranks.
+    n_all: f64,
     /// Owned nodes whose balance a correction reaches, shape `[n_local]`.
     reached: Vec<bool>,
     subsystem: Subsystem<3>,
@@ -42,12 +48,18 @@ pub(crate) struct Elimination {
 }
 
 impl Elimination {
+    /// Collective.
     pub(crate) fn new(system: &System) -> Self {
+        let (n, n_local) = (system.model.n_owned(), system.model.n_local());
+        let by_ghost = |i: &u32| system.matrix.cols()[system.matrix.row(*i as usize)].last() >= Some(&(n as u32));
         Self {
-            active: vec![false; system.model.n_local()],
-            reached: vec![false; system.model.n_local()],
+            active: vec![false; n_local],
+            reached: vec![false; n_local],
             rows: Vec::new(),
-            subsystem: Subsystem::default(),
+            border: (0..n as u32).filter(by_ghost).collect(),
+            flags: vec![0.0; n_local],
+            n_all: system.comm().sum(n as f64),
+            subsystem: Subsystem::new(&system.model.halo),
             rounds: 0,
         }
     }
@@ -56,9 +68,7 @@ impl Elimination {
     /// over all ranks. `false` if there are none, or too many. Collective.
     pub(crate) fn choose(&mut self, system: &System, g: &[f64], norm: f64, load: f64) -> bool {
         let n = system.model.n_owned();
-        let mut counts = [n as f64, 0.0];
-        system.comm().sum_slice(&mut counts[..1]);
-        let level = (OF_LOAD * load).max(OF_MEAN * norm) / counts[0].sqrt();
+        let level = (OF_LOAD * load).max(OF_MEAN * norm) / self.n_all.sqrt();
         self.rows.clear();
         self.active.fill(false);
         for (i, g) in g.as_chunks::<3>().0[..n].iter().enumerate() {
@@ -69,6 +79,14 @@ impl Elimination {
         }
         let mut ring = 0..self.rows.len();
         for _ in 0..RINGS {
+            self.exchange(system);
+            for &i in &self.border {
+                let columns = &system.matrix.cols()[system.matrix.row(i as usize)];
+                let ghosts = columns.iter().rev().take_while(|&&j| j as usize >= n);
+                if !self.active[i as usize] && ghosts.into_iter().any(|&j| self.active[j as usize]) {
+                    self.rows.push(i);
+                }
+            }
             for k in ring.clone() {
                 for s in system.matrix.row(self.rows[k] as usize) {
                     let j = system.matrix.cols()[s];
@@ -78,23 +96,37 @@ impl Elimination {
                     }
                 }
             }
+            // Those that a ghost brought in; some of them a neighbour here did too.
+            self.rows[ring.end..].iter().for_each(|&i| self.active[i as usize] = true);
             ring = ring.end..self.rows.len();
         }
-        self.rows.sort_unstable();
-        counts[1] = self.rows.len() as f64;
-        system.comm().sum_slice(&mut counts[1..]);
-        counts[1] > 0.0 && counts[1] < MOST * counts[0]
+        self.exchange(system);
+        let chosen = self.active[..n].iter().filter(|active| **active).count();
+        let chosen = system.comm().sum(chosen as f64);
+        chosen > 0.0 && chosen < MOST * self.n_all
+    }
+
+    /// Brings the ghosts of `active` up to date.
+    fn exchange(&mut self, system: &System) {
+        if system.comm().size() == 1 {
+            return;
+        }
+        for (flag, active) in self.flags.iter_mut().zip(&self.active) {
+            *flag = f32::from(u8::from(*active));
+        }
+        system.model.halo.exchange(&mut self.flags, 1);
+        for (active, flag) in self.active.iter_mut().zip(&self.flags) {
+            *active = *flag > 0.0;
+        }
     }
 
     /// Newton correction `du` (m) of the chosen nodes for the imbalance `g`, zero
     /// elsewhere. The matrix holds their rows. `false` where the solve broke down.
+    /// Collective.
     pub(crate) fn correct(&mut self, system: &System, rhs: &[f64], du: &mut [f64]) -> bool {
         du.fill(0.0);
-        if self.rows.is_empty() {
-            return true;
-        }
         let params = KrylovParams { rel_tol: 1e-2, max_iterations: 50, restart: 50, ..Default::default() };
-        match self.subsystem.solve(&system.matrix, &self.rows, rhs, du, params) {
+        match self.subsystem.solve(&system.matrix, &self.active, rhs, du, params) {
             // The next round corrects what is left.
             Ok(_) | Err(SubsystemError::Krylov(KrylovError::NotConverged { .. })) => true,
             Err(_) => false,
