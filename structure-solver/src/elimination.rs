@@ -25,8 +25,8 @@ const OF_MEAN: f64 = 2.0;
 const RINGS: usize = 2;
 /// Share of the nodes beyond which the whole is the better system to solve.
 const MOST: f64 = 0.4;
-/// Rounds between two steps for the whole.
-pub(crate) const ROUNDS: usize = 12;
+/// Rounds between two steps for the whole at most.
+const ROUNDS: usize = 12;
 
 /// Nodes to eliminate, and the solver for them.
 pub(crate) struct Elimination {
@@ -43,6 +43,8 @@ pub(crate) struct Elimination {
     /// Owned nodes whose balance a correction reaches, shape `[n_local]`.
     reached: Vec<bool>,
     subsystem: Subsystem<3>,
+    /// Rounds between two steps for the whole at most.
+    pub(crate) most_rounds: usize,
     /// Rounds so far.
     pub(crate) rounds: u64,
 }
@@ -51,7 +53,8 @@ impl Elimination {
     /// Collective.
     pub(crate) fn new(system: &System) -> Self {
         let (n, n_local) = (system.model.n_owned(), system.model.n_local());
-        let by_ghost = |i: &u32| system.matrix.cols()[system.matrix.row(*i as usize)].last() >= Some(&(n as u32));
+        let by_ghost =
+            |i: &u32| system.matrix.cols()[system.matrix.row(*i as usize)].last() >= Some(&(n as u32));
         Self {
             active: vec![false; n_local],
             reached: vec![false; n_local],
@@ -60,6 +63,7 @@ impl Elimination {
             flags: vec![0.0; n_local],
             n_all: system.comm().sum(n as f64),
             subsystem: Subsystem::new(&system.model.halo),
+            most_rounds: ROUNDS,
             rounds: 0,
         }
     }
@@ -144,3 +148,6 @@ impl Elimination {
         &self.reached
     }
 }
+
+#[cfg(test)]
+mod tests;

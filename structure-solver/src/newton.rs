@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use crate::elimination::{Elimination, ROUNDS};
+use crate::elimination::Elimination;
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
 use crate::scheme::StepForm;
@@ -282,6 +282,13 @@ impl Newton {
         }
     }
 
+    /// Rounds of elimination between two steps for the whole at most; 0: Newton's method
+    /// alone.
+    #[cfg(test)]
+    pub(crate) fn set_most_rounds(&mut self, rounds: usize) {
+        self.elimination.most_rounds = rounds;
+    }
+
     /// Rounds of elimination so far.
     pub fn eliminations(&self) -> u64 {
         self.elimination.rounds
@@ -295,7 +302,7 @@ impl Newton {
         let form = balance.form;
         let mut now = norm;
         let mut begun = false;
-        for _ in 0..ROUNDS {
+        for _ in 0..self.elimination.most_rounds {
             if !self.elimination.choose(system, &self.g[..n], now, scale) {
                 break;
             }
