@@ -136,12 +136,24 @@ fn flow_grid_line(prepared: &Prepared) -> String {
     let made = mesh::structure_mesh(&prepared.scene)
         .and_then(|canopy| mesh::draft_grid(&prepared.scene, &canopy, &prepared.interface.coords));
     match made {
-        Ok(grid) => format!(
-            "flow grid: {} cells, {} nodes, far field of {} faces",
-            grid.cells.len(),
-            grid.coords.len(),
-            grid.boundary.len()
-        ),
+        Ok(grid) => {
+            let sizes = format!(
+                "flow grid: {} cells, {} nodes, far field of {} faces",
+                grid.cells.len(),
+                grid.coords.len(),
+                grid.boundary.len()
+            );
+            match mesh::FaceTable::new(&grid) {
+                Ok(faces) => {
+                    let report = mesh::QualityReport::new(&grid, &faces).to_string();
+                    format!(
+                        "{sizes}; around the unstressed canopy:\n  {}",
+                        report.trim_end().replace('\n', "\n  ")
+                    )
+                }
+                Err(_) => sizes + "; its quality stands in grid.txt of each stage's folder",
+            }
+        }
         Err(error) => format!("flow grid: made from the inflated shape at the start of a stage ({error})"),
     }
 }

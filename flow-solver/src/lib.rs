@@ -19,6 +19,7 @@ pub mod gradient;
 pub mod implicit;
 pub mod limiter;
 mod loads;
+pub mod monitors;
 mod participant;
 pub mod physics;
 pub mod residual;

@@ -81,6 +81,9 @@ fn built(
         )));
     }
     let setup = Setup::new(scene, stage, out)?;
+    if comm.is_root() {
+        setup.report_grid()?;
+    }
     flow_solver::participant(&setup, comm)
 }
 

@@ -9,6 +9,7 @@ use comm::Comm;
 
 use crate::geometry::vec3::{norm, sub};
 use crate::loads::{Loads, Total};
+use crate::monitors::Monitors;
 use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Smagorinsky, Viscosity, Wale};
 use crate::residual::Spatial;
 use crate::setup::Setup;
@@ -22,6 +23,7 @@ pub struct FlowParticipant<G, V, const N: usize> {
     solver: Solver<G, V, N>,
     loads: Loads,
     snapshots: Snapshots,
+    monitors: Monitors,
     announcement: Announcement,
     totals: (usize, usize),
     moved: bool,
@@ -104,9 +106,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             .to_vec(),
         };
         let loads = Loads::new(&solver);
+        let monitors = Monitors::new(setup, &solver)?;
         Ok(Self {
             solver,
             loads,
+            monitors,
             snapshots: Snapshots::default(),
             announcement,
             totals,
@@ -188,12 +192,15 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
         self.solver.accept(w.dt, self.moved);
-        Ok(())
+        self.monitors.record(&self.solver, &self.loads, w, self.moved)
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
         let s = &self.solver;
         let file = case::state_file(folder, Role::Flow);
+        if let Some(statistics) = self.monitors.statistics() {
+            statistics.save(folder, s.comm(), &s.topology, self.totals.0)?;
+        }
         state::save(
             &file,
             s.comm(),
@@ -207,6 +214,6 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
-        self.snapshots.write(&self.solver, time, folder)
+        self.snapshots.write(&self.solver, time, folder, self.monitors.statistics())
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use case::{FlowMethod, Role, Scene};
 use channel::Fault;
 use comm::Comm;
-use mesh::{FaceTable, FlowGrid, Graph, StructureMesh};
+use mesh::{FaceTable, FlowGrid, Graph, QualityReport, StructureMesh};
 
 use crate::physics::Air;
 use crate::solver::{Method, Settings};
@@ -22,6 +22,8 @@ pub struct Setup {
     pub grid: FlowGrid,
     /// Its faces.
     pub faces: FaceTable,
+    /// Folder of the stage's results.
+    pub folder: PathBuf,
     /// State of an earlier stage to start from.
     pub source: Option<PathBuf>,
     /// Tolerances and the undisturbed air.
@@ -88,7 +90,19 @@ impl Setup {
         });
         let wind = Wind { steady: flow.wind_m_s, ..wind };
         let source = scene.source_state(out, stage, Role::Flow);
-        Ok(Self { structure, grid, faces, source, settings, wind, scene })
+        let folder = case::stage_folder(out, &scene, stage);
+        Ok(Self { structure, grid, faces, folder, source, settings, wind, scene })
+    }
+
+    /// Writes what the grid is like to `grid.txt` in the stage's folder.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn report_grid(&self) -> Result<(), Fault> {
+        let file = self.folder.join("grid.txt");
+        std::fs::create_dir_all(&self.folder)
+            .and_then(|()| std::fs::write(&file, QualityReport::new(&self.grid, &self.faces).to_string()))
+            .map_err(|e| Fault::new(format!("cannot write {}: {e}", file.display())))
     }
 
     /// Partitions the grid and takes this rank's part of it.

@@ -6,6 +6,7 @@ use channel::Fault;
 use mesh::vtk::{Series, Values, write_volume};
 
 use crate::geometry::vec3::{Vec3, norm, sub};
+use crate::monitors::Statistics;
 use crate::physics::{Gas, Viscosity};
 use crate::solver::Solver;
 
@@ -18,7 +19,7 @@ pub struct Snapshots {
 
 impl Snapshots {
     /// Adds the solver's state at `time` (s): one file for each rank below
-    /// `folder/flow`, listed in `folder/flow.pvd`. Collective.
+    /// `folder/flow`, listed in `folder/flow.pvd`, with what was gathered in time. Collective.
     ///
     /// # Errors
     /// Trouble with the files, on every rank.
@@ -27,10 +28,11 @@ impl Snapshots {
         solver: &Solver<G, V, N>,
         time: f64,
         folder: &Path,
+        statistics: Option<&Statistics>,
     ) -> Result<(), Fault> {
         let comm = solver.comm();
         let name = |rank: usize| format!("flow/flow_{:05}_{rank}.vtu", self.count);
-        let mut outcome = self.piece(solver, &folder.join(name(comm.rank())));
+        let mut outcome = self.piece(solver, &folder.join(name(comm.rank())), statistics);
         if comm.is_root() && outcome.is_ok() {
             let files: Vec<String> = (0..comm.size()).map(name).collect();
             let series = self.series.get_or_insert_with(|| Series::resume(folder.join("flow.pvd"), time));
@@ -47,6 +49,7 @@ impl Snapshots {
         &self,
         solver: &Solver<G, V, N>,
         file: &Path,
+        statistics: Option<&Statistics>,
     ) -> Result<(), Fault> {
         if let Some(parent) = file.parent() {
             std::fs::create_dir_all(parent)
@@ -77,7 +80,7 @@ impl Snapshots {
             }
             q_criterion.push(sum as f32);
         }
-        let fields = [
+        let mut fields = vec![
             ("pressure_pa", Values::F32(&pressure)),
             ("velocity_ground_m_s", Values::Vector32(&ground)),
             ("velocity_frame_m_s", Values::Vector32(&fall)),
@@ -85,6 +88,27 @@ impl Snapshots {
             ("vorticity_1_s", Values::Vector32(&vorticity)),
             ("q_criterion_1_s2", Values::F32(&q_criterion)),
         ];
+        let gathered = statistics.map(|s| {
+            let rows = (0..n).map(|c| s.of(c));
+            rows.map(|(mean, rms)| (mean.map(|x| x as f32), rms.map(|x| x as f32))).collect::<Vec<_>>()
+        });
+        let scalar = |rms: bool| {
+            let rows = gathered.iter().flatten();
+            rows.map(|(m, r)| if rms { r[0] } else { m[0] }).collect::<Vec<f32>>()
+        };
+        let vector = |rms: bool| {
+            let rows = gathered.iter().flatten().map(|(m, r)| if rms { r } else { m });
+            rows.map(|v| [v[1], v[2], v[3]]).collect::<Vec<_>>()
+        };
+        let (p_mean, p_rms, u_mean, u_rms) = (scalar(false), scalar(true), vector(false), vector(true));
+        if gathered.is_some() {
+            fields.extend([
+                ("pressure_mean_pa", Values::F32(&p_mean)),
+                ("pressure_rms_pa", Values::F32(&p_rms)),
+                ("velocity_frame_mean_m_s", Values::Vector32(&u_mean)),
+                ("velocity_frame_rms_m_s", Values::Vector32(&u_rms)),
+            ]);
+        }
         write_volume(file, &solver.nodes, &solver.topology.cell_nodes, &[], &fields).map_err(Fault::new)
     }
 }

@@ -32,12 +32,17 @@ struct Saved {
 }
 
 /// FNV-1a.
-fn checksum(bytes: &[u8]) -> u64 {
+pub(crate) fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
 /// Rows of all ranks in global order, on every rank.
-fn gather<const W: usize>(comm: &Comm, global: &[u64], rows: &[[f64; W]], total: usize) -> Vec<f64> {
+pub(crate) fn gather<const W: usize>(
+    comm: &Comm,
+    global: &[u64],
+    rows: &[[f64; W]],
+    total: usize,
+) -> Vec<f64> {
     let index = comm.all_gather_var(global);
     let values = comm.all_gather_var(rows.as_flattened());
     let mut all = vec![0.0; total * W];

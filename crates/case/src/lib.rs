@@ -5,16 +5,20 @@
 //! then do programs see it, as a [`Scene`] they may rely on.
 
 mod error;
+mod grid_file;
 mod integration;
 mod layout;
 mod load;
+mod monitors;
 mod scene;
 mod schema;
 mod validate;
 
 pub use error::{Problem, SceneError};
+pub use grid_file::{Condition, GridFile};
 pub use integration::Integration;
 pub use layout::*;
 pub use load::{load, parse};
+pub use monitors::{Forces, Probe, Slice, Statistics, SurfacePressure};
 pub use scene::*;
 pub use schema::schema;

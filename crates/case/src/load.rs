@@ -44,6 +44,9 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     if let (Canopy::Gmsh(g), Some(folder)) = (&mut scene.canopy, file.parent()) {
         g.file = folder.join(&g.file);
     }
+    if let (Some(g), Some(folder)) = (scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()), file.parent()) {
+        g.path = folder.join(&g.path);
+    }
     let problems = validate::problems(&scene)
         .into_iter()
         .map(|p| Problem::new(span_of(&document, &p.path), p.what, p.help))

@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::integration::{EXPLICIT_SAFETY, Integration};
+use crate::{Forces, GridFile, Probe, Slice, Statistics, SurfacePressure};
 
 /// A scene: what is simulated, with which effects, in which stages.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -106,7 +107,7 @@ pub enum Canopy {
     Circular(FlatCanopy),
     /// The square air bag of the paper, section 1.4: one octant by symmetry.
     AirBag(AirBag),
-    /// A surface mesh from a file, for the structure alone.
+    /// A surface mesh from a file; a flow needs `[flow.grid_file]`.
     Gmsh(GmshCanopy),
 }
 
@@ -212,8 +213,8 @@ impl Default for AirBag {
     }
 }
 
-/// A canopy from a Gmsh file (format 4.1, ASCII, metres). Its triangles and
-/// quadrilaterals are fabric. Physical groups named `lines`, `risers` and
+/// A canopy from a Gmsh file (format 4.1, metres). Its triangles and quadrilaterals
+/// are fabric; beside a volume grid, those of the physical group `canopy`. Physical groups named `lines`, `risers` and
 /// `reinforcements` are cables at their rest length; `fixed`, `fixed-x`, `fixed-y`
 /// and `fixed-z` hold nodes; `payload` is the payload's point.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -429,9 +430,23 @@ pub struct Flow {
     /// The volume grid around the canopy.
     #[serde(default)]
     pub grid: Grid,
+    /// A volume grid from a file in the place of `[flow.grid]`.
+    pub grid_file: Option<GridFile>,
     /// Pseudo-time iterations.
     #[serde(default)]
     pub solver: FlowSolver,
+    /// Points whose values are written after every window.
+    #[serde(default, rename = "probe")]
+    pub probes: Vec<Probe>,
+    /// Time statistics. Absent: none.
+    pub statistics: Option<Statistics>,
+    /// Forces and moments after every window. Absent: those of the history alone.
+    pub forces: Option<Forces>,
+    /// Plane cuts.
+    #[serde(default, rename = "slice")]
+    pub slices: Vec<Slice>,
+    /// Pressure on both sides of the canopy. Absent: none is written.
+    pub surface_pressure: Option<SurfacePressure>,
 }
 
 fn sea_level_density() -> f64 {

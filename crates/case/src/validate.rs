@@ -1,6 +1,6 @@
 //! Physical sense of a scene: magnitudes, and sections that need each other.
 
-use crate::{Canopy, Integration, Scene, Solve, Stage, StageKind};
+use crate::{Canopy, Flow, Integration, Scene, Solve, Stage, StageKind};
 
 /// A refused value by its dotted path.
 pub(crate) struct Refusal {
@@ -307,6 +307,7 @@ fn solvers(scene: &Scene, c: &mut Check) {
         if let Some(v) = &f.viscosity {
             c.positive("flow.viscosity.dynamic_viscosity_pa_s", v.dynamic_viscosity_pa_s, 1e4, "in Pa s");
         }
+        monitors(f, c);
         let length = |v: &[f64; 3]| v.iter().map(|w| w * w).sum::<f64>().sqrt();
         if let Some(g) = &f.gust {
             c.positive("flow.gust.duration_s", g.duration_s, 1e6, "a time in s");
@@ -346,6 +347,58 @@ fn solvers(scene: &Scene, c: &mut Check) {
     }
 }
 
+/// What the flow writes, and a grid from a file.
+fn monitors(f: &Flow, c: &mut Check) {
+    if let Some(g) = f.grid_file.as_ref().filter(|g| !g.path.is_file()) {
+        c.refuse(
+            "flow.grid_file.path",
+            format!("the grid file {} does not exist", g.path.display()),
+            "name a Gmsh file (4.1) by its path from the scene's folder",
+        );
+    }
+    let help = "use letters, digits, `-`, `_` and `.`, and each name once";
+    let finite = |v: &[f64; 3]| v.iter().all(|x| x.is_finite());
+    let name = |path: String, name: &str, taken: bool, c: &mut Check| {
+        if taken || !plain_name(name) {
+            c.refuse(&path, format!("`{path}` is \"{name}\""), help);
+        }
+    };
+    for (k, p) in f.probes.iter().enumerate() {
+        let taken = f.probes[..k].iter().any(|q| q.name == p.name);
+        name(format!("flow.probe[{k}].name"), &p.name, taken, c);
+        if !finite(&p.position_m) {
+            c.refuse(&format!("flow.probe[{k}].position_m"), "the position is not a number", "three in m");
+        }
+    }
+    const WRITTEN: [&str; 6] = ["flow", "canopy", "lines", "canopy_air", "history", "state"];
+    let direction = |path: String, v: &[f64; 3], c: &mut Check| {
+        if !finite(v) || *v == [0.0; 3] {
+            c.refuse(&path, format!("`{path}` has no direction"), "name a vector, as [0, 0, 1]");
+        }
+    };
+    for (k, s) in f.slices.iter().enumerate() {
+        let taken = f.slices[..k].iter().map(|s| s.name.as_str()).chain(WRITTEN).any(|n| n == s.name);
+        name(format!("flow.slice[{k}].name"), &s.name, taken, c);
+        direction(format!("flow.slice[{k}].normal"), &s.normal, c);
+        if !finite(&s.point_m) {
+            c.refuse(&format!("flow.slice[{k}].point_m"), "the point is not a number", "three in m");
+        }
+        c.count(&format!("flow.slice[{k}].every_windows"), s.every_windows, 1, u32::MAX, "windows");
+    }
+    if let Some(s) = &f.surface_pressure {
+        c.count("flow.surface_pressure.every_windows", s.every_windows, 1, u32::MAX, "windows");
+    }
+    if let Some(s) = &f.statistics {
+        c.range("flow.statistics.start_s", s.start_s, 0.0, 1e6, true, "in s");
+    }
+    if let Some(s) = &f.forces {
+        direction("flow.forces.drag_direction".into(), &s.drag_direction, c);
+        if !finite(&s.moment_point_m) {
+            c.refuse("flow.forces.moment_point_m", "the point is not a number", "three in m");
+        }
+    }
+}
+
 fn stages(scene: &Scene, c: &mut Check) {
     if scene.stages.is_empty() {
         c.refuse("stage", "the scene has no stage", "add at least one [[stage]]");
@@ -380,11 +433,12 @@ fn stages(scene: &Scene, c: &mut Check) {
             if scene.flow.is_none() {
                 c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
             }
-            if matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) {
+            let given = scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some());
+            if matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && !given {
                 c.refuse(
                     &at("kind"),
                     "an air-bag octant or a canopy from a file has no flow grid around it",
-                    "use kind = \"pre-inflation\"",
+                    "use kind = \"pre-inflation\", or give a grid by [flow.grid_file]",
                 );
             }
         }

@@ -141,3 +141,32 @@ fn a_mesh_file_that_does_not_exist_is_refused() {
     assert!(message.contains("no.msh does not exist"), "{message}");
     assert!(message.contains("no flow grid"), "{message}");
 }
+
+#[test]
+fn what_the_flow_writes_is_read_and_checked() {
+    let with = |more: &str| read(&ATPS.replacen("[coupling]", &[more, "\n[coupling]"].concat(), 1));
+    let probe = "[[flow.probe]]\nname = \"wake\"\nposition_m = [0, 0, 5.0]\n";
+    let all = [
+        probe,
+        "[flow.statistics]\nstart_s = 0.5\n[flow.forces]\nmoment_point_m = [0.0, 0.0, -10.0]\n",
+        "[[flow.slice]]\nname = \"middle\"\npoint_m = [0, 0, 0]\nnormal = [0, 1, 0]\nevery_windows = 10\n",
+        "[flow.surface_pressure]\nevery_windows = 5\n",
+    ];
+    let flow = with(&all.concat()).unwrap().flow.unwrap();
+    assert_eq!((flow.probes[0].name.as_str(), flow.probes[0].position_m[2]), ("wake", 5.0));
+    assert_eq!(flow.statistics.unwrap(), case::Statistics { start_s: 0.5, across_stages: false });
+    assert_eq!(flow.forces.unwrap().drag_direction, [0.0, 0.0, 1.0]);
+    assert_eq!((flow.slices[0].every_windows, flow.surface_pressure.unwrap().every_windows), (10, 5));
+    for (text, wanted) in [
+        ([probe, probe].concat(), "flow.probe[1].name"),
+        (all[2].replace("[0, 1, 0]", "[0, 0, 0]"), "no direction"),
+        (all[2].replace("\"middle\"", "\"flow\""), "flow.slice[0].name"),
+        (all[3].replace('5', "0"), "every_windows"),
+        (all[0].replace("position_m", "position"), "did you mean `position_m`?"),
+        ("[flow.grid_file]\npath = \"no.msh\"\n[flow.grid_file.patches]\n".into(), "no.msh does not exist"),
+        ("[flow.grid_file]\npath = \"x\"\n[flow.grid_file.patches]\nend = \"slipp\"\n".into(), "slip"),
+    ] {
+        let message = with(&text).expect_err(&text).to_string();
+        assert!(message.contains(wanted), "{text}: {message}");
+    }
+}

@@ -99,6 +99,14 @@ pub enum MeshError {
         /// Its volume, m3.
         volume: f64,
     },
+    /// A Gmsh file is no flow grid for the scene.
+    #[error("{}: {source}", path.display())]
+    GridFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<crate::GridFileError>,
+    },
     /// More ranks than elements.
     #[error("{parts} ranks for {elements} elements: use at most {elements} ranks")]
     TooManyParts {

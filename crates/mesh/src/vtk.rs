@@ -13,6 +13,7 @@ use vtkio::model::{
     Version, VertexNumbers, Vtk,
 };
 
+use crate::msh::Shape;
 use crate::{MeshError, Vec3};
 
 /// Values of a named field, one for each point or cell.
@@ -157,20 +158,31 @@ fn collect(shapes: impl Iterator<Item = (CellType, Vec<u32>)>) -> Cells {
     Cells { cell_verts: VertexNumbers::XML { connectivity, offsets }, types }
 }
 
-/// VTK type and nodes of a hexahedron with repeated nodes: a prism if one pair of
+fn volume_cell(cell: &[u32; 8]) -> (CellType, Vec<u32>) {
+    let (shape, nodes) = volume_shape(cell);
+    let kind = match shape {
+        Shape::Pyramid => CellType::Pyramid,
+        Shape::Tetrahedron => CellType::Tetra,
+        Shape::Prism => CellType::Wedge,
+        _ => CellType::Hexahedron,
+    };
+    (kind, nodes)
+}
+
+/// Shape and nodes (in VTK's order) of a hexahedron with repeated nodes: a prism if one pair of
 /// opposite edges of one of its faces is collapsed, wherever that is. What is no
 /// VTK cell stays a hexahedron with repeated nodes, which ParaView draws.
-fn volume_cell(cell: &[u32; 8]) -> (CellType, Vec<u32>) {
+pub(crate) fn volume_shape(cell: &[u32; 8]) -> (Shape, Vec<u32>) {
     let [a, b, c, d, e, f, g, h] = *cell;
     let distinct = (0..8).filter(|&i| !cell[..i].contains(&cell[i])).count();
     if distinct == 8 {
-        return (CellType::Hexahedron, cell.to_vec());
+        return (Shape::Hexahedron, cell.to_vec());
     }
     if distinct == 5 && e == f && f == g && g == h {
-        return (CellType::Pyramid, vec![a, b, c, d, e]);
+        return (Shape::Pyramid, vec![a, b, c, d, e]);
     }
     if distinct == 4 && c == d && e == f && f == g && g == h {
-        return (CellType::Tetra, vec![a, b, c, e]);
+        return (Shape::Tetrahedron, vec![a, b, c, e]);
     }
     if distinct == 6 {
         // Two faces of the hexahedron have become triangles and one an edge: turn
@@ -193,11 +205,11 @@ fn volume_cell(cell: &[u32; 8]) -> (CellType, Vec<u32>) {
             let t = turn.map(|i| cell[i]);
             if t[2] == t[3] && t[6] == t[7] {
                 // VTK's wedge has its first triangle's normal pointing outwards.
-                return (CellType::Wedge, vec![t[0], t[2], t[1], t[4], t[6], t[5]]);
+                return (Shape::Prism, vec![t[0], t[2], t[1], t[4], t[6], t[5]]);
             }
         }
     }
-    (CellType::Hexahedron, cell.to_vec())
+    (Shape::Hexahedron, cell.to_vec())
 }
 
 /// A ParaView time series: `<name>.pvd`, rewritten whole with every snapshot.

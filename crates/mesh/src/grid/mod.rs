@@ -1,5 +1,9 @@
 //! The flow grid around a canopy.
 
+mod file_error;
+mod from_file;
+#[cfg(test)]
+mod from_file_tests;
 #[cfg(test)]
 mod inflate;
 mod place;
@@ -13,13 +17,14 @@ use case::{Canopy, Grid, Scene};
 use crate::quality::{self, norm, sub};
 use crate::structure::{AtpsLayout, flat_layout, positive, refuse};
 use crate::{FlowGrid, MeshError, StructureMesh, Vec3};
+pub use file_error::GridFileError;
 use topology::Blocks;
 
 /// Vents narrower than this share of the canopy's width are closed.
 const LEAST_VENT: f64 = 0.01;
 
 /// Body-conforming hexahedra around the canopy at `positions` (m, one for each
-/// of its nodes). Canopy nodes come first, in the canopy's order. Depends on the
+/// of its nodes), or the scene's own grid from a file. Canopy nodes come first, in the canopy's order. Depends on the
 /// arguments alone, to the last bit.
 ///
 /// # Errors
@@ -27,6 +32,10 @@ const LEAST_VENT: f64 = 0.01;
 /// vents, and a shape around which no valid grid was found.
 pub fn flow_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> Result<FlowGrid, MeshError> {
     let grid = draft_grid(scene, canopy, positions)?;
+    if scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some()) {
+        // Its volumes are positive; what its corners are like is the user's choice.
+        return Ok(grid);
+    }
     let worst = quality::summary(&grid);
     if worst.min_volume <= 0.0 || worst.min_scaled_jacobian <= 0.0 {
         return Err(MeshError::Tangled {
@@ -46,7 +55,6 @@ pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> 
     let Some(flow) = &scene.flow else {
         return Err(refuse("flow", "absent", "a flow grid needs the section [flow]"));
     };
-    let (blocks, width) = blocks(scene, &flow.grid, canopy)?;
     if positions.len() != canopy.n_canopy {
         let (found, expected) = (positions.len(), canopy.n_canopy);
         return Err(MeshError::Count { what: "positions of canopy nodes", found, expected });
@@ -58,6 +66,10 @@ pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> 
             format!("canopy node {node} is nowhere"),
         ));
     }
+    if let Some(file) = &flow.grid_file {
+        return from_file::from_file(file, canopy, positions);
+    }
+    let (blocks, width) = blocks(scene, &flow.grid, canopy)?;
     check_vents(&blocks, positions, LEAST_VENT * width)?;
     let coords = place::place(&blocks, positions, &flow.grid, width);
     let mut grid = blocks.grid(coords, canopy);
@@ -92,7 +104,7 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
             return Err(refuse(
                 "canopy.kind",
                 "gmsh",
-                "flow grids fit parametric canopies only; run the structure alone",
+                "flow grids fit parametric canopies only; give one by [flow.grid_file], or run the structure alone",
             ));
         }
     };

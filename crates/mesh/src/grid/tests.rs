@@ -16,7 +16,13 @@ pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
         energy: None,
         limiter: None,
         grid: Default::default(),
+        grid_file: None,
         solver: Default::default(),
+        probes: Vec::new(),
+        statistics: None,
+        forces: None,
+        slices: Vec::new(),
+        surface_pressure: None,
     });
     scene
 }

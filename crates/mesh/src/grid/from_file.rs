@@ -1,0 +1,298 @@
+//! A flow grid from a Gmsh file.
+//!
+//! The canopy is a named surface inside the volume: its nodes are shared by the cells
+//! on both sides, which is how [`FlowGrid`] says that a wall has no thickness, so its
+//! faces need only be found, not split. Canopy nodes come first, in the canopy's order.
+
+use std::collections::{BTreeSet, HashMap};
+
+use case::{Condition, GridFile};
+
+use super::file_error::GridFileError;
+use crate::msh::{Msh, Shape};
+use crate::quality::{self, norm, sub};
+use crate::{FaceTable, FlowGrid, Graph, MeshError, Patch, StructureMesh, Vec3, clean_face};
+
+/// Canopy nodes may be off by this share of the canopy's size: a file has few digits.
+const NEAR: f64 = 1e-5;
+
+/// The grid of `file` around the canopy at `positions`.
+///
+/// # Errors
+/// Trouble with the file; [`MeshError::GridFile`] for what is wrong in it.
+pub(super) fn from_file(
+    file: &GridFile,
+    canopy: &StructureMesh,
+    positions: &[Vec3],
+) -> Result<FlowGrid, MeshError> {
+    let msh = Msh::read(&file.path)?;
+    Reader { file, msh }.grid(canopy, positions).map_err(|e| match e {
+        Trouble::File(source) => MeshError::GridFile { path: file.path.clone(), source: Box::new(source) },
+        Trouble::Mesh(e) => e,
+    })
+}
+
+enum Trouble {
+    File(GridFileError),
+    Mesh(MeshError),
+}
+
+impl From<GridFileError> for Trouble {
+    fn from(e: GridFileError) -> Self {
+        Trouble::File(e)
+    }
+}
+
+struct Reader<'a> {
+    file: &'a GridFile,
+    msh: Msh,
+}
+
+/// A surface element: its group's place in a list, and its nodes.
+type Skin = (usize, Vec<u64>);
+
+impl Reader<'_> {
+    fn grid(&self, canopy: &StructureMesh, positions: &[Vec3]) -> Result<FlowGrid, Trouble> {
+        self.check_names(canopy)?;
+        // Surface elements by what the scene says of their group.
+        let conditions: Vec<(&String, &Condition)> = self.file.patches.iter().collect();
+        let (mut skins, mut membrane): (Vec<Skin>, Vec<&[u64]>) = (Vec::new(), Vec::new());
+        let mut others: Vec<(String, &[u64])> = Vec::new();
+        let flat = |s| matches!(s, Shape::Triangle | Shape::Quadrilateral);
+        for block in self.msh.blocks.iter().filter(|b| flat(b.shape)) {
+            let names: Vec<&str> = self.msh.names_of(block.entity).collect();
+            let patch = conditions.iter().position(|(n, _)| names.contains(&n.as_str()));
+            for (_, nodes) in block.elements() {
+                if names.contains(&self.file.membrane.as_str()) {
+                    membrane.push(nodes);
+                } else if let Some(k) = patch {
+                    skins.push((k, nodes.to_vec()));
+                } else if let Some(name) = names.first() {
+                    others.push(((*name).to_owned(), nodes));
+                }
+            }
+        }
+        let mut grid = FlowGrid::default();
+        let mut number = self.canopy_nodes(&mut grid, canopy, positions, &membrane)?;
+        let elements = self.cells(&mut grid, &mut number);
+        if grid.cells.is_empty() {
+            return Err(GridFileError::NoVolume.into());
+        }
+        for (cell, &(shape, element)) in elements.iter().enumerate() {
+            let volume = quality::cell_volume(&grid, cell);
+            if volume.is_nan() || volume <= 0.0 {
+                let place = quality::cell_centre(&grid, cell);
+                let shape = shape.name();
+                return Err(GridFileError::Inverted { shape, element, cell, place, volume }.into());
+            }
+        }
+        let face = |nodes: &[u64]| {
+            let at = |k: usize| nodes.get(k).or(nodes.last()).and_then(|n| number.get(n)).copied();
+            Some([at(0)?, at(1)?, at(2)?, at(3)?])
+        };
+        let loose = |name: &str, nodes: &[u64], what| {
+            let place = self.middle(nodes);
+            GridFileError::Misplaced { name: name.into(), place, what }
+        };
+        const NO_CELL: &str = "is a face of no cell";
+        for (k, nodes) in &skins {
+            let (name, condition) = conditions[*k];
+            let nodes = face(nodes).ok_or_else(|| loose(name, nodes, NO_CELL))?;
+            grid.boundary.push((patch(*condition), nodes));
+        }
+        self.canopy_faces(&mut grid, canopy, &membrane, &face)?;
+        let table = FaceTable::new(&grid).map_err(|e| match e {
+            MeshError::OpenFace { nodes, cell } => {
+                let open = key(nodes);
+                let named = others.iter().find(|(_, n)| face(n).map(key) == Some(open));
+                Trouble::File(match named {
+                    Some((name, _)) => GridFileError::NoCondition { name: name.clone() },
+                    None => GridFileError::NoGroup { element: elements[cell].1, place: middle(&grid, nodes) },
+                })
+            }
+            MeshError::LooseFace { kind, nodes, index } => {
+                let place = middle(&grid, nodes);
+                let (name, what) = if kind == "canopy" {
+                    (self.file.membrane.clone(), "does not lie between two cells")
+                } else {
+                    (
+                        conditions[skins[index].0].0.clone(),
+                        "is not on the outside of the volume, or is there twice",
+                    )
+                };
+                GridFileError::Misplaced { name, place, what }.into()
+            }
+            e => Trouble::Mesh(e),
+        })?;
+        connected(&grid, &table, &elements)?;
+        Ok(grid)
+    }
+
+    fn check_names(&self, canopy: &StructureMesh) -> Result<(), GridFileError> {
+        let groups = self.msh.names_in(2);
+        let wanted = self.file.patches.keys().map(|n| (n, "flow.grid_file.patches"));
+        let membrane = Some((&self.file.membrane, "flow.grid_file.membrane"));
+        let membrane = membrane.filter(|_| !canopy.faces.is_empty());
+        for (name, key) in wanted.chain(membrane) {
+            if !groups.contains(name) {
+                return Err(GridFileError::NoSuchGroup { name: name.clone(), key, groups });
+            }
+        }
+        Ok(())
+    }
+
+    fn middle(&self, nodes: &[u64]) -> Vec3 {
+        mean(nodes.iter().filter_map(|n| self.msh.nodes.get(n)).copied())
+    }
+
+    /// Puts the canopy's nodes first: number of each of the file's nodes among them.
+    fn canopy_nodes(
+        &self,
+        grid: &mut FlowGrid,
+        canopy: &StructureMesh,
+        positions: &[Vec3],
+        membrane: &[&[u64]],
+    ) -> Result<HashMap<u64, u32>, GridFileError> {
+        let tags: BTreeSet<u64> = membrane.iter().flat_map(|n| n.iter().copied()).collect();
+        // In order along x: what is near lies within a window of it.
+        let mut sorted: Vec<(f64, u64)> = tags.iter().map(|t| (self.msh.nodes[t][0], *t)).collect();
+        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let middle = mean(positions.iter().copied());
+        let size = positions.iter().map(|x| norm(sub(*x, middle))).fold(0.0, f64::max);
+        let near = NEAR * size;
+        let mut number = HashMap::new();
+        for (node, &x) in positions.iter().enumerate() {
+            let from = sorted.partition_point(|s| s.0 < x[0] - near);
+            let window = sorted[from..].iter().take_while(|s| s.0 <= x[0] + near);
+            let distance = |t: u64| norm(sub(self.msh.nodes[&t], x));
+            let free = window.filter(|(_, t)| !number.contains_key(t));
+            let best = free.map(|(_, t)| (distance(*t), *t)).min_by(|a, b| a.0.total_cmp(&b.0));
+            match best {
+                Some((d, tag)) if d <= near => {
+                    number.insert(tag, node as u32);
+                }
+                _ => {
+                    let distance = tags.iter().map(|t| distance(*t)).fold(f64::INFINITY, f64::min);
+                    let membrane = self.file.membrane.clone();
+                    return Err(GridFileError::NoNode { node, place: x, distance, membrane });
+                }
+            }
+        }
+        // The canopy's own digits, so that both programs have the same shape.
+        grid.coords = positions.to_vec();
+        grid.canopy_nodes = (0..canopy.n_canopy as u32).collect();
+        Ok(number)
+    }
+
+    /// Adds the cells and their nodes in the order of the file (nodes by their tags):
+    /// shape and tag of each cell.
+    fn cells(&self, grid: &mut FlowGrid, number: &mut HashMap<u64, u32>) -> Vec<(Shape, u64)> {
+        let volumes = || self.msh.blocks.iter().filter(|b| b.shape.is_volume());
+        let used: BTreeSet<u64> = volumes().flat_map(|b| b.nodes.iter().copied()).collect();
+        for tag in used {
+            number.entry(tag).or_insert_with(|| {
+                grid.coords.push(self.msh.nodes[&tag]);
+                grid.coords.len() as u32 - 1
+            });
+        }
+        let mut elements = Vec::new();
+        for block in volumes() {
+            for (tag, nodes) in block.elements() {
+                let n = |k: usize| number[&nodes[k]];
+                grid.cells.push(match block.shape {
+                    Shape::Hexahedron => std::array::from_fn(n),
+                    Shape::Prism => [0, 1, 2, 2, 3, 4, 5, 5].map(n),
+                    Shape::Pyramid => [0, 1, 2, 3, 4, 4, 4, 4].map(n),
+                    _ => [0, 1, 2, 2, 3, 3, 3, 3].map(n),
+                });
+                elements.push((block.shape, tag));
+            }
+        }
+        elements
+    }
+
+    fn canopy_faces(
+        &self,
+        grid: &mut FlowGrid,
+        canopy: &StructureMesh,
+        membrane: &[&[u64]],
+        face: &impl Fn(&[u64]) -> Option<[u32; 4]>,
+    ) -> Result<(), GridFileError> {
+        let own: BTreeSet<[u32; 4]> = canopy.faces.iter().map(|f| key(*f)).collect();
+        let found: BTreeSet<[u32; 4]> = membrane.iter().filter_map(|n| face(n)).map(key).collect();
+        if own != found {
+            return Err(GridFileError::OtherFaces {
+                membrane: self.file.membrane.clone(),
+                found: membrane.len(),
+                alike: own.intersection(&found).count(),
+                expected: canopy.faces.len(),
+            });
+        }
+        grid.canopy_faces = canopy.faces.clone();
+        Ok(())
+    }
+}
+
+fn mean(points: impl Iterator<Item = Vec3>) -> Vec3 {
+    let (sum, n) = points.fold(([0.0; 3], 0.0), |(s, n), x| (quality::add(s, x), n + 1.0));
+    quality::scale(sum, 1.0 / f64::max(n, 1.0))
+}
+
+fn middle(grid: &FlowGrid, nodes: [u32; 4]) -> Vec3 {
+    let n = if nodes[2] == nodes[3] { 3 } else { 4 };
+    mean(nodes[..n].iter().map(|&n| grid.coords[n as usize]))
+}
+
+/// A face in whatever cycle.
+fn key(face: [u32; 4]) -> [u32; 4] {
+    let mut f = clean_face(face).unwrap_or(face);
+    if f[2] == f[3] {
+        f[3] = u32::MAX;
+    }
+    f.sort_unstable();
+    f
+}
+
+fn patch(condition: Condition) -> Patch {
+    match condition {
+        Condition::FarField => Patch::FarField,
+        Condition::Outlet => Patch::Outlet,
+        Condition::Wall => Patch::Wall,
+        Condition::Slip => Patch::Slip,
+        Condition::Symmetry => Patch::Symmetry,
+    }
+}
+
+/// Errs where the volume falls apart; the two sides of a canopy count as neighbours.
+fn connected(grid: &FlowGrid, table: &FaceTable, elements: &[(Shape, u64)]) -> Result<(), GridFileError> {
+    let graph = Graph::of_cells(grid.cells.len(), table);
+    let mut part = vec![0usize; graph.len()];
+    let (mut parts, mut second) = (0, None);
+    let mut queue = Vec::new();
+    for seed in 0..graph.len() {
+        if part[seed] != 0 {
+            continue;
+        }
+        parts += 1;
+        if parts == 2 {
+            second = Some(seed);
+        }
+        part[seed] = parts;
+        queue.push(seed as u32);
+        while let Some(c) = queue.pop() {
+            for &n in graph.of(c as usize) {
+                if part[n as usize] == 0 {
+                    part[n as usize] = parts;
+                    queue.push(n);
+                }
+            }
+        }
+    }
+    match second {
+        None => Ok(()),
+        Some(cell) => {
+            let place = quality::cell_centre(grid, cell);
+            Err(GridFileError::Unconnected { parts, element: elements[cell].1, place })
+        }
+    }
+}
