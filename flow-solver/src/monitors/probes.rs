@@ -27,6 +27,8 @@ pub struct Probes {
 /// A point may lie this share of a cell's size outside of all cells: between cells
 /// whose common face is not plane.
 const GAP: f64 = 0.05;
+/// Differences below this share of a cell's size are round-off.
+const TIE: f64 = 1e-9;
 
 impl Probes {
     /// Finds the cells. Collective.
@@ -72,14 +74,16 @@ impl Probes {
                 outside[c] = outside[c].max(excess(s, f, sign, x) / s.metrics.size[c]);
             }
         });
-        let best = (0..n).min_by(|&a, &b| outside[a].total_cmp(&outside[b])).expect("a rank has cells");
-        let all = s.comm().all_gather_var(&[outside[best]]);
-        let least = all.iter().copied().fold(f64::INFINITY, f64::min);
-        let owner = all.iter().position(|&o| o == least);
-        let mine = owner == Some(s.comm().rank());
-        self.home[k] = mine.then_some(best as u32);
+        let comm = s.comm();
+        let least = comm.min(outside.iter().copied().fold(f64::INFINITY, f64::min));
+        // Of the cells that share an edge with the point the lowest, on any number of ranks.
+        let global = |c: usize| s.topology.numbering.global[c];
+        let around = (0..n).filter(|&c| outside[c] <= least + TIE).min_by_key(|&c| global(c));
+        let all = comm.all_gather_u64(around.map_or(u64::MAX, global));
+        let best = around.filter(|&c| all.iter().all(|g| *g >= global(c)));
+        self.home[k] = best.map(|c| c as u32);
         self.walls[k].clear();
-        if mine {
+        if let Some(best) = best {
             let walls = &mut self.walls[k];
             s.topology.for_each_side(|f, c, sign| {
                 if c == best {
