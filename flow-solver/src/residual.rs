@@ -2,7 +2,7 @@
 
 use comm::Halo;
 
-use crate::geometry::vec3::{Vec3, dot, scale, sub};
+use crate::geometry::vec3::{Vec3, dot, norm, scale, sub};
 use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{Gradient, LeastSquares};
 use crate::limiter;
@@ -247,7 +247,10 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let slip = sub([cell[1], cell[2], cell[3]], self.wall_velocity(on, scheme, side));
         // The sub-grid model is silent at a wall: no eddy is smaller than it.
         let mu = self.viscosity.dynamic(self.gas.density(cell), &[[0.0; 3]; 3], 0.0);
-        physics::wall_traction(mu, slip, scale(1.0 / face.magnitude, face.area), face.spacing)
+        // Its own distance: a wall of zero thickness has another cell behind it.
+        let d = sub(face.centre, on.metrics.centre[side.cell as usize]);
+        let spacing = (side.sign * dot(d, face.area) / face.magnitude).max(0.2 * norm(d));
+        physics::wall_traction(mu, slip, scale(1.0 / face.magnitude, face.area), spacing)
     }
 
     fn wall_velocity(&self, on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {

@@ -153,7 +153,7 @@ fn one_rank_and_three_write_the_same() {
     for (k, my) in forces["canopy_moment_y_n_m"].iter().enumerate() {
         // The flat plate is symmetric, so its force acts at its middle: (-0.5, 0, 1) from the point.
         let fz = lift[k] + forces["canopy_shear_force_z_n"][k];
-        assert!((my - 0.5 * fz).abs() < 1e-4 * fz.abs(), "{my} and {fz}");
+        assert!((my - 0.5 * fz).abs() < 1e-3 * fz.abs(), "{my} and {fz}");
     }
     // Pressure before the plate above that behind it; temperature as it is everywhere.
     let probes = table(&one.join("b/probes.csv"));
