@@ -1,5 +1,5 @@
 //! Grids around a cylinder and a sphere.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::needless_range_loop)]
 
 use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -184,11 +184,9 @@ pub fn channel(n: usize, entry: f64) -> FlowGrid {
 fn without_loose_nodes(mut grid: FlowGrid) -> FlowGrid {
     let mut number = vec![u32::MAX; grid.coords.len()];
     grid.cells.iter().flatten().for_each(|&n| number[n as usize] = 0);
-    let mut next = 0;
     let mut coords = Vec::new();
     for (n, x) in number.iter_mut().zip(&grid.coords).filter(|(n, _)| **n == 0) {
-        *n = next;
-        next += 1;
+        *n = coords.len() as u32;
         coords.push(*x);
     }
     grid.coords = coords;
