@@ -67,6 +67,7 @@ pub fn report(options: &RunOptions) -> Result<String, RunError> {
             format!(" x {} substeps", stage.substeps)
         };
         let time = match stage.solve {
+            _ if stage.steady.is_some() => "to a steady state".into(),
             Solve::Static => "at rest".into(),
             Solve::Dynamic => {
                 format!(

@@ -1,6 +1,6 @@
 //! Which effects a scene turns on, by their keys.
 
-use case::{Integration, Role, Scene};
+use case::{Integration, Role, Scene, Turbulence};
 
 /// One effect: its scene key, the program that must implement it, and whether
 /// the scene asks for it.
@@ -67,6 +67,31 @@ pub fn effects(scene: &Scene) -> Vec<Effect> {
             Role::Flow,
             turbulence.is_some(),
             "model of the unresolved turbulence",
+        ),
+        effect(
+            "flow.viscosity.turbulence.spalart-allmaras",
+            Role::Flow,
+            turbulence == Some(Turbulence::SpalartAllmaras),
+            "all turbulence by one transported eddy viscosity",
+        ),
+        effect(
+            "flow.viscosity.turbulence.des",
+            Role::Flow,
+            matches!(turbulence, Some(Turbulence::Des97 | Turbulence::Ddes)),
+            "turbulence modelled at walls, resolved away from them",
+        ),
+        effect(
+            "fabric.permeability",
+            Role::Flow,
+            scene.fabric.permeability.is_some(),
+            "air passes the fabric",
+        ),
+        effect("flow.shear", Role::Flow, flow.is_some_and(|f| f.shear.is_some()), "wind by height"),
+        effect(
+            "stage.steady",
+            Role::Flow,
+            scene.stages.iter().any(|s| s.steady.is_some()),
+            "march to a steady flow",
         ),
         effect("flow.gust", Role::Flow, flow.is_some_and(|f| f.gust.is_some()), "gust"),
         effect("flow.energy", Role::Flow, flow.is_some_and(|f| f.energy.is_some()), "energy equation"),

@@ -49,6 +49,23 @@ pub enum FlowError {
         /// Its density, kg/m3.
         density: f64,
     },
+    /// A march found no steady state.
+    #[error(
+        "flow: not steady after {steps} steps: the residual has fallen to {drop:.1e} of its largest, the force \
+         changed by {change:.1e} of itself over the last ten steps; more max_steps, a looser residual_drop or \
+         force_change may help, or the flow sheds vortices: give the stage a duration instead"
+    )]
+    Unsteady {
+        /// Steps taken.
+        steps: usize,
+        /// Residual at the end over its largest.
+        drop: f64,
+        /// Change of the force as a share of it.
+        change: f64,
+    },
+    /// The transported turbulence is no longer a number.
+    #[error("flow: the equation of turbulence diverged in the last step; a smaller window may help")]
+    Turbulence,
     /// The iterations grew instead of falling.
     #[error(
         "flow: the iterations of the time step diverged: residual {end:.3e} after {iterations} iterations \

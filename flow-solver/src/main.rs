@@ -91,7 +91,8 @@ fn built(
 fn self_test(words: &[std::ffi::OsString]) -> Result<(), String> {
     let comm = Comm::init(None).map_err(|e| e.to_string())?;
     let file = words.first().map(PathBuf::from).ok_or("self-test needs a file name")?;
-    let force = flow_solver::self_test(&comm, &file).map_err(|e| e.to_string())?;
+    let effect = words.get(1).and_then(|w| w.to_str()).unwrap_or("plain");
+    let force = flow_solver::self_test(&comm, &file, effect).map_err(|e| e.to_string())?;
     if comm.is_root() {
         force.iter().for_each(|f| println!("{:.15e} {:.15e} {:.15e}", f[0], f[1], f[2]));
     }
@@ -113,7 +114,10 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
     let mut participant = built(&args.scene, args.stage, &args.out, comm)?;
     let stage = &scene.stages[args.stage];
     let folder = case::stage_folder(&args.out, &scene, args.stage);
-    let steps = args.steps.unwrap_or((stage.duration_s / stage.window_s).round() as u64);
+    let steps = match stage.steady {
+        Some(_) => 1,
+        None => args.steps.unwrap_or((stage.duration_s / stage.window_s).round() as u64),
+    };
     let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
     let mut output = vec![0.0; participant.output_rows().len() * channel::LOAD_WIDTH];
     if comm.is_root() {
@@ -124,7 +128,8 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
             index,
             substeps: 1,
             time: index as f64 * stage.window_s,
-            dt: stage.window_s,
+            // A steady stage has no time; a window must have some.
+            dt: if stage.steady.is_some() { 1.0 } else { stage.window_s },
             frame_velocity: [0.0, 0.0, -fall],
             ..Window::default()
         };

@@ -10,12 +10,14 @@ use comm::Comm;
 use crate::geometry::vec3::{norm, sub};
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
-use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Smagorinsky, Viscosity, Wale};
+use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Modelled, Smagorinsky, Viscosity, Wale};
 use crate::residual::Spatial;
 use crate::setup::Setup;
 use crate::snapshot::Snapshots;
 use crate::solver::{Report, Solver, Step};
 use crate::state;
+use crate::steady::{self, March};
+use crate::turbulence;
 use crate::wind::Wind;
 
 /// One rank of the flow-solver.
@@ -28,6 +30,7 @@ pub struct FlowParticipant<G, V, const N: usize> {
     totals: (usize, usize),
     moved: bool,
     wind: Wind,
+    march: Option<March>,
 }
 
 /// The participant with the effects that the scene asks for. Collective.
@@ -61,6 +64,9 @@ fn with_gas<G: Gas<N> + 'static, const N: usize>(
                 Some(Turbulence::Wale) => {
                     Box::new(FlowParticipant::new(setup, comm, gas, Wale { viscosity })?)
                 }
+                Some(Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes) => {
+                    Box::new(FlowParticipant::new(setup, comm, gas, Modelled { viscosity })?)
+                }
             }
         }
     })
@@ -80,8 +86,22 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
         let mut solver = Solver::new(comm, topology, nodes, spatial, setup.settings).map_err(Fault::new)?;
         let totals = (setup.grid.cells.len(), setup.grid.coords.len());
+        if let Some(shear) = &setup.shear {
+            solver.set_shear(shear.clone());
+        }
+        if let Some(v) = flow.viscosity.as_ref().filter(|_| V::TRANSPORTED) {
+            let length: turbulence::Length = match v.turbulence {
+                Some(Turbulence::Des97) => turbulence::des97,
+                Some(Turbulence::Ddes) => turbulence::ddes,
+                _ => turbulence::rans,
+            };
+            let (mu, rho) = (v.dynamic_viscosity_pa_s, flow.density_kg_m3);
+            let model = turbulence::SpalartAllmaras::new(&solver.topology, mu, rho, length);
+            solver.set_turbulence(model);
+        }
         if let Some(file) = &setup.source {
             let saved = state::load::<N>(file, &solver.topology, totals)?;
+            solver.restore_extras(&saved.extras);
             solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
             solver.restore_ties(&saved.ties);
         }
@@ -97,8 +117,13 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             effects: [
                 "flow",
                 "flow.gust",
+                "stage.steady",
+                "flow.shear",
+                "fabric.permeability",
                 "flow.viscosity",
                 "flow.viscosity.turbulence",
+                "flow.viscosity.turbulence.spalart-allmaras",
+                "flow.viscosity.turbulence.des",
                 "flow.energy",
                 "flow.limiter",
             ]
@@ -116,6 +141,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             totals,
             moved: false,
             wind: setup.wind,
+            march: setup.march,
         })
     }
 
@@ -172,11 +198,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
         }
         let step = Step { dt: w.dt, frame: w.frame_velocity, again: w.iteration > 0, moved: self.moved };
         self.solver.blow([1.0, 0.0, -1.0].map(|k| self.wind.at(w.time + k * w.dt)), w.dt);
-        let report = self
-            .solver
-            .advance(&step)
-            .map_err(|e| Fault::new(format!("window {} (t = {:.4} s): {e}", w.index, w.time)))?;
-        let total = self.loads.compute(&self.solver);
+        let outcome = match &self.march {
+            None => self.solver.advance(&step).map(|report| (self.loads.compute(&self.solver), report)),
+            Some(march) => steady::answer(march, &mut self.solver, &mut self.loads, w.frame_velocity),
+        };
+        let (total, report) =
+            outcome.map_err(|e| Fault::new(format!("window {} (t = {:.4} s): {e}", w.index, w.time)))?;
         let owned = &self.loads.faces[..self.solver.topology.canopy.n_owned];
         output.copy_from_slice(owned.as_flattened());
         let values = self.stats(&total, &report, w.dt);
@@ -191,7 +218,10 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
-        self.solver.accept(w.dt, self.moved);
+        // A march has accepted its steps.
+        if self.march.is_none() {
+            self.solver.accept(w.dt, self.moved);
+        }
         self.monitors.record(&self.solver, &self.loads, w, self.moved)
     }
 
@@ -201,6 +231,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
         if let Some(statistics) = self.monitors.statistics() {
             statistics.save(folder, s.comm(), &s.topology, self.totals.0)?;
         }
+        let extras = s.extras();
         state::save(
             &file,
             s.comm(),
@@ -210,6 +241,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
             s.last_dt,
             s.first_order_steps,
             s.through(),
+            &extras,
         )
     }
 

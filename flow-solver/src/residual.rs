@@ -2,7 +2,7 @@
 
 use comm::Halo;
 
-use crate::geometry::vec3::{Vec3, dot, norm, scale, sub};
+use crate::geometry::vec3::{Vec3, add, dot, norm, scale, sub};
 use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{Gradient, LeastSquares};
 use crate::limiter;
@@ -40,6 +40,20 @@ pub struct Domain<'a> {
     /// Velocity of the middle of each face that is not between two cells, in the
     /// falling frame, m/s (walls need it).
     pub wall_velocity: &'a [Vec3],
+    /// What the undisturbed wind has more than [`Scheme::wind`] on each face that is not
+    /// between two cells, m/s. Empty: nothing.
+    pub sheared: &'a [Vec3],
+    /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
+    /// [`Viscosity::TRANSPORTED`].
+    pub eddy: &'a [f64],
+}
+
+impl Domain<'_> {
+    /// Constants of the flux with the undisturbed wind at the face of `side`.
+    pub fn scheme_at(&self, scheme: &Scheme, side: &Side) -> Scheme {
+        let excess = self.sheared.get(side.face as usize - self.topology.cells.len());
+        Scheme { wind: add(scheme.wind, *excess.unwrap_or(&[0.0; 3])), ..*scheme }
+    }
 }
 
 impl<G, V: Viscosity> Spatial<G, V> {
@@ -72,6 +86,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         residual.fill([0.0; N]);
         self.interior(on, scheme, q, gradient, residual, through);
         self.boundary(on, scheme, q, gradient, residual, through);
+        self.pores(on, scheme, q, gradient, residual, through);
     }
 
     fn interior<const N: usize>(
@@ -125,7 +140,10 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 }
                 let u: [Vec3; 3] = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
                 let h = 0.5 * (on.metrics.size[i] + on.metrics.size[j]);
-                let mu = self.viscosity.dynamic(self.gas.density(&l), &u, h);
+                let mut mu = self.viscosity.dynamic(self.gas.density(&l), &u, h);
+                if V::TRANSPORTED {
+                    mu += 0.5 * (on.eddy[i] + on.eddy[j]);
+                }
                 let force = physics::stress_force(mu, &u, face.area);
                 let velocity = [0.5 * (l[1] + r[1]), 0.5 * (l[2] + r[2]), 0.5 * (l[3] + r[3])];
                 let normal =
@@ -157,7 +175,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         G: Gas<N>,
     {
         let t = on.topology;
-        let mut add = |side: &Side, flux: &[f64; N]| {
+        let mut gain = |side: &Side, flux: &[f64; N]| {
             for (r, f) in residual[side.cell as usize].iter_mut().zip(flux) {
                 *r += f;
             }
@@ -167,7 +185,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
             let face = face_of(side);
             let p = self.wall_pressure(on, q, gradient, side);
             let f = physics::wall(&self.gas, p, scale(side.sign, face.area), side.sign * face.grid_flux);
-            add(side, &f.flux);
+            gain(side, &f.flux);
         }
         if V::ACTIVE {
             for side in &t.slip {
@@ -176,14 +194,17 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 let cell = side.cell as usize;
                 let g = &gradient[cell];
                 let u: [Vec3; 3] = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
-                let mu = self.viscosity.dynamic(self.gas.density(&q[cell]), &u, on.metrics.size[cell]);
+                let mut mu = self.viscosity.dynamic(self.gas.density(&q[cell]), &u, on.metrics.size[cell]);
+                if V::TRANSPORTED {
+                    mu += on.eddy[cell];
+                }
                 let force = physics::stress_force(mu, &u, face.area);
                 let normal = side.sign * dot(force, face.area) / (face.magnitude * face.magnitude);
                 let mut flux = self.gas.pressure_flux(0.0, [0.0; 3], 0.0);
                 for d in 0..3 {
                     flux[1 + d] -= normal * face.area[d];
                 }
-                add(side, &flux);
+                gain(side, &flux);
             }
             for side in &t.no_slip {
                 let face = face_of(side);
@@ -194,7 +215,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 for d in 0..3 {
                     flux[1 + d] += force[d];
                 }
-                add(side, &flux);
+                gain(side, &flux);
             }
         }
         for (list, condition) in [
@@ -209,9 +230,17 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 let inside =
                     std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2]);
                 let kept = &mut through[side.face as usize];
-                let f = condition(&self.gas, scheme, &inside, &q[cell], face, side.sign, kept.past);
+                let f = condition(
+                    &self.gas,
+                    &on.scheme_at(scheme, side),
+                    &inside,
+                    &q[cell],
+                    face,
+                    side.sign,
+                    kept.past,
+                );
                 (kept.mass, kept.tie) = (f.mass as f32, f.tie as f32);
-                add(side, &f.flux);
+                gain(side, &f.flux);
             }
         }
     }

@@ -8,26 +8,43 @@ use mesh::{FaceTable, Patch, plate_grid};
 
 use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
-use crate::physics::{Air, Isothermal, Laminar};
+use crate::permeable::Permeability;
+use crate::physics::{Air, Isothermal, Laminar, Modelled, Viscosity};
 use crate::residual::Spatial;
 use crate::setup::partitioned;
 use crate::solver::{Method, Settings, Solver, Step};
 use crate::state;
+use crate::turbulence::{SpalartAllmaras, ddes};
 
-/// A plate in a viscous stream on a grid that heaves and twists: the force after
-/// each of four steps. The state after the second step is written to `file`, or,
+/// A plate in a viscous stream on a grid that heaves and twists, airtight, of cloth or with
+/// detached eddies, as `effect` names it: the force after each of four steps. The state after
+/// the second step is written to `file`, or,
 /// where `file` exists, the run starts from it. Collective.
 ///
 /// # Errors
 /// Whatever the solver reports.
 #[doc(hidden)]
-pub fn self_test(comm: &Comm, file: &Path) -> Result<Vec<Vec3>, Fault> {
+pub fn self_test(comm: &Comm, file: &Path, effect: &str) -> Result<Vec<Vec3>, Fault> {
+    let viscosity = 0.02;
+    match effect {
+        "turbulent" => run(comm, file, Modelled { viscosity }, None),
+        "permeable" => run(comm, file, Laminar { viscosity }, Some(Permeability::new(5.0, 1.0))),
+        _ => run(comm, file, Laminar { viscosity }, None),
+    }
+}
+
+fn run<V: Viscosity>(
+    comm: &Comm,
+    file: &Path,
+    viscosity: V,
+    cloth: Option<Permeability>,
+) -> Result<Vec<Vec3>, Fault> {
     let (lo, hi) = ([-1.5, -1.5, -1.0], [1.5, 1.5, 2.0]);
     let side = Patch::Slip;
     let patches = [side, side, Patch::FarField, Patch::FarField, Patch::FarField, Patch::Outlet];
     let grid = plate_grid([12, 12, 12], lo, hi, patches, 4, [4..8, 3..9]);
     let faces = FaceTable::new(&grid).map_err(Fault::new)?;
-    let topology = partitioned(&grid, &faces, comm, true)?;
+    let topology = partitioned(&grid, &faces, comm, true, cloth)?;
     let start: Vec<Vec3> = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
     let air = Air::new(1.225, 288.15);
     let settings = Settings {
@@ -39,14 +56,18 @@ pub fn self_test(comm: &Comm, file: &Path) -> Result<Vec<Vec3>, Fault> {
         reference_speed: 0.4,
         velocity_diffusion: 0.5,
     };
-    let viscosity = Laminar { viscosity: 0.02 };
     let spatial = Spatial { gas: Isothermal::new(air), viscosity, chi: 1.0 / 3.0, limiter: None };
     let mut solver = Solver::new(comm, topology, start.clone(), spatial, settings).map_err(Fault::new)?;
+    if V::TRANSPORTED {
+        let model = SpalartAllmaras::new(&solver.topology, 2e-3, air.density, ddes);
+        solver.set_turbulence(model);
+    }
     let mut loads = Loads::new(&solver);
     let totals = (grid.cells.len(), grid.coords.len());
     let resumed = file.exists();
     if resumed {
         let saved = state::load(file, &solver.topology, totals)?;
+        solver.restore_extras(&saved.extras);
         solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
         solver.restore_ties(&saved.ties);
     }
@@ -78,6 +99,7 @@ pub fn self_test(comm: &Comm, file: &Path) -> Result<Vec<Vec3>, Fault> {
                 solver.last_dt,
                 solver.first_order_steps,
                 solver.through(),
+                &solver.extras(),
             )?;
         }
     }

@@ -7,8 +7,11 @@ use channel::Fault;
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Graph, QualityReport, StructureMesh};
 
+use crate::permeable::Permeability;
 use crate::physics::Air;
+use crate::shear::Sheared;
 use crate::solver::{Method, Settings};
+use crate::steady::March;
 use crate::topology::Topology;
 use crate::wind::Wind;
 
@@ -30,6 +33,10 @@ pub struct Setup {
     pub settings: Settings,
     /// Its velocity in time.
     pub wind: Wind,
+    /// Its velocity by height.
+    pub shear: Option<Sheared>,
+    /// Marches to a steady state.
+    pub march: Option<March>,
 }
 
 impl Setup {
@@ -52,7 +59,9 @@ impl Setup {
         let grid = mesh::flow_grid(&scene, &structure, &positions).map_err(Fault::new)?;
         let faces = FaceTable::new(&grid).map_err(Fault::new)?;
         let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
-        let [x, y, z] = flow.wind_m_s;
+        let shear = flow.shear.as_ref().map(|s| Sheared::of_scene(s, flow.wind_m_s));
+        let steady = shear.as_ref().map_or(flow.wind_m_s, Sheared::base);
+        let [x, y, z] = steady;
         let air = Air::new(flow.density_kg_m3, flow.temperature_k);
         let speed = (x * x + y * y + (z + fall) * (z + fall)).sqrt();
         let sound = (air.gas_constant * air.temperature).sqrt();
@@ -62,19 +71,27 @@ impl Setup {
                  flow-solver is made for subsonic flow; lower wind_m_s or initial_speed_m_s"
             )));
         }
-        let still = speed == 0.0 && flow.gust.is_none();
+        let still = speed == 0.0 && flow.gust.is_none() && shear.is_none();
         if still && scene.stages.get(stage).is_some_and(|s| s.kind == case::StageKind::FlowOnly) {
             return Err(Fault::new(format!(
                 "stage {stage} is the flow around a canopy at rest, but nothing moves: \
                  set descent.initial_speed_m_s or flow.wind_m_s"
             )));
         }
+        let march = scene.stages.get(stage).and_then(|s| s.steady.as_ref()).map(|s| March {
+            residual_drop: s.residual_drop,
+            force_change: s.force_change,
+            max_steps: s.max_steps as usize,
+            max_courant: s.max_courant,
+        });
         let settings = Settings {
             air,
-            wind: flow.wind_m_s,
+            wind: steady,
             residual_drop: flow.solver.residual_drop,
             max_iterations: flow.solver.max_iterations as usize,
             method: match flow.solver.method {
+                // A long step is worth more corrections.
+                FlowMethod::Gmres if march.is_some() => Method::PressureCorrection { depth: 10 },
                 FlowMethod::Gmres => Method::PressureCorrection { depth: 5 },
                 FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
             },
@@ -88,10 +105,10 @@ impl Setup {
             duration: g.duration_s,
             ..Wind::default()
         });
-        let wind = Wind { steady: flow.wind_m_s, ..wind };
+        let wind = Wind { steady, ..wind };
         let source = scene.source_state(out, stage, Role::Flow);
         let folder = case::stage_folder(out, &scene, stage);
-        Ok(Self { structure, grid, faces, folder, source, settings, wind, scene })
+        Ok(Self { structure, grid, faces, folder, source, settings, wind, shear, march, scene })
     }
 
     /// Writes what the grid is like to `grid.txt` in the stage's folder.
@@ -110,11 +127,16 @@ impl Setup {
     /// # Errors
     /// More ranks than cells.
     pub fn topology(&self, comm: &Comm, viscous: bool) -> Result<Topology, Fault> {
-        partitioned(&self.grid, &self.faces, comm, viscous)
+        let cloth = self.scene.fabric.permeability.as_ref().map(|p| {
+            let (a, b) = p.coefficients();
+            Permeability::new(a, b)
+        });
+        partitioned(&self.grid, &self.faces, comm, viscous, cloth)
     }
 }
 
-/// This rank's part of `grid`, split by METIS, its cells ordered for the cache.
+/// This rank's part of `grid`, split by METIS, its cells ordered for the cache, with a canopy
+/// of `cloth` (none: airtight).
 ///
 /// # Errors
 /// More ranks than cells.
@@ -123,6 +145,7 @@ pub fn partitioned(
     faces: &FaceTable,
     comm: &Comm,
     viscous: bool,
+    cloth: Option<Permeability>,
 ) -> Result<Topology, Fault> {
     let cells = grid.cells.len();
     let graph = Graph::of_cells(cells, faces);
@@ -131,5 +154,5 @@ pub fn partitioned(
         n => graph.partition(n, None).map_err(Fault::new)?,
     };
     let order = graph.cuthill_mckee();
-    Ok(Topology::new(grid, faces, &part, &order, comm.rank() as u32, viscous))
+    Ok(Topology::with_cloth(grid, faces, &part, &order, comm.rank() as u32, viscous, cloth))
 }

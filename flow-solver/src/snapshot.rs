@@ -109,6 +109,10 @@ impl Snapshots {
                 ("velocity_frame_rms_m_s", Values::Vector32(&u_rms)),
             ]);
         }
+        let eddy: Vec<f32> = solver.eddy()[..n.min(solver.eddy().len())].iter().map(|e| *e as f32).collect();
+        if !eddy.is_empty() {
+            fields.push(("eddy_viscosity_pa_s", Values::F32(&eddy)));
+        }
         write_volume(file, &solver.nodes, &solver.topology.cell_nodes, &[], &fields).map_err(Fault::new)
     }
 }

@@ -9,8 +9,11 @@ use crate::gradient::{Gradient, LeastSquares};
 use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
 use crate::physics::{Air, FaceFlow, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
+use crate::shear::Sheared;
+use crate::state::{self, Extras};
 use crate::time::Backward;
 use crate::topology::Topology;
+use crate::turbulence::{SpalartAllmaras, Transported};
 
 /// What corrects the state in each iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,6 +125,12 @@ pub struct Solver<G, V, const N: usize> {
     /// What each owned cell gains of the conserved quantities in unit time and
     /// volume (kg/(m3 s), N/m3[, W/m3]) at the end of the step. Empty: nothing.
     pub source: Vec<[f64; N]>,
+    /// Wind by height. `None`: the same everywhere.
+    shear: Option<Sheared>,
+    sheared: Vec<Vec3>,
+    turbulence: Option<Box<SpalartAllmaras>>,
+    turbulence_lost: bool,
+    eddy: Vec<f64>,
     least_squares: LeastSquares,
     wall_velocity: Vec<Vec3>,
     swept: Vec<f64>,
@@ -149,6 +158,8 @@ macro_rules! domain {
             gradients: &$s.least_squares,
             halo: &$s.halo,
             wall_velocity: &$s.wall_velocity,
+            sheared: &$s.sheared,
+            eddy: &$s.eddy,
         }
     };
 }
@@ -190,6 +201,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             wind_change: [0.0; 3],
             wind_gain: [[0.0; 3]; 2],
             source: Vec::new(),
+            shear: None,
+            sheared: Vec::new(),
+            turbulence: None,
+            turbulence_lost: false,
+            eddy: vec![0.0; if V::TRANSPORTED { n } else { 0 }],
             least_squares,
             wall_velocity: vec![[0.0; 3]; faces - topology.cells.len()],
             swept: vec![0.0; faces],
@@ -216,6 +232,72 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         Ok(solver)
     }
 
+    /// Lets the wind change with height, in the far field from now on and in all of the air
+    /// as it is. The settings' wind is that of [`Sheared::base`].
+    pub fn set_shear(&mut self, shear: Sheared) {
+        self.sheared = vec![[0.0; 3]; self.topology.face_nodes.len() - self.topology.cells.len()];
+        let [a, b] = &mut self.past;
+        for q in [&mut self.q, &mut a.q, &mut b.q] {
+            for (q, x) in q.iter_mut().zip(&self.metrics.centre) {
+                let more = shear.excess(x[2]);
+                for d in 0..3 {
+                    q[1 + d] += more[d];
+                }
+            }
+        }
+        self.shear = Some(shear);
+    }
+
+    /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::Modelled`].
+    pub fn set_turbulence(&mut self, turbulence: SpalartAllmaras) {
+        assert!(V::TRANSPORTED, "this stress knows no transported eddy viscosity");
+        turbulence.eddy(&self.densities(), &mut self.eddy);
+        self.turbulence = Some(Box::new(turbulence));
+    }
+
+    /// The transported turbulence, if any.
+    pub fn turbulence(&self) -> Option<&SpalartAllmaras> {
+        self.turbulence.as_deref()
+    }
+
+    /// Transported dynamic eddy viscosity of local cells, Pa s; empty where there is none.
+    pub fn eddy(&self) -> &[f64] {
+        &self.eddy
+    }
+
+    fn densities(&self) -> Vec<f64> {
+        self.q.iter().map(|q| self.spatial.gas.density(q)).collect()
+    }
+
+    /// Transports the turbulence over the step of length `dt` that was computed last. Collective.
+    fn advance_turbulence(&mut self, dt: f64) {
+        let Some(mut turbulence) = self.turbulence.take() else { return };
+        let (c, gas) = (self.order(dt).c, &self.spatial.gas);
+        let mass =
+            |k: usize, i: usize| c[k + 1] / dt * self.past[k].volume[i] * gas.density(&self.past[k].q[i]);
+        let before: Vec<[f64; 2]> = (0..self.topology.n_owned)
+            .map(|i| [mass(0, i), if c[2] == 0.0 { 0.0 } else { mass(1, i) }])
+            .collect();
+        let density = self.densities();
+        let flow = Transported {
+            density: &density,
+            gradient: &self.gradient,
+            through: &self.through,
+            before: &before,
+            nodes: &self.nodes,
+            drop: self.settings.residual_drop,
+        };
+        let taken = turbulence.advance(&domain!(self), &flow);
+        if taken.end.is_finite() {
+            turbulence.accept();
+        } else {
+            turbulence.value.copy_from_slice(&turbulence.past[0]);
+            self.turbulence_lost = true;
+        }
+        turbulence.eddy(&density, &mut self.eddy);
+        self.turbulence = Some(turbulence);
+    }
+
     /// The ranks that share the grid.
     pub fn comm(&self) -> &Comm {
         self.halo.comm()
@@ -223,6 +305,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// Computes the step from the last accepted instant. Collective.
     pub fn advance(&mut self, step: &Step) -> Result<Report, FlowError> {
+        if self.turbulence_lost {
+            return Err(FlowError::Turbulence);
+        }
         let order = self.order(step.dt);
         if step.moved {
             self.move_grid()?;
@@ -297,6 +382,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.scheme.tie = if self.ties_are_new { Backward::FIRST } else { order }.c.map(|c| c / dt);
         self.scheme.frame = step.frame;
         self.scheme.wind = self.settings.wind;
+        if let Some(shear) = &mut self.shear {
+            shear.advance(step.frame[2] * dt, &self.topology, &self.metrics, &mut self.sheared);
+        }
         let gas = &self.spatial.gas;
         let old = |past: &Instant<N>, c: f64, i: usize| {
             let q = &past.q[i];
@@ -547,6 +635,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// The step becomes the state that later steps start from.
     pub fn accept(&mut self, dt: f64, moved: bool) {
+        self.advance_turbulence(dt);
         if self.last_dt != 0.0 && (dt - self.last_dt).abs() > 1e-9 * dt {
             self.first_order_steps = self.first_order_steps.max(1);
         }
@@ -566,6 +655,40 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             self.swept_before.fill(0.0);
         }
         self.swept.fill(0.0);
+        if let Some(shear) = &mut self.shear {
+            shear.accept();
+        }
+    }
+
+    /// What else the state holds. Collective.
+    pub fn extras(&self) -> Extras {
+        let gather = |t: &SpalartAllmaras| {
+            let cells = self.comm().sum(self.topology.n_owned as f64) as usize;
+            [0, 1].map(|k| {
+                state::gather(
+                    self.comm(),
+                    self.topology.numbering.owned(),
+                    &t.past[k][..self.topology.n_owned],
+                    cells,
+                )
+            })
+        };
+        Extras { height: self.shear.as_ref().map(|s| s.height), turbulence: self.turbulence().map(gather) }
+    }
+
+    /// Continues with what else a saved state held.
+    pub fn restore_extras(&mut self, extras: &Extras) {
+        if let (Some(shear), Some(height)) = (&mut self.shear, extras.height) {
+            shear.restore(height);
+        }
+        if let (Some(turbulence), Some(saved)) = (&mut self.turbulence, &extras.turbulence) {
+            for (past, saved) in turbulence.past.iter_mut().zip(saved) {
+                for (x, &g) in past.iter_mut().zip(&self.topology.numbering.global) {
+                    *x = [saved[g as usize]];
+                }
+            }
+            turbulence.value.copy_from_slice(&turbulence.past[0]);
+        }
     }
 
     /// Continues from two saved instants. Collective.
@@ -590,6 +713,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.q.copy_from_slice(&self.past[0].q);
         self.through.fill(FaceFlow::default());
         self.ties_are_new = true;
+        if let Some(turbulence) = &self.turbulence {
+            turbulence.eddy(&self.densities(), &mut self.eddy);
+        }
         Ok(())
     }
 

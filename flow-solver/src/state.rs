@@ -13,6 +13,15 @@ use crate::topology::Topology;
 const MAGIC: u64 = u64::from_le_bytes(*b"RIPFLOW\0");
 const VERSION: u32 = 2;
 
+/// What effects keep from step to step.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Extras {
+    /// Height of the falling frame's origin above ground, m, where wind changes with height.
+    pub height: Option<f64>,
+    /// Working variable of transported turbulence `[cells]`, m2/s, newest instant first.
+    pub turbulence: Option<[Vec<f64>; 2]>,
+}
+
 /// Two instants in global order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Saved {
@@ -29,6 +38,7 @@ struct Saved {
     x: [Vec<f64>; 2],
     /// What pressure added to the mean momentum through each face `[faces][2]`, kg/(m2 s).
     ties: Vec<f64>,
+    extras: Extras,
 }
 
 /// FNV-1a.
@@ -66,6 +76,7 @@ pub fn save<const N: usize>(
     last_dt: f64,
     first_order_steps: u32,
     through: &[FaceFlow],
+    extras: &Extras,
 ) -> Result<(), Fault> {
     let (cells, nodes) = totals;
     let n = topology.n_owned;
@@ -88,6 +99,7 @@ pub fn save<const N: usize>(
             q,
             x,
             ties,
+            extras: extras.clone(),
         };
         outcome = write(file, &saved);
     }
@@ -119,6 +131,8 @@ pub struct Restored<const N: usize> {
     pub first_order_steps: u32,
     /// What pressure added to the mean momentum through each local face.
     pub ties: Vec<[f32; 2]>,
+    /// What effects keep.
+    pub extras: Extras,
 }
 
 /// Reads this rank's part of a saved state.
@@ -162,5 +176,11 @@ pub fn load<const N: usize>(
         volume: vec![0.0; topology.n_local()],
         nodes: topology.node_global.iter().map(|&g| node(g, k)).collect(),
     });
-    Ok(Restored { past, last_dt: saved.last_dt, first_order_steps: saved.first_order_steps, ties })
+    Ok(Restored {
+        past,
+        last_dt: saved.last_dt,
+        first_order_steps: saved.first_order_steps,
+        ties,
+        extras: saved.extras,
+    })
 }

@@ -9,6 +9,8 @@ use std::collections::HashMap;
 use comm::Numbering;
 use mesh::{FaceTable, FlowGrid, Patch, clean_face};
 
+use crate::permeable::Permeability;
+
 /// How one side of a boundary face acts on its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Side {
@@ -20,6 +22,19 @@ pub struct Side {
     pub sign: f64,
     /// Local canopy face, or `u32::MAX` on the outer boundary.
     pub canopy: u32,
+}
+
+/// A canopy face that lets air through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pore {
+    /// Local face; its area vector points from inside to outside.
+    pub face: u32,
+    /// Local cell inside; one of the two cells is owned.
+    pub inside: u32,
+    /// Local cell outside.
+    pub outside: u32,
+    /// What it resists with.
+    pub cloth: Permeability,
 }
 
 /// Cells, faces and nodes of one rank.
@@ -53,6 +68,9 @@ pub struct Topology {
     pub canopy: Numbering,
     /// Face of each local canopy face.
     pub canopy_face: Vec<u32>,
+    /// Canopy faces that let air through, where at least one side is owned; their sides
+    /// are listed as walls too. Empty where the canopy is airtight.
+    pub pores: Vec<Pore>,
     /// Neighbours of owned cells.
     pub adjacency: Adjacency,
 }
@@ -116,6 +134,20 @@ impl Topology {
         rank: u32,
         viscous: bool,
     ) -> Self {
+        Self::with_cloth(grid, faces, part, order, rank, viscous, None)
+    }
+
+    /// As [`Topology::new`], with a canopy that lets air through where there is a `cloth`:
+    /// then each rank knows both cells of its canopy faces.
+    pub fn with_cloth(
+        grid: &FlowGrid,
+        faces: &FaceTable,
+        part: &[u32],
+        order: &[u32],
+        rank: u32,
+        viscous: bool,
+        cloth: Option<Permeability>,
+    ) -> Self {
         let owned: Vec<u64> =
             order.iter().filter(|&&c| part[c as usize] == rank).map(|&c| u64::from(c)).collect();
         let mut ghosts = Vec::new();
@@ -125,6 +157,16 @@ impl Topology {
                 ghosts.push((u64::from(j), pj));
             } else if pi != pj && pj == rank {
                 ghosts.push((u64::from(i), pi));
+            }
+        }
+        if cloth.is_some() {
+            for &(i, o) in &faces.canopy {
+                let (pi, po) = (part[i as usize], part[o as usize]);
+                if pi != po && pi == rank {
+                    ghosts.push((u64::from(o), po));
+                } else if pi != po && po == rank {
+                    ghosts.push((u64::from(i), pi));
+                }
             }
         }
         let numbering = Numbering::new(owned, ghosts);
@@ -192,6 +234,9 @@ impl Topology {
             t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
             t.face_global.push((faces.interior.len() + faces.boundary.len()) as u32 + g as u32);
             t.canopy_face.push(face);
+            if let (Some(cloth), Some(inside), Some(outside)) = (cloth, local(inside), local(outside)) {
+                t.pores.push(Pore { face, inside: inside as u32, outside: outside as u32, cloth });
+            }
             for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
                 if of(cell) == rank {
                     let cell = local(cell).expect("owned") as u32;

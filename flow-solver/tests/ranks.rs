@@ -4,10 +4,11 @@ use std::path::Path;
 use std::process::Command;
 
 /// Forces after each step, as `ranks` ranks of the program compute them.
-fn forces(ranks: usize, state: &Path) -> Vec<[f64; 3]> {
+fn forces(ranks: usize, state: &Path, effect: &str) -> Vec<[f64; 3]> {
     let output = Command::new("mpirun")
         .args(["-n", &ranks.to_string(), env!("CARGO_BIN_EXE_flow-solver"), "self-test"])
         .arg(state)
+        .arg(effect)
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
         .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
@@ -36,17 +37,37 @@ fn compare(a: &[[f64; 3]], b: &[[f64; 3]], what: &str) {
     }
 }
 
-#[test]
-fn one_to_four_ranks_and_restarts_agree() {
+fn agree(effect: &str) -> Vec<[f64; 3]> {
     let folder = tempfile::tempdir().unwrap();
-    let one = forces(1, &folder.path().join("state1"));
+    let state = |ranks: usize| folder.path().join(format!("state{ranks}"));
+    let one = forces(1, &state(1), effect);
     assert_eq!(one.len(), 4);
     assert!(one[3][2] > 1.0, "the stream pushes the plate along z: {one:?}");
     for ranks in 2..=4 {
-        let state = folder.path().join(format!("state{ranks}"));
-        compare(&one, &forces(ranks, &state), &format!("{ranks} ranks"));
+        compare(&one, &forces(ranks, &state(ranks), effect), &format!("{effect}: {ranks} ranks"));
     }
     // The state written by one rank continues on three, and the other way around.
-    compare(&one[2..], &forces(3, &folder.path().join("state1")), "restart of 1 on 3");
-    compare(&one[2..], &forces(1, &folder.path().join("state3")), "restart of 3 on 1");
+    compare(&one[2..], &forces(3, &state(1), effect), &format!("{effect}: restart of 1 on 3"));
+    compare(&one[2..], &forces(1, &state(3), effect), &format!("{effect}: restart of 3 on 1"));
+    one
+}
+
+#[test]
+fn one_to_four_ranks_and_restarts_agree() {
+    agree("plain");
+}
+
+#[test]
+fn a_permeable_plate_is_the_same_on_all_ranks() {
+    // Less drag than the airtight one, or the cloth is not there.
+    let folder = tempfile::tempdir().unwrap();
+    let (cloth, tight) = (agree("permeable"), forces(1, &folder.path().join("state"), "plain"));
+    assert!(cloth[3][2] < 0.9 * tight[3][2], "{cloth:?} {tight:?}");
+}
+
+#[test]
+fn transported_turbulence_is_the_same_on_all_ranks() {
+    let folder = tempfile::tempdir().unwrap();
+    let (eddies, none) = (agree("turbulent"), forces(1, &folder.path().join("state"), "plain"));
+    assert!((eddies[3][2] / none[3][2] - 1.0).abs() > 1e-6, "{eddies:?} {none:?}");
 }

@@ -120,7 +120,7 @@ impl StageContext<'_> {
                 substeps: u64::from(stage.substeps),
                 time: index as f64 * stage.window_s,
                 // A static stage has no time; a window must have some.
-                dt: if stage.solve == Solve::Static { 1.0 } else { stage.window_s },
+                dt: if stage.solve == Solve::Static || stage.steady.is_some() { 1.0 } else { stage.window_s },
                 ..Window::default()
             };
             let report = stepper.step(partners, w)?;

@@ -5,6 +5,7 @@
 //! then do programs see it, as a [`Scene`] they may rely on.
 
 mod error;
+mod flow_effects;
 mod grid_file;
 mod integration;
 mod layout;
@@ -13,8 +14,10 @@ mod monitors;
 mod scene;
 mod schema;
 mod validate;
+mod validate_flow;
 
 pub use error::{Problem, SceneError};
+pub use flow_effects::*;
 pub use grid_file::{Condition, GridFile};
 pub use integration::Integration;
 pub use layout::*;

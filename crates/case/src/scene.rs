@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::flow_effects::{Permeability, Shear, Steady};
 use crate::integration::{EXPLICIT_SAFETY, Integration};
 use crate::{Forces, GridFile, Probe, Slice, Statistics, SurfacePressure};
 
@@ -246,6 +247,8 @@ pub struct Fabric {
     pub wrinkling: bool,
     /// Different stiffness along warp and weft. Absent: isotropic.
     pub orthotropic: Option<Orthotropic>,
+    /// Air that passes through. Absent: airtight.
+    pub permeability: Option<Permeability>,
 }
 
 /// A fabric that is stiffer one way: the modulus and the ratio of `[fabric]` are then
@@ -421,6 +424,8 @@ pub struct Flow {
     pub wind_m_s: [f64; 3],
     /// A gust on top of the wind. Absent: steady wind.
     pub gust: Option<Gust>,
+    /// Wind that changes with height. Absent: the same everywhere.
+    pub shear: Option<Shear>,
     /// Viscosity. Absent: inviscid.
     pub viscosity: Option<Viscosity>,
     /// Solves the energy equation. Absent: isothermal, four equations.
@@ -493,6 +498,15 @@ pub enum Turbulence {
     /// WALE (Nicoud and Ducros 1999) with a constant of 0.325: none in pure shear, so
     /// that it fades towards walls.
     Wale,
+    /// Spalart-Allmaras in its negative form (Allmaras, Johnson and Spalart 2012): one
+    /// equation for the eddy viscosity, all turbulence is modelled.
+    SpalartAllmaras,
+    /// Detached eddies (Spalart et al. 1997): Spalart-Allmaras at walls, a sub-grid model
+    /// away from them.
+    Des97,
+    /// Delayed detached eddies (Spalart et al. 2006): as `des97`, but boundary layers stay
+    /// modelled on any grid.
+    Ddes,
 }
 
 /// The energy equation.
@@ -742,6 +756,8 @@ pub struct Stage {
     /// Structural steps in a window.
     #[serde(default = "ten")]
     pub substeps: u32,
+    /// Marches a flow-only stage to a steady state, in one window without duration.
+    pub steady: Option<Steady>,
     /// Uniform pressure jump on the canopy, Pa (pre-inflation).
     pub pressure_pa: Option<f64>,
     /// Mass-proportional damping of the structure in this stage, 1/s.

@@ -9,15 +9,15 @@ pub(crate) struct Refusal {
     pub help: String,
 }
 
-struct Check(Vec<Refusal>);
+pub(crate) struct Check(Vec<Refusal>);
 
 impl Check {
-    fn refuse(&mut self, path: &str, what: impl Into<String>, help: impl Into<String>) {
+    pub(crate) fn refuse(&mut self, path: &str, what: impl Into<String>, help: impl Into<String>) {
         self.0.push(Refusal { path: path.into(), what: what.into(), help: help.into() });
     }
 
     /// `low < value <= high`, or `low <= value` where `low` itself is allowed.
-    fn range(&mut self, path: &str, value: f64, low: f64, high: f64, with_low: bool, why: &str) {
+    pub(crate) fn range(&mut self, path: &str, value: f64, low: f64, high: f64, with_low: bool, why: &str) {
         let above = if with_low { value >= low } else { value > low };
         if !(above && value <= high) {
             let from = if with_low { "from" } else { "above" };
@@ -29,11 +29,11 @@ impl Check {
         }
     }
 
-    fn positive(&mut self, path: &str, value: f64, high: f64, why: &str) {
+    pub(crate) fn positive(&mut self, path: &str, value: f64, high: f64, why: &str) {
         self.range(path, value, 0.0, high, false, why);
     }
 
-    fn count(&mut self, path: &str, value: u32, low: u32, high: u32, why: &str) {
+    pub(crate) fn count(&mut self, path: &str, value: u32, low: u32, high: u32, why: &str) {
         if !(low..=high).contains(&value) {
             self.refuse(path, format!("`{path}` is {value}"), format!("allowed: {low} to {high}; {why}"));
         }
@@ -48,6 +48,7 @@ pub(crate) fn problems(scene: &Scene) -> Vec<Refusal> {
     materials(scene, &mut c);
     point_masses(scene, &mut c);
     solvers(scene, &mut c);
+    crate::validate_flow::flow_effects(scene, &mut c);
     stages(scene, &mut c);
     c.0
 }
@@ -511,19 +512,19 @@ fn nodal(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
 
 /// Durations: every stage has them but a static one.
 fn times(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
-    if s.solve == Solve::Static {
-        if s.kind != StageKind::PreInflation {
+    if s.solve == Solve::Static || s.steady.is_some() {
+        if s.solve == Solve::Static && s.kind != StageKind::PreInflation {
             c.refuse(
                 &at("solve"),
                 format!("stage \"{}\" runs the flow, which has no static solution here", s.name),
-                "use solve = \"static\" in a stage of kind \"pre-inflation\"",
+                "use solve = \"static\" in a stage of kind \"pre-inflation\", [stage.steady] in one of kind \"flow-only\"",
             );
         }
         for (key, value) in [("duration_s", s.duration_s), ("window_s", s.window_s)] {
             if value != 0.0 {
                 c.refuse(
                     &at(key),
-                    format!("`{key}` of a static stage is {value}, but a static stage takes no time"),
+                    format!("`{key}` of a static or steady stage is {value}, but such a stage takes no time"),
                     "remove it",
                 );
             }

@@ -98,6 +98,56 @@ fn magnitudes_are_checked_with_their_units() {
 }
 
 #[test]
+fn effects_of_the_flow_are_checked_for_sense_and_contradictions() {
+    const FLOW: &str = "[flow]                       # still air at sea level, inviscid, isothermal\n";
+    const WINDY: &str = "[flow]\nwind_m_s = [3.0, 0.0, 0.0]\n";
+    const STEADY: &str = "duration_s = 2.0\nwindow_s = 2e-2\n";
+    let with = |flow: &str, stage: &str| ATPS.replacen(FLOW, flow, 1).replacen(STEADY, stage, 1);
+    let shear = |rest: &str| format!("[flow.shear]\nstart_height_m = 50\nprofile = {rest}\n");
+    let turbulent = |t: &str| format!("[flow.viscosity]\nturbulence = \"{t}\"\n");
+    let windy = |rest: &str| format!("{WINDY}{}", shear(rest));
+    let cloth = |keys: &str| format!("[fabric.permeability]\n{keys}\n{FLOW}");
+    let march = "[stage.steady]\n";
+    for (flow, stage) in [
+        (windy("\"power\""), STEADY),
+        (shear("\"table\"\nheight_m = [0, 9]\ntable_m_s = [[0, 0, 0], [1, 0, 0]]"), STEADY),
+        (turbulent("ddes"), STEADY),
+        (turbulent("spalart-allmaras"), march),
+        (cloth("cloth = \"mil-c7020-type3\""), march),
+        (cloth("viscous_pa_s_m = inf"), STEADY),
+    ] {
+        let text = with(&flow, stage);
+        read(&text).unwrap_or_else(|e| panic!("{flow}: {e}"));
+    }
+    for (flow, stage, wanted) in [
+        (cloth(""), STEADY, "has no permeability"),
+        (cloth("cloth = \"mil-c44378\"\nviscous_pa_s_m = 3"), STEADY, "two kinds of"),
+        (cloth("viscous_pa_s_m = -3"), STEADY, "`viscous_pa_s_m` is -3"),
+        (cloth("viscous_pa_s_m = 0"), STEADY, "without resistance"),
+        (cloth("cloth = \"mil-c44387\""), STEADY, "did you mean"),
+        (shear("\"log\""), STEADY, "a wind that is zero"),
+        (windy("\"table\""), STEADY, "both give the wind"),
+        (shear("\"table\""), STEADY, "0 heights and 0 winds"),
+        (windy("\"power\"\nexponent = 3"), STEADY, "0.1 to 0.3 is usual"),
+        (windy("\"power\""), march, "another wind at every height"),
+        (turbulent("wale"), march, "never steady"),
+        (
+            "[flow.gust]\nvelocity_m_s = [1, 0, 0]\nduration_s = 1\n".to_owned(),
+            march,
+            "a gust changes in time",
+        ),
+        (FLOW.to_owned(), "window_s = 0.1\n[stage.steady]\n", "takes no time"),
+        (FLOW.to_owned(), "[stage.steady]\nresidual_drop = 0\nforce_change = 0\n", "ends the march"),
+    ] {
+        let text = with(&flow, stage);
+        let message = read(&text).expect_err(&flow).to_string();
+        assert!(message.contains(wanted), "{flow}: {message}");
+    }
+    let text = refused("substeps = 10\n", "substeps = 10\nsteady = {}\n");
+    assert!(text.contains("only a stage of kind \"flow-only\""), "{text}");
+}
+
+#[test]
 fn wrong_types_and_names_say_what_is_allowed() {
     let text = refused("thickness_m = 3.048e-5", "thickness_m = \"thin\"");
     assert!(text.contains("`fabric.thickness_m` is a string, not a number"), "{text}");

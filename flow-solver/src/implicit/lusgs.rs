@@ -109,7 +109,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
             let g = &gradient[i];
             let u = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
             let rho = gas.density(&q[i]);
-            spatial.viscosity.dynamic(rho, &u, m.size[i]) / rho
+            let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
+            (spatial.viscosity.dynamic(rho, &u, m.size[i]) + eddy) / rho
         };
         for i in 0..q.len() {
             let c = gas.sound_speed_squared(&q[i]).sqrt();
@@ -135,6 +136,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             let c = gas.sound_speed_squared(&q[i]).sqrt();
             self.wave_sum[i] += (norm(velocity(i)) + c) * face.magnitude;
+        }
+        for (pore, p) in spatial.passages(on, scheme, q) {
+            for i in [pore.inside as usize, pore.outside as usize] {
+                // Such that the row of pressure gains the derivative of the passage.
+                self.wave_sum[i] += 2.0 * p.slope * self.reference[i] * self.reference[i];
+            }
         }
         if V::ACTIVE {
             for side in &t.no_slip {

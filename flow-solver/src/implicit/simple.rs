@@ -41,6 +41,9 @@ pub struct PressureCorrection {
     /// Cells whose velocity along a far face's normal is held by the acoustic
     /// condition there: cell, unit normal, share of that component to take away.
     held: Vec<(u32, [f64; 3], f64)>,
+    /// Passages through the canopy: face, cells inside and outside, share of the mean mass
+    /// flux that passes (kg/m3) and its derivative by the jump of pressure, kg/(s Pa).
+    pores: Vec<(usize, [usize; 2], f64, f64)>,
     pressure: PressureSystem,
     transported: Vec<[f32; 4]>,
     source: Vec<f32>,
@@ -63,6 +66,7 @@ impl PressureCorrection {
             density: vec![0.0; all],
             sound2: vec![0.0; n],
             held: Vec::with_capacity(topology.far_field.len()),
+            pores: Vec::with_capacity(topology.pores.len()),
             pressure: PressureSystem::new(&topology.adjacency, all),
             transported: vec![[0.0; 4]; all],
             source: vec![0.0; n],
@@ -86,6 +90,12 @@ impl PressureCorrection {
             self.pressure.matrix.off[si as usize] = k as f32;
             self.pressure.matrix.off[sj as usize] = k as f32;
         }
+        // What passes a pore depends on the other side too; left to the outer iterations, as
+        // the other side resists no more than a neighbour does.
+        for &(_, [i, o], _, slope) in &self.pores {
+            self.diagonal[i] += slope;
+            self.diagonal[o] += slope;
+        }
         for side in t.outlet.iter() {
             let face = &m.faces[side.face as usize];
             let i = side.cell as usize;
@@ -94,7 +104,7 @@ impl PressureCorrection {
         for side in t.far_field.iter() {
             let face = &m.faces[side.face as usize];
             let i = side.cell as usize;
-            let leaving = crate::physics::leaving(scheme, face, side.sign);
+            let leaving = crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign);
             let open = self.response[i] / face.spacing;
             let closed = 0.5 / self.sound2[i].sqrt();
             self.diagonal[i] += face.magnitude * (leaving * open + (1.0 - leaving) * closed);
@@ -158,7 +168,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         let viscosity = |i: usize| {
             let g = &gradient[i];
             let u = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
-            spatial.viscosity.dynamic(self.density[i], &u, m.size[i])
+            let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
+            spatial.viscosity.dynamic(self.density[i], &u, m.size[i]) + eddy
         };
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
@@ -185,10 +196,19 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
                     viscosity(side.cell as usize) * face.magnitude / face.spacing;
             }
         }
+        self.pores.clear();
+        for (pore, p) in spatial.passages(on, scheme, q) {
+            let (f, i, o) = (pore.face as usize, pore.inside as usize, pore.outside as usize);
+            let density = 0.5 * (self.density[i] + self.density[o]);
+            self.pores.push((f, [i, o], density * p.share, p.slope));
+            let mass = f64::from(through[f].mass);
+            self.diagonal[i] += (-mass).max(0.0);
+            self.diagonal[o] += mass.max(0.0);
+        }
         self.held.clear();
         for side in &t.far_field {
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
-            let leaving = crate::physics::leaving(scheme, face, side.sign);
+            let leaving = crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign);
             // The characteristic pressure there grows by rho c / 2 for each m/s.
             let stiff = (1.0 - leaving) * 0.5 * self.density[i] * self.sound2[i].sqrt() * face.magnitude;
             let normal = face.area.map(|a| a / face.magnitude);
@@ -238,12 +258,21 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
             self.diagonal[i] -= flux;
             self.diagonal[j] += flux;
         }
+        for &(f, [i, o], density, _) in &self.pores {
+            let s = &m.faces[f].area;
+            let flux = 0.5 * density * (through(i, s) + through(o, s));
+            self.diagonal[i] -= flux;
+            self.diagonal[o] += flux;
+        }
         for (list, far) in [(&t.outlet, false), (&t.far_field, true)] {
             for side in list {
                 let face = &m.faces[side.face as usize];
                 let i = side.cell as usize;
-                let share =
-                    if far { 0.5 + 0.5 * crate::physics::leaving(scheme, face, side.sign) } else { 1.0 };
+                let share = if far {
+                    0.5 + 0.5 * crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign)
+                } else {
+                    1.0
+                };
                 self.diagonal[i] -= share * self.density[i] * side.sign * through(i, &face.area);
             }
         }

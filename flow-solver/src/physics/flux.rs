@@ -48,9 +48,17 @@ impl Scheme {
     /// passes at `speed`, m/s.
     #[inline(always)]
     fn tie(&self, past: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
+        let (held, resistance) = self.resistance(past, spacing, speed);
+        (push - held) / resistance
+    }
+
+    /// What history takes of the pressure that drives a face, Pa, and the resistance that the
+    /// rest meets, m/s: see [`Scheme::tie`].
+    #[inline(always)]
+    pub(crate) fn resistance(&self, past: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
         let held = self.tie[1] * f64::from(past[0]) + self.tie[2] * f64::from(past[1]);
         let fade = FADING * (speed + 10.0 * self.floor_squared.sqrt());
-        (push - spacing * held) / (spacing * self.tie[0] + fade)
+        (spacing * held, spacing * self.tie[0] + fade)
     }
 }
 

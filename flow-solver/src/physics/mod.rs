@@ -13,4 +13,4 @@ pub(crate) use flux::relative_speed;
 pub use flux::{FaceFlow, Interface, Scheme, far_field, interface, leaving, outlet, wall};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
-pub use viscosity::{Inviscid, Laminar, Smagorinsky, Viscosity, Wale, stress_force, wall_traction};
+pub use viscosity::{Inviscid, Laminar, Modelled, Smagorinsky, Viscosity, Wale, stress_force, wall_traction};

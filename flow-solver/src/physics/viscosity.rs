@@ -7,6 +7,8 @@ pub trait Viscosity: Copy {
     /// Whether there is any. Decided when the program is compiled: an inviscid
     /// flow pays nothing.
     const ACTIVE: bool;
+    /// Whether a transported eddy viscosity is added, see [`crate::turbulence`].
+    const TRANSPORTED: bool = false;
     /// Dynamic viscosity (Pa s) at density `rho` (kg/m3), velocity gradient
     /// `g[direction][component]` (1/s) and cell size `h` (m).
     fn dynamic(&self, rho: f64, g: &[Vec3; 3], h: f64) -> f64;
@@ -33,6 +35,22 @@ pub struct Laminar {
 
 impl Viscosity for Laminar {
     const ACTIVE: bool = true;
+    #[inline(always)]
+    fn dynamic(&self, _: f64, _: &[Vec3; 3], _: f64) -> f64 {
+        self.viscosity
+    }
+}
+
+/// Constant dynamic viscosity, and a transported eddy viscosity on top of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Modelled {
+    /// Of the fluid, Pa s.
+    pub viscosity: f64,
+}
+
+impl Viscosity for Modelled {
+    const ACTIVE: bool = true;
+    const TRANSPORTED: bool = true;
     #[inline(always)]
     fn dynamic(&self, _: f64, _: &[Vec3; 3], _: f64) -> f64 {
         self.viscosity

@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 use comm::Comm;
+use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Air, Gas, Isothermal, Viscosity};
 use flow_solver::residual::Spatial;
 use flow_solver::topology::Topology;
@@ -29,10 +30,21 @@ pub fn solver_of<G: Gas<N>, V: Viscosity, const N: usize>(
     viscosity: V,
     settings: Settings,
 ) -> Solver<G, V, N> {
+    solver_with_cloth(grid, gas, viscosity, settings, None)
+}
+
+/// A solver for the whole of `grid`, with a canopy of `cloth`.
+pub fn solver_with_cloth<G: Gas<N>, V: Viscosity, const N: usize>(
+    grid: &FlowGrid,
+    gas: G,
+    viscosity: V,
+    settings: Settings,
+    cloth: Option<Permeability>,
+) -> Solver<G, V, N> {
     let faces = FaceTable::new(grid).unwrap();
     let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
     let part = vec![0; grid.cells.len()];
-    let topology = Topology::new(grid, &faces, &part, &order, 0, V::ACTIVE);
+    let topology = Topology::with_cloth(grid, &faces, &part, &order, 0, V::ACTIVE, cloth);
     let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
     let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()

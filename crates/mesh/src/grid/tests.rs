@@ -12,6 +12,7 @@ pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
         temperature_k: 288.15,
         wind_m_s: [0.0; 3],
         gust: None,
+        shear: None,
         viscosity: None,
         energy: None,
         limiter: None,

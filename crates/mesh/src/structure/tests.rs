@@ -17,6 +17,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             density_kg_m3: 1223.5093,
             wrinkling: true,
             orthotropic: None,
+            permeability: None,
         },
         lines: Some(Lines {
             youngs_modulus_pa: 5.342e8,

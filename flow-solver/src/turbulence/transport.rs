@@ -1,0 +1,325 @@
+//! The transport equation of the working variable on the grid of the flow.
+
+use comm::Comm;
+
+use super::spalart_allmaras::{Around, CB2, Length, SIGMA, diffusivity, eddy_viscosity, source};
+use super::wall_distance::Walls;
+use crate::geometry::vec3::{Vec3, dot, norm, sub};
+use crate::gradient::Gradient;
+use crate::implicit::Acceleration;
+use crate::physics::FaceFlow;
+use crate::residual::Domain;
+use crate::topology::Topology;
+
+/// Free-stream value over the molecular viscosity: fully turbulent (3 to 5 are recommended).
+pub const FREE_STREAM: f64 = 3.0;
+
+/// A wall farther than this is none, m.
+const FAR: f64 = 1e6;
+
+/// Wall distances are kept until some node has moved by this share of the distance that a cell
+/// has from its wall.
+const KEPT: f64 = 0.02;
+
+/// What the flow hands over for a step.
+pub struct Transported<'a, const N: usize> {
+    /// Density of all local cells, kg/m3.
+    pub density: &'a [f64],
+    /// Velocity gradients of local cells (variables 1 to 3).
+    pub gradient: &'a [Gradient<N>],
+    /// What passes each face.
+    pub through: &'a [FaceFlow],
+    /// Mass of owned cells at the last two instants times the backward difference's coefficient
+    /// over the step, kg/s: negative, and then positive or zero.
+    pub before: &'a [[f64; 2]],
+    /// Node positions, m.
+    pub nodes: &'a [Vec3],
+    /// The residual must fall by this factor.
+    pub drop: f64,
+}
+
+/// What a step of it took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Taken {
+    /// Iterations.
+    pub iterations: usize,
+    /// Residual at the start, kg m2/s2.
+    pub start: f64,
+    /// Residual at the end.
+    pub end: f64,
+}
+
+/// The working variable of Spalart-Allmaras on one rank.
+pub struct SpalartAllmaras {
+    viscosity: f64,
+    length: Length,
+    /// Working variable of local cells at the end of the step, m2/s.
+    pub value: Vec<[f64; 1]>,
+    /// At the last two accepted instants, newest first.
+    pub past: [Vec<[f64; 1]>; 2],
+    gradient: Vec<Gradient<1>>,
+    /// Distance of owned cells to the nearest wall, m.
+    pub wall: Vec<f64>,
+    /// Largest extent of owned cells, m.
+    delta: Vec<f64>,
+    /// Node positions at which `wall` was computed.
+    walls_at: Vec<Vec3>,
+    /// Extra length scale and vorticity of the step.
+    scale: Vec<f64>,
+    vorticity: Vec<f64>,
+    off: Vec<f64>,
+    diagonal: Vec<f64>,
+    residual: Vec<[f64; 1]>,
+    change: Vec<f64>,
+    acceleration: Acceleration,
+}
+
+/// Corrections that are combined.
+const DEPTH: usize = 8;
+/// Iterations at most for a step.
+const MOST: usize = 60;
+
+impl SpalartAllmaras {
+    /// Free-stream values everywhere, for a fluid of dynamic `viscosity` (Pa s) and `density`
+    /// (kg/m3) far away.
+    pub fn new(topology: &Topology, viscosity: f64, density: f64, length: Length) -> Self {
+        let (n, all) = (topology.n_owned, topology.n_local());
+        let value = vec![[FREE_STREAM * viscosity / density]; all];
+        Self {
+            viscosity,
+            length,
+            past: [value.clone(), value.clone()],
+            value,
+            gradient: vec![[[0.0]; 3]; all],
+            wall: Vec::new(),
+            delta: vec![0.0; n],
+            walls_at: Vec::new(),
+            scale: vec![0.0; n],
+            vorticity: vec![0.0; n],
+            off: vec![0.0; topology.adjacency.cell.len() + 1],
+            diagonal: vec![0.0; n],
+            residual: vec![[0.0]; n],
+            change: vec![0.0; all],
+            acceleration: Acceleration::new(DEPTH, n),
+        }
+    }
+
+    /// Dynamic eddy viscosity of all local cells, Pa s.
+    pub fn eddy(&self, density: &[f64], eddy: &mut [f64]) {
+        for ((e, x), rho) in eddy.iter_mut().zip(&self.value).zip(density) {
+            *e = rho * eddy_viscosity(x[0], self.viscosity / rho);
+        }
+    }
+
+    /// Walls may have moved: distances are computed anew where that counts. Collective.
+    fn update_walls(&mut self, on: &Domain<'_>, nodes: &[Vec3]) {
+        let comm = on.halo.comm();
+        let moved = self
+            .walls_at
+            .iter()
+            .zip(nodes)
+            .map(|(a, b)| norm(sub(*a, *b)))
+            .fold(if self.wall.is_empty() { f64::INFINITY } else { 0.0 }, f64::max);
+        let nearest = self.wall.iter().fold(FAR, |m, d| m.min(*d));
+        // A canopy that heaves carries its nearest cells along: what counts is the size of cells.
+        let smallest = on.metrics.size[..on.topology.n_owned].iter().fold(FAR, |m, h| m.min(*h));
+        if comm.all(moved <= KEPT * nearest.max(smallest)) {
+            return;
+        }
+        let walls = Walls::gather(comm, on.topology, nodes);
+        self.wall = on.metrics.centre[..on.topology.n_owned]
+            .iter()
+            .map(|x| walls.distance(*x, f64::INFINITY).min(FAR))
+            .collect();
+        self.walls_at = nodes.to_vec();
+        self.delta.fill(0.0);
+        let delta = &mut self.delta;
+        on.topology.for_each_side(|f, c, _| {
+            if let Some(d) = delta.get_mut(c) {
+                *d = d.max(2.0 * norm(sub(on.metrics.faces[f].centre, on.metrics.centre[c])));
+            }
+        });
+    }
+
+    /// The working variable at the end of the step. Collective.
+    pub fn advance<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) -> Taken {
+        let comm = on.halo.comm();
+        let n = on.topology.n_owned;
+        self.update_walls(on, flow.nodes);
+        for i in 0..n {
+            let g = &flow.gradient[i];
+            let u = |d: usize, c: usize| g[d][1 + c];
+            self.vorticity[i] = norm([u(1, 2) - u(2, 1), u(2, 0) - u(0, 2), u(0, 1) - u(1, 0)]);
+            let gradient = g.iter().map(|g| g[1] * g[1] + g[2] * g[2] + g[3] * g[3]).sum::<f64>().sqrt();
+            let nu = self.viscosity / flow.density[i];
+            let viscosity = nu + eddy_viscosity(self.past[0][i][0], nu);
+            let around = Around { wall: self.wall[i], delta: self.delta[i], viscosity, gradient };
+            self.scale[i] = (self.length)(&around);
+        }
+        self.value.copy_from_slice(&self.past[0]);
+        self.acceleration.clear();
+        let mut taken = Taken::default();
+        let mut best = f64::INFINITY;
+        loop {
+            let (now, noise) = self.evaluate(on, flow, comm);
+            if taken.iterations == 0 {
+                taken.start = now;
+            }
+            taken.end = now;
+            best = now.min(best);
+            let done = now <= (flow.drop * taken.start).max(noise);
+            if done || taken.iterations == MOST || !now.is_finite() {
+                return taken;
+            }
+            if now > 10.0 * best {
+                self.acceleration.clear();
+            }
+            self.acceleration.combine(
+                comm,
+                self.value[..n].as_flattened_mut(),
+                self.residual.as_flattened_mut(),
+            );
+            self.sweep(on);
+            for (x, d) in self.value.iter_mut().zip(&self.change[..n]) {
+                x[0] += d;
+            }
+            taken.iterations += 1;
+        }
+    }
+
+    /// Residual (kg m2/s2) and matrix at the present value; the norms of the residual and of what
+    /// round-off may leave of it. Collective.
+    fn evaluate<const N: usize>(
+        &mut self,
+        on: &Domain<'_>,
+        flow: &Transported<'_, N>,
+        comm: &Comm,
+    ) -> (f64, f64) {
+        let (t, m) = (on.topology, on.metrics);
+        let n = t.n_owned;
+        on.halo.exchange(self.value.as_flattened_mut(), 1);
+        on.gradients.apply(t, &self.value, &mut self.gradient);
+        on.gradients.shorten(&mut self.gradient);
+        on.halo.exchange(self.gradient.as_flattened_mut().as_flattened_mut(), 3);
+        self.off.fill(0.0);
+        for i in 0..n {
+            let x = self.value[i][0];
+            let [now, older] = flow.before[i];
+            // In the form that keeps a uniform value whatever is left of the mass defect.
+            let r = -now * (x - self.past[0][i][0]) - older * (x - self.past[1][i][0]);
+            let mass = flow.density[i] * m.volume[i];
+            let nu = self.viscosity / flow.density[i];
+            let g = &self.gradient[i];
+            let squares = g[0][0] * g[0][0] + g[1][0] * g[1][0] + g[2][0] * g[2][0];
+            let (w, d) = (self.vorticity[i], self.scale[i]);
+            let s = source(x, nu, w, d);
+            let h = 1e-6 * x.abs().max(nu);
+            let slope = (source(x + h, nu, w, d) - s) / h;
+            self.residual[i] = [r - mass * (s + CB2 / SIGMA * squares)];
+            // What grows by itself is left to the right-hand side.
+            self.diagonal[i] = -now - older + mass * (-slope).max(0.0);
+        }
+        let mut noise: f64 = 0.0;
+        for (f, &[i, j]) in t.cells.iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let face = &m.faces[f];
+            let (a, b) = (self.value[i][0], self.value[j][0]);
+            let flux = f64::from(flow.through[f].mass);
+            let (up, step) = if flux > 0.0 { (i, b - a) } else { (j, a - b) };
+            let between = sub(m.centre[j], m.centre[i]);
+            let g = |c: usize| -> Vec3 {
+                let g = &self.gradient[c];
+                [g[0][0], g[1][0], g[2][0]]
+            };
+            let (gi, gj) = (g(i), g(j));
+            // Upwind, with van Albada's mean of the cell's own slope and the one to come.
+            let ahead = if up == i { dot(gi, between) } else { -dot(gj, between) };
+            let own = 2.0 * ahead - step;
+            let more =
+                if own * step > 0.0 { own * step * (own + step) / (own * own + step * step) } else { 0.0 };
+            let carried = self.value[up][0] + 0.5 * more;
+            let rho = 0.5 * (flow.density[i] + flow.density[j]);
+            let nu = self.viscosity / rho;
+            let diffuse = 0.5 * (diffusivity(a, nu) + diffusivity(b, nu)) * rho / SIGMA;
+            let mean: Vec3 = std::array::from_fn(|d| 0.5 * (gi[d] + gj[d]));
+            let missing = (b - a - dot(mean, between)) / dot(between, between);
+            let slope = dot(mean, face.area) + missing * dot(between, face.area);
+            let k = diffuse * face.magnitude / face.spacing;
+            let (ki, kj) = (k + (-flux).max(0.0), k + flux.max(0.0));
+            let [si, sj] = t.adjacency.slot[f];
+            self.off[si as usize] = ki;
+            self.off[sj as usize] = kj;
+            if i < n {
+                self.residual[i][0] += flux * (carried - a) - diffuse * slope;
+                self.diagonal[i] += ki;
+            }
+            if j < n {
+                self.residual[j][0] -= flux * (carried - b) - diffuse * slope;
+                self.diagonal[j] += kj;
+            }
+        }
+        for side in &t.no_slip {
+            let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
+            let d = sub(face.centre, m.centre[i]);
+            let height = (side.sign * dot(d, face.area) / face.magnitude).max(0.2 * norm(d));
+            let k = self.viscosity / SIGMA * face.magnitude / height;
+            self.residual[i][0] += k * self.value[i][0];
+            self.diagonal[i] += k;
+        }
+        for side in t.far_field.iter().chain(&t.outlet) {
+            let i = side.cell as usize;
+            let inflow = f64::from(-flow.through[side.face as usize].mass).max(0.0);
+            let far = FREE_STREAM * self.viscosity / flow.density[i];
+            self.residual[i][0] += inflow * (self.value[i][0] - far);
+            self.diagonal[i] += inflow;
+        }
+        for pore in &t.pores {
+            let (i, o) = (pore.inside as usize, pore.outside as usize);
+            let flux = f64::from(flow.through[pore.face as usize].mass);
+            let step = self.value[i][0] - self.value[o][0];
+            if flux > 0.0 && o < n {
+                self.residual[o][0] -= flux * step;
+                self.diagonal[o] += flux;
+            } else if flux < 0.0 && i < n {
+                self.residual[i][0] -= flux * step;
+                self.diagonal[i] -= flux;
+            }
+        }
+        let mut sum = 0.0;
+        for i in 0..n {
+            let r = self.residual[i][0];
+            sum += r * r;
+            noise += (self.diagonal[i] * self.value[i][0]).powi(2);
+        }
+        let mut sums = [sum, noise];
+        comm.sum_slice(&mut sums);
+        (sums[0].sqrt(), 4.0 * f64::EPSILON * sums[1].sqrt())
+    }
+
+    /// Symmetric Gauss-Seidel on `-residual`, twice, ghosts fetched in between. Collective.
+    fn sweep(&mut self, on: &Domain<'_>) {
+        let rows = &on.topology.adjacency;
+        let n = on.topology.n_owned;
+        self.change.fill(0.0);
+        for pass in 0..2 {
+            if pass > 0 {
+                on.halo.exchange(&mut self.change, 1);
+            }
+            for k in 0..2 * n {
+                let i = if k < n { k } else { 2 * n - 1 - k };
+                let row = rows.start[i] as usize..rows.start[i + 1] as usize;
+                let mut s = -self.residual[i][0];
+                for (c, &j) in self.off[row.clone()].iter().zip(&rows.cell[row]) {
+                    s += c * self.change[j as usize];
+                }
+                self.change[i] = s / self.diagonal[i];
+            }
+        }
+    }
+
+    /// The step becomes the state that later steps start from.
+    pub fn accept(&mut self) {
+        self.past.swap(0, 1);
+        self.past[0].copy_from_slice(&self.value);
+    }
+}
