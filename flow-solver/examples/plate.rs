@@ -1,7 +1,10 @@
 //! The common plate case: drag, iterations and cost per cell and step.
 //!
 //! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth, or -Courant for LU-SGS] [first-order steps]
-//! [velocity diffusion] [speed] [equations: 4 or 5]`
+//! [velocity diffusion] [speed] [equations: 4 or 5] [amplitude]`
+//!
+//! With an amplitude of 0.1 m the plate and the grid around it oscillate at 1 Hz along the
+//! stream, in the manner of the peers' case `ale2` but without a mover's cost.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -9,7 +12,7 @@ mod common;
 mod plate;
 
 use flow_solver::physics::{Gas, IdealGas, Isothermal, Laminar};
-use flow_solver::{Loads, Method, Solver};
+use flow_solver::{Loads, Method, Solver, Step};
 
 /// Processor time of this process so far, s: what neighbours on the machine disturb least.
 fn cpu() -> f64 {
@@ -38,15 +41,13 @@ fn main() {
     let viscosity = Laminar { viscosity: speed / 200.0 * 1.225 };
     let air = settings.air;
     if arg(9, 4.0) == 5.0 {
-        run(common::solver_of(&grid, IdealGas::new(air), viscosity, settings), steps, dt, speed, arg(6, 2.0));
+        let solver = common::solver_of(&grid, IdealGas::new(air), viscosity, settings);
+        std::mem::drop(grid);
+        run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
     } else {
-        run(
-            common::solver_of(&grid, Isothermal::new(air), viscosity, settings),
-            steps,
-            dt,
-            speed,
-            arg(6, 2.0),
-        );
+        let solver = common::solver_of(&grid, Isothermal::new(air), viscosity, settings);
+        std::mem::drop(grid);
+        run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
     }
 }
 
@@ -56,6 +57,7 @@ fn run<G: Gas<N>, const N: usize>(
     dt: f64,
     speed: f64,
     first_order: f64,
+    amplitude: f64,
 ) {
     solver.first_order_steps = first_order as u32;
     println!("solver made: memory {}, peak {}", memory("VmRSS:"), memory("VmHWM:"));
@@ -63,13 +65,28 @@ fn run<G: Gas<N>, const N: usize>(
     let cells = solver.topology.n_owned;
     let dt = dt * 4.88 / speed;
     let (begin, mut iterations) = (cpu(), 0);
+    let moved = amplitude != 0.0;
+    let start = if moved { solver.nodes.clone() } else { Vec::new() };
+    // How far nodes follow the plate: linear along the stream, quadratic across.
+    let follow = |x: &[f64; 3]| {
+        let along = if x[2] < 0.0 { 1.0 + x[2] / 5.0 } else { 1.0 - x[2] / 10.0 };
+        along * (1.0 - (x[0] / 5.0).powi(2)) * (1.0 - (x[1] / 5.0).powi(2))
+    };
+    let omega = 2.0 * std::f64::consts::PI;
     for k in 1..=steps {
         let now = cpu();
-        let report = solver.advance(&common::at_rest(dt)).unwrap();
+        let t = k as f64 * dt;
+        for ((x0, x), v) in start.iter().zip(&mut solver.nodes).zip(&mut solver.node_velocity) {
+            let f = amplitude * follow(x0);
+            x[2] = x0[2] + f * (omega * t).sin();
+            v[2] = f * omega * (omega * t).cos();
+        }
+        let step = Step { moved, ..common::at_rest(dt) };
+        let report = solver.advance(&step).unwrap();
         let cost = (cpu() - now) * 1e6 / cells as f64;
         iterations += report.iterations;
         let total = loads.compute(&solver);
-        solver.accept(dt, false);
+        solver.accept(dt, moved);
         println!(
             "{k:3} Cd {:9.5}  residual {:.2e} -> {:.2e}  iterations {:3} pressure {:4}  {cost:6.2} us/cell",
             total.force[2] / (0.5 * 1.225 * speed * speed),

@@ -3,19 +3,20 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::Metrics;
-use crate::geometry::vec3::{Vec3, dot, sub};
+use crate::geometry::vec3::{Vec3, dot, scale, sub};
 use crate::topology::Topology;
 
 /// Gradient of `N` variables: `g[direction][variable]`.
 pub type Gradient<const N: usize> = [[f64; N]; 3];
 
 /// Weights of each neighbour in the gradient of a cell: the rows of the
-/// pseudo-inverse of the distances, weighted by inverse distance squared.
+/// pseudo-inverse of the distances, weighted by inverse distance squared. Single
+/// precision: a uniform field has exactly no gradient, a linear one has its own to 1e-7.
 #[derive(Clone, Debug, Default)]
 pub struct LeastSquares {
-    weight: Vec<Vec3>,
+    weight: Vec<[f32; 3]>,
     /// Scratch: how far each cell's reconstruction reaches.
-    reach: Vec<f64>,
+    reach: Vec<f32>,
     /// Cells whose reconstruction is shortened, and by how much.
     shortened: Vec<(u32, f64)>,
 }
@@ -53,14 +54,15 @@ impl LeastSquares {
                 for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
                     *m += w * d[p] * d[q];
                 }
-                self.weight[k] = [w * d[0], w * d[1], w * d[2]];
             }
             let inverse = inverse(m);
-            for w in &mut self.weight[row] {
-                *w = [
-                    inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2],
-                    inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2],
-                    inverse[4] * w[0] + inverse[5] * w[1] + inverse[2] * w[2],
+            for k in row {
+                let d = sub(metrics.centre[a.cell[k] as usize], x);
+                let w = scale(1.0 / dot(d, d), d);
+                self.weight[k] = [
+                    (inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2]) as f32,
+                    (inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2]) as f32,
+                    (inverse[4] * w[0] + inverse[5] * w[1] + inverse[2] * w[2]) as f32,
                 ];
             }
         }
@@ -75,13 +77,13 @@ impl LeastSquares {
             if i < topology.n_owned {
                 let d = sub(metrics.faces[f].centre, metrics.centre[i]);
                 let row = a.start[i] as usize..a.start[i + 1] as usize;
-                let sum: f64 = weight[row].iter().map(|w| dot(*w, d).abs()).sum();
-                reach[i] = reach[i].max(sum);
+                let sum: f64 = weight[row].iter().map(|w| dot(w.map(f64::from), d).abs()).sum();
+                reach[i] = reach[i].max(sum as f32);
             }
         });
-        let far = reach.iter().enumerate().filter(|(_, r)| **r > REACH);
+        let far = reach.iter().enumerate().filter(|(_, r)| **r > REACH as f32);
         self.shortened.clear();
-        self.shortened.extend(far.map(|(i, r)| (i as u32, REACH / r)));
+        self.shortened.extend(far.map(|(i, r)| (i as u32, REACH / f64::from(*r))));
     }
 
     /// Shortens the gradients of needle-like owned cells to what a stable
@@ -94,13 +96,40 @@ impl LeastSquares {
 
     /// Gradients of the owned cells.
     pub fn apply<const N: usize>(&self, topology: &Topology, q: &[[f64; N]], gradient: &mut [Gradient<N>]) {
+        self.inside(topology, q, gradient);
+        self.border(topology, q, gradient);
+    }
+
+    /// Gradients of the owned cells whose neighbours are all owned: needs no ghosts.
+    pub fn inside<const N: usize>(&self, topology: &Topology, q: &[[f64; N]], gradient: &mut [Gradient<N>]) {
+        self.of_cells(topology, q, gradient, |ghosts| ghosts == 0);
+    }
+
+    /// Gradients of the other owned cells.
+    pub fn border<const N: usize>(&self, topology: &Topology, q: &[[f64; N]], gradient: &mut [Gradient<N>]) {
+        if topology.n_owned < topology.n_local() {
+            self.of_cells(topology, q, gradient, |ghosts| ghosts > 0);
+        }
+    }
+
+    #[inline(always)]
+    fn of_cells<const N: usize>(
+        &self,
+        topology: &Topology,
+        q: &[[f64; N]],
+        gradient: &mut [Gradient<N>],
+        wanted: impl Fn(u32) -> bool,
+    ) {
         let a = &topology.adjacency;
         for (i, g) in gradient[..topology.n_owned].iter_mut().enumerate() {
+            if !wanted(a.start[i + 1] - a.ghost[i]) {
+                continue;
+            }
             let row = a.start[i] as usize..a.start[i + 1] as usize;
             let qi = q[i];
             let mut sum = [[0.0; N]; 3];
             for (&j, w) in a.cell[row.clone()].iter().zip(&self.weight[row]) {
-                let qj = &q[j as usize];
+                let (qj, w) = (&q[j as usize], w.map(f64::from));
                 for v in 0..N {
                     let d = qj[v] - qi[v];
                     sum[0][v] += w[0] * d;
@@ -120,8 +149,8 @@ impl LeastSquares {
         let mut sum = [0.0; 3];
         for (&j, w) in a.cell[row.clone()].iter().zip(&self.weight[row]) {
             let d = f64::from(x[j as usize] - x[i]);
-            for (s, w) in sum.iter_mut().zip(w) {
-                *s += w * d;
+            for (s, &w) in sum.iter_mut().zip(w) {
+                *s += f64::from(w) * d;
             }
         }
         sum

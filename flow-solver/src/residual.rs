@@ -73,8 +73,11 @@ impl<G, V: Viscosity> Spatial<G, V> {
     ) where
         G: Gas<N>,
     {
-        on.halo.exchange(q.as_flattened_mut(), N);
-        on.gradients.apply(on.topology, q, gradient);
+        // What needs no ghosts is done while they travel.
+        on.halo.overlap(q.as_flattened_mut(), N, |q| {
+            on.gradients.inside(on.topology, q.as_chunks().0, gradient);
+        });
+        on.gradients.border(on.topology, q, gradient);
         on.gradients.shorten(gradient);
         if let Some(k) = self.limiter {
             let speed = scheme.floor_squared.sqrt() * 10.0;
@@ -82,13 +85,18 @@ impl<G, V: Viscosity> Spatial<G, V> {
             typical[0] = self.gas.density(&self.gas.undisturbed(scheme.wind)) * speed * speed;
             limiter::venkatakrishnan(on.topology, on.metrics, q, gradient, k, typical);
         }
-        on.halo.exchange(gradient.as_flattened_mut().as_flattened_mut(), 3 * N);
         residual.fill([0.0; N]);
-        self.interior(on, scheme, q, gradient, residual, through);
+        let n = on.topology.n_inside;
+        on.halo.overlap(gradient.as_flattened_mut().as_flattened_mut(), 3 * N, |gradient| {
+            let gradient = gradient.as_chunks::<N>().0.as_chunks().0;
+            self.interior(on, scheme, q, gradient, residual, through, 0..n);
+        });
+        self.interior(on, scheme, q, gradient, residual, through, n..on.topology.cells.len());
         self.boundary(on, scheme, q, gradient, residual, through);
         self.pores(on, scheme, q, gradient, residual, through);
     }
 
+    #[allow(clippy::too_many_arguments)]
     fn interior<const N: usize>(
         &self,
         on: &Domain<'_>,
@@ -97,11 +105,15 @@ impl<G, V: Viscosity> Spatial<G, V> {
         gradient: &[Gradient<N>],
         residual: &mut [[f64; N]],
         through: &mut [FaceFlow],
+        range: std::ops::Range<usize>,
     ) where
         G: Gas<N>,
     {
         let centre = &on.metrics.centre;
-        let faces = on.metrics.faces.iter().zip(through).zip(&on.topology.cells);
+        let faces = on.metrics.faces[range.clone()]
+            .iter()
+            .zip(&mut through[range.clone()])
+            .zip(&on.topology.cells[range]);
         for ((face, through), &[i, j]) in faces {
             let (i, j) = (i as usize, j as usize);
             let (di, dj) = (sub(face.centre, centre[i]), sub(face.centre, centre[j]));

@@ -133,19 +133,18 @@ pub struct Solver<G, V, const N: usize> {
     eddy: Vec<f64>,
     least_squares: LeastSquares,
     wall_velocity: Vec<Vec3>,
+    /// What each face sweeps in this step and swept in the last, m3. Empty until the
+    /// grid moves for the first time.
     swept: Vec<f64>,
     swept_before: Vec<f64>,
     residual: Vec<[f64; N]>,
     history: Vec<[f64; N]>,
-    weight: Vec<f64>,
     through: Vec<FaceFlow>,
     /// Whether the faces know the last accepted instant only.
     ties_are_new: bool,
     start: f64,
     /// State with the smallest residual of the step.
     best: Vec<[f64; N]>,
-    /// State before a correction that is taken in part.
-    before: Vec<[f64; N]>,
     correction: Box<dyn Correction<G, V, N>>,
     acceleration: Acceleration,
 }
@@ -208,16 +207,14 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             eddy: vec![0.0; if V::TRANSPORTED { n } else { 0 }],
             least_squares,
             wall_velocity: vec![[0.0; 3]; faces - topology.cells.len()],
-            swept: vec![0.0; faces],
-            swept_before: vec![0.0; faces],
+            swept: Vec::new(),
+            swept_before: Vec::new(),
             residual: vec![[0.0; N]; n],
             history: vec![[0.0; N]; topology.n_owned],
-            weight: vec![0.0; topology.n_owned],
             through: vec![FaceFlow::default(); faces],
             ties_are_new: true,
             start: 0.0,
             best: q.clone(),
-            before: vec![[0.0; N]; n],
             correction,
             acceleration: Acceleration::new(depth, topology.n_owned * N),
             nodes,
@@ -344,6 +341,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.metrics.update(&self.topology, &self.halo, &self.nodes);
         self.check_volumes()?;
         self.least_squares.update(&self.topology, &self.metrics);
+        self.swept.resize(self.topology.face_nodes.len(), 0.0);
+        self.swept_before.resize(self.topology.face_nodes.len(), 0.0);
         Metrics::swept(&self.topology, &self.past[0].nodes, &self.nodes, &mut self.swept);
         if V::ACTIVE {
             for side in &self.topology.no_slip {
@@ -374,8 +373,10 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Constants of the step: grid fluxes, history of the time derivative, weights.
     fn prepare(&mut self, step: &Step, order: Backward) {
         let dt = step.dt;
-        for ((f, now), before) in self.metrics.faces.iter_mut().zip(&self.swept).zip(&self.swept_before) {
-            f.grid_flux = order.grid_flux(*now, *before, dt);
+        let swept = self.swept.iter().zip(&self.swept_before).map(|(now, before)| (*now, *before));
+        let swept = swept.chain(std::iter::repeat((0.0, 0.0)));
+        for (f, (now, before)) in self.metrics.faces.iter_mut().zip(swept) {
+            f.grid_flux = order.grid_flux(now, before, dt);
             f.grid_flux += f.area[0] * step.frame[0] + f.area[1] * step.frame[1] + f.area[2] * step.frame[2];
         }
         self.scheme.rate = order.c[0] / dt;
@@ -399,8 +400,6 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                     *h += o;
                 }
             }
-            // A defect of mass acts like the force that would have to undo it.
-            self.weight[i] = self.metrics.size[i] * self.scheme.rate + self.settings.reference_speed;
         }
         self.add_sources();
     }
@@ -438,7 +437,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             for d in 0..3 {
                 r[1 + d] -= self.metrics.volume[i] * push[d];
             }
-            r[0] *= self.weight[i];
+            r[0] *= mass_weight(self.metrics.size[i], &self.scheme);
             if N > 4 {
                 r[N - 1] *= TEMPERATURE_WEIGHT;
             }
@@ -517,27 +516,20 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 self.q[..n].as_flattened_mut(),
                 self.residual[..n].as_flattened_mut(),
             );
-            for (r, w) in self.residual[..n].iter_mut().zip(&self.weight) {
-                r[0] /= w;
+            for (r, h) in self.residual[..n].iter_mut().zip(&self.metrics.size) {
+                r[0] /= mass_weight(*h, &self.scheme);
                 if N > 4 {
                     r[N - 1] /= TEMPERATURE_WEIGHT;
                 }
-            }
-            if share < 1.0 {
-                self.before.copy_from_slice(&self.q);
             }
             let linear = self.correction.apply(
                 &self.spatial.gas,
                 &domain!(self),
                 &self.scheme,
                 &self.residual,
+                share,
                 &mut self.q,
             );
-            if share < 1.0 {
-                for (q, b) in self.q[..n].as_flattened_mut().iter_mut().zip(self.before[..n].as_flattened()) {
-                    *q = b + share * (*q - b);
-                }
-            }
             report.linear_iterations += linear.iterations;
             report.iterations += 1;
             let bad = self.bad_cell();
@@ -583,7 +575,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             return Err(FlowError::Diverged { start: first, end: norm, iterations: report.iterations });
         }
         report.end = norm;
-        let defect: f64 = self.residual[..n].iter().zip(&self.weight).map(|(r, w)| r[0] / w).sum();
+        let cells = self.residual[..n].iter().zip(&self.metrics.size);
+        let defect: f64 = cells.map(|(r, h)| r[0] / mass_weight(*h, &self.scheme)).sum();
         report.mass_defect = self.halo.comm().sum(defect);
         Ok(report)
     }
@@ -606,9 +599,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Norm of what round-off alone may leave in the residual, N.
     fn round_off(&self) -> f64 {
         let speed = 10.0 * self.settings.reference_speed + norm(self.scheme.frame);
-        let cells = self.weight.iter().zip(&self.metrics.volume).zip(&self.metrics.size);
+        let n = self.topology.n_owned;
+        let cells = self.metrics.volume[..n].iter().zip(&self.metrics.size);
         let sum: f64 = cells
-            .map(|((w, v), h)| {
+            .map(|(v, h)| {
+                let w = mass_weight(*h, &self.scheme);
                 // Momentum stored and passed, and mass in the weight of its row.
                 let e = (self.scheme.rate * v + speed * h * h) * (speed + w);
                 e * e
@@ -708,6 +703,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         }
         self.check_volumes()?;
         self.least_squares.update(&self.topology, &self.metrics);
+        self.swept.resize(self.topology.face_nodes.len(), 0.0);
+        self.swept_before.resize(self.topology.face_nodes.len(), 0.0);
         Metrics::swept(&self.topology, &self.past[1].nodes, &self.past[0].nodes, &mut self.swept_before);
         self.swept.fill(0.0);
         self.q.copy_from_slice(&self.past[0].q);
@@ -737,6 +734,13 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     pub fn domain(&self) -> Domain<'_> {
         domain!(self)
     }
+}
+
+/// A defect of mass acts like the force that would have to undo it: m/s, for a cell of
+/// size `h`.
+#[inline(always)]
+fn mass_weight(h: f64, scheme: &Scheme) -> f64 {
+    h * scheme.rate + scheme.floor_squared.sqrt()
 }
 
 /// Turns the temperature residual (kg K/s) into a force: c_p / c, m/(s K).

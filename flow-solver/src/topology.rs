@@ -55,6 +55,8 @@ pub struct Topology {
     /// First and second cell of each face between cells: the first
     /// `cells.len()` faces. At least one of them is owned.
     pub cells: Vec<[u32; 2]>,
+    /// Faces between owned cells: the first ones of all.
+    pub n_inside: usize,
     /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
     pub slip: Vec<Side>,
     /// Sides where air sticks to the wall.
@@ -193,8 +195,10 @@ impl Topology {
                 interior.push((f, a as u32, b as u32));
             }
         }
-        // Near in memory what is near in space.
-        interior.sort_by_key(|f| (f.1.min(f.2), f.1.max(f.2)));
+        // Those that need no ghost first; near in memory what is near in space.
+        let ghostly = |f: &(usize, u32, u32)| f.1.max(f.2) as usize >= n_owned;
+        interior.sort_by_key(|f| (ghostly(f), f.1.min(f.2), f.1.max(f.2)));
+        t.n_inside = interior.partition_point(|f| !ghostly(f));
         for (f, a, b) in interior {
             t.face_nodes.push(faces.interior[f].0.map(|n| node(n, &mut t.node_global)));
             t.face_global.push(f as u32);

@@ -175,8 +175,8 @@ fn gradients_of_linear_fields_are_exact() {
             for v in 0..4 {
                 for d in 0..3 {
                     let e = (g[d][v] - slope[v][d]).abs();
-                    // Three nearly coplanar neighbours amplify round-off.
-                    assert!(e < 1e-9, "{shape:?} cell {i}: {e:e}");
+                    // Weights of single precision, and three nearly coplanar neighbours amplify round-off.
+                    assert!(e < 1e-4, "{shape:?} cell {i}: {e:e}");
                 }
             }
         }

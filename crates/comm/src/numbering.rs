@@ -1,7 +1,5 @@
 //! Which global entities a rank owns and which it only reads.
 
-use std::collections::HashMap;
-
 /// Local numbering of one kind of entity (nodes, cells) on one rank.
 ///
 /// Local indices `0..n_owned` are owned here; `n_owned..n_local` are ghosts,
@@ -14,7 +12,8 @@ pub struct Numbering {
     pub n_owned: usize,
     /// Owner rank of each ghost, in the order of `global[n_owned..]`.
     pub ghost_owner: Vec<u32>,
-    local: HashMap<u64, u32>,
+    /// Local indices in the order of their global ones.
+    sorted: Vec<u32>,
 }
 
 impl Numbering {
@@ -27,8 +26,9 @@ impl Numbering {
         let ghost_owner = ghosts.iter().map(|&(_, owner)| owner).collect();
         let mut global = owned;
         global.extend(ghosts.iter().map(|&(g, _)| g));
-        let local = global.iter().enumerate().map(|(i, &g)| (g, i as u32)).collect();
-        Self { global, n_owned, ghost_owner, local }
+        let mut sorted: Vec<u32> = (0..global.len() as u32).collect();
+        sorted.sort_unstable_by_key(|&i| global[i as usize]);
+        Self { global, n_owned, ghost_owner, sorted }
     }
 
     /// Owned and ghost entities together.
@@ -38,7 +38,8 @@ impl Numbering {
 
     /// Local index of a global entity, if this rank knows it.
     pub fn local(&self, global: u64) -> Option<usize> {
-        self.local.get(&global).map(|&i| i as usize)
+        let place = self.sorted.binary_search_by_key(&global, |&i| self.global[i as usize]).ok()?;
+        Some(self.sorted[place] as usize)
     }
 
     /// Global indices of the owned entities.

@@ -16,7 +16,7 @@ pub struct Acceleration {
     states: Vec<Vec<f32>>,
     residuals: Vec<Vec<f32>>,
     last_state: Vec<f64>,
-    last_residual: Vec<f64>,
+    last_residual: Vec<f32>,
     open: bool,
     gram: Vec<f64>,
 }
@@ -60,13 +60,15 @@ impl Acceleration {
             let (s, t) = (&mut self.states[self.next], &mut self.residuals[self.next]);
             for i in 0..q.len() {
                 s[i] = (q[i] - self.last_state[i]) as f32;
-                t[i] = (r[i] - self.last_residual[i]) as f32;
+                t[i] = (r[i] - f64::from(self.last_residual[i])) as f32;
             }
             self.next = (self.next + 1) % self.depth;
             self.used = (self.used + 1).min(self.depth);
         }
         self.last_state.copy_from_slice(q);
-        self.last_residual.copy_from_slice(r);
+        for (l, r) in self.last_residual.iter_mut().zip(&*r) {
+            *l = *r as f32;
+        }
         self.open = true;
         let m = self.used;
         if m == 0 {

@@ -172,6 +172,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         on: &Domain<'_>,
         _: &Scheme,
         r: &[[f64; N]],
+        share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport {
         let rows = &on.topology.adjacency;
@@ -192,7 +193,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         }
         for (q, d) in q[..n].iter_mut().zip(&self.change) {
             for (q, d) in q.iter_mut().zip(d) {
-                *q += d;
+                *q += share * d;
             }
         }
         SolveReport { iterations: 1, drop: 0.0 }

@@ -32,13 +32,14 @@ pub trait Correction<G, V, const N: usize> {
         extra: f64,
     );
 
-    /// Adds to `q` the correction for the primitive residual `r`. Collective.
+    /// Adds to `q` this share of the correction for the primitive residual `r`. Collective.
     fn apply(
         &mut self,
         gas: &G,
         on: &Domain<'_>,
         scheme: &Scheme,
         r: &[[f64; N]],
+        share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport;
 }

@@ -231,6 +231,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         on: &Domain<'_>,
         scheme: &Scheme,
         r: &[[f64; N]],
+        share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport {
         let (t, m) = (on.topology, on.metrics);
@@ -289,7 +290,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         );
         let mut held = self.held.iter().peekable();
         for i in 0..n {
-            let dp = f64::from(self.correction[i]);
+            let dp = share * f64::from(self.correction[i]);
             let mut g = on.gradients.scalar(t, i, &self.correction);
             while let Some(&&(cell, normal, share)) = held.peek()
                 && cell as usize == i
@@ -305,11 +306,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
             let x = &self.transported[i];
             let q = &mut q[i];
             for d in 0..3 {
-                q[1 + d] += f64::from(x[d]) - push * g[d];
+                q[1 + d] += share * (f64::from(x[d]) - push * g[d]);
             }
             q[0] += dp;
             if N > 4 {
-                q[N - 1] += f64::from(x[3]) + adiabatic[N - 1] * dp;
+                q[N - 1] += share * f64::from(x[3]) + adiabatic[N - 1] * dp;
             }
         }
         report

@@ -24,9 +24,12 @@ fn geometric(n: usize, length: f64, h: f64) -> Vec<f64> {
 }
 
 /// The grid with every `every`-th line of 56 x 56 x 80 cells; 0: each of these cells
-/// halved in all directions.
+/// halved in all directions; 16 and more: as many cells along the plate's side in place of
+/// 16, all others in proportion.
 pub fn plate(every: usize) -> FlowGrid {
-    let h = 1.0 / 16.0;
+    let (across, every) = if every < 16 { (16, every) } else { (every, 1) };
+    let share = |n: usize| (n * across + 8) / 16;
+    let h = 1.0 / across as f64;
     let line = |low: Vec<f64>, start: f64, uniform: usize, high: Vec<f64>| -> Vec<f64> {
         let mut x: Vec<f64> = low.iter().rev().map(|s| start - s).collect();
         x.extend((0..=uniform).map(|k| start + k as f64 * h));
@@ -38,15 +41,17 @@ pub fn plate(every: usize) -> FlowGrid {
         }
         x.into_iter().step_by(every).collect()
     };
-    let z = line(geometric(20, 5.0, h), 0.0, 24, geometric(36, 8.5, h));
-    let y = line(geometric(20, 4.5, h), -0.5, 16, geometric(20, 4.5, h));
+    let near = share(24);
+    let far = 10.0 - near as f64 * h;
+    let z = line(geometric(share(20), 5.0, h), 0.0, near, geometric(share(36), far, h));
+    let y = line(geometric(share(20), 4.5, h), -0.5, across, geometric(share(20), 4.5, h));
     let n = [y.len() - 1, y.len() - 1, z.len() - 1];
     let side = Patch::Slip;
     let patches = [side, side, side, side, Patch::FarField, Patch::Outlet];
     let at = |line: usize| line.checked_div(every).unwrap_or(2 * line);
-    let range = at(20)..at(36);
+    let range = at(share(20))..at(share(20) + across);
     let hi = n.map(|n| n as f64);
-    let mut grid = plate_grid(n, [0.0; 3], hi, patches, at(20), [range.clone(), range]);
+    let mut grid = plate_grid(n, [0.0; 3], hi, patches, at(share(20)), [range.clone(), range]);
     for x in &mut grid.coords {
         *x = [y[x[0].round() as usize], y[x[1].round() as usize], z[x[2].round() as usize]];
     }

@@ -10,7 +10,7 @@ use crate::topology::Adjacency;
 const PAIRINGS: usize = 3;
 
 /// Entry whose two cells are merged.
-const INSIDE: u32 = u32::MAX;
+const INSIDE: u16 = u16::MAX;
 
 /// Coarse cells and where the fine ones went.
 #[derive(Debug)]
@@ -19,10 +19,11 @@ pub(super) struct Coarse {
     pub rows: Adjacency,
     /// Coarse cell of each owned fine cell.
     parent: Vec<u32>,
-    /// Coarse entry of each fine entry, or [`INSIDE`].
-    target: Vec<u32>,
-    /// Distance of the fine cells over that of the coarse ones, of each fine entry.
-    ratio: Vec<f32>,
+    /// Entry of each fine entry in the row of its coarse cell, or [`INSIDE`].
+    target: Vec<u16>,
+    /// Distance of the fine cells over that of the coarse ones, of each fine entry, in
+    /// shares of 255.
+    ratio: Vec<u8>,
     /// Exchange of coarse ghosts.
     pub halo: Halo,
 }
@@ -200,7 +201,7 @@ impl Coarse {
             let at = coarse_rows.cell.len();
             for k in entries {
                 if let Ok(place) = row.binary_search(&coarse_of[rows.cell[k] as usize]) {
-                    target[k] = (at + place) as u32;
+                    target[k] = place as u16;
                 }
             }
             coarse_rows.cell.extend_from_slice(&row);
@@ -219,12 +220,13 @@ impl Coarse {
         let exchange = Halo::new(comm, &numbering);
         exchange.exchange(centre.as_flattened_mut(), 3);
         exchange.exchange(volume, 1);
-        let mut ratios = vec![0.0; rows.cell.len()];
+        let mut ratios = vec![0; rows.cell.len()];
         for i in 0..n {
             for k in rows.start[i] as usize..rows.start[i + 1] as usize {
                 let j = rows.cell[k] as usize;
                 let fine = norm(sub(fine_centre[j], fine_centre[i]));
-                ratios[k] = ratio(fine, centre[parent[i] as usize], centre[coarse_of[j] as usize]);
+                let r = ratio(fine, centre[parent[i] as usize], centre[coarse_of[j] as usize]);
+                ratios[k] = (255.0 * r).round() as u8;
             }
         }
         (Self { rows: coarse_rows, parent, target, ratio: ratios, halo: exchange }, numbering.n_local())
@@ -236,12 +238,13 @@ impl Coarse {
         coarse.off.fill(0.0);
         for (i, &p) in self.parent.iter().enumerate() {
             coarse.own[p as usize] += fine.own[i];
+            let at = self.rows.start[p as usize] as usize;
             let row = rows.start[i] as usize..rows.start[i + 1] as usize;
             for ((k, r), &t) in
                 fine.off[row.clone()].iter().zip(&self.ratio[row.clone()]).zip(&self.target[row])
             {
                 if t != INSIDE {
-                    coarse.off[t as usize] += k * r;
+                    coarse.off[at + t as usize] += k * f32::from(*r) * (1.0 / 255.0);
                 }
             }
         }
