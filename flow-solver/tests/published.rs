@@ -13,6 +13,7 @@ use common::{at_rest, isothermal, settings};
 use flow_solver::Solver;
 use flow_solver::monitors::Probes;
 use flow_solver::physics::{Isothermal, Laminar};
+use flow_solver::shear::{Profile, Sheared};
 use mesh::Patch;
 
 const RHO: f64 = 1.225;
@@ -39,18 +40,21 @@ fn wall_force(s: &Flow, on: impl Fn(&[f64; 3]) -> bool) -> [[f64; 3]; 2] {
 }
 
 /// DFG 2D-1: drag and lift coefficients and the pressure difference over rho, m2/s2 at
-/// a mean speed of 0.2 m/s. The benchmark's parabolic inflow is that of a developed
-/// channel: 3 m of walls before the origin make it from an even stream (at 82 of the
-/// height's Reynolds number 1.6 m bring it within 1 %).
+/// a mean speed of 0.2 m/s.
 fn dfg(n: usize, steps: usize) -> [f64; 3] {
     // The same Reynolds number at a tenth of the speed: the inflow holds its rate against
     // a back pressure of p / (rho c), which falls with the Mach number.
     let (speed, mu) = (0.02, RHO * 1e-4);
-    let grid = channel(n, 3.0);
+    let grid = channel(n);
     let cells = grid.cells.len();
-    let mut settings = settings([speed, 0.0, 0.0], 1e-2);
+    let mut settings = settings([0.0; 3], 1e-2);
+    settings.reference_speed = 0.1 * speed;
     settings.max_iterations = 400;
     let mut s = isothermal(&grid, Laminar { viscosity: mu }, settings);
+    // The parabola, so fine a table that its corners are below the grid's error.
+    let heights: Vec<f64> = (0..=820).map(|k| 0.41 * f64::from(k) / 820.0).collect();
+    let winds = heights.iter().map(|z| [6.0 * speed * z * (0.41 - z) / (0.41 * 0.41), 0.0, 0.0]).collect();
+    s.set_shear(Sheared::new(Profile::Table { heights, winds }, 0.0));
     let scale = 0.5 * RHO * speed * speed * 0.1 * 0.02;
     let mut last = [0.0; 3];
     for k in 1..=steps {
@@ -59,8 +63,8 @@ fn dfg(n: usize, steps: usize) -> [f64; 3] {
         s.advance(&at_rest(dt)).unwrap();
         s.accept(dt, false);
         if k % 20 == 0 || k == steps {
-            let [p, t] = wall_force(&s, |x| (x[0] - 0.2).hypot(x[1] - 0.2) < 0.051);
-            let points = [0.149_99, 0.250_01].map(|x| [x, 0.2, 0.01]);
+            let [p, t] = wall_force(&s, |x| (x[0] - 0.2).hypot(x[2] - 0.2) < 0.051);
+            let points = [0.149_99, 0.250_01].map(|x| [x, -0.01, 0.2]);
             let list: Vec<case::Probe> = points
                 .iter()
                 .enumerate()
@@ -68,19 +72,8 @@ fn dfg(n: usize, steps: usize) -> [f64; 3] {
                 .collect();
             let mut probes = Probes::new(&list, &s).unwrap();
             let v = probes.sample(&s);
-            let list: Vec<case::Probe> = [-3.0, -1.5, 0.0]
-                .iter()
-                .flat_map(|x| (0..41).map(move |k| [*x, 0.005 + 0.01 * f64::from(k), 0.01]))
-                .enumerate()
-                .map(|(k, x)| case::Probe { name: k.to_string(), position_m: x })
-                .collect();
-            let mut across = Probes::new(&list, &s).unwrap();
-            for row in across.sample(&s).chunks(5 * 41) {
-                let u: Vec<f64> = row.chunks(5).map(|p| p[1] / speed).collect();
-                println!("  mean {:.5} middle {:.5} lowest {:.5}", u.iter().sum::<f64>() / 41.0, u[20], u[0]);
-            }
             let square = (0.2f64 / speed).powi(2);
-            last = [(p[0] + t[0]) / scale, (p[1] + t[1]) / scale, (v[0] - v[5]) / RHO * square];
+            last = [(p[0] + t[0]) / scale, (p[2] + t[2]) / scale, (v[0] - v[5]) / RHO * square];
             println!(
                 "DFG 2D-1, {cells} cells, step {k}: cd {:.5} cl {:.6} dp {:.6}",
                 last[0], last[1], last[2]
@@ -93,22 +86,21 @@ fn dfg(n: usize, steps: usize) -> [f64; 3] {
 const DFG: [f64; 3] = [5.579_535, 0.010_619, 0.117_520];
 
 #[test]
-#[ignore = "the inflow is being looked into"]
 fn dfg_channel() {
     let [cd, cl, dp] = dfg(16, 120);
-    assert!((cd - DFG[0]).abs() < 0.03 * DFG[0], "{cd}");
-    assert!((cl - DFG[1]).abs() < 0.01, "{cl}");
-    assert!((dp - DFG[2]).abs() < 0.05 * DFG[2], "{dp}");
+    assert!((cd - DFG[0]).abs() < 0.01 * DFG[0], "{cd}");
+    assert!((cl - DFG[1]).abs() < 0.005, "{cl}");
+    assert!((dp - DFG[2]).abs() < 0.02 * DFG[2], "{dp}");
 }
 
 #[test]
 #[ignore = "minutes"]
 fn dfg_channel_refined() {
-    let [a, b, c] = [16, 32, 64].map(|n| dfg(n, 120));
-    println!("DFG 2D-1: {a:?} {b:?} {c:?}");
+    let [a, b] = [16, 32].map(|n| dfg(n, 120));
+    println!("DFG 2D-1: {a:?} {b:?}");
     let off = |v: [f64; 3]| [0, 1, 2].map(|k| (v[k] - DFG[k]).abs());
-    assert!(off(c)[0] < 0.005 * DFG[0] && off(c)[2] < 0.01 * DFG[2], "{c:?}");
-    assert!(off(c)[0] < 0.5 * off(a)[0], "{a:?} {c:?}");
+    assert!(off(b)[0] < 0.003 * DFG[0] && off(b)[2] < 0.008 * DFG[2], "{b:?}");
+    assert!(off(b)[1] < 0.002 && off(b)[1] < off(a)[1], "{a:?} {b:?}");
 }
 
 /// Sphere at a Reynolds number, as a quarter: drag coefficient and angle of separation
@@ -175,7 +167,8 @@ fn sphere_at_reynolds_100_refined() {
     let runs = [(12, 30), (18, 45), (24, 60)].map(|(n, nr)| sphere(100.0, n, nr, 12.0));
     println!("sphere Re 100: {runs:.4?}");
     let (drag, angle) = runs[2];
-    assert!((1.075..1.092).contains(&drag), "{drag}");
+    // The last grid is still 0.3 % above the published range, and falling.
+    assert!((1.075..1.092).contains(&drag) && drag < runs[1].0, "{runs:?}");
     assert!((angle - 126.5).abs() < 1.5, "{angle}");
 }
 
@@ -239,9 +232,117 @@ fn cylinder_at_reynolds_100() {
     let fine = cylinder_100(96, 96, 0.0125, 80.0, 120.0);
     println!("cylinder Re 100: {coarse:.4?} {fine:.4?}");
     let [drag, lift, _, strouhal] = fine;
-    assert!((1.31..1.37).contains(&drag), "{drag}");
-    assert!((0.32..0.35).contains(&lift), "{lift}");
-    assert!((0.162..0.167).contains(&strouhal), "{strouhal}");
+    assert!((1.32..1.36).contains(&drag), "{drag}");
+    assert!((0.325..0.345).contains(&lift), "{lift}");
+    assert!((0.162..0.167).contains(&strouhal) && strouhal > coarse[3], "{strouhal}");
+}
+
+/// Solution of Blasius's equation f''' + f f'' / 2 = 0: f' at steps of 0.01 of
+/// eta = y sqrt(U / (nu x)), by Runge-Kutta from f''(0) = 0.332057.
+fn blasius() -> Vec<f64> {
+    let slope = |s: [f64; 3]| [s[1], s[2], -0.5 * s[0] * s[2]];
+    let h = 0.01;
+    let mut s = [0.0, 0.0, 0.332_057];
+    let mut speed = vec![0.0];
+    for _ in 0..1200 {
+        let step = |k: [f64; 3], a: f64| [s[0] + a * k[0], s[1] + a * k[1], s[2] + a * k[2]];
+        let a = slope(s);
+        let b = slope(step(a, 0.5 * h));
+        let c = slope(step(b, 0.5 * h));
+        let d = slope(step(c, h));
+        s = std::array::from_fn(|i| s[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
+        speed.push(s[1]);
+    }
+    speed
+}
+
+/// Boundary layer on a flat plate of 1 m at 1e5 of its length's Reynolds number, on `n`
+/// cells across 0.5 m and 2 n along: cf sqrt(Re_x) at x = 0.3, 0.5, 0.7, and the largest
+/// error of u / U over the layer at x = 0.5.
+fn plate_layer(n: usize) -> ([f64; 3], f64) {
+    let speed = 4.0;
+    let nu = speed / 1e5;
+    // Lines along the stream, with the leading edge at 0: finer there.
+    let ahead = n / 2;
+    let spread = |k: usize, m: usize, length: f64, power: f64| length * (k as f64 / m as f64).powf(power);
+    let mut x: Vec<f64> = (1..=ahead).rev().map(|k| -spread(k, ahead, 0.5, 2.0)).collect();
+    x.extend((0..=3 * n / 2).map(|k| spread(k, 3 * n / 2, 1.1, 1.6)));
+    let (growth, h) = (1.0 + 6.0 / n as f64, 0.016 / n as f64);
+    let mut y = vec![0.0];
+    while y[y.len() - 1] < 0.5 {
+        y.push(y[y.len() - 1] + h * growth.powi(y.len() as i32 - 1));
+    }
+    let (nx, ny) = (x.len() - 1, y.len() - 1);
+    let side = Patch::Symmetry;
+    let patches = [Patch::FarField, Patch::Outlet, Patch::Wall, Patch::Outlet, side, side];
+    let mut grid = mesh::box_grid([nx, ny, 1], [0.0; 3], [nx as f64, ny as f64, 0.01], patches);
+    for p in &mut grid.coords {
+        *p = [x[p[0].round() as usize], y[p[1].round() as usize], p[2]];
+    }
+    let coords = &grid.coords;
+    for (patch, f) in grid.boundary.iter_mut().filter(|b| b.0 == Patch::Wall) {
+        if f.iter().all(|n| coords[*n as usize][0] < 1e-9) {
+            *patch = Patch::Slip;
+        }
+    }
+    let mut settings = settings([speed, 0.0, 0.0], 1e-3);
+    settings.max_iterations = 300;
+    let mut s = isothermal(&grid, Laminar { viscosity: RHO * nu }, settings);
+    for k in 0..60 {
+        let dt = if k < 10 { 0.005 } else { 0.05 };
+        s.advance(&at_rest(dt)).unwrap();
+        s.accept(dt, false);
+    }
+    let domain = s.domain();
+    let mut friction: Vec<(f64, f64)> = s
+        .topology
+        .no_slip
+        .iter()
+        .map(|side| {
+            let x = s.metrics.faces[side.face as usize].centre[0];
+            let t = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side)[0];
+            (x, t / (0.5 * RHO * speed * speed) * (speed * x / nu).sqrt())
+        })
+        .collect();
+    friction.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let at = |x: f64| {
+        let w = friction.windows(2).find(|w| w[0].0 <= x && w[1].0 > x).expect("on the plate");
+        w[0].1 + (w[1].1 - w[0].1) * (x - w[0].0) / (w[1].0 - w[0].0)
+    };
+    let exact = blasius();
+    let points: Vec<[f64; 3]> =
+        (1..=60).map(|k| [0.5, 0.1 * f64::from(k) * (nu * 0.5 / speed).sqrt(), 0.005]).collect();
+    let list: Vec<case::Probe> =
+        points.iter().enumerate().map(|(k, x)| case::Probe { name: k.to_string(), position_m: *x }).collect();
+    let mut probes = Probes::new(&list, &s).unwrap();
+    let rows = probes.sample(&s);
+    let off = (1..=60).map(|k| (rows[5 * (k - 1) + 1] / speed - exact[10 * k]).abs()).fold(0.0, f64::max);
+    let found = ([at(0.3), at(0.5), at(0.7)], off);
+    println!(
+        "flat plate, {} cells: cf sqrt(Re_x) {:.4?}, profile off by {off:.4}",
+        grid.cells.len(),
+        found.0
+    );
+    found
+}
+
+/// Blasius: cf sqrt(Re_x) = 0.664115. At this Reynolds number the leading edge adds less
+/// than a hundredth.
+#[test]
+fn blasius_layer() {
+    let coarse = plate_layer(24);
+    assert!(blasius_error(&coarse.0) < 0.02 && coarse.1 < 0.02, "{coarse:?}");
+}
+
+#[test]
+#[ignore = "half a minute"]
+fn blasius_layer_refined() {
+    let (coarse, fine) = (plate_layer(24), plate_layer(48));
+    assert!(blasius_error(&fine.0) < 0.006 && fine.1 < 0.01 && fine.1 < coarse.1, "{coarse:?} {fine:?}");
+}
+
+fn blasius_error(found: &[f64; 3]) -> f64 {
+    found.iter().map(|c| (c / 0.664_115 - 1.0).abs()).fold(0.0, f64::max)
 }
 
 #[test]
@@ -249,7 +350,7 @@ fn grids_close() {
     use mesh::{FaceTable, quality};
     for (grid, wanted) in [
         (ring(10, 24, 20.0), 0.1 * 24.0 / 2.0 * (2.0 * PI / 24.0).sin() * (400.0 - 0.25)),
-        (channel(8, 1.0), 0.02 * (3.2 * 0.41 - 16.0 * 0.05 * 0.05 * (2.0 * PI / 32.0).sin())),
+        (channel(8), 0.02 * (2.2 * 0.41 - 16.0 * 0.05 * 0.05 * (2.0 * PI / 32.0).sin())),
     ] {
         let faces = FaceTable::new(&grid).unwrap();
         let volume: f64 = (0..grid.cells.len()).map(|c| quality::cell_volume(&grid, c)).sum();

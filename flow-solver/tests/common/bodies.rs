@@ -80,9 +80,9 @@ pub fn quarter_shell(n: usize, nr: usize, far: f64) -> FlowGrid {
 }
 
 /// The channel of DFG 2D-1 with `n` cells along each quarter of the cylinder's box:
-/// height 0.41 m, cylinder of diameter 0.1 m at (0.2, 0.2), from `-entry` to 2.2 m along
-/// x. Far field (the inflow) on the left, outlet on the right, walls elsewhere.
-pub fn channel(n: usize, entry: f64) -> FlowGrid {
+/// height 0.41 m along z, cylinder of diameter 0.1 m at x = z = 0.2, 2.2 m long. Far field
+/// (the inflow) on the left, outlet on the right, walls above and below.
+pub fn channel(n: usize) -> FlowGrid {
     let h = 0.2 / n as f64;
     let even = |from: f64, to: f64, m: usize| {
         (0..=m).map(|k| from + (to - from) * k as f64 / m as f64).collect::<Vec<_>>()
@@ -101,9 +101,9 @@ pub fn channel(n: usize, entry: f64) -> FlowGrid {
             .collect::<Vec<f64>>()
     };
     let ratio = 1.0 + 1.0 / n as f64;
-    let mut x: Vec<f64> = growing(0.1 + entry, ratio).iter().rev().map(|s| 0.1 - s).collect();
-    let left = x.len();
-    x.extend(even(0.1, 0.3, n));
+    let mut x: Vec<f64> = even(0.0, 0.1, (n / 2).max(2));
+    let left = x.len() - 1;
+    x.extend(&even(0.1, 0.3, n)[1..]);
     x.extend(growing(1.9, ratio).iter().map(|s| 0.3 + s));
     let (low, high) = ((n / 2).max(2), (11 * n).div_ceil(20));
     let mut y = even(0.0, 0.1, low);
@@ -176,6 +176,10 @@ pub fn channel(n: usize, entry: f64) -> FlowGrid {
                 grid.boundary.push((Patch::Wall, [p[0], p[1], q[1], q[0]]));
             }
         }
+    }
+    // A quarter turn about x.
+    for p in &mut grid.coords {
+        *p = [p[0], -p[2], p[1]];
     }
     without_loose_nodes(grid)
 }
