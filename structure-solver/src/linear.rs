@@ -20,13 +20,22 @@ pub struct LinearCost {
     pub solve_s: f64,
 }
 
-/// Iterations with a kept factor after which renewing it is the cheaper way.
-const PATIENCE: usize = 16;
 /// Iterations with block Jacobi beyond which a direct factor is the cheaper way: one
 /// of its applications costs about as much as four products.
 const JACOBI_LIMIT: usize = 30;
 /// Iterations with a fresh factor before a solve is given up.
 const LIMIT: usize = 200;
+/// Rows on some rank beyond which its subdomain is cut into parts of `PART` rows that
+/// overlap by `LAYERS`: from there on the factor of the whole grows too dear.
+const WHOLE: usize = 20_000;
+const PART: usize = 5_000;
+const LAYERS: usize = 3;
+/// Iterations with fresh factors of parts beyond which inertia is too weak for them, and
+/// each rank takes one factor of all its rows.
+const PARTS_LIMIT: usize = 60;
+/// Iterations that a factorisation is worth, of its multiplications over the bytes of the
+/// factor: an iteration reads that once, and about as much beside.
+const OF_RATIO: f64 = 0.5;
 
 /// What GMRES is preconditioned with. Where inertia dominates (short steps, soft
 /// fabric) block Jacobi is enough and costs nothing; the first solve that needs
@@ -34,7 +43,35 @@ const LIMIT: usize = 200;
 /// clocks, so that a run can be repeated to the last bit.
 enum Preconditioned {
     Jacobi(Option<BlockJacobi<3>>),
-    Direct(Box<SchwarzLu<3>>),
+    Direct(Box<Direct>),
+}
+
+/// Direct factors that are kept while they serve.
+struct Direct {
+    lu: SchwarzLu<3>,
+    /// Several subdomains on a rank.
+    cut: bool,
+    /// Iterations that cost about as much as a factorisation, the same on all ranks.
+    worth: usize,
+    /// Iterations of the first solve with the present factor, and its relative tolerance.
+    fresh: usize,
+    at: f64,
+}
+
+impl Direct {
+    /// Collective.
+    fn new(a: &BlockCsr<3>, cut: bool) -> Self {
+        let comm = a.halo().comm();
+        let lu = if cut { SchwarzLu::plan_parts(a, PART, LAYERS) } else { SchwarzLu::plan(a) };
+        let ratio = comm.max(lu.flops() as f64 / lu.bytes().max(1) as f64);
+        Self { lu, cut, worth: (OF_RATIO * ratio).clamp(4.0, 16.0) as usize, fresh: 1, at: 1.0 }
+    }
+
+    /// Iterations that a fresh factor would need to the tolerance `relative`.
+    fn expected(&self, relative: f64) -> usize {
+        let share = if self.at > 0.0 && self.at < 1.0 { relative.ln() / self.at.ln() } else { 1.0 };
+        (self.fresh as f64 * share).ceil().min(LIMIT as f64) as usize
+    }
 }
 
 /// GMRES with a preconditioner that is kept while it serves.
@@ -82,25 +119,37 @@ impl LinearSolver {
         tolerance: f64,
     ) -> Result<(), String> {
         self.relative = tolerance;
+        x.fill(0.0);
         if matches!(self.by, Preconditioned::Jacobi(_)) {
             if (!changed || self.jacobi(a)?) && self.gmres(a, b, x, JACOBI_LIMIT).is_ok() {
                 return Ok(());
             }
-            self.by = Preconditioned::Direct(Box::new(SchwarzLu::plan(a)));
+            x.fill(0.0);
+            let cut = self.comm.max(a.n_rows() as f64) > WHOLE as f64;
+            self.by = Preconditioned::Direct(Box::new(Direct::new(a, cut)));
             self.stale = true;
         }
         if !self.stale {
-            match self.gmres(a, b, x, PATIENCE) {
+            let Preconditioned::Direct(d) = &self.by else { unreachable!("made above") };
+            let (expected, worth) = (d.expected(tolerance), d.worth);
+            match self.gmres(a, b, x, expected + worth) {
                 Ok(iterations) => {
-                    self.stale = iterations > PATIENCE / 2;
+                    self.stale = iterations > expected + worth / 2;
                     return Ok(());
                 }
                 Err(KrylovError::Stalled { .. }) => return Ok(()),
-                Err(_) => {}
+                // What was found is a better start than zero.
+                Err(KrylovError::NotConverged { .. }) => {}
+                Err(_) => x.fill(0.0),
             }
         }
-        self.refactor(a)?;
-        match self.gmres(a, b, x, LIMIT) {
+        let cut = matches!(&self.by, Preconditioned::Direct(d) if d.cut);
+        let mut result = self.fresh(a, b, x, if cut { PARTS_LIMIT } else { LIMIT })?;
+        if cut && let Err(KrylovError::NotConverged { .. }) = result {
+            self.by = Preconditioned::Direct(Box::new(Direct::new(a, false)));
+            result = self.fresh(a, b, x, LIMIT)?;
+        }
+        match result {
             // A correction to rounding is still one: Newton judges it.
             Ok(_) | Err(KrylovError::Stalled { .. }) => Ok(()),
             Err(e) => {
@@ -108,6 +157,22 @@ impl LinearSolver {
                 Err(e.to_string())
             }
         }
+    }
+
+    /// Factorises and solves from the guess in `x`.
+    fn fresh(
+        &mut self,
+        a: &BlockCsr<3>,
+        b: &[f64],
+        x: &mut [f64],
+        limit: usize,
+    ) -> Result<Result<usize, KrylovError>, String> {
+        self.refactor(a)?;
+        let result = self.gmres(a, b, x, limit);
+        if let (Preconditioned::Direct(d), [first, .., last]) = (&mut self.by, self.gmres.history()) {
+            (d.fresh, d.at) = (self.gmres.history().len() - 1, last / first);
+        }
+        Ok(result)
     }
 
     /// Inverts the diagonal blocks; `false` if one is singular on some rank.
@@ -130,7 +195,6 @@ impl LinearSolver {
         limit: usize,
     ) -> Result<usize, KrylovError> {
         let start = Instant::now();
-        x.fill(0.0);
         let params =
             KrylovParams { rel_tol: self.relative, max_iterations: limit, restart: 60, ..Default::default() };
         let result = match &self.by {
@@ -138,7 +202,7 @@ impl LinearSolver {
                 let j = j.as_ref().expect("made before the first solve");
                 self.gmres.solve(a, j, b, x, params)
             }
-            Preconditioned::Direct(lu) => self.gmres.solve(a, &**lu, b, x, params),
+            Preconditioned::Direct(d) => self.gmres.solve(a, &d.lu, b, x, params),
         };
         self.cost.solve_s += start.elapsed().as_secs_f64();
         self.cost.iterations += self.gmres.history().len().saturating_sub(1) as u64;
@@ -146,9 +210,9 @@ impl LinearSolver {
     }
 
     fn refactor(&mut self, a: &BlockCsr<3>) -> Result<(), String> {
-        let Preconditioned::Direct(lu) = &mut self.by else { return Ok(()) };
+        let Preconditioned::Direct(d) = &mut self.by else { return Ok(()) };
         let start = Instant::now();
-        let result = lu.refactor(a).map_err(|e| e.to_string());
+        let result = d.lu.refactor(a).map_err(|e| e.to_string());
         self.cost.factorisation_s += start.elapsed().as_secs_f64();
         self.cost.factorisations += 1;
         self.stale = result.is_err();

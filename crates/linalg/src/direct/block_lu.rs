@@ -103,6 +103,29 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         Self::keeping(row_ptr, cols, &[])
     }
 
+    /// Plans the factorisation of the square part in `rows` of matrices with this pattern,
+    /// whose whole values [`BlockLu::factor_scaled`] takes. Columns beyond the rows of the
+    /// pattern are left out.
+    pub fn of_rows(row_ptr: &[usize], cols: &[u32], rows: &[u32]) -> Self {
+        let mut index = vec![u32::MAX; row_ptr.len() - 1];
+        rows.iter().enumerate().for_each(|(k, &i)| index[i as usize] = k as u32);
+        let (mut part_ptr, mut part_cols, mut slots) = (vec![0], Vec::new(), Vec::new());
+        for &i in rows {
+            for s in row_ptr[i as usize]..row_ptr[i as usize + 1] {
+                if let Some(&j) = index.get(cols[s] as usize).filter(|j| **j != u32::MAX) {
+                    part_cols.push(j);
+                    slots.push(s as u32);
+                }
+            }
+            part_ptr.push(part_cols.len());
+        }
+        let mut this = Self::new(&part_ptr, &part_cols);
+        for entry in this.plan.fronts.iter_mut().flat_map(|f| &mut f.entries) {
+            entry[0] = slots[entry[0] as usize];
+        }
+        this
+    }
+
     /// Plans the elimination of all rows but those `kept` (ascending).
     pub fn keeping(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> Self {
         let plan = Symbolic::new(row_ptr, cols, kept);
@@ -169,8 +192,12 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
 
     /// Factorises the matrix whose blocks, in the order of the pattern, are `values`.
     pub fn factor(&mut self, values: &[[[f64; B]; B]]) -> Result<(), FactorError> {
+        self.factor_scaled(values, largest(values.as_flattened().as_flattened()))
+    }
+
+    /// As [`BlockLu::factor`], with the largest magnitude among `values`.
+    pub fn factor_scaled(&mut self, values: &[[[f64; B]; B]], largest: f64) -> Result<(), FactorError> {
         let work = &mut self.work;
-        let largest = largest(values.as_flattened().as_flattened());
         self.scale = if largest > 0.0 && largest.is_finite() { 1.0 / largest } else { 1.0 };
         // A Schur complement that was handed out, or what a failed attempt left.
         for update in &mut work.updates {

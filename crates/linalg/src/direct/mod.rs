@@ -7,3 +7,4 @@ mod symbolic;
 
 pub(crate) use block_lu::BlockLu;
 pub use block_lu::FactorError;
+pub(crate) use sweep::largest;

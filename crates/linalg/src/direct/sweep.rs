@@ -30,7 +30,7 @@ pub(super) fn flush_finite<T: Real>(x: &mut [T]) -> bool {
 }
 
 /// Largest magnitude; NaN is passed over.
-pub(super) fn largest(x: &[f64]) -> f64 {
+pub(crate) fn largest(x: &[f64]) -> f64 {
     let (chunks, rest) = x.as_chunks::<LANES>();
     let mut most = [0.0f64; LANES];
     for x in chunks {

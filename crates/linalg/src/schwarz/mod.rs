@@ -1,5 +1,6 @@
 //! Restricted additive Schwarz with a direct factor on every subdomain.
 
+mod domains;
 mod overlap;
 mod schur;
 
@@ -7,30 +8,36 @@ use std::cell::RefCell;
 
 use crate::block::Real;
 use crate::direct::BlockLu;
+use crate::direct::largest;
 use crate::{BlockCsr, FactorError, Preconditioner};
+use domains::Domain;
 use overlap::Overlap;
 
 pub use schur::SchurLu;
 
-/// Restricted additive Schwarz (Cai and Sarkis 1999) with one layer of overlap and a
-/// sparse LU factor of each subdomain, stored in precision `T`.
+/// Restricted additive Schwarz (Cai and Sarkis 1999) with a sparse LU factor of each
+/// subdomain, stored in precision `T`. A rank has one subdomain, overlapping those of other
+/// ranks by a layer, or several.
 ///
-/// The elimination is planned once, in [`SchwarzLu::new`]; [`SchwarzLu::refactor`] takes
-/// new values on the same pattern. On one rank this is a direct solver. Subdomains see
-/// zero values beyond their overlap. The map is not symmetric: use it with GMRES.
+/// The elimination is planned once, in [`SchwarzLu::plan`]; [`SchwarzLu::refactor`] takes
+/// new values on the same pattern. On one rank with one subdomain this is a direct solver.
+/// Several make a factorisation of `n` rows of a surface mesh cost `O(n)` and not
+/// `O(n^1.5)`, for more iterations. Subdomains see zero values beyond their overlap. The map
+/// is not symmetric: use it with GMRES.
 ///
 /// Single precision halves what a solve reads and costs GMRES an iteration where the matrix
 /// is very ill conditioned; the solution is as accurate, since GMRES computes in `f64`.
 pub struct SchwarzLu<const B: usize = 3, T: Real = f32> {
     overlap: Overlap<B>,
-    lu: BlockLu<B, T>,
+    parts: Vec<(Domain, BlockLu<B, T>)>,
     /// Values of the owned and overlap rows (unused without overlap).
     values: Vec<[[f64; B]; B]>,
-    residual: RefCell<Vec<f64>>,
+    /// Residual of the local rows, and that of one subdomain.
+    residual: RefCell<[Vec<f64>; 2]>,
 }
 
 impl<const B: usize, T: Real> SchwarzLu<B, T> {
-    /// Plans and does the first factorisation. Collective.
+    /// Plans and does the first factorisation of one subdomain on each rank. Collective.
     pub fn new(a: &BlockCsr<B>) -> Result<Self, FactorError> {
         let mut this = Self::plan(a);
         this.refactor(a)?;
@@ -40,11 +47,24 @@ impl<const B: usize, T: Real> SchwarzLu<B, T> {
     /// Plans the factorisation of matrices with the pattern of `a`, whose values are not
     /// read: call [`SchwarzLu::refactor`] before the first use. Collective.
     pub fn plan(a: &BlockCsr<B>) -> Self {
+        Self::plan_parts(a, usize::MAX, 0)
+    }
+
+    /// As [`SchwarzLu::plan`] with subdomains of about `size` rows that overlap by `layers`
+    /// inside a rank. Collective.
+    pub fn plan_parts(a: &BlockCsr<B>, size: usize, layers: usize) -> Self {
         let overlap = Overlap::new(a);
         let (row_ptr, cols) = overlap.pattern(a);
-        let lu = BlockLu::new(&row_ptr, &cols);
-        let n_local = a.halo().n_local() * B;
-        Self { overlap, lu, values: Vec::new(), residual: RefCell::new(vec![0.0; n_local]) }
+        let parts: Vec<_> = domains::cut(&row_ptr, &cols, a.n_rows(), size, layers)
+            .into_iter()
+            .map(|d| {
+                let lu = BlockLu::of_rows(&row_ptr, &cols, &d.rows);
+                (d, lu)
+            })
+            .collect();
+        let longest = parts.iter().map(|(d, _)| d.rows.len()).max().unwrap_or(0);
+        let residual = RefCell::new([a.halo().n_local(), longest].map(|n| vec![0.0; n * B]));
+        Self { overlap, parts, values: Vec::new(), residual }
     }
 
     /// Factorises the present values of `a`, which has the pattern of the planned matrix.
@@ -56,29 +76,48 @@ impl<const B: usize, T: Real> SchwarzLu<B, T> {
             self.overlap.gather(a, &mut self.values);
             &self.values
         };
-        let result = self.lu.factor(values);
+        let largest = largest(values.as_flattened().as_flattened());
+        let result = self.parts.iter_mut().try_for_each(|(d, lu)| {
+            lu.factor_scaled(values, largest).map_err(|e| match e {
+                FactorError::Singular { row } => FactorError::Singular { row: d.rows[row] as usize },
+                other => other,
+            })
+        });
         if a.halo().comm().all(result.is_ok()) { Ok(()) } else { result.and(Err(FactorError::OtherRank)) }
     }
 
-    /// Bytes of the factor on this rank.
+    /// Subdomains of this rank.
+    pub fn n_parts(&self) -> usize {
+        self.parts.len()
+    }
+
+    /// Bytes of the factors on this rank.
     pub fn bytes(&self) -> usize {
-        self.lu.bytes()
+        self.parts.iter().map(|(_, lu)| lu.bytes()).sum()
     }
 
     /// Multiplications, each with an addition, that a factorisation on this rank needs.
     pub fn flops(&self) -> u64 {
-        self.lu.flops()
+        self.parts.iter().map(|(_, lu)| lu.flops()).sum()
     }
 }
 
 impl<const B: usize, T: Real> Preconditioner for SchwarzLu<B, T> {
     fn apply(&self, r: &[f64], z: &mut [f64]) {
-        let mut local = self.residual.borrow_mut();
+        let [local, part] = &mut *self.residual.borrow_mut();
         let halo = self.overlap.halo();
         let n = halo.n_owned() * B;
         local[..n].copy_from_slice(&r[..n]);
-        halo.exchange(&mut local, B);
-        self.lu.solve(&mut local);
-        z[..n].copy_from_slice(&local[..n]);
+        halo.exchange(local, B);
+        let (local, z) = (local.as_chunks::<B>().0, z.as_chunks_mut::<B>().0);
+        for (domain, lu) in &self.parts {
+            for (x, &i) in part.as_chunks_mut::<B>().0.iter_mut().zip(&domain.rows) {
+                *x = local[i as usize];
+            }
+            lu.solve(part);
+            for (x, &i) in part.as_chunks::<B>().0.iter().zip(&domain.rows[..domain.n_core]) {
+                z[i as usize] = *x;
+            }
+        }
     }
 }
