@@ -106,7 +106,7 @@ pub struct Steady {
     pub force_change: f64,
     /// Steps at most; a flow that is not steady by then ends the run.
     pub max_steps: u32,
-    /// Courant number of the last, longest steps.
+    /// Courant number of a cell of mean size in the last, longest steps.
     pub max_courant: f64,
 }
 

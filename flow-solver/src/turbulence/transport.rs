@@ -127,10 +127,12 @@ impl SpalartAllmaras {
             return;
         }
         let walls = Walls::gather(comm, on.topology, nodes);
-        self.wall = on.metrics.centre[..on.topology.n_owned]
-            .iter()
-            .map(|x| walls.distance(*x, f64::INFINITY).min(FAR))
-            .collect();
+        // Cell and wall have moved: no farther than this from where the distance is known.
+        let farther = 2.0 * comm.max(moved);
+        self.wall.resize(on.topology.n_owned, FAR);
+        for (d, x) in self.wall.iter_mut().zip(&on.metrics.centre) {
+            *d = walls.distance(*x, *d + farther).min(FAR);
+        }
         self.walls_at = nodes.to_vec();
         self.delta.fill(0.0);
         let delta = &mut self.delta;
