@@ -6,9 +6,10 @@
 //! * [`BlockCsr`]: block rows of a distributed matrix, assembled through precomputed
 //!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
-//! * [`Subsystem`]: solves for some of a rank's rows, the others held.
+//! * [`Subsystem`]: solves for some rows across ranks, the others held.
 //! * [`BlockJacobi`], [`BlockIlu0`]: rank-local preconditioners.
-//! * [`SchwarzLu`]: a sparse direct factor of each subdomain; [`SchurLu`]: of the whole.
+//! * [`SchwarzLu`]: sparse direct factors of subdomains, one or more to a rank;
+//!   [`SchurLu`]: of the whole.
 //! * [`Amg`]: smoothed aggregation multigrid for elasticity.
 //! * [`recycle::Projection`]: initial guesses from past solutions.
 
