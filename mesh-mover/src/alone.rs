@@ -10,7 +10,7 @@ use comm::Comm;
 use mesh::StructureMesh;
 
 use crate::motion::Limits;
-use crate::participant::{MeshMover, Setup, owners};
+use crate::participant::{MeshMover, Setup, owners, regridder};
 use crate::resample::resample;
 
 /// Moves the grid of a scene without structure and flow: the canopy breathes about
@@ -92,8 +92,9 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
             let owner = owners(&grid, comm.size())?;
             let limits = Limits::from(&scene.mesh);
             let mover = crate::movers::mover(&scene.mesh);
+            let (outer, regridder) = (scene.mesh.outer, regridder(scene, &structure, &grid));
             let setup =
-                Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state: None };
+                Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state: None, outer, regridder };
             MeshMover::on_grid(setup, comm)?
         }
         _ => MeshMover::new(scene, args.stage, &args.out, comm)?,
@@ -160,6 +161,9 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
             seconds += spent;
             total += stats.values[mesh_stats::ITERATIONS];
             line += &format!(" {}it {:.1}ms", stats.values[mesh_stats::ITERATIONS], 1e3 * spent);
+            if let Some(fault) = mover.stuck() {
+                return Err(fault.clone());
+            }
             last = Some((w, stats.values));
         }
         let Some((w, v)) = last else { break };

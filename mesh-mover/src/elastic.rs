@@ -4,10 +4,12 @@ use linalg::{Amg, AmgParams, BlockCsr, Operator};
 use mesh::Vec3;
 
 use crate::element::stiffness;
+use crate::felt::Felt;
 use crate::glance::Glance;
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
 use crate::near;
+use crate::slide;
 use crate::solve::{Goal, Scratch, correct};
 use crate::warm::Warm;
 
@@ -24,7 +26,7 @@ pub struct Solid {
     pub depth_exponent: f64,
     /// Poisson's ratio.
     pub poisson: f64,
-    /// Accepted error of a node's position, in shares of the shortest edge around it.
+    /// Accepted error of positions, in shares of an edge (see [`Felt`]).
     pub tolerance: f64,
     /// Most iterations of a solve.
     pub max_iterations: usize,
@@ -73,8 +75,7 @@ struct System {
     /// Holds the matrix too, in single precision: a solid whose stiffness differs by 1e-7.
     amg: Amg<f32>,
     glance: Glance,
-    /// Shortest edge around each owned free node, m.
-    sizes: Vec<f64>,
+    felt: Felt,
     warm: Warm,
     scratch: Scratch,
     rhs: Vec<f64>,
@@ -100,13 +101,11 @@ impl Mover for Elastic {
         // The old system goes before the new one is set up: two would be the most memory ever held.
         self.system = None;
         let amg = Amg::of_matrix(matrix, &coords, AmgParams::default()).map_err(|e| singular(&e))?;
-        let mut sizes = grid.free_sizes(x);
-        sizes.truncate(grid.n_free);
         self.system = Some(System {
             canopy,
             amg,
             glance: Glance::default(),
-            sizes,
+            felt: Felt::new(grid, x),
             warm: Warm::new(n),
             scratch: Scratch::new(n, n_local),
             rhs: vec![0.0; n],
@@ -117,7 +116,7 @@ impl Mover for Elastic {
 
     fn bytes(&self) -> usize {
         let Some(s) = &self.system else { return 0 };
-        let vectors = 8 * (5 * s.scratch.r.len() + s.rhs.len() + s.sizes.len() + s.missing.len());
+        let vectors = 8 * (5 * s.scratch.r.len() + s.rhs.len() + s.missing.len()) + s.felt.bytes();
         s.amg.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
     }
 
@@ -144,7 +143,7 @@ impl Mover for Elastic {
             *r = b - *r;
         }
         let goal = Goal { tolerance: self.solid.tolerance, max_iterations: self.solid.max_iterations };
-        let end = correct(&s.amg, &mut s.glance, comm, &s.sizes, goal, &mut s.scratch);
+        let end = correct(&s.amg, &mut s.glance, comm, &s.felt, goal, &mut s.scratch);
         if end.error.is_nan() || end.error > goal.tolerance {
             return Err(MoverError::NotConverged {
                 iterations: end.iterations,
@@ -156,6 +155,7 @@ impl Mover for Elastic {
         for ((u, d), z) in u[..n].iter_mut().zip(&*d).zip(&*z) {
             *u += d + z;
         }
+        slide::keep(&grid.slides, &mut u[..n]);
         if end.iterations > 0 {
             near::follow(grid, &s.missing, d);
             p[..n].copy_from_slice(d);
@@ -167,7 +167,7 @@ impl Mover for Elastic {
     }
 }
 
-type Coupling = Vec<(u32, u32, [[f64; 3]; 3])>;
+pub(crate) type Coupling = Vec<(u32, u32, [[f64; 3]; 3])>;
 
 /// Stiffness of the owned free rows at node positions `x`: its free columns, and
 /// the columns of the canopy.
@@ -232,6 +232,7 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f
             }
         }
     }
+    slide::constrain(&grid.slides, &mut matrix, &mut canopy);
     Ok((matrix, canopy))
 }
 

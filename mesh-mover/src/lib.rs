@@ -8,14 +8,14 @@
 //!   [`laplacian`], [`radial_basis`] and [`inverse_distance`] are for comparison; [`movers`] picks the one of the scene;
 //! * [`near`]: small motions between the calls of one window, without equations;
 //! * [`motion`]: total form first, then increments with an updated reference, then
-//!   [`untangle`], then an error that names the cell;
+//!   [`untangle`], then an error that names the cell; new grids where the scene asks for them;
 //! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`];
 //! * [`alone`]: a prescribed motion without partners, on any mesh of a canopy ([`resample`]),
 //!   with pictures ([`cut`]); [`sample`] and [`torture`]: a small grid and large
 //!   motions for tests and comparisons.
 //!
 //! The interior of the grid is not physics: canopy nodes are exact to the bit, all other
-//! nodes to `mesh.tolerance` of the shortest cell edge around them.
+//! nodes to `mesh.tolerance` of what their cells feel ([`felt`]). Outer nodes may [`slide`].
 
 // Small vectors are written in index notation, like the formulas they implement.
 #![allow(clippy::needless_range_loop)]
@@ -25,6 +25,7 @@ pub mod cut;
 pub mod depth;
 pub mod elastic;
 pub mod element;
+pub mod felt;
 pub mod glance;
 pub mod inverse_distance;
 pub mod laplacian;
@@ -38,6 +39,7 @@ pub mod quality;
 pub mod radial_basis;
 pub mod resample;
 pub mod sample;
+pub mod slide;
 pub mod solve;
 pub mod state;
 pub mod torture;

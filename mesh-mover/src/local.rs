@@ -3,12 +3,14 @@
 
 use std::rc::Rc;
 
+use case::OuterBoundary;
 use comm::{Comm, Halo, Numbering};
 use mesh::{FlowGrid, Vec3};
 
 use crate::depth::depths;
 use crate::near;
 use crate::quality::{Corners, corners_at};
+use crate::slide::{Slide, slides};
 
 /// What decides where a node goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +45,8 @@ pub struct LocalGrid {
     pub near_owned: usize,
     /// Runs of cells that touch a near node or the canopy.
     pub near_cells: Vec<std::ops::Range<usize>>,
+    /// Local free nodes of the outer boundary, ascending, with the ways that they may go.
+    pub slides: Vec<Slide>,
     /// Local node of each local free node: owned first, then ghosts.
     pub free_node: Vec<u32>,
     /// Number of owned free nodes.
@@ -62,8 +66,13 @@ pub struct LocalGrid {
 }
 
 impl LocalGrid {
-    /// Cuts this rank's part out of `grid`, `owner` being the rank of each node. Collective.
+    /// As [`LocalGrid::with_outer`], the outer boundary being fixed.
     pub fn new(grid: &FlowGrid, owner: &[u32], comm: &Comm) -> Self {
+        Self::with_outer(grid, owner, OuterBoundary::Fixed, comm)
+    }
+
+    /// Cuts this rank's part out of `grid`, `owner` being the rank of each node. Collective.
+    pub fn with_outer(grid: &FlowGrid, owner: &[u32], outer: OuterBoundary, comm: &Comm) -> Self {
         let n = grid.coords.len();
         let me = comm.rank() as u32;
         let (mut cells, mut cell_global) = (Vec::new(), Vec::new());
@@ -97,6 +106,14 @@ impl LocalGrid {
 
         let depth = depths(grid, cell_global.iter().map(|&c| &grid.cells[c as usize]));
         let rings = near::rings(grid, &global_kind);
+        let sliding = match outer {
+            OuterBoundary::Fixed => Default::default(),
+            OuterBoundary::Sliding => slides(grid),
+        };
+        for &a in sliding.keys() {
+            global_kind[a as usize] = Kind::Free(0);
+        }
+        let mut slide_rows = Vec::new();
         let mut near = Vec::new();
         let mut kind = Vec::with_capacity(nodes.n_local());
         let (mut free_owned, mut free_ghosts) = (Vec::new(), Vec::new());
@@ -107,6 +124,7 @@ impl LocalGrid {
                 Kind::Free(_) => {
                     let index = free_node.len() as u32;
                     near.extend(rings[g as usize].map(|ring| ring.row(index)));
+                    slide_rows.extend(sliding.get(&(g as u32)).map(|&way| Slide { free: index, way }));
                     free_node.push(local as u32);
                     if local < nodes.n_owned {
                         free_owned.push(g);
@@ -150,6 +168,7 @@ impl LocalGrid {
             near_owned: near.partition_point(|row| (row.free as usize) < n_free),
             near,
             near_cells,
+            slides: slide_rows,
             free_node,
             n_free,
             free_halo,
@@ -169,6 +188,7 @@ impl LocalGrid {
             + 4 * self.free_node.len()
             + size_of_val(&self.near[..])
             + size_of_val(&self.near_cells[..])
+            + size_of_val(&self.slides[..])
     }
 
     /// The ranks that share the grid.

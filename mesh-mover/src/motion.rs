@@ -1,6 +1,8 @@
 //! A grid that follows the canopy and stays usable: total form first, then
 //! increments with an updated reference, then local untangling, then an error.
 
+mod regrid;
+
 use comm::Comm;
 use mesh::Vec3;
 
@@ -9,6 +11,7 @@ use crate::mover::{Effort, Mover, MoverError};
 use crate::near;
 use crate::quality::{lower, volume};
 use crate::untangle::untangle;
+pub use regrid::{Builder, Glide, NewGrid, Regridder};
 
 /// What a moved grid must keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,7 +112,7 @@ pub struct Positions {
 /// there. Each new reference grid replaces that start by the grid at hand: from
 /// then on the grid returns to that one, until the canopy is half way back to its
 /// start: then the start grid is the reference again, and all drift is gone.
-/// [`Motion::rebased`] counts the changes.
+/// [`Motion::rebased`] counts the changes. A new grid (`mesh.regrid`) is a new start.
 pub struct Motion {
     /// The grid's topology.
     pub grid: LocalGrid,
@@ -133,6 +136,9 @@ pub struct Motion {
     anchor: Option<Anchor>,
     /// Canopy of the anchor (used while there is one).
     anchor_canopy: Vec<f64>,
+    regridder: Option<Regridder>,
+    glide: Option<Glide>,
+    new_grids: u32,
 }
 
 /// The first answer of a window: `u` holds its grid, small motions are counted from it.
@@ -176,6 +182,9 @@ impl Motion {
             reach: Vec::new(),
             anchor: None,
             anchor_canopy: Vec::new(),
+            regridder: None,
+            glide: None,
+            new_grids: 0,
         };
         let shape = motion.shape(&motion.reference.grid);
         if !motion.accepts(&shape) {
@@ -192,6 +201,11 @@ impl Motion {
     /// The grid that displacements are counted from.
     pub fn reference(&self) -> &Positions {
         &self.reference
+    }
+
+    /// What a moved grid must keep.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
     }
 
     /// How often the reference grid was replaced.
@@ -252,13 +266,25 @@ impl Motion {
     /// Bytes held for the motion.
     pub fn bytes(&self) -> usize {
         let flat = 2 * self.reference.grid.len() + self.u.len() + self.push.len() + self.start_volumes.len();
+        let flat = flat + self.glide.as_ref().map_or(0, |g| g.offset.len());
         8 * (flat + self.reach.len() + self.anchor_canopy.len()) + self.grid.bytes() + self.mover.bytes()
     }
 
     /// To be called with an accepted state: takes it as the new reference where
-    /// quality has fallen far and the mover can stand on it. Collective.
-    pub fn settle(&mut self, accepted: &Positions, shape: &Shape) {
+    /// quality has fallen far and the mover can stand on it. Says what came of a new grid
+    /// that was due. Collective.
+    pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Option<Result<NewGrid, String>> {
         self.anchor = None;
+        let news = self.go_on(accepted, shape);
+        // On the way to a new grid that is the reference.
+        if self.glide.is_none() {
+            self.protect(accepted, shape);
+        }
+        news
+    }
+
+    /// A better reference where one is due. Collective.
+    fn protect(&mut self, accepted: &Positions, shape: &Shape) {
         // All of this is not a need but a precaution: the old reference still serves where it fails.
         if shape.quality < REBASE_BELOW && shape.quality < REBASE_LOSS * self.reference_quality {
             let mut at = accepted.clone();
@@ -338,12 +364,16 @@ impl Motion {
         })
     }
 
-    /// Puts reference plus `u` and the canopy into `to`.
+    /// Puts reference plus `u`, what is left of the way to it, and the canopy into `to`.
     fn place(&self, to: &mut Positions) {
         to.grid.copy_from_slice(&self.reference.grid);
         for (&a, u) in self.grid.free_node.iter().zip(self.u.as_chunks::<3>().0) {
             let x = &mut to.grid[3 * a as usize..][..3];
             x.iter_mut().zip(u).for_each(|(x, u)| *x += u);
+        }
+        if let Some(glide) = &self.glide {
+            let rest = glide.rest();
+            to.grid.iter_mut().zip(&glide.offset).for_each(|(x, d)| *x += rest * d);
         }
         self.grid.place_canopy(&to.canopy, &mut to.grid);
     }
@@ -377,6 +407,8 @@ impl Motion {
         }
         self.reference.clone_from(at);
         self.reference_quality = quality;
+        // Increments start from where the grid is: no way is left.
+        self.glide = None;
         self.rebased += 1;
         if self.at_start {
             self.left = distance(&at.canopy, &self.start.canopy);
@@ -443,9 +475,10 @@ impl LocalGrid {
         }
     }
 
-    /// Whether local node `a` is free and owned here.
+    /// Whether local node `a` is free to go anywhere and owned here.
     pub(crate) fn is_mine_to_move(&self, a: u32) -> bool {
-        matches!(self.kind[a as usize], Kind::Free(i) if (i as usize) < self.n_free)
+        let slides = |i: u32| self.slides.binary_search_by_key(&i, |s| s.free).is_ok();
+        matches!(self.kind[a as usize], Kind::Free(i) if (i as usize) < self.n_free && !slides(i))
     }
 }
 

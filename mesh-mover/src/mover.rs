@@ -7,8 +7,7 @@ use crate::local::LocalGrid;
 pub struct Effort {
     /// Krylov iterations.
     pub iterations: usize,
-    /// Largest estimated error of a node's position, in shares of the shortest
-    /// edge of the cells around it.
+    /// Largest estimated error of positions, in shares of an edge (see [`crate::felt`]).
     pub error: f64,
 }
 

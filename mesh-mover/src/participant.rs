@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::time::Instant;
 
-use case::{Role, Scene};
+use case::{OuterBoundary, Role, Scene};
 use channel::{Announcement, Fault, Input, Participant, Stats, Window, mesh_stats};
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, StructureMesh, Vec3};
 
 use crate::local::LocalGrid;
-use crate::motion::{Limits, Motion, MotionError, Moved, Positions};
+use crate::motion::{Builder, Glide, Limits, Motion, MotionError, Moved, Positions, Regridder};
 use crate::mover::Mover;
 use crate::state::State;
 use crate::velocity::{first_order, second_order};
@@ -32,6 +32,10 @@ pub struct MeshMover {
     /// The last answer, until it is accepted.
     trial: Positions,
     answered: Option<(Window, Moved)>,
+    /// Whether the grid that stands for the start is not the scene's.
+    new_start: bool,
+    /// Why the last window had no answer.
+    stuck: Option<Fault>,
 }
 
 struct Surface {
@@ -53,6 +57,10 @@ pub struct Setup<'a> {
     pub limits: Limits,
     /// Where to go on from; `None`: the start grid at rest.
     pub state: Option<State>,
+    /// What the outer boundary does.
+    pub outer: OuterBoundary,
+    /// Makes new grids; `None`: there are none.
+    pub regridder: Option<Regridder>,
 }
 
 impl MeshMover {
@@ -70,7 +78,10 @@ impl MeshMover {
             state.map(|path| State::load(&path, grid.coords.len())).transpose().map_err(Fault::new)?;
         let mover = crate::movers::mover(&scene.mesh);
         let limits = Limits::from(&scene.mesh);
-        Self::on_grid(Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state }, comm)
+        let regridder = regridder(scene, &structure, &grid);
+        let outer = scene.mesh.outer;
+        let setup = Setup { structure: &structure, grid: &grid, owner: &owner, mover, limits, state, outer, regridder };
+        Self::on_grid(setup, comm)
     }
 
     /// The mover of a given grid. Collective.
@@ -78,7 +89,7 @@ impl MeshMover {
     /// # Errors
     /// A bad start grid, or a canopy that the grid does not carry.
     pub fn on_grid(setup: Setup<'_>, comm: &Comm) -> Result<Self, Fault> {
-        let Setup { grid, structure, owner, mover, limits, state } = setup;
+        let Setup { grid, structure, owner, mover, limits, state, outer, regridder } = setup;
         if grid.canopy_nodes.len() != structure.n_canopy {
             return Err(Fault::new(format!(
                 "the flow grid carries {} canopy nodes, the structure mesh has {}",
@@ -91,18 +102,21 @@ impl MeshMover {
         for (face, &panel) in structure.faces.iter().zip(&structure.face_panel) {
             face.iter().for_each(|&a| panels[a as usize] = panel);
         }
-        let local = LocalGrid::new(grid, owner, comm);
+        let local = LocalGrid::with_outer(grid, owner, outer, comm);
         let positions = |global: &[Vec3]| Positions {
             grid: local.gather(global),
             canopy: grid.canopy_nodes.iter().flat_map(|&a| global[a as usize]).collect(),
         };
-        let start = positions(&grid.coords);
         let of = |flat: &[f64]| (!flat.is_empty()).then(|| positions(flat.as_chunks::<3>().0));
         let state = state.unwrap_or_default();
+        let start = of(&state.start).unwrap_or_else(|| positions(&grid.coords));
         let now = of(&state.now).unwrap_or_else(|| start.clone());
         let before = of(&state.before);
         let reference = of(&state.reference).unwrap_or_else(|| start.clone());
+        let [step, steps] = state.way;
+        let glide = of(&state.offset).map(|offset| Glide { offset: offset.grid, step, steps });
         let motion = Motion::new(local, start, reference, mover, limits).map_err(Fault::new)?;
+        let motion = motion.with_regrid(regridder, glide);
         Ok(Self {
             motion,
             unstressed,
@@ -116,6 +130,8 @@ impl MeshMover {
             before,
             dt: state.dt,
             answered: None,
+            new_start: !state.start.is_empty(),
+            stuck: None,
         })
     }
 
@@ -127,6 +143,11 @@ impl MeshMover {
     /// Accepted positions.
     pub fn positions(&self) -> &Positions {
         &self.now
+    }
+
+    /// Why the last window had no answer, if so.
+    pub fn stuck(&self) -> Option<&Fault> {
+        self.stuck.as_ref()
     }
 
     fn read_canopy(&mut self, displacement: &[f64]) -> Result<(), Fault> {
@@ -154,6 +175,47 @@ impl MeshMover {
         Ok(())
     }
 
+    /// The answer to a canopy that the grid cannot follow: the last accepted grid, and what stands
+    /// in the way. The run can then be saved before it ends.
+    fn refuse(&self, error: &MotionError, output: &mut [f64], clock: Instant) -> Stats {
+        for (row, x) in output.as_chunks_mut::<WIDTH>().0.iter_mut().zip(self.now.grid.as_chunks::<3>().0) {
+            *row = [x[0], x[1], x[2], 0.0, 0.0, 0.0];
+        }
+        let mut stats = Stats::default();
+        let v = &mut stats.values;
+        v[mesh_stats::STUCK] = 1.0;
+        v[mesh_stats::INCREMENTS] = f64::from(self.motion.limits().max_increments);
+        v[mesh_stats::NEW_GRIDS] = f64::from(self.motion.new_grids());
+        match error {
+            MotionError::Tangled { shape, .. } | MotionError::BadStart { shape, .. } => {
+                v[mesh_stats::WORST_CELL] = f64::from(shape.cell);
+                v[mesh_stats::MIN_QUALITY] = shape.quality;
+                v[mesh_stats::MIN_VOLUME_RATIO] = shape.volume_ratio;
+                v[mesh_stats::NEAREST_NODE] = self.nearest(&shape.at).map_or(-1.0, |(k, _)| k as f64);
+            }
+            MotionError::Mover(crate::mover::MoverError::Inverted { cell, at, .. }) => {
+                v[mesh_stats::WORST_CELL] = f64::from(*cell);
+                v[mesh_stats::NEAREST_NODE] = self.nearest(at).map_or(-1.0, |(k, _)| k as f64);
+            }
+            MotionError::Mover(_) => {
+                v[mesh_stats::WORST_CELL] = -1.0;
+                v[mesh_stats::NEAREST_NODE] = -1.0;
+            }
+        }
+        for value in v.iter_mut().filter(|value| !value.is_finite()) {
+            *value = -1.0;
+        }
+        stats.busy_s = clock.elapsed().as_secs_f64();
+        stats
+    }
+
+    /// The canopy node next to a point, and its distance, m.
+    fn nearest(&self, at: &Vec3) -> Option<(usize, f64)> {
+        let distance2 = |p: &[f64; 3]| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
+        let nodes = self.trial.canopy.as_chunks::<3>().0.iter().map(distance2).enumerate();
+        nodes.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, d)| (k, d.sqrt()))
+    }
+
     /// A motion error with the part of the canopy that it concerns.
     fn explain(&self, error: &MotionError, w: &Window) -> Fault {
         let at = match error {
@@ -161,11 +223,9 @@ impl MeshMover {
             MotionError::Mover(crate::mover::MoverError::Inverted { at, .. }) => *at,
             MotionError::Mover(_) => return Fault::new(format!("grid motion, window {}: {error}", w.index)),
         };
-        let distance2 = |p: &[f64; 3]| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
-        let nodes = self.trial.canopy.as_chunks::<3>().0.iter().map(distance2).enumerate();
-        let place = match nodes.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        let place = match self.nearest(&at) {
             Some((k, d)) => {
-                format!("; nearest canopy node {k} (panel {}), {:.4} m away", self.panels[k], d.sqrt())
+                format!("; nearest canopy node {k} (panel {}), {d:.4} m away", self.panels[k])
             }
             None => String::new(),
         };
@@ -211,12 +271,23 @@ impl Participant for MeshMover {
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let clock = Instant::now();
-        self.answered = None;
+        (self.answered, self.stuck) = (None, None);
         if !(w.dt.is_finite() && w.dt > 0.0) {
             return Err(Fault::new(format!("window {} has a length of {} s", w.index, w.dt)));
         }
         self.read_canopy(input.canopy)?;
-        let moved = self.motion.follow(&self.now, &mut self.trial).map_err(|e| self.explain(&e, w))?;
+        let moved = match self.motion.follow(&self.now, &mut self.trial) {
+            Ok(moved) => moved,
+            Err(error) => {
+                let fault = self.explain(&error, w);
+                let stats = self.refuse(&error, output, clock);
+                if self.motion.grid.comm().is_root() {
+                    eprintln!("mesh-mover: {fault}");
+                }
+                self.stuck = Some(fault);
+                return Ok(stats);
+            }
+        };
         // Windows of another length would need other weights: start over with first order.
         let earlier = self.before.as_ref().filter(|_| self.dt == w.dt);
         let n = self.motion.grid.nodes.n_owned;
@@ -251,6 +322,7 @@ impl Participant for MeshMover {
         v[mesh_stats::RESIDUAL] = moved.effort.error;
         v[mesh_stats::MIN_VOLUME_RATIO] = moved.shape.volume_ratio;
         v[mesh_stats::WORST_CELL] = f64::from(moved.shape.cell);
+        v[mesh_stats::NEW_GRIDS] = f64::from(self.motion.new_grids());
         stats.busy_s = clock.elapsed().as_secs_f64();
         Ok(stats)
     }
@@ -263,7 +335,18 @@ impl Participant for MeshMover {
         std::mem::swap(before, &mut self.now);
         std::mem::swap(&mut self.now, &mut self.trial);
         self.dt = w.dt;
-        self.motion.settle(&self.now, &moved.shape);
+        let news = self.motion.settle(&self.now, &moved.shape);
+        self.new_start |= self.motion.new_grids() > 0;
+        if let Some(news) = news.filter(|_| self.motion.grid.comm().is_root()) {
+            match news {
+                Ok(n) => println!(
+                    "window {}: a new grid around the canopy, smallest scaled Jacobian {:.3} for {:.3}, reached \
+                     within {} windows",
+                    w.index, n.to, n.from, n.windows
+                ),
+                Err(why) => println!("window {}: no new grid: {why}", w.index),
+            }
+        }
         Ok(())
     }
 
@@ -272,8 +355,13 @@ impl Participant for MeshMover {
         let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
         let rebased = !self.motion.is_total();
         let reference = if rebased { self.gather(&self.motion.reference().grid) } else { Vec::new() };
+        let start = if self.new_start { self.gather(&self.motion.start().grid) } else { Vec::new() };
+        let (offset, way) = match self.motion.glide() {
+            Some(glide) => (self.gather(&glide.offset), [glide.step, glide.steps]),
+            None => (Vec::new(), [0; 2]),
+        };
         if self.motion.grid.comm().is_root() {
-            let state = State { now, before, dt: self.dt, reference };
+            let state = State { now, before, dt: self.dt, reference, start, offset, way };
             state.save(&case::state_file(folder, Role::Mesh)).map_err(Fault::new)?;
         }
         Ok(())
@@ -283,6 +371,28 @@ impl Participant for MeshMover {
         // The flow-solver draws the grid with its fields on it.
         Ok(())
     }
+}
+
+/// Makes the new grids that the scene asks for around the canopy of `structure`; they have the cells of `grid`.
+pub fn regridder(scene: &Scene, structure: &StructureMesh, grid: &FlowGrid) -> Option<Regridder> {
+    let when = scene.mesh.regrid?;
+    let (scene, structure) = (scene.clone(), structure.clone());
+    let blocks = |grid: &FlowGrid| {
+        use std::hash::{DefaultHasher, Hash, Hasher};
+        let mut hasher = DefaultHasher::new();
+        (grid.coords.len(), &grid.cells, &grid.canopy_nodes).hash(&mut hasher);
+        hasher.finish()
+    };
+    let old = blocks(grid);
+    let build: Builder = Box::new(move |canopy| {
+        let new = mesh::flow_grid(&scene, &structure, canopy).map_err(|e| e.to_string())?;
+        let fits = |(&a, x): (&u32, &Vec3)| new.coords[a as usize] == *x;
+        if blocks(&new) != old || !new.canopy_nodes.iter().zip(canopy).all(fits) {
+            return Err("a new grid of this scene would have other cells".into());
+        }
+        Ok(new.coords)
+    });
+    Some(Regridder::new(when, build))
 }
 
 /// The grid that a stage starts from, the same on every rank and in the flow-solver.

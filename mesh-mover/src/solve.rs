@@ -3,6 +3,7 @@
 use comm::Comm;
 use linalg::{Amg, Operator, Preconditioner};
 
+use crate::felt::Felt;
 use crate::glance::Glance;
 
 /// Work space of [`correct`]; vectors of owned numbers unless said otherwise.
@@ -31,14 +32,14 @@ impl Scratch {
 pub struct Ending {
     /// Iterations made.
     pub iterations: usize,
-    /// Largest estimated error of a node, in shares of its size.
+    /// Largest estimated error, in shares of an edge (see [`Felt`]).
     pub error: f64,
 }
 
 /// When to stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Goal {
-    /// Error of a node, in shares of its size.
+    /// Error that is accepted, in shares of an edge.
     pub tolerance: f64,
     /// Iterations at most; the caller sees from the error if they did not suffice.
     pub max_iterations: usize,
@@ -50,7 +51,7 @@ pub struct Goal {
 const TAKEN: f64 = 2.0;
 
 /// Solves A d = r, A being the matrix of `amg`, until the preconditioned residual, which
-/// estimates the error, is below the tolerance times `sizes` at every node. `glance` saves
+/// estimates the error, is `felt` nowhere by more than the tolerance. `glance` saves
 /// applications of the preconditioner where it is sure enough. Collective.
 ///
 /// Measuring the error in lengths of the grid, not relative to the right-hand
@@ -59,7 +60,7 @@ pub fn correct(
     amg: &Amg<f32>,
     glance: &mut Glance,
     comm: &Comm,
-    sizes: &[f64],
+    felt: &Felt,
     goal: Goal,
     s: &mut Scratch,
 ) -> Ending {
@@ -68,14 +69,14 @@ pub fn correct(
     s.d.fill(0.0);
     let mut rho = 1.0;
     for iterations in 0.. {
-        let seen = Glance::look(comm, amg.inverse_blocks(), &s.r, sizes);
+        let seen = Glance::look(comm, amg.inverse_blocks(), &s.r, &felt.sizes);
         let error = glance.error(seen);
         if error <= goal.tolerance {
             s.z.fill(0.0);
             return Ending { iterations, error };
         }
         amg.apply(&s.r, &mut s.z);
-        let error = comm.max(largest(&s.z, sizes));
+        let error = comm.max(felt.largest(&s.z));
         glance.learn(seen, error);
         if error <= TAKEN * goal.tolerance || iterations == goal.max_iterations || !error.is_finite() {
             return Ending { iterations, error: error / TAKEN };
@@ -104,16 +105,6 @@ pub fn correct(
         }
     }
     unreachable!("the loop ends at the last iteration")
-}
-
-/// Largest length of a row of `z` over its size; NaN becomes infinity.
-fn largest(z: &[f64], sizes: &[f64]) -> f64 {
-    let mut most = 0.0f64;
-    for (z, h) in z.as_chunks::<3>().0.iter().zip(sizes) {
-        let e = (z[0] * z[0] + z[1] * z[1] + z[2] * z[2]) / (h * h);
-        most = larger(most, e);
-    }
-    most.sqrt()
 }
 
 /// The larger one; NaN counts as infinity.

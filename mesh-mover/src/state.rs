@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 const MAGIC: [u8; 8] = *b"ripgrid\0";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Positions of the whole grid (flat, m) as of the last accepted windows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -20,6 +20,12 @@ pub struct State {
     pub dt: f64,
     /// The reference grid where it is not the start grid; else empty.
     pub reference: Vec<f64>,
+    /// The grid that was made last in the place of the scene's start grid; else empty.
+    pub start: Vec<f64>,
+    /// What was left at its start of a way to that grid; empty where it is over.
+    pub offset: Vec<f64>,
+    /// Windows of that way: done and in all.
+    pub way: [u32; 2],
 }
 
 #[derive(Serialize, Deserialize)]
@@ -92,7 +98,8 @@ impl State {
             ));
         }
         let fits = |v: &Vec<f64>, may_miss: bool| v.len() == 3 * nodes || (may_miss && v.is_empty());
-        if !fits(&s.now, false) || !fits(&s.before, true) || !fits(&s.reference, true) {
+        let maybe = [&s.before, &s.reference, &s.start, &s.offset];
+        if !fits(&s.now, false) || !maybe.into_iter().all(|v| fits(v, true)) {
             return Err(unfit(format!(
                 "holds a grid of {} nodes, this scene's grid has {nodes}: run the earlier stage again",
                 s.now.len() / 3
@@ -104,8 +111,9 @@ impl State {
 
 /// FNV-1a over the bits of all numbers.
 fn checksum(s: &State) -> u64 {
-    let all = s.now.iter().chain(&s.before).chain(&s.reference).chain(std::iter::once(&s.dt));
-    all.flat_map(|v| v.to_bits().to_le_bytes())
+    let way = s.way.map(f64::from);
+    let all = s.now.iter().chain(&s.before).chain(&s.reference).chain(&s.start).chain(&s.offset);
+    all.chain(&way).chain(std::iter::once(&s.dt)).flat_map(|v| v.to_bits().to_le_bytes())
         .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
 }
 
@@ -118,7 +126,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/mesh.bin");
         let state =
-            State { now: vec![1.0, -0.0, 3.5], before: vec![0.1, 0.2, 0.3], dt: 5e-3, reference: vec![] };
+            State {
+                now: vec![1.0, -0.0, 3.5],
+                before: vec![0.1, 0.2, 0.3],
+                dt: 5e-3,
+                offset: vec![0.5, 0.0, 1.0],
+                way: [3, 7],
+                ..State::default()
+            };
         state.save(&path).unwrap();
         assert_eq!(State::load(&path, 1).unwrap(), state);
         assert!(State::load(&path, 2).unwrap_err().to_string().contains("has 2"));

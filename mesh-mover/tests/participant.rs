@@ -146,11 +146,17 @@ fn bad_input_is_named_and_leaves_the_state() {
     assert!(fault.message.contains("expected"), "{fault}");
     // A jump through the wall of the box.
     let far: Vec<f64> = good.iter().enumerate().map(|(i, d)| if i % 3 == 2 { d + 2.5 } else { *d }).collect();
-    let fault = rig.advance(&window(1, 0), &far).unwrap_err();
+    // The coupler hears of it in an answer, so that it can save what was accepted.
+    let stats = rig.advance(&window(1, 0), &far).unwrap();
+    assert_eq!(stats.values[mesh_stats::STUCK], 1.0);
+    assert!(stats.values[mesh_stats::NEAREST_NODE] >= 0.0 && stats.values[mesh_stats::WORST_CELL] >= 0.0);
+    let fault = rig.mover.stuck().expect("says why").clone();
     assert!(fault.message.contains("cell ") && fault.message.contains("nearest canopy node"), "{fault}");
-    assert!(rig.mover.accept(&window(1, 0)).is_err(), "nothing to accept after a fault");
+    assert_eq!(positions(&rig.output), before.grid, "the grid stays");
+    assert!(rig.mover.accept(&window(1, 0)).is_err(), "nothing to accept where there is no answer");
     assert_eq!(*rig.mover.positions(), before);
-    rig.advance(&window(1, 1), &good).unwrap();
+    let stats = rig.advance(&window(1, 1), &good).unwrap();
+    assert!(stats.values[mesh_stats::STUCK] == 0.0 && rig.mover.stuck().is_none());
 }
 
 #[test]

@@ -597,13 +597,17 @@ pub struct MeshMotion {
     pub stiffening_exponent: f64,
     /// Poisson's ratio of the pseudo-solid.
     pub poisson_ratio: f64,
-    /// Accepted error of an interior node's position, in shares of the shortest cell edge around
-    /// it: only smoothness is at stake.
+    /// Accepted error of interior nodes: of the position of one in shares of the longest cell edge around
+    /// it, of two of them in shares of the edge between. Only smoothness is at stake.
     pub tolerance: f64,
     /// Smallest scaled Jacobian that is accepted, above 0.
     pub min_quality: f64,
     /// Most sub-increments for one window.
     pub max_increments: u32,
+    /// What the nodes of the outer boundary do.
+    pub outer: crate::OuterBoundary,
+    /// A new grid where the moved one has become bad. Absent: never.
+    pub regrid: Option<crate::Regrid>,
 }
 
 impl Default for MeshMotion {
@@ -615,6 +619,8 @@ impl Default for MeshMotion {
             tolerance: 3e-3,
             min_quality: 1e-3,
             max_increments: 8,
+            outer: crate::OuterBoundary::Fixed,
+            regrid: None,
         }
     }
 }

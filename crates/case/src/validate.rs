@@ -1,6 +1,6 @@
 //! Physical sense of a scene: magnitudes, and sections that need each other.
 
-use crate::{Canopy, Flow, Integration, Scene, Solve, Stage, StageKind};
+use crate::{Canopy, Flow, Integration, MoverKind, OuterBoundary, Scene, Solve, Stage, StageKind};
 
 /// A refused value by its dotted path.
 pub(crate) struct Refusal {
@@ -288,6 +288,17 @@ fn solvers(scene: &Scene, c: &mut Check) {
     c.positive("mesh.tolerance", m.tolerance, 0.5, "shares of the shortest edge around a node");
     c.range("mesh.min_quality", m.min_quality, 0.0, 0.9, true, "a scaled Jacobian");
     c.count("mesh.max_increments", m.max_increments, 1, 10_000, "sub-increments");
+    if let Some(r) = &m.regrid {
+        c.range("mesh.regrid.below", r.below, m.min_quality, 0.9, false, "a scaled Jacobian above mesh.min_quality");
+        c.positive("mesh.regrid.step", r.step, 1.0, "a share of the shortest edge around a node");
+    }
+    if m.outer == OuterBoundary::Sliding && !matches!(m.mover, MoverKind::Elastic | MoverKind::PlainElastic) {
+        c.refuse(
+            "mesh.outer",
+            "`mesh.outer` is sliding with a mover that knows no planes",
+            "allowed: with the movers elastic and plain-elastic; others need outer = \"fixed\"",
+        );
+    }
     let k = &scene.coupling;
     c.positive("coupling.tolerance", k.tolerance, 0.5, "a relative change");
     c.count("coupling.max_iterations", k.max_iterations, 1, 10_000, "coupling iterations");

@@ -119,4 +119,11 @@ pub mod mesh_stats {
     pub const MIN_VOLUME_RATIO: usize = 4;
     /// Cell (global) of the smallest scaled Jacobian.
     pub const WORST_CELL: usize = 5;
+    /// Not 0: the grid cannot follow. It stays where it was accepted, and `MIN_QUALITY` and
+    /// `WORST_CELL` (-1: none) tell of the best attempt. The coupler then saves and ends the run.
+    pub const STUCK: usize = 6;
+    /// New grids made so far in the place of bad ones.
+    pub const NEW_GRIDS: usize = 7;
+    /// Where the grid cannot follow: the canopy node next to the worst cell; -1: none.
+    pub const NEAREST_NODE: usize = 8;
 }

@@ -1,0 +1,171 @@
+//! A new grid in the place of one that has become bad.
+//!
+//! Grids are made of the same blocks around any shape of one canopy: a new one around
+//! the present shape has the same cells, and only its nodes lie elsewhere. So no state has to be
+//! transferred between grids. The new grid becomes the reference; what is left of the way from the old
+//! one is an offset of each node that fades smoothly over some windows. To the flow this is
+//! grid motion like any other: it keeps mass, momentum and energy to the last digit, uniform
+//! fields stay uniform, both time levels of BDF2 stay what they were, and nothing passes
+//! through the fabric, whose nodes have no way to go.
+
+use case::Regrid;
+use mesh::Vec3;
+
+use super::{Motion, Positions, Shape, volume};
+
+/// Builds the nodes of a new grid around canopy positions: the same cells, nodes in global order.
+pub type Builder = Box<dyn Fn(&[Vec3]) -> Result<Vec<Vec3>, String>>;
+
+/// Makes new grids, and knows when.
+pub struct Regridder {
+    build: Builder,
+    when: Regrid,
+    /// The next one is made below this quality: lower after one that did not help.
+    next: f64,
+}
+
+/// Places between old and new that are looked at before the way is taken.
+const LOOKS: u32 = 8;
+/// A new grid must be better than the old one by this factor.
+const GAIN: f64 = 1.3;
+/// On the way cells may become worse than both ends, down to this share of the worse end.
+const WAY: f64 = 0.6;
+/// After a new grid that did not help, the next one is made when quality has fallen to this share.
+const RETRY: f64 = 0.8;
+/// Longest way, in windows: then nodes move faster than was asked for.
+const MOST_STEPS: f64 = 400.0;
+
+impl Regridder {
+    /// Asks `build` for new grids as `when` says.
+    pub fn new(when: Regrid, build: Builder) -> Self {
+        Self { build, when, next: when.below }
+    }
+}
+
+/// The rest of the way to a new grid.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Glide {
+    /// Of each local node, at the start of the way, m.
+    pub offset: Vec<f64>,
+    /// Windows that are done.
+    pub step: u32,
+    /// Windows in all.
+    pub steps: u32,
+}
+
+impl Glide {
+    /// Share of the offset at the end of the present window: from one to zero, without a
+    /// jump of velocity at either end.
+    pub fn rest(&self) -> f64 {
+        let s = f64::from(self.step + 1) / f64::from(self.steps.max(1));
+        if s >= 1.0 { 0.0 } else { 1.0 - s * s * (3.0 - 2.0 * s) }
+    }
+}
+
+/// Steepest slope of [`Glide::rest`] over the way.
+const STEEPEST: f64 = 1.5;
+
+/// A new grid, as it is told to people.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NewGrid {
+    /// Smallest scaled Jacobian of the old grid.
+    pub from: f64,
+    /// Of the new one.
+    pub to: f64,
+    /// Windows of the way.
+    pub windows: u32,
+}
+
+impl Motion {
+    /// Lets new grids be made. A way that had begun (`glide`) is gone on with.
+    pub fn with_regrid(mut self, regridder: Option<Regridder>, glide: Option<Glide>) -> Self {
+        self.regridder = regridder;
+        self.glide = glide;
+        self
+    }
+
+    /// The rest of the way to a new grid, if there is one.
+    pub fn glide(&self) -> Option<&Glide> {
+        self.glide.as_ref()
+    }
+
+    /// The grid that stands for the start: the first one, or the last new one.
+    pub fn start(&self) -> &Positions {
+        &self.start
+    }
+
+    /// How many new grids were made.
+    pub fn new_grids(&self) -> u32 {
+        self.new_grids
+    }
+
+    /// One window further on the way, or onto a new one where that is due. Collective.
+    pub(super) fn go_on(&mut self, accepted: &Positions, shape: &Shape) -> Option<Result<NewGrid, String>> {
+        if let Some(glide) = &mut self.glide {
+            glide.step += 1;
+            if glide.step >= glide.steps {
+                self.glide = None;
+            }
+            return None;
+        }
+        let regridder = self.regridder.as_mut()?;
+        if shape.quality >= regridder.next {
+            return None;
+        }
+        regridder.next = RETRY * shape.quality;
+        let built = (regridder.build)(accepted.canopy.as_chunks::<3>().0);
+        // The same on every rank: all have built the same grid.
+        Some(built.and_then(|nodes| self.take(&nodes, accepted, shape)))
+    }
+
+    /// Takes `nodes` as the reference and the present grid as the start of the way to it. Collective.
+    fn take(&mut self, nodes: &[Vec3], accepted: &Positions, shape: &Shape) -> Result<NewGrid, String> {
+        let mut target = Positions { grid: self.grid.gather(nodes), canopy: accepted.canopy.clone() };
+        self.grid.place_canopy(&accepted.canopy, &mut target.grid);
+        let found = self.shape(&target.grid);
+        if found.quality < GAIN * shape.quality {
+            return Err(format!(
+                "a new grid around the canopy is no better: smallest scaled Jacobian {:.4} (cell {}) for {:.4}",
+                found.quality, found.cell, shape.quality
+            ));
+        }
+        let offset: Vec<f64> = accepted.grid.iter().zip(&target.grid).map(|(a, b)| a - b).collect();
+        let mut x = target.grid.clone();
+        for k in 1..LOOKS {
+            let s = f64::from(k) / f64::from(LOOKS);
+            for ((x, t), d) in x.iter_mut().zip(&target.grid).zip(&offset) {
+                *x = t + s * d;
+            }
+            let between = self.shape(&x);
+            let least = (WAY * shape.quality).max(self.limits.min_quality);
+            if between.quality < least || between.volume_ratio <= 0.0 {
+                return Err(format!(
+                    "on the straight way to a new grid cell {} would have a scaled Jacobian of {:.4}",
+                    between.cell, between.quality
+                ));
+            }
+        }
+        // Outer nodes have large cells: the free ones decide.
+        let sizes = self.grid.free_sizes(&accepted.grid);
+        let new_sizes = self.grid.free_sizes(&target.grid);
+        let mut far = 0.0f64;
+        for ((&a, h), k) in self.grid.free_node.iter().zip(sizes).zip(new_sizes) {
+            let d = &offset[3 * a as usize..][..3];
+            far = far.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() / h.min(k));
+        }
+        let step = self.regridder.as_ref().map_or(1.0, |r| r.when.step);
+        let steps = (STEEPEST * self.grid.comm().max(far) / step).ceil().clamp(1.0, MOST_STEPS) as u32;
+        self.rebase(&target, found.quality).map_err(|e| e.to_string())?;
+        for (c, v) in self.start_volumes.iter_mut().enumerate() {
+            *v = volume(&self.grid.corners(c, &target.grid));
+        }
+        (self.start, self.start_quality) = (target, found.quality);
+        (self.at_start, self.left) = (true, 0.0);
+        self.new_grids += 1;
+        self.glide = Some(Glide { offset, step: 0, steps });
+        if let Some(r) = &mut self.regridder {
+            r.next = r.when.below;
+        }
+        Ok(NewGrid { from: shape.quality, to: found.quality, windows: steps })
+    }
+}

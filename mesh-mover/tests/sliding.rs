@@ -1,0 +1,122 @@
+//! Outer nodes that stay in their plane.
+
+use std::collections::BTreeMap;
+
+use case::OuterBoundary::{Fixed, Sliding};
+use comm::Comm;
+use mesh::{FlowGrid, HEX_FACES, Patch};
+use mesh_mover::elastic::{Elastic, Solid};
+use mesh_mover::local::LocalGrid;
+use mesh_mover::mover::Mover;
+use mesh_mover::quality::volume;
+use mesh_mover::sample::plate_in_box;
+
+/// Nothing but elasticity, so that half a solid is that of the whole.
+fn plain(tolerance: f64) -> Solid {
+    Solid { chi: 0.0, shape_exponent: 0.0, depth_exponent: 0.0, poisson: 0.3, tolerance, max_iterations: 2000 }
+}
+
+/// Node positions when the plate moves by `push`; and the worst scaled Jacobian.
+fn moved(
+    grid: &FlowGrid,
+    outer: case::OuterBoundary,
+    solid: Solid,
+    push: impl Fn([f64; 3]) -> [f64; 3],
+) -> (Vec<[f64; 3]>, f64, f64) {
+    let local = LocalGrid::with_outer(grid, &vec![0; grid.coords.len()], outer, &Comm::solo());
+    let mut x = local.gather(&grid.coords);
+    let mut mover = Elastic::new(solid);
+    mover.rebase(&local, &x).unwrap();
+    let canopy: Vec<f64> = grid.canopy_nodes.iter().flat_map(|&a| push(grid.coords[a as usize])).collect();
+    let mut u = vec![0.0; 3 * local.free_node.len()];
+    mover.displace(&local, &canopy, &mut u).unwrap();
+    for (&a, u) in local.free_node.iter().zip(u.as_chunks::<3>().0) {
+        (0..3).for_each(|i| x[3 * a as usize + i] += u[i]);
+    }
+    for (&a, d) in grid.canopy_nodes.iter().zip(canopy.as_chunks::<3>().0) {
+        (0..3).for_each(|i| x[3 * a as usize + i] += d[i]);
+    }
+    let total = (0..local.cells.len()).map(|c| volume(&local.corners(c, &x))).sum();
+    let worst = local.worst(&x).expect("there are cells").1;
+    (x.as_chunks::<3>().0.to_vec(), worst, total)
+}
+
+#[test]
+fn walls_stay_planes_and_the_box_keeps_its_volume() {
+    let grid = plate_in_box(12, 0.1, 0.8, true);
+    let push = |p: [f64; 3]| [0.3, 0.1 * p[0], 0.15];
+    let solid = Solid::from(&case::MeshMotion::default());
+    let (x, sliding, total) = moved(&grid, Sliding, solid, push);
+    let (_, fixed, _) = moved(&grid, Fixed, solid, push);
+    let mut way = 0.0f64;
+    for &a in grid.boundary.iter().flat_map(|(_, f)| f) {
+        let (now, start) = (x[a as usize], grid.coords[a as usize]);
+        for i in 0..3 {
+            if start[i].abs() == 1.0 {
+                assert_eq!(now[i], start[i], "to the bit in the plane");
+            }
+            way = way.max((now[i] - start[i]).abs());
+        }
+    }
+    assert!(way > 0.01, "they slide: {way}");
+    assert!((total - 8.0).abs() < 1e-12, "{total}");
+    assert!(sliding > fixed, "cells have more room: {sliding} for {fixed}");
+}
+
+/// The half at x > 0, cut at x = 0: the plane of symmetry becomes an outer boundary.
+fn half(grid: &FlowGrid) -> FlowGrid {
+    let at = |a: &u32| grid.coords[*a as usize];
+    let cells: Vec<[u32; 8]> =
+        grid.cells.iter().filter(|c| c.iter().map(|a| at(a)[0]).sum::<f64>() > 0.0).copied().collect();
+    let side = |f: &[u32; 4]| f.iter().map(|a| at(a)[0]).sum::<f64>() > 1e-9;
+    let mut half = FlowGrid { coords: grid.coords.clone(), cells, ..FlowGrid::default() };
+    half.canopy_nodes = grid.canopy_nodes.iter().filter(|a| at(a)[0] > -1e-9).copied().collect();
+    half.canopy_faces = grid.canopy_faces.iter().filter(|f| side(f)).copied().collect();
+    half.boundary = grid.boundary.iter().filter(|(_, f)| side(f)).copied().collect();
+    for cell in &half.cells {
+        for face in HEX_FACES.map(|f| f.map(|i| cell[i])) {
+            if face.iter().all(|a| at(a)[0].abs() < 1e-9) {
+                half.boundary.push((Patch::Symmetry, face));
+            }
+        }
+    }
+    half
+}
+
+#[test]
+fn a_plane_of_symmetry_is_a_sliding_wall() {
+    let whole = plate_in_box(8, 0.0, 0.8, false);
+    let mut half = half(&whole);
+    assert_eq!(2 * half.cells.len(), whole.cells.len());
+    // The other walls stay, as those of the whole do: a curved face holds its nodes.
+    let mut kept: BTreeMap<u32, u32> = BTreeMap::new();
+    let walls: Vec<[u32; 4]> =
+        half.boundary.iter().filter(|(p, _)| *p == Patch::FarField).map(|(_, f)| *f).collect();
+    walls.iter().flatten().for_each(|&a| *kept.entry(a).or_default() += 1);
+    // Symmetric about x = 0.
+    let push = |p: [f64; 3]| [0.2 * p[0], 0.05, 0.1 * (1.0 - p[0] * p[0])];
+    let tolerance = 1e-8;
+    let (x, ..) = moved(&whole, Fixed, plain(tolerance), push);
+    // The walls of the half are made rough by a hair, so that their nodes are held.
+    for (k, &a) in kept.keys().enumerate() {
+        let p = &mut half.coords[a as usize];
+        for i in 0..3 {
+            if p[i].abs() == 1.0 {
+                p[i] *= 1.0 + 1e-7 * ((k % 7) as f64 + 1.0);
+            }
+        }
+    }
+    let (y, ..) = moved(&half, Sliding, plain(tolerance), push);
+    let (mut seen, mut in_plane) = (0, 0.0f64);
+    for &a in half.cells.iter().flatten() {
+        let (p, q) = (x[a as usize], y[a as usize]);
+        let apart = (0..3).map(|i| (p[i] - q[i]).abs()).fold(0.0, f64::max);
+        // The hair, and the matrix in single precision.
+        assert!(apart < 1e-5, "{p:?} {q:?}");
+        if whole.coords[a as usize][0].abs() < 1e-9 && !kept.contains_key(&a) {
+            in_plane = in_plane.max((q[2] - whole.coords[a as usize][2]).abs());
+            seen += 1;
+        }
+    }
+    assert!(seen > 0 && in_plane > 0.05, "{seen} {in_plane}");
+}
