@@ -77,6 +77,17 @@ pub enum RunError {
         /// Where.
         place: Place,
     },
+    /// The grid cannot follow the canopy. All programs are alive and stand at the last accepted
+    /// window.
+    #[error("the grid cannot follow the canopy in {place}: {message}{}", saved_text(.saved.as_deref()))]
+    Stuck {
+        /// Where.
+        place: Place,
+        /// Cell, quality and region.
+        message: String,
+        /// Folder of the state that was saved.
+        saved: Option<PathBuf>,
+    },
     /// The coupling iteration failed although every program answered.
     #[error("the coupling failed in {place}: {message}")]
     Coupling {
@@ -103,6 +114,10 @@ pub enum RunError {
         /// Cause.
         source: std::io::Error,
     },
+}
+
+fn saved_text(folder: Option<&std::path::Path>) -> String {
+    folder.map(|f| format!("; the last accepted window is saved in {}", f.display())).unwrap_or_default()
 }
 
 fn rank_text(rank: Option<u64>) -> String {

@@ -5,7 +5,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use case::Role;
-use channel::{Abort, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, RoleOptions, Stats, Who, Window};
+use channel::{
+    Abort, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, RoleOptions, Stats, Who, Window, mesh_stats,
+};
 
 use crate::error::{Place, RunError};
 use crate::interface::CanopyInterface;
@@ -39,6 +41,8 @@ pub struct HubPartners<'a> {
     supervisor: Supervisor,
     stop: &'a AtomicBool,
     place: Place,
+    /// Panel of each canopy node.
+    panels: Vec<u32>,
 }
 
 /// Looks after the programs while the hub waits.
@@ -99,7 +103,7 @@ impl<'a> HubPartners<'a> {
         .map_err(|e| RunError::Channel { place: place.clone(), message: e.to_string() })?;
         let programs = options.programs.into_iter().map(|(program, _)| program).collect();
         let supervisor = Supervisor::start(programs, options.session, console)?;
-        let mut all = Self { hub, supervisor, stop, place };
+        let mut all = Self { hub, supervisor, stop, place, panels: interface.panels.clone() };
         all.ask(|hub, watch| hub.await_participants(&mut |_| watch.look()))?;
         Ok(all)
     }
@@ -109,7 +113,7 @@ impl<'a> HubPartners<'a> {
     /// # Errors
     /// A program that fails at the very end.
     pub fn finish(self, console: &Console) -> Result<(), RunError> {
-        let Self { hub, mut supervisor, stop, place } = self;
+        let Self { hub, mut supervisor, stop, place, .. } = self;
         let mut watch = Watch { supervisor: &mut supervisor, stop, casualty: None };
         // Programs may be gone before the hub has seen all goodbyes: that is no casualty.
         let stopped = hub.stop(&mut || match watch.look() {
@@ -206,6 +210,27 @@ fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64]) {
     }
 }
 
+/// What a grid that cannot follow says: cell, quality, canopy region.
+fn stuck(values: &[f64; channel::STATS], panels: &[u32]) -> String {
+    let cell = match values[mesh_stats::WORST_CELL] {
+        cell if cell >= 0.0 => {
+            format!("cell {cell} has scaled Jacobian {:.3e} in the best attempt", values[mesh_stats::MIN_QUALITY])
+        }
+        _ => "its solver found no answer".into(),
+    };
+    let region = match values[mesh_stats::NEAREST_NODE] {
+        node if node >= 0.0 => {
+            let panel = panels.get(node as usize).map(|p| format!(" (panel {p})")).unwrap_or_default();
+            format!("; nearest canopy node {node}{panel}")
+        }
+        _ => String::new(),
+    };
+    format!(
+        "{cell}{region}; the log of the mesh-mover says more. Remedies: a start grid around a shape nearer to \
+         this one, mesh.regrid, shorter windows, a lower mesh.min_quality"
+    )
+}
+
 impl Partners for HubPartners<'_> {
     fn structure(
         &mut self,
@@ -225,7 +250,12 @@ impl Partners for HubPartners<'_> {
 
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
         let mut fill = |input: &mut [f64]| input.copy_from_slice(displacement);
-        self.advance(Role::Mesh, w, &mut fill, &mut |_, _| {})
+        let answer = self.advance(Role::Mesh, w, &mut fill, &mut |_, _| {})?;
+        if answer.stats.values[mesh_stats::STUCK] == 0.0 {
+            return Ok(answer);
+        }
+        let message = stuck(&answer.stats.values, &self.panels);
+        Err(RunError::Stuck { place: self.place.clone(), message, saved: None })
     }
 
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {

@@ -12,6 +12,8 @@ pub struct CanopyInterface {
     pub coords: Vec<Vec3>,
     /// Interface faces.
     pub faces: Vec<[u32; 4]>,
+    /// Panel of each interface node (the last of its faces), for messages.
+    pub panels: Vec<u32>,
     /// Masses of fabric and lines, kg.
     pub masses: Masses,
     /// Sizes of the structure mesh, for reports.
@@ -56,7 +58,11 @@ impl CanopyInterface {
         };
         let mut coords = mesh.coords;
         coords.truncate(mesh.n_canopy);
-        Ok(Self { coords, faces: mesh.faces, masses, sizes })
+        let mut panels = vec![0; coords.len()];
+        for (face, &panel) in mesh.faces.iter().zip(&mesh.face_panel) {
+            face.iter().for_each(|&a| panels[a as usize] = panel);
+        }
+        Ok(Self { coords, faces: mesh.faces, panels, masses, sizes })
     }
 
     /// Interface nodes.
@@ -124,6 +130,7 @@ mod tests {
         CanopyInterface {
             coords: vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]],
             faces: vec![[0, 1, 2, 3]],
+            panels: vec![0; 4],
             masses: Masses { fabric: 0.0, cables: 0.0 },
             sizes: Sizes { nodes: 4, triangles: 2, cables: 0, fabric_area: 4.0 },
         }

@@ -168,7 +168,8 @@ impl WindowLoop {
         let mut report = WindowReport { iterations: 1, converged: true, ..WindowReport::default() };
         w.frame_velocity = [0.0, 0.0, self.state.velocity];
         w.frame_acceleration = [0.0, 0.0, self.state.acceleration];
-        let load = match self.state.load.take() {
+        // A copy: the state stays whole where the window fails.
+        let load = match self.state.load.clone() {
             Some(load) => load,
             None => {
                 let mut load = vec![0.0; self.load_end.len()];

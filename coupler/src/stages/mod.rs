@@ -123,7 +123,15 @@ impl StageContext<'_> {
                 dt: if stage.solve == Solve::Static || stage.steady.is_some() { 1.0 } else { stage.window_s },
                 ..Window::default()
             };
-            let report = stepper.step(partners, w)?;
+            let report = match stepper.step(partners, w) {
+                Err(RunError::Stuck { place, message, .. }) => {
+                    // All programs still stand at the last accepted window.
+                    self.save(partners, stepper.state())?;
+                    let saved = Some(case::state_folder(self.out, self.scene, self.stage));
+                    return Err(RunError::Stuck { place, message, saved });
+                }
+                other => other?,
+            };
             let wall_s = start.elapsed().as_secs_f64();
             energy_error_sum_j += stepper.energy_error();
             let state = stepper.state();
