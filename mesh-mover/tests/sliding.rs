@@ -44,7 +44,7 @@ fn moved(
 #[test]
 fn walls_stay_planes_and_the_box_keeps_its_volume() {
     let grid = plate_in_box(12, 0.1, 0.8, true);
-    let push = |p: [f64; 3]| [0.3, 0.1 * p[0], 0.15];
+    let push = |p: [f64; 3]| [0.1, 0.05 * p[0], 0.08];
     let solid = Solid::from(&case::MeshMotion::default());
     let (x, sliding, total) = moved(&grid, Sliding, solid, push);
     let (_, fixed, _) = moved(&grid, Fixed, solid, push);
@@ -58,7 +58,7 @@ fn walls_stay_planes_and_the_box_keeps_its_volume() {
             way = way.max((now[i] - start[i]).abs());
         }
     }
-    assert!(way > 0.01, "they slide: {way}");
+    assert!(way > 1e-3, "they slide: {way}");
     assert!((total - 8.0).abs() < 1e-12, "{total}");
     assert!(sliding > fixed, "cells have more room: {sliding} for {fixed}");
 }
@@ -102,7 +102,7 @@ fn a_plane_of_symmetry_is_a_sliding_wall() {
         let p = &mut half.coords[a as usize];
         for i in 0..3 {
             if p[i].abs() == 1.0 {
-                p[i] *= 1.0 + 1e-7 * ((k % 7) as f64 + 1.0);
+                p[i] *= 1.0 + 1e-6 * (12.9 * k as f64).sin();
             }
         }
     }
