@@ -214,7 +214,10 @@ fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64]) {
 fn stuck(values: &[f64; channel::STATS], panels: &[u32]) -> String {
     let cell = match values[mesh_stats::WORST_CELL] {
         cell if cell >= 0.0 => {
-            format!("cell {cell} has scaled Jacobian {:.3e} in the best attempt", values[mesh_stats::MIN_QUALITY])
+            format!(
+                "cell {cell} has scaled Jacobian {:.3e} in the best attempt",
+                values[mesh_stats::MIN_QUALITY]
+            )
         }
         _ => "its solver found no answer".into(),
     };

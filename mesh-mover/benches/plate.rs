@@ -47,7 +47,16 @@ fn bench(n: usize, name: &str, mover: Box<dyn Mover>) {
     let owner = vec![0; grid.coords.len()];
     let clock = seconds_run();
     let limits = Limits::from(&MeshMotion::default());
-    let setup = Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state: None, outer: Default::default(), regridder: None };
+    let setup = Setup {
+        grid: &grid,
+        structure: &structure,
+        owner: &owner,
+        mover,
+        limits,
+        state: None,
+        outer: Default::default(),
+        regridder: None,
+    };
     let mut mover = MeshMover::on_grid(setup, &Comm::solo()).expect("the sample grid is sound");
     let start = seconds_run() - clock;
     let mut output = vec![0.0; 6 * grid.coords.len()];

@@ -93,8 +93,16 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
             let limits = Limits::from(&scene.mesh);
             let mover = crate::movers::mover(&scene.mesh);
             let (outer, regridder) = (scene.mesh.outer, regridder(scene, &structure, &grid));
-            let setup =
-                Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state: None, outer, regridder };
+            let setup = Setup {
+                grid: &grid,
+                structure: &structure,
+                owner: &owner,
+                mover,
+                limits,
+                state: None,
+                outer,
+                regridder,
+            };
             MeshMover::on_grid(setup, comm)?
         }
         _ => MeshMover::new(scene, args.stage, &args.out, comm)?,

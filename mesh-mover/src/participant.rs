@@ -80,7 +80,16 @@ impl MeshMover {
         let limits = Limits::from(&scene.mesh);
         let regridder = regridder(scene, &structure, &grid);
         let outer = scene.mesh.outer;
-        let setup = Setup { structure: &structure, grid: &grid, owner: &owner, mover, limits, state, outer, regridder };
+        let setup = Setup {
+            structure: &structure,
+            grid: &grid,
+            owner: &owner,
+            mover,
+            limits,
+            state,
+            outer,
+            regridder,
+        };
         Self::on_grid(setup, comm)
     }
 

@@ -113,7 +113,9 @@ impl State {
 fn checksum(s: &State) -> u64 {
     let way = s.way.map(f64::from);
     let all = s.now.iter().chain(&s.before).chain(&s.reference).chain(&s.start).chain(&s.offset);
-    all.chain(&way).chain(std::iter::once(&s.dt)).flat_map(|v| v.to_bits().to_le_bytes())
+    all.chain(&way)
+        .chain(std::iter::once(&s.dt))
+        .flat_map(|v| v.to_bits().to_le_bytes())
         .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
 }
 
@@ -125,15 +127,14 @@ mod tests {
     fn comes_back_or_says_why_not() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/mesh.bin");
-        let state =
-            State {
-                now: vec![1.0, -0.0, 3.5],
-                before: vec![0.1, 0.2, 0.3],
-                dt: 5e-3,
-                offset: vec![0.5, 0.0, 1.0],
-                way: [3, 7],
-                ..State::default()
-            };
+        let state = State {
+            now: vec![1.0, -0.0, 3.5],
+            before: vec![0.1, 0.2, 0.3],
+            dt: 5e-3,
+            offset: vec![0.5, 0.0, 1.0],
+            way: [3, 7],
+            ..State::default()
+        };
         state.save(&path).unwrap();
         assert_eq!(State::load(&path, 1).unwrap(), state);
         assert!(State::load(&path, 2).unwrap_err().to_string().contains("has 2"));

@@ -116,9 +116,11 @@ fn a_bad_grid_glides_into_a_new_one() {
         history.push(rig.nodes());
         if let [.., a, b, c] = &history[..] {
             // Second differences: no jump of velocity when the way begins and ends.
-            let kink = a.iter().zip(b).zip(c).map(|((a, b), c)| {
-                (0..3).map(|i| (a[i] - 2.0 * b[i] + c[i]).abs()).fold(0.0, f64::max)
-            });
+            let kink = a
+                .iter()
+                .zip(b)
+                .zip(c)
+                .map(|((a, b), c)| (0..3).map(|i| (a[i] - 2.0 * b[i] + c[i]).abs()).fold(0.0, f64::max));
             jolt = jolt.max(kink.fold(0.0, f64::max));
         }
     }

@@ -13,7 +13,14 @@ use mesh_mover::sample::plate_in_box;
 
 /// Nothing but elasticity, so that half a solid is that of the whole.
 fn plain(tolerance: f64) -> Solid {
-    Solid { chi: 0.0, shape_exponent: 0.0, depth_exponent: 0.0, poisson: 0.3, tolerance, max_iterations: 2000 }
+    Solid {
+        chi: 0.0,
+        shape_exponent: 0.0,
+        depth_exponent: 0.0,
+        poisson: 0.3,
+        tolerance,
+        max_iterations: 2000,
+    }
 }
 
 /// Node positions when the plate moves by `push`; and the worst scaled Jacobian.

@@ -289,7 +289,14 @@ fn solvers(scene: &Scene, c: &mut Check) {
     c.range("mesh.min_quality", m.min_quality, 0.0, 0.9, true, "a scaled Jacobian");
     c.count("mesh.max_increments", m.max_increments, 1, 10_000, "sub-increments");
     if let Some(r) = &m.regrid {
-        c.range("mesh.regrid.below", r.below, m.min_quality, 0.9, false, "a scaled Jacobian above mesh.min_quality");
+        c.range(
+            "mesh.regrid.below",
+            r.below,
+            m.min_quality,
+            0.9,
+            false,
+            "a scaled Jacobian above mesh.min_quality",
+        );
         c.positive("mesh.regrid.step", r.step, 1.0, "a share of the shortest edge around a node");
     }
     if m.outer == OuterBoundary::Sliding && !matches!(m.mover, MoverKind::Elastic | MoverKind::PlainElastic) {

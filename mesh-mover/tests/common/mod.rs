@@ -26,7 +26,16 @@ impl Rig {
         let owner = owners(&grid, comm.size()).unwrap();
         let mover = Box::new(Elastic::new(Solid::from(settings)));
         let limits = Limits::from(settings);
-        let setup = Setup { grid: &grid, structure: &structure, owner: &owner, mover, limits, state, outer: settings.outer, regridder: None };
+        let setup = Setup {
+            grid: &grid,
+            structure: &structure,
+            owner: &owner,
+            mover,
+            limits,
+            state,
+            outer: settings.outer,
+            regridder: None,
+        };
         let mover = MeshMover::on_grid(setup, comm).unwrap();
         let output = vec![f64::NAN; 6 * mover.output_rows().len()];
         Self { grid, structure, mover, output }
