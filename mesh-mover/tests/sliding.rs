@@ -107,10 +107,8 @@ fn a_plane_of_symmetry_is_a_sliding_wall() {
     // The walls of the half are made rough by a hair, so that their nodes are held.
     for (k, &a) in kept.keys().enumerate() {
         let p = &mut half.coords[a as usize];
-        for i in 0..3 {
-            if p[i].abs() == 1.0 {
-                p[i] *= 1.0 + 1e-6 * (12.9 * k as f64).sin();
-            }
+        for x in p.iter_mut().filter(|x| x.abs() == 1.0) {
+            *x *= 1.0 + 1e-6 * (12.9 * k as f64).sin();
         }
     }
     let (y, ..) = moved(&half, Sliding, plain(tolerance), push);
