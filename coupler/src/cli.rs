@@ -11,7 +11,8 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::error::RunError;
 use crate::launch::Console;
-use crate::run::{RunOptions, run};
+use crate::recording::stand_in::StandIn;
+use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 
 /// Scene that `ripstop run` flies when none is named.
 const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
@@ -19,6 +20,7 @@ const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
 const CODES: &str = "Exit codes:
   0    complete
   1    the run failed; what was computed so far is kept
+  3    what was compared differs (diff, replay)
   2    the scene or the command line is wrong; nothing was started
   130  ended by Ctrl-C or a termination signal";
 
@@ -35,6 +37,15 @@ enum Command {
     /// Fly a scene: start the programs of each stage, couple them, write results
     #[command(after_help = CODES)]
     Run(RunArgs),
+    /// Fly a scene with programs that you start yourself, in any order, also under a debugger
+    #[command(after_help = CODES)]
+    Attach(AttachArgs),
+    /// Run one program against the recorded exchanges of a run, and compare its answers
+    #[command(after_help = CODES)]
+    Replay(crate::replay::ReplayArgs),
+    /// Show where two recordings (or the results of two runs) part, and how the difference grows
+    #[command(after_help = CODES)]
+    Diff(crate::diff::DiffArgs),
     /// Read a scene and print what would run and why, without starting anything
     Check {
         #[command(flatten)]
@@ -44,6 +55,24 @@ enum Command {
     Schema,
     /// Draw the canopy and the flow around it from the results of a run (PNG)
     Picture(crate::picture::PictureArgs),
+    /// Plays a recorded mesh-mover for `replay`
+    #[command(hide = true)]
+    StandIn {
+        /// File of a stage's exchanges
+        #[arg(long)]
+        recording: PathBuf,
+        #[command(flatten)]
+        program: channel::ProgramArgs,
+    },
+}
+
+#[derive(Args)]
+struct AttachArgs {
+    #[command(flatten)]
+    run: RunArgs,
+    /// Programs that you start, such as `--only flow,mesh`; ripstop starts the others [default: all]
+    #[arg(long, value_name = "ROLE,...", value_delimiter = ',', value_parser = role)]
+    only: Vec<Role>,
 }
 
 #[derive(Args)]
@@ -86,6 +115,43 @@ struct RunArgs {
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
+    /// Keep every exchange of the programs in DIR, for `replay`, `diff` and `--baseline`
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    /// Leave the moving grid out of the recording: far smaller, but the flow cannot be replayed
+    #[arg(long, requires = "record")]
+    record_without_grid: bool,
+    /// Compare with a recording while flying; the first departure is told
+    #[arg(long, value_name = "DIR")]
+    baseline: Option<PathBuf>,
+    /// Largest difference from the baseline that is none, as a share of the largest of its field
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff::share)]
+    tolerance: f64,
+    /// End the run where it departs from the baseline
+    #[arg(long, requires = "baseline")]
+    stop_at_departure: bool,
+}
+
+impl RunArgs {
+    fn options(self) -> RunOptions {
+        let (without_grid, tolerance, stop) =
+            (self.record_without_grid, self.tolerance, self.stop_at_departure);
+        RunOptions {
+            stop_after_windows: self.stop_after_windows,
+            keep_going: self.keep_going,
+            deadline: Some(Duration::from_secs_f64(self.deadline)),
+            record: self.record.map(|folder| RecordOptions { folder, without_grid }),
+            baseline: self.baseline.map(|folder| BaselineOptions { folder, tolerance, stop }),
+            ..self.scene.options()
+        }
+    }
+}
+
+fn role(text: &str) -> Result<Role, String> {
+    Role::ALL
+        .into_iter()
+        .find(|r| r.name() == text.trim())
+        .ok_or_else(|| format!("there is no role `{text}`; roles: structure, flow, mesh"))
 }
 
 fn ranks(text: &str) -> Result<(Role, u32), String> {
@@ -101,7 +167,7 @@ fn ranks(text: &str) -> Result<(Role, u32), String> {
     }
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(s) if s > 0.0 && s < 1e9 => Ok(s),
         _ => Err("a number of seconds above 0".into()),
@@ -129,7 +195,8 @@ pub fn main() -> ExitCode {
         // clap's own exit would be the same code: 2, or 0 for help.
         Err(error) => error.exit(),
     };
-    let quiet = matches!(&cli.command, Command::Run(args) if args.quiet);
+    let quiet = matches!(&cli.command, Command::Run(args) if args.quiet)
+        || matches!(&cli.command, Command::Attach(args) if args.run.quiet);
     let console = Console::new(quiet);
     match execute(cli.command, &console) {
         Ok(()) => ExitCode::SUCCESS,
@@ -142,19 +209,17 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::Run(args) => {
-            let options = RunOptions {
-                stop_after_windows: args.stop_after_windows,
-                keep_going: args.keep_going,
-                deadline: Some(Duration::from_secs_f64(args.deadline)),
-                ..args.scene.options()
-            };
-            let stop = on_signals()?;
-            let (summary, out) = run(&options, &stop, console)?;
-            console.line("");
-            console.line(&summary.table(&out));
-            Ok(())
+        Command::Run(args) => fly(&args.options(), console),
+        Command::Attach(AttachArgs { run, only }) => {
+            let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
+            fly(&RunOptions { attach, ..run.options() }, console)
         }
+        Command::Replay(args) => {
+            let stop = on_signals()?;
+            compared(crate::replay::replay(&args, &stop, console)?)
+        }
+        Command::Diff(args) => compared(crate::diff::diff(&args)?),
+        Command::StandIn { recording, program } => stand_in(&recording, &program),
         Command::Check { scene } => {
             print(&crate::check::report(&scene.options())?);
             Ok(())
@@ -166,6 +231,30 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         }
         Command::Picture(args) => crate::picture::picture(&args, console),
     }
+}
+
+fn fly(options: &RunOptions, console: &Console) -> Result<(), RunError> {
+    let stop = on_signals()?;
+    let (summary, out) = run(options, &stop, console)?;
+    console.line("");
+    console.line(&summary.table(&out));
+    Ok(())
+}
+
+/// The result of a comparison: printed, and an error where things differ.
+fn compared((same, report): (bool, String)) -> Result<(), RunError> {
+    print(&report);
+    if same { Ok(()) } else { Err(RunError::Differs) }
+}
+
+fn stand_in(recording: &std::path::Path, program: &channel::ProgramArgs) -> Result<(), RunError> {
+    let at = program.serve_options(Role::Mesh, 0);
+    let served = StandIn::new(recording).map_err(|fault| {
+        channel::report(&at, &fault);
+        fault.message
+    });
+    let served = served.and_then(|mut s| channel::serve(&mut s, &at).map_err(|e| e.to_string()));
+    served.map(|_| ()).map_err(RunError::Input)
 }
 
 /// To standard output; a reader that closes the pipe early is no error.

@@ -104,6 +104,9 @@ pub enum RunError {
         /// The channel's message.
         message: String,
     },
+    /// What was compared is not the same; the report was printed.
+    #[error("they differ")]
+    Differs,
     /// A file could not be read or written.
     #[error("cannot {action} {}: {source}", .path.display())]
     File {
@@ -140,6 +143,7 @@ impl RunError {
         match self {
             Self::Input(_) => 2,
             Self::Interrupted(_) => 130,
+            Self::Differs => 3,
             _ => 1,
         }
     }

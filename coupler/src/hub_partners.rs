@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use case::Role;
 use channel::{
-    Abort, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, RoleOptions, Stats, Who, Window, mesh_stats,
+    Abort, Arrivals, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, RoleOptions, Stats, Who, Window,
+    mesh_stats,
 };
 
 use crate::error::{Place, RunError};
@@ -31,6 +32,10 @@ pub struct SessionOptions<'a> {
     pub effects: Vec<(Role, String)>,
     /// Longest time for one answer.
     pub deadline: Option<Duration>,
+    /// Roles whose programs somebody else starts.
+    pub attached: Vec<Role>,
+    /// Keeps the mesh's grid for [`Partners::grid`].
+    pub watch_grid: bool,
 }
 
 /// The solver programs of a stage, running.
@@ -43,6 +48,8 @@ pub struct HubPartners<'a> {
     place: Place,
     /// Panel of each canopy node.
     panels: Vec<u32>,
+    /// `[grid nodes][6]`; empty where nobody watches.
+    grid: Vec<f64>,
 }
 
 /// Looks after the programs while the hub waits.
@@ -97,14 +104,40 @@ impl<'a> HubPartners<'a> {
                 faces: interface.faces.len() as u64,
                 surface_hash: channel::surface_hash(&interface.faces),
             }),
-            arrival_deadline: options.deadline,
-            watch_grid: false,
+            // Whoever attaches programs by hand takes the time that it takes.
+            arrival_deadline: options.deadline.filter(|_| options.attached.is_empty()),
+            watch_grid: options.watch_grid,
         })
         .map_err(|e| RunError::Channel { place: place.clone(), message: e.to_string() })?;
-        let programs = options.programs.into_iter().map(|(program, _)| program).collect();
-        let supervisor = Supervisor::start(programs, options.session, console)?;
-        let mut all = Self { hub, supervisor, stop, place, panels: interface.panels.clone() };
-        all.ask(|hub, watch| hub.await_participants(&mut |_| watch.look()))?;
+        let (attached, started): (Vec<Program>, Vec<Program>) = options
+            .programs
+            .into_iter()
+            .map(|(program, _)| program)
+            .partition(|program| options.attached.contains(&program.role));
+        for program in &attached {
+            console.line(&format!(
+                "waiting for {}; start it with\n  {}",
+                program.role.program(),
+                program.shell_line()
+            ));
+        }
+        let supervisor = Supervisor::start(started, options.session, console)?;
+        let mut all =
+            Self { hub, supervisor, stop, place, panels: interface.panels.clone(), grid: Vec::new() };
+        let mut told = 0;
+        all.ask(|hub, watch| {
+            hub.await_participants(&mut |arrivals| {
+                if !attached.is_empty() && arrivals.arrived.len() > told {
+                    told = arrivals.arrived.len();
+                    console.line(&arrived(arrivals));
+                }
+                watch.look()
+            })
+        })?;
+        if options.watch_grid {
+            let nodes = all.hub.announcement(Role::Mesh).map_or(0, |a| a.grid_nodes);
+            all.grid = vec![0.0; 6 * nodes as usize];
+        }
         Ok(all)
     }
 
@@ -203,6 +236,15 @@ impl<'a> HubPartners<'a> {
     }
 }
 
+/// Who has arrived and who has not, in a line.
+fn arrived(arrivals: &Arrivals) -> String {
+    let list = |who: Vec<String>| if who.is_empty() { "nobody".into() } else { who.join(", ") };
+    let here =
+        arrivals.arrived.iter().map(|(w, program)| format!("{} rank {} ({program})", w.role.name(), w.rank));
+    let missing = arrivals.missing.iter().map(|w| format!("{} rank {}", w.role.name(), w.rank));
+    format!("arrived: {}; missing: {}", list(here.collect()), list(missing.collect()))
+}
+
 /// Puts rows of `width` numbers at their places in `all`.
 fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64]) {
     for (row, values) in rows.iter().zip(data.chunks_exact(width)) {
@@ -253,7 +295,15 @@ impl Partners for HubPartners<'_> {
 
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
         let mut fill = |input: &mut [f64]| input.copy_from_slice(displacement);
-        let answer = self.advance(Role::Mesh, w, &mut fill, &mut |_, _| {})?;
+        let mut grid = std::mem::take(&mut self.grid);
+        let mut keep = |rows: &[u64], data: &[f64]| {
+            if !grid.is_empty() {
+                scatter(rows, data, 6, &mut grid);
+            }
+        };
+        let answer = self.advance(Role::Mesh, w, &mut fill, &mut keep);
+        self.grid = grid;
+        let answer = answer?;
         if answer.stats.values[mesh_stats::STUCK] == 0.0 {
             return Ok(answer);
         }
@@ -279,5 +329,9 @@ impl Partners for HubPartners<'_> {
 
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError> {
         self.ask(|hub, watch| hub.snapshot(&[role], time, folder, &mut || watch.look()))
+    }
+
+    fn grid(&self) -> Option<&[f64]> {
+        (!self.grid.is_empty()).then_some(&self.grid)
     }
 }

@@ -6,6 +6,7 @@
 pub mod check;
 pub mod cli;
 pub mod descent;
+pub mod diff;
 pub mod effects;
 pub mod error;
 pub mod history;
@@ -16,6 +17,8 @@ pub mod partners;
 pub mod picture;
 pub mod plot;
 pub mod progress;
+pub mod recording;
+pub mod replay;
 pub mod run;
 pub mod schemes;
 pub mod stages;

@@ -52,4 +52,9 @@ pub trait Partners {
 
     /// One program adds its accepted state to its ParaView series below `folder`.
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError>;
+
+    /// The grid of the last answer of the mesh, `[grid nodes][6]`, where it is watched.
+    fn grid(&self) -> Option<&[f64]> {
+        None
+    }
 }

@@ -9,6 +9,7 @@ use plotters::prelude::*;
 use crate::error::RunError;
 use crate::history;
 use crate::interface::CanopyInterface;
+use crate::recording::compare::{Comparison, FIELDS};
 use crate::stages::descent_model;
 
 /// Published steady descent speeds of the ATPS, m/s: this method's paper, and
@@ -99,6 +100,81 @@ fn draw(
         note(&mut chart, end, weight, &format!("weight {weight:.0}"), GREY)?;
     }
     chart.draw_series(LineSeries::new(zip(time, drag), DRAG.stroke_width(2)))?;
+    root.present()?;
+    Ok(())
+}
+
+/// Colours of the fields of a comparison.
+const FIELD_COLOURS: [RGBColor; 8] = [
+    RGBColor(31, 91, 152),
+    RGBColor(120, 160, 205),
+    RGBColor(190, 82, 22),
+    RGBColor(225, 160, 110),
+    RGBColor(46, 125, 50),
+    RGBColor(140, 190, 120),
+    RGBColor(123, 31, 162),
+    RGBColor(190, 140, 205),
+];
+
+/// Draws how the difference of two series of exchanges grows over the windows.
+///
+/// # Errors
+/// A picture that cannot be written.
+pub fn difference(picture: &Path, stage: &str, comparison: &Comparison) -> Result<(), RunError> {
+    draw_difference(picture, stage, comparison).map_err(|e| RunError::File {
+        action: "draw",
+        path: picture.into(),
+        source: std::io::Error::other(e.to_string()),
+    })
+}
+
+fn draw_difference(
+    picture: &Path,
+    stage: &str,
+    comparison: &Comparison,
+) -> Result<(), Box<dyn std::error::Error>> {
+    // What is the same to the bit lies on the lower edge, what has no bound on the upper one.
+    let (low, high) = (1e-17f64, 1e2f64);
+    let root = SVGBackend::new(picture, (960, 420)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let end = comparison.windows.last().map_or(1, |w| w.window).max(1) as f64;
+    let mut chart = ChartBuilder::on(&root)
+        .caption(format!("stage {stage}: difference over the largest of the field"), ("sans-serif", 18))
+        .margin(8)
+        .x_label_area_size(40)
+        .y_label_area_size(70)
+        .build_cartesian_2d(0.0..end, (low..high).log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc("window")
+        .y_label_formatter(&|v| format!("{v:.0e}"))
+        .x_label_formatter(&|v| format!("{v:.0}"))
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(RGBColor(226, 226, 226))
+        .draw()?;
+    let tolerance = comparison.tolerance.max(low);
+    chart.draw_series(DashedLineSeries::new(
+        [(0.0, tolerance), (end, tolerance)],
+        6,
+        4,
+        GREY.stroke_width(1),
+    ))?;
+    for (number, field) in FIELDS.iter().enumerate() {
+        let points: Vec<(f64, f64)> = comparison
+            .windows
+            .iter()
+            .filter_map(|w| Some((w.window as f64, w.fields[number]?.clamp(low, high))))
+            .collect();
+        if points.is_empty() {
+            continue;
+        }
+        let colour = FIELD_COLOURS[number];
+        chart
+            .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
+            .label(field.name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(2)));
+    }
+    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(GREY).draw()?;
     root.present()?;
     Ok(())
 }

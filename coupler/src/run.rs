@@ -12,6 +12,10 @@ use crate::error::RunError;
 use crate::hub_partners::{HubPartners, SessionOptions};
 use crate::interface::CanopyInterface;
 use crate::launch::{Console, LaunchPlan, program_folder};
+use crate::partners::Partners;
+use crate::recording::compare::Comparison;
+use crate::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
+use crate::replay::copy_states;
 use crate::schemes::InterfaceState;
 use crate::stages::{StageContext, StageOptions, initial_state};
 use crate::summary::{RunSummary, StageSummary};
@@ -36,6 +40,32 @@ pub struct RunOptions {
     pub keep_going: bool,
     /// Longest time for one answer of a program.
     pub deadline: Option<Duration>,
+    /// Programs that somebody else starts.
+    pub attach: Vec<Role>,
+    /// Keeps every exchange.
+    pub record: Option<RecordOptions>,
+    /// Compares every exchange with a recording.
+    pub baseline: Option<BaselineOptions>,
+}
+
+/// How a run is recorded.
+#[derive(Clone, Debug)]
+pub struct RecordOptions {
+    /// Folder of the recording.
+    pub folder: PathBuf,
+    /// Leaves out the moving grid.
+    pub without_grid: bool,
+}
+
+/// How a run is compared while it goes on.
+#[derive(Clone, Debug)]
+pub struct BaselineOptions {
+    /// Folder of the recording.
+    pub folder: PathBuf,
+    /// Largest relative difference that is none.
+    pub tolerance: f64,
+    /// Ends the run where it departs.
+    pub stop: bool,
 }
 
 /// A scene made ready: loaded, overridden, checked, with its canopy.
@@ -59,11 +89,7 @@ pub struct Prepared {
 pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
     let mut scene = case::load(&options.scene).map_err(|e| RunError::Input(e.to_string()))?;
     for (role, ranks) in &options.ranks {
-        *match role {
-            Role::Structure => &mut scene.ranks.structure,
-            Role::Flow => &mut scene.ranks.flow,
-            Role::Mesh => &mut scene.ranks.mesh,
-        } = *ranks;
+        *scene.ranks.of_mut(*role) = *ranks;
     }
     scene.programs.extend(options.programs.iter().cloned());
     let interface = CanopyInterface::new(&scene)?;
@@ -113,6 +139,11 @@ pub fn run(
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
     let _lock = lock(&out)?;
     keep_scene(&file, &out)?;
+    if let Some(record) = &options.record {
+        fs::create_dir_all(&record.folder).map_err(RunError::file("create", &record.folder))?;
+        keep_scene(&file, &record.folder)?;
+        copy_states(&scene, first, &out, &record.folder)?;
+    }
     if let Err(error) = channel::cleanup_stale() {
         console.warning(&format!("leftovers of earlier runs could not be removed: {error}"));
     }
@@ -143,7 +174,7 @@ pub fn run(
             console,
         };
         let mut stage_summary = StageSummary::new(&scene.stages[stage]);
-        let ended = run_stage(&context, &file, options.deadline, stop, &mut state, &mut stage_summary);
+        let ended = run_stage(&context, &file, options, stop, &mut state, &mut stage_summary);
         summary.stages.push(stage_summary);
         if let Err(error) = ended {
             summary.ended = error.to_string();
@@ -162,7 +193,7 @@ pub fn run(
 fn run_stage(
     context: &StageContext<'_>,
     file: &Path,
-    deadline: Option<Duration>,
+    options: &RunOptions,
     stop: &AtomicBool,
     state: &mut InterfaceState,
     summary: &mut StageSummary,
@@ -186,16 +217,20 @@ fn run_stage(
         plan.programs()?.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect();
     let names: Vec<String> = programs.iter().map(|(p, n)| format!("{} x {n}", p.name)).collect();
     context.console.line(&format!("stage `{}`: {}", stage.name, names.join(", ")));
-    let options = SessionOptions {
+    let recorded = options.record.as_ref().is_some_and(|r| !r.without_grid);
+    let moving = stage.kind.roles().contains(&Role::Mesh);
+    let session_options = SessionOptions {
         session: &session,
         stage: (&stage.name, context.stage),
         programs,
         effects: asked(scene),
-        deadline,
+        deadline: options.deadline,
+        attached: options.attach.clone(),
+        watch_grid: moving && (recorded || options.baseline.is_some()),
     };
     let ended = (|| {
-        let mut partners = HubPartners::start(options, context.interface, stop, context.console)?;
-        *state = context.run(&mut partners, state.clone(), summary)?;
+        let partners = HubPartners::start(session_options, context.interface, stop, context.console)?;
+        let partners = exchange(context, options, partners, state, summary)?;
         partners.finish(context.console)
     })();
     // Every process is gone by now, however the stage ended.
@@ -205,8 +240,72 @@ fn run_stage(
     ended
 }
 
+/// Runs a stage with `partners`, recorded and compared as asked.
+fn exchange<'a>(
+    context: &StageContext<'_>,
+    options: &RunOptions,
+    mut partners: HubPartners<'a>,
+    state: &mut InterfaceState,
+    summary: &mut StageSummary,
+) -> Result<HubPartners<'a>, RunError> {
+    let name = &context.scene.stages[context.stage].name;
+    let grid_nodes = partners.grid().map_or(0, |g| g.len() as u64 / 6);
+    let baseline = options.baseline.as_ref().map(|b| (b, stage_file(&b.folder, name)));
+    let mut comparison = Comparison::new(baseline.as_ref().map_or(0.0, |b| b.0.tolerance));
+    let run = |partners: &mut dyn Partners, state: &mut InterfaceState, summary: &mut StageSummary| {
+        *state = context.run(partners, state.clone(), summary)?;
+        Ok::<_, RunError>(())
+    };
+    // A stage that the baseline does not have is not compared.
+    if let Some((baseline, file)) = baseline.filter(|b| b.1.is_file()) {
+        let reader = Reader::open(&file)?;
+        let mut compared = Baseline::new(partners, reader, &mut comparison, baseline.stop, context.console);
+        let ended = match &options.record {
+            None => run(&mut compared, state, summary).map(|()| compared.into_partners()),
+            Some(record) => {
+                let mut both =
+                    Recorder::new(compared, writer(context, record, grid_nodes)?, !record.without_grid);
+                run(&mut both, state, summary)?;
+                both.into_partners().map(Baseline::into_partners)
+            }
+        };
+        context.console.line(&format!("stage `{name}` beside its baseline: {}", comparison.report()));
+        crate::diff::write(context.out, name, &comparison)?;
+        partners = ended?;
+    } else if let Some(record) = &options.record {
+        let mut recorder =
+            Recorder::new(partners, writer(context, record, grid_nodes)?, !record.without_grid);
+        run(&mut recorder, state, summary)?;
+        partners = recorder.into_partners()?;
+    } else {
+        run(&mut partners, state, summary)?;
+    }
+    if let Some(record) = &options.record {
+        copy_states(context.scene, context.stage + 1, context.out, &record.folder)?;
+    }
+    Ok(partners)
+}
+
+/// The file that keeps a stage's exchanges.
+fn writer(context: &StageContext<'_>, record: &RecordOptions, grid_nodes: u64) -> Result<Writer, RunError> {
+    let (scene, stage) = (context.scene, context.stage);
+    let interface = context.interface;
+    let name = scene.stages[stage].name.clone();
+    let header = Header {
+        contract: channel::CONTRACT_VERSION,
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: scene.name.clone(),
+        stage: (name.clone(), stage as u64),
+        canopy: (interface.nodes() as u64, interface.faces.len() as u64),
+        surface_hash: channel::surface_hash(&interface.faces),
+        grid_nodes: if record.without_grid { 0 } else { grid_nodes },
+        ranks: Role::ALL.map(|role| scene.ranks.of(role)),
+    };
+    Ok(Writer::create(&stage_file(&record.folder, &name), &header)?)
+}
+
 /// Effects of the scene, with the program that must implement each.
-fn asked(scene: &Scene) -> Vec<(Role, String)> {
+pub(crate) fn asked(scene: &Scene) -> Vec<(Role, String)> {
     effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect()
 }
 
@@ -246,7 +345,7 @@ fn clear(folder: &Path) -> Result<(), RunError> {
     fs::create_dir_all(folder).map_err(RunError::file("create", folder))
 }
 
-fn keep_scene(file: &Path, out: &Path) -> Result<(), RunError> {
+pub(crate) fn keep_scene(file: &Path, out: &Path) -> Result<(), RunError> {
     let copy = out.join("scene.toml");
     if copy != file {
         fs::copy(file, &copy).map_err(RunError::file("write", &copy))?;
@@ -254,13 +353,13 @@ fn keep_scene(file: &Path, out: &Path) -> Result<(), RunError> {
     Ok(())
 }
 
-fn shorten(name: &str) -> String {
+pub(crate) fn shorten(name: &str) -> String {
     name.chars().take(24).collect()
 }
 
 /// One run at a time writes to a folder: a lock that the kernel frees however
 /// this process ends.
-fn lock(out: &Path) -> Result<fs::File, RunError> {
+pub(crate) fn lock(out: &Path) -> Result<fs::File, RunError> {
     use std::os::fd::AsRawFd;
     let path = out.join(".lock");
     let file = fs::File::create(&path).map_err(RunError::file("create", &path))?;
@@ -275,7 +374,7 @@ fn lock(out: &Path) -> Result<fs::File, RunError> {
 }
 
 /// Folder for MPI's temporary files, in shared memory, removed when dropped.
-struct Scratch(PathBuf);
+pub(crate) struct Scratch(pub(crate) PathBuf);
 
 impl Scratch {
     const PREFIX: &str = "ripstop-mpi-";
@@ -298,7 +397,7 @@ impl Scratch {
         }
     }
 
-    fn create(session: &str) -> Result<Self, RunError> {
+    pub(crate) fn create(session: &str) -> Result<Self, RunError> {
         // MPI puts socket paths below it, which must stay short.
         let folder = Self::base().join(format!("{}{session}", Self::PREFIX));
         fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;

@@ -30,6 +30,14 @@ impl Program {
     }
 }
 
+impl Program {
+    /// As [`Program::line`], with the environment that it is given.
+    pub fn shell_line(&self) -> String {
+        let set = self.environment.iter().map(|(k, v)| format!("{k}={}", quote(&v.to_string_lossy())));
+        format!("env {} {}", set.collect::<Vec<_>>().join(" "), self.line())
+    }
+}
+
 /// Everything that the command lines of a stage depend on.
 pub struct LaunchPlan<'a> {
     /// The scene, with rank counts and replaced programs as the user wants them.
@@ -64,7 +72,11 @@ impl LaunchPlan<'_> {
         roles.iter().map(|&role| self.program(role)).collect()
     }
 
-    fn program(&self, role: Role) -> Result<Program, RunError> {
+    /// The program of one role.
+    ///
+    /// # Errors
+    /// As [`LaunchPlan::programs`].
+    pub fn program(&self, role: Role) -> Result<Program, RunError> {
         let (name, command) = match self.scene.programs.get(&role) {
             Some(line) => {
                 let words = split_words(line).filter(|w| !w.is_empty()).ok_or_else(|| {

@@ -867,4 +867,13 @@ impl Ranks {
             Role::Mesh => self.mesh,
         }
     }
+
+    /// Ranks of one program, to be changed.
+    pub fn of_mut(&mut self, role: Role) -> &mut u32 {
+        match role {
+            Role::Structure => &mut self.structure,
+            Role::Flow => &mut self.flow,
+            Role::Mesh => &mut self.mesh,
+        }
+    }
 }

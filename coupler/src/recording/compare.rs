@@ -1,0 +1,318 @@
+//! Where two series of exchanges part, and how the difference grows.
+//!
+//! A difference is measured against the largest number of its field in the reference at
+//! that exchange: pressures and tractions against the largest pressure, positions against
+//! the largest displacement or coordinate, velocities against the largest velocity. So
+//! a traction that is zero but for rounding cries no wolf. Below an absolute floor (by
+//! field, stated in [`FIELDS`]) nothing is a difference.
+
+use super::{Channel, Event, Moment};
+
+/// A physical field in the rows of a channel.
+pub struct Field {
+    /// Channel.
+    pub channel: Channel,
+    /// How people call it.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Its columns.
+    columns: &'static [usize],
+    /// Columns whose largest number is the scale.
+    scale: &'static [usize],
+    /// Differences below this are none, in its unit.
+    floor: f64,
+}
+
+/// All fields, in the order of reports.
+pub const FIELDS: [Field; 8] = [
+    Field {
+        channel: Channel::StructureLoad,
+        name: "pressure jump to the structure",
+        unit: "Pa",
+        columns: &[0, 4],
+        scale: &[0, 4],
+        floor: 1e-9,
+    },
+    Field {
+        channel: Channel::StructureLoad,
+        name: "traction to the structure",
+        unit: "Pa",
+        columns: &[1, 2, 3, 5, 6, 7],
+        scale: &[0, 4],
+        floor: 1e-9,
+    },
+    Field {
+        channel: Channel::StructureDisplacement,
+        name: "displacement from the structure",
+        unit: "m",
+        columns: &[0, 1, 2],
+        scale: &[0, 1, 2],
+        floor: 1e-12,
+    },
+    Field {
+        channel: Channel::MeshDisplacement,
+        name: "displacement to the mesh",
+        unit: "m",
+        columns: &[0, 1, 2],
+        scale: &[0, 1, 2],
+        floor: 1e-12,
+    },
+    Field {
+        channel: Channel::Grid,
+        name: "grid positions",
+        unit: "m",
+        columns: &[0, 1, 2],
+        scale: &[0, 1, 2],
+        floor: 1e-12,
+    },
+    Field {
+        channel: Channel::Grid,
+        name: "grid velocities",
+        unit: "m/s",
+        columns: &[3, 4, 5],
+        scale: &[3, 4, 5],
+        floor: 1e-9,
+    },
+    Field {
+        channel: Channel::FlowLoad,
+        name: "pressure jump from the flow",
+        unit: "Pa",
+        columns: &[0],
+        scale: &[0],
+        floor: 1e-9,
+    },
+    Field {
+        channel: Channel::FlowLoad,
+        name: "traction from the flow",
+        unit: "Pa",
+        columns: &[1, 2, 3],
+        scale: &[0],
+        floor: 1e-9,
+    },
+];
+
+/// One number that differs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Departure {
+    /// When.
+    pub at: Moment,
+    /// Number in [`FIELDS`].
+    pub field: usize,
+    /// Row: canopy node or face, or grid node.
+    pub row: usize,
+    /// Column of the channel.
+    pub column: usize,
+    /// The reference's number and the other.
+    pub values: [f64; 2],
+    /// Difference over the scale.
+    pub relative: f64,
+}
+
+impl std::fmt::Display for Departure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let field = &FIELDS[self.field];
+        let row = match field.channel {
+            Channel::StructureLoad | Channel::FlowLoad => "face",
+            Channel::StructureDisplacement | Channel::MeshDisplacement => "canopy node",
+            Channel::Grid => "grid node",
+        };
+        write!(
+            f,
+            "window {}, iteration {}, {} ({}), {row} {} component {}: {:.9e} and {:.9e} {}, {:.1e} of the largest",
+            self.at.index,
+            self.at.iteration,
+            field.name,
+            field.channel.name(),
+            self.row,
+            self.column,
+            self.values[0],
+            self.values[1],
+            field.unit,
+            self.relative
+        )
+    }
+}
+
+/// Largest relative differences of each field in one window.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WindowDifference {
+    /// Window.
+    pub window: u64,
+    /// By field, as in [`FIELDS`]; `None` where the field was not compared.
+    pub fields: [Option<f64>; FIELDS.len()],
+}
+
+/// What comparing found so far.
+#[derive(Clone, Debug, Default)]
+pub struct Comparison {
+    /// Largest relative difference that is none.
+    pub tolerance: f64,
+    /// The first number beyond the tolerance.
+    pub first: Option<Departure>,
+    /// By window.
+    pub windows: Vec<WindowDifference>,
+    /// Numbers compared.
+    pub numbers: u64,
+    /// First window in which the two took other numbers of iterations.
+    pub other_iterations: Option<(u64, [u64; 2])>,
+}
+
+impl Comparison {
+    /// Beyond `tolerance` two numbers differ.
+    pub fn new(tolerance: f64) -> Self {
+        Self { tolerance, ..Self::default() }
+    }
+
+    /// Compares an exchange with the reference's. Arrays that one of them lacks are
+    /// passed over.
+    pub fn add<A: AsRef<[f64]>, B: AsRef<[f64]>>(&mut self, reference: &Event<A>, other: &Event<B>) {
+        let others = other.arrays();
+        for (channel, values) in reference.arrays() {
+            if let Some((_, b)) = others.iter().find(|(c, _)| *c == channel) {
+                self.add_array(reference.at(), channel, values.as_ref(), b.as_ref());
+            }
+        }
+    }
+
+    /// Compares one array.
+    pub fn add_array(&mut self, at: &Moment, channel: Channel, reference: &[f64], other: &[f64]) {
+        self.numbers += reference.len() as u64;
+        if self.windows.last().is_none_or(|w| w.window != at.index) {
+            self.windows.push(WindowDifference { window: at.index, ..Default::default() });
+        }
+        for (number, field) in FIELDS.iter().enumerate().filter(|(_, f)| f.channel == channel) {
+            let worst = worst(field, reference, other);
+            if let Some(window) = self.windows.last_mut() {
+                let so_far = &mut window.fields[number];
+                *so_far = Some(so_far.unwrap_or(0.0).max(worst.map_or(0.0, |w| w.3)));
+            }
+            if let Some((row, column, values, relative)) = worst
+                && relative > self.tolerance
+                && self.first.is_none()
+            {
+                self.first = Some(Departure { at: *at, field: number, row, column, values, relative });
+            }
+        }
+    }
+
+    /// Whether nothing differs beyond the tolerance.
+    pub fn same(&self) -> bool {
+        self.first.is_none()
+    }
+
+    /// For people: the first departure and, by field, how the difference grows.
+    pub fn report(&self) -> String {
+        let mut text = match &self.first {
+            None => format!(
+                "the same to {:.0e}: {} numbers in {} windows",
+                self.tolerance,
+                self.numbers,
+                self.windows.len()
+            ),
+            Some(d) => format!("first departure: {d} (tolerance {:.0e})", self.tolerance),
+        };
+        if let Some((window, [a, b])) = self.other_iterations {
+            text.push_str(&format!("\nwindow {window} took {a} iterations, then {b}"));
+        }
+        text.push_str("\n  largest difference            first window   last window    largest  in window");
+        for (number, field) in FIELDS.iter().enumerate() {
+            let seen: Vec<(u64, f64)> =
+                self.windows.iter().filter_map(|w| Some((w.window, w.fields[number]?))).collect();
+            let (Some(first), Some(last)) = (seen.first(), seen.last()) else { continue };
+            let most = seen.iter().fold(*first, |m, w| if w.1 > m.1 { *w } else { m });
+            text.push_str(&format!(
+                "\n  {:<32} {:9.1e}     {:9.1e}  {:9.1e}  {:9}",
+                field.name, first.1, last.1, most.1, most.0
+            ));
+        }
+        text
+    }
+
+    /// Rows of windows, columns of fields.
+    pub fn csv(&self) -> String {
+        let names: Vec<String> = FIELDS.iter().map(|f| f.name.replace(' ', "_")).collect();
+        let mut text = format!("window,{}\n", names.join(","));
+        for w in &self.windows {
+            let cells: Vec<String> =
+                w.fields.iter().map(|d| d.map_or(String::new(), |d| format!("{d:.6e}"))).collect();
+            text.push_str(&format!("{},{}\n", w.window, cells.join(",")));
+        }
+        text
+    }
+}
+
+/// The largest difference of a field over its scale: row, column, values, relative.
+/// `None` where all is below the floor. What is not a number differs without bound.
+fn worst(field: &Field, reference: &[f64], other: &[f64]) -> Option<(usize, usize, [f64; 2], f64)> {
+    let width = field.channel.width();
+    if reference.len() != other.len() {
+        return Some((reference.len().min(other.len()) / width, 0, [f64::NAN; 2], f64::INFINITY));
+    }
+    let rows = || reference.chunks_exact(width).zip(other.chunks_exact(width)).enumerate();
+    let scale = rows()
+        .flat_map(|(_, (a, _))| field.scale.iter().map(move |&c| a[c].abs()))
+        .fold(0.0, |m: f64, v| if v > m { v } else { m });
+    let mut worst: Option<(usize, usize, [f64; 2], f64)> = None;
+    for (row, (a, b)) in rows() {
+        for &c in field.columns {
+            let difference = (a[c] - b[c]).abs();
+            if difference <= field.floor || a[c].to_bits() == b[c].to_bits() {
+                continue;
+            }
+            let relative =
+                if difference.is_nan() { f64::INFINITY } else { difference / scale.max(field.floor) };
+            if worst.is_none_or(|w| relative > w.3) {
+                worst = Some((row, c, [a[c], b[c]], relative));
+            }
+        }
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(index: u64) -> Moment {
+        Moment {
+            index,
+            iteration: 1,
+            substeps: 1,
+            time: 0.0,
+            dt: 1.0,
+            frame_velocity: [0.0; 3],
+            frame_acceleration: [0.0; 3],
+        }
+    }
+
+    #[test]
+    fn the_first_departure_is_named_with_its_place() {
+        let mut c = Comparison::new(1e-6);
+        let a = [10.0, 0.0, 0.0, 0.0, -20.0, 0.0, 0.0, 0.0];
+        let mut b = a;
+        c.add_array(&at(0), Channel::FlowLoad, &a, &b);
+        assert!(c.same());
+        b[6] = 1e-7;
+        c.add_array(&at(1), Channel::FlowLoad, &a, &b);
+        assert!(c.same(), "a traction of 1e-7 Pa beside 20 Pa");
+        b[4] = -20.1;
+        c.add_array(&at(2), Channel::FlowLoad, &a, &b);
+        let first = c.first.clone().expect("a departure");
+        assert_eq!((first.at.index, first.row, first.column, first.field), (2, 1, 0, 6));
+        assert!((first.relative - 0.005).abs() < 1e-12);
+        assert!(c.report().contains("window 2, iteration 1, pressure jump from the flow"), "{}", c.report());
+        assert_eq!(c.windows.len(), 3);
+        assert_eq!(c.windows[0].fields[6], Some(0.0));
+        assert_eq!(c.windows[0].fields[0], None);
+    }
+
+    #[test]
+    fn what_is_no_number_differs_and_what_is_the_same_to_the_bit_does_not() {
+        let mut c = Comparison::new(1e-3);
+        c.add_array(&at(0), Channel::StructureDisplacement, &[f64::NAN, 0.0, 0.0], &[f64::NAN, 0.0, 0.0]);
+        assert!(c.same());
+        c.add_array(&at(0), Channel::StructureDisplacement, &[1.0, 0.0, 0.0], &[f64::NAN, 0.0, 0.0]);
+        assert_eq!(c.first.expect("a departure").relative, f64::INFINITY);
+    }
+}

@@ -1,0 +1,241 @@
+//! Recordings: every exchange of a stage, kept so that one program can be run against
+//! its recorded partners ([`crate::replay`]) and two runs compared number by number
+//! ([`compare`]).
+//!
+//! A recording is a folder:
+//!
+//! ```text
+//! scene.toml            the scene as it ran
+//! <stage>/exchange.rec  the exchanges of a stage, in the order in which they happened
+//! <stage>/state/        what the stage left for those after it
+//! ```
+//!
+//! `exchange.rec` is the eight bytes of [`file::MAGIC`], then frames: length and CRC-32 of what
+//! follows (two little-endian `u32`), then bincode. The first frame is the [`Header`],
+//! all others are an [`Event`]. Numbers are kept to the last bit: each array is combined
+//! with the one before it on the same channel by exclusive or, its bytes are sorted by
+//! significance, and the result is compressed (LZ4 blocks).
+
+pub mod baseline;
+pub mod compare;
+pub mod file;
+mod pack;
+pub mod recorder;
+pub mod stand_in;
+
+use std::path::{Path, PathBuf};
+
+use channel::{STATS, Window};
+use serde::{Deserialize, Serialize};
+
+pub use baseline::Baseline;
+pub use file::{Reader, RecordingError, Writer};
+pub use recorder::Recorder;
+
+/// What a recording is of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// Version of the contract.
+    pub contract: u32,
+    /// Version of the program that recorded.
+    pub version: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Name and number of the stage.
+    pub stage: (String, u64),
+    /// Canopy nodes and faces.
+    pub canopy: (u64, u64),
+    /// [`channel::surface_hash`] of the faces.
+    pub surface_hash: u64,
+    /// Nodes of the moving grid whose motion is kept; 0: none, or not kept.
+    pub grid_nodes: u64,
+    /// Ranks of structure, flow and mesh.
+    pub ranks: [u32; 3],
+}
+
+/// A [`Window`] as it is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Moment {
+    /// See [`Window`].
+    pub index: u64,
+    /// See [`Window`].
+    pub iteration: u64,
+    /// See [`Window`].
+    pub substeps: u64,
+    /// See [`Window`].
+    pub time: f64,
+    /// See [`Window`].
+    pub dt: f64,
+    /// See [`Window`].
+    pub frame_velocity: [f64; 3],
+    /// See [`Window`].
+    pub frame_acceleration: [f64; 3],
+}
+
+impl From<&Window> for Moment {
+    fn from(w: &Window) -> Self {
+        let Window { index, iteration, substeps, time, dt, frame_velocity, frame_acceleration } = *w;
+        Self { index, iteration, substeps, time, dt, frame_velocity, frame_acceleration }
+    }
+}
+
+impl From<&Moment> for Window {
+    fn from(m: &Moment) -> Self {
+        let Moment { index, iteration, substeps, time, dt, frame_velocity, frame_acceleration } = *m;
+        Self { index, iteration, substeps, time, dt, frame_velocity, frame_acceleration }
+    }
+}
+
+/// An array that programs exchange.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Coupler to structure: load at the start and at the end of the window, `[faces][8]`, Pa.
+    StructureLoad,
+    /// Structure to coupler: displacement, `[nodes][3]`, m.
+    StructureDisplacement,
+    /// Coupler to mesh: displacement, `[nodes][3]`, m.
+    MeshDisplacement,
+    /// Mesh to flow: positions and velocities, `[grid nodes][6]`, m and m/s.
+    Grid,
+    /// Flow to coupler: load, `[faces][4]`, Pa.
+    FlowLoad,
+}
+
+impl Channel {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::StructureLoad,
+        Self::StructureDisplacement,
+        Self::MeshDisplacement,
+        Self::Grid,
+        Self::FlowLoad,
+    ];
+
+    /// Numbers in a row.
+    pub fn width(self) -> usize {
+        match self {
+            Self::StructureLoad => 8,
+            Self::StructureDisplacement | Self::MeshDisplacement => 3,
+            Self::Grid => 6,
+            Self::FlowLoad => channel::LOAD_WIDTH,
+        }
+    }
+
+    /// How people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::StructureLoad => "load to the structure",
+            Self::StructureDisplacement => "displacement from the structure",
+            Self::MeshDisplacement => "displacement to the mesh",
+            Self::Grid => "grid from the mesh to the flow",
+            Self::FlowLoad => "load from the flow",
+        }
+    }
+}
+
+/// One exchange, with arrays of kind `A`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Event<A> {
+    /// The structure was asked for a window.
+    Structure {
+        /// Window and iteration.
+        at: Moment,
+        /// [`Channel::StructureLoad`].
+        load: A,
+        /// [`Channel::StructureDisplacement`].
+        displacement: A,
+        /// Statistics.
+        stats: [f64; STATS],
+    },
+    /// The mesh was asked for a window.
+    Mesh {
+        /// Window and iteration.
+        at: Moment,
+        /// [`Channel::MeshDisplacement`].
+        displacement: A,
+        /// [`Channel::Grid`], where it is kept.
+        grid: Option<A>,
+        /// Statistics.
+        stats: [f64; STATS],
+    },
+    /// The flow was asked for a window.
+    Flow {
+        /// Window and iteration.
+        at: Moment,
+        /// [`Channel::FlowLoad`].
+        load: A,
+        /// Statistics.
+        stats: [f64; STATS],
+    },
+    /// The window is final.
+    Accept {
+        /// The window.
+        at: Moment,
+    },
+}
+
+impl<A> Event<A> {
+    /// When.
+    pub fn at(&self) -> &Moment {
+        match self {
+            Self::Structure { at, .. }
+            | Self::Mesh { at, .. }
+            | Self::Flow { at, .. }
+            | Self::Accept { at } => at,
+        }
+    }
+
+    /// The arrays, inputs first.
+    pub fn arrays(&self) -> Vec<(Channel, &A)> {
+        match self {
+            Self::Structure { load, displacement, .. } => {
+                vec![(Channel::StructureLoad, load), (Channel::StructureDisplacement, displacement)]
+            }
+            Self::Mesh { displacement, grid, .. } => {
+                std::iter::once((Channel::MeshDisplacement, displacement))
+                    .chain(grid.as_ref().map(|g| (Channel::Grid, g)))
+                    .collect()
+            }
+            Self::Flow { load, .. } => vec![(Channel::FlowLoad, load)],
+            Self::Accept { .. } => Vec::new(),
+        }
+    }
+
+    /// The same event with other arrays.
+    ///
+    /// # Errors
+    /// The first one of `f`.
+    pub fn map<B, E>(self, mut f: impl FnMut(Channel, A) -> Result<B, E>) -> Result<Event<B>, E> {
+        Ok(match self {
+            Self::Structure { at, load, displacement, stats } => Event::Structure {
+                at,
+                load: f(Channel::StructureLoad, load)?,
+                displacement: f(Channel::StructureDisplacement, displacement)?,
+                stats,
+            },
+            Self::Mesh { at, displacement, grid, stats } => Event::Mesh {
+                at,
+                displacement: f(Channel::MeshDisplacement, displacement)?,
+                grid: grid.map(|g| f(Channel::Grid, g)).transpose()?,
+                stats,
+            },
+            Self::Flow { at, load, stats } => Event::Flow { at, load: f(Channel::FlowLoad, load)?, stats },
+            Self::Accept { at } => Event::Accept { at },
+        })
+    }
+
+    /// Which program, as a number, for pairing events of two recordings.
+    pub(crate) fn kind(&self) -> u8 {
+        match self {
+            Self::Structure { .. } => 0,
+            Self::Mesh { .. } => 1,
+            Self::Flow { .. } => 2,
+            Self::Accept { .. } => 3,
+        }
+    }
+}
+
+/// The file of a stage's exchanges in the recording `folder`.
+pub fn stage_file(folder: &Path, stage: &str) -> PathBuf {
+    folder.join(stage).join("exchange.rec")
+}

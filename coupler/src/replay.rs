@@ -1,0 +1,246 @@
+//! `ripstop replay`: one program against its recorded partners.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use case::{Role, Scene};
+use channel::{LOAD_WIDTH, Window};
+
+use crate::error::RunError;
+use crate::hub_partners::{HubPartners, SessionOptions};
+use crate::interface::CanopyInterface;
+use crate::launch::{Console, LaunchPlan, program_folder};
+use crate::partners::{LoadOverWindow, Partners};
+use crate::recording::compare::Comparison;
+use crate::recording::{Channel, Event, Moment, Reader, stage_file};
+use crate::run::{RunOptions, Scratch, asked, keep_scene, lock, prepare, shorten};
+
+/// What to replay.
+#[derive(clap::Args)]
+pub struct ReplayArgs {
+    /// Folder that `ripstop run --record` wrote
+    recording: PathBuf,
+    /// Runs the structure: the project's program, or COMMAND
+    #[arg(long, value_name = "COMMAND", num_args = 0..=1, default_missing_value = "",
+          conflicts_with_all = ["flow", "mesh"], required_unless_present_any = ["flow", "mesh"])]
+    structure: Option<String>,
+    /// Runs the flow: the project's program, or COMMAND
+    #[arg(long, value_name = "COMMAND", num_args = 0..=1, default_missing_value = "", conflicts_with = "mesh")]
+    flow: Option<String>,
+    /// Runs the mesh-mover: the project's program, or COMMAND
+    #[arg(long, value_name = "COMMAND", num_args = 0..=1, default_missing_value = "")]
+    mesh: Option<String>,
+    /// Ranks of the program [default: as recorded]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    ranks: Option<u32>,
+    /// Stage to replay [default: the last one in which the program took part]
+    #[arg(long, value_name = "NAME")]
+    stage: Option<String>,
+    /// Largest difference that is none, as a share of the largest number of the field
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff::share)]
+    tolerance: f64,
+    /// Folder for the program's logs and the differences [default: a temporary one]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Longest time for one answer of the program, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = crate::cli::seconds)]
+    deadline: f64,
+}
+
+/// Runs the program through a recorded stage; whether it answered as recorded, and the
+/// report.
+///
+/// # Errors
+/// A recording that does not serve, a program that fails.
+pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result<(bool, String), RunError> {
+    let (role, command) = match (&args.structure, &args.flow, &args.mesh) {
+        (Some(c), _, _) => (Role::Structure, c),
+        (_, Some(c), _) => (Role::Flow, c),
+        (_, _, Some(c)) => (Role::Mesh, c),
+        _ => return Err(RunError::Input("name the program: --structure, --flow or --mesh".into())),
+    };
+    let options = RunOptions { scene: args.recording.join("scene.toml"), ..RunOptions::default() };
+    let mut prepared = prepare(&options)?;
+    let stage = find_stage(&prepared.scene, &args.recording, role, args.stage.as_deref())?;
+    let name = prepared.scene.stages[stage].name.clone();
+    let file = stage_file(&args.recording, &name);
+    let reader = Reader::open(&file)?;
+    let with_grid = reader.header().grid_nodes > 0;
+    let moving = prepared.scene.stages[stage].kind.roles().contains(&Role::Mesh);
+    if role == Role::Flow && moving && !with_grid {
+        return Err(RunError::Input(format!(
+            "{} was recorded without the grid (--record-without-grid), which the flow reads: record again",
+            file.display()
+        )));
+    }
+    let scene = &mut prepared.scene;
+    if !command.is_empty() {
+        scene.programs.insert(role, command.clone());
+    }
+    *scene.ranks.of_mut(role) = args.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
+    let mut roles = vec![role];
+    if role == Role::Flow && moving {
+        let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
+        let recorded = std::path::absolute(&file).map_err(RunError::file("resolve", &file))?;
+        scene
+            .programs
+            .insert(Role::Mesh, format!("'{}' stand-in --recording '{}'", me.display(), recorded.display()));
+        *scene.ranks.of_mut(Role::Mesh) = 1;
+        roles.insert(0, Role::Mesh);
+    }
+    let temporary;
+    let out = match &args.out {
+        Some(out) => std::path::absolute(out).map_err(RunError::file("resolve", out))?,
+        None => {
+            temporary = Temporary::create()?;
+            temporary.0.clone()
+        }
+    };
+    std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
+    let _lock = lock(&out)?;
+    keep_scene(&prepared.file, &out)?;
+    copy_states(scene, stage, &args.recording, &out)?;
+    let session = format!("{}-{}-{stage}", shorten(&scene.name), std::process::id());
+    let scratch = Scratch::create(&session)?;
+    let scene_file = out.join("scene.toml");
+    let plan = LaunchPlan {
+        scene,
+        scene_file: &scene_file,
+        stage,
+        session: &session,
+        out: &out,
+        programs: &program_folder()?,
+        scratch: &scratch.0,
+    };
+    let programs =
+        roles.iter().map(|&r| Ok((plan.program(r)?, scene.ranks.of(r)))).collect::<Result<_, RunError>>()?;
+    let effects = asked(scene).into_iter().filter(|(r, _)| *r == role).collect();
+    let options = SessionOptions {
+        session: &session,
+        stage: (&name, stage),
+        programs,
+        effects,
+        deadline: Some(Duration::from_secs_f64(args.deadline)),
+        attached: Vec::new(),
+        watch_grid: role == Role::Mesh && with_grid,
+    };
+    let mut comparison = Comparison::new(args.tolerance);
+    let ended = (|| {
+        let mut partners = HubPartners::start(options, &prepared.interface, stop, console)?;
+        drive(&mut partners, role, moving, reader, &prepared.interface, &mut comparison)?;
+        partners.finish(console)
+    })();
+    if let Err(error) = channel::cleanup(&session) {
+        console.warning(&format!("shared memory of session {session}: {error}"));
+    }
+    ended?;
+    if args.out.is_some() {
+        crate::diff::write(&out, &name, &comparison)?;
+    }
+    Ok((comparison.same(), format!("stage `{name}`, {}: {}", role.program(), comparison.report())))
+}
+
+/// Asks what was asked, in the recorded order.
+fn drive(
+    partners: &mut HubPartners<'_>,
+    role: Role,
+    moving: bool,
+    mut reader: Reader,
+    canopy: &CanopyInterface,
+    comparison: &mut Comparison,
+) -> Result<(), RunError> {
+    let mut displacement = vec![0.0; 3 * canopy.nodes()];
+    let mut answer = vec![0.0; LOAD_WIDTH * canopy.faces.len()];
+    let mut open = false;
+    while let Some(event) = reader.next_event()? {
+        let w = Window::from(event.at());
+        let at = Moment::from(&w);
+        match (&event, role) {
+            (Event::Structure { load, displacement: recorded, .. }, Role::Structure) => {
+                let [start, end] = halves(load);
+                partners.structure(&w, LoadOverWindow { start: &start, end: &end }, &mut displacement)?;
+                comparison.add_array(&at, Channel::StructureDisplacement, recorded, &displacement);
+                open = true;
+            }
+            (Event::Mesh { displacement, grid, .. }, Role::Mesh) => {
+                partners.mesh(&w, displacement)?;
+                if let (Some(recorded), Some(grid)) = (grid, partners.grid()) {
+                    comparison.add_array(&at, Channel::Grid, recorded, grid);
+                }
+                open = true;
+            }
+            (Event::Mesh { displacement, .. }, Role::Flow) if moving => {
+                partners.mesh(&w, displacement)?;
+            }
+            (Event::Flow { load, .. }, Role::Flow) => {
+                partners.flow(&w, &mut answer)?;
+                comparison.add_array(&at, Channel::FlowLoad, load, &answer);
+                open = true;
+            }
+            (Event::Accept { .. }, _) if open => {
+                partners.accept(&w)?;
+                open = false;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Loads at the start and the end from the rows of the channel.
+fn halves(rows: &[f64]) -> [Vec<f64>; 2] {
+    let half = |k: usize| rows.chunks_exact(LOAD_WIDTH).skip(k).step_by(2).flatten().copied().collect();
+    [half(0), half(1)]
+}
+
+/// The stage to replay: as named, or the last recorded one in which `role` takes part.
+fn find_stage(scene: &Scene, recording: &Path, role: Role, name: Option<&str>) -> Result<usize, RunError> {
+    let recorded =
+        |s: &case::Stage| s.kind.roles().contains(&role) && stage_file(recording, &s.name).is_file();
+    let found = match name {
+        Some(name) => scene.stages.iter().position(|s| s.name == name && recorded(s)),
+        None => scene.stages.iter().rposition(recorded),
+    };
+    found.ok_or_else(|| {
+        RunError::Input(format!(
+            "{} holds no {}stage with the {}: record it with `ripstop run --record`",
+            recording.display(),
+            name.map_or_else(String::new, |n| format!("`{n}` that is a ")),
+            role.name()
+        ))
+    })
+}
+
+/// States of earlier stages, from which a stage starts, from one folder to another.
+pub(crate) fn copy_states(scene: &Scene, before: usize, from: &Path, to: &Path) -> Result<(), RunError> {
+    for stage in 0..before {
+        let (source, target) = (case::state_folder(from, scene, stage), case::state_folder(to, scene, stage));
+        let Ok(entries) = std::fs::read_dir(&source) else { continue };
+        std::fs::create_dir_all(&target).map_err(RunError::file("create", &target))?;
+        for entry in entries.flatten().filter(|e| e.path().is_file()) {
+            let copy = target.join(entry.file_name());
+            if copy != entry.path() {
+                std::fs::copy(entry.path(), &copy).map_err(RunError::file("write", &copy))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A folder that is gone when this is.
+struct Temporary(PathBuf);
+
+impl Temporary {
+    fn create() -> Result<Self, RunError> {
+        let folder = std::env::temp_dir().join(format!("ripstop-replay-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
+        Ok(Self(folder))
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}

@@ -1,0 +1,130 @@
+//! Recorded exchanges: replayed program by program, compared, damaged; programs that
+//! somebody else starts.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use ripstop_tests::{changed_scene, program, ripstop_run, scene, succeed};
+
+fn ripstop(words: &[&str]) -> Command {
+    let mut command = Command::new(program("ripstop"));
+    command.args(words);
+    command
+}
+
+fn text(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Records two windows of each stage of `scene`.
+fn record(scene: &Path, folder: &Path, name: &str) -> PathBuf {
+    let (out, recording) = (folder.join(format!("{name}-out")), folder.join(name));
+    let words = ["--stop-after-windows", "2", "--record", recording.to_str().expect("UTF-8")];
+    succeed(ripstop_run(scene, &out, &words));
+    recording
+}
+
+fn path(p: &Path) -> &str {
+    p.to_str().expect("UTF-8")
+}
+
+/// Each program of this build, alone with the recording of its partners, answers to the
+/// bit what it answered beside them; the flow on another rank count to what its
+/// solver's tolerance (residuals fall by 1e-2 a step) makes of the pressure.
+#[test]
+fn each_program_replays_what_it_said() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recording = record(&scene("square-drop"), folder.path(), "a");
+    for role in ["--structure", "--mesh", "--flow"] {
+        let output = succeed(ripstop(&["replay", path(&recording), role, "--tolerance", "0"]));
+        assert!(text(&output).contains("the same to 0e0"), "{}", text(&output));
+    }
+    let words = ["replay", path(&recording), "--flow", "--ranks", "1", "--tolerance", "0.05"];
+    succeed(ripstop(&words));
+    // The pre-inflation too, by name.
+    let words = ["replay", path(&recording), "--structure", "--stage", "pre-inflation", "--tolerance", "0"];
+    succeed(ripstop(&words));
+
+    // A stage without the program, and a folder that is no recording.
+    for (words, says) in [
+        (["replay", path(&recording), "--mesh", "--stage", "pre-inflation"], "no `pre-inflation`"),
+        (["replay", path(folder.path()), "--mesh", "--stage", "descent"], "scene.toml"),
+    ] {
+        let output = ripstop(&words).output().expect("it starts");
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        assert!(text(&output).contains(says), "{}", text(&output));
+    }
+
+    // A damaged byte is found by its checksum, at its place.
+    let file = recording.join("descent/exchange.rec");
+    let mut bytes = std::fs::read(&file).expect("a recording");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&file, &bytes).expect("it can be written");
+    let output = ripstop(&["diff", path(&recording), path(&recording)]).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output).contains("is damaged at byte"), "{}", text(&output));
+}
+
+/// A fabric one part in a million stiffer: the comparison names the structure's answer as the first
+/// that differs, in the very first window, and a run beside its baseline ends there.
+#[test]
+fn a_changed_solver_is_named_by_channel_and_window() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let reference = record(&scene("square-drop"), folder.path(), "a");
+    let changed = changed_scene(
+        "square-drop",
+        folder.path(),
+        &[("thickness_m = 3.048e-5", "thickness_m = 3.04800305e-5")],
+    );
+    let other = record(&changed, folder.path(), "b");
+    let out = folder.path().join("difference");
+    let output =
+        ripstop(&["diff", path(&reference), path(&other), "--out", path(&out)]).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output));
+    let first = "first departure: window 0, iteration 0, displacement from the structure";
+    assert!(text(&output).contains(first), "{}", text(&output));
+    for file in ["descent-difference.csv", "descent-difference.svg"] {
+        assert!(out.join(file).metadata().is_ok_and(|m| m.len() > 100), "{file}");
+    }
+
+    let words = ["--baseline", path(&reference), "--stop-at-departure", "--stop-after-windows", "2"];
+    let output = ripstop_run(&changed, &folder.path().join("c"), &words).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    let says = "stage `pre-inflation`, window 0, coupling iteration 0: the run leaves its baseline";
+    assert!(text(&output).contains(says), "{}", text(&output));
+    // The same scene stays with it to the bit.
+    let words = [
+        "--baseline",
+        path(&reference),
+        "--tolerance",
+        "0",
+        "--stop-at-departure",
+        "--stop-after-windows",
+        "2",
+    ];
+    succeed(ripstop_run(&scene("square-drop"), &folder.path().join("d"), &words));
+}
+
+/// The coupler prints what to start, waits, tells who has come, and flies.
+#[test]
+fn programs_may_be_started_by_hand() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let mut attach =
+        ripstop(&["attach", path(&scene("air-bag")), "--out", path(&out), "--stop-after-windows", "1"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("it starts");
+    let mut lines = BufReader::new(attach.stderr.take().expect("a pipe")).lines().map_while(Result::ok);
+    let line = lines.find(|l| l.trim_start().starts_with("env ")).expect("the command to start");
+    assert!(line.contains("structure-solver --scene"), "{line}");
+    let started = Command::new("sh").args(["-c", line.trim()]).output().expect("a shell");
+    assert!(started.status.success(), "{}", text(&started));
+    let rest: Vec<String> = lines.collect();
+    assert!(attach.wait().expect("it ends").success(), "{rest:?}");
+    assert!(rest.iter().any(|l| l.contains("arrived: structure rank 0")), "{rest:?}");
+    assert!(out.join("inflation/history.csv").is_file());
+}
