@@ -161,7 +161,8 @@ fn histories(a: &Path, b: &Path, tolerance: f64) -> Result<(bool, String), RunEr
         rows = x.len().min(y.len());
         let beyond = |i: &usize| {
             let d = (x[*i] - y[*i]).abs();
-            !(d <= tolerance * scale || d == 0.0) && !(x[*i].is_nan() && y[*i].is_nan())
+            let same = d <= tolerance * scale || d == 0.0 || (x[*i].is_nan() && y[*i].is_nan());
+            !same
         };
         if let Some(i) = (0..rows).find(beyond)
             && first.is_none_or(|f| i < f.0)
