@@ -1,0 +1,238 @@
+//! `ripstop conform` against a sound program and against broken ones: each fails its point.
+//!
+//! This file is also those programs: started with `--session` it serves as a structure
+//! whose `--flaw` its command line names.
+
+use std::path::Path;
+use std::process::{Command, ExitCode};
+use std::time::Instant;
+
+use case::Role;
+use channel::{Announcement, Fault, Input, Participant, ServeOptions, Stats, Window, structure_stats};
+
+/// A structure of overdamped nodes, each going its way by itself.
+struct Nodes {
+    flaw: String,
+    canopy: mesh::StructureMesh,
+    accepted: Vec<f64>,
+    trial: Vec<f64>,
+    stale: Vec<f64>,
+}
+
+impl Participant for Nodes {
+    fn announce(&self) -> Announcement {
+        let extra = u64::from(self.flaw == "wrong-size");
+        Announcement {
+            role: "structure".into(),
+            program: "nodes".into(),
+            version: "0".into(),
+            canopy_nodes: self.canopy.n_canopy as u64 + extra,
+            canopy_faces: self.canopy.faces.len() as u64,
+            surface_hash: channel::surface_hash(&self.canopy.faces),
+            grid_nodes: 0,
+            output_width: 3,
+            effects: ["fabric.wrinkling", "lines"].map(String::from).to_vec(),
+        }
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        (0..self.canopy.n_canopy as u64).collect()
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let faces = self.canopy.faces.len() as f64;
+        let load: f64 = input.canopy.chunks_exact(8).map(|f| 0.5 * (f[0] + f[4])).sum::<f64>() / faces;
+        match self.flaw.as_str() {
+            "hang" => std::thread::sleep(std::time::Duration::from_secs(1000)),
+            "panic" => panic!("index out of bounds"),
+            "absurd" if load.abs() > 1e6 => std::process::exit(9),
+            _ => {}
+        }
+        let from = if self.flaw == "no-rollback" { &self.trial } else { &self.accepted };
+        let mut next = from.clone();
+        let steps = if self.flaw == "substeps" { w.substeps * w.substeps } else { w.substeps };
+        for _ in 0..steps {
+            for (at, x) in next.iter_mut().enumerate() {
+                let target = if at % 3 == 2 { 0.01 * load } else { 0.0 };
+                // Implicit Euler: first order in the substep.
+                let h = w.dt / w.substeps as f64 * 20.0;
+                *x = (*x + h * target) / (1.0 + h);
+            }
+        }
+        output.copy_from_slice(&next);
+        self.trial = next;
+        if self.flaw == "nan" {
+            output[7] = f64::NAN;
+        }
+        if self.flaw == "stale" {
+            if self.stale.is_empty() {
+                self.stale = output.to_vec();
+            }
+            output.copy_from_slice(&self.stale);
+        }
+        let mut stats = Stats::default();
+        stats.values[structure_stats::VERTICAL_LOAD] = load;
+        stats.values[structure_stats::STRAIN_ENERGY] = 1.0;
+        Ok(stats)
+    }
+
+    fn accept(&mut self, _: &Window) -> Result<(), Fault> {
+        self.accepted.copy_from_slice(&self.trial);
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let kept: Vec<f64> =
+            if self.flaw == "no-restore" { vec![0.0; self.accepted.len()] } else { self.accepted.clone() };
+        let text = serde_json::to_string(&kept).map_err(Fault::new)?;
+        std::fs::write(case::state_file(folder, Role::Structure), text).map_err(Fault::new)
+    }
+
+    fn snapshot(&mut self, _: f64, _: &Path) -> Result<(), Fault> {
+        Ok(())
+    }
+}
+
+fn serve(words: &[String]) -> Result<(), String> {
+    let value = |key: &str| {
+        let at = words.iter().position(|w| w == key).ok_or(format!("no {key}"))?;
+        words.get(at + 1).cloned().ok_or(format!("no value of {key}"))
+    };
+    let scene = case::load(Path::new(&value("--scene")?)).map_err(|e| e.to_string())?;
+    let stage: usize = value("--stage")?.parse().map_err(|e| format!("{e}"))?;
+    let canopy = mesh::structure_mesh(&scene).map_err(|e| e.to_string())?;
+    let accepted = match scene.source_state(Path::new(&value("--out")?), stage, Role::Structure) {
+        None => vec![0.0; 3 * canopy.n_canopy],
+        Some(file) => {
+            let text = std::fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+            serde_json::from_str(&text).map_err(|e| e.to_string())?
+        }
+    };
+    let mut nodes =
+        Nodes { flaw: value("--flaw")?, canopy, trial: accepted.clone(), accepted, stale: Vec::new() };
+    let options = ServeOptions {
+        session: value("--session")?,
+        role: Role::Structure,
+        rank: 0,
+        ranks: 1,
+        stage,
+        deadline: None,
+        exit_when_orphaned: true,
+    };
+    channel::serve(&mut nodes, &options).map(|_| ()).map_err(|e| e.to_string())
+}
+
+const SCENE: &str = r#"
+name = "two-stages"
+[canopy]
+kind = "square"
+width_m = 2.0
+cells_across = 4
+line_count = 8
+line_length_m = 2.4
+[fabric]
+youngs_modulus_pa = 2e8
+poisson_ratio = 0.3
+thickness_m = 3.048e-5
+density_kg_m3 = 1223.5093
+wrinkling = true
+[lines]
+youngs_modulus_pa = 5.3420e8
+area_m2 = 3.11e-6
+density_kg_m3 = 1223.50932
+[[stage]]
+name = "first"
+kind = "pre-inflation"
+pressure_pa = 10.0
+duration_s = 0.03
+window_s = 1e-2
+substeps = 4
+[[stage]]
+name = "second"
+kind = "pre-inflation"
+pressure_pa = 30.0
+duration_s = 0.03
+window_s = 1e-2
+substeps = 4
+"#;
+
+fn ripstop(words: &[&str]) -> (i32, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_ripstop")).args(words).output().expect("ripstop starts");
+    let text = [output.stdout, output.stderr].map(|b| String::from_utf8_lossy(&b).into_owned()).concat();
+    (output.status.code().unwrap_or(-1), text)
+}
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().collect();
+    if words.iter().any(|w| w == "--session") {
+        return match serve(&words) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(message) => {
+                eprintln!("{message}");
+                ExitCode::FAILURE
+            }
+        };
+    }
+    if words.iter().any(|w| w == "--list") {
+        return ExitCode::SUCCESS;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, SCENE).expect("a scene");
+    let (out, recording) = (folder.path().join("out"), folder.path().join("recording"));
+    let me = std::env::current_exe().expect("this program");
+    let command = |flaw: &str| format!("'{}' --flaw {flaw}", me.display());
+    let [scene, out, recording] = [&scene, &out, &recording].map(|p| p.to_str().expect("UTF-8"));
+    let (code, text) =
+        ripstop(&["run", scene, "--out", out, "--record", recording, "--structure", &command("none")]);
+    assert_eq!(code, 0, "{text}");
+
+    // The points that each flaw fails; where a program cannot answer at all, all points
+    // that need an answer.
+    let answers: &[&str] = &[
+        "answers",
+        "repeats",
+        "rolls back",
+        "goes on",
+        "substeps",
+        "restores",
+        "zero input",
+        "absurd input",
+    ];
+    let whole = [&["handshake"], answers].concat();
+    let flaws: [(&str, &[&str]); 9] = [
+        ("none", &[]),
+        ("no-rollback", &["repeats", "rolls back"]),
+        ("stale", &["goes on"]),
+        ("no-restore", &["restores"]),
+        ("substeps", &["substeps"]),
+        ("absurd", &["absurd input"]),
+        ("nan", answers),
+        ("panic", answers),
+        ("wrong-size", &whole),
+    ];
+    for (flaw, fails) in flaws {
+        let start = Instant::now();
+        let (code, text) =
+            ripstop(&["conform", "structure", recording, "--command", &command(flaw), "--tolerance", "1e-9"]);
+        let failed: Vec<&str> = text
+            .lines()
+            .filter_map(|l| l.trim_start().strip_prefix("FAILED"))
+            .map(|l| l.trim_start().split("  ").next().unwrap_or_default().trim())
+            .collect();
+        // A panic is reported in words, which is all that an absurd input may ask for.
+        let fails: Vec<&str> =
+            fails.iter().copied().filter(|p| !(flaw == "panic" && *p == "absurd input")).collect();
+        assert_eq!(failed, fails, "flaw {flaw}:\n{text}");
+        assert_eq!(code, if fails.is_empty() { 0 } else { 3 }, "flaw {flaw}:\n{text}");
+        println!("test conform {flaw} ... ok ({:.1} s)", start.elapsed().as_secs_f64());
+    }
+    // A program that hangs is given up at its deadline.
+    let start = Instant::now();
+    let (code, text) =
+        ripstop(&["conform", "structure", recording, "--command", &command("hang"), "--deadline", "1"]);
+    assert!(code == 3 && text.contains("no answer for 1 s"), "{text}");
+    assert!(start.elapsed().as_secs() < 60, "took {:?}", start.elapsed());
+    println!("test conform hang ... ok ({:.1} s)", start.elapsed().as_secs_f64());
+    ExitCode::SUCCESS
+}
