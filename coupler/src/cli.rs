@@ -20,7 +20,7 @@ const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
 const CODES: &str = "Exit codes:
   0    complete
   1    the run failed; what was computed so far is kept
-  3    what was compared differs (diff, replay)
+  3    what was compared differs (diff, replay), or a point failed (conform)
   2    the scene or the command line is wrong; nothing was started
   130  ended by Ctrl-C or a termination signal";
 
@@ -46,6 +46,9 @@ enum Command {
     /// Show where two recordings (or the results of two runs) part, and how the difference grows
     #[command(after_help = CODES)]
     Diff(crate::diff::DiffArgs),
+    /// Drive one program through a battery of questions: does it keep the contract?
+    #[command(after_help = CODES)]
+    Conform(crate::conform::ConformArgs),
     /// Read a scene and print what would run and why, without starting anything
     Check {
         #[command(flatten)]
@@ -147,7 +150,7 @@ impl RunArgs {
     }
 }
 
-fn role(text: &str) -> Result<Role, String> {
+pub(crate) fn role(text: &str) -> Result<Role, String> {
     Role::ALL
         .into_iter()
         .find(|r| r.name() == text.trim())
@@ -217,6 +220,10 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::Replay(args) => {
             let stop = on_signals()?;
             compared(crate::replay::replay(&args, &stop, console)?)
+        }
+        Command::Conform(args) => {
+            let stop = on_signals()?;
+            compared(crate::conform::conform(&args, &stop, console)?)
         }
         Command::Diff(args) => compared(crate::diff::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),

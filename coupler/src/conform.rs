@@ -180,20 +180,25 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
     let battery = Battery { rehearsal, script, tolerance: args.tolerance, stop, console };
     let mut text = format!("{} in stage `{}`", args.role.name(), battery.rehearsal.stage);
     let mut passed = true;
-    let mut hung = None;
+    let mut silent = None;
     for (name, point) in POINTS {
-        let verdict = match (hung, point) {
-            // Each further point would cost the deadline again.
-            (Some(at), _) => Verdict::Skipped(format!("it hung at `{at}`")),
-            (None, point) => match point(&battery) {
+        let verdict = match silent {
+            // Further points would say the same again, or cost the deadline again.
+            Some(at) => Verdict::Skipped(format!("nothing to go on after `{at}`")),
+            None => match point(&battery) {
                 Err(error @ RunError::Interrupted(_)) => return Err(error),
                 Err(error) => {
-                    hung = matches!(error, RunError::Stalled { .. }).then_some(name);
+                    if matches!(error, RunError::Stalled { .. }) {
+                        silent = Some(name);
+                    }
                     Verdict::Failed(error.to_string())
                 }
                 Ok(verdict) => verdict,
             },
         };
+        if BASIC.contains(&name) && matches!(verdict, Verdict::Failed(_)) {
+            silent = Some(name);
+        }
         let (mark, why) = match &verdict {
             Verdict::Passed(why) => ("passed ", why),
             Verdict::Failed(why) => ("FAILED ", why),
@@ -206,6 +211,9 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
 }
 
 type Point = fn(&Battery<'_>) -> Result<Verdict, RunError>;
+
+/// Points without which the others mean nothing.
+const BASIC: [&str; 2] = ["handshake", "answers"];
 
 const POINTS: [(&str, Point); 9] = [
     ("handshake", |b| b.handshake()),

@@ -105,7 +105,7 @@ pub enum RunError {
         message: String,
     },
     /// What was compared is not the same; the report was printed.
-    #[error("they differ")]
+    #[error("not the same, or not as the contract asks: see above")]
     Differs,
     /// A file could not be read or written.
     #[error("cannot {action} {}: {source}", .path.display())]

@@ -5,6 +5,7 @@
 
 pub mod check;
 pub mod cli;
+pub mod conform;
 pub mod descent;
 pub mod diff;
 pub mod effects;

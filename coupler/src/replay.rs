@@ -1,5 +1,6 @@
 //! `ripstop replay`: one program against its recorded partners.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -14,7 +15,7 @@ use crate::launch::{Console, LaunchPlan, program_folder};
 use crate::partners::{LoadOverWindow, Partners};
 use crate::recording::compare::Comparison;
 use crate::recording::{Channel, Event, Moment, Reader, stage_file};
-use crate::run::{RunOptions, Scratch, asked, keep_scene, lock, prepare, shorten};
+use crate::run::{Prepared, RunOptions, Scratch, asked, keep_scene, lock, prepare, shorten};
 
 /// What to replay.
 #[derive(clap::Args)]
@@ -48,6 +49,160 @@ pub struct ReplayArgs {
     deadline: f64,
 }
 
+/// Which program is tried, and how it is started.
+pub(crate) struct Trial<'a> {
+    /// Its role.
+    pub role: Role,
+    /// Its command; empty: the project's program.
+    pub command: &'a str,
+    /// Its ranks; `None`: as recorded.
+    pub ranks: Option<u32>,
+    /// Stage; `None`: the last recorded one in which it takes part.
+    pub stage: Option<&'a str>,
+    /// Folder for logs and results; `None`: a temporary one.
+    pub out: Option<&'a Path>,
+    /// Longest time for one answer.
+    pub deadline: Duration,
+}
+
+/// One program, ready to be started beside its recorded partners.
+pub(crate) struct Rehearsal {
+    pub role: Role,
+    /// Name of the stage.
+    pub stage: String,
+    /// Its exchanges.
+    pub file: PathBuf,
+    /// Whether the grid moves in it.
+    pub moving: bool,
+    /// Folder of logs and results.
+    pub out: PathBuf,
+    pub prepared: Prepared,
+    /// The program, after the stand-in for the mesh where it reads a moving grid.
+    roles: Vec<Role>,
+    number: usize,
+    watch_grid: bool,
+    deadline: Duration,
+    sessions: Cell<u32>,
+    _lock: std::fs::File,
+    _temporary: Option<Temporary>,
+}
+
+impl Rehearsal {
+    /// From the recording in `folder`.
+    ///
+    /// # Errors
+    /// A recording that does not serve.
+    pub fn new(folder: &Path, trial: &Trial<'_>) -> Result<Self, RunError> {
+        let role = trial.role;
+        let options = RunOptions { scene: folder.join("scene.toml"), ..RunOptions::default() };
+        let mut prepared = prepare(&options)?;
+        let number = find_stage(&prepared.scene, folder, role, trial.stage)?;
+        let stage = prepared.scene.stages[number].name.clone();
+        let file = stage_file(folder, &stage);
+        let reader = Reader::open(&file)?;
+        let with_grid = reader.header().grid_nodes > 0;
+        let moving = prepared.scene.stages[number].kind.roles().contains(&Role::Mesh);
+        if role == Role::Flow && moving && !with_grid {
+            return Err(RunError::Input(format!(
+                "{} was recorded without the grid (--record-without-grid), which the flow reads: record again",
+                file.display()
+            )));
+        }
+        let scene = &mut prepared.scene;
+        if !trial.command.is_empty() {
+            scene.programs.insert(role, trial.command.to_owned());
+        }
+        *scene.ranks.of_mut(role) = trial.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
+        let mut roles = vec![role];
+        if role == Role::Flow && moving {
+            let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
+            let recorded = std::path::absolute(&file).map_err(RunError::file("resolve", &file))?;
+            scene.programs.insert(
+                Role::Mesh,
+                format!("'{}' stand-in --recording '{}'", me.display(), recorded.display()),
+            );
+            *scene.ranks.of_mut(Role::Mesh) = 1;
+            roles.insert(0, Role::Mesh);
+        }
+        let (out, temporary) = match trial.out {
+            Some(out) => (std::path::absolute(out).map_err(RunError::file("resolve", out))?, None),
+            None => {
+                let temporary = Temporary::create()?;
+                (temporary.0.clone(), Some(temporary))
+            }
+        };
+        std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
+        let lock = lock(&out)?;
+        keep_scene(&prepared.file, &out)?;
+        copy_states(scene, number, folder, &out)?;
+        Ok(Self {
+            role,
+            stage,
+            file,
+            moving,
+            out,
+            prepared,
+            roles,
+            number,
+            watch_grid: role == Role::Mesh && with_grid,
+            deadline: trial.deadline,
+            sessions: Cell::new(0),
+            _lock: lock,
+            _temporary: temporary,
+        })
+    }
+
+    /// Number of the stage.
+    pub fn number(&self) -> usize {
+        self.number
+    }
+
+    /// Starts the program in a session of its own, has `play` ask it, and ends it.
+    ///
+    /// # Errors
+    /// Whatever the program or `play` makes fail.
+    pub fn fly<T>(
+        &self,
+        stop: &AtomicBool,
+        console: &Console,
+        play: impl FnOnce(&mut HubPartners<'_>) -> Result<T, RunError>,
+    ) -> Result<T, RunError> {
+        let scene = &self.prepared.scene;
+        let count = self.sessions.replace(self.sessions.get() + 1);
+        let session = format!("{}-{}-{count}", shorten(&scene.name), std::process::id());
+        let scratch = Scratch::create(&session)?;
+        let plan = LaunchPlan {
+            scene,
+            scene_file: &self.out.join("scene.toml"),
+            stage: self.number,
+            session: &session,
+            out: &self.out,
+            programs: &program_folder()?,
+            scratch: &scratch.0,
+        };
+        let programs = self.roles.iter().map(|&r| Ok((plan.program(r)?, scene.ranks.of(r))));
+        let options = SessionOptions {
+            session: &session,
+            stage: (&self.stage, self.number),
+            programs: programs.collect::<Result<_, RunError>>()?,
+            effects: asked(scene).into_iter().filter(|(r, _)| *r == self.role).collect(),
+            deadline: Some(self.deadline),
+            attached: Vec::new(),
+            watch_grid: self.watch_grid,
+        };
+        let ended = (|| {
+            let mut partners = HubPartners::start(options, &self.prepared.interface, stop, console)?;
+            let result = play(&mut partners)?;
+            partners.finish(console)?;
+            Ok(result)
+        })();
+        if let Err(error) = channel::cleanup(&session) {
+            console.warning(&format!("shared memory of session {session}: {error}"));
+        }
+        ended
+    }
+}
+
 /// Runs the program through a recorded stage; whether it answered as recorded, and the
 /// report.
 ///
@@ -60,85 +215,26 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         (_, _, Some(c)) => (Role::Mesh, c),
         _ => return Err(RunError::Input("name the program: --structure, --flow or --mesh".into())),
     };
-    let options = RunOptions { scene: args.recording.join("scene.toml"), ..RunOptions::default() };
-    let mut prepared = prepare(&options)?;
-    let stage = find_stage(&prepared.scene, &args.recording, role, args.stage.as_deref())?;
-    let name = prepared.scene.stages[stage].name.clone();
-    let file = stage_file(&args.recording, &name);
-    let reader = Reader::open(&file)?;
-    let with_grid = reader.header().grid_nodes > 0;
-    let moving = prepared.scene.stages[stage].kind.roles().contains(&Role::Mesh);
-    if role == Role::Flow && moving && !with_grid {
-        return Err(RunError::Input(format!(
-            "{} was recorded without the grid (--record-without-grid), which the flow reads: record again",
-            file.display()
-        )));
-    }
-    let scene = &mut prepared.scene;
-    if !command.is_empty() {
-        scene.programs.insert(role, command.clone());
-    }
-    *scene.ranks.of_mut(role) = args.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
-    let mut roles = vec![role];
-    if role == Role::Flow && moving {
-        let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
-        let recorded = std::path::absolute(&file).map_err(RunError::file("resolve", &file))?;
-        scene
-            .programs
-            .insert(Role::Mesh, format!("'{}' stand-in --recording '{}'", me.display(), recorded.display()));
-        *scene.ranks.of_mut(Role::Mesh) = 1;
-        roles.insert(0, Role::Mesh);
-    }
-    let temporary;
-    let out = match &args.out {
-        Some(out) => std::path::absolute(out).map_err(RunError::file("resolve", out))?,
-        None => {
-            temporary = Temporary::create()?;
-            temporary.0.clone()
-        }
+    let trial = Trial {
+        role,
+        command,
+        ranks: args.ranks,
+        stage: args.stage.as_deref(),
+        out: args.out.as_deref(),
+        deadline: Duration::from_secs_f64(args.deadline),
     };
-    std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
-    let _lock = lock(&out)?;
-    keep_scene(&prepared.file, &out)?;
-    copy_states(scene, stage, &args.recording, &out)?;
-    let session = format!("{}-{}-{stage}", shorten(&scene.name), std::process::id());
-    let scratch = Scratch::create(&session)?;
-    let scene_file = out.join("scene.toml");
-    let plan = LaunchPlan {
-        scene,
-        scene_file: &scene_file,
-        stage,
-        session: &session,
-        out: &out,
-        programs: &program_folder()?,
-        scratch: &scratch.0,
-    };
-    let programs =
-        roles.iter().map(|&r| Ok((plan.program(r)?, scene.ranks.of(r)))).collect::<Result<_, RunError>>()?;
-    let effects = asked(scene).into_iter().filter(|(r, _)| *r == role).collect();
-    let options = SessionOptions {
-        session: &session,
-        stage: (&name, stage),
-        programs,
-        effects,
-        deadline: Some(Duration::from_secs_f64(args.deadline)),
-        attached: Vec::new(),
-        watch_grid: role == Role::Mesh && with_grid,
-    };
+    let rehearsal = Rehearsal::new(&args.recording, &trial)?;
     let mut comparison = Comparison::new(args.tolerance);
-    let ended = (|| {
-        let mut partners = HubPartners::start(options, &prepared.interface, stop, console)?;
-        drive(&mut partners, role, moving, reader, &prepared.interface, &mut comparison)?;
-        partners.finish(console)
-    })();
-    if let Err(error) = channel::cleanup(&session) {
-        console.warning(&format!("shared memory of session {session}: {error}"));
-    }
-    ended?;
+    let reader = Reader::open(&rehearsal.file)?;
+    let canopy = &rehearsal.prepared.interface;
+    rehearsal.fly(stop, console, |partners| {
+        drive(partners, role, rehearsal.moving, reader, canopy, &mut comparison)
+    })?;
     if args.out.is_some() {
-        crate::diff::write(&out, &name, &comparison)?;
+        crate::diff::write(&rehearsal.out, &rehearsal.stage, &comparison)?;
     }
-    Ok((comparison.same(), format!("stage `{name}`, {}: {}", role.program(), comparison.report())))
+    let report = format!("stage `{}`, {}: {}", rehearsal.stage, role.program(), comparison.report());
+    Ok((comparison.same(), report))
 }
 
 /// Asks what was asked, in the recorded order.
@@ -189,7 +285,7 @@ fn drive(
 }
 
 /// Loads at the start and the end from the rows of the channel.
-fn halves(rows: &[f64]) -> [Vec<f64>; 2] {
+pub(crate) fn halves(rows: &[f64]) -> [Vec<f64>; 2] {
     let half = |k: usize| rows.chunks_exact(LOAD_WIDTH).skip(k).step_by(2).flatten().copied().collect();
     [half(0), half(1)]
 }
