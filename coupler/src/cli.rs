@@ -54,6 +54,9 @@ enum Command {
         #[command(flatten)]
         scene: SceneArgs,
     },
+    /// Print what a program in any language starts a stage from, as JSON: the scene with
+    /// its defaults, meshes, files of earlier stages
+    Mesh(crate::mesh_command::MeshArgs),
     /// Print the JSON schema of scenes, for editors that complete and check TOML
     Schema,
     /// Draw the canopy and the flow around it from the results of a run (PNG)
@@ -229,6 +232,10 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::StandIn { recording, program } => stand_in(&recording, &program),
         Command::Check { scene } => {
             print(&crate::check::report(&scene.options())?);
+            Ok(())
+        }
+        Command::Mesh(args) => {
+            print(&crate::mesh_command::json(&args)?);
             Ok(())
         }
         Command::Schema => {

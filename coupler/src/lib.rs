@@ -14,6 +14,7 @@ pub mod history;
 pub mod hub_partners;
 pub mod interface;
 pub mod launch;
+pub mod mesh_command;
 pub mod partners;
 pub mod picture;
 pub mod plot;

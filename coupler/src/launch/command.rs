@@ -143,6 +143,10 @@ fn environment(scratch: &Path) -> Vec<(&'static str, OsString)> {
         ("OMP_NUM_THREADS", "1".into()),
         ("RAYON_NUM_THREADS", "1".into()),
     ];
+    // For programs in other languages, which ask it for meshes (`ripstop mesh`).
+    if let Ok(me) = std::env::current_exe() {
+        set.push(("RIPSTOP", me.into()));
+    }
     // SAFETY: geteuid has no preconditions and cannot fail.
     if unsafe { libc::geteuid() } == 0 {
         set.push(("OMPI_ALLOW_RUN_AS_ROOT", "1".into()));

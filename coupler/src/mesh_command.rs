@@ -1,0 +1,104 @@
+//! `ripstop mesh`: what a program in any language needs of a scene, as JSON.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use case::{Role, Scene};
+use clap::Args;
+use mesh::{FlowGrid, StructureMesh};
+use serde::Serialize;
+
+use crate::error::RunError;
+use crate::run::{Prepared, RunOptions, prepare};
+
+/// Arguments of `ripstop mesh`.
+#[derive(Args, Clone, Debug)]
+pub struct MeshArgs {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+    /// Stage of the scene, from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub stage: usize,
+    /// Folder of the results [default: the scene's output.folder, or runs/<scene name>]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// The flow grid that the stage starts from, too
+    #[arg(long)]
+    pub grid: bool,
+}
+
+/// A stage as its programs see it at their start.
+#[derive(Serialize)]
+struct StageStart {
+    /// The scene with all defaults.
+    scene: Scene,
+    stage: usize,
+    structure: StructureMesh,
+    /// The file that each role starts from, where an earlier stage wrote one.
+    states: BTreeMap<Role, PathBuf>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    grid: Option<FlowGrid>,
+}
+
+/// The stage as JSON.
+///
+/// # Errors
+/// [`RunError::Input`]: a faulty scene, no such stage, a shape that an earlier
+/// stage should have left.
+pub fn json(args: &MeshArgs) -> Result<String, RunError> {
+    let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
+    let options = RunOptions { scene: args.scene.clone(), out: args.out.clone(), ..RunOptions::default() };
+    let Prepared { scene, out, .. } = prepare(&options)?;
+    if args.stage >= scene.stages.len() {
+        let n = scene.stages.len();
+        return Err(input(&format!("--stage {}: the scene has {n} stages, counted from 0", args.stage)));
+    }
+    let structure = mesh::structure_mesh(&scene).map_err(|e| input(&e))?;
+    let grid = if args.grid {
+        let positions = match scene.grid_shape(&out, args.stage) {
+            Some(path) => mesh::load_shape(&path, structure.n_canopy).map_err(|e| input(&e))?,
+            None => structure.coords[..structure.n_canopy].to_vec(),
+        };
+        Some(mesh::flow_grid(&scene, &structure, &positions).map_err(|e| input(&e))?)
+    } else {
+        None
+    };
+    let state = |role| Some((role, scene.source_state(&out, args.stage, role)?));
+    let states = Role::ALL.into_iter().filter_map(state).collect();
+    let start = StageStart { stage: args.stage, structure, states, grid, scene };
+    serde_json::to_string(&start).map_err(|e| input(&e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(stage: usize, grid: bool) -> Result<serde_json::Value, RunError> {
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../cases/square-drop/scene.toml").into();
+        let text = json(&MeshArgs { scene, stage, out: Some("/nowhere".into()), grid })?;
+        Ok(serde_json::from_str(&text).expect("JSON"))
+    }
+
+    #[test]
+    fn meshes_scene_and_states_are_there() {
+        let start = square(0, true).expect("a scene of the repository");
+        assert_eq!(start["structure"]["faces"].as_array().map(Vec::len), Some(144));
+        assert_eq!(start["structure"]["cables"].as_array().map(Vec::len), Some(24));
+        assert_eq!(start["grid"]["canopy_nodes"].as_array().map(Vec::len), Some(169));
+        assert_eq!(start["states"], serde_json::json!({}));
+        // A default that the file leaves out, under the name that it has there.
+        assert_eq!(start["scene"]["stage"][1]["name"], "developed-flow");
+        assert_eq!(start["scene"]["coupling"]["velocity_average"], 0.5);
+    }
+
+    #[test]
+    fn later_stages_start_from_files() {
+        let start = square(2, false).expect("no file is read");
+        assert_eq!(start["states"]["structure"], "/nowhere/pre-inflation/state/structure.bin");
+        assert_eq!(start["states"]["flow"], "/nowhere/developed-flow/state/flow.bin");
+        assert!(start["states"].get("mesh").is_none() && start.get("grid").is_none());
+        let missing = square(2, true).expect_err("no shape").to_string();
+        assert!(missing.contains("/nowhere/pre-inflation/state/canopy.bin"), "{missing}");
+        assert!(square(3, false).expect_err("three stages").to_string().contains("--stage 3"));
+    }
+}

@@ -1,0 +1,453 @@
+"""The loop of one rank of a participant."""
+
+import json
+import os
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from . import contract
+from .contract import COUPLER, INPUT, OUTPUT, ROLES, STATISTICS, WIDTH, Fault, Header, Kind, Unit, Window, during
+from .participant import Run
+from .session import Guardian, Lock, Place, find_coupler
+from .transport import Link
+
+# Numbers that any answer channel can carry, so that messages to people fit.
+TEXT_WORDS = 1024
+# Between two looks at whether the coupler lives, s.
+LOOK = 0.2
+
+
+class Ended(Exception):
+    """The run ended, other than by `stop`; the coupler knows, or is dead."""
+
+
+def main(make):
+    """Runs a participant as a program: `make(run)` builds it from the `Run`. Ends the
+    process with code 0 after a good end."""
+    run = Run()
+    role = make.role
+    try:
+        place = Place(run.session)
+        if place.notice():
+            guardian = Guardian(*find_coupler(place, 0.2))
+        else:
+            guardian = None
+        try:
+            participant = make(run)
+        except BaseException as error:
+            message = describe(error)
+            report(run, role, message)
+            raise Ended(message) from None
+        serve(participant, run, guardian)
+    except (Fault, Ended) as error:
+        sys.exit(f"{make.program or make.__name__}: {error}")
+
+
+def describe(error):
+    """One message for an exception: its place in the participant, where it is no `Fault`."""
+    if isinstance(error, Fault):
+        return str(error)
+    traceback.print_exception(error)
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [f for f in frames if Path(f.filename).parent != Path(__file__).parent] or frames
+    text = f"{type(error).__name__}: {error}".rstrip(": ")
+    # The participant's own last line tells more than one inside a library.
+    own = [f for f in ours if "site-packages" not in f.filename] or ours
+    return f"{text} ({Path(own[-1].filename).name}, line {own[-1].lineno}, in {own[-1].name})" if own else text
+
+
+def report(run, role, message):
+    """Tells the coupler that this rank cannot even begin."""
+    try:
+        post = Post(run, role, 0.2)
+        post.tell_fault(post.answer_sender(TEXT_WORDS), 0, Window(), message)
+        # The coupler connects to a new sender when it next looks: stay until then.
+        time.sleep(0.3)
+    except Exception as error:  # the end of the process tells it too
+        print(f"the coupler could not be told: {error}", file=sys.stderr)
+
+
+def serve(participant, run, guardian=None):
+    """Serves one rank from the handshake to the coupler's `stop`; returns the number of
+    accepted windows. A fault of the participant is reported to the coupler first."""
+    post = Post(run, participant.role, run.deadline_s)
+    guardian = guardian or Guardian(post.notice, post.coupler)
+    try:
+        desk = Desk(participant, post)
+        desk.handshake()
+        return desk.run(guardian)
+    finally:
+        post.close()
+
+
+class Post:
+    """A rank's membership of a session."""
+
+    def __init__(self, run, role, patience):
+        self.at, self.role = run, role
+        place = Place(run.session)
+        self.notice, self.coupler = find_coupler(place, patience)
+        self.id = int(self.notice["id"], 16)
+        self.ranks = dict(self.notice["roles"])
+        expected = self.ranks.get(role, 0)
+        if run.rank >= expected:
+            raise Fault(f"session `{run.session}` has {expected} ranks of {role}, this is rank {run.rank}")
+        me = f"{role}.{run.rank}"
+        try:
+            self.lock = Lock(place.lock_file(me))
+        except BlockingIOError as error:
+            raise Fault(f"session `{run.session}` already has a {me}: it was started twice") from error
+        self.link = Link(place, me)
+        self.ports = []
+        flows = self.ranks.get("flow", 0)
+        self.coupler_bell = self.keep(self.link.ringer("bell/coupler", 1, sum(self.ranks.values())))
+        self.sleeper = self.keep(self.link.sleeper(*self.bell(role)))
+        self.readers = self.keep(self.link.ringer(*self.bell("flow"))) if role == "mesh" and flows else None
+
+    def bell(self, role):
+        """Name of the bell of a program, how many sleep on it, how many ring it."""
+        return f"bell/{role}", self.ranks[role], 1 + (self.ranks.get("mesh", 0) if role == "flow" else 0)
+
+    def keep(self, port):
+        """A port that is freed before the lock."""
+        self.ports.append(port)
+        return port
+
+    def close(self):
+        """Frees what the session holds of this process."""
+        while self.ports:
+            self.ports.pop().close()
+
+    def answer_sender(self, words):
+        """This rank's end of its answer channel."""
+        return self.keep(self.link.sender(f"answer/{self.role}.{self.at.rank}", words))
+
+    def header(self, kind, sequence, window=None, unit=Unit.NONE, length=0):
+        """A header of this rank."""
+        return Header(
+            magic=contract.MAGIC,
+            contract=contract.VERSION,
+            kind=kind,
+            session=self.id,
+            role=ROLES[self.role],
+            rank=self.at.rank,
+            sequence=sequence,
+            unit=unit,
+            length=length,
+            window=window or Window(),
+        )
+
+    def tell_fault(self, answers, sequence, window, message):
+        """Tells the coupler of a fault."""
+        answers.send_text(self.header(Kind.FAULT, sequence, window), message)
+        self.coupler_bell.ring()
+
+    def wait(self, step, poll):
+        """Polls, and sleeps in between until somebody rings."""
+        start = time.monotonic()
+        while True:
+            # Looked at first: what the coupler sent before it died still counts.
+            alive = self.coupler.is_held()
+            found = poll()
+            if found is not None:
+                return found
+            where = f"the coupler of session `{self.at.session}` (process {self.notice['pid']})"
+            if not alive:
+                raise Ended(f"{where} died in {during(*step)}")
+            limit = LOOK
+            if self.at.deadline_s:
+                left = self.at.deadline_s - (time.monotonic() - start)
+                if left <= 0:
+                    raise Ended(f"{where} said nothing in {during(*step)} for {self.at.deadline_s} s")
+                limit = min(limit, left)
+            self.sleeper.sleep(limit)
+
+
+class Desk:
+    """The place of one rank in a session: its channels, and where it stands."""
+
+    def __init__(self, participant, post):
+        self.participant, self.post = participant, post
+        self.role, self.rank = post.role, post.at.rank
+        self.sequence, self.step = 0, (Kind.ANNOUNCE, Window())
+        self.unit = OUTPUT[self.role]
+        self.layout_out = self.grid_out = None
+        self.pieces, self.index = [], np.arange(0)
+        self.open = self.last = None
+        self.commands = post.keep(post.link.receiver(f"command/{self.role}", post.ranks[self.role]))
+        self.readable = 1 + post.ranks.get("flow", 0)
+        self.answers = None
+        hello = self.guarded(self.hello)
+        words = len(self.output_rows) * WIDTH[self.unit]
+        if self.role == "mesh":
+            self.grid_out = post.keep(post.link.sender(f"grid/{self.rank}", words, self.readable, newest_wins=True))
+            words = 0
+        self.answers = post.answer_sender(max(words, TEXT_WORDS, len(hello)))
+        self.answers.send_text(post.header(Kind.ANNOUNCE, 0), hello)
+        post.coupler_bell.ring()
+
+    def hello(self):
+        """The announcement, as text."""
+        p, at = self.participant, self.post.at
+        self.output_rows = np.asarray(p.output_rows(), dtype=np.uint64)
+        self.grid_rows = np.asarray(p.grid_rows(), dtype=np.uint64)
+        announcement = {
+            "role": p.role,
+            "program": p.program or type(p).__name__,
+            "version": p.version,
+            "canopy_nodes": int(p.canopy_nodes),
+            "canopy_faces": len(p.faces),
+            "surface_hash": contract.surface_hash(p.faces),
+            "grid_nodes": int(p.grid_nodes),
+            "output_width": WIDTH[self.unit],
+            "effects": list(p.effects),
+        }
+        hello = {"contract": contract.VERSION, "stage": at.stage, "rank": at.rank, "ranks": at.ranks}
+        hello |= {"pid": os.getpid(), "output_rows": len(self.output_rows), "grid_rows": len(self.grid_rows)}
+        return json.dumps(hello | {"announcement": announcement})
+
+    def handshake(self):
+        """Up to the first window."""
+        post, link = self.post, self.post.link
+        self.welcome = json.loads(self.text(self.expect(Kind.WELCOME)))
+        layouts = []
+        if self.role == "flow":
+            for rank in range(len(self.welcome["mesh_rows"])):
+                self.pieces.append(post.keep(link.receiver(f"grid/{rank}", self.readable, newest_wins=True)))
+                layouts.append(post.keep(link.receiver(f"layout/mesh.{rank}", self.readable)))
+        self.done()
+        self.expect(Kind.SEND_LAYOUT).drop()
+        rows = np.concatenate([self.output_rows, self.grid_rows]).astype(float)
+        mesh = self.role == "mesh"
+        receivers = self.readable if mesh else 1
+        self.layout_out = post.keep(link.sender(f"layout/{self.role}.{self.rank}", len(rows), receivers))
+        loan = self.layout_out.loan(len(rows))
+        loan.payload[:] = rows
+        got = loan.send(post.header(Kind.LAYOUT, self.sequence, None, Unit.ROWS, len(rows)))
+        self.delivered(Kind.LAYOUT, got, 1 + (self.welcome["grid_readers"] if mesh else 0))
+        if post.readers:
+            post.readers.ring()
+        if layouts:
+            self.index_grid(layouts)
+        self.done()
+
+    def index_grid(self, layouts):
+        """Where in the mesh's pieces, laid end to end, each row of this reader is."""
+        place, start = {}, 0
+        for rank, layout in enumerate(layouts):
+            message = self.wait(layout.receive)
+            count = self.welcome["mesh_rows"][rank]
+            self.check(message, "mesh", rank, Kind.LAYOUT, Unit.ROWS)
+            place |= {int(row): start + i for i, row in enumerate(message.payload[:count])}
+            start += count
+            message.drop()
+        missing = [int(row) for row in self.grid_rows if int(row) not in place]
+        if missing:
+            self.broken(f"grid node {missing[0]}, which this rank reads, is on no rank of the mesh")
+        self.index = np.array([place[int(row)] for row in self.grid_rows], dtype=int)
+
+    def run(self, guardian):
+        """Serves windows until the coupler stops the run."""
+        accepted = 0
+        while True:
+            command = self.next()
+            kind, w = self.step
+            if kind == Kind.ADVANCE:
+                self.advance(command, w)
+            elif kind == Kind.ACCEPT:
+                if self.open is None or self.open[0] != w.index:
+                    self.broken(f"window {w.index} is to be accepted, computed was {self.open}")
+                self.open, self.last = None, w.index
+                accepted += 1
+                command.drop()
+                self.guarded(lambda: self.participant.accept(w))
+                self.done()
+            elif kind in (Kind.SAVE, Kind.SNAPSHOT):
+                folder = Path(self.text(command))
+                if kind == Kind.SAVE:
+                    self.guarded(lambda: self.participant.save(folder))
+                else:
+                    self.guarded(lambda: self.participant.snapshot(w.time, folder))
+                self.done()
+            elif kind == Kind.STOP:
+                command.drop()
+                guardian.dismissed.set()
+                self.done()
+                return accepted
+            else:
+                self.broken(f"{kind.name} between windows")
+
+    def turn(self, w):
+        """What is wrong with computing window `w` now, if anything."""
+        if self.open and (w.index != self.open[0] or w.iteration <= self.open[1]):
+            return f"window {w.index} iteration {w.iteration} after {self.open}, which was not accepted"
+        if not self.open and self.last is not None and w.index != self.last + 1:
+            return f"window {w.index} after window {self.last} was accepted"
+        if not (0 < w.dt < np.inf and np.isfinite(w.time)):
+            return f"a window from {w.time} s of {w.dt} s"
+        self.open = (w.index, w.iteration)
+        return None
+
+    def advance(self, command, w):
+        """One window: input read in place, output written in place."""
+        if self.layout_out:
+            self.post.ports.remove(self.layout_out)
+            self.layout_out.close()
+            self.layout_out = None
+        problem = self.turn(w)
+        expected, unit = self.welcome["input_length"], INPUT[self.role]
+        if not problem and (len(command.payload), command.header.unit) != (expected, unit):
+            problem = f"input of {len(command.payload)} numbers in unit {command.header.unit}, expected {expected} in {unit}"
+        if problem:
+            self.broken(problem)
+        shape = {"structure": (-1, 2, 4), "mesh": (-1, 3), "flow": (0,)}[self.role]
+        grid = self.moved_grid(w)
+        loan = (self.grid_out or self.answers).loan(len(self.output_rows) * WIDTH[self.unit])
+        start = time.monotonic()
+        header = self.post.header(Kind.OUTPUT, self.sequence, w)
+
+        def compute():
+            output = loan.payload.reshape(-1, WIDTH[self.unit])
+            stats = self.participant.advance(w, command.payload.reshape(shape), grid, output) or {}
+            self.finite(output)
+            for name, value in stats.items():
+                if not np.isfinite(value):
+                    raise Fault(f"statistic `{name}` is {value}: the solution has diverged")
+                header.values[STATISTICS[self.role][name]] = value
+
+        self.guarded(compute, loan)
+        header.busy_s = time.monotonic() - start
+        command.drop()
+        words = len(loan.payload)
+        if self.grid_out:
+            got = loan.send(self.post.header(Kind.GRID, self.sequence, w, self.unit, words))
+            readers = self.welcome["grid_readers"] + self.welcome["coupler_reads_grid"]
+            self.delivered(Kind.GRID, got, readers)
+            if self.post.readers:
+                self.post.readers.ring()
+            self.answer(self.answers.send(header))
+        else:
+            header.unit, header.length = self.unit, words
+            self.answer(loan.send(header))
+
+    def moved_grid(self, w):
+        """The grid of window `w` for this reader's rows, `[rows][6]`, once the mesh has made it."""
+        pieces = []
+        for rank, receiver in enumerate(self.pieces):
+
+            def poll():
+                while message := receiver.receive():
+                    found = (message.header.window.index, message.header.window.iteration)
+                    if found == (w.index, w.iteration):
+                        return message
+                    message.drop()
+                    if found > (w.index, w.iteration):
+                        self.broken(f"the mesh (rank {rank}) is ahead, in window {found[0]} iteration {found[1]}")
+                command = self.commands.receive()
+                if command:
+                    self.end_early(command)
+                return None
+
+            message = self.wait(poll)
+            self.check(message, "mesh", rank, Kind.GRID, Unit.GRID)
+            pieces.append(message.payload.reshape(-1, 6).copy())
+            message.drop()
+        return np.concatenate(pieces)[self.index] if pieces else np.empty((0, 6))
+
+    def finite(self, output):
+        """An output that may leave the program."""
+        bad = np.argwhere(~np.isfinite(output))
+        if len(bad):
+            row, component = bad[0]
+            raise Fault(
+                f"component {component} of output row {self.output_rows[row]} is {output[row, component]} (NaN "
+                "also where it was not written): the solution has diverged or the row was left out"
+            )
+
+    def guarded(self, call, loan=None):
+        """A call of the participant; whatever it raises is reported."""
+        try:
+            return call()
+        except BaseException as error:
+            message = describe(error)
+            if loan:
+                loan.drop()  # only one message can be in the making
+            self.answers = self.answers or self.post.answer_sender(TEXT_WORDS)
+            self.post.tell_fault(self.answers, self.sequence, self.step[1], message)
+            raise Ended(f"{during(*self.step)}: {message}") from None
+
+    def broken(self, problem):
+        """Ends this rank because somebody else broke the contract; the coupler is told."""
+        self.post.tell_fault(self.answers, self.sequence, self.step[1], problem)
+        raise Ended(f"message out of turn in {during(*self.step)}: {problem}")
+
+    def check(self, message, role, rank, kind, unit):
+        """Ends this rank where another's message is not what is due."""
+        problem = message.header.problem(self.post.id, ROLES[role], rank, len(message.payload))
+        if not problem and (message.header.kind, message.header.unit) != (kind, unit):
+            problem = f"kind {message.header.kind} where {kind.name} was due"
+        if problem:
+            self.broken(f"{role} (rank {rank}): {problem}")
+
+    def wait(self, poll):
+        """Polls asleep."""
+        return self.post.wait(self.step, poll)
+
+    def next(self):
+        """The next command."""
+        command = self.wait(self.commands.receive)
+        header = command.header
+        problem = header.problem(self.post.id, COUPLER, 0, len(command.payload))
+        if not problem and header.sequence != self.sequence + 1:
+            problem = f"command {header.sequence} after command {self.sequence}"
+        if not problem and command.kind is None:
+            problem = f"a command of unknown kind {header.kind}"
+        if problem:
+            self.broken(problem)
+        if command.kind in (Kind.ABORT, Kind.REFUSE):
+            self.end_early(command)
+        self.step = (command.kind, header.window)
+        self.sequence += 1
+        return command
+
+    def expect(self, kind):
+        """The next command, which must be of this kind."""
+        command = self.next()
+        if command.kind != kind:
+            self.broken(f"{command.kind.name} where {kind.name} was due")
+        return command
+
+    def end_early(self, command):
+        """Ends this rank for a command that comes while another is carried out."""
+        kind, message = command.kind, self.text(command)
+        if kind == Kind.REFUSE:
+            raise Ended(message)
+        if kind == Kind.ABORT:
+            raise Ended(f"the run was ended in {during(*self.step)}: {message}")
+        self.broken(f"command {kind} before the last was answered")
+
+    def text(self, message):
+        """Text of a message."""
+        text = contract.unpack_text(message.payload, message.header.bytes)
+        message.drop()
+        return text
+
+    def done(self):
+        """Answers the last command."""
+        self.answer(self.answers.send(self.post.header(Kind.DONE, self.sequence, self.step[1])))
+
+    def answer(self, got):
+        """An answer was sent."""
+        self.delivered(Kind.OUTPUT, got, 1)
+        self.post.coupler_bell.ring()
+
+    def delivered(self, kind, got, expected):
+        """Ends this rank where a message missed a reader."""
+        if got != expected:
+            if not self.post.coupler.is_held():
+                raise Ended(f"the coupler died in {during(*self.step)}")
+            self.broken(f"{kind.name} reached {got} of {expected} readers")
