@@ -6,8 +6,7 @@ The fabric is a net: a spring along each edge of a face and along both its diago
 which pull and never push. With edges of stiffness 3/4 E t and diagonals of 3/8 E t a
 square net stretches like an isotropic sheet of Poisson's ratio 1/3. Lines are springs
 too, masses lie in the nodes, and time goes on in explicit (symplectic Euler) steps, as
-many in a window as are stable. Models of this kind give profiles and shapes; stresses
-in the fabric they do not.
+many in a window as are stable.
 """
 
 import sys
@@ -20,8 +19,7 @@ import ripstop  # noqa: E402
 
 
 def springs_of(mesh, fabric, lines):
-    """Ends `[springs][2]`, rest lengths (m), stiffnesses (N/m), how many belong to lines,
-    and masses of the nodes (kg)."""
+    """Ends `[springs][2]`, rest lengths (m), stiffnesses (N/m), masses of the nodes (kg). Lines come last."""
     x, faces = np.array(mesh["coords"]), np.array(mesh["faces"])
     corners = np.where(faces[:, 2] == faces[:, 3], 3, 4)
     area = 0.5 * np.linalg.norm(np.cross(x[faces[:, 2]] - x[faces[:, 0]], x[faces[:, 3]] - x[faces[:, 1]]), axis=1)
@@ -48,7 +46,7 @@ def springs_of(mesh, fabric, lines):
         stiffness = np.concatenate([stiffness, lines["youngs_modulus_pa"] * lines["area_m2"] / length])
         for k in range(2):
             np.add.at(mass, cables[:, k], 0.5 * lines["density_kg_m3"] * lines["area_m2"] * length)
-    return ends, rest, stiffness, len(mesh["cables"]), mass
+    return ends, rest, stiffness, mass
 
 
 class MassSpring(ripstop.Participant):
@@ -69,8 +67,8 @@ class MassSpring(ripstop.Participant):
         self.rest_shape, self.faces = np.array(mesh["coords"]), np.array(mesh["faces"])
         self.canopy_nodes = mesh["n_canopy"]
         self.corners = np.where(self.faces[:, 2] == self.faces[:, 3], 3, 4)
-        self.ends, self.rest, self.stiffness, self.cables, mass = springs_of(mesh, scene["fabric"], scene["lines"])
-        n = len(mass)
+        self.ends, self.rest, self.stiffness, mass = springs_of(mesh, scene["fabric"], scene["lines"])
+        self.lines, n = len(mesh["cables"]), len(mass)
         for node, kilograms in mesh["point_masses"]:
             mass[node] += kilograms
         # Nodes that are held have no inverse mass along the held directions.
@@ -101,7 +99,7 @@ class MassSpring(ripstop.Participant):
         return self.scatter(self.ends[:, 0], force) - self.scatter(self.ends[:, 1], force), tension
 
     def push(self, x, load):
-        """Forces of pressure jump and traction `[faces][4]` (Pa) on the nodes, and on the faces (N)."""
+        """Forces of a load `[faces][4]` (Pa) on the nodes and on the faces (N), area vectors (m2)."""
         a, b, c, d = (x[self.faces[:, k]] for k in range(4))
         area = 0.5 * np.cross(c - a, d - b)
         force = load[:, :1] * area + load[:, 1:] * np.linalg.norm(area, axis=1)[:, None]
@@ -132,7 +130,7 @@ class MassSpring(ripstop.Participant):
             "load_work": work,
             "vertical_load": force[:, 2].sum(),
             "projected_area": abs(area[:, 2].sum()),
-            "max_line_tension": tension[len(tension) - self.cables :].max(initial=0.0),
+            "max_line_tension": tension[len(tension) - self.lines :].max(initial=0.0),
         }
 
     def accept(self, window):
