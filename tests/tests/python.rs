@@ -91,3 +91,55 @@ fn an_exception_is_the_error_of_the_run() {
     assert!(error.contains("ValueError: a seam tore (torn.py, line 8, in accept)"), "{error}");
     assert_eq!(History::read(&out, "pre-inflation").len(), 1);
 }
+
+/// A flow of even pressure, that checks the moved grid it reads (in an order of its own).
+const EVEN: &str = "
+import numpy as np
+import ripstop
+
+class Even(ripstop.Participant):
+    role = 'flow'
+
+    def __init__(self, run):
+        case = run.case(grid=True)
+        mesh = case['structure']
+        self.faces, self.canopy_nodes = np.array(mesh['faces']), mesh['n_canopy']
+        self.start = np.array(case['grid']['coords'])[::-1]
+        self.moving = case['scene']['stage'][run.stage]['kind'] == 'coupled'
+        self.grid_nodes = len(self.start) if self.moving else 0
+        self.share = np.array_split(np.arange(len(self.faces)), run.ranks)[run.rank]
+
+    def output_rows(self):
+        return self.share
+
+    def grid_rows(self):
+        return np.arange(self.grid_nodes)[::-1]
+
+    def advance(self, window, canopy, grid, output):
+        output[:] = [12.0, 0.0, 0.0, 0.0]
+        if self.moving:
+            moved = grid[:, :3] - self.start
+            if not 1e-6 < np.abs(moved).max() < 0.1:
+                raise ripstop.Fault(f'the grid moved by {np.abs(moved).max()} m')
+            if window.index == 0 and not np.allclose(moved, window.dt * grid[:, 3:], atol=1e-12):
+                raise ripstop.Fault('velocities are not those of the positions')
+        return {'force_z': 48.0}
+
+    def accept(self, window):
+        pass
+
+ripstop.main(Even)
+";
+
+#[test]
+fn a_flow_in_python_reads_the_moved_grid_of_our_mover() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("even.py");
+    let head = format!("import sys\nsys.path.insert(0, {:?})\n", root().join("python"));
+    std::fs::write(&file, head + EVEN).expect("the program can be written");
+    let (out, flow) = (folder.path().join("out"), command(&python, &file));
+    let options = ["--stop-after-windows", "2", "--quiet", "--flow", &flow, "--ranks", "flow=2,mesh=2"];
+    succeed(ripstop_run(&square(folder.path()), &out, &options));
+    assert_eq!(History::read(&out, "descent").column("drag_n"), [48.0, 48.0]);
+}
