@@ -66,9 +66,9 @@ class InverseDistance(ripstop.Participant):
         self.weight[self.on_canopy, np.arange(self.canopy_nodes)] = 1.0
         self.volumes = volumes(x, self.cells)
         self.now, self.before, self.dt = x, None, 0.0
-        if case["states"].get("mesh"):
-            with np.load(case["states"]["mesh"]) as state:
-                self.now, self.before, self.dt = state["now"], state["before"], float(state["dt"])
+        if "mesh" in case["states"]:
+            state = ripstop.load_state(case["states"]["mesh"])
+            self.now, self.before, self.dt = state["now"], state["before"], float(state["dt"])
         self.trial = None
 
     def output_rows(self):
@@ -99,8 +99,7 @@ class InverseDistance(ripstop.Participant):
         before = self.now if self.before is None else self.before
         dt = 0.0 if self.before is None else self.dt
         if self.rows[0] == 0:  # the first process writes for all
-            with open(folder / "mesh.bin", "wb") as file:
-                np.savez(file, now=self.now, before=before, dt=dt)
+            ripstop.save_state(folder, "mesh", now=self.now, before=before, dt=dt)
 
 
 if __name__ == "__main__":

@@ -95,6 +95,23 @@ class Run:
         return json.loads(done.stdout)
 
 
+def save_state(folder, role, **arrays):
+    """Writes arrays as the state of `role` below `folder`."""
+    with open(Path(folder, f"{role}.bin"), "wb") as file:
+        np.savez(file, **arrays)
+
+
+def load_state(path):
+    """Arrays by their names, as `save_state` wrote them."""
+    try:
+        with np.load(path) as state:
+            return dict(state)
+    except (OSError, ValueError) as error:
+        raise Fault(
+            f"{path} is no state that this program wrote ({error}): run the earlier stage with this program too"
+        ) from error
+
+
 def write_shape(folder, positions):
     """Writes the canopy's positions `[nodes][3]` (m, falling frame) below `folder`: the
     flow grid of later stages is built around them."""

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ripstop_tests::{History, changed_scene, ripstop_run, root, succeed};
+use ripstop_tests::{History, changed_scene, program, ripstop_run, root, succeed};
 
 /// A Python that has what `python/` needs; `None`, said aloud, where there is none.
 fn python() -> Option<PathBuf> {
@@ -47,7 +47,10 @@ fn a_mass_spring_canopy_and_an_inverse_distance_mover_fly() {
     let two = ["--stop-after-windows", "2", "--quiet"];
     succeed(ripstop_run(&scene, &ours, &two));
     let (structure, mesh) = (example(&python, "mass_spring.py"), example(&python, "inverse_distance.py"));
-    let options = [&two[..], &["--structure", &structure, "--mesh", &mesh, "--ranks", "mesh=2"]].concat();
+    let recording = folder.path().join("recording");
+    let record = recording.to_str().expect("a plain path");
+    let replaced = ["--structure", &structure, "--mesh", &mesh, "--ranks", "mesh=2", "--record", record];
+    let options = [&two[..], &replaced].concat();
     succeed(ripstop_run(&scene, &theirs, &options));
 
     // The same masses are pushed by the same pressure from rest. A net and a membrane
@@ -65,6 +68,15 @@ fn a_mass_spring_canopy_and_an_inverse_distance_mover_fly() {
     assert_eq!(a.column("coupling_converged"), [1.0, 1.0]);
     let squeezed = a.column("mesh_min_volume_ratio");
     assert!(squeezed.iter().all(|&r| r > 0.3 && r < 0.999), "cells near the canopy change: {squeezed:?}");
+
+    // The whole battery of questions: the same answer again and after others, restored states, ...
+    for (role, command) in [("structure", &structure), ("mesh", &mesh)] {
+        let mut conform = Command::new(program("ripstop"));
+        conform.arg("conform").arg(role).arg(&recording).args(["--command", command]);
+        let table = succeed(conform).stdout;
+        let table = String::from_utf8_lossy(&table);
+        assert!(table.contains("passed   rolls back") && !table.contains("FAILED"), "{table}");
+    }
 }
 
 #[test]
