@@ -152,11 +152,14 @@ pub fn load<const N: usize>(
     if checksum(body) != u64::from_le_bytes(*tail) {
         return Err(fail(&"is damaged (checksum)"));
     }
-    let (saved, _): (Saved, usize) =
-        bincode::serde::decode_from_slice(body, bincode::config::standard()).map_err(|e| fail(&e))?;
-    if saved.magic != MAGIC || saved.version != VERSION {
-        return Err(fail(&format!("is of version {}, this program reads {VERSION}", saved.version)));
+    // The head first: what follows it differs from version to version.
+    let config = bincode::config::standard();
+    let ((magic, version), _): ((u64, u32), usize) =
+        bincode::serde::decode_from_slice(body, config).map_err(|e| fail(&e))?;
+    if magic != MAGIC || version != VERSION {
+        return Err(fail(&format!("is of version {version}, this program reads {VERSION}")));
     }
+    let (saved, _): (Saved, usize) = bincode::serde::decode_from_slice(body, config).map_err(|e| fail(&e))?;
     if saved.equations as usize != N {
         return Err(fail(&format!("has {} equations, this stage {N}", saved.equations)));
     }

@@ -175,8 +175,9 @@ fn gradients_of_linear_fields_are_exact() {
             for v in 0..4 {
                 for d in 0..3 {
                     let e = (g[d][v] - slope[v][d]).abs();
-                    // Weights of single precision, and three nearly coplanar neighbours amplify round-off.
-                    assert!(e < 1e-4, "{shape:?} cell {i}: {e:e}");
+                    // Weights of single precision (6e-8), amplified where three neighbours are nearly coplanar:
+                    // 2.3e-5 at most here.
+                    assert!(e < 5e-5, "{shape:?} cell {i}: {e:e}");
                 }
             }
         }
