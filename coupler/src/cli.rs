@@ -54,6 +54,22 @@ enum Command {
         #[command(flatten)]
         scene: SceneArgs,
     },
+    /// Print the effects that can be simulated; with a scene, which are on, which would matter,
+    /// and what each costs
+    Effects {
+        #[command(flatten)]
+        scene: SceneArgs,
+        /// Measure what each costs: short runs with and without it
+        #[arg(long, requires = "scene")]
+        measure: bool,
+        /// Windows of each measured run
+        #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
+        windows: u64,
+        /// Results of a run of the scene, whose states the measured stage starts from [default: fly
+        /// the stages before it]
+        #[arg(long, value_name = "DIR", requires = "measure")]
+        states: Option<PathBuf>,
+    },
     /// Print what a program in any language starts a stage from, as JSON: the scene with
     /// its defaults, meshes, files of earlier stages
     Mesh(crate::mesh_command::MeshArgs),
@@ -232,6 +248,21 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::StandIn { recording, program } => stand_in(&recording, &program),
         Command::Check { scene } => {
             print(&crate::check::report(&scene.options())?);
+            Ok(())
+        }
+        Command::Effects { scene, measure, windows, states } => {
+            if scene.scene.is_none() {
+                print(&crate::effects::report::table());
+                return Ok(());
+            }
+            let options = scene.options();
+            print(&crate::effects::report::scene_report(&options)?);
+            if measure {
+                let stop = on_signals()?;
+                let costs =
+                    crate::effects::measure::measure(&options, windows, states.as_deref(), &stop, console)?;
+                print(&costs);
+            }
             Ok(())
         }
         Command::Mesh(args) => {

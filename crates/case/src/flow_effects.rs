@@ -29,6 +29,19 @@ pub enum Cloth {
     MilC44378,
 }
 
+impl Cloth {
+    /// All of them.
+    pub const ALL: [Cloth; 2] = [Cloth::MilC7020Type3, Cloth::MilC44378];
+
+    /// Name in a scene.
+    pub fn name(self) -> &'static str {
+        match self {
+            Cloth::MilC7020Type3 => "mil-c7020-type3",
+            Cloth::MilC44378 => "mil-c44378",
+        }
+    }
+}
+
 impl Permeability {
     /// Viscous (Pa s/m) and inertial (Pa s2/m2) coefficients; one that is not given is zero.
     pub fn coefficients(&self) -> (f64, f64) {

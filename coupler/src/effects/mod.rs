@@ -1,0 +1,34 @@
+//! The effects of a scene: what each is, which are on, when they matter, what they cost.
+//!
+//! [`table::TABLE`] is the only place that knows them; the handshake, `ripstop check`,
+//! `ripstop effects` and `docs/effects.md` read it.
+
+mod criteria;
+pub mod measure;
+pub mod numbers;
+pub mod report;
+pub mod table;
+
+use case::{Role, Scene};
+pub use criteria::{Judgement, Verdict};
+pub use table::{Entry, TABLE};
+
+/// An effect of a scene that a program must implement.
+pub struct Effect {
+    /// Dotted key in the scene.
+    pub key: &'static str,
+    /// The program that simulates it.
+    pub role: Role,
+    /// Asked for.
+    pub on: bool,
+    /// One line for people.
+    pub what: &'static str,
+}
+
+/// All effects that a program must announce to be given a scene that asks for them.
+pub fn effects(scene: &Scene) -> Vec<Effect> {
+    TABLE
+        .iter()
+        .filter_map(|e| Some(Effect { key: e.key, role: e.announced_by?, on: (e.on)(scene), what: e.what }))
+        .collect()
+}

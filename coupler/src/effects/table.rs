@@ -1,0 +1,426 @@
+//! The one table of effects, as data.
+
+use case::{Cloth, Integration, Permeability, Role, Scene, StageKind, Turbulence};
+
+use super::criteria::{self as c, Judgement, any_stage};
+use super::numbers::Numbers;
+
+/// An effect: what a scene may ask for.
+pub struct Entry {
+    /// Dotted key in the scene; the name at the handshake.
+    pub key: &'static str,
+    /// One line for people.
+    pub what: &'static str,
+    /// How it is modelled, and where it is off what stands in its place.
+    pub model: &'static str,
+    /// Its equation.
+    pub equation: &'static str,
+    /// Where the model comes from.
+    pub reference: &'static str,
+    /// Programs whose work it changes.
+    pub programs: &'static [&'static str],
+    /// The program that must announce it; `None`: the coupler's own, or no physics that a
+    /// replaced program could lack.
+    pub announced_by: Option<Role>,
+    /// When it matters, as a dimensionless number.
+    pub criterion: &'static str,
+    /// Whether a scene asks for it.
+    pub on: fn(&Scene) -> bool,
+    /// The criterion in a scene.
+    pub judge: fn(&Numbers<'_>) -> Judgement,
+    /// The scene without it, where that is still a scene.
+    pub without: Option<fn(&mut Scene)>,
+    /// The scene with it and its defaults, where it has some that make sense anywhere.
+    pub with: Option<fn(&mut Scene)>,
+}
+
+const STRUCTURE: &[&str] = &["structure-solver"];
+const FLOW: &[&str] = &["flow-solver"];
+
+fn viscosity(s: &Scene) -> Option<&case::Viscosity> {
+    s.flow.as_ref().and_then(|f| f.viscosity.as_ref())
+}
+
+fn turbulence(s: &Scene) -> Option<Turbulence> {
+    viscosity(s).and_then(|v| v.turbulence)
+}
+
+fn laminar(s: &mut Scene) {
+    if let Some(v) = s.flow.as_mut().and_then(|f| f.viscosity.as_mut()) {
+        v.turbulence = None;
+    }
+}
+
+/// All effects.
+pub const TABLE: &[Entry] = &[
+    Entry {
+        key: "fabric.wrinkling",
+        what: "fabric carries no compression",
+        model: "tension field: taut, wrinkled or slack by a mixed criterion; off: fabric carries compression",
+        equation: "S = C (E + E_w), E_w >= 0 along the direction in which S would be negative",
+        reference: "Lu, Accorsi and Leonard, Int. J. Numer. Meth. Eng. 50 (2001)",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "buckling tension of a cell, pi^2 E t^3 / (12 (1 - nu^2) l^2), over p R",
+        on: |s| s.fabric.wrinkling,
+        judge: c::wrinkling,
+        without: Some(|s| s.fabric.wrinkling = false),
+        with: Some(|s| s.fabric.wrinkling = true),
+    },
+    Entry {
+        key: "fabric.orthotropic",
+        what: "different stiffness along warp and weft",
+        model: "orthotropic St. Venant-Kirchhoff in plane stress, with its own tension field",
+        equation: "S = C(E_1, E_2, nu_12, G) E in the axes of the warp",
+        reference: "Reddy, Mechanics of Laminated Composite Plates and Shells (2004), section 2.4",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "(1 - E_2/E_1) times the membrane strain p R / (E t)",
+        on: |s| s.fabric.orthotropic.is_some(),
+        judge: c::orthotropic,
+        without: Some(|s| s.fabric.orthotropic = None),
+        with: None,
+    },
+    Entry {
+        key: "lines",
+        what: "suspension lines and risers",
+        model: "2-node cables of Green strain, tension only unless `tension_only = false`",
+        equation: "N = A Y E l/L for E > 0, E = (l^2 - L^2) / (2 L^2)",
+        reference: "the paper, equation 4",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "a canopy that hangs on lines has them",
+        on: |s| s.has_cables(),
+        judge: c::lines,
+        without: None,
+        with: None,
+    },
+    Entry {
+        key: "canopy.reinforcements",
+        what: "line elements along seams and edges",
+        model: "cables of [lines] that share canopy nodes",
+        equation: "as lines",
+        reference: "the paper, section 5.1 (its count of elements)",
+        programs: STRUCTURE,
+        announced_by: None,
+        criterion: "A Y of the tape over E t times a cell's width",
+        on: |s| matches!(&s.canopy, case::Canopy::Atps(a) if a.reinforcements),
+        judge: c::reinforcements,
+        without: Some(|s| {
+            if let case::Canopy::Atps(a) = &mut s.canopy {
+                a.reinforcements = false;
+                a.reinforcement_spacing_cells = 0;
+            }
+        }),
+        with: None,
+    },
+    Entry {
+        key: "fabric_gravity",
+        what: "weight and inertia of fabric and lines in the falling frame",
+        model: "body force on the mass matrix; off: fabric and lines weigh in the descent alone",
+        equation: "f = -M (g e_z + a_frame)",
+        reference: "the paper, equation 1",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "areal mass times g over the pressure jump",
+        on: |s| s.fabric_gravity.is_some(),
+        judge: c::fabric_gravity,
+        without: Some(|s| s.fabric_gravity = None),
+        with: Some(|s| s.fabric_gravity = Some(case::FabricGravity {})),
+    },
+    Entry {
+        key: "point_mass",
+        what: "masses on nodes",
+        model: "on the diagonal of the mass matrix",
+        equation: "M_ii += m",
+        reference: "-",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "what is built has it",
+        on: |s| !s.point_masses.is_empty(),
+        judge: c::prescribed,
+        without: Some(|s| s.point_masses.clear()),
+        with: None,
+    },
+    Entry {
+        key: "stage.mass_damping_per_s",
+        what: "forces by the velocity in the falling frame",
+        model: "mass-proportional damping: a numerical aid of stages without air",
+        equation: "f = -c M v",
+        reference: "Rayleigh damping; Belytschko, Liu and Moran, Nonlinear Finite Elements (2000)",
+        programs: STRUCTURE,
+        announced_by: None,
+        criterion: "in coupled stages c times areal mass times U/10 over the pressure jump",
+        on: |s| any_stage(s, |g| g.mass_damping_per_s),
+        judge: c::mass_damping,
+        without: Some(|s| s.stages.iter_mut().for_each(|g| g.mass_damping_per_s = 0.0)),
+        with: None,
+    },
+    Entry {
+        key: "stage.stiffness_damping_s",
+        what: "stresses by the rate of strains, in fabric and lines",
+        model: "Kelvin-Voigt with one relaxation time for fabric and lines; implicit steps only",
+        equation: "S_v = beta (S(E_1) - S(E_0)) / dt",
+        reference: "Rayleigh damping; derivation in structure-solver/src/loops/damping.rs",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "beta omega / 2 of the first wave through the fabric",
+        on: |s| any_stage(s, |g| g.stiffness_damping_s),
+        judge: c::stiffness_damping,
+        without: Some(|s| s.stages.iter_mut().for_each(|g| g.stiffness_damping_s = 0.0)),
+        with: None,
+    },
+    Entry {
+        key: "structure.integration",
+        what: "explicit time integration of the structure",
+        model: "central differences on a lumped mass, step by power iteration; off: implicit steps",
+        equation: "v_1/2 = v_0 + h/2 a_0, u_1 = u_0 + h v_1/2, h < 2 / omega",
+        reference: "Belytschko, Liu and Moran, Nonlinear Finite Elements (2000), section 6.2",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "stable steps in a substep that accuracy asks for",
+        on: |s| s.structure.integration == Integration::Explicit,
+        judge: c::integration,
+        without: Some(|s| {
+            s.structure.integration = Integration::Implicit;
+            s.structure.spectral_radius.get_or_insert(0.9);
+        }),
+        with: None,
+    },
+    Entry {
+        key: "stage.motion",
+        what: "prescribed motions of nodes",
+        model: "constrained components on a table in time",
+        equation: "u(t) = u_0 + d(t)",
+        reference: "-",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "what is prescribed",
+        on: |s| s.stages.iter().any(|g| !g.motions.is_empty()),
+        judge: c::prescribed,
+        without: Some(|s| s.stages.iter_mut().for_each(|g| g.motions.clear())),
+        with: None,
+    },
+    Entry {
+        key: "stage.force",
+        what: "forces on nodes",
+        model: "constant nodal forces",
+        equation: "F_i += f",
+        reference: "-",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "what is prescribed",
+        on: |s| s.stages.iter().any(|g| !g.forces.is_empty()),
+        judge: c::prescribed,
+        without: Some(|s| s.stages.iter_mut().for_each(|g| g.forces.clear())),
+        with: None,
+    },
+    Entry {
+        key: "flow.viscosity",
+        what: "viscosity, no slip on the canopy",
+        model: "laminar stresses of a Newtonian gas; off: inviscid, slip on the canopy, no shear loads",
+        equation: "tau = mu (grad v + grad v^T - 2/3 div v I)",
+        reference: "the paper, section 2",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "friction of a plate, 2 * 0.074 Re^-1/5 q A, over the drag",
+        on: |s| viscosity(s).is_some(),
+        judge: c::viscosity,
+        without: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.viscosity = None;
+            }
+        }),
+        with: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.viscosity = Some(case::Viscosity { dynamic_viscosity_pa_s: 1.789e-5, turbulence: None });
+            }
+        }),
+    },
+    Entry {
+        key: "flow.viscosity.turbulence",
+        what: "model of the unresolved turbulence",
+        model: "an eddy viscosity: smagorinsky or wale (sub-grid), or one of the models below; off: laminar",
+        equation: "mu_t = rho (C Delta)^2 |S|, or WALE's invariant in its place",
+        reference: "Smagorinsky, Mon. Weather Rev. 91 (1963); Nicoud and Ducros, Flow Turbul. Combust. 62 (1999)",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "Re > 300 and smallest eddies L Re^-3/4 below a cell",
+        on: |s| turbulence(s).is_some(),
+        judge: c::turbulence,
+        without: Some(laminar),
+        with: None,
+    },
+    Entry {
+        key: "flow.viscosity.turbulence.spalart-allmaras",
+        what: "all turbulence by one transported eddy viscosity",
+        model: "SA-neg, solved when a step is accepted",
+        equation: "D nu~/Dt = P - D + (div((nu + nu~) grad nu~) + c_b2 |grad nu~|^2) / sigma",
+        reference: "Spalart and Allmaras (1992); Allmaras, Johnson and Spalart, ICCFD7-1902 (2012)",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "as flow.viscosity.turbulence",
+        on: |s| turbulence(s) == Some(Turbulence::SpalartAllmaras),
+        judge: c::turbulence,
+        without: Some(laminar),
+        with: None,
+    },
+    Entry {
+        key: "flow.viscosity.turbulence.des",
+        what: "turbulence modelled at walls, resolved away from them",
+        model: "SA-neg with the length of DES97 or DDES",
+        equation: "d~ = d - f_d max(0, d - C_DES Delta)",
+        reference: "Spalart et al. (1997); Spalart et al., Theor. Comput. Fluid Dyn. 20 (2006)",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "as flow.viscosity.turbulence",
+        on: |s| matches!(turbulence(s), Some(Turbulence::Des97 | Turbulence::Ddes)),
+        judge: c::turbulence,
+        without: Some(laminar),
+        with: None,
+    },
+    Entry {
+        key: "fabric.permeability",
+        what: "air passes the fabric",
+        model: "cloth in series with the air of the cells beside it; off: airtight",
+        equation: "dp = a v + b |v| v",
+        reference: "Forchheimer's law; Payne, Aeronaut. Q. (1978); cloths with their sources in the schema",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "velocity through the cloth under the pressure jump, over the stream",
+        on: |s| s.fabric.permeability.is_some(),
+        judge: c::permeability,
+        without: Some(|s| s.fabric.permeability = None),
+        with: Some(|s| {
+            s.fabric.permeability =
+                Some(Permeability { cloth: Some(Cloth::MilC7020Type3), ..Permeability::default() });
+        }),
+    },
+    Entry {
+        key: "flow.energy",
+        what: "energy equation",
+        model: "fifth equation for temperature; off: isothermal, four equations",
+        equation: "d(rho H)/dt - dp/dt + div(rho v H) = div(k grad T + tau v)",
+        reference: "Weiss and Smith, AIAA J. 33 (1995); the paper, section 2",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "(gamma - 1)/2 M^2",
+        on: |s| s.flow.as_ref().is_some_and(|f| f.energy.is_some()),
+        judge: c::energy,
+        without: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.energy = None;
+            }
+        }),
+        with: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.energy = Some(case::Energy {});
+            }
+        }),
+    },
+    Entry {
+        key: "flow.limiter",
+        what: "gradient limiter",
+        model: "Venkatakrishnan's; off: unlimited, second order",
+        equation: "q_f = q + psi grad q . r",
+        reference: "Venkatakrishnan, J. Comput. Phys. 118 (1995)",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "M^2 / 2: change of density that could steepen",
+        on: |s| s.flow.as_ref().is_some_and(|f| f.limiter.is_some()),
+        judge: c::limiter,
+        without: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.limiter = None;
+            }
+        }),
+        with: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.limiter = Some(case::Limiter::default());
+            }
+        }),
+    },
+    Entry {
+        key: "flow.gust",
+        what: "gust",
+        model: "all air accelerates alike, and comes back",
+        equation: "w(t) = w_0 + G (1 - cos(2 pi t / T)) / 2",
+        reference: "one-minus-cosine gust: CS-25.341",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "gust over stream",
+        on: |s| s.flow.as_ref().is_some_and(|f| f.gust.is_some()),
+        judge: c::gust,
+        without: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.gust = None;
+            }
+        }),
+        with: None,
+    },
+    Entry {
+        key: "flow.shear",
+        what: "wind by height",
+        model: "far field face by face: power, logarithmic or linear law, or a table",
+        equation: "w(z) = w_ref (z / z_ref)^n, or ln(z / z_0) / ln(z_ref / z_0)",
+        reference: "Stull, An Introduction to Boundary Layer Meteorology (1988), chapter 9",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "change of the wind over parachute and fall, over the stream",
+        on: |s| s.flow.as_ref().is_some_and(|f| f.shear.is_some()),
+        judge: c::shear,
+        without: Some(|s| {
+            if let Some(f) = &mut s.flow {
+                f.shear = None;
+            }
+        }),
+        with: None,
+    },
+    Entry {
+        key: "stage.steady",
+        what: "march to a steady flow",
+        model: "implicit Euler steps that grow; off: in time",
+        equation: "V (q_1 - q_0) / dt + R(q_1) = 0, dt doubled",
+        reference: "Mulder and van Leer, J. Comput. Phys. 59 (1985)",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "a shape held still without shedding",
+        on: |s| s.stages.iter().any(|g| g.steady.is_some()),
+        judge: c::steady,
+        without: None,
+        with: None,
+    },
+    Entry {
+        key: "mesh",
+        what: "grid that moves with the canopy",
+        model: "pseudo-elastic grid; off: no mesh-mover is started, the grid rests",
+        equation: "div sigma(u) = 0, stiffness by J^-chi",
+        reference: "Stein, Tezduyar and Benney, J. Appl. Mech. 70 (2003); the paper, section 3",
+        programs: &["mesh-mover", "flow-solver"],
+        announced_by: None,
+        criterion: "motion of the canopy over a cell",
+        on: |s| s.stages.iter().any(|g| g.kind.roles().contains(&Role::Mesh)),
+        judge: c::moving_grid,
+        without: None,
+        with: None,
+    },
+    Entry {
+        key: "descent",
+        what: "the frame falls by one degree of freedom",
+        model: "implicit Euler of the falling mass; off: no frame falls",
+        equation: "m dv/dt = F_z - m g",
+        reference: "the paper, equation 9",
+        programs: &["coupler"],
+        announced_by: None,
+        criterion: "g times the stage over the speed",
+        on: |s| s.descent.is_some() && s.stages.iter().any(|g| g.kind == StageKind::Coupled),
+        judge: c::descent,
+        without: None,
+        with: None,
+    },
+];
+
+/// The entry of a key.
+pub fn entry(key: &str) -> Option<&'static Entry> {
+    TABLE.iter().find(|e| e.key == key)
+}
