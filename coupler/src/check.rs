@@ -1,6 +1,6 @@
 //! `ripstop check`: what would run, and why.
 
-use case::{Acceleration, LoadShape, Scheme, Solve, StageKind};
+use case::{Acceleration, CouplingOrder, LoadShape, Scheme, Solve, StageKind, StaggeredSequence};
 
 use crate::effects::effects;
 use crate::error::RunError;
@@ -101,7 +101,23 @@ fn coupling(scene: &case::Scene) -> String {
     let c = &scene.coupling;
     let scheme = match c.scheme {
         Scheme::Staggered => {
-            "staggered: each program once in a window, with the pressures of the last".to_owned()
+            let order = c.staggered.predictor;
+            match c.staggered.sequence {
+                StaggeredSequence::StructureFirst if order == 0 => {
+                    "staggered: each program once in a window, with the pressures of the last".to_owned()
+                }
+                StaggeredSequence::StructureFirst => {
+                    format!("staggered: structure first, under loads extrapolated with order {order}")
+                }
+                StaggeredSequence::FlowFirst => {
+                    format!("staggered: flow first, around a canopy extrapolated with order {order}")
+                }
+                StaggeredSequence::HalfStep => {
+                    format!(
+                        "staggered: flow half a window off, around a canopy extrapolated with order {order}"
+                    )
+                }
+            }
         }
         Scheme::Implicit => {
             let by = match c.acceleration {
@@ -110,9 +126,16 @@ fn coupling(scene: &case::Scene) -> String {
                 Acceleration::IqnIls => {
                     format!("IQN-ILS with the secants of {} earlier windows", c.reused_windows)
                 }
+                Acceleration::IqnImvj => {
+                    format!("IQN-IMVJ with the secants of {} earlier windows", c.reused_windows)
+                }
+            };
+            let order = match c.order {
+                CouplingOrder::GaussSeidel => "implicit",
+                CouplingOrder::Jacobi => "implicit in Jacobi order",
             };
             format!(
-                "implicit: at most {} iterations a window to {:.0e}, accelerated by {by}",
+                "{order}: at most {} iterations a window to {:.0e}, accelerated by {by}",
                 c.max_iterations, c.tolerance
             )
         }

@@ -2,7 +2,7 @@
 
 use case::{Acceleration, Coupling};
 
-use super::{IqnIls, IqnOptions, Relaxation};
+use super::{IqnIls, IqnImvj, IqnOptions, Relaxation};
 
 /// Turns an iterate and its answer into the next iterate.
 pub trait Accelerator {
@@ -19,19 +19,17 @@ pub trait Accelerator {
 /// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what
 /// quasi-Newton does with what it has not learnt yet.
 pub fn accelerator(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Box<dyn Accelerator> {
+    let options = IqnOptions {
+        relaxation: coupling.relaxation,
+        reused_windows: coupling.reused_windows,
+        noise: 0.1 * coupling.tolerance,
+        ..IqnOptions::default()
+    };
     match coupling.acceleration {
         Acceleration::Constant => Box::new(Constant::new(coupling.relaxation)),
         Acceleration::Aitken => Box::new(Aitken::new(coupling.relaxation)),
-        Acceleration::IqnIls => Box::new(IqnIls::new(
-            unknowns,
-            IqnOptions {
-                relaxation: coupling.relaxation,
-                reused_windows: coupling.reused_windows,
-                noise: 0.1 * coupling.tolerance,
-                ..IqnOptions::default()
-            },
-            rest,
-        )),
+        Acceleration::IqnIls => Box::new(IqnIls::new(unknowns, options, rest)),
+        Acceleration::IqnImvj => Box::new(IqnImvj::new(options, rest)),
     }
 }
 

@@ -17,6 +17,7 @@
 use std::collections::VecDeque;
 
 use super::accelerate::{Accelerator, Aitken, relax};
+use super::least_squares::{Columns, axpy, norm};
 use super::relaxation::Relaxation;
 
 /// Settings of [`IqnIls`].
@@ -103,54 +104,20 @@ impl IqnIls {
         self.columns.retain(|c| c.window == now);
     }
 
-    /// Orthonormal basis of the residual columns, newest first, and the upper
-    /// triangle that goes with it; columns that add nothing are dropped.
-    fn factorise(&mut self) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-        let mut q: Vec<Vec<f64>> = Vec::with_capacity(self.columns.len());
-        let mut r: Vec<Vec<f64>> = Vec::with_capacity(self.columns.len());
+    /// Factors of the residual columns, newest first; columns that add nothing are dropped.
+    fn factorise(&mut self) -> Columns {
+        let mut factors = Columns::default();
         let filter = self.options.filter;
-        self.columns.retain(|column| {
-            let mut v = column.residual.clone();
-            let length = norm(&v);
-            let mut coefficients = vec![0.0; q.len() + 1];
-            // Twice is enough (Giraud et al. 2005): orthogonal to round-off.
-            for _ in 0..2 {
-                for (basis, coefficient) in q.iter().zip(&mut coefficients) {
-                    let along = dot(basis, &v);
-                    *coefficient += along;
-                    axpy(-along, basis, &mut v);
-                }
-            }
-            let rest = norm(&v);
-            if rest <= filter * length {
-                return false;
-            }
-            coefficients[q.len()] = rest;
-            v.iter_mut().for_each(|v| *v /= rest);
-            q.push(v);
-            r.push(coefficients);
-            true
-        });
-        (q, r)
+        self.columns.retain(|column| factors.push(&column.residual, filter));
+        factors
     }
 
     /// The quasi-Newton step for `residual` into `step`; `false` when the
     /// columns explain nothing or the step cannot be believed.
     fn newton_step(&mut self, residual: &[f64], step: &mut [f64]) -> bool {
-        let (q, r) = self.factorise();
+        let factors = self.factorise();
         let mut rest = residual.to_vec();
-        let mut c: Vec<f64> = Vec::with_capacity(q.len());
-        for basis in &q {
-            let along = dot(basis, &rest);
-            axpy(-along, basis, &mut rest);
-            c.push(-along);
-        }
-        for j in (0..c.len()).rev() {
-            c[j] /= r[j][j];
-            for i in 0..j {
-                c[i] -= r[j][i] * c[j];
-            }
-        }
+        let c = factors.remove(&mut rest);
         self.rest.apply(&rest, step);
         for (c, column) in c.iter().zip(&self.columns) {
             axpy(*c, &column.step, step);
@@ -200,19 +167,5 @@ impl Accelerator for IqnIls {
         self.window += 1;
         let oldest = self.window.saturating_sub(u64::from(self.options.reused_windows));
         self.columns.retain(|c| c.window >= oldest);
-    }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
-}
-
-fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += factor * x;
     }
 }

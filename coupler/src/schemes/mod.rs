@@ -1,25 +1,43 @@
 //! The sequence of the programs in a window, and how its iteration is accelerated.
 //!
-//! One loop ([`window::WindowLoop`]) serves every scheme; an acceleration is a
-//! function from the iterate `x` and the answer `x_tilde` to the next iterate.
+//! One loop ([`window::WindowLoop`]) serves every scheme. A scheme ([`Sequence`]) is a map
+//! from the coupled unknowns to the answer of the programs, an acceleration
+//! ([`Accelerator`]) a function from the iterate `x` and the answer `x_tilde` to the next
+//! iterate.
 
 mod accelerate;
 mod criterion;
+mod extrapolate;
+mod implicit;
+mod imvj;
 mod iqn;
+mod jacobi_relaxation;
+mod least_squares;
 mod load_shape;
 mod predictor;
 mod relaxation;
+mod sequence;
+mod staggered;
 mod unknowns;
 mod window;
 
 pub use accelerate::{Accelerator, Aitken, Constant, accelerator};
 pub use criterion::{Criterion, Field};
+pub use extrapolate::{Past, lagrange};
+pub use implicit::{GaussSeidel, Jacobi};
+pub use imvj::IqnImvj;
 pub use iqn::{IqnIls, IqnOptions};
+pub use jacobi_relaxation::JacobiRelaxation;
+pub use least_squares::Columns;
 pub use load_shape::{FlowLoads, MEAN_WEIGHTS, shape_load};
 pub use predictor::Predictor;
 pub use relaxation::{AddedMassRelaxation, Relaxation, Uniform, Weights};
+pub use sequence::{End, Sequence, Visit, sequence};
+pub use staggered::{FlowFirst, HalfStep, StructureFirst};
 pub use unknowns::Unknowns;
 pub use window::{InterfaceState, WindowLoop, WindowReport};
 
+#[cfg(test)]
+mod order_tests;
 #[cfg(test)]
 mod tests;

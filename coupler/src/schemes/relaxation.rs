@@ -146,6 +146,21 @@ impl AddedMassRelaxation {
     }
 }
 
+impl AddedMassRelaxation {
+    pub(super) fn faces(&self) -> &[[u32; 4]] {
+        &self.faces
+    }
+
+    pub(super) fn face_normals(&self) -> &[Vec3] {
+        &self.face_normals
+    }
+
+    /// Faces at a node, at least one.
+    pub(super) fn faces_at(&self, node: u32) -> f64 {
+        self.node_faces[node as usize].max(1.0)
+    }
+}
+
 impl Relaxation for AddedMassRelaxation {
     fn apply(&self, residual: &[f64], step: &mut [f64]) {
         let moved = self.unknowns.displacements();
@@ -188,11 +203,11 @@ impl Relaxation for AddedMassRelaxation {
 }
 
 /// Corners of a face, a triangle's without its repeated one.
-fn distinct(face: &[u32; 4]) -> &[u32] {
+pub(super) fn distinct(face: &[u32; 4]) -> &[u32] {
     if face[2] == face[3] { &face[..3] } else { face }
 }
 
-fn dot(a: Vec3, b: Vec3) -> f64 {
+pub(super) fn dot(a: Vec3, b: Vec3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

@@ -252,6 +252,18 @@ fn iqn_ils_converges_for_every_mass_ratio() {
 }
 
 #[test]
+fn iqn_imvj_converges_for_every_mass_ratio() {
+    for ratio in [0.1, 1.0, 10.0, 50.0, 100.0, 1000.0] {
+        let (iterations, error) = fly(ratio, &coupling(Acceleration::IqnImvj, 0.05), 60).unwrap();
+        let mean = f64::from(iterations.iter().sum::<u32>()) / iterations.len() as f64;
+        println!("ratio {ratio}: {mean} iterations a window");
+        assert!(error < 1e-6, "ratio {ratio}: error {error:.1e} at tolerance 1e-6");
+        // Only the newest secants are fitted exactly: more iterations than IQN-ILS with its reuse.
+        assert!(mean < 15.0, "ratio {ratio}: {mean} iterations a window: {iterations:?}");
+    }
+}
+
+#[test]
 fn reused_secants_pay() {
     let with = fly(50.0, &coupling(Acceleration::IqnIls, 0.05), 40).unwrap().0;
     let alone = Coupling { reused_windows: 0, ..coupling(Acceleration::IqnIls, 0.05) };

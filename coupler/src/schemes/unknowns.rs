@@ -2,12 +2,15 @@
 
 /// Layout of the vector of coupled unknowns: displacement `[nodes][3]` (m),
 /// then, when the canopy descends, the frame's vertical velocity times
-/// [`Unknowns::velocity_scale`].
+/// [`Unknowns::velocity_scale`], then, where the load is iterated too, the load
+/// `[faces][LOAD_WIDTH]` times [`Unknowns::load_scale`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unknowns {
     nodes: usize,
     velocity_scale: f64,
     descends: bool,
+    loads: usize,
+    load_scale: f64,
 }
 
 impl Unknowns {
@@ -17,12 +20,43 @@ impl Unknowns {
     /// velocity then weighs as much as the displacement of all nodes that would
     /// move the canopy equally far through the air within the window.
     pub fn new(nodes: usize, dt: f64, descends: bool) -> Self {
-        Self { nodes, velocity_scale: dt * (nodes as f64).sqrt(), descends }
+        Self { nodes, velocity_scale: dt * (nodes as f64).sqrt(), descends, loads: 0, load_scale: 0.0 }
+    }
+
+    /// With `numbers` of the load among the unknowns, each times `scale` (m/Pa): best what a
+    /// pressure on all faces moves the nodes within a window, so that both weigh alike.
+    pub fn with_loads(self, numbers: usize, scale: f64) -> Self {
+        Self { loads: numbers, load_scale: scale, ..self }
+    }
+
+    /// Numbers of the load among the unknowns.
+    pub fn loads(&self) -> usize {
+        self.loads
+    }
+
+    /// Factor on the load in the vector, m/Pa.
+    pub fn load_scale(&self) -> f64 {
+        self.load_scale
+    }
+
+    fn loads_at(&self) -> usize {
+        3 * self.nodes + usize::from(self.descends)
+    }
+
+    /// Puts the load into `x`; nothing where it is no unknown.
+    pub fn pack_load(&self, load: &[f64], x: &mut [f64]) {
+        let at = self.loads_at();
+        x[at..at + self.loads].iter_mut().zip(load).for_each(|(x, l)| *x = l * self.load_scale);
+    }
+
+    /// Load part of `x`, Pa.
+    pub fn load(&self, x: &[f64], load: &mut [f64]) {
+        load.iter_mut().zip(&x[self.loads_at()..]).for_each(|(l, x)| *l = x / self.load_scale);
     }
 
     /// Length of the vector.
     pub fn len(&self) -> usize {
-        3 * self.nodes + usize::from(self.descends)
+        self.loads_at() + self.loads
     }
 
     /// Whether there is nothing to couple.

@@ -1,15 +1,15 @@
 //! Structure, mesh, flow and descent together (paper, section 5.2).
 
-use case::{LoadShape, Role};
-use channel::{Window, structure_stats};
+use case::{Coupling, CouplingOrder, LoadShape, Role, Scheme};
+use channel::{LOAD_WIDTH, Window, structure_stats};
 
 use super::{StageContext, Stepper};
 use crate::error::RunError;
 use crate::interface::CanopyInterface;
 use crate::partners::Partners;
 use crate::schemes::{
-    AddedMassRelaxation, Criterion, Field, InterfaceState, MEAN_WEIGHTS, Relaxation, Uniform, Unknowns,
-    Weights, WindowLoop, WindowReport,
+    AddedMassRelaxation, Criterion, Field, InterfaceState, JacobiRelaxation, MEAN_WEIGHTS, Relaxation,
+    Uniform, Unknowns, Weights, WindowLoop, WindowReport,
 };
 
 /// Share of the way that the air moves past the canopy in a window, below which
@@ -42,9 +42,11 @@ impl<'a> Coupled<'a> {
             let floor = SPEED_FLOOR * model.gravity_m_s2 * dt * unknowns.velocity_scale();
             fields.push(Field { range: moved..moved + 1, floor });
         }
+        let motion = unknowns;
+        let unknowns = with_loads(context, unknowns, &mut fields);
         let criterion = Criterion { fields, tolerance: scene.coupling.tolerance };
         let start = state.displacement.clone();
-        let rest = relaxation(context, unknowns, &state);
+        let rest = relaxation(context, motion, unknowns, &state);
         let windows = WindowLoop::new(
             &stage.name,
             &scene.coupling,
@@ -60,8 +62,35 @@ impl<'a> Coupled<'a> {
     }
 }
 
+/// In Jacobi order the load is one of the coupled unknowns, in the unit of what it moves
+/// the fabric within a window.
+fn with_loads(context: &StageContext<'_>, unknowns: Unknowns, fields: &mut Vec<Field>) -> Unknowns {
+    let coupling = &context.scene.coupling;
+    if coupling.scheme != Scheme::Implicit || coupling.order != CouplingOrder::Jacobi {
+        return unknowns;
+    }
+    let (nodes, faces) = (context.interface.nodes() as f64, context.interface.faces.len());
+    let fabric = &context.scene.fabric;
+    let dt = context.description().window_s;
+    let moved = response(coupling) * dt * dt / (fabric.thickness_m * fabric.density_kg_m3);
+    let before = unknowns.len();
+    let unknowns = unknowns.with_loads(faces * LOAD_WIDTH, moved * (nodes / faces as f64).sqrt());
+    fields.push(Field { range: before..unknowns.len(), floor: fields[0].floor });
+    unknowns
+}
+
+/// Displacement at the end of a window, in dt^2/m, per pressure at its end.
+fn response(coupling: &Coupling) -> f64 {
+    0.5 * if coupling.load == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 }
+}
+
 /// Relaxation by the canopy's added mass; uniform where that is not to be had.
-fn relaxation(context: &StageContext<'_>, unknowns: Unknowns, state: &InterfaceState) -> Box<dyn Relaxation> {
+fn relaxation(
+    context: &StageContext<'_>,
+    motion: Unknowns,
+    unknowns: Unknowns,
+    state: &InterfaceState,
+) -> Box<dyn Relaxation> {
     let scene = context.scene;
     let interface = context.interface;
     let positions: Vec<mesh::Vec3> = interface
@@ -73,10 +102,10 @@ fn relaxation(context: &StageContext<'_>, unknowns: Unknowns, state: &InterfaceS
     let weights = Weights {
         fabric_kg_m2: scene.fabric.thickness_m * scene.fabric.density_kg_m3,
         air_kg_m3: scene.flow.as_ref().map_or(0.0, |f| f.density_kg_m3),
-        response: 0.5 * if scene.coupling.load == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 },
+        response: response(&scene.coupling),
         falling_kg: context.descent().map_or(0.0, |d| d.mass_kg),
     };
-    match AddedMassRelaxation::new(unknowns, &positions, &interface.faces, &weights) {
+    match AddedMassRelaxation::new(motion, &positions, &interface.faces, &weights) {
         Some(model) => {
             context.console.line(&format!(
                 "stage `{}`: the air adds {:.0} kg to the canopy's {:.2} kg of fabric in vertical motion",
@@ -84,7 +113,12 @@ fn relaxation(context: &StageContext<'_>, unknowns: Unknowns, state: &InterfaceS
                 model.vertical_added_mass,
                 interface.masses.fabric
             ));
-            Box::new(model)
+            if unknowns.loads() > 0 {
+                let dt = context.description().window_s;
+                Box::new(JacobiRelaxation::new(model, unknowns, &weights, dt))
+            } else {
+                Box::new(model)
+            }
         }
         None => Box::new(Uniform(scene.coupling.relaxation)),
     }

@@ -4,6 +4,7 @@
 //! against the schema for its keys and types, then for physical sense; only
 //! then do programs see it, as a [`Scene`] they may rely on.
 
+mod coupling;
 mod error;
 mod flow_effects;
 mod grid_file;
@@ -17,6 +18,7 @@ mod schema;
 mod validate;
 mod validate_flow;
 
+pub use coupling::*;
 pub use error::{Problem, SceneError};
 pub use flow_effects::*;
 pub use grid_file::{Condition, GridFile};

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::coupling::{CouplingOrder, Staggered};
 use crate::flow_effects::{Permeability, Shear, Steady};
 use crate::integration::{EXPLICIT_SAFETY, Integration};
 use crate::{Forces, GridFile, Probe, Slice, Statistics, SurfacePressure};
@@ -648,6 +649,10 @@ pub enum MoverKind {
 pub struct Coupling {
     /// The sequence of the programs in a window.
     pub scheme: Scheme,
+    /// The order of the programs in a staggered window, and what they know in advance.
+    pub staggered: Staggered,
+    /// The order of structure and flow in the iterations of an implicit window.
+    pub order: CouplingOrder,
     /// Load over the substeps of a window.
     pub load: LoadShape,
     /// An implicit window is converged when interface displacement and descent
@@ -659,7 +664,7 @@ pub struct Coupling {
     pub relaxation: f64,
     /// Acceleration of the iterations.
     pub acceleration: Acceleration,
-    /// Past windows whose secants IQN-ILS reuses.
+    /// Past windows whose secants quasi-Newton reuses.
     pub reused_windows: u32,
     /// Share of the mean velocity over an implicit window in the structure's velocity
     /// at its end, 0 to 1: holds light fabric to the motion that the flow sees. 0 for
@@ -671,6 +676,8 @@ impl Default for Coupling {
     fn default() -> Self {
         Self {
             scheme: Scheme::Implicit,
+            staggered: Staggered::default(),
+            order: CouplingOrder::GaussSeidel,
             load: LoadShape::Mean,
             tolerance: 1e-3,
             max_iterations: 30,
@@ -686,7 +693,8 @@ impl Default for Coupling {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scheme {
-    /// The paper's sequence: each program once, with pressures of the last flow step.
+    /// Each program once: the paper's sequence, with pressures of the last flow step, or
+    /// what `coupling.staggered` makes of it.
     Staggered,
     /// Each window is iterated until structure, flow and descent agree.
     Implicit,
@@ -720,6 +728,9 @@ pub enum Acceleration {
     Aitken,
     /// Interface quasi-Newton, inverse least squares.
     IqnIls,
+    /// Interface quasi-Newton, multi-vector: each window's secants correct what the windows
+    /// before have learnt.
+    IqnImvj,
 }
 
 /// The falling mass: one degree of freedom (paper, equation 9).

@@ -310,6 +310,7 @@ fn solvers(scene: &Scene, c: &mut Check) {
     c.positive("coupling.tolerance", k.tolerance, 0.5, "a relative change");
     c.count("coupling.max_iterations", k.max_iterations, 1, 10_000, "coupling iterations");
     c.positive("coupling.relaxation", k.relaxation, 1.0, "a relaxation factor");
+    c.count("coupling.staggered.predictor", k.staggered.predictor, 0, crate::MOST_PREDICTOR, "an order");
     c.range("coupling.velocity_average", k.velocity_average, 0.0, 1.0, true, "0 is none");
     if let Some(f) = &scene.flow {
         c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");

@@ -1,0 +1,54 @@
+//! Relaxation of displacement and load together, for Jacobi order.
+
+use channel::LOAD_WIDTH;
+
+use super::relaxation::{AddedMassRelaxation, Relaxation, distinct, dot};
+use super::{Unknowns, Weights};
+
+/// Newton's step for a model of both programs: the structure answers a pressure $\delta p$ with
+/// $S\,\delta p$ along the normals, the flow a displacement $\delta x$ with $-S^{-1}G\,\delta x$,
+/// $G$ as in [`AddedMassRelaxation`]. With the residuals $r_x$, $r_p$ of both,
+///
+/// $$ (I + G)\,\delta x = r_x + S\,r_p, \qquad \delta p = S^{-1}(\delta x - r_x). $$
+///
+/// The load is scaled so that $S$ is [`Unknowns::with_loads`]' unit.
+pub struct JacobiRelaxation {
+    model: AddedMassRelaxation,
+    unknowns: Unknowns,
+    /// Displacement of a node per scaled pressure on its faces.
+    answer: f64,
+}
+
+impl JacobiRelaxation {
+    /// With the model for the displacement alone and the `unknowns` with loads; `dt` is the length of
+    /// a window, `weights` those of the model.
+    pub fn new(model: AddedMassRelaxation, unknowns: Unknowns, weights: &Weights, dt: f64) -> Self {
+        let moved = weights.response * dt * dt / weights.fabric_kg_m2;
+        Self { model, unknowns, answer: moved / unknowns.load_scale() }
+    }
+}
+
+impl Relaxation for JacobiRelaxation {
+    fn apply(&self, residual: &[f64], step: &mut [f64]) {
+        let split = residual.len() - self.unknowns.loads();
+        let (r_x, r_p) = residual.split_at(split);
+        let mut asked = r_x.to_vec();
+        let at = |values: &[f64], node: u32| std::array::from_fn(|i| values[3 * node as usize + i]);
+        let faces = self.model.faces().iter().zip(self.model.face_normals());
+        for ((face, normal), load) in faces.clone().zip(r_p.chunks_exact(LOAD_WIDTH)) {
+            for &node in distinct(face) {
+                let share = self.answer / self.model.faces_at(node);
+                (0..3).for_each(|i| asked[3 * node as usize + i] += share * load[0] * normal[i]);
+            }
+        }
+        let (step_x, step_p) = step.split_at_mut(split);
+        self.model.apply(&asked, step_x);
+        step_p.copy_from_slice(r_p);
+        for ((face, normal), load) in faces.zip(step_p.chunks_exact_mut(LOAD_WIDTH)) {
+            let nodes = distinct(face);
+            let moved: f64 =
+                nodes.iter().map(|&n| dot(at(step_x, n), *normal) - dot(at(r_x, n), *normal)).sum();
+            load[0] = moved / nodes.len() as f64 / self.answer;
+        }
+    }
+}

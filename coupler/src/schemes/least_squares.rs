@@ -1,0 +1,84 @@
+//! Small dense least squares over a few long columns.
+
+/// $QR$ of columns that arrive one by one.
+#[derive(Clone, Debug, Default)]
+pub struct Columns {
+    q: Vec<Vec<f64>>,
+    r: Vec<Vec<f64>>,
+}
+
+impl Columns {
+    /// Adds a column, unless no more than the share `filter` of it is new (Haelterman et al.
+    /// 2016, QR2). Whether it was added.
+    pub fn push(&mut self, column: &[f64], filter: f64) -> bool {
+        let mut v = column.to_vec();
+        let length = norm(&v);
+        let mut coefficients = vec![0.0; self.q.len() + 1];
+        // Twice is enough (Giraud et al. 2005): orthogonal to round-off.
+        for _ in 0..2 {
+            for (basis, coefficient) in self.q.iter().zip(&mut coefficients) {
+                let along = dot(basis, &v);
+                *coefficient += along;
+                axpy(-along, basis, &mut v);
+            }
+        }
+        let rest = norm(&v);
+        if rest <= filter * length {
+            return false;
+        }
+        coefficients[self.q.len()] = rest;
+        v.iter_mut().for_each(|v| *v /= rest);
+        self.q.push(v);
+        self.r.push(coefficients);
+        true
+    }
+
+    /// Coefficients of the columns that come closest to `-residual`; what they do not span
+    /// stays in `residual`.
+    pub fn remove(&self, residual: &mut [f64]) -> Vec<f64> {
+        let mut c: Vec<f64> = Vec::with_capacity(self.q.len());
+        for basis in &self.q {
+            let along = dot(basis, residual);
+            axpy(-along, basis, residual);
+            c.push(-along);
+        }
+        for j in (0..c.len()).rev() {
+            c[j] /= self.r[j][j];
+            for i in 0..j {
+                c[i] -= self.r[j][i] * c[j];
+            }
+        }
+        c
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+pub(super) fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+pub(super) fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += factor * x;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn removes_what_the_columns_span() {
+        let mut columns = Columns::default();
+        assert!(columns.push(&[1.0, 1.0, 0.0], 1e-2));
+        assert!(columns.push(&[1.0, -1.0, 0.0], 1e-2));
+        assert!(!columns.push(&[3.0, -1.0, 1e-3], 1e-2), "nearly spanned");
+        let mut residual = [2.0, 4.0, 5.0];
+        let c = columns.remove(&mut residual);
+        assert!((c[0] + 3.0).abs() < 1e-14 && (c[1] - 1.0).abs() < 1e-14, "{c:?}");
+        assert!(residual[0].abs() < 1e-14 && residual[1].abs() < 1e-14 && residual[2] == 5.0);
+    }
+}

@@ -1,0 +1,288 @@
+//! Order in time and contraction of each scheme on one mode, against closed forms.
+
+use std::path::Path;
+
+use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme, Staggered, StaggeredSequence};
+use channel::{LOAD_WIDTH, Stats, Window};
+
+use super::*;
+use crate::error::RunError;
+use crate::partners::{Answer, LoadOverWindow, Partners};
+
+const SUBSTEPS: u64 = 4;
+
+/// One mode: a mass on a spring, in a fluid of added mass $a$ and damping $c$ under an outer
+/// pressure $f(t)$: $p = f - c\,\dot x - a\,\ddot x$ at the end of a window, by BDF2.
+struct Oscillator {
+    mass: f64,
+    stiffness: f64,
+    added: f64,
+    damping: f64,
+    /// The outer pressure follows the motion $(1 - \cos t)^3$.
+    driven: bool,
+    accepted: [f64; 2],
+    trial: [f64; 2],
+    /// Positions and velocities of the wall at the last two ends of the flow's windows.
+    wall: [[f64; 2]; 2],
+    grid: f64,
+}
+
+fn motion(t: f64) -> [f64; 3] {
+    let (s, c) = t.sin_cos();
+    let d = 1.0 - c;
+    [d * d * d, 3.0 * d * d * s, 6.0 * d * s * s + 3.0 * d * d * c]
+}
+
+impl Oscillator {
+    fn new(added: f64, damping: f64, stiffness: f64) -> Self {
+        Self {
+            mass: 1.0,
+            stiffness,
+            added,
+            damping,
+            driven: true,
+            accepted: [0.0; 2],
+            trial: [0.0; 2],
+            wall: [[0.0; 2]; 2],
+            grid: 0.0,
+        }
+    }
+
+    /// Velocity and acceleration of the wall at `x`.
+    fn rates(&self, x: f64, dt: f64) -> [f64; 2] {
+        let u = (1.5 * x - 2.0 * self.wall[0][0] + 0.5 * self.wall[1][0]) / dt;
+        [u, (1.5 * u - 2.0 * self.wall[0][1] + 0.5 * self.wall[1][1]) / dt]
+    }
+
+    /// How much the structure moves per pressure at the window's end, and the flow's pressure
+    /// per motion.
+    fn gains(&self, load: LoadShape, dt: f64) -> [f64; 2] {
+        let share = if load == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 };
+        let moved = self.substeps([share, share], dt)[0] - self.substeps([0.0; 2], dt)[0];
+        [moved, -(1.5 * self.damping + 2.25 * self.added / dt) / dt]
+    }
+
+    /// Trapezoidal rule under a load linear in time.
+    fn substeps(&self, load: [f64; 2], dt: f64) -> [f64; 2] {
+        let h = dt / SUBSTEPS as f64;
+        let at = |i: u64| load[0] + (load[1] - load[0]) * i as f64 / SUBSTEPS as f64;
+        let (m, k) = (self.mass, self.stiffness);
+        (0..SUBSTEPS).fold(self.accepted, |[x, v], i| {
+            let force = 0.5 * (at(i) + at(i + 1)) - k * (x + 0.25 * h * v);
+            let new = (m * v + h * force) / (m + 0.25 * k * h * h);
+            [x + 0.5 * h * (v + new), new]
+        })
+    }
+}
+
+impl Partners for Oscillator {
+    fn structure(
+        &mut self,
+        w: &Window,
+        load: LoadOverWindow<'_>,
+        displacement: &mut [f64],
+    ) -> Result<Answer, RunError> {
+        self.trial = self.substeps([load.start[0], load.end[0]], w.dt);
+        displacement.copy_from_slice(&[0.0, 0.0, self.trial[0]]);
+        Ok(Answer::default())
+    }
+
+    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+        self.grid = displacement[2];
+        Ok(Answer::default())
+    }
+
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+        let [u, a] = self.rates(self.grid, w.dt);
+        let [x, v, b] = if self.driven { motion(w.time + w.dt) } else { [0.0; 3] };
+        let f = (self.mass + self.added) * b + self.damping * v + self.stiffness * x;
+        load.copy_from_slice(&[f - self.damping * u - self.added * a, 0.0, 0.0, 0.0]);
+        Ok(Answer { stats: Stats::default(), wall_s: 0.0 })
+    }
+
+    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
+        self.accepted = self.trial;
+        let [u, _] = self.rates(self.grid, w.dt);
+        self.wall = [[self.grid, u], self.wall[0]];
+        Ok(())
+    }
+
+    fn save(&mut self, _folder: &Path) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    fn snapshot(&mut self, _role: Role, _time: f64, _folder: &Path) -> Result<(), RunError> {
+        Ok(())
+    }
+}
+
+/// The loop over one node with one face, at rest; `scale` of the load in Jacobi order.
+fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
+    let mut unknowns = Unknowns::new(1, 1.0, false);
+    if coupling.scheme == Scheme::Implicit && coupling.order == CouplingOrder::Jacobi {
+        unknowns = unknowns.with_loads(LOAD_WIDTH, scale);
+    }
+    let state = InterfaceState {
+        displacement: vec![0.0; 3],
+        load: Some(vec![0.0; LOAD_WIDTH]),
+        load_before: None,
+        velocity: 0.0,
+        acceleration: 0.0,
+    };
+    let fields = vec![Field { range: 0..unknowns.len(), floor: 1e-9 }];
+    let criterion = Criterion { fields, tolerance: coupling.tolerance };
+    let rest = Box::new(Uniform(coupling.relaxation));
+    WindowLoop::new("test", coupling, unknowns, criterion, 1, None, state, rest, false)
+}
+
+/// Error at t = 2 with this number of windows.
+fn error(coupling: &Coupling, windows: u64) -> f64 {
+    let dt = 2.0 / windows as f64;
+    let mut model = Oscillator::new(0.1, 0.5, 4.0);
+    let mut scheme = one_mode(coupling, 0.5 * dt * dt);
+    for index in 0..windows {
+        let w = Window { index, substeps: SUBSTEPS, time: index as f64 * dt, dt, ..Window::default() };
+        scheme.run(&mut model, w).expect("a stable case");
+    }
+    (model.accepted[0] - motion(2.0)[0]).abs()
+}
+
+fn staggered(sequence: StaggeredSequence, predictor: u32) -> Coupling {
+    Coupling {
+        scheme: Scheme::Staggered,
+        staggered: Staggered { sequence, predictor },
+        load: LoadShape::Linear,
+        ..Coupling::default()
+    }
+}
+
+fn implicit(acceleration: Acceleration, order: CouplingOrder, load: LoadShape) -> Coupling {
+    Coupling { acceleration, order, load, tolerance: 1e-10, max_iterations: 400, ..Coupling::default() }
+}
+
+#[test]
+fn each_scheme_has_the_order_that_it_promises() {
+    use StaggeredSequence::{FlowFirst, HalfStep, StructureFirst};
+    let (gauss_seidel, jacobi) = (CouplingOrder::GaussSeidel, CouplingOrder::Jacobi);
+    let cases = [
+        (1, staggered(StructureFirst, 0)),
+        (2, staggered(StructureFirst, 1)),
+        (2, staggered(StructureFirst, 2)),
+        (1, staggered(FlowFirst, 0)),
+        (2, staggered(FlowFirst, 1)),
+        (2, staggered(FlowFirst, 2)),
+        (1, staggered(HalfStep, 0)),
+        (2, staggered(HalfStep, 1)),
+        (2, staggered(HalfStep, 2)),
+        (1, implicit(Acceleration::IqnIls, gauss_seidel, LoadShape::Constant)),
+        (2, implicit(Acceleration::IqnIls, gauss_seidel, LoadShape::Mean)),
+        (2, implicit(Acceleration::IqnImvj, gauss_seidel, LoadShape::Linear)),
+        (2, implicit(Acceleration::IqnIls, jacobi, LoadShape::Mean)),
+    ];
+    for (order, coupling) in cases {
+        let errors = [100, 200, 400].map(|n| error(&coupling, n));
+        let seen = [(errors[0] / errors[1]).log2(), (errors[1] / errors[2]).log2()];
+        let name = (coupling.scheme, coupling.staggered, coupling.order, coupling.load);
+        println!("{name:?}: order {:.2} {:.2}, error {:.1e}", seen[0], seen[1], errors[2]);
+        assert!(
+            (seen[1] - f64::from(order)).abs() < 0.25,
+            "{name:?}: {seen:?} instead of {order}, {errors:?}"
+        );
+    }
+}
+
+#[test]
+fn relaxed_iterations_contract_as_the_closed_form_says() {
+    // One window, affine programs: x~ = b - G x. A factor omega leaves |1 - omega (1 + G)| of the
+    // error in Gauss-Seidel order, sqrt((1 - omega)^2 + omega^2 G) in Jacobi order, where the eigenvalues
+    // of the map are +-i sqrt(G); balanced scaling makes that matrix a normal one.
+    let dt = 0.05;
+    let model = Oscillator::new(3.0, 0.0, 4.0);
+    let [moved, pressed] = model.gains(LoadShape::Mean, dt);
+    let gain = -moved * pressed;
+    assert!(gain > 1.5, "a case where plain iteration diverges: {gain}");
+    for (order, omega) in [(CouplingOrder::GaussSeidel, 0.2), (CouplingOrder::Jacobi, 0.2)] {
+        let coupling = Coupling {
+            order,
+            relaxation: omega,
+            tolerance: 1e-8,
+            ..implicit(Acceleration::Constant, order, LoadShape::Mean)
+        };
+        let mut scheme = one_mode(&coupling, (moved / -pressed).sqrt());
+        let mut here = Oscillator::new(3.0, 0.0, 4.0);
+        let mut report = WindowReport::default();
+        for index in 0..2 {
+            let w = Window { index, substeps: SUBSTEPS, time: index as f64 * dt, dt, ..Window::default() };
+            report = scheme.run(&mut here, w).unwrap();
+        }
+        let n = report.residuals.len();
+        let seen = (report.residuals[n - 1] / report.residuals[n - 6]).powf(0.2);
+        let exact = match order {
+            CouplingOrder::GaussSeidel => (1.0 - omega * (1.0 + gain)).abs(),
+            CouplingOrder::Jacobi => ((1.0 - omega).powi(2) + omega * omega * gain).sqrt(),
+        };
+        assert!((seen - exact).abs() < 0.02, "{order:?}: {seen} instead of {exact}");
+    }
+}
+
+#[test]
+fn relaxation_beyond_the_limit_diverges() {
+    let dt = 0.05;
+    let model = Oscillator::new(30.0, 0.0, 4.0);
+    let [moved, pressed] = model.gains(LoadShape::Mean, dt);
+    let limit = 2.0 / (1.0 - moved * pressed);
+    for (share, converges) in [(0.9, true), (1.1, false)] {
+        let coupling = Coupling {
+            relaxation: share * limit,
+            ..implicit(Acceleration::Constant, CouplingOrder::GaussSeidel, LoadShape::Mean)
+        };
+        let mut scheme = one_mode(&coupling, 1.0);
+        let mut here = Oscillator::new(30.0, 0.0, 4.0);
+        let w = Window { index: 0, substeps: SUBSTEPS, time: 0.0, dt, ..Window::default() };
+        assert_eq!(scheme.run(&mut here, w).is_ok(), converges, "at {share} of the limit");
+    }
+}
+
+/// Largest growth of a staggered scheme in a window, by power iteration on a free mode; infinite
+/// where it leaves the numbers.
+fn growth(coupling: &Coupling, added: f64) -> f64 {
+    let dt = 0.05;
+    let mut model = Oscillator { driven: false, accepted: [1.0, 0.0], ..Oscillator::new(added, 0.0, 4.0) };
+    model.wall = [[1.0, 0.0]; 2];
+    let mut scheme = one_mode(coupling, 1.0);
+    let mut marks = [0.0f64; 2];
+    for index in 0..400 {
+        let w = Window { index, substeps: SUBSTEPS, time: index as f64 * dt, dt, ..Window::default() };
+        if scheme.run(&mut model, w).is_err() {
+            return f64::INFINITY;
+        }
+        let at = usize::from(index >= 200);
+        marks[at] = marks[at].max(model.accepted[0].abs() + dt * model.accepted[1].abs());
+    }
+    (marks[1] / marks[0]).powf(1.0 / 200.0)
+}
+
+#[test]
+fn predictors_narrow_the_added_mass_that_staggered_schemes_bear() {
+    use StaggeredSequence::{HalfStep, StructureFirst};
+    // Heavy structures are borne by all, light ones by none (Causin, Gerbeau, Nobile 2005), whatever
+    // the order: extrapolation only moves the limit down.
+    for predictor in 0..=2 {
+        for sequence in [StructureFirst, HalfStep] {
+            let coupling = staggered(sequence, predictor);
+            let (heavy, light) = (growth(&coupling, 0.01), growth(&coupling, 3.0));
+            assert!(heavy < 1.005, "{sequence:?} {predictor}: {heavy}");
+            assert!(light > 1.05, "{sequence:?} {predictor}: {light}");
+        }
+    }
+    let limit = |predictor| {
+        let coupling = staggered(StructureFirst, predictor);
+        (0..12).fold([0.01f64, 3.0], |[low, high], _| {
+            let middle = (low * high).sqrt();
+            if growth(&coupling, middle) < 1.01 { [middle, high] } else { [low, middle] }
+        })[0]
+    };
+    let limits = [0, 1, 2].map(limit);
+    println!("largest added mass per mass: {limits:.3?}");
+    assert!(limits[0] > limits[1] && limits[1] > limits[2], "{limits:?}");
+}

@@ -1,0 +1,164 @@
+//! A coupling scheme: what one visit to the partners of a window is.
+
+use case::{Coupling, CouplingOrder, Role, Scheme, StaggeredSequence};
+use channel::Window;
+
+use super::implicit::{GaussSeidel, Jacobi};
+use super::staggered::{FlowFirst, HalfStep, StructureFirst};
+use super::{InterfaceState, Unknowns, WindowReport};
+use crate::descent::DescentModel;
+use crate::error::{Place, RunError};
+use crate::partners::{Answer, LoadOverWindow, Partners};
+
+/// A coupling scheme as a map from the coupled unknowns to the answer of the programs.
+///
+/// One loop ([`super::WindowLoop`]) serves all: it predicts, visits, and either accepts
+/// the first answer or iterates until iterate and answer agree.
+pub trait Sequence {
+    /// Whether visits are repeated until iterate and answer agree.
+    fn iterates(&self) -> bool;
+
+    /// First iterate of a window of length `dt` into `x`, which holds the unknowns at its start.
+    fn predict(&self, dt: f64, x: &mut [f64]);
+
+    /// Visits the partners at the iterate `x`: fills [`Visit::end`] and the answer `x_tilde`.
+    ///
+    /// # Errors
+    /// Those of the partners, and an answer that is not finite.
+    fn visit(&mut self, visit: &mut Visit<'_>, x: &[f64], x_tilde: &mut [f64]) -> Result<(), RunError>;
+
+    /// A window of length `dt` is accepted with these values; `x` is the iterate of the last visit
+    /// and `answer` what it gave.
+    fn accept(&mut self, end: &End, x: &[f64], answer: &[f64], dt: f64);
+}
+
+/// Values on the interface at the end of a window, as the programs answered last.
+#[derive(Clone, Debug, Default)]
+pub struct End {
+    /// Displacement from the unstressed shape, `[nodes][3]`, m.
+    pub displacement: Vec<f64>,
+    /// Load of the flow, `[faces][LOAD_WIDTH]`, Pa.
+    pub load: Vec<f64>,
+    /// Vertical velocity of the frame, m/s.
+    pub velocity: f64,
+}
+
+/// One visit to the partners of a window.
+pub struct Visit<'a> {
+    /// The programs.
+    pub partners: &'a mut dyn Partners,
+    /// The window that is open.
+    pub window: &'a mut Window,
+    /// Values at its start.
+    pub state: &'a mut InterfaceState,
+    /// Values at its end.
+    pub end: &'a mut End,
+    /// What the window costs.
+    pub report: &'a mut WindowReport,
+    /// Layout of the unknowns.
+    pub unknowns: &'a Unknowns,
+    /// The falling mass.
+    pub descent: Option<&'a DescentModel>,
+    /// Stage, for messages.
+    pub stage: &'a str,
+}
+
+impl Visit<'_> {
+    /// The frame reaches `velocity` at the end of the window.
+    pub fn fall(&mut self, velocity: f64) {
+        let rate = (velocity - self.state.velocity) / self.window.dt;
+        self.window.frame_velocity = [0.0, 0.0, velocity];
+        self.window.frame_acceleration = [0.0, 0.0, rate];
+    }
+
+    /// Moves the grid to a displacement of the canopy and asks the flow around it for its
+    /// load, into [`End::load`].
+    ///
+    /// # Errors
+    /// Those of the programs; a load that is not finite.
+    pub fn flow_around(&mut self, displacement: &[f64]) -> Result<(), RunError> {
+        let w = *self.window;
+        self.flow_in(&w, displacement)
+    }
+
+    /// The same in a window of the flow's own.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn flow_in(&mut self, w: &Window, displacement: &[f64]) -> Result<(), RunError> {
+        let answer = self.partners.mesh(w, displacement)?;
+        self.take(Role::Mesh, answer);
+        let answer = self.partners.flow(w, &mut self.end.load)?;
+        self.take(Role::Flow, answer);
+        finite(self.stage, "answer of the flow", w, &self.end.load)
+    }
+
+    /// Asks the structure for its answer to `load`, into [`End::displacement`].
+    ///
+    /// # Errors
+    /// Those of the program; a displacement that is not finite.
+    pub fn structure_under(&mut self, load: LoadOverWindow<'_>) -> Result<(), RunError> {
+        let answer = self.partners.structure(self.window, load, &mut self.end.displacement)?;
+        self.take(Role::Structure, answer);
+        finite(self.stage, "answer of the structure", self.window, &self.end.displacement)
+    }
+
+    /// The descent equation under the force of the flow's last answer, into [`End::velocity`].
+    pub fn descend(&mut self) {
+        self.end.velocity = match self.descent {
+            Some(model) => model.step(self.state.velocity, self.report.force[2], self.window.dt),
+            None => self.state.velocity,
+        };
+    }
+
+    /// The known load at the start of the window. Where none is known yet, the answer of the
+    /// flow around `displacement` at velocity as set; that costs a visit.
+    ///
+    /// # Errors
+    /// Those of the programs.
+    pub fn start_load(&mut self) -> Result<Vec<f64>, RunError> {
+        if let Some(load) = &self.state.load {
+            return Ok(load.clone());
+        }
+        let displacement = self.state.displacement.clone();
+        self.flow_around(&displacement)?;
+        self.window.iteration += 1;
+        self.state.load = Some(self.end.load.clone());
+        Ok(self.end.load.clone())
+    }
+
+    fn take(&mut self, role: Role, answer: Answer) {
+        self.report.add(role, answer);
+    }
+}
+
+/// The sequence that a scene asks for, starting from `state`.
+pub fn sequence(coupling: &Coupling, unknowns: Unknowns, state: &InterfaceState) -> Box<dyn Sequence> {
+    let order = coupling.staggered.predictor as usize;
+    match (coupling.scheme, coupling.staggered.sequence, coupling.order) {
+        (Scheme::Staggered, StaggeredSequence::StructureFirst, _) => {
+            Box::new(StructureFirst::new(order, unknowns, state))
+        }
+        (Scheme::Staggered, StaggeredSequence::FlowFirst, _) => {
+            Box::new(FlowFirst::new(order, coupling.load, unknowns, state))
+        }
+        (Scheme::Staggered, StaggeredSequence::HalfStep, _) => {
+            Box::new(HalfStep::new(order, unknowns, state))
+        }
+        (Scheme::Implicit, _, CouplingOrder::GaussSeidel) => {
+            Box::new(GaussSeidel::new(coupling.load, unknowns, state))
+        }
+        (Scheme::Implicit, _, CouplingOrder::Jacobi) => Box::new(Jacobi::new(coupling.load, unknowns, state)),
+    }
+}
+
+/// An error where a value is not finite.
+pub(super) fn finite(stage: &str, who: &str, w: &Window, values: &[f64]) -> Result<(), RunError> {
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(RunError::Coupling {
+            place: Place { stage: stage.to_owned(), window: Some((w.index, w.iteration)) },
+            message: format!("the {who} holds {} at position {at}", values[at]),
+        }),
+    }
+}
