@@ -103,7 +103,7 @@ impl StructureSolver {
             traction: [Vec::new(), Vec::new()],
             gravity: scene.fabric_gravity.as_ref().map(|_| gravity),
             from_rest: source.is_none(),
-            average: VelocityAverage::of(scene, stage),
+            average: VelocityAverage::of(scene, stage, n),
             computed: None,
             measures: Measures::default(),
             info: WindowInfo::default(),
@@ -253,9 +253,9 @@ impl Participant for StructureSolver {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
-        if let Some(average) = self.average {
-            let Dynamics { accepted, current, .. } = &mut self.dynamics;
-            average.apply(w.dt, &accepted.u, &current.u, &mut current.v);
+        if let Some(average) = &mut self.average {
+            let Dynamics { accepted, current, system, .. } = &mut self.dynamics;
+            average.apply(w.dt, system, accepted, current);
         }
         self.dynamics.accept();
         self.from_rest = false;

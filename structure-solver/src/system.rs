@@ -153,8 +153,13 @@ impl System {
 
     /// `out = F`: external forces alone, N, with constrained components removed.
     pub fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        out.fill(0.0);
+        self.pressed(x, load, out);
         self.nodal.iter().for_each(|&(i, f)| out[i as usize] += f);
+    }
+
+    /// `out`: nodal forces of the loads on faces alone, N.
+    pub fn pressed(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        out.fill(0.0);
         self.loops.iter().for_each(|l| l.external(x, load, out));
     }
 

@@ -12,7 +12,9 @@
 //! mass and BDF2 velocities, fabric of 0.037 kg/m2, $\Delta t$ = 5 ms, tension 0 to
 //! 60 N/m, wave lengths 0.7 to 13 m, structure with rho_inf 0.9) gives the largest
 //! amplification per window of any mode, and of alternating modes alone, without
-//! and with half of the structure's velocity averaged (`coupling.velocity_average`):
+//! and with half of the structure's velocity along the normal averaged
+//! (`coupling.velocity_average`; modes that the air does not hold must not be averaged,
+//! see `structure-solver/src/velocity_average.rs`):
 //!
 //! | load over the window | without | with |
 //! |---|---|---|
