@@ -87,6 +87,7 @@ pub fn report(options: &RunOptions) -> Result<String, RunError> {
             out,
             programs: &program_folder()?,
             scratch: &std::env::temp_dir(),
+            mpirun: &options.mpirun,
         };
         match plan.programs() {
             Ok(programs) => lines.extend(programs.iter().map(|p| format!("       {}", p.line()))),

@@ -116,6 +116,10 @@ struct SceneArgs {
     /// Program in the place of mesh-mover
     #[arg(long, value_name = "COMMAND")]
     mesh: Option<String>,
+    /// Options for every `mpirun`, or with ROLE= for one, such as
+    /// `--mpirun flow="--host a:8,b:8 --map-by node"`: see docs/hosts.md
+    #[arg(long, value_name = "[ROLE=]OPTIONS", allow_hyphen_values = true, value_parser = mpirun)]
+    mpirun: Vec<(Option<Role>, String)>,
     /// Start at this stage, from the states that an earlier run left in --out
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
@@ -131,7 +135,7 @@ struct RunArgs {
     /// Accept coupled windows that do not converge, as long as all numbers are finite
     #[arg(long)]
     keep_going: bool,
-    /// Longest time for one answer of a program, in seconds
+    /// Longest time for one answer of a program that ripstop has started, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = seconds)]
     deadline: f64,
     /// Print errors only
@@ -149,6 +153,10 @@ struct RunArgs {
     /// Largest difference from the baseline that is none, as a share of the largest of its field
     #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff::share)]
     tolerance: f64,
+    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the baseline's
+    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    #[arg(long, value_name = "SHARE", requires = "baseline", value_parser = crate::diff::share)]
+    count_slack: Option<f64>,
     /// End the run where it departs from the baseline
     #[arg(long, requires = "baseline")]
     stop_at_departure: bool,
@@ -156,14 +164,19 @@ struct RunArgs {
 
 impl RunArgs {
     fn options(self) -> RunOptions {
-        let (without_grid, tolerance, stop) =
-            (self.record_without_grid, self.tolerance, self.stop_at_departure);
+        let (without_grid, stop) = (self.record_without_grid, self.stop_at_departure);
+        let (tolerance, count_slack) = (self.tolerance, self.count_slack);
         RunOptions {
             stop_after_windows: self.stop_after_windows,
             keep_going: self.keep_going,
             deadline: Some(Duration::from_secs_f64(self.deadline)),
             record: self.record.map(|folder| RecordOptions { folder, without_grid }),
-            baseline: self.baseline.map(|folder| BaselineOptions { folder, tolerance, stop }),
+            baseline: self.baseline.map(|folder| BaselineOptions {
+                folder,
+                tolerance,
+                count_slack,
+                stop,
+            }),
             ..self.scene.options()
         }
     }
@@ -189,6 +202,19 @@ fn ranks(text: &str) -> Result<(Role, u32), String> {
     }
 }
 
+fn mpirun(text: &str) -> Result<(Option<Role>, String), String> {
+    let of = |role: &Role| Some((*role, text.strip_prefix(role.name())?.strip_prefix('=')?));
+    let (role, options) = match Role::ALL.iter().find_map(of) {
+        Some((role, options)) => (Some(role), options),
+        None => (None, text),
+    };
+    match crate::launch::split_words(options) {
+        Some(words) if words.first().is_some_and(|w| w.starts_with('-')) => Ok((role, options.to_owned())),
+        Some(_) => Err("options of mpirun, the first with its dash, such as `--map-by node`".into()),
+        None => Err("a quote is not closed".into()),
+    }
+}
+
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(s) if s > 0.0 && s < 1e9 => Ok(s),
@@ -204,6 +230,7 @@ impl SceneArgs {
             out: self.out,
             ranks: self.ranks,
             programs: programs.into_iter().filter_map(|(role, p)| Some((role, p?))).collect(),
+            mpirun: self.mpirun,
             stage: self.stage,
             ..RunOptions::default()
         }
@@ -330,6 +357,16 @@ mod tests {
     fn the_command_line_is_well_formed() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn options_of_mpirun_are_of_one_program_or_all() {
+        assert_eq!(mpirun("--map-by node"), Ok((None, "--map-by node".into())));
+        assert_eq!(mpirun("flow=--host a,b"), Ok((Some(Role::Flow), "--host a,b".into())));
+        assert!(mpirun("flow=a,b").is_err() && mpirun("--host 'a").is_err());
+        let words = ["ripstop", "run", "s.toml", "--mpirun", "--map-by node", "--mpirun", "mesh=-host a"];
+        let Ok(Cli { command: Command::Run(args) }) = Cli::try_parse_from(words) else { panic!("refused") };
+        assert_eq!(args.scene.options().mpirun.len(), 2);
     }
 
     #[test]

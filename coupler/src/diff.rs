@@ -19,6 +19,10 @@ pub struct DiffArgs {
     /// Largest difference that is none, as a share of the largest number of the field (or column)
     #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = share)]
     tolerance: f64,
+    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the reference's
+    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    count_slack: Option<f64>,
     /// Folder for `<stage>-difference.csv` and `.svg`: how the differences grow
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -43,7 +47,7 @@ pub fn diff(args: &DiffArgs) -> Result<(bool, String), RunError> {
         let files = [&args.a, &args.b].map(|f| stage_file(f, &stage.name));
         if files.iter().all(|f| f.is_file()) {
             let [a, b] = files;
-            let comparison = recordings(&a, &b, args.tolerance)?;
+            let comparison = recordings(&a, &b, args.tolerance, args.count_slack)?;
             text.push(format!("stage `{}`: {}", stage.name, comparison.report()));
             same &= comparison.same() && comparison.other_iterations.is_none();
             if let Some(out) = &args.out {
@@ -105,7 +109,12 @@ impl Windows {
 ///
 /// # Errors
 /// Recordings that cannot be read or are of different canopies.
-pub fn recordings(a: &Path, b: &Path, tolerance: f64) -> Result<Comparison, RunError> {
+pub fn recordings(
+    a: &Path,
+    b: &Path,
+    tolerance: f64,
+    count_slack: Option<f64>,
+) -> Result<Comparison, RunError> {
     let mut both = [Windows { reader: Reader::open(a)? }, Windows { reader: Reader::open(b)? }];
     let canopies = [0, 1].map(|i| both[i].reader.header().canopy);
     if canopies[0] != canopies[1] {
@@ -119,7 +128,7 @@ pub fn recordings(a: &Path, b: &Path, tolerance: f64) -> Result<Comparison, RunE
             canopies[1].1
         )));
     }
-    let mut comparison = Comparison::new(tolerance);
+    let mut comparison = Comparison::new(tolerance).judging_counts(count_slack);
     loop {
         let [a, b] = &mut both;
         let (Some(x), Some(y)) = (a.next()?, b.next()?) else { return Ok(comparison) };

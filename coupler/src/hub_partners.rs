@@ -87,7 +87,8 @@ impl<'a> HubPartners<'a> {
         let roles = options.programs.iter().map(|(program, ranks)| RoleOptions {
             role: program.role,
             ranks: *ranks as usize,
-            deadline: options.deadline,
+            // Whoever sits at a debugger takes the time that it takes.
+            deadline: options.deadline.filter(|_| !options.attached.contains(&program.role)),
             effects: options
                 .effects
                 .iter()
@@ -104,7 +105,6 @@ impl<'a> HubPartners<'a> {
                 faces: interface.faces.len() as u64,
                 surface_hash: channel::surface_hash(&interface.faces),
             }),
-            // Whoever attaches programs by hand takes the time that it takes.
             arrival_deadline: options.deadline.filter(|_| options.attached.is_empty()),
             watch_grid: options.watch_grid,
         })
@@ -120,6 +120,12 @@ impl<'a> HubPartners<'a> {
                 program.role.program(),
                 program.shell_line()
             ));
+        }
+        if !attached.is_empty() {
+            console.line(
+                "(in any order, in other terminals; `gdb --args` goes into the place of `mpirun -n 1`, `valgrind` \
+                 behind `mpirun -n N`; there is no deadline for these programs)",
+            );
         }
         let supervisor = Supervisor::start(started, options.session, console)?;
         let mut all =

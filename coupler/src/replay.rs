@@ -41,6 +41,10 @@ pub struct ReplayArgs {
     /// Largest difference that is none, as a share of the largest number of the field
     #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff::share)]
     tolerance: f64,
+    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the recorded
+    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    #[arg(long, value_name = "SHARE", value_parser = crate::diff::share)]
+    count_slack: Option<f64>,
     /// Folder for the program's logs and the differences [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -179,6 +183,7 @@ impl Rehearsal {
             out: &self.out,
             programs: &program_folder()?,
             scratch: &scratch.0,
+            mpirun: &[],
         };
         let programs = self.roles.iter().map(|&r| Ok((plan.program(r)?, scene.ranks.of(r))));
         let options = SessionOptions {
@@ -224,7 +229,7 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         deadline: Duration::from_secs_f64(args.deadline),
     };
     let rehearsal = Rehearsal::new(&args.recording, &trial)?;
-    let mut comparison = Comparison::new(args.tolerance);
+    let mut comparison = Comparison::new(args.tolerance).judging_counts(args.count_slack);
     let reader = Reader::open(&rehearsal.file)?;
     let canopy = &rehearsal.prepared.interface;
     rehearsal.fly(stop, console, |partners| {
@@ -253,14 +258,17 @@ fn drive(
         let w = Window::from(event.at());
         let at = Moment::from(&w);
         match (&event, role) {
-            (Event::Structure { load, displacement: recorded, .. }, Role::Structure) => {
+            (Event::Structure { load, displacement: recorded, stats, .. }, Role::Structure) => {
                 let [start, end] = halves(load);
-                partners.structure(&w, LoadOverWindow { start: &start, end: &end }, &mut displacement)?;
+                let load = LoadOverWindow { start: &start, end: &end };
+                let answered = partners.structure(&w, load, &mut displacement)?;
                 comparison.add_array(&at, Channel::StructureDisplacement, recorded, &displacement);
+                comparison.add_counts(&at, role, stats, &answered.stats.values);
                 open = true;
             }
-            (Event::Mesh { displacement, grid, .. }, Role::Mesh) => {
-                partners.mesh(&w, displacement)?;
+            (Event::Mesh { displacement, grid, stats, .. }, Role::Mesh) => {
+                let answered = partners.mesh(&w, displacement)?;
+                comparison.add_counts(&at, role, stats, &answered.stats.values);
                 if let (Some(recorded), Some(grid)) = (grid, partners.grid()) {
                     comparison.add_array(&at, Channel::Grid, recorded, grid);
                 }
@@ -269,8 +277,9 @@ fn drive(
             (Event::Mesh { displacement, .. }, Role::Flow) if moving => {
                 partners.mesh(&w, displacement)?;
             }
-            (Event::Flow { load, .. }, Role::Flow) => {
-                partners.flow(&w, &mut answer)?;
+            (Event::Flow { load, stats, .. }, Role::Flow) => {
+                let answered = partners.flow(&w, &mut answer)?;
+                comparison.add_counts(&at, role, stats, &answered.stats.values);
                 comparison.add_array(&at, Channel::FlowLoad, load, &answer);
                 open = true;
             }

@@ -32,6 +32,8 @@ pub struct RunOptions {
     pub ranks: Vec<(Role, u32)>,
     /// Programs instead of the project's.
     pub programs: Vec<(Role, String)>,
+    /// Options for `mpirun`, of one program or of all.
+    pub mpirun: Vec<(Option<Role>, String)>,
     /// Name of the stage to start at; the stages before it were run earlier.
     pub stage: Option<String>,
     /// Stops each stage after so many windows.
@@ -64,6 +66,8 @@ pub struct BaselineOptions {
     pub folder: PathBuf,
     /// Largest relative difference that is none.
     pub tolerance: f64,
+    /// Judges counts of iterations, as [`Comparison::count_slack`].
+    pub count_slack: Option<f64>,
     /// Ends the run where it departs.
     pub stop: bool,
 }
@@ -131,8 +135,16 @@ pub fn run(
         // A program that is missing in the last stage should not cost the first ones.
         let programs = &program_folder()?;
         let (session, scratch) = ("", Path::new(""));
-        let plan =
-            LaunchPlan { scene: &scene, scene_file: &file, stage, session, out: &out, programs, scratch };
+        let plan = LaunchPlan {
+            scene: &scene,
+            scene_file: &file,
+            stage,
+            session,
+            out: &out,
+            programs,
+            scratch,
+            mpirun: &options.mpirun,
+        };
         plan.programs()?;
     }
     let start = Instant::now();
@@ -212,6 +224,7 @@ fn run_stage(
         out: context.out,
         programs: &program_folder()?,
         scratch: &scratch.0,
+        mpirun: &options.mpirun,
     };
     let programs: Vec<_> =
         plan.programs()?.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect();
@@ -251,7 +264,8 @@ fn exchange<'a>(
     let name = &context.scene.stages[context.stage].name;
     let grid_nodes = partners.grid().map_or(0, |g| g.len() as u64 / 6);
     let baseline = options.baseline.as_ref().map(|b| (b, stage_file(&b.folder, name)));
-    let mut comparison = Comparison::new(baseline.as_ref().map_or(0.0, |b| b.0.tolerance));
+    let mut comparison = Comparison::new(baseline.as_ref().map_or(0.0, |b| b.0.tolerance))
+        .judging_counts(baseline.as_ref().and_then(|b| b.0.count_slack));
     let run = |partners: &mut dyn Partners, state: &mut InterfaceState, summary: &mut StageSummary| {
         *state = context.run(partners, state.clone(), summary)?;
         Ok::<_, RunError>(())

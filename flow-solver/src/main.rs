@@ -54,12 +54,15 @@ fn main() {
 fn serve(args: &ProgramArgs) -> Result<(), String> {
     let comm = Comm::init(Some(args.ranks as usize)).map_err(|e| e.to_string())?;
     let options = args.serve_options(Role::Flow, comm.rank());
+    let (gather, send, poll) =
+        (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
+    let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };
     let end = built(&args.scene, args.stage, &args.out, &comm)
         .map_err(|e| {
             channel::report(&options, &e);
             e.to_string()
         })
-        .and_then(|mut p| channel::serve(p.as_mut(), &options).map_err(|e| e.to_string()));
+        .and_then(|mut p| channel::serve_across(p.as_mut(), &options, &peers).map_err(|e| e.to_string()));
     if end.is_err() {
         // Keep MPI alive: the caller exits without finalising it.
         std::mem::forget(comm);

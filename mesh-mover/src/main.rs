@@ -31,7 +31,10 @@ fn main() -> ExitCode {
             channel::report(&options, &fault);
             fault.message
         })?;
-        channel::serve(&mut mover, &options).map(|_| ()).map_err(|e: ServeError| e.to_string())
+        let (gather, send, poll) =
+            (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
+        let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };
+        channel::serve_across(&mut mover, &options, &peers).map(|_| ()).map_err(|e: ServeError| e.to_string())
     }))
 }
 

@@ -1,4 +1,5 @@
-"""Constants, header and texts of docs/contract.md, version 1."""
+"""Header and texts of docs/contract.md. Its numbers and names come from `table`, which is
+written from the code."""
 
 import ctypes
 import struct
@@ -6,136 +7,50 @@ from enum import IntEnum
 
 import numpy as np
 
-VERSION = 1
-MAGIC = int.from_bytes(b"RIPSTOP\0", "little")
-COUPLER = 0
-ROLES = {"structure": 1, "flow": 2, "mesh": 3}
-STATS = 16
+from . import table
+from .table import COUPLER, MAGIC, ROLES, STATISTICS, STATS, VERSION
+
+__all__ = ["COUPLER", "INPUT", "MAGIC", "OUTPUT", "ROLES", "STATISTICS", "STATS", "VERSION", "WIDTH"]
+
+# What a message is.
+Kind = IntEnum("Kind", table.KINDS)
+# What the numbers of a payload are.
+Unit = IntEnum("Unit", table.UNITS)
+# Numbers in a row.
+WIDTH = {Unit[name]: width for name, width in table.WIDTHS.items()}
+# What a role is given and what it answers.
+INPUT = {role: Unit[name] for role, name in table.INPUTS.items()}
+OUTPUT = {role: Unit[name] for role, name in table.OUTPUTS.items()}
+
+NUMBERS = {"u32": ctypes.c_uint32, "u64": ctypes.c_uint64, "f64": ctypes.c_double}
 
 
-class Kind(IntEnum):
-    """What a message is."""
-
-    ANNOUNCE = 1
-    WELCOME = 2
-    REFUSE = 3
-    SEND_LAYOUT = 4
-    LAYOUT = 5
-    DONE = 6
-    ADVANCE = 7
-    OUTPUT = 8
-    GRID = 9
-    ACCEPT = 10
-    SAVE = 11
-    SNAPSHOT = 12
-    STOP = 13
-    FAULT = 14
-    ABORT = 15
+def fields(rows):
+    """Fields of a ctypes structure from rows of the table."""
+    return [(name, NUMBERS[kind] * count if count > 1 else NUMBERS[kind]) for _, name, kind, count in rows]
 
 
-class Unit(IntEnum):
-    """What the numbers of a payload are."""
-
-    NONE = 0
-    TEXT = 1
-    ROWS = 2
-    DISPLACEMENT = 3
-    LOAD = 4
-    LOAD_PAIR = 5
-    GRID = 6
-
-
-WIDTH = {Unit.NONE: 0, Unit.TEXT: 1, Unit.ROWS: 1, Unit.DISPLACEMENT: 3, Unit.LOAD: 4, Unit.LOAD_PAIR: 8, Unit.GRID: 6}
-INPUT = {"structure": Unit.LOAD_PAIR, "mesh": Unit.DISPLACEMENT, "flow": Unit.NONE}
-OUTPUT = {"structure": Unit.DISPLACEMENT, "mesh": Unit.GRID, "flow": Unit.LOAD}
-
-# Names of the statistics that a participant may report, with their index.
-STATISTICS = {
-    "structure": {
-        "kinetic_energy": 0,
-        "strain_energy": 1,
-        "load_work": 2,
-        "newton_steps": 3,
-        "gmres_iterations": 4,
-        "factorisations": 5,
-        "vertical_load": 6,
-        "projected_area": 7,
-        "max_line_tension": 8,
-        "residual": 9,
-        "step_cuts": 10,
-        "assembly_s": 11,
-        "factorisation_s": 12,
-        "solve_s": 13,
-        "riser_force": 14,
-        "volume": 15,
-    },
-    "flow": {
-        "force_x": 0,
-        "force_y": 1,
-        "force_z": 2,
-        "residual_start": 3,
-        "residual_end": 4,
-        "iterations": 5,
-        "linear_iterations": 6,
-        "max_mach": 7,
-        "max_courant": 8,
-        "max_pressure": 9,
-        "min_pressure": 10,
-        "moment_x": 11,
-        "moment_y": 12,
-        "moment_z": 13,
-        "mass_defect": 14,
-    },
-    "mesh": {
-        "min_quality": 0,
-        "iterations": 1,
-        "increments": 2,
-        "residual": 3,
-        "min_volume_ratio": 4,
-        "worst_cell": 5,
-    },
-}
+def service(which, role="", rank=0):
+    """Name of a service."""
+    return table.SERVICES[which].format(role=role, rank=rank)
 
 
 class Window(ctypes.Structure):
     """One window of the run, from `time` to `time + dt` (s). `frame_velocity` (m/s) is
     that of the falling frame at the end, `frame_acceleration` (m/s2) its mean."""
 
-    _fields_ = [
-        ("index", ctypes.c_uint64),
-        ("iteration", ctypes.c_uint64),
-        ("substeps", ctypes.c_uint64),
-        ("time", ctypes.c_double),
-        ("dt", ctypes.c_double),
-        ("frame_velocity", ctypes.c_double * 3),
-        ("frame_acceleration", ctypes.c_double * 3),
-    ]
+    _fields_ = fields(table.WINDOW)
 
 
 class Header(ctypes.Structure):
     """Header of every message."""
 
-    _fields_ = [
-        ("magic", ctypes.c_uint64),
-        ("contract", ctypes.c_uint32),
-        ("kind", ctypes.c_uint32),
-        ("session", ctypes.c_uint64),
-        ("role", ctypes.c_uint32),
-        ("rank", ctypes.c_uint32),
-        ("sequence", ctypes.c_uint64),
-        ("unit", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
-        ("length", ctypes.c_uint64),
-        ("bytes", ctypes.c_uint64),
-        ("window", Window),
-        ("busy_s", ctypes.c_double),
-        ("values", ctypes.c_double * STATS),
-    ]
+    _fields_ = [*fields(table.HEADER), ("window", Window), *fields(table.ANSWER)]
 
     @staticmethod
     def type_name():
         """The name under which iceoryx2 compares the header in any language."""
-        return f"ripstop.Header.v{VERSION}"
+        return table.HEADER_TYPE
 
     def problem(self, session, role, rank, length):
         """What is wrong with the parts that every message shares; None if nothing is."""
@@ -151,7 +66,9 @@ class Header(ctypes.Structure):
         return None
 
 
-assert ctypes.sizeof(Header) == 288
+assert ctypes.sizeof(Header) == table.HEADER_BYTES
+assert all(getattr(Header, name).offset == at for at, name, _, _ in table.HEADER + table.ANSWER)
+assert all(Header.window.offset + getattr(Window, name).offset == at for at, name, _, _ in table.WINDOW)
 
 
 class Fault(Exception):

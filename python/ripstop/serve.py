@@ -10,15 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from . import contract
-from .contract import COUPLER, INPUT, OUTPUT, ROLES, STATISTICS, WIDTH, Fault, Header, Kind, Unit, Window, during
+from .contract import COUPLER, INPUT, OUTPUT, ROLES, STATISTICS, WIDTH, Fault, Header, Kind, Unit, Window
+from .contract import during, service
 from .participant import Run
 from .session import Guardian, Lock, Place, find_coupler
+from .table import LOOK_S, TEXT_WORDS
 from .transport import Link
-
-# Numbers that any answer channel can carry, so that messages to people fit.
-TEXT_WORDS = 1024
-# Between two looks at whether the coupler lives, s.
-LOOK = 0.2
 
 
 class Ended(Exception):
@@ -104,13 +101,13 @@ class Post:
         self.link = Link(place, me)
         self.ports = []
         flows = self.ranks.get("flow", 0)
-        self.coupler_bell = self.keep(self.link.ringer("bell/coupler", 1, sum(self.ranks.values())))
+        self.coupler_bell = self.keep(self.link.ringer(service("coupler_bell"), 1, sum(self.ranks.values())))
         self.sleeper = self.keep(self.link.sleeper(*self.bell(role)))
         self.readers = self.keep(self.link.ringer(*self.bell("flow"))) if role == "mesh" and flows else None
 
     def bell(self, role):
         """Name of the bell of a program, how many sleep on it, how many ring it."""
-        return f"bell/{role}", self.ranks[role], 1 + (self.ranks.get("mesh", 0) if role == "flow" else 0)
+        return service("bell", role), self.ranks[role], 1 + (self.ranks.get("mesh", 0) if role == "flow" else 0)
 
     def keep(self, port):
         """A port that is freed before the lock."""
@@ -124,7 +121,7 @@ class Post:
 
     def answer_sender(self, words):
         """This rank's end of its answer channel."""
-        return self.keep(self.link.sender(f"answer/{self.role}.{self.at.rank}", words))
+        return self.keep(self.link.sender(service("answer", self.role, self.at.rank), words))
 
     def header(self, kind, sequence, window=None, unit=Unit.NONE, length=0):
         """A header of this rank."""
@@ -158,7 +155,7 @@ class Post:
             where = f"the coupler of session `{self.at.session}` (process {self.notice['pid']})"
             if not alive:
                 raise Ended(f"{where} died in {during(*step)}")
-            limit = LOOK
+            limit = LOOK_S
             if self.at.deadline_s:
                 left = self.at.deadline_s - (time.monotonic() - start)
                 if left <= 0:
@@ -178,13 +175,14 @@ class Desk:
         self.layout_out = self.grid_out = None
         self.pieces, self.index = [], np.arange(0)
         self.open = self.last = None
-        self.commands = post.keep(post.link.receiver(f"command/{self.role}", post.ranks[self.role]))
+        self.commands = post.keep(post.link.receiver(service("command", self.role), post.ranks[self.role]))
         self.readable = 1 + post.ranks.get("flow", 0)
         self.answers = None
         hello = self.guarded(self.hello)
         words = len(self.output_rows) * WIDTH[self.unit]
         if self.role == "mesh":
-            self.grid_out = post.keep(post.link.sender(f"grid/{self.rank}", words, self.readable, newest_wins=True))
+            name = service("grid", rank=self.rank)
+            self.grid_out = post.keep(post.link.sender(name, words, self.readable, newest_wins=True))
             words = 0
         self.answers = post.answer_sender(max(words, TEXT_WORDS, len(hello)))
         self.answers.send_text(post.header(Kind.ANNOUNCE, 0), hello)
@@ -217,14 +215,15 @@ class Desk:
         layouts = []
         if self.role == "flow":
             for rank in range(len(self.welcome["mesh_rows"])):
-                self.pieces.append(post.keep(link.receiver(f"grid/{rank}", self.readable, newest_wins=True)))
-                layouts.append(post.keep(link.receiver(f"layout/mesh.{rank}", self.readable)))
+                name = service("grid", rank=rank)
+                self.pieces.append(post.keep(link.receiver(name, self.readable, newest_wins=True)))
+                layouts.append(post.keep(link.receiver(service("layout", "mesh", rank), self.readable)))
         self.done()
         self.expect(Kind.SEND_LAYOUT).drop()
         rows = np.concatenate([self.output_rows, self.grid_rows]).astype(float)
         mesh = self.role == "mesh"
         receivers = self.readable if mesh else 1
-        self.layout_out = post.keep(link.sender(f"layout/{self.role}.{self.rank}", len(rows), receivers))
+        self.layout_out = post.keep(link.sender(service("layout", self.role, self.rank), len(rows), receivers))
         loan = self.layout_out.loan(len(rows))
         loan.payload[:] = rows
         got = loan.send(post.header(Kind.LAYOUT, self.sequence, None, Unit.ROWS, len(rows)))

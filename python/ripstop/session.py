@@ -10,14 +10,13 @@ import time
 from pathlib import Path
 
 from .contract import VERSION, Fault, fnv
+from .table import GUARDIAN_INTERVAL_S, GUARDIAN_LOOKS, KEY_DIGITS, LOCK, MEMORY, ORPHAN
 
 # From <fcntl.h>: locks that belong to the open file, not to the process.
 F_OFD_GETLK, F_OFD_SETLK = 36, 37
 # struct flock on 64-bit Linux: type, whence, start, length, pid.
 FLOCK = "hh4xqqi4x"
 WHOLE_FILE = struct.pack(FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
-# Code with which a process ends whose coupler has died.
-ORPHAN = 70
 
 
 class Place:
@@ -26,14 +25,14 @@ class Place:
     def __init__(self, session):
         if not re.fullmatch(r"[A-Za-z0-9._-]{1,64}", session):
             raise Fault(f"`{session}` cannot name a session: 1 to 64 letters, digits, `-`, `_` and `.` are allowed")
-        key = f"{fnv(session.encode()):016x}"[:12]
+        key = f"{fnv(session.encode()):016x}"[:KEY_DIGITS]
         self.session = session
         self.prefix = f"rs{key}_"
-        self.folder = Path(f"/dev/shm/ripstop-{os.geteuid()}") / key
+        self.folder = Path(f"{MEMORY}/ripstop-{os.geteuid()}") / key
 
     def lock_file(self, holder):
         """The lock of `coupler` or of a rank such as `mesh.0`."""
-        return self.folder / f"lock.{holder}"
+        return self.folder / f"{LOCK}{holder}"
 
     def notice(self):
         """What the coupler wrote for its participants; None until it has."""
@@ -106,9 +105,9 @@ class Guardian:
 
     def _look(self):
         alone = 0
-        while not self.dismissed.wait(0.5):
+        while not self.dismissed.wait(GUARDIAN_INTERVAL_S):
             alone = 0 if self.watch.is_held() else alone + 1
-            if alone == 4:
+            if alone == GUARDIAN_LOOKS:
                 text = (
                     f"the coupler of session `{self.notice['session']}` (process {self.notice['pid']}) died; "
                     f"this process ({os.getpid()}) ends in the middle of its computation\n"

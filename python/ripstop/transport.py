@@ -10,9 +10,7 @@ import iceoryx2 as iox
 import numpy as np
 
 from .contract import Header, Kind, Unit, pack_text
-
-# Messages that a receiver can hold unread, and hold borrowed.
-BUFFER = 2
+from .table import ALIGNMENT, BUFFER, MEMORY
 
 
 class Link:
@@ -40,7 +38,7 @@ class Link:
             self.node.service_builder(iox.ServiceName.new(name))
             .publish_subscribe(iox.Slice[ctypes.c_double])
             .user_header(Header)
-            .payload_alignment(iox.Alignment.new(64))
+            .payload_alignment(iox.Alignment.new(ALIGNMENT))
             .max_publishers(1)
             .max_subscribers(receivers)
             .max_nodes(receivers + 2)
@@ -65,9 +63,9 @@ class Link:
     def sender(self, name, words, receivers=1, newest_wins=False):
         """The sending end of a channel for messages of at most `words` numbers."""
         # Memory is taken when it is written: running out of it then would kill the process.
-        free = os.statvfs("/dev/shm")
+        free = os.statvfs(MEMORY)
         if 24 * words > free.f_bavail * free.f_frsize:
-            raise MemoryError(f"`{name}` needs {24 * words // 10**6} MB in /dev/shm: make room or enlarge it")
+            raise MemoryError(f"`{name}` needs {24 * words // 10**6} MB in {MEMORY}: make room or enlarge it")
         publisher = (
             self._channel(name, receivers, newest_wins)
             .publisher_builder()

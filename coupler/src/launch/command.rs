@@ -54,6 +54,8 @@ pub struct LaunchPlan<'a> {
     pub programs: &'a Path,
     /// Folder for MPI's temporary files, removed after the run.
     pub scratch: &'a Path,
+    /// Options for `mpirun`, of one program or of all.
+    pub mpirun: &'a [(Option<Role>, String)],
 }
 
 impl LaunchPlan<'_> {
@@ -111,6 +113,20 @@ impl LaunchPlan<'_> {
         };
         let ranks = self.scene.ranks.of(role).to_string();
         let mut words: Vec<OsString> = vec!["mpirun".into(), "-n".into(), ranks.clone().into()];
+        let hosts: Vec<String> = self
+            .mpirun
+            .iter()
+            .filter(|(of, _)| of.is_none_or(|of| of == role))
+            .flat_map(|(_, options)| split_words(options).unwrap_or_default())
+            .collect();
+        let environment = environment((hosts.is_empty()).then_some(self.scratch));
+        if !hosts.is_empty() {
+            words.extend(hosts.into_iter().map(OsString::from));
+            // To other hosts mpirun passes of its own accord only what is its own.
+            for (name, _) in environment.iter().filter(|(name, _)| !name.starts_with("OMPI_")) {
+                words.extend(["-x".into(), (*name).into()]);
+            }
+        }
         words.extend(command);
         let arguments: [(&str, OsString); 5] = [
             ("--scene", self.scene_file.into()),
@@ -124,25 +140,28 @@ impl LaunchPlan<'_> {
         }
         let folder = case::stage_folder(self.out, self.scene, self.stage);
         let log = folder.join("logs").join(format!("{}.log", role.name()));
-        Ok(Program { role, name, words, environment: environment(self.scratch), log })
+        Ok(Program { role, name, words, environment, log })
     }
 }
 
 /// Environment of a program under OpenMPI: several programs share the cores, so
-/// ranks are neither bound nor allowed to spin, and keep to one thread each.
-fn environment(scratch: &Path) -> Vec<(&'static str, OsString)> {
+/// ranks are neither bound nor allowed to spin, and keep to one thread each. `scratch`, on
+/// this host alone: where MPI's files go.
+fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
     let mut set: Vec<(&'static str, OsString)> = vec![
         ("OMPI_MCA_rmaps_base_oversubscribe", "1".into()),
         ("OMPI_MCA_hwloc_base_binding_policy", "none".into()),
         ("OMPI_MCA_mpi_yield_when_idle", "1".into()),
         // Cross-memory attach is forbidden in many containers, which costs a warning a rank.
         ("OMPI_MCA_btl_vader_single_copy_mechanism", "none".into()),
-        // In one place, so that nothing stays when a rank is killed.
-        ("OMPI_MCA_orte_tmpdir_base", scratch.into()),
-        ("OMPI_MCA_btl_vader_backing_directory", scratch.into()),
         ("OMP_NUM_THREADS", "1".into()),
         ("RAYON_NUM_THREADS", "1".into()),
     ];
+    // In one place, so that nothing stays when a rank is killed.
+    if let Some(scratch) = scratch {
+        set.push(("OMPI_MCA_orte_tmpdir_base", scratch.into()));
+        set.push(("OMPI_MCA_btl_vader_backing_directory", scratch.into()));
+    }
     // For programs in other languages, which ask it for meshes (`ripstop mesh`).
     if let Ok(me) = std::env::current_exe() {
         set.push(("RIPSTOP", me.into()));

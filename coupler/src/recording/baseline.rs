@@ -75,7 +75,7 @@ impl<'a, P: Partners> Baseline<'a, P> {
             let index = recorded.at().index;
             self.comparison.other_iterations.get_or_insert((index, [most, w.iteration + 1]));
         }
-        match &self.comparison.first {
+        match &self.comparison.departure() {
             Some(departure) if self.stop => Err(RunError::Coupling {
                 place: Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
                 message: format!("the run leaves its baseline: {departure}"),

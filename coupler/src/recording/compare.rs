@@ -5,8 +5,62 @@
 //! the largest displacement or coordinate, velocities against the largest velocity. So
 //! a traction that is zero but for rounding cries no wolf. Below an absolute floor (by
 //! field, stated in [`FIELDS`]) nothing is a difference.
+//!
+//! A solver may find the same answer by a longer way: a wrong tangent is a wrong way. So the
+//! iterations that each answer took ([`COUNTS`]) are compared too. They are judged only with
+//! a slack that the user states.
+
+use case::Role;
+use channel::{STATS, flow_stats, mesh_stats, structure_stats};
 
 use super::{Channel, Event, Moment};
+
+/// How often a solver went round for one answer.
+pub struct Count {
+    /// Whose.
+    pub role: Role,
+    /// Place among the statistics.
+    index: usize,
+    /// How people call it.
+    pub name: &'static str,
+}
+
+/// All counts, in the order in which they are compared.
+pub const COUNTS: [Count; 8] = [
+    Count { role: Role::Structure, index: structure_stats::STEP_CUTS, name: "cut time steps" },
+    Count { role: Role::Structure, index: structure_stats::NEWTON_STEPS, name: "Newton steps" },
+    Count { role: Role::Structure, index: structure_stats::GMRES_ITERATIONS, name: "GMRES iterations" },
+    Count { role: Role::Structure, index: structure_stats::FACTORISATIONS, name: "factorisations" },
+    Count { role: Role::Mesh, index: mesh_stats::INCREMENTS, name: "increments" },
+    Count { role: Role::Mesh, index: mesh_stats::ITERATIONS, name: "Krylov iterations" },
+    Count { role: Role::Flow, index: flow_stats::ITERATIONS, name: "nonlinear iterations" },
+    Count { role: Role::Flow, index: flow_stats::LINEAR_ITERATIONS, name: "linear iterations" },
+];
+
+/// A count that differs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OtherCount {
+    /// When.
+    pub at: Moment,
+    /// Number in [`COUNTS`].
+    pub count: usize,
+    /// The reference's and the other.
+    pub values: [f64; 2],
+}
+
+impl std::fmt::Display for OtherCount {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (count, [a, b]) = (&COUNTS[self.count], self.values);
+        write!(
+            f,
+            "window {}, iteration {}, {} of the {}: {a}, then {b}",
+            self.at.index,
+            self.at.iteration,
+            count.name,
+            count.role.program()
+        )
+    }
+}
 
 /// A physical field in the rows of a channel.
 pub struct Field {
@@ -156,12 +210,23 @@ pub struct Comparison {
     pub numbers: u64,
     /// First window in which the two took other numbers of iterations.
     pub other_iterations: Option<(u64, [u64; 2])>,
+    /// Share of a reference's count, rounded up, by which another may differ. `None`: counts
+    /// are told, not judged.
+    pub count_slack: Option<f64>,
+    /// The first count beyond the slack (where there is none: that differs at all).
+    pub first_count: Option<OtherCount>,
 }
 
 impl Comparison {
     /// Beyond `tolerance` two numbers differ.
     pub fn new(tolerance: f64) -> Self {
         Self { tolerance, ..Self::default() }
+    }
+
+    /// Counts may differ by no more than this share of the reference's, rounded up.
+    pub fn judging_counts(mut self, slack: Option<f64>) -> Self {
+        self.count_slack = slack;
+        self
     }
 
     /// Compares an exchange with the reference's. Arrays that one of them lacks are
@@ -173,6 +238,32 @@ impl Comparison {
                 self.add_array(reference.at(), channel, values.as_ref(), b.as_ref());
             }
         }
+        let role = match reference {
+            Event::Structure { .. } => Role::Structure,
+            Event::Mesh { .. } => Role::Mesh,
+            Event::Flow { .. } => Role::Flow,
+            Event::Accept { .. } => return,
+        };
+        if let (Some(a), Some(b)) = (reference.stats(), other.stats()) {
+            self.add_counts(reference.at(), role, a, b);
+        }
+    }
+
+    /// Compares the counts of one answer.
+    pub fn add_counts(&mut self, at: &Moment, role: Role, reference: &[f64; STATS], other: &[f64; STATS]) {
+        if self.first_count.is_some() {
+            return;
+        }
+        let slack = self.count_slack.unwrap_or(0.0);
+        let beyond = |(_, count): &(usize, &Count)| {
+            let (a, b) = (reference[count.index], other[count.index]);
+            count.role == role && (a - b).abs() > (slack * a).ceil()
+        };
+        self.first_count = COUNTS.iter().enumerate().find(beyond).map(|(number, count)| OtherCount {
+            at: *at,
+            count: number,
+            values: [reference[count.index], other[count.index]],
+        });
     }
 
     /// Compares one array.
@@ -196,9 +287,20 @@ impl Comparison {
         }
     }
 
-    /// Whether nothing differs beyond the tolerance.
+    /// Whether nothing differs beyond the tolerance (and no count beyond its slack).
     pub fn same(&self) -> bool {
-        self.first.is_none()
+        self.first.is_none() && self.judged_count().is_none()
+    }
+
+    /// The first count that is not what it may be.
+    pub fn judged_count(&self) -> Option<&OtherCount> {
+        self.first_count.as_ref().filter(|_| self.count_slack.is_some())
+    }
+
+    /// What ends a run that is to stop where it departs.
+    pub fn departure(&self) -> Option<String> {
+        let numbers = self.first.as_ref().map(ToString::to_string);
+        numbers.or_else(|| self.judged_count().map(ToString::to_string))
     }
 
     /// For people: the first departure and, by field, how the difference grows.
@@ -214,6 +316,13 @@ impl Comparison {
         };
         if let Some((window, [a, b])) = self.other_iterations {
             text.push_str(&format!("\nwindow {window} took {a} iterations, then {b}"));
+        }
+        if let Some(count) = &self.first_count {
+            let judged = match self.count_slack {
+                Some(slack) => format!("slack {:.0} %", 100.0 * slack),
+                None => "not judged: see --count-slack".into(),
+            };
+            text.push_str(&format!("\nfirst other count: {count} ({judged})"));
         }
         text.push_str("\n  largest difference            first window   last window    largest  in window");
         for (number, field) in FIELDS.iter().enumerate() {
@@ -284,6 +393,31 @@ mod tests {
             frame_velocity: [0.0; 3],
             frame_acceleration: [0.0; 3],
         }
+    }
+
+    #[test]
+    fn counts_are_judged_by_their_slack() {
+        let event = |newton: f64| {
+            let mut stats = [0.0; STATS];
+            stats[structure_stats::NEWTON_STEPS] = newton;
+            stats[structure_stats::ASSEMBLY_S] = 1e-3 * newton;
+            Event::Structure { at: at(1), load: [0.0; 8], displacement: [0.0; 3], stats }
+        };
+        let compared = |slack, other| {
+            let mut c = Comparison::new(0.0).judging_counts(slack);
+            c.add(&event(3.0), &event(other));
+            c
+        };
+        // A quarter of 3, rounded up, is 1; seconds are no counts.
+        assert!(compared(Some(0.25), 4.0).same() && compared(Some(0.0), 3.0).same());
+        assert!(!compared(Some(0.0), 4.0).same());
+        let far = compared(Some(0.25), 7.0);
+        let says = "window 1, iteration 1, Newton steps of the structure-solver: 3, then 7";
+        assert_eq!(far.departure().as_deref(), Some(says));
+        assert!(!far.same() && far.report().contains(says), "{}", far.report());
+        // Without a slack it is told.
+        let told = compared(None, 4.0);
+        assert!(told.same() && told.departure().is_none() && told.report().contains("3, then 4"));
     }
 
     #[test]

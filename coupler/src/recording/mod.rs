@@ -201,6 +201,14 @@ impl<A> Event<A> {
         }
     }
 
+    /// The statistics of an answer.
+    pub fn stats(&self) -> Option<&[f64; STATS]> {
+        match self {
+            Self::Structure { stats, .. } | Self::Mesh { stats, .. } | Self::Flow { stats, .. } => Some(stats),
+            Self::Accept { .. } => None,
+        }
+    }
+
     /// The same event with other arrays.
     ///
     /// # Errors

@@ -1,4 +1,5 @@
-//! The tables of `docs/contract.md` are made from the code: a test compares them.
+//! The tables of `docs/contract.md` and of the Python kit are made from the code: tests
+//! compare them.
 //!
 //! After a change: `RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc`.
 
@@ -7,11 +8,15 @@ use std::mem::{offset_of, size_of};
 
 use case::Role;
 
-use crate::header::{Header, Kind, MAGIC, Unit, role_code};
-use crate::transport::{ChannelSpec, HEADER_TYPE};
+use crate::header::{COUPLER, Header, Kind, MAGIC, Unit, role_code};
+use crate::post::{Guardian, LOOK};
+use crate::serve::TEXT_WORDS;
+use crate::session::{KEY_DIGITS, LOCK, MEMORY};
+use crate::transport::{ALIGNMENT, BUFFER, ChannelSpec, HEADER_TYPE};
 use crate::wire::Roster;
 use crate::{CONTRACT_VERSION, LOAD_WIDTH, STATS, Stats, Window};
 
+const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../python/ripstop/table.py");
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/contract.md");
 
 /// Rows of a struct: offset, bytes, type, name; and the sum of its bytes.
@@ -140,25 +145,166 @@ fn services() -> String {
     text
 }
 
-/// The statistics of a role, from the doc comments of `message.rs`.
-fn stats(role: &str) -> String {
+/// The statistics of a role, from the doc comments of `message.rs`: index, name, meaning.
+fn stats_of(role: &str) -> Vec<(usize, String, String)> {
     let source = include_str!("message.rs");
     let start = source.find(&format!("pub mod {role}_stats {{")).expect("the module");
     let module = &source[start..];
     let module = &module[..module.find("\n}").expect("its end")];
-    let mut text = String::from("| index | name | meaning |\n|---:|---|---|\n");
+    let mut rows = Vec::new();
     let mut doc = String::new();
     for line in module.lines().map(str::trim) {
         if let Some(more) = line.strip_prefix("///") {
             doc += more;
         } else if let Some(item) = line.strip_prefix("pub const ") {
             let (name, rest) = item.split_once(": usize = ").expect("an index");
-            let index = rest.trim_end_matches(';');
-            let _ = writeln!(text, "| {index} | `{name}` | {} |", doc.trim());
+            let index = rest.trim_end_matches(';').parse().expect("a number");
+            rows.push((index, name.to_string(), doc.trim().to_string()));
             doc.clear();
         }
     }
+    rows
+}
+
+fn stats(role: &str) -> String {
+    let mut text = String::from("| index | name | meaning |\n|---:|---|---|\n");
+    for (index, name, meaning) in stats_of(role) {
+        let _ = writeln!(text, "| {index} | `{name}` | {meaning} |");
+    }
     text
+}
+
+/// Statistics of three numbers, `_x`, `_y` and `_z` in Python.
+const VECTORS: [&str; 2] = ["FORCE", "MOMENT"];
+
+/// `SendLayout` as `SEND_LAYOUT`.
+fn shouted(name: &str) -> String {
+    let mut text = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !text.is_empty() {
+            text.push('_');
+        }
+        text.extend(letter.to_uppercase());
+    }
+    text
+}
+
+/// A dictionary of Python, an entry in each line.
+fn dictionary(name: &str, entries: impl IntoIterator<Item = (String, String)>) -> String {
+    let mut text = format!("{name} = {{\n");
+    for (key, value) in entries {
+        let _ = writeln!(text, "    \"{key}\": {value},");
+    }
+    text + "}\n"
+}
+
+/// Fields of a struct for Python: offset, name, type of a number, how many.
+fn python_fields(name: &str, prefix: &str) -> String {
+    let mut text = format!("{name} = [\n");
+    for (offset, bytes, kind, field) in header_fields() {
+        let at = field.strip_prefix(prefix).filter(|rest| !rest.contains('.'));
+        let Some(field) = at else { continue };
+        let number = kind.trim_start_matches('[').split(';').next().expect("a type");
+        let count = bytes / if number == "u32" { 4 } else { 8 };
+        let _ = writeln!(text, "    ({offset}, \"{field}\", \"{number}\", {count}),");
+    }
+    text + "]\n"
+}
+
+fn python_services() -> String {
+    let roster = Roster(vec![(Role::Flow, 9)]);
+    let (role, rank) = (Role::Flow, 7);
+    let names = [
+        ("command", roster.command(role).0),
+        ("answer", roster.answer(role, rank).0),
+        ("layout", roster.layout(role, rank).0),
+        ("grid", roster.grid(rank).0),
+        ("bell", roster.bell(role).0),
+        ("coupler_bell", roster.coupler_bell().0.to_string()),
+    ];
+    let place = |name: String| name.replace(role.name(), "{role}").replace('7', "{rank}");
+    dictionary("SERVICES", names.map(|(key, name)| (key.to_string(), format!("\"{}\"", place(name)))))
+}
+
+fn python_statistics() -> String {
+    let mut text = String::from("STATISTICS = {\n");
+    for role in Role::ALL {
+        let _ = writeln!(text, "    \"{}\": {{", role.name());
+        for (index, name, _) in stats_of(role.name()) {
+            let key = name.to_lowercase();
+            if VECTORS.contains(&name.as_str()) {
+                for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
+                    let _ = writeln!(text, "        \"{key}_{axis}\": {},", index + k);
+                }
+            } else {
+                let _ = writeln!(text, "        \"{key}\": {index},");
+            }
+        }
+        text += "    },\n";
+    }
+    text + "}\n"
+}
+
+/// Everything that the Python kit needs to know of the contract as a number or a name.
+fn python() -> String {
+    let mut text = String::from(
+        "\"\"\"Numbers and names of the contract. Written from the code of crates/channel:\n\
+         RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc. Not to be edited.\"\"\"\n\n",
+    );
+    for (name, value) in [
+        ("VERSION", CONTRACT_VERSION.to_string()),
+        ("MAGIC", format!("{MAGIC:#018X}").replace("0X", "0x")),
+        ("HEADER_TYPE", format!("{HEADER_TYPE:?}")),
+        ("HEADER_BYTES", size_of::<Header>().to_string()),
+        ("STATS", STATS.to_string()),
+        ("COUPLER", COUPLER.to_string()),
+        ("TEXT_WORDS", TEXT_WORDS.to_string()),
+        ("BUFFER", BUFFER.to_string()),
+        ("ALIGNMENT", ALIGNMENT.to_string()),
+        ("LOOK_S", format!("{:?}", LOOK.as_secs_f64())),
+        ("GUARDIAN_INTERVAL_S", format!("{:?}", Guardian::INTERVAL.as_secs_f64())),
+        ("GUARDIAN_LOOKS", Guardian::LOOKS.to_string()),
+        ("ORPHAN", Guardian::ORPHAN.to_string()),
+        ("MEMORY", format!("{MEMORY:?}")),
+        ("LOCK", format!("{LOCK:?}")),
+        ("KEY_DIGITS", KEY_DIGITS.to_string()),
+    ] {
+        let _ = writeln!(text, "{name} = {value}");
+    }
+    let number = |n: usize| n.to_string();
+    let quoted = |unit: Unit| format!("\"{}\"", shouted(&format!("{unit:?}")));
+    let roles = |of: fn(Role) -> Unit| Role::ALL.map(|r| (r.name().to_string(), quoted(of(r))));
+    let unit_name = |u: Unit| shouted(&format!("{u:?}"));
+    text += &dictionary("ROLES", Role::ALL.map(|r| (r.name().to_string(), role_code(r).to_string())));
+    text += &dictionary("KINDS", Kind::ALL.map(|k| (shouted(&format!("{k:?}")), number(k as usize))));
+    text += &dictionary("UNITS", Unit::ALL.map(|u| (unit_name(u), number(u as usize))));
+    text += &dictionary("WIDTHS", Unit::ALL.map(|u| (unit_name(u), number(u.width()))));
+    text += &dictionary("INPUTS", roles(Unit::of_input));
+    text += &dictionary("OUTPUTS", roles(Unit::of_output));
+    text += &python_services();
+    text += "# Offset in the header, name, type of a number, how many of them.\n";
+    text += &python_fields("HEADER", "");
+    text += &python_fields("WINDOW", "window.");
+    text += &python_fields("ANSWER", "stats.");
+    text + &python_statistics()
+}
+
+/// No number or name of the Python kit can leave the code: it has them all from this file.
+#[test]
+fn the_python_kit_knows_what_the_code_does() {
+    let made = python();
+    if std::env::var_os("RIPSTOP_WRITE_DOCS").is_some() {
+        std::fs::write(PYTHON, made).expect("written");
+        return;
+    }
+    let kept = std::fs::read_to_string(PYTHON).expect("python/ripstop/table.py");
+    if kept != made {
+        let line = kept.lines().zip(made.lines()).find(|(a, b)| a != b);
+        panic!(
+            "python/ripstop/table.py differs from the code (Python, code): {line:?}\n\
+             RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc writes it anew"
+        );
+    }
 }
 
 #[test]

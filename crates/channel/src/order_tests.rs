@@ -19,9 +19,10 @@ fn rogue(tamper: Tamper, words: usize) -> String {
     let session = name("rogue");
     let at = at(&session, Structure, 0, 1);
     let thread = thread::spawn(move || {
-        let mut fake = Fake::new(Structure, 0, 1);
-        let mut desk = Desk::open(&mut fake, Post::join(&at, at.deadline)?)?;
-        desk.handshake()?;
+        let fake = Fake::new(Structure, 0, 1);
+        let mut desk = Desk::open(Post::join(&at, at.deadline)?, Identity::of(&fake))?;
+        desk.welcome()?;
+        desk.lay_out()?;
         drop(desk.expect(Kind::Advance)?);
         let mut loan = desk.answers.loan(words)?;
         loan.payload().fill(1.0);
@@ -112,9 +113,10 @@ fn the_flow_reads_no_grid_out_of_turn() {
         let flow = spawn(&session, Fake::new(Flow, 0, 1));
         let at = at(&session, Mesh, 0, 1);
         let mesh = thread::spawn(move || {
-            let mut fake = Fake::new(Mesh, 0, 1);
-            let mut desk = Desk::open(&mut fake, Post::join(&at, at.deadline)?)?;
-            desk.handshake()?;
+            let fake = Fake::new(Mesh, 0, 1);
+            let mut desk = Desk::open(Post::join(&at, at.deadline)?, Identity::of(&fake))?;
+            desk.welcome()?;
+            desk.lay_out()?;
             drop(desk.expect(Kind::Advance)?);
             let mut loan = desk.grid_out.as_ref().expect("the mesh has one").loan(words)?;
             loan.payload().fill(1.0);

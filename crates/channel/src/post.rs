@@ -14,7 +14,7 @@ use crate::wire::{Roster, during};
 use crate::{CONTRACT_VERSION, Fault, ServeError, ServeOptions, SessionError, Window};
 
 /// Between two looks at whether the coupler lives.
-const LOOK: Duration = Duration::from_millis(200);
+pub(crate) const LOOK: Duration = Duration::from_millis(200);
 
 /// A rank's membership of a session.
 pub(crate) struct Post {
@@ -161,6 +161,11 @@ impl Post {
         }
     }
 
+    /// Forgets what rang so far.
+    pub fn hush(&self) -> Result<(), SessionError> {
+        self.sleeper.sleep(Duration::ZERO)
+    }
+
     pub fn coupler_died(&self, step: &(Kind, Window)) -> ServeError {
         ServeError::CouplerDied {
             session: self.at.session.clone(),
@@ -220,10 +225,12 @@ pub(crate) struct Guardian {
 
 impl Guardian {
     /// Code with which an orphaned process ends.
-    const ORPHAN: i32 = 70;
-    /// Looks, half a second apart, until the process is ended: longer than a rank
-    /// that waits needs to notice by itself.
-    const LOOKS: u32 = 4;
+    pub const ORPHAN: i32 = 70;
+    /// Between two looks.
+    pub const INTERVAL: Duration = Duration::from_millis(500);
+    /// Looks in vain until the process is ended: longer than a rank that waits needs to
+    /// notice by itself.
+    pub const LOOKS: u32 = 4;
 
     /// `None`: no coupler serves `session` now.
     pub fn over(session: &str) -> Result<Option<Self>, SessionError> {
@@ -236,7 +243,7 @@ impl Guardian {
         let (end, ended) = mpsc::channel::<()>();
         let work = move || {
             let mut alone = 0;
-            while ended.recv_timeout(Duration::from_millis(500)) == Err(RecvTimeoutError::Timeout) {
+            while ended.recv_timeout(Self::INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 alone = if watch.is_held() || STOPPED.load(Ordering::Relaxed) { 0 } else { alone + 1 };
                 if alone == Self::LOOKS {
                     // Its reader died with the coupler: a line that cannot be written must

@@ -8,11 +8,12 @@ use case::Role;
 
 use crate::header::{COUPLER, Kind, Unit, text_words, unpack_text};
 use crate::post::{Guardian, Post, dismiss_guardians};
+use crate::relay::{Frame, Peers, Standing, memory_name, receive, serve_far, standing};
 use crate::session::panic_fault;
-use crate::transport::{Message, Receiver, Sender};
+use crate::transport::{Loan, Message, Receiver, Sender};
 use crate::windows::Windows;
 use crate::wire::{Hello, Welcome, decode_rows, during, first_not_finite, to_json};
-use crate::{CONTRACT_VERSION, Fault, Grid, Input, Participant, ServeError, Stats, Window};
+use crate::{Announcement, CONTRACT_VERSION, Fault, Grid, Input, Participant, ServeError, Stats, Window};
 
 /// Which rank serves, and where.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +43,7 @@ pub struct ServeEnd {
 }
 
 /// Numbers that any answer channel can carry, so that messages to people fit.
-const TEXT_WORDS: usize = 1024;
+pub(crate) const TEXT_WORDS: usize = 1024;
 
 /// Serves one rank of a program from the handshake to the coupler's `stop`.
 ///
@@ -52,11 +53,56 @@ const TEXT_WORDS: usize = 1024;
 /// other than zero (under MPI without `MPI_Finalize`, so that `mpirun` ends the
 /// other ranks).
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
+    serve_near(participant, at, None)
+}
+
+/// As [`serve`], for a program whose ranks may span several hosts. Collective.
+///
+/// Ranks that share the coupler's memory serve as ever. Those that do not are asked through
+/// one that does, by `peers`; at least one rank must run on the coupler's host.
+pub fn serve_across(
+    participant: &mut dyn Participant,
+    at: &ServeOptions,
+    peers: &Peers<'_>,
+) -> Result<ServeEnd, ServeError> {
+    serve_from(memory_name(), participant, at, peers)
+}
+
+/// As [`serve_across`] for a process that sees `memory`.
+pub(crate) fn serve_from(
+    memory: u64,
+    participant: &mut dyn Participant,
+    at: &ServeOptions,
+    peers: &Peers<'_>,
+) -> Result<ServeEnd, ServeError> {
+    match standing(at, memory, peers)? {
+        Standing::Near(kept) => serve_near(participant, at, Some((peers, &kept))),
+        Standing::Far(keeper) => serve_far(participant, at, peers, keeper),
+    }
+}
+
+fn serve_near(
+    participant: &mut dyn Participant,
+    at: &ServeOptions,
+    far: Option<(&Peers<'_>, &[usize])>,
+) -> Result<ServeEnd, ServeError> {
     let post = Post::join(at, at.deadline)?;
     let _guardian = if at.exit_when_orphaned { Guardian::over(&at.session)? } else { None };
-    let mut desk = Desk::open(participant, post)?;
-    desk.handshake()?;
-    desk.run(participant)
+    let mut desk = Desk::open(post, guarded(|| Identity::of(participant)))?;
+    let mut kept = Vec::new();
+    if let Some((peers, ranks)) = far {
+        for &rank in ranks {
+            let post = Post::join(&ServeOptions { rank, ..at.clone() }, at.deadline)?;
+            let said = receive(peers, rank, None).map_err(|p| Fault::new(p.unwrap_or_default()));
+            let desk = Desk::open(post, said.and_then(|frame| frame.identity(rank)))?;
+            kept.push(Kept { desk, peers: *peers, rank });
+        }
+    }
+    desk.welcome()?;
+    kept.iter_mut().try_for_each(|k| k.desk.welcome())?;
+    desk.lay_out()?;
+    kept.iter_mut().try_for_each(|k| k.desk.lay_out())?;
+    desk.run(participant, kept)
 }
 
 /// Tells the coupler that this rank cannot even begin (its scene, mesh or state
@@ -74,8 +120,41 @@ pub fn report(at: &ServeOptions, fault: &Fault) {
 }
 
 /// Runs a call of the participant; a panic becomes a fault.
-fn guarded<T>(call: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+pub(crate) fn guarded<T>(call: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(panic_fault(panic)))
+}
+
+/// What a participant says of itself.
+pub(crate) struct Identity {
+    pub announcement: Announcement,
+    pub output_rows: Vec<u64>,
+    pub grid_rows: Vec<u64>,
+}
+
+impl Identity {
+    pub fn of(participant: &dyn Participant) -> Result<Self, Fault> {
+        Ok(Self {
+            announcement: participant.announce(),
+            output_rows: participant.output_rows(),
+            grid_rows: participant.grid_rows(),
+        })
+    }
+}
+
+/// An output that may leave the program.
+pub(crate) fn finite(output: &[f64], rows: &[u64], width: usize, stats: &Stats) -> Result<(), Fault> {
+    if let Some(i) = first_not_finite(output) {
+        let (row, component) = (rows[i / width], i % width);
+        return Err(Fault::new(format!(
+            "component {component} of output row {row} is {} (NaN also where it was not written): \
+             the solution has diverged or the row was left out",
+            output[i]
+        )));
+    }
+    if let Some(i) = first_not_finite(&stats.values) {
+        return Err(Fault::new(format!("statistic {i} is {}: the solution has diverged", stats.values[i])));
+    }
+    Ok(())
 }
 
 /// The place of one rank in a session: its channels, and where it stands.
@@ -100,21 +179,21 @@ struct Desk {
 #[derive(Default)]
 struct GridLink {
     pieces: Vec<Receiver>,
+    /// Rows of the pieces, during the handshake.
+    layouts: Vec<Receiver>,
     /// Piece and row of each of the reader's rows.
     index: Vec<(u32, u32)>,
 }
 
 impl Desk {
-    /// Asks the participant who it is, and announces it.
-    fn open(participant: &mut dyn Participant, post: Post) -> Result<Self, ServeError> {
+    /// Announces the rank of `post`.
+    fn open(post: Post, identity: Result<Identity, Fault>) -> Result<Self, ServeError> {
         let role = post.at.role;
         let (name, spec) = post.roster.command(role);
         let commands = post.link.join(&name, spec)?.receiver()?;
-        let asked =
-            guarded(|| Ok((participant.announce(), participant.output_rows(), participant.grid_rows())));
         let step = (Kind::Announce, Window::default());
-        let (announcement, output_rows, grid_rows) = match asked {
-            Ok(asked) => asked,
+        let Identity { announcement, output_rows, grid_rows } = match identity {
+            Ok(identity) => identity,
             Err(fault) => return Err(post.fail(&post.answer_sender(TEXT_WORDS)?, 0, &step, fault)),
         };
         let hello = to_json(&Hello {
@@ -153,7 +232,8 @@ impl Desk {
         })
     }
 
-    fn handshake(&mut self) -> Result<(), ServeError> {
+    /// The first half of the handshake: who the partners are.
+    fn welcome(&mut self) -> Result<(), ServeError> {
         let command = self.expect(Kind::Welcome)?;
         let text = unpack_text(command.payload(), command.header().bytes).unwrap_or_default();
         drop(command);
@@ -161,18 +241,20 @@ impl Desk {
             Ok(welcome) => welcome,
             Err(e) => return Err(self.broken(format!("the coupler's welcome cannot be read: {e}"))),
         };
-        let (role, rank) = (self.post.at.role, self.post.at.rank);
-        let mut layouts = Vec::new();
-        if role == Role::Flow {
+        if self.post.at.role == Role::Flow {
             for mesh_rank in 0..self.welcome.mesh_rows.len() {
                 let (name, spec) = self.post.roster.grid(mesh_rank);
                 self.link.pieces.push(self.post.link.join(&name, spec)?.receiver()?);
                 let (name, spec) = self.post.roster.layout(Role::Mesh, mesh_rank);
-                layouts.push(self.post.link.join(&name, spec)?.receiver()?);
+                self.link.layouts.push(self.post.link.join(&name, spec)?.receiver()?);
             }
         }
-        self.done()?;
+        self.done()
+    }
 
+    /// The second half: which rows are where.
+    fn lay_out(&mut self) -> Result<(), ServeError> {
+        let (role, rank) = (self.post.at.role, self.post.at.rank);
         drop(self.expect(Kind::SendLayout)?);
         let (name, spec) = self.post.roster.layout(role, rank);
         let rows = self.output_rows.len() + self.grid_rows.len();
@@ -187,6 +269,7 @@ impl Desk {
         self.delivered(Kind::Layout, got, 1 + readers)?;
         self.layout_out = Some(sender);
         self.post.ring_readers();
+        let layouts = std::mem::take(&mut self.link.layouts);
         if !layouts.is_empty() {
             self.link.index = self.index_grid(&layouts)?;
         }
@@ -224,47 +307,81 @@ impl Desk {
         }
     }
 
-    /// Serves windows until the coupler stops the run.
-    fn run(mut self, participant: &mut dyn Participant) -> Result<ServeEnd, ServeError> {
+    /// Serves windows until the coupler stops the run; ranks on other hosts, whose posts
+    /// are `kept` here, are asked first and heard last.
+    fn run(mut self, participant: &mut dyn Participant, mut kept: Vec<Kept<'_>>) -> Result<ServeEnd, ServeError> {
         let mut windows = Windows::default();
         loop {
             let command = self.next()?;
             let (kind, w) = self.step;
+            let asked: Vec<Message> = kept.iter_mut().map(|k| k.next(&self.step)).collect::<Result<_, _>>()?;
             match kind {
                 Kind::Advance => {
                     self.layout_out = None;
                     if let Some(problem) = windows.advance(&w) {
                         return Err(self.broken(problem));
                     }
+                    for (k, command) in kept.iter_mut().zip(&asked) {
+                        k.desk.layout_out = None;
+                        k.ask_window(command, &w)?;
+                    }
                     self.advance(participant, &command, &w)?;
+                    drop(asked);
+                    kept.iter().try_for_each(|k| k.hear_window(&w))?;
                 }
                 Kind::Accept => {
                     if let Some(problem) = windows.accept(&w) {
                         return Err(self.broken(problem));
                     }
+                    kept.iter().for_each(|k| k.tell(""));
                     self.call(|| participant.accept(&w))?;
+                    kept.iter().try_for_each(Kept::hear)?;
                 }
                 Kind::Save | Kind::Snapshot => {
-                    let Some(folder) = unpack_text(command.payload(), command.header().bytes) else {
+                    let Some(text) = unpack_text(command.payload(), command.header().bytes) else {
                         return Err(self.broken("a folder whose name is no text".into()));
                     };
-                    let folder = Path::new(&folder);
+                    kept.iter().for_each(|k| k.tell(&text));
+                    let folder = Path::new(&text);
                     if kind == Kind::Save {
                         self.call(|| participant.save(folder))?;
                     } else {
                         self.call(|| participant.snapshot(w.time, folder))?;
                     }
+                    kept.iter().try_for_each(Kept::hear)?;
                 }
                 Kind::Stop => {
                     if self.post.at.exit_when_orphaned {
                         dismiss_guardians();
                     }
+                    kept.iter().for_each(|k| k.tell(""));
+                    kept.iter().try_for_each(Kept::hear)?;
                     self.done()?;
                     return Ok(ServeEnd { windows: windows.accepted });
                 }
                 _ => return Err(self.broken(format!("`{kind:?}` between windows"))),
             }
         }
+    }
+
+    /// The moved grid of window `w`, when the input has been checked.
+    fn begin(&self, command: &Message, w: &Window) -> Result<Vec<Message>, ServeError> {
+        let input = self.welcome.input_length as usize;
+        let unit = Unit::of_input(self.post.at.role);
+        if command.payload().len() != input || command.header().unit != unit as u32 {
+            let (n, code) = (command.payload().len(), command.header().unit);
+            return Err(self.broken(format!(
+                "input of {n} numbers in unit {code}, expected {input} in unit {} ({unit:?})",
+                unit as u32
+            )));
+        }
+        self.grid_pieces(w)
+    }
+
+    /// Memory for the output of a window.
+    fn loan(&self) -> Result<Loan, ServeError> {
+        let words = self.output_rows.len() * Unit::of_output(self.post.at.role).width();
+        Ok(self.grid_out.as_ref().unwrap_or(&self.answers).loan(words)?)
     }
 
     /// One window: input read in place, output written in place.
@@ -274,37 +391,31 @@ impl Desk {
         command: &Message,
         w: &Window,
     ) -> Result<(), ServeError> {
-        let role = self.post.at.role;
-        let input = self.welcome.input_length as usize;
-        let unit = Unit::of_input(role);
-        if command.payload().len() != input || command.header().unit != unit as u32 {
-            let (n, code) = (command.payload().len(), command.header().unit);
-            return Err(self.broken(format!(
-                "input of {n} numbers in unit {code}, expected {input} in unit {} ({unit:?})",
-                unit as u32
-            )));
-        }
-        let pieces = self.grid_pieces(w)?;
+        let pieces = self.begin(command, w)?;
         let pieces: Vec<&[f64]> = pieces.iter().map(Message::payload).collect();
         let input =
             Input { canopy: command.payload(), grid: Grid { pieces: &pieces, index: &self.link.index } };
-
-        let unit = Unit::of_output(role);
-        let words = self.output_rows.len() * unit.width();
-        let mut loan = self.grid_out.as_ref().unwrap_or(&self.answers).loan(words)?;
+        let width = Unit::of_output(self.post.at.role).width();
+        let mut loan = self.loan()?;
         let start = Instant::now();
         let result = guarded(|| participant.advance(w, &input, loan.payload()))
-            .and_then(|stats| self.finite(loan.payload(), unit.width(), &stats).map(|()| stats));
-        let mut stats = match result {
-            Ok(stats) => stats,
+            .and_then(|stats| finite(loan.payload(), &self.output_rows, width, &stats).map(|()| stats));
+        match result {
+            Ok(mut stats) => {
+                stats.busy_s = start.elapsed().as_secs_f64();
+                self.publish(loan, w, stats)
+            }
             Err(fault) => {
                 // Only one message can be in the making.
                 drop(loan);
-                return Err(self.post.fail(&self.answers, self.sequence, &self.step, fault));
+                Err(self.post.fail(&self.answers, self.sequence, &self.step, fault))
             }
-        };
-        stats.busy_s = start.elapsed().as_secs_f64();
+        }
+    }
 
+    /// Sends the output of a window.
+    fn publish(&self, mut loan: Loan, w: &Window, stats: Stats) -> Result<(), ServeError> {
+        let (unit, words) = (Unit::of_output(self.post.at.role), loan.payload().len());
         let mut answer = self.post.header(Kind::Output, self.sequence).with_window(*w);
         answer.stats = stats;
         if self.grid_out.is_some() {
@@ -353,25 +464,6 @@ impl Desk {
             pieces.push(message);
         }
         Ok(pieces)
-    }
-
-    /// An output that may leave the program.
-    fn finite(&self, output: &[f64], width: usize, stats: &Stats) -> Result<(), Fault> {
-        if let Some(i) = first_not_finite(output) {
-            let (row, component) = (self.output_rows[i / width], i % width);
-            return Err(Fault::new(format!(
-                "component {component} of output row {row} is {} (NaN also where it was not written): \
-                 the solution has diverged or the row was left out",
-                output[i]
-            )));
-        }
-        if let Some(i) = first_not_finite(&stats.values) {
-            return Err(Fault::new(format!(
-                "statistic {i} is {}: the solution has diverged",
-                stats.values[i]
-            )));
-        }
-        Ok(())
     }
 
     /// A call of the participant that is answered with `Done`.
@@ -452,6 +544,76 @@ impl Desk {
     }
 }
 
+/// The post of a rank on another host.
+struct Kept<'a> {
+    desk: Desk,
+    peers: Peers<'a>,
+    rank: usize,
+}
+
+impl Kept<'_> {
+    /// The next command, which is that of the rank that keeps this post.
+    fn next(&mut self, step: &(Kind, Window)) -> Result<Message, ServeError> {
+        let command = self.desk.next()?;
+        // Its bell is listened to by the keeper's own ear.
+        self.desk.post.hush()?;
+        if self.desk.step == *step { Ok(command) } else { Err(self.desk.broken("another command".into())) }
+    }
+
+    fn send(&self, frame: &Frame) {
+        (self.peers.send)(self.rank, &frame.pack());
+    }
+
+    fn tell(&self, text: &str) {
+        let (kind, window) = self.desk.step;
+        self.send(&Frame { text: text.to_owned(), ..Frame::new(kind, window) });
+    }
+
+    fn ask_window(&self, command: &Message, w: &Window) -> Result<(), ServeError> {
+        let pieces = self.desk.begin(command, w)?;
+        let mut frame = Frame::new(Kind::Advance, *w);
+        frame.first = command.payload().to_vec();
+        let pieces: Vec<&[f64]> = pieces.iter().map(Message::payload).collect();
+        let grid = Grid { pieces: &pieces, index: &self.desk.link.index };
+        if !grid.is_empty() {
+            frame.second = (0..self.desk.grid_rows.len()).flat_map(|i| *grid.row(i)).collect();
+        }
+        self.send(&frame);
+        Ok(())
+    }
+
+    /// What the rank answered; its fault is told to the coupler.
+    fn answer(&self, kind: Kind) -> Result<Frame, ServeError> {
+        let fail = |fault| self.desk.post.fail(&self.desk.answers, self.desk.sequence, &self.desk.step, fault);
+        match receive(&self.peers, self.rank, None) {
+            Ok(frame) if frame.kind == kind => Ok(frame),
+            Ok(frame) if frame.kind == Kind::Fault => Err(fail(Fault::new(frame.text))),
+            Ok(frame) => Err(fail(Fault::new(format!("`{:?}` where `{kind:?}` was due", frame.kind)))),
+            Err(problem) => Err(fail(Fault::new(problem.unwrap_or_default()))),
+        }
+    }
+
+    fn hear(&self) -> Result<(), ServeError> {
+        self.answer(Kind::Done)?;
+        self.desk.done()
+    }
+
+    fn hear_window(&self, w: &Window) -> Result<(), ServeError> {
+        let frame = self.answer(Kind::Output)?;
+        let mut loan = self.desk.loan()?;
+        if frame.first.len() != loan.payload().len() {
+            let (found, wanted) = (frame.first.len(), loan.payload().len());
+            return Err(self.desk.broken(format!("rank {} sent {found} numbers of {wanted}", self.rank)));
+        }
+        loan.payload().copy_from_slice(&frame.first);
+        self.desk.publish(loan, w, frame.stats)
+    }
+}
+
 #[cfg(test)]
 #[path = "order_tests.rs"]
 mod order_tests;
+
+#[cfg(test)]
+#[path = "relay_tests.rs"]
+mod relay_tests;

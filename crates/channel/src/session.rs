@@ -16,8 +16,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Fault, SessionError};
 
-const MEMORY: &str = "/dev/shm";
-const LOCK: &str = "lock.";
+pub(crate) const MEMORY: &str = "/dev/shm";
+pub(crate) const LOCK: &str = "lock.";
+/// Digits of a session's key.
+pub(crate) const KEY_DIGITS: usize = 12;
 
 /// Paths of one session.
 #[derive(Clone, Debug)]
@@ -45,7 +47,7 @@ impl Place {
             return Err(SessionError::BadName(session.into()));
         }
         // 12 hexadecimal digits keep socket paths short; a clash of two names shows in `session.json`.
-        let key = format!("{:016x}", fnv(session.as_bytes()))[..12].to_string();
+        let key = format!("{:016x}", fnv(session.as_bytes()))[..KEY_DIGITS].to_string();
         Ok(Self { session: session.into(), key })
     }
 

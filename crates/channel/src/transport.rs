@@ -54,7 +54,9 @@ pub(crate) struct Channel {
 }
 
 /// Messages that a receiver can hold unread, and hold borrowed.
-const BUFFER: usize = 2;
+pub(crate) const BUFFER: usize = 2;
+/// Of payloads, bytes.
+pub(crate) const ALIGNMENT: usize = 64;
 
 fn failed<E: std::fmt::Debug>(what: &str) -> impl FnOnce(E) -> SessionError {
     let what = what.to_string();
@@ -99,7 +101,7 @@ impl Link {
             .service_builder(&name.try_into().map_err(failed(name))?)
             .publish_subscribe::<[f64]>()
             .user_header::<Header>()
-            .payload_alignment(Alignment::new(64).expect("a power of two"))
+            .payload_alignment(Alignment::new(ALIGNMENT).expect("a power of two"))
             .max_publishers(1)
             .max_subscribers(spec.receivers)
             .max_nodes(spec.receivers + 2)

@@ -29,6 +29,9 @@ pub enum CommError {
     },
 }
 
+/// Tag of [`Comm::send`].
+const LETTER: i32 = 77;
+
 struct World {
     world: SimpleCommunicator,
     /// Seconds spent in reductions and in waiting for exchanges.
@@ -225,6 +228,23 @@ impl Comm {
                 head.to_vec()
             })
             .collect()
+    }
+
+    /// Sends numbers to one rank, apart from all other messages. May wait (and then
+    /// spins) until that rank receives them.
+    pub fn send(&self, to: usize, numbers: &[f64]) {
+        if let Some(world) = self.world() {
+            world.process_at_rank(to as i32).send_with_tag(numbers, LETTER);
+        }
+    }
+
+    /// The next message that `from` sent with [`Comm::send`], if it has come. Does not wait.
+    pub fn poll(&self, from: usize) -> Option<Vec<f64>> {
+        let sender = self.world()?.process_at_rank(from as i32);
+        let (message, status) = sender.immediate_matched_probe_with_tag(LETTER)?;
+        let mut numbers = vec![0.0; status.count(f64::equivalent_datatype()) as usize];
+        message.matched_receive_into(&mut numbers[..]);
+        Some(numbers)
     }
 
     /// Ends every rank of the program at once. For faults that one rank alone

@@ -72,6 +72,30 @@ fn checks(comm: &Comm) {
     assert!(y[..halo.n_owned()].iter().all(|&v| v == 2.0));
     assert!(y[halo.n_owned()..].iter().all(|&v| v == 0.0));
 
+    // Letters come in order, and only to whom they are sent.
+    let (next, last) = ((rank + 1) % size, (rank + size - 1) % size);
+    if size > 1 {
+        let letters: [Vec<f64>; 3] = [vec![rank as f64; 3], vec![], vec![f64::NEG_INFINITY; 20_000]];
+        let wait = |from| loop {
+            if let Some(letter) = comm.poll(from) {
+                break letter;
+            }
+            std::thread::yield_now();
+        };
+        // Long ones may wait for their receiver: in turn.
+        for sender in 0..size {
+            if sender == rank {
+                letters.iter().for_each(|letter| comm.send(next, letter));
+            } else if sender == last {
+                assert_eq!(wait(last), [last as f64; 3]);
+                assert_eq!(wait(last), [0.0; 0]);
+                assert_eq!(wait(last), letters[2]);
+            }
+        }
+        comm.barrier();
+        assert_eq!(comm.poll(last), None);
+    }
+
     // Reductions, short (on the stack) and long.
     let total = (size * (size + 1) / 2) as f64;
     assert_eq!(comm.sum((rank + 1) as f64), total);

@@ -1,0 +1,341 @@
+//! Ranks on other hosts than the coupler's.
+//!
+//! Shared memory ends at a host. A program whose ranks span several has its ranks on the
+//! coupler's host keep the posts of the others: locks, services and answers in their names.
+//! So the coupler and the other programs see no difference. A rank far away is asked,
+//! and answers, by message passing inside its program.
+
+use std::io::Write as _;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use crate::header::{Kind, clipped, pack_text, text_words, unpack_text};
+use crate::serve::{Identity, finite, guarded};
+use crate::session::{MEMORY, Place, Watch, fnv};
+use crate::wire::{decode_rows, during};
+use crate::{Announcement, Fault, Grid, Input, Participant, ServeEnd, ServeError, ServeOptions, Stats, Window};
+
+/// Message passing between the ranks of one program, as [`crate::serve_across`] needs it.
+#[derive(Clone, Copy)]
+pub struct Peers<'a> {
+    /// One number of each rank, in rank order. Collective.
+    pub gather: &'a dyn Fn(u64) -> Vec<u64>,
+    /// Sends numbers to a rank. May wait until that rank looks for them.
+    pub send: &'a dyn Fn(usize, &[f64]),
+    /// The next message of a rank, if it has come. Must not wait.
+    pub poll: &'a dyn Fn(usize) -> Option<Vec<f64>>,
+}
+
+/// Where a rank stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Standing {
+    /// On the coupler's host. Keeps the posts of these ranks too.
+    Near(Vec<usize>),
+    /// On another host. This rank keeps its post.
+    Far(usize),
+}
+
+/// Time after which a search for the coupler's host is told.
+const SEARCH: Duration = Duration::from_secs(10);
+/// Between two looks for the coupler's session.
+const ROUND: Duration = Duration::from_millis(20);
+
+/// Names the shared memory that this process sees: two processes with the same name share it.
+pub(crate) fn memory_name() -> u64 {
+    let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
+    let device = std::fs::metadata(MEMORY).map(|m| (m.dev(), m.ino())).unwrap_or_default();
+    fnv(format!("{} {device:?}", boot.trim()).as_bytes())
+}
+
+/// Whether a live coupler serves `session` in this process's shared memory.
+fn coupler_is_here(session: &str) -> bool {
+    let Ok(place) = Place::of(session) else { return false };
+    place.notice().is_some() && Watch::on(&place.lock_file("coupler")).is_some_and(|watch| watch.is_held())
+}
+
+/// Finds out where each rank stands. Collective. If all ranks share one memory, nothing
+/// is waited for; else until the coupler's session appears in one of them.
+pub(crate) fn standing(at: &ServeOptions, memory: u64, peers: &Peers<'_>) -> Result<Standing, ServeError> {
+    let memories = (peers.gather)(memory);
+    if memories.iter().all(|&m| m == memory) {
+        return Ok(Standing::Near(Vec::new()));
+    }
+    let start = Instant::now();
+    let (mut told, here, gone) = (false, 1, 2);
+    loop {
+        // All ranks must come to the same end, so rank 0's clock counts.
+        let over = at.rank == 0 && at.deadline.is_some_and(|limit| start.elapsed() >= limit);
+        let mine = if coupler_is_here(&at.session) { here } else { u64::from(over) * gone };
+        let all = (peers.gather)(mine);
+        if let Some(home) = all.iter().position(|&x| x == here) {
+            return Ok(stand(at.rank, memories[home], &memories));
+        }
+        if all.contains(&gone) {
+            let seconds = start.elapsed().as_secs_f64();
+            return Err(ServeError::NoCoupler { session: at.session.clone(), seconds });
+        }
+        if at.rank == 0 && !told && start.elapsed() > SEARCH {
+            told = true;
+            let _ = writeln!(
+                std::io::stderr(),
+                "no rank of this {} shares {MEMORY} with the coupler of session `{}` yet: at least one must \
+                 run on the coupler's host",
+                at.role.program(),
+                at.session
+            );
+        }
+        std::thread::sleep(ROUND);
+    }
+}
+
+/// Ranks elsewhere are dealt out to those on the coupler's host in turn.
+fn stand(me: usize, home: u64, memories: &[u64]) -> Standing {
+    let ranks = |here: bool| (0..memories.len()).filter(move |&r| (memories[r] == home) == here);
+    let near: Vec<usize> = ranks(true).collect();
+    let keeper = |i: usize| near[i % near.len()];
+    match ranks(false).position(|r| r == me) {
+        Some(i) => Standing::Far(keeper(i)),
+        None => Standing::Near(
+            ranks(false).enumerate().filter(|&(i, _)| keeper(i) == me).map(|(_, r)| r).collect(),
+        ),
+    }
+}
+
+/// A message between a rank far away and the one that keeps its post.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Frame {
+    pub kind: Kind,
+    pub window: Window,
+    pub stats: Stats,
+    pub text: String,
+    /// Input of the canopy, output, or output rows.
+    pub first: Vec<f64>,
+    /// Rows of the grid in the reader's order, or their numbers.
+    pub second: Vec<f64>,
+}
+
+/// Numbers before the text of a frame.
+const HEAD: usize = 15 + crate::STATS;
+
+impl Frame {
+    pub fn new(kind: Kind, window: Window) -> Self {
+        let (first, second) = (Vec::new(), Vec::new());
+        Self { kind, window, stats: Stats::default(), text: String::new(), first, second }
+    }
+
+    /// Whole numbers travel exactly: they are far below 2^53.
+    pub fn pack(&self) -> Vec<f64> {
+        let w = &self.window;
+        let mut words = Vec::with_capacity(HEAD + self.first.len() + self.second.len() + 1024);
+        words.extend([
+            f64::from(self.kind as u32),
+            self.text.len() as f64,
+            self.first.len() as f64,
+            w.index as f64,
+            w.iteration as f64,
+            w.substeps as f64,
+            w.time,
+            w.dt,
+        ]);
+        words.extend(w.frame_velocity);
+        words.extend(w.frame_acceleration);
+        words.push(self.stats.busy_s);
+        words.extend(self.stats.values);
+        debug_assert_eq!(words.len(), HEAD);
+        words.resize(HEAD + text_words(&self.text), 0.0);
+        pack_text(&self.text, &mut words[HEAD..]);
+        words.extend_from_slice(&self.first);
+        words.extend_from_slice(&self.second);
+        words
+    }
+
+    /// `None`: numbers that are no frame.
+    pub fn unpack(words: &[f64]) -> Option<Self> {
+        let (head, rest) = words.split_at_checked(HEAD)?;
+        let whole = |i: usize| head[i] as u64;
+        let three = |i: usize| [head[i], head[i + 1], head[i + 2]];
+        let bytes = whole(1);
+        let (text, rest) = rest.split_at_checked(bytes.div_ceil(8) as usize)?;
+        let (first, second) = rest.split_at_checked(whole(2) as usize)?;
+        let window = Window {
+            index: whole(3),
+            iteration: whole(4),
+            substeps: whole(5),
+            time: head[6],
+            dt: head[7],
+            frame_velocity: three(8),
+            frame_acceleration: three(11),
+        };
+        let mut stats = Stats { busy_s: head[14], ..Stats::default() };
+        stats.values.copy_from_slice(&head[15..]);
+        Some(Self {
+            kind: Kind::from_code(head[0] as u32)?,
+            window,
+            stats,
+            text: unpack_text(text, bytes)?,
+            first: first.to_vec(),
+            second: second.to_vec(),
+        })
+    }
+
+    fn fault(window: Window, fault: &Fault) -> Self {
+        let text = clipped(&fault.message, 8 * crate::serve::TEXT_WORDS).to_owned();
+        Self { text, ..Self::new(Kind::Fault, window) }
+    }
+
+    /// What a rank far away says of itself.
+    pub fn announce(identity: &Identity) -> Result<Self, Fault> {
+        let numbers = |rows: &[u64]| rows.iter().map(|&row| row as f64).collect();
+        Ok(Self {
+            text: serde_json::to_string(&identity.announcement).map_err(Fault::new)?,
+            first: numbers(&identity.output_rows),
+            second: numbers(&identity.grid_rows),
+            ..Self::new(Kind::Announce, Window::default())
+        })
+    }
+
+    /// The other way round; a fault is what the rank reported, or a message that makes no sense.
+    pub fn identity(&self, rank: usize) -> Result<Identity, Fault> {
+        if self.kind == Kind::Fault {
+            return Err(Fault::new(&self.text));
+        }
+        let announcement: Option<Announcement> = serde_json::from_str(&self.text).ok();
+        match (self.kind, announcement, decode_rows(&self.first), decode_rows(&self.second)) {
+            (Kind::Announce, Some(announcement), Some(output_rows), Some(grid_rows)) => {
+                Ok(Identity { announcement, output_rows, grid_rows })
+            }
+            _ => Err(Fault::new(format!("what rank {rank} on another host announced cannot be read"))),
+        }
+    }
+}
+
+/// Waits for a message of `from`, asleep: MPI itself would spin. The pauses grow from
+/// 50 us to 1 ms, so an answer that is near costs little and a long wait nothing.
+pub(crate) fn receive(
+    peers: &Peers<'_>,
+    from: usize,
+    deadline: Option<Duration>,
+) -> Result<Frame, Option<String>> {
+    let start = Instant::now();
+    let mut pause = Duration::from_micros(50);
+    loop {
+        if let Some(words) = (peers.poll)(from) {
+            return Frame::unpack(&words).ok_or_else(|| Some(format!("a message of rank {from} makes no sense")));
+        }
+        if deadline.is_some_and(|limit| start.elapsed() >= limit) {
+            return Err(None);
+        }
+        std::thread::sleep(pause);
+        pause = (pause * 5 / 4).min(Duration::from_millis(1));
+    }
+}
+
+/// Serves a rank on another host; `keeper` keeps its post.
+pub(crate) fn serve_far(
+    participant: &mut dyn Participant,
+    at: &ServeOptions,
+    peers: &Peers<'_>,
+    keeper: usize,
+) -> Result<ServeEnd, ServeError> {
+    println!(
+        "rank {} of {} runs on another host than the coupler: rank {keeper} keeps its post",
+        at.rank, at.ranks
+    );
+    let send = |frame: &Frame| (peers.send)(keeper, &frame.pack());
+    let failed = |kind: Kind, window: Window, fault: Fault| {
+        send(&Frame::fault(window, &fault));
+        // The end of this process ends the others: the message is to come first.
+        std::thread::sleep(Duration::from_millis(500));
+        ServeError::Fault { during: during(kind, &window), fault }
+    };
+    let begin = |fault| failed(Kind::Announce, Window::default(), fault);
+    let identity = guarded(|| Identity::of(participant)).map_err(begin)?;
+    send(&Frame::announce(&identity).map_err(begin)?);
+    let width = identity.announcement.output_width as usize;
+    let index: Vec<(u32, u32)> = (0..identity.grid_rows.len() as u32).map(|row| (0, row)).collect();
+    let mut answer = Frame::new(Kind::Output, Window::default());
+    let mut windows = 0;
+    let (mut last, mut step) = (Kind::Announce, Window::default());
+    loop {
+        let frame = receive(peers, keeper, at.deadline).map_err(|problem| match problem {
+            None => ServeError::Deadline {
+                session: at.session.clone(),
+                seconds: at.deadline.unwrap_or_default().as_secs_f64(),
+                during: during(last, &step),
+            },
+            Some(problem) => ServeError::Contract { during: during(last, &step), problem },
+        })?;
+        let w = frame.window;
+        (last, step) = (frame.kind, w);
+        let done = match frame.kind {
+            Kind::Advance => {
+                let pieces = [&frame.second[..]];
+                // No rows: the grid stands still.
+                let grid = match frame.second.is_empty() {
+                    true => Grid::default(),
+                    false => Grid { pieces: &pieces, index: &index },
+                };
+                let input = Input { canopy: &frame.first, grid };
+                answer.first.clear();
+                answer.first.resize(identity.output_rows.len() * width, f64::NAN);
+                answer.window = w;
+                let start = Instant::now();
+                let output = &mut answer.first;
+                let computed = guarded(|| participant.advance(&w, &input, output))
+                    .and_then(|stats| finite(output, &identity.output_rows, width, &stats).map(|()| stats));
+                answer.stats = computed.map_err(|fault| failed(frame.kind, w, fault))?;
+                answer.stats.busy_s = start.elapsed().as_secs_f64();
+                send(&answer);
+                continue;
+            }
+            Kind::Accept => {
+                windows += 1;
+                guarded(|| participant.accept(&w))
+            }
+            Kind::Save => guarded(|| participant.save(Path::new(&frame.text))),
+            Kind::Snapshot => guarded(|| participant.snapshot(w.time, Path::new(&frame.text))),
+            Kind::Stop => Ok(()),
+            kind => Err(Fault::new(format!("`{kind:?}` between windows"))),
+        };
+        done.map_err(|fault| failed(frame.kind, w, fault))?;
+        send(&Frame::new(Kind::Done, w));
+        if frame.kind == Kind::Stop {
+            return Ok(ServeEnd { windows });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_come_back_to_the_bit() {
+        let window = Window {
+            index: 7,
+            iteration: 2,
+            substeps: 10,
+            time: 0.1,
+            dt: 1e-3,
+            frame_velocity: [1.0, -2.0, 3.0],
+            frame_acceleration: [0.5, 0.25, -9.81],
+        };
+        let mut frame = Frame::new(Kind::Advance, window);
+        frame.text = "grüße".into();
+        frame.stats.busy_s = 0.3;
+        frame.stats.values = std::array::from_fn(|i| 0.1 * i as f64);
+        frame.first = vec![0.1, f64::MIN_POSITIVE];
+        frame.second = vec![-0.0; 6];
+        assert_eq!(Frame::unpack(&frame.pack()), Some(frame));
+        assert_eq!(Frame::unpack(&[1.0; 5]), None, "too short");
+        assert_eq!(Frame::unpack(&[99.0; HEAD + 99]), None, "no kind");
+    }
+
+    #[test]
+    fn ranks_elsewhere_are_dealt_out() {
+        let at = |me| stand(me, 5, &[5, 9, 5, 9, 8]);
+        assert_eq!([0, 2].map(at), [Standing::Near(vec![1, 4]), Standing::Near(vec![3])]);
+        assert_eq!([1, 3, 4].map(at), [Standing::Far(0), Standing::Far(2), Standing::Far(0)]);
+    }
+}
