@@ -141,6 +141,9 @@ struct RunArgs {
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
+    /// Print all that the programs print (their logs have it in any case), each line with its role
+    #[arg(long, short, conflicts_with = "quiet")]
+    verbose: bool,
     /// Keep every exchange of the programs in DIR, for `replay`, `diff` and `--baseline`
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
@@ -171,12 +174,7 @@ impl RunArgs {
             keep_going: self.keep_going,
             deadline: Some(Duration::from_secs_f64(self.deadline)),
             record: self.record.map(|folder| RecordOptions { folder, without_grid }),
-            baseline: self.baseline.map(|folder| BaselineOptions {
-                folder,
-                tolerance,
-                count_slack,
-                stop,
-            }),
+            baseline: self.baseline.map(|folder| BaselineOptions { folder, tolerance, count_slack, stop }),
             ..self.scene.options()
         }
     }
@@ -244,9 +242,12 @@ pub fn main() -> ExitCode {
         // clap's own exit would be the same code: 2, or 0 for help.
         Err(error) => error.exit(),
     };
-    let quiet = matches!(&cli.command, Command::Run(args) if args.quiet)
-        || matches!(&cli.command, Command::Attach(args) if args.run.quiet);
-    let console = Console::new(quiet);
+    let (quiet, verbose) = match &cli.command {
+        Command::Run(args) => (args.quiet, args.verbose),
+        Command::Attach(args) => (args.run.quiet, args.run.verbose),
+        _ => (false, false),
+    };
+    let console = Console::new(quiet).verbose(verbose);
     match execute(cli.command, &console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -280,7 +280,9 @@ fn exchange<'a>(
                 let mut both =
                     Recorder::new(compared, writer(context, record, grid_nodes)?, !record.without_grid);
                 run(&mut both, state, summary)?;
-                both.into_partners().map(Baseline::into_partners)
+                let (both, cost) = both.into_partners()?;
+                context.console.line(&format!("stage `{name}`: {cost}"));
+                Ok(both.into_partners())
             }
         };
         context.console.line(&format!("stage `{name}` beside its baseline: {}", comparison.report()));
@@ -290,7 +292,9 @@ fn exchange<'a>(
         let mut recorder =
             Recorder::new(partners, writer(context, record, grid_nodes)?, !record.without_grid);
         run(&mut recorder, state, summary)?;
-        partners = recorder.into_partners()?;
+        let cost;
+        (partners, cost) = recorder.into_partners()?;
+        context.console.line(&format!("stage `{name}`: {cost}"));
     } else {
         run(&mut partners, state, summary)?;
     }

@@ -73,7 +73,9 @@ fn serve(args: &ProgramArgs) -> Result<(), String> {
         (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
     let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };
     let result = match solver {
-        Ok(mut solver) => channel::serve_across(&mut solver, &at, &peers).map(|_| ()).map_err(|e| e.to_string()),
+        Ok(mut solver) => {
+            channel::serve_across(&mut solver, &at, &peers).map(|_| ()).map_err(|e| e.to_string())
+        }
         Err(fault) => {
             channel::report(&at, &fault);
             Err(fault.message)

@@ -38,7 +38,8 @@ fn each_program_replays_what_it_said() {
     let folder = tempfile::tempdir().expect("a folder");
     let recording = record(&scene("square-drop"), folder.path(), "a");
     for role in ["--structure", "--mesh", "--flow"] {
-        let output = succeed(ripstop(&["replay", path(&recording), role, "--tolerance", "0", "--count-slack", "0"]));
+        let output =
+            succeed(ripstop(&["replay", path(&recording), role, "--tolerance", "0", "--count-slack", "0"]));
         assert!(text(&output).contains("the same to 0e0"), "{}", text(&output));
         succeed(ripstop(&["conform", role.trim_start_matches('-'), path(&recording)]));
     }

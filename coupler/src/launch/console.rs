@@ -10,6 +10,7 @@ use indicatif::ProgressBar;
 #[derive(Clone, Default)]
 pub struct Console {
     quiet: bool,
+    verbose: bool,
     colour: bool,
     bar: Arc<Mutex<Option<ProgressBar>>>,
 }
@@ -18,7 +19,17 @@ impl Console {
     /// On standard error; `quiet` drops everything but errors.
     pub fn new(quiet: bool) -> Self {
         let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-        Self { quiet, colour, bar: Arc::default() }
+        Self { quiet, colour, ..Self::default() }
+    }
+
+    /// With `verbose`, what programs print to standard output is shown too.
+    pub fn verbose(self, verbose: bool) -> Self {
+        Self { verbose, ..self }
+    }
+
+    /// Whether standard output of programs is shown.
+    pub fn shows_all(&self) -> bool {
+        self.verbose
     }
 
     /// Whether standard error is a terminal that shows colours.

@@ -271,17 +271,19 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
     })?;
     let tail = Arc::new(Mutex::new(VecDeque::new()));
     let mut readers = Vec::new();
+    let show = Show { role: program.role, console: console.clone(), muted: muted.clone() };
     if let Some(pipe) = child.stdout.take() {
-        readers.push(read(pipe, log.clone(), tail.clone(), None));
+        let shown = console.shows_all().then(|| show.clone());
+        readers.push(read(pipe, log.clone(), tail.clone(), shown));
     }
     if let Some(pipe) = child.stderr.take() {
-        let show = Show { role: program.role, console: console.clone(), muted: muted.clone() };
         readers.push(read(pipe, log, tail.clone(), Some(show)));
     }
     Ok(Running { program, child, status: None, readers, tail })
 }
 
-/// Where lines of standard error are shown, until it is muted.
+/// Where lines are shown, until it is muted.
+#[derive(Clone)]
 struct Show {
     role: Role,
     console: Console,

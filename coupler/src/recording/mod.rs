@@ -204,7 +204,9 @@ impl<A> Event<A> {
     /// The statistics of an answer.
     pub fn stats(&self) -> Option<&[f64; STATS]> {
         match self {
-            Self::Structure { stats, .. } | Self::Mesh { stats, .. } | Self::Flow { stats, .. } => Some(stats),
+            Self::Structure { stats, .. } | Self::Mesh { stats, .. } | Self::Flow { stats, .. } => {
+                Some(stats)
+            }
             Self::Accept { .. } => None,
         }
     }

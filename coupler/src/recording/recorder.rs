@@ -1,6 +1,7 @@
 //! Partners whose every exchange is kept.
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use case::Role;
 use channel::Window;
@@ -15,21 +16,30 @@ pub struct Recorder<P> {
     writer: Writer,
     load: Vec<f64>,
     with_grid: bool,
+    began: Instant,
+    /// Time spent on packing and writing.
+    spent: Duration,
 }
 
 impl<P: Partners> Recorder<P> {
     /// Around `partners`; `with_grid` keeps the moving grid too.
     pub fn new(partners: P, writer: Writer, with_grid: bool) -> Self {
-        Self { partners, writer, load: Vec::new(), with_grid }
+        Self { partners, writer, load: Vec::new(), with_grid, began: Instant::now(), spent: Duration::ZERO }
     }
 
-    /// The partners, when all is written.
+    /// The partners, when all is written, and what the recording took, in words.
     ///
     /// # Errors
     /// A full disk.
-    pub fn into_partners(mut self) -> Result<P, RunError> {
+    pub fn into_partners(mut self) -> Result<(P, String), RunError> {
         self.writer.flush()?;
-        Ok(self.partners)
+        let (spent, all) = (self.spent.as_secs_f64(), self.began.elapsed().as_secs_f64());
+        let cost = format!(
+            "recorded {:.1} MB in {spent:.2} s, {:.1} % of {all:.1} s",
+            self.writer.bytes as f64 / 1e6,
+            100.0 * spent / all
+        );
+        Ok((self.partners, cost))
     }
 }
 
@@ -60,14 +70,17 @@ impl<P: Partners> Partners for Recorder<P> {
         displacement: &mut [f64],
     ) -> Result<Answer, RunError> {
         let answer = self.partners.structure(w, load, displacement)?;
+        let start = Instant::now();
         load_rows(load, &mut self.load);
         let (at, stats) = (Moment::from(w), answer.stats.values);
         self.writer.push(Event::Structure { at, load: &self.load, displacement, stats })?;
+        self.spent += start.elapsed();
         Ok(answer)
     }
 
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
         let answer = self.partners.mesh(w, displacement)?;
+        let start = Instant::now();
         let (at, stats) = (Moment::from(w), answer.stats.values);
         self.writer.push(Event::Mesh {
             at,
@@ -75,20 +88,26 @@ impl<P: Partners> Partners for Recorder<P> {
             grid: self.partners.grid().filter(|_| self.with_grid),
             stats,
         })?;
+        self.spent += start.elapsed();
         Ok(answer)
     }
 
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
         let answer = self.partners.flow(w, load)?;
+        let start = Instant::now();
         self.writer.push(Event::Flow { at: w.into(), load, stats: answer.stats.values })?;
+        self.spent += start.elapsed();
         Ok(answer)
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {
         self.partners.accept(w)?;
+        let start = Instant::now();
         self.writer.push(Event::Accept { at: w.into() })?;
         // A run that is killed later leaves whole windows.
-        Ok(self.writer.flush()?)
+        self.writer.flush()?;
+        self.spent += start.elapsed();
+        Ok(())
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), RunError> {

@@ -14,7 +14,9 @@ use crate::header::{Kind, clipped, pack_text, text_words, unpack_text};
 use crate::serve::{Identity, finite, guarded};
 use crate::session::{MEMORY, Place, Watch, fnv};
 use crate::wire::{decode_rows, during};
-use crate::{Announcement, Fault, Grid, Input, Participant, ServeEnd, ServeError, ServeOptions, Stats, Window};
+use crate::{
+    Announcement, Fault, Grid, Input, Participant, ServeEnd, ServeError, ServeOptions, Stats, Window,
+};
 
 /// Message passing between the ranks of one program, as [`crate::serve_across`] needs it.
 #[derive(Clone, Copy)]
@@ -221,7 +223,8 @@ pub(crate) fn receive(
     let mut pause = Duration::from_micros(50);
     loop {
         if let Some(words) = (peers.poll)(from) {
-            return Frame::unpack(&words).ok_or_else(|| Some(format!("a message of rank {from} makes no sense")));
+            return Frame::unpack(&words)
+                .ok_or_else(|| Some(format!("a message of rank {from} makes no sense")));
         }
         if deadline.is_some_and(|limit| start.elapsed() >= limit) {
             return Err(None);

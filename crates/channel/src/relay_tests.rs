@@ -97,7 +97,7 @@ fn a_fault_on_another_host_is_told_with_its_rank() {
     for (trouble, says) in [
         (Trouble::Fault(1), "the fake has had enough"),
         (Trouble::Panic(1), "the fake panics"),
-        (Trouble::Nan(1), "component 1 of output row 18 is NaN"),
+        (Trouble::Nan(1), "component 1 of output row 31 is NaN"),
     ] {
         let session = name("far-fault");
         let ranks = [(Structure, 2)];

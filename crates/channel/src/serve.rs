@@ -309,12 +309,17 @@ impl Desk {
 
     /// Serves windows until the coupler stops the run; ranks on other hosts, whose posts
     /// are `kept` here, are asked first and heard last.
-    fn run(mut self, participant: &mut dyn Participant, mut kept: Vec<Kept<'_>>) -> Result<ServeEnd, ServeError> {
+    fn run(
+        mut self,
+        participant: &mut dyn Participant,
+        mut kept: Vec<Kept<'_>>,
+    ) -> Result<ServeEnd, ServeError> {
         let mut windows = Windows::default();
         loop {
             let command = self.next()?;
             let (kind, w) = self.step;
-            let asked: Vec<Message> = kept.iter_mut().map(|k| k.next(&self.step)).collect::<Result<_, _>>()?;
+            let asked: Vec<Message> =
+                kept.iter_mut().map(|k| k.next(&self.step)).collect::<Result<_, _>>()?;
             match kind {
                 Kind::Advance => {
                     self.layout_out = None;
@@ -584,7 +589,8 @@ impl Kept<'_> {
 
     /// What the rank answered; its fault is told to the coupler.
     fn answer(&self, kind: Kind) -> Result<Frame, ServeError> {
-        let fail = |fault| self.desk.post.fail(&self.desk.answers, self.desk.sequence, &self.desk.step, fault);
+        let fail =
+            |fault| self.desk.post.fail(&self.desk.answers, self.desk.sequence, &self.desk.step, fault);
         match receive(&self.peers, self.rank, None) {
             Ok(frame) if frame.kind == kind => Ok(frame),
             Ok(frame) if frame.kind == Kind::Fault => Err(fail(Fault::new(frame.text))),

@@ -1,0 +1,124 @@
+//! Ranks on two hosts, played on this machine by `scripts/two-hosts`.
+
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use ripstop_tests::{History, changed_scene, processes_naming, program, ripstop_run, root, start, succeed};
+
+const RANKS: [&str; 2] = ["--ranks", "structure=2,mesh=2,flow=3"];
+
+/// A `ripstop run` with ranks on both hosts; `None`, said aloud, where hosts cannot be played.
+fn on_two_hosts(scene: &Path, out: &Path, options: &[&str]) -> Option<Command> {
+    let script = root().join("scripts/two-hosts");
+    let tried = Command::new(&script).arg("true").output().expect("a shell");
+    if !tried.status.success() {
+        let why = String::from_utf8_lossy(&tried.stderr);
+        eprintln!("skipped: no network namespaces here (they need root): {}", why.trim());
+        return None;
+    }
+    let mut command = Command::new(script);
+    command.arg(program("ripstop")).arg("run").arg(scene).arg("--out").arg(out).args(options);
+    command.args(RANKS).args(["--mpirun", "--host near:8,far:8 --map-by node"]);
+    Some(command)
+}
+
+/// Ranks of all three programs elsewhere than the coupler: the same answers to the bit.
+#[test]
+fn ranks_on_another_host_change_no_number() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = changed_scene("square-drop", folder.path(), &[]);
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let few = ["--stop-after-windows", "2"];
+    let Some(run) = on_two_hosts(&scene, &two, &few) else { return };
+    succeed(run);
+    succeed(ripstop_run(&scene, &one, &[&few[..], &RANKS[..]].concat()));
+    for stage in ["pre-inflation", "developed-flow", "descent"] {
+        let (a, b) = (History::read(&two, stage), History::read(&one, stage));
+        assert_eq!(a.without_wall_times(), b.without_wall_times(), "{stage}");
+    }
+    for (role, far) in [("structure", [1].as_slice()), ("mesh", &[1]), ("flow", &[1])] {
+        let log = std::fs::read_to_string(two.join(format!("descent/logs/{role}.log"))).expect("a log");
+        for rank in far {
+            let says = format!("rank {rank} of ");
+            let line = log.lines().find(|l| l.starts_with(&says) && l.ends_with("rank 0 keeps its post"));
+            assert!(line.is_some(), "{role}: {log}");
+        }
+    }
+}
+
+/// Processor seconds that a process has used.
+fn cpu_seconds(pid: u32) -> f64 {
+    let text = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("the process lives");
+    let fields: Vec<&str> = text.rsplit(')').next().expect("fields").split_whitespace().collect();
+    let ticks: f64 = fields[11].parse::<f64>().expect("utime") + fields[12].parse::<f64>().expect("stime");
+    ticks / 100.0
+}
+
+fn signal(pid: u32, signal: i32) {
+    // SAFETY: sends a signal to a process of this test; no memory is involved.
+    unsafe { libc::kill(pid as i32, signal) };
+}
+
+/// A rank elsewhere sleeps while the others work, and its death ends the run.
+#[test]
+fn a_rank_on_another_host_waits_asleep_and_is_missed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = changed_scene("square-drop", folder.path(), &[("duration_s = 0.1\n", "duration_s = 50.0\n")]);
+    let out = folder.path().join("out");
+    let Some(run) = on_two_hosts(&scene, &out, &["--quiet"]) else { return };
+    let mut run = start(run);
+    let begin = Instant::now();
+    let history = out.join("descent/history.csv");
+    while !std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() > 2) {
+        assert!(begin.elapsed() < Duration::from_secs(400), "the run did not reach the descent");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let mark = out.display().to_string();
+    let ranks = |name: &str| -> Vec<u32> {
+        let is = |line: &str| line.split(' ').next().is_some_and(|word| word.ends_with(name));
+        processes_naming(&mark).into_iter().filter(|(_, line)| is(line)).map(|(pid, _)| pid).collect()
+    };
+    let far = |pid: &u32| {
+        let device = |pid: &str| {
+            std::fs::metadata(format!("/proc/{pid}/root/dev/shm")).map(|m| {
+                use std::os::unix::fs::MetadataExt;
+                m.dev()
+            })
+        };
+        let coupler = ranks("ripstop");
+        device(&pid.to_string()).ok() != device(&coupler[0].to_string()).ok()
+    };
+    let elsewhere: Vec<u32> =
+        [ranks("flow-solver"), ranks("mesh-mover")].concat().into_iter().filter(far).collect();
+    assert_eq!(elsewhere.len(), 2, "one rank of each");
+    // With the structure stopped, everyone else soon waits for it.
+    let stopped = ranks("structure-solver");
+    stopped.iter().for_each(|&pid| signal(pid, libc::SIGSTOP));
+    std::thread::sleep(Duration::from_secs(2));
+    let before: Vec<f64> = elsewhere.iter().map(|&pid| cpu_seconds(pid)).collect();
+    std::thread::sleep(Duration::from_secs(2));
+    for (&pid, before) in elsewhere.iter().zip(before) {
+        let used = cpu_seconds(pid) - before;
+        // A thousand looks a second at MPI's queues.
+        assert!(used <= 0.1, "process {pid} used {used} s of 2 s while waiting");
+    }
+    stopped.iter().for_each(|&pid| signal(pid, libc::SIGCONT));
+
+    let killed = elsewhere[0];
+    signal(killed, libc::SIGKILL);
+    let since = Instant::now();
+    let status = loop {
+        if let Some(status) = run.try_wait().expect("it can be waited for") {
+            break status;
+        }
+        assert!(since.elapsed() < Duration::from_secs(30), "the run goes on");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut run.stderr.take().expect("captured"), &mut text).expect("text");
+    assert_eq!(status.code(), Some(1), "{text}");
+    assert!(text.contains("flow"), "{text}");
+    assert!(!text.contains("left on host far"), "{text}");
+    assert!(processes_naming(&mark).is_empty(), "{:?}", processes_naming(&mark));
+}
