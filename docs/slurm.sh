@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A batch script for Slurm: one run over several nodes. Copy it, change the numbers, then
-#   sbatch slurm.sh
+#   sbatch slurm.sh [SCENE]
 #SBATCH --job-name=ripstop
 #SBATCH --nodes=4
 #SBATCH --ntasks-per-node=32
@@ -10,8 +10,9 @@ set -euo pipefail
 # The MPI that Ripstop was built with (OpenMPI; it asks Slurm to start its daemons).
 module load openmpi 2>/dev/null || true
 
-ripstop="$HOME/ripstop/target/release/ripstop"  # on a file system that all nodes share, as all below
-scene="$HOME/ripstop/cases/atps-paper-scale/scene.toml"
+# On a file system that all nodes share, as all below.
+ripstop="${RIPSTOP:-$HOME/ripstop/target/release/ripstop}"
+scene="${1:-$HOME/ripstop/cases/atps-descent/scene.toml}"
 out="$SLURM_SUBMIT_DIR/runs/$SLURM_JOB_ID"
 
 # This script runs on the first node, and so does ripstop: each program begins there.

@@ -41,6 +41,7 @@ pub(crate) fn share(text: &str) -> Result<f64, String> {
 /// Folders that cannot be compared.
 pub fn diff(args: &DiffArgs) -> Result<(bool, String), RunError> {
     let scene = scene_of(&args.a)?;
+    scene_of(&args.b)?;
     let mut text = Vec::new();
     let mut same = true;
     for stage in &scene.stages {

@@ -86,6 +86,8 @@ pub(crate) struct Rehearsal {
     number: usize,
     watch_grid: bool,
     deadline: Duration,
+    /// What to do where a program that did not record the state it starts from cannot read it.
+    hint: Option<String>,
     sessions: Cell<u32>,
     _lock: std::fs::File,
     _temporary: Option<Temporary>,
@@ -98,6 +100,12 @@ impl Rehearsal {
     /// A recording that does not serve.
     pub fn new(folder: &Path, trial: &Trial<'_>) -> Result<Self, RunError> {
         let role = trial.role;
+        if !folder.join("scene.toml").is_file() {
+            return Err(RunError::Input(format!(
+                "{} is no recording, for it holds no scene.toml: make one with `ripstop run SCENE --record DIR`",
+                folder.display()
+            )));
+        }
         let options = RunOptions { scene: folder.join("scene.toml"), ..RunOptions::default() };
         let mut prepared = prepare(&options)?;
         let number = find_stage(&prepared.scene, folder, role, trial.stage)?;
@@ -139,7 +147,18 @@ impl Rehearsal {
         let lock = lock(&out)?;
         keep_scene(&prepared.file, &out)?;
         copy_states(scene, number, folder, &out)?;
+        let starts = scene.source_state(&out, number, role).is_some() && !trial.command.is_empty();
+        let first = find_first(scene, folder, role).filter(|&first| starts && first < number);
+        let hint = first.map(|first| {
+            format!(
+                "; it starts stage `{stage}` from the state of the program that recorded: if it cannot read \
+                 that, take `--stage {}`, or a recording of its own (`ripstop run SCENE --{} COMMAND --record DIR`)",
+                scene.stages[first].name,
+                role.name()
+            )
+        });
         Ok(Self {
+            hint,
             role,
             stage,
             file,
@@ -196,7 +215,15 @@ impl Rehearsal {
             watch_grid: self.watch_grid,
         };
         let ended = (|| {
-            let mut partners = HubPartners::start(options, &self.prepared.interface, stop, console)?;
+            let started = HubPartners::start(options, &self.prepared.interface, stop, console);
+            let mut partners = started.map_err(|error| match (error, &self.hint) {
+                (RunError::Fault { role, program, rank, place, message }, Some(hint))
+                    if role == self.role =>
+                {
+                    RunError::Fault { role, program, rank, place, message: message + hint }
+                }
+                (error, _) => error,
+            })?;
             let result = play(&mut partners)?;
             partners.finish(console)?;
             Ok(result)
@@ -297,6 +324,13 @@ fn drive(
 pub(crate) fn halves(rows: &[f64]) -> [Vec<f64>; 2] {
     let half = |k: usize| rows.chunks_exact(LOAD_WIDTH).skip(k).step_by(2).flatten().copied().collect();
     [half(0), half(1)]
+}
+
+/// The first recorded stage in which `role` takes part.
+fn find_first(scene: &Scene, recording: &Path, role: Role) -> Option<usize> {
+    let recorded =
+        |s: &case::Stage| s.kind.roles().contains(&role) && stage_file(recording, &s.name).is_file();
+    scene.stages.iter().position(recorded)
 }
 
 /// The stage to replay: as named, or the last recorded one in which `role` takes part.

@@ -47,6 +47,41 @@ fn ranks_on_another_host_change_no_number() {
     }
 }
 
+/// The batch script asks for ranks on the nodes that Slurm gives it, the first of each program on
+/// the first node, where it runs itself.
+#[test]
+fn the_batch_script_for_slurm_spreads_the_ranks() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("a folder");
+    let script = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        std::fs::write(&file, format!("#!/bin/sh\n{text}\n")).expect("written");
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o755)).expect("permitted");
+        file
+    };
+    script("scontrol", "[ \"$*\" = \"show hostnames n[07-08]\" ] && printf 'n07\\nn08\\n'");
+    // Says what would run, in the place of running it.
+    let check = script("check", &format!("shift; exec '{}' check \"$@\"", program("ripstop").display()));
+    let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").expect("a PATH"));
+    let output = Command::new(root().join("docs/slurm.sh"))
+        .arg(root().join("cases/square-drop/scene.toml"))
+        .envs([("PATH", path.as_str()), ("SLURM_JOB_NODELIST", "n[07-08]"), ("SLURM_JOB_ID", "12")])
+        .env("SLURM_SUBMIT_DIR", folder.path())
+        .env("RIPSTOP", check)
+        .output()
+        .expect("it starts");
+    let text =
+        format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{text}");
+    for (command, program) in [
+        ("mpirun -n 4 --host n07:4 -x ", "structure-solver"),
+        ("mpirun -n 8 --host n07:4,n08:4 -x ", "mesh-mover"),
+        ("mpirun -n 48 --host n07:24,n08:24 -x ", "flow-solver"),
+    ] {
+        assert!(text.lines().any(|l| l.contains(command) && l.contains(program)), "{command}: {text}");
+    }
+}
+
 /// Processor seconds that a process has used.
 fn cpu_seconds(pid: u32) -> f64 {
     let text = std::fs::read_to_string(format!("/proc/{pid}/stat")).expect("the process lives");

@@ -173,11 +173,10 @@ impl std::fmt::Display for Departure {
         };
         write!(
             f,
-            "window {}, iteration {}, {} ({}), {row} {} component {}: {:.9e} and {:.9e} {}, {:.1e} of the largest",
+            "window {}, iteration {}, {}, {row} {} component {}: {:.9e} and {:.9e} {}, {:.1e} of the largest",
             self.at.index,
             self.at.iteration,
             field.name,
-            field.channel.name(),
             self.row,
             self.column,
             self.values[0],

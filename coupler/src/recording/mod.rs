@@ -120,17 +120,6 @@ impl Channel {
             Self::FlowLoad => channel::LOAD_WIDTH,
         }
     }
-
-    /// How people call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::StructureLoad => "load to the structure",
-            Self::StructureDisplacement => "displacement from the structure",
-            Self::MeshDisplacement => "displacement to the mesh",
-            Self::Grid => "grid from the mesh to the flow",
-            Self::FlowLoad => "load from the flow",
-        }
-    }
 }
 
 /// One exchange, with arrays of kind `A`.
