@@ -400,7 +400,7 @@ mod tests {
             let mut stats = [0.0; STATS];
             stats[structure_stats::NEWTON_STEPS] = newton;
             stats[structure_stats::ASSEMBLY_S] = 1e-3 * newton;
-            Event::Structure { at: at(1), load: [0.0; 8], displacement: [0.0; 3], stats }
+            Event::Structure { at: at(1), load: vec![0.0; 8], displacement: vec![0.0; 3], stats }
         };
         let compared = |slack, other| {
             let mut c = Comparison::new(0.0).judging_counts(slack);

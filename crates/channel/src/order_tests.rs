@@ -1,12 +1,9 @@
 //! Messages out of turn, sent on purpose: each is refused by the side that gets it.
 
-#[path = "../tests/common/mod.rs"]
-mod common;
-
 use std::thread;
 
+use super::common::*;
 use case::Role::{Flow, Mesh, Structure};
-use common::*;
 
 use super::*;
 use crate::{Header, Hub, HubError};

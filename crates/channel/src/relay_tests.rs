@@ -1,22 +1,21 @@
 //! Ranks on other hosts, played by threads that claim to see another memory.
 
-#[path = "../tests/common/mod.rs"]
-mod common;
-
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Barrier, Mutex};
 use std::thread;
 
+use super::common::*;
 use case::Role::{self, Flow, Mesh, Structure};
-use common::*;
 
 use super::serve_from;
 use crate::{Hub, HubError, Peers};
 
+type Letters = VecDeque<Vec<f64>>;
+
 /// Messages between the ranks of one program, from and to.
 #[derive(Default)]
 struct Post {
-    letters: Mutex<HashMap<(usize, usize), VecDeque<Vec<f64>>>>,
+    letters: Mutex<HashMap<(usize, usize), Letters>>,
     numbers: Mutex<HashMap<usize, u64>>,
 }
 

@@ -617,6 +617,10 @@ impl Kept<'_> {
 }
 
 #[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+#[cfg(test)]
 #[path = "order_tests.rs"]
 mod order_tests;
 
