@@ -34,6 +34,12 @@ const REBASE_BELOW: f64 = 0.5;
 const REBASE_LOSS: f64 = 0.7;
 /// A new reference is optimised where its cells are worse than this: the next answers go there.
 const REPAIR_BELOW: f64 = 0.25;
+/// In the first call of a window cells are repaired already below this multiple of the least
+/// quality: later calls, whose canopies differ a little, then find it done. A repair in one call
+/// and not in the next would be a jump of the grid that the coupling does not understand.
+const AHEAD: f64 = 2.0;
+/// The largest loss of quality in a window counts less by this in each later one.
+const FADING: f64 = 0.7;
 /// The canopy is on its way back to the start once it is nearer to it than this share of the
 /// distance at which the start grid was given up as reference: it becomes the reference again.
 const RETURN: f64 = 0.5;
@@ -139,6 +145,24 @@ pub struct Motion {
     regridder: Option<Regridder>,
     glide: Option<Glide>,
     new_grids: u32,
+    /// A new grid that was made within the window.
+    news: Option<NewGrid>,
+    /// What this window has come to.
+    window: Stage,
+    /// Quality of the last accepted window, and what a window takes from it at most (fading).
+    quality: f64,
+    fall: f64,
+}
+
+/// Means that a window has used. Later calls of it do not go back behind them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// Nothing was asked yet.
+    Fresh,
+    /// One solve from the reference of the window's start.
+    Linear,
+    /// The reference was changed within the window: it holds increments and repairs.
+    Held,
 }
 
 /// The first answer of a window: `u` holds its grid, small motions are counted from it.
@@ -185,12 +209,16 @@ impl Motion {
             regridder: None,
             glide: None,
             new_grids: 0,
+            news: None,
+            window: Stage::Fresh,
+            quality: 1.0,
+            fall: 0.0,
         };
         let shape = motion.shape(&motion.reference.grid);
         if !motion.accepts(&shape) {
             return Err(MotionError::BadStart { shape, least: limits.min_quality });
         }
-        motion.reference_quality = shape.quality;
+        (motion.reference_quality, motion.quality) = (shape.quality, shape.quality);
         motion.start_quality =
             if at_start { shape.quality } else { motion.shape(&motion.start.grid).quality };
         motion.mover.rebase(&motion.grid, &motion.reference.grid)?;
@@ -225,12 +253,38 @@ impl Motion {
             return Ok(moved);
         }
         self.anchor = None;
+        let stage = std::mem::replace(&mut self.window, Stage::Linear);
         let mut iterations = 0;
         match self.total(to) {
             Ok(effort) => {
-                let [near, far] = self.near_and_far(&to.grid);
+                let mut parts = self.near_and_far(&to.grid);
+                // A canopy that outruns the way to a new grid is followed there at once.
+                if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
+                    self.place(to);
+                    parts = self.near_and_far(&to.grid);
+                }
+                let [near, far] = parts;
                 let shape = near.worse(&far);
-                if self.accepts(&shape) {
+                let accepted = self.accepts(&shape);
+                let early = stage == Stage::Fresh && shape.quality < AHEAD * self.limits.min_quality;
+                // A window that has left the linear form is repaired where it stands.
+                let wanted = if accepted { early } else { stage == Stage::Held };
+                let goal = if early { AHEAD * self.limits.min_quality } else { self.limits.min_quality };
+                let mut found = None;
+                if self.is_late(&shape, stage) {
+                    found = self.new_grid_at_once(to, &shape)?;
+                }
+                if found.is_none() && wanted {
+                    found = self.repair(to, goal)?;
+                }
+                if let Some(shape) = found {
+                    self.window = Stage::Held;
+                    return Ok(Moved { effort, increments: 1, shape });
+                }
+                if accepted {
+                    if stage == Stage::Held {
+                        self.window = stage;
+                    }
                     self.anchor = Some(Anchor { far, effort });
                     self.anchor_canopy.clone_from(&to.canopy);
                     return Ok(Moved { effort, increments: 1, shape });
@@ -245,7 +299,10 @@ impl Motion {
         while count <= self.limits.max_increments {
             let last = 2 * count > self.limits.max_increments;
             match self.in_increments(from, to, count, last, &mut iterations)? {
-                Ok(moved) => return Ok(moved),
+                Ok(moved) => {
+                    self.window = Stage::Held;
+                    return Ok(moved);
+                }
                 Err(shape) => worst = Some(shape),
             }
             count *= 2;
@@ -256,6 +313,28 @@ impl Motion {
             least: self.limits.min_quality,
             increments: self.limits.max_increments,
         })
+    }
+
+    /// Makes the bad cells of `to` better and takes it as the reference, so that later calls of the
+    /// window start from the repaired cells; `None`, and `to` as it was, where they do not become
+    /// as good as `goal`. Collective.
+    fn repair(&mut self, to: &mut Positions, goal: f64) -> Result<Option<Shape>, MotionError> {
+        if !self.limits.repair {
+            return Ok(None);
+        }
+        let mut at = to.clone();
+        untangle(&self.grid, &mut at.grid, 2.0 * AHEAD * self.limits.min_quality);
+        let found = self.shape(&at.grid);
+        if found.quality < goal || !self.accepts(&found) {
+            return Ok(None);
+        }
+        match self.rebase(&at, found.quality) {
+            Ok(()) => {}
+            Err(MoverError::Inverted { .. }) => return Ok(None),
+            Err(e) => return Err(e.into()),
+        }
+        to.grid.copy_from_slice(&at.grid);
+        Ok(Some(found))
     }
 
     /// Whether the reference is the start grid: nothing has drifted.
@@ -275,7 +354,10 @@ impl Motion {
     /// that was due. Collective.
     pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Option<Result<NewGrid, String>> {
         self.anchor = None;
-        let news = self.go_on(accepted, shape);
+        self.window = Stage::Fresh;
+        self.fall = (self.quality - shape.quality).max(FADING * self.fall);
+        self.quality = shape.quality;
+        let news = self.news.take().map(Ok).or_else(|| self.go_on(accepted, shape));
         // On the way to a new grid that is the reference.
         if self.glide.is_none() {
             self.protect(accepted, shape);
@@ -444,7 +526,7 @@ impl Motion {
                 *iterations += effort.iterations;
                 shape = self.shape(&to.grid);
                 if !self.accepts(&shape) && repair && self.limits.repair {
-                    untangle(&self.grid, &mut to.grid, 4.0 * self.limits.min_quality);
+                    untangle(&self.grid, &mut to.grid, 2.0 * AHEAD * self.limits.min_quality);
                     shape = self.shape(&to.grid);
                     if k == count && self.accepts(&shape) {
                         // Later iterations of this window must start from the repaired grid.
@@ -462,6 +544,7 @@ impl Motion {
         match result {
             // A coarser increment may fail where a finer one does not.
             Err(MotionError::Mover(MoverError::NotConverged { .. })) if !repair => Ok(Err(shape)),
+            Err(MotionError::Mover(MoverError::Inverted { .. })) if count > 1 => Ok(Err(shape)),
             other => other,
         }
     }

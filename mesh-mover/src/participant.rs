@@ -349,9 +349,14 @@ impl Participant for MeshMover {
         if let Some(news) = news.filter(|_| self.motion.grid.comm().is_root()) {
             match news {
                 Ok(n) => println!(
-                    "window {}: a new grid around the canopy, smallest scaled Jacobian {:.3} for {:.3}, reached \
-                     within {} windows",
-                    w.index, n.to, n.from, n.windows
+                    "window {}: a new grid around the canopy, smallest scaled Jacobian {:.3} for {:.3}, {}",
+                    w.index,
+                    n.to,
+                    n.from,
+                    match n.windows {
+                        0 => "taken at once".to_owned(),
+                        n => format!("reached within {n} windows"),
+                    }
                 ),
                 Err(why) => println!("window {}: no new grid: {why}", w.index),
             }
@@ -364,7 +369,7 @@ impl Participant for MeshMover {
         let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
         let rebased = !self.motion.is_total();
         let reference = if rebased { self.gather(&self.motion.reference().grid) } else { Vec::new() };
-        let start = if self.new_start { self.gather(&self.motion.start().grid) } else { Vec::new() };
+        let start = if self.new_start || self.motion.new_grids() > 0 { self.gather(&self.motion.start().grid) } else { Vec::new() };
         let (offset, way) = match self.motion.glide() {
             Some(glide) => (self.gather(&glide.offset), [glide.step, glide.steps]),
             None => (Vec::new(), [0; 2]),

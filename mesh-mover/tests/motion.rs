@@ -141,6 +141,43 @@ fn what_cannot_be_followed_names_the_cell_and_leaves_the_state() {
     run.window(|p| [p[0], p[1], p[2] + 0.05]).unwrap();
 }
 
+/// Calls of one window whose canopies lie on both sides of the place where cells become too bad.
+#[test]
+fn a_repair_holds_for_all_calls_of_a_window() {
+    let grid = plate_in_box(12, 0.1, 0.8, false);
+    let plain = || -> Box<dyn Mover> {
+        let solid = Solid::from(&MeshMotion::default());
+        Box::new(Elastic::new(Solid { chi: 0.0, shape_exponent: 0.0, depth_exponent: 0.0, ..solid }))
+    };
+    let quality = |s: f64| {
+        let mut run = Run::new(&grid, plain(), Limits { min_quality: 0.0, max_increments: 1, repair: false });
+        run.window(|p| turn(p, s)).unwrap().shape.quality
+    };
+    let (near, beyond) = (0.22, 0.24);
+    let (q, worse) = (quality(near), quality(beyond));
+    assert!(q > 1.1 * worse && worse > 0.0, "{q} {worse}");
+    let limits = Limits { min_quality: 0.5 * (q + worse), max_increments: 8, repair: true };
+    let mut trial = Trial::new(&grid, plain(), limits).unwrap();
+    let mut calls = Vec::new();
+    for s in [near, beyond, near, 0.5 * (near + beyond), beyond, 1.02 * beyond, near] {
+        let mut to = trial.at.clone();
+        for (c, p) in to.canopy.as_chunks_mut::<3>().0.iter_mut().zip(trial.start.canopy.as_chunks::<3>().0) {
+            *c = turn(*p, s);
+        }
+        let moved = trial.motion.follow(&trial.at, &mut to).unwrap();
+        assert!(moved.shape.quality >= limits.min_quality && moved.increments == 1, "{moved:?}");
+        calls.push(to);
+    }
+    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    for (k, pair) in calls.windows(2).enumerate() {
+        let (grid, canopy) = (apart(&pair[0].grid, &pair[1].grid), apart(&pair[0].canopy, &pair[1].canopy));
+        println!("calls {k} and {}: grid {grid:.2e}, canopy {canopy:.2e}", k + 1);
+        // No node moves by more than the canopy, but for where neighbours push it round a corner.
+        assert!(grid <= 1.5 * canopy, "calls {k} and {}: {grid} {canopy}", k + 1);
+    }
+    assert_eq!(trial.motion.rebased(), 1, "one repair");
+}
+
 #[test]
 fn no_other_mover_survives_with_cells_as_good_as_the_elastic_one() {
     let grid = plate(16);

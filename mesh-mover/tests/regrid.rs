@@ -35,6 +35,10 @@ struct Rig {
 
 impl Rig {
     fn new(below: f64, state: Option<State>) -> Self {
+        Self::with(below, 1.0, MeshMotion::default().min_quality, state)
+    }
+
+    fn with(below: f64, step: f64, min_quality: f64, state: Option<State>) -> Self {
         let grid = plate();
         let structure = plate_structure(&grid);
         let settings = MeshMotion::default();
@@ -55,10 +59,10 @@ impl Rig {
                 depth_exponent: 0.0,
                 ..Solid::from(&settings)
             })),
-            limits: Limits { repair: false, ..Limits::from(&settings) },
+            limits: Limits { repair: false, min_quality, ..Limits::from(&settings) },
             state,
             outer: settings.outer,
-            regridder: Some(Regridder::new(Regrid { below, step: 1.0 }, build)),
+            regridder: Some(Regridder::new(Regrid { below, step }, build)),
         };
         let mover = MeshMover::on_grid(setup, &Comm::solo()).unwrap();
         let output = vec![f64::NAN; 6 * grid.coords.len()];
@@ -171,4 +175,34 @@ impl Rig {
     fn nodes_at_rest(&self) -> Vec<Vec3> {
         self.mover.positions().grid.as_chunks::<3>().0.to_vec()
     }
+}
+
+#[test]
+fn a_canopy_that_outruns_the_way_ends_it_within_a_window() {
+    // A way so slow that nothing but the canopy ends it.
+    let mut rig = Rig::with(0.9, 0.01, 0.3, None);
+    let mut h = 0.0;
+    for index in 0..20 {
+        h += 0.01;
+        rig.window(index, h);
+        if let Some(glide) = rig.mover.motion().glide() {
+            println!("way of {} windows from h = {h}", glide.steps);
+            break;
+        }
+    }
+    let left = rig.mover.motion().glide().map(|g| g.steps - g.step);
+    assert!(left.is_some_and(|left| left > 5), "{left:?}");
+    // Quality sinks as the canopy goes on; the mixture of old and new would become too bad.
+    let mut index = 20;
+    while rig.mover.motion().glide().is_some() {
+        h += 0.04;
+        let quality = rig.window(index, h);
+        assert!(quality >= 0.3, "h = {h}: {quality}");
+        assert!((rig.volume() - 8.0).abs() < 1e-12, "the box keeps its volume");
+        index += 1;
+        assert!(index < 40, "the way is ended");
+    }
+    println!("ended at h = {h}, window {index}");
+    assert!(index < 20 + left.unwrap() as u64 && rig.mover.motion().is_total());
+    assert_eq!(rig.mover.motion().new_grids(), 1);
 }

@@ -191,6 +191,12 @@ impl<const B: usize, T: Real> BlockCsr<B, T> {
         }
     }
 
+    /// Row pointers, columns and blocks; the pattern is copied where others share it.
+    pub(crate) fn into_parts(self) -> (Rc<Vec<usize>>, Vec<u32>, Vec<[[T; B]; B]>) {
+        let cols = Rc::try_unwrap(self.cols).unwrap_or_else(|shared| shared.to_vec());
+        (self.row_ptr, cols, self.values)
+    }
+
     fn multiply(&self, runs: &[std::ops::Range<usize>], x: &[[f64; B]], y: &mut [[f64; B]]) {
         for run in runs {
             for i in run.clone() {

@@ -5,6 +5,7 @@
 //!
 //! * [`BlockCsr`]: block rows of a distributed matrix, assembled through precomputed
 //!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
+//! * [`SymmetricCsr`]: the same with half of it stored, for products that read less memory.
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
 //! * [`Subsystem`]: solves for some rows across ranks, the others held.
 //! * [`BlockJacobi`], [`BlockIlu0`]: rank-local preconditioners.
@@ -29,6 +30,7 @@ mod operator;
 pub mod recycle;
 mod schwarz;
 mod subsystem;
+mod symmetric;
 mod vector;
 
 pub use amg::{Amg, AmgError, AmgParams};
@@ -42,3 +44,4 @@ pub use krylov::{Cg, Gmres, History, KrylovError, KrylovInfo, KrylovParams};
 pub use operator::{Identity, Operator, Preconditioner};
 pub use schwarz::{SchurLu, SchwarzLu};
 pub use subsystem::{Subsystem, SubsystemError};
+pub use symmetric::SymmetricCsr;

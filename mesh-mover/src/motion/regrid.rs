@@ -7,11 +7,17 @@
 //! grid motion like any other: it keeps mass, momentum and energy to the last digit, uniform
 //! fields stay uniform, both time levels of BDF2 stay what they were, and nothing passes
 //! through the fabric, whose nodes have no way to go.
+//!
+//! A canopy that deforms fast leaves less time: the way is shorter where quality falls fast, it ends within the
+//! window in which the mixture of old and new becomes bad, and where the grid becomes bad within one window
+//! a new one is made in that window, around the canopy that is asked for. Then nodes cross cells in
+//! one window, which the flow's swept volumes bear: the conservative remap of an arbitrary
+//! Lagrangian-Eulerian method is that same motion.
 
 use case::Regrid;
 use mesh::Vec3;
 
-use super::{Motion, Positions, Shape, volume};
+use super::{Motion, MoverError, Positions, Shape, Stage, volume};
 
 /// Builds the nodes of a new grid around canopy positions: the same cells, nodes in global order.
 pub type Builder = Box<dyn Fn(&[Vec3]) -> Result<Vec<Vec3>, String>>;
@@ -32,6 +38,10 @@ const GAIN: f64 = 1.3;
 const WAY: f64 = 0.6;
 /// After a new grid that did not help, the next one is made when quality has fallen to this share.
 const RETRY: f64 = 0.8;
+/// Below this share of the bound a new grid does not wait for the end of a window.
+const AT_ONCE: f64 = 0.5;
+/// A way is to end before quality has fallen to this share at the rate that it falls now.
+const LEFT: f64 = 0.5;
 /// Longest way, in windows: then nodes move faster than was asked for.
 const MOST_STEPS: f64 = 400.0;
 
@@ -72,7 +82,7 @@ pub struct NewGrid {
     pub from: f64,
     /// Of the new one.
     pub to: f64,
-    /// Windows of the way.
+    /// Windows of the way; 0: the one in which it was made.
     pub windows: u32,
 }
 
@@ -97,6 +107,18 @@ impl Motion {
     /// How many new grids were made.
     pub fn new_grids(&self) -> u32 {
         self.new_grids
+    }
+
+    /// Ends the way to a new grid within the present window, where there is a rest of it: the next
+    /// positions are those of the new grid. All later calls of the window agree.
+    pub(super) fn end_way(&mut self) -> bool {
+        match &mut self.glide {
+            Some(glide) if glide.step + 1 < glide.steps => {
+                glide.step = glide.steps - 1;
+                true
+            }
+            _ => false,
+        }
     }
 
     /// One window further on the way, or onto a new one where that is due. Collective.
@@ -154,18 +176,55 @@ impl Motion {
             far = far.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() / h.min(k));
         }
         let step = self.regridder.as_ref().map_or(1.0, |r| r.when.step);
-        let steps = (STEEPEST * self.grid.comm().max(far) / step).ceil().clamp(1.0, MOST_STEPS) as u32;
-        self.rebase(&target, found.quality).map_err(|e| e.to_string())?;
+        let steps = (STEEPEST * self.grid.comm().max(far) / step).ceil();
+        // A fast canopy leaves less time; `fall` may be zero.
+        let left = (LEFT * shape.quality / self.fall).floor();
+        let steps = steps.min(left).clamp(1.0, MOST_STEPS) as u32;
+        self.adopt(target, found.quality).map_err(|e| e.to_string())?;
+        self.glide = Some(Glide { offset, step: 0, steps });
+        Ok(NewGrid { from: shape.quality, to: found.quality, windows: steps })
+    }
+
+    /// Whether the grid of a call is so bad that a new one cannot wait for the end of the window.
+    pub(super) fn is_late(&self, shape: &Shape, stage: Stage) -> bool {
+        let bound = self.regridder.as_ref().map_or(0.0, |r| AT_ONCE * r.when.below);
+        !self.accepts(shape) || (stage == Stage::Fresh && shape.quality < bound)
+    }
+
+    /// A new grid around the canopy of `to` in the place of the moved one, which has `shape`: it is
+    /// reached within this window, and the reference for what follows. `None`, and `to`
+    /// as it was, where there is none or it does not help. Collective.
+    pub(super) fn new_grid_at_once(
+        &mut self,
+        to: &mut Positions,
+        shape: &Shape,
+    ) -> Result<Option<Shape>, MoverError> {
+        let Some(regridder) = &self.regridder else { return Ok(None) };
+        let Ok(nodes) = (regridder.build)(to.canopy.as_chunks::<3>().0) else { return Ok(None) };
+        let mut target = Positions { grid: self.grid.gather(&nodes), canopy: to.canopy.clone() };
+        self.grid.place_canopy(&to.canopy, &mut target.grid);
+        let found = self.shape(&target.grid);
+        if !self.accepts(&found) || found.quality < GAIN * shape.quality {
+            return Ok(None);
+        }
+        to.grid.copy_from_slice(&target.grid);
+        self.adopt(target, found.quality)?;
+        self.news = Some(NewGrid { from: shape.quality, to: found.quality, windows: 0 });
+        Ok(Some(Shape { volume_ratio: 1.0, ..found }))
+    }
+
+    /// Takes a new grid as reference and start. Collective.
+    fn adopt(&mut self, target: Positions, quality: f64) -> Result<(), MoverError> {
+        self.rebase(&target, quality)?;
         for (c, v) in self.start_volumes.iter_mut().enumerate() {
             *v = volume(&self.grid.corners(c, &target.grid));
         }
-        (self.start, self.start_quality) = (target, found.quality);
+        (self.start, self.start_quality) = (target, quality);
         (self.at_start, self.left) = (true, 0.0);
         self.new_grids += 1;
-        self.glide = Some(Glide { offset, step: 0, steps });
         if let Some(r) = &mut self.regridder {
             r.next = r.when.below;
         }
-        Ok(NewGrid { from: shape.quality, to: found.quality, windows: steps })
+        Ok(())
     }
 }

@@ -7,12 +7,12 @@ use comm::Comm;
 use super::coarsen::Step;
 use super::prolongation::Prolongation;
 use super::{AmgError, AmgParams, MODES, coarsen};
-use crate::BlockCsr;
+use crate::{BlockCsr, SymmetricCsr};
 use crate::block::{Real, invert};
 use crate::jacobi::SingularBlock;
 
 pub(super) struct Level<const F: usize, T: Real> {
-    a: BlockCsr<F, T>,
+    a: SymmetricCsr<F, T>,
     /// Inverse of the smoother's diagonal blocks.
     inverse: Vec<[[T; F]; F]>,
     /// What the smoother adds to the diagonal: half the couplings to other ranks, so that
@@ -81,7 +81,7 @@ impl<const F: usize, T: Real> Level<F, T> {
             return Ok(Err(a));
         }
         let level = Self {
-            a: a.into_precision(),
+            a: SymmetricCsr::of(a.into_precision()),
             inverse,
             extra,
             p: p.cast(),
@@ -108,7 +108,7 @@ impl<const F: usize, T: Real> Level<F, T> {
         self.a.n_rows()
     }
 
-    pub fn matrix(&self) -> &BlockCsr<F, T> {
+    pub fn matrix(&self) -> &SymmetricCsr<F, T> {
         &self.a
     }
 
@@ -137,53 +137,63 @@ impl<const F: usize, T: Real> Level<F, T> {
     }
 
     /// `x = M^-1 r`: smooth, correct by `coarse`, smooth in reverse. `x` has local length.
+    ///
+    /// Each sweep reads the half of the matrix that is stored, once: a block serves its row, and
+    /// transposed, by what is left for the rows above, its column.
     pub fn cycle(&self, r: &[T], x: &mut [T], coarse: impl FnOnce(&[T], &mut [T])) {
         let Work { residual, coarse_rhs, coarse_x } = &mut *self.work.borrow_mut();
-        self.forward_from_zero(r, x);
+        self.forward_from_zero(r, x, residual);
         self.a.halo().exchange(x, F);
-        self.residual_after_forward(x, residual);
+        self.subtract_ghosts(x, residual);
         self.p.restrict(residual, coarse_rhs);
         coarse(coarse_rhs, coarse_x);
         self.p.prolong_add(coarse_x, x);
         self.a.halo().exchange(x, F);
-        self.backward(r, x);
+        let rest = residual;
+        rest.copy_from_slice(r);
+        self.subtract_ghosts(x, rest);
+        self.backward(rest, x);
     }
 
-    /// A forward Gauss-Seidel sweep from `x = 0`: only the lower triangle is read.
-    fn forward_from_zero(&self, r: &[T], x: &mut [T]) {
+    /// A forward Gauss-Seidel sweep from `x = 0`, and the residual that it leaves, but for ghosts:
+    /// what the sweep solved cancels, so that only columns behind the diagonal count.
+    fn forward_from_zero(&self, r: &[T], x: &mut [T], residual: &mut [T]) {
         let (r, x) = (r.as_chunks::<F>().0, x.as_chunks_mut::<F>().0);
+        let residual = residual.as_chunks_mut::<F>().0;
         for i in 0..self.a.n_rows() {
-            let lower = self.a.row(i).start..self.a.diagonal_slot(i);
+            let (cols, values) = self.a.lower(i);
             let mut s = r[i];
-            subtract(&mut s, &self.a.cols()[lower.clone()], &self.a.values[lower], x);
-            x[i] = multiply(&self.inverse[i], &s);
-        }
-    }
-
-    /// The residual after that sweep: what the sweep solved cancels, so that only the
-    /// upper triangle (with the ghosts) is read.
-    fn residual_after_forward(&self, x: &[T], residual: &mut [T]) {
-        let (x, residual) = (x.as_chunks::<F>().0, residual.as_chunks_mut::<F>().0);
-        for i in 0..self.a.n_rows() {
-            let upper = self.a.diagonal_slot(i) + 1..self.a.row(i).end;
-            let mut s = [T::default(); F];
-            (0..F).for_each(|c| s[c] = self.extra[i][c] * x[i][c]);
-            subtract(&mut s, &self.a.cols()[upper.clone()], &self.a.values[upper], x);
-            residual[i] = s;
-        }
-    }
-
-    /// A backward Gauss-Seidel sweep with the ghosts as they are.
-    fn backward(&self, r: &[T], x: &mut [T]) {
-        let (r, x) = (r.as_chunks::<F>().0, x.as_chunks_mut::<F>().0);
-        for i in (0..self.a.n_rows()).rev() {
-            let (row, diagonal) = (self.a.row(i), self.a.diagonal_slot(i));
-            let mut s = r[i];
-            (0..F).for_each(|c| s[c] += self.extra[i][c] * x[i][c]);
-            for part in [row.start..diagonal, diagonal + 1..row.end] {
-                subtract(&mut s, &self.a.cols()[part.clone()], &self.a.values[part], x);
+            subtract(&mut s, cols, values, x);
+            let xi = multiply(&self.inverse[i], &s);
+            x[i] = xi;
+            for (&j, a) in cols.iter().zip(values) {
+                subtract_transposed(&mut residual[j as usize], a, &xi);
             }
-            x[i] = multiply(&self.inverse[i], &s);
+            (0..F).for_each(|c| residual[i][c] = self.extra[i][c] * xi[c]);
+        }
+    }
+
+    /// Subtracts the products of ghosts.
+    fn subtract_ghosts(&self, x: &[T], rest: &mut [T]) {
+        let (x, rest) = (x.as_chunks::<F>().0, rest.as_chunks_mut::<F>().0);
+        for (i, cols, values) in self.a.ghosts() {
+            subtract(&mut rest[i], cols, values, x);
+        }
+    }
+
+    /// A backward Gauss-Seidel sweep; `rest` is the right-hand side without the ghosts' part, and is used up.
+    fn backward(&self, rest: &mut [T], x: &mut [T]) {
+        let (rest, x) = (rest.as_chunks_mut::<F>().0, x.as_chunks_mut::<F>().0);
+        for i in (0..self.a.n_rows()).rev() {
+            let (cols, values) = self.a.lower(i);
+            let mut s = rest[i];
+            (0..F).for_each(|c| s[c] += self.extra[i][c] * x[i][c]);
+            subtract(&mut s, cols, values, x);
+            let xi = multiply(&self.inverse[i], &s);
+            x[i] = xi;
+            for (&j, a) in cols.iter().zip(values) {
+                subtract_transposed(&mut rest[j as usize], a, &xi);
+            }
         }
     }
 }
@@ -207,6 +217,17 @@ fn subtract<const F: usize, T: Real>(s: &mut [T; F], cols: &[u32], values: &[[[T
             sum += sums[r][c];
         }
         s[r] -= sum;
+    }
+}
+
+/// `y -= A^T x`.
+#[inline(always)]
+fn subtract_transposed<const F: usize, T: Real>(y: &mut [T; F], a: &[[T; F]; F], x: &[T; F]) {
+    for r in 0..F {
+        let minus = -x[r];
+        for c in 0..F {
+            y[c] = a[r][c].fused(minus, y[c]);
+        }
     }
 }
 

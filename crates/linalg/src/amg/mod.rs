@@ -9,7 +9,7 @@ mod prolongation;
 mod spectrum;
 
 use crate::block::Real;
-use crate::{BlockCsr, FactorError, Preconditioner, SingularBlock};
+use crate::{BlockCsr, FactorError, Preconditioner, SingularBlock, SymmetricCsr};
 use coarsen::{Step, coarsen};
 use coarsest::Coarsest;
 use level::Level;
@@ -143,8 +143,8 @@ impl<T: Real> Amg<T> {
     }
 
     /// The matrix of the finest level: the one given to [`Amg::of_matrix`], or the one given to
-    /// [`Amg::new`] divided by its largest entry.
-    pub fn matrix(&self) -> &BlockCsr<3, T> {
+    /// [`Amg::new`] divided by its largest entry. Half of it is stored.
+    pub fn matrix(&self) -> &SymmetricCsr<3, T> {
         self.fine.matrix()
     }
 
