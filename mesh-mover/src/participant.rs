@@ -369,7 +369,11 @@ impl Participant for MeshMover {
         let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
         let rebased = !self.motion.is_total();
         let reference = if rebased { self.gather(&self.motion.reference().grid) } else { Vec::new() };
-        let start = if self.new_start || self.motion.new_grids() > 0 { self.gather(&self.motion.start().grid) } else { Vec::new() };
+        let start = if self.new_start || self.motion.new_grids() > 0 {
+            self.gather(&self.motion.start().grid)
+        } else {
+            Vec::new()
+        };
         let (offset, way) = match self.motion.glide() {
             Some(glide) => (self.gather(&glide.offset), [glide.step, glide.steps]),
             None => (Vec::new(), [0; 2]),

@@ -151,11 +151,13 @@ fn a_repair_holds_for_all_calls_of_a_window() {
     };
     let quality = |s: f64| {
         let mut run = Run::new(&grid, plain(), Limits { min_quality: 0.0, max_increments: 1, repair: false });
-        run.window(|p| turn(p, s)).unwrap().shape.quality
+        run.window(|p| turn(p, s)).map_or(-1.0, |m| m.shape.quality)
     };
-    let (near, beyond) = (0.22, 0.24);
+    let beyond = (0..40).map(|k| 0.2 + 0.01 * f64::from(k)).find(|s| quality(*s) < 0.1).unwrap();
+    let near = beyond - 0.01;
     let (q, worse) = (quality(near), quality(beyond));
-    assert!(q > 1.1 * worse && worse > 0.0, "{q} {worse}");
+    println!("quality {q:.4} at {near}, {worse:.4} at {beyond}");
+    assert!(q > 1.05 * worse && worse > 0.0, "{q} {worse}");
     let limits = Limits { min_quality: 0.5 * (q + worse), max_increments: 8, repair: true };
     let mut trial = Trial::new(&grid, plain(), limits).unwrap();
     let mut calls = Vec::new();

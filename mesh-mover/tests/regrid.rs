@@ -62,7 +62,7 @@ impl Rig {
             limits: Limits { repair: false, min_quality, ..Limits::from(&settings) },
             state,
             outer: settings.outer,
-            regridder: Some(Regridder::new(Regrid { below, step }, build)),
+            regridder: (below > 0.0).then(|| Regridder::new(Regrid { below, step }, build)),
         };
         let mover = MeshMover::on_grid(setup, &Comm::solo()).unwrap();
         let output = vec![f64::NAN; 6 * grid.coords.len()];
@@ -104,7 +104,7 @@ fn apart(a: &[Vec3], b: &[Vec3]) -> f64 {
 #[test]
 fn a_bad_grid_glides_into_a_new_one() {
     let mut rig = Rig::new(0.6, None);
-    let mut without = Rig::new(1e-6, None);
+    let mut without = Rig::new(0.0, None);
     let height = |index: u64| 0.3 * (index as f64 / 30.0).min(1.0);
     let (mut worst, mut worst_without, mut seen, mut jolt) = (1.0f64, 1.0f64, 0, 0.0f64);
     let mut history: Vec<Vec<Vec3>> = Vec::new();
@@ -205,4 +205,28 @@ fn a_canopy_that_outruns_the_way_ends_it_within_a_window() {
     println!("ended at h = {h}, window {index}");
     assert!(index < 20 + left.unwrap() as u64 && rig.mover.motion().is_total());
     assert_eq!(rig.mover.motion().new_grids(), 1);
+}
+
+#[test]
+fn a_grid_that_goes_bad_within_a_window_is_replaced_in_it() {
+    let mut rig = Rig::with(0.9, 1.0, 0.3, None);
+    // Half of the way to the wall: plain elasticity leaves cells below the bound.
+    let quality = rig.window(0, 0.5);
+    assert!(quality > 0.99 && rig.mover.motion().new_grids() == 1, "{quality}");
+    assert!(apart(&rig.nodes(), &around(0.5)) < 1e-12, "the new grid");
+    assert!(rig.mover.motion().glide().is_none() && rig.mover.motion().is_total());
+    // Velocities are those of the motion from the old grid to the new one.
+    let (from, to) = (around(0.0), around(0.5));
+    for (row, (a, b)) in rig.output.as_chunks::<6>().0.iter().zip(from.iter().zip(&to)) {
+        (0..3).for_each(|i| assert!((row[3 + i] - (b[i] - a[i]) / 0.1).abs() < 1e-9));
+    }
+    rig.window(1, 0.5);
+    assert!(apart(&rig.nodes(), &around(0.5)) < 1e-12, "it stays");
+    // A state that is saved now goes on around the new grid.
+    let folder = tempfile::tempdir().unwrap();
+    rig.mover.save(folder.path()).unwrap();
+    let state = State::load(&case::state_file(folder.path(), Role::Mesh), rig.grid.coords.len()).unwrap();
+    let mut again = Rig::with(0.9, 1.0, 0.3, Some(state));
+    assert_eq!(rig.window(2, 0.52), again.window(2, 0.52));
+    assert!(apart(&rig.nodes(), &again.nodes()) < 1e-12);
 }

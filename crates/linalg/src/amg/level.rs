@@ -7,9 +7,9 @@ use comm::Comm;
 use super::coarsen::Step;
 use super::prolongation::Prolongation;
 use super::{AmgError, AmgParams, MODES, coarsen};
-use crate::{BlockCsr, SymmetricCsr};
 use crate::block::{Real, invert};
 use crate::jacobi::SingularBlock;
+use crate::{BlockCsr, SymmetricCsr};
 
 pub(super) struct Level<const F: usize, T: Real> {
     a: SymmetricCsr<F, T>,
@@ -150,7 +150,9 @@ impl<const F: usize, T: Real> Level<F, T> {
         self.p.prolong_add(coarse_x, x);
         self.a.halo().exchange(x, F);
         let rest = residual;
-        rest.copy_from_slice(r);
+        // On coarse levels `r` is as long as its ghosts ask for.
+        let n = rest.len();
+        rest.copy_from_slice(&r[..n]);
         self.subtract_ghosts(x, rest);
         self.backward(rest, x);
     }
