@@ -24,6 +24,20 @@ pub struct Limits {
     pub repair: bool,
 }
 
+impl Limits {
+    /// Quality that a repair aims at: well above the least one, where cells can be that good.
+    fn aim(&self) -> f64 {
+        (4.0 * self.min_quality).min(REPAIR_BELOW.max(1.1 * self.min_quality))
+    }
+
+    /// In the first call of a window cells are repaired already below this: later calls, whose canopies
+    /// differ a little, then find it done. A repair in one call and not in the next would be a
+    /// jump of the grid that the coupling does not understand.
+    fn soon(&self) -> f64 {
+        (2.0 * self.min_quality).min(0.5 * (self.min_quality + self.aim()))
+    }
+}
+
 /// The grid is based anew once its worst cell is below this and below
 /// [`REBASE_LOSS`] of the quality that its reference grid had: stiffening then protects
 /// the cells that are now bad, at the price of drift (see [`Motion`]). Measured on a
@@ -34,10 +48,6 @@ const REBASE_BELOW: f64 = 0.5;
 const REBASE_LOSS: f64 = 0.7;
 /// A new reference is optimised where its cells are worse than this: the next answers go there.
 const REPAIR_BELOW: f64 = 0.25;
-/// In the first call of a window cells are repaired already below this multiple of the least
-/// quality: later calls, whose canopies differ a little, then find it done. A repair in one call
-/// and not in the next would be a jump of the grid that the coupling does not understand.
-const AHEAD: f64 = 2.0;
 /// The largest loss of quality in a window counts less by this in each later one.
 const FADING: f64 = 0.7;
 /// The canopy is on its way back to the start once it is nearer to it than this share of the
@@ -266,10 +276,10 @@ impl Motion {
                 let [near, far] = parts;
                 let shape = near.worse(&far);
                 let accepted = self.accepts(&shape);
-                let early = stage == Stage::Fresh && shape.quality < AHEAD * self.limits.min_quality;
+                let early = stage == Stage::Fresh && shape.quality < self.limits.soon();
                 // A window that has left the linear form is repaired where it stands.
                 let wanted = if accepted { early } else { stage == Stage::Held };
-                let goal = if early { AHEAD * self.limits.min_quality } else { self.limits.min_quality };
+                let goal = if early { self.limits.soon() } else { self.limits.min_quality };
                 let mut found = None;
                 if self.is_late(&shape, stage) {
                     found = self.new_grid_at_once(to, &shape)?;
@@ -323,7 +333,7 @@ impl Motion {
             return Ok(None);
         }
         let mut at = to.clone();
-        untangle(&self.grid, &mut at.grid, 2.0 * AHEAD * self.limits.min_quality);
+        untangle(&self.grid, &mut at.grid, self.limits.aim());
         let found = self.shape(&at.grid);
         if found.quality < goal || !self.accepts(&found) {
             return Ok(None);
@@ -526,7 +536,7 @@ impl Motion {
                 *iterations += effort.iterations;
                 shape = self.shape(&to.grid);
                 if !self.accepts(&shape) && repair && self.limits.repair {
-                    untangle(&self.grid, &mut to.grid, 2.0 * AHEAD * self.limits.min_quality);
+                    untangle(&self.grid, &mut to.grid, self.limits.aim());
                     shape = self.shape(&to.grid);
                     if k == count && self.accepts(&shape) {
                         // Later iterations of this window must start from the repaired grid.
