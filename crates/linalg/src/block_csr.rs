@@ -192,6 +192,7 @@ impl<const B: usize, T: Real> BlockCsr<B, T> {
     }
 
     /// Row pointers, columns and blocks; the pattern is copied where others share it.
+    #[allow(clippy::type_complexity)]
     pub(crate) fn into_parts(self) -> (Rc<Vec<usize>>, Vec<u32>, Vec<[[T; B]; B]>) {
         let cols = Rc::try_unwrap(self.cols).unwrap_or_else(|shared| shared.to_vec());
         (self.row_ptr, cols, self.values)
