@@ -56,12 +56,13 @@ pub fn report(options: &RunOptions) -> Result<String, RunError> {
                 stage.pressure_pa.map_or_else(|| "?".into(), |p| p.to_string())
             ),
             StageKind::FlowOnly => "flow alone around the canopy held still".into(),
+            StageKind::Prescribed => "mesh and flow around the canopy that moves as prescribed".into(),
             StageKind::Coupled => {
                 "structure, mesh and flow coupled".to_owned()
                     + if scene.descent.is_some() { ", with the descent" } else { "" }
             }
         };
-        let substeps = if stage.kind == StageKind::FlowOnly {
+        let substeps = if !stage.kind.roles().contains(&case::Role::Structure) {
             String::new()
         } else {
             format!(" x {} substeps", stage.substeps)

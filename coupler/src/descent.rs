@@ -8,6 +8,8 @@
 //! mass is that of payload, fabric and lines: the air that moves along is part
 //! of the resolved flow and must not be added.
 
+use channel::{Stats, structure_stats};
+
 /// Mass, gravity and the reference that turns force into a coefficient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DescentModel {
@@ -21,6 +23,44 @@ pub struct DescentModel {
     pub reference_speed_m_s: f64,
     /// Density of the undisturbed air, kg/m3.
     pub air_density_kg_m3: f64,
+    /// Drag of a payload that falls with the frame; `None`: it has none.
+    pub payload_drag: Option<PayloadDrag>,
+    /// The structure tells the drag of lines and payload with each answer.
+    pub drag_in_structure: bool,
+}
+
+/// Drag of the air on the payload, `1/2 rho (C A) |w| w`, in a steady wind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PayloadDrag {
+    /// Half the density times the drag area, kg/m.
+    pub half_density_area: f64,
+    /// Wind, m/s.
+    pub wind_m_s: [f64; 3],
+}
+
+impl PayloadDrag {
+    /// Velocity at the end of a step (m/s) that without this drag would be `free`, for a mass
+    /// `m` (kg): the drag is that at the end of the step, as all forces of the descent are.
+    fn slowed(&self, free: f64, m: f64, dt: f64) -> f64 {
+        let [x, y, z] = self.wind_m_s;
+        let c = self.half_density_area * dt / m;
+        let goal = z - free;
+        // r + c |w| r = goal with r the vertical part of the relative wind w: monotone and
+        // convex on either side of zero, so Newton's method from the far side converges.
+        let mut r = goal;
+        for _ in 0..60 {
+            let size = (x * x + y * y + r * r).sqrt();
+            if size == 0.0 {
+                break;
+            }
+            let step = (r + c * size * r - goal) / (1.0 + c * (size + r * r / size));
+            r -= step;
+            if step.abs() <= 1e-15 * goal.abs() {
+                break;
+            }
+        }
+        z - r
+    }
 }
 
 impl DescentModel {
@@ -33,7 +73,17 @@ impl DescentModel {
     /// Vertical velocity at the end of a window of `dt` seconds that started
     /// with `velocity`, under the force at its end.
     pub fn step(&self, velocity: f64, force_z: f64, dt: f64) -> f64 {
-        velocity + dt * self.acceleration(force_z)
+        let free = velocity + dt * self.acceleration(force_z);
+        match &self.payload_drag {
+            None => free,
+            Some(drag) => drag.slowed(free, self.mass_kg, dt),
+        }
+    }
+
+    /// Vertical force of the air on all that falls, N: `canopy` on the canopy, and what the
+    /// structure's statistics say of lines and a payload that moves.
+    pub fn force(&self, canopy: f64, structure: &Stats) -> f64 {
+        if self.drag_in_structure { canopy + structure.values[structure_stats::AIR_FORCE] } else { canopy }
     }
 
     /// Drag coefficient on the reference area and the *initial* speed, as in the paper.
@@ -57,7 +107,40 @@ mod tests {
         reference_area_m2: 41.3614,
         reference_speed_m_s: 4.8768,
         air_density_kg_m3: 1.225,
+        payload_drag: None,
+        drag_in_structure: false,
     };
+
+    /// A sphere that falls alone: terminal speed sqrt(2 m g / (rho C A)), and the wind carries
+    /// it along: across the wind its drag grows with the whole speed.
+    #[test]
+    fn a_payload_alone_falls_at_its_own_speed() {
+        let drag = PayloadDrag { half_density_area: 0.5 * 1.225 * 0.8, wind_m_s: [0.0; 3] };
+        let model = DescentModel { payload_drag: Some(drag), ..ATPS };
+        let mut v = 0.0;
+        (0..4000).for_each(|_| v = model.step(v, 0.0, 0.05));
+        let terminal = (ATPS.mass_kg * ATPS.gravity_m_s2 / drag.half_density_area).sqrt();
+        assert!((v / -terminal - 1.0).abs() < 1e-12, "{v} {terminal}");
+        // Falling upwards in an updraught that is faster.
+        let up = PayloadDrag { wind_m_s: [0.0, 0.0, 2.0 * terminal], ..drag };
+        let model = DescentModel { payload_drag: Some(up), ..ATPS };
+        (0..4000).for_each(|_| v = model.step(v, 0.0, 0.05));
+        assert!((v / terminal - 1.0).abs() < 1e-12, "{v}");
+        let across = PayloadDrag { wind_m_s: [30.0, 0.0, 0.0], ..drag };
+        let model = DescentModel { payload_drag: Some(across), ..ATPS };
+        let mut w = 0.0;
+        (0..4000).for_each(|_| w = model.step(w, 0.0, 0.05));
+        let force = drag.half_density_area * (w * w + 900.0).sqrt() * -w;
+        assert!((force / (ATPS.mass_kg * ATPS.gravity_m_s2) - 1.0).abs() < 1e-10, "{w}");
+    }
+
+    #[test]
+    fn the_structure_tells_the_drag_of_lines() {
+        let mut stats = Stats::default();
+        stats.values[structure_stats::AIR_FORCE] = 12.5;
+        assert_eq!(ATPS.force(100.0, &stats), 100.0);
+        assert_eq!(DescentModel { drag_in_structure: true, ..ATPS }.force(100.0, &stats), 112.5);
+    }
 
     #[test]
     fn weight_balances_at_the_published_coefficient() {

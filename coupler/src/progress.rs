@@ -107,7 +107,7 @@ fn state(kind: StageKind, row: &Row) -> String {
             structure[structure_stats::KINETIC_ENERGY]
                 / structure[structure_stats::STRAIN_ENERGY].max(f64::MIN_POSITIVE)
         ),
-        StageKind::FlowOnly => format!(" | drag {:.0} N", row.report.force[2]),
+        StageKind::FlowOnly | StageKind::Prescribed => format!(" | drag {:.0} N", row.report.force[2]),
         StageKind::Coupled => format!(
             " | descent {:.3} m/s | drag {:.0} N | {} iterations{}",
             row.descent_speed_m_s,

@@ -188,7 +188,7 @@ impl RunSummary {
                     "  {}: load {:.1} N, projected area {:.2} m2; {}",
                     s.name, s.vertical_load_n, s.projected_area_m2, s.ended
                 ),
-                StageKind::FlowOnly => {
+                StageKind::FlowOnly | StageKind::Prescribed => {
                     format!(
                         "  {}: drag {:.1} N at {:.4} m/s; {}",
                         s.name, s.drag_n, s.descent_speed_m_s, s.ended

@@ -9,7 +9,10 @@ use mesh::{MeshError, StructureMesh};
 use crate::dynamics::{Dynamics, DynamicsParams};
 use crate::elements::cable::{CableLaw, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
-use crate::loops::{CableDamping, Cables, ElementLoop, MembraneDamping, Membranes, Quads};
+use crate::loops::{
+    CableDamping, Cables, Cylinder, ElementLoop, LineDrag, MembraneDamping, Membranes, Quads, ReefingLine,
+    Schedule,
+};
 use crate::materials::{Material, OrthotropicTensionField, StVenantKirchhoff, TensionField};
 use crate::model::{Model, ModelError, Surface, Warp};
 use crate::newton::NewtonParams;
@@ -86,8 +89,10 @@ pub fn dynamics(
     mesh: &Rc<StructureMesh>,
 ) -> Result<Dynamics, ModelError> {
     let owner = owners(comm, mesh)?;
-    let model = Model::with(comm, mesh, &owner, surface(scene))?;
-    let loops = loops(scene, stage, &model)?;
+    let (ties, skirt) = reefed(scene, stage, mesh)?;
+    let model = Model::with_ties(comm, mesh, &owner, surface(scene), &ties)?;
+    let mut loops = loops(scene, stage, &model)?;
+    air_and_reefing(scene, stage, &model, skirt, &mut loops);
     let s = &scene.structure;
     let mass = match s.integration {
         Integration::Implicit => s.mass.into(),
@@ -113,6 +118,58 @@ pub fn dynamics(
         max_cuts: s.max_step_cuts,
     };
     Ok(Dynamics::new(system, params))
+}
+
+/// Reefing lines that hold in a stage, or are cut in it.
+fn holding(scene: &Scene, stage: usize) -> impl Iterator<Item = (&case::Reefing, bool)> {
+    scene.reefing.iter().filter_map(move |r| {
+        let cut = r.release_stage.as_ref().map(|name| scene.stages.iter().position(|s| &s.name == name));
+        match cut.flatten() {
+            Some(at) if at < stage => None,
+            Some(at) => Some((r, at == stage)),
+            None => Some((r, false)),
+        }
+    })
+}
+
+/// Pairs of neighbours on the skirt, and its unstressed length (m), where a line reefs it.
+fn reefed(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Result<(Vec<[u32; 2]>, f64), ModelError> {
+    if holding(scene, stage).next().is_none() {
+        return Ok((Vec::new(), 0.0));
+    }
+    let ring = mesh.skirt();
+    if ring.len() < 3 {
+        return Err(ModelError::NoSkirt { nodes: ring.len() });
+    }
+    let ties: Vec<[u32; 2]> = (0..ring.len()).map(|k| [ring[k], ring[(k + 1) % ring.len()]]).collect();
+    let length = |[a, b]: &[u32; 2]| {
+        crate::vec3::norm(crate::vec3::sub(mesh.coords[*a as usize], mesh.coords[*b as usize]))
+    };
+    let skirt = ties.iter().map(length).sum();
+    Ok((ties, skirt))
+}
+
+/// Drag of lines and reefing lines, where they are asked for.
+fn air_and_reefing(scene: &Scene, stage: usize, model: &Model, skirt: f64, all: &mut Loops) {
+    let (Some(l), density) = (&scene.lines, scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3)) else {
+        return;
+    };
+    if let Some(d) = &l.drag {
+        let round = 2.0 * (l.area_m2 / std::f64::consts::PI).sqrt();
+        let width = d.diameter_m.unwrap_or(round);
+        let cylinder = Cylinder::new(density, width, d.coefficient, d.friction_coefficient);
+        all.push(Box::new(LineDrag::new(model, cylinder)));
+    }
+    for (r, cut) in holding(scene, stage) {
+        let schedule = Schedule {
+            length: r.length_m,
+            draw_in: if stage == 0 { r.draw_in_s } else { 0.0 },
+            release: if cut { r.release_s } else { f64::INFINITY },
+            ramp: r.release_ramp_s,
+        };
+        let law = TensionOnly { youngs_modulus: l.youngs_modulus_pa };
+        all.push(Box::new(ReefingLine::new(model, law, l.area_m2, schedule, skirt)));
+    }
 }
 
 /// Nodes that the motions of a stage move, with their components.

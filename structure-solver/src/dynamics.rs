@@ -6,6 +6,7 @@ use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
 use crate::motion::Motion;
 use crate::newton::{Balance, Newton, NewtonError, NewtonInfo, NewtonParams, State};
+use crate::payload::Payload;
 use crate::scheme::Scheme;
 use crate::system::System;
 
@@ -89,6 +90,8 @@ pub struct Dynamics {
     pub time: f64,
     /// Length of the last computed window, s.
     window: f64,
+    /// A rigid payload; `None` where there is none.
+    pub(crate) payload: Option<Payload>,
     /// Explicit steps, where they take the place of the scheme.
     pub(crate) explicit: Option<Explicit>,
 }
@@ -134,6 +137,7 @@ impl Dynamics {
             motions: Vec::new(),
             time: 0.0,
             window: 0.0,
+            payload: None,
             explicit: None,
             system,
         }
@@ -159,7 +163,7 @@ impl Dynamics {
     /// load and the acceleration `body` (m/s2), shape `[n_local][3]`: zero elsewhere,
     /// and on ghosts.
     pub fn reactions(&mut self, load: FaceLoad<'_>, body: [f64; 3]) -> Vec<f64> {
-        let State { u, v, a } = &self.accepted;
+        let State { u, v, a, .. } = &self.accepted;
         for i in 0..self.x.len() {
             self.x[i] = self.system.model.reference[i] + u[i];
             self.next.u[i] = a[i] + self.damping * v[i] - body[i % 3];
@@ -219,8 +223,13 @@ impl Dynamics {
         let start = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
         let balance = Balance { from: &self.current, form, load: start, body };
         self.system.set_step(f64::INFINITY);
+        self.system.set_time(self.time);
         self.scale = self.newton.load_scale(&self.system, &balance);
         self.load_on(0.0, load, false);
+        if self.payload.is_some() {
+            let first = FaceLoad { pressure: load.pressure[0], traction: load.traction[0] };
+            self.balance_payload(first, body);
+        }
         for k in 0..substeps {
             let share = |k: u64| k as f64 / substeps as f64;
             self.interval(
@@ -291,12 +300,13 @@ impl Dynamics {
         body: [f64; 3],
         known: Option<usize>,
     ) -> Result<NewtonInfo, NewtonError> {
+        self.system.set_time(self.time + span[1] * self.window);
         if self.system.depends_on_rate() {
             self.system.set_step(dt);
             for i in 0..self.x.len() {
                 self.x[i] = self.system.model.reference[i] + self.current.u[i];
             }
-            self.system.anchor(&self.x);
+            self.system.anchor_rates(&self.x);
         }
         let form = self.scheme.step(dt, self.damping);
         let at = span[0] + form.force_weight * (span[1] - span[0]);

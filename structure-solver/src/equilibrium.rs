@@ -154,6 +154,7 @@ impl Dynamics {
     ) -> Result<EquilibriumInfo, EquilibriumError> {
         let mut continuation = Continuation::default();
         self.system.prescribed.clear();
+        self.system.set_time(f64::INFINITY);
         for (i, u) in self.motions.iter().flat_map(|m| m.values(f64::INFINITY)) {
             self.accepted.u[i as usize] = u;
         }

@@ -167,6 +167,8 @@ fn highest_frequency(system: &mut System, inverse_mass: &[f64]) -> f64 {
     let load = FaceLoad { pressure: &zero, traction: &[] };
     let mut work = vec![0.0; n];
     system.set_step(f64::INFINITY);
+    // A reefing line is stiffest drawn in.
+    system.set_time(f64::INFINITY);
     system.tangent(Place::only(&x), load, 1.0, 0.0, &mut work);
     // Any start with a share of the highest mode will do: alternating signs, which are
     // the same whatever the partition.
@@ -241,13 +243,28 @@ impl Dynamics {
                 });
             }
             e.stable = e.stable_step() / (1.0 + 3.0 * strain).sqrt();
+            if self.system.depends_on_rate() {
+                // Where the nodes would come from at their velocities.
+                self.system.set_step(dt);
+                for i in 0..self.x.len() {
+                    e.half[i] = self.x[i] - dt * self.next.v[i];
+                }
+                self.system.anchor_rates(&e.half);
+            }
+            self.system.set_time(self.time + span[0] * window);
             self.explicit_forces(e, span[0], load);
         }
         let count = (dt / (e.safety * e.stable)).ceil().clamp(1.0, 1e9);
         let h = dt / count;
         let (owned, slowing) = (e.inverse_mass.len(), 0.5 * h * self.damping);
+        let mut rigid = self.payload.take().zip(self.next.body);
+        self.system.set_step(h);
         for k in 1..=count as u64 {
             let share = span[0] + (span[1] - span[0]) * k as f64 / count;
+            if self.system.depends_on_rate() {
+                self.system.anchor_rates(&self.x);
+            }
+            self.system.set_time(self.time + share * window);
             let State { u, v, .. } = &mut self.next;
             for i in 0..owned {
                 e.half[i] = (v[i] + 0.5 * h * e.acceleration(i, body)) / (1.0 + slowing);
@@ -260,11 +277,28 @@ impl Dynamics {
                     u[i] = moved;
                 }
             }
+            if let Some((p, s)) = &mut rigid {
+                p.advance(s, body, h);
+                for (n, x) in p.places(s).filter(|(n, _)| 3 * n < owned) {
+                    for (i, x) in (3 * n..).zip(x) {
+                        e.half[i] = (x - self.x[i]) / h;
+                        u[i] = x - self.system.model.reference[i];
+                    }
+                }
+            }
             for i in 0..owned {
                 self.x[i] = self.system.model.reference[i] + u[i];
             }
             self.system.model.halo.exchange(&mut self.x, 3);
             self.explicit_forces(e, share, load);
+            if let Some((p, s)) = &mut rigid {
+                let system = &self.system;
+                let pull = |n: usize| {
+                    let m = system.diagonal_mass(n);
+                    std::array::from_fn(|c| m * body[c] - e.force[3 * n + c])
+                };
+                p.finish(s, system.comm(), owned / 3, pull, body, h);
+            }
             let v = &mut self.next.v;
             for i in 0..owned {
                 v[i] = (1.0 - slowing) * e.half[i] + 0.5 * h * e.acceleration(i, body);
@@ -273,6 +307,21 @@ impl Dynamics {
         // What moves as prescribed has the velocity of its last step.
         for &i in self.motions.iter().flat_map(|m| &m.dofs).filter(|i| (**i as usize) < owned) {
             self.next.v[i as usize] = e.half[i as usize];
+        }
+        if let Some((p, s)) = rigid {
+            for (n, _) in p.places(&s).filter(|(n, _)| 3 * n < owned) {
+                self.next.v[3 * n..3 * n + 3].copy_from_slice(&e.half[3 * n..3 * n + 3]);
+            }
+            self.next.body = Some(s);
+            self.payload = Some(p);
+        }
+        if self.system.depends_on_rate() {
+            // What the whole substep took and felt is that of its mean velocity.
+            self.system.set_step(dt);
+            for i in 0..self.x.len() {
+                e.half[i] = self.system.model.reference[i] + self.current.u[i];
+            }
+            self.system.anchor_rates(&e.half);
         }
         for i in 0..owned {
             self.next.a[i] = e.acceleration(i, body) - self.damping * self.next.v[i];

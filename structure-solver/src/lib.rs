@@ -24,6 +24,8 @@ pub mod model;
 pub mod motion;
 pub mod newton;
 pub mod participant;
+pub mod payload;
+pub mod rigid;
 pub mod scheme;
 pub mod snapshot;
 pub mod state_file;

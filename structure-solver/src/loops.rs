@@ -3,11 +3,15 @@
 //! A loop is written for concrete materials and laws, so the compiler sees
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
+mod air;
 mod damping;
 mod quads;
+mod reefing;
 
+pub use air::{Cylinder, LineDrag};
 pub use damping::{CableDamping, MembraneDamping};
 pub use quads::Quads;
+pub use reefing::{ReefingLine, Schedule};
 
 use crate::culprit::principal;
 use crate::elements::mass::{self, MassMatrix};
@@ -69,6 +73,29 @@ pub trait ElementLoop {
 
     /// Length of the next step, s; infinite where rates do not count.
     fn set_step(&mut self, _dt: f64) {}
+
+    /// Whether forces depend on time: then [`ElementLoop::set_time`] precedes every step.
+    fn depends_on_time(&self) -> bool {
+        false
+    }
+
+    /// Time at the end of the next step, s since the start of the stage; infinite for a shape
+    /// at rest.
+    fn set_time(&mut self, _t: f64) {}
+
+    /// Whether forces depend on the air: then [`ElementLoop::set_air`] precedes every window.
+    fn feels_air(&self) -> bool {
+        false
+    }
+
+    /// Velocity of the undisturbed air in the falling frame, m/s.
+    fn set_air(&mut self, _velocity: Vec3) {}
+
+    /// Force of that air (N) on the elements counted on this rank in the last step, which
+    /// ended at positions `x` (m).
+    fn air_force(&self, _x: &[f64]) -> Vec3 {
+        [0.0; 3]
+    }
 
     /// Energy (J) that elements counted on this rank took out of the motion in the
     /// step from positions `before`, where they were anchored, to `after` (m).

@@ -53,6 +53,12 @@ pub enum ModelError {
         /// Rest length, m.
         rest_length: f64,
     },
+    /// A reefing line without a skirt.
+    #[error("a reefing line runs where suspension lines are attached to the canopy: {nodes} are too few")]
+    NoSkirt {
+        /// Nodes where lines are attached.
+        nodes: usize,
+    },
     /// A cable without a material.
     #[error("cable {cable} has no material: add [lines] to the scene")]
     NoMaterial {
@@ -201,6 +207,10 @@ pub struct Model {
     pub cables: Vec<CableElement>,
     /// Cables whose first node is owned here.
     pub n_own_cables: usize,
+    /// Pairs of nodes that something beside elements ties together, ordered like the triangles.
+    pub ties: Vec<[u32; 2]>,
+    /// Ties whose first node is owned here.
+    pub n_own_ties: usize,
     /// Constrained components, shape `[n_local][3]`.
     pub fixed: Vec<bool>,
     /// Point masses of local nodes, kg.
@@ -223,6 +233,17 @@ impl Model {
         owner: &[u32],
         surface: Surface,
     ) -> Result<Self, ModelError> {
+        Self::with_ties(comm, mesh, owner, surface, &[])
+    }
+
+    /// As [`Model::with`], with pairs of nodes of the mesh that a rank needs together. Collective.
+    pub fn with_ties(
+        comm: &Comm,
+        mesh: &StructureMesh,
+        owner: &[u32],
+        surface: Surface,
+        ties: &[[u32; 2]],
+    ) -> Result<Self, ModelError> {
         check(mesh)?;
         let rank = comm.rank() as u32;
         let mine = |n: &u32| owner[*n as usize] == rank;
@@ -237,6 +258,7 @@ impl Model {
         let triangles: Vec<usize> =
             (0..mesh.triangles.len()).filter(|&t| touch(&mesh.triangles[t])).collect();
         let cables: Vec<usize> = (0..mesh.cables.len()).filter(|&c| touch(&mesh.cables[c].nodes)).collect();
+        let mut ties: Vec<[u32; 2]> = ties.iter().filter(|t| touch(&t[..])).copied().collect();
         let faces = if surface.quadrilaterals { mesh.faces.len() } else { 0 };
         let faces: Vec<usize> = (0..faces).filter(|&f| touch(&mesh.faces[f])).collect();
         let owned = (0..mesh.coords.len() as u64).filter(|&n| owner[n as usize] == rank).collect();
@@ -284,6 +306,9 @@ impl Model {
             .collect();
         own_cables.sort_by_key(|c| c.nodes[0] >= n_owned);
 
+        ties.iter_mut().flatten().for_each(|n| *n = local(*n));
+        ties.sort_by_key(|t| t[0] >= n_owned);
+
         let mut fixed = vec![false; 3 * numbering.n_local()];
         for (n, components) in &mesh.fixed {
             if let Some(i) = numbering.local(u64::from(*n)) {
@@ -304,6 +329,8 @@ impl Model {
             quads,
             n_own_cables: own_cables.partition_point(|c| c.nodes[0] < n_owned),
             cables: own_cables,
+            n_own_ties: ties.partition_point(|t| t[0] < n_owned),
+            ties,
             fixed,
             point_masses,
             n_faces: mesh.faces.len(),

@@ -1,6 +1,7 @@
 //! Prescribed motions of nodes.
 
-use crate::dynamics::{Dynamics, LoadPath};
+use crate::dynamics::{Dynamics, LoadPath, blend};
+use crate::loops::FaceLoad;
 use crate::newton::{NewtonError, NewtonInfo};
 
 /// A displacement history of some components of some nodes.
@@ -77,12 +78,20 @@ impl Dynamics {
         known: Option<usize>,
     ) -> Result<NewtonInfo, NewtonError> {
         let dt = (span[1] - span[0]) * window;
-        if self.motions.is_empty() {
+        if self.motions.is_empty() && self.payload.is_none() {
             return self.step(span, dt, load, body, known);
         }
         let end = self.time + span[1] * window;
         self.system.prescribed.clear();
         self.system.prescribed.extend(self.motions.iter().flat_map(|m| m.values(end)));
+        let mut body_state = self.current.body;
+        if let (Some(p), Some(s)) = (&self.payload, &mut body_state) {
+            p.advance(s, body, dt);
+            for (n, x) in p.places(s) {
+                let reference = &self.system.model.reference[3 * n..3 * n + 3];
+                self.system.prescribed.extend((0..3).map(|c| ((3 * n + c) as u32, x[c] - reference[c])));
+            }
+        }
         let form = self.scheme.step(dt, self.damping);
         let mut before = Vec::with_capacity(self.system.prescribed.len());
         for &(i, u) in &self.system.prescribed {
@@ -103,6 +112,13 @@ impl Dynamics {
                 self.next.v[i] = v1;
                 self.next.a[i] = 0.0;
             }
+        }
+        if let (Ok(_), Some(s)) = (&result, body_state) {
+            blend(load, span[1], &mut self.pressure, &mut self.traction);
+            let (pressure, traction) =
+                (std::mem::take(&mut self.pressure), std::mem::take(&mut self.traction));
+            self.finish_payload(s, FaceLoad { pressure: &pressure, traction: &traction }, body, dt);
+            (self.pressure, self.traction) = (pressure, traction);
         }
         result
     }

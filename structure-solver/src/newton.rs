@@ -5,6 +5,7 @@ use std::time::Instant;
 use crate::elimination::Elimination;
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
+use crate::rigid::BodyState;
 use crate::scheme::StepForm;
 use crate::system::System;
 
@@ -18,13 +19,15 @@ pub struct State {
     pub v: Vec<f64>,
     /// Accelerations.
     pub a: Vec<f64>,
+    /// A rigid payload; `None` where there is none.
+    pub body: Option<BodyState>,
 }
 
 impl State {
     /// At rest in the unstressed positions.
     pub fn rest(n_local: usize) -> Self {
         let zero = || vec![0.0; 3 * n_local];
-        Self { u: zero(), v: zero(), a: zero() }
+        Self { u: zero(), v: zero(), a: zero(), body: None }
     }
 
     /// Copies without allocating.
@@ -32,6 +35,7 @@ impl State {
         self.u.copy_from_slice(&other.u);
         self.v.copy_from_slice(&other.v);
         self.a.copy_from_slice(&other.a);
+        self.body = other.body;
     }
 }
 
@@ -362,7 +366,7 @@ impl Newton {
 
     /// Leaves the best start in `self.u` and its residual in `self.g`; returns its norm.
     fn predict(&mut self, system: &System, balance: &Balance<'_>, guesses: &[&[f64]]) -> f64 {
-        let State { u, v, a } = balance.from;
+        let State { u, v, a, .. } = balance.from;
         let dt = balance.form.dt;
         let mut best = f64::INFINITY;
         for k in 0..2 + guesses.len() {
@@ -480,7 +484,7 @@ impl Newton {
     }
 
     fn finish(&self, balance: &Balance<'_>, to: &mut State) {
-        let State { u, v, a } = balance.from;
+        let State { u, v, a, .. } = balance.from;
         for i in 0..u.len() {
             let a1 = balance.form.acceleration(self.u[i] - u[i], v[i], a[i]);
             to.u[i] = self.u[i];

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use case::{Integration, Role, Scene, Solve};
+use case::{Integration, Role, Scene, Solve, StageKind};
 use channel::{
     Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash,
 };
@@ -17,12 +17,13 @@ use crate::explicit::Explicit;
 use crate::linear::LinearCost;
 use crate::loops::FaceLoad;
 use crate::measures::{Gauge, Measures};
+use crate::payload::{self, Log, Payload};
 use crate::snapshot::Pictures;
 use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 12] = [
+const EFFECTS: [&str; 15] = [
     "fabric.wrinkling",
     "fabric.orthotropic",
     "point_mass",
@@ -35,6 +36,9 @@ const EFFECTS: [&str; 12] = [
     "structure.integration",
     "fabric_gravity",
     "stage.mass_damping_per_s",
+    "lines.drag",
+    "descent.body",
+    "reefing",
 ];
 
 /// Numbers of a face in the input: pressure jump and traction, at start and end.
@@ -66,6 +70,8 @@ pub struct StructureSolver {
     measures: Measures,
     /// What the last `advance` cost.
     info: WindowInfo,
+    /// What the rigid payload does, on rank 0 of a stage in which it is free.
+    log: Option<Log>,
     /// Where the stage looks for the shape at rest: its tolerance.
     rest: Option<f64>,
 }
@@ -87,6 +93,18 @@ impl StructureSolver {
                 state_file::load(&dynamics.system.model, mesh.coords.len(), path).map_err(Fault::new)?;
         }
         crate::assemble::nodal(&mut dynamics, scene, stage, &mesh).map_err(Fault::new)?;
+        let free = scene.stages[stage].kind == StageKind::Coupled;
+        let mut log = None;
+        if let Some((payload, start)) = Payload::new(scene, &mesh, &dynamics).filter(|_| free) {
+            let folder = source.as_ref().and_then(|p| p.parent());
+            let earlier = folder.map(payload::load).transpose().map_err(Fault::new)?.flatten();
+            dynamics.carry(payload, earlier.unwrap_or(start));
+            if comm.is_root() {
+                let folder = case::stage_folder(out, scene, stage);
+                let bad = |e| Fault::new(format!("payload.csv in {}: {e}", folder.display()));
+                log = Some(Log::create(&folder).map_err(bad)?);
+            }
+        }
         let s = &scene.structure;
         if s.integration == Integration::Explicit && scene.stages[stage].solve == Solve::Dynamic {
             dynamics.integrate_explicitly(s.explicit_safety).map_err(Fault::new)?;
@@ -105,6 +123,7 @@ impl StructureSolver {
             from_rest: source.is_none(),
             average: VelocityAverage::of(scene, stage, n),
             computed: None,
+            log,
             measures: Measures::default(),
             info: WindowInfo::default(),
             rest: (scene.stages[stage].solve == Solve::Static).then_some(scene.structure.static_tolerance),
@@ -201,8 +220,9 @@ impl StructureSolver {
         // Seconds differ between ranks; the slowest tells.
         let comm = self.dynamics.system.comm();
         v[stat::ASSEMBLY_S] = comm.max(self.assembly_s() - assembly);
-        v[stat::FACTORISATION_S] = comm.max(cost.factorisation_s - before.factorisation_s);
-        v[stat::SOLVE_S] = comm.max(cost.solve_s - before.solve_s);
+        let linear = cost.factorisation_s - before.factorisation_s + cost.solve_s - before.solve_s;
+        v[stat::LINEAR_S] = comm.max(linear);
+        v[stat::AIR_FORCE] = self.air_force();
         stats
     }
 }
@@ -238,6 +258,7 @@ impl Participant for StructureSolver {
             }
             None => [0.0; 3],
         };
+        self.air(w);
         let info = match self.rest {
             Some(tolerance) => self.find_rest(tolerance, body)?,
             None => self.step_in_time(w, body)?,
@@ -259,7 +280,11 @@ impl Participant for StructureSolver {
         }
         self.dynamics.accept();
         self.from_rest = false;
-        Ok(())
+        let written = match (&mut self.log, self.dynamics.payload(), &self.dynamics.accepted.body) {
+            (Some(log), Some(p), Some(s)) => log.push(w.time + w.dt, p, s),
+            _ => Ok(()),
+        };
+        written.map_err(|e| Fault::new(format!("payload.csv: {e}")))
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
@@ -268,6 +293,9 @@ impl Participant for StructureSolver {
         let state = &self.dynamics.accepted;
         state_file::save(model, state, nodes, &case::state_file(folder, Role::Structure))
             .map_err(Fault::new)?;
+        if let Some(body) = &state.body {
+            payload::save(&model.comm, body, folder).map_err(Fault::new)?;
+        }
         let u = state_file::gather(
             &model.comm,
             model.numbering.owned(),
@@ -297,6 +325,36 @@ impl Participant for StructureSolver {
 }
 
 impl StructureSolver {
+    /// Tells those that feel it the velocity of the undisturbed air in the falling frame.
+    fn air(&mut self, w: &Window) {
+        let dynamics = &mut self.dynamics;
+        if !(dynamics.system.feels_air() || dynamics.payload.is_some()) {
+            return;
+        }
+        let flow = self.scene.flow.as_ref();
+        let gust = flow.and_then(|f| f.gust.as_ref()).map_or([0.0; 3], |g| g.at(w.time + w.dt));
+        let wind = flow.map_or([0.0; 3], |f| f.wind_m_s);
+        let air = std::array::from_fn(|i| wind[i] + gust[i] - w.frame_velocity[i]);
+        dynamics.system.set_air(air);
+        if let Some(p) = &mut dynamics.payload {
+            p.air = air;
+        }
+    }
+
+    /// Vertical force of the air on lines and a free payload in the last substep, N.
+    fn air_force(&self) -> f64 {
+        let d = &self.dynamics;
+        let payload = match (d.payload(), &d.current.body) {
+            (Some(p), Some(s)) => p.drag(s)[2],
+            _ => 0.0,
+        };
+        if !d.system.feels_air() {
+            return payload;
+        }
+        let x: Vec<f64> = d.system.model.reference.iter().zip(&d.current.u).map(|(x, u)| x + u).collect();
+        payload + d.system.comm().sum(d.system.air_force(&x)[2])
+    }
+
     /// Computes a window in time into the current state.
     fn step_in_time(&mut self, w: &Window, body: [f64; 3]) -> Result<WindowInfo, Fault> {
         let load = LoadPath {

@@ -32,6 +32,10 @@ pub struct System {
     fixed_owned: Vec<u32>,
     /// Some loop's forces depend on rates.
     rates: bool,
+    /// Some loop's forces depend on time.
+    timed: bool,
+    /// Some loop's forces depend on the air.
+    air: bool,
     /// Displacements (m) that fixed components take in the next step; those not named
     /// stay. Local numbers `3 node + component`.
     pub(crate) prescribed: Vec<(u32, f64)>,
@@ -69,6 +73,8 @@ impl System {
             mass[matrix.diagonal_slot(node as usize)] += m;
         }
         let rates = loops.iter().any(|l| l.depends_on_rate());
+        let timed = loops.iter().any(|l| l.depends_on_time());
+        let air = loops.iter().any(|l| l.feels_air());
         let mut system = Self {
             model,
             matrix,
@@ -77,6 +83,8 @@ impl System {
             masked: Vec::new(),
             fixed_owned: Vec::new(),
             rates,
+            timed,
+            air,
             prescribed: Vec::new(),
             nodal: Vec::new(),
         };
@@ -137,6 +145,40 @@ impl System {
         if self.rates {
             self.loops.iter_mut().for_each(|l| l.set_step(dt));
         }
+    }
+
+    /// [`ElementLoop::anchor`] of the loops that depend on rates.
+    pub fn anchor_rates(&mut self, x: &[f64]) {
+        self.loops.iter_mut().filter(|l| l.depends_on_rate()).for_each(|l| l.anchor(x));
+    }
+
+    /// Whether a step begins with [`System::set_time`].
+    pub fn depends_on_time(&self) -> bool {
+        self.timed
+    }
+
+    /// See [`ElementLoop::set_time`].
+    pub fn set_time(&mut self, t: f64) {
+        if self.timed {
+            self.loops.iter_mut().for_each(|l| l.set_time(t));
+        }
+    }
+
+    /// Whether a window begins with [`System::set_air`].
+    pub fn feels_air(&self) -> bool {
+        self.air
+    }
+
+    /// See [`ElementLoop::set_air`].
+    pub fn set_air(&mut self, velocity: [f64; 3]) {
+        if self.air {
+            self.loops.iter_mut().for_each(|l| l.set_air(velocity));
+        }
+    }
+
+    /// See [`ElementLoop::air_force`]; of this rank.
+    pub fn air_force(&self, x: &[f64]) -> [f64; 3] {
+        self.loops.iter().fold([0.0; 3], |sum, l| crate::vec3::add(sum, l.air_force(x)))
     }
 
     /// See [`ElementLoop::dissipation`]; of this rank.
@@ -274,6 +316,11 @@ impl System {
     /// Mass that belongs to an owned node: the sum of its row, kg.
     pub fn lumped_mass(&self, node: usize) -> f64 {
         self.matrix.row(node).map(|slot| self.mass[slot]).sum()
+    }
+
+    /// Mass on the diagonal of an owned node, kg.
+    pub fn diagonal_mass(&self, node: usize) -> f64 {
+        self.mass[self.matrix.diagonal_slot(node)]
     }
 
     #[cfg(test)]

@@ -301,6 +301,80 @@ pub(super) fn stiffness_damping(n: &Numbers<'_>) -> Judgement {
     by_share(ratio, format!("{} of critical for the first wave in the fabric", percent(ratio)))
 }
 
+/// Drag of lines across the stream beside that of the whole, at the sine of their slant.
+pub(super) fn line_drag(n: &Numbers<'_>) -> Judgement {
+    if n.speed == 0.0 || n.line_length == 0.0 {
+        return open("no lines in a stream");
+    }
+    let drag = n.scene.lines.as_ref().and_then(|l| l.drag.as_ref());
+    let (c, width) =
+        drag.map_or((1.1, n.line_diameter), |d| (d.coefficient, d.diameter_m.unwrap_or(n.line_diameter)));
+    // Lines spread from the payload to the rim: their mean slant to the stream.
+    let slant = (0.5 * n.width).atan2(n.suspension).sin();
+    let force = c * width * n.line_length * n.dynamic_pressure * slant * slant * slant;
+    let share = force / n.drag;
+    by_share(
+        share,
+        format!(
+            "{:.1} N on {:.0} m of {:.1} mm lines, {} of the drag",
+            force,
+            n.line_length,
+            1e3 * width,
+            percent(share)
+        ),
+    )
+}
+
+pub(super) fn payload_drag(n: &Numbers<'_>) -> Judgement {
+    let Some(d) = n.scene.descent.as_ref() else { return open("nothing falls in this scene") };
+    match &d.payload_drag {
+        Some(p) => {
+            let share = p.drag_area_m2 * n.dynamic_pressure / n.drag;
+            by_share(share, format!("{} of the drag", percent(share)))
+        }
+        None => {
+            let area = WORTH * n.drag / n.dynamic_pressure.max(1e-9);
+            open(format!("a drag area above {area:.2} m2 would carry {} of the weight", percent(WORTH)))
+        }
+    }
+}
+
+/// A pendulum of the lines' length beside the time that is simulated.
+pub(super) fn body(n: &Numbers<'_>) -> Judgement {
+    if n.falling_mass == 0.0 || n.suspension == 0.0 {
+        return open("no payload hangs on lines");
+    }
+    let period = 2.0 * std::f64::consts::PI * (n.suspension / n.gravity).sqrt();
+    let fall = n.scene.stages.iter().filter(|s| s.kind == StageKind::Coupled);
+    let time = fall.map(|s| s.duration_s).sum::<f64>();
+    // Displacement of a pendulum let go, as a share of its amplitude.
+    let share = (1.0 - (2.0 * std::f64::consts::PI * time / period).cos()).min(2.0);
+    let flow = n.scene.flow.as_ref();
+    let pushed = flow.is_some_and(|f| {
+        f.gust.is_some() || f.shear.is_some() || f.wind_m_s[0] != 0.0 || f.wind_m_s[1] != 0.0
+    });
+    let why = format!(
+        "pendulum of {period:.1} s, {time:.1} s of descent: {} of its amplitude{}",
+        percent(share),
+        if pushed { "" } else { "; nothing pushes it sideways" }
+    );
+    if pushed { by_share(share, why) } else { open(why) }
+}
+
+pub(super) fn reefing(n: &Numbers<'_>) -> Judgement {
+    let skirt = std::f64::consts::PI * n.width;
+    match n.scene.reefing.iter().map(|r| r.length_m).reduce(f64::min) {
+        Some(length) => {
+            let share = (1.0 - length / skirt).max(0.0);
+            by_share(
+                share,
+                format!("{length:.2} m in a skirt of about {skirt:.2} m: {} shorter", percent(share)),
+            )
+        }
+        None => open("a canopy that opens at once"),
+    }
+}
+
 pub(super) fn prescribed(_: &Numbers<'_>) -> Judgement {
     open("what the scene prescribes")
 }

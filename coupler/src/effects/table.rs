@@ -96,6 +96,42 @@ pub const TABLE: &[Entry] = &[
         with: None,
     },
     Entry {
+        key: "lines.drag",
+        what: "drag of the air on lines",
+        model: "each segment a cylinder in cross flow, in the air of the far field; off: no loop, no array",
+        equation: "F/L = 1/2 rho d (C |w_n| w_n + pi C_f |w_t| w_t)",
+        reference: "Hoerner, Fluid-Dynamic Drag (1965), chapter 3",
+        programs: &["structure-solver", "coupler"],
+        announced_by: Some(Role::Structure),
+        criterion: "C d L q sin^3(slant) over the drag",
+        on: |s| s.lines.as_ref().is_some_and(|l| l.drag.is_some()),
+        judge: c::line_drag,
+        without: Some(|s| {
+            if let Some(l) = &mut s.lines {
+                l.drag = None;
+            }
+        }),
+        with: Some(|s| {
+            if let Some(l) = &mut s.lines {
+                l.drag = Some(case::LineDrag::default());
+            }
+        }),
+    },
+    Entry {
+        key: "reefing",
+        what: "reefing line with timed release",
+        model: "closed tension-only line where suspension lines are attached, drawn in, cut at a time; off or cut: no loop",
+        equation: "N = A Y E l/L(t) for E > 0, times 1 - (t - t_cut) / ramp after the cut",
+        reference: "Knacke, Parachute Recovery Systems Design Manual (1992), section 5.6",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "1 - length of the line over that of the skirt",
+        on: |s| !s.reefing.is_empty(),
+        judge: c::reefing,
+        without: Some(|s| s.reefing.clear()),
+        with: None,
+    },
+    Entry {
         key: "canopy.reinforcements",
         what: "line elements along seams and edges",
         model: "cables of [lines] that share canopy nodes",
@@ -196,7 +232,7 @@ pub const TABLE: &[Entry] = &[
         programs: STRUCTURE,
         announced_by: Some(Role::Structure),
         criterion: "what is prescribed",
-        on: |s| s.stages.iter().any(|g| !g.motions.is_empty()),
+        on: |s| s.stages.iter().any(|g| !g.motions.is_empty() && g.kind.roles().contains(&Role::Structure)),
         judge: c::prescribed,
         without: Some(|s| s.stages.iter_mut().for_each(|g| g.motions.clear())),
         with: None,
@@ -401,6 +437,56 @@ pub const TABLE: &[Entry] = &[
         criterion: "motion of the canopy over a cell",
         on: |s| s.stages.iter().any(|g| g.kind.roles().contains(&Role::Mesh)),
         judge: c::moving_grid,
+        without: None,
+        with: None,
+    },
+    Entry {
+        key: "descent.payload_drag",
+        what: "drag of the air on the payload",
+        model: "a drag area in the descent equation, or on the body where the payload is one",
+        equation: "F = 1/2 rho (C A) |w| w",
+        reference: "Hoerner, Fluid-Dynamic Drag (1965)",
+        programs: &["coupler"],
+        announced_by: None,
+        criterion: "C A q over the weight",
+        on: |s| s.descent.as_ref().is_some_and(|d| d.payload_drag.is_some()),
+        judge: c::payload_drag,
+        without: Some(|s| {
+            if let Some(d) = &mut s.descent {
+                d.payload_drag = None;
+            }
+        }),
+        with: None,
+    },
+    Entry {
+        key: "descent.body",
+        what: "payload of six degrees of freedom on its lines, in the falling frame",
+        model: "rigid body by velocity Verlet with exact turns, attachments move with it; off: a point that falls with the frame",
+        equation: "m dv/dt = sum f + m (g - a_frame), dL/dt = sum r x f",
+        reference: "Dullweber, Leimkuhler and McLachlan, J. Chem. Phys. 107 (1997); Hughes and Liu, J. Appl. Mech. 45 (1978)",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "1 - cos(2 pi t / T) of a pendulum of the lines' length, where wind pushes it",
+        on: |s| s.descent.as_ref().is_some_and(|d| d.body.is_some()),
+        judge: c::body,
+        without: Some(|s| {
+            if let Some(d) = &mut s.descent {
+                d.body = None;
+            }
+        }),
+        with: None,
+    },
+    Entry {
+        key: "stage.prescribed",
+        what: "canopy that moves as prescribed in the flow",
+        model: "a stage of kind `prescribed`: mesh-mover and flow-solver alone, no structure is started",
+        equation: "x(t) = x_0 + d(t), d from [[stage.motion]]",
+        reference: "-",
+        programs: &["mesh-mover", "flow-solver", "coupler"],
+        announced_by: None,
+        criterion: "what is prescribed",
+        on: |s| s.stages.iter().any(|g| g.kind == StageKind::Prescribed),
+        judge: c::prescribed,
         without: None,
         with: None,
     },

@@ -106,7 +106,11 @@ impl Visit<'_> {
     /// The descent equation under the force of the flow's last answer, into [`End::velocity`].
     pub fn descend(&mut self) {
         self.end.velocity = match self.descent {
-            Some(model) => model.step(self.state.velocity, self.report.force[2], self.window.dt),
+            Some(model) => {
+                let structure = &self.report.stats[Role::Structure as usize];
+                let force = model.force(self.report.force[2], structure);
+                model.step(self.state.velocity, force, self.window.dt)
+            }
             None => self.state.velocity,
         };
     }

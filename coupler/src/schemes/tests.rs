@@ -319,6 +319,8 @@ fn descent_is_solved_with_the_canopy() {
         reference_area_m2: 40.0,
         reference_speed_m_s: 4.8,
         air_density_kg_m3: 1.225,
+        payload_drag: None,
+        drag_in_structure: false,
     };
     let mut partners = AddedMass { body_added: 320.0, drag: 45.0, ..AddedMass::new(50.0) };
     partners.velocity = [-6.0; 2];

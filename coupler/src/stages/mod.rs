@@ -3,6 +3,7 @@
 mod coupled;
 mod flow_only;
 mod pre_inflation;
+mod prescribed;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -10,7 +11,7 @@ use std::time::Instant;
 use case::{Role, Scene, Solve, Stage, StageKind};
 use channel::{Window, flow_stats};
 
-use crate::descent::DescentModel;
+use crate::descent::{DescentModel, PayloadDrag};
 use crate::error::{Place, RunError};
 use crate::history::{History, Iterations, Row};
 use crate::interface::CanopyInterface;
@@ -100,6 +101,7 @@ impl StageContext<'_> {
             StageKind::PreInflation => Box::new(pre_inflation::PreInflation::new(self, state)?),
             StageKind::FlowOnly => Box::new(flow_only::FlowOnly::new(self, state)),
             StageKind::Coupled => Box::new(coupled::Coupled::new(self, state)),
+            StageKind::Prescribed => Box::new(prescribed::Prescribed::new(self, state)?),
         };
         let folder = case::stage_folder(self.out, self.scene, self.stage);
         let mut history = History::create(&folder.join("history.csv"), stage.kind)?;
@@ -246,6 +248,12 @@ pub fn descent_model(scene: &Scene, interface: &CanopyInterface) -> Option<Desce
         reference_area_m2: d.reference_area_m2,
         reference_speed_m_s: d.initial_speed_m_s,
         air_density_kg_m3: scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3),
+        payload_drag: d.payload_drag.as_ref().filter(|_| d.body.is_none()).map(|p| PayloadDrag {
+            half_density_area: 0.5 * scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3) * p.drag_area_m2,
+            wind_m_s: scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s),
+        }),
+        drag_in_structure: scene.lines.as_ref().is_some_and(|l| l.drag.is_some())
+            || (d.body.is_some() && d.payload_drag.is_some()),
     })
 }
 

@@ -5,6 +5,7 @@
 //! then do programs see it, as a [`Scene`] they may rely on.
 
 mod coupling;
+mod effects;
 mod error;
 mod flow_effects;
 mod grid_file;
@@ -16,9 +17,11 @@ mod monitors;
 mod scene;
 mod schema;
 mod validate;
+mod validate_effects;
 mod validate_flow;
 
 pub use coupling::*;
+pub use effects::{LineDrag, PayloadBody, PayloadDrag, Reefing};
 pub use error::{Problem, SceneError};
 pub use flow_effects::*;
 pub use grid_file::{Condition, GridFile};

@@ -44,6 +44,9 @@ pub struct Scene {
     pub descent: Option<Descent>,
     /// Gravity on fabric and lines, with the acceleration of the falling frame.
     pub fabric_gravity: Option<FabricGravity>,
+    /// Reefing lines through the skirt.
+    #[serde(default)]
+    pub reefing: Vec<crate::Reefing>,
     /// Masses on nodes, beside those of fabric, lines and payload.
     #[serde(default, rename = "point_mass")]
     pub point_masses: Vec<PointMass>,
@@ -282,6 +285,8 @@ pub struct Lines {
     /// Stress at rest length, Pa: a pulled line has a positive one.
     #[serde(default)]
     pub prestress_pa: f64,
+    /// Drag of the air. Absent: none.
+    pub drag: Option<crate::LineDrag>,
 }
 
 fn yes() -> bool {
@@ -746,6 +751,10 @@ pub struct Descent {
     pub gravity_m_s2: f64,
     /// Area that turns drag into a coefficient, m2.
     pub reference_area_m2: f64,
+    /// Drag of the air on the payload. Absent: none.
+    pub payload_drag: Option<crate::PayloadDrag>,
+    /// The payload as a rigid body on its lines. Absent: a point that falls with the frame.
+    pub body: Option<crate::PayloadBody>,
 }
 
 fn standard_gravity() -> f64 {
@@ -820,6 +829,9 @@ pub enum StageKind {
     FlowOnly,
     /// Structure, mesh and flow, coupled, with the descent (paper, section 5.2).
     Coupled,
+    /// Mesh and flow around a canopy that moves by `[[stage.motion]]`, at the initial descent
+    /// speed.
+    Prescribed,
 }
 
 impl StageKind {
@@ -829,6 +841,7 @@ impl StageKind {
             StageKind::PreInflation => &[Role::Structure],
             StageKind::FlowOnly => &[Role::Flow],
             StageKind::Coupled => &[Role::Structure, Role::Flow, Role::Mesh],
+            StageKind::Prescribed => &[Role::Flow, Role::Mesh],
         }
     }
 }

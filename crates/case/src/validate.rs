@@ -49,6 +49,7 @@ pub(crate) fn problems(scene: &Scene) -> Vec<Refusal> {
     point_masses(scene, &mut c);
     solvers(scene, &mut c);
     crate::validate_flow::flow_effects(scene, &mut c);
+    crate::validate_effects::effects(scene, &mut c);
     stages(scene, &mut c);
     c.0
 }
@@ -462,7 +463,7 @@ fn stages(scene: &Scene, c: &mut Check) {
                 );
             }
         }
-        if s.kind == StageKind::Coupled && scene.has_vents() {
+        if matches!(s.kind, StageKind::Coupled | StageKind::Prescribed) && scene.has_vents() {
             let inflated = scene.stages[..i].iter().any(|s| s.kind == StageKind::PreInflation);
             if !inflated {
                 c.refuse(

@@ -69,10 +69,11 @@ pub mod structure_stats {
     pub const STEP_CUTS: usize = 10;
     /// Time of assembly, s.
     pub const ASSEMBLY_S: usize = 11;
-    /// Time of factorisation, s.
-    pub const FACTORISATION_S: usize = 12;
-    /// Time of Krylov solves, s.
-    pub const SOLVE_S: usize = 13;
+    /// Time of factorisations and Krylov solves, s.
+    pub const LINEAR_S: usize = 12;
+    /// Vertical force of the air on lines and a payload that moves in the frame, N, upwards; read
+    /// where the scene has `lines.drag` or `descent.body`.
+    pub const AIR_FORCE: usize = 13;
     /// Vertical force in the risers at the payload, N, upwards on the payload.
     pub const RISER_FORCE: usize = 14;
     /// Volume under the canopy closed by its hem plane, m3 (0 if open shape).

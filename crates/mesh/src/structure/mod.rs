@@ -4,6 +4,8 @@ mod atps;
 mod flat;
 mod gmsh;
 mod node_sets;
+mod payload;
+mod skirt;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -20,7 +22,9 @@ use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
 /// [`MeshError::Parameter`] if the parameters make no canopy, and what is wrong
 /// with a mesh file.
 pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
-    let payload_mass = scene.descent.as_ref().map(|d| d.payload_mass_kg);
+    let body = scene.descent.as_ref().and_then(|d| d.body.as_ref());
+    // A body has its mass itself, not its nodes.
+    let payload_mass = scene.descent.as_ref().filter(|_| body.is_none()).map(|d| d.payload_mass_kg);
     let mut mesh = match &scene.canopy {
         Canopy::Atps(a) => atps::atps(a, payload_mass),
         Canopy::Square(f) => flat::flat(f, flat::Outline::Square, payload_mass),
@@ -30,6 +34,9 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
     }?;
     if scene.lines.is_none() && !mesh.cables.is_empty() {
         return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));
+    }
+    if let Some(body) = body {
+        mesh.attach_payload(body)?;
     }
     mesh.name_sets();
     for (k, p) in scene.point_masses.iter().enumerate() {

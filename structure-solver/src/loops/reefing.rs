@@ -1,0 +1,199 @@
+//! Reefing lines: closed tension-only lines through the skirt, drawn in and cut at a time.
+//!
+//! Segments of one line between neighbouring attachments share its length in the ratio of
+//! their unstressed distances, so a segment is a cable whose rest length depends on time:
+//! from the unstressed skirt to the reefed length over the time of drawing in. When the line is
+//! cut, its force fades over a ramp. A line that is cut before the stage has no loop at all.
+
+use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use crate::elements::cable::{self, TensionOnly};
+use crate::elements::mass::MassMatrix;
+use crate::model::Model;
+use crate::vec3::{Mat3, Vec3, add_at, add_block, at, norm, scale, sub};
+
+/// A reefing line in a stage.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule {
+    /// Length of the reefed line, m.
+    pub length: f64,
+    /// Time over which it is drawn in from the start of this stage, s; zero: it is already.
+    pub draw_in: f64,
+    /// When it is cut in this stage, s; infinite: never.
+    pub release: f64,
+    /// Time over which its force fades then, s.
+    pub ramp: f64,
+}
+
+impl Schedule {
+    /// Length at time `t` (s) of a line through a skirt of unstressed length `skirt` (m).
+    pub fn length_at(&self, t: f64, skirt: f64) -> f64 {
+        let share = if t < self.draw_in { t.max(0.0) / self.draw_in } else { 1.0 };
+        // Smooth at both ends.
+        skirt + (self.length - skirt) * share * share * (3.0 - 2.0 * share)
+    }
+
+    /// Share of its force that the line has at time `t` (s).
+    pub fn strength_at(&self, t: f64) -> f64 {
+        let since = t - self.release;
+        if since < 0.0 || t.is_infinite() {
+            1.0
+        } else if since < self.ramp {
+            1.0 - since / self.ramp
+        } else {
+            0.0
+        }
+    }
+}
+
+struct Segment {
+    nodes: [u32; 2],
+    /// Its share of the line's length.
+    share: f64,
+    slots: [[u32; 2]; 2],
+    /// Vector between its ends at the start of the step.
+    start: Vec3,
+}
+
+/// One reefing line's segments on a rank.
+pub struct ReefingLine {
+    elements: Vec<Segment>,
+    n_own: usize,
+    law: TensionOnly,
+    area: f64,
+    schedule: Schedule,
+    /// Length of the unstressed skirt, m.
+    skirt: f64,
+    /// Length and strength now.
+    length: f64,
+    strength: f64,
+}
+
+impl ReefingLine {
+    /// Through the ties of `model`; `skirt` is their length in the whole unstressed structure, m.
+    pub fn new(model: &Model, law: TensionOnly, area: f64, schedule: Schedule, skirt: f64) -> Self {
+        let of = |t: &[u32; 2]| {
+            let d = t.map(|n| at(&model.reference, n as usize));
+            let d = sub(d[1], d[0]);
+            Segment { nodes: *t, share: norm(d) / skirt, slots: [[ELSEWHERE; 2]; 2], start: d }
+        };
+        let elements = model.ties.iter().map(of).collect();
+        let mut line = Self {
+            elements,
+            n_own: model.n_own_ties,
+            law,
+            area,
+            schedule,
+            skirt,
+            length: 0.0,
+            strength: 0.0,
+        };
+        line.set_time(0.0);
+        line
+    }
+
+    /// Largest tension (N) of the segments counted here.
+    pub fn tension(&self, x: &[f64]) -> f64 {
+        let one = |e: &Segment| {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            self.strength * cable::tension(&self.law, &p, e.share * self.length, 0.0, self.area)
+        };
+        self.elements[..self.n_own].iter().map(one).fold(0.0, f64::max)
+    }
+
+    #[inline(always)]
+    fn state(&self, e: &Segment, place: Place<'_>) -> (Vec3, Vec3, f64, f64, f64) {
+        let between = |x: &[f64]| sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
+        let (d, end, rest) = (between(place.at), between(place.end), e.share * self.length);
+        let (from, to) = (cable::strain(e.start, rest), cable::strain(end, rest));
+        let (s, y) = cable::step(&self.law, from, to, place.weight);
+        (d, end, rest, self.strength * s, self.strength * y)
+    }
+}
+
+impl ElementLoop for ReefingLine {
+    fn depends_on_time(&self) -> bool {
+        true
+    }
+
+    fn set_time(&mut self, t: f64) {
+        self.length = self.schedule.length_at(t, self.skirt);
+        self.strength = self.schedule.strength_at(t);
+    }
+
+    fn anchor(&mut self, x: &[f64]) {
+        for e in &mut self.elements {
+            e.start = sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
+        }
+    }
+
+    fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
+        for e in &self.elements {
+            let (d, _, rest, s, _) = self.state(e, place);
+            let f = cable::force(s, d, rest, self.area);
+            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
+            add_at(out, e.nodes[1] as usize, f);
+        }
+    }
+
+    fn tangent(
+        &self,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        self.forces(place, load, out);
+        for e in &self.elements {
+            let (d, end, rest, s, y) = self.state(e, place);
+            let k = cable::stiffness(s, y, d, end, rest, self.area);
+            let (plus, minus) = (k.map(|row| scale(factor, row)), k.map(|row| scale(-factor, row)));
+            for n in (0..2).filter(|&n| e.slots[n][n] != ELSEWHERE) {
+                add_block(&mut blocks[e.slots[n][n] as usize], &plus);
+                add_block(&mut blocks[e.slots[n][1 - n] as usize], &minus);
+            }
+        }
+    }
+
+    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        let one = |e: &Segment| {
+            let p = e.nodes.map(|n| at(x, n as usize));
+            self.strength * cable::energy(&self.law, &p, e.share * self.length, 0.0, self.area)
+        };
+        self.elements[..self.n_own].iter().map(one).sum()
+    }
+
+    /// Massless, but with blocks in the matrix.
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        self.elements.iter().map(|e| (e.nodes.to_vec(), 0.0)).collect()
+    }
+
+    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
+        vec![0.0; 4]
+    }
+
+    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        for e in &mut self.elements {
+            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_drawn_in_held_and_cut() {
+        let s = Schedule { length: 4.0, draw_in: 0.5, release: 2.0, ramp: 0.2 };
+        assert_eq!([0.0, 0.25, 0.5, 3.0].map(|t| s.length_at(t, 10.0)), [10.0, 7.0, 4.0, 4.0]);
+        assert_eq!([0.0, 1.999, 2.3, 9.0].map(|t| s.strength_at(t)), [1.0, 1.0, 0.0, 0.0]);
+        assert!((s.strength_at(2.1) - 0.5).abs() < 1e-12);
+        let held = Schedule { draw_in: 0.0, release: f64::INFINITY, ramp: 0.0, ..s };
+        assert_eq!((held.length_at(0.0, 10.0), held.strength_at(1e9)), (4.0, 1.0));
+        // A shape at rest is looked for with the line in place.
+        assert_eq!(s.strength_at(f64::INFINITY), 1.0);
+    }
+}

@@ -1,0 +1,253 @@
+//! The payload as a rigid body on its lines, in the falling frame.
+//!
+//! The nodes where lines are attached move with the body. Body and structure are integrated
+//! side by side (Hughes and Liu, J. Appl. Mech. 45, 1978): the body by velocity Verlet, with the
+//! forces of the lines at the ends of steps; the structure by its own scheme, with the attachments
+//! moved as the body does. That is second order, and stable as long as the body's own frequency
+//! on its lines is below 2 over the step, which for a payload on soft lines it is by far.
+
+use std::io::Write;
+use std::path::Path;
+
+use case::Scene;
+use mesh::StructureMesh;
+
+use crate::dynamics::Dynamics;
+use crate::loops::{FaceLoad, Place};
+use crate::newton::State;
+use crate::rigid::{BodyState, RigidBody};
+use crate::state_file::{StateError, agree};
+use crate::vec3::{Vec3, add, at, cross, norm, scale, sub};
+
+/// A rigid body that carries nodes.
+pub struct Payload {
+    /// Mass and inertia, those of the attachments' nodes included.
+    pub body: RigidBody,
+    /// Mass without its nodes, kg: they have their weight themselves.
+    own_mass: f64,
+    /// Attachments from the centre of mass in the body's axes, m, with their local node.
+    arms: Vec<(Vec3, Option<u32>)>,
+    /// Centre of mass at the start, m.
+    middle: Vec3,
+    /// `1/2 rho C A`, kg/m: drag of the air; zero without.
+    drag: f64,
+    /// Velocity of the air in the frame, m/s.
+    pub(crate) air: Vec3,
+    /// Scratch: forces and accelerations.
+    f: Vec<f64>,
+    w: Vec<f64>,
+}
+
+impl Payload {
+    /// The payload of `scene` on the nodes `payload` of `mesh`, for the system of `dynamics`,
+    /// with its state where it is first free. `None` where the scene has no body. Collective.
+    pub fn new(scene: &Scene, mesh: &StructureMesh, dynamics: &Dynamics) -> Option<(Self, BodyState)> {
+        let descent = scene.descent.as_ref()?;
+        let b = descent.body.as_ref()?;
+        let density = scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3);
+        let drag = descent.payload_drag.as_ref().map_or(0.0, |d| 0.5 * density * d.drag_area_m2);
+        let payload =
+            Self::on(dynamics, mesh, descent.payload_mass_kg, b.inertia_kg_m2, &b.attachments_m, drag);
+        let start = BodyState::start(&payload.body, b.initial_velocity_m_s, b.initial_spin_rad_s);
+        Some((payload, start))
+    }
+
+    /// A body of `mass` (kg) and principal `inertia` (kg m2) whose `arms` (m) are the nodes of
+    /// the set `payload`. Collective.
+    pub fn on(
+        dynamics: &Dynamics,
+        mesh: &StructureMesh,
+        mass: f64,
+        inertia: Vec3,
+        arms: &[Vec3],
+        drag: f64,
+    ) -> Self {
+        let system = &dynamics.system;
+        let model = &system.model;
+        let nodes = mesh.node_sets.get("payload").map_or(&[][..], Vec::as_slice);
+        debug_assert_eq!(nodes.len(), arms.len());
+        let first = nodes.first().zip(arms.first());
+        let middle = first.map_or([0.0; 3], |(n, a)| sub(mesh.coords[*n as usize], *a));
+        let local = |n: &u32| model.numbering.local(u64::from(*n)).map(|i| i as u32);
+        let arms: Vec<_> = arms.iter().zip(nodes).map(|(a, n)| (*a, local(n))).collect();
+        // Mass of the attachments' own nodes: on the diagonal, whatever the mass matrix.
+        let mut added = [0.0; 4];
+        for (a, node) in &arms {
+            if let Some(n) = node.filter(|n| (*n as usize) < model.n_owned()) {
+                let m = system.diagonal_mass(n as usize);
+                added[0] += m;
+                (0..3).for_each(|i| added[i + 1] += m * (norm(*a).powi(2) - a[i] * a[i]));
+            }
+        }
+        model.comm.sum_slice(&mut added);
+        let [m, x, y, z] = added;
+        let body = RigidBody { mass: mass + m, inertia: add(inertia, [x, y, z]) };
+        let n = 3 * model.n_local();
+        Self { body, own_mass: mass, arms, middle, drag, air: [0.0; 3], f: vec![0.0; n], w: vec![0.0; n] }
+    }
+
+    /// Centre of mass, m.
+    pub fn position(&self, s: &BodyState) -> Vec3 {
+        add(self.middle, s.x)
+    }
+
+    /// Local nodes that it carries, with their places, m.
+    pub(crate) fn places<'a>(&'a self, s: &'a BodyState) -> impl Iterator<Item = (usize, Vec3)> + 'a {
+        let middle = self.position(s);
+        self.arms
+            .iter()
+            .filter_map(move |(a, n)| Some((n.as_ref().copied()? as usize, add(middle, s.turn(*a)))))
+    }
+
+    /// Drag of the air on it, N.
+    pub fn drag(&self, s: &BodyState) -> Vec3 {
+        let w = sub(self.air, s.v);
+        scale(self.drag * norm(w), w)
+    }
+
+    /// First half of a step of `h` seconds: velocities, then places. `gravity` is the
+    /// acceleration of free fall in the frame, m/s2.
+    pub(crate) fn advance(&self, s: &mut BodyState, gravity: Vec3, h: f64) {
+        let own = scale(self.own_mass / self.body.mass, gravity);
+        self.body.kick(s, own, 0.5 * h);
+        self.body.drift(s, h);
+    }
+
+    /// Second half: takes the forces at the new place, which each rank knows of its own nodes:
+    /// `pulls` holds local node and force on the body (N). Collective.
+    pub(crate) fn finish(
+        &self,
+        s: &mut BodyState,
+        comm: &comm::Comm,
+        owned: usize,
+        pull: impl Fn(usize) -> Vec3,
+        gravity: Vec3,
+        h: f64,
+    ) {
+        let mut sums = [0.0; 6];
+        for (a, node) in &self.arms {
+            if let Some(n) = node.map(|n| n as usize).filter(|n| *n < owned) {
+                let f = pull(n);
+                let t = cross(s.turn(*a), f);
+                (0..3).for_each(|i| {
+                    sums[i] += f[i];
+                    sums[3 + i] += t[i];
+                });
+            }
+        }
+        comm.sum_slice(&mut sums);
+        s.force = [sums[0], sums[1], sums[2]];
+        s.torque = [sums[3], sums[4], sums[5]];
+        if self.drag > 0.0 {
+            s.force = add(s.force, self.drag(s));
+        }
+        s.known = true;
+        let own = scale(self.own_mass / self.body.mass, gravity);
+        self.body.kick(s, own, 0.5 * h);
+    }
+}
+
+impl Dynamics {
+    /// Puts a rigid payload onto its nodes, from `state` on.
+    pub fn carry(&mut self, payload: Payload, state: BodyState) {
+        self.accepted.body = Some(state);
+        self.payload = Some(payload);
+    }
+
+    /// The rigid payload, if there is one.
+    pub fn payload(&self) -> Option<&Payload> {
+        self.payload.as_ref()
+    }
+
+    /// Forces of the lines on the body at the start of a motion. Collective.
+    pub(crate) fn balance_payload(&mut self, load: FaceLoad<'_>, gravity: Vec3) {
+        let Some(mut p) = self.payload.take() else { return };
+        if let Some(mut s) = self.current.body.filter(|s| !s.known) {
+            self.system.set_step(f64::INFINITY);
+            self.pulls(&mut p, false, load, gravity);
+            let (owned, comm) = (self.system.model.n_owned(), self.system.comm().clone());
+            p.finish(&mut s, &comm, owned, |n| scale(-1.0, at(&p.f, n)), gravity, 0.0);
+            self.current.body = Some(s);
+        }
+        self.payload = Some(p);
+    }
+
+    /// Ends an implicit step of the body: the structure stands at `next`. Collective.
+    pub(crate) fn finish_payload(&mut self, mut s: BodyState, load: FaceLoad<'_>, gravity: Vec3, h: f64) {
+        let mut p = self.payload.take().expect("the caller advanced it");
+        self.pulls(&mut p, true, load, gravity);
+        let (owned, comm) = (self.system.model.n_owned(), self.system.comm().clone());
+        p.finish(&mut s, &comm, owned, |n| scale(-1.0, at(&p.f, n)), gravity, h);
+        self.next.body = Some(s);
+        self.payload = Some(p);
+    }
+
+    /// Internal minus external forces with inertia, N, on `next` or `current`, into `p.f`: on
+    /// an attachment its own inertia is left to the body.
+    fn pulls(&mut self, p: &mut Payload, next: bool, load: FaceLoad<'_>, gravity: Vec3) {
+        let State { u, v, a, .. } = if next { &self.next } else { &self.current };
+        for i in 0..self.x.len() {
+            self.x[i] = self.system.model.reference[i] + u[i];
+            p.w[i] = a[i] + self.damping * v[i] - gravity[i % 3];
+        }
+        for (_, n) in &p.arms {
+            if let Some(n) = n.map(|n| n as usize) {
+                (0..3).for_each(|c| p.w[3 * n + c] = -gravity[c]);
+            }
+        }
+        self.system.forces(Place::only(&self.x), load, &mut p.f);
+        self.system.add_mass_product(&p.w, &mut p.f);
+    }
+}
+
+const FILE: &str = "payload.bin";
+
+/// Writes the body's state beside those of the nodes. Collective.
+pub(crate) fn save(comm: &comm::Comm, state: &BodyState, folder: &Path) -> Result<(), StateError> {
+    let path = folder.join(FILE);
+    let result = if comm.is_root() {
+        bincode::serde::encode_to_vec(state, bincode::config::standard())
+            .map_err(|e| StateError::Content { path: path.clone(), reason: e.to_string() })
+            .and_then(|bytes| std::fs::write(&path, bytes).map_err(|source| StateError::Io { path, source }))
+    } else {
+        Ok(())
+    };
+    agree(comm, result)
+}
+
+/// Reads what an earlier stage wrote; `None` where the body was not free in it.
+pub(crate) fn load(folder: &Path) -> Result<Option<BodyState>, StateError> {
+    let path = folder.join(FILE);
+    let bytes = match std::fs::read(&path) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(StateError::Io { path, source }),
+    };
+    let decoded = bincode::serde::decode_from_slice(&bytes, bincode::config::standard());
+    match decoded {
+        Ok((state, used)) if used == bytes.len() => Ok(Some(state)),
+        _ => Err(StateError::Content { path, reason: "is damaged".into() }),
+    }
+}
+
+/// `payload.csv` of a stage: a row for each accepted window.
+pub(crate) struct Log(std::fs::File);
+
+impl Log {
+    pub(crate) fn create(folder: &Path) -> std::io::Result<Self> {
+        std::fs::create_dir_all(folder)?;
+        let mut file = std::fs::File::create(folder.join("payload.csv"))?;
+        writeln!(
+            file,
+            "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,qw,qx,qy,qz,rate_x_rad_s,rate_y_rad_s,rate_z_rad_s,tilt_rad,force_x_n,force_y_n,force_z_n"
+        )?;
+        Ok(Self(file))
+    }
+
+    pub(crate) fn push(&mut self, time: f64, p: &Payload, s: &BodyState) -> std::io::Result<()> {
+        let rate = p.body.rate(s);
+        let parts: [&[f64]; 6] = [&p.position(s), &s.v, &s.q, &rate, &[s.tilt()], &s.force];
+        let cells: Vec<String> = parts.iter().flat_map(|p| p.iter()).map(|v| format!("{v:.8e}")).collect();
+        writeln!(self.0, "{time:.8e},{}", cells.join(","))
+    }
+}
