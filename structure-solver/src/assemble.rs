@@ -10,8 +10,8 @@ use crate::dynamics::{Dynamics, DynamicsParams};
 use crate::elements::cable::{CableLaw, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
 use crate::loops::{
-    CableDamping, Cables, Cylinder, ElementLoop, LineDrag, MembraneDamping, Membranes, Quads, ReefingLine,
-    Schedule,
+    CableDamping, Cables, Contact, Cylinder, ElementLoop, LineDrag, MembraneDamping, Membranes, Quads,
+    ReefingLine, Schedule,
 };
 use crate::materials::{Material, OrthotropicTensionField, StVenantKirchhoff, TensionField};
 use crate::model::{Model, ModelError, Surface, Warp};
@@ -98,6 +98,15 @@ pub fn dynamics(
         Integration::Implicit => s.mass.into(),
         Integration::Explicit => MassMatrix::Lumped,
     };
+    if let Some(c) = &scene.fabric.contact {
+        let ranks = comm.size();
+        if ranks > 1 {
+            return Err(ModelError::ContactRanks { ranks });
+        }
+        let f = &scene.fabric;
+        let stiffness = c.stiffness * f.youngs_modulus_pa * f.thickness_m;
+        loops.push(Box::new(Contact::new(&model, c.distance_m, stiffness)));
+    }
     let system = System::new(model, loops, mass);
     let size = mesh.coords.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
     let params = DynamicsParams {

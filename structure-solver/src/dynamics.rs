@@ -301,12 +301,13 @@ impl Dynamics {
         known: Option<usize>,
     ) -> Result<NewtonInfo, NewtonError> {
         self.system.set_time(self.time + span[1] * self.window);
-        if self.system.depends_on_rate() {
+        if self.system.depends_on_rate() || self.system.finds_pairs() {
             self.system.set_step(dt);
             for i in 0..self.x.len() {
                 self.x[i] = self.system.model.reference[i] + self.current.u[i];
             }
             self.system.anchor_rates(&self.x);
+            self.system.find_pairs(&self.x);
         }
         let form = self.scheme.step(dt, self.damping);
         let at = span[0] + form.force_weight * (span[1] - span[0]);

@@ -252,6 +252,7 @@ impl Dynamics {
                 self.system.anchor_rates(&e.half);
             }
             self.system.set_time(self.time + span[0] * window);
+            self.system.find_pairs(&self.x);
             self.explicit_forces(e, span[0], load);
         }
         let count = (dt / (e.safety * e.stable)).ceil().clamp(1.0, 1e9);
@@ -265,6 +266,7 @@ impl Dynamics {
                 self.system.anchor_rates(&self.x);
             }
             self.system.set_time(self.time + share * window);
+            self.system.find_pairs(&self.x);
             let State { u, v, .. } = &mut self.next;
             for i in 0..owned {
                 e.half[i] = (v[i] + 0.5 * h * e.acceleration(i, body)) / (1.0 + slowing);

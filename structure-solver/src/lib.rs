@@ -34,4 +34,6 @@ pub mod vec3;
 pub mod velocity_average;
 
 #[cfg(test)]
+mod effect_tests;
+#[cfg(test)]
 mod scene_tests;

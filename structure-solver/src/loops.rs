@@ -4,11 +4,13 @@
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
 mod air;
+mod contact;
 mod damping;
 mod quads;
 mod reefing;
 
 pub use air::{Cylinder, LineDrag};
+pub use contact::Contact;
 pub use damping::{CableDamping, MembraneDamping};
 pub use quads::Quads;
 pub use reefing::{ReefingLine, Schedule};
@@ -96,6 +98,15 @@ pub trait ElementLoop {
     fn air_force(&self, _x: &[f64]) -> Vec3 {
         [0.0; 3]
     }
+
+    /// Whether forces act between nodes that no element joins: then [`ElementLoop::find_pairs`]
+    /// precedes every step.
+    fn finds_pairs(&self) -> bool {
+        false
+    }
+
+    /// Finds what is near what at positions `x` (m).
+    fn find_pairs(&mut self, _x: &[f64]) {}
 
     /// Energy (J) that elements counted on this rank took out of the motion in the
     /// step from positions `before`, where they were anchored, to `after` (m).

@@ -59,6 +59,14 @@ pub enum ModelError {
         /// Nodes where lines are attached.
         nodes: usize,
     },
+    /// Contact on several ranks.
+    #[error(
+        "contact of the fabric with itself is found on one rank, but there are {ranks}: use --ranks structure=1"
+    )]
+    ContactRanks {
+        /// Ranks of the program.
+        ranks: usize,
+    },
     /// A cable without a material.
     #[error("cable {cable} has no material: add [lines] to the scene")]
     NoMaterial {

@@ -23,7 +23,7 @@ use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 15] = [
+const EFFECTS: [&str; 16] = [
     "fabric.wrinkling",
     "fabric.orthotropic",
     "point_mass",
@@ -39,6 +39,7 @@ const EFFECTS: [&str; 15] = [
     "lines.drag",
     "descent.body",
     "reefing",
+    "fabric.contact",
 ];
 
 /// Numbers of a face in the input: pressure jump and traction, at start and end.

@@ -36,6 +36,8 @@ pub struct System {
     timed: bool,
     /// Some loop's forces depend on the air.
     air: bool,
+    /// Some loop's forces act between nodes that no element joins.
+    pairs: bool,
     /// Displacements (m) that fixed components take in the next step; those not named
     /// stay. Local numbers `3 node + component`.
     pub(crate) prescribed: Vec<(u32, f64)>,
@@ -75,6 +77,7 @@ impl System {
         let rates = loops.iter().any(|l| l.depends_on_rate());
         let timed = loops.iter().any(|l| l.depends_on_time());
         let air = loops.iter().any(|l| l.feels_air());
+        let pairs = loops.iter().any(|l| l.finds_pairs());
         let mut system = Self {
             model,
             matrix,
@@ -85,6 +88,7 @@ impl System {
             rates,
             timed,
             air,
+            pairs,
             prescribed: Vec::new(),
             nodal: Vec::new(),
         };
@@ -173,6 +177,18 @@ impl System {
     pub fn set_air(&mut self, velocity: [f64; 3]) {
         if self.air {
             self.loops.iter_mut().for_each(|l| l.set_air(velocity));
+        }
+    }
+
+    /// Whether a step begins with [`System::find_pairs`].
+    pub fn finds_pairs(&self) -> bool {
+        self.pairs
+    }
+
+    /// See [`ElementLoop::find_pairs`].
+    pub fn find_pairs(&mut self, x: &[f64]) {
+        if self.pairs {
+            self.loops.iter_mut().for_each(|l| l.find_pairs(x));
         }
     }
 

@@ -361,6 +361,17 @@ pub(super) fn body(n: &Numbers<'_>) -> Judgement {
     if pushed { by_share(share, why) } else { open(why) }
 }
 
+pub(super) fn contact(n: &Numbers<'_>) -> Judgement {
+    let skirt = std::f64::consts::PI * n.width;
+    match n.scene.reefing.iter().map(|r| r.length_m).reduce(f64::min) {
+        Some(length) if length < skirt => open(format!(
+            "a skirt of {skirt:.1} m reefed to {length:.1} m lies in folds: {} of it is slack",
+            percent(1.0 - length / skirt)
+        )),
+        _ => open("an open, inflated canopy does not touch itself; a collapsing or folded one does"),
+    }
+}
+
 pub(super) fn reefing(n: &Numbers<'_>) -> Judgement {
     let skirt = std::f64::consts::PI * n.width;
     match n.scene.reefing.iter().map(|r| r.length_m).reduce(f64::min) {

@@ -53,6 +53,23 @@ pub struct PayloadBody {
     pub initial_spin_rad_s: [f64; 3],
 }
 
+/// Contact of the fabric with itself: nodes keep a distance from faces that they are not part
+/// of, by a penalty. The structure runs on one rank.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Contact {
+    /// Distance that is kept, m: well below an edge of the mesh, and far enough that fabric does
+    /// not cross it within a step.
+    pub distance_m: f64,
+    /// Stiffness of a node in contact in shares of the fabric's own (modulus times thickness).
+    #[serde(default = "quarter")]
+    pub stiffness: f64,
+}
+
+fn quarter() -> f64 {
+    0.25
+}
+
 /// A reefing line: a closed line through the skirt, where the suspension lines are attached,
 /// of the material of `[lines]`; it pulls only. It has no inertia.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

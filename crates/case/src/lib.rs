@@ -21,7 +21,7 @@ mod validate_effects;
 mod validate_flow;
 
 pub use coupling::*;
-pub use effects::{LineDrag, PayloadBody, PayloadDrag, Reefing};
+pub use effects::{Contact, LineDrag, PayloadBody, PayloadDrag, Reefing};
 pub use error::{Problem, SceneError};
 pub use flow_effects::*;
 pub use grid_file::{Condition, GridFile};

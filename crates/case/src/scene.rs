@@ -253,6 +253,8 @@ pub struct Fabric {
     pub orthotropic: Option<Orthotropic>,
     /// Air that passes through. Absent: airtight.
     pub permeability: Option<Permeability>,
+    /// Contact with itself. Absent: fabric passes through fabric.
+    pub contact: Option<crate::Contact>,
 }
 
 /// A fabric that is stiffer one way: the modulus and the ratio of `[fabric]` are then

@@ -35,6 +35,22 @@ pub(crate) fn effects(scene: &Scene, c: &mut Check) {
             );
         }
     }
+    if let Some(k) = &scene.fabric.contact {
+        c.positive(
+            "fabric.contact.distance_m",
+            k.distance_m,
+            1.0,
+            "a distance in metres, below an edge of the mesh",
+        );
+        c.positive("fabric.contact.stiffness", k.stiffness, 100.0, "in shares of the fabric's own");
+        if scene.ranks.structure > 1 {
+            c.refuse(
+                "fabric.contact",
+                format!("contact is found on one rank, but the structure has {}", scene.ranks.structure),
+                "set ranks.structure = 1",
+            );
+        }
+    }
     let falls = scene.stages.iter().any(|s| s.kind == StageKind::Coupled);
     if let Some(d) = &scene.descent {
         if let Some(p) = &d.payload_drag {

@@ -18,6 +18,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             wrinkling: true,
             orthotropic: None,
             permeability: None,
+            contact: None,
         },
         lines: Some(Lines {
             youngs_modulus_pa: 5.342e8,

@@ -1,0 +1,227 @@
+//! Contact of fabric with itself: nodes against faces, by a penalty.
+//!
+//! A node $P$ within the thickness $h$ of a triangle that it is no corner of is pushed away
+//! along the normal $n$, on the side on which it came near ($s = \pm 1$):
+//! $f = k\,(h - s\,n\cdot(P - Q))\,s\,n$ with $Q$ the foot of $P$ on the triangle, which takes
+//! $-f$ by its barycentric coordinates. Both forces lie on one line, so momentum and moment of
+//! momentum stay; they are the gradient of $\tfrac12 k (h - s d)^2$ (Wriggers, Computational
+//! Contact Mechanics, 2006, chapter 5).
+//!
+//! Pairs are found with a hash of boxes of the size of an edge, once for each step, with a
+//! margin that nodes cannot cross within it. A pair keeps its side until it is out of reach.
+//! The tangent holds the blocks of nodes with themselves; those between the two sheets lie
+//! outside of the matrix's pattern, and Newton's method takes more steps for it.
+
+use std::collections::HashMap;
+
+use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use crate::elements::mass::MassMatrix;
+use crate::model::Model;
+use crate::vec3::{Mat3, Vec3, add_at, add_block, at, cross, dot, norm, scale, sub};
+
+/// A node near a triangle.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    node: u32,
+    triangle: u32,
+    /// On which side of it the node is.
+    side: f64,
+}
+
+/// Contact of all membrane elements of a program of one rank.
+pub struct Contact {
+    triangles: Vec<[u32; 3]>,
+    /// Nodes of the fabric.
+    nodes: Vec<u32>,
+    /// Slots of the nodes' own blocks.
+    slots: Vec<u32>,
+    thickness: f64,
+    stiffness: f64,
+    pairs: Vec<Pair>,
+    /// Pairs by node and triangle, with their side, now and at the search before.
+    known: HashMap<(u32, u32), f64>,
+    before: HashMap<(u32, u32), f64>,
+    /// Positions at the last search, m; empty before the first.
+    searched: Vec<f64>,
+    cells: HashMap<[i32; 3], Vec<u32>>,
+    edge: f64,
+}
+
+/// Distance of a node from a triangle, and its foot's barycentric coordinates; `None` beside it.
+#[inline(always)]
+fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, Vec3)> {
+    let (e1, e2) = (sub(t[1], t[0]), sub(t[2], t[0]));
+    let area = cross(e1, e2);
+    let size = norm(area);
+    if size == 0.0 {
+        return None;
+    }
+    let n = scale(1.0 / size, area);
+    let r = sub(p, t[0]);
+    let b = dot(cross(r, e2), n) / size;
+    let c = dot(cross(e1, r), n) / size;
+    let a = 1.0 - b - c;
+    // A little beyond the edges, so that no node slips between two triangles.
+    let within = |x: f64| x > -0.02;
+    (within(a) && within(b) && within(c)).then(|| (dot(r, n), n, [a, b, c]))
+}
+
+impl Contact {
+    /// Of the triangles of `model`, whose rank is the only one: distance that is kept (m) and
+    /// stiffness of a node in contact (N/m).
+    pub fn new(model: &Model, thickness: f64, stiffness: f64) -> Self {
+        let triangles: Vec<[u32; 3]> = model.triangles.iter().map(|t| t.nodes).collect();
+        let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let edge = triangles
+            .iter()
+            .flat_map(|t| (0..3).map(move |i| [t[i], t[(i + 1) % 3]]))
+            .map(|[a, b]| norm(sub(at(&model.reference, a as usize), at(&model.reference, b as usize))))
+            .fold(0.0, f64::max);
+        Self {
+            triangles,
+            nodes,
+            slots: vec![ELSEWHERE; model.n_local()],
+            thickness,
+            stiffness,
+            pairs: Vec::new(),
+            known: HashMap::new(),
+            before: HashMap::new(),
+            searched: Vec::new(),
+            cells: HashMap::new(),
+            edge,
+        }
+    }
+
+    fn corners(&self, t: usize, x: &[f64]) -> [Vec3; 3] {
+        self.triangles[t].map(|n| at(x, n as usize))
+    }
+
+    fn cell(&self, x: Vec3) -> [i32; 3] {
+        x.map(|v| (v / self.edge).floor() as i32)
+    }
+
+    /// Pairs in contact, each with its force on the node, normal, weights and penetration.
+    fn active<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (Pair, Vec3, Vec3, f64)> + 'a {
+        self.pairs.iter().filter_map(move |p| {
+            let (d, n, w) = project(at(x, p.node as usize), &self.corners(p.triangle as usize, x))?;
+            let gap = self.thickness - p.side * d;
+            (gap > 0.0).then(|| (*p, scale(p.side, n), w, gap))
+        })
+    }
+
+    /// Sum of the forces on nodes (N), one for each contact: their size.
+    pub fn pressed(&self, x: &[f64]) -> f64 {
+        self.active(x).map(|(_, _, _, gap)| self.stiffness * gap).sum()
+    }
+}
+
+impl ElementLoop for Contact {
+    fn finds_pairs(&self) -> bool {
+        true
+    }
+
+    /// Nodes within two thicknesses of a triangle's plane, above or below it.
+    fn find_pairs(&mut self, x: &[f64]) {
+        let reach = 2.0 * self.thickness;
+        // The margin is a thickness; two nodes may come towards each other.
+        let far = |(a, b): (&f64, &f64)| (a - b).abs() > 0.2 * self.thickness;
+        if self.searched.len() == x.len() && !x.iter().zip(&self.searched).any(far) {
+            return;
+        }
+        self.searched.clear();
+        self.searched.extend_from_slice(x);
+        for list in self.cells.values_mut() {
+            list.clear();
+        }
+        for &n in &self.nodes {
+            let cell = self.cell(at(x, n as usize));
+            self.cells.entry(cell).or_default().push(n);
+        }
+        std::mem::swap(&mut self.known, &mut self.before);
+        self.known.clear();
+        self.pairs.clear();
+        for t in 0..self.triangles.len() {
+            let corners = self.corners(t, x);
+            let low =
+                std::array::from_fn(|i| corners.iter().map(|c| c[i]).fold(f64::INFINITY, f64::min) - reach);
+            let high = std::array::from_fn(|i| {
+                corners.iter().map(|c| c[i]).fold(f64::NEG_INFINITY, f64::max) + reach
+            });
+            let (low, high) = (self.cell(low), self.cell(high));
+            for i in low[0]..=high[0] {
+                for j in low[1]..=high[1] {
+                    for k in low[2]..=high[2] {
+                        let Some(list) = self.cells.get(&[i, j, k]) else { continue };
+                        for &node in list.iter().filter(|n| !self.triangles[t].contains(n)) {
+                            let Some((d, _, _)) = project(at(x, node as usize), &corners) else { continue };
+                            let key = (node, t as u32);
+                            // One that was there keeps its side, also where it was pressed through.
+                            let side = self.before.get(&key).copied();
+                            if d.abs() > reach && side.is_none_or(|s| s * d > 0.0) {
+                                continue;
+                            }
+                            let side = side.unwrap_or_else(|| d.signum());
+                            self.known.insert(key, side);
+                            self.pairs.push(Pair { node, triangle: key.1, side });
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn anchor(&mut self, _x: &[f64]) {}
+
+    fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
+        for (p, n, w, gap) in self.active(place.at) {
+            let f = scale(-self.stiffness * gap, n);
+            add_at(out, p.node as usize, f);
+            for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
+                add_at(out, *corner as usize, scale(-w, f));
+            }
+        }
+    }
+
+    fn tangent(
+        &self,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        self.forces(place, load, out);
+        for (p, n, w, _) in self.active(place.at) {
+            let k: Mat3 =
+                std::array::from_fn(|i| std::array::from_fn(|j| factor * self.stiffness * n[i] * n[j]));
+            add_block(&mut blocks[self.slots[p.node as usize] as usize], &k);
+            for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
+                let share = k.map(|row| scale(w * w, row));
+                add_block(&mut blocks[self.slots[*corner as usize] as usize], &share);
+            }
+        }
+    }
+
+    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        self.active(x).map(|(_, _, _, gap)| 0.5 * self.stiffness * gap * gap).sum()
+    }
+
+    /// None: the fabric has it.
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        Vec::new()
+    }
+
+    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
+        Vec::new()
+    }
+
+    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        for &n in &self.nodes {
+            self.slots[n as usize] = slot(n, n);
+        }
+    }
+}

@@ -1,0 +1,335 @@
+//! Effects of a scene: one that is off is the scene without it, bit for bit; one that is on
+//! moves the answer as it must; programs that nothing needs are not started.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ripstop_tests::{History, ripstop_run, root, succeed};
+
+/// Whether and how an answer moves.
+enum Moves {
+    Up,
+    Down,
+    /// By this amount, to a share of it.
+    By(f64, f64),
+    Anyhow,
+}
+use Moves::{Anyhow, By, Down, Up};
+
+fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let file = folder.join(format!("{name}.toml"));
+    fs::write(&file, text).expect("written");
+    file
+}
+
+/// Runs a scene's text; returns the folder of its results.
+fn fly(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let out = folder.join(name);
+    succeed(ripstop_run(&write(folder, name, text), &out, &["--quiet", "--ranks", "flow=1,mesh=1"]));
+    out
+}
+
+/// The history of a stage without its wall times.
+fn bytes(out: &Path, stage: &str) -> String {
+    let history = History::read(out, stage);
+    history.without_wall_times().iter().map(|r| r.join(",") + "\n").collect()
+}
+
+fn last(out: &Path, stage: &str, column: &str) -> f64 {
+    *History::read(out, stage).column(column).last().expect("a window")
+}
+
+/// Programs that ran in a stage, by their logs.
+fn programs(out: &Path, stage: &str) -> Vec<String> {
+    let logs = fs::read_dir(out.join(stage).join("logs")).expect("logs");
+    let mut names: Vec<String> =
+        logs.flatten().map(|e| e.path().file_stem().expect("a name").to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn compare(what: &str, moves: &Moves, before: f64, after: f64) {
+    println!("{what}: {before:.6e} -> {after:.6e}");
+    let good = match moves {
+        Up => after > before,
+        Down => after < before,
+        By(d, share) => ((after - before) / d - 1.0).abs() < *share,
+        Anyhow => after != before && (after / before - 1.0).abs() < 0.2,
+    };
+    assert!(good, "{what}: {before} -> {after}");
+}
+
+/// Tables and keys of a scene: `put(text, "fabric", "wrinkling = true")` puts a line under a header.
+fn put(text: &str, table: &str, line: &str) -> String {
+    let header = format!("[{table}]\n");
+    assert!(text.contains(&header), "no {header}");
+    text.replacen(&header, &format!("{header}{line}\n"), 1)
+}
+
+const SHEET: &str = r#"
+name = "family"
+[canopy]
+kind = "square"
+width_m = 2.0
+cells_across = 8
+line_count = 16
+line_length_m = 2.4
+[fabric]
+youngs_modulus_pa = 2e8
+poisson_ratio = 0.3
+thickness_m = 3.048e-5
+density_kg_m3 = 1223.5093
+[lines]
+youngs_modulus_pa = 5.3420e8
+area_m2 = 3.11e-6
+density_kg_m3 = 1223.50932
+[structure]
+[flow]
+[flow.solver]
+residual_drop = 1e-3
+[flow.grid]
+layers_inside = 4
+layers_outside = 8
+first_layer_m = 0.12
+[output]
+surface_every_windows = 0
+volume_every_windows = 0
+[descent]
+payload_mass_kg = 5.0
+initial_speed_m_s = 4.0
+reference_area_m2 = 4.0
+"#;
+
+/// A shape at rest under 12 Pa.
+fn at_rest() -> String {
+    format!("{SHEET}[[stage]]\nname = \"one\"\nkind = \"pre-inflation\"\npressure_pa = 12.0\nsolve = \"static\"\n")
+        .replace("[fabric]\n", "[fabric]\nwrinkling = true\n")
+}
+
+/// A motion over 20 ms.
+fn in_time() -> String {
+    format!(
+        "{SHEET}[[stage]]\nname = \"one\"\nkind = \"pre-inflation\"\npressure_pa = 12.0\nduration_s = 0.02\nwindow_s = 2e-3\nsubsteps = 4\n"
+    )
+    .replace("[structure]\n", "[structure]\nspectral_radius = 0.8\n")
+}
+
+/// Keys of the structure: written as off they are the scene without them, byte for byte.
+#[test]
+fn effects_of_the_structure_that_are_off_are_not_there() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let base = in_time();
+    let plain = bytes(&fly(folder, "plain", &base), "one");
+    let stage = |line: &str| base.replacen("name = \"one\"\n", &format!("name = \"one\"\n{line}\n"), 1);
+    let off = [
+        ("again", base.clone()),
+        ("wrinkling", put(&base, "fabric", "wrinkling = false")),
+        ("integration", put(&base, "structure", "integration = \"implicit\"")),
+        ("damping", stage("stiffness_damping_s = 0.0\nmass_damping_per_s = 0.0")),
+        ("reefing", format!("reefing = []\npoint_mass = []\n{base}")),
+        ("prestress", put(&base, "lines", "prestress_pa = 0.0\ntension_only = true")),
+        // Of no effect in the structure's own stage, but for a canopy in the air.
+        ("permeability", format!("{base}\n[fabric.permeability]\ncloth = \"mil-c7020-type3\"\n")),
+        ("payload drag", format!("{base}\n[descent.payload_drag]\ndrag_area_m2 = 0.5\n")),
+    ];
+    for (name, text) in off {
+        assert!(bytes(&fly(folder, name, &text), "one") == plain, "{name}: the history differs");
+    }
+}
+
+/// One effect of the structure at a time moves the answer as it must.
+#[test]
+fn effects_of_the_structure_move_the_answer() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let rest = at_rest();
+    let plain = fly(folder, "rest", &rest);
+    assert_eq!(programs(&plain, "one"), ["structure"], "a pre-inflation needs the structure alone");
+    let mass = 4.0 * 3.048e-5 * 1223.5093;
+    let unwrinkled = rest.replace("wrinkling = true\n", "");
+    let stage = |text: &str, line: &str| text.replacen("name = \"one\"\n", &format!("name = \"one\"\n{line}\n"), 1);
+    let force = format!("{rest}[[stage.force]]\nat_m = [0, 0, 0]\nforce_n = [0, 0, 3.0]\n");
+    // Lines hang almost straight down in the stream of 4 m/s: their drag is some 0.1 N.
+    let cases = [
+        ("no wrinkling", unwrinkled, "volume_m3", Down),
+        ("weft", format!("{rest}[fabric.orthotropic]\nyoungs_modulus_2_pa = 2e7\nshear_modulus_pa = 2e7\n"), "volume_m3", Up),
+        // The fabric's weight and half of the lines' hang on the payload's node no more.
+        ("gravity", format!("{rest}[fabric_gravity]\n"), "riser_force_n", By(-mass * 9.80665, 0.25)),
+        ("line drag", format!("{rest}[lines.drag]\n"), "riser_force_n", Up),
+        ("reefing", format!("{rest}[[reefing]]\nlength_m = 4.0\n"), "projected_area_m2", Down),
+        ("force", force, "riser_force_n", By(3.0, 1e-3)),
+    ];
+    for (name, text, column, moves) in cases {
+        let out = fly(folder, name, &text);
+        compare(name, &moves, last(&plain, "one", column), last(&out, "one", column));
+    }
+    let time = in_time();
+    let plain = fly(folder, "time", &time);
+    let cases = [
+        ("mass damping", stage(&time, "mass_damping_per_s = 50.0"), "structure_kinetic_energy_j", Down),
+        ("stiffness damping", stage(&time, "stiffness_damping_s = 1e-3"), "structure_kinetic_energy_j", Down),
+        ("point mass", format!("{time}[[point_mass]]\nnodes = \"rim\"\nmass_kg = 0.05\n"), "structure_load_work_j", Down),
+        (
+            "explicit",
+            time.replace("spectral_radius = 0.8", "integration = \"explicit\""),
+            "structure_load_work_j",
+            Anyhow,
+        ),
+    ];
+    for (name, text, column, moves) in cases {
+        let out = fly(folder, name, &text);
+        compare(name, &moves, last(&plain, "one", column), last(&out, "one", column));
+    }
+}
+
+/// One effect of the flow at a time, around the canopy held still: the flow alone runs.
+#[test]
+fn effects_of_the_flow_move_the_answer() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let stage = "[[stage]]\nname = \"one\"\nkind = \"flow-only\"\nduration_s = 0.06\nwindow_s = 2e-2\n";
+    let base = format!("{SHEET}{stage}");
+    let plain = fly(folder, "plain", &base);
+    assert_eq!(programs(&plain, "one"), ["flow"], "a rigid canopy needs the flow alone");
+    let text = bytes(&plain, "one");
+    assert!(bytes(&fly(folder, "again", &base), "one") == text, "not the same twice");
+    for (name, more) in [("line drag", "[lines.drag]\n"), ("gravity", "[fabric_gravity]\n")] {
+        // The structure's effects are not the flow's: where no structure runs they change nothing.
+        let out = fly(folder, name, &format!("{base}{more}"));
+        assert!(bytes(&out, "one") == text, "{name}");
+    }
+    let viscous = "[flow.viscosity]\ndynamic_viscosity_pa_s = 0.05\n";
+    let cases = [
+        ("viscosity", viscous.to_owned(), "drag_n", Up),
+        ("turbulence", format!("{viscous}turbulence = \"smagorinsky\"\n"), "drag_n", Up),
+        ("permeability", "[fabric.permeability]\nviscous_pa_s_m = 50.0\n".into(), "drag_n", Down),
+        (
+            "gust",
+            "[flow.gust]\nvelocity_m_s = [0, 0, 2]\nduration_s = 0.1\n".into(),
+            "drag_n",
+            Up,
+        ),
+        ("energy", "[flow.energy]\n".into(), "drag_n", Anyhow),
+        ("limiter", "[flow.limiter]\nk = 0.5\n".into(), "drag_n", Anyhow),
+    ];
+    for (name, more, column, moves) in cases {
+        let out = fly(folder, name, &format!("{base}{more}"));
+        compare(name, &moves, last(&plain, "one", column), last(&out, "one", column));
+    }
+    // Wind along x, stronger above: it pushes along x.
+    let wind = put(&base, "flow", "wind_m_s = [1, 0, 0]");
+    let out = fly(folder, "wind", &wind);
+    let shear = "[flow.shear]\nstart_height_m = 10.0\nprofile = \"linear\"\nslope_per_m = 0.2\n";
+    let sheared = fly(folder, "shear", &format!("{wind}{shear}"));
+    compare("shear", &Anyhow, last(&out, "one", "drag_n"), last(&sheared, "one", "drag_n"));
+}
+
+/// A canopy that moves as prescribed needs mesh and flow, and no structure; moving up in
+/// a frame that falls, it meets less air.
+#[test]
+fn a_prescribed_motion_starts_no_structure() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let still = format!("{SHEET}[[stage]]\nname = \"flow\"\nkind = \"flow-only\"\nduration_s = 0.1\nwindow_s = 2e-2\n");
+    let motion = |v: f64| {
+        format!(
+            "{still}[[stage]]\nname = \"move\"\nkind = \"prescribed\"\nduration_s = 0.06\nwindow_s = 2e-2\n\
+             [[stage.motion]]\nnodes = \"canopy\"\ntime_s = [0, 1]\ndisplacement_m = [[0, 0, 0], [0, 0, {v}]]\n"
+        )
+    };
+    let held = fly(folder, "held", &motion(0.0));
+    assert_eq!(programs(&held, "move"), ["flow", "mesh"]);
+    let up = fly(folder, "up", &motion(1.0));
+    compare("moving up", &Down, last(&held, "move", "drag_n"), last(&up, "move", "drag_n"));
+    // The grid follows: its volumes change, and only where the canopy moves.
+    let ratio = |out: &Path| last(out, "move", "mesh_min_volume_ratio");
+    assert!(ratio(&held) == 1.0 && ratio(&up) < 1.0, "{} {}", ratio(&held), ratio(&up));
+}
+
+/// The descent with effects of lines and payload: each holds it up or swings below it.
+#[test]
+fn effects_of_the_descent_move_the_answer() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let base = put(&in_time(), "fabric", "wrinkling = true")
+        .replace("duration_s = 0.02\nwindow_s = 2e-3\n", "duration_s = 0.4\nwindow_s = 1e-2\nmass_damping_per_s = 20.0\n");
+    let base = format!(
+        "{base}[[stage]]\nname = \"fall\"\nkind = \"coupled\"\nduration_s = 0.02\nwindow_s = 5e-3\nsubsteps = 4\n"
+    );
+    let plain = fly(folder, "plain", &base);
+    assert_eq!(programs(&plain, "fall"), ["flow", "mesh", "structure"]);
+    assert!(!plain.join("fall/payload.csv").exists());
+    let speed = |out: &Path| last(out, "fall", "descent_speed_m_s");
+    for (name, more) in [
+        ("payload drag", "[descent.payload_drag]\ndrag_area_m2 = 0.5\n"),
+        ("line drag", "[lines.drag]\ndiameter_m = 0.02\n"),
+    ] {
+        let out = fly(folder, name, &format!("{base}{more}"));
+        compare(name, &Down, speed(&plain), speed(&out));
+    }
+    let heavy = format!("{base}[fabric_gravity]\n");
+    let body = "[descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.1]\nattachments_m = [[0, 0, 0.2]]\ninitial_velocity_m_s = [0.5, 0, 0]\n";
+    let point = fly(folder, "heavy", &heavy);
+    let swung = fly(folder, "body", &format!("{heavy}{body}"));
+    compare("body", &Anyhow, speed(&point), speed(&swung));
+    let log = fs::read_to_string(swung.join("fall/payload.csv")).expect("the payload's motion");
+    let rows: Vec<Vec<f64>> =
+        log.lines().skip(1).map(|l| l.split(',').map(|c| c.parse().expect("a number")).collect()).collect();
+    assert_eq!(rows.len(), 4);
+    // 20 ms at 0.5 m/s; the lines hardly pull sideways yet.
+    assert!((rows[3][1] - 0.01).abs() < 1e-4, "{:?}", rows[3]);
+    // Line and weight balance within what the start is out of balance.
+    assert!(rows[3][17].abs() < 200.0, "{:?}", rows[3]);
+    assert!(swung.join("fall/state/payload.bin").exists());
+}
+
+/// Effects that contradict each other, or that a program does not have, are refused by name.
+#[test]
+fn contradictions_are_refused_with_the_reason() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let stage = "[[stage]]\nname = \"one\"\nkind = \"flow-only\"\nduration_s = 0.06\nwindow_s = 2e-2\n";
+    let refused = |name: &str, text: &str| {
+        let out = ripstop_run(&write(folder, name, text), &folder.join(name), &[]).output().expect("it starts");
+        assert_eq!(out.status.code(), Some(2), "{name}");
+        String::from_utf8_lossy(&out.stderr).into_owned()
+    };
+    let windy = put(SHEET, "flow", "wind_m_s = [1, 0, 0]");
+    let shear = "[flow.shear]\nstart_height_m = 10.0\nprofile = \"linear\"\n";
+    let text = refused("shear", &format!("{windy}{stage}[lines.drag]\n{shear}"));
+    assert!(text.contains("lines.drag") && text.contains("one wind for all heights"), "{text}");
+    let body = "[descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.3]\nattachments_m = [[0, 0, 0.2]]\n";
+    let text = refused("body", &format!("{SHEET}{stage}{body}"));
+    assert!(text.contains("no body has the moments") && text.contains("add [fabric_gravity]"), "{text}");
+    assert!(text.contains("free in coupled stages only"), "{text}");
+    let text = refused("reefing", &format!("{SHEET}{stage}[[reefing]]\nlength_m = 4.0\nrelease_stage = \"two\"\n"));
+    assert!(text.contains("no stage \"two\""), "{text}");
+    let text = refused(
+        "order",
+        &format!("{SHEET}[[stage]]\nname = \"a\"\nkind = \"prescribed\"\nduration_s = 0.1\nwindow_s = 0.1\n"),
+    );
+    assert!(text.contains("prescribes nothing"), "{text}");
+}
+
+/// `ripstop effects`: the table, and a scene with its numbers.
+#[test]
+fn effects_are_told() {
+    let ripstop = |args: &[&str]| {
+        let mut command = std::process::Command::new(ripstop_tests::program("ripstop"));
+        command.args(args).current_dir(root());
+        String::from_utf8_lossy(&succeed(command).stdout).into_owned()
+    };
+    let table = ripstop(&["effects"]);
+    for key in ["fabric.wrinkling", "flow.energy", "reefing", "descent.body", "lines.drag"] {
+        assert!(table.contains(&format!("{key}: ")), "{key}");
+    }
+    let told = ripstop(&["effects", "cases/atps-descent/scene.toml"]);
+    assert!(told.contains("Mach 0.0143") && told.contains("not needed"), "{told}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = write(folder.path(), "scene", &at_rest());
+    let costs = ripstop(&["effects", scene.to_str().expect("a path"), "--measure", "--windows", "1"]);
+    let row = costs.lines().rev().find(|l| l.trim_start().starts_with("fabric.wrinkling")).expect("a row");
+    let ratio: f64 = row.split_whitespace().nth(1).expect("a ratio").parse().expect("a number");
+    assert!(ratio > 0.0, "{costs}");
+}
