@@ -397,7 +397,7 @@ pub(super) fn integration(n: &Numbers<'_>) -> Judgement {
     let step = n.scene.stages.iter().filter(|s| s.window_s > 0.0).map(|s| s.window_s / f64::from(s.substeps));
     let step = step.fold(0.0, f64::max);
     open(format!(
-        "about {:.0} stable steps in the longest substep: explicit pays below some tens",
+        "about {:.1} stable steps in the longest substep: explicit pays below some tens",
         step / stable
     ))
 }
