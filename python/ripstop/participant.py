@@ -107,8 +107,9 @@ def load_state(path):
         with np.load(path) as state:
             return dict(state)
     except (OSError, ValueError) as error:
+        why = f" ({error})" if isinstance(error, OSError) else ""
         raise Fault(
-            f"{path} is no state that this program wrote ({error}): run the earlier stage with this program too"
+            f"{path} is no state that this program wrote{why}: run the earlier stage with this program too"
         ) from error
 
 

@@ -8,13 +8,16 @@ use std::time::{Duration, Instant};
 use case::Role;
 
 use crate::header::{Header, Kind, Unit, role_code};
-use crate::session::{Lock, Place, Watch};
+use crate::session::{Lock, MEMORY, Place, Watch};
 use crate::transport::{Link, Message, Ringer, Sender, Sleeper};
 use crate::wire::{Roster, during};
 use crate::{CONTRACT_VERSION, Fault, ServeError, ServeOptions, SessionError, Window};
 
 /// Between two looks at whether the coupler lives.
 pub(crate) const LOOK: Duration = Duration::from_millis(200);
+
+/// Time after which a wait for the coupler is told.
+const SEARCH: Duration = Duration::from_secs(10);
 
 /// A rank's membership of a session.
 pub(crate) struct Post {
@@ -40,6 +43,7 @@ impl Post {
         let refused = |message: String| Err(ServeError::Refused { message });
         let me = format!("{}.{}", at.role.name(), at.rank);
         let start = Instant::now();
+        let mut told = false;
         let (notice, coupler) = loop {
             if let Some(notice) = place.notice()
                 && let Some(watch) = Watch::on(&place.lock_file("coupler"))
@@ -50,6 +54,15 @@ impl Post {
             if patience.is_some_and(|p| start.elapsed() >= p) {
                 let seconds = start.elapsed().as_secs_f64();
                 return Err(ServeError::NoCoupler { session: at.session.clone(), seconds });
+            }
+            if !told && start.elapsed() > SEARCH {
+                told = true;
+                let _ = writeln!(
+                    std::io::stderr(),
+                    "{me} waits for a coupler: session `{}` is not open in {MEMORY} of this host (`ripstop attach` \
+                     prints the session's name; of ranks on several hosts one at least must run on the coupler's)",
+                    at.session
+                );
             }
             std::thread::sleep(Duration::from_millis(20));
         };
