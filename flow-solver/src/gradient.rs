@@ -32,7 +32,7 @@ impl LeastSquares {
     /// Weights for the cells of `topology` with the centres of `metrics`.
     pub fn new(topology: &Topology, metrics: &Metrics) -> Self {
         let mut this = Self {
-            weight: vec![[0.0; 3]; topology.adjacency.cell.len()],
+            weight: vec![[0.0; 3]; topology.stencil().cell.len()],
             reach: vec![0.0; topology.n_owned],
             shortened: Vec::new(),
         };
@@ -42,7 +42,7 @@ impl LeastSquares {
 
     /// Recomputes the weights after the grid has moved.
     pub fn update(&mut self, topology: &Topology, metrics: &Metrics) {
-        let a = &topology.adjacency;
+        let a = topology.stencil();
         for i in 0..topology.n_owned {
             let row = a.start[i] as usize..a.start[i + 1] as usize;
             let x = metrics.centre[i];
@@ -70,7 +70,7 @@ impl LeastSquares {
     }
 
     fn find_needles(&mut self, topology: &Topology, metrics: &Metrics) {
-        let a = &topology.adjacency;
+        let a = topology.stencil();
         let (reach, weight) = (&mut self.reach, &self.weight);
         reach.fill(0.0);
         topology.for_each_side(|f, i, _| {
@@ -120,7 +120,7 @@ impl LeastSquares {
         gradient: &mut [Gradient<N>],
         wanted: impl Fn(u32) -> bool,
     ) {
-        let a = &topology.adjacency;
+        let a = topology.stencil();
         for (i, g) in gradient[..topology.n_owned].iter_mut().enumerate() {
             if !wanted(a.start[i + 1] - a.ghost[i]) {
                 continue;
@@ -144,7 +144,7 @@ impl LeastSquares {
     /// Gradient of the scalar `x` (with ghosts) in owned cell `i`.
     #[inline]
     pub fn scalar(&self, topology: &Topology, i: usize, x: &[f32]) -> Vec3 {
-        let a = &topology.adjacency;
+        let a = topology.stencil();
         let row = a.start[i] as usize..a.start[i + 1] as usize;
         let mut sum = [0.0; 3];
         for (&j, w) in a.cell[row.clone()].iter().zip(&self.weight[row]) {

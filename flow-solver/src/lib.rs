@@ -31,6 +31,7 @@ mod snapshot;
 mod solver;
 pub mod state;
 pub mod steady;
+mod stencil;
 pub mod time;
 pub mod topology;
 pub mod turbulence;

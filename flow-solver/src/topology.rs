@@ -10,6 +10,7 @@ use comm::Numbering;
 use mesh::{FaceTable, FlowGrid, Patch, clean_face};
 
 use crate::permeable::Permeability;
+use crate::stencil::Neighbourhoods;
 
 /// How one side of a boundary face acts on its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +76,8 @@ pub struct Topology {
     pub pores: Vec<Pore>,
     /// Neighbours of owned cells.
     pub adjacency: Adjacency,
+    /// Cells that gradients are taken over, where these are not the neighbours.
+    pub wide: Option<Adjacency>,
 }
 
 /// Neighbours of the owned cells, in compressed rows.
@@ -171,6 +174,13 @@ impl Topology {
                 }
             }
         }
+        let wide = Neighbourhoods::new(grid, faces);
+        if let Some(wide) = &wide {
+            wide.of_all(&owned, |row| {
+                let foreign = row.iter().filter(|&&j| part[j as usize] != rank);
+                ghosts.extend(foreign.map(|&j| (u64::from(j), part[j as usize])));
+            });
+        }
         let numbering = Numbering::new(owned, ghosts);
         let n_owned = numbering.n_owned;
         let local = |c: u32| numbering.local(u64::from(c));
@@ -250,6 +260,7 @@ impl Topology {
             }
         }
         t.adjacency = Adjacency::new(n_owned, &t.cells);
+        t.wide = wide.map(|w| w.rows(&numbering));
         t.numbering = numbering;
         t
     }
@@ -257,6 +268,12 @@ impl Topology {
     /// Owned and ghost cells together.
     pub fn n_local(&self) -> usize {
         self.numbering.n_local()
+    }
+
+    /// Cells that the gradient of each owned cell is taken over (of the adjacency only
+    /// `start`, `cell` and `ghost`).
+    pub fn stencil(&self) -> &Adjacency {
+        self.wide.as_ref().unwrap_or(&self.adjacency)
     }
 
     /// All sides of boundary and canopy faces.
