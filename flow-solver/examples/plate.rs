@@ -27,6 +27,7 @@ fn memory(what: &str) -> String {
 }
 
 fn main() {
+    flow_solver::return_large_blocks();
     let arg = |k: usize, d: f64| std::env::args().nth(k).map_or(d, |a| a.parse().expect("a number"));
     let (every, steps, drop, dt) = (arg(1, 2.0) as usize, arg(2, 20.0) as usize, arg(3, 1e-2), arg(4, 0.02));
     let grid = plate::plate(every);
@@ -39,14 +40,13 @@ fn main() {
     settings.max_iterations = 2000;
     settings.velocity_diffusion = arg(7, 0.5);
     let viscosity = Laminar { viscosity: speed / 200.0 * 1.225 };
+    settings.moving = arg(10, 0.0) != 0.0;
     let air = settings.air;
     if arg(9, 4.0) == 5.0 {
-        let solver = common::solver_of(&grid, IdealGas::new(air), viscosity, settings);
-        std::mem::drop(grid);
+        let solver = common::solver_on(grid, IdealGas::new(air), viscosity, settings);
         run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
     } else {
-        let solver = common::solver_of(&grid, Isothermal::new(air), viscosity, settings);
-        std::mem::drop(grid);
+        let solver = common::solver_on(grid, Isothermal::new(air), viscosity, settings);
         run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
     }
 }

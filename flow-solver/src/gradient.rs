@@ -75,7 +75,7 @@ impl LeastSquares {
         reach.fill(0.0);
         topology.for_each_side(|f, i, _| {
             if i < topology.n_owned {
-                let d = sub(metrics.faces[f].centre, metrics.centre[i]);
+                let d = sub(metrics.face_centre(topology, f), metrics.centre[i]);
                 let row = a.start[i] as usize..a.start[i + 1] as usize;
                 let sum: f64 = weight[row].iter().map(|w| dot(w.map(f64::from), d).abs()).sum();
                 reach[i] = reach[i].max(sum as f32);

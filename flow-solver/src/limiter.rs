@@ -35,7 +35,7 @@ pub fn venkatakrishnan<const N: usize>(
         if c >= n {
             return;
         }
-        let d = sub(metrics.faces[f].centre, metrics.centre[c]);
+        let d = sub(metrics.face_centre(topology, f), metrics.centre[c]);
         let g = &gradient[c];
         let relative = k * metrics.size[c] / length;
         for v in 0..N {

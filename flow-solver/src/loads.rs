@@ -54,10 +54,11 @@ impl Loads {
         self.halo.accumulate(self.faces.as_flattened_mut(), 4);
         let mut sum = [0.0; 6];
         for (load, &face) in self.faces[..t.canopy.n_owned].iter().zip(&t.canopy_face) {
+            let centre = on.metrics.border(face);
             let face = &on.metrics.faces[face as usize];
             let shear = scale(norm(face.area), [load[1], load[2], load[3]]);
             let force = add(scale(load[0], face.area), shear);
-            let moment = cross(face.centre, force);
+            let moment = cross(centre, force);
             for d in 0..3 {
                 sum[d] += force[d];
                 sum[3 + d] += moment[d];

@@ -34,6 +34,7 @@ struct Alone {
 }
 
 fn main() {
+    flow_solver::return_large_blocks();
     let words: Vec<_> = std::env::args_os().collect();
     let outcome = if words.get(1).is_some_and(|w| w == "alone") {
         let args = Alone::parse_from(words.into_iter().skip(1));

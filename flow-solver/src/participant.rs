@@ -188,6 +188,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let clock = Clock::now();
         self.moved = !input.grid.is_empty();
+        if self.moved && !self.solver.settings.moving {
+            return Err(Fault::new("this stage is the flow on a grid at rest, but a grid that moves was sent"));
+        }
         if self.moved {
             let s = &mut self.solver;
             for (i, (x, v)) in s.nodes.iter_mut().zip(&mut s.node_velocity).enumerate() {
@@ -231,18 +234,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
         if let Some(statistics) = self.monitors.statistics() {
             statistics.save(folder, s.comm(), &s.topology, self.totals.0)?;
         }
-        let extras = s.extras();
-        state::save(
-            &file,
-            s.comm(),
-            &s.topology,
-            self.totals,
-            &s.past,
-            s.last_dt,
-            s.first_order_steps,
-            s.through(),
-            &extras,
-        )
+        state::save(&file, s, self.totals)
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {

@@ -73,8 +73,8 @@ fn extrapolated<const N: usize>(
     q: &[[f64; N]],
     g: &[Gradient<N>],
 ) -> [f64; N] {
-    let (cell, face) = (cell as usize, pore.face as usize);
-    let d = sub(on.metrics.faces[face].centre, on.metrics.centre[cell]);
+    let cell = cell as usize;
+    let d = sub(on.metrics.border(pore.face), on.metrics.centre[cell]);
     let g = &g[cell];
     std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2])
 }
@@ -93,16 +93,16 @@ fn passage<G: Gas<N>, const N: usize>(
     let face = &on.metrics.faces[pore.face as usize];
     let between = sub(on.metrics.centre[pore.outside as usize], on.metrics.centre[pore.inside as usize]);
     let length = dot(between, between).sqrt();
-    let spacing = (dot(between, face.area) / face.magnitude).max(0.2 * length);
+    let spacing = (dot(between, face.area) / face.magnitude()).max(0.2 * length);
     let mean: Vec3 = std::array::from_fn(|d| 0.5 * (cells[0][1 + d] + cells[1][1 + d]));
-    let relative = (dot(mean, face.area) - face.grid_flux) / face.magnitude;
+    let relative = (dot(mean, face.area) - face.grid_flux) / face.magnitude();
     let (held, resistance) = scheme.resistance(past, spacing, relative_speed(scheme, mean));
     let jump = l[0] - r[0];
     let rho = gas.density(if jump > 0.0 { l } else { r });
     let resistance = rho * resistance;
     let v = pore.cloth.velocity(jump - held + resistance * relative, resistance);
     let slope = pore.cloth.slope(v, resistance);
-    let mass = rho * face.magnitude;
+    let mass = rho * face.magnitude();
     let share = slope * resistance;
     Passage { mass: mass * v, slope: mass * slope, share, tie: rho * (v - relative) }
 }

@@ -2,7 +2,7 @@
 
 use comm::Halo;
 
-use crate::geometry::vec3::{Vec3, add, dot, norm, scale, sub};
+use crate::geometry::vec3::{Vec3, add, dot, scale, sub};
 use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{Gradient, LeastSquares};
 use crate::limiter;
@@ -116,13 +116,13 @@ impl<G, V: Viscosity> Spatial<G, V> {
             .zip(&on.topology.cells[range]);
         for ((face, through), &[i, j]) in faces {
             let (i, j) = (i as usize, j as usize);
-            let (di, dj) = (sub(face.centre, centre[i]), sub(face.centre, centre[j]));
-            let between = sub(di, dj);
+            let (di, between) = (face.offset(), sub(centre[j], centre[i]));
+            let dj = sub(di, between);
             let (qi, qj, gi, gj) = (&q[i], &q[j], &gradient[i], &gradient[j]);
             let (mut l, mut r) = (*qi, *qj);
             // The plain difference counts by where the face lies between the centres:
             // a thin cell beside a thick one takes little of it.
-            let near = (dot(di, face.area) / (face.magnitude * face.spacing)).clamp(0.0, 1.0);
+            let near = (dot(di, face.area) / (face.magnitude() * face.spacing())).clamp(0.0, 1.0);
             let (chi_i, chi_j) = (self.chi * near, self.chi * (1.0 - near));
             for v in 0..N {
                 let along_i = gi[0][v] * between[0] + gi[1][v] * between[1] + gi[2][v] * between[2];
@@ -211,7 +211,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
                     mu += on.eddy[cell];
                 }
                 let force = physics::stress_force(mu, &u, face.area);
-                let normal = side.sign * dot(force, face.area) / (face.magnitude * face.magnitude);
+                let normal = side.sign * dot(force, face.area) / dot(face.area, face.area);
                 let mut flux = self.gas.pressure_flux(0.0, [0.0; 3], 0.0);
                 for d in 0..3 {
                     flux[1 + d] -= normal * face.area[d];
@@ -220,7 +220,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
             }
             for side in &t.no_slip {
                 let face = face_of(side);
-                let force = scale(face.magnitude, self.wall_traction(on, scheme, q, side));
+                let force = scale(face.magnitude(), self.wall_traction(on, scheme, q, side));
                 let wall = self.wall_velocity(on, scheme, side);
                 let heat = self.gas.conduction(0.0, |_| 0.0, -dot(force, wall));
                 let mut flux = heat.map(|h| -h);
@@ -237,7 +237,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
             for side in list {
                 let face = face_of(side);
                 let cell = side.cell as usize;
-                let d = sub(face.centre, on.metrics.centre[cell]);
+                let d = sub(on.metrics.border(side.face), on.metrics.centre[cell]);
                 let g = &gradient[cell];
                 let inside =
                     std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2]);
@@ -266,7 +266,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         side: &Side,
     ) -> f64 {
         let cell = side.cell as usize;
-        let d = sub(on.metrics.faces[side.face as usize].centre, on.metrics.centre[cell]);
+        let d = sub(on.metrics.border(side.face), on.metrics.centre[cell]);
         let g = &gradient[cell];
         q[cell][0] + g[0][0] * d[0] + g[1][0] * d[1] + g[2][0] * d[2]
     }
@@ -289,9 +289,8 @@ impl<G, V: Viscosity> Spatial<G, V> {
         // The sub-grid model is silent at a wall: no eddy is smaller than it.
         let mu = self.viscosity.dynamic(self.gas.density(cell), &[[0.0; 3]; 3], 0.0);
         // Its own distance: a wall of zero thickness has another cell behind it.
-        let d = sub(face.centre, on.metrics.centre[side.cell as usize]);
-        let spacing = (side.sign * dot(d, face.area) / face.magnitude).max(0.2 * norm(d));
-        physics::wall_traction(mu, slip, scale(1.0 / face.magnitude, face.area), spacing)
+        let height = on.metrics.height(side);
+        physics::wall_traction(mu, slip, scale(1.0 / face.magnitude(), face.area), height)
     }
 
     fn wall_velocity(&self, on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {

@@ -55,6 +55,7 @@ fn run<V: Viscosity>(
         method: Method::PressureCorrection { depth: 8 },
         reference_speed: 0.4,
         velocity_diffusion: 0.5,
+        moving: true,
     };
     let spatial = Spatial { gas: Isothermal::new(air), viscosity, chi: 1.0 / 3.0, limiter: None };
     let mut solver = Solver::new(comm, topology, start.clone(), spatial, settings).map_err(Fault::new)?;
@@ -89,18 +90,7 @@ fn run<V: Viscosity>(
         forces.push(loads.compute(&solver).force);
         solver.accept(dt, true);
         if k == 1 {
-            let (t, past) = (&solver.topology, &solver.past);
-            state::save(
-                file,
-                comm,
-                t,
-                totals,
-                past,
-                solver.last_dt,
-                solver.first_order_steps,
-                solver.through(),
-                &solver.extras(),
-            )?;
+            state::save(file, &solver, totals)?;
         }
     }
     Ok(forces)

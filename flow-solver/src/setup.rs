@@ -98,6 +98,7 @@ impl Setup {
             // A canopy that starts at rest soon moves at metres per second.
             reference_speed: 0.1 * speed.max(1.0),
             velocity_diffusion: 0.5,
+            moving: scene.stages.get(stage).is_none_or(|s| s.kind != case::StageKind::FlowOnly),
         };
         let wind = flow.gust.as_ref().map_or(Wind::default(), |g| Wind {
             gust: g.velocity_m_s,

@@ -116,8 +116,8 @@ impl Sheared {
     /// than the base on all faces that are not between two cells.
     pub fn advance(&mut self, rise: f64, topology: &Topology, metrics: &Metrics, excess: &mut [Vec3]) {
         self.next = self.height + rise;
-        for (e, f) in excess.iter_mut().zip(&metrics.faces[topology.cells.len()..]) {
-            *e = sub(self.profile.at(self.next + f.centre[2]), self.base);
+        for (e, f) in excess.iter_mut().zip(topology.cells.len() as u32..) {
+            *e = sub(self.profile.at(self.next + metrics.border(f)[2]), self.base);
         }
     }
 

@@ -6,8 +6,8 @@ use channel::Fault;
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
-use crate::physics::FaceFlow;
-use crate::solver::Instant;
+use crate::physics::{Gas, Viscosity};
+use crate::solver::{Instant, Solver};
 use crate::topology::Topology;
 
 const MAGIC: u64 = u64::from_le_bytes(*b"RIPFLOW\0");
@@ -62,30 +62,25 @@ pub(crate) fn gather<const W: usize>(
     all
 }
 
-/// Writes two instants. Collective.
+/// Writes the last two accepted instants. `totals`: cells and nodes of the whole grid. Collective.
 ///
 /// # Errors
 /// Trouble with the file, on every rank.
-#[allow(clippy::too_many_arguments)]
-pub fn save<const N: usize>(
+pub fn save<G: Gas<N>, V: Viscosity, const N: usize>(
     file: &Path,
-    comm: &Comm,
-    topology: &Topology,
+    solver: &Solver<G, V, N>,
     totals: (usize, usize),
-    past: &[Instant<N>; 2],
-    last_dt: f64,
-    first_order_steps: u32,
-    through: &[FaceFlow],
-    extras: &Extras,
 ) -> Result<(), Fault> {
     let (cells, nodes) = totals;
+    let (comm, topology) = (solver.comm(), &solver.topology);
     let n = topology.n_owned;
-    let q = [0, 1].map(|k| gather(comm, topology.numbering.owned(), &past[k].q[..n], cells));
-    let x = [0, 1].map(|k| gather(comm, &topology.node_global, &past[k].nodes, nodes));
+    let q = [0, 1].map(|k| gather(comm, topology.numbering.owned(), &solver.past[k].q[..n], cells));
+    let x = [0, 1].map(|k| gather(comm, &topology.node_global, solver.past_nodes(k), nodes));
     let faces: Vec<u64> = topology.face_global.iter().map(|&f| u64::from(f)).collect();
     let count = comm.max(faces.iter().fold(0.0, |m, &f| (f as f64 + 1.0).max(m))) as usize;
-    let ties: Vec<[f64; 2]> = through.iter().map(|t| t.past.map(f64::from)).collect();
+    let ties: Vec<[f64; 2]> = solver.through().iter().map(|t| t.past.map(f64::from)).collect();
     let ties = gather(comm, &faces, &ties, count);
+    let extras = solver.extras();
     let mut outcome = Ok(());
     if comm.is_root() {
         let saved = Saved {
@@ -94,12 +89,12 @@ pub fn save<const N: usize>(
             equations: N as u32,
             cells: cells as u64,
             nodes: nodes as u64,
-            last_dt,
-            first_order_steps,
+            last_dt: solver.last_dt,
+            first_order_steps: solver.first_order_steps,
             q,
             x,
             ties,
-            extras: extras.clone(),
+            extras,
         };
         outcome = write(file, &saved);
     }

@@ -38,14 +38,14 @@ fn on_wall<V: Viscosity>(s: &Solver<Isothermal, V, 4>) -> (f64, Vec<(f64, f64)>)
     let (mut force, mut coefficients) = (0.0, Vec::new());
     for side in t.slip.iter().chain(&t.no_slip) {
         let f = &on.metrics.faces[side.face as usize];
-        let [x, y, _] = f.centre;
-        if x.hypot(y) > 0.51 || f.area[2].abs() > 0.5 * f.magnitude {
+        let [x, y, _] = on.metrics.border(side.face);
+        if x.hypot(y) > 0.51 || f.area[2].abs() > 0.5 * f.magnitude() {
             continue;
         }
         let p = s.spatial.wall_pressure(&on, &s.q, &s.gradient, side);
         force += p * f.area[0];
         if V::ACTIVE {
-            force += f.magnitude * s.spatial.wall_traction(&on, &s.scheme, &s.q, side)[0];
+            force += f.magnitude() * s.spatial.wall_traction(&on, &s.scheme, &s.q, side)[0];
         }
         coefficients.push((180.0 - y.atan2(x).to_degrees(), p / dynamic));
     }

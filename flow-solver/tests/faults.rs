@@ -2,7 +2,6 @@
 
 mod common;
 
-use comm::Comm;
 use common::{isothermal, settings};
 use flow_solver::physics::Inviscid;
 use flow_solver::{FlowError, Step, state};
@@ -50,8 +49,7 @@ fn a_damaged_or_foreign_state_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("flow.bin");
     let totals = (27, 64);
-    state::save(&file, &Comm::solo(), &s.topology, totals, &s.past, 0.01, 0, s.through(), &s.extras())
-        .unwrap();
+    state::save(&file, &s, totals).unwrap();
     let back = state::load::<4>(&file, &s.topology, totals).unwrap();
     assert_eq!(back.past[0].q, s.past[0].q);
     assert_eq!(back.past[1].nodes, s.past[1].nodes);

@@ -38,9 +38,12 @@ fn steady(speed: f64, (a, b): (f64, f64), method: Method) -> (f64, f64, usize) {
     let (mut q, mut gradient) = (s.q.clone(), s.gradient.clone());
     let (mut residual, mut through) = (vec![[0.0; 4]; n], s.through().to_vec());
     s.spatial.evaluate(&s.domain(), &s.scheme, &mut q, &mut gradient, &mut residual, &mut through);
-    let passing: Vec<f64> = (s.metrics.faces.iter().zip(&through))
-        .filter(|(f, _)| f.area[2] > 0.1 && f.centre[2] > 0.1 && f.centre[2] < 3.9)
-        .map(|(_, t)| 4.0 * f64::from(t.mass))
+    let passing: Vec<f64> = (s.metrics.faces.iter().zip(&through).enumerate())
+        .filter(|(k, (f, _))| {
+            let z = s.metrics.face_centre(&s.topology, *k)[2];
+            f.area[2] > 0.1 && z > 0.1 && z < 3.9
+        })
+        .map(|(_, (_, t))| 4.0 * f64::from(t.mass))
         .collect();
     let (low, high) = passing.iter().fold((f64::MAX, f64::MIN), |(l, h), m| (l.min(*m), h.max(*m)));
     assert!(high - low < 1e-4 * high.abs(), "the duct is not steady: {low} to {high} kg/s");

@@ -26,14 +26,14 @@ fn wall_force(s: &Flow, on: impl Fn(&[f64; 3]) -> bool) -> [[f64; 3]; 2] {
     let mut force = [[0.0; 3]; 2];
     for side in &s.topology.no_slip {
         let f = &s.metrics.faces[side.face as usize];
-        if !on(&f.centre) {
+        if !on(&s.metrics.border(side.face)) {
             continue;
         }
         let p = s.spatial.wall_pressure(&domain, &s.q, &s.gradient, side);
         let t = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side);
         for d in 0..3 {
             force[0][d] += p * side.sign * f.area[d];
-            force[1][d] += f.magnitude * t[d];
+            force[1][d] += f.magnitude() * t[d];
         }
     }
     force
@@ -137,7 +137,7 @@ fn sphere(reynolds: f64, n: usize, nr: usize, end: f64) -> (f64, f64) {
         .no_slip
         .iter()
         .filter_map(|side| {
-            let x = s.metrics.faces[side.face as usize].centre;
+            let x = s.metrics.border(side.face);
             let angle = 180.0 - (x[1].hypot(x[2])).atan2(x[0]).to_degrees();
             let tangent =
                 [x[1].hypot(x[2]), -x[0] * x[1] / x[1].hypot(x[2]), -x[0] * x[2] / x[1].hypot(x[2])];
@@ -298,7 +298,7 @@ fn plate_layer(n: usize) -> ([f64; 3], f64) {
         .no_slip
         .iter()
         .map(|side| {
-            let x = s.metrics.faces[side.face as usize].centre[0];
+            let x = s.metrics.border(side.face)[0];
             let t = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side)[0];
             (x, t / (0.5 * RHO * speed * speed) * (speed * x / nu).sqrt())
         })

@@ -146,7 +146,7 @@ fn friction(s: &Flow) -> (f64, Vec<(f64, f64)>) {
     let on = s.domain();
     let (mut friction, mut at) = ((f64::MAX, 0.0), 0.0);
     for side in &s.topology.no_slip {
-        let x = on.metrics.faces[side.face as usize].centre[0];
+        let x = on.metrics.border(side.face)[0];
         let shear = s.spatial.wall_traction(&on, &s.scheme, &s.q, side)[0];
         if (x - 0.97).abs() < friction.0 {
             (friction, at) = (((x - 0.97).abs(), shear), x);

@@ -31,7 +31,7 @@ impl Acceleration {
             states: vec![vec![0.0; n]; depth],
             residuals: vec![vec![0.0; n]; depth],
             last_state: vec![0.0; n],
-            last_residual: vec![0.0; n],
+            last_residual: vec![0.0; if depth > 0 { n } else { 0 }],
             open: false,
             gram: vec![0.0; depth * (depth + 1)],
         }
@@ -44,6 +44,11 @@ impl Acceleration {
         self.open = false;
     }
 
+    /// The last state that [`Acceleration::combine`] took in.
+    pub fn last(&self) -> &[f64] {
+        &self.last_state
+    }
+
     /// Forgets where the last correction started, but keeps the secants: for a
     /// new problem with nearly the same Jacobian.
     pub fn pause(&mut self) {
@@ -54,6 +59,7 @@ impl Acceleration {
     /// the combination with the smallest residual. Collective.
     pub fn combine(&mut self, comm: &Comm, q: &mut [f64], r: &mut [f64]) {
         if self.depth == 0 {
+            self.last_state.copy_from_slice(q);
             return;
         }
         if self.open {

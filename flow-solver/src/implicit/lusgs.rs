@@ -121,12 +121,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let face = &m.faces[f];
             let radius = |k: usize| {
-                let un = (dot(velocity(k), face.area) - face.grid_flux) / face.magnitude;
+                let un = (dot(velocity(k), face.area) - face.grid_flux) / face.magnitude();
                 spectral_radius(un, self.reference[k], gas.sound_speed_squared(&q[k]).sqrt())
-                    + 2.0 * nu(k) / face.spacing
+                    + 2.0 * nu(k) / face.spacing()
             };
             let (i, j) = (i as usize, j as usize);
-            let wave = radius(i).max(radius(j)) * face.magnitude;
+            let wave = radius(i).max(radius(j)) * face.magnitude();
             self.wave[f] = wave;
             self.wave_sum[i] += wave;
             self.wave_sum[j] += wave;
@@ -135,7 +135,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
             // An open boundary answers with the speed of sound, not the reference speed.
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             let c = gas.sound_speed_squared(&q[i]).sqrt();
-            self.wave_sum[i] += (norm(velocity(i)) + c) * face.magnitude;
+            self.wave_sum[i] += (norm(velocity(i)) + c) * face.magnitude();
         }
         for (pore, p) in spatial.passages(on, scheme, q) {
             for i in [pore.inside as usize, pore.outside as usize] {
@@ -146,7 +146,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         if V::ACTIVE {
             for side in &t.no_slip {
                 let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
-                self.wave_sum[i] += 2.0 * nu(i) * face.magnitude / face.spacing;
+                self.wave_sum[i] += 2.0 * nu(i) * face.magnitude() / m.height(side);
             }
         }
         for i in 0..t.n_owned {

@@ -53,7 +53,13 @@ impl PressureSystem {
             .assemble(rows, m);
     }
 
-    /// Conjugate gradients preconditioned by one multigrid cycle. `x` (with ghosts,
+    /// Where the right-hand side of [`PressureSystem::solve`] is to be written, one value for
+    /// each owned row.
+    pub fn source(&mut self) -> &mut [f32] {
+        &mut self.residual
+    }
+
+    /// Conjugate gradients for what was written to [`PressureSystem::source`], preconditioned by one multigrid cycle. `x` (with ghosts,
     /// refreshed at the end) starts from zero.
     ///
     /// # Panics
@@ -62,7 +68,6 @@ impl PressureSystem {
         &mut self,
         rows: &Adjacency,
         halo: &Halo,
-        b: &[f32],
         x: &mut [f32],
         tolerance: f64,
         max: usize,
@@ -71,7 +76,6 @@ impl PressureSystem {
         let multigrid = self.multigrid.as_mut().expect("prepared");
         let matrix = &self.matrix;
         x.fill(0.0);
-        self.residual.copy_from_slice(&b[..n]);
         multigrid.cycle(rows, halo, matrix, &self.residual, &mut self.relaxed);
         let mut sums = [dot(&self.residual, &self.relaxed[..n]), dot(&self.residual, &self.residual)];
         halo.comm().sum_slice(&mut sums);

@@ -33,11 +33,11 @@ pub struct PressureCorrection {
     /// Inverse diagonal of the transport operator, s/kg.
     inverse: Vec<f32>,
     /// `density * volume / diagonal` of all local cells, s: how long pressure acts.
-    response: Vec<f64>,
+    response: Vec<f32>,
     diagonal: Vec<f64>,
-    density: Vec<f64>,
+    density: Vec<f32>,
     /// Sound speed squared of owned cells.
-    sound2: Vec<f64>,
+    sound2: Vec<f32>,
     /// Cells whose velocity along a far face's normal is held by the acoustic
     /// condition there: cell, unit normal, share of that component to take away.
     held: Vec<(u32, [f64; 3], f64)>,
@@ -46,7 +46,6 @@ pub struct PressureCorrection {
     pores: Vec<(usize, [usize; 2], f64, f64)>,
     pressure: PressureSystem,
     transported: Vec<[f32; 4]>,
-    source: Vec<f32>,
     correction: Vec<f32>,
     /// Relative tolerance of the pressure equation.
     pub tolerance: f64,
@@ -69,7 +68,6 @@ impl PressureCorrection {
             pores: Vec::with_capacity(topology.pores.len()),
             pressure: PressureSystem::new(&topology.adjacency, all),
             transported: vec![[0.0; 4]; all],
-            source: vec![0.0; n],
             correction: vec![0.0; all],
             tolerance: 0.05,
             max_iterations: 60,
@@ -80,12 +78,12 @@ impl PressureCorrection {
         let (t, m) = (on.topology, on.metrics);
         // Sums in double precision: reuse the transport diagonal's storage.
         for i in 0..t.n_owned {
-            self.diagonal[i] = rate * m.volume[i] / self.sound2[i];
+            self.diagonal[i] = rate * m.volume[i] / f64::from(self.sound2[i]);
         }
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let face = &m.faces[f];
-            let k = 0.5 * (self.response[i] + self.response[j]) * face.magnitude / face.spacing;
+            let k = 0.5 * f64::from(self.response[i] + self.response[j]) * face.magnitude() / face.spacing();
             let [si, sj] = t.adjacency.slot[f];
             self.pressure.matrix.off[si as usize] = k as f32;
             self.pressure.matrix.off[sj as usize] = k as f32;
@@ -99,15 +97,15 @@ impl PressureCorrection {
         for side in t.outlet.iter() {
             let face = &m.faces[side.face as usize];
             let i = side.cell as usize;
-            self.diagonal[i] += self.response[i] * face.magnitude / face.spacing;
+            self.diagonal[i] += f64::from(self.response[i]) * face.magnitude() / face.spacing();
         }
         for side in t.far_field.iter() {
             let face = &m.faces[side.face as usize];
             let i = side.cell as usize;
             let leaving = crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign);
-            let open = self.response[i] / face.spacing;
-            let closed = 0.5 / self.sound2[i].sqrt();
-            self.diagonal[i] += face.magnitude * (leaving * open + (1.0 - leaving) * closed);
+            let open = f64::from(self.response[i]) / face.spacing();
+            let closed = 0.5 / f64::from(self.sound2[i]).sqrt();
+            self.diagonal[i] += face.magnitude() * (leaving * open + (1.0 - leaving) * closed);
         }
         for (p, d) in self.pressure.matrix.own.iter_mut().zip(&self.diagonal) {
             *p = *d as f32;
@@ -159,17 +157,18 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         let n = t.n_owned;
         let rate = scheme.rate * extra;
         for (i, q) in q.iter().enumerate() {
-            self.density[i] = spatial.gas.density(q);
-            self.diagonal[i] = rate * self.density[i] * m.volume[i];
+            let density = spatial.gas.density(q);
+            self.density[i] = density as f32;
+            self.diagonal[i] = rate * density * m.volume[i];
         }
         for (c, q) in self.sound2.iter_mut().zip(q) {
-            *c = spatial.gas.sound_speed_squared(q);
+            *c = spatial.gas.sound_speed_squared(q) as f32;
         }
         let viscosity = |i: usize| {
             let g = &gradient[i];
             let u = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
             let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
-            spatial.viscosity.dynamic(self.density[i], &u, m.size[i]) + eddy
+            spatial.viscosity.dynamic(f64::from(self.density[i]), &u, m.size[i]) + eddy
         };
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
@@ -177,7 +176,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
             let mass = f64::from(through[f].mass);
             let mut both = 0.25 * scheme.velocity_diffusion * mass.abs();
             if V::ACTIVE {
-                both += 0.5 * (viscosity(i) + viscosity(j)) * face.magnitude / face.spacing;
+                both += 0.5 * (viscosity(i) + viscosity(j)) * face.magnitude() / face.spacing();
             }
             let [si, sj] = t.adjacency.slot[f];
             let (ki, kj) = (both + (-mass).max(0.0), both + mass.max(0.0));
@@ -193,13 +192,13 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
             for side in &t.no_slip {
                 let face = &m.faces[side.face as usize];
                 self.diagonal[side.cell as usize] +=
-                    viscosity(side.cell as usize) * face.magnitude / face.spacing;
+                    viscosity(side.cell as usize) * face.magnitude() / m.height(side);
             }
         }
         self.pores.clear();
         for (pore, p) in spatial.passages(on, scheme, q) {
             let (f, i, o) = (pore.face as usize, pore.inside as usize, pore.outside as usize);
-            let density = 0.5 * (self.density[i] + self.density[o]);
+            let density = 0.5 * f64::from(self.density[i] + self.density[o]);
             self.pores.push((f, [i, o], density * p.share, p.slope));
             let mass = f64::from(through[f].mass);
             self.diagonal[i] += (-mass).max(0.0);
@@ -210,8 +209,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             let leaving = crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign);
             // The characteristic pressure there grows by rho c / 2 for each m/s.
-            let stiff = (1.0 - leaving) * 0.5 * self.density[i] * self.sound2[i].sqrt() * face.magnitude;
-            let normal = face.area.map(|a| a / face.magnitude);
+            let stiff = (1.0 - leaving) * 0.5 * f64::from(self.density[i] * self.sound2[i].sqrt()) * face.magnitude();
+            let normal = face.area.map(|a| a / face.magnitude());
             self.held.push((side.cell, normal, stiff / (stiff + self.diagonal[i])));
         }
         self.held.sort_unstable_by_key(|h| h.0);
@@ -219,7 +218,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
             self.inverse[i] = (1.0 / self.diagonal[i]) as f32;
             let row = t.adjacency.start[i] as usize..t.adjacency.start[i + 1] as usize;
             let neighbours: f64 = self.off[row].iter().map(|&k| f64::from(k)).sum();
-            self.response[i] = self.density[i] * m.volume[i] / (self.diagonal[i] - FOLLOWING * neighbours);
+            let free = self.diagonal[i] - FOLLOWING * neighbours;
+            self.response[i] = (f64::from(self.density[i]) * m.volume[i] / free) as f32;
         }
         on.halo.exchange(&mut self.response, 1);
         self.assemble_pressure(on, scheme, rate);
@@ -254,7 +254,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let s = &m.faces[f].area;
-            let rho = 0.5 * (self.density[i] + self.density[j]);
+            let rho = 0.5 * f64::from(self.density[i] + self.density[j]);
             let flux = 0.5 * rho * (through(i, s) + through(j, s));
             self.diagonal[i] -= flux;
             self.diagonal[j] += flux;
@@ -274,16 +274,15 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
                 } else {
                     1.0
                 };
-                self.diagonal[i] -= share * self.density[i] * side.sign * through(i, &face.area);
+                self.diagonal[i] -= share * f64::from(self.density[i]) * side.sign * through(i, &face.area);
             }
         }
-        for (s, d) in self.source.iter_mut().zip(&self.diagonal) {
+        for (s, d) in self.pressure.source().iter_mut().zip(&self.diagonal) {
             *s = *d as f32;
         }
         let report = self.pressure.solve(
             &t.adjacency,
             on.halo,
-            &self.source,
             &mut self.correction,
             self.tolerance,
             self.max_iterations,
@@ -301,7 +300,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
                 }
                 held.next();
             }
-            let push = self.response[i] / self.density[i];
+            let push = f64::from(self.response[i] / self.density[i]);
             let adiabatic = gas.compression(&q[i]);
             let x = &self.transported[i];
             let q = &mut q[i];

@@ -68,19 +68,19 @@ impl Forces {
         let mut sums: [Sum; 2] = [[[0.0; 3]; 3]; 2];
         for (load, &face) in loads.faces[..t.canopy.n_owned].iter().zip(&t.canopy_face) {
             let f = &solver.metrics.faces[face as usize];
-            let shear = scale(f.magnitude, [load[1], load[2], load[3]]);
-            put(&mut sums[0], scale(load[0], f.area), shear, sub(f.centre, self.point));
+            let shear = scale(f.magnitude(), [load[1], load[2], load[3]]);
+            put(&mut sums[0], scale(load[0], f.area), shear, sub(solver.metrics.border(face), self.point));
         }
         if self.walls {
             for side in t.no_slip.iter().filter(|s| s.canopy == u32::MAX) {
                 let f = &solver.metrics.faces[side.face as usize];
                 let p = solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side);
                 let shear = if V::ACTIVE {
-                    scale(f.magnitude, solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side))
+                    scale(f.magnitude(), solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side))
                 } else {
                     [0.0; 3]
                 };
-                put(&mut sums[1], scale(side.sign * p, f.area), shear, sub(f.centre, self.point));
+                put(&mut sums[1], scale(side.sign * p, f.area), shear, sub(solver.metrics.border(side.face), self.point));
             }
         }
         let used = &mut sums[..1 + usize::from(self.walls)];

@@ -145,5 +145,5 @@ impl Probes {
 /// How far `x` lies beyond face `f`, m, where `sign` turns its area out of the cell.
 fn excess<G: Gas<N>, V: Viscosity, const N: usize>(s: &Solver<G, V, N>, f: usize, sign: f64, x: Vec3) -> f64 {
     let face = &s.metrics.faces[f];
-    sign * dot(face.area, sub(x, face.centre)) / face.magnitude
+    sign * dot(face.area, sub(x, s.metrics.face_centre(&s.topology, f))) / face.magnitude()
 }

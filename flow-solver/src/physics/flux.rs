@@ -110,11 +110,11 @@ pub fn interface<G: Gas<N>, const N: usize>(
     let rho = gas.density(upwind(volume));
     let c2 = gas.sound_speed_squared(upwind(volume));
     let half = 0.5 * (l[0] - r[0]);
-    let tie = scheme.tie(past, scheme.pressure_diffusion * half, face.spacing, speed);
-    let mass = rho * volume + face.magnitude * (tie + half / c2.sqrt());
+    let tie = scheme.tie(past, scheme.pressure_diffusion * half, face.spacing(), speed);
+    let mass = rho * volume + face.magnitude() * (tie + half / c2.sqrt());
     let carried = gas.carried(upwind(mass));
     let jump = (r[1] - l[1]) * s[0] + (r[2] - l[2]) * s[1] + (r[3] - l[3]) * s[2];
-    let diffusion = scheme.velocity_diffusion * rho * speed * jump / face.magnitude;
+    let diffusion = scheme.velocity_diffusion * rho * speed * jump / face.magnitude();
     let p = 0.5 * (l[0] + r[0] - diffusion);
     let mut flux = gas.pressure_flux(p, s, face.grid_flux);
     for (f, c) in flux.iter_mut().zip(carried) {
@@ -152,14 +152,14 @@ pub fn far_field<G: Gas<N>, const N: usize>(
     let grid_flux = sign * face.grid_flux;
     let far = gas.undisturbed(scheme.wind);
     let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
-    let through = |q: &[f64; N]| (q[1] * s[0] + q[2] * s[1] + q[3] * s[2]) / face.magnitude;
+    let through = |q: &[f64; N]| (q[1] * s[0] + q[2] * s[1] + q[3] * s[2]) / face.magnitude();
     let (inner, outer) = (through(q), through(&far));
     let leaving = leaving(scheme, face, sign);
     let near = through(cell);
     let speed = 0.5 * (near + outer + cell[0] / (rho * c));
     let p = 0.5 * (cell[0] + rho * c * (near - outer));
     // At a leaving stream pressure pulls the mass flux as it does between cells.
-    let tie = scheme.tie(past, q[0], face.spacing, hypot(speed, scheme));
+    let tie = scheme.tie(past, q[0], face.spacing(), hypot(speed, scheme));
     let open = inner + (tie + q[0] / c) / rho;
     boundary(
         gas,
@@ -183,7 +183,7 @@ pub fn leaving(scheme: &Scheme, face: &FaceMetric, sign: f64) -> f64 {
         scheme.wind[1] - scheme.frame[1],
         scheme.wind[2] - scheme.frame[2],
     ];
-    let relative = sign * dot(w, face.area) / face.magnitude;
+    let relative = sign * dot(w, face.area) / face.magnitude();
     (2.0 * relative / relative_speed(scheme, scheme.wind)).clamp(0.0, 1.0)
 }
 
@@ -202,8 +202,8 @@ pub fn outlet<G: Gas<N>, const N: usize>(
     let s = [sign * face.area[0], sign * face.area[1], sign * face.area[2]];
     let far = gas.undisturbed(scheme.wind);
     let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
-    let inner = (q[1] * s[0] + q[2] * s[1] + q[3] * s[2]) / face.magnitude;
-    let tie = scheme.tie(past, q[0], face.spacing, hypot(inner, scheme));
+    let inner = (q[1] * s[0] + q[2] * s[1] + q[3] * s[2]) / face.magnitude();
+    let tie = scheme.tie(past, q[0], face.spacing(), hypot(inner, scheme));
     boundary(gas, q, &far, rho * inner + tie + q[0] / c, 0.0, s, sign * face.grid_flux, face, tie)
 }
 
@@ -220,7 +220,7 @@ fn boundary<G: Gas<N>, const N: usize>(
     face: &FaceMetric,
     tie: f64,
 ) -> Interface<N> {
-    let mass = momentum * face.magnitude - gas.density(q) * grid_flux;
+    let mass = momentum * face.magnitude() - gas.density(q) * grid_flux;
     let carried = gas.carried(if mass > 0.0 { q } else { far });
     let mut flux = gas.pressure_flux(p, s, grid_flux);
     for (f, c) in flux.iter_mut().zip(carried) {

@@ -138,7 +138,7 @@ impl SpalartAllmaras {
         let delta = &mut self.delta;
         on.topology.for_each_side(|f, c, _| {
             if let Some(d) = delta.get_mut(c) {
-                *d = d.max(2.0 * norm(sub(on.metrics.faces[f].centre, on.metrics.centre[c])));
+                *d = d.max(2.0 * norm(sub(on.metrics.face_centre(on.topology, f), on.metrics.centre[c])));
             }
         });
     }
@@ -246,7 +246,7 @@ impl SpalartAllmaras {
             let mean: Vec3 = std::array::from_fn(|d| 0.5 * (gi[d] + gj[d]));
             let missing = (b - a - dot(mean, between)) / dot(between, between);
             let slope = dot(mean, face.area) + missing * dot(between, face.area);
-            let k = diffuse * face.magnitude / face.spacing;
+            let k = diffuse * face.magnitude() / face.spacing();
             let (ki, kj) = (k + (-flux).max(0.0), k + flux.max(0.0));
             let [si, sj] = t.adjacency.slot[f];
             self.off[si as usize] = ki;
@@ -262,9 +262,7 @@ impl SpalartAllmaras {
         }
         for side in &t.no_slip {
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
-            let d = sub(face.centre, m.centre[i]);
-            let height = (side.sign * dot(d, face.area) / face.magnitude).max(0.2 * norm(d));
-            let k = self.viscosity / SIGMA * face.magnitude / height;
+            let k = self.viscosity / SIGMA * face.magnitude() / m.height(side);
             self.residual[i][0] += k * self.value[i][0];
             self.diagonal[i] += k;
         }

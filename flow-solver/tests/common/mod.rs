@@ -20,6 +20,7 @@ pub fn settings(wind: [f64; 3], drop: f64) -> Settings {
         method: Method::PressureCorrection { depth: 5 },
         reference_speed: 0.1 * speed,
         velocity_diffusion: 0.5,
+        moving: true,
     }
 }
 
@@ -31,6 +32,23 @@ pub fn solver_of<G: Gas<N>, V: Viscosity, const N: usize>(
     settings: Settings,
 ) -> Solver<G, V, N> {
     solver_with_cloth(grid, gas, viscosity, settings, None)
+}
+
+/// As [`solver_of`]; the grid is gone before the solver's arrays are filled.
+pub fn solver_on<G: Gas<N>, V: Viscosity, const N: usize>(
+    grid: FlowGrid,
+    gas: G,
+    viscosity: V,
+    settings: Settings,
+) -> Solver<G, V, N> {
+    let faces = FaceTable::new(&grid).unwrap();
+    let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
+    let part = vec![0; grid.cells.len()];
+    let topology = Topology::new(&grid, &faces, &part, &order, 0, V::ACTIVE);
+    let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
+    drop((grid, faces, order, part));
+    let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None };
+    Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
 }
 
 /// A solver for the whole of `grid`, with a canopy of `cloth`.

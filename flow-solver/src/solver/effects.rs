@@ -1,0 +1,71 @@
+//! Wind by height and transported turbulence.
+
+use super::*;
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+    /// Lets the wind change with height, in the far field from now on and in all of the air
+    /// as it is. The settings' wind is that of [`Sheared::base`].
+    pub fn set_shear(&mut self, shear: Sheared) {
+        self.sheared = vec![[0.0; 3]; self.topology.face_nodes.len() - self.topology.cells.len()];
+        let [a, b] = &mut self.past;
+        for q in [&mut self.q, &mut a.q, &mut b.q] {
+            for (q, x) in q.iter_mut().zip(&self.metrics.centre) {
+                let more = shear.excess(x[2]);
+                for d in 0..3 {
+                    q[1 + d] += more[d];
+                }
+            }
+        }
+        self.shear = Some(shear);
+    }
+
+    /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::Modelled`].
+    pub fn set_turbulence(&mut self, turbulence: SpalartAllmaras) {
+        assert!(V::TRANSPORTED, "this stress knows no transported eddy viscosity");
+        turbulence.eddy(&self.densities(), &mut self.eddy);
+        self.turbulence = Some(Box::new(turbulence));
+    }
+
+    /// The transported turbulence, if any.
+    pub fn turbulence(&self) -> Option<&SpalartAllmaras> {
+        self.turbulence.as_deref()
+    }
+
+    /// Transported dynamic eddy viscosity of local cells, Pa s; empty where there is none.
+    pub fn eddy(&self) -> &[f64] {
+        &self.eddy
+    }
+
+    pub(super) fn densities(&self) -> Vec<f64> {
+        self.q.iter().map(|q| self.spatial.gas.density(q)).collect()
+    }
+
+    /// Transports the turbulence over the step of length `dt` that was computed last. Collective.
+    pub(super) fn advance_turbulence(&mut self, dt: f64) {
+        let Some(mut turbulence) = self.turbulence.take() else { return };
+        let (c, gas) = (self.order(dt).c, &self.spatial.gas);
+        let mass =
+            |k: usize, i: usize| c[k + 1] / dt * self.past_volume(k)[i] * gas.density(&self.past[k].q[i]);
+        let before: Vec<[f64; 2]> = (0..self.topology.n_owned)
+            .map(|i| [mass(0, i), if c[2] == 0.0 { 0.0 } else { mass(1, i) }])
+            .collect();
+        let density = self.densities();
+        let flow = Transported {
+            density: &density,
+            gradient: &self.gradient,
+            through: &self.through,
+            before: &before,
+            nodes: &self.nodes,
+            drop: self.settings.residual_drop,
+        };
+        let taken = turbulence.advance(&domain!(self), &flow);
+        if taken.end.is_finite() {
+            turbulence.accept();
+        } else {
+            turbulence.value.copy_from_slice(&turbulence.past[0]);
+            self.turbulence_lost = true;
+        }
+        turbulence.eddy(&density, &mut self.eddy);
+        self.turbulence = Some(turbulence);
+    }
+}

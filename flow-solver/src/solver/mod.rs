@@ -1,0 +1,268 @@
+//! One time step of the flow: grid motion, BDF2, iterations to a residual drop.
+
+use comm::{Comm, Halo};
+
+use crate::error::{FlowError, agree};
+use crate::geometry::Metrics;
+use crate::geometry::vec3::{Vec3, norm, sub};
+use crate::gradient::{Gradient, LeastSquares};
+use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
+use crate::physics::{Air, FaceFlow, Gas, Scheme, Viscosity};
+use crate::residual::{Domain, Spatial};
+use crate::shear::Sheared;
+use crate::state::{self, Extras};
+use crate::time::Backward;
+use crate::topology::Topology;
+use crate::turbulence::{SpalartAllmaras, Transported};
+
+/// What corrects the state in each iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// Pressure corrections, combined by nonlinear GMRES over this many (0: none).
+    PressureCorrection {
+        /// Corrections that are combined.
+        depth: usize,
+    },
+    /// The paper's LU-SGS steps in pseudo time.
+    LuSgs {
+        /// Pseudo-time Courant number.
+        courant: f64,
+    },
+}
+
+/// How a step is solved.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Undisturbed air.
+    pub air: Air,
+    /// Its velocity relative to the ground, m/s.
+    pub wind: Vec3,
+    /// The residual must fall by this factor.
+    pub residual_drop: f64,
+    /// Iterations at most.
+    pub max_iterations: usize,
+    /// What corrects the state.
+    pub method: Method,
+    /// Speed that floors the reference speeds, m/s: a tenth of the stream's.
+    pub reference_speed: f64,
+    /// Weight of velocity diffusion in the interface pressure.
+    pub velocity_diffusion: f64,
+    /// Whether the grid will move: what a grid at rest does not need is not kept then.
+    pub moving: bool,
+}
+
+/// One step to be taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// Length, s.
+    pub dt: f64,
+    /// Velocity of the grid's frame relative to the ground, m/s.
+    pub frame: Vec3,
+    /// Whether the same step was computed before (and is now repeated with
+    /// slightly other data): starts from that result.
+    pub again: bool,
+    /// Whether [`Solver::nodes`] were changed.
+    pub moved: bool,
+}
+
+/// What a step took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Report {
+    /// Residual of the last accepted state in the new step, N.
+    pub start: f64,
+    /// Residual at the end, N.
+    pub end: f64,
+    /// Corrections.
+    pub iterations: usize,
+    /// Iterations of the pressure equation.
+    pub linear_iterations: usize,
+    /// Sum of the continuity residual over all cells, kg/s.
+    pub mass_defect: f64,
+}
+
+/// State at an accepted instant.
+#[derive(Clone, Debug)]
+pub struct Instant<const N: usize> {
+    /// Unknowns of local cells.
+    pub q: Vec<[f64; N]>,
+    /// Volumes of local cells, m3. Empty on a grid at rest.
+    pub volume: Vec<f64>,
+    /// Node positions, m. Empty on a grid at rest.
+    pub nodes: Vec<Vec3>,
+}
+
+/// The flow on one rank's part of the grid.
+pub struct Solver<G, V, const N: usize> {
+    /// Cells and faces.
+    pub topology: Topology,
+    /// Exchange of cell values.
+    pub halo: Halo,
+    /// Gas, viscosity, reconstruction.
+    pub spatial: Spatial<G, V>,
+    /// Tolerances.
+    pub settings: Settings,
+    /// Node positions at the end of the step, m.
+    pub nodes: Vec<Vec3>,
+    /// Node velocities in the falling frame at the end of the step, m/s. Empty on a grid at
+    /// rest.
+    pub node_velocity: Vec<Vec3>,
+    /// Unknowns at the end of the step.
+    pub q: Vec<[f64; N]>,
+    /// Their gradients.
+    pub gradient: Vec<Gradient<N>>,
+    /// Geometry at the end of the step.
+    pub metrics: Metrics,
+    /// Last accepted instant and the one before it.
+    pub past: [Instant<N>; 2],
+    /// First-order steps still to take before BDF2.
+    pub first_order_steps: u32,
+    /// Length of the last accepted step, s (0: none).
+    pub last_dt: f64,
+    /// Constants of the last step's flux.
+    pub scheme: Scheme,
+    /// What moves the undisturbed air, m/s2: its momentum is supplied everywhere, so
+    /// that a wind which changes needs no pressure from the boundary.
+    pub wind_change: Vec3,
+    /// What the undisturbed velocity gains in this step and has gained in the last, m/s.
+    wind_gain: [Vec3; 2],
+    /// What each owned cell gains of the conserved quantities in unit time and
+    /// volume (kg/(m3 s), N/m3[, W/m3]) at the end of the step. Empty: nothing.
+    pub source: Vec<[f64; N]>,
+    /// Wind by height. `None`: the same everywhere.
+    shear: Option<Sheared>,
+    sheared: Vec<Vec3>,
+    turbulence: Option<Box<SpalartAllmaras>>,
+    turbulence_lost: bool,
+    eddy: Vec<f64>,
+    least_squares: LeastSquares,
+    wall_velocity: Vec<Vec3>,
+    /// What each face sweeps in this step and swept in the last, m3. Empty until the
+    /// grid moves for the first time.
+    swept: Vec<f64>,
+    swept_before: Vec<f64>,
+    residual: Vec<[f64; N]>,
+    history: Vec<[f64; N]>,
+    through: Vec<FaceFlow>,
+    /// Whether the faces know the last accepted instant only.
+    ties_are_new: bool,
+    start: f64,
+    /// State of owned cells with the smallest residual of the step, where a correction made
+    /// it worse; empty until that happens for the first time.
+    best: Vec<f64>,
+    correction: Box<dyn Correction<G, V, N>>,
+    acceleration: Acceleration,
+}
+
+macro_rules! domain {
+    ($s:ident) => {
+        Domain {
+            topology: &$s.topology,
+            metrics: &$s.metrics,
+            gradients: &$s.least_squares,
+            halo: &$s.halo,
+            wall_velocity: &$s.wall_velocity,
+            sheared: &$s.sheared,
+            eddy: &$s.eddy,
+        }
+    };
+}
+
+mod effects;
+mod iterate;
+mod motion;
+mod resume;
+mod step;
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+    /// Undisturbed air everywhere, on a grid with node positions `nodes` (local). Collective.
+    pub fn new(
+        comm: &Comm,
+        topology: Topology,
+        nodes: Vec<Vec3>,
+        spatial: Spatial<G, V>,
+        settings: Settings,
+    ) -> Result<Self, FlowError> {
+        let halo = Halo::new(comm, &topology.numbering);
+        let metrics = Metrics::new(&topology, &halo, &nodes);
+        let least_squares = LeastSquares::new(&topology, &metrics);
+        let (n, faces) = (topology.n_local(), topology.face_nodes.len());
+        let q = vec![spatial.gas.undisturbed(settings.wind); n];
+        let (correction, depth): (Box<dyn Correction<G, V, N>>, usize) = match settings.method {
+            Method::PressureCorrection { depth } => (Box::new(PressureCorrection::new(&topology)), depth),
+            Method::LuSgs { courant } => (Box::new(LuSgs::new(&topology, courant)), 0),
+        };
+        let (volume, kept) =
+            if settings.moving { (metrics.volume.clone(), nodes.clone()) } else { (Vec::new(), Vec::new()) };
+        let instant = Instant { q: q.clone(), volume, nodes: kept };
+        let solver = Self {
+            node_velocity: vec![[0.0; 3]; instant.nodes.len()],
+            gradient: vec![[[0.0; N]; 3]; n],
+            past: [instant.clone(), instant],
+            first_order_steps: 2,
+            last_dt: 0.0,
+            scheme: Scheme {
+                rate: 0.0,
+                tie: [0.0; 3],
+                frame: [0.0; 3],
+                wind: settings.wind,
+                floor_squared: settings.reference_speed * settings.reference_speed,
+                velocity_diffusion: settings.velocity_diffusion,
+                pressure_diffusion: 2.0 / (1.0 - spatial.chi),
+            },
+            wind_change: [0.0; 3],
+            wind_gain: [[0.0; 3]; 2],
+            source: Vec::new(),
+            shear: None,
+            sheared: Vec::new(),
+            turbulence: None,
+            turbulence_lost: false,
+            eddy: vec![0.0; if V::TRANSPORTED { n } else { 0 }],
+            least_squares,
+            wall_velocity: vec![[0.0; 3]; faces - topology.cells.len()],
+            swept: Vec::new(),
+            swept_before: Vec::new(),
+            residual: vec![[0.0; N]; n],
+            history: vec![[0.0; N]; topology.n_owned],
+            through: vec![FaceFlow::default(); faces],
+            ties_are_new: true,
+            start: 0.0,
+            best: Vec::new(),
+            correction,
+            acceleration: Acceleration::new(depth, topology.n_owned * N),
+            nodes,
+            q,
+            metrics,
+            halo,
+            spatial,
+            settings,
+            topology,
+        };
+        solver.check_volumes()?;
+        Ok(solver)
+    }
+
+    /// The ranks that share the grid.
+    pub fn comm(&self) -> &Comm {
+        self.halo.comm()
+    }
+
+    /// Volumes of local cells at the accepted instant `k` (0: the newest), m3.
+    pub(crate) fn past_volume(&self, k: usize) -> &[f64] {
+        if self.settings.moving { &self.past[k].volume } else { &self.metrics.volume }
+    }
+
+    /// Node positions at the accepted instant `k` (0: the newest), m.
+    pub fn past_nodes(&self, k: usize) -> &[Vec3] {
+        if self.settings.moving { &self.past[k].nodes } else { &self.nodes }
+    }
+
+    /// What passed the faces.
+    pub fn through(&self) -> &[FaceFlow] {
+        &self.through
+    }
+
+    /// What the kernels work on.
+    pub fn domain(&self) -> Domain<'_> {
+        domain!(self)
+    }
+}

@@ -1,0 +1,109 @@
+//! From one accepted instant to the next.
+
+use super::*;
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+    /// Computes the step from the last accepted instant. Collective.
+    pub fn advance(&mut self, step: &Step) -> Result<Report, FlowError> {
+        if self.turbulence_lost {
+            return Err(FlowError::Turbulence);
+        }
+        let order = self.order(step.dt);
+        if step.moved {
+            self.move_grid()?;
+        }
+        self.prepare(step, order);
+        let report = self.iterate(step, order)?;
+        Ok(report)
+    }
+
+    /// The undisturbed velocity at the end of the next step of length `dt`, at its
+    /// start, and one such step before, m/s. The air is accelerated as the time
+    /// differences see it: a stream without obstacle follows to round-off.
+    pub fn blow(&mut self, wind: [Vec3; 3], dt: f64) {
+        let c = self.order(dt).c;
+        self.settings.wind = wind[0];
+        self.wind_gain = [sub(wind[0], wind[1]), sub(wind[1], wind[2])];
+        self.wind_change = std::array::from_fn(|d| (0..3).map(|k| c[k] * wind[k][d]).sum::<f64>() / dt);
+    }
+
+    /// Backward difference for a step of length `dt`.
+    pub(super) fn order(&self, dt: f64) -> Backward {
+        let same = (dt - self.last_dt).abs() <= 1e-9 * dt;
+        if self.first_order_steps > 0 || !same { Backward::FIRST } else { Backward::SECOND }
+    }
+
+    /// Constants of the step: grid fluxes, history of the time derivative, weights.
+    pub(super) fn prepare(&mut self, step: &Step, order: Backward) {
+        let dt = step.dt;
+        let swept = self.swept.iter().zip(&self.swept_before).map(|(now, before)| (*now, *before));
+        let swept = swept.chain(std::iter::repeat((0.0, 0.0)));
+        for (f, (now, before)) in self.metrics.faces.iter_mut().zip(swept) {
+            f.grid_flux = order.grid_flux(now, before, dt);
+            f.grid_flux += f.area[0] * step.frame[0] + f.area[1] * step.frame[1] + f.area[2] * step.frame[2];
+        }
+        self.scheme.rate = order.c[0] / dt;
+        self.scheme.tie = if self.ties_are_new { Backward::FIRST } else { order }.c.map(|c| c / dt);
+        self.scheme.frame = step.frame;
+        self.scheme.wind = self.settings.wind;
+        if let Some(shear) = &mut self.shear {
+            shear.advance(step.frame[2] * dt, &self.topology, &self.metrics, &mut self.sheared);
+        }
+        let gas = &self.spatial.gas;
+        let moving = self.settings.moving;
+        let volumes = [0, 1].map(|k| if moving { &self.past[k].volume } else { &self.metrics.volume });
+        let old = |k: usize, c: f64, i: usize| {
+            let (q, volume) = (&self.past[k].q[i], volumes[k]);
+            let m = c / dt * volume[i] * gas.density(q);
+            gas.stored(q).map(|s| m * s)
+        };
+        for (i, h) in self.history.iter_mut().enumerate() {
+            *h = old(0, order.c[1], i);
+            if order.c[2] != 0.0 {
+                let older = old(1, order.c[2], i);
+                for (h, o) in h.iter_mut().zip(older) {
+                    *h += o;
+                }
+            }
+        }
+        self.add_sources();
+    }
+
+    /// Adds the sources to what is constant in the step.
+    pub(super) fn add_sources(&mut self) {
+        for ((h, s), v) in self.history.iter_mut().zip(&self.source).zip(&self.metrics.volume) {
+            for (h, s) in h.iter_mut().zip(s) {
+                *h -= v * s;
+            }
+        }
+    }
+
+    /// The step becomes the state that later steps start from.
+    pub fn accept(&mut self, dt: f64, moved: bool) {
+        self.advance_turbulence(dt);
+        if self.last_dt != 0.0 && (dt - self.last_dt).abs() > 1e-9 * dt {
+            self.first_order_steps = self.first_order_steps.max(1);
+        }
+        self.last_dt = dt;
+        self.first_order_steps = self.first_order_steps.saturating_sub(1);
+        self.past.swap(0, 1);
+        let [now, _] = &mut self.past;
+        now.q.copy_from_slice(&self.q);
+        if self.settings.moving {
+            now.volume.copy_from_slice(&self.metrics.volume);
+            now.nodes.copy_from_slice(&self.nodes);
+        }
+        for t in &mut self.through {
+            t.past = [t.tie, t.past[0]];
+        }
+        self.ties_are_new = false;
+        std::mem::swap(&mut self.swept, &mut self.swept_before);
+        if !moved {
+            self.swept_before.fill(0.0);
+        }
+        self.swept.fill(0.0);
+        if let Some(shear) = &mut self.shear {
+            shear.accept();
+        }
+    }
+}
