@@ -1,7 +1,7 @@
 //! The common plate case: drag, iterations and cost per cell and step.
 //!
 //! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth, or -Courant for LU-SGS] [first-order steps]
-//! [velocity diffusion] [speed] [equations: 4 or 5] [amplitude]`
+//! [velocity diffusion] [speed] [equations: 4 or 5] [amplitude] [1: with detached eddies]`
 //!
 //! With an amplitude of 0.1 m the plate and the grid around it oscillate at 1 Hz along the
 //! stream, in the manner of the peers' case `ale2` but without a mover's cost.
@@ -11,7 +11,8 @@ mod common;
 #[path = "../tests/common/plate.rs"]
 mod plate;
 
-use flow_solver::physics::{Gas, IdealGas, Isothermal, Laminar};
+use flow_solver::physics::{Gas, IdealGas, Isothermal, Laminar, Modelled, Viscosity};
+use flow_solver::turbulence::{SpalartAllmaras, ddes};
 use flow_solver::{Loads, Method, Solver, Step};
 
 /// Processor time of this process so far, s: what neighbours on the machine disturb least.
@@ -33,17 +34,22 @@ fn main() {
     let grid = plate::plate(every);
     let speed = arg(8, 4.88);
     let mut settings = common::settings([0.0, 0.0, speed], drop);
-    settings.method = match arg(5, 5.0) {
+    settings.moving = arg(10, 0.0) != 0.0;
+    settings.method = match arg(5, if settings.moving { 5.0 } else { 4.0 }) {
         depth if depth >= 0.0 => Method::PressureCorrection { depth: depth as usize },
         courant => Method::LuSgs { courant: -courant },
     };
     settings.max_iterations = 2000;
     settings.velocity_diffusion = arg(7, 0.5);
     let viscosity = Laminar { viscosity: speed / 200.0 * 1.225 };
-    settings.moving = arg(10, 0.0) != 0.0;
     let air = settings.air;
     if arg(9, 4.0) == 5.0 {
         let solver = common::solver_on(grid, IdealGas::new(air), viscosity, settings);
+        run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
+    } else if arg(11, 0.0) == 1.0 {
+        let modelled = Modelled { viscosity: viscosity.viscosity };
+        let mut solver = common::solver_on(grid, Isothermal::new(air), modelled, settings);
+        solver.set_turbulence(SpalartAllmaras::new(&solver.topology, modelled.viscosity, 1.225, ddes));
         run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
     } else {
         let solver = common::solver_on(grid, Isothermal::new(air), viscosity, settings);
@@ -51,8 +57,8 @@ fn main() {
     }
 }
 
-fn run<G: Gas<N>, const N: usize>(
-    mut solver: Solver<G, Laminar, N>,
+fn run<G: Gas<N>, V: Viscosity, const N: usize>(
+    mut solver: Solver<G, V, N>,
     steps: usize,
     dt: f64,
     speed: f64,

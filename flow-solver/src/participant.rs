@@ -189,7 +189,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
         let clock = Clock::now();
         self.moved = !input.grid.is_empty();
         if self.moved && !self.solver.settings.moving {
-            return Err(Fault::new("this stage is the flow on a grid at rest, but a grid that moves was sent"));
+            return Err(Fault::new(
+                "this stage is the flow on a grid at rest, but a grid that moves was sent",
+            ));
         }
         if self.moved {
             let s = &mut self.solver;

@@ -84,6 +84,7 @@ impl Setup {
             max_steps: s.max_steps as usize,
             max_courant: s.max_courant,
         });
+        let moving = scene.stages.get(stage).is_none_or(|s| s.kind != case::StageKind::FlowOnly);
         let settings = Settings {
             air,
             wind: steady,
@@ -92,13 +93,14 @@ impl Setup {
             method: match flow.solver.method {
                 // A long step is worth more corrections.
                 FlowMethod::Gmres if march.is_some() => Method::PressureCorrection { depth: 10 },
-                FlowMethod::Gmres => Method::PressureCorrection { depth: 5 },
+                // Coupling iterations go on with what the last ones have learnt.
+                FlowMethod::Gmres => Method::PressureCorrection { depth: if moving { 5 } else { 4 } },
                 FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
             },
             // A canopy that starts at rest soon moves at metres per second.
             reference_speed: 0.1 * speed.max(1.0),
             velocity_diffusion: 0.5,
-            moving: scene.stages.get(stage).is_none_or(|s| s.kind != case::StageKind::FlowOnly),
+            moving,
         };
         let wind = flow.gust.as_ref().map_or(Wind::default(), |g| Wind {
             gust: g.velocity_m_s,

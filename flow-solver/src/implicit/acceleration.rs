@@ -6,26 +6,41 @@
 
 use comm::Comm;
 
+/// Corrections after which a problem counts as hard: from then on more of them are kept.
+const HARD: usize = 12;
+/// Corrections kept at most. An impulsive start in a duct that cloth closes took 301 iterations
+/// with 5, 83 with 10.
+const MOST: usize = 20;
+
 /// Differences of states and residuals of the last corrections.
 #[derive(Clone, Debug)]
 pub struct Acceleration {
+    /// Corrections kept of an easy problem.
     depth: usize,
+    /// Corrections of the present problem.
+    taken: usize,
+    n: usize,
     used: usize,
     next: usize,
-    /// `[depth][n]`, single precision.
+    /// `[kept][n]`, single precision.
     states: Vec<Vec<f32>>,
     residuals: Vec<Vec<f32>>,
     last_state: Vec<f64>,
     last_residual: Vec<f32>,
     open: bool,
+    /// Products of the residual differences, `[MOST][MOST]`, summed over the ranks.
+    products: Vec<f64>,
     gram: Vec<f64>,
 }
 
 impl Acceleration {
-    /// Combines up to `depth` corrections of vectors of length `n`.
+    /// Combines up to `depth` corrections of vectors of length `n`, in hard problems up to [`MOST`].
     pub fn new(depth: usize, n: usize) -> Self {
+        let depth = depth.min(MOST);
         Self {
             depth,
+            taken: 0,
+            n,
             used: 0,
             next: 0,
             states: vec![vec![0.0; n]; depth],
@@ -33,12 +48,16 @@ impl Acceleration {
             last_state: vec![0.0; n],
             last_residual: vec![0.0; if depth > 0 { n } else { 0 }],
             open: false,
-            gram: vec![0.0; depth * (depth + 1)],
+            products: vec![0.0; MOST * MOST],
+            gram: vec![0.0; MOST * (MOST + 1)],
         }
     }
 
     /// Forgets all corrections.
     pub fn clear(&mut self) {
+        self.states.truncate(self.depth);
+        self.residuals.truncate(self.depth);
+        self.taken = 0;
         self.used = 0;
         self.next = 0;
         self.open = false;
@@ -53,6 +72,7 @@ impl Acceleration {
     /// new problem with nearly the same Jacobian.
     pub fn pause(&mut self) {
         self.open = false;
+        self.taken = 0;
     }
 
     /// Takes in the state `q` with its (weighted) residual `r`, then moves both to
@@ -62,14 +82,22 @@ impl Acceleration {
             self.last_state.copy_from_slice(q);
             return;
         }
+        self.taken += 1;
+        let full = self.used == self.states.len();
+        if self.open && full && self.taken > HARD && self.used < MOST {
+            self.next = self.used;
+            self.states.push(vec![0.0; self.n]);
+            self.residuals.push(vec![0.0; self.n]);
+        }
+        let new = self.open.then_some(self.next);
         if self.open {
             let (s, t) = (&mut self.states[self.next], &mut self.residuals[self.next]);
             for i in 0..q.len() {
                 s[i] = (q[i] - self.last_state[i]) as f32;
                 t[i] = (r[i] - f64::from(self.last_residual[i])) as f32;
             }
-            self.next = (self.next + 1) % self.depth;
-            self.used = (self.used + 1).min(self.depth);
+            self.next = (self.next + 1) % self.states.len();
+            self.used = (self.used + 1).min(self.states.len());
         }
         self.last_state.copy_from_slice(q);
         for (l, r) in self.last_residual.iter_mut().zip(&*r) {
@@ -80,24 +108,42 @@ impl Acceleration {
         if m == 0 {
             return;
         }
+        // Only the products with what is new are to be computed.
+        let mut sums = [0.0; 64];
+        let (with_new, with_r) = sums[..2 * m].split_at_mut(m);
+        for a in 0..m {
+            if let Some(new) = new {
+                with_new[a] = dot(&self.residuals[a], &self.residuals[new]);
+            }
+            with_r[a] = -dot_mixed(&self.residuals[a], r);
+        }
+        comm.sum_slice(&mut sums[..2 * m]);
+        if let Some(new) = new {
+            for a in 0..m {
+                self.products[a * MOST + new] = sums[a];
+                self.products[new * MOST + a] = sums[a];
+            }
+        }
         let gram = &mut self.gram[..m * (m + 1)];
         for a in 0..m {
-            for b in 0..=a {
-                gram[a * (m + 1) + b] = dot(&self.residuals[a], &self.residuals[b]);
-            }
-            gram[a * (m + 1) + m] = -dot_mixed(&self.residuals[a], r);
+            gram[a * (m + 1)..][..=a].copy_from_slice(&self.products[a * MOST..][..=a]);
+            gram[a * (m + 1) + m] = sums[m + a];
         }
-        comm.sum_slice(gram);
         let mut alpha = [0.0; 32];
         solve_spd(gram, m, &mut alpha);
-        for a in 0..m {
-            let w = alpha[a];
+        add_combination(q, &self.states[..m], &alpha);
+        add_combination(r, &self.residuals[..m], &alpha);
+    }
+}
+
+/// `x += sum of alpha[a] * columns[a]`, block by block, so that `x` passes memory once.
+fn add_combination(x: &mut [f64], columns: &[Vec<f32>], alpha: &[f64; 32]) {
+    const BLOCK: usize = 1024;
+    for (k, x) in x.chunks_mut(BLOCK).enumerate() {
+        for (column, &w) in columns.iter().zip(alpha) {
             if w != 0.0 {
-                for (q, s) in q.iter_mut().zip(&self.states[a]) {
-                    *q += w * f64::from(*s);
-                }
-                for (r, t) in r.iter_mut().zip(&self.residuals[a]) {
-                    *r += w * f64::from(*t);
+                for (x, c) in x.iter_mut().zip(&column[k * BLOCK..]) {
+                    *x += w * f64::from(*c);
                 }
             }
         }

@@ -209,7 +209,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             let leaving = crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign);
             // The characteristic pressure there grows by rho c / 2 for each m/s.
-            let stiff = (1.0 - leaving) * 0.5 * f64::from(self.density[i] * self.sound2[i].sqrt()) * face.magnitude();
+            let stiff =
+                (1.0 - leaving) * 0.5 * f64::from(self.density[i] * self.sound2[i].sqrt()) * face.magnitude();
             let normal = face.area.map(|a| a / face.magnitude());
             self.held.push((side.cell, normal, stiff / (stiff + self.diagonal[i])));
         }

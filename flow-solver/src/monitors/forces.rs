@@ -80,7 +80,12 @@ impl Forces {
                 } else {
                     [0.0; 3]
                 };
-                put(&mut sums[1], scale(side.sign * p, f.area), shear, sub(solver.metrics.border(side.face), self.point));
+                put(
+                    &mut sums[1],
+                    scale(side.sign * p, f.area),
+                    shear,
+                    sub(solver.metrics.border(side.face), self.point),
+                );
             }
         }
         let used = &mut sums[..1 + usize::from(self.walls)];

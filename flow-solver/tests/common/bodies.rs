@@ -34,15 +34,25 @@ pub fn ring(nr: usize, na: usize, far: f64) -> FlowGrid {
 /// A quarter (y > 0, z > 0) of shells around a sphere of diameter 1 m: a cube's surface
 /// of `n` cells a side (even), bent round, with `nr` layers to radius `far`.
 pub fn quarter_shell(n: usize, nr: usize, far: f64) -> FlowGrid {
+    shell(n, nr, far, false)
+}
+
+/// A half (y > 0) of the same.
+pub fn half_shell(n: usize, nr: usize, far: f64) -> FlowGrid {
+    shell(n, nr, far, true)
+}
+
+fn shell(n: usize, nr: usize, far: f64, half: bool) -> FlowGrid {
     let whole = Patch::Wall;
-    let cube = box_grid([n, n / 2, n / 2], [-1.0, 0.0, 0.0], [1.0; 3], [whole; 6]);
+    let (cells, from) = if half { ([n, n / 2, n], -1.0) } else { ([n, n / 2, n / 2], 0.0) };
+    let cube = box_grid(cells, [-1.0, 0.0, from], [1.0; 3], [whole; 6]);
     let mut grid = FlowGrid::default();
     let mut place: HashMap<u32, u32> = HashMap::new();
     let mut surface: Vec<[u32; 4]> = Vec::new();
     let mut start: Vec<[f64; 3]> = Vec::new();
     for (_, f) in &cube.boundary {
         let flat = |d: usize| f.iter().all(|&v| cube.coords[v as usize][d] == 0.0);
-        if flat(1) || flat(2) {
+        if flat(1) || (!half && flat(2)) {
             continue;
         }
         surface.push(f.map(|v| {
@@ -69,7 +79,7 @@ pub fn quarter_shell(n: usize, nr: usize, far: f64) -> FlowGrid {
                 match side {
                     0 if k == 0 => grid.boundary.push((Patch::Wall, nodes)),
                     1 if k + 1 == nr as u32 => grid.boundary.push((Patch::FarField, nodes)),
-                    2.. if flat(1) || flat(2) => grid.boundary.push((Patch::Symmetry, nodes)),
+                    2.. if flat(1) || (!half && flat(2)) => grid.boundary.push((Patch::Symmetry, nodes)),
                     _ => {}
                 }
             }

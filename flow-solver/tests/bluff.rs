@@ -1,0 +1,163 @@
+//! Bluff bodies with published forces whose wakes take minutes: sphere at Re 300, square plate
+//! and disk normal to the stream at high Reynolds numbers with detached eddies.
+//!
+//! `cargo test --release -p flow-solver --test bluff -- --ignored --nocapture`
+
+#![allow(clippy::needless_range_loop)]
+
+#[path = "common/bodies.rs"]
+mod bodies;
+mod common;
+#[path = "common/plate.rs"]
+mod plate;
+
+use std::f64::consts::PI;
+
+use common::{at_rest, isothermal, settings};
+use flow_solver::Loads;
+use flow_solver::physics::{Laminar, Modelled};
+use flow_solver::turbulence::{SpalartAllmaras, ddes};
+
+const RHO: f64 = 1.225;
+
+/// Mean drag coefficient, mean lift coefficient towards the side of the symmetry plane that the
+/// wake leans to, and Strouhal number of the lift.
+fn sphere_300(n: usize, nr: usize, end: f64) -> [f64; 3] {
+    let grid = bodies::half_shell(n, nr, 15.0);
+    let speed = 4.0;
+    let mut set = settings([speed, 0.0, 0.0], 1e-2);
+    set.moving = false;
+    let mut s = isothermal(&grid, Laminar { viscosity: RHO * speed / 300.0 }, set);
+    // A push to one side: the wake need not find the asymmetry by round-off.
+    for past in &mut s.past {
+        for (q, x) in past.q.iter_mut().zip(&s.metrics.centre) {
+            let r2 = x.iter().map(|x| x * x).sum::<f64>();
+            q[3] += speed * 0.3 * (x[0] / r2) * (-0.1 * r2).exp();
+        }
+    }
+    let scale = 0.5 * RHO * speed * speed * PI / 8.0;
+    let mut series: Vec<[f64; 3]> = Vec::new();
+    let (mut t, mut k) = (0.0, 0);
+    while t < end {
+        let dt = if k < 20 { 0.005 } else { 0.02 };
+        s.advance(&at_rest(dt)).unwrap();
+        s.accept(dt, false);
+        t += dt * speed;
+        k += 1;
+        let domain = s.domain();
+        let mut force = [0.0; 3];
+        for side in &s.topology.no_slip {
+            let f = &s.metrics.faces[side.face as usize];
+            let p = s.spatial.wall_pressure(&domain, &s.q, &s.gradient, side);
+            let shear = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side);
+            for d in 0..3 {
+                force[d] += p * side.sign * f.area[d] + f.magnitude() * shear[d];
+            }
+        }
+        series.push([t, force[0] / scale, force[2] / scale]);
+        if k % 100 == 0 {
+            println!("t U/D {t:.1}: cd {:.4} cl {:.4}", force[0] / scale, force[2] / scale);
+        }
+    }
+    // Whole periods in the second half, from one upward crossing of the mean lift to another.
+    let late: Vec<[f64; 3]> = series.iter().filter(|r| r[0] > 0.5 * end).copied().collect();
+    let mean = |rows: &[[f64; 3]], c: usize| rows.iter().map(|r| r[c]).sum::<f64>() / rows.len() as f64;
+    let middle = mean(&late, 2);
+    let up: Vec<usize> =
+        (1..late.len()).filter(|&k| late[k - 1][2] < middle && late[k][2] >= middle).collect();
+    let (first, last) = (*up.first().unwrap_or(&0), *up.last().unwrap_or(&(late.len() - 1)));
+    let periods = up.len().saturating_sub(1) as f64;
+    let strouhal = periods / (late[last][0] - late[first][0]);
+    let found = [mean(&late[first..last], 1), mean(&late[first..last], 2).abs(), strouhal];
+    println!(
+        "sphere Re 300, {} cells: cd {:.4}, cl {:.4}, St {:.4}",
+        grid.cells.len(),
+        found[0],
+        found[1],
+        found[2]
+    );
+    found
+}
+
+/// Published: drag coefficient 0.655 to 0.671, lift coefficient 0.065 to 0.069, Strouhal number
+/// 0.134 to 0.137. Half a sphere with 30 720 cells, 0.044 diameters thick at the wall, has 0.707
+/// and 0.095 and sheds too slowly to count.
+#[test]
+#[ignore = "two minutes"]
+fn sphere_at_reynolds_300() {
+    let [cd, cl, _] = sphere_300(16, 40, 120.0);
+    assert!((cd - 0.663).abs() < 0.06, "{cd}");
+    assert!((cl - 0.067).abs() < 0.04, "{cl}");
+}
+
+/// 103 680 cells.
+#[test]
+#[ignore = "ten minutes"]
+fn sphere_at_reynolds_300_refined() {
+    let [cd, cl, st] = sphere_300(24, 60, 120.0);
+    assert!((cd - 0.663).abs() < 0.03, "{cd}");
+    assert!((cl - 0.067).abs() < 0.02, "{cl}");
+    assert!((st - 0.1355).abs() < 0.01, "{st}");
+}
+
+/// Mean drag coefficient of a sheet of side or diameter 1 m normal to the stream at a Reynolds
+/// number of 1e5, with delayed detached eddies, over the times `from` to `end` (in U/D).
+fn sheet(disk: bool, from: f64, end: f64) -> f64 {
+    let mut grid = plate::plate(2);
+    if disk {
+        // Squares around the axis become circles, fully at the rim and less away from it.
+        for x in &mut grid.coords {
+            let s = x[0].abs().max(x[1].abs());
+            let r = x[0].hypot(x[1]);
+            if s > 0.0 {
+                let w = if s <= 0.5 { 2.0 * s } else { (5.0 - s) / 4.5 };
+                let k = 1.0 + w * (s / r - 1.0);
+                (x[0], x[1]) = (k * x[0], k * x[1]);
+            }
+        }
+    }
+    let speed = 4.88;
+    let viscosity = RHO * speed / 1e5;
+    let mut set = settings([0.0, 0.0, speed], 1e-2);
+    set.moving = false;
+    let mut s = isothermal(&grid, Modelled { viscosity }, set);
+    s.set_turbulence(SpalartAllmaras::new(&s.topology, viscosity, RHO, ddes));
+    let mut loads = Loads::new(&s);
+    let area: f64 = s.topology.canopy_face.iter().map(|&f| s.metrics.faces[f as usize].magnitude()).sum();
+    let (mut t, mut k, mut sum, mut count) = (0.0, 0, 0.0, 0.0);
+    let dt = 0.02;
+    while t < end {
+        s.advance(&at_rest(dt)).unwrap();
+        let drag = loads.compute(&s).force[2] / (0.5 * RHO * speed * speed * area);
+        s.accept(dt, false);
+        t += dt * speed;
+        k += 1;
+        if t > from {
+            sum += drag;
+            count += 1.0;
+        }
+        if k % 50 == 0 {
+            let eddy = s.eddy().iter().fold(0.0f64, |m, e| m.max(*e)) / viscosity;
+            println!("t U/D {t:.1}: cd {drag:.4}, largest eddy viscosity {eddy:.0} times the air's");
+        }
+    }
+    let name = if disk { "disk" } else { "square plate" };
+    println!("{name}, area {area:.4} m2, {} cells: mean cd {:.4}", grid.cells.len(), sum / count);
+    sum / count
+}
+
+/// Published: 1.17 both. With eight cells across: 1.107, and 0.966 for the disk, whose cells are
+/// sheared at the rim.
+#[test]
+#[ignore = "minutes"]
+fn square_plate_normal_to_the_stream() {
+    let cd = sheet(false, 25.0, 70.0);
+    assert!((cd - 1.17).abs() < 0.1, "{cd}");
+}
+
+#[test]
+#[ignore = "minutes"]
+fn disk_normal_to_the_stream() {
+    let cd = sheet(true, 25.0, 70.0);
+    assert!((cd - 1.17).abs() < 0.25, "{cd}");
+}
