@@ -114,6 +114,11 @@ fn coupling(scene: &case::Scene) -> String {
                 StaggeredSequence::FlowFirst => {
                     format!("staggered: flow first, around a canopy extrapolated with order {order}")
                 }
+                StaggeredSequence::AddedMass => {
+                    format!(
+                        "staggered: structure first with added mass implicit, the rest extrapolated with order {order}"
+                    )
+                }
                 StaggeredSequence::HalfStep => {
                     format!(
                         "staggered: flow half a window off, around a canopy extrapolated with order {order}"
@@ -128,6 +133,7 @@ fn coupling(scene: &case::Scene) -> String {
                 Acceleration::IqnIls => {
                     format!("IQN-ILS with the secants of {} earlier windows", c.reused_windows)
                 }
+                Acceleration::IbqnLs => "block quasi-Newton with secants of the flow".to_owned(),
                 Acceleration::IqnImvj => {
                     format!("IQN-IMVJ with the secants of {} earlier windows", c.reused_windows)
                 }

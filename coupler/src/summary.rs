@@ -37,6 +37,12 @@ pub struct StageSummary {
     pub waiting_s: f64,
     /// Coupling iterations over all windows.
     pub iterations: u64,
+    /// Calls of the structure, the flow and the mesh over all windows.
+    pub structure_calls: u64,
+    /// Flow.
+    pub flow_calls: u64,
+    /// Pseudo-time iterations of the flow over all its calls.
+    pub flow_iterations: u64,
     /// Most coupling iterations in a window.
     pub most_iterations: u32,
     /// Windows above the tolerance.
@@ -75,6 +81,9 @@ impl StageSummary {
             coupler_s: 0.0,
             waiting_s: 0.0,
             iterations: 0,
+            structure_calls: 0,
+            flow_calls: 0,
+            flow_iterations: 0,
             most_iterations: 0,
             not_converged: 0,
             descent_speed_m_s: 0.0,
@@ -99,6 +108,9 @@ impl StageSummary {
         self.coupler_s += row.coupler_s;
         self.waiting_s += row.waiting_s();
         self.iterations += u64::from(report.iterations);
+        self.structure_calls += report.calls[Role::Structure as usize];
+        self.flow_calls += report.calls[Role::Flow as usize];
+        self.flow_iterations += report.flow_iterations as u64;
         self.most_iterations = self.most_iterations.max(report.iterations);
         self.not_converged += u64::from(!report.converged);
         self.descent_speed_m_s = row.descent_speed_m_s;

@@ -28,7 +28,7 @@ pub fn accelerator(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxatio
     match coupling.acceleration {
         Acceleration::Constant => Box::new(Constant::new(coupling.relaxation)),
         Acceleration::Aitken => Box::new(Aitken::new(coupling.relaxation)),
-        Acceleration::IqnIls => Box::new(IqnIls::new(unknowns, options, rest)),
+        Acceleration::IqnIls | Acceleration::IbqnLs => Box::new(IqnIls::new(unknowns, options, rest)),
         Acceleration::IqnImvj => Box::new(IqnImvj::new(options, rest)),
     }
 }

@@ -29,8 +29,9 @@ impl Sequence for GaussSeidel {
         true
     }
 
-    fn predict(&self, dt: f64, x: &mut [f64]) {
-        self.predictor.predict(dt, x);
+    fn predict(&mut self, visit: &mut Visit<'_>, x: &mut Vec<f64>) -> Result<(), RunError> {
+        self.predictor.predict(visit.window.dt, x);
+        Ok(())
     }
 
     fn visit(&mut self, visit: &mut Visit<'_>, x: &[f64], x_tilde: &mut [f64]) -> Result<(), RunError> {
@@ -71,8 +72,9 @@ impl Sequence for Jacobi {
         true
     }
 
-    fn predict(&self, dt: f64, x: &mut [f64]) {
-        self.predictor.predict(dt, x);
+    fn predict(&mut self, visit: &mut Visit<'_>, x: &mut Vec<f64>) -> Result<(), RunError> {
+        self.predictor.predict(visit.window.dt, x);
+        Ok(())
     }
 
     fn visit(&mut self, visit: &mut Visit<'_>, x: &[f64], x_tilde: &mut [f64]) -> Result<(), RunError> {

@@ -2,7 +2,8 @@
 
 use channel::LOAD_WIDTH;
 
-use super::relaxation::{AddedMassRelaxation, Relaxation, distinct, dot};
+use super::lattice::{distinct, dot};
+use super::relaxation::{AddedMassRelaxation, Relaxation};
 use super::{Unknowns, Weights};
 
 /// Newton's step for a model of both programs: the structure answers a pressure $\delta p$ with

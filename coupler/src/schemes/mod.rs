@@ -8,12 +8,15 @@
 mod accelerate;
 mod criterion;
 mod extrapolate;
+mod flow_model;
 mod implicit;
 mod imvj;
 mod iqn;
 mod jacobi_relaxation;
+mod lattice;
 mod least_squares;
 mod load_shape;
+mod model_schemes;
 mod predictor;
 mod relaxation;
 mod sequence;
@@ -24,19 +27,23 @@ mod window;
 pub use accelerate::{Accelerator, Aitken, Constant, accelerator};
 pub use criterion::{Criterion, Field};
 pub use extrapolate::{Past, lagrange};
+pub use flow_model::FlowModel;
 pub use implicit::{GaussSeidel, Jacobi};
 pub use imvj::IqnImvj;
 pub use iqn::{IqnIls, IqnOptions};
 pub use jacobi_relaxation::JacobiRelaxation;
 pub use least_squares::Columns;
 pub use load_shape::{FlowLoads, MEAN_WEIGHTS, shape_load};
+pub use model_schemes::{AddedMassStaggered, BlockQuasiNewton, SAFE_DENSITY};
 pub use predictor::Predictor;
 pub use relaxation::{AddedMassRelaxation, Relaxation, Uniform, Weights};
-pub use sequence::{End, Sequence, Visit, sequence};
+pub use sequence::{End, Modelled, Sequence, Visit, needs_model, sequence};
 pub use staggered::{FlowFirst, HalfStep, StructureFirst};
 pub use unknowns::Unknowns;
 pub use window::{InterfaceState, WindowLoop, WindowReport};
 
+#[cfg(test)]
+mod model_tests;
 #[cfg(test)]
 mod order_tests;
 #[cfg(test)]

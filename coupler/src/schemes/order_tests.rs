@@ -132,7 +132,7 @@ fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
     let fields = vec![Field { range: 0..unknowns.len(), floor: 1e-9 }];
     let criterion = Criterion { fields, tolerance: coupling.tolerance };
     let rest = Box::new(Uniform(coupling.relaxation));
-    WindowLoop::new("test", coupling, unknowns, criterion, 1, None, state, rest, false)
+    WindowLoop::new("test", coupling, unknowns, criterion, 1, None, state, rest, None, false)
 }
 
 /// Error at t = 2 with this number of windows.

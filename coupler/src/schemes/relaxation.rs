@@ -4,6 +4,7 @@ use mesh::Vec3;
 use nalgebra::{DMatrix, DVector, Dyn, LU};
 
 use super::Unknowns;
+use super::lattice::{Lattice, distinct, dot};
 
 /// Turns a residual into a step that the next iterate can bear.
 pub trait Relaxation {
@@ -95,13 +96,8 @@ impl AddedMassRelaxation {
         if n == 0 || n > MOST_FACES || weights.fabric_kg_m2 <= 0.0 {
             return None;
         }
-        let corners: Vec<[Vec3; 4]> = faces.iter().map(|f| f.map(|node| positions[node as usize])).collect();
-        let areas: Vec<Vec3> = corners.iter().map(area_vector).collect();
+        let Lattice { areas, normals: face_normals, influence } = Lattice::new(positions, faces);
         let sizes: Vec<f64> = areas.iter().map(|a| dot(*a, *a).sqrt()).collect();
-        let face_normals: Vec<Vec3> =
-            areas.iter().zip(&sizes).map(|(a, s)| a.map(|a| a / s.max(f64::MIN_POSITIVE))).collect();
-        let centres: Vec<Vec3> = corners.iter().map(centre).collect();
-        let influence = DMatrix::from_fn(n, n, |i, j| dot(face_normals[i], ring(&corners[j], centres[i])));
         let gain = 2.25 * weights.response * weights.air_kg_m3 / weights.fabric_kg_m2;
         let factor = (&influence + DMatrix::identity(n, n) * gain).lu();
         let mut node_normals = vec![[0.0; 3]; positions.len()];
@@ -202,53 +198,6 @@ impl Relaxation for AddedMassRelaxation {
     }
 }
 
-/// Corners of a face, a triangle's without its repeated one.
-pub(super) fn distinct(face: &[u32; 4]) -> &[u32] {
-    if face[2] == face[3] { &face[..3] } else { face }
-}
-
-pub(super) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn minus(a: Vec3, b: Vec3) -> Vec3 {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn area_vector(corners: &[Vec3; 4]) -> Vec3 {
-    cross(minus(corners[2], corners[0]), minus(corners[3], corners[1])).map(|a| 0.5 * a)
-}
-
-fn centre(corners: &[Vec3; 4]) -> Vec3 {
-    let used = if corners[2] == corners[3] { 3 } else { 4 };
-    std::array::from_fn(|i| corners[..used].iter().map(|c| c[i]).sum::<f64>() / used as f64)
-}
-
-/// Velocity at `p` of a vortex ring of unit strength along the corners
-/// (Biot-Savart; straight segments, Katz and Plotkin section 10.4.5).
-fn ring(corners: &[Vec3; 4], p: Vec3) -> Vec3 {
-    let mut velocity = [0.0; 3];
-    for k in 0..4 {
-        let (a, b) = (corners[k], corners[(k + 1) % 4]);
-        let (r1, r2, r0) = (minus(p, a), minus(p, b), minus(b, a));
-        let normal = cross(r1, r2);
-        let square = dot(normal, normal);
-        let (l1, l2) = (dot(r1, r1).sqrt(), dot(r2, r2).sqrt());
-        // On the segment's own line it induces nothing; a repeated corner is no segment.
-        if square <= 1e-12 * dot(r0, r0) * l1 * l2 || l1 == 0.0 || l2 == 0.0 {
-            continue;
-        }
-        let along = dot(r0, r1) / l1 - dot(r0, r2) / l2;
-        let factor = along / (4.0 * std::f64::consts::PI * square);
-        (0..3).for_each(|i| velocity[i] += factor * normal[i]);
-    }
-    velocity
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -315,13 +264,5 @@ mod tests {
         assert!((found - dv).abs() < 1e-10, "{found}");
         assert!((asked - dx).norm() < 1e-9);
         assert_eq!(positions.len(), 169);
-    }
-
-    #[test]
-    fn a_ring_of_unit_strength() {
-        // Middle of a square ring with half side a: w = sqrt(2) / (pi a)... for a = 1/2: 2 sqrt(2) / pi.
-        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-        let v = ring(&corners, [0.5, 0.5, 0.0]);
-        assert!((v[2] - 2.0 * 2f64.sqrt() / std::f64::consts::PI).abs() < 1e-12, "{v:?}");
     }
 }

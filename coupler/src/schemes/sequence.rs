@@ -1,11 +1,13 @@
 //! A coupling scheme: what one visit to the partners of a window is.
 
-use case::{Coupling, CouplingOrder, Role, Scheme, StaggeredSequence};
+use case::{Acceleration, Coupling, CouplingOrder, Role, Scheme, StaggeredSequence};
 use channel::Window;
 
+use super::flow_model::FlowModel;
 use super::implicit::{GaussSeidel, Jacobi};
+use super::model_schemes::{AddedMassStaggered, BlockQuasiNewton};
 use super::staggered::{FlowFirst, HalfStep, StructureFirst};
-use super::{InterfaceState, Unknowns, WindowReport};
+use super::{Accelerator, Criterion, InterfaceState, Unknowns, WindowReport};
 use crate::descent::DescentModel;
 use crate::error::{Place, RunError};
 use crate::partners::{Answer, LoadOverWindow, Partners};
@@ -18,14 +20,27 @@ pub trait Sequence {
     /// Whether visits are repeated until iterate and answer agree.
     fn iterates(&self) -> bool;
 
-    /// First iterate of a window of length `dt` into `x`, which holds the unknowns at its start.
-    fn predict(&self, dt: f64, x: &mut [f64]);
+    /// First iterate of the window into `x`, which holds the unknowns at its start.
+    ///
+    /// # Errors
+    /// Those of the partners, where they are asked.
+    fn predict(&mut self, visit: &mut Visit<'_>, x: &mut Vec<f64>) -> Result<(), RunError>;
 
     /// Visits the partners at the iterate `x`: fills [`Visit::end`] and the answer `x_tilde`.
     ///
     /// # Errors
     /// Those of the partners, and an answer that is not finite.
     fn visit(&mut self, visit: &mut Visit<'_>, x: &[f64], x_tilde: &mut [f64]) -> Result<(), RunError>;
+
+    /// Makes the next iterate from `x`, which was visited last, by means of its own; `false` where that is
+    /// left to the [`super::Accelerator`].
+    ///
+    /// # Errors
+    /// Those of the partners, where they are asked.
+    fn improve(&mut self, visit: &mut Visit<'_>, x: &[f64], next: &mut Vec<f64>) -> Result<bool, RunError> {
+        let _ = (visit, x, next);
+        Ok(false)
+    }
 
     /// A window of length `dt` is accepted with these values; `x` is the iterate of the last visit
     /// and `answer` what it gave.
@@ -59,6 +74,12 @@ pub struct Visit<'a> {
     pub unknowns: &'a Unknowns,
     /// The falling mass.
     pub descent: Option<&'a DescentModel>,
+    /// When iterate and answer agree.
+    pub criterion: &'a Criterion,
+    /// Unknowns at the start of the window.
+    pub start: &'a [f64],
+    /// Answers of the structure in this window so far: it may be asked more often than the flow.
+    pub answers: &'a mut u64,
     /// Stage, for messages.
     pub stage: &'a str,
 }
@@ -98,18 +119,24 @@ impl Visit<'_> {
     /// # Errors
     /// Those of the program; a displacement that is not finite.
     pub fn structure_under(&mut self, load: LoadOverWindow<'_>) -> Result<(), RunError> {
-        let answer = self.partners.structure(self.window, load, &mut self.end.displacement)?;
+        let w = Window { iteration: *self.answers, ..*self.window };
+        *self.answers += 1;
+        let answer = self.partners.structure(&w, load, &mut self.end.displacement)?;
         self.take(Role::Structure, answer);
-        finite(self.stage, "answer of the structure", self.window, &self.end.displacement)
+        finite(self.stage, "answer of the structure", &w, &self.end.displacement)
     }
 
     /// The descent equation under the force of the flow's last answer, into [`End::velocity`].
     pub fn descend(&mut self) {
+        self.descend_under(self.report.force[2]);
+    }
+
+    /// The same under a vertical force, N.
+    pub fn descend_under(&mut self, force: f64) {
         self.end.velocity = match self.descent {
             Some(model) => {
                 let structure = &self.report.stats[Role::Structure as usize];
-                let force = model.force(self.report.force[2], structure);
-                model.step(self.state.velocity, force, self.window.dt)
+                model.step(self.state.velocity, model.force(force, structure), self.window.dt)
             }
             None => self.state.velocity,
         };
@@ -136,23 +163,55 @@ impl Visit<'_> {
     }
 }
 
-/// The sequence that a scene asks for, starting from `state`.
-pub fn sequence(coupling: &Coupling, unknowns: Unknowns, state: &InterfaceState) -> Box<dyn Sequence> {
-    let order = coupling.staggered.predictor as usize;
+/// What schemes with a model of the flow need.
+pub struct Modelled {
+    /// The model.
+    pub model: FlowModel,
+    /// Acceleration of the structure's iterations against it.
+    pub accelerator: Box<dyn Accelerator>,
+}
+
+/// Whether a scene's scheme needs a model of the flow.
+pub fn needs_model(coupling: &Coupling) -> bool {
+    match coupling.scheme {
+        Scheme::Staggered => coupling.staggered.sequence == StaggeredSequence::AddedMass,
+        Scheme::Implicit => {
+            coupling.order == CouplingOrder::GaussSeidel && coupling.acceleration == Acceleration::IbqnLs
+        }
+    }
+}
+
+/// The sequence that a scene asks for, starting from `state`. Without the model that it needs an
+/// implicit scheme falls back to IQN-ILS, a staggered one to extrapolated loads.
+pub fn sequence(
+    coupling: &Coupling,
+    unknowns: Unknowns,
+    state: &InterfaceState,
+    modelled: Option<Modelled>,
+) -> Box<dyn Sequence> {
+    let (order, load) = (coupling.staggered.predictor as usize, coupling.load);
+    if let Some(Modelled { model, accelerator }) = modelled.filter(|_| needs_model(coupling)) {
+        return match coupling.scheme {
+            Scheme::Staggered => {
+                Box::new(AddedMassStaggered::new(order, load, unknowns, state, model, accelerator))
+            }
+            Scheme::Implicit => Box::new(BlockQuasiNewton::new(load, unknowns, state, model, accelerator)),
+        };
+    }
     match (coupling.scheme, coupling.staggered.sequence, coupling.order) {
-        (Scheme::Staggered, StaggeredSequence::StructureFirst, _) => {
+        (Scheme::Staggered, StaggeredSequence::StructureFirst | StaggeredSequence::AddedMass, _) => {
             Box::new(StructureFirst::new(order, unknowns, state))
         }
         (Scheme::Staggered, StaggeredSequence::FlowFirst, _) => {
-            Box::new(FlowFirst::new(order, coupling.load, unknowns, state))
+            Box::new(FlowFirst::new(order, load, unknowns, state))
         }
         (Scheme::Staggered, StaggeredSequence::HalfStep, _) => {
             Box::new(HalfStep::new(order, unknowns, state))
         }
         (Scheme::Implicit, _, CouplingOrder::GaussSeidel) => {
-            Box::new(GaussSeidel::new(coupling.load, unknowns, state))
+            Box::new(GaussSeidel::new(load, unknowns, state))
         }
-        (Scheme::Implicit, _, CouplingOrder::Jacobi) => Box::new(Jacobi::new(coupling.load, unknowns, state)),
+        (Scheme::Implicit, _, CouplingOrder::Jacobi) => Box::new(Jacobi::new(load, unknowns, state)),
     }
 }
 

@@ -35,7 +35,9 @@ impl Sequence for StructureFirst {
         false
     }
 
-    fn predict(&self, _dt: f64, _x: &mut [f64]) {}
+    fn predict(&mut self, _visit: &mut Visit<'_>, _x: &mut Vec<f64>) -> Result<(), RunError> {
+        Ok(())
+    }
 
     fn visit(&mut self, visit: &mut Visit<'_>, _x: &[f64], x_tilde: &mut [f64]) -> Result<(), RunError> {
         let mut velocity = [visit.state.velocity];
@@ -84,8 +86,9 @@ impl Sequence for FlowFirst {
         false
     }
 
-    fn predict(&self, dt: f64, x: &mut [f64]) {
-        self.motions.extrapolate(self.order, dt, x);
+    fn predict(&mut self, visit: &mut Visit<'_>, x: &mut Vec<f64>) -> Result<(), RunError> {
+        self.motions.extrapolate(self.order, visit.window.dt, x);
+        Ok(())
     }
 
     fn visit(&mut self, visit: &mut Visit<'_>, x: &[f64], x_tilde: &mut [f64]) -> Result<(), RunError> {
@@ -129,8 +132,9 @@ impl Sequence for HalfStep {
         false
     }
 
-    fn predict(&self, dt: f64, x: &mut [f64]) {
-        self.motions.extrapolate(self.order, 0.5 * dt, x);
+    fn predict(&mut self, visit: &mut Visit<'_>, x: &mut Vec<f64>) -> Result<(), RunError> {
+        self.motions.extrapolate(self.order, 0.5 * visit.window.dt, x);
+        Ok(())
     }
 
     fn visit(&mut self, visit: &mut Visit<'_>, x: &[f64], x_tilde: &mut [f64]) -> Result<(), RunError> {

@@ -186,6 +186,7 @@ fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64
         descent,
         state,
         Box::new(Uniform(coupling.relaxation)),
+        None,
         false,
     )
 }
@@ -358,6 +359,7 @@ fn the_first_flow_answer_stands_for_an_unknown_start_load() {
         None,
         state,
         Box::new(Uniform(0.05)),
+        None,
         false,
     );
     scheme.run(&mut model, window(0)).unwrap();

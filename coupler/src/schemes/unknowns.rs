@@ -69,6 +69,11 @@ impl Unknowns {
         3 * self.nodes
     }
 
+    /// Whether the frame's velocity is among them.
+    pub fn descends(&self) -> bool {
+        self.descends
+    }
+
     /// Factor on the velocity in the vector, s.
     pub fn velocity_scale(&self) -> f64 {
         self.velocity_scale

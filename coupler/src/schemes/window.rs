@@ -3,7 +3,7 @@
 use case::Coupling;
 use channel::{Stats, Window, flow_stats};
 
-use super::sequence::{End, Sequence, Visit, finite, sequence};
+use super::sequence::{End, Modelled, Sequence, Visit, finite, sequence};
 use super::staggered::packed;
 use super::{Accelerator, Criterion, Relaxation, Unknowns};
 use crate::descent::DescentModel;
@@ -59,6 +59,10 @@ pub struct WindowReport {
     pub force: [f64; 3],
     /// Last statistics of structure, flow, mesh.
     pub stats: [Stats; 3],
+    /// Calls of structure, flow, mesh.
+    pub calls: [u64; 3],
+    /// Pseudo-time iterations of the flow over all its calls.
+    pub flow_iterations: f64,
     /// Seconds that structure, flow, mesh computed, over all iterations.
     pub busy_s: [f64; 3],
     /// Seconds from question to answer, likewise.
@@ -69,9 +73,11 @@ impl WindowReport {
     pub(crate) fn add(&mut self, role: case::Role, answer: Answer) {
         let at = role as usize;
         self.stats[at] = answer.stats;
+        self.calls[at] += 1;
         self.busy_s[at] += answer.stats.busy_s;
         self.wall_s[at] += answer.wall_s;
         if role == case::Role::Flow {
+            self.flow_iterations += answer.stats.values[flow_stats::ITERATIONS];
             self.force.copy_from_slice(&answer.stats.values[flow_stats::FORCE..flow_stats::FORCE + 3]);
         }
     }
@@ -112,12 +118,13 @@ impl WindowLoop {
         descent: Option<DescentModel>,
         state: InterfaceState,
         rest: Box<dyn Relaxation>,
+        modelled: Option<Modelled>,
         keep_going: bool,
     ) -> Self {
         let start = packed(&unknowns, &state);
         Self {
             stage: stage.to_owned(),
-            sequence: sequence(coupling, unknowns, &state),
+            sequence: sequence(coupling, unknowns, &state, modelled),
             max_iterations: coupling.max_iterations.max(1),
             keep_going,
             criterion,
@@ -151,21 +158,29 @@ impl WindowLoop {
         let mut w = window;
         let mut report = WindowReport::default();
         let mut history = Vec::new();
+        let mut answers = 0;
+        macro_rules! visit {
+            () => {
+                &mut Visit {
+                    partners: &mut *partners,
+                    window: &mut w,
+                    state: &mut self.state,
+                    end: &mut self.end,
+                    report: &mut report,
+                    unknowns: &self.unknowns,
+                    descent: self.descent.as_ref(),
+                    criterion: &self.criterion,
+                    start: &self.start,
+                    answers: &mut answers,
+                    stage: &self.stage,
+                }
+            };
+        }
         self.accelerator.begin_window();
         self.x.copy_from_slice(&self.start);
-        self.sequence.predict(w.dt, &mut self.x);
+        self.sequence.predict(visit!(), &mut self.x)?;
         loop {
-            let mut visit = Visit {
-                partners,
-                window: &mut w,
-                state: &mut self.state,
-                end: &mut self.end,
-                report: &mut report,
-                unknowns: &self.unknowns,
-                descent: self.descent.as_ref(),
-                stage: &self.stage,
-            };
-            self.sequence.visit(&mut visit, &self.x, &mut self.x_tilde)?;
+            self.sequence.visit(visit!(), &self.x, &mut self.x_tilde)?;
             report.iterations += 1;
             if !self.sequence.iterates() {
                 report.converged = true;
@@ -183,7 +198,9 @@ impl WindowLoop {
                 self.accelerator.end_window(&self.x, &self.x_tilde);
                 break;
             }
-            self.accelerator.next(&self.x, &self.x_tilde, &mut self.next);
+            if !self.sequence.improve(visit!(), &self.x, &mut self.next)? {
+                self.accelerator.next(&self.x, &self.x_tilde, &mut self.next);
+            }
             std::mem::swap(&mut self.x, &mut self.next);
             finite(&self.stage, "iterate of the acceleration", &w, &self.x)?;
             w.iteration += 1;

@@ -1,6 +1,6 @@
 //! Structure, mesh, flow and descent together (paper, section 5.2).
 
-use case::{Coupling, CouplingOrder, LoadShape, Role, Scheme};
+use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme};
 use channel::{LOAD_WIDTH, Window, structure_stats};
 
 use super::{StageContext, Stepper};
@@ -8,8 +8,9 @@ use crate::error::RunError;
 use crate::interface::CanopyInterface;
 use crate::partners::Partners;
 use crate::schemes::{
-    AddedMassRelaxation, Criterion, Field, InterfaceState, JacobiRelaxation, MEAN_WEIGHTS, Relaxation,
-    Uniform, Unknowns, Weights, WindowLoop, WindowReport,
+    AddedMassRelaxation, Criterion, Field, FlowModel, InterfaceState, JacobiRelaxation, MEAN_WEIGHTS,
+    Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop, WindowReport, accelerator,
+    needs_model,
 };
 
 /// Share of the way that the air moves past the canopy in a window, below which
@@ -47,6 +48,7 @@ impl<'a> Coupled<'a> {
         let criterion = Criterion { fields, tolerance: scene.coupling.tolerance };
         let start = state.displacement.clone();
         let rest = relaxation(context, motion, unknowns, &state);
+        let modelled = modelled(context, motion, unknowns, &state);
         let windows = WindowLoop::new(
             &stage.name,
             &scene.coupling,
@@ -56,10 +58,42 @@ impl<'a> Coupled<'a> {
             descent,
             state,
             rest,
+            modelled,
             context.options.keep_going,
         );
         Self { interface: context.interface, windows, start, energy_error: 0.0 }
     }
+}
+
+/// The canopy's positions in `state`, m.
+fn positions(context: &StageContext<'_>, state: &InterfaceState) -> Vec<mesh::Vec3> {
+    let shifted = context.interface.coords.iter().zip(state.displacement.chunks_exact(3));
+    shifted.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
+}
+
+/// The model of the flow for schemes that use one.
+fn modelled(
+    context: &StageContext<'_>,
+    motion: Unknowns,
+    unknowns: Unknowns,
+    state: &InterfaceState,
+) -> Option<Modelled> {
+    let coupling = &context.scene.coupling;
+    if !needs_model(coupling) {
+        return None;
+    }
+    let air = context.scene.flow.as_ref().map_or(0.0, |f| f.density_kg_m3);
+    let density = if coupling.scheme == Scheme::Staggered { SAFE_DENSITY * air } else { air };
+    let at = positions(context, state);
+    let faces = &context.interface.faces;
+    let model = FlowModel::new(motion, &at, &state.displacement, state.velocity, faces, density);
+    if model.is_none() {
+        context.console.warning("no model of the flow: the canopy has too many faces; see docs/coupling.md");
+    }
+    let rest = relaxation(context, motion, unknowns, state);
+    // Several solves against the model make a window: few of them are enough to learn from.
+    let iqn = Coupling { acceleration: Acceleration::IqnIls, reused_windows: 4, ..coupling.clone() };
+    model.map(|model| Modelled { model, accelerator: accelerator(&iqn, unknowns.len(), rest) })
 }
 
 /// In Jacobi order the load is one of the coupled unknowns, in the unit of what it moves
@@ -93,12 +127,7 @@ fn relaxation(
 ) -> Box<dyn Relaxation> {
     let scene = context.scene;
     let interface = context.interface;
-    let positions: Vec<mesh::Vec3> = interface
-        .coords
-        .iter()
-        .zip(state.displacement.chunks_exact(3))
-        .map(|(x, d)| std::array::from_fn(|i| x[i] + d[i]))
-        .collect();
+    let positions = positions(context, state);
     let weights = Weights {
         fabric_kg_m2: scene.fabric.thickness_m * scene.fabric.density_kg_m3,
         air_kg_m3: scene.flow.as_ref().map_or(0.0, |f| f.density_kg_m3),

@@ -39,6 +39,10 @@ pub enum StaggeredSequence {
     /// canopy extrapolated there; its answer is the constant load of the structure's window
     /// (Lesoinne and Farhat 1998, improved serial staggered). Wants predictor 1 or 2.
     HalfStep,
+    /// The structure under the extrapolated load with the air's added mass (potential flow around the
+    /// canopy) implicit, then the flow around its answer: stands for light fabric at one call
+    /// of the flow in a window. Wants predictor 1.
+    AddedMass,
 }
 
 /// Highest order of extrapolation in a staggered window.

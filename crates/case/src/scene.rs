@@ -738,6 +738,9 @@ pub enum Acceleration {
     /// Interface quasi-Newton, multi-vector: each window's secants correct what the windows
     /// before have learnt.
     IqnImvj,
+    /// Interface block quasi-Newton: between two calls of the flow the structure is solved
+    /// against the flow's added mass and secants. For structures that cost little.
+    IbqnLs,
 }
 
 /// The falling mass: one degree of freedom (paper, equation 9).
