@@ -429,3 +429,16 @@ fn tetrahedra_around_a_membrane_fly() {
     println!("drag in N after the start: tetrahedra {drag:.2?}, hexahedra {hexahedra:.2?}");
     assert!((drag[3] / hexahedra[3] - 1.0).abs() < 0.15, "{drag:?} {hexahedra:?}");
 }
+
+/// The case that users copy: its drag coefficient is near that of 250 880 hexahedra in a larger
+/// box, 1.52.
+#[test]
+fn the_case_on_a_gmsh_grid_flies() {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/plate-gmsh/scene.toml");
+    let folder = tempfile::tempdir().unwrap();
+    fly(&scene, 0, folder.path(), 2).unwrap();
+    let drag = &table(&folder.path().join("start/forces.csv"))["canopy_drag_n"];
+    let coefficient = drag.last().unwrap() / (0.5 * 1.225 * 4.88 * 4.88);
+    println!("plate on a grid from Gmsh: drag coefficient {coefficient:.4}");
+    assert!((1.5..1.75).contains(&coefficient), "{coefficient}");
+}
