@@ -277,19 +277,22 @@ fn effects_of_the_descent_move_the_answer() {
         "duration_s = 0.02\nwindow_s = 2e-3\n",
         "duration_s = 0.4\nwindow_s = 1e-2\nmass_damping_per_s = 20.0\n",
     );
-    let base = format!(
-        "{base}[[stage]]\nname = \"fall\"\nkind = \"coupled\"\nduration_s = 0.02\nwindow_s = 5e-3\nsubsteps = 4\n"
-    );
+    let base = base.replace("[output]\n", "[coupling]\ntolerance = 5e-3\n[output]\n");
+    let developed = "[[stage]]\nname = \"flow\"\nkind = \"flow-only\"\nduration_s = 0.1\nwindow_s = 2e-2\n";
+    let fall =
+        "[[stage]]\nname = \"fall\"\nkind = \"coupled\"\nduration_s = 0.02\nwindow_s = 5e-3\nsubsteps = 4\n";
+    let base = format!("{base}{developed}{fall}");
     let plain = fly(folder, "plain", &base);
     assert_eq!(programs(&plain, "fall"), ["flow", "mesh", "structure"]);
     assert!(!plain.join("fall/payload.csv").exists());
     let speed = |out: &Path| last(out, "fall", "descent_speed_m_s");
-    for (name, more) in [
-        ("payload drag", "[descent.payload_drag]\ndrag_area_m2 = 0.5\n"),
-        ("line drag", "[lines.drag]\ndiameter_m = 0.02\n"),
+    // Drag of lines lifts, but it also draws the skirt in: which is more depends on the canopy.
+    for (name, more, moves) in [
+        ("payload drag", "[descent.payload_drag]\ndrag_area_m2 = 0.5\n", Down),
+        ("line drag", "[lines.drag]\ndiameter_m = 0.01\n", Anyhow),
     ] {
         let out = fly(folder, name, &format!("{base}{more}"));
-        compare(name, &Down, speed(&plain), speed(&out));
+        compare(name, &moves, speed(&plain), speed(&out));
     }
     let heavy = format!("{base}[fabric_gravity]\n");
     let body = "[descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.1]\nattachments_m = [[0, 0, 0.2]]\ninitial_velocity_m_s = [0.5, 0, 0]\n";
