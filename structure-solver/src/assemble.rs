@@ -13,7 +13,7 @@ use crate::loops::{
     CableDamping, Cables, Contact, Cylinder, ElementLoop, LineDrag, MembraneDamping, Membranes, Quads,
     ReefingLine, Schedule,
 };
-use crate::materials::{Material, OrthotropicTensionField, StVenantKirchhoff, TensionField};
+use crate::materials::{Material, OrthotropicTensionField, Prestressed, StVenantKirchhoff, TensionField};
 use crate::model::{Model, ModelError, Surface, Warp};
 use crate::newton::NewtonParams;
 use crate::scheme::Scheme;
@@ -62,6 +62,15 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
 }
 
 fn fabric(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
+    let prestress = scene.fabric.prestress_pa;
+    if prestress > 0.0 {
+        elements(scene, damping, model, Prestressed::new(law, prestress), all);
+    } else {
+        elements(scene, damping, model, law, all);
+    }
+}
+
+fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
     let f = &scene.fabric;
     if scene.structure.membrane == Membrane::Quadrilateral {
         all.push(Box::new(Quads::new(model, law, f.thickness_m, f.density_kg_m3, damping)));

@@ -401,7 +401,7 @@ impl<M: Material> ElementLoop for Membranes<M> {
         let one = |e: &Membrane| {
             let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
             let s = self.material.stress(d.strain);
-            0.5 * e.volume * (s[0] * d.strain[0] + s[1] * d.strain[1] + s[2] * d.strain[2])
+            e.volume * self.material.energy(&s, &d.strain)
         };
         self.elements[..self.n_own].iter().map(one).sum()
     }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::coupling::{CouplingOrder, Staggered};
 use crate::flow_effects::{Permeability, Shear, Steady};
 use crate::integration::{EXPLICIT_SAFETY, Integration};
-use crate::{Forces, GridFile, Probe, Slice, Statistics, SurfacePressure};
+use crate::{FlowBox, Forces, GridFile, PanelCanopy, Probe, Slice, Statistics, SurfacePressure};
 
 /// A scene: what is simulated, with which effects, in which stages.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -114,6 +114,8 @@ pub enum Canopy {
     AirBag(AirBag),
     /// A surface mesh from a file; a flow needs `[flow.grid_file]`.
     Gmsh(GmshCanopy),
+    /// A flat rectangular panel; a flow needs `[flow.box]`.
+    Panel(PanelCanopy),
 }
 
 /// The ATPS cross parachute. Defaults are Table 2 of the paper.
@@ -249,6 +251,9 @@ pub struct Fabric {
     /// (2001). Off: the fabric carries compression.
     #[serde(default)]
     pub wrinkling: bool,
+    /// Stress of the fabric in its cut shape, Pa, the same along all directions.
+    #[serde(default)]
+    pub prestress_pa: f64,
     /// Different stiffness along warp and weft. Absent: isotropic.
     pub orthotropic: Option<Orthotropic>,
     /// Air that passes through. Absent: airtight.
@@ -445,6 +450,9 @@ pub struct Flow {
     pub grid: Grid,
     /// A volume grid from a file in the place of `[flow.grid]`.
     pub grid_file: Option<GridFile>,
+    /// A box of cells around a panel in the place of `[flow.grid]`.
+    #[serde(rename = "box")]
+    pub box_grid: Option<FlowBox>,
     /// Pseudo-time iterations.
     #[serde(default)]
     pub solver: FlowSolver,

@@ -50,6 +50,7 @@ pub(crate) fn problems(scene: &Scene) -> Vec<Refusal> {
     solvers(scene, &mut c);
     crate::validate_flow::flow_effects(scene, &mut c);
     crate::validate_effects::effects(scene, &mut c);
+    crate::panel_box::flow_box(scene, &mut c);
     stages(scene, &mut c);
     c.0
 }
@@ -168,6 +169,7 @@ fn canopy(scene: &Scene, c: &mut Check) {
             c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
             c.count("canopy.cells_across", a.cells_across, 2, 2000, "cells along the quarter sheet");
         }
+        Canopy::Panel(p) => crate::panel_box::panel(p, c),
         Canopy::Gmsh(g) => {
             if !g.file.is_file() {
                 c.refuse(
@@ -191,6 +193,8 @@ fn materials(scene: &Scene, c: &mut Check) {
         "a fabric is thinner than 0.1 m: is the value in metres?",
     );
     c.positive("fabric.density_kg_m3", f.density_kg_m3, 30_000.0, "a density in kg/m3");
+    let softest = f.orthotropic.as_ref().map_or(f64::INFINITY, |o| o.youngs_modulus_2_pa).min(f.youngs_modulus_pa);
+    c.range("fabric.prestress_pa", f.prestress_pa, 0.0, 0.5 * softest, true, "at most half the modulus");
     if let Some(o) = &f.orthotropic {
         c.positive("fabric.orthotropic.youngs_modulus_2_pa", o.youngs_modulus_2_pa, 1e13, "a modulus in Pa");
         c.positive("fabric.orthotropic.shear_modulus_pa", o.shear_modulus_pa, 1e13, "a modulus in Pa");
@@ -239,7 +243,7 @@ impl Scene {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
             // A file may have none; what it has needs [lines], which the structure checks.
-            Canopy::AirBag(_) | Canopy::Gmsh(_) => false,
+            Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) => false,
         }
     }
 }

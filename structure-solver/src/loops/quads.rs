@@ -220,7 +220,7 @@ impl<M: Material> ElementLoop for Quads<M> {
             let strains = e.strains(x);
             let point = |k: usize| {
                 let (s, e3) = (self.material.stress(strains[k]), strains[k]);
-                0.5 * e.volume[k] * (s[0] * e3[0] + s[1] * e3[1] + s[2] * e3[2])
+                e.volume[k] * self.material.energy(&s, &e3)
             };
             (0..POINTS).map(point).sum::<f64>()
         };

@@ -1,15 +1,18 @@
 //! Fabric laws in plane stress, between Green strain and second
 //! Piola-Kirchhoff stress.
 //!
-//! A law is two functions. The strain energy needs none: for each law here the
-//! stress is homogeneous of degree one, so the energy per volume is `S:E/2`.
+//! A law is two functions. The strain energy follows from the stress: that of each law here is
+//! homogeneous of degree one in the strain (a prestress counts as one), so the energy per
+//! volume is `S:E/2`.
 
 mod orthotropic_field;
+mod prestressed;
 pub mod step;
 mod svk;
 mod tension_field;
 
 pub use orthotropic_field::OrthotropicTensionField;
+pub use prestressed::Prestressed;
 pub use svk::StVenantKirchhoff;
 pub use tension_field::TensionField;
 
@@ -37,6 +40,11 @@ pub trait Material: Copy + 'static {
     fn stress(&self, e: Strain) -> Stress;
     /// Stress and its derivative.
     fn tangent(&self, e: Strain) -> (Stress, Moduli);
+    /// Strain energy per volume, J/m3, where the strain is `e` and the stress `s`.
+    #[inline(always)]
+    fn energy(&self, s: &Stress, e: &Strain) -> f64 {
+        0.5 * (s[0] * e[0] + s[1] * e[1] + s[2] * e[2])
+    }
     /// State for pictures and reports; laws without wrinkling are always taut.
     fn regime(&self, _e: Strain) -> Regime {
         Regime::Taut

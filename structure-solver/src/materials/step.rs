@@ -14,7 +14,7 @@ pub struct StepStart {
 impl StepStart {
     /// At strain `e`.
     pub fn new(material: &impl Material, e: Strain) -> Self {
-        Self { strain: e, energy: energy(&material.stress(e), &e) }
+        Self { strain: e, energy: material.energy(&material.stress(e), &e) }
     }
 
     /// The strain.
@@ -80,7 +80,7 @@ fn correction(m: &impl Material, start: &StepStart, end: &Strain, s: &Stress) ->
     let change: [f64; 3] = std::array::from_fn(|i| end[i] - start.strain[i]);
     let delta = [change[0], change[1], 0.5 * change[2]];
     let end_stress = m.stress(*end);
-    let stored = energy(&end_stress, end);
+    let stored = m.energy(&end_stress, end);
     let work = dot(s, &change);
     let size = dot(&delta, &change);
     let missing = stored - start.energy - work;
@@ -100,12 +100,6 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Strain energy per volume, J/m3.
-#[inline(always)]
-fn energy(s: &Stress, e: &Strain) -> f64 {
-    0.5 * dot(s, e)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,7 +115,7 @@ mod tests {
             let m = TensionField::new(7.0, 0.3);
             let s = stress(&m, &StepStart::new(&m, a), b, w);
             let change: [f64; 3] = std::array::from_fn(|i| b[i] - a[i]);
-            let stored = energy(&m.stress(b), &b) - energy(&m.stress(a), &a);
+            let stored = m.energy(&m.stress(b), &b) - m.energy(&m.stress(a), &a);
             prop_assert!(dot(&s, &change) - stored > -1e-12);
         }
 

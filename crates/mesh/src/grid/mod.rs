@@ -6,6 +6,7 @@ mod from_file;
 mod from_file_tests;
 #[cfg(test)]
 mod inflate;
+mod panel_box;
 mod place;
 mod smooth;
 #[cfg(test)]
@@ -24,7 +25,7 @@ use topology::Blocks;
 const LEAST_VENT: f64 = 0.01;
 
 /// Body-conforming hexahedra around the canopy at `positions` (m, one for each
-/// of its nodes), or the scene's own grid from a file. Canopy nodes come first, in the canopy's order. Depends on the
+/// of its nodes), a box around a panel, or the scene's own grid from a file. Canopy nodes come first, in the canopy's order. Depends on the
 /// arguments alone, to the last bit.
 ///
 /// # Errors
@@ -69,6 +70,9 @@ pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> 
     if let Some(file) = &flow.grid_file {
         return from_file::from_file(file, canopy, positions);
     }
+    if let (Some(b), Canopy::Panel(p)) = (&flow.box_grid, &scene.canopy) {
+        return panel_box::panel_box(b, p, canopy, positions);
+    }
     let (blocks, width) = blocks(scene, &flow.grid, canopy)?;
     check_vents(&blocks, positions, LEAST_VENT * width)?;
     let coords = place::place(&blocks, positions, &flow.grid, width);
@@ -99,6 +103,9 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
                 "air-bag",
                 "the air bag has no flow grid; run the structure alone",
             ));
+        }
+        Canopy::Panel(_) => {
+            return Err(refuse("canopy.kind", "panel", "the grid around a panel is a box: add [flow.box]"));
         }
         Canopy::Gmsh(_) => {
             return Err(refuse(

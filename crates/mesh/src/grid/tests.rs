@@ -18,6 +18,7 @@ pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
         limiter: None,
         grid: Default::default(),
         grid_file: None,
+        box_grid: None,
         solver: Default::default(),
         probes: Vec::new(),
         statistics: None,

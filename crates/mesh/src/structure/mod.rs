@@ -6,6 +6,7 @@ mod gmsh;
 mod node_sets;
 mod payload;
 mod skirt;
+mod panel;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -31,6 +32,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::Circular(f) => flat::flat(f, flat::Outline::Circle, payload_mass),
         Canopy::AirBag(b) => flat::air_bag(b),
         Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
+        Canopy::Panel(p) => panel::panel(p),
     }?;
     if scene.lines.is_none() && !mesh.cables.is_empty() {
         return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));

@@ -16,6 +16,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             thickness_m: 3.048e-5,
             density_kg_m3: 1223.5093,
             wrinkling: true,
+            prestress_pa: 0.0,
             orthotropic: None,
             permeability: None,
             contact: None,
