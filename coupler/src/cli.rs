@@ -77,6 +77,9 @@ enum Command {
     Schema,
     /// Draw the canopy and the flow around it from the results of a run (PNG)
     Picture(crate::picture::PictureArgs),
+    /// Fly a family of small cases and draw where which scheme is stable
+    #[command(after_help = CODES)]
+    Stability(crate::stability::StabilityArgs),
     /// Plays a recorded mesh-mover for `replay`
     #[command(hide = true)]
     StandIn {
@@ -271,6 +274,11 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::Conform(args) => {
             let stop = on_signals()?;
             compared(crate::conform::conform(&args, &stop, console)?)
+        }
+        Command::Stability(args) => {
+            let stop = on_signals()?;
+            print(&crate::stability::stability(&args, &stop, console)?);
+            Ok(())
         }
         Command::Diff(args) => compared(crate::diff::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),

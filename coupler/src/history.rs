@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use case::{Role, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 
+use crate::energy::EnergyBooks;
 use crate::error::RunError;
 use crate::schemes::WindowReport;
 
@@ -32,10 +33,12 @@ pub struct Row {
     pub acceleration_m_s2: f64,
     /// Drag coefficient; `None` without descent.
     pub drag_coefficient: Option<f64>,
+    /// Work of the air on the canopy in this window, J.
+    pub interface_work_j: f64,
     /// What the coupling itself adds to the energy of the canopy in this window, J.
     pub energy_error_j: f64,
-    /// The same summed over the stage, J.
-    pub energy_error_sum_j: f64,
+    /// Both summed over the stage.
+    pub books: EnergyBooks,
     /// Wall seconds of the window.
     pub wall_s: f64,
     /// Wall seconds of the coupler itself.
@@ -92,8 +95,10 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
             ("coupling_iterations", Count(u64::from(report.iterations))),
             ("coupling_residual", report.residual.map_or(Nothing, Number)),
             ("coupling_converged", Flag(report.converged)),
+            ("interface_work_j", Number(row.interface_work_j)),
             ("interface_energy_error_j", Number(row.energy_error_j)),
-            ("interface_energy_error_sum_j", Number(row.energy_error_sum_j)),
+            ("interface_energy_error_sum_j", Number(row.books.added_j)),
+            ("interface_energy_error_share", Number(row.books.share())),
         ]);
     }
     let mut add = |role: Role, columns: &[(&'static str, usize, bool)]| {

@@ -6,6 +6,7 @@ use case::{Role, Stage, StageKind};
 use channel::structure_stats;
 use serde::Serialize;
 
+use crate::energy::CREATED;
 use crate::error::RunError;
 use crate::history::Row;
 use crate::progress::clock;
@@ -57,6 +58,10 @@ pub struct StageSummary {
     pub mean_drag_n: f64,
     /// Energy that the coupling added, J.
     pub interface_energy_error_j: f64,
+    /// Work of the air on the canopy, to and fro (the sum of its sizes over the windows), J.
+    pub interface_work_j: f64,
+    /// One over the other.
+    pub interface_energy_error_share: f64,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -91,6 +96,8 @@ impl StageSummary {
             drag_n: 0.0,
             mean_drag_n: 0.0,
             interface_energy_error_j: 0.0,
+            interface_work_j: 0.0,
+            interface_energy_error_share: 0.0,
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
@@ -115,7 +122,9 @@ impl StageSummary {
         self.not_converged += u64::from(!report.converged);
         self.descent_speed_m_s = row.descent_speed_m_s;
         self.drag_n = report.force[2];
-        self.interface_energy_error_j = row.energy_error_sum_j;
+        self.interface_energy_error_j = row.books.added_j;
+        self.interface_work_j = row.books.work_j;
+        self.interface_energy_error_share = row.books.share();
         let structure = &report.stats[Role::Structure as usize].values;
         self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
         self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
@@ -208,7 +217,7 @@ impl RunSummary {
                 }
                 StageKind::Coupled => format!(
                     "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
-                     projected area {:.2} m2; coupling added {:.2e} J{}; {}",
+                     projected area {:.2} m2; coupling added {:.2e} J ({:+.1} % of the work){}{}; {}",
                     s.name,
                     s.descent_speed_m_s,
                     s.mean_descent_speed_m_s,
@@ -216,6 +225,12 @@ impl RunSummary {
                     s.mean_drag_n,
                     s.projected_area_m2,
                     s.interface_energy_error_j,
+                    100.0 * s.interface_energy_error_share,
+                    if s.interface_energy_error_share > CREATED {
+                        "; the coupling creates energy"
+                    } else {
+                        ""
+                    },
                     if s.not_converged > 0 {
                         format!("; {} windows above the tolerance", s.not_converged)
                     } else {

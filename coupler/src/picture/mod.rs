@@ -1,5 +1,6 @@
 //! `ripstop picture`: the canopy and the flow around it, as PNG.
 
+pub(crate) mod canvas;
 mod colour;
 mod raster;
 mod results;

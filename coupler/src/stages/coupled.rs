@@ -24,7 +24,8 @@ pub(super) struct Coupled<'a> {
     interface: &'a CanopyInterface,
     windows: WindowLoop,
     start: Vec<f64>,
-    energy_error: f64,
+    /// Felt by the structure, given by the flow.
+    work: (f64, f64),
 }
 
 impl<'a> Coupled<'a> {
@@ -61,7 +62,7 @@ impl<'a> Coupled<'a> {
             modelled,
             context.options.keep_going,
         );
-        Self { interface: context.interface, windows, start, energy_error: 0.0 }
+        Self { interface: context.interface, windows, start, work: (0.0, 0.0) }
     }
 }
 
@@ -160,7 +161,7 @@ impl Stepper for Coupled<'_> {
         let state = self.windows.state();
         let load = state.load.as_deref().unwrap_or(&[]);
         let felt = report.stats[Role::Structure as usize].values[structure_stats::LOAD_WORK];
-        self.energy_error = felt - self.interface.work(load, &self.start, &state.displacement);
+        self.work = (felt, self.interface.work(load, &self.start, &state.displacement));
         Ok(report)
     }
 
@@ -168,7 +169,7 @@ impl Stepper for Coupled<'_> {
         self.windows.state()
     }
 
-    fn energy_error(&self) -> f64 {
-        self.energy_error
+    fn interface_work(&self) -> Option<(f64, f64)> {
+        Some(self.work)
     }
 }

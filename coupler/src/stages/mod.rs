@@ -12,6 +12,7 @@ use case::{Role, Scene, Solve, Stage, StageKind};
 use channel::{Window, flow_stats};
 
 use crate::descent::{DescentModel, PayloadDrag};
+use crate::energy::EnergyBooks;
 use crate::error::{Place, RunError};
 use crate::history::{History, Iterations, Row};
 use crate::interface::CanopyInterface;
@@ -64,9 +65,10 @@ trait Stepper {
         None
     }
 
-    /// Energy that the coupling added in the last window, J.
-    fn energy_error(&self) -> f64 {
-        0.0
+    /// Work in the last window, J: what the structure felt, what the flow gave. `None` where
+    /// nothing is coupled.
+    fn interface_work(&self) -> Option<(f64, f64)> {
+        None
     }
 }
 
@@ -112,7 +114,7 @@ impl StageContext<'_> {
         let mut progress = Progress::new(self.console, &stage.name, stage.kind, windows);
         summary.ended = "failed".into();
         let descent = self.descent();
-        let mut energy_error_sum_j = 0.0;
+        let mut books = EnergyBooks::default();
         let mut ended = if windows < self.windows() { "stopped as asked" } else { "complete" }.to_owned();
         for index in 0..windows {
             let start = Instant::now();
@@ -135,7 +137,8 @@ impl StageContext<'_> {
                 other => other?,
             };
             let wall_s = start.elapsed().as_secs_f64();
-            energy_error_sum_j += stepper.energy_error();
+            let (felt, given) = stepper.interface_work().unwrap_or_default();
+            books.enter(felt, given);
             let state = stepper.state();
             let row = Row {
                 window: index,
@@ -143,8 +146,9 @@ impl StageContext<'_> {
                 descent_speed_m_s: -state.velocity,
                 acceleration_m_s2: state.acceleration,
                 drag_coefficient: descent.map(|d| d.drag_coefficient(report.force[2])),
-                energy_error_j: stepper.energy_error(),
-                energy_error_sum_j,
+                interface_work_j: given,
+                energy_error_j: felt - given,
+                books,
                 coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
                 wall_s,
                 report,
@@ -157,6 +161,9 @@ impl StageContext<'_> {
                     row.report.iterations,
                     self.scene.coupling.tolerance
                 ));
+            }
+            if let Some(text) = books.warning() {
+                self.console.warning(&format!("window {index} of stage `{}`: {text}", stage.name));
             }
             history.push(&row)?;
             if let Some(iterations) = &mut iterations {

@@ -111,8 +111,15 @@ pub(crate) fn flow_box(scene: &Scene, c: &mut Check) {
     let Some(flow) = &scene.flow else { return };
     let is_panel = matches!(scene.canopy, Canopy::Panel(_));
     let Some(b) = &flow.box_grid else {
-        if is_panel && flow.grid_file.is_none() && scene.stages.iter().any(|s| s.kind != StageKind::PreInflation) {
-            c.refuse("flow", "a panel has no generated grid around it", "add [flow.box], or [flow.grid_file]");
+        if is_panel
+            && flow.grid_file.is_none()
+            && scene.stages.iter().any(|s| s.kind != StageKind::PreInflation)
+        {
+            c.refuse(
+                "flow",
+                "a panel has no generated grid around it",
+                "add [flow.box], or [flow.grid_file]",
+            );
         }
         return;
     };
@@ -135,8 +142,7 @@ pub(crate) fn flow_box(scene: &Scene, c: &mut Check) {
         let equal = (b.below_m / f64::from(b.layers_below)).min(b.above_m / f64::from(b.layers_above));
         c.positive("flow.box.first_layer_m", first, equal, "at most the height of equal layers");
     }
-    for (key, length, cells) in
-        [("ahead", b.ahead_m, b.cells_ahead), ("behind", b.behind_m, b.cells_behind)]
+    for (key, length, cells) in [("ahead", b.ahead_m, b.cells_ahead), ("behind", b.behind_m, b.cells_behind)]
     {
         c.range(&format!("flow.box.{key}_m"), length, 0.0, 1e4, true, LENGTH);
         c.count(&format!("flow.box.cells_{key}"), cells, 0, 2000, "cells");

@@ -193,7 +193,8 @@ fn materials(scene: &Scene, c: &mut Check) {
         "a fabric is thinner than 0.1 m: is the value in metres?",
     );
     c.positive("fabric.density_kg_m3", f.density_kg_m3, 30_000.0, "a density in kg/m3");
-    let softest = f.orthotropic.as_ref().map_or(f64::INFINITY, |o| o.youngs_modulus_2_pa).min(f.youngs_modulus_pa);
+    let softest =
+        f.orthotropic.as_ref().map_or(f64::INFINITY, |o| o.youngs_modulus_2_pa).min(f.youngs_modulus_pa);
     c.range("fabric.prestress_pa", f.prestress_pa, 0.0, 0.5 * softest, true, "at most half the modulus");
     if let Some(o) = &f.orthotropic {
         c.positive("fabric.orthotropic.youngs_modulus_2_pa", o.youngs_modulus_2_pa, 1e13, "a modulus in Pa");

@@ -192,7 +192,9 @@ mod tests {
         assert_eq!(grid.cells.len(), 15 * 2 * 10);
         assert!((volume(&grid) - 5.0 * 0.5 * 1.5).abs() < 1e-12);
         let far = grid.boundary.iter().filter(|b| b.0 == Patch::FarField);
-        assert!(far.clone().count() == 20 && far.flat_map(|b| b.1).all(|n| grid.coords[n as usize][0] == -2.0));
+        assert!(
+            far.clone().count() == 20 && far.flat_map(|b| b.1).all(|n| grid.coords[n as usize][0] == -2.0)
+        );
         FaceTable::new(&grid).unwrap();
     }
 }
