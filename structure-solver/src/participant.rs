@@ -23,9 +23,10 @@ use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 16] = [
+const EFFECTS: [&str; 17] = [
     "fabric.wrinkling",
     "fabric.orthotropic",
+    "fabric.prestress_pa",
     "point_mass",
     "stage.stiffness_damping_s",
     "stage.motion",

@@ -20,7 +20,8 @@ fn refused(from: &str, to: &str) -> String {
 fn every_case_in_the_repository_is_valid() {
     let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases");
     let mut seen = 0;
-    for entry in std::fs::read_dir(cases).unwrap() {
+    let hard = std::fs::read_dir(cases.join("hard")).unwrap();
+    for entry in std::fs::read_dir(cases).unwrap().chain(hard) {
         let file = entry.unwrap().path().join("scene.toml");
         if file.exists() {
             let scene = case::load(&file).unwrap_or_else(|e| panic!("{e}"));
@@ -28,7 +29,7 @@ fn every_case_in_the_repository_is_valid() {
             seen += 1;
         }
     }
-    assert!(seen >= 3);
+    assert!(seen >= 10);
 }
 
 #[test]
@@ -220,4 +221,25 @@ fn what_the_flow_writes_is_read_and_checked() {
         let message = with(&text).expect_err(&text).to_string();
         assert!(message.contains(wanted), "{text}: {message}");
     }
+}
+
+#[test]
+fn a_panel_needs_its_box_and_a_box_its_panel() {
+    let panel = include_str!("../../../cases/hard/membrane-box/scene.toml");
+    let refused = |from: &str, to: &str| {
+        assert!(panel.contains(from), "the scene no longer contains {from:?}");
+        read(&panel.replacen(from, to, 1)).expect_err("this scene should be refused").to_string()
+    };
+    assert!(refused("layers_above = 6", "layers_above = 6\nfirst_layer_m = 0.2").contains("equal layers"));
+    assert!(refused("layers_above = 6", "layers_above = 6\nahead_m = 0.5").contains("cells_ahead"));
+    assert!(refused("prestress_pa = 730.0", "prestress_pa = 7300.0").contains("half the modulus"));
+    assert!(refused("cells = [8, 8]", "cells = [8, 0]").contains("canopy.cells[1]"));
+    assert!(refused("top = \"outlet\"", "top = \"hole\"").contains("hole"));
+    let start = panel.find("[flow.box]").unwrap();
+    let end = panel.find("[flow.solver]").unwrap();
+    let text = read(&[&panel[..start], &panel[end..]].concat()).unwrap_err().to_string();
+    assert!(text.contains("add [flow.box]"), "{text}");
+    let text = read(&ATPS.replacen("[flow.grid]", &[&panel[start..end], "[flow.grid]"].concat(), 1));
+    let text = text.unwrap_err().to_string();
+    assert!(text.contains("a box fits around a panel only"), "{text}");
 }
