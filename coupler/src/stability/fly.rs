@@ -106,7 +106,13 @@ fn one(member: &Member, stop: &AtomicBool) -> Result<Flown, RunError> {
     let failure = run(&scene, folder, stop)?;
     let name = &member.scene.stages.last().map(|s| s.name.as_str()).unwrap_or_default();
     let seen = read(&folder.join(name).join("history.csv"))?;
-    let flown = Flown { point: member.point.clone(), verdict: Verdict::new(&seen, &member.exact, failure) };
+    let first = read(&folder.join(&member.scene.stages[0].name).join("history.csv"));
+    let start = first.ok().and_then(|s| s.volume.last().copied()).filter(|v| v.is_finite() && *v != 0.0);
+    let exact = match start {
+        Some(volume) => member.exact.clone().from_volume(volume),
+        None => member.exact.clone(),
+    };
+    let flown = Flown { point: member.point.clone(), verdict: Verdict::new(&seen, &exact, failure) };
     let text = serde_json::to_string_pretty(&flown).unwrap_or_default();
     // Beside its place first: a result is whole, or it is not there.
     let (draft, place) = (folder.join("verdict.new"), folder.join(RESULT));
@@ -172,7 +178,7 @@ fn read(path: &Path) -> Result<Seen, RunError> {
         time: column("time_s")?,
         volume: column("volume_m3")?,
         kinetic: column("structure_kinetic_energy_j")?,
-        energy_error: column("interface_energy_error_sum_j")?,
-        iterations: column("coupling_iterations")?,
+        energy_error: column("interface_energy_error_sum_j").unwrap_or_default(),
+        iterations: column("coupling_iterations").unwrap_or_default(),
     })
 }

@@ -41,7 +41,7 @@ pub fn write(out: &Path, axes: &Axes, flown: &[Flown], title: &str) -> Result<()
 fn table(flown: &[Flown]) -> String {
     let mut text = String::from(
         "mass_ratio,windows_per_period,substeps,scheme,class,windows,iterations_per_window,frequency_error,\
-         amplitude_error,energy_error,failure\n",
+         amplitude_error,energy_created,failure\n",
     );
     let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:.5}"));
     for f in flown {
@@ -60,7 +60,7 @@ fn table(flown: &[Flown]) -> String {
             v.iterations,
             number(v.frequency_error),
             number(v.amplitude_error),
-            v.energy_error
+            v.energy_created
         );
     }
     text
@@ -74,7 +74,7 @@ fn size(axes: &Axes) -> [u32; 2] {
     let [w, h] = field(axes);
     let (columns, rows) = (axes.substeps.len() as f32, axes.schemes.len() as f32);
     let width = LEFT + columns * (w + GAP) + 10.0;
-    [width.max(560.0) as u32, (TOP + rows * (h + TITLE + FOOT)) as u32]
+    [width.max(700.0) as u32, (TOP + rows * (h + TITLE + FOOT)) as u32]
 }
 
 fn draw(on: &mut dyn Canvas, axes: &Axes, flown: &[Flown], title: &str) {
@@ -204,7 +204,7 @@ mod tests {
                                 iterations: 1.0 + (i * j) as f64,
                                 frequency_error: Some(0.01),
                                 amplitude_error: None,
-                                energy_error: 0.0,
+                                energy_created: 0.0,
                                 failure: unstable.then(|| "it grew, and\nmore".to_owned()),
                             },
                         });

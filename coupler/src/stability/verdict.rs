@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::exact::Exact;
 
-/// A stable member whose frequency, amplitude or energy is off by more than this share is
-/// inaccurate.
+/// A stable member is inaccurate where its frequency or amplitude is off by more than this
+/// share, or where the coupling has created more than this share of its energy.
 pub const ACCURATE: f64 = 0.1;
 /// A volume beyond this many times its start is growth: the exact one never exceeds 1.
 const GROWTH: f64 = 1.5;
@@ -66,8 +66,8 @@ pub struct Verdict {
     pub frequency_error: Option<f64>,
     /// Amplitude at that frequency over the exact one, less 1.
     pub amplitude_error: Option<f64>,
-    /// What the coupling added over the energy of the vibration; the largest along the way.
-    pub energy_error: f64,
+    /// What the coupling created over the energy of the vibration; the most along the way.
+    pub energy_created: f64,
     /// Why it ended early.
     pub failure: Option<String>,
 }
@@ -77,8 +77,7 @@ impl Verdict {
     pub fn new(seen: &Seen, exact: &Exact, failure: Option<String>) -> Self {
         let windows = seen.time.len();
         let iterations = seen.iterations.iter().sum::<f64>() / windows.max(1) as f64;
-        let most = |v: &[f64]| v.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        let energy_error = most(&seen.energy_error) / exact.energy();
+        let created = seen.energy_error.iter().copied().fold(0.0, f64::max) / exact.energy();
         let fit = fit(seen, exact);
         let mut verdict = Self {
             class: Class::Unstable,
@@ -86,16 +85,15 @@ impl Verdict {
             iterations,
             frequency_error: fit.map(|f| f[0] - 1.0),
             amplitude_error: fit.map(|f| f[1] - 1.0),
-            energy_error,
+            energy_created: created,
             failure,
         };
         if verdict.failure.is_some() || windows == 0 || grows(seen, exact) {
             return verdict;
         }
         let accurate = |e: Option<f64>| e.is_some_and(|e| e.abs() <= ACCURATE);
-        let within = accurate(verdict.frequency_error)
-            && accurate(verdict.amplitude_error)
-            && energy_error <= ACCURATE;
+        let within =
+            accurate(verdict.frequency_error) && accurate(verdict.amplitude_error) && created <= ACCURATE;
         verdict.class = if within { Class::Stable } else { Class::Inaccurate };
         verdict
     }
