@@ -79,6 +79,15 @@ pub(super) fn orthotropic(n: &Numbers<'_>) -> Judgement {
     }
 }
 
+pub(super) fn prestress(n: &Numbers<'_>) -> Judgement {
+    let f = &n.scene.fabric;
+    if f.prestress_pa <= 0.0 {
+        return open("a canopy is cut without tension, a stretched panel is not");
+    }
+    let share = f.prestress_pa * f.thickness_m / (n.pressure * 0.5 * n.width);
+    by_share(share, format!("{} of the tension p R", percent(share)))
+}
+
 pub(super) fn lines(n: &Numbers<'_>) -> Judgement {
     open(if n.line_length > 0.0 {
         format!("{:.0} m of lines of {:.3} kg", n.line_length, n.line_mass)

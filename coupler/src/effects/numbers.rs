@@ -84,6 +84,7 @@ impl<'a> Numbers<'a> {
             Canopy::Atps(a) => f64::from(a.cells_across),
             Canopy::Square(f) | Canopy::Circular(f) => f64::from(f.cells_across),
             Canopy::AirBag(a) => f64::from(a.cells_across),
+            Canopy::Panel(p) => f64::from(p.cells[0]),
             Canopy::Gmsh(_) => (mesh.faces.len() as f64).sqrt(),
         };
         let dynamic_pressure = 0.5 * density * speed * speed;

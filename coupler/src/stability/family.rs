@@ -29,7 +29,8 @@ pub struct Axes {
 }
 
 /// A scheme as the command line names it: `default` (what the scene says), or
-/// `SCHEME[:ACCELERATION[:LOAD]]` with the values of `[coupling]`.
+/// `SCHEME[:ACCELERATION[:LOAD]][+KEY=VALUE...]` with the keys and values of `[coupling]`, as in
+/// `staggered+staggered.sequence=half-step+staggered.predictor=1`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct SchemeChoice(pub String);
@@ -39,8 +40,23 @@ impl SchemeChoice {
         if self.0 == "default" {
             return Ok(());
         }
-        for (key, value) in ["scheme", "acceleration", "load"].into_iter().zip(self.0.split(':')) {
-            set(scene, &["coupling"], key, Value::String(value.into()))?;
+        let mut parts = self.0.split('+');
+        let first = parts.next().unwrap_or_default();
+        if first != "default" {
+            for (key, value) in ["scheme", "acceleration", "load"].into_iter().zip(first.split(':')) {
+                set(scene, &["coupling"], key, Value::String(value.into()))?;
+            }
+        }
+        for part in parts {
+            let (path, value) = part
+                .split_once('=')
+                .ok_or_else(|| RunError::Input(format!("`{part}` is no KEY=VALUE of [coupling]")))?;
+            // A number, a flag, or else a word.
+            let value = format!("v = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("v"));
+            let value = value.unwrap_or_else(|| Value::String(part[path.len() + 1..].into()));
+            let (table, key) = path.rsplit_once('.').map_or((None, path), |(t, k)| (Some(t), k));
+            let place: Vec<&str> = ["coupling"].into_iter().chain(table).collect();
+            set(scene, &place, key, value)?;
         }
         Ok(())
     }
@@ -162,6 +178,11 @@ pub(super) mod tests {
             let windows = crate::stages::windows(stage);
             assert!((LEAST_WINDOWS..=MOST_WINDOWS).contains(&windows), "{windows}");
         }
+        let more = SchemeChoice("staggered+staggered.sequence=half-step+staggered.predictor=1".into());
+        let axes =
+            Axes { mass_ratios: vec![1.0], windows: vec![8.0], substeps: vec![10], schemes: vec![more] };
+        let one = &members(&base(), &axes, Path::new("/tmp/x")).unwrap()[0].scene.coupling.staggered;
+        assert_eq!((one.sequence, one.predictor), (case::StaggeredSequence::HalfStep, 1));
         let last = &all[23].scene.coupling;
         assert_eq!(
             (last.scheme, last.acceleration, last.load),

@@ -35,7 +35,7 @@ pub struct StabilityArgs {
     /// Structural steps in a window [default: 10; --full: 1,10]
     #[arg(long, value_name = "COUNT,...", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     substeps: Vec<u32>,
-    /// Coupling: `default` as in the scene, or SCHEME[:ACCELERATION[:LOAD]] [default: staggered,default]
+    /// Coupling: `default` as in the scene, or SCHEME[:ACCELERATION[:LOAD]][+KEY=VALUE] [default: staggered,default]
     #[arg(long, value_name = "SCHEME,...", value_delimiter = ',')]
     scheme: Vec<String>,
     /// The whole family: five decades of mass ratio, three of the window

@@ -41,6 +41,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         let mut norm: f64;
         if step.again {
             norm = self.evaluate();
+            // The first call of the window may have brought no motion at all, and so no measure.
+            self.start = self.start.max(norm);
         } else {
             let inertia = self.inertia();
             norm = f64::INFINITY;
