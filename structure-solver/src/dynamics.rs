@@ -376,7 +376,7 @@ impl Dynamics {
             self.x[i] = self.system.model.reference[i] + state.u[i];
         }
         let face_load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
-        self.system.external(&self.x, face_load, &mut self.force[usize::from(next)]);
+        self.system.pressed(&self.x, face_load, &mut self.force[usize::from(next)]);
     }
 
     /// The last computed window is final.

@@ -14,7 +14,7 @@ const LEFT: f32 = 92.0;
 const TOP: f32 = 74.0;
 const TITLE: f32 = 30.0;
 const FOOT: f32 = 46.0;
-const GAP: f32 = 34.0;
+const GAP: f32 = 52.0;
 /// Iterations at the light end of the scale.
 const MOST: f64 = 30.0;
 const INK: [f32; 3] = [0.13, 0.15, 0.18];
@@ -152,8 +152,8 @@ fn panel(
         on.label(&w.to_string(), [x - 8.0, at], 8.0, 1.0, INK);
     }
     if x <= LEFT {
-        on.label("windows", [10.0, y + 10.0], 8.0, 0.0, INK);
-        on.label("/ period", [10.0, y + 24.0], 8.0, 0.0, INK);
+        on.label("windows", [10.0, y - 20.0], 8.0, 0.0, INK);
+        on.label("/ period", [10.0, y - 8.0], 8.0, 0.0, INK);
     }
 }
 
