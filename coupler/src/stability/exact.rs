@@ -200,7 +200,7 @@ pub(super) mod tests {
         let quarter = 0.25 * exact.period();
         let share = scene.fabric.density_kg_m3 * scene.fabric.thickness_m;
         let kinetic = exact.fabric_energy(quarter) * (1.0 + exact.added / share);
-        assert!((kinetic / exact.energy() - 1.0).abs() < 0.05, "{}", kinetic / exact.energy());
+        assert!((kinetic / exact.energy() - 1.0).abs() < 0.1, "{}", kinetic / exact.energy());
     }
 
     #[test]

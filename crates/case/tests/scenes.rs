@@ -230,10 +230,10 @@ fn a_panel_needs_its_box_and_a_box_its_panel() {
         assert!(panel.contains(from), "the scene no longer contains {from:?}");
         read(&panel.replacen(from, to, 1)).expect_err("this scene should be refused").to_string()
     };
-    assert!(refused("layers_above = 6", "layers_above = 6\nfirst_layer_m = 0.2").contains("equal layers"));
-    assert!(refused("layers_above = 6", "layers_above = 6\nahead_m = 0.5").contains("cells_ahead"));
+    assert!(refused("layers_above = 8", "layers_above = 8\nfirst_layer_m = 0.2").contains("equal layers"));
+    assert!(refused("layers_above = 8", "layers_above = 8\nahead_m = 0.5").contains("cells_ahead"));
     assert!(refused("prestress_pa = 730.0", "prestress_pa = 7300.0").contains("half the modulus"));
-    assert!(refused("cells = [8, 8]", "cells = [8, 0]").contains("canopy.cells[1]"));
+    assert!(refused("cells = [12, 12]", "cells = [12, 0]").contains("canopy.cells[1]"));
     assert!(refused("top = \"outlet\"", "top = \"hole\"").contains("hole"));
     let start = panel.find("[flow.box]").unwrap();
     let end = panel.find("[flow.solver]").unwrap();
