@@ -17,6 +17,8 @@ const FOOT: f32 = 46.0;
 const GAP: f32 = 52.0;
 /// Iterations at the light end of the scale.
 const MOST: f64 = 30.0;
+/// Letters of a failure in the table; all of it is in the member's folder.
+const FAILURE: usize = 110;
 const INK: [f32; 3] = [0.13, 0.15, 0.18];
 const WHITE: [f32; 3] = [1.0; 3];
 const RED: [f32; 3] = [0.80, 0.11, 0.11];
@@ -47,8 +49,8 @@ fn table(flown: &[Flown]) -> String {
     for f in flown {
         let v = &f.verdict;
         // One line, and no comma.
-        let failure =
-            v.failure.as_deref().unwrap_or_default().lines().next().unwrap_or_default().replace(',', ";");
+        let failure = v.failure.as_deref().unwrap_or_default().lines().next().unwrap_or_default();
+        let failure = failure.chars().take(FAILURE).collect::<String>().replace(',', ";");
         text += &format!(
             "{},{},{},{},{},{},{:.2},{},{},{:.5},{failure}\n",
             f.point.mass_ratio,
