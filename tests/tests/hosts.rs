@@ -107,6 +107,7 @@ fn a_rank_on_another_host_waits_asleep_and_is_missed() {
     let history = out.join("descent/history.csv");
     while !std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() > 2) {
         assert!(begin.elapsed() < Duration::from_secs(400), "the run did not reach the descent");
+        assert!(run.try_wait().expect("it can be waited for").is_none(), "the run ended before the descent");
         std::thread::sleep(Duration::from_millis(50));
     }
     let mark = out.display().to_string();
