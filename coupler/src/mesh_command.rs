@@ -88,7 +88,7 @@ mod tests {
         assert_eq!(start["states"], serde_json::json!({}));
         // A default that the file leaves out, under the name that it has there.
         assert_eq!(start["scene"]["stage"][1]["name"], "developed-flow");
-        assert_eq!(start["scene"]["coupling"]["velocity_average"], 0.5);
+        assert_eq!(start["scene"]["coupling"]["relaxation"], 0.1);
     }
 
     #[test]

@@ -123,7 +123,7 @@ impl StructureSolver {
             traction: [Vec::new(), Vec::new()],
             gravity: scene.fabric_gravity.as_ref().map(|_| gravity),
             from_rest: source.is_none(),
-            average: VelocityAverage::of(scene, stage, n),
+            average: VelocityAverage::of(scene, stage, &mesh),
             computed: None,
             log,
             measures: Measures::default(),

@@ -1,6 +1,7 @@
 //! Agreement of the structure's velocity with the one that the flow sees.
 
 use case::{Scene, Scheme, StageKind};
+use mesh::StructureMesh;
 
 use crate::loops::FaceLoad;
 use crate::newton::State;
@@ -30,8 +31,8 @@ use crate::system::System;
 /// $\varphi^2 \mu$ and $\varphi^2 \chi$: no such mode grows by more than 1.0005.
 ///
 /// The price is a first-order error in the inertia of the *fabric* (up to a third of
-/// its mass), which is small beside the air's where this is needed. Choose 0 for heavy
-/// structures.
+/// its mass), which is small beside the air's where this is needed. Without a choice of
+/// the scene $\chi$ falls with the air's share ([`fitting`]).
 #[derive(Clone, Debug)]
 pub struct VelocityAverage {
     weight: f64,
@@ -44,11 +45,15 @@ pub struct VelocityAverage {
 
 impl VelocityAverage {
     /// As the scene couples: only implicit windows have a converged velocity.
-    pub fn of(scene: &Scene, stage: usize, faces: usize) -> Option<Self> {
+    pub fn of(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Option<Self> {
         let coupled = scene.stages[stage].kind == StageKind::Coupled;
-        let weight = scene.coupling.velocity_average;
-        let called_for = coupled && scene.coupling.scheme == Scheme::Implicit && weight > 0.0;
-        called_for.then(|| Self::new(weight, faces))
+        let weight = scene.coupling.velocity_average.unwrap_or_else(|| {
+            let air = scene.flow.as_ref().map_or(0.0, |f| f.density_kg_m3);
+            let fabric = scene.fabric.thickness_m * scene.fabric.density_kg_m3;
+            fitting(mass_ratio(air, fabric, mesh.fabric_area(|_| true)))
+        });
+        let called_for = coupled && scene.coupling.scheme == Scheme::Implicit && weight > LEAST;
+        called_for.then(|| Self::new(weight, mesh.faces.len()))
     }
 
     pub(crate) fn new(weight: f64, faces: usize) -> Self {
@@ -72,6 +77,22 @@ impl VelocityAverage {
         }
         system.model.halo.exchange(&mut to.v, 3);
     }
+}
+
+/// Share below which an average is none: it would count as less than 0.1 % of the fabric.
+const LEAST: f64 = 1e-3;
+
+/// Added mass over fabric mass of the first mode of a square panel of this area (m2), from
+/// `air` (kg/m3) on both sides and `fabric` (kg/m2): $2 \rho / (k m)$, $k = \sqrt 2 \pi / a$.
+fn mass_ratio(air: f64, fabric: f64, area: f64) -> f64 {
+    2.0 * air * area.sqrt() / (std::f64::consts::SQRT_2 * std::f64::consts::PI * fabric)
+}
+
+/// $\chi$ for air that weighs `mu` times the fabric: one half where the velocity alternates,
+/// nothing where the fabric's inertia counts. From about 10 on it saves iterations,
+/// and only far above windows fail without it (docs/stability.md).
+fn fitting(mu: f64) -> f64 {
+    0.5 * mu * mu / (mu * mu + 100.0)
 }
 
 /// Velocity `v` of a node that went from `u0` to `u1` in `dt`; nodes of lines have no
@@ -104,6 +125,14 @@ mod tests {
         let normal = [0.0, 0.6, 0.8].map(|n| 0.3 * n);
         assert!(near(drawn([2.0, 3.0, 1.0], [0.2, 0.3, 0.1], normal), [2.0, 3.0, 1.0]));
         assert!(near(drawn([0.0, 0.6, 0.8], [0.0; 3], normal), [0.0, 0.3, 0.4]));
+    }
+
+    #[test]
+    fn heavy_fabric_keeps_its_inertia() {
+        // The ATPS: 140 m2 of 0.0373 kg/m2 in air; a panel of steel.
+        let canopy = fitting(mass_ratio(1.225, 0.0373, 139.9));
+        let steel = fitting(mass_ratio(1.225, 7.8, 1.0));
+        assert!((canopy - 0.5).abs() < 2e-3 && steel < LEAST, "{canopy} {steel}");
     }
 
     #[test]

@@ -682,9 +682,10 @@ pub struct Coupling {
     /// Past windows whose secants quasi-Newton reuses.
     pub reused_windows: u32,
     /// Share of the mean velocity over an implicit window in the structure's velocity
-    /// at its end, 0 to 1: holds light fabric to the motion that the flow sees. 0 for
-    /// structures heavier than the air they move.
-    pub velocity_average: f64,
+    /// at its end, along the fabric's normal, 0 to 1: holds light fabric to the motion that
+    /// the flow sees. Absent: 0.5 where the air weighs far more than the fabric, none
+    /// where it weighs less.
+    pub velocity_average: Option<f64>,
 }
 
 impl Default for Coupling {
@@ -699,7 +700,7 @@ impl Default for Coupling {
             relaxation: 0.1,
             acceleration: Acceleration::IqnIls,
             reused_windows: 8,
-            velocity_average: 0.5,
+            velocity_average: None,
         }
     }
 }

@@ -317,7 +317,9 @@ fn solvers(scene: &Scene, c: &mut Check) {
     c.count("coupling.max_iterations", k.max_iterations, 1, 10_000, "coupling iterations");
     c.positive("coupling.relaxation", k.relaxation, 1.0, "a relaxation factor");
     c.count("coupling.staggered.predictor", k.staggered.predictor, 0, crate::MOST_PREDICTOR, "an order");
-    c.range("coupling.velocity_average", k.velocity_average, 0.0, 1.0, true, "0 is none");
+    if let Some(share) = k.velocity_average {
+        c.range("coupling.velocity_average", share, 0.0, 1.0, true, "0 is none");
+    }
     if let Some(f) = &scene.flow {
         c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");
         c.range("flow.temperature_k", f.temperature_k, 10.0, 5000.0, true, "a temperature in kelvin");

@@ -4,9 +4,9 @@ mod atps;
 mod flat;
 mod gmsh;
 mod node_sets;
+mod panel;
 mod payload;
 mod skirt;
-mod panel;
 #[cfg(test)]
 pub(crate) mod tests;
 
