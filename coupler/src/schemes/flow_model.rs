@@ -14,9 +14,9 @@ use std::collections::VecDeque;
 
 use channel::LOAD_WIDTH;
 use mesh::Vec3;
-use nalgebra::{DVector, Dyn, LU};
 
 use super::Unknowns;
+use super::inverse::{Inverse, factors};
 use super::lattice::{Lattice, distinct, dot};
 use super::least_squares::{Columns, axpy, norm};
 use super::relaxation::MOST_FACES;
@@ -40,7 +40,8 @@ pub struct FlowModel {
     /// Vertical areas of the faces, m2.
     areas: Vec<f64>,
     density: f64,
-    factor: LU<f64, Dyn, Dyn>,
+    /// Of the influence.
+    inverse: Inverse,
     /// Newest first; the windows that ended in them were all of the length `dt`.
     walls: VecDeque<Wall>,
     dt: f64,
@@ -63,16 +64,16 @@ impl FlowModel {
             return None;
         }
         let Lattice { areas, normals, influence } = Lattice::new(positions, faces);
-        let factor = influence.lu();
+        let inverse = Inverse::of(&factors(&influence))?;
         let at_rest = [0.0, 0.0, velocity].repeat(positions.len());
         let walls = VecDeque::from([Wall { displacement: displacement.to_vec(), velocity: at_rest }]);
-        factor.is_invertible().then(|| Self {
+        Some(Self {
             unknowns,
             faces: faces.to_vec(),
             normals,
             areas: areas.iter().map(|a| a[2]).collect(),
             density,
-            factor,
+            inverse,
             walls,
             dt: 0.0,
             secants: VecDeque::new(),
@@ -127,11 +128,10 @@ impl FlowModel {
                 nodes.iter().map(|&n| dot(std::array::from_fn(|i| rate(3 * n as usize + i)), *normal)).sum();
             sum / nodes.len() as f64
         });
-        let mut jump = DVector::from_iterator(self.faces.len(), accelerations);
-        self.factor.solve_mut(&mut jump);
+        let jump = self.inverse.apply(&accelerations.collect::<Vec<f64>>());
         answer.fill(0.0);
         let mut force = 0.0;
-        for ((row, jump), area) in answer.chunks_exact_mut(LOAD_WIDTH).zip(jump.iter()).zip(&self.areas) {
+        for ((row, jump), area) in answer.chunks_exact_mut(LOAD_WIDTH).zip(&jump).zip(&self.areas) {
             row[0] = -self.density * jump;
             force += area * row[0];
         }

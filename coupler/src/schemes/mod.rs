@@ -11,6 +11,7 @@ mod extrapolate;
 mod flow_model;
 mod implicit;
 mod imvj;
+mod inverse;
 mod iqn;
 mod jacobi_relaxation;
 mod lattice;
