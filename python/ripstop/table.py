@@ -1,9 +1,9 @@
 """Numbers and names of the contract. Written from the code of crates/channel:
 RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc. Not to be edited."""
 
-VERSION = 1
+VERSION = 2
 MAGIC = 0x00504F5453504952
-HEADER_TYPE = "ripstop.Header.v1"
+HEADER_TYPE = "ripstop.Header.v2"
 HEADER_BYTES = 288
 STATS = 16
 COUPLER = 0
@@ -116,8 +116,8 @@ STATISTICS = {
         "residual": 9,
         "step_cuts": 10,
         "assembly_s": 11,
-        "factorisation_s": 12,
-        "solve_s": 13,
+        "linear_s": 12,
+        "air_force": 13,
         "riser_force": 14,
         "volume": 15,
     },

@@ -348,10 +348,13 @@ fn headers_have_no_gaps() {
     assert_eq!((end, size_of::<Header>(), align_of::<Header>()), (288, 288, 8));
 }
 
-/// The layout of version 1, written out: a change of it must change the version.
+/// The layout of version 2, written out: a change of it must change the version.
 #[test]
-fn version_1_is_what_it_was() {
-    assert_eq!(CONTRACT_VERSION, 1);
+fn version_2_is_what_it_was() {
+    use crate::structure_stats::{AIR_FORCE, LINEAR_S};
+    assert_eq!(CONTRACT_VERSION, 2);
+    // Version 1 had two times in seconds here, of which the second is a force now.
+    assert_eq!([LINEAR_S, AIR_FORCE], [12, 13]);
     let offsets: Vec<usize> = header_fields().iter().map(|f| f.0).collect();
     let expected = [0, 8, 12, 16, 24, 28, 32, 40, 44, 48, 56, 64, 72, 80, 88, 96, 104, 128, 152, 160];
     assert_eq!(offsets, expected);
