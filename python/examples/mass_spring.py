@@ -63,7 +63,8 @@ class MassSpring(ripstop.Participant):
         self.stage = scene["stage"][run.stage]
         # Draws the end velocity of coupled windows to the motion that the flow sees.
         implicit = self.stage["kind"] == "coupled" and scene["coupling"]["scheme"] == "implicit"
-        self.average = scene["coupling"]["velocity_average"] if implicit else 0.0
+        average = scene["coupling"]["velocity_average"]
+        self.average = (0.5 if average is None else average) if implicit else 0.0
         self.rest_shape, self.faces = np.array(mesh["coords"]), np.array(mesh["faces"])
         self.canopy_nodes = mesh["n_canopy"]
         self.corners = np.where(self.faces[:, 2] == self.faces[:, 3], 3, 4)

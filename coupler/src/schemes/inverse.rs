@@ -57,7 +57,8 @@ mod tests {
     #[test]
     fn undoes_the_matrix() {
         let n = 37;
-        let matrix = DMatrix::from_fn(n, n, |i, j| if i == j { 4.0 } else { (i as f64 - 0.3 * j as f64).sin() });
+        let matrix =
+            DMatrix::from_fn(n, n, |i, j| if i == j { 4.0 } else { (i as f64 - 0.3 * j as f64).sin() });
         let x: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
         let inverse = Inverse::of(&factors(&matrix)).expect("a regular matrix");
         let b = &matrix * nalgebra::DVector::from_column_slice(&x);

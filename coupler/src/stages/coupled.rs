@@ -89,7 +89,11 @@ fn modelled(
     let faces = &context.interface.faces;
     let model = FlowModel::new(motion, &at, &state.displacement, state.velocity, faces, density);
     if model.is_none() {
-        context.console.warning("no model of the flow: the canopy has too many faces; see docs/coupling.md");
+        context.console.line(&format!(
+            "stage `{}`: {} faces are too many for a dense model of the flow: coupling by iqn-ils",
+            context.description().name,
+            faces.len()
+        ));
     }
     let rest = relaxation(context, motion, unknowns, state);
     // Several solves against the model make a window: few of them are enough to learn from.
