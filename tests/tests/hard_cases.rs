@@ -1,7 +1,6 @@
 //! Cases that partitioned coupling is known to fail on, each with the defaults of its scene.
 //! What the numbers mean and how they were measured: docs/stability.md.
 
-use std::path::Path;
 use std::process::Command;
 
 use ripstop_tests::{History, changed_scene, program, ripstop_run, root, scene, succeed};
