@@ -245,10 +245,9 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
 }
 
 #[test]
-#[ignore = "the first window does not converge: docs/stability.md"]
 fn cells_of_aspect_ratio_1000_beside_the_panel() {
     let f = fly("thin-cells", "vibration", 0.05);
-    assert!(f.iterations <= 16.0, "{}", f.iterations);
+    assert!(f.iterations <= 8.0, "{}", f.iterations);
     // Half a period: the bulge has gone to the other side.
     let volume = f.history.column("volume_m3");
     assert!(volume.iter().any(|v| *v < -0.6 * volume[0]), "{volume:?}");
