@@ -86,7 +86,7 @@ fn the_staggered_sequence_cannot_hold_the_canopy_and_says_so() {
 #[test]
 fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
     let f = fly("full-pressure", "descent", 0.3);
-    assert!(f.iterations <= 10.0, "{}", f.iterations);
+    assert!(f.iterations <= 5.5, "{}", f.iterations);
     // Held still the sheet feels 105 N; free to move it goes with the air at once, and no
     // window brings a blow of that size.
     let drag = f.history.column("drag_n");
@@ -97,7 +97,7 @@ fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
 #[test]
 fn slack_lines_snap_taut_in_one_window() {
     let f = fly("snapping-lines", "descent", 0.5);
-    assert!(f.iterations <= 20.0, "{}", f.iterations);
+    assert!(f.iterations <= 6.5, "{}", f.iterations);
     let tension = f.history.column("max_line_tension_n");
     assert!(tension[..3].iter().all(|t| *t == 0.0), "slack at first: {tension:?}");
     let peak = f.most("max_line_tension_n");
@@ -107,7 +107,7 @@ fn slack_lines_snap_taut_in_one_window() {
 #[test]
 fn a_gust_doubles_the_speed_in_one_window() {
     let f = fly("gust", "descent", 0.05);
-    assert!(f.iterations <= 20.0, "{}", f.iterations);
+    assert!(f.iterations <= 8.0, "{}", f.iterations);
     // Four times the dynamic pressure of 4 m/s (9.8 Pa on 4 m2 of cloth), with the added mass
     // of the jump in speed on top; and it passes.
     let drag = f.history.column("drag_n");
@@ -120,7 +120,7 @@ fn a_gust_doubles_the_speed_in_one_window() {
 fn payloads_ten_times_lighter_and_heavier() {
     let light = fly("light-payload", "descent", 0.1);
     let heavy = fly("heavy-payload", "descent", 0.05);
-    assert!(light.iterations <= 14.0 && heavy.iterations <= 12.0);
+    assert!(light.iterations <= 6.0 && heavy.iterations <= 5.5);
     // The light one stops with the air, the heavy one falls almost freely: 9.8 m/s2 less the
     // drag on 50 kg.
     assert!(light.last("descent_speed_m_s") < 3.7, "{}", light.last("descent_speed_m_s"));
@@ -131,7 +131,7 @@ fn payloads_ten_times_lighter_and_heavier() {
 #[test]
 fn a_window_ten_times_larger_than_planned() {
     let f = fly("long-window", "descent", 0.05);
-    assert!(f.iterations <= 16.0, "{}", f.iterations);
+    assert!(f.iterations <= 6.0, "{}", f.iterations);
     // Steady to a few per cent: drag within a third of the weight of 5.4 kg.
     let drag = f.history.column("drag_n");
     assert!(drag[1..].iter().all(|d| (35.0..71.0).contains(d)), "{drag:?}");
@@ -140,7 +140,7 @@ fn a_window_ten_times_larger_than_planned() {
 #[test]
 fn vents_hardly_open() {
     let f = fly("closed-vents", "descent", 0.5);
-    assert!(f.iterations <= 20.0, "{}", f.iterations);
+    assert!(f.iterations <= 8.0, "{}", f.iterations);
     assert!(f.history.column("drag_n").iter().all(|d| d.abs() < 1100.0));
 }
 
@@ -166,9 +166,11 @@ fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
     let mut fast = text.replace(&gravity, &scaled(&gravity, 1.0 / (k * k)));
     fast = fast.replace(&pressure, &scaled(&pressure, 1.0 / (k * k)));
     fast = fast.replace("initial_speed_m_s = 0.34", "initial_speed_m_s = 4.0");
-    for key in ["duration_s = ", "window_s = "] {
+    // Strains as slow: moduli with the pressure, so that only the Mach number differs.
+    for (key, factor) in [("duration_s = ", k), ("window_s = ", k), ("youngs_modulus_pa = ", 1.0 / (k * k))] {
         for line in text.lines().filter(|l| l.starts_with(key)) {
-            fast = fast.replace(line, &scaled(line, k));
+            let line = line.split('#').next().expect("a part").trim_end();
+            fast = fast.replace(line, &scaled(line, factor));
         }
     }
     let file = folder.path().join("scene.toml");
@@ -182,14 +184,14 @@ fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
         "drag coefficient {a:.4} at Mach 1e-3, {b:.4} at 1.2e-2; {:.1} and {:.1} iterations",
         slow.iterations, fast.iterations
     );
-    assert!((a / b - 1.0).abs() < 0.15, "{a} and {b}");
+    assert!((a / b - 1.0).abs() < 0.03, "{a} and {b}");
     assert!(slow.iterations < 2.0 * fast.iterations, "{} and {}", slow.iterations, fast.iterations);
 }
 
 #[test]
 fn fabric_half_slack_and_half_taut() {
     let f = fly("half-slack", "release", 0.05);
-    assert!(f.iterations <= 8.0, "{}", f.iterations);
+    assert!(f.iterations <= 5.0, "{}", f.iterations);
     // The bulge goes back without a kick: every window takes some of it.
     let volume = f.history.column("volume_m3");
     assert!(volume.windows(2).all(|w| w[1] < w[0] && w[1] > 0.0), "{volume:?}");
@@ -198,7 +200,7 @@ fn fabric_half_slack_and_half_taut() {
 #[test]
 fn a_light_leaflet_between_two_streams() {
     let f = fly("leaflet", "release", 0.05);
-    assert!(f.iterations <= 6.0, "{}", f.iterations);
+    assert!(f.iterations <= 4.5, "{}", f.iterations);
     let volume = f.history.column("volume_m3");
     let most = volume.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     assert!(most <= 1.05 * volume[0].abs(), "the streams must not make it flutter: {volume:?}");
@@ -234,9 +236,9 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
         }
         assert_eq!(class, "stable", "{line}");
         let number = |name: &str| cell(line, name).parse::<f64>().expect("a number");
-        assert!(number("frequency_error").abs() < 0.08, "{line}");
+        assert!(number("frequency_error").abs() < 0.04, "{line}");
         assert!(number("amplitude_error").abs() < 0.1 && number("energy_created") < 0.1, "{line}");
-        assert!(number("iterations_per_window") < 18.0, "{line}");
+        assert!(number("iterations_per_window") < 6.0, "{line}");
     }
     // What was flown is kept: the second time starts no program.
     let again = run();
@@ -247,7 +249,7 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
 #[test]
 fn cells_of_aspect_ratio_1000_beside_the_panel() {
     let f = fly("thin-cells", "vibration", 0.05);
-    assert!(f.iterations <= 8.0, "{}", f.iterations);
+    assert!(f.iterations <= 6.5, "{}", f.iterations);
     // Half a period: the bulge has gone to the other side.
     let volume = f.history.column("volume_m3");
     assert!(volume.iter().any(|v| *v < -0.6 * volume[0]), "{volume:?}");
