@@ -65,6 +65,9 @@ enum Command {
         /// Windows of each measured run
         #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
         windows: u64,
+        /// Runs of each, of which the least seconds count
+        #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+        repeat: u64,
         /// Results of a run of the scene, whose states the measured stage starts from [default: fly
         /// the stages before it]
         #[arg(long, value_name = "DIR", requires = "measure")]
@@ -286,7 +289,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             print(&crate::check::report(&scene.options())?);
             Ok(())
         }
-        Command::Effects { scene, measure, windows, states } => {
+        Command::Effects { scene, measure, windows, repeat, states } => {
             if scene.scene.is_none() {
                 print(&crate::effects::report::table());
                 return Ok(());
@@ -295,9 +298,8 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             print(&crate::effects::report::scene_report(&options)?);
             if measure {
                 let stop = on_signals()?;
-                let costs =
-                    crate::effects::measure::measure(&options, windows, states.as_deref(), &stop, console)?;
-                print(&costs);
+                let runs = crate::effects::measure::Runs { windows, repeat };
+                print(&crate::effects::measure::measure(&options, runs, states.as_deref(), &stop, console)?);
             }
             Ok(())
         }

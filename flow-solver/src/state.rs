@@ -130,7 +130,14 @@ pub struct Restored<const N: usize> {
     pub extras: Extras,
 }
 
-/// Reads this rank's part of a saved state.
+/// A cell's unknowns from those of a stage with or without energy equation: air that was
+/// isothermal has the undisturbed temperature, hence the same density; a stage without the
+/// equation drops the difference.
+fn unknowns<const N: usize>(saved: &[f64]) -> [f64; N] {
+    std::array::from_fn(|v| saved.get(v).copied().unwrap_or(0.0))
+}
+
+/// Reads this rank's part of a saved state, of a stage with or without energy equation.
 ///
 /// # Errors
 /// A file that is missing, damaged, of another version or of another grid.
@@ -155,8 +162,9 @@ pub fn load<const N: usize>(
         return Err(fail(&format!("is of version {version}, this program reads {VERSION}")));
     }
     let (saved, _): (Saved, usize) = bincode::serde::decode_from_slice(body, config).map_err(|e| fail(&e))?;
-    if saved.equations as usize != N {
-        return Err(fail(&format!("has {} equations, this stage {N}", saved.equations)));
+    let equations = saved.equations as usize;
+    if !(4..=5).contains(&equations) || saved.q.iter().any(|q| q.len() != equations * saved.cells as usize) {
+        return Err(fail(&format!("has {equations} equations and {} unknowns", saved.q[0].len())));
     }
     if (saved.cells as usize, saved.nodes as usize) != totals {
         let found = format!("{} cells and {} nodes", saved.cells, saved.nodes);
@@ -167,7 +175,7 @@ pub fn load<const N: usize>(
         return Err(fail(&"has fewer faces than this stage's grid"));
     }
     let ties = faces.map(|f| [saved.ties[f] as f32, saved.ties[f + 1] as f32]).collect();
-    let row = |g: u64, k: usize| std::array::from_fn(|v| saved.q[k][g as usize * N + v]);
+    let row = |g: u64, k: usize| unknowns(&saved.q[k][g as usize * equations..][..equations]);
     let node = |g: u64, k: usize| std::array::from_fn(|d| saved.x[k][g as usize * 3 + d]);
     let past = [0, 1].map(|k| Instant {
         q: topology.numbering.global.iter().map(|&g| row(g, k)).collect(),

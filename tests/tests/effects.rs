@@ -236,6 +236,16 @@ fn effects_of_the_flow_move_the_answer() {
         let out = fly(folder, name, &format!("{base}{more}"));
         compare(name, &moves, see(&plain, "one", "drag_n"), see(&out, "one", "drag_n"));
     }
+    // Energy from here on: an isothermal stage leaves air of the undisturbed temperature.
+    let second = stage.replace("one", "two");
+    let two = fly(folder, "two stages", &format!("{base}{second}"));
+    let with = write(folder, "with energy", &format!("{base}[flow.energy]\n{second}"));
+    let before = first(&two, "two", "drag_n");
+    let flags = ["--quiet", "--ranks", "flow=1,mesh=1", "--stage", "two"];
+    succeed(ripstop_run(&with, &two, &flags));
+    let after = first(&two, "two", "drag_n");
+    println!("energy from the second stage on: {before:.6e} -> {after:.6e}");
+    assert!(after != before && (after / before - 1.0).abs() < 1e-2, "energy moves {before} to {after}");
     // Wind along x, stronger above.
     let wind = put(&base, "flow", "wind_m_s = [1, 0, 0]");
     let out = fly(folder, "wind", &wind);

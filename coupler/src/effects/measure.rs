@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene};
 
-use super::table::{Entry, TABLE};
+use super::table::TABLE;
 use crate::error::RunError;
 use crate::history;
 use crate::launch::Console;
@@ -33,18 +33,34 @@ impl Work {
     fn seconds(&self) -> f64 {
         self.busy_s.iter().sum()
     }
+
+    /// The same work with the least seconds of both: what else the machine did only adds.
+    fn least(self, other: Self) -> Self {
+        let busy_s = std::array::from_fn(|p| self.busy_s[p].min(other.busy_s[p]));
+        Self { busy_s, ..other }
+    }
+}
+
+/// How much is flown.
+#[derive(Clone, Copy, Debug)]
+pub struct Runs {
+    /// Windows of each run.
+    pub windows: u64,
+    /// Pairs of runs, with and without in turn.
+    pub repeat: u64,
 }
 
 /// Costs of the effects of a scene, as a table for people: for each that is on a run
 /// without it, for each that is off and has defaults a run with it, in `stage` (default: the
-/// last one) over `windows` windows; runs of the scene itself stand before and after each.
+/// last one), in turn with the scene itself; of all runs of a pair the least seconds count.
+/// The first row tells how far two runs of the scene itself lie apart.
 /// Stages before are flown once, or taken from `earlier`, the results of a run.
 ///
 /// # Errors
 /// Trouble with the scene itself; a variant that fails is told in its row.
 pub fn measure(
     options: &RunOptions,
-    windows: u64,
+    runs: Runs,
     earlier: Option<&Path>,
     stop: &AtomicBool,
     console: &Console,
@@ -54,13 +70,14 @@ pub fn measure(
         Some(name) => scene.stages.iter().position(|s| &s.name == name).unwrap_or(0),
         None => scene.stages.len().saturating_sub(1),
     };
-    let bench = Bench::new(&scene, stage, windows, stop)?;
+    let bench = Bench::new(&scene, stage, runs.windows, stop)?;
     bench.prepare(earlier, console)?;
     let own = scene.stages[stage].kind.roles();
     let mut text = format!(
-        "stage `{}`, {} windows: seconds that the programs computed, with over without\n  {:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}\n",
+        "stage `{}`, {} windows, least of {} runs: seconds that the programs computed, with over without\n  {:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}\n",
         scene.stages[stage].name,
-        windows,
+        runs.windows,
+        runs.repeat,
         "effect",
         "all",
         "structure",
@@ -70,7 +87,10 @@ pub fn measure(
         "steps",
         "flow iter."
     );
-    let mut before = bench.fly("plain", &scene)?;
+    // The first run also warms caches and files: it does not count.
+    bench.fly("plain", &scene)?;
+    let pair = bench.pair(&scene, &scene, runs.repeat)?;
+    let _ = writeln!(text, "{}", row("(the scene beside itself)", &pair));
     for e in TABLE {
         let on = (e.on)(&scene);
         let Some(change) = (if on { e.without } else { e.with }) else { continue };
@@ -80,12 +100,11 @@ pub fn measure(
         let mut variant = scene.clone();
         change(&mut variant);
         console.line(&format!("measuring {} ({})", e.key, if on { "on" } else { "off" }));
-        match bench.fly("variant", &variant) {
-            Ok(other) => {
-                let after = bench.fly("plain", &scene)?;
-                let plain = [before, after];
-                let _ = writeln!(text, "{}", row(e, on, &plain, &other));
-                before = after;
+        match bench.pair(&scene, &variant, runs.repeat) {
+            Ok([plain, other]) => {
+                let pair = if on { [plain, other] } else { [other, plain] };
+                let key = format!("{}{}", e.key, if on { " (on)" } else { "" });
+                let _ = writeln!(text, "{}", row(&key, &pair));
             }
             Err(RunError::Interrupted(place)) => return Err(RunError::Interrupted(place)),
             Err(error) => {
@@ -99,16 +118,15 @@ pub fn measure(
     Ok(text)
 }
 
-fn row(e: &Entry, on: bool, plain: &[Work; 2], other: &Work) -> String {
+/// Ratios of the first over the second.
+fn row(key: &str, [with, without]: &[Work; 2]) -> String {
     let ratio = |of: &dyn Fn(&Work) -> f64| {
-        let (a, b) = (0.5 * (of(&plain[0]) + of(&plain[1])), of(other));
-        let (with, without) = if on { (a, b) } else { (b, a) };
+        let (with, without) = (of(with), of(without));
         if without > 0.0 { format!("{:.2}", with / without) } else { "-".into() }
     };
     let share = |role: Role| ratio(&|w: &Work| w.busy_s[role as usize]);
     format!(
-        "  {:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}",
-        e.key,
+        "  {key:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}",
         ratio(&Work::seconds),
         share(Role::Structure),
         share(Role::Flow),
@@ -171,6 +189,19 @@ impl<'a> Bench<'a> {
             .map_err(|e| RunError::Input(format!("the scene cannot be written down again: {e}")))?;
         fs::write(&file, text).map_err(RunError::file("write", &file))?;
         Ok(file)
+    }
+
+    /// Both in turn, so many times each.
+    fn pair(&self, plain: &Scene, variant: &Scene, repeat: u64) -> Result<[Work; 2], RunError> {
+        let mut least: Option<[Work; 2]> = None;
+        for _ in 0..repeat {
+            let new = [self.fly("plain", plain)?, self.fly("variant", variant)?];
+            least = Some(match least {
+                None => new,
+                Some([a, b]) => [a.least(new[0]), b.least(new[1])],
+            });
+        }
+        Ok(least.unwrap_or_default())
     }
 
     fn fly(&self, name: &str, scene: &Scene) -> Result<Work, RunError> {
