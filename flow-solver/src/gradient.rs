@@ -27,6 +27,11 @@ pub struct LeastSquares {
 /// unstable, because a face value then extrapolates instead of averaging (seen on
 /// the prisms in the vents of the ATPS grid: unstable at 1.0, stable at 0.75).
 const REACH: f64 = 0.75;
+/// The same for gradients over neighbours' neighbours: so many of them average, that
+/// values which extrapolate a little stay stable.
+const WIDE_REACH: f64 = 1.1;
+/// A cell has at most so many neighbours over its faces.
+const FACES: u32 = 6;
 
 impl LeastSquares {
     /// Weights for the cells of `topology` with the centres of `metrics`.
@@ -81,9 +86,11 @@ impl LeastSquares {
                 reach[i] = reach[i].max(sum as f32);
             }
         });
-        let far = reach.iter().enumerate().filter(|(_, r)| **r > REACH as f32);
+
+        let bound = |i: usize| if a.start[i + 1] - a.start[i] > FACES { WIDE_REACH } else { REACH };
+        let shares = reach.iter().enumerate().map(|(i, &r)| (i as u32, bound(i) / f64::from(r)));
         self.shortened.clear();
-        self.shortened.extend(far.map(|(i, r)| (i as u32, REACH / f64::from(*r))));
+        self.shortened.extend(shares.filter(|(_, share)| *share < 1.0));
     }
 
     /// Shortens the gradients of needle-like owned cells to what a stable
