@@ -80,6 +80,8 @@ enum Command {
     Schema,
     /// Draw the canopy and the flow around it from the results of a run (PNG)
     Picture(crate::picture::PictureArgs),
+    /// Write a page about a run: what came of it, the canopy in three dimensions, where the time went
+    Report(crate::report::ReportArgs),
     /// Fly a family of small cases and draw where which scheme is stable
     #[command(after_help = CODES)]
     Stability(crate::stability::StabilityArgs),
@@ -313,6 +315,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             Ok(())
         }
         Command::Picture(args) => crate::picture::picture(&args, console),
+        Command::Report(args) => crate::report::report(&args, console),
     }
 }
 

@@ -245,6 +245,11 @@ impl Iterations {
 /// Trouble with the file, or a file that is no table of numbers.
 pub fn read(path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
     let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
+    parse(&text, path)
+}
+
+/// Columns of the text of a history file, as [`read`].
+pub(crate) fn parse(text: &str, path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
     let mut lines = text.lines();
     let mut columns: Vec<(String, Vec<f64>)> =
         lines.next().unwrap_or_default().split(',').map(|name| (name.to_owned(), Vec::new())).collect();

@@ -16,6 +16,11 @@ use crate::stages::descent_model;
 /// the reference it compares with (Sathe et al. 2007).
 const PUBLISHED: [(f64, &str); 2] = [(4.69392, "paper"), (4.78536, "Sathe et al.")];
 
+/// Published steady descent speeds of the scene's parachute, m/s.
+pub(crate) fn published(scene: &Scene) -> &'static [(f64, &'static str)] {
+    if matches!(scene.canopy, Canopy::Atps(_)) { &PUBLISHED } else { &[] }
+}
+
 const SPEED: RGBColor = RGBColor(31, 91, 152);
 const DRAG: RGBColor = RGBColor(190, 82, 22);
 const GREY: RGBColor = RGBColor(110, 110, 110);
@@ -43,8 +48,7 @@ pub fn descent(
         return Ok(());
     }
     let weight = descent_model(scene, interface).map(|m| m.mass_kg * m.gravity_m_s2);
-    let published: &[(f64, &str)] = if matches!(scene.canopy, Canopy::Atps(_)) { &PUBLISHED } else { &[] };
-    draw(picture, scene, [&time, &speed, &drag], weight, published).map_err(|e| RunError::File {
+    draw(picture, scene, [&time, &speed, &drag], weight, published(scene)).map_err(|e| RunError::File {
         action: "draw",
         path: picture.into(),
         source: std::io::Error::other(e.to_string()),

@@ -164,6 +164,11 @@ pub fn run(
         scene: scene.name.clone(),
         ended: "complete".into(),
         version: env!("CARGO_PKG_VERSION"),
+        started_utc: crate::machine::utc_now(),
+        command: std::env::args().collect(),
+        machine: crate::machine::Machine::here(),
+        contract: channel::CONTRACT_VERSION,
+        warnings: Vec::new(),
         wall_s: 0.0,
         ranks: Role::ALL.map(|role| scene.ranks.of(role)),
         stages: Vec::new(),
@@ -195,6 +200,7 @@ pub fn run(
         }
     }
     summary.wall_s = start.elapsed().as_secs_f64();
+    summary.warnings = console.warnings();
     summary.write(&out)?;
     if let Err(error) = plots(&scene, &out, &interface) {
         console.warning(&error.to_string());

@@ -145,6 +145,16 @@ pub struct RunSummary {
     pub ended: String,
     /// Version of `ripstop`.
     pub version: &'static str,
+    /// When it began, UTC.
+    pub started_utc: String,
+    /// The command line.
+    pub command: Vec<String>,
+    /// Where it ran.
+    pub machine: crate::machine::Machine,
+    /// Version of the contract between the programs.
+    pub contract: u32,
+    /// Warnings of the coupler, the first thousand.
+    pub warnings: Vec<String>,
     /// Wall seconds of everything, launches included.
     pub wall_s: f64,
     /// Ranks of structure, flow, mesh.

@@ -2,6 +2,8 @@
 //!
 //! This library runs the real programs and reads what they leave behind.
 
+pub mod browser;
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 

@@ -13,7 +13,11 @@ pub struct Console {
     verbose: bool,
     colour: bool,
     bar: Arc<Mutex<Option<ProgressBar>>>,
+    warnings: Arc<Mutex<Vec<String>>>,
 }
+
+/// Most warnings that are kept for the summary: a run that goes wrong gives one a window.
+const KEPT: usize = 1000;
 
 impl Console {
     /// On standard error; `quiet` drops everything but errors.
@@ -83,8 +87,18 @@ impl Console {
         drop(writeln!(std::io::stderr(), "{head}: {text}"));
     }
 
+    /// The warnings so far, the first thousand of them.
+    pub fn warnings(&self) -> Vec<String> {
+        self.warnings.lock().map(|kept| kept.clone()).unwrap_or_default()
+    }
+
     /// A warning of the coupler.
     pub fn warning(&self, text: &str) {
+        if let Ok(mut kept) = self.warnings.lock()
+            && kept.len() < KEPT
+        {
+            kept.push(text.to_owned());
+        }
         if self.colour {
             self.line(&format!("\x1b[33mwarning\x1b[0m: {text}"));
         } else {

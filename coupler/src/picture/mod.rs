@@ -3,7 +3,7 @@
 pub(crate) mod canvas;
 mod colour;
 mod raster;
-mod results;
+pub(crate) mod results;
 mod slice;
 mod text;
 mod view;
@@ -84,20 +84,8 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
         let pixmap = canopy_picture(canopy, lines.as_ref(), &caption(name, *time), args.width);
         save(pixmap, "canopy.png", format!("the canopy, stage `{name}`, {time} s"))?;
     }
-    match results.times(stage, Kind::Flow)? {
-        Some(times) => {
-            let snapshot = times.nearest(args.time);
-            let canopy = match structure {
-                // The canopy as it was when the flow was written.
-                Some(_) => results.structure(stage, Some(snapshot.time))?,
-                // At rest, in its last shape before.
-                None => results.last_before(stage)?,
-            };
-            let canopy = canopy.map(|(_, canopy, _)| canopy);
-            let flow = Flow::read(&results, &snapshot.files, canopy, args.diagonal)?;
-            let pixmap = flow.picture(&caption(name, snapshot.time), args.width);
-            save(pixmap, "flow.png", format!("the flow, stage `{name}`, {} s", snapshot.time))?;
-        }
+    match flow_at(&results, stage, args.time, args.diagonal, args.width)? {
+        Some((time, pixmap)) => save(pixmap, "flow.png", format!("the flow, stage `{name}`, {time} s"))?,
         None if structure.is_none() => {
             return Err(RunError::Input(format!(
                 "stage `{name}` has no snapshots to draw: run it with `ripstop run` and \
@@ -120,6 +108,53 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
         save(pixmap, "pre-inflation.png", "how the canopy inflates".into())?;
     }
     Ok(())
+}
+
+/// The flow of a stage in the snapshot nearest to `time` (s), in a vertical cut; `None` where the stage
+/// wrote none.
+fn flow_at(
+    results: &Results,
+    stage: usize,
+    time: Option<f64>,
+    diagonal: bool,
+    width: u32,
+) -> Result<Option<(f64, Pixmap)>, RunError> {
+    let Some(times) = results.times(stage, Kind::Flow)? else { return Ok(None) };
+    let snapshot = times.nearest(time);
+    // The canopy as it was when the flow was written, or at rest, in its last shape before.
+    let canopy = match results.structure(stage, Some(snapshot.time))? {
+        Some(now) => Some(now),
+        None => results.last_before(stage)?,
+    };
+    let flow = Flow::read(results, &snapshot.files, canopy.map(|(_, canopy, _)| canopy), diagonal)?;
+    let name = &results.scene.stages[stage].name;
+    Ok(Some((snapshot.time, flow.picture(&caption(name, snapshot.time), width))))
+}
+
+/// A picture's bytes with the time of its snapshot, s.
+pub(crate) type Png = (f64, Vec<u8>);
+
+fn encoded(time: f64, pixmap: &Pixmap) -> Result<Png, RunError> {
+    png(pixmap).map(|bytes| (time, bytes)).map_err(|e| RunError::Input(format!("a picture: {e}")))
+}
+
+/// [`flow_at`] as the bytes of a PNG file.
+pub(crate) fn flow_png(
+    results: &Results,
+    stage: usize,
+    time: Option<f64>,
+    diagonal: bool,
+    width: u32,
+) -> Result<Option<Png>, RunError> {
+    let found = flow_at(results, stage, time, diagonal, width)?;
+    found.map(|(time, pixmap)| encoded(time, &pixmap)).transpose()
+}
+
+/// The last canopy of a stage as the bytes of a PNG file; `None` where the stage wrote none.
+pub(crate) fn canopy_png(results: &Results, stage: usize, width: u32) -> Result<Option<Png>, RunError> {
+    let Some((time, canopy, lines)) = results.structure(stage, None)? else { return Ok(None) };
+    let name = &results.scene.stages[stage].name;
+    encoded(time, &canopy_picture(&canopy, lines.as_ref(), &caption(name, time), width)).map(Some)
 }
 
 fn caption(stage: &str, time: f64) -> String {

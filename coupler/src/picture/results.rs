@@ -8,17 +8,17 @@ use mesh::vtk::read::{Column, Piece, Snapshot, snapshots};
 use crate::error::RunError;
 
 /// Time (s), canopy, and lines if the snapshot has some.
-pub(super) type Structure = (f64, Piece, Option<Piece>);
+pub(crate) type Structure = (f64, Piece, Option<Piece>);
 
 /// A run's folder and its scene.
-pub(super) struct Results {
+pub(crate) struct Results {
     folder: PathBuf,
-    pub(super) scene: Scene,
+    pub(crate) scene: Scene,
 }
 
 /// What a snapshot shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     Canopy,
     Lines,
     Flow,
@@ -36,11 +36,16 @@ impl Kind {
 
 /// Snapshots of one kind in one stage; at least one.
 #[derive(Clone)]
-pub(super) struct Times(Vec<Snapshot>);
+pub(crate) struct Times(Vec<Snapshot>);
 
 impl Times {
+    /// All of them, in their order.
+    pub(crate) fn all(&self) -> &[Snapshot] {
+        &self.0
+    }
+
     /// The one nearest to `time` (s), or the last.
-    pub(super) fn nearest(&self, time: Option<f64>) -> &Snapshot {
+    pub(crate) fn nearest(&self, time: Option<f64>) -> &Snapshot {
         let key = |s: &&Snapshot| time.map_or(-s.time, |t| (s.time - t).abs());
         let found = self.0.iter().min_by(|a, b| key(a).total_cmp(&key(b)));
         found.expect("a list of snapshots is never empty")
@@ -53,7 +58,7 @@ fn input(error: impl std::fmt::Display) -> RunError {
 
 impl Results {
     /// Opens the folder of a run.
-    pub(super) fn open(folder: &Path) -> Result<Self, RunError> {
+    pub(crate) fn open(folder: &Path) -> Result<Self, RunError> {
         let scene = folder.join("scene.toml");
         if !folder.is_dir() {
             return Err(RunError::Input(format!(
@@ -73,7 +78,7 @@ impl Results {
     }
 
     /// Snapshots of a stage; `None` if there are none.
-    pub(super) fn times(&self, stage: usize, kind: Kind) -> Result<Option<Times>, RunError> {
+    pub(crate) fn times(&self, stage: usize, kind: Kind) -> Result<Option<Times>, RunError> {
         let path = case::stage_folder(&self.folder, &self.scene, stage).join(kind.series());
         if !path.is_file() {
             return Ok(None);
@@ -83,7 +88,7 @@ impl Results {
     }
 
     /// The stage of this name, or the last one with snapshots of the canopy.
-    pub(super) fn stage(&self, name: Option<&str>) -> Result<usize, RunError> {
+    pub(crate) fn stage(&self, name: Option<&str>) -> Result<usize, RunError> {
         let stages = &self.scene.stages;
         if let Some(name) = name {
             return stages.iter().position(|s| s.name == name).ok_or_else(|| {
@@ -100,7 +105,7 @@ impl Results {
     }
 
     /// That no stage, or not this one, has what a picture needs.
-    pub(super) fn none(&self, series: &str, key: &str) -> RunError {
+    pub(crate) fn none(&self, series: &str, key: &str) -> RunError {
         RunError::Input(format!(
             "{} holds no snapshots to draw: no stage wrote a {series}; fly its scene again with `ripstop run` \
              and output.{key} above 0 (4 draws every fourth window)",
@@ -109,14 +114,14 @@ impl Results {
     }
 
     /// Reads one file of a snapshot.
-    pub(super) fn piece(&self, file: &Path) -> Result<Piece, RunError> {
+    pub(crate) fn piece(&self, file: &Path) -> Result<Piece, RunError> {
         Piece::read(file).map_err(|e| {
             RunError::Input(format!("{e}; `ripstop run` writes the results of this scene again"))
         })
     }
 
     /// Canopy and lines at one time.
-    pub(super) fn structure(&self, stage: usize, time: Option<f64>) -> Result<Option<Structure>, RunError> {
+    pub(crate) fn structure(&self, stage: usize, time: Option<f64>) -> Result<Option<Structure>, RunError> {
         let Some(times) = self.times(stage, Kind::Canopy)? else { return Ok(None) };
         let snapshot = times.nearest(time);
         let [file] = &snapshot.files[..] else {
@@ -134,7 +139,7 @@ impl Results {
     }
 
     /// The canopy's last shape in the stages before this one.
-    pub(super) fn last_before(&self, stage: usize) -> Result<Option<Structure>, RunError> {
+    pub(crate) fn last_before(&self, stage: usize) -> Result<Option<Structure>, RunError> {
         for earlier in (0..stage).rev() {
             if let Some(found) = self.structure(earlier, None)? {
                 return Ok(Some(found));
@@ -145,7 +150,7 @@ impl Results {
 }
 
 /// A field that must be there, with numbers in rows of `width`.
-pub(super) fn field<'a>(
+pub(crate) fn field<'a>(
     piece: &'a Piece,
     name: &str,
     width: usize,

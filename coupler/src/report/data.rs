@@ -1,0 +1,206 @@
+//! What a run left behind, as far as it got.
+
+use std::path::{Path, PathBuf};
+
+use case::{Scene, StageKind};
+use serde_json::Value;
+
+use crate::error::RunError;
+use crate::history;
+use crate::picture::results::{Kind, Results};
+
+/// Columns of a history by name.
+#[derive(Default)]
+pub(super) struct Columns(Vec<(String, Vec<f64>)>);
+
+impl Columns {
+    /// A column that holds a number somewhere.
+    pub(super) fn get(&self, name: &str) -> Option<&[f64]> {
+        let (_, values) = self.0.iter().find(|(n, _)| n == name)?;
+        values.iter().any(|v| v.is_finite()).then_some(&values[..])
+    }
+
+    /// Time and value in each row; empty where there is no such column.
+    pub(super) fn series(&self, name: &str) -> Vec<(f64, f64)> {
+        match (self.get("time_s"), self.get(name)) {
+            (Some(time), Some(values)) => time.iter().copied().zip(values.iter().copied()).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Value in the last row.
+    pub(super) fn last(&self, name: &str) -> Option<f64> {
+        self.get(name)?.last().copied().filter(|v| v.is_finite())
+    }
+
+    /// Sum over the rows; 0 where there is no such column.
+    pub(super) fn sum(&self, name: &str) -> f64 {
+        self.get(name).map_or(0.0, |v| v.iter().filter(|v| v.is_finite()).sum())
+    }
+
+    /// The largest value.
+    pub(super) fn max(&self, name: &str) -> Option<f64> {
+        self.get(name).map(|v| v.iter().copied().filter(|v| v.is_finite()).fold(f64::MIN, f64::max))
+    }
+
+    /// Mean and standard deviation over the last half of the rows.
+    pub(super) fn late(&self, name: &str) -> Option<(f64, f64)> {
+        let values = self.get(name)?;
+        let late: Vec<f64> = values[values.len() / 2..].iter().copied().filter(|v| v.is_finite()).collect();
+        if late.is_empty() {
+            return None;
+        }
+        let n = late.len() as f64;
+        let mean = late.iter().sum::<f64>() / n;
+        Some((mean, (late.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()))
+    }
+
+    /// Number of windows.
+    pub(super) fn rows(&self) -> usize {
+        self.0.first().map_or(0, |(_, v)| v.len())
+    }
+
+    /// Names of the columns that begin with `start`.
+    pub(super) fn starting(&self, start: &str) -> Vec<&str> {
+        self.0.iter().map(|(n, _)| n.as_str()).filter(|n| n.starts_with(start)).collect()
+    }
+}
+
+/// A stage that did at least one window.
+pub(super) struct StageData {
+    /// Its number in the scene.
+    pub(super) index: usize,
+    /// Its history.
+    pub(super) columns: Columns,
+    /// What `summary.json` says of it.
+    pub(super) summary: Option<Value>,
+}
+
+/// A run.
+pub(super) struct Run {
+    /// Its folder.
+    pub(super) folder: PathBuf,
+    /// Its snapshots.
+    pub(super) results: Results,
+    /// `summary.json`, if the run came to write it.
+    pub(super) summary: Option<Value>,
+    /// Stages that did something, in their order.
+    pub(super) stages: Vec<StageData>,
+    /// What is not there, and what would write it.
+    pub(super) missing: Vec<String>,
+}
+
+/// A member of a JSON object as text; empty if it is none.
+pub(super) fn text<'a>(value: Option<&'a Value>, key: &str) -> &'a str {
+    value.and_then(|v| v.get(key)).and_then(Value::as_str).unwrap_or_default()
+}
+
+/// A member of a JSON object as a number.
+pub(super) fn number(value: Option<&Value>, key: &str) -> Option<f64> {
+    value.and_then(|v| v.get(key)).and_then(Value::as_f64)
+}
+
+impl Run {
+    /// Reads the folder of a run.
+    ///
+    /// # Errors
+    /// No folder, no scene in it, no window done, files that are damaged.
+    pub(super) fn open(folder: &Path) -> Result<Self, RunError> {
+        let results = Results::open(folder)?;
+        let mut missing = Vec::new();
+        let summary = summary(folder, &mut missing)?;
+        let mut stages = Vec::new();
+        for (index, stage) in results.scene.stages.iter().enumerate() {
+            let path = case::stage_folder(folder, &results.scene, index).join("history.csv");
+            let columns = read_history(&path, &mut missing)?;
+            if columns.rows() == 0 {
+                missing.push(format!("stage `{}`: it did no window", stage.name));
+                continue;
+            }
+            let of_stage = |list: &Value| {
+                list.as_array()?.iter().find(|s| text(Some(s), "name") == stage.name).cloned()
+            };
+            let told = summary.as_ref().and_then(|s| s.get("stages")).and_then(of_stage);
+            stages.push(StageData { index, columns, summary: told });
+        }
+        if stages.is_empty() {
+            return Err(RunError::Input(format!(
+                "{} holds a scene but no window of any stage: the run ended before its first one \
+                 (see <stage>/logs/), or its results were removed; fly it with `ripstop run`",
+                folder.display()
+            )));
+        }
+        let run = Self { folder: folder.into(), results, summary, stages, missing };
+        run.with_missing_snapshots()
+    }
+
+    /// The scene.
+    pub(super) fn scene(&self) -> &Scene {
+        &self.results.scene
+    }
+
+    /// Name and kind of a stage.
+    pub(super) fn stage(&self, stage: &StageData) -> &case::Stage {
+        &self.results.scene.stages[stage.index]
+    }
+
+    /// The stage that the run is about: the last coupled one, or else the last.
+    pub(super) fn main(&self) -> &StageData {
+        let coupled = |s: &&StageData| self.stage(s).kind == StageKind::Coupled;
+        let last = self.stages.last().expect("a run that was opened has a stage");
+        self.stages.iter().rev().find(coupled).unwrap_or(last)
+    }
+
+    fn with_missing_snapshots(mut self) -> Result<Self, RunError> {
+        let mut missing = Vec::new();
+        for stage in &self.stages {
+            let described = self.stage(stage);
+            let roles = described.kind.roles();
+            for (role, kind, what, key) in [
+                (case::Role::Structure, Kind::Canopy, "shapes of the canopy", "surface_every_windows = 4"),
+                (case::Role::Flow, Kind::Flow, "slices of the flow", "volume_every_windows = 20"),
+            ] {
+                if roles.contains(&role) && self.results.times(stage.index, kind)?.is_none() {
+                    missing.push(format!(
+                        "stage `{}`: {what}, for it wrote no snapshots; `{key}` in `[output]` of the scene \
+                         writes them",
+                        described.name
+                    ));
+                }
+            }
+        }
+        self.missing.extend(missing);
+        Ok(self)
+    }
+}
+
+fn summary(folder: &Path, missing: &mut Vec<String>) -> Result<Option<Value>, RunError> {
+    let path = folder.join("summary.json");
+    if !path.is_file() {
+        missing.push(
+            "machine, versions, command and warnings: summary.json is not there, so the run is still going on or was killed"
+                .into(),
+        );
+        return Ok(None);
+    }
+    let bytes = std::fs::read_to_string(&path).map_err(RunError::file("read", &path))?;
+    serde_json::from_str(&bytes).map(Some).map_err(|e| {
+        RunError::Input(format!("{} is damaged ({e}): remove it to report without it", path.display()))
+    })
+}
+
+/// The rows that are whole: a run that was killed may leave half of one.
+fn read_history(path: &Path, missing: &mut Vec<String>) -> Result<Columns, RunError> {
+    if !path.is_file() {
+        return Ok(Columns::default());
+    }
+    let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
+    let whole = text.rfind('\n').map_or(0, |end| end + 1);
+    if whole < text.len() {
+        missing.push(format!("the last line of {}: it was cut off", path.display()));
+    }
+    if whole == 0 {
+        return Ok(Columns::default());
+    }
+    history::parse(&text[..whole], path).map(Columns)
+}

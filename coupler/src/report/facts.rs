@@ -1,0 +1,117 @@
+//! The numbers at the top of the page.
+
+use case::{Role, StageKind};
+
+use super::chart::digits;
+use super::data::{Run, StageData, number};
+use super::document::Card;
+use crate::interface::CanopyInterface;
+use crate::plot;
+use crate::progress::clock;
+use crate::stages::{descent_model, windows};
+
+/// Weight of all that falls, N; `None` without descent.
+pub(super) fn weight(run: &Run) -> Option<f64> {
+    let interface = CanopyInterface::new(run.scene()).ok()?;
+    descent_model(run.scene(), &interface).map(|m| m.mass_kg * m.gravity_m_s2)
+}
+
+/// How far a stage got.
+pub(super) fn progress(run: &Run, stage: &StageData) -> String {
+    let planned = windows(run.stage(stage));
+    let done = stage.columns.rows() as u64;
+    let time = digits(stage.columns.last("time_s").unwrap_or(0.0));
+    let told = super::data::text(stage.summary.as_ref(), "ended");
+    if done >= planned || told == "complete" {
+        format!("{time} s in {done} windows")
+    } else if told.is_empty() || told == "failed" {
+        format!("{time} s, ended after {done} of {planned} windows")
+    } else {
+        format!("{time} s in {done} of {planned} windows: {told}")
+    }
+}
+
+/// Wall seconds of a stage: told by its summary, or else the sum of its windows.
+pub(super) fn wall(stage: &StageData) -> f64 {
+    number(stage.summary.as_ref(), "wall_s").unwrap_or_else(|| stage.columns.sum("window_wall_s"))
+}
+
+/// Numbers of the main stage.
+pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
+    let stage = run.main();
+    let kind = run.stage(stage).kind;
+    let c = &stage.columns;
+    let mut cards = Vec::new();
+    let mut card = |label: &str, value: String, notes: Vec<String>| {
+        cards.push(Card { label: label.into(), value, notes, warn: false });
+    };
+    if kind == StageKind::Coupled && run.scene().descent.is_some() {
+        if let Some((mean, deviation)) = c.late("descent_speed_m_s") {
+            let mut notes = vec![
+                format!("mean of the last half, standard deviation {}", digits(deviation)),
+                format!("{} m/s at the end", digits(c.last("descent_speed_m_s").unwrap_or(f64::NAN))),
+            ];
+            for (value, name) in plot::published(run.scene()) {
+                notes.push(format!("{name} {value}: {:+.1} %", 100.0 * (mean - value) / value));
+            }
+            card("Descent speed", format!("{} m/s", digits(mean)), notes);
+        }
+    }
+    if let Some((mean, deviation)) = c.late("drag_n") {
+        let mut notes = vec![format!("mean of the last half, standard deviation {}", digits(deviation))];
+        if let Some(weight) = weight(run) {
+            notes.push(format!("weight {} N", digits(weight)));
+        }
+        if kind != StageKind::Coupled {
+            notes.push(format!("at {} m/s", digits(c.last("descent_speed_m_s").unwrap_or(f64::NAN))));
+        }
+        card("Drag", format!("{} N", digits(mean)), notes);
+    }
+    if let Some((mean, _)) = c.late("projected_area_m2") {
+        let values = c.get("projected_area_m2").unwrap_or_default();
+        let late = &values[values.len() / 2..];
+        let (low, high) = late.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+        let notes = vec![format!("mean of the last half; between {} and {} there", digits(low), digits(high))];
+        card("Projected area", format!("{} m2", digits(mean)), notes);
+    }
+    if let Some(most) = c.max("max_line_tension_n").filter(|t| *t > 0.0) {
+        let risers = c.max("riser_force_n").map(|f| format!("risers bear {} N at most", digits(f)));
+        card("Largest line tension", format!("{} N", digits(most)), risers.into_iter().collect());
+    }
+    if let Some(calls) = c.get("coupling_iterations") {
+        let most = c.max("coupling_iterations").unwrap_or(0.0);
+        let above = c.get("coupling_converged").map_or(0, |v| v.iter().filter(|x| **x == 0.0).count());
+        let mut notes = vec![format!("calls of the flow in a window, {most:.0} at most")];
+        if above > 0 {
+            notes.push(format!("{above} windows above the tolerance"));
+        }
+        if let Some(share) = c.last("interface_energy_error_share") {
+            notes.push(format!("coupling added {:+.1} % of the work", 100.0 * share));
+        }
+        let mean = calls.iter().sum::<f64>() / calls.len().max(1) as f64;
+        card("Coupling", digits(mean), notes);
+    }
+    let total: f64 = run.stages.iter().map(wall).sum();
+    let ranks: u32 = Role::ALL.iter().map(|r| run.scene().ranks.of(*r)).sum();
+    let simulated = c.last("time_s").unwrap_or(0.0);
+    let mut notes = vec![];
+    if simulated > 0.0 {
+        notes.push(format!("{} s for each simulated second of the last stage", digits(wall(stage) / simulated)));
+    }
+    notes.push(match told_ranks(run) {
+        Some(ranks) => format!("{ranks} ranks"),
+        None => format!("{ranks} ranks in the scene"),
+    });
+    card("Wall time", clock(total), notes);
+    cards.push(Card {
+        label: "Warnings".into(),
+        value: warnings.to_string(),
+        notes: vec![if warnings == 0 { "nothing to say".into() } else { "told below".into() }],
+        warn: warnings > 0,
+    });
+    cards
+}
+
+fn told_ranks(run: &Run) -> Option<u64> {
+    Some(run.summary.as_ref()?.get("ranks")?.as_array()?.iter().filter_map(serde_json::Value::as_u64).sum())
+}

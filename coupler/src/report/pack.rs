@@ -1,0 +1,129 @@
+//! Canopy shapes and fields in the page: 16 bits a coordinate and 8 bits a value, as differences in time,
+//! deflated, in base64. `viewer/unpack.js` reads them.
+
+use std::io::Write;
+
+use base64::Engine;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use mesh::Vec3;
+use serde_json::{Value, json};
+
+use super::frames::{FIELDS, Frame, StageFrames};
+use super::shape::Shape;
+
+/// What the page holds of the canopy.
+pub(super) struct Packed {
+    /// What the numbers mean.
+    pub(super) header: Value,
+    /// The numbers.
+    pub(super) data: String,
+    /// How many of the pictures of each stage there are.
+    pub(super) note: String,
+}
+
+/// Share of the values at either end that a colour scale leaves out, so that a few corners do not wash
+/// out the rest.
+const CUT: f64 = 0.005;
+
+/// Packs the stages whose mesh is that of the last.
+pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
+    let shape = &stages.last()?.shape;
+    let stages: Vec<&StageFrames> = stages.iter().filter(|s| s.shape == *shape && !s.frames.is_empty()).collect();
+    let (origin, extent) = bounds(&stages);
+    let mut bytes = Vec::new();
+    let mut index = |n: u32| bytes.extend(n.to_le_bytes());
+    shape.triangles.iter().flatten().for_each(|&n| index(n));
+    shape.hem.iter().flatten().for_each(|&n| index(n));
+    shape.cables.iter().flatten().for_each(|&n| index(n));
+    let mut described = Vec::new();
+    for stage in &stages {
+        let ranges: Vec<[f64; 2]> = (0..FIELDS.len()).map(|k| range(&stage.frames, k)).collect();
+        let mut before: Option<(Vec<u16>, Vec<Vec<u8>>)> = None;
+        for frame in &stage.frames {
+            let positions = positions(frame, origin, extent);
+            let fields: Vec<Vec<u8>> = (0..FIELDS.len()).map(|k| values(frame, shape, k, ranges[k])).collect();
+            let earlier = |i: usize| before.as_ref().map_or(0, |b| b.0[i]);
+            let change: Vec<u16> =
+                positions.iter().enumerate().map(|(i, p)| p.wrapping_sub(earlier(i))).collect();
+            bytes.extend(change.iter().map(|c| *c as u8));
+            bytes.extend(change.iter().map(|c| (*c >> 8) as u8));
+            for (k, field) in fields.iter().enumerate() {
+                let earlier = |i: usize| before.as_ref().map_or(0, |b| b.1[k][i]);
+                bytes.extend(field.iter().enumerate().map(|(i, v)| v.wrapping_sub(earlier(i))));
+            }
+            before = Some((positions, fields));
+        }
+        let times: Vec<f64> = stage.frames.iter().map(|f| (f.time * 1e6).round() / 1e6).collect();
+        described.push(json!({ "name": stage.stage, "times": times, "ranges": ranges }));
+    }
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+    let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish()).ok()?;
+    let fields: Vec<Value> = FIELDS
+        .iter()
+        .map(|f| {
+            let kind = if f.states() { "states" } else { "scale" };
+            json!({ "label": f.label, "unit": f.unit, "kind": kind, "note": f.note })
+        })
+        .collect();
+    let header = json!({
+        "nodes": shape.nodes, "triangles": shape.triangles.len(), "hem": shape.hem.len(),
+        "cables": shape.cables.len(), "origin": origin, "extent": extent, "fields": fields, "stages": described,
+    });
+    let told: Vec<String> = stages
+        .iter()
+        .map(|s| format!("{} of {} shapes of stage {}", s.frames.len(), s.written, s.stage))
+        .collect();
+    let data = base64::engine::general_purpose::STANDARD.encode(deflated);
+    let note = format!(
+        "{}; {:.1} MB, {:.1} MB in the page. Places are exact to {:.1} mm, colours to 1/255 of their scale, \
+         which leaves out the highest and lowest half per cent.",
+        told.join(", "),
+        bytes.len() as f64 / 1e6,
+        data.len() as f64 / 1e6,
+        extent.iter().copied().fold(0.0, f64::max) / 65535.0 * 1e3
+    );
+    Some(Packed { header, data, note })
+}
+
+fn bounds(stages: &[&StageFrames]) -> (Vec3, Vec3) {
+    let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
+    for p in stages.iter().flat_map(|s| &s.frames).flat_map(|f| &f.points) {
+        for c in 0..3 {
+            low[c] = low[c].min(p[c]);
+            high[c] = high[c].max(p[c]);
+        }
+    }
+    // A flat sheet has no extent in one direction.
+    (low, [0, 1, 2].map(|c| (high[c] - low[c]).max(1e-9)))
+}
+
+fn positions(frame: &Frame, origin: Vec3, extent: Vec3) -> Vec<u16> {
+    let place = |p: &Vec3| [0, 1, 2].map(|c| ((p[c] - origin[c]) / extent[c] * 65535.0).round() as u16);
+    frame.points.iter().flat_map(place).collect()
+}
+
+/// Values that the colours of a field span in a stage.
+fn range(frames: &[Frame], field: usize) -> [f64; 2] {
+    let mut all: Vec<f64> = frames.iter().flat_map(|f| &f.fields[field]).copied().filter(|v| v.is_finite()).collect();
+    if all.is_empty() {
+        return [0.0, 1.0];
+    }
+    let last = all.len() - 1;
+    let mut at = |share: f64| {
+        let i = (share * last as f64) as usize;
+        *all.select_nth_unstable_by(i, f64::total_cmp).1
+    };
+    let (low, high) = (at(CUT), at(1.0 - CUT));
+    if high - low > 1e-9 * high.abs().max(low.abs()) { [low, high] } else { [low - 0.5, low + 0.5] }
+}
+
+fn values(frame: &Frame, shape: &Shape, field: usize, [low, high]: [f64; 2]) -> Vec<u8> {
+    let values = &frame.fields[field];
+    if values.is_empty() {
+        return vec![0; shape.triangles.len()];
+    }
+    // A number that is none becomes 0.
+    let level = |v: &f64| if FIELDS[field].states() { *v as u8 } else { ((v - low) / (high - low) * 255.0).round() as u8 };
+    values.iter().map(level).collect()
+}

@@ -1,0 +1,189 @@
+//! Reports of runs that ended at every stage of their life.
+
+use std::path::Path;
+
+use mesh::vtk::{Series, Values, write_surface};
+
+use super::chart::{Chart, Series as Curve, digits};
+use super::data::Run;
+use super::{document, html, markdown};
+use crate::error::RunError;
+
+const SCENE: &str = include_str!("../../../cases/square-drop/scene.toml");
+
+/// A run's folder with these histories.
+fn folder(histories: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+    for (stage, text) in histories {
+        std::fs::create_dir_all(folder.path().join(stage)).unwrap();
+        std::fs::write(folder.path().join(stage).join("history.csv"), text).unwrap();
+    }
+    folder
+}
+
+const STRUCTURE: &str = "window,time_s,projected_area_m2,riser_force_n,structure_wall_s,window_wall_s\n\
+                         0,0.005,3.1,40,0.1,0.2\n1,0.01,3.2,41,0.1,0.2\n2,0.015,3.3,42,0.1,0.2\n";
+const FALL: &str = "window,time_s,descent_speed_m_s,drag_n,coupling_iterations,coupling_residual,coupling_converged\n\
+                    0,0.005,4.01,50,5,1e-3,1\n1,0.01,4.02,51,7,6e-3,0\n2,0.015,4.0";
+
+fn page(folder: &Path) -> String {
+    html::page(&document::document(&Run::open(folder).unwrap(), 1_000_000).unwrap())
+}
+
+fn refusal(folder: &Path) -> String {
+    match Run::open(folder) {
+        Err(RunError::Input(message)) => message,
+        Err(other) => panic!("{other}"),
+        Ok(_) => panic!("it was taken"),
+    }
+}
+
+#[test]
+fn a_folder_without_a_run_is_refused_in_words() {
+    let empty = tempfile::tempdir().unwrap();
+    assert!(refusal(&empty.path().join("nowhere")).contains("there is no folder"));
+    assert!(refusal(empty.path()).contains("scene.toml is missing"));
+    assert!(refusal(folder(&[]).path()).contains("no window of any stage"));
+    assert!(refusal(folder(&[("descent", "window,time_s\n")]).path()).contains("no window of any stage"));
+    let damaged = folder(&[("descent", "window,time_s\n0,0.1\n1\n2,0.3\n")]);
+    assert!(refusal(damaged.path()).contains("line 3"));
+    let bad = folder(&[("pre-inflation", STRUCTURE)]);
+    std::fs::write(bad.path().join("summary.json"), "{").unwrap();
+    assert!(refusal(bad.path()).contains("summary.json is damaged"));
+}
+
+#[test]
+fn one_stage_alone_gives_a_page_that_names_what_is_missing() {
+    let run = folder(&[("pre-inflation", STRUCTURE)]);
+    let page = page(run.path());
+    assert!(page.contains("Projected area") && page.contains("Force in the risers"));
+    // Neither a column that is not there, nor a viewer without shapes.
+    assert!(!page.contains("Descent speed</h") && !page.contains("id=\"canopy\""));
+    for missing in ["summary.json is not there", "surface_every_windows = 4", "stage `descent`: it did no window"] {
+        assert!(page.contains(missing), "{missing}");
+    }
+}
+
+#[test]
+fn a_run_that_was_killed_is_told_up_to_its_last_whole_line() {
+    let run = folder(&[("descent", FALL)]);
+    let opened = Run::open(run.path()).unwrap();
+    assert_eq!(opened.main().columns.rows(), 2);
+    let page = page(run.path());
+    for part in ["was cut off", "window 1 of stage `descent` did not converge", "ended after 2 of 20 windows"] {
+        assert!(page.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn the_page_asks_for_nothing_and_closes_what_it_opens() {
+    let run = folder(&[("pre-inflation", STRUCTURE), ("descent", FALL)]);
+    shapes(&run.path().join("pre-inflation"));
+    let page = page(run.path());
+    let opens = |tag: &str| page.matches(&format!("<{tag}")).count();
+    for tag in ["section", "figure", "table", "svg", "div", "script", "ul"] {
+        assert_eq!(opens(tag), page.matches(&format!("</{tag}>")).count(), "{tag}");
+    }
+    assert!(page.contains("id=\"canopy-data\"") && page.contains("The licence of three.js"));
+    // Addresses are names of XML, or lie in the page.
+    for found in page.split("src=\"").skip(1).chain(page.split("href=\"").skip(1)) {
+        assert!(found.starts_with("data:") || found.starts_with('#'), "{}", &found[..40.min(found.len())]);
+    }
+    assert!(page.contains("Vent area") && page.contains("State of the fabric"));
+}
+
+/// Two shapes of a sheet with a square hole of 1 m2, then of 2 m x 1 m.
+fn shapes(folder: &Path) {
+    let mut series = Series::new(folder.join("canopy.pvd"));
+    for (i, wide) in [1.0, 2.0].into_iter().enumerate() {
+        let x = [-3.0, 0.0, wide, 5.0];
+        let y = [-3.0, 0.0, 1.0, 4.0];
+        let points: Vec<[f64; 3]> = (0..16).map(|n| [x[n % 4], y[n / 4], 0.0]).collect();
+        let squares = (0..9u32).filter(|s| *s != 4).map(|s| 4 * (s / 3) + s % 3);
+        let triangles: Vec<[u32; 3]> =
+            squares.flat_map(|a| [[a, a + 1, a + 5], [a, a + 5, a + 4]]).collect();
+        let stress: Vec<f64> = (0..16).map(|t| f64::from(t) * 1e5).collect();
+        let states: Vec<u32> = (0..16).map(|t| t % 3).collect();
+        let name = format!("canopy_{i}.vtu");
+        let fields = [("stress_1_pa", Values::F64(&stress)), ("wrinkling_state", Values::U32(&states))];
+        write_surface(&folder.join(&name), &points, &triangles, &[], &fields).unwrap();
+        series.push(0.01 * i as f64, &[&name]).unwrap();
+    }
+}
+
+#[test]
+fn what_is_measured_and_packed_of_a_canopy() {
+    let run = folder(&[("pre-inflation", STRUCTURE)]);
+    shapes(&run.path().join("pre-inflation"));
+    let opened = Run::open(run.path()).unwrap();
+    let frames = super::frames::read(&opened, opened.main(), 9).unwrap().unwrap();
+    let vents: Vec<f64> = frames.measures.iter().flat_map(|m| m.vents.clone()).collect();
+    assert!(vents.len() == 2 && (vents[0] - 1.0).abs() < 1e-12 && (vents[1] - 2.0).abs() < 1e-12, "{vents:?}");
+    assert!((frames.measures[0].mouth - 8.0 * 7.0).abs() < 1e-9);
+    assert!((frames.measures[0].states.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+
+    // Unpacked again as the viewer does.
+    let packed = super::pack::pack(&[frames]).unwrap();
+    use base64::Engine;
+    use std::io::Read;
+    let deflated = base64::engine::general_purpose::STANDARD.decode(&packed.data).unwrap();
+    let mut bytes = Vec::new();
+    flate2::read::ZlibDecoder::new(&deflated[..]).read_to_end(&mut bytes).unwrap();
+    let number = |key: &str| packed.header[key].as_u64().unwrap() as usize;
+    let (nodes, triangles) = (number("nodes"), number("triangles"));
+    assert_eq!((nodes, triangles, number("hem"), number("cables")), (16, 16, 16, 0));
+    let topology = 4 * (3 * triangles + 2 * number("hem"));
+    let frame = 6 * nodes + 3 * triangles;
+    assert_eq!(bytes.len(), topology + 2 * frame);
+    // Place of node 2 in x: 1 m, then 2 m, between -3 and 5.
+    let mut place = 0u16;
+    for (at, expected) in [(topology, 1.0), (topology + frame, 2.0)] {
+        let i = 3 * 2;
+        place = place.wrapping_add(u16::from(bytes[at + i]) | u16::from(bytes[at + 3 * nodes + i]) << 8);
+        let x = -3.0 + 8.0 * f64::from(place) / 65535.0;
+        assert!((x - expected).abs() < 8.0 / 65535.0, "{x}");
+    }
+}
+
+#[test]
+fn markdown_has_its_pictures_beside_it() {
+    let run = folder(&[("pre-inflation", STRUCTURE)]);
+    shapes(&run.path().join("pre-inflation"));
+    let out = run.path().join("report.md");
+    markdown::write(&document::document(&Run::open(run.path()).unwrap(), 1000).unwrap(), &out).unwrap();
+    let text = std::fs::read_to_string(&out).unwrap();
+    let pictures: Vec<&str> = text.split("](").skip(1).map(|t| t.split(')').next().unwrap()).collect();
+    assert!(pictures.len() > 3, "{text}");
+    for picture in pictures {
+        assert!(run.path().join(picture).is_file(), "{picture}");
+    }
+    assert!(text.contains("| scene | square-drop |"), "{text}");
+}
+
+#[test]
+fn charts_bear_odd_numbers() {
+    let curve = |points: &[(f64, f64)]| Chart {
+        title: "x".into(),
+        series: vec![Curve { label: "a < b".into(), points: points.to_vec() }],
+        ..Chart::default()
+    };
+    assert!(curve(&[(0.0, 1.0), (1.0, f64::NAN)]).is_empty());
+    for logarithmic in [false, true] {
+        let mut chart = curve(&[(0.0, 1e-9), (0.5, f64::NAN), (1.0, 0.0), (2.0, 1e-9), (3.0, f64::INFINITY)]);
+        chart.logarithmic = logarithmic;
+        for svg in [chart.svg(false), chart.svg(true)] {
+            assert!(!svg.contains("NaN") && !svg.contains("inf") && !svg.contains("a < b"), "{svg}");
+        }
+    }
+    // Ten thousand points of a rising curve keep their ends and stay few.
+    let many: Vec<(f64, f64)> = (0..10_000).map(|i| (f64::from(i), f64::from(i))).collect();
+    let svg = curve(&many).svg(false);
+    let kept = svg.split("data-points=\"").nth(1).unwrap().split('"').next().unwrap();
+    let kept: Vec<&str> = kept.split(';').collect();
+    assert!(kept.len() <= 1000 && kept[0] == "0,0" && kept[kept.len() - 1] == "9999,9999", "{}", kept.len());
+    let texts = [(4.69392, "4.694"), (0.0123456, "0.01235"), (1045.2, "1045"), (2.5e7, "2.50e7"), (0.0, "0")];
+    for (value, text) in texts {
+        assert_eq!(digits(value), text);
+    }
+}

@@ -1,0 +1,143 @@
+//! The page about a run, opened in a browser and used as a person would.
+
+use std::path::Path;
+use std::process::Command;
+
+use ripstop_tests::browser::{Browser, find_browser};
+use ripstop_tests::{changed_scene, program, ripstop_run, succeed};
+use serde_json::json;
+
+fn report(run: &Path, options: &[&str]) -> Command {
+    let mut command = Command::new(program("ripstop"));
+    command.arg("report").arg(run).args(options);
+    command
+}
+
+/// Number of colours on the canopy's canvas, and a sum over its pixels. Drawn and read in one go, for a
+/// canvas may forget its picture afterwards.
+const PIXELS: &str = "(() => { const v = document.getElementById('canopy').viewer; v.render(); \
+    const c = document.createElement('canvas'); [c.width, c.height] = [v.canvas.width, v.canvas.height]; \
+    const x = c.getContext('2d'); x.drawImage(v.canvas, 0, 0); \
+    const d = new Uint32Array(x.getImageData(0, 0, c.width, c.height).data.buffer); \
+    let sum = 0; for (const p of d) sum = (sum * 31 + p) % 4294967291; return [new Set(d).size, sum]; })()";
+
+fn colours_and_sum(browser: &mut Browser) -> (u64, u64) {
+    let found = browser.evaluate(PIXELS);
+    (found[0].as_u64().expect("a count"), found[1].as_u64().expect("a sum"))
+}
+
+#[test]
+fn the_page_of_a_small_run_is_whole_and_works() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("run");
+    let output = "[output]\nsurface_every_windows = 2\nvolume_every_windows = 10\n\n[coupling]";
+    let scene = changed_scene("square-drop", folder.path(), &[("[coupling]", output)]);
+    succeed(ripstop_run(&scene, &out, &["--quiet"]));
+    succeed(report(&out, &[]));
+    succeed(report(&out, &["--markdown"]));
+
+    let text = std::fs::read_to_string(out.join("report.md")).expect("the Markdown");
+    for part in ["Descent speed", "| command | ripstop run", "| machine |", "report-pictures/flow-0.png"] {
+        assert!(text.contains(part), "{part} is missing in\n{text}");
+    }
+
+    let Some(found) = find_browser() else {
+        eprintln!("SKIPPED: no browser to open the page in (scripts/setup --browser installs one)");
+        return;
+    };
+    let mut browser = Browser::start(&found, &folder.path().join("browser"));
+    let page = out.join("report.html");
+    browser.open(&page);
+    browser.until("document.getElementById('canopy').dataset.state === 'ready'");
+    let missing = browser.evaluate("document.getElementById('missing') === null");
+    assert_eq!(missing, json!(true), "a complete run lacks nothing");
+
+    // The canopy is drawn: shaded colours, not one of paper and one of lines.
+    let (colours, last) = colours_and_sum(&mut browser);
+    assert!(colours > 500, "{colours} colours on the canvas");
+    let state = |browser: &mut Browser| {
+        browser.evaluate("(({ stage, frame, field, playing }) => [stage, frame, field, playing])(canopy.viewer)")
+    };
+    let frames = browser.evaluate("canopy.viewer.data.header.stages.map(s => s.times.length)");
+    // 20 windows of descent, every second one.
+    assert_eq!(frames[1], json!(10));
+    assert_eq!(state(&mut browser), json!([1, 9, 0, false]));
+
+    // One key press on the slider is one picture back in time.
+    browser.evaluate("document.querySelector('[data-part=time]').focus()");
+    browser.key("ArrowLeft", 37);
+    assert_eq!(state(&mut browser), json!([1, 8, 0, false]));
+    let (_, earlier) = colours_and_sum(&mut browser);
+    assert_ne!(last, earlier, "the canopy did not move");
+    assert_eq!(browser.evaluate("document.querySelector('[data-part=clock]').textContent"), json!("0.090 s"));
+
+    // Other colours, another legend.
+    let choose = |browser: &mut Browser, part: &str, value: u32| {
+        browser.evaluate(&format!(
+            "(() => {{ const s = document.querySelector('[data-part={part}]'); s.value = {value}; \
+             s.dispatchEvent(new Event('change')); }})()"
+        ));
+    };
+    let mut seen = vec![earlier];
+    for field in [1, 2] {
+        choose(&mut browser, "field", field);
+        let (_, sum) = colours_and_sum(&mut browser);
+        assert!(!seen.contains(&sum), "colour {field} looks like one before");
+        seen.push(sum);
+    }
+    let legend = browser.evaluate("document.querySelector('[data-part=legend]').textContent");
+    assert_eq!(legend, json!("slackwrinkledtaut"));
+
+    // Play goes on by itself, and stops.
+    browser.click("[data-part=play]");
+    let from = browser.evaluate("canopy.viewer.frame");
+    browser.until(&format!("canopy.viewer.frame !== {from}"));
+    browser.click("[data-part=play]");
+    assert_eq!(browser.evaluate("canopy.viewer.playing"), json!(false));
+
+    // Turning, lines, mesh, the other stage.
+    let before = colours_and_sum(&mut browser).1;
+    browser.drag("#canopy canvas", [120.0, 40.0]);
+    assert_ne!(before, colours_and_sum(&mut browser).1, "dragging did not turn it");
+    for part in ["lines", "mesh"] {
+        let before = colours_and_sum(&mut browser).1;
+        browser.click(&format!("[data-part={part}]"));
+        assert_ne!(before, colours_and_sum(&mut browser).1, "{part} changed nothing");
+    }
+    choose(&mut browser, "stage", 0);
+    assert_eq!(browser.evaluate("canopy.viewer.stage"), json!(0));
+    browser.point("#canopy canvas");
+
+    // A chart tells the value under the pointer.
+    browser.point("#stage-descent-descent-speed svg");
+    let tip = browser.evaluate("document.querySelector('#stage-descent-descent-speed svg .marks').textContent");
+    assert!(tip.as_str().is_some_and(|t| t.contains("m/s")), "{tip}");
+    let pictures = browser.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 200)");
+    assert_eq!(pictures, json!(true), "a picture is broken");
+
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+    let asked: Vec<String> = browser.requests().into_iter().filter(|u| !u.starts_with("data:")).collect();
+    assert_eq!(asked, [format!("file://{}", page.display())], "the page asked for more than itself");
+
+    if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {
+        std::fs::copy(&page, Path::new(&keep).join("report.html")).expect("a folder");
+    }
+}
+
+#[test]
+fn a_run_that_stopped_early_has_a_page_too() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("run");
+    let scene = ripstop_tests::scene("air-bag");
+    // Killed at once it leaves a scene at most: no page, but words.
+    std::fs::create_dir_all(&out).expect("a folder");
+    let empty = report(&out, &[]).output().expect("it starts");
+    assert_eq!(empty.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&empty.stderr).contains("scene.toml is missing"));
+    succeed(ripstop_run(&scene, &out, &["--quiet", "--stop-after-windows", "3"]));
+    std::fs::remove_file(out.join("summary.json")).expect("it was there");
+    let said = succeed(report(&out, &[]));
+    let said = String::from_utf8_lossy(&said.stderr).into_owned();
+    assert!(said.contains("summary.json is not there"), "{said}");
+    assert!(out.join("report.html").is_file());
+}
