@@ -39,7 +39,13 @@ impl Browser {
         let mut process = Command::new("sh")
             .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null", "sh"])
             .arg(program)
-            .args(["--headless", "--remote-debugging-pipe", "--no-sandbox", "--disable-gpu", "--disable-quic"])
+            .args([
+                "--headless",
+                "--remote-debugging-pipe",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--disable-quic",
+            ])
             .args(["--no-first-run", "--disable-background-networking", "--disable-component-update"])
             .args(["--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
             .arg("--window-size=1200,900")
@@ -160,8 +166,7 @@ impl Browser {
     /// Presses a key that has a name, such as `ArrowLeft`, in what has the focus.
     pub fn key(&mut self, key: &str, code: u32) {
         for kind in ["keyDown", "keyUp"] {
-            let parameters =
-                json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
+            let parameters = json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
             self.call("Input.dispatchKeyEvent", parameters);
         }
     }

@@ -56,7 +56,8 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     let (colours, last) = colours_and_sum(&mut browser);
     assert!(colours > 500, "{colours} colours on the canvas");
     let state = |browser: &mut Browser| {
-        browser.evaluate("(({ stage, frame, field, playing }) => [stage, frame, field, playing])(canopy.viewer)")
+        browser
+            .evaluate("(({ stage, frame, field, playing }) => [stage, frame, field, playing])(canopy.viewer)")
     };
     let frames = browser.evaluate("canopy.viewer.data.header.stages.map(s => s.times.length)");
     // 20 windows of descent, every second one.
@@ -110,7 +111,8 @@ fn the_page_of_a_small_run_is_whole_and_works() {
 
     // A chart tells the value under the pointer.
     browser.point("#stage-descent-descent-speed svg");
-    let tip = browser.evaluate("document.querySelector('#stage-descent-descent-speed svg .marks').textContent");
+    let tip =
+        browser.evaluate("document.querySelector('#stage-descent-descent-speed svg .marks').textContent");
     assert!(tip.as_str().is_some_and(|t| t.contains("m/s")), "{tip}");
     let pictures = browser.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 200)");
     assert_eq!(pictures, json!(true), "a picture is broken");

@@ -157,8 +157,8 @@ def figure_4(run, stage, out):
     boxes += [box(run, stage, t, "lines.pvd") for t in times] if lines else []
     low, high = min(b[4] for b in boxes), max(b[5] for b in boxes)
     wide = max(b[1] - b[0] for b in boxes)
-    # Fits 400 x 560 pixels with a margin for the labels.
-    size = max(0.58 * (high - low), 0.5 * 1.4 * 1.3 * wide)
+    # Fits 400 x 760 pixels seen at an angle, with a margin for the labels.
+    size = max(0.58 * (high - low), 1.3 * wide)
     for number, time in enumerate(times):
         made = view([400, 560])
         # The first snapshot is a few windows old: as near to the unstressed cut as the run has it.

@@ -73,7 +73,8 @@ fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
 fn ticks(low: f64, high: f64, most: f64) -> (Vec<f64>, usize) {
     let rough = (high - low) / most;
     let unit = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|s| s * unit).find(|s| *s >= rough * 0.999).unwrap_or(rough);
+    let step =
+        [1.0, 2.0, 5.0, 10.0].into_iter().map(|s| s * unit).find(|s| *s >= rough * 0.999).unwrap_or(rough);
     let places = (-(step * 1.001).log10().floor()).max(0.0) as usize;
     let first = (low / step - 1e-9).ceil();
     let all = (0..30).map(|i| (first + f64::from(i)) * step).take_while(|t| *t <= high + 1e-9 * step);
@@ -130,7 +131,8 @@ impl Chart {
             if alone { "" } else { " tabindex=\"0\"" }
         );
         if alone {
-            let _ = write!(out, "<style>{}</style><rect class=\"paper\" width=\"100%\" height=\"100%\"/>", STYLE);
+            let _ =
+                write!(out, "<style>{}</style><rect class=\"paper\" width=\"100%\" height=\"100%\"/>", STYLE);
         }
         let (marks, places) = if self.logarithmic {
             let decades = (y0.ceil() as i32..=y1.floor() as i32).map(f64::from).collect();
@@ -139,8 +141,7 @@ impl Chart {
             ticks(y0, y1, 5.0)
         };
         for mark in marks {
-            let label =
-                if self.logarithmic { format!("1e{mark:.0}") } else { format!("{mark:.places$}") };
+            let label = if self.logarithmic { format!("1e{mark:.0}") } else { format!("{mark:.places$}") };
             let y = py(mark);
             let _ = write!(
                 out,
@@ -190,7 +191,8 @@ impl Chart {
             for &(x, y) in &points {
                 let drawn = y.is_finite() && (!self.logarithmic || y > 0.0);
                 if drawn {
-                    let _ = write!(path, "{}{:.1} {:.1}", if pen { 'L' } else { 'M' }, px(x), py(self.height(y)));
+                    let _ =
+                        write!(path, "{}{:.1} {:.1}", if pen { 'L' } else { 'M' }, px(x), py(self.height(y)));
                 }
                 pen = drawn;
             }

@@ -117,9 +117,8 @@ impl Run {
                 missing.push(format!("stage `{}`: it did no window", stage.name));
                 continue;
             }
-            let of_stage = |list: &Value| {
-                list.as_array()?.iter().find(|s| text(Some(s), "name") == stage.name).cloned()
-            };
+            let of_stage =
+                |list: &Value| list.as_array()?.iter().find(|s| text(Some(s), "name") == stage.name).cloned();
             let told = summary.as_ref().and_then(|s| s.get("stages")).and_then(of_stage);
             stages.push(StageData { index, columns, summary: told });
         }

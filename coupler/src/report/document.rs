@@ -119,7 +119,8 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
         lead: if warnings.is_empty() {
             "Neither the coupler nor a program warned, and no window was rejected.".into()
         } else {
-            "What the coupler and the programs said, and windows that were rejected or did not converge.".into()
+            "What the coupler and the programs said, and windows that were rejected or did not converge."
+                .into()
         },
         blocks: vec![Block::List(shortened(&warnings))],
     });

@@ -45,17 +45,18 @@ pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
     let mut card = |label: &str, value: String, notes: Vec<String>| {
         cards.push(Card { label: label.into(), value, notes, warn: false });
     };
-    if kind == StageKind::Coupled && run.scene().descent.is_some() {
-        if let Some((mean, deviation)) = c.late("descent_speed_m_s") {
-            let mut notes = vec![
-                format!("mean of the last half, standard deviation {}", digits(deviation)),
-                format!("{} m/s at the end", digits(c.last("descent_speed_m_s").unwrap_or(f64::NAN))),
-            ];
-            for (value, name) in plot::published(run.scene()) {
-                notes.push(format!("{name} {value}: {:+.1} %", 100.0 * (mean - value) / value));
-            }
-            card("Descent speed", format!("{} m/s", digits(mean)), notes);
+    if kind == StageKind::Coupled
+        && run.scene().descent.is_some()
+        && let Some((mean, deviation)) = c.late("descent_speed_m_s")
+    {
+        let mut notes = vec![
+            format!("mean of the last half, standard deviation {}", digits(deviation)),
+            format!("{} m/s at the end", digits(c.last("descent_speed_m_s").unwrap_or(f64::NAN))),
+        ];
+        for (value, name) in plot::published(run.scene()) {
+            notes.push(format!("{name} {value}: {:+.1} %", 100.0 * (mean - value) / value));
         }
+        card("Descent speed", format!("{} m/s", digits(mean)), notes);
     }
     if let Some((mean, deviation)) = c.late("drag_n") {
         let mut notes = vec![format!("mean of the last half, standard deviation {}", digits(deviation))];
@@ -71,7 +72,8 @@ pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
         let values = c.get("projected_area_m2").unwrap_or_default();
         let late = &values[values.len() / 2..];
         let (low, high) = late.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
-        let notes = vec![format!("mean of the last half; between {} and {} there", digits(low), digits(high))];
+        let notes =
+            vec![format!("mean of the last half; between {} and {} there", digits(low), digits(high))];
         card("Projected area", format!("{} m2", digits(mean)), notes);
     }
     if let Some(most) = c.max("max_line_tension_n").filter(|t| *t > 0.0) {
@@ -96,7 +98,10 @@ pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
     let simulated = c.last("time_s").unwrap_or(0.0);
     let mut notes = vec![];
     if simulated > 0.0 {
-        notes.push(format!("{} s for each simulated second of the last stage", digits(wall(stage) / simulated)));
+        notes.push(format!(
+            "{} s for each simulated second of the last stage",
+            digits(wall(stage) / simulated)
+        ));
     }
     notes.push(match told_ranks(run) {
         Some(ranks) => format!("{ranks} ranks"),

@@ -129,7 +129,8 @@ pub(super) fn read(run: &Run, stage: &StageData, most: usize) -> Result<Option<S
     let mut out: Option<StageFrames> = None;
     let mut openings: Option<(Vec<u32>, Vec<Vec<u32>>)> = None;
     for (at, &snapshot) in chosen.iter().enumerate() {
-        let Some((time, canopy, lines)) = run.results.structure(stage.index, Some(all[snapshot].time))? else {
+        let Some((time, canopy, lines)) = run.results.structure(stage.index, Some(all[snapshot].time))?
+        else {
             continue;
         };
         let found = out.get_or_insert_with(|| StageFrames {

@@ -108,7 +108,8 @@ fn block(block: &Block) -> String {
             escape(&bars.note)
         ),
         Block::Pictures(pictures) => {
-            let figures = pictures.iter().map(|p| format!("<figure class=\"panel\">{}</figure>\n", picture(p)));
+            let figures =
+                pictures.iter().map(|p| format!("<figure class=\"panel\">{}</figure>\n", picture(p)));
             format!("<div class=\"charts\">{}</div>\n", figures.collect::<String>())
         }
         Block::Canopy(canopy) => self::canopy(canopy),
@@ -117,18 +118,17 @@ fn block(block: &Block) -> String {
             let items: String = items.iter().map(|i| format!("<li>{}</li>", escape(i))).collect();
             format!("<ul class=\"list\">{items}</ul>\n")
         }
-        Block::Code { title, text } => format!(
-            "<details><summary>{}</summary><pre>{}</pre></details>\n",
-            escape(title),
-            escape(text)
-        ),
+        Block::Code { title, text } => {
+            format!("<details><summary>{}</summary><pre>{}</pre></details>\n", escape(title), escape(text))
+        }
     }
 }
 
 fn table(table: &Table) -> String {
     let mut out = String::from("<div class=\"scroll\"><table>");
     if !table.head.is_empty() {
-        let cells: String = table.head.iter().map(|h| format!("<th scope=\"col\">{}</th>", escape(h))).collect();
+        let cells: String =
+            table.head.iter().map(|h| format!("<th scope=\"col\">{}</th>", escape(h))).collect();
         out += &format!("<thead><tr>{cells}</tr></thead>");
     }
     out += "<tbody>";

@@ -70,7 +70,8 @@ fn section(section: &Section, files: &mut Files<'_>) -> Result<String, RunError>
             }
             Block::Bars(bars) => {
                 let caption = format!("{}. {}", bars.title, bars.note);
-                out += &files.picture(&format!("{}-bars.svg", bars.id), &caption, bars.svg(true).as_bytes())?;
+                out +=
+                    &files.picture(&format!("{}-bars.svg", bars.id), &caption, bars.svg(true).as_bytes())?;
             }
             Block::Pictures(pictures) => {
                 for p in pictures {
@@ -87,7 +88,10 @@ fn section(section: &Section, files: &mut Files<'_>) -> Result<String, RunError>
                 out.push('\n');
             }
             Block::Code { title, text } => {
-                out += &format!("<details><summary>{title}</summary>\n\n```\n{}\n```\n\n</details>\n\n", text.trim_end());
+                out += &format!(
+                    "<details><summary>{title}</summary>\n\n```\n{}\n```\n\n</details>\n\n",
+                    text.trim_end()
+                );
             }
         }
     }

@@ -29,7 +29,8 @@ pub(super) fn skirt_and_vents<'a>(
     points: &[Vec3],
     loops: &'a [Vec<u32>],
 ) -> Option<(&'a [u32], Vec<&'a [u32]>)> {
-    let skirt = (0..loops.len()).max_by(|&a, &b| length(points, &loops[a]).total_cmp(&length(points, &loops[b])))?;
+    let skirt =
+        (0..loops.len()).max_by(|&a, &b| length(points, &loops[a]).total_cmp(&length(points, &loops[b])))?;
     let vents = loops.iter().enumerate().filter(|(i, _)| *i != skirt).map(|(_, l)| &l[..]).collect();
     Some((&loops[skirt], vents))
 }

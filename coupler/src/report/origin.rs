@@ -24,7 +24,10 @@ pub(super) fn section(run: &Run) -> Section {
         let words: Vec<&str> = words.iter().filter_map(|w| w.as_str()).collect();
         // Where the program lay is nobody's business; what was asked of it is.
         let program = words.first().map(|p| p.rsplit('/').next().unwrap_or(p));
-        row("command", program.into_iter().chain(words.iter().skip(1).copied()).collect::<Vec<_>>().join(" "));
+        row(
+            "command",
+            program.into_iter().chain(words.iter().skip(1).copied()).collect::<Vec<_>>().join(" "),
+        );
     }
     let version = text(summary, "version");
     if !version.is_empty() {
@@ -37,7 +40,11 @@ pub(super) fn section(run: &Run) -> Section {
         let threads = number(machine, "threads").unwrap_or(0.0);
         row(
             "machine",
-            format!("{}, {threads:.0} threads, {memory} GiB, {}", text(machine, "processor"), text(machine, "system")),
+            format!(
+                "{}, {threads:.0} threads, {memory} GiB, {}",
+                text(machine, "processor"),
+                text(machine, "system")
+            ),
         );
     }
     let ranks = summary.and_then(|s| s.get("ranks")).and_then(|r| r.as_array());
@@ -53,14 +60,20 @@ pub(super) fn section(run: &Run) -> Section {
     if let Ok(interface) = CanopyInterface::new(scene) {
         row(
             "structure",
-            format!("{} triangles; fabric {:.2} kg, lines {:.2} kg", interface.sizes.triangles, interface.masses.fabric, interface.masses.cables),
+            format!(
+                "{} triangles; fabric {:.2} kg, lines {:.2} kg",
+                interface.sizes.triangles, interface.masses.fabric, interface.masses.cables
+            ),
         );
     }
     let on: Vec<&str> = TABLE.iter().filter(|e| (e.on)(scene)).map(|e| e.key).collect();
     row("effects", if on.is_empty() { "none".into() } else { on.join(", ") });
     for stage in &run.stages {
         let described = run.stage(stage);
-        row(&format!("stage {}", described.name), format!("{}, {}", kind(described.kind), progress(run, stage)));
+        row(
+            &format!("stage {}", described.name),
+            format!("{}, {}", kind(described.kind), progress(run, stage)),
+        );
     }
     let mut blocks = vec![Block::Table(Table { head: Vec::new(), rows })];
     if let Ok(text) = std::fs::read_to_string(run.folder.join("scene.toml")) {
@@ -98,7 +111,9 @@ pub(super) fn warnings(run: &Run) -> Vec<String> {
         None => {
             for stage in &run.stages {
                 let name = &run.stage(stage).name;
-                for (window, converged) in stage.columns.get("coupling_converged").unwrap_or_default().iter().enumerate() {
+                for (window, converged) in
+                    stage.columns.get("coupling_converged").unwrap_or_default().iter().enumerate()
+                {
                     if *converged == 0.0 {
                         found.push(format!("window {window} of stage `{name}` did not converge"));
                     }

@@ -29,7 +29,8 @@ const CUT: f64 = 0.005;
 /// Packs the stages whose mesh is that of the last.
 pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
     let shape = &stages.last()?.shape;
-    let stages: Vec<&StageFrames> = stages.iter().filter(|s| s.shape == *shape && !s.frames.is_empty()).collect();
+    let stages: Vec<&StageFrames> =
+        stages.iter().filter(|s| s.shape == *shape && !s.frames.is_empty()).collect();
     let (origin, extent) = bounds(&stages);
     let mut bytes = Vec::new();
     let mut index = |n: u32| bytes.extend(n.to_le_bytes());
@@ -42,7 +43,8 @@ pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
         let mut before: Option<(Vec<u16>, Vec<Vec<u8>>)> = None;
         for frame in &stage.frames {
             let positions = positions(frame, origin, extent);
-            let fields: Vec<Vec<u8>> = (0..FIELDS.len()).map(|k| values(frame, shape, k, ranges[k])).collect();
+            let fields: Vec<Vec<u8>> =
+                (0..FIELDS.len()).map(|k| values(frame, shape, k, ranges[k])).collect();
             let earlier = |i: usize| before.as_ref().map_or(0, |b| b.0[i]);
             let change: Vec<u16> =
                 positions.iter().enumerate().map(|(i, p)| p.wrapping_sub(earlier(i))).collect();
@@ -105,7 +107,8 @@ fn positions(frame: &Frame, origin: Vec3, extent: Vec3) -> Vec<u16> {
 
 /// Values that the colours of a field span in a stage.
 fn range(frames: &[Frame], field: usize) -> [f64; 2] {
-    let mut all: Vec<f64> = frames.iter().flat_map(|f| &f.fields[field]).copied().filter(|v| v.is_finite()).collect();
+    let mut all: Vec<f64> =
+        frames.iter().flat_map(|f| &f.fields[field]).copied().filter(|v| v.is_finite()).collect();
     if all.is_empty() {
         return [0.0, 1.0];
     }
@@ -124,6 +127,8 @@ fn values(frame: &Frame, shape: &Shape, field: usize, [low, high]: [f64; 2]) -> 
         return vec![0; shape.triangles.len()];
     }
     // A number that is none becomes 0.
-    let level = |v: &f64| if FIELDS[field].states() { *v as u8 } else { ((v - low) / (high - low) * 255.0).round() as u8 };
+    let level = |v: &f64| {
+        if FIELDS[field].states() { *v as u8 } else { ((v - low) / (high - low) * 255.0).round() as u8 }
+    };
     values.iter().map(level).collect()
 }

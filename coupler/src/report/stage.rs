@@ -128,7 +128,12 @@ fn from_snapshots(measures: &[Measure], id: &str) -> Vec<Chart> {
     if first.tensions.is_some() {
         let of = |k: usize| move |m: &Measure| m.tensions.map_or(f64::NAN, |t| t[k]);
         let series = vec![curve("least", &of(0)), curve("mean", &of(1)), curve("largest", &of(2))];
-        found.push(chart("Tension of suspension lines", "N", "Least, mean and largest over all lines.", series));
+        found.push(chart(
+            "Tension of suspension lines",
+            "N",
+            "Least, mean and largest over all lines.",
+            series,
+        ));
     }
     if measures.iter().any(|m| m.states.iter().sum::<f64>() > 0.0) {
         let of = |k: usize| move |m: &Measure| 100.0 * m.states[k];

@@ -60,7 +60,9 @@ fn one_stage_alone_gives_a_page_that_names_what_is_missing() {
     assert!(page.contains("Projected area") && page.contains("Force in the risers"));
     // Neither a column that is not there, nor a viewer without shapes.
     assert!(!page.contains("Descent speed</h") && !page.contains("id=\"canopy\""));
-    for missing in ["summary.json is not there", "surface_every_windows = 4", "stage `descent`: it did no window"] {
+    for missing in
+        ["summary.json is not there", "surface_every_windows = 4", "stage `descent`: it did no window"]
+    {
         assert!(page.contains(missing), "{missing}");
     }
 }
@@ -71,7 +73,8 @@ fn a_run_that_was_killed_is_told_up_to_its_last_whole_line() {
     let opened = Run::open(run.path()).unwrap();
     assert_eq!(opened.main().columns.rows(), 2);
     let page = page(run.path());
-    for part in ["was cut off", "window 1 of stage `descent` did not converge", "ended after 2 of 20 windows"] {
+    for part in ["was cut off", "window 1 of stage `descent` did not converge", "ended after 2 of 20 windows"]
+    {
         assert!(page.contains(part), "{part}");
     }
 }
@@ -101,8 +104,7 @@ fn shapes(folder: &Path) {
         let y = [-3.0, 0.0, 1.0, 4.0];
         let points: Vec<[f64; 3]> = (0..16).map(|n| [x[n % 4], y[n / 4], 0.0]).collect();
         let squares = (0..9u32).filter(|s| *s != 4).map(|s| 4 * (s / 3) + s % 3);
-        let triangles: Vec<[u32; 3]> =
-            squares.flat_map(|a| [[a, a + 1, a + 5], [a, a + 5, a + 4]]).collect();
+        let triangles: Vec<[u32; 3]> = squares.flat_map(|a| [[a, a + 1, a + 5], [a, a + 5, a + 4]]).collect();
         let stress: Vec<f64> = (0..16).map(|t| f64::from(t) * 1e5).collect();
         let states: Vec<u32> = (0..16).map(|t| t % 3).collect();
         let name = format!("canopy_{i}.vtu");
@@ -119,7 +121,10 @@ fn what_is_measured_and_packed_of_a_canopy() {
     let opened = Run::open(run.path()).unwrap();
     let frames = super::frames::read(&opened, opened.main(), 9).unwrap().unwrap();
     let vents: Vec<f64> = frames.measures.iter().flat_map(|m| m.vents.clone()).collect();
-    assert!(vents.len() == 2 && (vents[0] - 1.0).abs() < 1e-12 && (vents[1] - 2.0).abs() < 1e-12, "{vents:?}");
+    assert!(
+        vents.len() == 2 && (vents[0] - 1.0).abs() < 1e-12 && (vents[1] - 2.0).abs() < 1e-12,
+        "{vents:?}"
+    );
     assert!((frames.measures[0].mouth - 8.0 * 7.0).abs() < 1e-9);
     assert!((frames.measures[0].states.iter().sum::<f64>() - 1.0).abs() < 1e-12);
 
