@@ -89,6 +89,7 @@ pub fn report(options: &RunOptions) -> Result<String, RunError> {
             programs: &program_folder()?,
             scratch: &std::env::temp_dir(),
             mpirun: &options.mpirun,
+            resume: None,
         };
         match plan.programs() {
             Ok(programs) => lines.extend(programs.iter().map(|p| format!("       {}", p.line()))),

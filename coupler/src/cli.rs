@@ -9,6 +9,7 @@ use std::time::Duration;
 use case::Role;
 use clap::{Args, Parser, Subcommand};
 
+use crate::checkpoint;
 use crate::error::RunError;
 use crate::launch::Console;
 use crate::recording::stand_in::StandIn;
@@ -22,7 +23,8 @@ const CODES: &str = "Exit codes:
   1    the run failed; what was computed so far is kept
   3    what was compared differs (diff, replay), or a point failed (conform)
   2    the scene or the command line is wrong; nothing was started
-  130  ended by Ctrl-C or a termination signal";
+  130  ended by Ctrl-C or a termination signal: the window was finished and saved (`run --resume`
+       goes on); a second signal ends all at once and saves nothing";
 
 /// Fluid-structure interaction of parachutes: three solver programs, one command.
 #[derive(Parser)]
@@ -146,6 +148,13 @@ struct RunArgs {
     /// Longest time for one answer of a program that ripstop has started, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = seconds)]
     deadline: f64,
+    /// Go on with the run whose results lie in --out, from the last state that was saved
+    #[arg(long, conflicts_with = "stage")]
+    resume: bool,
+    /// Save every N windows; 0: at the end of stages and at Ctrl-C only [default: the scene's
+    /// output.checkpoint_every_windows]
+    #[arg(long, value_name = "N")]
+    checkpoint_every: Option<u32>,
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
@@ -180,6 +189,8 @@ impl RunArgs {
         RunOptions {
             stop_after_windows: self.stop_after_windows,
             keep_going: self.keep_going,
+            resume: self.resume,
+            checkpoint_every: self.checkpoint_every,
             deadline: Some(Duration::from_secs_f64(self.deadline)),
             record: self.record.map(|folder| RecordOptions { folder, without_grid }),
             baseline: self.baseline.map(|folder| BaselineOptions { folder, tolerance, count_slack, stop }),
@@ -321,10 +332,22 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
 
 fn fly(options: &RunOptions, console: &Console) -> Result<(), RunError> {
     let stop = on_signals()?;
-    let (summary, out) = run(options, &stop, console)?;
+    let (summary, out) = run(options, &stop, console).map_err(|error| resumable(error, options))?;
     console.line("");
     console.line(&summary.table(&out));
     Ok(())
+}
+
+/// An error of a run with the way to go on behind it.
+fn resumable(error: RunError, options: &RunOptions) -> RunError {
+    if matches!(error, RunError::Input(_)) {
+        return error;
+    }
+    let hint = crate::run::prepare(options).ok().and_then(|p| checkpoint::hint(&p.scene, &options.scene, &p.out));
+    match hint {
+        Some(hint) => RunError::Resumable { error: Box::new(error), hint },
+        None => error,
+    }
 }
 
 /// The result of a comparison: printed, and an error where things differ.

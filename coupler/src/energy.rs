@@ -11,7 +11,7 @@ pub const CREATED: f64 = 0.05;
 const LEAST: u64 = 20;
 
 /// Sums over a stage.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct EnergyBooks {
     windows: u64,
     /// What the coupling added so far, J; below zero what it took.

@@ -32,6 +32,14 @@ pub enum RunError {
     /// Ctrl-C or a termination signal.
     #[error("interrupted in {0}")]
     Interrupted(Place),
+    /// A run that ended early, and how it can be gone on with.
+    #[error("{error}\n{hint}")]
+    Resumable {
+        /// Why it ended.
+        error: Box<Self>,
+        /// The command.
+        hint: String,
+    },
     /// A program reported an error.
     #[error("{program}{} failed in {place}: {message}", rank_text(*.rank))]
     Fault {
@@ -143,6 +151,7 @@ impl RunError {
         match self {
             Self::Input(_) => 2,
             Self::Interrupted(_) => 130,
+            Self::Resumable { error, .. } => error.exit_code(),
             Self::Differs => 3,
             _ => 1,
         }

@@ -186,6 +186,25 @@ impl History {
         Ok(history)
     }
 
+    /// Goes on with a file that was cut back to the windows before.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn resume(path: &Path, kind: StageKind) -> Result<Self, RunError> {
+        if !path.exists() {
+            return Self::create(path, kind);
+        }
+        Ok(Self { kind, path: path.into(), file: BufWriter::new(append(path)?) })
+    }
+
+    /// Brings all rows to the disk: a state that is saved next counts on them.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn sync(&self) -> Result<(), RunError> {
+        self.file.get_ref().sync_data().map_err(RunError::file("write", &self.path))
+    }
+
     /// Adds a window.
     ///
     /// # Errors
@@ -220,6 +239,17 @@ impl Iterations {
         Ok(all)
     }
 
+    /// Goes on with a file that was cut back to the windows before.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn resume(path: &Path) -> Result<Self, RunError> {
+        if !path.exists() {
+            return Self::create(path);
+        }
+        Ok(Self { path: path.into(), file: BufWriter::new(append(path)?) })
+    }
+
     /// Adds the iterations of a window.
     ///
     /// # Errors
@@ -237,6 +267,10 @@ impl Iterations {
             .and_then(|()| self.file.flush())
             .map_err(RunError::file("write", &self.path))
     }
+}
+
+fn append(path: &Path) -> Result<File, RunError> {
+    File::options().append(true).open(path).map_err(RunError::file("write", path))
 }
 
 /// Columns of a history file by name; empty cells are NaN.

@@ -45,6 +45,10 @@ pub struct HubPartners<'a> {
     hub: Hub,
     supervisor: Supervisor,
     stop: &'a AtomicBool,
+    /// A signal to end lets the window come to its end first.
+    patient: bool,
+    told: bool,
+    console: Console,
     place: Place,
     /// Panel of each canopy node.
     panels: Vec<u32>,
@@ -56,13 +60,21 @@ pub struct HubPartners<'a> {
 struct Watch<'a> {
     supervisor: &'a mut Supervisor,
     stop: &'a AtomicBool,
+    patient: bool,
+    told: &'a mut bool,
+    console: &'a Console,
     casualty: Option<Casualty>,
 }
 
 impl Watch<'_> {
     fn look(&mut self) -> Result<(), Abort> {
         if self.stop.load(Ordering::Relaxed) {
-            return Err(Abort::new("interrupted"));
+            if !self.patient {
+                return Err(Abort::new("interrupted"));
+            }
+            if !std::mem::replace(self.told, true) {
+                self.console.line("interrupted: this window is finished and saved; once more ends all at once");
+            }
         }
         self.casualty = self.supervisor.casualty();
         match &self.casualty {
@@ -129,7 +141,17 @@ impl<'a> HubPartners<'a> {
         }
         let supervisor = Supervisor::start(started, options.session, console)?;
         let mut all =
-            Self { hub, supervisor, stop, place, panels: interface.panels.clone(), grid: Vec::new() };
+            Self {
+                hub,
+                supervisor,
+                stop,
+                patient: false,
+                told: false,
+                console: console.clone(),
+                place,
+                panels: interface.panels.clone(),
+                grid: Vec::new(),
+            };
         let mut told = 0;
         all.ask(|hub, watch| {
             hub.await_participants(&mut |arrivals| {
@@ -147,13 +169,20 @@ impl<'a> HubPartners<'a> {
         Ok(all)
     }
 
+    /// From now on a signal to end lets windows come to their ends: whoever asks for them looks
+    /// at it in between.
+    pub fn finish_windows(&mut self) {
+        self.patient = true;
+    }
+
     /// Ends the session in good order.
     ///
     /// # Errors
     /// A program that fails at the very end.
     pub fn finish(self, console: &Console) -> Result<(), RunError> {
-        let Self { hub, mut supervisor, stop, place, .. } = self;
-        let mut watch = Watch { supervisor: &mut supervisor, stop, casualty: None };
+        let Self { hub, mut supervisor, stop, patient, mut told, place, .. } = self;
+        let mut watch =
+            Watch { supervisor: &mut supervisor, stop, patient, told: &mut told, console, casualty: None };
         // Programs may be gone before the hub has seen all goodbyes: that is no casualty.
         let stopped = hub.stop(&mut || match watch.look() {
             Err(_) if watch.casualty.is_some() => Ok(()),
@@ -171,7 +200,14 @@ impl<'a> HubPartners<'a> {
         &mut self,
         question: impl FnOnce(&mut Hub, &mut Watch<'_>) -> Result<T, HubError>,
     ) -> Result<T, RunError> {
-        let mut watch = Watch { supervisor: &mut self.supervisor, stop: self.stop, casualty: None };
+        let mut watch = Watch {
+            supervisor: &mut self.supervisor,
+            stop: self.stop,
+            patient: self.patient,
+            told: &mut self.told,
+            console: &self.console,
+            casualty: None,
+        };
         let answer = question(&mut self.hub, &mut watch);
         let casualty = watch.casualty.take();
         answer.map_err(|error| self.explain(error, casualty))
@@ -180,7 +216,7 @@ impl<'a> HubPartners<'a> {
     fn explain(&mut self, error: HubError, casualty: Option<Casualty>) -> RunError {
         let place = self.place.clone();
         // The signal may also have cut a system call short: that is no error of its own.
-        if self.stop.load(Ordering::Relaxed) {
+        if self.stop.load(Ordering::Relaxed) && !self.patient {
             return RunError::Interrupted(place);
         }
         let died = |casualty: Casualty, rank| RunError::Died {
@@ -335,6 +371,15 @@ impl Partners for HubPartners<'_> {
 
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError> {
         self.ask(|hub, watch| hub.snapshot(&[role], time, folder, &mut || watch.look()))
+    }
+
+    fn cannot_resume(&self) -> Vec<String> {
+        let can = |role: &Role| match self.hub.announcement(*role) {
+            Some(a) => a.effects.iter().any(|e| e == channel::RESUME),
+            // It does not take part.
+            None => true,
+        };
+        Role::ALL.into_iter().filter(|r| !can(r)).map(|r| self.supervisor.name(r)).collect()
     }
 
     fn grid(&self) -> Option<&[f64]> {

@@ -4,6 +4,7 @@
 #![allow(clippy::result_large_err)]
 
 pub mod check;
+pub mod checkpoint;
 pub mod cli;
 pub mod conform;
 pub mod descent;

@@ -53,6 +53,11 @@ pub trait Partners {
     /// One program adds its accepted state to its ParaView series below `folder`.
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError>;
 
+    /// Programs, by how messages call them, that cannot go on in the middle of a stage.
+    fn cannot_resume(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The grid of the last answer of the mesh, `[grid nodes][6]`, where it is watched.
     fn grid(&self) -> Option<&[f64]> {
         None

@@ -19,13 +19,15 @@ pub struct Progress {
     stage: String,
     kind: StageKind,
     windows: u64,
+    /// Windows that were done before.
+    first: u64,
     start: Instant,
     last_line: Option<Instant>,
 }
 
 impl Progress {
-    /// For a stage of `windows` windows.
-    pub fn new(console: &Console, stage: &str, kind: StageKind, windows: u64) -> Self {
+    /// For a stage of `windows` windows, of which the `first` ones are done.
+    pub fn new(console: &Console, stage: &str, kind: StageKind, first: u64, windows: u64) -> Self {
         let bar = (console.colour() && !console.quiet()).then(|| {
             let bar = ProgressBar::new(windows);
             // The template is fixed; a wrong one would be seen in the first run.
@@ -42,6 +44,7 @@ impl Progress {
             stage: stage.to_owned(),
             kind,
             windows,
+            first,
             start: Instant::now(),
             last_line: None,
         }
@@ -58,7 +61,7 @@ impl Progress {
     pub fn update(&mut self, row: &Row) {
         let done = row.window + 1;
         let wall = self.start.elapsed().as_secs_f64();
-        let rest = wall / done as f64 * self.windows.saturating_sub(done) as f64;
+        let rest = wall / (done - self.first) as f64 * self.windows.saturating_sub(done) as f64;
         let mut text = format!(
             "t {:.3} s | window {done}/{} | wall {} | rest about {}",
             row.time_s,

@@ -203,6 +203,7 @@ impl Rehearsal {
             programs: &program_folder()?,
             scratch: &scratch.0,
             mpirun: &[],
+            resume: None,
         };
         let programs = self.roles.iter().map(|&r| Ok((plan.program(r)?, scene.ranks.of(r))));
         let options = SessionOptions {

@@ -2,13 +2,14 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use case::{Role, Scene, StageKind};
 
+use crate::checkpoint::{self, Progress, Record};
 use crate::effects::effects;
-use crate::error::RunError;
+use crate::error::{Place, RunError};
 use crate::hub_partners::{HubPartners, SessionOptions};
 use crate::interface::CanopyInterface;
 use crate::launch::{Console, LaunchPlan, program_folder};
@@ -44,6 +45,10 @@ pub struct RunOptions {
     pub deadline: Option<Duration>,
     /// Programs that somebody else starts.
     pub attach: Vec<Role>,
+    /// Goes on with the run whose results lie in the folder.
+    pub resume: bool,
+    /// Windows between saves instead of the scene's; 0: none.
+    pub checkpoint_every: Option<u32>,
     /// Keeps every exchange.
     pub record: Option<RecordOptions>,
     /// Compares every exchange with a recording.
@@ -131,6 +136,13 @@ pub fn run(
     console: &Console,
 ) -> Result<(RunSummary, PathBuf), RunError> {
     let Prepared { scene, file, out, interface, first } = prepare(options)?;
+    let mut going_on = if options.resume { GoingOn::of(&scene, &file, &out, console)? } else { None };
+    if let Some(GoingOn { done, .. }) = &going_on
+        && *done
+    {
+        return finished(&scene, out, console, going_on);
+    }
+    let first = going_on.as_ref().map_or(first, |g| g.stage);
     for stage in first..scene.stages.len() {
         // A program that is missing in the last stage should not cost the first ones.
         let programs = &program_folder()?;
@@ -144,13 +156,23 @@ pub fn run(
             programs,
             scratch,
             mpirun: &options.mpirun,
+            resume: None,
         };
         plan.programs()?;
     }
+    channel::bear_size_limit();
     let start = Instant::now();
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
     let _lock = lock(&out)?;
     keep_scene(&file, &out)?;
+    let identity = match &mut going_on {
+        Some(g) => g.begin(&scene, &out)?,
+        None => {
+            let record = Record::new(&scene, &file, first);
+            record.write(&out)?;
+            record.run
+        }
+    };
     if let Some(record) = &options.record {
         fs::create_dir_all(&record.folder).map_err(RunError::file("create", &record.folder))?;
         keep_scene(&file, &record.folder)?;
@@ -171,7 +193,7 @@ pub fn run(
         warnings: Vec::new(),
         wall_s: 0.0,
         ranks: Role::ALL.map(|role| scene.ranks.of(role)),
-        stages: Vec::new(),
+        stages: going_on.as_mut().map(|g| std::mem::take(&mut g.summaries)).unwrap_or_default(),
     };
     let mut state = match first.checked_sub(1) {
         None => initial_state(&scene, &interface),
@@ -179,6 +201,13 @@ pub fn run(
     };
     let mut result = Ok(());
     for stage in first..scene.stages.len() {
+        if stop.load(Ordering::Relaxed) {
+            let place = Place { stage: scene.stages[stage].name.clone(), window: None };
+            summary.ended = RunError::Interrupted(place.clone()).to_string();
+            result = Err(RunError::Interrupted(place));
+            break;
+        }
+        let resumed = going_on.as_ref().filter(|g| g.stage == stage).and_then(|g| g.within.as_ref());
         let context = StageContext {
             scene: &scene,
             stage,
@@ -187,8 +216,12 @@ pub fn run(
             options: StageOptions {
                 stop_after_windows: options.stop_after_windows,
                 keep_going: options.keep_going,
+                checkpoint_every: options.checkpoint_every.unwrap_or(scene.output.checkpoint_every_windows).into(),
+                run: identity,
             },
             console,
+            stop,
+            resumed,
         };
         let mut stage_summary = StageSummary::new(&scene.stages[stage]);
         let ended = run_stage(&context, &file, options, stop, &mut state, &mut stage_summary);
@@ -219,7 +252,12 @@ fn run_stage(
     let scene = context.scene;
     let stage = &scene.stages[context.stage];
     let folder = case::stage_folder(context.out, scene, context.stage);
-    clear(&folder)?;
+    let within = context.resumed.map(|p| (p, case::state_folder(context.out, scene, context.stage)));
+    match &within {
+        // What was written after the state is computed anew.
+        Some((p, _)) => checkpoint::trim(&folder, p.windows, p.time_s)?,
+        None => clear(&folder)?,
+    }
     let session = format!("{}-{}-{}", shorten(&scene.name), std::process::id(), context.stage);
     let scratch = Scratch::create(&session)?;
     let plan = LaunchPlan {
@@ -231,6 +269,7 @@ fn run_stage(
         programs: &program_folder()?,
         scratch: &scratch.0,
         mpirun: &options.mpirun,
+        resume: within.as_ref().map(|(_, state)| state.as_path()),
     };
     let programs: Vec<_> =
         plan.programs()?.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect();
@@ -238,17 +277,22 @@ fn run_stage(
     context.console.line(&format!("stage `{}`: {}", stage.name, names.join(", ")));
     let recorded = options.record.as_ref().is_some_and(|r| !r.without_grid);
     let moving = stage.kind.roles().contains(&Role::Mesh);
+    let mut effects = asked(scene);
+    if within.is_some() {
+        effects.extend(Role::ALL.map(|role| (role, channel::RESUME.to_owned())));
+    }
     let session_options = SessionOptions {
         session: &session,
         stage: (&stage.name, context.stage),
         programs,
-        effects: asked(scene),
+        effects,
         deadline: options.deadline,
         attached: options.attach.clone(),
         watch_grid: moving && (recorded || options.baseline.is_some()),
     };
     let ended = (|| {
-        let partners = HubPartners::start(session_options, context.interface, stop, context.console)?;
+        let mut partners = HubPartners::start(session_options, context.interface, stop, context.console)?;
+        partners.finish_windows();
         let partners = exchange(context, options, partners, state, summary)?;
         partners.finish(context.console)
     })();
@@ -278,7 +322,10 @@ fn exchange<'a>(
     };
     // A stage that the baseline does not have is not compared.
     if let Some((baseline, file)) = baseline.filter(|b| b.1.is_file()) {
-        let reader = Reader::open(&file)?;
+        let mut reader = Reader::open(&file)?;
+        if let Some(p) = context.resumed {
+            reader.skip_windows(p.windows)?;
+        }
         let mut compared = Baseline::new(partners, reader, &mut comparison, baseline.stop, context.console);
         let ended = match &options.record {
             None => run(&mut compared, state, summary).map(|()| compared.into_partners()),
@@ -325,7 +372,118 @@ fn writer(context: &StageContext<'_>, record: &RecordOptions, grid_nodes: u64) -
         grid_nodes: if record.without_grid { 0 } else { grid_nodes },
         ranks: Role::ALL.map(|role| scene.ranks.of(role)),
     };
-    Ok(Writer::create(&stage_file(&record.folder, &name), &header)?)
+    let file = stage_file(&record.folder, &name);
+    match context.resumed {
+        None => Ok(Writer::create(&file, &header)?),
+        Some(_) if !file.is_file() => Err(RunError::Input(format!(
+            "{} does not exist, and a recording cannot begin in the middle of a stage: name the folder that the \
+             run was recorded in, or leave --record out",
+            file.display()
+        ))),
+        Some(p) => Ok(Writer::resume(&file, p.windows)?),
+    }
+}
+
+/// Where an earlier run is gone on with.
+struct GoingOn {
+    record: Record,
+    point: Option<checkpoint::Point>,
+    /// The stage, from 0.
+    stage: usize,
+    /// How far it had come; `None`: it is begun anew.
+    within: Option<Progress>,
+    /// Of the stages before it; where all is done, of all.
+    summaries: Vec<StageSummary>,
+    done: bool,
+}
+
+impl GoingOn {
+    /// From what lies in `out`; nothing is changed there yet.
+    fn of(scene: &Scene, file: &Path, out: &Path, console: &Console) -> Result<Option<Self>, RunError> {
+        let record = Record::read(out)?;
+        let (point, notes) = checkpoint::find(scene, out, &record);
+        notes.iter().for_each(|note| console.warning(note));
+        let record = record.renewed(scene, file, point.as_ref())?;
+        let mut this = Self {
+            stage: record.first,
+            record,
+            point: None,
+            within: None,
+            summaries: Vec::new(),
+            done: false,
+        };
+        let Some(point) = point else {
+            console.line("no window was saved: the run begins anew");
+            return Ok(Some(this));
+        };
+        let (seal, stage) = (point.seal.clone(), point.stage);
+        let windows = crate::stages::windows(&scene.stages[stage]);
+        // A stage that was stopped short, or has become longer, goes on.
+        let over = match seal.ended.as_deref() {
+            None => false,
+            Some("complete" | "stopped as asked") => windows <= seal.windows,
+            Some(_) => true,
+        };
+        this.stage = stage + usize::from(over);
+        this.done = this.stage == scene.stages.len();
+        for before in this.record.first..this.stage {
+            let folder = case::state_folder(out, scene, before);
+            if let Ok(progress) = Progress::load(&folder) {
+                this.summaries.push(StageSummary { speeds: progress.speeds, ..progress.summary });
+            }
+        }
+        if !over {
+            if !seal.cannot.is_empty() {
+                return Err(RunError::Input(format!(
+                    "the run stands within stage `{}`, where {} left nothing to go on from: a program that can be \
+                     resumed announces the effect `resume` (docs/contract.md). `--stage {}` without --resume runs \
+                     the stage from its start",
+                    seal.name,
+                    seal.cannot.join(" and "),
+                    seal.name
+                )));
+            }
+            this.within = Some(point.progress()?);
+            console.line(&format!(
+                "going on with stage `{}` after window {} (t = {:.4} s)",
+                seal.name, seal.windows, seal.time_s
+            ));
+        } else if !this.done {
+            console.line(&format!("stage `{}` is done: going on with the next", seal.name));
+        }
+        this.point = Some(point);
+        Ok(Some(this))
+    }
+
+    /// Puts the state in its place; returns the identity of the run.
+    fn begin(&mut self, scene: &Scene, out: &Path) -> Result<u64, RunError> {
+        if let Some(point) = &mut self.point {
+            point.adopt(scene, out)?;
+        }
+        self.record.write(out)?;
+        Ok(self.record.run)
+    }
+}
+
+/// A run that is resumed although nothing is left to do.
+fn finished(
+    scene: &Scene,
+    out: PathBuf,
+    console: &Console,
+    going_on: Option<GoingOn>,
+) -> Result<(RunSummary, PathBuf), RunError> {
+    console.line(
+        "this run is complete: there is nothing to resume. A longer last stage, or a further one, would be gone on with",
+    );
+    let summary = RunSummary {
+        scene: scene.name.clone(),
+        ended: "complete".into(),
+        version: env!("CARGO_PKG_VERSION"),
+        wall_s: 0.0,
+        ranks: Role::ALL.map(|role| scene.ranks.of(role)),
+        stages: going_on.map(|g| g.summaries).unwrap_or_default(),
+    };
+    Ok((summary, out))
 }
 
 /// Effects of the scene, with the program that must implement each.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use case::{Role, Stage, StageKind};
 use channel::structure_stats;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::energy::CREATED;
 use crate::error::RunError;
@@ -12,7 +12,7 @@ use crate::history::Row;
 use crate::progress::clock;
 
 /// What a stage came to.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StageSummary {
     /// Name of the stage.
     pub name: String,
@@ -67,7 +67,7 @@ pub struct StageSummary {
     /// Vertical load on the structure at the end, N.
     pub vertical_load_n: f64,
     #[serde(skip)]
-    speeds: Vec<(f64, f64)>,
+    pub(crate) speeds: Vec<(f64, f64)>,
 }
 
 impl StageSummary {

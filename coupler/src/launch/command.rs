@@ -20,6 +20,8 @@ pub struct Program {
     pub environment: Vec<(&'static str, OsString)>,
     /// File that keeps everything it prints.
     pub log: PathBuf,
+    /// The log of an earlier part of the stage is gone on with.
+    pub continues: bool,
 }
 
 impl Program {
@@ -56,6 +58,8 @@ pub struct LaunchPlan<'a> {
     pub scratch: &'a Path,
     /// Options for `mpirun`, of one program or of all.
     pub mpirun: &'a [(Option<Role>, String)],
+    /// State in the middle of the stage that programs go on from.
+    pub resume: Option<&'a Path>,
 }
 
 impl LaunchPlan<'_> {
@@ -138,9 +142,12 @@ impl LaunchPlan<'_> {
         for (key, value) in arguments {
             words.extend([OsString::from(key), value]);
         }
+        if let Some(folder) = self.resume {
+            words.extend([OsString::from("--resume"), folder.into()]);
+        }
         let folder = case::stage_folder(self.out, self.scene, self.stage);
         let log = folder.join("logs").join(format!("{}.log", role.name()));
-        Ok(Program { role, name, words, environment, log })
+        Ok(Program { role, name, words, environment, log, continues: self.resume.is_some() })
     }
 }
 

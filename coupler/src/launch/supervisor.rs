@@ -248,7 +248,9 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
     if let Some(folder) = program.log.parent() {
         std::fs::create_dir_all(folder).map_err(RunError::file("create", folder))?;
     }
-    let mut log = File::create(&program.log).map_err(RunError::file("create", &program.log))?;
+    let mut how = File::options();
+    how.create(true).write(true).truncate(!program.continues).append(program.continues);
+    let mut log = how.open(&program.log).map_err(RunError::file("create", &program.log))?;
     // Everything that goes wrong later is in the log; this line makes it repeatable.
     let _ = writeln!(log, "$ {}", program.line());
     let log = Arc::new(Mutex::new(log));

@@ -18,7 +18,7 @@ fn script(folder: &Path, name: &str, text: &str) -> OsString {
 
 fn program(folder: &Path, role: Role, words: Vec<OsString>) -> Program {
     let log = folder.join("logs").join(format!("{}.log", role.name()));
-    Program { role, name: role.program().into(), words, environment: Vec::new(), log }
+    Program { role, name: role.program().into(), words, environment: Vec::new(), log, continues: false }
 }
 
 fn alive(process: &str) -> bool {

@@ -74,6 +74,20 @@ impl Writer {
         Ok(writer)
     }
 
+    /// Goes on with a file after its first `windows` windows; what follows them is cut off.
+    ///
+    /// # Errors
+    /// [`RecordingError`]: a file that does not hold them.
+    pub fn resume(path: &Path, windows: u64) -> Result<Self, RecordingError> {
+        let mut reader = Reader::open(path)?;
+        reader.skip_windows(windows)?;
+        let bad = |source| RecordingError::File { action: "write", path: path.into(), source };
+        let file = File::options().append(true).open(path).map_err(bad)?;
+        file.set_len(reader.at).map_err(bad)?;
+        let file = BufWriter::with_capacity(1 << 20, file);
+        Ok(Self { file, path: path.into(), last: reader.last, bytes: reader.at })
+    }
+
     /// Adds an exchange.
     ///
     /// # Errors
@@ -180,6 +194,21 @@ impl Reader {
         let last = &mut self.last;
         let event = packed.map(|c, a| unpack(&a, sizes[c as usize], &mut last[c as usize]));
         event.map(Some).map_err(|e: PackError| self.damaged(at, e.to_string()))
+    }
+
+    /// Passes over so many windows.
+    ///
+    /// # Errors
+    /// [`RecordingError::Damaged`], also for a file that holds fewer.
+    pub fn skip_windows(&mut self, windows: u64) -> Result<(), RecordingError> {
+        let mut done = 0;
+        while done < windows {
+            match self.next_event()? {
+                Some(event) => done += u64::from(matches!(event, Event::Accept { .. })),
+                None => return Err(self.damaged(self.at, format!("it holds {done} windows of {windows}"))),
+            }
+        }
+        Ok(())
     }
 
     /// Numbers of a channel's arrays.

@@ -118,6 +118,10 @@ impl<P: Partners> Partners for Recorder<P> {
         self.partners.snapshot(role, time, folder)
     }
 
+    fn cannot_resume(&self) -> Vec<String> {
+        self.partners.cannot_resume()
+    }
+
     fn grid(&self) -> Option<&[f64]> {
         self.partners.grid()
     }

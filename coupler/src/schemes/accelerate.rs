@@ -2,7 +2,9 @@
 
 use case::{Acceleration, Coupling};
 
+use super::memory::{pack, unpack};
 use super::{IqnIls, IqnImvj, IqnOptions, Relaxation};
+use crate::error::RunError;
 
 /// Turns an iterate and its answer into the next iterate.
 pub trait Accelerator {
@@ -14,6 +16,15 @@ pub trait Accelerator {
 
     /// The window is accepted with this last iterate and answer.
     fn end_window(&mut self, x: &[f64], x_tilde: &[f64]);
+
+    /// What later windows depend on, once a window has ended.
+    fn memory(&self) -> Vec<u8>;
+
+    /// Goes on from an [`Accelerator::memory`] of the same acceleration.
+    ///
+    /// # Errors
+    /// A memory of another one.
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError>;
 }
 
 /// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what
@@ -53,6 +64,14 @@ impl Accelerator for Constant {
     }
 
     fn end_window(&mut self, _x: &[f64], _x_tilde: &[f64]) {}
+
+    fn memory(&self) -> Vec<u8> {
+        Vec::new()
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        unpack::<()>(memory)
+    }
 }
 
 /// Aitken's dynamic relaxation (Irons and Tuck 1969; Kuettler and Wall 2008):
@@ -105,6 +124,15 @@ impl Accelerator for Aitken {
     }
 
     fn end_window(&mut self, _x: &[f64], _x_tilde: &[f64]) {}
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.omega)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.omega = unpack(memory)?;
+        Ok(())
+    }
 }
 
 /// `next = x + omega (x_tilde - x)`.

@@ -17,7 +17,7 @@ pub fn lagrange(at: &[f64], t: f64) -> [f64; MOST_ORDER + 1] {
 }
 
 /// Values at the ends of the last windows.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Past {
     values: VecDeque<Vec<f64>>,
     /// Lengths of the windows that ended in these values, newest first.

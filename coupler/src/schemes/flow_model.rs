@@ -14,12 +14,15 @@ use std::collections::VecDeque;
 
 use channel::LOAD_WIDTH;
 use mesh::Vec3;
+use serde::{Deserialize, Serialize};
 
 use super::Unknowns;
 use super::inverse::{Inverse, factors};
 use super::lattice::{Lattice, distinct, dot};
 use super::least_squares::{Columns, axpy, norm};
+use super::memory::{pack, unpack};
 use super::relaxation::MOST_FACES;
+use crate::error::RunError;
 
 /// Secants kept.
 const MOST_SECANTS: usize = 40;
@@ -27,6 +30,7 @@ const MOST_SECANTS: usize = 40;
 const FILTER: f64 = 3e-2;
 
 /// The canopy at the end of a window: displacement and velocity relative to the ground, `[nodes][3]`.
+#[derive(Serialize, Deserialize)]
 struct Wall {
     displacement: Vec<f64>,
     velocity: Vec<f64>,
@@ -147,9 +151,7 @@ impl FlowModel {
         }
         self.secants.push_front([step, change]);
         self.secants.truncate(MOST_SECANTS);
-        self.columns = Columns::default();
-        let columns = &mut self.columns;
-        self.secants.retain(|[step, _]| columns.push(step, FILTER));
+        self.refactor();
     }
 
     /// Adds to `answer` how the secants change the remainder where the inertia changes by `step`.
@@ -175,6 +177,28 @@ impl FlowModel {
         self.walls.push_front(Wall { displacement, velocity });
         self.walls.truncate(2);
         self.dt = dt;
+    }
+
+    /// What later windows depend on.
+    pub fn memory(&self) -> Vec<u8> {
+        pack(&(&self.walls, self.dt, &self.secants))
+    }
+
+    /// Goes on from a [`FlowModel::memory`] of the same canopy.
+    ///
+    /// # Errors
+    /// A memory of something else.
+    pub fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        (self.walls, self.dt, self.secants) = unpack(memory)?;
+        // What was kept before is kept again, and gives the same factors.
+        self.refactor();
+        Ok(())
+    }
+
+    fn refactor(&mut self) {
+        self.columns = Columns::default();
+        let columns = &mut self.columns;
+        self.secants.retain(|[step, _]| columns.push(step, FILTER));
     }
 }
 

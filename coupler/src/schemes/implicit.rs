@@ -5,6 +5,7 @@ use case::LoadShape;
 use super::sequence::{End, Sequence, Visit};
 use super::staggered::{packed, structure_under_flow};
 use super::{FlowLoads, InterfaceState, Predictor, Unknowns, shape_load};
+use super::memory::{pack, unpack};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 
@@ -45,6 +46,15 @@ impl Sequence for GaussSeidel {
 
     fn accept(&mut self, _end: &End, _x: &[f64], answer: &[f64], dt: f64) {
         self.predictor.accept(answer, dt);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.predictor)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.predictor = unpack(memory)?;
+        Ok(())
     }
 }
 
@@ -101,6 +111,15 @@ impl Sequence for Jacobi {
 
     fn accept(&mut self, _end: &End, _x: &[f64], answer: &[f64], dt: f64) {
         self.predictor.accept(answer, dt);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.predictor)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.predictor = unpack(memory)?;
+        Ok(())
     }
 }
 

@@ -13,12 +13,16 @@
 
 use std::collections::VecDeque;
 
+use serde::{Deserialize, Serialize};
+
 use super::accelerate::{Accelerator, Aitken, relax};
 use super::iqn::IqnOptions;
 use super::least_squares::{Columns, axpy, norm};
+use super::memory::{pack, unpack};
 use super::relaxation::Relaxation;
+use crate::error::RunError;
 
-#[derive(Default)]
+#[derive(Default, Serialize, Deserialize)]
 struct Secants {
     columns: Columns,
     steps: Vec<Vec<f64>>,
@@ -114,5 +118,16 @@ impl Accelerator for IqnImvj {
     fn end_window(&mut self, x: &[f64], x_tilde: &[f64]) {
         let residual: Vec<f64> = x.iter().zip(x_tilde).map(|(x, t)| t - x).collect();
         self.learn(x, &residual);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&(&self.windows, self.fallback.memory()))
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        let fallback: Vec<u8>;
+        (self.windows, fallback) = unpack(memory)?;
+        self.fallback.recall(&fallback)?;
+        Ok(())
     }
 }

@@ -16,9 +16,13 @@
 
 use std::collections::VecDeque;
 
+use serde::{Deserialize, Serialize};
+
 use super::accelerate::{Accelerator, Aitken, relax};
 use super::least_squares::{Columns, axpy, norm};
+use super::memory::{pack, unpack};
 use super::relaxation::Relaxation;
+use crate::error::RunError;
 
 /// Settings of [`IqnIls`].
 #[derive(Clone, Copy, Debug)]
@@ -46,6 +50,7 @@ impl Default for IqnOptions {
     }
 }
 
+#[derive(Serialize, Deserialize)]
 struct Column {
     residual: Vec<f64>,
     step: Vec<f64>,
@@ -167,5 +172,16 @@ impl Accelerator for IqnIls {
         self.window += 1;
         let oldest = self.window.saturating_sub(u64::from(self.options.reused_windows));
         self.columns.retain(|c| c.window >= oldest);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&(&self.columns, self.window, self.fallback.memory()))
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        let fallback: Vec<u8>;
+        (self.columns, self.window, fallback) = unpack(memory)?;
+        self.fallback.recall(&fallback)?;
+        Ok(())
     }
 }

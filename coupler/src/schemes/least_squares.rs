@@ -1,7 +1,7 @@
 //! Small dense least squares over a few long columns.
 
 /// $QR$ of columns that arrive one by one.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Columns {
     q: Vec<Vec<f64>>,
     r: Vec<Vec<f64>>,

@@ -17,6 +17,7 @@ mod jacobi_relaxation;
 mod lattice;
 mod least_squares;
 mod load_shape;
+mod memory;
 mod model_schemes;
 mod predictor;
 mod relaxation;
@@ -34,6 +35,8 @@ pub use imvj::IqnImvj;
 pub use iqn::{IqnIls, IqnOptions};
 pub use jacobi_relaxation::JacobiRelaxation;
 pub use least_squares::Columns;
+pub(crate) use memory::{pack, unpack};
+
 pub use load_shape::{FlowLoads, MEAN_WEIGHTS, shape_load};
 pub use model_schemes::{AddedMassStaggered, BlockQuasiNewton, SAFE_DENSITY};
 pub use predictor::Predictor;

@@ -14,6 +14,7 @@ use super::predictor::Predictor;
 use super::sequence::{End, Sequence, Visit};
 use super::staggered::{packed, structure_under_flow};
 use super::{Accelerator, InterfaceState, Unknowns};
+use super::memory::{pack, unpack};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 
@@ -115,6 +116,16 @@ impl Balance {
             *r = truth - inertia;
         }
     }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&(self.model.memory(), self.accelerator.memory()))
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        let (model, accelerator): (Vec<u8>, Vec<u8>) = unpack(memory)?;
+        self.model.recall(&model)?;
+        self.accelerator.recall(&accelerator)
+    }
 }
 
 /// Staggered, but with the added mass implicit: the structure's substeps under the model's load,
@@ -198,6 +209,17 @@ impl Sequence for AddedMassStaggered {
         self.remainders.push(&self.remainder, dt);
         self.balance.model.accept(answer, dt);
         self.motions.accept(answer, dt);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&(&self.motions, &self.remainders, self.balance.memory()))
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        let balance: Vec<u8>;
+        (self.motions, self.remainders, balance) = unpack(memory)?;
+        self.balance.recall(&balance)?;
+        Ok(())
     }
 }
 
@@ -292,5 +314,16 @@ impl Sequence for BlockQuasiNewton {
         // The grid stands at the iterate.
         self.balance.model.accept(x, dt);
         self.motions.accept(answer, dt);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&(&self.motions, &self.remainders, self.known, self.balance.memory()))
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        let balance: Vec<u8>;
+        (self.motions, self.remainders, self.known, balance) = unpack(memory)?;
+        self.balance.recall(&balance)?;
+        Ok(())
     }
 }

@@ -5,7 +5,7 @@ use super::extrapolate::Past;
 /// Extrapolates accepted values with the order, up to the one asked for, that
 /// would have served the last window best: quadratic where the motion is smooth,
 /// none where it is not.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Predictor {
     order: usize,
     best: usize,

@@ -45,6 +45,15 @@ pub trait Sequence {
     /// A window of length `dt` is accepted with these values; `x` is the iterate of the last visit
     /// and `answer` what it gave.
     fn accept(&mut self, end: &End, x: &[f64], answer: &[f64], dt: f64);
+
+    /// What later windows depend on.
+    fn memory(&self) -> Vec<u8>;
+
+    /// Goes on from a [`Sequence::memory`] of the same scheme.
+    ///
+    /// # Errors
+    /// A memory of another one.
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError>;
 }
 
 /// Values on the interface at the end of a window, as the programs answered last.

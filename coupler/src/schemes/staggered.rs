@@ -6,6 +6,7 @@ use super::extrapolate::Past;
 use super::load_shape::{FlowLoads, shape_load};
 use super::sequence::{End, Sequence, Visit};
 use super::{InterfaceState, Unknowns};
+use super::memory::{pack, unpack};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 
@@ -60,6 +61,15 @@ impl Sequence for StructureFirst {
         self.loads.push(&end.load, dt);
         self.velocities.push(&[end.velocity], dt);
     }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&(&self.loads, &self.velocities))
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        (self.loads, self.velocities) = unpack(memory)?;
+        Ok(())
+    }
 }
 
 /// Flow and descent on unknowns extrapolated with order $k$, then the structure under the flow's
@@ -102,6 +112,15 @@ impl Sequence for FlowFirst {
 
     fn accept(&mut self, _end: &End, _x: &[f64], answer: &[f64], dt: f64) {
         self.motions.push(answer, dt);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.motions)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.motions = unpack(memory)?;
+        Ok(())
     }
 }
 
@@ -154,6 +173,15 @@ impl Sequence for HalfStep {
 
     fn accept(&mut self, _end: &End, _x: &[f64], answer: &[f64], dt: f64) {
         self.motions.push(answer, dt);
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.motions)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.motions = unpack(memory)?;
+        Ok(())
     }
 }
 

@@ -90,19 +90,19 @@ impl WindowReport {
 /// first flow answer of the first window stands for it.
 pub struct WindowLoop {
     stage: String,
-    sequence: Box<dyn Sequence>,
+    pub(super) sequence: Box<dyn Sequence>,
     max_iterations: u32,
     keep_going: bool,
     unknowns: Unknowns,
     criterion: Criterion,
-    accelerator: Box<dyn Accelerator>,
+    pub(super) accelerator: Box<dyn Accelerator>,
     descent: Option<DescentModel>,
-    state: InterfaceState,
-    end: End,
-    x: Vec<f64>,
-    x_tilde: Vec<f64>,
-    next: Vec<f64>,
-    start: Vec<f64>,
+    pub(super) state: InterfaceState,
+    pub(super) end: End,
+    pub(super) x: Vec<f64>,
+    pub(super) x_tilde: Vec<f64>,
+    pub(super) next: Vec<f64>,
+    pub(super) start: Vec<f64>,
 }
 
 impl WindowLoop {

@@ -169,6 +169,14 @@ impl Stepper for Coupled<'_> {
         Ok(report)
     }
 
+    fn memory(&self) -> Vec<u8> {
+        self.windows.memory()
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.windows.recall(memory)
+    }
+
     fn state(&self) -> &InterfaceState {
         self.windows.state()
     }

@@ -6,7 +6,7 @@ use channel::{LOAD_WIDTH, Window};
 use super::{StageContext, Stepper, force, require_finite};
 use crate::error::{Place, RunError};
 use crate::partners::Partners;
-use crate::schemes::{InterfaceState, WindowReport};
+use crate::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 pub(super) struct FlowOnly {
     place: Place,
@@ -32,6 +32,15 @@ impl Stepper for FlowOnly {
         debug_assert_eq!(report.force, force(&answer.stats));
         partners.accept(&w)?;
         Ok(report)
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.state)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.state = unpack(memory)?;
+        Ok(())
     }
 
     fn state(&self) -> &InterfaceState {

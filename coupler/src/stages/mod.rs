@@ -5,12 +5,14 @@ mod flow_only;
 mod pre_inflation;
 mod prescribed;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use case::{Role, Scene, Solve, Stage, StageKind};
 use channel::{Window, flow_stats};
 
+use crate::checkpoint::{self, Seal};
 use crate::descent::{DescentModel, PayloadDrag};
 use crate::energy::EnergyBooks;
 use crate::error::{Place, RunError};
@@ -22,10 +24,6 @@ use crate::progress::Progress;
 use crate::schemes::{InterfaceState, WindowReport};
 use crate::summary::StageSummary;
 
-/// Windows between two saves within a stage, so that a long stage that fails
-/// leaves a state behind.
-const SAVE_EVERY: u64 = 100;
-
 /// A stage as a person wants it.
 #[derive(Clone, Debug, Default)]
 pub struct StageOptions {
@@ -33,6 +31,10 @@ pub struct StageOptions {
     pub stop_after_windows: Option<u64>,
     /// Accepts coupled windows that do not converge.
     pub keep_going: bool,
+    /// Windows between two saves within the stage; 0: none.
+    pub checkpoint_every: u64,
+    /// Identity of the run, for what is saved.
+    pub run: u64,
 }
 
 /// What a stage works on.
@@ -49,6 +51,10 @@ pub struct StageContext<'a> {
     pub options: StageOptions,
     /// Where lines go.
     pub console: &'a Console,
+    /// Ends the stage at the end of a window when it becomes true.
+    pub stop: &'a AtomicBool,
+    /// Where the stage stood when it was saved, if it goes on from there.
+    pub resumed: Option<&'a checkpoint::Progress>,
 }
 
 /// What differs between the kinds of stages: how one window is computed.
@@ -64,6 +70,15 @@ trait Stepper {
         let _ = report;
         None
     }
+
+    /// What later windows depend on.
+    fn memory(&self) -> Vec<u8>;
+
+    /// Goes on from a [`Stepper::memory`] of the same stage.
+    ///
+    /// # Errors
+    /// A memory of another one.
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError>;
 
     /// Work in the last window, J: what the structure felt, what the flow gave. `None` where
     /// nothing is coupled.
@@ -106,17 +121,33 @@ impl StageContext<'_> {
             StageKind::Prescribed => Box::new(prescribed::Prescribed::new(self, state)?),
         };
         let folder = case::stage_folder(self.out, self.scene, self.stage);
-        let mut history = History::create(&folder.join("history.csv"), stage.kind)?;
-        let mut iterations = (stage.kind == StageKind::Coupled)
-            .then(|| Iterations::create(&folder.join("iterations.csv")))
-            .transpose()?;
+        let (rows, all) = (folder.join("history.csv"), folder.join("iterations.csv"));
+        let coupled = stage.kind == StageKind::Coupled;
+        let (mut books, mut first, mut wall_before) = (EnergyBooks::default(), 0, 0.0);
+        let mut history;
+        let mut iterations = None;
+        if let Some(p) = self.resumed {
+            stepper.recall(&p.stepper)?;
+            (books, first, wall_before) = (p.books, p.windows, p.summary.wall_s);
+            *summary = StageSummary { speeds: p.speeds.clone(), ..p.summary.clone() };
+            history = History::resume(&rows, stage.kind)?;
+            if coupled {
+                iterations = Some(Iterations::resume(&all)?);
+            }
+        } else {
+            history = History::create(&rows, stage.kind)?;
+            if coupled {
+                iterations = Some(Iterations::create(&all)?);
+            }
+        }
         let windows = self.options.stop_after_windows.map_or(self.windows(), |n| n.min(self.windows()));
-        let mut progress = Progress::new(self.console, &stage.name, stage.kind, windows);
+        let mut progress = Progress::new(self.console, &stage.name, stage.kind, first, windows);
         summary.ended = "failed".into();
         let descent = self.descent();
-        let mut books = EnergyBooks::default();
+        let mut saves = Saves::default();
         let mut ended = if windows < self.windows() { "stopped as asked" } else { "complete" }.to_owned();
-        for index in 0..windows {
+        let mut done = first;
+        for index in first..windows {
             let start = Instant::now();
             let w = Window {
                 index,
@@ -130,7 +161,7 @@ impl StageContext<'_> {
             let report = match stepper.step(partners, w) {
                 Err(RunError::Stuck { place, message, .. }) => {
                     // All programs still stand at the last accepted window.
-                    self.save(partners, stepper.state())?;
+                    self.save(partners, stepper.as_ref(), books, summary, done, None, &mut saves)?;
                     let saved = Some(case::state_folder(self.out, self.scene, self.stage));
                     return Err(RunError::Stuck { place, message, saved });
                 }
@@ -170,8 +201,9 @@ impl StageContext<'_> {
                 iterations.push(&row)?;
             }
             summary.add(&row);
-            summary.wall_s = progress.seconds();
+            summary.wall_s = wall_before + progress.seconds();
             progress.update(&row);
+            done = index + 1;
             let ends = stepper.settled(&row.report);
             let last = ends.is_some() || index + 1 == windows;
             self.snapshots(partners, &folder, index + 1, row.time_s, last)?;
@@ -179,14 +211,27 @@ impl StageContext<'_> {
                 ended = why;
                 break;
             }
-            if (index + 1).is_multiple_of(SAVE_EVERY) && index + 1 < windows {
-                self.save(partners, stepper.state())?;
+            if last {
+                break;
+            }
+            let stopped = self.stop.load(Ordering::Relaxed);
+            let every = self.options.checkpoint_every;
+            if stopped || (every > 0 && done.is_multiple_of(every)) {
+                progress.note("saving");
+                history.sync()?;
+                self.save(partners, stepper.as_ref(), books, summary, done, None, &mut saves)?;
+            }
+            if stopped {
+                return Err(RunError::Interrupted(Place { window: Some((index, 0)), ..self.place() }));
             }
         }
         progress.note("saving");
-        self.save(partners, stepper.state())?;
-        summary.ended = ended;
-        summary.wall_s = progress.seconds();
+        history.sync()?;
+        summary.ended.clone_from(&ended);
+        summary.wall_s = wall_before + progress.seconds();
+        self.save(partners, stepper.as_ref(), books, summary, done, Some(ended), &mut saves)?;
+        summary.wall_s = wall_before + progress.seconds();
+        saves.tell(self.console, &stage.name, progress.seconds());
         Ok(stepper.state().clone())
     }
 
@@ -213,20 +258,63 @@ impl StageContext<'_> {
 
     /// Saves beside the last state, then takes its place, so that a failure
     /// while saving never costs the older one.
-    fn save(&self, partners: &mut dyn Partners, state: &InterfaceState) -> Result<(), RunError> {
+    #[allow(clippy::too_many_arguments)]
+    fn save(
+        &self,
+        partners: &mut dyn Partners,
+        stepper: &dyn Stepper,
+        books: EnergyBooks,
+        summary: &StageSummary,
+        windows: u64,
+        ended: Option<String>,
+        saves: &mut Saves,
+    ) -> Result<(), RunError> {
+        let start = Instant::now();
         let target = case::state_folder(self.out, self.scene, self.stage);
-        let draft = target.with_extension("new");
-        let old = target.with_extension("old");
-        remove(&draft)?;
+        let draft = checkpoint::draft(&target);
+        checkpoint::remove(&draft)?;
         std::fs::create_dir_all(&draft).map_err(RunError::file("create", &draft))?;
-        partners.save(&draft)?;
-        crate::state::save(&draft, state)?;
-        remove(&old)?;
-        if target.exists() {
-            std::fs::rename(&target, &old).map_err(RunError::file("rename", &target))?;
+        let time_s = summary.time_s;
+        let written = (|| {
+            partners.save(&draft)?;
+            crate::state::save(&draft, stepper.state())?;
+            let progress = checkpoint::Progress {
+                windows,
+                time_s,
+                stepper: stepper.memory(),
+                books,
+                summary: summary.clone(),
+                speeds: summary.speeds.clone(),
+            };
+            progress.save(&draft)?;
+            let name = self.description().name.as_str();
+            let mut seal = Seal::new(self.options.run, (self.stage, name), windows, time_s);
+            seal.cannot = partners.cannot_resume();
+            if saves.count == 0 && !seal.cannot.is_empty() && ended.is_none() {
+                self.console.warning(&format!(
+                    "{} cannot go on in the middle of a stage: the run goes on, but could not be resumed",
+                    seal.cannot.join(" and ")
+                ));
+            }
+            seal.ended.clone_from(&ended);
+            checkpoint::seal(&draft, seal)
+        })();
+        match written {
+            Ok(bytes) => saves.bytes = bytes,
+            Err(error) => {
+                // Half a state would only fill the disk further.
+                let _ = checkpoint::remove(&draft);
+                return Err(error);
+            }
         }
-        std::fs::rename(&draft, &target).map_err(RunError::file("rename", &draft))?;
-        remove(&old)
+        checkpoint::replace(&target)?;
+        if ended.is_some() {
+            // The stage is over: one state is enough.
+            checkpoint::remove(&checkpoint::old(&target))?;
+        }
+        saves.count += 1;
+        saves.seconds += start.elapsed().as_secs_f64();
+        Ok(())
     }
 
     /// A place in this stage for errors.
@@ -235,10 +323,27 @@ impl StageContext<'_> {
     }
 }
 
-fn remove(folder: &PathBuf) -> Result<(), RunError> {
-    match std::fs::remove_dir_all(folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(RunError::file("remove", folder)(e)),
-        _ => Ok(()),
+/// What saving has cost.
+#[derive(Default)]
+struct Saves {
+    count: u64,
+    /// Of the last one.
+    bytes: u64,
+    seconds: f64,
+}
+
+impl Saves {
+    /// Says so, where the stage was saved within too.
+    fn tell(&self, console: &Console, stage: &str, all: f64) {
+        if self.count > 1 {
+            console.line(&format!(
+                "stage `{stage}`: saved {} times, {:.1} MB in {:.2} s each, {:.1} % of {all:.1} s",
+                self.count,
+                self.bytes as f64 / 1e6,
+                self.seconds / self.count as f64,
+                100.0 * self.seconds / all.max(f64::MIN_POSITIVE)
+            ));
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use channel::{LOAD_WIDTH, Window, structure_stats};
 use super::{StageContext, Stepper, require_finite};
 use crate::error::{Place, RunError};
 use crate::partners::{LoadOverWindow, Partners};
-use crate::schemes::{InterfaceState, WindowReport};
+use crate::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 pub(super) struct PreInflation {
     place: Place,
@@ -37,6 +37,15 @@ impl Stepper for PreInflation {
         require_finite(Role::Structure, &self.place, &w, &self.state.displacement)?;
         partners.accept(&w)?;
         Ok(report)
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.state)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.state = unpack(memory)?;
+        Ok(())
     }
 
     fn state(&self) -> &InterfaceState {

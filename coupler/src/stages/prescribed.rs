@@ -6,7 +6,7 @@ use channel::{LOAD_WIDTH, Window};
 use super::{StageContext, Stepper, require_finite};
 use crate::error::{Place, RunError};
 use crate::partners::Partners;
-use crate::schemes::{InterfaceState, WindowReport};
+use crate::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 pub(super) struct Prescribed {
     place: Place,
@@ -79,6 +79,15 @@ impl Stepper for Prescribed {
         require_finite(Role::Flow, &self.place, &w, load)?;
         partners.accept(&w)?;
         Ok(report)
+    }
+
+    fn memory(&self) -> Vec<u8> {
+        pack(&self.state)
+    }
+
+    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        self.state = unpack(memory)?;
+        Ok(())
     }
 
     fn state(&self) -> &InterfaceState {

@@ -869,13 +869,21 @@ pub struct Output {
     pub surface_every_windows: u32,
     /// Windows between ParaView snapshots of the flow. 0: none.
     pub volume_every_windows: u32,
+    /// Windows between saved states within a stage, which `ripstop run --resume` goes on from. 0: none
+    /// but at the end of a stage and at Ctrl-C.
+    pub checkpoint_every_windows: u32,
     /// Result folder. Default: `runs/<name>`.
     pub folder: Option<PathBuf>,
 }
 
 impl Default for Output {
     fn default() -> Self {
-        Self { surface_every_windows: 4, volume_every_windows: 20, folder: None }
+        Self {
+            surface_every_windows: 4,
+            volume_every_windows: 20,
+            checkpoint_every_windows: 50,
+            folder: None,
+        }
     }
 }
 

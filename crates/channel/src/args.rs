@@ -31,6 +31,10 @@ pub struct ProgramArgs {
     /// Ranks of this program, as passed to `mpirun -n`.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub ranks: u32,
+    /// Folder of a state in the middle of the stage, to go on from: what this program wrote
+    /// there on `Save`. Only programs that announce the effect `resume` are given it.
+    #[arg(long, value_name = "DIR")]
+    pub resume: Option<PathBuf>,
     /// Longest silence of the coupler before this program gives up, s. Absent: no
     /// limit (a coupler that dies is noticed in any case).
     #[arg(long, value_name = "S", value_parser = positive_seconds)]
@@ -121,6 +125,9 @@ mod tests {
     fn the_coupler_s_line_is_understood() {
         let args = parse(LINE).expect("fine");
         assert_eq!((args.stage, args.ranks, args.deadline_s), (1, 2, None));
+        assert_eq!(args.resume, None);
+        let resumed = parse(&format!("{LINE} --resume a/state")).expect("fine");
+        assert_eq!(resumed.resume, Some(PathBuf::from("a/state")));
         let at = args.serve_options(Role::Flow, 1);
         assert_eq!((at.session.as_str(), at.rank, at.ranks, at.deadline), ("s-1", 1, 2, None));
         let args = parse(&format!("{LINE} --deadline-s 2.5")).expect("fine");

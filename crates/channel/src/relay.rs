@@ -296,7 +296,10 @@ pub(crate) fn serve_far(
                 windows += 1;
                 guarded(|| participant.accept(&w))
             }
-            Kind::Save => guarded(|| participant.save(Path::new(&frame.text))),
+            Kind::Save => guarded(|| {
+                crate::kept::bear_size_limit();
+                participant.save(Path::new(&frame.text))
+            }),
             Kind::Snapshot => guarded(|| participant.snapshot(w.time, Path::new(&frame.text))),
             Kind::Stop => Ok(()),
             kind => Err(Fault::new(format!("`{kind:?}` between windows"))),

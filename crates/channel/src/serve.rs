@@ -349,6 +349,7 @@ impl Desk {
                     kept.iter().for_each(|k| k.tell(&text));
                     let folder = Path::new(&text);
                     if kind == Kind::Save {
+                        crate::kept::bear_size_limit();
                         self.call(|| participant.save(folder))?;
                     } else {
                         self.call(|| participant.snapshot(w.time, folder))?;

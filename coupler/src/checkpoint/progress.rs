@@ -1,0 +1,50 @@
+//! The coupler's own part of a saved state: how far the stage has come, and all that its later
+//! windows and its summary depend on.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::unusable;
+use crate::energy::EnergyBooks;
+use crate::error::RunError;
+use crate::summary::StageSummary;
+
+const FILE: &str = "progress.bin";
+const MAGIC: [u8; 8] = *b"ripprogr";
+const VERSION: u32 = 1;
+
+/// How far a stage has come.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Progress {
+    /// Windows that are done.
+    pub windows: u64,
+    /// Time since the start of the stage, s.
+    pub time_s: f64,
+    /// Memory of the stage's stepper: scheme, acceleration, interface.
+    pub stepper: Vec<u8>,
+    /// Energy books.
+    pub books: EnergyBooks,
+    /// The summary so far.
+    pub summary: StageSummary,
+    /// What its means are taken of.
+    pub speeds: Vec<(f64, f64)>,
+}
+
+impl Progress {
+    /// Writes it below `folder`.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn save(&self, folder: &Path) -> Result<(), RunError> {
+        channel::keep(&folder.join(FILE), MAGIC, VERSION, self).map(|_| ()).map_err(unusable)
+    }
+
+    /// Reads what [`Progress::save`] wrote.
+    ///
+    /// # Errors
+    /// A file that is missing, damaged or of another version.
+    pub fn load(folder: &Path) -> Result<Self, RunError> {
+        channel::kept(&folder.join(FILE), MAGIC, VERSION).map_err(unusable)
+    }
+}

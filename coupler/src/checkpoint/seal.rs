@@ -1,0 +1,123 @@
+//! The list of a saved state's files: written last, so that a state is whole or none.
+
+use std::fs::{self, File};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::unusable;
+use crate::error::RunError;
+
+const FILE: &str = "seal.bin";
+const MAGIC: [u8; 8] = *b"ripseal\0";
+const VERSION: u32 = 1;
+
+/// What a saved state is of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Seal {
+    /// Identity of the run.
+    pub run: u64,
+    /// Stage, from 0, and its name.
+    pub stage: u64,
+    /// Name of the stage.
+    pub name: String,
+    /// Windows that are done.
+    pub windows: u64,
+    /// Time since the start of the stage, s.
+    pub time_s: f64,
+    /// Why the stage ended, if it did.
+    pub ended: Option<String>,
+    /// Programs, by how messages call them, that have left nothing to go on from.
+    pub cannot: Vec<String>,
+    /// Name, length and checksum of each file.
+    files: Vec<(String, u64, u64)>,
+}
+
+impl Seal {
+    /// Of a state that is about to be written.
+    pub fn new(run: u64, stage: (usize, &str), windows: u64, time_s: f64) -> Self {
+        Self {
+            run,
+            stage: stage.0 as u64,
+            name: stage.1.to_owned(),
+            windows,
+            time_s,
+            ended: None,
+            cannot: Vec::new(),
+            files: Vec::new(),
+        }
+    }
+
+    /// The seal of `folder`, whose files are all there and whole.
+    ///
+    /// # Errors
+    /// What is wrong, for a person.
+    pub fn of(folder: &Path) -> Result<Self, String> {
+        let path = folder.join(FILE);
+        if !path.exists() {
+            return Err("it was not written to its end".into());
+        }
+        let seal: Self = channel::kept(&path, MAGIC, VERSION).map_err(|e| e.to_string())?;
+        for (name, length, sum) in &seal.files {
+            let bytes = fs::read(folder.join(name)).map_err(|e| format!("{name}: {e}"))?;
+            if bytes.len() as u64 != *length {
+                return Err(format!("{name} has {} bytes of {length}", bytes.len()));
+            }
+            if channel::checksum(&bytes) != *sum {
+                return Err(format!("the checksum of {name} does not match"));
+            }
+        }
+        Ok(seal)
+    }
+}
+
+/// Seals the files of `folder`: they are on the disk when this returns. Returns their bytes.
+///
+/// # Errors
+/// Trouble with a file.
+pub fn seal(folder: &Path, mut seal: Seal) -> Result<u64, RunError> {
+    let mut bytes = 0;
+    let entries = fs::read_dir(folder).map_err(RunError::file("read", folder))?;
+    let mut paths: Vec<_> = entries.flatten().map(|e| e.path()).filter(|p| p.is_file()).collect();
+    paths.sort();
+    for path in paths {
+        let content = fs::read(&path).map_err(RunError::file("read", &path))?;
+        File::open(&path).and_then(|f| f.sync_all()).map_err(RunError::file("write", &path))?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        seal.files.push((name, content.len() as u64, channel::checksum(&content)));
+        bytes += content.len() as u64;
+    }
+    bytes += channel::keep(&folder.join(FILE), MAGIC, VERSION, &seal).map_err(unusable)?;
+    sync_folder(folder)?;
+    Ok(bytes)
+}
+
+/// Brings the names in a folder to the disk.
+pub(super) fn sync_folder(folder: &Path) -> Result<(), RunError> {
+    File::open(folder).and_then(|f| f.sync_all()).map_err(RunError::file("write", folder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seal_holds_for_whole_files_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("flow.bin");
+        fs::write(&file, [7; 100]).unwrap();
+        assert!(Seal::of(folder.path()).unwrap_err().contains("not written to its end"));
+        let made = Seal::new(5, (1, "descent"), 12, 0.06);
+        seal(folder.path(), made).unwrap();
+        let found = Seal::of(folder.path()).unwrap();
+        assert_eq!((found.run, found.windows, found.files.len()), (5, 12, 1));
+        let mut bytes = vec![7; 100];
+        bytes[50] = 8;
+        fs::write(&file, &bytes).unwrap();
+        assert!(Seal::of(folder.path()).unwrap_err().contains("checksum of flow.bin"));
+        fs::write(&file, &bytes[..60]).unwrap();
+        assert!(Seal::of(folder.path()).unwrap_err().contains("60 bytes of 100"));
+        fs::remove_file(&file).unwrap();
+        assert!(Seal::of(folder.path()).unwrap_err().contains("flow.bin"));
+    }
+}

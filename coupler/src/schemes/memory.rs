@@ -1,0 +1,56 @@
+//! What schemes and accelerations carry from window to window, as bytes, so that a run goes on
+//! where another one was saved, to the last digit.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::window::WindowLoop;
+use crate::error::RunError;
+
+/// `value` as bytes.
+pub(crate) fn pack(value: &impl Serialize) -> Vec<u8> {
+    let config = bincode::config::standard().with_fixed_int_encoding();
+    // Plain numbers and lists of them: nothing that cannot be written down.
+    bincode::serde::encode_to_vec(value, config).expect("plain data can be encoded")
+}
+
+/// What [`pack`] packed.
+///
+/// # Errors
+/// Bytes of another scheme.
+pub(crate) fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, RunError> {
+    let config = bincode::config::standard().with_fixed_int_encoding();
+    match bincode::serde::decode_from_slice(bytes, config) {
+        Ok((value, used)) if used == bytes.len() => Ok(value),
+        _ => Err(RunError::Input(
+            "the saved state of the coupling is that of another scheme or version of ripstop".into(),
+        )),
+    }
+}
+
+impl WindowLoop {
+    /// What later windows depend on.
+    pub fn memory(&self) -> Vec<u8> {
+        pack(&(&self.state, &self.start, self.sequence.memory(), self.accelerator.memory()))
+    }
+
+    /// Goes on from a [`WindowLoop::memory`] of the same scheme.
+    ///
+    /// # Errors
+    /// A memory of another one.
+    pub fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+        let (state, start, sequence, accelerator): (_, Vec<f64>, Vec<u8>, Vec<u8>) = unpack(memory)?;
+        (self.state, self.start) = (state, start);
+        self.x.clone_from(&self.start);
+        self.x_tilde.clone_from(&self.start);
+        self.next.clone_from(&self.start);
+        self.end.displacement.clone_from(&self.state.displacement);
+        self.end.velocity = self.state.velocity;
+        if let Some(load) = &self.state.load {
+            self.end.load.clone_from(load);
+        }
+        self.sequence.recall(&sequence)?;
+        self.accelerator.recall(&accelerator)
+    }
+}
+
