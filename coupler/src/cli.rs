@@ -343,7 +343,8 @@ fn resumable(error: RunError, options: &RunOptions) -> RunError {
     if matches!(error, RunError::Input(_)) {
         return error;
     }
-    let hint = crate::run::prepare(options).ok().and_then(|p| checkpoint::hint(&p.scene, &options.scene, &p.out));
+    let hint =
+        crate::run::prepare(options).ok().and_then(|p| checkpoint::hint(&p.scene, &options.scene, &p.out));
     match hint {
         Some(hint) => RunError::Resumable { error: Box::new(error), hint },
         None => error,

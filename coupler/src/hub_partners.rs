@@ -73,7 +73,8 @@ impl Watch<'_> {
                 return Err(Abort::new("interrupted"));
             }
             if !std::mem::replace(self.told, true) {
-                self.console.line("interrupted: this window is finished and saved; once more ends all at once");
+                self.console
+                    .line("interrupted: this window is finished and saved; once more ends all at once");
             }
         }
         self.casualty = self.supervisor.casualty();
@@ -140,18 +141,17 @@ impl<'a> HubPartners<'a> {
             );
         }
         let supervisor = Supervisor::start(started, options.session, console)?;
-        let mut all =
-            Self {
-                hub,
-                supervisor,
-                stop,
-                patient: false,
-                told: false,
-                console: console.clone(),
-                place,
-                panels: interface.panels.clone(),
-                grid: Vec::new(),
-            };
+        let mut all = Self {
+            hub,
+            supervisor,
+            stop,
+            patient: false,
+            told: false,
+            console: console.clone(),
+            place,
+            panels: interface.panels.clone(),
+            grid: Vec::new(),
+        };
         let mut told = 0;
         all.ask(|hub, watch| {
             hub.await_participants(&mut |arrivals| {

@@ -216,7 +216,10 @@ pub fn run(
             options: StageOptions {
                 stop_after_windows: options.stop_after_windows,
                 keep_going: options.keep_going,
-                checkpoint_every: options.checkpoint_every.unwrap_or(scene.output.checkpoint_every_windows).into(),
+                checkpoint_every: options
+                    .checkpoint_every
+                    .unwrap_or(scene.output.checkpoint_every_windows)
+                    .into(),
                 run: identity,
             },
             console,

@@ -24,6 +24,7 @@ pub mod monitors;
 mod participant;
 pub mod permeable;
 pub mod physics;
+pub mod remembered;
 pub mod residual;
 mod self_test;
 pub mod setup;

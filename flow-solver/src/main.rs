@@ -58,7 +58,7 @@ fn serve(args: &ProgramArgs) -> Result<(), String> {
     let (gather, send, poll) =
         (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
     let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };
-    let end = built(&args.scene, args.stage, &args.out, &comm)
+    let end = built(&args.scene, args.stage, &args.out, args.resume.as_deref(), &comm)
         .map_err(|e| {
             channel::report(&options, &e);
             e.to_string()
@@ -75,6 +75,7 @@ fn built(
     scene: &std::path::Path,
     stage: usize,
     out: &std::path::Path,
+    resume: Option<&std::path::Path>,
     comm: &Comm,
 ) -> Result<Box<dyn channel::Participant>, Fault> {
     let scene = case::load(scene).map_err(Fault::new)?;
@@ -85,6 +86,10 @@ fn built(
         )));
     }
     let setup = Setup::new(scene, stage, out)?;
+    let setup = match resume {
+        Some(folder) => setup.resume(folder),
+        None => setup,
+    };
     if comm.is_root() {
         setup.report_grid()?;
     }
@@ -115,7 +120,7 @@ fn alone(args: &Alone) -> Result<(), String> {
 fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
     use channel::flow_stats as at;
     let scene = case::load(&args.scene).map_err(Fault::new)?;
-    let mut participant = built(&args.scene, args.stage, &args.out, comm)?;
+    let mut participant = built(&args.scene, args.stage, &args.out, None, comm)?;
     let stage = &scene.stages[args.stage];
     let folder = case::stage_folder(&args.out, &scene, args.stage);
     let steps = match stage.steady {

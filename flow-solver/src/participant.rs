@@ -11,6 +11,7 @@ use crate::geometry::vec3::{norm, sub};
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
 use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Modelled, Smagorinsky, Viscosity, Wale};
+use crate::remembered::Memory;
 use crate::residual::Spatial;
 use crate::setup::Setup;
 use crate::snapshot::Snapshots;
@@ -115,6 +116,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             grid_nodes: totals.1 as u64,
             output_width: LOAD_WIDTH as u64,
             effects: [
+                channel::RESUME,
                 "flow",
                 "flow.gust",
                 "stage.steady",
@@ -131,12 +133,28 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             .to_vec(),
         };
         let loads = Loads::new(&solver);
-        let monitors = Monitors::new(setup, &solver)?;
+        let mut monitors = Monitors::new(setup, &solver)?;
+        let mut snapshots = Snapshots::default();
+        if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent()).filter(|_| setup.resumed) {
+            match Memory::load(comm, folder) {
+                Some(mut memory) => {
+                    monitors.recall(std::mem::take(&mut memory.probes));
+                    solver.recall(memory);
+                }
+                None if comm.is_root() => {
+                    println!(
+                        "what was saved is of another number of ranks: going on to the solvers' tolerance"
+                    );
+                }
+                None => {}
+            }
+            snapshots = Snapshots::resume(&setup.folder);
+        }
         Ok(Self {
             solver,
             loads,
             monitors,
-            snapshots: Snapshots::default(),
+            snapshots,
             announcement,
             totals,
             moved: false,
@@ -236,6 +254,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
         if let Some(statistics) = self.monitors.statistics() {
             statistics.save(folder, s.comm(), &s.topology, self.totals.0)?;
         }
+        Memory { probes: self.monitors.probes(), ..s.memory() }.save(s.comm(), folder)?;
         state::save(&file, s, self.totals)
     }
 

@@ -29,6 +29,8 @@ pub struct Setup {
     pub folder: PathBuf,
     /// State of an earlier stage to start from.
     pub source: Option<PathBuf>,
+    /// It is one of this stage, to go on from in its middle.
+    pub resumed: bool,
     /// Tolerances and the undisturbed air.
     pub settings: Settings,
     /// Its velocity in time.
@@ -111,7 +113,24 @@ impl Setup {
         let wind = Wind { steady, ..wind };
         let source = scene.source_state(out, stage, Role::Flow);
         let folder = case::stage_folder(out, &scene, stage);
-        Ok(Self { structure, grid, faces, folder, source, settings, wind, shear, march, scene })
+        Ok(Self {
+            structure,
+            grid,
+            faces,
+            folder,
+            source,
+            resumed: false,
+            settings,
+            wind,
+            shear,
+            march,
+            scene,
+        })
+    }
+
+    /// Goes on in the middle of the stage from what the flow saved in `folder`.
+    pub fn resume(self, folder: &Path) -> Self {
+        Self { source: Some(case::state_file(folder, Role::Flow)), resumed: true, ..self }
     }
 
     /// Writes what the grid is like to `grid.txt` in the stage's folder.

@@ -18,6 +18,12 @@ pub struct Snapshots {
 }
 
 impl Snapshots {
+    /// Goes on with the series that lies in `folder`.
+    pub fn resume(folder: &Path) -> Self {
+        let series = Series::resume(folder.join("flow.pvd"), f64::INFINITY);
+        Self { count: series.times(), series: Some(series) }
+    }
+
     /// Adds the solver's state at `time` (s): one file for each rank below
     /// `folder/flow`, listed in `folder/flow.pvd`, with what was gathered in time. Collective.
     ///

@@ -7,6 +7,7 @@ use crate::element::stiffness;
 use crate::felt::Felt;
 use crate::glance::Glance;
 use crate::local::{Kind, LocalGrid};
+use crate::memory::MoverMemory;
 use crate::mover::{Effort, Mover, MoverError};
 use crate::near;
 use crate::slide;
@@ -118,6 +119,21 @@ impl Mover for Elastic {
         let Some(s) = &self.system else { return 0 };
         let vectors = 8 * (5 * s.scratch.r.len() + s.rhs.len() + s.missing.len()) + s.felt.bytes();
         s.amg.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
+    }
+
+    fn memory(&self) -> MoverMemory {
+        let Some(s) = &self.system else { return MoverMemory::default() };
+        let (singles, doubles) = s.warm.memory();
+        MoverMemory { singles, doubles, numbers: s.glance.memory().to_vec() }
+    }
+
+    fn recall(&mut self, memory: MoverMemory) {
+        if let Some(s) = &mut self.system {
+            s.warm.recall(memory.singles, memory.doubles);
+            if let [gain, looks] = memory.numbers[..] {
+                s.glance.recall([gain, looks]);
+            }
+        }
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {

@@ -42,6 +42,16 @@ impl Glance {
         if self.looks < APPRENTICESHIP { f64::INFINITY } else { SAFETY * self.gain * seen }
     }
 
+    /// Gain and looks.
+    pub fn memory(&self) -> [f64; 2] {
+        [self.gain, f64::from(self.looks)]
+    }
+
+    /// Takes up a [`Glance::memory`].
+    pub fn recall(&mut self, [gain, looks]: [f64; 2]) {
+        (self.gain, self.looks) = (gain, looks as u32);
+    }
+
     /// Multigrid found `error` where a glance had `seen`.
     pub fn learn(&mut self, seen: f64, error: f64) {
         if seen > 0.0 && error > 0.0 && error.is_finite() {

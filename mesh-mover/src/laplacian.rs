@@ -5,6 +5,7 @@ use linalg::{BlockCsr, BlockJacobi, Cg, KrylovError, KrylovParams};
 use crate::elastic::{agree, inverted};
 use crate::element::conductance;
 use crate::local::{Kind, LocalGrid};
+use crate::memory::MoverMemory;
 use crate::mover::{Effort, Mover, MoverError};
 
 /// Laplacian smoothing with a conductivity that grows as cells get smaller: the usual mover of
@@ -88,6 +89,17 @@ impl Mover for Laplacian {
     fn bytes(&self) -> usize {
         let Some(s) = &self.system else { return 0 };
         s.matrix.bytes() + size_of_val(&s.canopy[..]) + 8 * (9 * s.rhs.len())
+    }
+
+    fn memory(&self) -> MoverMemory {
+        let doubles = self.system.as_ref().map(|s| s.last.to_vec()).unwrap_or_default();
+        MoverMemory { doubles, ..MoverMemory::default() }
+    }
+
+    fn recall(&mut self, memory: MoverMemory) {
+        if let Some(s) = &mut self.system {
+            s.last.iter_mut().zip(memory.doubles).for_each(|(last, known)| *last = known);
+        }
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {

@@ -30,6 +30,7 @@ pub mod glance;
 pub mod inverse_distance;
 pub mod laplacian;
 pub mod local;
+pub mod memory;
 pub mod motion;
 pub mod mover;
 pub mod movers;

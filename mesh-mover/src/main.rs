@@ -20,7 +20,10 @@ fn main() -> ExitCode {
     ending(with_scene(&args.scene, Some(args.ranks as usize), |scene, comm| {
         let options = args.serve_options(Role::Mesh, comm.rank());
         let built = match args.stage < scene.stages.len() {
-            true => MeshMover::new(scene, args.stage, &args.out, comm),
+            true => match &args.resume {
+                None => MeshMover::new(scene, args.stage, &args.out, comm),
+                Some(state) => MeshMover::resumed(scene, args.stage, &args.out, state, comm),
+            },
             false => Err(Fault::new(format!(
                 "stage {} was asked for, the scene has {} (counted from 0)",
                 args.stage,

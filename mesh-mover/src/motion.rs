@@ -7,6 +7,7 @@ use comm::Comm;
 use mesh::Vec3;
 
 use crate::local::{Kind, LocalGrid};
+use crate::memory::MotionMemory;
 use crate::mover::{Effort, Mover, MoverError};
 use crate::near;
 use crate::quality::{lower, volume};
@@ -234,6 +235,31 @@ impl Motion {
         motion.mover.rebase(&motion.grid, &motion.reference.grid)?;
         motion.measure();
         Ok(motion)
+    }
+
+    /// What later windows depend on beside positions, between windows.
+    pub fn memory(&self) -> MotionMemory {
+        MotionMemory {
+            qualities: [self.start_quality, self.reference_quality, self.quality],
+            left: self.left,
+            fall: self.fall,
+            next_grid: self.regridder.as_ref().map(Regridder::next),
+            rebased: self.rebased,
+            new_grids: self.new_grids,
+            at_start: self.at_start,
+            mover: self.mover.memory(),
+        }
+    }
+
+    /// Takes up a [`Motion::memory`] of the same start and reference.
+    pub fn recall(&mut self, memory: MotionMemory) {
+        [self.start_quality, self.reference_quality, self.quality] = memory.qualities;
+        (self.left, self.fall) = (memory.left, memory.fall);
+        (self.rebased, self.new_grids, self.at_start) = (memory.rebased, memory.new_grids, memory.at_start);
+        if let (Some(regridder), Some(next)) = (&mut self.regridder, memory.next_grid) {
+            regridder.set_next(next);
+        }
+        self.mover.recall(memory.mover);
     }
 
     /// The grid that displacements are counted from.

@@ -1,6 +1,7 @@
 //! The one idea behind every way to move a grid.
 
 use crate::local::LocalGrid;
+use crate::memory::MoverMemory;
 
 /// What an answer took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,6 +23,14 @@ pub trait Mover {
 
     /// Bytes held.
     fn bytes(&self) -> usize;
+
+    /// What was learnt on the reference grid from earlier motions.
+    fn memory(&self) -> MoverMemory {
+        MoverMemory::default()
+    }
+
+    /// Takes up a [`Mover::memory`] of the same reference grid.
+    fn recall(&mut self, _memory: MoverMemory) {}
 
     /// Displacements `u` of the local free nodes (owned and ghosts, `[n][3]`, m)
     /// when the canopy (all of it, `[n_canopy][3]`, m) is displaced by `canopy`

@@ -1,6 +1,6 @@
 //! The mesh-mover as a participant of a coupled run.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use case::{OuterBoundary, Role, Scene};
@@ -9,6 +9,7 @@ use comm::Comm;
 use mesh::{FaceTable, FlowGrid, StructureMesh, Vec3};
 
 use crate::local::LocalGrid;
+use crate::memory;
 use crate::motion::{Builder, Glide, Limits, Motion, MotionError, Moved, Positions, Regridder};
 use crate::mover::Mover;
 use crate::state::State;
@@ -70,10 +71,43 @@ impl MeshMover {
     /// # Errors
     /// No grid, more ranks than cells, unusable files, a bad start grid.
     pub fn new(scene: &Scene, stage: usize, out: &Path, comm: &Comm) -> Result<Self, Fault> {
+        Self::from_state(scene, stage, out, scene.source_state(out, stage, Role::Mesh), comm)
+    }
+
+    /// As [`MeshMover::new`], in the middle of the stage: what [`Participant::save`] wrote to `folder` is gone
+    /// on from. Collective.
+    ///
+    /// # Errors
+    /// As for the start of the stage, and a state that does not fit.
+    pub fn resumed(
+        scene: &Scene,
+        stage: usize,
+        out: &Path,
+        folder: &Path,
+        comm: &Comm,
+    ) -> Result<Self, Fault> {
+        let state = case::state_file(folder, Role::Mesh);
+        let mut this = Self::from_state(scene, stage, out, Some(state), comm)?;
+        match memory::load(comm, folder) {
+            Some(memory) => this.motion.recall(memory),
+            None if comm.is_root() => {
+                println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
+            }
+            None => {}
+        }
+        Ok(this)
+    }
+
+    fn from_state(
+        scene: &Scene,
+        stage: usize,
+        out: &Path,
+        state: Option<PathBuf>,
+        comm: &Comm,
+    ) -> Result<Self, Fault> {
         let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
         let grid = start_grid(scene, stage, out, &structure)?;
         let owner = owners(&grid, comm.size())?;
-        let state = scene.source_state(out, stage, Role::Mesh);
         let state =
             state.map(|path| State::load(&path, grid.coords.len())).transpose().map_err(Fault::new)?;
         let mover = crate::movers::mover(&scene.mesh);
@@ -270,7 +304,7 @@ impl Participant for MeshMover {
             surface_hash: self.surface.hash,
             grid_nodes: self.motion.grid.n_global as u64,
             output_width: WIDTH as u64,
-            effects: Vec::new(),
+            effects: vec![channel::RESUME.into()],
         }
     }
 
@@ -382,7 +416,7 @@ impl Participant for MeshMover {
             let state = State { now, before, dt: self.dt, reference, start, offset, way };
             state.save(&case::state_file(folder, Role::Mesh)).map_err(Fault::new)?;
         }
-        Ok(())
+        memory::save(&self.motion.memory(), self.motion.grid.comm(), folder).map_err(Fault::new)
     }
 
     fn snapshot(&mut self, _time: f64, _folder: &Path) -> Result<(), Fault> {

@@ -36,6 +36,22 @@ impl Warm {
         }
     }
 
+    /// Basis, and the motion of the canopy that each vector answers.
+    pub fn memory(&self) -> (Vec<Vec<f32>>, Vec<Vec<f64>>) {
+        (self.basis.clone(), self.canopies.clone())
+    }
+
+    /// Takes up a [`Warm::memory`] of the same matrix.
+    pub fn recall(&mut self, basis: Vec<Vec<f32>>, canopies: Vec<Vec<f64>>) {
+        if basis.len() <= CAPACITY && basis.len() == canopies.len() {
+            self.spare.truncate(CAPACITY - basis.len());
+            self.basis.clear();
+            self.basis.extend(basis);
+            self.canopies.clear();
+            self.canopies.extend(canopies);
+        }
+    }
+
     /// Sets `x` to the guess for `b` (owned parts), and takes from `canopy`, the motion that
     /// makes `b`, the part that the guess answers. Collective.
     pub fn guess(&mut self, comm: &Comm, b: &[f64], x: &mut [f64], canopy: &mut [f64]) {

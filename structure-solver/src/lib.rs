@@ -20,6 +20,7 @@ pub mod linear;
 pub mod loops;
 pub mod materials;
 pub mod measures;
+pub mod memory;
 pub mod model;
 pub mod motion;
 pub mod newton;

@@ -7,6 +7,8 @@ use std::time::Instant;
 use comm::Comm;
 use linalg::{BlockCsr, BlockJacobi, Gmres, KrylovError, KrylovParams, SchwarzLu};
 
+use crate::memory::{DirectMemory, LinearMemory};
+
 /// What solving has cost so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LinearCost {
@@ -56,6 +58,8 @@ struct Direct {
     /// Iterations of the first solve with the present factor, and its relative tolerance.
     fresh: usize,
     at: f64,
+    /// Values of the matrix that was factorised last.
+    of: Vec<[[f64; 3]; 3]>,
 }
 
 impl Direct {
@@ -64,7 +68,14 @@ impl Direct {
         let comm = a.halo().comm();
         let lu = if cut { SchwarzLu::plan_parts(a, PART, LAYERS) } else { SchwarzLu::plan(a) };
         let ratio = comm.max(lu.flops() as f64 / lu.bytes().max(1) as f64);
-        Self { lu, cut, worth: (OF_RATIO * ratio).clamp(4.0, 16.0) as usize, fresh: 1, at: 1.0 }
+        Self {
+            lu,
+            cut,
+            worth: (OF_RATIO * ratio).clamp(4.0, 16.0) as usize,
+            fresh: 1,
+            at: 1.0,
+            of: Vec::new(),
+        }
     }
 
     /// Iterations that a fresh factor would need to the tolerance `relative`.
@@ -213,10 +224,42 @@ impl LinearSolver {
         let Preconditioned::Direct(d) = &mut self.by else { return Ok(()) };
         let start = Instant::now();
         let result = d.lu.refactor(a).map_err(|e| e.to_string());
+        d.of.clone_from(&a.values);
         self.cost.factorisation_s += start.elapsed().as_secs_f64();
         self.cost.factorisations += 1;
         self.stale = result.is_err();
         result
+    }
+
+    /// What is kept from step to step. A factor is kept as the matrix that it is of, which is far
+    /// smaller.
+    pub fn memory(&self) -> LinearMemory {
+        let direct = match &self.by {
+            Preconditioned::Jacobi(_) => None,
+            Preconditioned::Direct(d) => Some(DirectMemory {
+                cut: d.cut,
+                fresh: d.fresh as u64,
+                at: d.at,
+                matrix: if self.stale { Vec::new() } else { d.of.clone() },
+            }),
+        };
+        LinearMemory { direct, stale: self.stale }
+    }
+
+    /// Takes up a [`LinearSolver::memory`] for matrices with the pattern of `a`, whose values are
+    /// lost. Collective.
+    pub fn recall(&mut self, memory: LinearMemory, a: &mut BlockCsr<3>) {
+        self.stale = memory.stale;
+        let Some(m) = memory.direct else { return };
+        let mut direct = Direct::new(a, m.cut);
+        (direct.fresh, direct.at) = (m.fresh as usize, m.at);
+        if !m.matrix.is_empty() {
+            a.values.clone_from(&m.matrix);
+            // What was factorised once can be again.
+            self.stale |= direct.lu.refactor(a).is_err();
+            direct.of = m.matrix;
+        }
+        self.by = Preconditioned::Direct(Box::new(direct));
     }
 
     /// Renews the factor before the next solve (after a change of time step).

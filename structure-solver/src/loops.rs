@@ -108,6 +108,14 @@ pub trait ElementLoop {
     /// Finds what is near what at positions `x` (m).
     fn find_pairs(&mut self, _x: &[f64]) {}
 
+    /// What later steps depend on beside positions and velocities: pairs that were found.
+    fn memory(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// Takes up what [`ElementLoop::memory`] gave.
+    fn recall(&mut self, _memory: &[f64]) {}
+
     /// Energy (J) that elements counted on this rank took out of the motion in the
     /// step from positions `before`, where they were anchored, to `after` (m).
     fn dissipation(&self, _before: &[f64], _after: &[f64]) -> f64 {

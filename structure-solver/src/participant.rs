@@ -17,13 +17,15 @@ use crate::explicit::Explicit;
 use crate::linear::LinearCost;
 use crate::loops::FaceLoad;
 use crate::measures::{Gauge, Measures};
+use crate::memory;
 use crate::payload::{self, Log, Payload};
 use crate::snapshot::Pictures;
 use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 17] = [
+const EFFECTS: [&str; 18] = [
+    channel::RESUME,
     "fabric.wrinkling",
     "fabric.orthotropic",
     "fabric.prestress_pa",
@@ -82,6 +84,27 @@ impl StructureSolver {
     /// The structure of `scene` in stage `stage`, continuing from the state that an
     /// earlier stage left below `out`. Collective.
     pub fn new(comm: &Comm, scene: &Scene, stage: usize, out: &Path) -> Result<Self, Fault> {
+        Self::at_start(comm, scene, stage, out, false)
+    }
+
+    /// As [`StructureSolver::new`], in the middle of the stage: what [`Participant::save`] wrote to
+    /// `state` is gone on from. Collective.
+    ///
+    /// # Errors
+    /// As for the start of the stage, and a state that does not fit.
+    pub fn resumed(
+        comm: &Comm,
+        scene: &Scene,
+        stage: usize,
+        out: &Path,
+        state: &Path,
+    ) -> Result<Self, Fault> {
+        let mut this = Self::at_start(comm, scene, stage, out, true)?;
+        this.resume(state, stage, out)?;
+        Ok(this)
+    }
+
+    fn at_start(comm: &Comm, scene: &Scene, stage: usize, out: &Path, resumed: bool) -> Result<Self, Fault> {
         if stage >= scene.stages.len() {
             let n = scene.stages.len();
             return Err(Fault::new(format!("the scene has {n} stages, so there is no stage {stage}")));
@@ -101,7 +124,7 @@ impl StructureSolver {
             let folder = source.as_ref().and_then(|p| p.parent());
             let earlier = folder.map(payload::load).transpose().map_err(Fault::new)?.flatten();
             dynamics.carry(payload, earlier.unwrap_or(start));
-            if comm.is_root() {
+            if comm.is_root() && !resumed {
                 let folder = case::stage_folder(out, scene, stage);
                 let bad = |e| Fault::new(format!("payload.csv in {}: {e}", folder.display()));
                 log = Some(Log::create(&folder).map_err(bad)?);
@@ -131,6 +154,32 @@ impl StructureSolver {
             rest: (scene.stages[stage].solve == Solve::Static).then_some(scene.structure.static_tolerance),
             mesh,
         })
+    }
+
+    /// Takes up the state in `folder`. The start of the stage, which prescribed motions count from, stays
+    /// what it was. Collective.
+    fn resume(&mut self, folder: &Path, stage: usize, out: &Path) -> Result<(), Fault> {
+        let comm = self.dynamics.system.comm().clone();
+        let path = case::state_file(folder, Role::Structure);
+        let model = &self.dynamics.system.model;
+        let body = self.dynamics.accepted.body;
+        self.dynamics.accepted =
+            state_file::load(model, self.mesh.coords.len(), &path).map_err(Fault::new)?;
+        self.dynamics.accepted.body = body;
+        let stage_folder = case::stage_folder(out, &self.scene, stage);
+        if self.dynamics.payload().is_some() {
+            self.dynamics.accepted.body = payload::load(folder).map_err(Fault::new)?.or(body);
+            if comm.is_root() {
+                let bad = |e| Fault::new(format!("payload.csv in {}: {e}", stage_folder.display()));
+                self.log = Some(Log::resume(&stage_folder).map_err(bad)?);
+            }
+        }
+        if !memory::recall(&mut self.dynamics, folder) && comm.is_root() {
+            println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
+        }
+        self.pictures = Pictures::resume(&stage_folder);
+        self.from_rest = false;
+        Ok(())
     }
 
     /// The mesh of the whole structure.
@@ -298,6 +347,7 @@ impl Participant for StructureSolver {
         if let Some(body) = &state.body {
             payload::save(&model.comm, body, folder).map_err(Fault::new)?;
         }
+        agree(&model.comm, memory::save(&self.dynamics, folder).map_err(Fault::new))?;
         let u = state_file::gather(
             &model.comm,
             model.numbering.owned(),

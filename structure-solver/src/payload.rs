@@ -244,6 +244,14 @@ impl Log {
         Ok(Self(file))
     }
 
+    /// Goes on with a file that was cut back to what is known.
+    pub(crate) fn resume(folder: &Path) -> std::io::Result<Self> {
+        match std::fs::File::options().append(true).open(folder.join("payload.csv")) {
+            Ok(file) => Ok(Self(file)),
+            Err(_) => Self::create(folder),
+        }
+    }
+
     pub(crate) fn push(&mut self, time: f64, p: &Payload, s: &BodyState) -> std::io::Result<()> {
         let rate = p.body.rate(s);
         let parts: [&[f64]; 6] = [&p.position(s), &s.v, &s.q, &rate, &[s.tilt()], &s.force];

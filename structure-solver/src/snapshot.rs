@@ -19,6 +19,12 @@ pub struct Pictures {
 }
 
 impl Pictures {
+    /// Goes on with the series that lie in `folder`.
+    pub fn resume(folder: &Path) -> Self {
+        let series = ["canopy.pvd", "lines.pvd"].map(|name| Series::resume(folder.join(name), f64::INFINITY));
+        Self { count: series[0].times(), series: Some(series) }
+    }
+
     /// Adds `state` under `load` at `time` (s) to `canopy.pvd` and `lines.pvd` in
     /// `folder`. Collective; rank 0 writes.
     ///

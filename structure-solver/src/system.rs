@@ -133,6 +133,11 @@ impl System {
         &self.loops
     }
 
+    /// The same, to be given back what they remember.
+    pub(crate) fn loops_mut(&mut self) -> &mut [Box<dyn ElementLoop>] {
+        &mut self.loops
+    }
+
     /// See [`ElementLoop::anchor`].
     pub fn anchor(&mut self, x: &[f64]) {
         self.loops.iter_mut().for_each(|l| l.anchor(x));

@@ -2,10 +2,10 @@
 
 use case::LoadShape;
 
+use super::memory::{pack, unpack};
 use super::sequence::{End, Sequence, Visit};
 use super::staggered::{packed, structure_under_flow};
 use super::{FlowLoads, InterfaceState, Predictor, Unknowns, shape_load};
-use super::memory::{pack, unpack};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 

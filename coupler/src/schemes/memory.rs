@@ -53,4 +53,3 @@ impl WindowLoop {
         self.accelerator.recall(&accelerator)
     }
 }
-

@@ -10,11 +10,11 @@ use super::extrapolate::Past;
 use super::flow_model::FlowModel;
 use super::least_squares::norm;
 use super::load_shape::{FlowLoads, shape_load};
+use super::memory::{pack, unpack};
 use super::predictor::Predictor;
 use super::sequence::{End, Sequence, Visit};
 use super::staggered::{packed, structure_under_flow};
 use super::{Accelerator, InterfaceState, Unknowns};
-use super::memory::{pack, unpack};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 

@@ -4,9 +4,9 @@ use case::LoadShape;
 
 use super::extrapolate::Past;
 use super::load_shape::{FlowLoads, shape_load};
+use super::memory::{pack, unpack};
 use super::sequence::{End, Sequence, Visit};
 use super::{InterfaceState, Unknowns};
-use super::memory::{pack, unpack};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 

@@ -249,6 +249,11 @@ impl Series {
         series
     }
 
+    /// Times that it lists.
+    pub fn times(&self) -> usize {
+        self.sets.iter().filter(|s| s.1 == 0).count()
+    }
+
     /// Lists the files of one time (s), one for each rank, given relative to the
     /// series' own folder, and rewrites the `.pvd`.
     ///

@@ -8,8 +8,11 @@ mod simple;
 
 pub use acceleration::Acceleration;
 pub use lusgs::LuSgs;
+pub use multigrid::MergedCells;
 pub use pressure::{PressureSystem, SolveReport};
 pub use simple::PressureCorrection;
+
+use comm::Halo;
 
 use crate::gradient::Gradient;
 use crate::physics::{FaceFlow, Scheme};
@@ -42,4 +45,12 @@ pub trait Correction<G, V, const N: usize> {
         share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport;
+
+    /// Coarse cells that were merged once and are kept; none where there are none.
+    fn merged(&self) -> Option<MergedCells> {
+        None
+    }
+
+    /// Takes up what [`Correction::merged`] gave on the same cells. Collective.
+    fn recall(&mut self, _merged: MergedCells, _halo: &Halo) {}
 }

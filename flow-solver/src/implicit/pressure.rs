@@ -2,7 +2,7 @@
 
 use comm::Halo;
 
-use super::multigrid::{Matrix, Multigrid};
+use super::multigrid::{Matrix, MergedCells, Multigrid};
 use crate::residual::Domain;
 use crate::topology::Adjacency;
 
@@ -51,6 +51,16 @@ impl PressureSystem {
         self.multigrid
             .get_or_insert_with(|| Multigrid::new(rows, on.halo, m, &on.metrics.centre, &on.metrics.volume))
             .assemble(rows, m);
+    }
+
+    /// Coarse cells, once they were merged.
+    pub fn merged(&self) -> Option<MergedCells> {
+        self.multigrid.as_ref().map(Multigrid::merged)
+    }
+
+    /// Takes up [`PressureSystem::merged`] of the same cells. Collective.
+    pub fn recall(&mut self, merged: MergedCells, halo: &Halo) {
+        self.multigrid = Some(Multigrid::of_merged(merged, halo));
     }
 
     /// Where the right-hand side of [`PressureSystem::solve`] is to be written, one value for

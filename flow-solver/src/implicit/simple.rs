@@ -10,8 +10,10 @@
 //! preconditioner). The pressure diffusion of the flux is chosen such that the
 //! compact stencil is also what the residual sees.
 
-use super::Correction;
+use comm::Halo;
+
 use super::pressure::{PressureSystem, SolveReport};
+use super::{Correction, MergedCells};
 use crate::geometry::vec3::dot;
 use crate::gradient::Gradient;
 use crate::physics::{FaceFlow, Gas, Scheme, Viscosity};
@@ -224,6 +226,14 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         }
         on.halo.exchange(&mut self.response, 1);
         self.assemble_pressure(on, scheme, rate);
+    }
+
+    fn merged(&self) -> Option<MergedCells> {
+        self.pressure.merged()
+    }
+
+    fn recall(&mut self, merged: MergedCells, halo: &Halo) {
+        self.pressure.recall(merged, halo);
     }
 
     fn apply(

@@ -56,7 +56,7 @@ impl Monitors {
             Some(s) => {
                 let mut gathered = Statistics::new(s.start_s, solver.topology.n_owned);
                 if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent())
-                    && s.across_stages
+                    && (s.across_stages || setup.resumed)
                 {
                     gathered.load(folder, &solver.topology, setup.grid.cells.len())?;
                 }
@@ -103,6 +103,18 @@ impl Monitors {
             s.record(solver, loads, done, time, &self.folder)?;
         }
         Ok(())
+    }
+
+    /// What is known of the probes, for a run that goes on in the middle of a stage.
+    pub fn probes(&self) -> Vec<(Option<u32>, Vec<(u32, f64)>)> {
+        self.probes.as_ref().map(Probes::memory).unwrap_or_default()
+    }
+
+    /// Takes up [`Monitors::probes`].
+    pub fn recall(&mut self, probes: Vec<(Option<u32>, Vec<(u32, f64)>)>) {
+        if let Some(p) = &mut self.probes {
+            p.recall(probes);
+        }
     }
 
     /// Means and fluctuations, if the scene wants them.

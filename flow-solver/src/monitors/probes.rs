@@ -94,6 +94,18 @@ impl Probes {
         least
     }
 
+    /// Cell around each probe and its faces: they stay as long as they serve.
+    pub fn memory(&self) -> Vec<(Option<u32>, Vec<(u32, f64)>)> {
+        self.home.iter().copied().zip(self.walls.iter().cloned()).collect()
+    }
+
+    /// Takes up a [`Probes::memory`] of the same part of the grid.
+    pub fn recall(&mut self, memory: Vec<(Option<u32>, Vec<(u32, f64)>)>) {
+        if memory.len() == self.list.len() {
+            (self.home, self.walls) = memory.into_iter().unzip();
+        }
+    }
+
     /// Values after a window, a row of `probes.csv`. Collective.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! What a saved state holds and how a run continues from it.
 
 use super::*;
+use crate::remembered::Memory;
 
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// What else the state holds. Collective.
@@ -17,6 +18,29 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             })
         };
         Extras { height: self.shear.as_ref().map(|s| s.height), turbulence: self.turbulence().map(gather) }
+    }
+
+    /// What this rank remembers beside its share of the state.
+    pub fn memory(&self) -> Memory {
+        Memory {
+            ties: self.through.iter().map(|t| t.past).collect(),
+            merged: self.correction.merged(),
+            walls: self.turbulence().map(SpalartAllmaras::walls),
+            probes: Vec::new(),
+        }
+    }
+
+    /// Takes up a [`Solver::memory`] of the same part of the grid, after the state. Collective.
+    pub fn recall(&mut self, memory: Memory) {
+        if memory.ties.len() == self.through.len() {
+            self.restore_ties(&memory.ties);
+        }
+        if let Some(merged) = memory.merged {
+            self.correction.recall(merged, &self.halo);
+        }
+        if let (Some(turbulence), Some(walls)) = (&mut self.turbulence, memory.walls) {
+            turbulence.recall(walls);
+        }
     }
 
     /// Continues with what else a saved state held.

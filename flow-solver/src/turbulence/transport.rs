@@ -8,6 +8,7 @@ use crate::geometry::vec3::{Vec3, dot, norm, sub};
 use crate::gradient::Gradient;
 use crate::implicit::Acceleration;
 use crate::physics::FaceFlow;
+use crate::remembered::WallMemory;
 use crate::residual::Domain;
 use crate::topology::Topology;
 
@@ -102,6 +103,16 @@ impl SpalartAllmaras {
             change: vec![0.0; all],
             acceleration: Acceleration::new(DEPTH, n),
         }
+    }
+
+    /// The walls as they are known.
+    pub fn walls(&self) -> WallMemory {
+        WallMemory { wall: self.wall.clone(), delta: self.delta.clone(), at: self.walls_at.clone() }
+    }
+
+    /// Takes up [`SpalartAllmaras::walls`] of the same cells.
+    pub fn recall(&mut self, walls: WallMemory) {
+        (self.wall, self.delta, self.walls_at) = (walls.wall, walls.delta, walls.at);
     }
 
     /// Dynamic eddy viscosity of all local cells, Pa s.

@@ -50,6 +50,14 @@ impl Regridder {
     pub fn new(when: Regrid, build: Builder) -> Self {
         Self { build, when, next: when.below }
     }
+
+    pub(super) fn next(&self) -> f64 {
+        self.next
+    }
+
+    pub(super) fn set_next(&mut self, quality: f64) {
+        self.next = quality;
+    }
 }
 
 /// The rest of the way to a new grid.

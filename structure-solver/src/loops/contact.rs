@@ -172,6 +172,21 @@ impl ElementLoop for Contact {
         }
     }
 
+    /// Pairs in their order, each with node, triangle and side, then the positions at the search.
+    fn memory(&self) -> Vec<f64> {
+        let rows = self.pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side]);
+        std::iter::once(self.pairs.len() as f64).chain(rows).chain(self.searched.iter().copied()).collect()
+    }
+
+    fn recall(&mut self, memory: &[f64]) {
+        let Some((count, rest)) = memory.split_first() else { return };
+        let (rows, searched) = rest.split_at((3 * *count as usize).min(rest.len()));
+        let pair = |r: &[f64; 3]| Pair { node: r[0] as u32, triangle: r[1] as u32, side: r[2] };
+        self.pairs = rows.as_chunks::<3>().0.iter().map(pair).collect();
+        self.known = self.pairs.iter().map(|p| ((p.node, p.triangle), p.side)).collect();
+        self.searched = searched.to_vec();
+    }
+
     fn anchor(&mut self, _x: &[f64]) {}
 
     fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {

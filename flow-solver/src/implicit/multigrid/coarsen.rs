@@ -1,6 +1,7 @@
 //! From cells to larger cells: matching, coarse couplings, transfers.
 
-use comm::{Halo, Numbering};
+use comm::{Comm, Halo, Numbering};
+use serde::{Deserialize, Serialize};
 
 use super::Matrix;
 use crate::geometry::vec3::{Vec3, add, norm, scale, sub};
@@ -26,6 +27,21 @@ pub(super) struct Coarse {
     ratio: Vec<u8>,
     /// Exchange of coarse ghosts.
     pub halo: Halo,
+    /// Number of the first owned coarse cell among all ranks, and number and owner of ghosts.
+    offset: u64,
+    ghosts: Vec<(u64, u32)>,
+}
+
+/// A level's coarse cells as numbers: what a [`Coarse`] is made of.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct MergedLevel {
+    /// `start`, `cell`, `upper` and `ghost` of the coarse rows.
+    rows: [Vec<u32>; 4],
+    parent: Vec<u32>,
+    target: Vec<u16>,
+    ratio: Vec<u8>,
+    offset: u64,
+    ghosts: Vec<(u64, u32)>,
 }
 
 /// Cells as the matching sees them: owned ones only.
@@ -133,6 +149,29 @@ fn members(group: &[u32], count: usize) -> (Vec<u32>, Vec<u32>) {
 }
 
 impl Coarse {
+    /// What it is made of.
+    pub fn merged(&self) -> MergedLevel {
+        let rows = &self.rows;
+        MergedLevel {
+            rows: [rows.start.clone(), rows.cell.clone(), rows.upper.clone(), rows.ghost.clone()],
+            parent: self.parent.clone(),
+            target: self.target.clone(),
+            ratio: self.ratio.clone(),
+            offset: self.offset,
+            ghosts: self.ghosts.clone(),
+        }
+    }
+
+    /// From what it is made of, with the number of local coarse cells. Collective.
+    pub fn of_merged(merged: MergedLevel, comm: &Comm) -> (Self, usize) {
+        let MergedLevel { rows: [start, cell, upper, ghost], parent, target, ratio, offset, ghosts } = merged;
+        let n = start.len() as u64 - 1;
+        let numbering = Numbering::new((offset..offset + n).collect(), ghosts.clone());
+        let rows = Adjacency { start, cell, upper, ghost, slot: Vec::new() };
+        let halo = Halo::new(comm, &numbering);
+        (Self { rows, parent, target, ratio, halo, offset, ghosts }, numbering.n_local())
+    }
+
     /// Merges the owned cells of a level. `centre` and `volume` of its local cells
     /// become those of the coarse local cells. Also returns how many these are. Collective.
     pub fn new(
@@ -178,7 +217,7 @@ impl Coarse {
             .iter()
             .map(|&g| (g as u64, ends.partition_point(|&e| e <= g as u64) as u32))
             .collect();
-        let numbering = Numbering::new((offset..offset + n_coarse as u64).collect(), ghosts);
+        let numbering = Numbering::new((offset..offset + n_coarse as u64).collect(), ghosts.clone());
         let coarse_of: Vec<u32> = number
             .iter()
             .map(|&g| numbering.local(g as u64).expect("every number was entered above") as u32)
@@ -229,7 +268,9 @@ impl Coarse {
                 ratios[k] = (255.0 * r).round() as u8;
             }
         }
-        (Self { rows: coarse_rows, parent, target, ratio: ratios, halo: exchange }, numbering.n_local())
+        let coarse =
+            Self { rows: coarse_rows, parent, target, ratio: ratios, halo: exchange, offset, ghosts };
+        (coarse, numbering.n_local())
     }
 
     /// Coarse matrix from the fine one.

@@ -12,10 +12,11 @@ mod coarsen;
 mod coarsest;
 
 use comm::Halo;
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::vec3::Vec3;
 use crate::topology::Adjacency;
-use coarsen::Coarse;
+use coarsen::{Coarse, MergedLevel};
 use coarsest::Coarsest;
 
 /// Symmetric matrix $(m_i + \sum_j k_{ij}) x_i - \sum_j k_{ij} x_j$ in the rows of
@@ -93,6 +94,10 @@ pub struct Multigrid {
     coarsest: Coarsest,
 }
 
+/// The coarse cells of all levels on one rank, as they were merged.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct MergedCells(Vec<MergedLevel>);
+
 /// Levels at most: enough for 8^12 cells a rank.
 const LEVELS: usize = 12;
 
@@ -130,11 +135,36 @@ impl Multigrid {
             level.coarse.collect(rows, matrix, &mut level.matrix);
             levels.push(level);
         }
-        let coarsest = match levels.last() {
-            Some(l) if size <= coarsest::limit(comm.size()) => Coarsest::new(&l.coarse.halo),
-            _ => Coarsest::default(),
-        };
+        let coarsest = Self::coarsest(&levels, size, comm.size());
         Self { levels, coarsest }
+    }
+
+    /// The coarse cells.
+    pub fn merged(&self) -> MergedCells {
+        MergedCells(self.levels.iter().map(|l| l.coarse.merged()).collect())
+    }
+
+    /// From coarse cells that were merged earlier on the same fine ones; `halo` is theirs. Collective.
+    pub fn of_merged(merged: MergedCells, halo: &Halo) -> Self {
+        let comm = halo.comm();
+        let mut levels: Vec<Level> = Vec::new();
+        for level in merged.0 {
+            let (coarse, n_local) = Coarse::of_merged(level, comm);
+            let n = coarse.rows.start.len() - 1;
+            let matrix = Matrix::new(&coarse.rows);
+            levels.push(Level { matrix, b: vec![0.0; n], x: vec![0.0; n_local], coarse });
+        }
+        let mut size = [levels.last().map_or(0, |l| l.coarse.rows.start.len() as u64 - 1)];
+        comm.sum_u64(&mut size);
+        let coarsest = Self::coarsest(&levels, size[0] as usize, comm.size());
+        Self { levels, coarsest }
+    }
+
+    fn coarsest(levels: &[Level], size: usize, ranks: usize) -> Coarsest {
+        match levels.last() {
+            Some(l) if size <= coarsest::limit(ranks) => Coarsest::new(&l.coarse.halo),
+            _ => Coarsest::default(),
+        }
     }
 
     /// Coarse matrices from the finest one. Collective.
