@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use case::Role;
@@ -152,7 +152,7 @@ struct RunArgs {
     #[arg(long, conflicts_with = "stage")]
     resume: bool,
     /// Save every N windows; 0: at the end of stages and at Ctrl-C only [default: the scene's
-    /// output.checkpoint_every_windows]
+    /// output.checkpoint_every_windows, or as often as costs 1 % of the time]
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<u32>,
     /// Print errors only
@@ -331,7 +331,9 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
 }
 
 fn fly(options: &RunOptions, console: &Console) -> Result<(), RunError> {
-    let stop = on_signals()?;
+    let (stop, now) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+    listen(&[&stop, &now])?;
+    let options = &RunOptions { now: Some(now), ..options.clone() };
     let (summary, out) = run(options, &stop, console).map_err(|error| resumable(error, options))?;
     console.line("");
     console.line(&summary.table(&out));
@@ -377,14 +379,25 @@ fn print(text: &str) {
 /// process at once; its programs then end by themselves.
 fn on_signals() -> Result<Arc<AtomicBool>, RunError> {
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
-        let set = || {
-            signal_hook::flag::register_conditional_shutdown(signal, 130, stop.clone())?;
-            signal_hook::flag::register(signal, stop.clone())
-        };
-        set().map_err(RunError::file("handle signals in", "this process"))?;
-    }
+    listen(&[&stop])?;
     Ok(stop)
+}
+
+/// Lets each signal to end set the next of `flags`; one more ends this process.
+fn listen(flags: &[&Arc<AtomicBool>]) -> Result<(), RunError> {
+    for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
+        let flags: Vec<_> = flags.iter().map(|f| Arc::clone(f)).collect();
+        let count = move || {
+            if flags.iter().all(|flag| flag.swap(true, Ordering::Relaxed)) {
+                signal_hook::low_level::exit(130);
+            }
+        };
+        // SAFETY: the handler changes atomic flags or ends the process: both are allowed in signal
+        // handlers, and nothing is allocated, freed or locked.
+        unsafe { signal_hook::low_level::register(signal, count) }
+            .map_err(RunError::file("handle signals in", "this process"))?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -215,7 +215,7 @@ type Point = fn(&Battery<'_>) -> Result<Verdict, RunError>;
 /// Points without which the others mean nothing.
 const BASIC: [&str; 2] = ["handshake", "answers"];
 
-const POINTS: [(&str, Point); 9] = [
+const POINTS: [(&str, Point); 10] = [
     ("handshake", |b| b.handshake()),
     ("answers", |b| b.answers()),
     ("repeats", |b| b.repeats()),
@@ -223,6 +223,7 @@ const POINTS: [(&str, Point); 9] = [
     ("goes on", |b| b.goes_on()),
     ("substeps", |b| b.substeps()),
     ("restores", |b| b.restores()),
+    ("resumes", |b| b.resumes()),
     ("zero input", |b| b.zero()),
     ("absurd input", |b| b.absurd()),
 ];
@@ -361,6 +362,32 @@ impl Battery<'_> {
             swap(&before, &source)?;
         }
         Ok(self.close(&a, &b?, "a window from a saved state"))
+    }
+
+    fn resumes(&self) -> Result<Verdict, RunError> {
+        let role = self.rehearsal.role;
+        let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
+            return Ok(Verdict::Skipped("one window only".into()));
+        };
+        let folder = self.rehearsal.out.join("within");
+        std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
+        let (can, a) = self.fly(|p| {
+            self.ask(p, last0, w0)?;
+            p.accept(w0)?;
+            p.save(&folder)?;
+            Ok((p.resumes(role), self.ask(p, first1, w1)?))
+        })?;
+        if !can {
+            return Ok(Verdict::Skipped("it does not announce `resume`: its runs cannot be resumed".into()));
+        }
+        let b =
+            self.rehearsal.fly_from(Some(&folder), self.stop, self.console, |p| self.ask(p, first1, w1))?;
+        Ok(match self.close(&a, &b, "a window after --resume") {
+            Verdict::Passed(_) if a == b => {
+                Verdict::Passed("a window after --resume: the same digits".into())
+            }
+            other => other,
+        })
     }
 
     fn zero(&self) -> Result<Verdict, RunError> {

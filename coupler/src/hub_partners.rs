@@ -1,6 +1,7 @@
 //! The real programs behind the channel, watched over while they work.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -45,8 +46,8 @@ pub struct HubPartners<'a> {
     hub: Hub,
     supervisor: Supervisor,
     stop: &'a AtomicBool,
-    /// A signal to end lets the window come to its end first.
-    patient: bool,
+    /// Where windows come to their ends before all ends: what ends all at once.
+    now: Option<Arc<AtomicBool>>,
     told: bool,
     console: Console,
     place: Place,
@@ -60,7 +61,7 @@ pub struct HubPartners<'a> {
 struct Watch<'a> {
     supervisor: &'a mut Supervisor,
     stop: &'a AtomicBool,
-    patient: bool,
+    now: Option<&'a AtomicBool>,
     told: &'a mut bool,
     console: &'a Console,
     casualty: Option<Casualty>,
@@ -69,7 +70,7 @@ struct Watch<'a> {
 impl Watch<'_> {
     fn look(&mut self) -> Result<(), Abort> {
         if self.stop.load(Ordering::Relaxed) {
-            if !self.patient {
+            if self.now.is_none_or(|now| now.load(Ordering::Relaxed)) {
                 return Err(Abort::new("interrupted"));
             }
             if !std::mem::replace(self.told, true) {
@@ -145,7 +146,7 @@ impl<'a> HubPartners<'a> {
             hub,
             supervisor,
             stop,
-            patient: false,
+            now: None,
             told: false,
             console: console.clone(),
             place,
@@ -170,9 +171,15 @@ impl<'a> HubPartners<'a> {
     }
 
     /// From now on a signal to end lets windows come to their ends: whoever asks for them looks
-    /// at it in between.
-    pub fn finish_windows(&mut self) {
-        self.patient = true;
+    /// at it in between. When `now` becomes true all ends at once.
+    pub fn finish_windows(&mut self, now: Arc<AtomicBool>) {
+        self.now = Some(now);
+    }
+
+    /// Whether the program of `role` can go on in the middle of a stage.
+    pub fn resumes(&self, role: Role) -> bool {
+        let announced = self.hub.announcement(role);
+        announced.is_none_or(|a| a.effects.iter().any(|e| e == channel::RESUME))
     }
 
     /// Ends the session in good order.
@@ -180,9 +187,15 @@ impl<'a> HubPartners<'a> {
     /// # Errors
     /// A program that fails at the very end.
     pub fn finish(self, console: &Console) -> Result<(), RunError> {
-        let Self { hub, mut supervisor, stop, patient, mut told, place, .. } = self;
-        let mut watch =
-            Watch { supervisor: &mut supervisor, stop, patient, told: &mut told, console, casualty: None };
+        let Self { hub, mut supervisor, stop, now, mut told, place, .. } = self;
+        let mut watch = Watch {
+            supervisor: &mut supervisor,
+            stop,
+            now: now.as_deref(),
+            told: &mut told,
+            console,
+            casualty: None,
+        };
         // Programs may be gone before the hub has seen all goodbyes: that is no casualty.
         let stopped = hub.stop(&mut || match watch.look() {
             Err(_) if watch.casualty.is_some() => Ok(()),
@@ -203,7 +216,7 @@ impl<'a> HubPartners<'a> {
         let mut watch = Watch {
             supervisor: &mut self.supervisor,
             stop: self.stop,
-            patient: self.patient,
+            now: self.now.as_deref(),
             told: &mut self.told,
             console: &self.console,
             casualty: None,
@@ -216,7 +229,8 @@ impl<'a> HubPartners<'a> {
     fn explain(&mut self, error: HubError, casualty: Option<Casualty>) -> RunError {
         let place = self.place.clone();
         // The signal may also have cut a system call short: that is no error of its own.
-        if self.stop.load(Ordering::Relaxed) && !self.patient {
+        let at_once = self.now.as_ref().is_none_or(|now| now.load(Ordering::Relaxed));
+        if self.stop.load(Ordering::Relaxed) && at_once {
             return RunError::Interrupted(place);
         }
         let died = |casualty: Casualty, rank| RunError::Died {
@@ -374,12 +388,8 @@ impl Partners for HubPartners<'_> {
     }
 
     fn cannot_resume(&self) -> Vec<String> {
-        let can = |role: &Role| match self.hub.announcement(*role) {
-            Some(a) => a.effects.iter().any(|e| e == channel::RESUME),
-            // It does not take part.
-            None => true,
-        };
-        Role::ALL.into_iter().filter(|r| !can(r)).map(|r| self.supervisor.name(r)).collect()
+        let missing = Role::ALL.into_iter().filter(|r| !self.resumes(*r));
+        missing.map(|r| self.supervisor.name(r)).collect()
     }
 
     fn grid(&self) -> Option<&[f64]> {

@@ -190,6 +190,20 @@ impl Rehearsal {
         console: &Console,
         play: impl FnOnce(&mut HubPartners<'_>) -> Result<T, RunError>,
     ) -> Result<T, RunError> {
+        self.fly_from(None, stop, console, play)
+    }
+
+    /// As [`Rehearsal::fly`], from a state in the middle of the stage.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn fly_from<T>(
+        &self,
+        resume: Option<&Path>,
+        stop: &AtomicBool,
+        console: &Console,
+        play: impl FnOnce(&mut HubPartners<'_>) -> Result<T, RunError>,
+    ) -> Result<T, RunError> {
         let scene = &self.prepared.scene;
         let count = self.sessions.replace(self.sessions.get() + 1);
         let session = format!("{}-{}-{count}", shorten(&scene.name), std::process::id());
@@ -203,7 +217,7 @@ impl Rehearsal {
             programs: &program_folder()?,
             scratch: &scratch.0,
             mpirun: &[],
-            resume: None,
+            resume,
         };
         let programs = self.roles.iter().map(|&r| Ok((plan.program(r)?, scene.ranks.of(r))));
         let options = SessionOptions {

@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -47,6 +48,9 @@ pub struct RunOptions {
     pub attach: Vec<Role>,
     /// Goes on with the run whose results lie in the folder.
     pub resume: bool,
+    /// Ends all at once when it becomes true; windows are finished first when only the run's flag to
+    /// stop is. `None`: that flag already ends all.
+    pub now: Option<Arc<AtomicBool>>,
     /// Windows between saves instead of the scene's; 0: none.
     pub checkpoint_every: Option<u32>,
     /// Keeps every exchange.
@@ -218,8 +222,8 @@ pub fn run(
                 keep_going: options.keep_going,
                 checkpoint_every: options
                     .checkpoint_every
-                    .unwrap_or(scene.output.checkpoint_every_windows)
-                    .into(),
+                    .or(scene.output.checkpoint_every_windows)
+                    .map(u64::from),
                 run: identity,
             },
             console,
@@ -295,9 +299,12 @@ fn run_stage(
     };
     let ended = (|| {
         let mut partners = HubPartners::start(session_options, context.interface, stop, context.console)?;
-        partners.finish_windows();
-        let partners = exchange(context, options, partners, state, summary)?;
-        partners.finish(context.console)
+        if let Some(now) = &options.now {
+            partners.finish_windows(now.clone());
+        }
+        let (partners, interrupted) = exchange(context, options, partners, state, summary)?;
+        partners.finish(context.console)?;
+        interrupted.map_or(Ok(()), Err)
     })();
     // Every process is gone by now, however the stage ended.
     if let Err(error) = channel::cleanup(&session) {
@@ -307,20 +314,28 @@ fn run_stage(
 }
 
 /// Runs a stage with `partners`, recorded and compared as asked.
+/// Also says where it was interrupted between two windows.
 fn exchange<'a>(
     context: &StageContext<'_>,
     options: &RunOptions,
     mut partners: HubPartners<'a>,
     state: &mut InterfaceState,
     summary: &mut StageSummary,
-) -> Result<HubPartners<'a>, RunError> {
+) -> Result<(HubPartners<'a>, Option<RunError>), RunError> {
     let name = &context.scene.stages[context.stage].name;
     let grid_nodes = partners.grid().map_or(0, |g| g.len() as u64 / 6);
     let baseline = options.baseline.as_ref().map(|b| (b, stage_file(&b.folder, name)));
     let mut comparison = Comparison::new(baseline.as_ref().map_or(0.0, |b| b.0.tolerance))
         .judging_counts(baseline.as_ref().and_then(|b| b.0.count_slack));
-    let run = |partners: &mut dyn Partners, state: &mut InterfaceState, summary: &mut StageSummary| {
-        *state = context.run(partners, state.clone(), summary)?;
+    let mut interrupted = None;
+    let now = || options.now.as_ref().is_some_and(|now| now.load(Ordering::Relaxed));
+    let mut run = |partners: &mut dyn Partners, state: &mut InterfaceState, summary: &mut StageSummary| {
+        match context.run(partners, state.clone(), summary) {
+            Ok(end) => *state = end,
+            // All programs stand at the end of a window: the session ends in good order.
+            Err(stop @ RunError::Interrupted(_)) if !now() => interrupted = Some(stop),
+            Err(other) => return Err(other),
+        }
         Ok::<_, RunError>(())
     };
     // A stage that the baseline does not have is not compared.
@@ -357,7 +372,7 @@ fn exchange<'a>(
     if let Some(record) = &options.record {
         copy_states(context.scene, context.stage + 1, context.out, &record.folder)?;
     }
-    Ok(partners)
+    Ok((partners, interrupted))
 }
 
 /// The file that keeps a stage's exchanges.

@@ -31,7 +31,7 @@ impl Participant for Nodes {
             surface_hash: channel::surface_hash(&self.canopy.faces),
             grid_nodes: 0,
             output_width: 3,
-            effects: ["fabric.wrinkling", "lines"].map(String::from).to_vec(),
+            effects: ["fabric.wrinkling", "lines", channel::RESUME].map(String::from).to_vec(),
         }
     }
 
@@ -101,7 +101,10 @@ fn serve(words: &[String]) -> Result<(), String> {
     let scene = case::load(Path::new(&value("--scene")?)).map_err(|e| e.to_string())?;
     let stage: usize = value("--stage")?.parse().map_err(|e| format!("{e}"))?;
     let canopy = mesh::structure_mesh(&scene).map_err(|e| e.to_string())?;
-    let accepted = match scene.source_state(Path::new(&value("--out")?), stage, Role::Structure) {
+    let within = value("--resume").ok().filter(|_| value("--flaw").is_ok_and(|f| f != "no-resume"));
+    let within = within.map(|folder| case::state_file(Path::new(&folder), Role::Structure));
+    let source = scene.source_state(Path::new(&value("--out")?), stage, Role::Structure);
+    let accepted = match within.or(source) {
         None => vec![0.0; 3 * canopy.n_canopy],
         Some(file) => {
             let text = std::fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
@@ -188,11 +191,12 @@ fn main() -> ExitCode {
     assert_eq!(code, 0, "{text}");
 
     // The points that each flaw fails.
-    let flaws: [(&str, &[&str]); 9] = [
+    let flaws: [(&str, &[&str]); 10] = [
         ("none", &[]),
         ("no-rollback", &["repeats", "rolls back"]),
-        ("stale", &["goes on", "restores"]),
-        ("no-restore", &["restores"]),
+        ("stale", &["goes on", "restores", "resumes"]),
+        ("no-restore", &["restores", "resumes"]),
+        ("no-resume", &["resumes"]),
         ("substeps", &["substeps"]),
         ("absurd", &["absurd input"]),
         ("nan", &["answers"]),

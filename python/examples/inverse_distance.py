@@ -41,6 +41,7 @@ class InverseDistance(ripstop.Participant):
     role = "mesh"
     program = "inverse-distance"
     version = "1"
+    effects = ("resume",)
 
     def __init__(self, run):
         case = run.case(grid=True)
@@ -66,8 +67,9 @@ class InverseDistance(ripstop.Participant):
         self.weight[self.on_canopy, np.arange(self.canopy_nodes)] = 1.0
         self.volumes = volumes(x, self.cells)
         self.now, self.before, self.dt = x, None, 0.0
-        if "mesh" in case["states"]:
-            state = ripstop.load_state(case["states"]["mesh"])
+        file = run.state(case, "mesh")
+        if file is not None:
+            state = ripstop.load_state(file)
             self.now, self.before, self.dt = state["now"], state["before"], float(state["dt"])
         self.trial = None
 

@@ -53,7 +53,7 @@ class MassSpring(ripstop.Participant):
     role = "structure"
     program = "mass-spring"
     version = "1"
-    effects = ("fabric.wrinkling", "lines")
+    effects = ("fabric.wrinkling", "lines", "resume")
 
     def __init__(self, run):
         if run.ranks != 1:
@@ -81,8 +81,9 @@ class MassSpring(ripstop.Participant):
         free = self.per_mass.any(axis=1)
         self.stable = 0.7 * 2 / np.sqrt(np.max(2 * around[free] / mass[free]))
         self.u, self.v = np.zeros((n, 3)), np.zeros((n, 3))
-        if "structure" in case["states"]:
-            state = ripstop.load_state(case["states"]["structure"])
+        file = run.state(case, "structure")
+        if file is not None:
+            state = ripstop.load_state(file)
             self.u, self.v = state["u"], state["v"]
         self.trial = None
 

@@ -56,7 +56,10 @@ class Participant:
 
     def save(self, folder):
         """Writes the accepted state below `folder` (exists): a later stage, or run,
-        starts from it. A structure writes the canopy too: `write_shape`."""
+        starts from it. A structure writes the canopy too: `write_shape`.
+
+        A program that has the effect "resume" goes on from it in the middle of a stage
+        too: it starts from the file that `Run.state` names."""
 
     def snapshot(self, time, folder):
         """Adds pictures of the accepted state to `folder`."""
@@ -74,11 +77,20 @@ class Run:
         parser.add_argument("--session", required=True, metavar="NAME", help="session of the coupler")
         parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder of the results")
         parser.add_argument("--ranks", required=True, type=int, metavar="N", help="processes of this program")
+        parser.add_argument("--resume", type=Path, metavar="DIR", help="state in the middle of the stage")
         parser.add_argument("--deadline-s", type=float, metavar="S", help="longest silence of the coupler")
         parser.parse_args(words, namespace=self)
         # Each process is a rank; whoever started them numbers them.
         names = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID")
         self.rank = int(next((os.environ[n] for n in names if n in os.environ), 0))
+
+    def state(self, case, role):
+        """File of the state to start from, or None: where a run is gone on with (`--resume`)
+        the one in the middle of this stage, else that of an earlier stage, as `case`
+        (from `Run.case`) has it."""
+        if self.resume is not None:
+            return self.resume / f"{role}.bin"
+        return case["states"].get(role)
 
     def case(self, grid=False):
         """What `ripstop mesh` says of this stage: `scene` (with defaults), `structure`

@@ -7,7 +7,7 @@ mod prescribed;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use case::{Role, Scene, Solve, Stage, StageKind};
 use channel::{Window, flow_stats};
@@ -31,8 +31,8 @@ pub struct StageOptions {
     pub stop_after_windows: Option<u64>,
     /// Accepts coupled windows that do not converge.
     pub keep_going: bool,
-    /// Windows between two saves within the stage; 0: none.
-    pub checkpoint_every: u64,
+    /// Windows between two saves within the stage; 0: none; `None`: as often as costs little.
+    pub checkpoint_every: Option<u64>,
     /// Identity of the run, for what is saved.
     pub run: u64,
 }
@@ -215,8 +215,7 @@ impl StageContext<'_> {
                 break;
             }
             let stopped = self.stop.load(Ordering::Relaxed);
-            let every = self.options.checkpoint_every;
-            if stopped || (every > 0 && done.is_multiple_of(every)) {
+            if stopped || saves.due(self.options.checkpoint_every, done) {
                 progress.note("saving");
                 history.sync()?;
                 self.save(partners, stepper.as_ref(), books, summary, done, None, &mut saves)?;
@@ -313,6 +312,7 @@ impl StageContext<'_> {
             checkpoint::remove(&checkpoint::old(&target))?;
         }
         saves.count += 1;
+        saves.last = (Instant::now(), start.elapsed());
         saves.seconds += start.elapsed().as_secs_f64();
         Ok(())
     }
@@ -323,16 +323,38 @@ impl StageContext<'_> {
     }
 }
 
+/// Saves within a stage that nobody has asked for take no more than this share of its time ...
+const SHARE: f64 = 0.01;
+/// ... and are at least this far apart.
+const APART: Duration = Duration::from_secs(30);
+
 /// What saving has cost.
-#[derive(Default)]
 struct Saves {
     count: u64,
+    /// When the last one ended, or the stage began, and what it took.
+    last: (Instant, Duration),
     /// Of the last one.
     bytes: u64,
     seconds: f64,
 }
 
+impl Default for Saves {
+    fn default() -> Self {
+        Self { count: 0, last: (Instant::now(), Duration::ZERO), bytes: 0, seconds: 0.0 }
+    }
+}
+
 impl Saves {
+    /// Whether to save now that `done` windows are done. What is computed does not depend on it.
+    fn due(&self, every: Option<u64>, done: u64) -> bool {
+        let (at, took) = self.last;
+        match every {
+            Some(0) => false,
+            Some(every) => done.is_multiple_of(every),
+            None => at.elapsed() >= APART.max(took.div_f64(SHARE)),
+        }
+    }
+
     /// Says so, where the stage was saved within too.
     fn tell(&self, console: &Console, stage: &str, all: f64) {
         if self.count > 1 {
