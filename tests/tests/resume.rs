@@ -1,0 +1,321 @@
+//! A run that is ended in its middle and resumed gives the results of one that never was.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+
+use ripstop_tests::{History, changed_scene, processes_naming, program, ripstop_run, root, start, succeed};
+
+/// The small descent, cut short: 12 windows of inflation, 3 of flow, 8 coupled, with tables and series
+/// of every kind.
+const SHORT: [(&str, &str); 5] = [
+    ("duration_s = 1.0\n", "duration_s = 0.06\n"),
+    ("duration_s = 0.2\nwindow_s = 2e-2", "duration_s = 0.03\nwindow_s = 1e-2"),
+    ("duration_s = 0.1\n", "duration_s = 0.04\n"),
+    (
+        "[structure]\n",
+        "[output]\nsurface_every_windows = 3\nvolume_every_windows = 2\n\n[structure]\n",
+    ),
+    (
+        "[flow.grid]\n",
+        "[[flow.probe]]\nname = \"below\"\nposition_m = [0.1, 0.2, -0.9]\n\n[flow.forces]\n\n[flow.statistics]\n\n\
+         [flow.grid]\n",
+    ),
+];
+
+const STAGES: [&str; 3] = ["pre-inflation", "developed-flow", "descent"];
+
+fn short(folder: &Path, more: &[(&str, &str)]) -> PathBuf {
+    changed_scene("square-drop", folder, &[&SHORT, more].concat())
+}
+
+/// Ends a run with `signal` once `stage` has `rows` rows; returns its exit code and what it said.
+fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: i32) -> (Option<i32>, String) {
+    let begin = Instant::now();
+    let file = out.join(stage).join("history.csv");
+    while std::fs::read_to_string(&file).map_or(0, |t| t.lines().count()) <= rows {
+        assert!(begin.elapsed() < Duration::from_secs(120), "the run does not come to row {rows} of {stage}");
+        if run.try_wait().expect("the run can be waited for").is_some() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    // SAFETY: sends a signal to a process of this test; no memory is involved.
+    unsafe { libc::kill(run.id() as i32, signal) };
+    let output = run.wait_with_output().expect("an end");
+    let mark = out.display().to_string();
+    while !processes_naming(&mark).is_empty() {
+        assert!(begin.elapsed() < Duration::from_secs(150), "left: {:?}", processes_naming(&mark));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// A run that is refused or fails: its exit code and what it said.
+fn fails(mut run: Command) -> (Option<i32>, String) {
+    let output = run.output().expect("ripstop starts");
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+fn is_wall(key: &str) -> bool {
+    key.ends_with("wall_s") || key.ends_with("busy_s") || key == "coupler_s" || key == "waiting_s"
+}
+
+/// All that two runs have left is the same but for wall times.
+fn assert_same(a: &Path, b: &Path) {
+    let mut files = Vec::new();
+    for stage in STAGES.iter().filter(|s| a.join(s).is_dir()) {
+        let (x, y) = (History::read(a, stage), History::read(b, stage));
+        assert_eq!(x.without_wall_times(), y.without_wall_times(), "{stage} in {}", b.display());
+        files.extend(std::fs::read_dir(a.join(stage)).expect("a folder").flatten().map(|e| e.path()));
+    }
+    let table = |p: &Path| p.extension().is_some_and(|e| e == "csv" || e == "pvd" || e == "svg");
+    for file in files.iter().filter(|p| table(p) && !p.ends_with("history.csv")) {
+        let other = b.join(file.strip_prefix(a).expect("below"));
+        let read = |p: &Path| std::fs::read_to_string(p).unwrap_or_else(|e| panic!("{}: {e}", p.display()));
+        assert!(read(file) == read(&other), "{} differs", other.display());
+    }
+    let summary = |out: &Path| {
+        let text = std::fs::read_to_string(out.join("summary.json")).expect("a summary");
+        let mut value: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        let stages = value["stages"].take();
+        let mut stages: Vec<_> = serde_json::from_value::<Vec<serde_json::Map<_, _>>>(stages).expect("stages");
+        stages.iter_mut().for_each(|s| s.retain(|key, _| !is_wall(key)));
+        (value["ended"].clone(), stages)
+    };
+    assert_eq!(summary(a), summary(b), "{}", b.display());
+}
+
+#[test]
+fn a_run_that_is_interrupted_in_every_stage_and_killed_ends_as_one_that_was_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = short(folder.path(), &[]);
+    let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
+    succeed(ripstop_run(&scene, &whole, &[]));
+
+    for (stage, rows, resume) in [("pre-inflation", 4, false), ("developed-flow", 1, true), ("descent", 2, true)] {
+        let options: &[&str] = if resume { &["--resume"] } else { &[] };
+        let run = start(ripstop_run(&scene, &parts, options));
+        let (code, text) = cut(run, &parts, stage, rows, if resume { libc::SIGTERM } else { libc::SIGINT });
+        assert_eq!(code, Some(130), "{text}");
+        assert!(text.contains(&format!("of stage `{stage}`; go on with: ripstop run")), "{text}");
+        assert!(text.contains("--resume") && !text.contains("gave up"), "{text}");
+    }
+    // Killed without warning: the last saved state serves, and a torn row does no harm.
+    let run = start(ripstop_run(&scene, &parts, &["--resume", "--checkpoint-every", "2"]));
+    let (code, text) = cut(run, &parts, "descent", 5, libc::SIGKILL);
+    assert_eq!(code, None, "{text}");
+    let history = parts.join("descent/history.csv");
+    let torn = std::fs::read_to_string(&history).expect("rows") + "7,4.0000";
+    std::fs::write(&history, torn).expect("written");
+    succeed(ripstop_run(&scene, &parts, &["--resume"]));
+    assert_same(&whole, &parts);
+
+    // All is done.
+    let again = succeed(ripstop_run(&scene, &parts, &["--resume"]));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("this run is complete"), "{again:?}");
+    assert_same(&whole, &parts);
+
+    // Saving changes nothing, however often.
+    let often = folder.path().join("often");
+    succeed(ripstop_run(&scene, &often, &["--checkpoint-every", "1"]));
+    assert_same(&whole, &often);
+}
+
+#[test]
+fn a_damaged_state_gives_way_to_the_one_before_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = short(folder.path(), &[]);
+    let (whole, out) = (folder.path().join("whole"), folder.path().join("out"));
+    succeed(ripstop_run(&scene, &whole, &[]));
+    let run = start(ripstop_run(&scene, &out, &["--checkpoint-every", "1"]));
+    let (code, text) = cut(run, &out, "descent", 4, libc::SIGINT);
+    assert_eq!(code, Some(130), "{text}");
+    let file = out.join("descent/state/flow.bin");
+    let bytes = std::fs::read(&file).expect("a state");
+    std::fs::write(&file, &bytes[..bytes.len() / 2]).expect("cut in half");
+    // As if the run had been killed while it saved.
+    std::fs::create_dir_all(out.join("descent/state.new")).expect("a folder");
+    std::fs::write(out.join("descent/state.new/flow.bin"), &bytes[..100]).expect("half a draft");
+    let output = succeed(ripstop_run(&scene, &out, &["--resume"]));
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(text.contains("is not whole (flow.bin has") && text.contains("is passed over"), "{text}");
+    assert!(text.contains("going on with stage `descent` after window"), "{text}");
+    assert_same(&whole, &out);
+}
+
+#[test]
+fn a_full_disk_leaves_the_state_before() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = short(folder.path(), &[]);
+    let (whole, out) = (folder.path().join("whole"), folder.path().join("out"));
+    succeed(ripstop_run(&scene, &whole, &[]));
+    let run = start(ripstop_run(&scene, &out, &[]));
+    let (_, text) = cut(run, &out, "descent", 2, libc::SIGINT);
+    assert!(text.contains("saved after window"), "{text}");
+    // No file may grow beyond what the coupler's own are: the flow's state does.
+    let mut limited = Command::new("sh");
+    limited.args(["-c", "ulimit -f 800; exec \"$@\"", "sh"]).arg(program("ripstop"));
+    limited.arg("run").arg(&scene).arg("--out").arg(&out).args(["--resume", "--checkpoint-every", "2"]);
+    let (code, text) = fails(limited);
+    assert_eq!(code, Some(1), "{text}");
+    assert!(text.contains("File too large"), "{text}");
+    assert!(text.contains("saved after window") && text.contains("go on with"), "{text}");
+    assert!(!out.join("descent/state.new").exists(), "half a state is left");
+    succeed(ripstop_run(&scene, &out, &["--resume"]));
+    assert_same(&whole, &out);
+}
+
+#[test]
+fn every_scheme_goes_on_as_it_would_have() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let base = folder.path().join("base");
+    let plain = short(folder.path(), &[("duration_s = 0.04\n", "duration_s = 0.035\n")]);
+    succeed(ripstop_run(&plain, &base, &["--stop-after-windows", "3", "--quiet"]));
+    let schemes = [
+        "acceleration = \"iqn-ils\"",
+        "acceleration = \"iqn-imvj\"",
+        "acceleration = \"aitken\"\nmax_iterations = 60",
+        "order = \"jacobi\"\nacceleration = \"iqn-ils\"\nmax_iterations = 60",
+        "scheme = \"staggered\"",
+        "scheme = \"staggered\"\nstaggered = { sequence = \"flow-first\", predictor = 1 }",
+        "scheme = \"staggered\"\nstaggered = { sequence = \"half-step\", predictor = 1 }",
+        "scheme = \"staggered\"\nstaggered = { sequence = \"added-mass\", predictor = 1 }",
+    ];
+    for (at, scheme) in schemes.iter().enumerate() {
+        let here = folder.path().join(at.to_string());
+        std::fs::create_dir_all(&here).expect("a folder");
+        let coupling = format!("[coupling]\n{scheme}\n");
+        let changes = [("duration_s = 0.04\n", "duration_s = 0.035\n"), ("[coupling]\n", coupling.as_str())];
+        let scene = short(&here, &changes);
+        let (whole, parts) = (here.join("whole"), here.join("parts"));
+        let fly = |out: &Path, options: &[&str]| {
+            for stage in &STAGES[..2] {
+                copy(&base.join(stage).join("state"), &out.join(stage).join("state"));
+            }
+            succeed(ripstop_run(&scene, out, &[&["--stage", "descent", "--keep-going"], options].concat()));
+        };
+        fly(&whole, &[]);
+        // Four windows of seven, then the rest.
+        fly(&parts, &["--stop-after-windows", "4"]);
+        succeed(ripstop_run(&scene, &parts, &["--resume", "--keep-going"]));
+        let (a, b) = (History::read(&whole, "descent"), History::read(&parts, "descent"));
+        assert_eq!(a.len(), 7, "{scheme}");
+        assert_eq!(a.without_wall_times(), b.without_wall_times(), "{scheme}");
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).expect("a folder");
+    for entry in std::fs::read_dir(from).expect("a folder").flatten() {
+        std::fs::copy(entry.path(), to.join(entry.file_name())).expect("a copy");
+    }
+}
+
+#[test]
+fn other_rank_counts_go_on_to_the_solvers_tolerance() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let tight = [
+        ("[structure]", "[structure]\nnewton_tolerance = 1e-9\ngmres_tolerance = 1e-6"),
+        ("residual_drop = 1e-3", "residual_drop = 1e-5\nmax_iterations = 400"),
+        ("[[flow.probe]]", "[mesh]\ntolerance = 1e-8\n\n[[flow.probe]]"),
+        ("tolerance = 5e-3", "tolerance = 1e-6"),
+        ("duration_s = 0.04\n", "duration_s = 0.025\n"),
+    ];
+    let scene = short(folder.path(), &tight);
+    let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
+    let first = ["--ranks", "structure=1,flow=2,mesh=2"];
+    succeed(ripstop_run(&scene, &whole, &first));
+    let run = start(ripstop_run(&scene, &parts, &first));
+    cut(run, &parts, "descent", 2, libc::SIGINT);
+    succeed(ripstop_run(&scene, &parts, &["--resume", "--ranks", "structure=2,flow=1,mesh=3"]));
+    let (a, b) = (History::read(&whole, "descent"), History::read(&parts, "descent"));
+    assert_eq!((a.len(), b.len()), (5, 5));
+    for (name, tolerance) in [("descent_speed_m_s", 1e-5), ("drag_n", 1e-3), ("projected_area_m2", 1e-4)] {
+        for (i, (x, y)) in a.column(name).iter().zip(&b.column(name)).enumerate() {
+            assert!((x - y).abs() <= tolerance * x.abs(), "{name}, row {i}: {x} and {y}");
+        }
+    }
+}
+
+#[test]
+fn changes_that_matter_are_refused_by_name_and_others_are_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let scene = short(folder.path(), &[]);
+    let (code, text) = fails(ripstop_run(&scene, &out, &["--resume"]));
+    assert!(code == Some(2) && text.contains("there is no run to resume"), "{text}");
+    succeed(ripstop_run(&scene, &out, &["--stop-after-windows", "3"]));
+    for (from, to, key) in [
+        ("poisson_ratio = 0.3", "poisson_ratio = 0.35", "fabric.poisson_ratio"),
+        ("tolerance = 5e-3", "tolerance = 4e-3", "coupling.tolerance"),
+        ("pressure_pa = 12.0", "pressure_pa = 13.0", "stage[0].pressure_pa"),
+        ("duration_s = 0.04\n", "duration_s = 0.01\n", "stage[2].duration_s"),
+    ] {
+        let scene = short(folder.path(), &[(from, to)]);
+        let (code, text) = fails(ripstop_run(&scene, &out, &["--resume"]));
+        assert!(code == Some(2) && text.contains(&format!("changed: {key}.")), "{key}: {text}");
+    }
+    // A longer last stage, pictures and another stage behind it.
+    let more = [
+        ("duration_s = 0.04\n", "duration_s = 0.045\n"),
+        ("surface_every_windows = 3", "surface_every_windows = 1\ncheckpoint_every_windows = 2"),
+    ];
+    succeed(ripstop_run(&short(folder.path(), &more), &out, &["--resume"]));
+    assert_eq!(History::read(&out, "descent").len(), 9);
+    let longest = [("duration_s = 0.04\n", "duration_s = 0.05\n"), more[1]];
+    succeed(ripstop_run(&short(folder.path(), &longest), &out, &["--resume"]));
+    let text = std::fs::read_to_string(out.join("descent/history.csv")).expect("rows");
+    let windows: Vec<&str> = text.lines().skip(1).map(|l| l.split(',').next().unwrap_or_default()).collect();
+    assert_eq!(windows, ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]);
+}
+
+/// A structure that knows nothing of resuming.
+const PLAIN: &str = "
+import sys
+sys.path.insert(0, sys.argv.pop(1))
+import mass_spring, ripstop
+
+class Plain(mass_spring.MassSpring):
+    effects = ('fabric.wrinkling', 'lines')
+
+ripstop.main(Plain)
+";
+
+#[test]
+fn a_program_that_cannot_go_on_is_named_and_one_in_python_that_can_goes_on() {
+    let python = [root().join("target/python/bin/python3"), "python3".into()].into_iter().find(|python| {
+        let tried = Command::new(python).args(["-c", "import iceoryx2, numpy"]).output();
+        tried.is_ok_and(|output| output.status.success())
+    });
+    let Some(python) = python else {
+        eprintln!("skipped: no Python with iceoryx2 and numpy; `scripts/setup --python` installs them");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let examples = root().join("python/examples");
+    let plain = folder.path().join("plain.py");
+    std::fs::write(&plain, PLAIN).expect("the program can be written");
+    let scene = short(folder.path(), &[]);
+    let command = |file: &Path| format!("'{}' '{}'", python.display(), file.display());
+
+    let out = folder.path().join("plain");
+    let cannot = format!("{} '{}'", command(&plain), examples.display());
+    let options = ["--structure", cannot.as_str(), "--checkpoint-every", "2"];
+    let run = start(ripstop_run(&scene, &out, &options));
+    let (code, text) = cut(run, &out, "pre-inflation", 4, libc::SIGINT);
+    assert_eq!(code, Some(130), "{text}");
+    assert!(text.contains("the run goes on, but could not be resumed"), "{text}");
+    let (code, text) = fails(ripstop_run(&scene, &out, &[&options[..], &["--resume"]].concat()));
+    assert!(code == Some(2) && text.contains("plain.py") && text.contains("left nothing to go on from"), "{text}");
+
+    let can = command(&examples.join("mass_spring.py"));
+    let options = ["--structure", can.as_str()];
+    let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
+    succeed(ripstop_run(&scene, &whole, &[&options[..], &["--stop-after-windows", "6"]].concat()));
+    succeed(ripstop_run(&scene, &parts, &[&options[..], &["--stop-after-windows", "3"]].concat()));
+    succeed(ripstop_run(&scene, &parts, &[&options[..], &["--stop-after-windows", "6", "--resume"]].concat()));
+    // The stages before the last were cut short; the last goes on, with the exchange in Python.
+    assert_eq!(History::read(&parts, "descent").len(), 6);
+    assert_eq!(History::read(&whole, "descent").len(), 6);
+}
