@@ -342,7 +342,8 @@ fn fly(options: &RunOptions, console: &Console) -> Result<(), RunError> {
 
 /// An error of a run with the way to go on behind it.
 fn resumable(error: RunError, options: &RunOptions) -> RunError {
-    if matches!(error, RunError::Input(_)) {
+    // What is stuck would be stuck again.
+    if matches!(error, RunError::Input(_) | RunError::Stuck { .. }) {
         return error;
     }
     let hint =
