@@ -186,19 +186,8 @@ pub fn run(
         console.warning(&format!("leftovers of earlier runs could not be removed: {error}"));
     }
     Scratch::sweep();
-    let mut summary = RunSummary {
-        scene: scene.name.clone(),
-        ended: "complete".into(),
-        version: env!("CARGO_PKG_VERSION"),
-        started_utc: crate::machine::utc_now(),
-        command: std::env::args().collect(),
-        machine: crate::machine::Machine::here(),
-        contract: channel::CONTRACT_VERSION,
-        warnings: Vec::new(),
-        wall_s: 0.0,
-        ranks: Role::ALL.map(|role| scene.ranks.of(role)),
-        stages: going_on.as_mut().map(|g| std::mem::take(&mut g.summaries)).unwrap_or_default(),
-    };
+    let before = going_on.as_mut().map(|g| std::mem::take(&mut g.summaries)).unwrap_or_default();
+    let mut summary = summary_of(&scene, before);
     let mut state = match first.checked_sub(1) {
         None => initial_state(&scene, &interface),
         Some(before) => earlier_state(&scene, &out, &interface, before)?,
@@ -493,15 +482,25 @@ fn finished(
     console.line(
         "this run is complete: there is nothing to resume. A longer last stage, or a further one, would be gone on with",
     );
-    let summary = RunSummary {
+    let summary = summary_of(scene, going_on.map(|g| g.summaries).unwrap_or_default());
+    Ok((summary, out))
+}
+
+/// The summary of a run that begins now, `stages` being done.
+fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
+    RunSummary {
         scene: scene.name.clone(),
         ended: "complete".into(),
         version: env!("CARGO_PKG_VERSION"),
+        started_utc: crate::machine::utc_now(),
+        command: std::env::args().collect(),
+        machine: crate::machine::Machine::here(),
+        contract: channel::CONTRACT_VERSION,
+        warnings: Vec::new(),
         wall_s: 0.0,
         ranks: Role::ALL.map(|role| scene.ranks.of(role)),
-        stages: going_on.map(|g| g.summaries).unwrap_or_default(),
-    };
-    Ok((summary, out))
+        stages,
+    }
 }
 
 /// Effects of the scene, with the program that must implement each.

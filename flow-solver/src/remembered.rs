@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::vec3::Vec3;
 use crate::implicit::MergedCells;
+use crate::monitors::Home;
 
 const MAGIC: [u8; 8] = *b"ripflmem";
 const VERSION: u32 = 1;
@@ -36,7 +37,7 @@ pub struct Memory {
     /// Of transported turbulence.
     pub walls: Option<WallMemory>,
     /// Cell around each probe and its faces.
-    pub probes: Vec<(Option<u32>, Vec<(u32, f64)>)>,
+    pub probes: Vec<Home>,
 }
 
 impl Memory {

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use channel::{Fault, Window};
 
 pub use forces::Forces;
-pub use probes::Probes;
+pub use probes::{Home, Probes};
 pub use slice::Slice;
 pub use statistics::Statistics;
 pub use surface::Surface;
@@ -106,12 +106,12 @@ impl Monitors {
     }
 
     /// What is known of the probes, for a run that goes on in the middle of a stage.
-    pub fn probes(&self) -> Vec<(Option<u32>, Vec<(u32, f64)>)> {
+    pub fn probes(&self) -> Vec<Home> {
         self.probes.as_ref().map(Probes::memory).unwrap_or_default()
     }
 
     /// Takes up [`Monitors::probes`].
-    pub fn recall(&mut self, probes: Vec<(Option<u32>, Vec<(u32, f64)>)>) {
+    pub fn recall(&mut self, probes: Vec<Home>) {
         if let Some(p) = &mut self.probes {
             p.recall(probes);
         }

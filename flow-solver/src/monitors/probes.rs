@@ -13,6 +13,10 @@ use crate::solver::Solver;
 /// m/s, temperature, K.
 const WIDTH: usize = 5;
 
+/// Cell around a probe, on the rank that owns it, and its faces with the sign that turns their areas
+/// out of it.
+pub type Home = (Option<u32>, Vec<(u32, f64)>);
+
 /// Points and the cells around them.
 pub struct Probes {
     list: Vec<case::Probe>,
@@ -95,12 +99,12 @@ impl Probes {
     }
 
     /// Cell around each probe and its faces: they stay as long as they serve.
-    pub fn memory(&self) -> Vec<(Option<u32>, Vec<(u32, f64)>)> {
+    pub fn memory(&self) -> Vec<Home> {
         self.home.iter().copied().zip(self.walls.iter().cloned()).collect()
     }
 
     /// Takes up a [`Probes::memory`] of the same part of the grid.
-    pub fn recall(&mut self, memory: Vec<(Option<u32>, Vec<(u32, f64)>)>) {
+    pub fn recall(&mut self, memory: Vec<Home>) {
         if memory.len() == self.list.len() {
             (self.home, self.walls) = memory.into_iter().unzip();
         }
