@@ -433,9 +433,11 @@ impl GoingOn {
         };
         this.stage = stage + usize::from(over);
         this.done = this.stage == scene.stages.len();
+        let mut warnings = Vec::new();
         for before in this.record.first..this.stage {
             let folder = case::state_folder(out, scene, before);
             if let Ok(progress) = Progress::load(&folder) {
+                warnings = progress.warnings;
                 this.summaries.push(StageSummary { speeds: progress.speeds, ..progress.summary });
             }
         }
@@ -450,7 +452,9 @@ impl GoingOn {
                     seal.name
                 )));
             }
-            this.within = Some(point.progress()?);
+            let within = point.progress()?;
+            warnings.clone_from(&within.warnings);
+            this.within = Some(within);
             console.line(&format!(
                 "going on with stage `{}` after window {} (t = {:.4} s)",
                 seal.name, seal.windows, seal.time_s
@@ -458,6 +462,7 @@ impl GoingOn {
         } else if !this.done {
             console.line(&format!("stage `{}` is done: going on with the next", seal.name));
         }
+        console.remember(warnings);
         this.point = Some(point);
         Ok(Some(this))
     }

@@ -27,6 +27,8 @@ pub struct Progress {
     pub books: EnergyBooks,
     /// The summary so far.
     pub summary: StageSummary,
+    /// Warnings so far.
+    pub warnings: Vec<String>,
     /// What its means are taken of.
     pub speeds: Vec<(f64, f64)>,
 }

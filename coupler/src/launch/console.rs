@@ -92,6 +92,14 @@ impl Console {
         self.warnings.lock().map(|kept| kept.clone()).unwrap_or_default()
     }
 
+    /// Warnings of the part of the run before this one, which were told then.
+    pub fn remember(&self, before: Vec<String>) {
+        if let Ok(mut kept) = self.warnings.lock() {
+            kept.splice(0..0, before);
+            kept.truncate(KEPT);
+        }
+    }
+
     /// A warning of the coupler.
     pub fn warning(&self, text: &str) {
         if let Ok(mut kept) = self.warnings.lock()

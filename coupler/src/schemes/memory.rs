@@ -19,7 +19,7 @@ pub(crate) fn pack(value: &impl Serialize) -> Vec<u8> {
 /// # Errors
 /// Bytes of another scheme.
 pub(crate) fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, RunError> {
-    let config = bincode::config::standard().with_fixed_int_encoding();
+    let config = bincode::config::standard().with_fixed_int_encoding().with_limit::<{ 1 << 36 }>();
     match bincode::serde::decode_from_slice(bytes, config) {
         Ok((value, used)) if used == bytes.len() => Ok(value),
         _ => Err(RunError::Input(

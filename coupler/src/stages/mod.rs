@@ -284,6 +284,7 @@ impl StageContext<'_> {
                 books,
                 summary: summary.clone(),
                 speeds: summary.speeds.clone(),
+                warnings: self.console.warnings(),
             };
             progress.save(&draft)?;
             let name = self.description().name.as_str();

@@ -107,8 +107,9 @@ pub fn kept<T: DeserializeOwned>(path: &Path, magic: [u8; 8], version: u32) -> R
 }
 
 fn config() -> impl bincode::config::Config {
-    // Lengths are behind a checksum; numbers of one width are written and read fastest.
-    bincode::config::standard().with_fixed_int_encoding()
+    // Numbers of one width are written and read fastest. A length that makes no sense (of another
+    // layout under the same version) must not reserve memory without end.
+    bincode::config::standard().with_fixed_int_encoding().with_limit::<{ 1 << 36 }>()
 }
 
 /// File of what a rank remembers beside its share of the program's state: warm starts,

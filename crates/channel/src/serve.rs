@@ -86,6 +86,8 @@ fn serve_near(
     at: &ServeOptions,
     far: Option<(&Peers<'_>, &[usize])>,
 ) -> Result<ServeEnd, ServeError> {
+    // A full disk is an error that the coupler is told.
+    crate::kept::bear_size_limit();
     let post = Post::join(at, at.deadline)?;
     let _guardian = if at.exit_when_orphaned { Guardian::over(&at.session)? } else { None };
     let mut desk = Desk::open(post, guarded(|| Identity::of(participant)))?;
@@ -349,7 +351,6 @@ impl Desk {
                     kept.iter().for_each(|k| k.tell(&text));
                     let folder = Path::new(&text);
                     if kind == Kind::Save {
-                        crate::kept::bear_size_limit();
                         self.call(|| participant.save(folder))?;
                     } else {
                         self.call(|| participant.snapshot(w.time, folder))?;
