@@ -21,7 +21,7 @@ const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
 const CODES: &str = "Exit codes:
   0    complete
   1    the run failed; what was computed so far is kept
-  3    what was compared differs (diff, replay), or a point failed (conform)
+  3    what was compared differs (diff, replay, accuracy), or a point failed (conform)
   2    the scene or the command line is wrong; nothing was started
   130  ended by Ctrl-C or a termination signal: the window was finished and saved (`run --resume`
        goes on); a second signal ends all at once and saves nothing";
@@ -84,6 +84,9 @@ enum Command {
     Picture(crate::picture::PictureArgs),
     /// Write a page about a run: what came of it, the canopy in three dimensions, where the time went
     Report(crate::report::ReportArgs),
+    /// Show what accuracy costs in time: turn the dials of a scene, extrapolate, draw error against cost
+    #[command(after_help = CODES)]
+    Accuracy(crate::accuracy::AccuracyArgs),
     /// Fly a family of small cases and draw where which scheme is stable
     #[command(after_help = CODES)]
     Stability(crate::stability::StabilityArgs),
@@ -295,6 +298,10 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             let stop = on_signals()?;
             print(&crate::stability::stability(&args, &stop, console)?);
             Ok(())
+        }
+        Command::Accuracy(args) => {
+            let stop = on_signals()?;
+            compared(crate::accuracy::accuracy(&args, &stop, console)?)
         }
         Command::Diff(args) => compared(crate::diff::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),

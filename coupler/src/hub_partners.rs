@@ -13,7 +13,7 @@ use channel::{
 
 use crate::error::{Place, RunError};
 use crate::interface::CanopyInterface;
-use crate::launch::{Casualty, Console, Program, Supervisor};
+use crate::launch::{Casualty, Console, Program, Supervisor, Usage};
 use crate::partners::{Answer, LoadOverWindow, Partners};
 
 /// How long a dead rank's launcher may take to say what happened.
@@ -182,12 +182,13 @@ impl<'a> HubPartners<'a> {
         announced.is_none_or(|a| a.effects.iter().any(|e| e == channel::RESUME))
     }
 
-    /// Ends the session in good order.
+    /// Ends the session in good order; what the programs have used by role.
     ///
     /// # Errors
     /// A program that fails at the very end.
-    pub fn finish(self, console: &Console) -> Result<(), RunError> {
+    pub fn finish(self, console: &Console) -> Result<Vec<(Role, Usage)>, RunError> {
         let Self { hub, mut supervisor, stop, now, mut told, place, .. } = self;
+        let used = supervisor.usage();
         let mut watch = Watch {
             supervisor: &mut supervisor,
             stop,
@@ -205,7 +206,7 @@ impl<'a> HubPartners<'a> {
         for bad in supervisor.finish(FAREWELL) {
             console.warning(&format!("{} did not end well after its work: {}", bad.name, bad.how));
         }
-        Ok(())
+        Ok(used)
     }
 
     /// A question to the hub, with the programs watched and every error told in full.

@@ -3,6 +3,7 @@
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
+pub mod accuracy;
 pub mod check;
 pub mod checkpoint;
 pub mod cli;

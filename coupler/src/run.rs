@@ -292,7 +292,8 @@ fn run_stage(
             partners.finish_windows(now.clone());
         }
         let (partners, interrupted) = exchange(context, options, partners, state, summary)?;
-        partners.finish(context.console)?;
+        let used = partners.finish(context.console)?;
+        summary.used(&used);
         interrupted.map_or(Ok(()), Err)
     })();
     // Every process is gone by now, however the stage ended.

@@ -3,13 +3,23 @@
 use std::path::Path;
 
 use case::{Role, Stage, StageKind};
-use channel::structure_stats;
+use channel::{flow_stats, mesh_stats, structure_stats};
 use serde::{Deserialize, Serialize};
 
 use crate::energy::CREATED;
 use crate::error::RunError;
 use crate::history::Row;
+use crate::launch::Usage;
 use crate::progress::clock;
+
+/// Where the wall seconds of a stage went: the keys of [`StageSummary`] and their names.
+pub const STAGE_PARTS: [(&str, &str); 5] = [
+    ("structure_busy_s", "structure"),
+    ("flow_busy_s", "flow"),
+    ("mesh_busy_s", "mesh"),
+    ("coupler_s", "coupler"),
+    ("waiting_s", "waiting"),
+];
 
 /// What a stage came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -44,6 +54,25 @@ pub struct StageSummary {
     pub flow_calls: u64,
     /// Pseudo-time iterations of the flow over all its calls.
     pub flow_iterations: u64,
+    /// Newton or explicit steps of the structure over all its calls.
+    #[serde(default)]
+    pub structure_steps: u64,
+    /// GMRES iterations of the structure over all its calls.
+    #[serde(default)]
+    pub structure_linear_iterations: u64,
+    /// Linear iterations of the flow over all its calls.
+    #[serde(default)]
+    pub flow_linear_iterations: u64,
+    /// Linear iterations of the mesh over all its calls.
+    #[serde(default)]
+    pub mesh_iterations: u64,
+    /// Processor seconds of structure, flow and mesh with all their ranks on this host, starting
+    /// included. MPI waits by spinning.
+    #[serde(default)]
+    pub cpu_s: [f64; 3],
+    /// The most memory that structure, flow and mesh held: sums over their ranks, bytes.
+    #[serde(default)]
+    pub peak_memory_bytes: [u64; 3],
     /// Most coupling iterations in a window.
     pub most_iterations: u32,
     /// Windows above the tolerance.
@@ -89,6 +118,12 @@ impl StageSummary {
             structure_calls: 0,
             flow_calls: 0,
             flow_iterations: 0,
+            structure_steps: 0,
+            structure_linear_iterations: 0,
+            flow_linear_iterations: 0,
+            mesh_iterations: 0,
+            cpu_s: [0.0; 3],
+            peak_memory_bytes: [0; 3],
             most_iterations: 0,
             not_converged: 0,
             descent_speed_m_s: 0.0,
@@ -101,6 +136,14 @@ impl StageSummary {
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
+        }
+    }
+
+    /// Takes what the programs have used into account.
+    pub fn used(&mut self, used: &[(Role, Usage)]) {
+        for (role, usage) in used {
+            self.cpu_s[*role as usize] += usage.cpu_s;
+            self.peak_memory_bytes[*role as usize] += usage.peak_bytes;
         }
     }
 
@@ -118,6 +161,11 @@ impl StageSummary {
         self.structure_calls += report.calls[Role::Structure as usize];
         self.flow_calls += report.calls[Role::Flow as usize];
         self.flow_iterations += report.flow_iterations as u64;
+        let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
+        self.structure_steps += sum(Role::Structure, structure_stats::NEWTON_STEPS);
+        self.structure_linear_iterations += sum(Role::Structure, structure_stats::GMRES_ITERATIONS);
+        self.flow_linear_iterations += sum(Role::Flow, flow_stats::LINEAR_ITERATIONS);
+        self.mesh_iterations += sum(Role::Mesh, mesh_stats::ITERATIONS);
         self.most_iterations = self.most_iterations.max(report.iterations);
         self.not_converged += u64::from(!report.converged);
         self.descent_speed_m_s = row.descent_speed_m_s;

@@ -8,10 +8,12 @@ mod command;
 mod console;
 mod process;
 mod supervisor;
+mod usage;
 
 pub use command::{LaunchPlan, Program, program_folder, split_words};
 pub use console::Console;
 pub use supervisor::{Casualty, Supervisor};
+pub use usage::Usage;
 
 #[cfg(test)]
 mod tests;

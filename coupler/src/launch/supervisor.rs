@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use case::Role;
 
 use super::process::{self, Seen};
+use super::usage::{Usage, usage};
 use super::{Console, Program};
 use crate::error::RunError;
 
@@ -99,6 +100,11 @@ impl Supervisor {
     pub fn name(&self, role: Role) -> String {
         let found = self.running.iter().find(|r| r.program.role == role);
         found.map_or_else(|| role.program().to_owned(), |r| r.program.name.clone())
+    }
+
+    /// What the programs have used so far, by role; ask while they are alive.
+    pub fn usage(&self) -> Vec<(Role, Usage)> {
+        self.running.iter().map(|r| (r.program.role, usage(r.child.id()))).collect()
     }
 
     /// Waits for all programs to end by themselves; those that do not within

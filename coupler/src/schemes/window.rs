@@ -63,6 +63,8 @@ pub struct WindowReport {
     pub calls: [u64; 3],
     /// Pseudo-time iterations of the flow over all its calls.
     pub flow_iterations: f64,
+    /// Sums of the statistics of structure, flow, mesh over all their calls: of use for counts.
+    pub sums: [[f64; channel::STATS]; 3],
     /// Seconds that structure, flow, mesh computed, over all iterations.
     pub busy_s: [f64; 3],
     /// Seconds from question to answer, likewise.
@@ -74,6 +76,7 @@ impl WindowReport {
         let at = role as usize;
         self.stats[at] = answer.stats;
         self.calls[at] += 1;
+        self.sums[at].iter_mut().zip(&answer.stats.values).for_each(|(sum, value)| *sum += value);
         self.busy_s[at] += answer.stats.busy_s;
         self.wall_s[at] += answer.wall_s;
         if role == case::Role::Flow {

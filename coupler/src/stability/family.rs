@@ -36,7 +36,11 @@ pub struct Axes {
 pub struct SchemeChoice(pub String);
 
 impl SchemeChoice {
-    fn apply(&self, scene: &mut Table) -> Result<(), RunError> {
+    /// Writes the scheme into the text of a scene.
+    ///
+    /// # Errors
+    /// A part that is no `KEY=VALUE`.
+    pub(crate) fn apply(&self, scene: &mut Table) -> Result<(), RunError> {
         if self.0 == "default" {
             return Ok(());
         }
@@ -137,7 +141,8 @@ fn member(base: &Table, scene: &Scene, exact: &Exact, point: Point, out: &Path) 
     Ok(Member { point, scene, text, folder, exact })
 }
 
-fn set(table: &mut Table, path: &[&str], key: &str, value: Value) -> Result<(), RunError> {
+/// Sets `key` in the table at `path`, which is made where it is missing.
+pub(crate) fn set(table: &mut Table, path: &[&str], key: &str, value: Value) -> Result<(), RunError> {
     let mut at = table;
     for part in path {
         let inner = at.entry(*part).or_insert_with(|| Value::Table(Table::new()));

@@ -1,7 +1,7 @@
 //! `ripstop stability`: which schemes are stable where, as a map.
 
 mod exact;
-mod family;
+pub(crate) mod family;
 mod fly;
 mod map;
 mod verdict;

@@ -4,6 +4,7 @@
 //! against the schema for its keys and types, then for physical sense; only
 //! then do programs see it, as a [`Scene`] they may rely on.
 
+mod accuracy;
 mod coupling;
 mod effects;
 mod error;
@@ -21,6 +22,7 @@ mod validate;
 mod validate_effects;
 mod validate_flow;
 
+pub use accuracy::{Accuracy, Dial, Measured, Quantity, Take};
 pub use coupling::*;
 pub use effects::{Contact, LineDrag, PayloadBody, PayloadDrag, Reefing};
 pub use error::{Problem, SceneError};

@@ -63,6 +63,8 @@ pub struct Scene {
     /// The run's arguments are appended.
     #[serde(default)]
     pub programs: BTreeMap<Role, String>,
+    /// What `ripstop accuracy` studies. Absent: what fits the scene.
+    pub accuracy: Option<crate::Accuracy>,
 }
 
 /// One of the three solver programs.

@@ -48,6 +48,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
         output: Output::default(),
         ranks: Ranks::default(),
         programs: Default::default(),
+        accuracy: None,
     }
 }
 

@@ -1,0 +1,142 @@
+//! The tables of a study as CSV.
+
+use std::path::Path;
+
+use super::cost::COUNTS;
+use super::fly::Record;
+use super::judge::Outcome;
+use super::study::Study;
+use crate::error::RunError;
+
+fn number(x: Option<f64>) -> String {
+    x.filter(|x| x.is_finite()).map_or_else(String::new, |x| format!("{x:.6e}"))
+}
+
+/// A cell without commas or line ends.
+fn cell(text: &str) -> String {
+    text.lines().next().unwrap_or_default().replace(',', ";")
+}
+
+/// Writes `members.csv` and `dials.csv` into `out`.
+///
+/// # Errors
+/// Trouble with the files.
+pub fn write(out: &Path, study: &Study, outcome: &Outcome, records: &[Record]) -> Result<(), RunError> {
+    for (name, text) in
+        [("members.csv", members(study, outcome, records)), ("dials.csv", dials(study, outcome))]
+    {
+        let path = out.join(name);
+        std::fs::write(&path, text).map_err(RunError::file("write", &path))?;
+    }
+    Ok(())
+}
+
+/// A row for each member.
+fn members(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
+    let mut names = vec!["member".to_owned()];
+    names.extend(study.dials.iter().map(|d| cell(&d.dial.name)));
+    for q in &study.quantities {
+        names.push(cell(&q.name));
+        names.push(format!("error of {}", cell(&q.name)));
+    }
+    names.extend(["largest error", "its uncertainty", "front", "check"].map(str::to_owned));
+    names.extend(
+        [
+            "runs",
+            "wall_s",
+            "wall_spread_s",
+            "cpu_s",
+            "cpu_spread_s",
+            "peak_mb",
+            "cost_over_base",
+            "its_spread",
+            "work_s",
+        ]
+        .map(str::to_owned),
+    );
+    names.extend(COUNTS.map(str::to_owned));
+    names.push("note".into());
+    let mut text = names.join(",") + "\n";
+    for (m, (member, s)) in study.members.iter().zip(&outcome.members).enumerate() {
+        let mut row = vec![cell(&member.label)];
+        row.extend(member.settings.iter().map(|v| cell(&v.to_string())));
+        for (v, e) in s.values.iter().zip(&s.errors) {
+            row.extend([number(*v), number(*e)]);
+        }
+        row.extend([number(s.worst.map(|w| w.0)), number(s.worst.map(|w| w.1))]);
+        row.push(u8::from(outcome.front.contains(&m)).to_string());
+        row.push(u8::from(member.check).to_string());
+        let runs = &records[m].runs;
+        let wall = super::cost::spread(runs.iter().map(|c| c.wall_s));
+        let cpu = super::cost::spread(runs.iter().map(|c| c.cpu_s));
+        let memory = runs.iter().map(|c| c.peak_bytes).fold(0.0, f64::max) / 1e6;
+        row.push(runs.len().to_string());
+        for x in [wall.0, wall.1, cpu.0, cpu.1] {
+            row.push(if x.is_finite() { format!("{x:.3}") } else { String::new() });
+        }
+        let counts = runs.first().map(super::cost::Cost::counts).unwrap_or_default();
+        row.push(format!("{memory:.1}"));
+        for x in [s.ratio.0, s.ratio.1] {
+            row.push(if x.is_finite() { format!("{x:.4}") } else { String::new() });
+        }
+        row.push(format!("{:.4}", counts.work()));
+        row.extend(counts.array().iter().map(|c| format!("{c:.0}")));
+        row.push(cell(s.gap.as_deref().or(records[m].note.as_deref()).unwrap_or_default()));
+        text += &(row.join(",") + "\n");
+    }
+    text
+}
+
+/// A row for each dial and quantity.
+fn dials(study: &Study, outcome: &Outcome) -> String {
+    let mut text = String::from(
+        "dial,quantity,behaviour,order used,order observed,order promised,limit,its uncertainty,error of the \
+         finest,its uncertainty,safety factor,finer run is off by,band stated,held\n",
+    );
+    for (line, judged) in study.lines.iter().zip(&outcome.lines) {
+        for (q, j) in study.quantities.iter().zip(judged) {
+            let Some(c) = &j.convergence else { continue };
+            let finest = j.errors.iter().flatten().last();
+            let held = j.check.map_or("", |(far, band)| if far <= band + 1e-9 { "1" } else { "0" });
+            let row = [
+                cell(&line.name),
+                cell(&q.name),
+                cell(c.behaviour.words()),
+                number(c.order),
+                number(c.observed),
+                line.promised.to_string(),
+                number(Some(c.limit)),
+                number(Some(c.limit_uncertainty)),
+                number(finest.map(|e| e.0)),
+                number(finest.map(|e| e.1)),
+                c.factor.to_string(),
+                number(j.check.map(|h| h.0)),
+                number(j.check.map(|h| h.1)),
+                held.into(),
+            ];
+            text += &(row.join(",") + "\n");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::judge::{Measure, judge, tests::made};
+    use super::*;
+
+    #[test]
+    fn tables_are_rectangular_and_complete() {
+        let (study, values, mut records) = made();
+        records[2].note = Some("a, b\nc".into());
+        let outcome = judge(&study, &values, &records, Measure::Work);
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), &study, &outcome, &records).unwrap();
+        for (name, rows) in [("members.csv", study.members.len()), ("dials.csv", 3)] {
+            let text = std::fs::read_to_string(folder.path().join(name)).unwrap();
+            let widths: Vec<usize> = text.lines().map(|l| l.split(',').count()).collect();
+            assert_eq!(widths.len(), rows + 1, "{text}");
+            assert!(widths.iter().all(|w| *w == widths[0]), "{text}");
+        }
+    }
+}
