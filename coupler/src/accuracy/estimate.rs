@@ -9,9 +9,9 @@ use crate::stages::windows;
 /// Coupling iterations of a window.
 const ITERATIONS: f64 = 3.5;
 /// Nonlinear iterations of a call of the flow.
-const FLOW: f64 = 9.0;
+const FLOW: f64 = 4.5;
 /// Newton steps or explicit steps of a substep of the structure.
-const STEPS: [f64; 2] = [3.0, 3.0];
+const STEPS: [f64; 2] = [3.0, 2.0];
 /// Calls of the structure in a coupling iteration of the default scheme.
 const CALLS: f64 = 10.0;
 /// Windows' worth of work of a static stage, of a march to a steady flow.

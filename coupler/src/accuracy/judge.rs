@@ -14,6 +14,9 @@ use super::cost::{Cost, spread};
 use super::fly::Record;
 use super::study::{Line, SWEEP, Study};
 
+/// A value, or why there is none.
+pub type Value = Result<f64, String>;
+
 /// What cost is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Measure {
@@ -110,12 +113,7 @@ pub struct Outcome {
 }
 
 /// Judges a study from the values (`[member][quantity]`, or why there is none) and the records.
-pub fn judge(
-    study: &Study,
-    values: &[Vec<Result<f64, String>>],
-    records: &[Record],
-    measure: Measure,
-) -> Outcome {
+pub fn judge(study: &Study, values: &[Vec<Value>], records: &[Record], measure: Measure) -> Outcome {
     let value = |member: usize, q: usize| values[member][q].as_ref().ok().copied();
     let answers: Vec<Option<Answer>> =
         (0..study.quantities.len()).map(|q| answer(study, q, &|m| value(m, q))).collect();
@@ -241,14 +239,20 @@ fn counts_once(study: &Study, line: &Line, with: Option<&Line>) -> bool {
     line.name != SWEEP && !line.dials.iter().any(turned) && !covered(study, &line.name)
 }
 
-/// What the dials are off at the settings of a member, as if no error cancelled another.
+/// What the dials are off at the settings of a member, each alone, as if no error cancelled another.
 fn summed(study: &Study, member: usize, value: &dyn Fn(usize) -> Option<f64>) -> f64 {
-    let on = |l: &&Line| l.members.iter().any(|m| m.0 == member) || l.check.is_some_and(|c| c.0 == member);
-    let own =
-        if member == 0 { study.lines.iter().find(|l| l.name == SWEEP) } else { study.lines.iter().find(on) };
+    let settings = &study.members[member].settings;
     let mut sum = 0.0;
-    for line in study.lines.iter().filter(|l| counts_once(study, l, own)) {
-        let at = if own.is_some_and(|o| o.name == line.name) { member } else { 0 };
+    for line in study.lines.iter().filter(|l| l.name != SWEEP && !covered(study, &l.name)) {
+        let Some(&dial) = line.dials.first() else { continue };
+        let same = |m: &usize| study.members[*m].settings[dial] == settings[dial];
+        // A setting that the line does not have is finer than the base (the sweep's check).
+        let on = line.members.iter().map(|m| m.0).chain(line.check.map(|c| c.0));
+        let at = if study.members[0].settings[dial] == settings[dial] {
+            0
+        } else {
+            on.into_iter().find(same).unwrap_or(0)
+        };
         // Words are off by what they change against the base.
         let against = limit(line, value).map(|c| c.limit).or(value(0));
         if let (Some(v), Some(l)) = (value(at), against) {
@@ -313,9 +317,11 @@ pub(super) mod tests {
     use super::super::study::Choice;
     use super::*;
 
+    type Values = Vec<Vec<Value>>;
+
     /// A study of `square-drop` with values by formula: 10 + 0.4 h^2 + 0.1 t, `h` of the grid, `t` of
     /// the window; cost 1/(h^3 t).
-    pub fn made() -> (Study, Vec<Vec<Result<f64, String>>>, Vec<Record>) {
+    pub fn made() -> (Study, Values, Vec<Record>) {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/square-drop/scene.toml");
         let folder = tempfile::tempdir().unwrap();
         let copy = folder.path().join("scene.toml");

@@ -117,7 +117,7 @@ pub fn accuracy(
         out.display()
     ));
     let records = fly::fly(&study, &flight, stop, console)?;
-    let values: Vec<Vec<Result<f64, String>>> = study
+    let values: Vec<Vec<judge::Value>> = study
         .members
         .iter()
         .zip(&records)

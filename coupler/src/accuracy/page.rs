@@ -101,7 +101,7 @@ fn answers(html: &mut String, study: &Study, outcome: &Outcome) {
         }
         None => "The scene as it is has no place among the members: see its row below.".to_owned(),
         Some((m, share)) => format!(
-            "The scene as it is lies behind the Pareto front: `{}` is as accurate at {} of its cost.",
+            "The scene as it is lies behind the Pareto front: `{}` is as accurate (error and uncertainty within a twentieth) at {} of its cost.",
             study.members[m].label,
             percent(share)
         ),

@@ -33,6 +33,9 @@ fn column(of: Measured) -> Option<(&'static str, Take, Role)> {
     })
 }
 
+/// What stands behind a probe's name in the columns of `probes.csv`.
+const PROBED: [&str; 5] = ["_p_pa", "_u_m_s", "_v_m_s", "_w_m_s", "_t_k"];
+
 /// Refuses what `scene` cannot measure.
 ///
 /// # Errors
@@ -60,15 +63,17 @@ pub fn check(q: &Quantity, scene: &Scene, stage: usize) -> Result<(), RunError> 
         return refuse("the scene has no [lines]".into());
     }
     if matches!(q.of, Measured::Probe | Measured::History) && q.column.is_none() {
-        return refuse("name the `column`, such as `centre_pressure_pa` of a probe `centre`".into());
+        return refuse("name the `column`, such as `centre_p_pa` of a probe `centre`".into());
     }
     if q.of == Measured::Probe {
         let probes: Vec<&str> = scene.flow.iter().flat_map(|f| &f.probes).map(|p| p.name.as_str()).collect();
         let column = q.column.as_deref().unwrap_or_default();
-        if !probes.iter().any(|p| column.starts_with(&format!("{p}_"))) {
+        let known = |p: &&str| column.strip_prefix(*p).is_some_and(|rest| PROBED.contains(&rest));
+        if !probes.iter().any(known) {
             return refuse(format!(
-                "no probe has a column `{column}`; the probes are: {}",
-                probes.join(", ")
+                "no probe has a column `{column}`: it is the name of a probe ({}) and one of {}",
+                probes.join(", "),
+                PROBED.join(", ")
             ));
         }
     }
@@ -257,9 +262,9 @@ fn loop_area(nodes: &[u32], at: &dyn Fn(u32) -> Vec3) -> f64 {
     let mut area = [0.0; 3];
     for (i, &a) in nodes.iter().enumerate() {
         let (p, q) = (at(a), at(nodes[(i + 1) % nodes.len()]));
-        for k in 0..3 {
+        for (k, sum) in area.iter_mut().enumerate() {
             let (l, m) = ((k + 1) % 3, (k + 2) % 3);
-            area[k] += 0.5 * (p[l] * q[m] - p[m] * q[l]);
+            *sum += 0.5 * (p[l] * q[m] - p[m] * q[l]);
         }
     }
     area.iter().map(|a| a * a).sum::<f64>().sqrt()

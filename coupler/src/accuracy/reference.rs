@@ -159,7 +159,7 @@ mod tests {
             back.members.len() == reference.members.len()
                 && compare(&study, &outcome, &records, &back).is_empty()
         );
-        let judged = |values: &[Vec<Result<f64, String>>], records: &[Record]| {
+        let judged = |values: &[Vec<super::super::judge::Value>], records: &[Record]| {
             compare(&study, &judge(&study, values, records, Measure::Work), records, &reference)
         };
         assert!(judged(&values, &records).is_empty());

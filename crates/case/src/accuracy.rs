@@ -42,7 +42,7 @@ pub struct Quantity {
     pub from_s: Option<f64>,
     /// Up to this time, s. Absent: to the end.
     pub to_s: Option<f64>,
-    /// Name of the probe, for `probe` and its column, such as `centre_pressure_pa`.
+    /// For `probe`: its name and column, such as `centre_p_pa`; for `history`: the column.
     pub column: Option<String>,
     /// For `displacement`: the canopy node nearest to this point of the unstressed shape, m.
     pub at_m: Option<[f64; 3]>,
