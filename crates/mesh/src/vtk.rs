@@ -1,4 +1,4 @@
-//! Pictures for ParaView: `.vtu` files (XML, base64) and `.pvd` time series.
+//! Pictures for ParaView: `.vtu` files (XML, LZ4, base64) and `.pvd` time series.
 //!
 //! Every file is written aside and renamed, so a reader never sees half of one.
 
@@ -12,6 +12,8 @@ use vtkio::model::{
     Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, ElementType, IOBuffer, UnstructuredGridPiece,
     Version, VertexNumbers, Vtk,
 };
+
+use vtkio::xml::Compressor;
 
 use crate::msh::Shape;
 use crate::{MeshError, Vec3};
@@ -97,6 +99,7 @@ fn write(
     point_data: &[Field],
     cell_data: &[Field],
 ) -> Result<(), MeshError> {
+    let compressor = compressor(points, &cells, &[point_data, cell_data]);
     let data = Attributes {
         point: attributes(point_data, points.len(), "values of a point field")?,
         cell: attributes(cell_data, cells.types.len(), "values of a cell field")?,
@@ -109,7 +112,35 @@ fn write(
         file_path: None,
         data: DataSet::inline(piece),
     };
-    write_aside(path, |out| file.write_xml(out).map_err(|e| e.to_string()))
+    write_aside(path, |out| {
+        let xml = file.try_into_xml_format(compressor, FAST).map_err(|e| e.to_string())?;
+        xml.write(out).map_err(|e| e.to_string())
+    })
+}
+
+/// LZ4 has no levels; vtkio takes 0 for no compression.
+const FAST: u32 = 1;
+/// Bytes that vtkio compresses at a time.
+const BLOCK: usize = 32_768;
+
+/// LZ4, for a snapshot stops the solvers and zlib would take ten times longer to save little more; nothing
+/// where an array fills its blocks exactly: vtkio then adds an empty block, which VTK takes for a full one.
+fn compressor(points: &[Vec3], cells: &Cells, fields: &[&[Field]]) -> Compressor {
+    let field = |values: &Values| match values {
+        Values::F64(v) => size_of_val(*v),
+        Values::F32(v) => size_of_val(*v),
+        Values::U32(v) => size_of_val(*v),
+        Values::Vector(v) => size_of_val(*v),
+        Values::Vector32(v) => size_of_val(*v),
+    };
+    let topology = match &cells.cell_verts {
+        VertexNumbers::XML { connectivity, offsets } => [size_of_val(&connectivity[..]), size_of_val(&offsets[..])],
+        VertexNumbers::Legacy { .. } => [0; 2],
+    };
+    // Kinds of cells take a byte each.
+    let arrays = [size_of_val(points), cells.types.len()].into_iter().chain(topology);
+    let fields = fields.iter().flat_map(|f| f.iter()).map(|(_, values)| field(values));
+    if arrays.chain(fields).any(|bytes| bytes % BLOCK == 0) { Compressor::None } else { Compressor::LZ4 }
 }
 
 /// Writes a surface or line set as `.vtu`: polygons of 2 (line), 3 or 4 nodes. A
@@ -328,6 +359,24 @@ mod tests {
         assert_eq!((kind, nodes.len()), (CellType::Wedge, 6));
         let (kind, nodes) = volume_cell(&[0, 1, 2, 3, 0, 5, 6, 3]);
         assert_eq!((kind, nodes.len()), (CellType::Wedge, 6));
+    }
+
+    #[test]
+    fn files_are_compressed_but_for_arrays_that_fill_their_blocks() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lines.vtu");
+        // 4096 values of 8 bytes are one block to the byte.
+        for (count, packed) in [(4095, true), (4096, false), (4097, true)] {
+            let points: Vec<Vec3> = (0..count + 1).map(|i| [f64::from(i), 0.5, -1.0]).collect();
+            let lines: Vec<[u32; 2]> = (0..count as u32).map(|i| [i, i + 1]).collect();
+            let values: Vec<f64> = (0..count).map(|i| (f64::from(i) * 0.3).sin()).collect();
+            write_surface(&path, &points, &lines, &[], &[("v", Values::F64(&values))]).unwrap();
+            let text = fs::read_to_string(&path).unwrap();
+            assert_eq!(text.contains("vtkLZ4DataCompressor"), packed, "{count}");
+            let piece = super::read::Piece::read(&path).unwrap();
+            assert_eq!(piece.points, points);
+            assert_eq!(piece.cell_field("v").unwrap().values, values);
+        }
     }
 
     #[test]
