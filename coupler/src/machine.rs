@@ -23,12 +23,14 @@ impl Machine {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
         let kilobytes = value(&read("/proc/meminfo"), "MemTotal")
             .and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
+        // Major and minor version: the rest says who built it.
         let release = read("/proc/sys/kernel/osrelease");
+        let release: Vec<&str> = release.trim().split('.').take(2).collect();
         Self {
             processor: value(&read("/proc/cpuinfo"), "model name").unwrap_or_default(),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             memory_gib: kilobytes.map_or(0.0, |k| (k / 1024.0 / 1024.0 * 10.0).round() / 10.0),
-            system: format!("{} {} {}", std::env::consts::OS, release.trim(), std::env::consts::ARCH),
+            system: format!("{} {} {}", std::env::consts::OS, release.join("."), std::env::consts::ARCH),
         }
     }
 }
