@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-/// Most points of a curve that are drawn: two for each pixel of its width.
-const MOST: usize = 1000;
+/// Most points of a curve that are drawn: more than one for each pixel of its width.
+const MOST: usize = 700;
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 250.0;
 /// Left, right, top, bottom of the plot inside the picture.

@@ -14,7 +14,7 @@ use crate::picture::{canopy_png, flow_png};
 use crate::progress::clock;
 
 /// Width of pictures, pixels.
-const PICTURE: u32 = 1000;
+const PICTURE: u32 = 800;
 /// Most frames of a stage in the page: some seconds of playing.
 const MOST_FRAMES: usize = 200;
 
