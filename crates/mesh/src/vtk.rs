@@ -134,13 +134,19 @@ fn compressor(points: &[Vec3], cells: &Cells, fields: &[&[Field]]) -> Compressor
         Values::Vector32(v) => size_of_val(*v),
     };
     let topology = match &cells.cell_verts {
-        VertexNumbers::XML { connectivity, offsets } => [size_of_val(&connectivity[..]), size_of_val(&offsets[..])],
+        VertexNumbers::XML { connectivity, offsets } => {
+            [size_of_val(&connectivity[..]), size_of_val(&offsets[..])]
+        }
         VertexNumbers::Legacy { .. } => [0; 2],
     };
     // Kinds of cells take a byte each.
     let arrays = [size_of_val(points), cells.types.len()].into_iter().chain(topology);
     let fields = fields.iter().flat_map(|f| f.iter()).map(|(_, values)| field(values));
-    if arrays.chain(fields).any(|bytes| bytes % BLOCK == 0) { Compressor::None } else { Compressor::LZ4 }
+    if arrays.chain(fields).any(|bytes: usize| bytes.is_multiple_of(BLOCK)) {
+        Compressor::None
+    } else {
+        Compressor::LZ4
+    }
 }
 
 /// Writes a surface or line set as `.vtu`: polygons of 2 (line), 3 or 4 nodes. A
@@ -365,8 +371,8 @@ mod tests {
     fn files_are_compressed_but_for_arrays_that_fill_their_blocks() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lines.vtu");
-        // 4096 values of 8 bytes are one block to the byte.
-        for (count, packed) in [(4095, true), (4096, false), (4097, true)] {
+        // 4096 values of 8 bytes are one block to the byte, and 4096 points are three.
+        for (count, packed) in [(4090, true), (4095, false), (4096, false), (4097, true)] {
             let points: Vec<Vec3> = (0..count + 1).map(|i| [f64::from(i), 0.5, -1.0]).collect();
             let lines: Vec<[u32; 2]> = (0..count as u32).map(|i| [i, i + 1]).collect();
             let values: Vec<f64> = (0..count).map(|i| (f64::from(i) * 0.3).sin()).collect();
