@@ -425,11 +425,11 @@ impl GoingOn {
             return Ok(Some(this));
         };
         let (seal, stage) = (point.seal.clone(), point.stage);
-        let windows = crate::stages::windows(&scene.stages[stage]);
+        let planned = crate::stages::windows(&scene.stages[stage]) as f64 * scene.stages[stage].window_s;
         // A stage that was stopped short, or has become longer, goes on.
         let over = match seal.ended.as_deref() {
             None => false,
-            Some("complete" | "stopped as asked") => windows <= seal.windows,
+            Some("complete" | "stopped as asked") => planned <= seal.time_s * (1.0 + 1e-9),
             Some(_) => true,
         };
         this.stage = stage + usize::from(over);
