@@ -40,6 +40,7 @@ pub fn report(options: &RunOptions) -> Result<String, RunError> {
     if scene.flow.is_some() {
         lines.push(flow_grid_line(&prepared));
     }
+    lines.push(crate::launch::memory::line(scene, *first, interface));
     lines.push("effects:".into());
     for effect in effects(scene) {
         let state = if effect.on { "on " } else { "off" };

@@ -72,8 +72,8 @@ pub enum RunError {
     },
     /// A program answered nothing within its deadline.
     #[error(
-        "{program} gave no answer for {seconds:.0} s in {place}: it hangs, is stopped, or is slower than \
-         the limit (--deadline SECONDS raises it)"
+        "{program} gave no answer for {seconds:.0} s in {place}: {}, or is slower than the limit \
+         (--deadline SECONDS raises it)", if .state.is_empty() { "it hangs, is stopped" } else { .state }
     )]
     Stalled {
         /// Role of the program.
@@ -82,6 +82,8 @@ pub enum RunError {
         program: String,
         /// Seconds waited.
         seconds: f64,
+        /// What its process does, where that tells; else empty.
+        state: &'static str,
         /// Where.
         place: Place,
     },

@@ -55,6 +55,8 @@ pub struct HubPartners<'a> {
     panels: Vec<u32>,
     /// `[grid nodes][6]`; empty where nobody watches.
     grid: Vec<f64>,
+    /// How long programs may take to end.
+    farewell: Duration,
 }
 
 /// Looks after the programs while the hub waits.
@@ -142,6 +144,7 @@ impl<'a> HubPartners<'a> {
             );
         }
         let supervisor = Supervisor::start(started, options.session, console)?;
+        let farewell = options.deadline.map_or(FAREWELL, |d| d.min(FAREWELL));
         let mut all = Self {
             hub,
             supervisor,
@@ -152,6 +155,7 @@ impl<'a> HubPartners<'a> {
             place,
             panels: interface.panels.clone(),
             grid: Vec::new(),
+            farewell,
         };
         let mut told = 0;
         all.ask(|hub, watch| {
@@ -187,7 +191,7 @@ impl<'a> HubPartners<'a> {
     /// # Errors
     /// A program that fails at the very end.
     pub fn finish(self, console: &Console) -> Result<Vec<(Role, Usage)>, RunError> {
-        let Self { hub, mut supervisor, stop, now, mut told, place, .. } = self;
+        let Self { hub, mut supervisor, stop, now, mut told, place, farewell, .. } = self;
         let used = supervisor.usage();
         let mut watch = Watch {
             supervisor: &mut supervisor,
@@ -203,7 +207,7 @@ impl<'a> HubPartners<'a> {
             other => other,
         });
         stopped.map_err(|e| RunError::Channel { place, message: e.to_string() })?;
-        for bad in supervisor.finish(FAREWELL) {
+        for bad in supervisor.finish(farewell) {
             console.warning(&format!("{} did not end well after its work: {}", bad.name, bad.how));
         }
         Ok(used)
@@ -234,10 +238,11 @@ impl<'a> HubPartners<'a> {
         if self.stop.load(Ordering::Relaxed) && at_once {
             return RunError::Interrupted(place);
         }
-        let died = |casualty: Casualty, rank| RunError::Died {
+        // The launcher knows best who was first: it ends the other ranks itself.
+        let died = |casualty: Casualty, rank: Option<u64>| RunError::Died {
             role: casualty.role,
             program: casualty.name,
-            rank,
+            rank: casualty.rank.or(rank),
             how: casualty.how,
             place: place.clone(),
             tail: casualty.tail,
@@ -258,15 +263,17 @@ impl<'a> HubPartners<'a> {
                 let casualty = self.supervisor.fate(role, FATE).unwrap_or_else(|| Casualty {
                     role,
                     name: self.supervisor.name(role),
+                    rank: None,
                     how: "killed or crashed".into(),
                     tail: String::new(),
                 });
                 died(casualty, Some(rank as u64))
             }
-            HubError::Deadline { who, seconds, .. } => RunError::Stalled {
+            HubError::Deadline { who, seconds, state, .. } => RunError::Stalled {
                 role: who.role,
                 program: format!("{} rank {}", self.supervisor.name(who.role), who.rank),
                 seconds,
+                state,
                 place,
             },
             other => RunError::Channel { place, message: other.to_string() },

@@ -1,6 +1,7 @@
 //! A whole run: stage after stage, each a session of its own.
 
 use std::fs;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -165,6 +166,7 @@ pub fn run(
         plan.programs()?;
     }
     channel::bear_size_limit();
+    crate::launch::memory::require(&scene, first, &interface)?;
     let start = Instant::now();
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
     let _lock = lock(&out)?;
@@ -267,8 +269,14 @@ fn run_stage(
         mpirun: &options.mpirun,
         resume: within.as_ref().map(|(_, state)| state.as_path()),
     };
+    let mut programs = plan.programs()?;
+    // Whoever sits at a debugger takes the time that it takes.
+    if let Some(deadline) = options.deadline.filter(|_| options.attach.is_empty()) {
+        let passed = (channel::DEADLINE, deadline.as_secs_f64().to_string().into());
+        programs.iter_mut().for_each(|p| p.environment.push(passed.clone()));
+    }
     let programs: Vec<_> =
-        plan.programs()?.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect();
+        programs.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect();
     let names: Vec<String> = programs.iter().map(|(p, n)| format!("{} x {n}", p.name)).collect();
     context.console.line(&format!("stage `{}`: {}", stage.name, names.join(", ")));
     let recorded = options.record.as_ref().is_some_and(|r| !r.without_grid);
@@ -605,7 +613,10 @@ impl Scratch {
     pub(crate) fn create(session: &str) -> Result<Self, RunError> {
         // MPI puts socket paths below it, which must stay short.
         let folder = Self::base().join(format!("{}{session}", Self::PREFIX));
-        fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
+        // Anybody may write beside it: what is there under this process's number is a leftover
+        // of a dead one of ours, which can be removed, or somebody else's, which cannot.
+        let _ = fs::remove_dir_all(&folder);
+        fs::DirBuilder::new().mode(0o700).create(&folder).map_err(RunError::file("create", &folder))?;
         Ok(Self(folder))
     }
 }

@@ -53,12 +53,17 @@ pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState,
     if file.magic != MAGIC || file.version != VERSION {
         return Err(refuse("is not a coupler state".into()));
     }
-    let loads = file.state.load.as_ref().map_or(faces * channel::LOAD_WIDTH, Vec::len);
-    if file.state.displacement.len() != 3 * nodes || loads != faces * channel::LOAD_WIDTH {
+    let loads = || [&file.state.load, &file.state.load_before].into_iter().flatten();
+    if file.state.displacement.len() != 3 * nodes || loads().any(|l| l.len() != faces * channel::LOAD_WIDTH) {
         return Err(refuse(format!(
             "holds a canopy of {} nodes, the scene makes one of {nodes}: run the earlier stage again",
             file.state.displacement.len() / 3
         )));
+    }
+    let s = &file.state;
+    let numbers = s.displacement.iter().chain(loads().flatten()).chain([&s.velocity, &s.acceleration]);
+    if let Some(wrong) = numbers.into_iter().find(|x| !x.is_finite()) {
+        return Err(refuse(format!("holds {wrong}: run the earlier stage again")));
     }
     Ok(file.state)
 }

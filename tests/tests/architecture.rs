@@ -73,3 +73,73 @@ fn only_the_transport_module_names_iceoryx2() {
     }
     assert!(seen > 0, "the transport module was not found");
 }
+
+/// Files that may hold `unsafe`: system calls, MPI's buffers, what shared memory asks for, and an
+/// allocator that counts in a test.
+const UNSAFE: [&str; 23] = [
+    "coupler/src/cli.rs",
+    "coupler/src/launch/command.rs",
+    "coupler/src/launch/memory.rs",
+    "coupler/src/launch/process.rs",
+    "coupler/src/run.rs",
+    "coupler/src/stability/fly.rs",
+    "crates/channel/src/culprit.rs",
+    "crates/channel/src/kept.rs",
+    "crates/channel/src/post.rs",
+    "crates/channel/src/session.rs",
+    "crates/channel/src/transport.rs",
+    "crates/channel/tests/failures.rs",
+    "crates/channel/tests/processes.rs",
+    "crates/comm/src/halo.rs",
+    "crates/linalg/benches/surface.rs",
+    "flow-solver/src/memory.rs",
+    "tests/src/bin/faulty.rs",
+    "tests/tests/fault_leftovers.rs",
+    "tests/tests/fault_matrix.rs",
+    "tests/tests/faults.rs",
+    "tests/tests/fuzz.rs",
+    "tests/tests/hosts.rs",
+    "tests/tests/resume.rs",
+];
+
+#[test]
+fn unsafe_stands_in_named_files_and_is_argued() {
+    let mut stack = vec![root()];
+    let mut found = Vec::new();
+    while let Some(dir) = stack.pop() {
+        for entry in std::fs::read_dir(dir).expect("sources").flatten() {
+            let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());
+            if path.is_dir() {
+                if !name.starts_with('.') && name != "target" && name != "runs" {
+                    stack.push(path);
+                }
+                continue;
+            }
+            if path.extension().is_none_or(|e| e != "rs") {
+                continue;
+            }
+            let inside = path.strip_prefix(root()).expect("below the root").display().to_string();
+            let text = std::fs::read_to_string(&path).expect("text");
+            let lines: Vec<&str> = text.lines().collect();
+            // The word itself, put together so that this line is none.
+            let word = ["un", "safe "].concat();
+            for (i, line) in lines.iter().enumerate() {
+                let code = line.split("//").next().unwrap_or("");
+                if !code.contains(&word) || code.contains('"') {
+                    continue;
+                }
+                found.push(inside.clone());
+                // An argument may stand for a whole function of the same kind; a declaration needs none.
+                let near = lines[i.saturating_sub(6)..i].iter().any(|l| l.contains("SAFETY:"));
+                let declares = ["fn ", "extern "].iter().any(|d| code.contains(&format!("{word}{d}")));
+                assert!(near || declares, "{inside}:{}: no SAFETY comment: {line}", i + 1);
+            }
+        }
+    }
+    found.sort();
+    found.dedup();
+    let new: Vec<_> = found.iter().filter(|f| !UNSAFE.contains(&f.as_str())).collect();
+    assert!(new.is_empty(), "{new:?} are not among the named files");
+    let gone: Vec<_> = UNSAFE.iter().filter(|f| !found.iter().any(|g| g == *f)).collect();
+    assert!(gone.is_empty(), "{gone:?} need no longer be named");
+}

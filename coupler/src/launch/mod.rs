@@ -6,6 +6,7 @@
 
 mod command;
 mod console;
+pub mod memory;
 mod process;
 mod supervisor;
 mod usage;

@@ -34,6 +34,8 @@ pub struct Casualty {
     pub role: Role,
     /// How messages call it.
     pub name: String,
+    /// The rank that ended first, where the launcher has said so.
+    pub rank: Option<u64>,
     /// Exit code or signal.
     pub how: String,
     /// The end of its log.
@@ -46,6 +48,8 @@ struct Running {
     status: Option<(ExitStatus, Instant)>,
     readers: Vec<JoinHandle<()>>,
     tail: Arc<Mutex<VecDeque<String>>>,
+    /// The rank that `mpirun` blames.
+    blamed: Arc<Mutex<Option<u64>>>,
 }
 
 /// The running programs of a stage. Dropping it ends them all.
@@ -230,6 +234,7 @@ impl Running {
         Casualty {
             role: self.program.role,
             name: self.program.name.clone(),
+            rank: self.blamed.lock().ok().and_then(|b| *b),
             how,
             tail: tail.unwrap_or_default(),
         }
@@ -278,16 +283,17 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
         RunError::Input(format!("cannot start `{what}` for {}: {source}; {help}", program.name))
     })?;
     let tail = Arc::new(Mutex::new(VecDeque::new()));
+    let blamed = Arc::new(Mutex::new(None));
     let mut readers = Vec::new();
     let show = Show { role: program.role, console: console.clone(), muted: muted.clone() };
     if let Some(pipe) = child.stdout.take() {
         let shown = console.shows_all().then(|| show.clone());
-        readers.push(read(pipe, log.clone(), tail.clone(), shown));
+        readers.push(read(pipe, log.clone(), tail.clone(), blamed.clone(), shown));
     }
     if let Some(pipe) = child.stderr.take() {
-        readers.push(read(pipe, log, tail.clone(), Some(show)));
+        readers.push(read(pipe, log, tail.clone(), blamed.clone(), Some(show)));
     }
-    Ok(Running { program, child, status: None, readers, tail })
+    Ok(Running { program, child, status: None, readers, tail, blamed })
 }
 
 /// Where lines are shown, until it is muted.
@@ -305,6 +311,7 @@ fn read(
     pipe: impl Read + Send + 'static,
     log: Arc<Mutex<File>>,
     tail: Arc<Mutex<VecDeque<String>>>,
+    blamed: Arc<Mutex<Option<u64>>>,
     show: Option<Show>,
 ) -> JoinHandle<()> {
     std::thread::spawn(move || {
@@ -324,6 +331,11 @@ fn read(
             let frame = line.len() > 20 && line.bytes().all(|b| b == b'-');
             framed ^= frame;
             if frame || framed || line.is_empty() {
+                if let Some(rank) = blamed_rank(&line)
+                    && let Ok(mut blamed) = blamed.lock()
+                {
+                    blamed.get_or_insert(rank);
+                }
                 continue;
             }
             if let Ok(mut tail) = tail.lock() {
@@ -341,6 +353,17 @@ fn read(
     })
 }
 
+/// The rank that a line of OpenMPI's notice about a death names: it ends the other ranks
+/// itself, so that whoever looks may find all of them gone.
+fn blamed_rank(line: &str) -> Option<u64> {
+    let number = |text: &str| text.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok();
+    if let Some((_, rest)) = line.split_once("process rank ") {
+        return number(rest);
+    }
+    let (_, rest) = line.split_once("Process name: [[")?.1.split_once("],")?;
+    number(rest)
+}
+
 /// Polls every 10 ms until `done` or the time is over; whether it was done.
 fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
@@ -352,5 +375,18 @@ fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
             return false;
         }
         std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::blamed_rank;
+
+    #[test]
+    fn the_launcher_s_notices_name_a_rank() {
+        let killed = "mpirun noticed that process rank 1 with PID 123 on node n exited on signal 9 (Killed).";
+        assert_eq!(blamed_rank(killed), Some(1));
+        assert_eq!(blamed_rank("  Process name: [[43310,1],12]"), Some(12));
+        assert_eq!(blamed_rank("one or more processes exited with non-zero status"), None);
     }
 }

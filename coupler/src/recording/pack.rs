@@ -53,6 +53,10 @@ pub fn unpack(packed: &Packed, wanted: usize, before: &mut Vec<u64>) -> Result<V
     if packed.len != wanted as u64 {
         return Err(PackError::Length { found: packed.len, wanted: wanted as u64 });
     }
+    // A byte of a block makes at most 255: more is only a claim, and memory is taken for it.
+    if 8 * wanted > 255 * packed.bytes.len() + 64 {
+        return Err(PackError::Bytes(format!("{} bytes for {wanted} numbers", packed.bytes.len())));
+    }
     let sorted = lz4_flex::block::decompress(&packed.bytes, 8 * wanted)
         .map_err(|e| PackError::Bytes(e.to_string()))?;
     if sorted.len() != 8 * wanted {

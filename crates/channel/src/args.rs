@@ -9,6 +9,9 @@ use clap::Parser;
 use crate::ServeOptions;
 use crate::post::Guardian;
 
+/// Environment variable with the deadline of the run in seconds.
+pub const DEADLINE: &str = "RIPSTOP_DEADLINE_S";
+
 /// What the coupler passes to a solver program: the same for every program, also
 /// for one that replaces a solver.
 #[derive(Clone, Debug, PartialEq, Parser)]
@@ -82,10 +85,12 @@ impl ProgramArgs {
 
     /// If the coupler serves its session already (it launched this program), ends
     /// this process (code 70) 2 s after the coupler's death, whatever it is doing
-    /// then, until the coupler has stopped the run in good order.
+    /// then, until the coupler has stopped the run in good order. Also where the coupler
+    /// has itself been stopped (SIGSTOP) for longer than the deadline that it passes on.
     pub fn watch_coupler(&self) {
+        let passed = std::env::var(DEADLINE).ok().and_then(|text| positive_seconds(&text).ok());
         // A session that cannot be watched cannot be joined either: that will tell.
-        if let Ok(Some(guardian)) = Guardian::over(&self.session) {
+        if let Ok(Some(guardian)) = Guardian::over(&self.session, passed.map(Duration::from_secs_f64)) {
             guardian.stay();
         }
     }

@@ -72,7 +72,7 @@ pub enum HubError {
         during: String,
     },
     /// A participant did not answer in time.
-    #[error("{who} gave no answer in {during} for {seconds:.1} s (its deadline)")]
+    #[error("{who} gave no answer in {during} for {seconds:.1} s (its deadline){}", seen(.state))]
     Deadline {
         /// The culprit.
         who: Who,
@@ -80,6 +80,8 @@ pub enum HubError {
         during: String,
         /// The deadline, s.
         seconds: f64,
+        /// What its process does, where that tells; else empty.
+        state: &'static str,
     },
     /// A message came out of turn, or with contents that break the contract.
     #[error("{who} broke the contract in {during}: {problem}")]
@@ -224,6 +226,10 @@ pub enum SessionError {
         /// Error of the transport.
         problem: String,
     },
+}
+
+fn seen(state: &str) -> String {
+    if state.is_empty() { String::new() } else { format!(": {state}") }
 }
 
 fn remedy(problem: &str) -> &'static str {

@@ -11,6 +11,8 @@ use crate::session::Watch;
 use crate::wire::{Hello, Welcome, decode_rows, to_json};
 use crate::{Abort, CONTRACT_VERSION, HubError, Who, Window};
 
+/// Rows that may be missing without a doubt about the total.
+const SOME: u64 = 1 << 20;
 /// Between two calls of the caller while participants arrive.
 const TICK: Duration = Duration::from_millis(100);
 
@@ -62,7 +64,8 @@ impl Hub {
             }
             if let Some(deadline) = self.options.arrival_deadline.filter(|&d| start.elapsed() >= d) {
                 let seconds = deadline.as_secs_f64();
-                return Err(HubError::Deadline { who: missing, during: "the handshake".into(), seconds });
+                let (who, during) = (missing, "the handshake".into());
+                return Err(HubError::Deadline { who, during, seconds, state: "" });
             }
             self.sleep(TICK)?;
         }
@@ -105,7 +108,7 @@ impl Hub {
             return Err(rank.broken(Kind::Layout, &Window::default(), "it published no layout".into()));
         };
         let hello = rank.hello.as_ref().expect("it has arrived");
-        let length = (hello.output_rows + hello.grid_rows) as usize;
+        let length = hello.output_rows.saturating_add(hello.grid_rows) as usize;
         match rank.check(&message, id, Kind::Layout, Unit::Rows, Some(length), message.header().sequence) {
             Some(problem) => Err(rank.broken(Kind::Layout, &Window::default(), problem)),
             None => Ok(message.payload().to_vec()),
@@ -168,9 +171,16 @@ impl Hub {
                     self.programs[p].ranks[0].hello.as_ref().map_or(0, |h| h.announcement.grid_nodes)
                 }
             };
+            let all = 0..self.programs[p].ranks.len();
+            let layouts: Vec<Vec<f64>> = all.map(|r| self.layout(role, r)).collect::<Result<_, _>>()?;
+            // What came is in memory already; a total is only a claim, and memory is taken for it.
+            let came: u64 = layouts.iter().map(|l| l.len() as u64).sum();
+            if total > 2 * came + SOME {
+                let problem = format!("{came} rows were laid out of the {total} that were announced");
+                return Err(self.programs[p].ranks[0].broken(Kind::Layout, &Window::default(), problem));
+            }
             let mut owner = Owner::new(total);
-            for r in 0..self.programs[p].ranks.len() {
-                let layout = self.layout(role, r)?;
+            for (r, layout) in layouts.into_iter().enumerate() {
                 let rank = &mut self.programs[p].ranks[r];
                 let count = rank.hello.as_ref().map_or(0, |h| h.output_rows as usize);
                 let result = decode_rows(&layout)

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use case::Role;
 
+use crate::culprit::suspect;
 use crate::header::{Kind, unpack_text};
 use crate::hub_options::{Arrivals, HubOptions, Interface};
 use crate::program::{Payload, Program, Rank};
@@ -19,6 +20,8 @@ pub type OnWait<'a> = &'a mut dyn FnMut() -> Result<(), Abort>;
 
 /// Longest sleep between two calls of `on_wait`.
 const TICK: Duration = Duration::from_millis(40);
+/// A pause between two ticks in which this process cannot have been running.
+const STOPPED: Duration = Duration::from_secs(2);
 /// How long participants of a dead coupler may take to end.
 const ORPHANS: Duration = Duration::from_secs(4);
 /// How long participants are given to hear that the run has failed.
@@ -279,6 +282,7 @@ impl Hub {
     fn wait_for(&mut self, roles: &[Role], on_wait: OnWait<'_>) -> Result<(), HubError> {
         let mut looked = Instant::now();
         loop {
+            self.forgive(looked.elapsed());
             // Looked at first: what a rank sent before it died still counts.
             let dead = self.dead();
             self.drain()?;
@@ -290,15 +294,28 @@ impl Hub {
             if let (Some(deadline), Some(asked)) = (waiting.deadline, waiting.asked)
                 && asked.at.elapsed() >= deadline
             {
-                let late = waiting.ranks.iter().find(|r| r.answer.is_none()).expect("one is waited for");
-                let (who, seconds) = (late.who, deadline.as_secs_f64());
-                return Err(HubError::Deadline { who, during: self.doing(who.role), seconds });
+                let late: Vec<&Rank> = waiting.ranks.iter().filter(|r| r.answer.is_none()).collect();
+                let pids: Vec<u32> = late.iter().filter_map(|r| Some(r.hello.as_ref()?.pid)).collect();
+                // Ranks that wait for another one in MPI are silent as well.
+                let (i, state) = suspect(&pids).unwrap_or((0, ""));
+                let (who, seconds) = (late[i].who, deadline.as_secs_f64());
+                return Err(HubError::Deadline { who, during: self.doing(who.role), seconds, state });
             }
             if looked.elapsed() >= TICK {
                 on_wait()?;
                 looked = Instant::now();
             }
             self.sleep(TICK.saturating_sub(looked.elapsed()).max(Duration::from_millis(1)))?;
+        }
+    }
+
+    /// Time in which this process was stopped (a batch system suspends all processes of a
+    /// job, a person the coupler) is nobody's delay: it sleeps `TICK` at a time.
+    fn forgive(&mut self, since: Duration) {
+        if since > STOPPED {
+            for asked in self.programs.iter_mut().filter_map(|p| p.asked.as_mut()) {
+                asked.at += since;
+            }
         }
     }
 

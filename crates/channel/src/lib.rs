@@ -8,8 +8,11 @@
 // The fakes of `tests/common` name this crate from outside.
 #[cfg(test)]
 extern crate self as channel;
+#[cfg(test)]
+mod input_tests;
 
 mod args;
+mod culprit;
 mod error;
 mod handshake;
 mod header;

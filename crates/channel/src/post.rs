@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use case::Role;
 
+use crate::culprit::is_stopped;
 use crate::header::{Header, Kind, Unit, role_code};
 use crate::session::{Lock, MEMORY, Place, Watch};
 use crate::transport::{Link, Message, Ringer, Sender, Sleeper};
@@ -245,8 +246,9 @@ impl Guardian {
     /// notice by itself.
     pub const LOOKS: u32 = 4;
 
+    /// Ends the process too when the coupler has been stopped for `patience`.
     /// `None`: no coupler serves `session` now.
-    pub fn over(session: &str) -> Result<Option<Self>, SessionError> {
+    pub fn over(session: &str, patience: Option<Duration>) -> Result<Option<Self>, SessionError> {
         let place = Place::of(session)?;
         let path = place.lock_file("coupler");
         let (Some(notice), Some(watch)) = (place.notice(), Watch::on(&path)) else { return Ok(None) };
@@ -255,15 +257,25 @@ impl Guardian {
         }
         let (end, ended) = mpsc::channel::<()>();
         let work = move || {
-            let mut alone = 0;
+            let (mut alone, mut held_up) = (0, 0);
             while ended.recv_timeout(Self::INTERVAL) == Err(RecvTimeoutError::Timeout) {
-                alone = if watch.is_held() || STOPPED.load(Ordering::Relaxed) { 0 } else { alone + 1 };
-                if alone == Self::LOOKS {
+                let over = STOPPED.load(Ordering::Relaxed);
+                alone = if over || watch.is_held() { 0 } else { alone + 1 };
+                // Counted in looks: time in which this process was stopped as well does not count.
+                held_up = if over || alone > 0 || !is_stopped(notice.pid) { 0 } else { held_up + 1 };
+                let fate = if alone == Self::LOOKS {
+                    Some("died")
+                } else if patience.is_some_and(|p| Self::INTERVAL * held_up >= p.max(Self::INTERVAL)) {
+                    Some("has been stopped for longer than its deadline")
+                } else {
+                    None
+                };
+                if let Some(fate) = fate {
                     // Its reader died with the coupler: a line that cannot be written must
                     // not end this thread before the process.
                     let _ = writeln!(
                         std::io::stderr(),
-                        "the coupler of session `{}` (process {}) died; this process ({}) ends in the middle \
+                        "the coupler of session `{}` (process {}) {fate}; this process ({}) ends in the middle \
                          of its computation",
                         notice.session,
                         notice.pid,

@@ -89,7 +89,7 @@ fn serve_near(
     // A full disk is an error that the coupler is told.
     crate::kept::bear_size_limit();
     let post = Post::join(at, at.deadline)?;
-    let _guardian = if at.exit_when_orphaned { Guardian::over(&at.session)? } else { None };
+    let _guardian = if at.exit_when_orphaned { Guardian::over(&at.session, None)? } else { None };
     let mut desk = Desk::open(post, guarded(|| Identity::of(participant)))?;
     let mut kept = Vec::new();
     if let Some((peers, ranks)) = far {

@@ -1,0 +1,229 @@
+//! A solver program that does harm at an exact moment, for the fault matrix.
+//!
+//! `faulty ROLE FAULT MOMENT RANK <arguments of the coupler>` is the real solver of the
+//! role under MPI, whose participant is wrapped: at the moment, the rank does its fault.
+
+use std::path::Path;
+use std::time::Duration;
+
+use case::Role;
+use channel::{Announcement, Fault, Input, Participant, ProgramArgs, Stats, Window};
+use comm::Comm;
+
+/// Window (from 0) in which the harm is done: the first ones are accepted.
+const WINDOW: u64 = 2;
+
+#[derive(Clone)]
+struct Plan {
+    fault: String,
+    moment: String,
+    rank: usize,
+}
+
+/// Whether the harm is still to be done, and by this rank.
+struct Harm {
+    plan: Plan,
+    armed: bool,
+}
+
+impl Harm {
+    /// Does the fault if this is its moment. What is not done by the process itself comes
+    /// back: whether the answer is to be spoilt.
+    fn at(&mut self, moment: &str) -> Result<bool, Fault> {
+        if !self.armed || self.plan.moment != moment {
+            return Ok(false);
+        }
+        self.armed = false;
+        // The harness measures from here on.
+        eprintln!("faulty: {} now {}", self.plan.fault, std::process::id());
+        if let Ok(note) = std::env::var("FAULTY_NOTE") {
+            std::fs::write(note, std::process::id().to_string()).expect("a note can be written");
+        }
+        let me = std::process::id() as i32;
+        // SAFETY: sends a signal to this very process; no memory is involved.
+        let signal = |signal| unsafe { libc::kill(me, signal) };
+        match self.plan.fault.as_str() {
+            "kill" => drop(signal(libc::SIGKILL)),
+            "stop" => drop(signal(libc::SIGSTOP)),
+            "term" => drop(signal(libc::SIGTERM)),
+            "exit0" => std::process::exit(0),
+            "exit1" => std::process::exit(1),
+            "panic" => panic!("harm was asked for"),
+            "stall" => std::thread::sleep(Duration::from_secs(3600)),
+            "late" => std::thread::sleep(Duration::from_secs(1)),
+            "nan" => return Ok(true),
+            "twice" => twice(),
+            other => return Err(Fault::new(format!("there is no fault `{other}`"))),
+        }
+        // A signal to oneself may take a moment.
+        if matches!(self.plan.fault.as_str(), "kill" | "term") {
+            std::thread::sleep(Duration::from_secs(3600));
+        }
+        Ok(false)
+    }
+}
+
+/// Starts this rank once more, outside its MPI, and notes how the other one ended.
+fn twice() {
+    let me = std::env::current_exe().expect("a path");
+    let mut words: Vec<_> = std::env::args_os().skip(1).collect();
+    words[1] = "second".into();
+    let mut second = std::process::Command::new(me);
+    second.args(words);
+    for (name, _) in std::env::vars() {
+        if name.starts_with("OMPI_") || name.starts_with("PMIX_") || name.starts_with("ORTE_") {
+            second.env_remove(name);
+        }
+    }
+    let output = second.output().expect("a second one starts");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && text.contains("started twice"), "the second one: {text}");
+    eprintln!("faulty: the second one was refused");
+}
+
+struct Saboteur<'a> {
+    inner: &'a mut dyn Participant,
+    harm: std::cell::RefCell<Harm>,
+}
+
+impl Saboteur<'_> {
+    fn harm(&self, moment: &str) -> Result<bool, Fault> {
+        self.harm.borrow_mut().at(moment)
+    }
+}
+
+impl Participant for Saboteur<'_> {
+    fn announce(&self) -> Announcement {
+        self.inner.announce()
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        // Between joining the session and the announcement. (A panic is the only error here.)
+        let _ = self.harm("handshake");
+        self.inner.output_rows()
+    }
+
+    fn grid_rows(&self) -> Vec<u64> {
+        self.inner.grid_rows()
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let due = w.index == WINDOW;
+        let mut spoil = due && self.harm("window")?;
+        let stats = self.inner.advance(w, input, output)?;
+        spoil |= due && w.iteration > 0 && self.harm("iteration")?;
+        if spoil && !output.is_empty() {
+            output[output.len() / 2] = f64::NAN;
+        }
+        Ok(stats)
+    }
+
+    fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        self.inner.accept(w)
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        if self.harm("save")? {
+            return Err(Fault::new("a number to be saved is NaN"));
+        }
+        self.inner.save(folder)
+    }
+
+    fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        self.inner.snapshot(time, folder)
+    }
+}
+
+fn main() {
+    let mut words: Vec<_> = std::env::args_os().collect();
+    let own: Vec<String> = words.drain(1..5).map(|w| w.to_string_lossy().into_owned()).collect();
+    let role = Role::ALL.into_iter().find(|r| r.name() == own[0]).expect("a role");
+    let rank = own[3].parse().expect("a rank");
+    let plan = Plan { fault: own[1].clone(), moment: own[2].clone(), rank };
+    let args = match ProgramArgs::from_words(words) {
+        Ok(args) => args,
+        Err(message) => {
+            eprintln!("{message}");
+            std::process::exit(2);
+        }
+    };
+    args.watch_coupler();
+    if plan.fault == "second" {
+        // The rank that is in the session already, once more.
+        let at = args.serve_options(role, plan.rank);
+        let end = channel::serve(&mut Empty, &at);
+        eprintln!("{}", end.expect_err("a second one is refused"));
+        std::process::exit(1);
+    }
+    if let Err(message) = work(role, &plan, &args) {
+        eprintln!("faulty {}: {message}", role.name());
+        std::process::exit(1);
+    }
+}
+
+/// The solver of `role` with its harm.
+fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
+    let mine = std::env::var("OMPI_COMM_WORLD_RANK").is_ok_and(|r| r == plan.rank.to_string());
+    let mut harm = Harm { plan: plan.clone(), armed: mine };
+    harm.at("start").map_err(|e| e.message)?;
+    let comm = Comm::init(Some(args.ranks as usize)).map_err(|e| e.to_string())?;
+    let at = args.serve_options(role, comm.rank());
+    let scene = case::load(&args.scene).map_err(|e| e.to_string())?;
+    let (gather, send, poll) =
+        (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
+    let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };
+    let mut served = |inner: &mut dyn Participant| {
+        let mut saboteur = Saboteur { inner, harm: harm.into() };
+        let end = channel::serve_across(&mut saboteur, &at, &peers).map_err(|e| e.to_string());
+        end.map(|_| saboteur.harm.into_inner())
+    };
+    let end = match role {
+        Role::Structure => structure_solver::StructureSolver::new(&comm, &scene, args.stage, &args.out)
+            .map_err(|e| e.message)
+            .and_then(|mut p| served(&mut p)),
+        Role::Mesh => mesh_mover::participant::MeshMover::new(&scene, args.stage, &args.out, &comm)
+            .map_err(|e| e.message)
+            .and_then(|mut p| served(&mut p)),
+        Role::Flow => flow_solver::setup::Setup::new(scene, args.stage, &args.out)
+            .and_then(|setup| flow_solver::participant(&setup, &comm))
+            .map_err(|e| e.message)
+            .and_then(|mut p| served(p.as_mut())),
+    };
+    // As the programs do: MPI is finalised only after a good end.
+    match end {
+        Ok(mut harm) => harm.at("end").map(|_| ()).map_err(|e| e.message),
+        Err(message) => {
+            std::mem::forget(comm);
+            Err(message)
+        }
+    }
+}
+
+/// A participant that is not asked for anything.
+struct Empty;
+
+impl Participant for Empty {
+    fn announce(&self) -> Announcement {
+        unreachable!("it is refused before")
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        Vec::new()
+    }
+
+    fn advance(&mut self, _: &Window, _: &Input<'_>, _: &mut [f64]) -> Result<Stats, Fault> {
+        Err(Fault::new("not asked"))
+    }
+
+    fn accept(&mut self, _: &Window) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn save(&mut self, _: &Path) -> Result<(), Fault> {
+        Ok(())
+    }
+
+    fn snapshot(&mut self, _: f64, _: &Path) -> Result<(), Fault> {
+        Ok(())
+    }
+}

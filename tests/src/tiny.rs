@@ -1,0 +1,82 @@
+//! The smallest coupled descent with all programs on three ranks, for runs in hundreds.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::{changed_scene, ripstop_run, succeed};
+
+/// Windows of each run; harm comes in the third.
+pub const WINDOWS: &str = "4";
+/// Ranks of each run.
+pub const RANKS: &str = "structure=3,mesh=3,flow=3";
+
+/// A run that was not harmed, whose states all others start from.
+pub struct Base {
+    /// Holds all of it.
+    pub folder: tempfile::TempDir,
+    /// Scene file.
+    pub scene: PathBuf,
+}
+
+impl Base {
+    /// Flies the scene once.
+    #[allow(clippy::new_without_default, reason = "it runs programs")]
+    pub fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let scene = changed_scene(
+            "square-drop",
+            folder.path(),
+            &[
+                ("cells_across = 12", "cells_across = 4"),
+                ("line_count = 24", "line_count = 8"),
+                ("layers_inside = 5", "layers_inside = 2"),
+                ("layers_outside = 10", "layers_outside = 4"),
+                ("first_layer_m = 0.1", "first_layer_m = 0.2"),
+                ("duration_s = 1.0", "duration_s = 0.1"),
+                ("duration_s = 0.2", "duration_s = 0.08"),
+            ],
+        );
+        let base = Self { folder, scene };
+        let options = ["--ranks", RANKS, "--quiet", "--stop-after-windows", WINDOWS];
+        let mut run = ripstop_run(&base.scene, &base.out(), &options[..3]);
+        run.args(["--stop-after-windows", "20"]);
+        // All of the stages before, a few windows of the last.
+        succeed(run);
+        succeed(ripstop_run(&base.scene, &base.out(), &[&options[..], &["--stage", "descent"]].concat()));
+        base
+    }
+
+    /// Its results.
+    pub fn out(&self) -> PathBuf {
+        self.folder.path().join("out")
+    }
+
+    /// A copy of the states that the last stage starts from.
+    pub fn copy(&self, to: &Path) {
+        for stage in ["pre-inflation", "developed-flow"] {
+            let (from, to) = (self.out().join(stage).join("state"), to.join(stage).join("state"));
+            fs::create_dir_all(&to).expect("a folder");
+            for file in fs::read_dir(from).expect("a state").flatten() {
+                fs::copy(file.path(), to.join(file.file_name())).expect("a copy");
+            }
+        }
+    }
+}
+
+/// Bytes of all files below a folder.
+pub fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut stack = vec![folder.to_path_buf()];
+    while let Some(dir) = stack.pop() {
+        for entry in fs::read_dir(&dir).into_iter().flatten().flatten() {
+            if entry.path().is_dir() {
+                stack.push(entry.path());
+            } else {
+                let name = entry.path().strip_prefix(folder).expect("below").to_path_buf();
+                all.insert(name, fs::read(entry.path()).expect("a file"));
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,227 @@
+//! What is left when everything is killed at once does not hinder the next run; runs beside
+//! each other do not mix; too little shared memory is told before any harm.
+
+use std::fs;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use ripstop_tests::tiny::{Base, RANKS, WINDOWS};
+use ripstop_tests::{History, processes_naming, program, ripstop_run, start, succeed};
+
+/// These tests look at the machine's shared memory: one at a time.
+static ALONE: Mutex<()> = Mutex::new(());
+
+fn alone() -> MutexGuard<'static, ()> {
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn descent(base: &Base, out: &Path) -> Command {
+    let options = ["--stage", "descent", "--ranks", RANKS, "--stop-after-windows", WINDOWS, "--quiet"];
+    ripstop_run(&base.scene, out, &options)
+}
+
+/// What a run of the process `pid` may leave in shared memory.
+fn left_of(pid: u32) -> Vec<PathBuf> {
+    let session = format!("square-drop-{pid}-2");
+    let mut left = channel::session_files(&session).expect("a name");
+    left.extend(Some(Path::new("/dev/shm").join(format!("ripstop-mpi-{session}"))).filter(|p| p.exists()));
+    left
+}
+
+fn same_as_unharmed(base: &Base, out: &Path) {
+    let (here, there) = (History::read(out, "descent"), History::read(&base.out(), "descent"));
+    assert_eq!(here.without_wall_times(), there.without_wall_times());
+}
+
+/// Kills a run with all its ranks `times` times, each at another moment, and starts again at once.
+fn kill_all(times: u32) {
+    let _alone = alone();
+    let base = Base::new();
+    let out = base.folder.path().join("killed");
+    base.copy(&out);
+    let mark = out.display().to_string();
+    let mut pids = Vec::new();
+    let began = Instant::now();
+    for i in 0..times {
+        let mut run = start(descent(&base, &out));
+        pids.push(run.id());
+        // From the first line of the launcher to the windows: spread evenly, in no order.
+        std::thread::sleep(Duration::from_millis(u64::from(i * 37 % 100) * 15));
+        for (pid, _) in processes_naming(&mark) {
+            // SAFETY: sends a signal to a process of this test; no memory is involved.
+            unsafe { libc::kill(pid as i32, libc::SIGKILL) };
+        }
+        let status = run.wait().expect("it can be waited for");
+        assert!(!status.success() || History::read(&out, "descent").len() == 4, "{i}: {status}");
+    }
+    let took = began.elapsed().as_secs_f64();
+    let left = pids.iter().filter(|&&pid| !left_of(pid).is_empty()).count();
+    // Ranks that were being started when their launcher was killed end by themselves.
+    let since = Instant::now();
+    while !processes_naming(&mark).is_empty() {
+        assert!(since.elapsed() < Duration::from_secs(5), "left: {:?}", processes_naming(&mark));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    succeed(descent(&base, &out));
+    same_as_unharmed(&base, &out);
+    for pid in pids {
+        assert!(left_of(pid).is_empty(), "left of {pid}: {:?}", left_of(pid));
+    }
+    println!(
+        "{times} runs killed in {took:.0} s; {left} had left something when the next began; none at the end"
+    );
+}
+
+#[test]
+fn everything_killed_at_once_does_not_hinder_the_next_run() {
+    kill_all(20);
+}
+
+#[test]
+#[ignore = "LEFTOVERS runs (300 by default), about 2 s each"]
+fn everything_killed_at_once_hundreds_of_times() {
+    kill_all(std::env::var("LEFTOVERS").ok().and_then(|n| n.parse().ok()).unwrap_or(300));
+}
+
+#[test]
+fn two_runs_of_a_scene_do_not_mix() {
+    let _alone = alone();
+    let base = Base::new();
+    let outs = ["one", "two"].map(|name| base.folder.path().join(name));
+    outs.iter().for_each(|out| base.copy(out));
+    let runs = outs.each_ref().map(|out| start(descent(&base, out)));
+    // A third one into the folder of the first is refused.
+    while !outs[0].join("descent/logs").exists() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let third = descent(&base, &outs[0]).output().expect("it starts");
+    let text = String::from_utf8_lossy(&third.stderr);
+    assert_eq!(third.status.code(), Some(2), "{text}");
+    assert!(text.contains("another run writes to") && text.contains("--out"), "{text}");
+    for (run, out) in runs.into_iter().zip(&outs) {
+        let output = run.wait_with_output().expect("it ends");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        same_as_unharmed(&base, out);
+    }
+}
+
+/// Files of a run are its owner's alone, while it runs; another user can neither read nor add.
+#[test]
+fn shared_memory_is_closed_to_other_users() {
+    let _alone = alone();
+    let base = Base::new();
+    let out = base.folder.path().join("watched");
+    base.copy(&out);
+    let mut command = ripstop_run(&base.scene, &out, &["--stage", "descent", "--ranks", RANKS, "--quiet"]);
+    // The most open mask that there is.
+    use std::os::unix::process::CommandExt;
+    // SAFETY: umask touches no memory and cannot fail.
+    unsafe {
+        command.pre_exec(|| {
+            libc::umask(0);
+            Ok(())
+        })
+    };
+    let mut run = start(command);
+    let began = Instant::now();
+    while !out.join("descent/history.csv").exists() {
+        assert!(began.elapsed() < Duration::from_secs(120), "it did not begin");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let left = left_of(run.id());
+    let mut looked = 0;
+    let mut open = Vec::new();
+    for path in &left {
+        let meta = fs::symlink_metadata(path).expect("there");
+        looked += 1;
+        if meta.mode() & 0o077 != 0 {
+            open.push(format!("{} {:o}", path.display(), meta.permissions().mode()));
+        }
+    }
+    let base_folder = fs::symlink_metadata(format!("/dev/shm/ripstop-{}", meta_user(&out))).expect("there");
+    assert_eq!(base_folder.mode() & 0o077, 0, "the folder of all sessions");
+    assert!(looked > 20, "only {looked} files");
+    assert!(open.is_empty(), "open to others: {open:?}");
+
+    // As another user, if this one may become one.
+    // SAFETY: no arguments, cannot fail.
+    let root = unsafe { libc::geteuid() } == 0;
+    if root && Command::new("setpriv").arg("--version").output().is_ok_and(|o| o.status.success()) {
+        let nobody = |line: &str| {
+            let words = ["--reuid=65534", "--regid=65534", "--clear-groups", "sh", "-c", line];
+            Command::new("setpriv").args(words).output().expect("it starts")
+        };
+        assert!(nobody("ls /dev/shm").status.success(), "another user sees the names");
+        for path in &left {
+            let p = path.display();
+            for line in [
+                format!("cat {p} > /dev/null"),
+                format!("ls {p}/."),
+                format!("echo x >> {p}"),
+                format!("echo x > {p}/x"),
+                format!("rm -rf {p}"),
+            ] {
+                // `rm` of what is another's fails in a folder with the sticky bit.
+                assert!(!nobody(&line).status.success(), "another user could: {line}");
+            }
+        }
+        let key = left.iter().find(|p| p.is_dir()).expect("the session's folder");
+        for line in [format!("cat {}/session.json", key.display()), format!("ls {}", key.display())] {
+            assert!(!nobody(&line).status.success(), "another user could: {line}");
+        }
+    } else {
+        eprintln!("not tried as another user: that needs root and setpriv");
+    }
+    let _ = run.kill();
+    let _ = run.wait();
+    let since = Instant::now();
+    while !processes_naming(&out.display().to_string()).is_empty() && since.elapsed() < Duration::from_secs(8)
+    {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+fn meta_user(path: &Path) -> u32 {
+    fs::metadata(path).expect("there").uid()
+}
+
+/// With a `/dev/shm` of `size`, in a namespace of its own; `None`, said aloud, where that is not allowed.
+fn with_memory_of(size: &str, command: &Command) -> Option<std::process::Output> {
+    let line = format!("mount -t tmpfs -o size={size} tmpfs /dev/shm && exec \"$@\"");
+    let tried = Command::new("unshare").args(["-m", "sh", "-c", &line, "sh", "true"]).output();
+    if !tried.as_ref().is_ok_and(|o| o.status.success()) {
+        eprintln!("skipped: no mount namespaces here (they need root)");
+        return None;
+    }
+    let mut inside = Command::new("unshare");
+    inside.args(["-m", "sh", "-c", &line, "sh"]).arg(command.get_program()).args(command.get_args());
+    Some(inside.output().expect("it starts"))
+}
+
+#[test]
+fn too_little_shared_memory_is_told_before_any_harm() {
+    let base = Base::new();
+    let out = base.folder.path().join("full");
+    base.copy(&out);
+    let Some(output) = with_memory_of("16m", &descent(&base, &out)) else { return };
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert!(text.contains("stage `descent` needs ") && text.contains("MB in /dev/shm"), "{text}");
+    assert!(text.contains("16 MB") || text.contains("17 MB"), "what is free: {text}");
+    assert!(!out.join("descent").exists(), "something was begun");
+
+    // `check` tells the size; a little more than that is enough.
+    let mut check = Command::new(program("ripstop"));
+    check.arg("check").arg(&base.scene).args(["--ranks", RANKS]);
+    let text = String::from_utf8(succeed(check).stdout).expect("text");
+    let line = text.lines().find(|l| l.starts_with("shared memory: at most ")).expect("a line");
+    let needed: u64 = line.split(' ').nth(4).and_then(|n| n.parse().ok()).expect("a number");
+    assert!((20..200).contains(&needed), "{line}");
+    let size = format!("{}k", (needed + 1) * 1000);
+    let output = with_memory_of(&size, &descent(&base, &out)).expect("as before");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    same_as_unharmed(&base, &out);
+}
