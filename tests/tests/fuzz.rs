@@ -241,6 +241,9 @@ fn scenes() {
         let dense = scene.fabric.density_kg_m3 * scene.fabric.thickness_m;
         assert!(dense.is_finite() && dense > 0.0);
         assert!(scene.stages.iter().all(|s| s.window_s > 0.0 && s.window_s.is_finite()));
+        // Names become names of files: none leads out of its folder.
+        let names = scene.stages.iter().map(|s| &s.name).chain([&scene.name]);
+        assert!(names.into_iter().all(|n| !n.contains('/') && !n.starts_with('.')));
         Ok(())
     };
     fuzz("scene", &good, as_is, &mut read, "scene.toml");

@@ -99,13 +99,14 @@ fn a_participant_obeys_no_command_out_of_turn() {
 
 #[test]
 fn the_flow_reads_no_grid_out_of_turn() {
-    let cases: [(Tamper, usize, &str); 4] = [
-        (|h| h.window.iteration += 1, GRID * 6, "is ahead, in window 6 iteration 3"),
-        (|h| h.window.index += 1, GRID * 6, "is ahead, in window 7"),
-        (|h| h.session ^= 1, GRID * 6, "session"),
-        (|_| {}, GRID * 6 - 6, "600 numbers instead of 606"),
+    let cases: [(Tamper, usize, f64, &str); 5] = [
+        (|h| h.window.iteration += 1, GRID * 6, 1.0, "is ahead, in window 6 iteration 3"),
+        (|h| h.window.index += 1, GRID * 6, 1.0, "is ahead, in window 7"),
+        (|h| h.session ^= 1, GRID * 6, 1.0, "session"),
+        (|_| {}, GRID * 6 - 6, 1.0, "600 numbers instead of 606"),
+        (|_| {}, GRID * 6, f64::NAN, "row 0 of the grid of the mesh-mover (rank 0) holds NaN"),
     ];
-    for (tamper, words, expected) in cases {
+    for (tamper, words, fill, expected) in cases {
         let session = name("grid");
         let flow = spawn(&session, Fake::new(Flow, 0, 1));
         let at = at(&session, Mesh, 0, 1);
@@ -116,7 +117,7 @@ fn the_flow_reads_no_grid_out_of_turn() {
             desk.lay_out()?;
             drop(desk.expect(Kind::Advance)?);
             let mut loan = desk.grid_out.as_ref().expect("the mesh has one").loan(words)?;
-            loan.payload().fill(1.0);
+            loan.payload().fill(fill);
             let header = desk.post.header(Kind::Grid, desk.sequence);
             let mut header = header.with_window(desk.step.1).with_payload(Unit::Grid, words);
             tamper(&mut header);
@@ -133,5 +134,28 @@ fn the_flow_reads_no_grid_out_of_turn() {
         drop(hub);
         assert!(flow.join().expect("no panic").is_err());
         assert!(mesh.join().expect("no panic").is_err());
+    }
+}
+
+/// A coupler that does not check what it sends.
+#[test]
+fn a_participant_computes_nothing_from_what_is_no_number() {
+    for wrong in [f64::NAN, f64::INFINITY] {
+        let session = name("nan");
+        let served = spawn(&session, Fake::new(Structure, 0, 1));
+        let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
+        let program = &hub.programs[0];
+        let sender = program.command.as_ref().expect("it was welcomed");
+        let words = program.input_length;
+        let mut loan = sender.loan(words).expect("memory");
+        loan.payload().fill(1.0);
+        loan.payload()[11] = wrong;
+        let header = Header::new(Kind::Advance, hub.id, COUPLER, 0, program.sequence + 1);
+        loan.send(header.with_window(window(0, 0)).with_payload(Unit::LoadPair, words)).expect("sent");
+        program.bell.ring();
+        let end = served.join().expect("no panic").expect_err("refused").to_string();
+        assert!(end.contains(&format!("component 3 of row 1 of the input is {wrong}")), "{end}");
+        drop(hub);
+        channel::cleanup(&session).expect("all have ended");
     }
 }

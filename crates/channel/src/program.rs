@@ -22,7 +22,7 @@ pub(crate) struct Program {
     pub input_length: usize,
     pub ranks: Vec<Rank>,
     channel: Channel,
-    command: Option<Sender>,
+    pub command: Option<Sender>,
     pub bell: Ringer,
     /// Number of the last command.
     pub sequence: u64,

@@ -382,7 +382,20 @@ impl Desk {
                 unit as u32
             )));
         }
-        self.grid_pieces(w)
+        if let Some(i) = first_not_finite(command.payload()) {
+            let (row, component, x) = (i / unit.width(), i % unit.width(), command.payload()[i]);
+            return Err(self.broken(format!("component {component} of row {row} of the input is {x}")));
+        }
+        let pieces = self.grid_pieces(w)?;
+        for (rank, piece) in pieces.iter().enumerate() {
+            if let Some(i) = first_not_finite(piece.payload()) {
+                let (row, x) = (i / Unit::Grid.width(), piece.payload()[i]);
+                return Err(
+                    self.broken(format!("row {row} of the grid of the mesh-mover (rank {rank}) holds {x}"))
+                );
+            }
+        }
+        Ok(pieces)
     }
 
     /// Memory for the output of a window.

@@ -27,6 +27,12 @@ impl Windows {
             _ if !(w.dt > 0.0 && w.dt.is_finite() && w.time.is_finite()) => {
                 Some(format!("a window from {} s of {} s", w.time, w.dt))
             }
+            _ if w.frame_velocity.iter().chain(&w.frame_acceleration).any(|x| !x.is_finite()) => {
+                Some(format!(
+                    "a frame of velocity {:?} m/s and acceleration {:?} m/s2",
+                    w.frame_velocity, w.frame_acceleration
+                ))
+            }
             _ => None,
         };
         self.open = Some((w.index, w.iteration));
@@ -52,6 +58,22 @@ mod tests {
 
     fn window(index: u64, iteration: u64) -> Window {
         Window { index, iteration, dt: 0.1, ..Window::default() }
+    }
+
+    #[test]
+    fn numbers_of_a_window_are_numbers() {
+        let bad: [fn(&mut Window); 4] = [
+            |w| w.dt = f64::NAN,
+            |w| w.time = f64::INFINITY,
+            |w| w.frame_velocity[2] = f64::NAN,
+            |w| w.frame_acceleration[0] = f64::NEG_INFINITY,
+        ];
+        for change in bad {
+            let mut w = window(0, 0);
+            change(&mut w);
+            assert!(Windows::default().advance(&w).is_some(), "{w:?}");
+        }
+        assert_eq!(Windows::default().advance(&window(0, 0)), None);
     }
 
     #[test]
