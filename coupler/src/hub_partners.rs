@@ -81,6 +81,16 @@ impl Watch<'_> {
             }
         }
         self.casualty = self.supervisor.casualty();
+        self.told_by_casualty()
+    }
+
+    /// Whether ranks have ended before they joined.
+    fn count(&mut self) -> Result<(), Abort> {
+        self.casualty = self.supervisor.deserted();
+        self.told_by_casualty()
+    }
+
+    fn told_by_casualty(&self) -> Result<(), Abort> {
         match &self.casualty {
             Some(casualty) => Err(Abort::new(&casualty.how)),
             None => Ok(()),
@@ -164,7 +174,8 @@ impl<'a> HubPartners<'a> {
                     told = arrivals.arrived.len();
                     console.line(&arrived(arrivals));
                 }
-                watch.look()
+                watch.look()?;
+                watch.count()
             })
         })?;
         if options.watch_grid {

@@ -19,7 +19,7 @@ fn alone() -> MutexGuard<'static, ()> {
 }
 
 fn descent(base: &Base, out: &Path) -> Command {
-    let options = ["--stage", "descent", "--ranks", RANKS, "--stop-after-windows", WINDOWS, "--quiet"];
+    let options = ["--stage", "descent", "--ranks", RANKS, "--quiet"];
     ripstop_run(&base.scene, out, &options)
 }
 
@@ -55,7 +55,7 @@ fn kill_all(times: u32) {
             unsafe { libc::kill(pid as i32, libc::SIGKILL) };
         }
         let status = run.wait().expect("it can be waited for");
-        assert!(!status.success() || History::read(&out, "descent").len() == 4, "{i}: {status}");
+        assert!(!status.success() || History::read(&out, "descent").len() == WINDOWS, "{i}: {status}");
     }
     let took = began.elapsed().as_secs_f64();
     let left = pids.iter().filter(|&&pid| !left_of(pid).is_empty()).count();
@@ -223,5 +223,27 @@ fn too_little_shared_memory_is_told_before_any_harm() {
     let size = format!("{}k", (needed + 1) * 1000);
     let output = with_memory_of(&size, &descent(&base, &out)).expect("as before");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    same_as_unharmed(&base, &out);
+}
+
+/// Twice as many busy loops as cores slow a run and change no number.
+#[test]
+fn a_loaded_machine_slows_a_run_and_changes_nothing() {
+    struct Loop(std::process::Child);
+    impl Drop for Loop {
+        fn drop(&mut self) {
+            let _ = self.0.kill();
+            let _ = self.0.wait();
+        }
+    }
+    let _alone = alone();
+    let base = Base::new();
+    let out = base.folder.path().join("loaded");
+    base.copy(&out);
+    let cores = std::thread::available_parallelism().map_or(2, usize::from);
+    let busy = || Loop(Command::new("sh").args(["-c", "while :; do :; done"]).spawn().expect("a shell"));
+    let loops: Vec<Loop> = (0..2 * cores).map(|_| busy()).collect();
+    succeed(descent(&base, &out));
+    drop(loops);
     same_as_unharmed(&base, &out);
 }

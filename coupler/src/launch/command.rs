@@ -33,6 +33,11 @@ impl Program {
 }
 
 impl Program {
+    /// Whether all its ranks are this host's.
+    pub(super) fn on_this_host(&self) -> bool {
+        self.environment.iter().any(|(name, _)| *name == SCRATCH)
+    }
+
     /// As [`Program::line`], with the environment that it is given.
     pub fn shell_line(&self) -> String {
         let set = self.environment.iter().map(|(k, v)| format!("{k}={}", quote(&v.to_string_lossy())));
@@ -151,6 +156,9 @@ impl LaunchPlan<'_> {
     }
 }
 
+/// Where OpenMPI's own files go: set where all ranks are on this host.
+const SCRATCH: &str = "OMPI_MCA_orte_tmpdir_base";
+
 /// Environment of a program under OpenMPI: several programs share the cores, so
 /// ranks are neither bound nor allowed to spin, and keep to one thread each. `scratch`, on
 /// this host alone: where MPI's files go.
@@ -166,7 +174,7 @@ fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
     ];
     // In one place, so that nothing stays when a rank is killed.
     if let Some(scratch) = scratch {
-        set.push(("OMPI_MCA_orte_tmpdir_base", scratch.into()));
+        set.push((SCRATCH, scratch.into()));
         set.push(("OMPI_MCA_btl_vader_backing_directory", scratch.into()));
     }
     // For programs in other languages, which ask it for meshes (`ripstop mesh`).

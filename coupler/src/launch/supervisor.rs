@@ -20,6 +20,8 @@ use crate::error::RunError;
 /// Time that a program's own message is given to arrive over the channel before
 /// its exit alone is reported.
 const LAST_WORDS: Duration = Duration::from_millis(700);
+/// Time between two counts of ranks.
+const COUNTS: Duration = Duration::from_millis(250);
 /// Time between the request to end and the forced end.
 const GRACE: Duration = Duration::from_millis(1500);
 /// The part of it in which only the ranks are asked.
@@ -50,6 +52,8 @@ struct Running {
     tail: Arc<Mutex<VecDeque<String>>>,
     /// The rank that `mpirun` blames.
     blamed: Arc<Mutex<Option<u64>>>,
+    /// Ranks seen at once, and since when there are fewer.
+    ranks: (usize, Option<Instant>),
 }
 
 /// The running programs of a stage. Dropping it ends them all.
@@ -57,6 +61,8 @@ pub struct Supervisor {
     running: Vec<Running>,
     session: String,
     known: Vec<Seen>,
+    /// When ranks were counted last.
+    counted: Option<Instant>,
     /// Set while all is being ended: what programs print then is in their logs only.
     muted: Arc<AtomicBool>,
 }
@@ -73,6 +79,7 @@ impl Supervisor {
             running: Vec::new(),
             session: session.to_owned(),
             known: Vec::new(),
+            counted: None,
             muted: Arc::default(),
         };
         for program in programs {
@@ -88,6 +95,29 @@ impl Supervisor {
         self.poll();
         let at = self.running.iter().position(|r| r.status.is_some_and(|(_, t)| t.elapsed() > LAST_WORDS))?;
         Some(self.running[at].casualty())
+    }
+
+    /// A program one of whose ranks has ended while its launcher waits for the others: OpenMPI
+    /// does not mind a rank that ends well before it has begun, for which the others then
+    /// wait for ever. For the time in which ranks arrive; never waits.
+    pub fn deserted(&mut self) -> Option<Casualty> {
+        if self.counted.is_some_and(|t| t.elapsed() < COUNTS) {
+            return None;
+        }
+        self.counted = Some(Instant::now());
+        let roots: Vec<u32> = self.running.iter().map(|r| r.child.id()).collect();
+        let found = process::descendants(&roots, &self.session);
+        for running in self.running.iter_mut().filter(|r| r.status.is_none() && r.program.on_this_host()) {
+            let now = found.iter().filter(|s| s.parent == running.child.id()).count();
+            let (most, since) = &mut running.ranks;
+            if now >= *most {
+                (*most, *since) = (now, None);
+            } else if since.get_or_insert_with(Instant::now).elapsed() > LAST_WORDS {
+                let how = format!("{} of its {most} ranks ended before they joined", *most - now);
+                return Some(Casualty { how, ..running.casualty() });
+            }
+        }
+        None
     }
 
     /// What became of `role` if it ends within `patience`: its exit and last words.
@@ -293,7 +323,7 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
     if let Some(pipe) = child.stderr.take() {
         readers.push(read(pipe, log, tail.clone(), blamed.clone(), Some(show)));
     }
-    Ok(Running { program, child, status: None, readers, tail, blamed })
+    Ok(Running { program, child, status: None, readers, tail, blamed, ranks: (0, None) })
 }
 
 /// Where lines are shown, until it is muted.

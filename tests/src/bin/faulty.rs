@@ -110,10 +110,12 @@ impl Participant for Saboteur<'_> {
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let due = w.index == WINDOW;
         let mut spoil = due && self.harm("window")?;
-        let stats = self.inner.advance(w, input, output)?;
+        let mut stats = self.inner.advance(w, input, output)?;
         spoil |= due && w.iteration > 0 && self.harm("iteration")?;
-        if spoil && !output.is_empty() {
-            output[output.len() / 2] = f64::NAN;
+        if spoil {
+            // A rank of the flow may have no canopy face.
+            let middle = output.len() / 2;
+            *output.get_mut(middle).unwrap_or(&mut stats.values[0]) = f64::NAN;
         }
         Ok(stats)
     }
