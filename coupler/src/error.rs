@@ -72,8 +72,9 @@ pub enum RunError {
     },
     /// A program answered nothing within its deadline.
     #[error(
-        "{program} gave no answer for {seconds:.0} s in {place}: {}, or is slower than the limit \
-         (--deadline SECONDS raises it)", if .state.is_empty() { "it hangs, is stopped" } else { .state }
+        "{program} gave no answer for {seconds:.0} s in {place}: {} \
+         (--deadline SECONDS raises the limit)",
+        if .state.is_empty() { "it hangs, is stopped, or is slower than that" } else { .state }
     )]
     Stalled {
         /// Role of the program.

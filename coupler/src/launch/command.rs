@@ -38,6 +38,12 @@ impl Program {
         self.environment.iter().any(|(name, _)| *name == SCRATCH)
     }
 
+    /// Ranks that `mpirun -n N` starts.
+    pub(super) fn ranks(&self) -> usize {
+        let of = self.words.get(2).and_then(|n| n.to_str()).and_then(|n| n.parse().ok());
+        of.filter(|_| self.words[0] == "mpirun").unwrap_or(1)
+    }
+
     /// As [`Program::line`], with the environment that it is given.
     pub fn shell_line(&self) -> String {
         let set = self.environment.iter().map(|(k, v)| format!("{k}={}", quote(&v.to_string_lossy())));

@@ -20,6 +20,8 @@ use crate::error::RunError;
 /// Time that a program's own message is given to arrive over the channel before
 /// its exit alone is reported.
 const LAST_WORDS: Duration = Duration::from_millis(700);
+/// Time in which a launcher starts all its ranks, or says that one has failed.
+const DESERTED: Duration = Duration::from_millis(2000);
 /// Time between two counts of ranks.
 const COUNTS: Duration = Duration::from_millis(250);
 /// Time between the request to end and the forced end.
@@ -52,8 +54,8 @@ struct Running {
     tail: Arc<Mutex<VecDeque<String>>>,
     /// The rank that `mpirun` blames.
     blamed: Arc<Mutex<Option<u64>>>,
-    /// Ranks seen at once, and since when there are fewer.
-    ranks: (usize, Option<Instant>),
+    /// Since when it has had fewer ranks than it was started with.
+    fewer: Option<Instant>,
 }
 
 /// The running programs of a stage. Dropping it ends them all.
@@ -109,11 +111,11 @@ impl Supervisor {
         let found = process::descendants(&roots, &self.session);
         for running in self.running.iter_mut().filter(|r| r.status.is_none() && r.program.on_this_host()) {
             let now = found.iter().filter(|s| s.parent == running.child.id()).count();
-            let (most, since) = &mut running.ranks;
-            if now >= *most {
-                (*most, *since) = (now, None);
-            } else if since.get_or_insert_with(Instant::now).elapsed() > LAST_WORDS {
-                let how = format!("{} of its {most} ranks ended before they joined", *most - now);
+            let all = running.program.ranks();
+            if now == 0 || now >= all {
+                running.fewer = None;
+            } else if running.fewer.get_or_insert_with(Instant::now).elapsed() > DESERTED {
+                let how = format!("{} of its {all} ranks ended before they joined", all - now);
                 return Some(Casualty { how, ..running.casualty() });
             }
         }
@@ -323,7 +325,7 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
     if let Some(pipe) = child.stderr.take() {
         readers.push(read(pipe, log, tail.clone(), blamed.clone(), Some(show)));
     }
-    Ok(Running { program, child, status: None, readers, tail, blamed, ranks: (0, None) })
+    Ok(Running { program, child, status: None, readers, tail, blamed, fewer: None })
 }
 
 /// Where lines are shown, until it is muted.

@@ -143,7 +143,7 @@ fn a_participant_computes_nothing_from_what_is_no_number() {
     for wrong in [f64::NAN, f64::INFINITY] {
         let session = name("nan");
         let served = spawn(&session, Fake::new(Structure, 0, 1));
-        let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
+        let hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
         let program = &hub.programs[0];
         let sender = program.command.as_ref().expect("it was welcomed");
         let words = program.input_length;

@@ -166,6 +166,7 @@ fn main() {
 /// The solver of `role` with its harm.
 fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
     let mine = std::env::var("OMPI_COMM_WORLD_RANK").is_ok_and(|r| r == plan.rank.to_string());
+    let mine = mine && std::env::var_os("FAULTY_OFF").is_none();
     let mut harm = Harm { plan: plan.clone(), armed: mine };
     harm.at("start").map_err(|e| e.message)?;
     let comm = Comm::init(Some(args.ranks as usize)).map_err(|e| e.to_string())?;
@@ -174,15 +175,17 @@ fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
     let (gather, send, poll) =
         (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
     let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };
-    let mut served = |inner: &mut dyn Participant| {
+    let served = |inner: &mut dyn Participant| {
         let mut saboteur = Saboteur { inner, harm: harm.into() };
         let end = channel::serve_across(&mut saboteur, &at, &peers).map_err(|e| e.to_string());
         end.map(|_| saboteur.harm.into_inner())
     };
     let end = match role {
-        Role::Structure => structure_solver::StructureSolver::new(&comm, &scene, args.stage, &args.out)
-            .map_err(|e| e.message)
-            .and_then(|mut p| served(&mut p)),
+        Role::Structure => {
+            structure_solver::participant::StructureSolver::new(&comm, &scene, args.stage, &args.out)
+                .map_err(|e| e.message)
+                .and_then(|mut p| served(&mut p))
+        }
         Role::Mesh => mesh_mover::participant::MeshMover::new(&scene, args.stage, &args.out, &comm)
             .map_err(|e| e.message)
             .and_then(|mut p| served(&mut p)),
