@@ -220,7 +220,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
             }
         }
         let step = Step { dt: w.dt, frame: w.frame_velocity, again: w.iteration > 0, moved: self.moved };
-        self.solver.blow([1.0, 0.0, -1.0].map(|k| self.wind.at(w.time + k * w.dt)), w.dt);
+        let times = [w.dt, 0.0, -self.solver.step_before(w.dt)];
+        self.solver.blow(times.map(|t| self.wind.at(w.time + t)), w.dt);
         let outcome = match &self.march {
             None => self.solver.advance(&step).map(|report| (self.loads.compute(&self.solver), report)),
             Some(march) => steady::answer(march, &mut self.solver, &mut self.loads, w.frame_velocity),

@@ -19,10 +19,72 @@ impl Backward {
     /// Second order, for two steps of equal length.
     pub const SECOND: Self = Self { c: [1.5, -2.0, 0.5] };
 
+    /// Longest step in units of the step before it for which two of them make a second-order difference.
+    /// With steps that grow by more than $1 + \sqrt 2$ from each to the next the difference is not
+    /// zero-stable (Grigorieff 1983).
+    pub const LONGEST_RATIO: f64 = 2.4;
+
+    /// Second order for a step that is `ratio` times as long as the one before it:
+    /// $c_0 = (1 + 2r)/(1 + r)$, $c_1 = -(1 + r)$, $c_2 = r^2/(1 + r)$. First order where the
+    /// step is longer than [`Backward::LONGEST_RATIO`].
+    pub fn second(ratio: f64) -> Self {
+        // Also where the ratio is not a number.
+        if !(ratio > 0.0 && ratio <= Self::LONGEST_RATIO) {
+            return Self::FIRST;
+        }
+        let share = ratio / (1.0 + ratio);
+        let (c0, c2) = (1.0 + share, ratio * share);
+        // The sum is zero to the last bit: what does not change has no rate.
+        Self { c: [c0, -(c0 + c2), c2] }
+    }
+
     /// Grid flux (m3/s) of a face that sweeps `now` in this step of length `dt`
     /// and swept `before` in the last one.
     #[inline(always)]
     pub fn grid_flux(&self, now: f64, before: f64, dt: f64) -> f64 {
         (self.c[0] * now - self.c[2] * before) / dt
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_steps_have_the_known_coefficients_to_the_bit() {
+        assert_eq!(Backward::second(1.0), Backward::SECOND);
+        assert_eq!(Backward::second(2.5), Backward::FIRST);
+        assert_eq!(Backward::second(f64::INFINITY), Backward::FIRST);
+        assert_eq!(Backward::second(f64::NAN), Backward::FIRST);
+    }
+
+    #[test]
+    fn exact_for_parabolas_whatever_the_ratio() {
+        let f = |t: f64| 2.0 - 3.0 * t + 0.7 * t * t;
+        for (dt, before) in [(0.1, 0.1), (0.2, 0.1), (0.05, 0.1), (0.01, 0.3), (0.24, 0.1)] {
+            let Backward { c } = Backward::second(dt / before);
+            let rate = (c[0] * f(dt) + c[1] * f(0.0) + c[2] * f(-before)) / dt;
+            assert!((rate - (-3.0 + 1.4 * dt)).abs() < 1e-12, "{dt} after {before}: {rate}");
+            assert!((c[0] + c[1] + c[2]).abs() < 1e-15);
+        }
+    }
+
+    /// Order on x' = -x with steps that alternate between one and two parts.
+    #[test]
+    fn second_order_on_alternating_steps() {
+        let end = |pairs: usize| {
+            let part = 1.0 / (3 * pairs) as f64;
+            let (mut x, mut old, mut t, mut before) = (1.0, (part).exp(), 0.0f64, part);
+            for k in 0..2 * pairs {
+                let dt = if k % 2 == 0 { part } else { 2.0 * part };
+                let Backward { c } = Backward::second(dt / before);
+                let new = -(c[1] * x + c[2] * old) / (c[0] + dt);
+                (old, x, before) = (x, new, dt);
+                t += dt;
+            }
+            (x - (-t).exp()).abs()
+        };
+        let order = (end(20) / end(40)).log2();
+        assert!((order - 2.0).abs() < 0.1, "order {order}");
     }
 }

@@ -13,7 +13,7 @@ use crate::memory;
 use crate::motion::{Builder, Glide, Limits, Motion, MotionError, Moved, Positions, Regridder};
 use crate::mover::Mover;
 use crate::state::State;
-use crate::velocity::{first_order, second_order};
+use crate::velocity::{first_order, second_order, weights};
 
 /// Numbers in a row of the output: position (m), velocity (m/s).
 const WIDTH: usize = 6;
@@ -331,19 +331,18 @@ impl Participant for MeshMover {
                 return Ok(stats);
             }
         };
-        // Windows of another length would need other weights: start over with first order.
-        let earlier = self.before.as_ref().filter(|_| self.dt == w.dt);
+        let earlier = self.before.as_ref().zip(weights(w.dt / self.dt));
         let n = self.motion.grid.nodes.n_owned;
         assert_eq!(output.len(), WIDTH * n, "one row for each owned node");
         let rows = output.as_chunks_mut::<WIDTH>().0.iter_mut();
         let rows = rows.zip(self.trial.grid.as_chunks::<3>().0).zip(self.now.grid.as_chunks::<3>().0);
         let scale = 1.0 / w.dt;
         match earlier {
-            Some(before) => {
+            Some((before, weights)) => {
                 for (((row, x), x1), x2) in rows.zip(before.grid.as_chunks::<3>().0) {
                     for i in 0..3 {
                         row[i] = x[i];
-                        row[3 + i] = second_order(x[i], x1[i], x2[i], scale);
+                        row[3 + i] = second_order(weights, x[i], x1[i], x2[i], scale);
                     }
                 }
             }

@@ -2,12 +2,24 @@
 //!
 //! Written as differences, so that a grid at rest has velocity zero exactly.
 
+/// Longest window in units of the one before it for which two of them make a second-order difference: the
+/// flow-solver's own bound (steps that grow by more than $1 + \sqrt 2$ from each to the next are not stable).
+pub const LONGEST_RATIO: f64 = 2.4;
+
+/// Weights of the way in a window and of the way in the one before it in the second-order velocity at
+/// its end, $(1 + 2r)/(1 + r)$ and $r^2/(1 + r)$, for a window `ratio` times as long as that.
+/// `None` where it is too long: first order then.
+pub fn weights(ratio: f64) -> Option<[f64; 2]> {
+    let share = ratio / (1.0 + ratio);
+    (ratio > 0.0 && ratio <= LONGEST_RATIO).then_some([1.0 + share, ratio * share])
+}
+
 /// Velocity at the end of a window from positions (m) at its end `x`, its start `x1`,
-/// and one window earlier `x2`: second-order backward difference
-/// $(3x - 4x_1 + x_2)/(2\Delta t)$; `per_dt` is one over the window's length (1/s).
+/// and one window earlier `x2`: second-order backward difference with these [`weights`],
+/// $(3x - 4x_1 + x_2)/(2\Delta t)$ for equal windows; `per_dt` is one over the window's length (1/s).
 #[inline]
-pub fn second_order(x: f64, x1: f64, x2: f64, per_dt: f64) -> f64 {
-    (1.5 * (x - x1) - 0.5 * (x1 - x2)) * per_dt
+pub fn second_order(weights: [f64; 2], x: f64, x1: f64, x2: f64, per_dt: f64) -> f64 {
+    (weights[0] * (x - x1) - weights[1] * (x1 - x2)) * per_dt
 }
 
 /// The same of first order, $(x - x_1)/\Delta t$.
@@ -24,13 +36,20 @@ mod tests {
     fn exact_for_parabolas_and_rest() {
         let dt = 0.25;
         let x = |t: f64| 1.0 + 2.0 * t - 3.0 * t * t;
+        let equal = weights(1.0).unwrap();
+        assert_eq!(equal, [1.5, 0.5]);
         for t in [0.5, 1.0, 3.75] {
             // Powers of two throughout: no rounding at all.
-            let v = second_order(x(t), x(t - dt), x(t - 2.0 * dt), 1.0 / dt);
+            let v = second_order(equal, x(t), x(t - dt), x(t - 2.0 * dt), 1.0 / dt);
             assert_eq!(v, 2.0 - 6.0 * t);
+            for before in [0.5, 0.125, 1.0] {
+                let v = second_order(weights(dt / before).unwrap(), x(t), x(t - dt), x(t - dt - before), 4.0);
+                assert!((v - (2.0 - 6.0 * t)).abs() < 1e-12, "{dt} after {before} s: {v}");
+            }
         }
+        assert_eq!((weights(2.5), weights(f64::INFINITY), weights(f64::NAN)), (None, None, None));
         assert_eq!(first_order(3.0, 1.0, 1.0 / dt), 8.0);
-        assert_eq!(second_order(0.1, 0.1, 0.1, 200.0), 0.0);
+        assert_eq!(second_order([1.5, 0.5], 0.1, 0.1, 0.1, 200.0), 0.0);
         assert_eq!(first_order(0.1, 0.1, 200.0), 0.0);
     }
 }

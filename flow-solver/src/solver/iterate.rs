@@ -44,16 +44,17 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             // The first call of the window may have brought no motion at all, and so no measure.
             self.start = self.start.max(norm);
         } else {
-            let inertia = self.inertia();
+            let ratio = step.dt / self.step_before(step.dt);
+            let inertia = ratio * self.inertia();
             norm = f64::INFINITY;
-            if order == Backward::SECOND {
+            if order != Backward::FIRST {
                 // A smooth flow goes on as it went.
                 for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
                     for v in 0..N {
-                        q[v] = 2.0 * a[v] - b[v];
+                        q[v] = (1.0 + ratio) * a[v] - ratio * b[v];
                     }
                     for d in 0..3 {
-                        q[1 + d] += self.wind_gain[0][d] - self.wind_gain[1][d];
+                        q[1 + d] += self.wind_gain[0][d] - ratio * self.wind_gain[1][d];
                     }
                 }
                 norm = self.evaluate();

@@ -17,8 +17,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         Ok(report)
     }
 
-    /// The undisturbed velocity at the end of the next step of length `dt`, at its
-    /// start, and one such step before, m/s. The air is accelerated as the time
+    /// The undisturbed velocity at the end of the next step of length `dt`, at its start, and
+    /// [`Solver::step_before`] earlier, m/s. The air is accelerated as the time
     /// differences see it: a stream without obstacle follows to round-off.
     pub fn blow(&mut self, wind: [Vec3; 3], dt: f64) {
         let c = self.order(dt).c;
@@ -27,10 +27,14 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.wind_change = std::array::from_fn(|d| (0..3).map(|k| c[k] * wind[k][d]).sum::<f64>() / dt);
     }
 
+    /// Length of the step before one of length `dt`, as its time difference sees it, s.
+    pub fn step_before(&self, dt: f64) -> f64 {
+        if self.order(dt) == Backward::FIRST { dt } else { self.last_dt }
+    }
+
     /// Backward difference for a step of length `dt`.
     pub(super) fn order(&self, dt: f64) -> Backward {
-        let same = (dt - self.last_dt).abs() <= 1e-9 * dt;
-        if self.first_order_steps > 0 || !same { Backward::FIRST } else { Backward::SECOND }
+        if self.first_order_steps > 0 { Backward::FIRST } else { Backward::second(dt / self.last_dt) }
     }
 
     /// Constants of the step: grid fluxes, history of the time derivative, weights.
@@ -81,9 +85,6 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// The step becomes the state that later steps start from.
     pub fn accept(&mut self, dt: f64, moved: bool) {
         self.advance_turbulence(dt);
-        if self.last_dt != 0.0 && (dt - self.last_dt).abs() > 1e-9 * dt {
-            self.first_order_steps = self.first_order_steps.max(1);
-        }
         self.last_dt = dt;
         self.first_order_steps = self.first_order_steps.saturating_sub(1);
         self.past.swap(0, 1);
