@@ -221,6 +221,7 @@ const POINTS: [(&str, Point); 10] = [
     ("repeats", |b| b.repeats()),
     ("rolls back", |b| b.rolls_back()),
     ("goes on", |b| b.goes_on()),
+    ("shorter window", |b| b.shorter()),
     ("substeps", |b| b.substeps()),
     ("restores", |b| b.restores()),
     ("resumes", |b| b.resumes()),
@@ -307,6 +308,25 @@ impl Battery<'_> {
             }
             Ok(()) => Verdict::Passed("accepts a window and computes the next".into()),
         })
+    }
+
+    /// A window given back and asked again with half its length is that of a program that was asked so
+    /// at once.
+    fn shorter(&self) -> Result<Verdict, RunError> {
+        let (w, first, _) = &self.script.windows[0];
+        let half = Window { dt: 0.5 * w.dt, ..*w };
+        let varies = self.fly(|p| Ok(p.fixed_windows().is_empty()))?;
+        if !varies {
+            return Ok(Verdict::Skipped(
+                "it does not announce `coupling.adaptive`: windows are of one length".into(),
+            ));
+        }
+        let a = self.fly(|p| self.ask(p, first, &half))?;
+        let b = self.fly(|p| {
+            self.ask(p, first, w)?;
+            self.ask(p, first, &again(&half, 1))
+        })?;
+        Ok(self.close(&a, &b, "half a window, at once and after a whole one"))
     }
 
     fn substeps(&self) -> Result<Verdict, RunError> {
@@ -413,7 +433,11 @@ impl Battery<'_> {
                 Err(why) => Verdict::Failed(why),
             }),
             // A mesh that cannot follow says so in its answer.
-            Err(RunError::Fault { message, .. } | RunError::Stuck { message, .. }) => {
+            Err(
+                RunError::Fault { message, .. }
+                | RunError::Stuck { message, .. }
+                | RunError::NoAnswer { message, .. },
+            ) => {
                 let short: String = message.chars().take(90).collect();
                 Ok(Verdict::Passed(format!("an error in words: {short}")))
             }

@@ -99,6 +99,21 @@ pub enum RunError {
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
     },
+    /// A program has no answer for a window. All programs are alive and stand at the last accepted
+    /// window.
+    #[error("{program} found no answer in {place}: {message}{}", saved_text(.saved.as_deref()))]
+    NoAnswer {
+        /// Role of the program.
+        role: Role,
+        /// What was started.
+        program: String,
+        /// Where.
+        place: Place,
+        /// What it says of it.
+        message: String,
+        /// Folder of the state that was saved.
+        saved: Option<PathBuf>,
+    },
     /// The coupling iteration failed although every program answered.
     #[error("the coupling failed in {place}: {message}")]
     Coupling {
@@ -147,6 +162,22 @@ impl RunError {
     pub fn file(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { action, path, source }
+    }
+
+    /// Whether the programs still stand at the last accepted window, so that a shorter window may pass.
+    pub fn may_pass(&self) -> bool {
+        matches!(self, Self::Stuck { .. } | Self::NoAnswer { .. } | Self::Coupling { .. })
+    }
+
+    /// The same, with the folder in which the last accepted window was saved.
+    pub fn saved_in(self, folder: PathBuf) -> Self {
+        match self {
+            Self::Stuck { place, message, .. } => Self::Stuck { place, message, saved: Some(folder) },
+            Self::NoAnswer { role, program, place, message, .. } => {
+                Self::NoAnswer { role, program, place, message, saved: Some(folder) }
+            }
+            other => other,
+        }
     }
 
     /// The exit code of `ripstop` for this error.

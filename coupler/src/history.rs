@@ -25,6 +25,12 @@ pub struct Row {
     pub window: u64,
     /// Time at its end, s.
     pub time_s: f64,
+    /// Its length, s.
+    pub window_s: f64,
+    /// Attempts at it that were given back.
+    pub rejected: u32,
+    /// Planned windows that are over.
+    pub done: u64,
     /// What the scheme reported.
     pub report: WindowReport,
     /// Downwards, m/s.
@@ -95,6 +101,8 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
             ("coupling_iterations", Count(u64::from(report.iterations))),
             ("coupling_residual", report.residual.map_or(Nothing, Number)),
             ("coupling_converged", Flag(report.converged)),
+            ("window_s", Number(row.window_s)),
+            ("rejected_attempts", Count(u64::from(row.rejected))),
             ("interface_work_j", Number(row.interface_work_j)),
             ("interface_energy_error_j", Number(row.energy_error_j)),
             ("interface_energy_error_sum_j", Number(row.books.added_j)),

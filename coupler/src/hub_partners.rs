@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use case::Role;
 use channel::{
     Abort, Arrivals, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, RoleOptions, Stats, Who, Window,
-    mesh_stats,
+    flow_stats, mesh_stats, structure_stats,
 };
 
 use crate::error::{Place, RunError};
@@ -20,6 +20,9 @@ use crate::partners::{Answer, LoadOverWindow, Partners};
 const FATE: Duration = Duration::from_millis(1500);
 /// How long programs may take to end after they were told to.
 const FAREWELL: Duration = Duration::from_secs(10);
+
+/// What a program announces that starts a window again with another length.
+const VARIES: &str = "coupling.adaptive";
 
 /// What a session is made of.
 pub struct SessionOptions<'a> {
@@ -291,6 +294,18 @@ impl<'a> HubPartners<'a> {
         }
     }
 
+    fn no_answer(&self, role: Role, what: &str, remedies: &str) -> RunError {
+        let program = self.supervisor.name(role);
+        // Its words come another way than its answer.
+        std::thread::sleep(Duration::from_millis(50));
+        let message = format!(
+            "{what}; its log ends with `{}`. Remedies: shorter windows (window_s, coupling.adaptive.halvings), \
+             {remedies}",
+            self.supervisor.last_line(role)
+        );
+        RunError::NoAnswer { role, program, place: self.place.clone(), message, saved: None }
+    }
+
     fn advance(
         &mut self,
         role: Role,
@@ -365,7 +380,14 @@ impl Partners for HubPartners<'_> {
                 row[LOAD_WIDTH..].copy_from_slice(end);
             }
         };
-        self.advance(Role::Structure, w, &mut fill, &mut |rows, data| scatter(rows, data, 3, displacement))
+        let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, 3, displacement);
+        let answer = self.advance(Role::Structure, w, &mut fill, &mut keep)?;
+        if answer.stats.values[structure_stats::RESIDUAL] >= 0.0 {
+            return Ok(answer);
+        }
+        let cuts = answer.stats.values[structure_stats::STEP_CUTS];
+        let what = format!("a time step has no solution, also after {cuts} halvings");
+        Err(self.no_answer(Role::Structure, &what, "smaller steps (stage.substeps), more damping"))
     }
 
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
@@ -387,7 +409,30 @@ impl Partners for HubPartners<'_> {
     }
 
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
-        self.advance(Role::Flow, w, &mut |_| {}, &mut |rows, data| scatter(rows, data, LOAD_WIDTH, load))
+        let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, LOAD_WIDTH, load);
+        let answer = self.advance(Role::Flow, w, &mut |_| {}, &mut keep)?;
+        let values = &answer.stats.values;
+        let what = match values[flow_stats::NO_ANSWER] {
+            0.0 => return Ok(answer),
+            1.0 => format!(
+                "its iterations diverged: residual {:.3e} after {} iterations from {:.3e}",
+                values[flow_stats::RESIDUAL_END],
+                values[flow_stats::ITERATIONS],
+                values[flow_stats::RESIDUAL_START]
+            ),
+            2.0 => "its state left what is physical".into(),
+            _ => "a cell of the moved grid has no volume".into(),
+        };
+        Err(self.no_answer(Role::Flow, &what, "more flow.solver.max_iterations, a larger first_layer_m"))
+    }
+
+    fn fixed_windows(&self) -> Vec<String> {
+        let fixed = |role: &Role| {
+            let a = self.hub.announcement(*role)?;
+            let varies = a.effects.iter().any(|e| e == VARIES);
+            (!varies).then(|| format!("{} ({})", role.program(), a.program))
+        };
+        Role::ALL.iter().filter_map(fixed).collect()
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {

@@ -58,6 +58,12 @@ pub trait Partners {
         Vec::new()
     }
 
+    /// Programs that do not start a window again with another length; others do. They announce the effect
+    /// `coupling.adaptive`.
+    fn fixed_windows(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The grid of the last answer of the mesh, `[grid nodes][6]`, where it is watched.
     fn grid(&self) -> Option<&[f64]> {
         None

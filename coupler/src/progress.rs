@@ -59,13 +59,15 @@ impl Progress {
 
     /// A window is done.
     pub fn update(&mut self, row: &Row) {
-        let done = row.window + 1;
+        let done = row.done;
         let wall = self.start.elapsed().as_secs_f64();
-        let rest = wall / (done - self.first) as f64 * self.windows.saturating_sub(done) as f64;
+        let rest =
+            wall / done.saturating_sub(self.first).max(1) as f64 * self.windows.saturating_sub(done) as f64;
         let mut text = format!(
-            "t {:.3} s | window {done}/{} | wall {} | rest about {}",
+            "t {:.3} s | window {done}/{}{} | wall {} | rest about {}",
             row.time_s,
             self.windows,
+            if row.rejected > 0 { format!(" (given back {} x)", row.rejected) } else { String::new() },
             clock(wall),
             clock(rest)
         );

@@ -77,6 +77,10 @@ pub struct StageSummary {
     pub most_iterations: u32,
     /// Windows above the tolerance.
     pub not_converged: u64,
+    /// Windows that were given back and tried again with half their length.
+    pub rejected: u64,
+    /// Shortest window, s.
+    pub shortest_window_s: f64,
     /// Descent speed at the end, m/s.
     pub descent_speed_m_s: f64,
     /// Mean of the descent speed over the last half of the stage, m/s.
@@ -126,6 +130,8 @@ impl StageSummary {
             peak_memory_bytes: [0; 3],
             most_iterations: 0,
             not_converged: 0,
+            rejected: 0,
+            shortest_window_s: stage.window_s,
             descent_speed_m_s: 0.0,
             mean_descent_speed_m_s: 0.0,
             drag_n: 0.0,
@@ -168,6 +174,7 @@ impl StageSummary {
         self.mesh_iterations += sum(Role::Mesh, mesh_stats::ITERATIONS);
         self.most_iterations = self.most_iterations.max(report.iterations);
         self.not_converged += u64::from(!report.converged);
+        self.shortest_window_s = self.shortest_window_s.min(row.window_s);
         self.descent_speed_m_s = row.descent_speed_m_s;
         self.drag_n = report.force[2];
         self.interface_energy_error_j = row.books.added_j;
@@ -262,6 +269,11 @@ impl RunSummary {
             ));
         }
         for s in self.stages.iter().filter(|s| s.windows > 0) {
+            let given_back = if s.rejected > 0 {
+                format!("; {} windows given back, shortest {:.2e} s", s.rejected, s.shortest_window_s)
+            } else {
+                String::new()
+            };
             lines.push(match s.kind {
                 StageKind::PreInflation => format!(
                     "  {}: load {:.1} N, projected area {:.2} m2; {}",
@@ -269,13 +281,13 @@ impl RunSummary {
                 ),
                 StageKind::FlowOnly | StageKind::Prescribed => {
                     format!(
-                        "  {}: drag {:.1} N at {:.4} m/s; {}",
+                        "  {}: drag {:.1} N at {:.4} m/s{given_back}; {}",
                         s.name, s.drag_n, s.descent_speed_m_s, s.ended
                     )
                 }
                 StageKind::Coupled => format!(
                     "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
-                     projected area {:.2} m2; coupling added {:.2e} J ({:+.1} % of the work){}{}; {}",
+                     projected area {:.2} m2; coupling added {:.2e} J ({:+.1} % of the work){}{}{given_back}; {}",
                     s.name,
                     s.descent_speed_m_s,
                     s.mean_descent_speed_m_s,

@@ -7,6 +7,7 @@ use case::{Role, Turbulence};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
 
+use crate::error::FlowError;
 use crate::geometry::vec3::{norm, sub};
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
@@ -32,6 +33,10 @@ pub struct FlowParticipant<G, V, const N: usize> {
     moved: bool,
     wind: Wind,
     march: Option<March>,
+    /// Window of the last answer that is not accepted yet, and its length, s.
+    answered: Option<(u64, f64)>,
+    /// Why the last window had no answer.
+    stuck: Option<Fault>,
 }
 
 /// The participant with the effects that the scene asks for. Collective.
@@ -128,6 +133,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
                 "flow.viscosity.turbulence.des",
                 "flow.energy",
                 "flow.limiter",
+                "coupling.adaptive",
             ]
             .map(String::from)
             .to_vec(),
@@ -160,7 +166,45 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             moved: false,
             wind: setup.wind,
             march: setup.march,
+            answered: None,
+            stuck: None,
         })
+    }
+
+    /// The answer where there is none. The coupler may ask for a shorter window, or save and end
+    /// the run; what a shorter window cannot mend is a fault.
+    fn no_answer(
+        &mut self,
+        w: &Window,
+        error: &FlowError,
+        output: &mut [f64],
+        clock: Clock,
+    ) -> Result<Stats, Fault> {
+        let mut values = [0.0; channel::STATS];
+        values[flow_stats::NO_ANSWER] = match error {
+            FlowError::Diverged { .. } => 1.0,
+            FlowError::BadState { .. } => 2.0,
+            FlowError::InvertedCell { .. } => 3.0,
+            FlowError::BadNode { .. } | FlowError::Unsteady { .. } | FlowError::Turbulence => 0.0,
+        };
+        let words = format!("window {} (t = {:.4} s): {error}", w.index, w.time);
+        if self.march.is_some() || values[flow_stats::NO_ANSWER] == 0.0 {
+            return Err(Fault::new(words));
+        }
+        if let FlowError::Diverged { start, end, iterations } = error {
+            values[flow_stats::RESIDUAL_START] = *start;
+            values[flow_stats::RESIDUAL_END] = *end;
+            values[flow_stats::ITERATIONS] = *iterations as f64;
+        }
+        for value in values.iter_mut().filter(|value| !value.is_finite()) {
+            *value = -1.0;
+        }
+        if self.solver.comm().is_root() {
+            eprintln!("flow-solver: {words}");
+        }
+        self.stuck = Some(Fault::new(words));
+        output.fill(0.0);
+        Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
     }
 
     fn stats(&self, total: &Total, report: &Report, dt: f64) -> [f64; channel::STATS] {
@@ -219,15 +263,19 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
                 v.copy_from_slice(&row[3..]);
             }
         }
-        let step = Step { dt: w.dt, frame: w.frame_velocity, again: w.iteration > 0, moved: self.moved };
+        let again = self.answered == Some((w.index, w.dt));
+        let step = Step { dt: w.dt, frame: w.frame_velocity, again, moved: self.moved };
+        (self.answered, self.stuck) = (None, None);
         let times = [w.dt, 0.0, -self.solver.step_before(w.dt)];
         self.solver.blow(times.map(|t| self.wind.at(w.time + t)), w.dt);
         let outcome = match &self.march {
             None => self.solver.advance(&step).map(|report| (self.loads.compute(&self.solver), report)),
             Some(march) => steady::answer(march, &mut self.solver, &mut self.loads, w.frame_velocity),
         };
-        let (total, report) =
-            outcome.map_err(|e| Fault::new(format!("window {} (t = {:.4} s): {e}", w.index, w.time)))?;
+        let (total, report) = match outcome {
+            Ok(answer) => answer,
+            Err(error) => return self.no_answer(w, &error, output, clock),
+        };
         let owned = &self.loads.faces[..self.solver.topology.canopy.n_owned];
         output.copy_from_slice(owned.as_flattened());
         let values = self.stats(&total, &report, w.dt);
@@ -238,10 +286,15 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
                 w.index
             )));
         }
+        self.answered = Some((w.index, w.dt));
         Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        if self.answered.take().is_none_or(|(index, _)| index != w.index) {
+            let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
+            return Err(self.stuck.take().unwrap_or_else(none));
+        }
         // A march has accepted its steps.
         if self.march.is_none() {
             self.solver.accept(w.dt, self.moved);

@@ -51,6 +51,7 @@ fn run<V: Viscosity>(
         air,
         wind: [0.5, 0.0, 4.0],
         residual_drop: 1e-11,
+        repeated_drop: 1e-11,
         max_iterations: 80,
         method: Method::PressureCorrection { depth: 8 },
         reference_speed: 0.4,

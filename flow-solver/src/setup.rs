@@ -41,6 +41,18 @@ pub struct Setup {
     pub march: Option<March>,
 }
 
+/// How far the residual must fall, in units of the coupling tolerance: the flow stops at a tenth of the drop of
+/// what a coupling iteration brought. On the ATPS the coupling then does not see where it stopped.
+const DROP_OF_TOLERANCE: f64 = 20.0;
+
+/// The drop in repetitions of a step: that of the scene, or less where coupling iterations are to agree more
+/// closely.
+fn repeated_drop(scene: &Scene, stage: usize) -> f64 {
+    let drop = scene.flow.as_ref().map_or(1.0, |f| f.solver.residual_drop);
+    let coupled = scene.stages.get(stage).is_none_or(|s| s.kind == case::StageKind::Coupled);
+    if coupled { drop.min(DROP_OF_TOLERANCE * scene.coupling.tolerance) } else { drop }
+}
+
 impl Setup {
     /// Builds the grid of `stage`. The same on every rank.
     ///
@@ -91,6 +103,7 @@ impl Setup {
             air,
             wind: steady,
             residual_drop: flow.solver.residual_drop,
+            repeated_drop: repeated_drop(&scene, stage),
             max_iterations: flow.solver.max_iterations as usize,
             method: match flow.solver.method {
                 // A long step is worth more corrections.

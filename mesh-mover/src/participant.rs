@@ -304,7 +304,7 @@ impl Participant for MeshMover {
             surface_hash: self.surface.hash,
             grid_nodes: self.motion.grid.n_global as u64,
             output_width: WIDTH as u64,
-            effects: vec![channel::RESUME.into()],
+            effects: vec![channel::RESUME.into(), "coupling.adaptive".into()],
         }
     }
 

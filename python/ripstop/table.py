@@ -137,6 +137,7 @@ STATISTICS = {
         "moment_y": 12,
         "moment_z": 13,
         "mass_defect": 14,
+        "no_answer": 15,
     },
     "mesh": {
         "min_quality": 0,

@@ -75,7 +75,9 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
             dt: s.window_s,
             ..Window::default()
         };
-        let v = match solver.advance(&w, &input, &mut output) {
+        let answer = solver.advance(&w, &input, &mut output);
+        let answer = answer.and_then(|stats| solver.stuck().cloned().map_or(Ok(stats), Err));
+        let v = match answer {
             Ok(stats) => stats.values,
             Err(fault) => {
                 // What was reached stays, as a state to look at or to go on from.

@@ -11,7 +11,7 @@ use channel::{
 use comm::Comm;
 use mesh::StructureMesh;
 
-use crate::dynamics::{Dynamics, LoadPath, WindowInfo};
+use crate::dynamics::{Dynamics, LoadPath, StepFailure, WindowInfo};
 use crate::equilibrium::{EquilibriumParams, PseudoStep};
 use crate::explicit::Explicit;
 use crate::linear::LinearCost;
@@ -24,7 +24,7 @@ use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 18] = [
+const EFFECTS: [&str; 19] = [
     channel::RESUME,
     "fabric.wrinkling",
     "fabric.orthotropic",
@@ -43,6 +43,7 @@ const EFFECTS: [&str; 18] = [
     "descent.body",
     "reefing",
     "fabric.contact",
+    "coupling.adaptive",
 ];
 
 /// Numbers of a face in the input: pressure jump and traction, at start and end.
@@ -68,8 +69,10 @@ pub struct StructureSolver {
     /// Keeps the end velocity of windows near what the flow sees, where the scene
     /// couples implicitly.
     average: Option<VelocityAverage>,
-    /// Window of the last `advance`.
-    computed: Option<u64>,
+    /// Window of the last `advance` that had an answer, and its length, s.
+    computed: Option<(u64, f64)>,
+    /// Why the last `advance` had no answer.
+    stuck: Option<Fault>,
     /// What the last `advance` measured.
     measures: Measures,
     /// What the last `advance` cost.
@@ -148,6 +151,7 @@ impl StructureSolver {
             from_rest: source.is_none(),
             average: VelocityAverage::of(scene, stage, &mesh),
             computed: None,
+            stuck: None,
             log,
             measures: Measures::default(),
             info: WindowInfo::default(),
@@ -205,6 +209,11 @@ impl StructureSolver {
     /// Seconds in element loops since the start.
     pub fn assembly_s(&self) -> f64 {
         self.dynamics.newton.assembly_s
+    }
+
+    /// Why the last `advance` had no answer, if so.
+    pub fn stuck(&self) -> Option<&Fault> {
+        self.stuck.as_ref()
     }
 
     /// What the last `advance` measured.
@@ -312,9 +321,12 @@ impl Participant for StructureSolver {
         self.air(w);
         let info = match self.rest {
             Some(tolerance) => self.find_rest(tolerance, body)?,
-            None => self.step_in_time(w, body)?,
+            None => match self.step_in_time(w, body)? {
+                Ok(info) => info,
+                Err(failure) => return Ok(self.no_answer(w, &failure, output, start)),
+            },
         };
-        self.computed = Some(w.index);
+        (self.computed, self.stuck) = (Some((w.index, w.dt)), None);
         let last = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
         let m = self.gauge.measure(&self.dynamics.system, &self.dynamics.current, last);
         self.measures = m;
@@ -325,6 +337,10 @@ impl Participant for StructureSolver {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        if self.computed.is_none_or(|(index, _)| index != w.index) {
+            let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
+            return Err(self.stuck.take().unwrap_or_else(none));
+        }
         if let Some(average) = &mut self.average {
             let Dynamics { accepted, current, system, .. } = &mut self.dynamics;
             average.apply(w.dt, system, accepted, current);
@@ -407,8 +423,24 @@ impl StructureSolver {
         payload + d.system.comm().sum(d.system.air_force(&x)[2])
     }
 
+    /// The answer where there is none: the shape that was accepted last. The coupler may ask for a
+    /// shorter window, or save and end the run.
+    fn no_answer(&mut self, w: &Window, why: &StepFailure, output: &mut [f64], start: Instant) -> Stats {
+        self.computed = None;
+        let fault = Fault::new(format!("window {} (t = {:.6} s): {why}", w.index, w.time));
+        if self.dynamics.system.comm().is_root() {
+            eprintln!("structure-solver: {fault}");
+        }
+        self.stuck = Some(fault);
+        output.copy_from_slice(&self.dynamics.accepted.u[..output.len()]);
+        let mut stats = Stats { busy_s: start.elapsed().as_secs_f64(), ..Stats::default() };
+        stats.values[stat::RESIDUAL] = -1.0;
+        stats.values[stat::STEP_CUTS] = f64::from(why.cuts);
+        stats
+    }
+
     /// Computes a window in time into the current state.
-    fn step_in_time(&mut self, w: &Window, body: [f64; 3]) -> Result<WindowInfo, Fault> {
+    fn step_in_time(&mut self, w: &Window, body: [f64; 3]) -> Result<Result<WindowInfo, StepFailure>, Fault> {
         let load = LoadPath {
             pressure: [&self.pressure[0], &self.pressure[1]],
             traction: [&self.traction[0], &self.traction[1]],
@@ -418,10 +450,8 @@ impl StructureSolver {
             self.dynamics.balance_start(first, body).map_err(Fault::new)?;
         }
         self.dynamics.time = w.time;
-        let iterated = self.computed == Some(w.index);
-        self.dynamics
-            .window(w.dt, w.substeps.max(1), load, body, iterated)
-            .map_err(|e| Fault::new(format!("window {} (t = {:.6} s): {e}", w.index, w.time)))
+        let iterated = self.computed == Some((w.index, w.dt));
+        Ok(self.dynamics.window(w.dt, w.substeps.max(1), load, body, iterated))
     }
 
     /// Finds the shape at rest under the load at the end of the window, and tells

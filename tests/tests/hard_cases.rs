@@ -255,6 +255,53 @@ fn cells_of_aspect_ratio_1000_beside_the_panel() {
     assert!(volume.iter().any(|v| *v < -0.6 * volume[0]), "{volume:?}");
 }
 
+/// A stream drives the air over a light bottom by friction: what bends the panel are hundredths of a pascal.
+#[test]
+fn a_cavity_with_a_flexible_bottom() {
+    let f = fly("cavity", "release", 0.05);
+    assert!(f.iterations <= 9.0, "{}", f.iterations);
+    // 0.01 Pa on a tenth of a square metre, and a bulge of a few tenths of a millimetre.
+    let (drag, volume) = (f.history.column("drag_n"), f.history.column("volume_m3"));
+    assert!(drag.iter().all(|d| d.abs() < 3e-3), "{drag:?}");
+    assert!(volume.iter().all(|v| (5e-6..5e-5).contains(v)), "{volume:?}");
+}
+
+/// Nothing but the air's own compressibility sets the pressure below a panel that closes a box: it must come to
+/// that of the bulge, which hardly loses volume ($\delta V = V p / p_0$, 1e-4 of the bulge). The first window is
+/// too long for that (sound crosses the box a dozen times in it) and must be given back.
+#[test]
+fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let whole = [("[flow]\n", "[coupling.adaptive]\nenabled = false\n\n[flow]\n")];
+    let file = changed_scene("hard/closed-box", folder.path(), &whole);
+    let failed = ripstop_run(&file, &folder.path().join("whole"), &["--quiet"]).output().expect("starts");
+    let words = String::from_utf8_lossy(&failed.stderr);
+    assert_eq!(failed.status.code(), Some(1), "windows of one length: {words}");
+    assert!(words.contains("the coupling failed in stage `vibration`, window 0"), "{words}");
+
+    let out = folder.path().join("out");
+    succeed(ripstop_run(&scene("hard/closed-box"), &out, &["--quiet"]));
+    let f = Flown::new(History::read(&out, "vibration"));
+    let (given_back, length) = (f.history.column("rejected_attempts"), f.history.column("window_s"));
+    let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
+    let drag = f.history.column("drag_n");
+    eprintln!(
+        "closed-box: {:.1} iterations a window, {} given back",
+        f.iterations,
+        given_back.iter().sum::<f64>()
+    );
+    assert!(given_back.iter().sum::<f64>() >= 1.0);
+    assert!((length.iter().sum::<f64>() - 0.16).abs() < 1e-12 && (f.last("time_s") - 0.16).abs() < 1e-12);
+    for planned in [0.04, 0.08, 0.12, 0.16] {
+        assert!(time.iter().any(|t| (t - planned).abs() < 1e-12), "no window ends at {planned} s: {time:?}");
+    }
+    // 0.1 Pa on a panel of 1 m2.
+    let late = mean(&drag[drag.len() / 2..]);
+    assert!((late - 0.1).abs() < 1e-3, "{late} Pa: {drag:?}");
+    let start = volume[0];
+    assert!(volume.iter().all(|v| (v / start - 1.0).abs() < 2e-3), "{volume:?}");
+}
+
 /// Drift over 10 000 windows: energy books, and memory of the programs.
 /// `cargo test --release -p ripstop-tests --test hard_cases -- --ignored ten_thousand`
 #[test]

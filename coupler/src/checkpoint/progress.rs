@@ -23,6 +23,8 @@ pub struct Progress {
     pub time_s: f64,
     /// Memory of the stage's stepper: scheme, acceleration, interface.
     pub stepper: Vec<u8>,
+    /// Where the stage stands in time, and the length of its next window, packed.
+    pub clock: Vec<u8>,
     /// Energy books.
     pub books: EnergyBooks,
     /// The summary so far.

@@ -132,6 +132,13 @@ impl Supervisor {
         self.running[at].status.is_some().then(|| self.running[at].casualty())
     }
 
+    /// The last line that a role's program wrote; empty where it wrote none.
+    pub fn last_line(&self, role: Role) -> String {
+        let running = self.running.iter().find(|r| r.program.role == role);
+        let tail = running.and_then(|r| r.tail.lock().ok()?.back().cloned());
+        tail.unwrap_or_default()
+    }
+
     /// How messages call the program of `role`.
     pub fn name(&self, role: Role) -> String {
         let found = self.running.iter().find(|r| r.program.role == role);

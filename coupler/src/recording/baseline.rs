@@ -139,4 +139,8 @@ impl<P: Partners> Partners for Baseline<'_, P> {
     fn grid(&self) -> Option<&[f64]> {
         self.partners.grid()
     }
+
+    fn fixed_windows(&self) -> Vec<String> {
+        self.partners.fixed_windows()
+    }
 }

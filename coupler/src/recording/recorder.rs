@@ -125,4 +125,8 @@ impl<P: Partners> Partners for Recorder<P> {
     fn grid(&self) -> Option<&[f64]> {
         self.partners.grid()
     }
+
+    fn fixed_windows(&self) -> Vec<String> {
+        self.partners.fixed_windows()
+    }
 }

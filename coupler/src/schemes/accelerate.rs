@@ -25,6 +25,9 @@ pub trait Accelerator {
     /// # Errors
     /// A memory of another one.
     fn recall(&mut self, memory: &[u8]) -> Result<(), RunError>;
+
+    /// What was learnt is of no use any more: windows have another length, or one was given back.
+    fn forget(&mut self);
 }
 
 /// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what
@@ -72,6 +75,8 @@ impl Accelerator for Constant {
     fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
         unpack::<()>(memory)
     }
+
+    fn forget(&mut self) {}
 }
 
 /// Aitken's dynamic relaxation (Irons and Tuck 1969; Kuettler and Wall 2008):
@@ -132,6 +137,10 @@ impl Accelerator for Aitken {
     fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
         self.omega = unpack(memory)?;
         Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.omega = self.first;
     }
 }
 

@@ -24,6 +24,11 @@ pub struct Criterion {
 }
 
 impl Criterion {
+    /// For windows of another length: what moves past the canopy in a window goes with its length.
+    pub fn rescale(&mut self, factor: f64) {
+        self.fields.iter_mut().for_each(|field| field.floor *= factor);
+    }
+
     /// Largest ratio over the fields of the residual to the change over the
     /// window. NaN when any number is not finite.
     pub fn measure(&self, x: &[f64], x_tilde: &[f64], x_start: &[f64]) -> f64 {

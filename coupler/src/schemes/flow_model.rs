@@ -46,8 +46,9 @@ pub struct FlowModel {
     density: f64,
     /// Of the influence.
     inverse: Inverse,
-    /// Newest first; the windows that ended in them were all of the length `dt`.
+    /// Newest first.
     walls: VecDeque<Wall>,
+    /// Length of the last window, s; 0 before it.
     dt: f64,
     secants: VecDeque<[Vec<f64>; 2]>,
     columns: Columns,
@@ -95,17 +96,23 @@ impl FlowModel {
         self.faces.len() * LOAD_WIDTH + 1
     }
 
+    /// Coefficients of the backward difference in a window of length `dt`, as the flow takes it; `None`: first
+    /// order.
+    fn difference(&self, dt: f64) -> Option<[f64; 3]> {
+        if self.walls.len() < 2 { None } else { backward(dt / self.dt) }
+    }
+
     /// Velocity of the nodes relative to the ground at the end of a window to the unknowns `x`.
     fn velocities(&self, x: &[f64], dt: f64) -> Vec<f64> {
         let frame = self.unknowns.velocity(x, self.walls[0].velocity[2]);
         let at = self.unknowns.displacement(x);
         let past = |k: usize| &self.walls[k].displacement;
-        let second = self.walls.len() > 1 && same(dt, self.dt);
-        let mut v: Vec<f64> = if second {
-            let differences = at.iter().zip(past(0)).zip(past(1));
-            differences.map(|((x, x1), x2)| (1.5 * x - 2.0 * x1 + 0.5 * x2) / dt).collect()
-        } else {
-            at.iter().zip(past(0)).map(|(x, x1)| (x - x1) / dt).collect()
+        let mut v: Vec<f64> = match self.difference(dt) {
+            Some([a, b, c]) => {
+                let differences = at.iter().zip(past(0)).zip(past(1));
+                differences.map(|((x, x1), x2)| (a * x + b * x1 + c * x2) / dt).collect()
+            }
+            None => at.iter().zip(past(0)).map(|(x, x1)| (x - x1) / dt).collect(),
         };
         if self.unknowns.descends() {
             v.chunks_exact_mut(3).for_each(|v| v[2] += frame);
@@ -118,13 +125,10 @@ impl FlowModel {
     pub fn inertia(&self, x: &[f64], dt: f64, answer: &mut [f64]) {
         let v = self.velocities(x, dt);
         let past = |k: usize| &self.walls[k].velocity;
-        let second = self.walls.len() > 1 && same(dt, self.dt);
-        let rate = |i: usize| {
-            if second {
-                (1.5 * v[i] - 2.0 * past(0)[i] + 0.5 * past(1)[i]) / dt
-            } else {
-                (v[i] - past(0)[i]) / dt
-            }
+        let difference = self.difference(dt);
+        let rate = |i: usize| match difference {
+            Some([a, b, c]) => (a * v[i] + b * past(0)[i] + c * past(1)[i]) / dt,
+            None => (v[i] - past(0)[i]) / dt,
         };
         let accelerations = self.faces.iter().zip(&self.normals).map(|(face, normal)| {
             let nodes = distinct(face);
@@ -162,6 +166,12 @@ impl FlowModel {
         }
     }
 
+    /// Forgets all secants.
+    pub fn forget(&mut self) {
+        self.secants.clear();
+        self.columns = Columns::default();
+    }
+
     /// Secants at hand.
     pub fn secants(&self) -> usize {
         self.secants.len()
@@ -171,9 +181,6 @@ impl FlowModel {
     pub fn accept(&mut self, x: &[f64], dt: f64) {
         let velocity = self.velocities(x, dt);
         let displacement = self.unknowns.displacement(x).to_vec();
-        if self.dt > 0.0 && !same(dt, self.dt) {
-            self.walls.truncate(1);
-        }
         self.walls.push_front(Wall { displacement, velocity });
         self.walls.truncate(2);
         self.dt = dt;
@@ -202,6 +209,10 @@ impl FlowModel {
     }
 }
 
-fn same(a: f64, b: f64) -> bool {
-    (a - b).abs() <= 1e-9 * a
+/// Coefficients $(1 + 2r)/(1 + r)$, $-(1 + r)$, $r^2/(1 + r)$ of the second-order backward difference for a window
+/// `ratio` times as long as the one before it; `None` beyond 2.4, as flow and mesh have it.
+fn backward(ratio: f64) -> Option<[f64; 3]> {
+    let share = ratio / (1.0 + ratio);
+    let (a, c) = (1.0 + share, ratio * share);
+    (ratio > 0.0 && ratio <= 2.4).then_some([a, -(a + c), c])
 }

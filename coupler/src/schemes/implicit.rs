@@ -100,7 +100,7 @@ impl Sequence for Jacobi {
         let start = &*visit.state.load.get_or_insert_with(|| visit.end.load.clone());
         let before = visit.state.load_before.as_ref().unwrap_or(start);
         let [felt_start, felt_end] = &mut self.felt;
-        let loads = FlowLoads { before, start, end: &self.iterate };
+        let loads = FlowLoads { before, start, end: &self.iterate, ratio: visit.ratio };
         shape_load(self.load, loads, felt_start, felt_end);
         visit.structure_under(LoadOverWindow { start: felt_start, end: felt_end })?;
         visit.descend();

@@ -130,4 +130,9 @@ impl Accelerator for IqnImvj {
         self.fallback.recall(&fallback)?;
         Ok(())
     }
+
+    fn forget(&mut self) {
+        self.windows = VecDeque::from([Secants::default()]);
+        self.fallback.forget();
+    }
 }

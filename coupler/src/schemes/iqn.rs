@@ -184,4 +184,9 @@ impl Accelerator for IqnIls {
         self.fallback.recall(&fallback)?;
         Ok(())
     }
+
+    fn forget(&mut self) {
+        self.columns.clear();
+        self.fallback.forget();
+    }
 }

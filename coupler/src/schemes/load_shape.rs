@@ -26,8 +26,18 @@
 use case::LoadShape;
 
 /// Weights of the loads at the end and the start of the window, and one window
-/// before, in [`LoadShape::Mean`].
+/// before, in [`LoadShape::Mean`] with equal windows.
 pub const MEAN_WEIGHTS: [f64; 3] = [9.0 / 16.0, 3.0 / 8.0, 1.0 / 16.0];
+
+/// The same for a window that is `ratio` times as long as the one before it: second order about its middle asks
+/// for $a = 1/2 + c/r$ and $b = 1/2 - c(1 + 1/r)$; $c$ again gives the double root
+/// $b^2 = 4ac$, that is $c = \tfrac12 / (k + \sqrt{k^2 - (1 - 1/r)^2})$ with $k = 3 + 1/r$.
+pub fn mean_weights(ratio: f64) -> [f64; 3] {
+    let inverse = 1.0 / ratio;
+    let k = 3.0 + inverse;
+    let c = 0.5 / (k + (k * k - (1.0 - inverse).powi(2)).sqrt());
+    [0.5 + c * inverse, 0.5 - c - c * inverse, c]
+}
 
 /// Loads of the flow that a window knows, each `[faces][LOAD_WIDTH]`, Pa.
 #[derive(Clone, Copy, Debug)]
@@ -38,15 +48,17 @@ pub struct FlowLoads<'a> {
     pub start: &'a [f64],
     /// At its end.
     pub end: &'a [f64],
+    /// Length of the window over that of the one before it.
+    pub ratio: f64,
 }
 
 /// Loads for the structure at the start and the end of a window (it interpolates
 /// linearly between them).
 pub fn shape_load(shape: LoadShape, flow: FlowLoads<'_>, start: &mut [f64], end: &mut [f64]) {
-    let FlowLoads { before: l, start: m, end: n } = flow;
+    let FlowLoads { before: l, start: m, end: n, ratio } = flow;
     match shape {
         LoadShape::Mean => {
-            let [a, b, c] = MEAN_WEIGHTS;
+            let [a, b, c] = mean_weights(ratio);
             for i in 0..n.len() {
                 start[i] = a * n[i] + b * m[i] + c * l[i];
             }
@@ -72,9 +84,11 @@ mod tests {
         for shape in [LoadShape::Mean, LoadShape::Constant, LoadShape::Linear] {
             let (mut start, mut end) = ([0.0; 2], [0.0; 2]);
             let steady = [3.0, -1.0];
-            let flow = FlowLoads { before: &steady, start: &steady, end: &steady };
+            let flow = FlowLoads { before: &steady, start: &steady, end: &steady, ratio: 0.5 };
             shape_load(shape, flow, &mut start, &mut end);
-            assert_eq!((start, end), ([3.0, -1.0], [3.0, -1.0]), "{shape:?}");
+            for (x, steady) in start.iter().chain(&end).zip(steady.iter().cycle()) {
+                assert!((x - steady).abs() < 1e-14, "{shape:?}");
+            }
         }
     }
 
@@ -85,5 +99,17 @@ mod tests {
         assert_eq!(a - c, 0.5, "centred on the middle of the window");
         let r: f64 = -1.0 / 3.0;
         assert!((a * r * r + b * r + c).abs() < 1e-15 && (b * b - 4.0 * a * c).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_mean_is_centred_and_has_a_double_root_for_windows_of_any_lengths() {
+        assert_eq!(mean_weights(1.0), MEAN_WEIGHTS, "to the bit");
+        for ratio in [0.25, 0.5, 0.8, 1.3, 2.0, 2.4] {
+            let [a, b, c] = mean_weights(ratio);
+            assert!((a + b + c - 1.0).abs() < 1e-15 && a > 0.0 && b > 0.0 && c > 0.0, "{ratio}");
+            // A load that is linear in time gives its value in the middle.
+            assert!((a - c / ratio - 0.5).abs() < 1e-15, "{ratio}");
+            assert!((b * b - 4.0 * a * c).abs() < 1e-15, "{ratio}");
+        }
     }
 }

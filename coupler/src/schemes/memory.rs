@@ -31,7 +31,8 @@ pub(crate) fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, RunError> {
 impl WindowLoop {
     /// What later windows depend on.
     pub fn memory(&self) -> Vec<u8> {
-        pack(&(&self.state, &self.start, self.sequence.memory(), self.accelerator.memory()))
+        let lengths = [self.last_dt, self.tuned_dt];
+        pack(&(&self.state, &self.start, lengths, self.sequence.memory(), self.accelerator.memory()))
     }
 
     /// Goes on from a [`WindowLoop::memory`] of the same scheme.
@@ -39,8 +40,16 @@ impl WindowLoop {
     /// # Errors
     /// A memory of another one.
     pub fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
-        let (state, start, sequence, accelerator): (_, Vec<f64>, Vec<u8>, Vec<u8>) = unpack(memory)?;
+        let (state, start, [last_dt, tuned_dt], sequence, accelerator): (
+            _,
+            Vec<f64>,
+            [f64; 2],
+            Vec<u8>,
+            Vec<u8>,
+        ) = unpack(memory)?;
         (self.state, self.start) = (state, start);
+        self.tune(tuned_dt);
+        self.last_dt = last_dt;
         self.x.clone_from(&self.start);
         self.x_tilde.clone_from(&self.start);
         self.next.clone_from(&self.start);

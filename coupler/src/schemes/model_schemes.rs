@@ -21,7 +21,8 @@ use crate::partners::LoadOverWindow;
 /// Structure solves against the model at most between two calls of the flow.
 const MOST_SOLVES: usize = 25;
 
-/// Changes of the model's load below this share of the load teach nothing.
+/// Changes of the model's load below this share of the load teach nothing, or below the tolerance where that is
+/// smaller: the flow then solves more closely.
 const TINY_STEP: f64 = 1e-3;
 
 /// The structure in equilibrium with the model.
@@ -81,7 +82,8 @@ impl Balance {
             let start = visit.state.load.as_deref().unwrap_or(loads);
             let before = visit.state.load_before.as_deref().unwrap_or(start);
             let [felt_start, felt_end] = &mut self.felt;
-            shape_load(self.load, FlowLoads { before, start, end: loads }, felt_start, felt_end);
+            let loads = FlowLoads { before, start, end: loads, ratio: visit.ratio };
+            shape_load(self.load, loads, felt_start, felt_end);
             visit.fall(self.unknowns.velocity(x, visit.state.velocity));
             visit.structure_under(LoadOverWindow { start: felt_start, end: felt_end })?;
             visit.descend_under(force[0]);
@@ -205,6 +207,10 @@ impl Sequence for AddedMassStaggered {
         Ok(())
     }
 
+    fn forget(&mut self, _rejected: bool) {
+        self.balance.accelerator.forget();
+    }
+
     fn accept(&mut self, _end: &End, _x: &[f64], answer: &[f64], dt: f64) {
         self.remainders.push(&self.remainder, dt);
         self.balance.model.accept(answer, dt);
@@ -285,7 +291,8 @@ impl Sequence for BlockQuasiNewton {
         if let Some((inertia, before)) = self.last.take() {
             let step: Vec<f64> = self.balance.answer.iter().zip(&inertia).map(|(a, b)| a - b).collect();
             // The answer to a tiny step is noise of the flow's tolerance.
-            if norm(&step) > TINY_STEP * norm(&visit.end.load) {
+            let tiny = TINY_STEP.min(visit.criterion.tolerance);
+            if norm(&step) > tiny * norm(&visit.end.load) {
                 let change = self.remainder.iter().zip(&before).map(|(a, b)| a - b).collect();
                 self.balance.model.learn(step, change);
             }
@@ -306,6 +313,13 @@ impl Sequence for BlockQuasiNewton {
         let about = self.last.as_ref().map(|(inertia, _)| inertia.as_slice());
         let reached = self.balance.solve(visit, about, tolerance, next)?;
         Ok(reached < 0.5 * outer)
+    }
+
+    fn forget(&mut self, rejected: bool) {
+        self.balance.accelerator.forget();
+        if rejected {
+            self.balance.model.forget();
+        }
     }
 
     fn accept(&mut self, _end: &End, x: &[f64], answer: &[f64], dt: f64) {

@@ -156,7 +156,7 @@ fn fly(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result<Plate, 
         WindowLoop::new("test", coupling, unknowns, criterion, faces, None, state, rest(), modelled, false);
     for index in 0..windows {
         let w = Window { index, substeps: 10, time: index as f64 * dt, dt, ..Window::default() };
-        scheme.run(&mut plate, w)?;
+        scheme.run(&mut plate, w, false)?;
     }
     Ok(plate)
 }

@@ -42,6 +42,12 @@ pub trait Sequence {
         Ok(false)
     }
 
+    /// What belongs to windows of the last length is of no use any more; with `rejected` also what the last
+    /// window has taught, which was given back.
+    fn forget(&mut self, rejected: bool) {
+        let _ = rejected;
+    }
+
     /// A window of length `dt` is accepted with these values; `x` is the iterate of the last visit
     /// and `answer` what it gave.
     fn accept(&mut self, end: &End, x: &[f64], answer: &[f64], dt: f64);
@@ -87,6 +93,8 @@ pub struct Visit<'a> {
     pub criterion: &'a Criterion,
     /// Unknowns at the start of the window.
     pub start: &'a [f64],
+    /// Length of the window over that of the one before it.
+    pub ratio: f64,
     /// Answers of the structure in this window so far: it may be asked more often than the flow.
     pub answers: &'a mut u64,
     /// Stage, for messages.

@@ -197,7 +197,8 @@ pub(super) fn structure_under_flow(
     let [felt_start, felt_end] = felt;
     felt_start.resize(start.len(), 0.0);
     felt_end.resize(start.len(), 0.0);
-    shape_load(shape, FlowLoads { before, start, end: &visit.end.load }, felt_start, felt_end);
+    let loads = FlowLoads { before, start, end: &visit.end.load, ratio: visit.ratio };
+    shape_load(shape, loads, felt_start, felt_end);
     visit.structure_under(LoadOverWindow { start: felt_start, end: felt_end })
 }
 

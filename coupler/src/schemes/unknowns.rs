@@ -7,6 +7,7 @@
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unknowns {
     nodes: usize,
+    window_s: f64,
     velocity_scale: f64,
     descends: bool,
     loads: usize,
@@ -20,7 +21,13 @@ impl Unknowns {
     /// velocity then weighs as much as the displacement of all nodes that would
     /// move the canopy equally far through the air within the window.
     pub fn new(nodes: usize, dt: f64, descends: bool) -> Self {
-        Self { nodes, velocity_scale: dt * (nodes as f64).sqrt(), descends, loads: 0, load_scale: 0.0 }
+        let velocity_scale = dt * (nodes as f64).sqrt();
+        Self { nodes, window_s: dt, velocity_scale, descends, loads: 0, load_scale: 0.0 }
+    }
+
+    /// Length of the windows that the scales are made for, s.
+    pub fn window_s(&self) -> f64 {
+        self.window_s
     }
 
     /// With `numbers` of the load among the unknowns, each times `scale` (m/Pa): best what a

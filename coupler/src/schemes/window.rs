@@ -27,6 +27,17 @@ fn stalled(history: &[f64]) -> bool {
     recent.iter().all(|&m| m <= ACCEPTABLE) && best(recent) > 0.9 * best(&history[..split])
 }
 
+/// Iterations without progress after which a window that is not acceptable is given back, where it can be.
+const HOPELESS: usize = 12;
+
+/// Whether the last [`HOPELESS`] measures are no better than the best one before them, and none acceptable.
+fn hopeless(history: &[f64]) -> bool {
+    let Some(split) = history.len().checked_sub(HOPELESS).filter(|&s| s > 0) else { return false };
+    let best = |m: &[f64]| m.iter().copied().fold(f64::INFINITY, f64::min);
+    let recent = best(&history[split..]);
+    recent > ACCEPTABLE && recent > 0.9 * best(&history[..split])
+}
+
 /// Values on the interface at the end of the last accepted window.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct InterfaceState {
@@ -106,6 +117,13 @@ pub struct WindowLoop {
     pub(super) x_tilde: Vec<f64>,
     pub(super) next: Vec<f64>,
     pub(super) start: Vec<f64>,
+    /// Length of the last accepted window, s; 0 before it.
+    pub(super) last_dt: f64,
+    /// Length that the criterion and what is learnt belong to, s.
+    pub(super) tuned_dt: f64,
+    /// Iterations and answers of the structure in attempts at the present window, and what they cost.
+    tried: (u64, u64),
+    spent: WindowReport,
 }
 
 impl WindowLoop {
@@ -143,6 +161,10 @@ impl WindowLoop {
             next: start.clone(),
             start,
             state,
+            last_dt: 0.0,
+            tuned_dt: unknowns.window_s(),
+            tried: (0, 0),
+            spent: WindowReport::default(),
             unknowns,
         }
     }
@@ -153,28 +175,77 @@ impl WindowLoop {
     }
 
     /// Computes and accepts the window that `window` opens (index, time, dt,
-    /// substeps are given; frame motion and iteration are filled here).
+    /// substeps are given; frame motion and iteration are filled here). `shorter`: the window may be tried
+    /// again with half its length, so that one which runs out of iterations is not accepted.
     ///
     /// # Errors
-    /// Those of the partners; a window that does not converge; numbers that are not finite.
-    pub fn run(&mut self, partners: &mut dyn Partners, window: Window) -> Result<WindowReport, RunError> {
-        let mut w = window;
-        let mut report = WindowReport::default();
+    /// Those of the partners; a window that does not converge; numbers that are not finite. The last
+    /// accepted window then still stands, and the same one may be tried again, also with another length.
+    pub fn run(
+        &mut self,
+        partners: &mut dyn Partners,
+        window: Window,
+        shorter: bool,
+    ) -> Result<WindowReport, RunError> {
+        let known = self.state.load.is_some();
+        let mut w = Window { iteration: self.tried.0, ..window };
+        let mut answers = self.tried.1;
+        let mut report = std::mem::take(&mut self.spent);
+        self.tune(w.dt);
+        match self.iterate(partners, &mut w, &mut answers, &mut report, shorter) {
+            Ok(()) => {
+                self.tried = (0, 0);
+                Ok(report)
+            }
+            Err(error) => {
+                self.tried = (w.iteration + 1, answers);
+                let WindowReport { calls, flow_iterations, busy_s, wall_s, .. } = report;
+                self.spent =
+                    WindowReport { calls, flow_iterations, busy_s, wall_s, ..WindowReport::default() };
+                if !known {
+                    self.state.load = None;
+                }
+                self.accelerator.forget();
+                self.sequence.forget(true);
+                Err(error)
+            }
+        }
+    }
+
+    /// Makes ready for windows of length `dt`.
+    pub(super) fn tune(&mut self, dt: f64) {
+        if dt != self.tuned_dt {
+            self.criterion.rescale(dt / self.tuned_dt);
+            self.accelerator.forget();
+            self.sequence.forget(false);
+            self.tuned_dt = dt;
+        }
+    }
+
+    fn iterate(
+        &mut self,
+        partners: &mut dyn Partners,
+        w: &mut Window,
+        answers: &mut u64,
+        report: &mut WindowReport,
+        shorter: bool,
+    ) -> Result<(), RunError> {
         let mut history = Vec::new();
-        let mut answers = 0;
+        let ratio = if self.last_dt > 0.0 { w.dt / self.last_dt } else { 1.0 };
         macro_rules! visit {
             () => {
                 &mut Visit {
                     partners: &mut *partners,
-                    window: &mut w,
+                    window: &mut *w,
                     state: &mut self.state,
                     end: &mut self.end,
-                    report: &mut report,
+                    report: &mut *report,
                     unknowns: &self.unknowns,
                     descent: self.descent.as_ref(),
                     criterion: &self.criterion,
                     start: &self.start,
-                    answers: &mut answers,
+                    ratio,
+                    answers: &mut *answers,
                     stage: &self.stage,
                 }
             };
@@ -193,10 +264,13 @@ impl WindowLoop {
             history.push(measure);
             report.residual = Some(measure);
             report.converged = self.criterion.met(measure);
-            if report.converged || report.iterations == self.max_iterations || stalled(&history) {
+            let given_up = shorter && (!measure.is_finite() || hopeless(&history));
+            let over = report.iterations == self.max_iterations || stalled(&history) || given_up;
+            if report.converged || over {
+                let exhausted = shorter && !stalled(&history);
                 let bearable = measure <= ACCEPTABLE || (self.keep_going && measure.is_finite());
-                if !report.converged && !bearable {
-                    return Err(self.diverged(&w, &history));
+                if !report.converged && (!bearable || exhausted) {
+                    return Err(self.diverged(w, &history));
                 }
                 self.accelerator.end_window(&self.x, &self.x_tilde);
                 break;
@@ -205,16 +279,16 @@ impl WindowLoop {
                 self.accelerator.next(&self.x, &self.x_tilde, &mut self.next);
             }
             std::mem::swap(&mut self.x, &mut self.next);
-            finite(&self.stage, "iterate of the acceleration", &w, &self.x)?;
+            finite(&self.stage, "iterate of the acceleration", w, &self.x)?;
             w.iteration += 1;
         }
         report.residuals = history;
-        self.accept(partners, &w)?;
-        Ok(report)
+        self.accept(partners, w)
     }
 
     fn accept(&mut self, partners: &mut dyn Partners, w: &Window) -> Result<(), RunError> {
         partners.accept(w)?;
+        self.last_dt = w.dt;
         let (state, end) = (&mut self.state, &self.end);
         state.acceleration = (end.velocity - state.velocity) / w.dt;
         state.velocity = end.velocity;

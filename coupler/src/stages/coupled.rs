@@ -159,9 +159,14 @@ fn relaxation(
 }
 
 impl Stepper for Coupled<'_> {
-    fn step(&mut self, partners: &mut dyn Partners, w: Window) -> Result<WindowReport, RunError> {
+    fn step(
+        &mut self,
+        partners: &mut dyn Partners,
+        w: Window,
+        shorter: bool,
+    ) -> Result<WindowReport, RunError> {
         self.start.copy_from_slice(&self.windows.state().displacement);
-        let report = self.windows.run(partners, w)?;
+        let report = self.windows.run(partners, w, shorter)?;
         let state = self.windows.state();
         let load = state.load.as_deref().unwrap_or(&[]);
         let felt = report.stats[Role::Structure as usize].values[structure_stats::LOAD_WORK];

@@ -11,18 +11,26 @@ use crate::schemes::{InterfaceState, WindowReport, pack, unpack};
 pub(super) struct FlowOnly {
     place: Place,
     state: InterfaceState,
+    /// Attempts at the present window.
+    tried: u64,
 }
 
 impl FlowOnly {
     pub(super) fn new(context: &StageContext<'_>, mut state: InterfaceState) -> Self {
         state.acceleration = 0.0;
         state.load.get_or_insert_default().resize(context.interface.faces.len() * LOAD_WIDTH, 0.0);
-        Self { place: context.place(), state }
+        Self { place: context.place(), state, tried: 0 }
     }
 }
 
 impl Stepper for FlowOnly {
-    fn step(&mut self, partners: &mut dyn Partners, mut w: Window) -> Result<WindowReport, RunError> {
+    fn step(
+        &mut self,
+        partners: &mut dyn Partners,
+        mut w: Window,
+        _shorter: bool,
+    ) -> Result<WindowReport, RunError> {
+        (w.iteration, self.tried) = (self.tried, self.tried + 1);
         w.frame_velocity = [0.0, 0.0, self.state.velocity];
         let mut report = WindowReport { iterations: 1, converged: true, ..WindowReport::default() };
         let load = self.state.load.get_or_insert_default();
@@ -31,6 +39,7 @@ impl Stepper for FlowOnly {
         report.add(Role::Flow, answer);
         debug_assert_eq!(report.force, force(&answer.stats));
         partners.accept(&w)?;
+        self.tried = 0;
         Ok(report)
     }
 

@@ -1,5 +1,6 @@
 //! The stages of a run: window after window, whatever runs in them.
 
+mod clock;
 mod coupled;
 mod flow_only;
 mod pre_inflation;
@@ -9,9 +10,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use case::{Role, Scene, Solve, Stage, StageKind};
+use case::{Role, Scene, Scheme, Solve, Stage, StageKind, StaggeredSequence};
 use channel::{Window, flow_stats};
 
+use self::clock::WindowClock;
 use crate::checkpoint::{self, Seal};
 use crate::descent::{DescentModel, PayloadDrag};
 use crate::energy::EnergyBooks;
@@ -23,6 +25,15 @@ use crate::partners::Partners;
 use crate::progress::Progress;
 use crate::schemes::{InterfaceState, WindowReport};
 use crate::summary::StageSummary;
+
+/// Windows given back that are told one by one.
+const TOLD: u64 = 5;
+
+/// The first sentence of an error.
+fn brief(error: &RunError) -> String {
+    let text = error.to_string();
+    text.split("; ").next().unwrap_or(&text).split(". Re").next().unwrap_or(&text).to_owned()
+}
 
 /// A stage as a person wants it.
 #[derive(Clone, Debug, Default)]
@@ -59,8 +70,14 @@ pub struct StageContext<'a> {
 
 /// What differs between the kinds of stages: how one window is computed.
 trait Stepper {
-    /// Computes and accepts a window.
-    fn step(&mut self, partners: &mut dyn Partners, w: Window) -> Result<WindowReport, RunError>;
+    /// Computes and accepts a window. After an error that [`RunError::may_pass`] the same window may be
+    /// tried again with another length; `shorter`: with half of it.
+    fn step(
+        &mut self,
+        partners: &mut dyn Partners,
+        w: Window,
+        shorter: bool,
+    ) -> Result<WindowReport, RunError>;
 
     /// Values at the end of the last accepted window.
     fn state(&self) -> &InterfaceState;
@@ -141,39 +158,62 @@ impl StageContext<'_> {
             }
         }
         let windows = self.options.stop_after_windows.map_or(self.windows(), |n| n.min(self.windows()));
-        let mut progress = Progress::new(self.console, &stage.name, stage.kind, first, windows);
         summary.ended = "failed".into();
         let descent = self.descent();
         let mut saves = Saves::default();
         let mut ended = if windows < self.windows() { "stopped as asked" } else { "complete" }.to_owned();
         let mut done = first;
-        for index in first..windows {
-            let start = Instant::now();
+        let mut clock = match self.resumed {
+            Some(p) => crate::schemes::unpack(&p.clock)?,
+            None => WindowClock::new(stage.window_s, self.adaptive(partners)),
+        };
+        let mut progress = Progress::new(self.console, &stage.name, stage.kind, clock.planned(), windows);
+        let (mut index, mut rejected, mut start) = (first, 0, Instant::now());
+        while clock.planned() < windows {
             let w = Window {
                 index,
                 iteration: 0,
                 substeps: u64::from(stage.substeps),
-                time: index as f64 * stage.window_s,
+                time: clock.time(),
                 // A static stage has no time; a window must have some.
-                dt: if stage.solve == Solve::Static || stage.steady.is_some() { 1.0 } else { stage.window_s },
+                dt: if stage.solve == Solve::Static || stage.steady.is_some() { 1.0 } else { clock.dt() },
                 ..Window::default()
             };
-            let report = match stepper.step(partners, w) {
-                Err(RunError::Stuck { place, message, .. }) => {
+            // What half the window did not mend is borne, if it can be.
+            let report = match stepper.step(partners, w, clock.can_shrink() && !clock.is_short()) {
+                Err(error) if error.may_pass() && clock.shrink() => {
+                    rejected += 1;
+                    summary.rejected += 1;
+                    if summary.rejected <= TOLD {
+                        self.console.line(&format!(
+                            "window {index} of stage `{}` (t = {:.4} s) is given back and tried again with {:.3e} s: {}{}",
+                            stage.name,
+                            w.time,
+                            clock.dt(),
+                            brief(&error),
+                            if summary.rejected == TOLD { "; later ones are only counted" } else { "" }
+                        ));
+                    }
+                    continue;
+                }
+                Err(error @ (RunError::Stuck { .. } | RunError::NoAnswer { .. })) => {
                     // All programs still stand at the last accepted window.
-                    self.save(partners, stepper.as_ref(), books, summary, done, None, &mut saves)?;
-                    let saved = Some(case::state_folder(self.out, self.scene, self.stage));
-                    return Err(RunError::Stuck { place, message, saved });
+                    self.save(partners, stepper.as_ref(), &clock, books, summary, done, None, &mut saves)?;
+                    return Err(error.saved_in(case::state_folder(self.out, self.scene, self.stage)));
                 }
                 other => other?,
             };
+            clock.advance(report.converged);
             let wall_s = start.elapsed().as_secs_f64();
             let (felt, given) = stepper.interface_work().unwrap_or_default();
             books.enter(felt, given);
             let state = stepper.state();
             let row = Row {
                 window: index,
-                time_s: (index + 1) as f64 * stage.window_s,
+                time_s: clock.time(),
+                window_s: w.dt,
+                rejected,
+                done: clock.planned(),
                 descent_speed_m_s: -state.velocity,
                 acceleration_m_s2: state.acceleration,
                 drag_coefficient: descent.map(|d| d.drag_coefficient(report.force[2])),
@@ -205,8 +245,12 @@ impl StageContext<'_> {
             progress.update(&row);
             done = index + 1;
             let ends = stepper.settled(&row.report);
-            let last = ends.is_some() || index + 1 == windows;
-            self.snapshots(partners, &folder, index + 1, row.time_s, last)?;
+            let planned = clock.planned();
+            let last = ends.is_some() || planned == windows;
+            // Pictures are of the planned times.
+            if clock.at_planned() || last {
+                self.snapshots(partners, &folder, planned, row.time_s, last)?;
+            }
             if let Some(why) = ends {
                 ended = why;
                 break;
@@ -218,20 +262,45 @@ impl StageContext<'_> {
             if stopped || saves.due(self.options.checkpoint_every, done) {
                 progress.note("saving");
                 history.sync()?;
-                self.save(partners, stepper.as_ref(), books, summary, done, None, &mut saves)?;
+                self.save(partners, stepper.as_ref(), &clock, books, summary, done, None, &mut saves)?;
             }
             if stopped {
                 return Err(RunError::Interrupted(Place { window: Some((index, 0)), ..self.place() }));
             }
+            (index, rejected, start) = (index + 1, 0, Instant::now());
         }
         progress.note("saving");
         history.sync()?;
         summary.ended.clone_from(&ended);
         summary.wall_s = wall_before + progress.seconds();
-        self.save(partners, stepper.as_ref(), books, summary, done, Some(ended), &mut saves)?;
+        self.save(partners, stepper.as_ref(), &clock, books, summary, done, Some(ended), &mut saves)?;
         summary.wall_s = wall_before + progress.seconds();
         saves.tell(self.console, &stage.name, progress.seconds());
         Ok(stepper.state().clone())
+    }
+
+    /// How windows may change their length: not at all where a program or the stage cannot.
+    fn adaptive(&self, partners: &dyn Partners) -> Option<&case::AdaptiveWindow> {
+        let (stage, coupling) = (self.description(), &self.scene.coupling);
+        let staggered = coupling.scheme == Scheme::Staggered;
+        // Its flow lives between the ends of windows.
+        let offset = staggered && coupling.staggered.sequence == StaggeredSequence::HalfStep;
+        let in_time = stage.solve != Solve::Static && stage.steady.is_none();
+        let flows = stage.kind.roles().contains(&Role::Flow);
+        if !(coupling.adaptive.enabled && in_time && flows) || (offset && stage.kind == StageKind::Coupled) {
+            return None;
+        }
+        let fixed = partners.fixed_windows();
+        if !fixed.is_empty() {
+            self.console.line(&format!(
+                "stage `{}`: windows keep their length, for {} cannot start one again with another (the effect \
+                 `coupling.adaptive` is not announced)",
+                stage.name,
+                fixed.join(" and ")
+            ));
+            return None;
+        }
+        Some(&coupling.adaptive)
     }
 
     fn snapshots(
@@ -262,6 +331,7 @@ impl StageContext<'_> {
         &self,
         partners: &mut dyn Partners,
         stepper: &dyn Stepper,
+        clock: &WindowClock,
         books: EnergyBooks,
         summary: &StageSummary,
         windows: u64,
@@ -281,6 +351,7 @@ impl StageContext<'_> {
                 windows,
                 time_s,
                 stepper: stepper.memory(),
+                clock: crate::schemes::pack(clock),
                 books,
                 summary: summary.clone(),
                 speeds: summary.speeds.clone(),

@@ -28,7 +28,12 @@ impl PreInflation {
 }
 
 impl Stepper for PreInflation {
-    fn step(&mut self, partners: &mut dyn Partners, mut w: Window) -> Result<WindowReport, RunError> {
+    fn step(
+        &mut self,
+        partners: &mut dyn Partners,
+        mut w: Window,
+        _shorter: bool,
+    ) -> Result<WindowReport, RunError> {
         // The payload falls at a constant speed: its frame does not accelerate.
         w.frame_velocity = [0.0, 0.0, self.state.velocity];
         let load = LoadOverWindow { start: &self.load, end: &self.load };

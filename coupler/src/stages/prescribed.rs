@@ -13,6 +13,8 @@ pub(super) struct Prescribed {
     motions: Vec<Motion>,
     /// Displacement at the start of the stage.
     start: Vec<f64>,
+    /// Attempts at the present window.
+    tried: u64,
     state: InterfaceState,
 }
 
@@ -59,12 +61,18 @@ impl Prescribed {
         }
         state.acceleration = 0.0;
         state.load.get_or_insert_default().resize(context.interface.faces.len() * LOAD_WIDTH, 0.0);
-        Ok(Self { place: context.place(), motions, start: state.displacement.clone(), state })
+        Ok(Self { place: context.place(), motions, start: state.displacement.clone(), tried: 0, state })
     }
 }
 
 impl Stepper for Prescribed {
-    fn step(&mut self, partners: &mut dyn Partners, mut w: Window) -> Result<WindowReport, RunError> {
+    fn step(
+        &mut self,
+        partners: &mut dyn Partners,
+        mut w: Window,
+        _shorter: bool,
+    ) -> Result<WindowReport, RunError> {
+        (w.iteration, self.tried) = (self.tried, self.tried + 1);
         w.frame_velocity = [0.0, 0.0, self.state.velocity];
         let mut report = WindowReport { iterations: 1, converged: true, ..WindowReport::default() };
         for m in &self.motions {
@@ -78,6 +86,7 @@ impl Stepper for Prescribed {
         report.add(Role::Flow, partners.flow(&w, load)?);
         require_finite(Role::Flow, &self.place, &w, load)?;
         partners.accept(&w)?;
+        self.tried = 0;
         Ok(report)
     }
 

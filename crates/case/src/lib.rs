@@ -5,6 +5,7 @@
 //! then do programs see it, as a [`Scene`] they may rely on.
 
 mod accuracy;
+mod adaptive;
 mod coupling;
 mod effects;
 mod error;
@@ -23,6 +24,7 @@ mod validate_effects;
 mod validate_flow;
 
 pub use accuracy::{Accuracy, Dial, Measured, Quantity, Take};
+pub use adaptive::AdaptiveWindow;
 pub use coupling::*;
 pub use effects::{Contact, LineDrag, PayloadBody, PayloadDrag, Reefing};
 pub use error::{Problem, SceneError};

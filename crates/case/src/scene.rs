@@ -583,7 +583,8 @@ impl Default for Grid {
 pub struct FlowSolver {
     /// How the implicit system of a pseudo-time step is solved.
     pub method: FlowMethod,
-    /// A time step is converged when the unsteady residual has dropped by this factor.
+    /// A time step is converged when the unsteady residual has dropped by this factor. Coupling iterations
+    /// that are to agree more closely than a twentieth of it tighten it to 20 times `coupling.tolerance`.
     pub residual_drop: f64,
     /// Pseudo-time iterations at most for each time step.
     pub max_iterations: u32,
@@ -688,6 +689,8 @@ pub struct Coupling {
     /// the flow sees. Absent: 0.5 where the air weighs far more than the fabric, none
     /// where it weighs less.
     pub velocity_average: Option<f64>,
+    /// What happens to a window that has no answer.
+    pub adaptive: crate::AdaptiveWindow,
 }
 
 impl Default for Coupling {
@@ -703,6 +706,7 @@ impl Default for Coupling {
             acceleration: Acceleration::IbqnLs,
             reused_windows: 8,
             velocity_average: None,
+            adaptive: crate::AdaptiveWindow::default(),
         }
     }
 }

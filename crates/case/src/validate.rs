@@ -317,6 +317,8 @@ fn solvers(scene: &Scene, c: &mut Check) {
     c.count("coupling.max_iterations", k.max_iterations, 1, 10_000, "coupling iterations");
     c.positive("coupling.relaxation", k.relaxation, 1.0, "a relaxation factor");
     c.count("coupling.staggered.predictor", k.staggered.predictor, 0, crate::MOST_PREDICTOR, "an order");
+    c.count("coupling.adaptive.halvings", k.adaptive.halvings, 0, 20, "halvings of window_s");
+    c.count("coupling.adaptive.grow_after", k.adaptive.grow_after, 1, 10_000, "windows that go well");
     if let Some(share) = k.velocity_average {
         c.range("coupling.velocity_average", share, 0.0, 1.0, true, "0 is none");
     }

@@ -63,7 +63,8 @@ pub mod structure_stats {
     pub const PROJECTED_AREA: usize = 7;
     /// Largest line tension, N.
     pub const MAX_LINE_TENSION: usize = 8;
-    /// Residual of the last Newton step relative to the load.
+    /// Residual of the last Newton step relative to the load. Below 0: the window has no answer, the
+    /// structure stays where it was accepted, and the coupler gives the window back or ends the run.
     pub const RESIDUAL: usize = 9;
     /// Time steps that were cut.
     pub const STEP_CUTS: usize = 10;
@@ -104,6 +105,10 @@ pub mod flow_stats {
     pub const MOMENT: usize = 11;
     /// Mass defect: sum over cells of the residual of continuity, kg/s.
     pub const MASS_DEFECT: usize = 14;
+    /// Not 0: the window has no answer (1: the iterations diverged, 2: a state that is not physical,
+    /// 3: a cell of the moved grid without volume). The flow stays where it was accepted, and the coupler gives
+    /// the window back or ends the run.
+    pub const NO_ANSWER: usize = 15;
 }
 
 /// Indices into [`Stats::values`] of the mesh mover.
@@ -121,7 +126,8 @@ pub mod mesh_stats {
     /// Cell (global) of the smallest scaled Jacobian.
     pub const WORST_CELL: usize = 5;
     /// Not 0: the grid cannot follow. It stays where it was accepted, and `MIN_QUALITY` and
-    /// `WORST_CELL` (-1: none) tell of the best attempt. The coupler then saves and ends the run.
+    /// `WORST_CELL` (-1: none) tell of the best attempt. The coupler then gives the window back, or saves and
+    /// ends the run.
     pub const STUCK: usize = 6;
     /// New grids made so far in the place of bad ones.
     pub const NEW_GRIDS: usize = 7;

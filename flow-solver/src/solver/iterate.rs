@@ -74,7 +74,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         }
         let first = norm;
         // Below this the residual is round-off of the fluxes themselves.
-        let drop = self.settings.residual_drop;
+        let Settings { residual_drop, repeated_drop, .. } = self.settings;
+        let drop = if step.again { repeated_drop } else { residual_drop };
         // A coupled step answers changes of its input: what is left over must be small
         // against the change that this call brought, or the coupling iterates on noise.
         let scale =

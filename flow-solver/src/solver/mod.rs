@@ -39,6 +39,8 @@ pub struct Settings {
     pub wind: Vec3,
     /// The residual must fall by this factor.
     pub residual_drop: f64,
+    /// The same in repetitions of a step, which answer small changes of the grid.
+    pub repeated_drop: f64,
     /// Iterations at most.
     pub max_iterations: usize,
     /// What corrects the state.
