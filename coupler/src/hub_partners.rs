@@ -1,20 +1,21 @@
 //! The real programs behind the channel, watched over while they work.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use case::Role;
 use channel::{
-    Abort, Arrivals, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, RoleOptions, Stats, Who, Window,
-    flow_stats, mesh_stats, structure_stats,
+    Abort, Arrivals, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, OWN_SURFACE, RoleOptions, Stats, Who,
+    Window, flow_stats, mesh_stats, structure_stats,
 };
 
 use crate::error::{Place, RunError};
 use crate::interface::CanopyInterface;
 use crate::launch::{Casualty, Console, Program, Supervisor, Usage};
 use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::transfer::{OwnSurface, surface_file};
 
 /// How long a dead rank's launcher may take to say what happened.
 const FATE: Duration = Duration::from_millis(1500);
@@ -40,6 +41,8 @@ pub struct SessionOptions<'a> {
     pub attached: Vec<Role>,
     /// Keeps the mesh's grid for [`Partners::grid`].
     pub watch_grid: bool,
+    /// Folder of the stage.
+    pub folder: PathBuf,
 }
 
 /// The solver programs of a stage, running.
@@ -60,6 +63,8 @@ pub struct HubPartners<'a> {
     grid: Vec<f64>,
     /// How long programs may take to end.
     farewell: Duration,
+    /// Where the structure's surface is not the canopy.
+    own: Option<OwnSurface>,
 }
 
 /// Looks after the programs while the hub waits.
@@ -169,6 +174,7 @@ impl<'a> HubPartners<'a> {
             panels: interface.panels.clone(),
             grid: Vec::new(),
             farewell,
+            own: None,
         };
         let mut told = 0;
         all.ask(|hub, watch| {
@@ -181,6 +187,7 @@ impl<'a> HubPartners<'a> {
                 watch.count()
             })
         })?;
+        all.own = all.own_surface(&options.folder, interface, console)?;
         if options.watch_grid {
             let nodes = all.hub.announcement(Role::Mesh).map_or(0, |a| a.grid_nodes);
             all.grid = vec![0.0; 6 * nodes as usize];
@@ -198,6 +205,33 @@ impl<'a> HubPartners<'a> {
     pub fn resumes(&self, role: Role) -> bool {
         let announced = self.hub.announcement(role);
         announced.is_none_or(|a| a.effects.iter().any(|e| e == channel::RESUME))
+    }
+
+    /// The surface of a structure that has its own.
+    fn own_surface(
+        &self,
+        folder: &Path,
+        interface: &CanopyInterface,
+        console: &Console,
+    ) -> Result<Option<OwnSurface>, RunError> {
+        let said = self.hub.announcement(Role::Structure);
+        let Some(said) = said.filter(|a| a.effects.iter().any(|e| e == OWN_SURFACE)) else { return Ok(None) };
+        let refuse = |message| RunError::Channel { place: self.place.clone(), message };
+        let own = OwnSurface::read(&surface_file(folder), interface).map_err(refuse)?;
+        let [nodes, faces] = own.sizes();
+        if (nodes as u64, faces as u64) != (said.canopy_nodes, said.canopy_faces) {
+            return Err(refuse(format!(
+                "{} announces a surface of {} nodes and {} faces, its file has {nodes} and {faces}",
+                said.program, said.canopy_nodes, said.canopy_faces
+            )));
+        }
+        console.line(&format!(
+            "{} has a surface of its own: {nodes} nodes and {faces} faces beside the canopy's {} and {}",
+            said.program,
+            interface.nodes(),
+            interface.faces.len()
+        ));
+        Ok(Some(own))
     }
 
     /// Ends the session in good order; what the programs have used by role.
@@ -294,6 +328,39 @@ impl<'a> HubPartners<'a> {
         }
     }
 
+    /// Asks the structure, on its own surface where it has one.
+    fn structure_on(
+        &mut self,
+        w: &Window,
+        load: LoadOverWindow<'_>,
+        displacement: &mut [f64],
+        own: Option<&mut OwnSurface>,
+    ) -> Result<Answer, RunError> {
+        let Some(own) = own else { return self.ask_structure(w, [load.start, load.end], displacement) };
+        own.load(load);
+        let (loads, answer) = own.exchange();
+        let answer = self.ask_structure(w, loads, answer)?;
+        own.motion(displacement);
+        Ok(answer)
+    }
+
+    fn ask_structure(
+        &mut self,
+        w: &Window,
+        [start, end]: [&[f64]; 2],
+        displacement: &mut [f64],
+    ) -> Result<Answer, RunError> {
+        let mut fill = |input: &mut [f64]| {
+            let faces = start.chunks_exact(LOAD_WIDTH).zip(end.chunks_exact(LOAD_WIDTH));
+            for (row, (start, end)) in input.chunks_exact_mut(2 * LOAD_WIDTH).zip(faces) {
+                row[..LOAD_WIDTH].copy_from_slice(start);
+                row[LOAD_WIDTH..].copy_from_slice(end);
+            }
+        };
+        let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, 3, displacement);
+        self.advance(Role::Structure, w, &mut fill, &mut keep)
+    }
+
     fn no_answer(&self, role: Role, what: &str, remedies: &str) -> RunError {
         let program = self.supervisor.name(role);
         // Its words come another way than its answer.
@@ -373,15 +440,10 @@ impl Partners for HubPartners<'_> {
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
     ) -> Result<Answer, RunError> {
-        let mut fill = |input: &mut [f64]| {
-            let faces = load.start.chunks_exact(LOAD_WIDTH).zip(load.end.chunks_exact(LOAD_WIDTH));
-            for (row, (start, end)) in input.chunks_exact_mut(2 * LOAD_WIDTH).zip(faces) {
-                row[..LOAD_WIDTH].copy_from_slice(start);
-                row[LOAD_WIDTH..].copy_from_slice(end);
-            }
-        };
-        let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, 3, displacement);
-        let answer = self.advance(Role::Structure, w, &mut fill, &mut keep)?;
+        let mut own = self.own.take();
+        let answer = self.structure_on(w, load, displacement, own.as_mut());
+        self.own = own;
+        let answer = answer?;
         if answer.stats.values[structure_stats::RESIDUAL] >= 0.0 {
             return Ok(answer);
         }
@@ -440,7 +502,11 @@ impl Partners for HubPartners<'_> {
             // Short windows never wait long enough for the hub to look by itself.
             watch.look().map_err(HubError::Aborted)?;
             hub.accept(w, &mut || watch.look())
-        })
+        })?;
+        if let Some(own) = &mut self.own {
+            own.accept();
+        }
+        Ok(())
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), RunError> {

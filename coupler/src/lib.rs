@@ -32,3 +32,4 @@ pub mod stability;
 pub mod stages;
 pub mod state;
 pub mod summary;
+pub mod transfer;

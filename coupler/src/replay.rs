@@ -228,6 +228,7 @@ impl Rehearsal {
             deadline: Some(self.deadline),
             attached: Vec::new(),
             watch_grid: self.watch_grid,
+            folder: case::stage_folder(&self.out, scene, self.number),
         };
         let ended = (|| {
             let started = HubPartners::start(options, &self.prepared.interface, stop, console);

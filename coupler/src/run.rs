@@ -293,6 +293,7 @@ fn run_stage(
         deadline: options.deadline,
         attached: options.attach.clone(),
         watch_grid: moving && (recorded || options.baseline.is_some()),
+        folder: folder.clone(),
     };
     let ended = (|| {
         let mut partners = HubPartners::start(session_options, context.interface, stop, context.console)?;

@@ -23,6 +23,8 @@ enum Trouble {
     Kill,
     Hang,
     Nan,
+    /// No trouble: a surface of its own.
+    Coarse,
 }
 
 /// Window in which it goes wrong.
@@ -49,7 +51,10 @@ impl Participant for Fake {
             surface_hash: channel::surface_hash(&self.canopy.faces),
             grid_nodes: if self.role == Role::Structure { 0 } else { self.canopy.n_canopy as u64 },
             output_width: [3, LOAD_WIDTH as u64, 6][self.role as usize],
-            effects: ["fabric.wrinkling", "lines"].map(String::from).to_vec(),
+            effects: {
+                let own = (self.trouble == Trouble::Coarse).then_some(channel::OWN_SURFACE);
+                ["fabric.wrinkling", "lines"].into_iter().chain(own).map(String::from).collect()
+            },
         }
     }
 
@@ -66,7 +71,7 @@ impl Participant for Fake {
         let mut stats = Stats::default();
         if w.index == TROUBLE_WINDOW {
             match self.trouble {
-                Trouble::None => {}
+                Trouble::None | Trouble::Coarse => {}
                 Trouble::Fault => return Err(Fault::new("cell 17 is inverted: take a smaller window_s")),
                 Trouble::Exit => {
                     eprintln!("fake: the licence has expired");
@@ -140,6 +145,19 @@ impl Participant for Fake {
     }
 }
 
+/// Three by three nodes across the square, in the place of the scene's, and written for the coupler.
+fn coarsen(canopy: &mut mesh::StructureMesh, folder: &Path) -> Result<(), String> {
+    let nodes = &canopy.coords[..canopy.n_canopy];
+    let most = |i: usize| nodes.iter().fold(0.0f64, |m, x| m.max(x[i].abs()));
+    let (half, level) = ([most(0), most(1)], nodes[0][2]);
+    let at = |k: usize, i: usize| half[i] * (k as f64 - 1.0);
+    canopy.coords = (0..9).map(|n| [at(n % 3, 0), at(n / 3, 1), level]).collect();
+    canopy.n_canopy = 9;
+    canopy.faces = [0u32, 1, 3, 4].map(|n| [n, n + 1, n + 4, n + 3]).to_vec();
+    let text = serde_json::json!({ "nodes": canopy.coords, "faces": canopy.faces }).to_string();
+    std::fs::write(folder.join("structure-surface.json"), text).map_err(|e| e.to_string())
+}
+
 fn serve_fake(words: &[String]) -> Result<(), String> {
     let value = |key: &str| {
         let at = words.iter().position(|w| w == key).ok_or(format!("no {key}"))?;
@@ -152,13 +170,19 @@ fn serve_fake(words: &[String]) -> Result<(), String> {
         Ok("kill") => Trouble::Kill,
         Ok("hang") => Trouble::Hang,
         Ok("nan") => Trouble::Nan,
+        Ok("coarse") => Trouble::Coarse,
         _ => Trouble::None,
     };
     if value("--trouble").as_deref() == Ok("start") {
         return Err("the grid file is damaged".into());
     }
     let scene = case::load(Path::new(&value("--scene")?)).map_err(|e| e.to_string())?;
-    let canopy = mesh::structure_mesh(&scene).map_err(|e| e.to_string())?;
+    let mut canopy = mesh::structure_mesh(&scene).map_err(|e| e.to_string())?;
+    if trouble == Trouble::Coarse {
+        let stage: usize = value("--stage")?.parse().map_err(|e| format!("{e}"))?;
+        let folder = case::stage_folder(Path::new(&value("--out")?), &scene, stage);
+        coarsen(&mut canopy, &folder)?;
+    }
     let width = [3, LOAD_WIDTH, 6][role as usize];
     let n = canopy.n_canopy.max(canopy.faces.len()) * width;
     let n = if role == Role::Flow { n } else { canopy.n_canopy * width };
@@ -278,6 +302,28 @@ fn complete_and_repeatable() {
     let (code, text, _) = a.fly(None, &["--stage", "descent"]);
     require(code == 0, "the last stage alone", &text);
     assert_eq!(a.history("descent"), whole);
+}
+
+/// A structure of nine nodes in the place of one on the scene's canopy: all motion is uniform here, so the
+/// histories are the same.
+fn a_structure_with_a_surface_of_its_own() {
+    let (plain, own) = (Flight::new(), Flight::new());
+    let (code, text, _) = plain.fly(None, &[]);
+    require(code == 0, "a complete run", &text);
+    let (code, text, _) = own.fly(Some((Role::Structure, "coarse")), &[]);
+    require(code == 0, "a complete run", &text);
+    require(text.contains("9 nodes and 4 faces beside the canopy's"), "the coupler tells of it", &text);
+    require(text.contains("windows keep their length"), "fakes do not start a window again", &text);
+    let (a, b) = (plain.history("descent"), own.history("descent"));
+    let names: Vec<&str> = a.lines().next().expect("names").split(',').collect();
+    for name in ["descent_speed_m_s", "drag_n", "interface_work_j"] {
+        let at = names.iter().position(|n| *n == name).expect("a column");
+        for (a, b) in a.lines().zip(b.lines()).skip(1) {
+            let value = |l: &str| l.split(',').nth(at).expect("a cell").parse::<f64>().expect("a number");
+            let (a, b) = (value(a), value(b));
+            assert!((a - b).abs() <= 1e-6 * a.abs().max(1e-3), "{name}: {a} {b}");
+        }
+    }
 }
 
 fn each_failure_names_its_culprit() {
@@ -407,8 +453,9 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let before = memory();
-    let tests: [(&str, fn()); 7] = [
+    let tests: [(&str, fn()); 8] = [
         ("complete_and_repeatable", complete_and_repeatable),
+        ("a_structure_with_a_surface_of_its_own", a_structure_with_a_surface_of_its_own),
         ("each_failure_names_its_culprit", each_failure_names_its_culprit),
         ("a_program_that_fails_at_its_start_is_quoted", a_program_that_fails_at_its_start_is_quoted),
         ("a_hanging_program_ends_by_its_deadline", a_hanging_program_ends_by_its_deadline),

@@ -9,7 +9,7 @@ use crate::hub::{Hub, OnWait};
 use crate::hub_options::{Arrivals, HubOptions, Interface, RoleOptions};
 use crate::session::Watch;
 use crate::wire::{Hello, Welcome, decode_rows, to_json};
-use crate::{Abort, CONTRACT_VERSION, HubError, Who, Window};
+use crate::{Abort, CONTRACT_VERSION, HubError, OWN_SURFACE, Who, Window};
 
 /// Rows that may be missing without a doubt about the total.
 const SOME: u64 = 1 << 20;
@@ -123,12 +123,13 @@ impl Hub {
         };
         let all: Vec<(Who, Hello)> = Role::ALL.into_iter().flat_map(hellos).collect();
         self.interface = check(&self.options, &all)?;
-        let Interface { nodes, faces, .. } = self.interface;
         for program in &mut self.programs {
             let unit = Unit::of_input(program.role);
+            // The same for all but a structure with a surface of its own.
+            let said = program.ranks[0].hello.as_ref().map(|h| &h.announcement);
             let rows = match unit {
-                Unit::LoadPair => faces,
-                Unit::Displacement => nodes,
+                Unit::LoadPair => said.map_or(0, |a| a.canopy_faces),
+                Unit::Displacement => said.map_or(0, |a| a.canopy_nodes),
                 _ => 0,
             };
             program.input_length = rows as usize * unit.width();
@@ -165,7 +166,9 @@ impl Hub {
         for p in 0..self.programs.len() {
             let role = self.programs[p].role;
             let total = match role {
-                Role::Structure => self.interface.nodes,
+                Role::Structure => {
+                    self.programs[p].ranks[0].hello.as_ref().map_or(0, |h| h.announcement.canopy_nodes)
+                }
                 Role::Flow => self.interface.faces,
                 Role::Mesh => {
                     self.programs[p].ranks[0].hello.as_ref().map_or(0, |h| h.announcement.grid_nodes)
@@ -246,9 +249,23 @@ fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, Str
     }
     let mut known = options.interface.map(|i| ("the coupler (from the scene)".to_string(), i));
     let mut grid: Option<(Who, u64)> = None;
+    let mut own: Option<(Who, Interface)> = None;
     for (who, hello) in hellos {
         let a = &hello.announcement;
         let here = Interface { nodes: a.canopy_nodes, faces: a.canopy_faces, surface_hash: a.surface_hash };
+        if who.role == Role::Structure && a.effects.iter().any(|e| e == OWN_SURFACE) {
+            match &own {
+                Some((other, expected)) if *expected != here => {
+                    return Err(format!(
+                        "the structure's own surfaces differ: {other} has {}, {who} has {}",
+                        canopy(expected),
+                        canopy(&here)
+                    ));
+                }
+                _ => own = Some((*who, here)),
+            }
+            continue;
+        }
         match &known {
             Some((other, expected)) if *expected != here => {
                 return Err(format!(

@@ -44,6 +44,10 @@ pub trait Participant {
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault>;
 }
 
+/// Effect that a structure announces whose surface is not the scene's canopy: nodes, faces and hash that it announces
+/// are then its own, and it has written the surface by then (docs/contract.md).
+pub const OWN_SURFACE: &str = "surface.own";
+
 /// What a rank announces: the coupler refuses a mismatch by name.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Announcement {

@@ -1,0 +1,334 @@
+//! Motion and loads between the canopy of the scene and the surface of a structure that has its own.
+//!
+//! A point $c$ of the canopy lies over the nearest triangle of the structure's surface, at the
+//! barycentric coordinates $w_i$ and the height $h$ along its unit normal $n$, both measured on the unstressed
+//! shapes. It moves with it,
+//!
+//! $$ c = \sum_i w_i x_i + h\,n(x), $$
+//!
+//! which is linear interpolation on the surface and exact for rigid motion off it. Forces go the other way by
+//! the transpose of its derivative: equal work for every motion of the structure, so equal sums of forces
+//! and moments. Nodal forces become loads on the structure's faces, for that is what the contract carries: each face
+//! takes its share by area, and the least change linear in space restores the moments.
+
+mod own_surface;
+
+use channel::LOAD_WIDTH;
+use mesh::Vec3;
+use serde::{Deserialize, Serialize};
+
+pub use own_surface::{OwnSurface, surface_file};
+
+/// A surface: unstressed positions of its nodes, m, and its faces, a triangle repeating its last node.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Surface {
+    /// Unstressed positions, m.
+    pub nodes: Vec<Vec3>,
+    /// Nodes of the faces.
+    pub faces: Vec<[u32; 4]>,
+    /// Displacement of the nodes when the stage begins, `[nodes][3]`, m; empty: none.
+    #[serde(default)]
+    pub displacement: Vec<f64>,
+}
+
+/// Why two surfaces do not fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TransferError {
+    /// No face with an area.
+    #[error("the surface of the structure has no face with an area")]
+    Empty,
+    /// A face names a node that is not there.
+    #[error("face {face} of the structure's surface names node {node} of {nodes}")]
+    Node {
+        /// Face.
+        face: usize,
+        /// Node that it names.
+        node: u32,
+        /// Nodes that there are.
+        nodes: usize,
+    },
+    /// A canopy node that no face is near.
+    #[error(
+        "canopy node {node} is {distance:.3} m from the structure's surface, whose longest edge is {edge:.3} m: \
+         it is another canopy"
+    )]
+    Far {
+        /// Canopy node.
+        node: usize,
+        /// Distance, m.
+        distance: f64,
+        /// Longest edge, m.
+        edge: f64,
+    },
+}
+
+/// Where a canopy node hangs.
+#[derive(Clone, Copy, Debug)]
+struct Foot {
+    corners: [u32; 3],
+    weights: Vec3,
+    height: f64,
+}
+
+/// The way between a canopy and another surface of the same shape.
+#[derive(Clone, Debug)]
+pub struct Transfer {
+    canopy: Surface,
+    own: Surface,
+    feet: Vec<Foot>,
+}
+
+impl Transfer {
+    /// Between the scene's canopy and the structure's own surface.
+    ///
+    /// # Errors
+    /// A surface that is none, or lies elsewhere.
+    pub fn new(canopy: Surface, own: Surface) -> Result<Self, TransferError> {
+        let nodes = own.nodes.len();
+        for (face, corners) in own.faces.iter().enumerate() {
+            if let Some(&node) = corners.iter().find(|&&n| n as usize >= nodes) {
+                return Err(TransferError::Node { face, node, nodes });
+            }
+        }
+        let triangles: Vec<[u32; 3]> = own.faces.iter().flat_map(triangles_of).collect();
+        let solid = |t: &&[u32; 3]| norm(normal(t.map(|n| own.nodes[n as usize]))) > 0.0;
+        let triangles: Vec<[u32; 3]> = triangles.iter().filter(solid).copied().collect();
+        if triangles.is_empty() {
+            return Err(TransferError::Empty);
+        }
+        let sides = triangles.iter().flat_map(|t| (0..3).map(move |i| (t[i], t[(i + 1) % 3])));
+        let edge = sides
+            .map(|(a, b)| norm(sub(own.nodes[a as usize], own.nodes[b as usize])))
+            .fold(0.0f64, f64::max);
+        let mut feet = Vec::with_capacity(canopy.nodes.len());
+        for (node, &c) in canopy.nodes.iter().enumerate() {
+            let found = triangles.iter().map(|&t| (t, nearest(c, t.map(|n| own.nodes[n as usize]))));
+            // Never empty: there are triangles.
+            let best = found.min_by(|a, b| a.1.1.total_cmp(&b.1.1)).ok_or(TransferError::Empty)?;
+            let (corners, (weights, distance)) = best;
+            if distance > edge {
+                return Err(TransferError::Far { node, distance, edge });
+            }
+            let x = corners.map(|n| own.nodes[n as usize]);
+            let unit = normal(x);
+            let height = dot(sub(c, blend(weights, x)), unit) / norm(unit);
+            feet.push(Foot { corners, weights, height });
+        }
+        Ok(Self { canopy, own, feet })
+    }
+
+    /// Nodes and faces of the structure's surface.
+    pub fn own_sizes(&self) -> [usize; 2] {
+        [self.own.nodes.len(), self.own.faces.len()]
+    }
+
+    /// Displacement of the canopy `[nodes][3]` under that of the structure's surface, m.
+    pub fn motion(&self, own: &[f64], canopy: &mut [f64]) {
+        let x = moved(&self.own, own);
+        for ((foot, c), d) in self.feet.iter().zip(&self.canopy.nodes).zip(canopy.chunks_exact_mut(3)) {
+            let corners = foot.corners.map(|n| x[n as usize]);
+            let unit = normal(corners);
+            let (at, size) = (blend(foot.weights, corners), norm(unit).max(f64::MIN_POSITIVE));
+            (0..3).for_each(|i| d[i] = at[i] + foot.height * unit[i] / size - c[i]);
+        }
+    }
+
+    /// Load on the structure's faces `[faces][LOAD_WIDTH]` (Pa) in the place of that on the canopy's, both at these
+    /// displacements: pressures push along area vectors, tractions act on areas. Sums of forces and moments
+    /// are the same to round-off.
+    pub fn load(&self, own: &[f64], canopy: &[f64], from: &[f64], to: &mut [f64]) {
+        let (x, c) = (moved(&self.own, own), moved(&self.canopy, canopy));
+        let mut forces = vec![[0.0; 3]; x.len()];
+        for (face, load) in self.canopy.faces.iter().zip(from.chunks_exact(LOAD_WIDTH)) {
+            let (corners, area) = (distinct(face), area_vector(face, &c));
+            let size = norm(area);
+            let share = 1.0 / corners.len() as f64;
+            let force: Vec3 = std::array::from_fn(|i| share * (load[0] * area[i] + load[1 + i] * size));
+            for &node in corners {
+                self.push(&self.feet[node as usize], &x, force, &mut forces);
+            }
+        }
+        let on_faces = self.gathered(&x, &forces);
+        for ((face, force), load) in self.own.faces.iter().zip(&on_faces).zip(to.chunks_exact_mut(LOAD_WIDTH))
+        {
+            let area = area_vector(face, &x);
+            let size = norm(area);
+            if size == 0.0 {
+                load.fill(0.0);
+                continue;
+            }
+            let pressure = dot(*force, area) / (size * size);
+            load[0] = pressure;
+            (0..3).for_each(|i| load[1 + i] = (force[i] - pressure * area[i]) / size);
+        }
+    }
+
+    /// Adds the force (N) on a point over `foot` to the nodes that carry it.
+    fn push(&self, foot: &Foot, x: &[Vec3], force: Vec3, forces: &mut [Vec3]) {
+        let at = foot.corners.map(|n| x[n as usize]);
+        let (a, b, n) = (sub(at[1], at[0]), sub(at[2], at[0]), normal(at));
+        let size = norm(n).max(f64::MIN_POSITIVE);
+        let along = dot(force, n) / (size * size);
+        // What turns the normal: h (I - n n) f / |N|.
+        let m: Vec3 = std::array::from_fn(|i| foot.height * (force[i] - along * n[i]) / size);
+        let (first, second) = (cross(b, m), cross(m, a));
+        for i in 0..3 {
+            forces[foot.corners[0] as usize][i] += foot.weights[0] * force[i] - first[i] - second[i];
+            forces[foot.corners[1] as usize][i] += foot.weights[1] * force[i] + first[i];
+            forces[foot.corners[2] as usize][i] += foot.weights[2] * force[i] + second[i];
+        }
+    }
+
+    /// Nodal forces as forces at the middles of the faces, N, with the same sum and moment.
+    fn gathered(&self, x: &[Vec3], forces: &[Vec3]) -> Vec<Vec3> {
+        let sizes: Vec<f64> = self.own.faces.iter().map(|f| norm(area_vector(f, x))).collect();
+        let middles: Vec<Vec3> = self.own.faces.iter().map(|f| middle(f, x)).collect();
+        let mut around = vec![0.0; x.len()];
+        for (face, size) in self.own.faces.iter().zip(&sizes) {
+            distinct(face).iter().for_each(|&n| around[n as usize] += size);
+        }
+        let mut on_faces = vec![[0.0; 3]; sizes.len()];
+        for ((face, size), force) in self.own.faces.iter().zip(&sizes).zip(&mut on_faces) {
+            for &n in distinct(face) {
+                let share = size / around[n as usize].max(f64::MIN_POSITIVE);
+                (0..3).for_each(|i| force[i] += share * forces[n as usize][i]);
+            }
+        }
+        // Twice: the second time takes away the round-off of the first.
+        for _ in 0..2 {
+            restore(x, forces, &sizes, &middles, &mut on_faces);
+        }
+        on_faces
+    }
+}
+
+/// Changes forces at `middles` by the least $A_f (a + b \times (c_f - c_0))$ that gives them the sum and the moment of
+/// `forces` at `x`.
+fn restore(x: &[Vec3], forces: &[Vec3], sizes: &[f64], middles: &[Vec3], on_faces: &mut [Vec3]) {
+    let total: f64 = sizes.iter().sum();
+    if total == 0.0 {
+        return;
+    }
+    let centre: Vec3 =
+        std::array::from_fn(|i| sizes.iter().zip(middles).map(|(s, c)| s * c[i]).sum::<f64>() / total);
+    let (mut sum, mut moment) = ([0.0; 3], [0.0; 3]);
+    let mut tally = |at: &Vec3, force: &Vec3, sign: f64| {
+        let turn = cross(sub(*at, centre), *force);
+        for i in 0..3 {
+            sum[i] += sign * force[i];
+            moment[i] += sign * turn[i];
+        }
+    };
+    x.iter().zip(forces).for_each(|(x, f)| tally(x, f, 1.0));
+    middles.iter().zip(&*on_faces).for_each(|(c, f)| tally(c, f, -1.0));
+    // About their centre sums and moments part: a = sum / area, inertia b = moment.
+    let mut inertia = [[0.0; 3]; 3];
+    for (size, c) in sizes.iter().zip(middles) {
+        let r = sub(*c, centre);
+        let square = dot(r, r);
+        for i in 0..3 {
+            for j in 0..3 {
+                inertia[i][j] += size * (if i == j { square } else { 0.0 } - r[i] * r[j]);
+            }
+        }
+    }
+    let turn = solve(inertia, moment).unwrap_or([0.0; 3]);
+    for ((force, size), c) in on_faces.iter_mut().zip(sizes).zip(middles) {
+        let more = cross(turn, sub(*c, centre));
+        (0..3).for_each(|i| force[i] += size * (sum[i] / total + more[i]));
+    }
+}
+
+/// Cramer's rule; `None` for a singular matrix (all middles on a line).
+fn solve(m: [Vec3; 3], r: Vec3) -> Option<Vec3> {
+    let column = |k: usize| [m[0][k], m[1][k], m[2][k]];
+    let (a, b, c) = (column(0), column(1), column(2));
+    let whole = dot(a, cross(b, c));
+    let scale = norm(a) * norm(b) * norm(c);
+    (whole.abs() > 1e-14 * scale)
+        .then(|| [dot(r, cross(b, c)) / whole, dot(a, cross(r, c)) / whole, dot(a, cross(b, r)) / whole])
+}
+
+/// Weights of the corners at the point of a triangle that is nearest to `p`, and its distance
+/// (Ericson 2005, section 5.1.5).
+fn nearest(p: Vec3, [a, b, c]: [Vec3; 3]) -> (Vec3, f64) {
+    let (ab, ac, ap) = (sub(b, a), sub(c, a), sub(p, a));
+    let (d1, d2) = (dot(ab, ap), dot(ac, ap));
+    let (bp, cp) = (sub(p, b), sub(p, c));
+    let (d3, d4, d5, d6) = (dot(ab, bp), dot(ac, bp), dot(ab, cp), dot(ac, cp));
+    let (va, vb, vc) = (d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2);
+    let weights = if d1 <= 0.0 && d2 <= 0.0 {
+        [1.0, 0.0, 0.0]
+    } else if d3 >= 0.0 && d4 <= d3 {
+        [0.0, 1.0, 0.0]
+    } else if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let t = d1 / (d1 - d3);
+        [1.0 - t, t, 0.0]
+    } else if d6 >= 0.0 && d5 <= d6 {
+        [0.0, 0.0, 1.0]
+    } else if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let t = d2 / (d2 - d6);
+        [1.0 - t, 0.0, t]
+    } else if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let t = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        [0.0, 1.0 - t, t]
+    } else {
+        let all = va + vb + vc;
+        [va / all, vb / all, vc / all]
+    };
+    (weights, norm(sub(p, blend(weights, [a, b, c]))))
+}
+
+fn triangles_of(face: &[u32; 4]) -> impl Iterator<Item = [u32; 3]> + use<> {
+    let [a, b, c, d] = *face;
+    [Some([a, b, c]), (c != d).then_some([a, c, d])].into_iter().flatten()
+}
+
+fn distinct(face: &[u32; 4]) -> &[u32] {
+    if face[2] == face[3] { &face[..3] } else { face }
+}
+
+fn moved(surface: &Surface, displacement: &[f64]) -> Vec<Vec3> {
+    let rows = surface.nodes.iter().zip(displacement.chunks_exact(3));
+    rows.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
+}
+
+/// Half the cross product of the diagonals, m2.
+fn area_vector(face: &[u32; 4], x: &[Vec3]) -> Vec3 {
+    let [a, b, c, d] = face.map(|n| x[n as usize]);
+    cross(sub(c, a), sub(d, b)).map(|n| 0.5 * n)
+}
+
+fn middle(face: &[u32; 4], x: &[Vec3]) -> Vec3 {
+    let corners = distinct(face);
+    let sum = |i: usize| corners.iter().map(|&n| x[n as usize][i]).sum::<f64>();
+    std::array::from_fn(|i| sum(i) / corners.len() as f64)
+}
+
+fn normal([a, b, c]: [Vec3; 3]) -> Vec3 {
+    cross(sub(b, a), sub(c, a))
+}
+
+fn blend(w: Vec3, [a, b, c]: [Vec3; 3]) -> Vec3 {
+    std::array::from_fn(|i| w[0] * a[i] + w[1] * b[i] + w[2] * c[i])
+}
+
+fn sub(a: Vec3, b: Vec3) -> Vec3 {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn norm(a: Vec3) -> f64 {
+    dot(a, a).sqrt()
+}
+
+fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[cfg(test)]
+mod tests;
