@@ -215,7 +215,7 @@ type Point = fn(&Battery<'_>) -> Result<Verdict, RunError>;
 /// Points without which the others mean nothing.
 const BASIC: [&str; 2] = ["handshake", "answers"];
 
-const POINTS: [(&str, Point); 10] = [
+const POINTS: [(&str, Point); 11] = [
     ("handshake", |b| b.handshake()),
     ("answers", |b| b.answers()),
     ("repeats", |b| b.repeats()),

@@ -584,7 +584,7 @@ pub struct FlowSolver {
     /// How the implicit system of a pseudo-time step is solved.
     pub method: FlowMethod,
     /// A time step is converged when the unsteady residual has dropped by this factor. Coupling iterations
-    /// that are to agree more closely than a twentieth of it tighten it to 20 times `coupling.tolerance`.
+    /// that are to agree more closely than a tenth of it tighten it to 10 times `coupling.tolerance`.
     pub residual_drop: f64,
     /// Pseudo-time iterations at most for each time step.
     pub max_iterations: u32,
