@@ -1,4 +1,4 @@
-//! Rigid motion, sums of forces and moments, work, order on a sphere.
+//! Rigid motion, sums of forces and moments, orders on a sphere.
 
 use super::*;
 
@@ -79,32 +79,7 @@ fn forces_and_moments_keep_their_sums_on_any_shape() {
     }
 }
 
-/// Forces by the transpose do the work that they did, to first order in the motion.
-#[test]
-fn nodal_forces_do_the_same_work() {
-    let (canopy, own) = (cap(7, false), cap(4, true));
-    let t = Transfer::new(canopy.clone(), own.clone()).unwrap();
-    let rest = vec![0.0; 3 * own.nodes.len()];
-    let wave = |e: f64| {
-        displaced(&own, |x| [x[0] + e * x[1] * x[2], x[1] - e * x[0], x[2] + e * (3.0 * x[0]).sin()])
-    };
-    let foot = t.feet[20];
-    let mut forces = vec![[0.0; 3]; own.nodes.len()];
-    let force = [1.0, -2.0, 0.5];
-    t.push(&foot, &own.nodes, force, &mut forces);
-    let e = 1e-6;
-    let mut ends = [vec![0.0; 3 * canopy.nodes.len()], vec![0.0; 3 * canopy.nodes.len()]];
-    t.motion(&wave(e), &mut ends[1]);
-    t.motion(&wave(-e), &mut ends[0]);
-    let here = (0..3).map(|i| force[i] * (ends[1][60 + i] - ends[0][60 + i])).sum::<f64>();
-    let (after, before) = (wave(e), wave(-e));
-    let there: f64 =
-        forces.as_flattened().iter().zip(after.iter().zip(&before)).map(|(f, (a, b))| f * (a - b)).sum();
-    assert_eq!(rest.len(), after.len());
-    assert!((here / there - 1.0).abs() < 1e-8, "{here} {there}");
-}
-
-/// Largest errors of motion and of pressure between surfaces with `n` and 3 n / 2 faces along a side.
+/// Largest error of motion and mean error of the force per area between surfaces with `n` and 3 n / 2 faces along a side.
 fn errors(n: usize) -> [f64; 2] {
     let (canopy, own) = (cap(3 * n / 2, false), cap(n, true));
     let t = Transfer::new(canopy.clone(), own.clone()).unwrap();
@@ -118,7 +93,10 @@ fn errors(n: usize) -> [f64; 2] {
     let (mut square, mut area) = (0.0, 0.0);
     for ((face, a), b) in own.faces.iter().zip(to.chunks_exact(4)).zip(smooth(&own).chunks_exact(4)) {
         let size = norm(area_vector(face, &own.nodes));
-        square += size * (a[0] - b[0]).powi(2);
+        let unit = area_vector(face, &own.nodes).map(|n| n / size);
+        // Force per area: what of a traction is normal to the face comes as pressure.
+        let apart = |i: usize| (a[0] - b[0]) * unit[i] + a[1 + i] - b[1 + i];
+        square += size * (0..3).map(|i| apart(i).powi(2)).sum::<f64>();
         area += size;
     }
     [motion, (square / area).sqrt()]
@@ -126,11 +104,11 @@ fn errors(n: usize) -> [f64; 2] {
 
 #[test]
 fn motion_is_of_second_order_and_loads_converge() {
-    let (coarse, fine) = (errors(16), errors(32));
+    let (coarse, fine) = (errors(8), errors(16));
     let order: Vec<f64> = coarse.iter().zip(&fine).map(|(a, b)| (a / b).log2()).collect();
-    println!("motion {coarse:.1?} to {fine:.1?}: orders {order:.2?}");
+    println!("motion {coarse:?} to {fine:?}: orders {order:.2?}");
     assert!(order[0] > 1.8, "motion: {coarse:?} {fine:?}");
-    assert!(order[1] > 0.8 && fine[1] < 0.3, "pressure: {coarse:?} {fine:?}");
+    assert!(order[1] > 0.8 && fine[1] < 0.1, "pressure: {coarse:?} {fine:?}");
 }
 
 #[test]
