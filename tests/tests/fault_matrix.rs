@@ -155,11 +155,11 @@ fn try_cell(base: &Base, cell: &Cell, thorough: fn(&Cell) -> bool) -> Result<Dur
         status = run.try_wait().expect("it can be waited for");
         status.is_some()
     });
-    if ended.is_err() {
+    if let Err(late) = ended {
         let left = format!("{:?}", processes_naming(&mark));
         signal(run.id(), libc::SIGKILL);
         let _ = run.wait();
-        return Err(format!("{} {left}\n{}", ended.unwrap_err(), text()));
+        return Err(format!("{late} {left}\n{}", text()));
     }
     let gone = until("processes are left", since, limit, || processes_naming(&mark).is_empty())
         .map_err(|e| format!("{e}: {:?}", processes_naming(&mark)))?;
