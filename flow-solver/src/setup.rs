@@ -31,6 +31,8 @@ pub struct Setup {
     pub source: Option<PathBuf>,
     /// It is one of this stage, to go on from in its middle.
     pub resumed: bool,
+    /// Length of the stage's windows, s.
+    pub window_s: f64,
     /// Tolerances and the undisturbed air.
     pub settings: Settings,
     /// Its velocity in time.
@@ -125,6 +127,7 @@ impl Setup {
         });
         let wind = Wind { steady, ..wind };
         let source = scene.source_state(out, stage, Role::Flow);
+        let window_s = scene.stages.get(stage).map_or(0.0, |s| s.window_s);
         let folder = case::stage_folder(out, &scene, stage);
         Ok(Self {
             structure,
@@ -133,6 +136,7 @@ impl Setup {
             folder,
             source,
             resumed: false,
+            window_s,
             settings,
             wind,
             shear,

@@ -58,8 +58,11 @@ fn a_damaged_or_foreign_state_is_refused() {
         assert!(message.contains(text), "{message}");
     };
     refused("28 and 64", state::load::<4>(&file, &s.topology, (28, 64)));
-    let five = state::load::<5>(&file, &s.topology, totals).err().unwrap();
-    assert!(five.message.contains("4 equations"), "{five}");
+    // A stage with energy equation starts from the undisturbed temperature.
+    let five = state::load::<5>(&file, &s.topology, totals).unwrap();
+    for (five, four) in five.past[0].q.iter().zip(&s.past[0].q) {
+        assert_eq!((&five[..4], five[4]), (&four[..], 0.0));
+    }
     let mut bytes = std::fs::read(&file).unwrap();
     bytes[100] ^= 1;
     std::fs::write(&file, &bytes).unwrap();

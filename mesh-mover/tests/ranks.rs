@@ -50,7 +50,11 @@ fn child(folder: &Path) -> ExitCode {
         let same = comm.all_gather_var(&stats.values);
         assert!(same.chunks(stats.values.len()).all(|v| v == stats.values), "statistics are global");
     }
-    rig.mover.save(&folder.join(comm.size().to_string())).unwrap();
+    // As in a run, the folder is there before any rank saves.
+    let states = folder.join(comm.size().to_string());
+    std::fs::create_dir_all(&states).unwrap();
+    comm.barrier();
+    rig.mover.save(&states).unwrap();
     // A motion that cannot be followed is an error on every rank, not a deadlock.
     let far: Vec<f64> = rig.displacement(1.0).iter().map(|d| d + 3.0).collect();
     rig.advance(&window(WINDOWS, 0), &far).unwrap();

@@ -368,6 +368,6 @@ fn effects_are_told() {
     let scene = write(folder.path(), "scene", &at_rest());
     let costs = ripstop(&["effects", scene.to_str().expect("a path"), "--measure", "--windows", "1"]);
     let row = costs.lines().rev().find(|l| l.trim_start().starts_with("fabric.wrinkling")).expect("a row");
-    let ratio: f64 = row.split_whitespace().nth(1).expect("a ratio").parse().expect("a number");
+    let ratio: f64 = row.split_whitespace().nth(2).expect("a ratio").parse().expect("a number");
     assert!(ratio > 0.0, "{costs}");
 }

@@ -55,7 +55,8 @@ fn fails(mut run: Command) -> (Option<i32>, String) {
 }
 
 fn is_wall(key: &str) -> bool {
-    key.ends_with("wall_s") || key.ends_with("busy_s") || key == "coupler_s" || key == "waiting_s"
+    let of_the_machine = ["coupler_s", "waiting_s", "cpu_s", "peak_memory_bytes"];
+    key.ends_with("wall_s") || key.ends_with("busy_s") || of_the_machine.contains(&key)
 }
 
 /// All that two runs have left is the same but for wall times.
@@ -226,7 +227,8 @@ fn every_scheme_goes_on_as_it_would_have() {
         fly(&parts, &["--stop-after-windows", "4"]);
         succeed(ripstop_run(&scene, &parts, &["--resume", "--keep-going"]));
         let (a, b) = (History::read(&whole, "descent"), History::read(&parts, "descent"));
-        assert_eq!(a.len(), 7, "{scheme}");
+        // Windows that were given back became shorter ones.
+        assert!(a.len() >= 7, "{scheme}: {}", a.len());
         assert_eq!(a.without_wall_times(), b.without_wall_times(), "{scheme}");
     }
 }

@@ -327,21 +327,24 @@ fn alternating(coupling: &Coupling, pairs: u64) -> f64 {
     worst
 }
 
+/// The wall's acceleration, a rate of rates, is of first order where windows alternate, and its error
+/// alternates with them: it averages out where load and motion agree in each window, not where
+/// loads are extrapolated.
 #[test]
-fn windows_that_change_their_length_keep_the_order() {
+fn windows_that_alternate_keep_the_order_of_iterated_schemes() {
     use StaggeredSequence::{FlowFirst, StructureFirst};
     let cases = [
-        implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Mean),
-        implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Linear),
-        staggered(StructureFirst, 1),
-        staggered(FlowFirst, 1),
+        (2.0, implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Mean)),
+        (2.0, implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Linear)),
+        (1.0, staggered(StructureFirst, 1)),
+        (1.0, staggered(FlowFirst, 1)),
     ];
-    for coupling in cases {
+    for (order, coupling) in cases {
         let errors = [60, 120, 240].map(|n| alternating(&coupling, n));
         let seen = (errors[1] / errors[2]).log2();
         let name = (coupling.scheme, coupling.staggered, coupling.load);
         println!("{name:?}, windows of 1 and 2: order {seen:.2}, error {:.1e}", errors[2]);
-        assert!((seen - 2.0).abs() < 0.25, "{name:?}: {seen}, {errors:?}");
+        assert!(seen > order - 0.25, "{name:?}: {seen}, {errors:?}");
     }
 }
 
