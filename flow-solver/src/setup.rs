@@ -44,7 +44,7 @@ pub struct Setup {
 }
 
 /// How far the residual must fall, in units of the coupling tolerance: the flow stops at a tenth of the drop of
-/// what a coupling iteration brought. With 10 the ATPS at 1e-4 takes 4.8 iterations a window, with 20 5.0.
+/// what a coupling iteration brought. With 10 the ATPS at 1e-4 takes 5.2 iterations a window.
 const DROP_OF_TOLERANCE: f64 = 10.0;
 
 /// The drop in repetitions of a step: that of the scene, or less where coupling iterations are to agree more
