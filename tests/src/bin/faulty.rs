@@ -9,6 +9,9 @@ use std::time::Duration;
 use case::Role;
 use channel::{Announcement, Fault, Input, Participant, ProgramArgs, Stats, Window};
 use comm::Comm;
+use flow_solver::setup::Setup;
+use mesh_mover::participant::MeshMover;
+use structure_solver::participant::StructureSolver;
 
 /// Window (from 0) in which the harm is done: the first ones are accepted.
 const WINDOW: u64 = 2;
@@ -181,15 +184,23 @@ fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
         end.map(|_| saboteur.harm.into_inner())
     };
     let end = match role {
-        Role::Structure => {
-            structure_solver::participant::StructureSolver::new(&comm, &scene, args.stage, &args.out)
-                .map_err(|e| e.message)
-                .and_then(|mut p| served(&mut p))
+        Role::Structure => match &args.resume {
+            None => StructureSolver::new(&comm, &scene, args.stage, &args.out),
+            Some(state) => StructureSolver::resumed(&comm, &scene, args.stage, &args.out, state),
         }
-        Role::Mesh => mesh_mover::participant::MeshMover::new(&scene, args.stage, &args.out, &comm)
-            .map_err(|e| e.message)
-            .and_then(|mut p| served(&mut p)),
-        Role::Flow => flow_solver::setup::Setup::new(scene, args.stage, &args.out)
+        .map_err(|e| e.message)
+        .and_then(|mut p| served(&mut p)),
+        Role::Mesh => match &args.resume {
+            None => MeshMover::new(&scene, args.stage, &args.out, &comm),
+            Some(state) => MeshMover::resumed(&scene, args.stage, &args.out, state, &comm),
+        }
+        .map_err(|e| e.message)
+        .and_then(|mut p| served(&mut p)),
+        Role::Flow => Setup::new(scene, args.stage, &args.out)
+            .map(|setup| match &args.resume {
+                None => setup,
+                Some(state) => setup.resume(state),
+            })
             .and_then(|setup| flow_solver::participant(&setup, &comm))
             .map_err(|e| e.message)
             .and_then(|mut p| served(p.as_mut())),
