@@ -14,7 +14,7 @@ use crate::stages::{descent_model, windows};
 /// Whatever `ripstop run` would refuse before it starts a program.
 pub fn report(options: &RunOptions) -> Result<String, RunError> {
     let prepared = prepare(options)?;
-    let Prepared { scene, file, out, interface, first } = &prepared;
+    let Prepared { scene, file, out, interface, first, .. } = &prepared;
     let mut lines = vec![format!("{}: {}", scene.name, scene.title)];
     let sizes = interface.sizes;
     lines.push(format!(

@@ -14,6 +14,7 @@ use crate::error::RunError;
 use crate::launch::Console;
 use crate::recording::stand_in::StandIn;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
+use crate::settings::Setting;
 
 /// Scene that `ripstop run` flies when none is named.
 const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
@@ -117,6 +118,10 @@ struct SceneArgs {
     /// Folder of the results [default: the scene's output.folder, or runs/<scene name>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Another value than the scene's, as often as needed: `--set fabric.poisson_ratio=0.4`,
+    /// `--set stage.descent.duration_s=2`
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<Setting>,
     /// MPI ranks by role, such as `--ranks flow=4,mesh=2`; others as in the scene
     #[arg(long, value_name = "ROLE=N,...", value_delimiter = ',', value_parser = ranks)]
     ranks: Vec<(Role, u32)>,
@@ -248,6 +253,7 @@ impl SceneArgs {
         RunOptions {
             scene: self.scene.unwrap_or_else(|| DEFAULT_SCENE.into()),
             out: self.out,
+            settings: self.set,
             ranks: self.ranks,
             programs: programs.into_iter().filter_map(|(role, p)| Some((role, p?))).collect(),
             mpirun: self.mpirun,
@@ -353,8 +359,11 @@ fn resumable(error: RunError, options: &RunOptions) -> RunError {
     if matches!(error, RunError::Input(_) | RunError::Stuck { .. }) {
         return error;
     }
+    let words: Vec<String> = std::iter::once(options.scene.display().to_string())
+        .chain(options.settings.iter().map(|s| format!("--set '{s}'")))
+        .collect();
     let hint =
-        crate::run::prepare(options).ok().and_then(|p| checkpoint::hint(&p.scene, &options.scene, &p.out));
+        crate::run::prepare(options).ok().and_then(|p| checkpoint::hint(&p.scene, &words.join(" "), &p.out));
     match hint {
         Some(hint) => RunError::Resumable { error: Box::new(error), hint },
         None => error,

@@ -28,6 +28,7 @@ pub mod replay;
 pub mod report;
 pub mod run;
 pub mod schemes;
+pub mod settings;
 pub mod stability;
 pub mod stages;
 pub mod state;

@@ -20,9 +20,13 @@ use crate::recording::compare::Comparison;
 use crate::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
 use crate::replay::copy_states;
 use crate::schemes::InterfaceState;
+use crate::settings::{Setting, changed};
 use crate::stages::{StageContext, StageOptions, initial_state};
 use crate::summary::{RunSummary, StageSummary};
 use crate::{plot, state};
+
+/// Copy of the scene in the folder of results.
+const SCENE: &str = "scene.toml";
 
 /// What a user asks of a run, beside the scene.
 #[derive(Clone, Debug, Default)]
@@ -31,6 +35,8 @@ pub struct RunOptions {
     pub scene: PathBuf,
     /// Folder of the results; the scene's own, or `runs/<name>`, if absent.
     pub out: Option<PathBuf>,
+    /// Values instead of the scene's.
+    pub settings: Vec<Setting>,
     /// Ranks instead of the scene's.
     pub ranks: Vec<(Role, u32)>,
     /// Programs instead of the project's.
@@ -86,8 +92,10 @@ pub struct BaselineOptions {
 pub struct Prepared {
     /// The scene as it will run.
     pub scene: Scene,
-    /// Absolute path of its file.
+    /// Absolute path of its file, which is still to be written where there is a text.
     pub file: PathBuf,
+    /// Text of the scene where the command line has changed its values.
+    pub text: Option<String>,
     /// Absolute folder of the results.
     pub out: PathBuf,
     /// Its canopy.
@@ -101,7 +109,12 @@ pub struct Prepared {
 /// # Errors
 /// [`RunError::Input`] with a message for the user.
 pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
-    let mut scene = case::load(&options.scene).map_err(|e| RunError::Input(e.to_string()))?;
+    let (mut scene, text) = if options.settings.is_empty() {
+        (case::load(&options.scene).map_err(|e| RunError::Input(e.to_string()))?, None)
+    } else {
+        let (scene, text) = changed(&options.scene, &options.settings)?;
+        (scene, Some(text))
+    };
     for (role, ranks) in &options.ranks {
         *scene.ranks.of_mut(*role) = *ranks;
     }
@@ -127,7 +140,9 @@ pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
         .or_else(|| scene.output.folder.clone())
         .unwrap_or_else(|| Path::new("runs").join(&scene.name));
     let absolute = |path: &Path| std::path::absolute(path).map_err(RunError::file("resolve", path));
-    Ok(Prepared { file: absolute(&options.scene)?, out: absolute(&out)?, scene, interface, first })
+    let out = absolute(&out)?;
+    let file = if text.is_some() { out.join(SCENE) } else { absolute(&options.scene)? };
+    Ok(Prepared { file, text, out, scene, interface, first })
 }
 
 /// Runs the stages of a scene; returns what came of it and the folder of the
@@ -140,7 +155,7 @@ pub fn run(
     stop: &AtomicBool,
     console: &Console,
 ) -> Result<(RunSummary, PathBuf), RunError> {
-    let Prepared { scene, file, out, interface, first } = prepare(options)?;
+    let Prepared { scene, file, text, out, interface, first } = prepare(options)?;
     let mut going_on = if options.resume { GoingOn::of(&scene, &file, &out, console)? } else { None };
     if let Some(GoingOn { done, .. }) = &going_on
         && *done
@@ -170,7 +185,10 @@ pub fn run(
     let start = Instant::now();
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
     let _lock = lock(&out)?;
-    keep_scene(&file, &out)?;
+    match &text {
+        Some(text) => fs::write(&file, text).map_err(RunError::file("write", &file))?,
+        None => keep_scene(&file, &out)?,
+    }
     let identity = match &mut going_on {
         Some(g) => g.begin(&scene, &out)?,
         None => {
@@ -560,7 +578,7 @@ fn clear(folder: &Path) -> Result<(), RunError> {
 }
 
 pub(crate) fn keep_scene(file: &Path, out: &Path) -> Result<(), RunError> {
-    let copy = out.join("scene.toml");
+    let copy = out.join(SCENE);
     if copy != file {
         fs::copy(file, &copy).map_err(RunError::file("write", &copy))?;
     }

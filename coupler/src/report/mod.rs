@@ -19,6 +19,7 @@ mod pack;
 mod panels;
 mod shape;
 mod stage;
+mod swings;
 #[cfg(test)]
 mod tests;
 

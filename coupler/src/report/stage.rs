@@ -6,6 +6,7 @@ use super::data::{Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::frames::{Measure, StageFrames};
 use super::panels::{MOTION, SOLVERS, charts};
+use super::swings::{Swings, swings};
 use super::{facts, origin};
 use crate::plot;
 
@@ -38,6 +39,12 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
         found.extend(from_snapshots(&frames.measures, &id));
     }
     let mut blocks = vec![Block::Charts(found), Block::Table(table(stage))];
+    if coupled(described.kind)
+        && let Some(table) = settled(stage)
+    {
+        blocks.push(Block::Text(SETTLED.into()));
+        blocks.push(Block::Table(table));
+    }
     if let Some(bars) = frames.and_then(|f| line_bars(f, &id)) {
         blocks.push(Block::Bars(bars));
     }
@@ -170,20 +177,42 @@ fn line_bars(frames: &StageFrames, id: &str) -> Option<Bars> {
     })
 }
 
+/// Column, name, unit of what a stage comes to.
+const MAIN: [(&str, &str, &str); 8] = [
+    ("descent_speed_m_s", "descent speed", "m/s"),
+    ("drag_n", "drag", "N"),
+    ("cd", "drag coefficient", "1"),
+    ("projected_area_m2", "projected area", "m2"),
+    ("volume_m3", "volume", "m3"),
+    ("riser_force_n", "force in the risers", "N"),
+    ("max_line_tension_n", "largest line tension", "N"),
+    ("structure_strain_energy_j", "elastic energy", "J"),
+];
+
+const SETTLED: &str = "What it settles to. The start is left out as far as the marginal standard error of the rest falls \
+    (half of the stage at most). The period is the peak of the periodogram, if it bears a quarter of the variance. The \
+    interval of 95 % comes from the means of batches of whole periods: four at least, which must not follow one another.";
+
+/// Means with intervals, and periods.
+fn settled(stage: &StageData) -> Option<Table> {
+    let row = |(name, label, unit): (&str, &str, &str)| {
+        let Swings { from, mean, margin, period } = swings(&stage.columns.series(name))?;
+        let (interval, batches) =
+            margin.map_or(("-".into(), "-".into()), |(m, n)| (format!("± {}", digits(m)), n.to_string()));
+        let (period, share) = period
+            .map_or(("-".into(), "-".into()), |(p, share)| (digits(p), format!("{:.0} %", 100.0 * share)));
+        Some(vec![format!("{label}, {unit}"), digits(from), digits(mean), interval, batches, period, share])
+    };
+    let rows: Vec<Vec<String>> = MAIN.into_iter().filter_map(row).collect();
+    let head =
+        ["", "from, s", "mean", "95 % interval", "batches", "main period, s", "its share of the variance"];
+    (!rows.is_empty()).then(|| Table { head: head.map(str::to_owned).to_vec(), rows })
+}
+
 /// Start, end, extremes and late mean of the main columns.
 fn table(stage: &StageData) -> Table {
-    let columns = [
-        ("descent_speed_m_s", "descent speed", "m/s"),
-        ("drag_n", "drag", "N"),
-        ("cd", "drag coefficient", "1"),
-        ("projected_area_m2", "projected area", "m2"),
-        ("volume_m3", "volume", "m3"),
-        ("riser_force_n", "force in the risers", "N"),
-        ("max_line_tension_n", "largest line tension", "N"),
-        ("structure_strain_energy_j", "elastic energy", "J"),
-    ];
     let mut rows = Vec::new();
-    for (name, label, unit) in columns {
+    for (name, label, unit) in MAIN {
         let Some(values) = stage.columns.get(name) else { continue };
         let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         let Some((mean, deviation)) = stage.columns.late(name) else { continue };

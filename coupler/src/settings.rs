@@ -1,0 +1,165 @@
+//! `--set KEY=VALUE`: a scene with some of its values changed on the command line.
+
+use std::path::{Path, PathBuf};
+
+use case::{Canopy, Scene};
+use toml::{Table, Value};
+
+use crate::error::RunError;
+use crate::stability::family::set;
+
+/// A value of the scene that the command line changes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// Dotted key, such as `fabric.poisson_ratio`; `stage.NAME.KEY` in a stage.
+    key: String,
+    /// Its new value.
+    value: Value,
+}
+
+impl std::fmt::Display for Setting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}={}", self.key, self.value)
+    }
+}
+
+impl std::str::FromStr for Setting {
+    type Err = String;
+
+    /// A value is read as in TOML; what is none there is a word: `fabric.wrinkling=false`,
+    /// `coupling.scheme=staggered`, `flow.gravity={...}`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let help = "write KEY=VALUE with a dotted key of the scene, such as fabric.poisson_ratio=0.4 or \
+                    stage.descent.duration_s=2";
+        let (key, value) = text.split_once('=').ok_or(help)?;
+        let (key, value) = (key.trim(), value.trim());
+        if value.is_empty() || key.split('.').any(str::is_empty) {
+            return Err(help.into());
+        }
+        let read = format!("value = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("value"));
+        Ok(Self { key: key.into(), value: read.unwrap_or_else(|| Value::String(value.into())) })
+    }
+}
+
+impl Setting {
+    fn apply(&self, table: &mut Table) -> Result<(), RunError> {
+        let parts: Vec<&str> = self.key.split('.').collect();
+        let wrong = |why: String| RunError::Input(format!("--set {self}: {why}"));
+        match &parts[..] {
+            ["stage", name, path @ .., key] => {
+                let stages = table.get_mut("stage").and_then(Value::as_array_mut);
+                let stages: Vec<&mut Table> =
+                    stages.into_iter().flatten().filter_map(Value::as_table_mut).collect();
+                let names: Vec<String> =
+                    stages.iter().filter_map(|s| Some(s.get("name")?.as_str()?.to_owned())).collect();
+                let stage = stages.into_iter().find(|s| s.get("name").and_then(Value::as_str) == Some(name));
+                let stage = stage.ok_or_else(|| {
+                    wrong(format!("the scene has no stage `{name}`; it has: {}", names.join(", ")))
+                })?;
+                set(stage, path, key, self.value.clone())
+            }
+            ["stage", ..] => Err(wrong("write stage.NAME.KEY with the name of a stage".into())),
+            [path @ .., key] => set(table, path, key, self.value.clone()),
+            [] => Ok(()),
+        }
+        .map_err(|e| match e {
+            RunError::Input(why) if !why.starts_with("--set") => wrong(why),
+            other => other,
+        })
+    }
+}
+
+/// The scene of `file` with `settings`, and its text, in which the paths of files are absolute.
+///
+/// # Errors
+/// [`RunError::Input`]: a scene that was wrong before, or is with the settings.
+pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), RunError> {
+    let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
+    // What is wrong with the file itself is told with its lines.
+    case::load(file).map_err(|e| input(&e))?;
+    let text = std::fs::read_to_string(file).map_err(RunError::file("read", file))?;
+    let mut table: Table = text.parse().map_err(|e| input(&e))?;
+    for setting in settings {
+        setting.apply(&mut table)?;
+    }
+    let all: Vec<String> = settings.iter().map(|s| format!("--set {s}")).collect();
+    let write = |table: &Table| toml::to_string(table).map_err(|e| input(&e));
+    // Files are named relative to the folder of the scene; its name is for messages.
+    let folder = std::path::absolute(file).map_err(RunError::file("resolve", file))?;
+    let own = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = folder.with_file_name(format!("{own} with {}", all.join(" ").replace('/', ":")));
+    let scene = case::parse(&name, &write(&table)?).map_err(|e| input(&e))?;
+    let path = |path: &PathBuf| Value::String(path.to_string_lossy().into_owned());
+    if let Canopy::Gmsh(g) = &scene.canopy {
+        set(&mut table, &["canopy"], "file", path(&g.file))?;
+    }
+    if let Some(g) = scene.flow.as_ref().and_then(|f| f.grid_file.as_ref()) {
+        set(&mut table, &["flow", "grid_file"], "path", path(&g.path))?;
+    }
+    let text = format!("# {} with {}\n\n{}", file.display(), all.join(" "), write(&table)?);
+    Ok((scene, text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn case(name: &str) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases").join(name).join("scene.toml")
+    }
+
+    fn settings(words: &[&str]) -> Vec<Setting> {
+        words.iter().map(|w| w.parse().expect("a setting")).collect()
+    }
+
+    #[test]
+    fn values_of_the_scene_and_of_its_stages_are_changed() {
+        let words = [
+            "fabric.poisson_ratio=0.4",
+            "fabric.wrinkling=false",
+            "coupling.scheme=staggered",
+            "coupling.staggered.predictor=1",
+            "stage.descent.duration_s=2",
+            "canopy.stitched_end = \"top\"",
+        ];
+        let (scene, text) = changed(&case("atps-descent"), &settings(&words)).expect("a scene");
+        assert_eq!(scene.fabric.poisson_ratio, 0.4);
+        assert!(!scene.fabric.wrinkling);
+        assert_eq!(scene.coupling.scheme, case::Scheme::Staggered);
+        assert_eq!(scene.coupling.staggered.predictor, 1);
+        assert_eq!(scene.stages[2].duration_s, 2.0);
+        assert!(matches!(scene.canopy, Canopy::Atps(ref a) if a.stitched_end == case::StitchedEnd::Top));
+        let again = case::parse(Path::new("/x/scene.toml"), &text).expect("its text is a scene");
+        assert_eq!(toml::to_string(&again).expect("text"), toml::to_string(&scene).expect("text"));
+        assert!(text.starts_with("# ") && text.contains("with --set fabric.poisson_ratio=0.4 "), "{text}");
+    }
+
+    #[test]
+    fn files_are_still_found() {
+        let (scene, text) = changed(&case("plate-gmsh"), &settings(&["title=x"])).expect("a scene");
+        let again = case::parse(Path::new("/elsewhere/scene.toml"), &text).expect("its text is a scene");
+        assert_eq!(toml::to_string(&again).expect("text"), toml::to_string(&scene).expect("text"));
+        assert_eq!(again.title, "x");
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_the_setting() {
+        let message =
+            |word: &str| changed(&case("atps-descent"), &settings(&[word])).expect_err("refused").to_string();
+        for (word, part) in [
+            ("fabric.poison_ratio=0.4", "poison_ratio"),
+            ("fabric.poisson_ratio=0.7", "--set fabric.poisson_ratio=0.7"),
+            ("fabric.poisson_ratio.x=0.7", "`poisson_ratio` is no table"),
+            (
+                "stage.landing.duration_s=2",
+                "no stage `landing`; it has: pre-inflation, developed-flow, descent",
+            ),
+            ("stage.duration_s=2", "stage.NAME.KEY"),
+        ] {
+            assert!(message(word).contains(part), "{word}: {}", message(word));
+        }
+        for word in ["fabric", "fabric.=1", "fabric.x=", "=1"] {
+            assert!(word.parse::<Setting>().is_err_and(|e| e.contains("KEY=VALUE")), "{word}");
+        }
+    }
+}
