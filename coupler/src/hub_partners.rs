@@ -522,6 +522,10 @@ impl Partners for HubPartners<'_> {
         missing.map(|r| self.supervisor.name(r)).collect()
     }
 
+    fn used(&self) -> Vec<(Role, Usage)> {
+        self.supervisor.usage()
+    }
+
     fn grid(&self) -> Option<&[f64]> {
         (!self.grid.is_empty()).then_some(&self.grid)
     }

@@ -7,6 +7,7 @@ use case::Role;
 use channel::{Stats, Window};
 
 use crate::error::RunError;
+use crate::launch::Usage;
 
 /// Load of the canopy over a window, each `[faces][LOAD_WIDTH]` (Pa).
 #[derive(Clone, Copy)]
@@ -61,6 +62,11 @@ pub trait Partners {
     /// Programs that do not start a window again with another length; others do. They announce the effect
     /// `coupling.adaptive`.
     fn fixed_windows(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// What the programs have used of the machine so far.
+    fn used(&self) -> Vec<(Role, Usage)> {
         Vec::new()
     }
 

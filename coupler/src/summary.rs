@@ -145,11 +145,13 @@ impl StageSummary {
         }
     }
 
-    /// Takes what the programs have used into account.
+    /// Takes what the programs have used since they were started into account, beside what was used
+    /// before a resumed stage was broken off.
     pub fn used(&mut self, used: &[(Role, Usage)]) {
         for (role, usage) in used {
             self.cpu_s[*role as usize] += usage.cpu_s;
-            self.peak_memory_bytes[*role as usize] += usage.peak_bytes;
+            let peak = &mut self.peak_memory_bytes[*role as usize];
+            *peak = usage.peak_bytes.max(*peak);
         }
     }
 

@@ -150,17 +150,27 @@ fn gaps_are_shown_and_an_interrupted_study_goes_on() {
         members.unwrap_or_default().iter().filter(|m| m.path().join("result.json").exists()).count()
     };
     let start = Instant::now();
-    while results() == 0 && start.elapsed() < Duration::from_secs(120) {
-        std::thread::sleep(Duration::from_millis(20));
+    // Members that are under way: their runs, by what names them for `--resume`.
+    let under_way = || {
+        let members = std::fs::read_dir(out.join("members")).map(|d| d.flatten().collect::<Vec<_>>());
+        let members = members.unwrap_or_default().into_iter().map(|m| m.path());
+        let open = members.filter(|m| !m.join("result.json").exists()).map(|m| m.join("run/resume.json"));
+        open.filter_map(|f| Some((f.clone(), std::fs::read(f).ok()?))).collect::<Vec<_>>()
+    };
+    while (results() == 0 || under_way().is_empty()) && start.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(5));
     }
     // SAFETY: a signal to a child that has not been waited for.
     unsafe { libc::kill(first.id() as i32, libc::SIGTERM) };
     assert_eq!(first.wait().expect("it ends").code(), Some(130));
-    let before = results();
-    assert!(before >= 1);
+    let (before, open) = (results(), under_way());
+    assert!(before >= 1 && open.len() == 1, "{before} {open:?}");
     let second = succeed(accuracy(&file, &out, &options));
     let (words, told) = text(&second);
     assert!((words.clone() + &told).contains("runs are there already"), "{words}{told}");
+    for (file, run) in open {
+        assert_eq!(std::fs::read(&file).expect("a run"), run, "{} was begun anew", file.display());
+    }
     assert!(words.contains("gap: `mesh.min_quality 0.9`"), "{words}");
     let page = std::fs::read_to_string(out.join("accuracy.html")).expect("a page");
     assert!(page.contains("class=\"gap\""));

@@ -16,6 +16,8 @@ use crate::launch::{Console, program_folder};
 use crate::progress::clock;
 
 const RESULT: &str = "result.json";
+/// Which programs fly a member, in the folder of its run.
+const FLOWN_BY: &str = "programs.txt";
 
 /// What is kept of a member beside the files of its run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -195,7 +197,7 @@ fn one(member: &Member, flight: &Flight, before: Record, stop: &AtomicBool) -> R
     std::fs::write(&scene, &member.text).map_err(RunError::file("write", &scene))?;
     let run_folder = run_folder(&flight.out, member);
     let mut record = before;
-    record.failure = run(&scene, &run_folder, flight.limit_s, stop)?;
+    record.failure = run(&scene, &run_folder, &record.build, flight.limit_s, stop)?;
     let sizes = CanopyInterface::new(&member.scene).map(|i| Sizes {
         elements: (i.sizes.triangles + i.sizes.cables) as f64,
         nodes: i.sizes.nodes as f64,
@@ -236,16 +238,32 @@ fn prune(out: &Path, scene: &case::Scene) {
     }
 }
 
+/// Whether a run of these programs was broken off in `out`, and can be gone on with.
+fn broken_off(out: &Path, build: &str) -> bool {
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap_or_default();
+    let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap_or_default();
+    // Beside an interruption only a run that was killed with all its programs has no word on its end.
+    let how = summary["ended"].as_str().unwrap_or("interrupted");
+    out.join("resume.json").exists() && how.starts_with("interrupted") && read(FLOWN_BY) == build
+}
+
 /// Runs a member to its end; why it failed, if it did.
 fn run(
     scene: &Path,
     out: &Path,
+    build: &str,
     limit_s: Option<f64>,
     stop: &AtomicBool,
 ) -> Result<Option<String>, RunError> {
     let program = std::env::current_exe().map_err(RunError::file("find", "ripstop"))?;
-    if out.exists() {
-        std::fs::remove_dir_all(out).map_err(RunError::file("clear", out))?;
+    let goes_on = broken_off(out, build);
+    if !goes_on {
+        if out.exists() {
+            std::fs::remove_dir_all(out).map_err(RunError::file("clear", out))?;
+        }
+        std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
+        let by = out.join(FLOWN_BY);
+        std::fs::write(&by, build).map_err(RunError::file("write", &by))?;
     }
     let log = scene.with_file_name("errors.txt");
     let file = std::fs::File::create(&log).map_err(RunError::file("create", &log))?;
@@ -256,6 +274,7 @@ fn run(
         .arg("--out")
         .arg(out)
         .arg("--quiet")
+        .args(goes_on.then_some("--resume"))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(file)

@@ -9,7 +9,7 @@ use super::compare::Comparison;
 use super::recorder::load_rows;
 use super::{Event, Reader};
 use crate::error::{Place, RunError};
-use crate::launch::Console;
+use crate::launch::{Console, Usage};
 use crate::partners::{Answer, LoadOverWindow, Partners};
 
 /// Asks `partners`, and compares with what the recording says.
@@ -134,6 +134,10 @@ impl<P: Partners> Partners for Baseline<'_, P> {
 
     fn cannot_resume(&self) -> Vec<String> {
         self.partners.cannot_resume()
+    }
+
+    fn used(&self) -> Vec<(Role, Usage)> {
+        self.partners.used()
     }
 
     fn grid(&self) -> Option<&[f64]> {

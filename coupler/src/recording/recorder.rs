@@ -8,6 +8,7 @@ use channel::Window;
 
 use super::{Event, Moment, RecordingError, Writer};
 use crate::error::RunError;
+use crate::launch::Usage;
 use crate::partners::{Answer, LoadOverWindow, Partners};
 
 /// Asks `partners`, and writes down what was asked and answered.
@@ -120,6 +121,10 @@ impl<P: Partners> Partners for Recorder<P> {
 
     fn cannot_resume(&self) -> Vec<String> {
         self.partners.cannot_resume()
+    }
+
+    fn used(&self) -> Vec<(Role, Usage)> {
+        self.partners.used()
     }
 
     fn grid(&self) -> Option<&[f64]> {

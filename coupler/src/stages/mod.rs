@@ -347,13 +347,15 @@ impl StageContext<'_> {
         let written = (|| {
             partners.save(&draft)?;
             crate::state::save(&draft, stepper.state())?;
+            let mut so_far = summary.clone();
+            so_far.used(&partners.used());
             let progress = checkpoint::Progress {
                 windows,
                 time_s,
                 stepper: stepper.memory(),
                 clock: crate::schemes::pack(clock),
                 books,
-                summary: summary.clone(),
+                summary: so_far,
                 speeds: summary.speeds.clone(),
                 warnings: self.console.warnings(),
             };
