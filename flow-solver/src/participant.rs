@@ -4,7 +4,9 @@ use std::path::Path;
 use std::time::Instant as Clock;
 
 use case::{Role, Turbulence};
-use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
+use channel::{
+    Announcement, Fault, Input, KeptError, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash,
+};
 use comm::Comm;
 
 use crate::error::FlowError;
@@ -146,10 +148,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
         let mut monitors = Monitors::new(setup, &solver)?;
         let mut snapshots = Snapshots::default();
         if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent()).filter(|_| setup.resumed) {
-            match Memory::load(comm, folder) {
+            match Memory::load(comm, folder, solver.shape())? {
                 Some(mut memory) => {
                     monitors.recall(std::mem::take(&mut memory.probes));
-                    solver.recall(memory);
+                    let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
+                    let unfit = |reason: String| Fault::new(KeptError::unfit(&file, &reason));
+                    solver.recall(memory).map_err(unfit)?;
                 }
                 None if comm.is_root() => {
                     println!(

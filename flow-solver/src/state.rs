@@ -24,7 +24,7 @@ pub struct Extras {
 
 /// Two instants in global order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Saved {
+pub struct Saved {
     magic: u64,
     version: u32,
     equations: u32,
@@ -39,6 +39,37 @@ struct Saved {
     /// What pressure added to the mean momentum through each face `[faces][2]`, kg/(m2 s).
     ties: Vec<f64>,
     extras: Extras,
+}
+
+impl Saved {
+    /// Whether it is of a grid with `totals` cells and nodes, and of numbers only.
+    fn check(&self, totals: (usize, usize)) -> Result<(), String> {
+        if (self.cells, self.nodes) != (totals.0 as u64, totals.1 as u64) {
+            let found = format!("{} cells and {} nodes", self.cells, self.nodes);
+            return Err(format!("has {found}, this stage's grid {} and {}", totals.0, totals.1));
+        }
+        let equations = self.equations as usize;
+        if !(4..=5).contains(&equations) || self.q.iter().any(|q| q.len() != equations * totals.0) {
+            return Err(format!("has {equations} equations and {} unknowns", self.q[0].len()));
+        }
+        let eddies = self.extras.turbulence.iter().flatten();
+        if self.x.iter().any(|x| x.len() != 3 * totals.1) || eddies.clone().any(|t| t.len() != totals.0) {
+            return Err("has vectors that are too short or too long".into());
+        }
+        let single = [self.last_dt, self.extras.height.unwrap_or_default()];
+        let vectors = self.q.iter().chain(&self.x).chain([&self.ties]).chain(eddies).flatten();
+        if !vectors.chain(&single).all(|x| x.is_finite()) {
+            return Err("holds values that are not finite".into());
+        }
+        if self.ties.iter().any(|x| x.abs() > f64::from(f32::MAX)) {
+            return Err("holds flows that no face bears".into());
+        }
+        // A step of second order needs one before it.
+        if self.last_dt < 0.0 || (self.last_dt == 0.0 && self.first_order_steps == 0) {
+            return Err(format!("has a last step of {} s", self.last_dt));
+        }
+        Ok(())
+    }
 }
 
 /// FNV-1a.
@@ -137,15 +168,13 @@ fn unknowns<const N: usize>(saved: &[f64]) -> [f64; N] {
     std::array::from_fn(|v| saved.get(v).copied().unwrap_or(0.0))
 }
 
-/// Reads this rank's part of a saved state, of a stage with or without energy equation.
+/// Reads a whole saved state of a grid with `totals` cells and nodes, of a stage with or without
+/// energy equation.
 ///
 /// # Errors
-/// A file that is missing, damaged, of another version or of another grid.
-pub fn load<const N: usize>(
-    file: &Path,
-    topology: &Topology,
-    totals: (usize, usize),
-) -> Result<Restored<N>, Fault> {
+/// A file that is missing, damaged, of another version or of another grid, or holds what is no
+/// number.
+pub fn read(file: &Path, totals: (usize, usize)) -> Result<Saved, Fault> {
     let fail = |what: &dyn std::fmt::Display| {
         Fault::new(format!("flow state {}: {what}; run the stage that writes it again", file.display()))
     };
@@ -161,18 +190,32 @@ pub fn load<const N: usize>(
     if magic != MAGIC || version != VERSION {
         return Err(fail(&format!("is of version {version}, this program reads {VERSION}")));
     }
-    let (saved, _): (Saved, usize) = bincode::serde::decode_from_slice(body, config).map_err(|e| fail(&e))?;
+    let (saved, used): (Saved, usize) =
+        bincode::serde::decode_from_slice(body, config).map_err(|e| fail(&e))?;
+    if used != body.len() {
+        return Err(fail(&"is longer than its content"));
+    }
+    saved.check(totals).map_err(|what| fail(&what))?;
+    Ok(saved)
+}
+
+/// Reads this rank's part of a saved state, of a stage with or without energy equation.
+///
+/// # Errors
+/// As for [`read`], and a file with fewer faces than the grid.
+pub fn load<const N: usize>(
+    file: &Path,
+    topology: &Topology,
+    totals: (usize, usize),
+) -> Result<Restored<N>, Fault> {
+    let saved = read(file, totals)?;
     let equations = saved.equations as usize;
-    if !(4..=5).contains(&equations) || saved.q.iter().any(|q| q.len() != equations * saved.cells as usize) {
-        return Err(fail(&format!("has {equations} equations and {} unknowns", saved.q[0].len())));
-    }
-    if (saved.cells as usize, saved.nodes as usize) != totals {
-        let found = format!("{} cells and {} nodes", saved.cells, saved.nodes);
-        return Err(fail(&format!("has {found}, this stage's grid {} and {}", totals.0, totals.1)));
-    }
     let faces = topology.face_global.iter().map(|&f| 2 * f as usize);
     if faces.clone().max().is_some_and(|f| f + 1 >= saved.ties.len()) {
-        return Err(fail(&"has fewer faces than this stage's grid"));
+        return Err(Fault::new(format!(
+            "flow state {}: has fewer faces than this stage's grid; run the stage that writes it again",
+            file.display()
+        )));
     }
     let ties = faces.map(|f| [saved.ties[f] as f32, saved.ties[f + 1] as f32]).collect();
     let row = |g: u64, k: usize| unknowns(&saved.q[k][g as usize * equations..][..equations]);

@@ -127,13 +127,17 @@ impl Mover for Elastic {
         MoverMemory { singles, doubles, numbers: s.glance.memory().to_vec() }
     }
 
-    fn recall(&mut self, memory: MoverMemory) {
-        if let Some(s) = &mut self.system {
-            s.warm.recall(memory.singles, memory.doubles);
-            if let [gain, looks] = memory.numbers[..] {
-                s.glance.recall([gain, looks]);
-            }
+    fn recall(&mut self, memory: MoverMemory) -> Result<(), String> {
+        let Some(s) = &mut self.system else { return Ok(()) };
+        let [gain, looks] = memory.numbers[..] else {
+            return Err("its estimate of errors is not there".into());
+        };
+        if memory.doubles.iter().any(|motion| motion.len() != s.missing.len()) {
+            return Err("its motions are of another canopy".into());
         }
+        s.warm.recall(memory.singles, memory.doubles)?;
+        s.glance.recall([gain, looks]);
+        Ok(())
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {

@@ -96,10 +96,14 @@ impl Mover for Laplacian {
         MoverMemory { doubles, ..MoverMemory::default() }
     }
 
-    fn recall(&mut self, memory: MoverMemory) {
-        if let Some(s) = &mut self.system {
-            s.last.iter_mut().zip(memory.doubles).for_each(|(last, known)| *last = known);
+    fn recall(&mut self, memory: MoverMemory) -> Result<(), String> {
+        let Some(s) = &mut self.system else { return Ok(()) };
+        let fits = |(last, known): (&Vec<f64>, &Vec<f64>)| last.len() == known.len();
+        if memory.doubles.len() != s.last.len() || !s.last.iter().zip(&memory.doubles).all(fits) {
+            return Err("its last solutions are of another grid".into());
         }
+        s.last.iter_mut().zip(memory.doubles).for_each(|(last, known)| *last = known);
+        Ok(())
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use case::Role;
-use channel::KeptError;
+use channel::{Fault, KeptError};
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
@@ -52,10 +52,51 @@ pub fn save(memory: &MotionMemory, comm: &Comm, folder: &Path) -> Result<(), Kep
     channel::keep(&file, MAGIC, VERSION, memory).map(|_| ())
 }
 
-/// What [`save`] wrote; `None` where another number of ranks, or another version of this program, has
-/// written it. Collective.
-pub fn load(comm: &Comm, folder: &Path) -> Option<MotionMemory> {
+/// Reads what [`save`] wrote; `None` where there is none.
+///
+/// # Errors
+/// A file that is damaged, or holds what is no number.
+pub fn read(file: &Path) -> Result<Option<MotionMemory>, KeptError> {
+    channel::remembered(file, MAGIC, VERSION, MotionMemory::check)
+}
+
+/// What [`save`] wrote; `None` where another number of ranks has written it. Collective.
+///
+/// # Errors
+/// On every rank: a file of one of them that cannot be used.
+pub fn load(comm: &Comm, folder: &Path) -> Result<Option<MotionMemory>, Fault> {
     let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
-    let memory = channel::kept(&file, MAGIC, VERSION).ok();
-    if comm.all(memory.is_some()) { memory } else { None }
+    let memory = agree(comm, read(&file))?;
+    if !comm.all(memory.is_some()) {
+        return Ok(None);
+    }
+    // Each vector that is remembered is one of sums over all ranks.
+    let vectors = memory.as_ref().map_or(0, |m| m.mover.singles.len() as u64);
+    let same = comm.all_gather_u64(vectors).iter().all(|n| *n == vectors);
+    let same = if same {
+        Ok(())
+    } else {
+        Err(KeptError::unfit(&file, "ranks remember different numbers of vectors"))
+    };
+    agree(comm, same).map(|()| memory)
+}
+
+/// An error on one rank becomes one on every rank. Collective.
+pub(crate) fn agree<T>(comm: &Comm, result: Result<T, KeptError>) -> Result<T, Fault> {
+    let all = comm.all(result.is_ok());
+    match result {
+        Ok(_) if !all => Err(Fault::new("another rank could not use its part of the grid's state")),
+        other => other.map_err(Fault::new),
+    }
+}
+
+impl MotionMemory {
+    fn check(&self) -> Result<(), String> {
+        let mover = &self.mover;
+        let single = [self.left, self.fall, self.next_grid.unwrap_or_default()];
+        let doubles = self.qualities.iter().chain(&single).chain(&mover.numbers);
+        let finite = doubles.chain(mover.doubles.iter().flatten()).all(|x| x.is_finite())
+            && mover.singles.iter().flatten().all(|x| x.is_finite());
+        if finite { Ok(()) } else { Err("it holds values that are not finite".into()) }
+    }
 }

@@ -252,14 +252,17 @@ impl Motion {
     }
 
     /// Takes up a [`Motion::memory`] of the same start and reference.
-    pub fn recall(&mut self, memory: MotionMemory) {
+    ///
+    /// # Errors
+    /// What in it does not fit.
+    pub fn recall(&mut self, memory: MotionMemory) -> Result<(), String> {
         [self.start_quality, self.reference_quality, self.quality] = memory.qualities;
         (self.left, self.fall) = (memory.left, memory.fall);
         (self.rebased, self.new_grids, self.at_start) = (memory.rebased, memory.new_grids, memory.at_start);
         if let (Some(regridder), Some(next)) = (&mut self.regridder, memory.next_grid) {
             regridder.set_next(next);
         }
-        self.mover.recall(memory.mover);
+        self.mover.recall(memory.mover)
     }
 
     /// The grid that displacements are counted from.

@@ -30,7 +30,14 @@ pub trait Mover {
     }
 
     /// Takes up a [`Mover::memory`] of the same reference grid.
-    fn recall(&mut self, _memory: MoverMemory) {}
+    ///
+    /// # Errors
+    /// What in it does not fit; nothing is taken up then.
+    fn recall(&mut self, memory: MoverMemory) -> Result<(), String> {
+        let MoverMemory { singles, doubles, numbers } = memory;
+        let empty = singles.is_empty() && doubles.is_empty() && numbers.is_empty();
+        if empty { Ok(()) } else { Err("a mover that learns nothing has learnt something".into()) }
+    }
 
     /// Displacements `u` of the local free nodes (owned and ghosts, `[n][3]`, m)
     /// when the canopy (all of it, `[n_canopy][3]`, m) is displaced by `canopy`

@@ -88,8 +88,12 @@ impl MeshMover {
     ) -> Result<Self, Fault> {
         let state = case::state_file(folder, Role::Mesh);
         let mut this = Self::from_state(scene, stage, out, Some(state), comm)?;
-        match memory::load(comm, folder) {
-            Some(memory) => this.motion.recall(memory),
+        match memory::load(comm, folder)? {
+            Some(memory) => {
+                let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
+                let unfit = |reason: String| channel::KeptError::unfit(&file, &reason);
+                memory::agree(comm, this.motion.recall(memory).map_err(unfit))?;
+            }
             None if comm.is_root() => {
                 println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
             }

@@ -105,6 +105,16 @@ impl State {
                 s.now.len() / 3
             )));
         }
+        if !s.now.iter().chain(maybe.into_iter().flatten()).chain([&s.dt]).all(|x| x.is_finite()) {
+            return Err(unfit("holds values that are not finite: run the earlier stage again".into()));
+        }
+        let second_order_without_length = !s.before.is_empty() && s.dt <= 0.0;
+        if s.dt < 0.0 || second_order_without_length || s.way[0] > s.way[1] {
+            return Err(unfit(format!(
+                "has a last window of {} s and stands at {} of {} windows: run the earlier stage again",
+                s.dt, s.way[0], s.way[1]
+            )));
+        }
         Ok(s)
     }
 }

@@ -41,15 +41,22 @@ impl Warm {
         (self.basis.clone(), self.canopies.clone())
     }
 
-    /// Takes up a [`Warm::memory`] of the same matrix.
-    pub fn recall(&mut self, basis: Vec<Vec<f32>>, canopies: Vec<Vec<f64>>) {
-        if basis.len() <= CAPACITY && basis.len() == canopies.len() {
-            self.spare.truncate(CAPACITY - basis.len());
-            self.basis.clear();
-            self.basis.extend(basis);
-            self.canopies.clear();
-            self.canopies.extend(canopies);
+    /// Takes up a [`Warm::memory`] of the same matrix, into an empty basis.
+    ///
+    /// # Errors
+    /// What does not fit; nothing is taken up then.
+    pub fn recall(&mut self, basis: Vec<Vec<f32>>, canopies: Vec<Vec<f64>>) -> Result<(), String> {
+        let n = self.spare.first().map_or(0, Vec::len);
+        let fits = |v: &Vec<f32>| v.len() == n;
+        if basis.len() > CAPACITY || basis.len() != canopies.len() || !basis.iter().all(fits) {
+            return Err("its past solutions are of another grid".into());
         }
+        self.spare.truncate(CAPACITY - basis.len());
+        self.basis.clear();
+        self.basis.extend(basis);
+        self.canopies.clear();
+        self.canopies.extend(canopies);
+        Ok(())
     }
 
     /// Sets `x` to the guess for `b` (owned parts), and takes from `canopy`, the motion that

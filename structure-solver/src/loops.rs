@@ -114,7 +114,12 @@ pub trait ElementLoop {
     }
 
     /// Takes up what [`ElementLoop::memory`] gave.
-    fn recall(&mut self, _memory: &[f64]) {}
+    ///
+    /// # Errors
+    /// What in it does not fit; nothing is taken up then.
+    fn recall(&mut self, memory: &[f64]) -> Result<(), String> {
+        if memory.is_empty() { Ok(()) } else { Err("elements that keep nothing have kept something".into()) }
+    }
 
     /// Energy (J) that elements counted on this rank took out of the motion in the
     /// step from positions `before`, where they were anchored, to `after` (m).

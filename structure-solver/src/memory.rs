@@ -6,7 +6,8 @@
 use std::path::Path;
 
 use case::Role;
-use channel::KeptError;
+use channel::{Fault, KeptError};
+use comm::Comm;
 use linalg::BlockCsr;
 use serde::{Deserialize, Serialize};
 
@@ -38,13 +39,52 @@ pub struct DirectMemory {
     pub matrix: Vec<[[f64; 3]; 3]>,
 }
 
-#[derive(Serialize, Deserialize)]
-struct Memory {
+/// A rank's memory.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Memory {
     /// Displacements, velocities and accelerations of local nodes, ghosts included.
-    nodes: [Vec<f64>; 3],
-    linear: LinearMemory,
+    pub nodes: [Vec<f64>; 3],
+    /// Of the linear solver.
+    pub linear: LinearMemory,
     /// Of each element loop.
-    loops: Vec<Vec<f64>>,
+    pub loops: Vec<Vec<f64>>,
+}
+
+/// What a memory must fit.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    /// Numbers of a vector over the local nodes.
+    pub numbers: usize,
+    /// Element loops.
+    pub loops: usize,
+    /// Blocks of the matrix.
+    pub blocks: usize,
+}
+
+impl Memory {
+    /// Reads what [`save`] wrote; `None` where there is none.
+    ///
+    /// # Errors
+    /// A file that is damaged or does not fit, or holds what is no number.
+    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, KeptError> {
+        channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(shape))
+    }
+
+    fn check(&self, shape: Shape) -> Result<(), String> {
+        let matrix = self.linear.direct.as_ref().map_or(&[][..], |d| &d.matrix);
+        let at = self.linear.direct.as_ref().map_or(0.0, |d| d.at);
+        let vectors = self.nodes.iter().chain(&self.loops).flatten();
+        if self.nodes.iter().any(|v| v.len() != shape.numbers) || self.loops.len() != shape.loops {
+            return Err("it is of another structure".into());
+        }
+        if !matrix.is_empty() && matrix.len() != shape.blocks {
+            return Err("its matrix is of another structure".into());
+        }
+        if !vectors.chain(matrix.as_flattened().as_flattened()).chain([&at]).all(|x| x.is_finite()) {
+            return Err("it holds values that are not finite".into());
+        }
+        Ok(())
+    }
 }
 
 /// Writes this rank's memory below `folder`.
@@ -63,29 +103,41 @@ pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), KeptError> {
     channel::keep(&file, MAGIC, VERSION, &memory).map(|_| ())
 }
 
-/// Takes up what [`save`] wrote; `false` where another number of ranks, or another version of this
-/// program, has written it. Collective.
-pub fn recall(dynamics: &mut Dynamics, folder: &Path) -> bool {
+/// Takes up what [`save`] wrote; `false` where another number of ranks has written it. Collective.
+///
+/// # Errors
+/// On every rank: a file of one of them that cannot be used.
+pub fn recall(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
     let comm = dynamics.system.comm().clone();
     let file = channel::memory_file(folder, Role::Structure, comm.rank(), comm.size());
-    let fits = |m: &Memory| {
-        let n = dynamics.accepted.u.len();
-        let matrix = m.linear.direct.as_ref().map_or(0, |d| d.matrix.len());
-        m.nodes.iter().all(|v| v.len() == n)
-            && m.loops.len() == dynamics.system.loops().len()
-            && (matrix == 0 || matrix == dynamics.system.matrix.values.len())
+    let shape = Shape {
+        numbers: dynamics.accepted.u.len(),
+        loops: dynamics.system.loops().len(),
+        blocks: dynamics.system.matrix.values.len(),
     };
-    let memory = channel::kept::<Memory>(&file, MAGIC, VERSION).ok().filter(fits);
+    let memory = agree(&comm, Memory::read(&file, shape))?;
     if !comm.all(memory.is_some()) {
-        return false;
+        return Ok(false);
     }
     let Memory { nodes: [u, v, a], linear, loops } = memory.expect("all ranks have one");
+    let recalled = dynamics.system.loops_mut().iter_mut().zip(&loops).try_for_each(|(l, m)| l.recall(m));
+    agree(&comm, recalled.map_err(|reason| KeptError::unfit(&file, &reason)))?;
     let accepted = &mut dynamics.accepted;
     (accepted.u, accepted.v, accepted.a) = (u, v, a);
-    for (element_loop, memory) in dynamics.system.loops_mut().iter_mut().zip(&loops) {
-        element_loop.recall(memory);
+    let cut = linear.direct.as_ref().map_or(2, |d| u64::from(d.cut));
+    if comm.all_gather_u64(cut).iter().any(|c| *c != cut) {
+        return Err(Fault::new(KeptError::unfit(&file, "ranks do not agree on the factors that were kept")));
     }
     let matrix: &mut BlockCsr<3> = &mut dynamics.system.matrix;
     dynamics.linear.recall(linear, matrix);
-    true
+    Ok(true)
+}
+
+/// An error on one rank becomes one on every rank. Collective.
+fn agree<T>(comm: &Comm, result: Result<T, KeptError>) -> Result<T, Fault> {
+    let all = comm.all(result.is_ok());
+    match result {
+        Ok(_) if !all => Err(Fault::new("another rank could not use its part of the structure's state")),
+        other => other.map_err(Fault::new),
+    }
 }

@@ -178,7 +178,7 @@ impl StructureSolver {
                 self.log = Some(Log::resume(&stage_folder).map_err(bad)?);
             }
         }
-        if !memory::recall(&mut self.dynamics, folder) && comm.is_root() {
+        if !memory::recall(&mut self.dynamics, folder)? && comm.is_root() {
             println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
         }
         self.pictures = Pictures::resume(&stage_folder);

@@ -225,9 +225,16 @@ pub(crate) fn load(folder: &Path) -> Result<Option<BodyState>, StateError> {
     };
     let decoded = bincode::serde::decode_from_slice(&bytes, bincode::config::standard());
     match decoded {
-        Ok((state, used)) if used == bytes.len() => Ok(Some(state)),
+        Ok((state, used)) if used == bytes.len() && sound(&state) => Ok(Some(state)),
         _ => Err(StateError::Content { path, reason: "is damaged".into() }),
     }
+}
+
+/// Whether all numbers are such, and the turn is one.
+fn sound(s: &BodyState) -> bool {
+    let vectors = [s.x, s.v, s.spin, s.force, s.torque];
+    let length: f64 = s.q.iter().map(|q| q * q).sum();
+    vectors.as_flattened().iter().all(|x| x.is_finite()) && (length - 1.0).abs() < 1e-6
 }
 
 /// `payload.csv` of a stage: a row for each accepted window.

@@ -123,7 +123,7 @@ fn read(path: &Path, nodes: usize) -> Result<Vec<f64>, StateError> {
         return Err(bad(format!("has version {}, this program reads version {VERSION}", file.version)));
     }
     if used != bytes.len()
-        || file.values.len() as u64 != 9 * file.nodes
+        || Some(file.values.len() as u64) != file.nodes.checked_mul(9)
         || file.checksum != checksum(&file.values)
     {
         return Err(bad("is damaged (its checksum does not match)".into()));

@@ -3,6 +3,7 @@
 //! This library runs the real programs and reads what they leave behind.
 
 pub mod browser;
+pub mod spoil;
 pub mod tiny;
 
 use std::path::{Path, PathBuf};

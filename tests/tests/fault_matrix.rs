@@ -226,9 +226,8 @@ fn try_cell(base: &Base, cell: &Cell, thorough: fn(&Cell) -> bool) -> Result<Dur
     if cell.victim.is_some() {
         demand!(errors[0].contains(role), "{role} is not named: {}", errors[0]);
         // A rank that never began is like those that wait for it in MPI_Init.
-        let unknown = cell.stalls() && matches!(cell.moment, "start" | "handshake")
-            || (cell.fault, cell.moment) == ("exit0", "start");
-        demand!(unknown || errors[0].contains(&format!("rank {rank}")), "the wrong rank: {}", errors[0]);
+        let unknown = cell.stalls() && matches!(cell.moment, "start" | "handshake");
+        demand!(unknown || errors[0].contains(&format!("rank {rank}")), "the wrong rank: {text}");
     }
     Ok(took)
 }

@@ -1,225 +1,13 @@
-//! Damaged and hostile files: never a panic, never memory out of proportion, always an error
-//! that names the file (and where in it), or a value that passes every check.
-//!
-//! Each format is tried with `INPUTS` mutations of good files (10 000 by default; millions by
-//! `scripts/fuzz`), the same on every machine.
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+//! Damaged and hostile files that are given to a run: never a panic, never memory out of proportion,
+//! always an error that names the file (and where in it), or a value that passes every check.
 
 use case::Canopy;
 use coupler::recording::{Header, Moment, Reader, Writer};
 use ripstop_tests::root;
-
-/// Notes the largest block that a thread asks for.
-struct Measured;
-
-thread_local! {
-    static LARGEST: Cell<usize> = const { Cell::new(0) };
-}
-
-fn note(size: usize) {
-    // A thread that ends has no note any more.
-    let _ = LARGEST.try_with(|largest| largest.set(largest.get().max(size)));
-}
-
-// SAFETY: passes everything on to the system's allocator.
-unsafe impl GlobalAlloc for Measured {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note(layout.size());
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        note(layout.size());
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        note(size);
-        // SAFETY: as the caller promised.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
+use ripstop_tests::spoil::{ANYWAY, Measured, Random, SHARE, fuzz, inputs, kept, measured, slot, spoilt};
 
 #[global_allocator]
 static ALLOCATOR: Measured = Measured;
-
-/// A block may be this many times as long as the file, and this many bytes in any case.
-const SHARE: usize = 64;
-const ANYWAY: usize = 4 << 20;
-
-/// xorshift64*.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n.max(1) as u64) as usize
-    }
-}
-
-const WORDS: [&str; 34] = [
-    "nan",
-    "-nan",
-    "inf",
-    "-1",
-    "0",
-    "1e308",
-    "1e400",
-    "1e-320",
-    "-0.0",
-    "9223372036854775807",
-    "18446744073709551615",
-    "4294967296",
-    "2147483647",
-    "[",
-    "]",
-    "{",
-    "}",
-    "\"",
-    "'",
-    "\"\"\"",
-    "\n",
-    "=",
-    ".",
-    ",",
-    "#",
-    "true",
-    "\"x\"",
-    "[[stage]]",
-    "[flow]",
-    "\u{0}",
-    "\u{fe0f}ü",
-    "$Nodes",
-    "$EndNodes",
-    "$Elements",
-];
-
-/// A good file, spoilt in one to four places.
-fn spoilt(good: &[u8], other: &[u8], r: &mut Random) -> Vec<u8> {
-    let mut bytes = good.to_vec();
-    for _ in 0..=r.below(4) {
-        let at = r.below(bytes.len() + 1);
-        let length = 1 + r.below(16).min(r.below(1 + bytes.len() - at.min(bytes.len())));
-        let end = (at + length).min(bytes.len());
-        match r.below(12) {
-            0 => bytes.truncate(at),
-            1 => drop(bytes.drain(at..end)),
-            2 => {
-                let again = bytes[at..end].to_vec();
-                bytes.splice(at..at, again);
-            }
-            3 => {
-                let from = r.below(other.len());
-                let piece = &other[from..(from + r.below(64)).min(other.len())];
-                bytes.splice(at..end, piece.iter().copied());
-            }
-            4 | 5 => drop(bytes.splice(at..end, WORDS[r.below(WORDS.len())].bytes())),
-            6 => {
-                // A whole word or number in the place of another.
-                let word = |b: &u8| !b.is_ascii_whitespace() && !b"=,[]".contains(b);
-                let from = (at..bytes.len()).find(|&i| word(&bytes[i])).unwrap_or(at);
-                let to = (from..bytes.len()).find(|&i| !word(&bytes[i])).unwrap_or(from);
-                bytes.splice(from..to, WORDS[r.below(WORDS.len())].bytes());
-            }
-            7 => {
-                // A count: bincode's marks of long integers, or eight bytes.
-                let count = [u64::MAX, 1 << 40, 1 << 31, 1 << 20, 0][r.below(5)].to_le_bytes();
-                let mark = [&[253u8][..], &[]][r.below(2)];
-                let whole: Vec<u8> = mark.iter().copied().chain(count).collect();
-                let end = (at + whole.len()).min(bytes.len());
-                bytes.splice(at..end, whole);
-            }
-            8 if at < end => bytes[at] ^= 1 << r.below(8),
-            9 if at < end => bytes[at..end].fill([0, 0xff, 0x7f, 0x80][r.below(4)]),
-            _ if at < end => bytes[at] = r.next() as u8,
-            _ => {}
-        }
-    }
-    bytes
-}
-
-fn inputs() -> usize {
-    std::env::var("INPUTS").ok().and_then(|n| n.parse().ok()).unwrap_or(10_000)
-}
-
-/// Tries `reader` with spoilt forms of `good`; it says what is wrong with an input, if anything.
-/// `seal` mends what would be seen at a glance, so that what lies behind is tried as well.
-fn fuzz(
-    name: &str,
-    good: &[Vec<u8>],
-    seal: fn(&mut Vec<u8>),
-    reader: &mut dyn FnMut(&[u8]) -> Result<(), String>,
-    place: &str,
-) {
-    for bytes in good {
-        reader(bytes).unwrap_or_else(|e| panic!("{name}: a good input is refused: {e}"));
-    }
-    let mut r = Random(0x5eed ^ name.len() as u64);
-    let mut refused = 0;
-    // Panics are told below, with their input.
-    for i in 0..inputs() {
-        let (a, b) = (r.below(good.len()), r.below(good.len()));
-        let mut bytes = spoilt(&good[a], &good[b], &mut r);
-        if r.below(4) > 0 {
-            seal(&mut bytes);
-        }
-        LARGEST.with(|l| l.set(0));
-        let result = catch_unwind(AssertUnwindSafe(|| reader(&bytes)));
-        let largest = LARGEST.with(Cell::get);
-        let told = || {
-            let file = std::env::temp_dir().join(format!("ripstop-fuzz-{name}-{i}"));
-            std::fs::write(&file, &bytes).expect("written");
-            file.display().to_string()
-        };
-        match result {
-            Err(_) => panic!("{name}: input {i} panics: {}", told()),
-            Ok(Err(message)) => {
-                refused += 1;
-                assert!(
-                    message.contains(place) && message.len() > place.len() + 5,
-                    "{name}: input {i} ({}): no place in: {message}",
-                    told()
-                );
-                assert!(message.len() < 100_000, "{name}: input {i}: a message of {} bytes", message.len());
-            }
-            Ok(Ok(())) => {}
-        }
-        assert!(
-            largest <= ANYWAY + SHARE * bytes.len(),
-            "{name}: input {i} of {} bytes takes a block of {largest}: {}",
-            bytes.len(),
-            told()
-        );
-    }
-    println!("{name}: {} inputs, {refused} refused, none panicked", inputs());
-    assert!(refused * 20 > inputs(), "{name}: only {refused} refused: are inputs spoilt at all?");
-}
-
-/// A file in memory for readers that want a path.
-fn slot() -> (tempfile::TempDir, PathBuf) {
-    let memory = Path::new("/dev/shm");
-    let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
-    let folder = folder.expect("a folder");
-    let file = folder.path().join("spoilt");
-    (folder, file)
-}
 
 fn as_is(_: &mut Vec<u8>) {}
 
@@ -303,14 +91,14 @@ fn gmsh_files() {
 fn volume_grids() {
     let scene = case::load(&root().join("cases/plate-gmsh/scene.toml")).expect("a good scene");
     let canopy = mesh::structure_mesh(&scene).expect("a canopy");
-    let file = scene.flow.as_ref().and_then(|f| f.grid_file.as_ref()).expect("a grid").path.clone();
-    let whole = std::fs::read(&file).expect("a file");
-    let (_folder, spoilt) = slot();
+    let good = scene.flow.as_ref().and_then(|f| f.grid_file.as_ref()).expect("a grid").path.clone();
+    let whole = std::fs::read(&good).expect("a file");
+    let (_folder, file) = slot();
     let mut scene = scene.clone();
-    scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).expect("a grid").path = spoilt.clone();
+    scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).expect("a grid").path = file.clone();
     let coords = canopy.coords[..canopy.n_canopy].to_vec();
     let read = |bytes: &[u8]| {
-        std::fs::write(&spoilt, bytes).expect("written");
+        std::fs::write(&file, bytes).expect("written");
         mesh::draft_grid(&scene, &canopy, &coords).map(|_| ()).map_err(|e| e.to_string())
     };
     // A large file: a hundredth of the inputs takes as long as all of another format.
@@ -319,18 +107,12 @@ fn volume_grids() {
     read(&whole).expect("a good grid");
     let mut r = Random(77);
     for i in 0..few {
-        let bytes = self::spoilt(&whole, &whole, &mut r);
-        LARGEST.with(|l| l.set(0));
-        let result = catch_unwind(AssertUnwindSafe(|| read(&bytes)));
-        let largest = LARGEST.with(Cell::get);
+        let bytes = spoilt(&whole, &whole, &mut r);
+        let (result, largest) = measured(|| read(&bytes));
         match result {
-            Err(_) => {
-                let file = std::env::temp_dir().join(format!("ripstop-fuzz-grid-{i}"));
-                std::fs::write(&file, &bytes).expect("written");
-                panic!("grid: input {i} panics: {}", file.display());
-            }
-            Ok(Err(message)) => assert!(message.len() > 10, "{message}"),
-            Ok(Ok(())) => {}
+            None => panic!("grid: input {i} panics: {}", kept("grid", i, &bytes)),
+            Some(Err(message)) => assert!(message.len() > 10, "{message}"),
+            Some(Ok(())) => {}
         }
         assert!(largest <= ANYWAY + SHARE * bytes.len(), "grid: input {i} takes a block of {largest}");
     }
@@ -397,51 +179,6 @@ fn recordings() {
         Ok(())
     };
     fuzz("recording", &[good], sealed_frames, &mut read, "spoilt");
-}
-
-#[test]
-fn states_of_the_coupler() {
-    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
-    let state = coupler::schemes::InterfaceState {
-        displacement: (0..18).map(f64::from).collect(),
-        load: Some(vec![2.0; 16]),
-        load_before: Some(vec![1.5; 16]),
-        velocity: -4.0,
-        acceleration: 0.2,
-    };
-    coupler::state::save(folder.path(), &state).expect("saved");
-    let file = coupler::state::coupler_file(folder.path());
-    let good = std::fs::read(&file).expect("a file");
-    let mut read = |bytes: &[u8]| {
-        std::fs::write(&file, bytes).expect("written");
-        let state = coupler::state::load(folder.path(), 6, 4).map_err(|e| e.to_string())?;
-        let loads = [&state.load, &state.load_before].into_iter().flatten();
-        assert!(loads.clone().all(|l| l.len() == 16), "loads of another canopy");
-        let all = state.displacement.iter().chain(loads.flatten());
-        assert!(all.chain([&state.velocity, &state.acceleration]).all(|x| x.is_finite()), "NaN enters");
-        Ok(())
-    };
-    fuzz("coupler state", &[good], as_is, &mut read, "coupler.bin");
-}
-
-#[test]
-fn states_of_the_mesh() {
-    let (_folder, file) = slot();
-    let numbers: Vec<f64> = (0..30).map(f64::from).collect();
-    let state = mesh_mover::state::State {
-        now: numbers.clone(),
-        before: numbers.clone(),
-        reference: numbers,
-        dt: 0.1,
-        ..mesh_mover::state::State::default()
-    };
-    state.save(&file).expect("saved");
-    let good = std::fs::read(&file).expect("a file");
-    let mut read = |bytes: &[u8]| {
-        std::fs::write(&file, bytes).expect("written");
-        mesh_mover::state::State::load(&file, 10).map(|_| ()).map_err(|e| e.to_string())
-    };
-    fuzz("mesh state", &[good], as_is, &mut read, "spoilt");
 }
 
 #[test]

@@ -175,6 +175,8 @@ fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
         ("OMPI_MCA_mpi_yield_when_idle", "1".into()),
         // Cross-memory attach is forbidden in many containers, which costs a warning a rank.
         ("OMPI_MCA_btl_vader_single_copy_mechanism", "none".into()),
+        // Of a rank that dies before it has begun OpenMPI's notice often does not tell the number.
+        ("OMPI_MCA_state_base_verbose", "1".into()),
         ("OMP_NUM_THREADS", "1".into()),
         ("RAYON_NUM_THREADS", "1".into()),
     ];

@@ -20,6 +20,10 @@ use crate::error::RunError;
 /// Time that a program's own message is given to arrive over the channel before
 /// its exit alone is reported.
 const LAST_WORDS: Duration = Duration::from_millis(700);
+/// Time after an exit in which what was written before it is waited for: on a busy machine the
+/// launcher's notice, which names the rank, is read later than the exit is seen. A process
+/// that was left behind may hold the pipe open for longer.
+const READ_OUT: Duration = Duration::from_millis(1500);
 /// Time in which a launcher starts all its ranks, or says that one has failed.
 const DESERTED: Duration = Duration::from_millis(2000);
 /// Time between two counts of ranks.
@@ -52,10 +56,18 @@ struct Running {
     status: Option<(ExitStatus, Instant)>,
     readers: Vec<JoinHandle<()>>,
     tail: Arc<Mutex<VecDeque<String>>>,
-    /// The rank that `mpirun` blames.
-    blamed: Arc<Mutex<Option<u64>>>,
+    notices: Arc<Mutex<Notices>>,
     /// Since when it has had fewer ranks than it was started with.
     fewer: Option<Instant>,
+}
+
+/// What the launcher has said of its ranks.
+#[derive(Clone, Copy, Debug, Default)]
+struct Notices {
+    /// The rank that it blames.
+    blamed: Option<u64>,
+    /// The first one that ended well.
+    left: Option<u64>,
 }
 
 /// The running programs of a stage. Dropping it ends them all.
@@ -95,7 +107,7 @@ impl Supervisor {
     /// arrive elsewhere. Never waits.
     pub fn casualty(&mut self) -> Option<Casualty> {
         self.poll();
-        let at = self.running.iter().position(|r| r.status.is_some_and(|(_, t)| t.elapsed() > LAST_WORDS))?;
+        let at = self.running.iter().position(|r| r.over(LAST_WORDS))?;
         Some(self.running[at].casualty())
     }
 
@@ -116,7 +128,8 @@ impl Supervisor {
                 running.fewer = None;
             } else if running.fewer.get_or_insert_with(Instant::now).elapsed() > DESERTED {
                 let how = format!("{} of its {all} ranks ended before they joined", all - now);
-                return Some(Casualty { how, ..running.casualty() });
+                let rank = running.notices().left;
+                return Some(Casualty { how, rank, ..running.casualty() });
             }
         }
         None
@@ -127,7 +140,7 @@ impl Supervisor {
         let at = self.running.iter().position(|r| r.program.role == role)?;
         wait_until(patience, || {
             self.poll();
-            self.running[at].status.is_some()
+            self.running[at].over(Duration::ZERO)
         });
         self.running[at].status.is_some().then(|| self.running[at].casualty())
     }
@@ -258,6 +271,17 @@ impl Drop for Supervisor {
 }
 
 impl Running {
+    /// Whether it ended `ago`, and all that it wrote was read.
+    fn over(&self, ago: Duration) -> bool {
+        let Some((_, ended)) = self.status else { return false };
+        let since = ended.elapsed();
+        since >= ago && (since > READ_OUT || self.readers.iter().all(JoinHandle::is_finished))
+    }
+
+    fn notices(&self) -> Notices {
+        self.notices.lock().map(|n| *n).unwrap_or_default()
+    }
+
     fn casualty(&self) -> Casualty {
         let how = match self.status {
             None => "still running".to_owned(),
@@ -273,7 +297,7 @@ impl Running {
         Casualty {
             role: self.program.role,
             name: self.program.name.clone(),
-            rank: self.blamed.lock().ok().and_then(|b| *b),
+            rank: self.notices().blamed,
             how,
             tail: tail.unwrap_or_default(),
         }
@@ -322,17 +346,17 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
         RunError::Input(format!("cannot start `{what}` for {}: {source}; {help}", program.name))
     })?;
     let tail = Arc::new(Mutex::new(VecDeque::new()));
-    let blamed = Arc::new(Mutex::new(None));
+    let notices = Arc::default();
     let mut readers = Vec::new();
     let show = Show { role: program.role, console: console.clone(), muted: muted.clone() };
     if let Some(pipe) = child.stdout.take() {
         let shown = console.shows_all().then(|| show.clone());
-        readers.push(read(pipe, log.clone(), tail.clone(), blamed.clone(), shown));
+        readers.push(read(pipe, log.clone(), tail.clone(), Arc::clone(&notices), shown));
     }
     if let Some(pipe) = child.stderr.take() {
-        readers.push(read(pipe, log, tail.clone(), blamed.clone(), Some(show)));
+        readers.push(read(pipe, log, tail.clone(), Arc::clone(&notices), Some(show)));
     }
-    Ok(Running { program, child, status: None, readers, tail, blamed, fewer: None })
+    Ok(Running { program, child, status: None, readers, tail, notices, fewer: None })
 }
 
 /// Where lines are shown, until it is muted.
@@ -345,12 +369,12 @@ struct Show {
 
 /// Copies lines to the log, the end of them to `tail`, and those of standard
 /// error to the console, but for MPI's framed notices about a death, which the
-/// coupler reports better.
+/// coupler reports better. What the launcher records of its ranks is noted only.
 fn read(
     pipe: impl Read + Send + 'static,
     log: Arc<Mutex<File>>,
     tail: Arc<Mutex<VecDeque<String>>>,
-    blamed: Arc<Mutex<Option<u64>>>,
+    notices: Arc<Mutex<Notices>>,
     show: Option<Show>,
 ) -> JoinHandle<()> {
     std::thread::spawn(move || {
@@ -364,6 +388,14 @@ fn read(
                 Ok(_) => {}
             }
             let line = String::from_utf8_lossy(&bytes).trim_end().to_owned();
+            if let Some(state) = recorded(&line) {
+                if let Some((rank, state)) = state
+                    && let Ok(mut notices) = notices.lock()
+                {
+                    notices.take(rank, state);
+                }
+                continue;
+            }
             if let Ok(mut log) = log.lock() {
                 let _ = writeln!(log, "{line}");
             }
@@ -371,9 +403,9 @@ fn read(
             framed ^= frame;
             if frame || framed || line.is_empty() {
                 if let Some(rank) = blamed_rank(&line)
-                    && let Ok(mut blamed) = blamed.lock()
+                    && let Ok(mut notices) = notices.lock()
                 {
-                    blamed.get_or_insert(rank);
+                    notices.blamed.get_or_insert(rank);
                 }
                 continue;
             }
@@ -390,6 +422,32 @@ fn read(
             }
         }
     })
+}
+
+impl Notices {
+    /// A rank has come to a state of OpenMPI's.
+    fn take(&mut self, rank: u64, state: &str) {
+        match state {
+            "ABORTED BY SIGNAL" | "EXITED WITH NON-ZERO STATUS" | "CALLED ABORT" | "FAILED TO START" => {
+                self.blamed.get_or_insert(rank);
+            }
+            "NORMALLY TERMINATED" => {
+                self.left.get_or_insert(rank);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// A line of OpenMPI's record of states: rank and state, `None` inside where it is not about a
+/// rank; `None` where it is any other line.
+fn recorded(line: &str) -> Option<Option<(u64, &str)>> {
+    let (head, rest) = line.split_once("] ACTIVATE ")?;
+    let (what, state) = rest.split_once(" STATE ").filter(|_| head.starts_with('['))?;
+    let (state, _) = state.split_once(" AT ")?;
+    let rank = what.strip_prefix("PROC [[").and_then(|w| w.split_once("],"));
+    let rank = rank.and_then(|(_, rank)| rank.strip_suffix(']')?.parse().ok());
+    Some(rank.map(|rank| (rank, state)))
 }
 
 /// The rank that a line of OpenMPI's notice about a death names: it ends the other ranks
@@ -419,7 +477,7 @@ fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::blamed_rank;
+    use super::{Notices, blamed_rank, recorded};
 
     #[test]
     fn the_launcher_s_notices_name_a_rank() {
@@ -427,5 +485,26 @@ mod tests {
         assert_eq!(blamed_rank(killed), Some(1));
         assert_eq!(blamed_rank("  Process name: [[43310,1],12]"), Some(12));
         assert_eq!(blamed_rank("one or more processes exited with non-zero status"), None);
+    }
+
+    #[test]
+    fn the_launcher_s_record_tells_who_was_first() {
+        let line = |rank: u64, state: &str| {
+            format!("[vm:12] [[320,0],0] ACTIVATE PROC [[320,1],{rank}] STATE {state} AT ../odls_base.c:1746")
+        };
+        let mut notices = Notices::default();
+        for (rank, state) in
+            [(0, "RUNNING"), (2, "NORMALLY TERMINATED"), (1, "ABORTED BY SIGNAL"), (0, "ABORTED BY SIGNAL")]
+        {
+            let line = line(rank, state);
+            assert_eq!(recorded(&line), Some(Some((rank, state))));
+            notices.take(rank, state);
+        }
+        assert_eq!((notices.blamed, notices.left), (Some(1), Some(2)));
+        assert_eq!(
+            recorded("[vm:12] [[320,0],0] ACTIVATE JOB [320,1] STATE VM READY AT ../x.c:1"),
+            Some(None)
+        );
+        assert_eq!(recorded("a program may say: ACTIVATE all"), None);
     }
 }

@@ -37,6 +37,13 @@ pub enum KeptError {
     },
 }
 
+impl KeptError {
+    /// The file at `path` holds what does not fit, because of `reason`.
+    pub fn unfit(path: &Path, reason: &str) -> Self {
+        Self::Unfit { path: path.into(), reason: format!("cannot be gone on from: {reason}") }
+    }
+}
+
 /// Checksum of bytes: FNV-1a over words of eight of them, the last padded with zeros, and the length.
 pub fn checksum(bytes: &[u8]) -> u64 {
     const PRIME: u64 = 0x0000_0100_0000_01b3;
@@ -116,6 +123,25 @@ fn config() -> impl bincode::config::Config {
 /// factors, all that changes the last digits and that another number of ranks has no use for.
 pub fn memory_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {
     folder.join(format!("{}-memory-{rank}-of-{ranks}.bin", role.name()))
+}
+
+/// What [`keep`] wrote as the [`memory_file`] of a rank, where `check` finds nothing wrong with it;
+/// `None` where there is no such file: another number of ranks has written the state.
+///
+/// # Errors
+/// [`KeptError`]: damage, another version, content that does not fit.
+pub fn remembered<T: DeserializeOwned>(
+    path: &Path,
+    magic: [u8; 8],
+    version: u32,
+    check: impl FnOnce(&T) -> Result<(), String>,
+) -> Result<Option<T>, KeptError> {
+    if !path.exists() {
+        return Ok(None);
+    }
+    let memory = kept(path, magic, version)?;
+    check(&memory).map_err(|reason| KeptError::unfit(path, &reason))?;
+    Ok(Some(memory))
 }
 
 /// From now on a file that grows beyond the limit of this process (`RLIMIT_FSIZE`) is an error

@@ -17,6 +17,7 @@ use comm::Halo;
 use crate::gradient::Gradient;
 use crate::physics::{FaceFlow, Scheme};
 use crate::residual::{Domain, Spatial};
+use crate::topology::Adjacency;
 
 /// An approximate inverse of the linearised step.
 pub trait Correction<G, V, const N: usize> {
@@ -51,6 +52,11 @@ pub trait Correction<G, V, const N: usize> {
         None
     }
 
-    /// Takes up what [`Correction::merged`] gave on the same cells. Collective.
-    fn recall(&mut self, _merged: MergedCells, _halo: &Halo) {}
+    /// Takes up what [`Correction::merged`] gave on the same cells, in `rows`. Collective.
+    ///
+    /// # Errors
+    /// On every rank, what does not fit on one of them.
+    fn recall(&mut self, _merged: MergedCells, _rows: &Adjacency, _halo: &Halo) -> Result<(), String> {
+        Ok(())
+    }
 }

@@ -58,9 +58,13 @@ impl PressureSystem {
         self.multigrid.as_ref().map(Multigrid::merged)
     }
 
-    /// Takes up [`PressureSystem::merged`] of the same cells. Collective.
-    pub fn recall(&mut self, merged: MergedCells, halo: &Halo) {
-        self.multigrid = Some(Multigrid::of_merged(merged, halo));
+    /// Takes up [`PressureSystem::merged`] of the same cells, in `rows`. Collective.
+    ///
+    /// # Errors
+    /// On every rank, what does not fit on one of them.
+    pub fn recall(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
+        self.multigrid = Some(Multigrid::of_merged(merged, rows, halo)?);
+        Ok(())
     }
 
     /// Where the right-hand side of [`PressureSystem::solve`] is to be written, one value for

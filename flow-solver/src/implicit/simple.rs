@@ -18,7 +18,7 @@ use crate::geometry::vec3::dot;
 use crate::gradient::Gradient;
 use crate::physics::{FaceFlow, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
-use crate::topology::Topology;
+use crate::topology::{Adjacency, Topology};
 
 /// Share of the neighbours' coefficients that the response of the velocity to
 /// pressure leaves out: 0 is SIMPLE, where the neighbours stand still, 1 SIMPLEC,
@@ -232,8 +232,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         self.pressure.merged()
     }
 
-    fn recall(&mut self, merged: MergedCells, halo: &Halo) {
-        self.pressure.recall(merged, halo);
+    fn recall(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
+        self.pressure.recall(merged, rows, halo)
     }
 
     fn apply(

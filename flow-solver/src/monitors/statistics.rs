@@ -132,6 +132,10 @@ impl Statistics {
         if saved.cells as usize != cells || !rows {
             return Err(fail(&format!("{} cells, this grid has {cells}", saved.cells)));
         }
+        let numbers = saved.mean.iter().chain(&saved.moment).chain([&saved.span]);
+        if !numbers.copied().all(f64::is_finite) || saved.span < 0.0 {
+            return Err(fail("values that are not finite"));
+        }
         self.span = saved.span;
         for (k, &g) in topology.numbering.owned().iter().enumerate() {
             let row = g as usize * 4;

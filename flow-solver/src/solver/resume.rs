@@ -1,7 +1,7 @@
 //! What a saved state holds and how a run continues from it.
 
 use super::*;
-use crate::remembered::Memory;
+use crate::remembered::{Memory, Shape};
 
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// What else the state holds. Collective.
@@ -30,17 +30,33 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         }
     }
 
-    /// Takes up a [`Solver::memory`] of the same part of the grid, after the state. Collective.
-    pub fn recall(&mut self, memory: Memory) {
-        if memory.ties.len() == self.through.len() {
-            self.restore_ties(&memory.ties);
+    /// What a memory of this part of the grid must fit.
+    pub fn shape(&self) -> Shape {
+        Shape {
+            cells: self.topology.n_owned,
+            faces: self.metrics.faces.len(),
+            flows: self.through.len(),
+            nodes: self.topology.node_global.len(),
+        }
+    }
+
+    /// Takes up a [`Solver::memory`] that fits [`Solver::shape`], after the state. Collective.
+    ///
+    /// # Errors
+    /// On every rank, what does not fit on one of them.
+    pub fn recall(&mut self, memory: Memory) -> Result<(), String> {
+        let merged = u64::from(memory.merged.is_some());
+        if self.comm().all_gather_u64(merged).iter().any(|m| *m != merged) {
+            return Err("not all ranks have merged cells".into());
         }
         if let Some(merged) = memory.merged {
-            self.correction.recall(merged, &self.halo);
+            self.correction.recall(merged, &self.topology.adjacency, &self.halo)?;
         }
+        self.restore_ties(&memory.ties);
         if let (Some(turbulence), Some(walls)) = (&mut self.turbulence, memory.walls) {
             turbulence.recall(walls);
         }
+        Ok(())
     }
 
     /// Continues with what else a saved state held.

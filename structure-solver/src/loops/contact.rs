@@ -47,6 +47,11 @@ pub struct Contact {
     edge: f64,
 }
 
+/// A number that was kept as an index below `end`.
+fn index(x: f64, end: usize) -> Option<usize> {
+    (x >= 0.0 && x < end as f64 && x.fract() == 0.0).then_some(x as usize)
+}
+
 /// Distance of a node from a triangle, and its foot's barycentric coordinates; `None` beside it.
 #[inline(always)]
 fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, Vec3)> {
@@ -178,13 +183,24 @@ impl ElementLoop for Contact {
         std::iter::once(self.pairs.len() as f64).chain(rows).chain(self.searched.iter().copied()).collect()
     }
 
-    fn recall(&mut self, memory: &[f64]) {
-        let Some((count, rest)) = memory.split_first() else { return };
-        let (rows, searched) = rest.split_at((3 * *count as usize).min(rest.len()));
-        let pair = |r: &[f64; 3]| Pair { node: r[0] as u32, triangle: r[1] as u32, side: r[2] };
-        self.pairs = rows.as_chunks::<3>().0.iter().map(pair).collect();
+    fn recall(&mut self, memory: &[f64]) -> Result<(), String> {
+        let Some((count, rest)) = memory.split_first() else {
+            return Err("contact has kept nothing".into());
+        };
+        let pairs = index(*count, rest.len() / 3 + 1).ok_or("its pairs in contact are not there")?;
+        let (rows, searched) = rest.split_at(3 * pairs);
+        if !(searched.is_empty() || searched.len() == 3 * self.slots.len()) {
+            return Err(format!("{} positions of {} nodes", searched.len(), self.slots.len()));
+        }
+        let pair = |r: &[f64; 3]| {
+            let (node, triangle) = (index(r[0], self.slots.len())?, index(r[1], self.triangles.len())?);
+            (r[2].abs() == 1.0).then_some(Pair { node: node as u32, triangle: triangle as u32, side: r[2] })
+        };
+        let pairs: Option<Vec<Pair>> = rows.as_chunks::<3>().0.iter().map(pair).collect();
+        self.pairs = pairs.ok_or("a pair in contact is none of this canopy")?;
         self.known = self.pairs.iter().map(|p| ((p.node, p.triangle), p.side)).collect();
         self.searched = searched.to_vec();
+        Ok(())
     }
 
     fn anchor(&mut self, _x: &[f64]) {}

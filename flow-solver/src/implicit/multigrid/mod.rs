@@ -11,7 +11,7 @@
 mod coarsen;
 mod coarsest;
 
-use comm::Halo;
+use comm::{Comm, Halo};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::vec3::Vec3;
@@ -98,6 +98,39 @@ pub struct Multigrid {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MergedCells(Vec<MergedLevel>);
 
+impl MergedCells {
+    /// Whether all levels on all ranks stand below the rows `fine`. Collective.
+    fn check(&self, fine: &Adjacency, comm: &Comm) -> Result<(), String> {
+        let depth = self.0.len() as u64;
+        let agreed = comm.all_gather_u64(depth).iter().all(|d| *d == depth);
+        if !agreed || self.0.len() > LEVELS {
+            return Err("ranks have merged cells a different number of times".into());
+        }
+        let mut found = Ok(());
+        let mut rows = [&fine.start[..], &fine.cell[..]];
+        for level in &self.0 {
+            let mut starts = vec![0];
+            let counts = comm.all_gather_u64(level.cells());
+            starts.extend(counts.iter().scan(0u64, |end, n| {
+                *end = end.saturating_add(*n);
+                Some(*end)
+            }));
+            if found.is_ok() {
+                found = level.check(rows, comm.rank(), &starts);
+            }
+            rows = level.rows();
+        }
+        match found {
+            Err(what) => {
+                comm.all(false);
+                Err(what.into())
+            }
+            Ok(()) if !comm.all(true) => Err("merged cells of another rank do not fit".into()),
+            Ok(()) => Ok(()),
+        }
+    }
+}
+
 /// Levels at most: enough for 8^12 cells a rank.
 const LEVELS: usize = 12;
 
@@ -144,9 +177,14 @@ impl Multigrid {
         MergedCells(self.levels.iter().map(|l| l.coarse.merged()).collect())
     }
 
-    /// From coarse cells that were merged earlier on the same fine ones; `halo` is theirs. Collective.
-    pub fn of_merged(merged: MergedCells, halo: &Halo) -> Self {
+    /// From coarse cells that were merged earlier on the same fine ones, in rows `fine`; `halo` is
+    /// theirs. Collective.
+    ///
+    /// # Errors
+    /// On every rank, what does not fit on one of them.
+    pub fn of_merged(merged: MergedCells, fine: &Adjacency, halo: &Halo) -> Result<Self, String> {
         let comm = halo.comm();
+        merged.check(fine, comm)?;
         let mut levels: Vec<Level> = Vec::new();
         for level in merged.0 {
             let (coarse, n_local) = Coarse::of_merged(level, comm);
@@ -157,7 +195,7 @@ impl Multigrid {
         let mut size = [levels.last().map_or(0, |l| l.coarse.rows.start.len() as u64 - 1)];
         comm.sum_u64(&mut size);
         let coarsest = Self::coarsest(&levels, size[0] as usize, comm.size());
-        Self { levels, coarsest }
+        Ok(Self { levels, coarsest })
     }
 
     fn coarsest(levels: &[Level], size: usize, ranks: usize) -> Coarsest {

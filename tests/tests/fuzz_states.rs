@@ -1,0 +1,300 @@
+//! Damaged and hostile states that a run is to go on from, and what programs remember beside them,
+//! with checksums made right again: never a panic, never memory out of proportion, never a number
+//! that is none, always an error that names the file.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use case::{Role, Scene};
+use channel::Participant;
+use comm::Comm;
+use ripstop_tests::spoil::{
+    ANYWAY, Measured, Random, SHARE, Seal, fuzz, inputs, kept, measured, slot, spoilt_anywhere,
+};
+use ripstop_tests::{changed_scene, ripstop_run, succeed};
+
+#[global_allocator]
+static ALLOCATOR: Measured = Measured;
+
+fn as_is(_: &mut Vec<u8>) {}
+
+#[test]
+fn states_of_the_coupler() {
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
+    let state = coupler::schemes::InterfaceState {
+        displacement: (0..18).map(f64::from).collect(),
+        load: Some(vec![2.0; 16]),
+        load_before: Some(vec![1.5; 16]),
+        velocity: -4.0,
+        acceleration: 0.2,
+    };
+    coupler::state::save(folder.path(), &state).expect("saved");
+    let file = coupler::state::coupler_file(folder.path());
+    let good = std::fs::read(&file).expect("a file");
+    let mut read = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).expect("written");
+        let state = coupler::state::load(folder.path(), 6, 4).map_err(|e| e.to_string())?;
+        let loads = [&state.load, &state.load_before].into_iter().flatten();
+        assert!(loads.clone().all(|l| l.len() == 16), "loads of another canopy");
+        let all = state.displacement.iter().chain(loads.flatten());
+        assert!(all.chain([&state.velocity, &state.acceleration]).all(|x| x.is_finite()), "NaN enters");
+        Ok(())
+    };
+    fuzz("coupler state", &[good], as_is, &mut read, "coupler.bin");
+}
+
+#[test]
+fn states_of_the_mesh() {
+    let (_folder, file) = slot();
+    let numbers: Vec<f64> = (0..30).map(f64::from).collect();
+    let state = mesh_mover::state::State {
+        now: numbers.clone(),
+        before: numbers.clone(),
+        reference: numbers,
+        dt: 0.1,
+        ..mesh_mover::state::State::default()
+    };
+    state.save(&file).expect("saved");
+    let good = std::fs::read(&file).expect("a file");
+    let mut read = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).expect("written");
+        mesh_mover::state::State::load(&file, 10).map(|_| ()).map_err(|e| e.to_string())
+    };
+    fuzz("mesh state", &[good], sealed_grid, &mut read, "spoilt");
+}
+
+/// Checksum of a mesh-mover's state made right again, where it can be read at all.
+fn sealed_grid(bytes: &mut Vec<u8>) {
+    let config = bincode::config::standard().with_limit::<{ 1 << 20 }>();
+    let Some(rest) = bytes.get(8..) else { return };
+    let Ok(((_, _), head)) = bincode::decode_from_slice::<(u32, u64), _>(rest, config) else { return };
+    let state = bincode::serde::decode_from_slice::<mesh_mover::state::State, _>(&rest[head..], config);
+    let Ok((state, _)) = state else { return };
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
+    let file = folder.path().join("sealed");
+    state.save(&file).expect("saved");
+    *bytes = std::fs::read(file).expect("a file");
+}
+
+/// As [`sealed_grid`], of what [`channel::keep`] writes.
+#[allow(clippy::ptr_arg)] // as all spoilers, which may also shorten
+fn sealed_kept(bytes: &mut Vec<u8>) {
+    if bytes.len() < 28 {
+        return;
+    }
+    let (head, body) = bytes.split_at_mut(28);
+    head[12..20].copy_from_slice(&(body.len() as u64).to_le_bytes());
+    head[20..28].copy_from_slice(&channel::checksum(body).to_le_bytes());
+}
+
+/// FNV-1a, the checksum of the states of flow and structure.
+fn fnv(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
+/// As [`sealed_grid`], of the flow: the checksum stands last.
+#[allow(clippy::ptr_arg)] // as all spoilers, which may also shorten
+fn sealed_flow(bytes: &mut Vec<u8>) {
+    if let Some((body, tail)) = bytes.split_last_chunk_mut::<8>() {
+        *tail = fnv(body).to_le_bytes();
+    }
+}
+
+/// As [`sealed_grid`], of the structure: magic, version, nodes, checksum, values.
+fn sealed_structure(bytes: &mut Vec<u8>) {
+    let config = bincode::config::standard().with_limit::<{ 1 << 24 }>();
+    type File = ([u8; 8], u32, u64, u64, Vec<f64>);
+    let Ok(((magic, version, nodes, _, values), used)) = bincode::decode_from_slice::<File, _>(bytes, config)
+    else {
+        return;
+    };
+    let sum = fnv(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>());
+    let mut sealed = bincode::encode_to_vec((magic, version, nodes, sum, values), config).expect("encoded");
+    sealed.extend(&bytes[used..]);
+    *bytes = sealed;
+}
+
+/// A descent of one rank of each program with all that keeps a memory, flown once.
+struct Flown {
+    folder: tempfile::TempDir,
+    scene: Scene,
+}
+
+impl Flown {
+    fn once() -> &'static Self {
+        static FLOWN: OnceLock<Flown> = OnceLock::new();
+        FLOWN.get_or_init(|| {
+            let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
+            let more = "wrinkling = true\n[fabric.contact]\ndistance_m = 0.003\n[flow.viscosity]\n\
+                        dynamic_viscosity_pa_s = 1.8e-5\nturbulence = \"spalart-allmaras\"\n\
+                        [[flow.probe]]\nname = \"near\"\nposition_m = [0.3, 0.2, 0.1]\n[flow.statistics]\n";
+            let changes = [
+                ("wrinkling = true\n", more),
+                ("duration_s = 0.1\n", "duration_s = 0.02\n"),
+                ("substeps = 10", "substeps = 1"),
+                ("youngs_modulus_pa = 2e8", "youngs_modulus_pa = 2e10"),
+                ("cells_across = 12", "cells_across = 4"),
+                ("line_count = 24", "line_count = 8"),
+                ("layers_inside = 5", "layers_inside = 2"),
+                ("layers_outside = 10", "layers_outside = 4"),
+                ("first_layer_m = 0.1", "first_layer_m = 0.2"),
+                ("duration_s = 1.0", "duration_s = 0.1"),
+                ("duration_s = 0.2", "duration_s = 0.08"),
+            ];
+            let file = changed_scene("square-drop", folder.path(), &changes);
+            let ranks = ["--quiet", "--ranks", "structure=1,mesh=1,flow=1"];
+            succeed(ripstop_run(&file, &folder.path().join("out"), &ranks));
+            let scene = case::load(&file).expect("a good scene");
+            Flown { folder, scene }
+        })
+    }
+
+    fn out(&self) -> PathBuf {
+        self.folder.path().join("out")
+    }
+
+    /// A copy of the state after the descent, to be spoilt.
+    fn state(&self) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
+        let state = folder.path().join("state");
+        std::fs::create_dir(&state).expect("a folder");
+        for file in std::fs::read_dir(self.out().join("descent/state")).expect("a state").flatten() {
+            std::fs::copy(file.path(), state.join(file.file_name())).expect("a copy");
+        }
+        (folder, state)
+    }
+
+    /// The program of `role`, begun in one rank from the state in `folder`.
+    fn resumed(&self, role: Role, folder: &Path) -> Result<Box<dyn Participant>, String> {
+        let (out, comm) = (self.out(), Comm::solo());
+        let result = match role {
+            Role::Structure => {
+                use structure_solver::participant::StructureSolver;
+                StructureSolver::resumed(&comm, &self.scene, 2, &out, folder).map(|p| Box::new(p) as Box<_>)
+            }
+            Role::Mesh => {
+                use mesh_mover::participant::MeshMover;
+                MeshMover::resumed(&self.scene, 2, &out, folder, &comm).map(|p| Box::new(p) as Box<_>)
+            }
+            Role::Flow => flow_solver::setup::Setup::new(self.scene.clone(), 2, &out)
+                .and_then(|setup| flow_solver::participant(&setup.resume(folder), &comm)),
+        };
+        result.map_err(|e| e.message)
+    }
+}
+
+/// Spoils one file of a program's state after the other, checksums made right: it begins from
+/// it or says what is wrong with which file; what is no number does not get in.
+fn states_of(role: Role, seal: Seal, more: &[(&str, Seal)]) {
+    let flown = Flown::once();
+    let (_folder, state) = flown.state();
+    let memory = channel::memory_file(&state, role, 0, 1);
+    let mut files = vec![(case::state_file(&state, role), seal), (memory, sealed_kept as Seal)];
+    files.extend(more.iter().map(|(name, seal)| (state.join(name), *seal)));
+    flown.resumed(role, &state).unwrap_or_else(|e| panic!("a good state is refused: {e}"));
+    // A program is begun for each: few take as long as all of another format.
+    let few = (inputs() / 200).max(20);
+    let mut r = Random(0x57a7e ^ role as u64);
+    for (file, seal) in files {
+        let name = file.file_name().expect("a name").to_string_lossy().into_owned();
+        let good = std::fs::read(&file).expect("a file of the state");
+        // What beginning takes with good files.
+        let (_, usual) = measured(|| flown.resumed(role, &state).map(drop));
+        let mut refused = 0;
+        for i in 0..few {
+            let mut bytes = spoilt_anywhere(&good, &mut r);
+            if r.below(8) > 0 {
+                seal(&mut bytes);
+            }
+            std::fs::write(&file, &bytes).expect("written");
+            let (result, largest) = measured(|| flown.resumed(role, &state).map(drop));
+            let told = || kept(&name, i, &bytes);
+            match result {
+                None => panic!("{name}: input {i} panics: {}", told()),
+                Some(Err(message)) => {
+                    refused += 1;
+                    // What is wrong with numbers that fit is told of the grid or the fabric they make.
+                    let placed =
+                        message.contains(&name) || message.contains("cell") || message.contains("grid");
+                    assert!(placed, "{name}: input {i} ({}): no place in: {message}", told());
+                }
+                Some(Ok(())) => {}
+            }
+            let most = usual.max(ANYWAY) + SHARE * bytes.len();
+            assert!(largest <= most, "{name}: input {i} takes a block of {largest}: {}", told());
+        }
+        std::fs::write(&file, &good).expect("written");
+        println!("{name}: {few} inputs, {refused} refused, none panicked");
+        assert!(refused * 20 > few, "{name}: only {refused} refused: are inputs spoilt at all?");
+    }
+}
+
+#[test]
+fn states_of_the_structure_begin_or_are_refused() {
+    states_of(Role::Structure, sealed_structure, &[]);
+}
+
+#[test]
+fn states_of_the_grid_begin_or_are_refused() {
+    states_of(Role::Mesh, sealed_grid, &[]);
+}
+
+#[test]
+fn states_of_the_flow_begin_or_are_refused() {
+    states_of(Role::Flow, sealed_flow, &[("flow-statistics.bin", sealed_flow)]);
+}
+
+/// What stands in the files alone: as many inputs as of other formats.
+#[test]
+fn files_of_states_hold_numbers_or_are_refused() {
+    let flown = Flown::once();
+    let (_state, good) = flown.state();
+    let (_folder, file) = slot();
+    let whole = |name: &str| std::fs::read(good.join(name)).expect("a file of the state");
+    let structure = mesh::structure_mesh(&flown.scene).expect("a canopy");
+    let setup = flow_solver::setup::Setup::new(flown.scene.clone(), 2, &flown.out()).expect("a grid");
+    let totals = (setup.grid.cells.len(), setup.grid.coords.len());
+    let comm = Comm::solo();
+    let topology = setup.topology(&comm, true).expect("a part of the grid");
+
+    let mut flow = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).expect("written");
+        let state = flow_solver::state::load::<4>(&file, &topology, totals).map_err(|e| e.message)?;
+        let q = state.past.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.as_flattened()));
+        assert!(q.chain([&state.last_dt]).all(|x| x.is_finite()), "NaN enters");
+        Ok(())
+    };
+    fuzz("flow state", &[whole("flow.bin")], sealed_flow, &mut flow, "spoilt");
+
+    let nodes = structure.coords.len();
+    let memory = structure_solver::memory::Memory::read;
+    let mut shape = structure_solver::memory::Shape { numbers: 3 * nodes, loops: 0, blocks: 0 };
+    let good_memory: structure_solver::memory::Memory =
+        channel::kept(&good.join("structure-memory-0-of-1.bin"), *b"ripstmem", 1).expect("a memory");
+    shape.loops = good_memory.loops.len();
+    shape.blocks = good_memory.linear.direct.as_ref().map_or(0, |d| d.matrix.len());
+    assert!(shape.blocks > 0, "no factors were kept: what is tried here?");
+    let mut read = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).expect("written");
+        memory(&file, shape).map(|_| ()).map_err(|e| e.to_string())
+    };
+    fuzz("structure memory", &[whole("structure-memory-0-of-1.bin")], sealed_kept, &mut read, "spoilt");
+
+    let mut read = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).expect("written");
+        mesh_mover::memory::read(&file).map(|_| ()).map_err(|e| e.to_string())
+    };
+    fuzz("mesh memory", &[whole("mesh-memory-0-of-1.bin")], sealed_kept, &mut read, "spoilt");
+
+    let shape = flow_solver::remembered::Shape {
+        cells: topology.n_owned,
+        faces: topology.face_nodes.len(),
+        flows: topology.face_nodes.len(),
+        nodes: topology.node_global.len(),
+    };
+    let mut read = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).expect("written");
+        flow_solver::remembered::Memory::read(&file, shape).map(|_| ()).map_err(|e| e.to_string())
+    };
+    fuzz("flow memory", &[whole("flow-memory-0-of-1.bin")], sealed_kept, &mut read, "spoilt");
+}
