@@ -1,6 +1,8 @@
 //! Cases that partitioned coupling is known to fail on, each with the defaults of its scene.
 //! What the numbers mean and how they were measured: docs/stability.md.
 
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::process::Command;
 
 use ripstop_tests::{History, changed_scene, program, ripstop_run, root, scene, succeed};
@@ -302,51 +304,72 @@ fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
     assert!(volume.iter().all(|v| (v / start - 1.0).abs() < 2e-3), "{volume:?}");
 }
 
-/// Drift over 10 000 windows: energy books, and memory of the programs.
-/// `cargo test --release -p ripstop-tests --test hard_cases -- --ignored ten_thousand`
-#[test]
-#[ignore = "hours: results in docs/stability.md"]
-fn ten_thousand_windows_of_the_small_descent() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let change = [("duration_s = 0.1\n", "duration_s = 50.0\n")];
-    let file = changed_scene("square-drop", folder.path(), &change);
-    let out = folder.path().join("out");
-    let mut child = ripstop_tests::start(ripstop_run(&file, &out, &["--quiet"]));
-    // Resident memory of the programs of this run, by the folder on their command lines.
-    let mark = out.display().to_string();
-    let resident = || {
-        let mut sum = 0.0;
-        for (pid, _) in ripstop_tests::processes_naming(&mark) {
-            let text = std::fs::read_to_string(format!("/proc/{pid}/statm")).unwrap_or_default();
-            let pages: f64 = text.split(' ').nth(1).and_then(|p| p.parse().ok()).unwrap_or(0.0);
-            sum += pages * 4096.0 / (1 << 20) as f64;
-        }
-        sum
+/// Memory of each program of a run, MiB: what it holds of its own and its libraries, by the folder on its command line.
+fn resident(mark: &str) -> Vec<(String, f64)> {
+    let of = |(pid, line): (u32, String)| {
+        let name = Path::new(line.split(' ').next()?).file_name()?.to_str()?.to_owned();
+        let text = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+        let held = text.lines().find_map(|l| l.strip_prefix("VmRSS:"))?;
+        let kilobytes: f64 = held.trim().trim_end_matches(" kB").parse().ok()?;
+        (name != "mpirun").then_some((name, kilobytes / 1024.0))
     };
-    let (mut early, mut late) = (0.0f64, 0.0f64);
+    let mut found: Vec<_> = ripstop_tests::processes_naming(mark).into_iter().filter_map(of).collect();
+    found.sort_by(|a, b| a.0.cmp(&b.0));
+    found
+}
+
+/// Drift over 10 000 windows: energy books, and memory of the programs.
+/// `cargo test --release --workspace --test hard_cases -- --ignored --nocapture ten_thousand`
+#[test]
+#[ignore = "12 minutes of processor time: results in docs/stability.md"]
+fn ten_thousand_windows_of_a_small_descent() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let mut child = ripstop_tests::start(ripstop_run(&scene("hard/long-descent"), &out, &["--quiet"]));
+    let mark = out.display().to_string();
     let history = out.join("descent/history.csv");
+    // After so many windows: most memory seen of each program within the hundred that follow.
+    let stations = [1000, 2000, 5000, 9800];
+    let mut memory: [BTreeMap<String, f64>; 4] = Default::default();
     let status = loop {
         if let Some(status) = child.try_wait().expect("a child") {
             break status;
         }
         let windows = std::fs::read_to_string(&history).map_or(0, |t| t.lines().count());
-        if (500..1000).contains(&windows) {
-            early = early.max(resident());
-        } else if windows > 9000 {
-            late = late.max(resident());
+        for (station, seen) in stations.iter().zip(&mut memory) {
+            if (*station..station + 100).contains(&windows) {
+                for (name, held) in resident(&mark) {
+                    let most = seen.entry(name).or_default();
+                    *most = most.max(held);
+                }
+            }
         }
-        std::thread::sleep(std::time::Duration::from_secs(5));
+        std::thread::sleep(std::time::Duration::from_secs(1));
     };
     assert!(status.success());
     let f = Flown::new(History::read(&out, "descent"));
     let share = f.history.column("interface_energy_error_share");
+    for (station, seen) in stations.iter().zip(&memory) {
+        eprintln!(
+            "after {station} windows: energy {:+.5} of the work, memory {seen:.1?} MiB",
+            share[station - 1]
+        );
+    }
+    let rejected: f64 = f.history.column("rejected_attempts").iter().sum();
     eprintln!(
-        "energy {:+.4} of the work after 1000 windows, {:+.4} at the end; memory {early:.0} and {late:.0} MiB; {:.1} iterations",
-        share[999],
+        "{} windows: energy {:+.5}, {:.2} iterations, {rejected} given back",
+        f.history.len(),
         f.last("interface_energy_error_share"),
         f.iterations
     );
-    assert_eq!(f.history.len(), 10_000);
-    assert!((f.last("interface_energy_error_share") - share[999]).abs() < 0.05);
-    assert!(late < 1.05 * early + 10.0, "{early} MiB became {late} MiB");
+    assert!(f.history.column("coupling_converged").iter().all(|c| *c == 1.0), "windows above the tolerance");
+    // Windows given back are more rows of shorter ones: the time is what has to be met.
+    assert!(f.history.len() >= 10_000 && (f.last("time_s") - 50.0).abs() < 1e-6, "{}", f.last("time_s"));
+    assert!(share[999..].iter().all(|s| (s - share[999]).abs() < 0.02), "the books drift");
+    // What a program holds after 1000 windows is all it will ever need.
+    for (name, late) in &memory[3] {
+        let early = memory[0][name];
+        assert!(*late < 1.05 * early + 2.0, "{name}: {early:.1} MiB became {late:.1} MiB");
+    }
+    assert_eq!(memory[3].len(), 4, "coupler, structure, flow and mesh: {:?}", memory[3]);
 }

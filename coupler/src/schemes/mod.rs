@@ -9,6 +9,7 @@ mod accelerate;
 mod criterion;
 mod extrapolate;
 mod flow_model;
+mod groups;
 mod implicit;
 mod imvj;
 mod inverse;

@@ -292,9 +292,10 @@ impl Sequence for BlockQuasiNewton {
             let step: Vec<f64> = self.balance.answer.iter().zip(&inertia).map(|(a, b)| a - b).collect();
             // The answer to a tiny step is noise of the flow's tolerance.
             let tiny = TINY_STEP.min(visit.criterion.tolerance);
-            if norm(&step) > tiny * norm(&visit.end.load) {
+            let load = norm(&visit.end.load);
+            if norm(&step) > tiny * load {
                 let change = self.remainder.iter().zip(&before).map(|(a, b)| a - b).collect();
-                self.balance.model.learn(step, change);
+                self.balance.model.learn(step, change, load);
             }
         }
         self.last = Some((self.balance.answer.clone(), self.remainder.clone()));

@@ -1,11 +1,14 @@
 //! What is done with the part of a residual that no secant spans.
 
+use std::rc::Rc;
+
 use faer::Mat;
 use faer::prelude::Solve;
 use mesh::Vec3;
 use nalgebra::{DMatrix, DVector};
 
 use super::Unknowns;
+use super::groups::Groups;
 use super::inverse::{Inverse, factors};
 use super::lattice::{Lattice, distinct, dot};
 
@@ -13,6 +16,12 @@ use super::lattice::{Lattice, distinct, dot};
 pub trait Relaxation {
     /// Step for `residual` into `step`.
     fn apply(&self, residual: &[f64], step: &mut [f64]);
+}
+
+impl Relaxation for Rc<dyn Relaxation> {
+    fn apply(&self, residual: &[f64], step: &mut [f64]) {
+        (**self).apply(residual, step);
+    }
 }
 
 /// The same factor for every unknown.
@@ -23,10 +32,6 @@ impl Relaxation for Uniform {
         step.iter_mut().zip(residual).for_each(|(s, r)| *s = self.0 * r);
     }
 }
-
-/// Most faces for which [`AddedMassRelaxation`] is built: its dense matrix has
-/// the square of this many numbers.
-pub const MOST_FACES: usize = 4000;
 
 /// What the canopy and the air weigh, for [`AddedMassRelaxation::new`].
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +79,7 @@ pub struct AddedMassRelaxation {
     node_normals: Vec<Vec3>,
     /// Faces at each node.
     node_faces: Vec<f64>,
+    groups: Groups,
     /// g and $(A + gI)^{-1}$, of which $(I + G)^{-1} = I - g (A + gI)^{-1}$.
     gain: f64,
     inverse: Inverse,
@@ -88,19 +94,21 @@ pub struct AddedMassRelaxation {
 }
 
 impl AddedMassRelaxation {
-    /// For a canopy at `positions` with these faces. `None` where the faces are
-    /// too many or make no sensible matrix.
+    /// For a canopy at `positions` with these faces, in `most` groups at most. `None` where they make no
+    /// groups or no sensible matrix.
     pub fn new(
         unknowns: Unknowns,
         positions: &[Vec3],
         faces: &[[u32; 4]],
         weights: &Weights,
+        most: usize,
     ) -> Option<Self> {
-        let n = faces.len();
-        if n == 0 || n > MOST_FACES || weights.fabric_kg_m2 <= 0.0 {
+        if faces.is_empty() || weights.fabric_kg_m2 <= 0.0 {
             return None;
         }
-        let Lattice { areas, normals: face_normals, influence } = Lattice::new(positions, faces);
+        let Lattice { areas, normals: face_normals, groups, influence } =
+            Lattice::new(positions, faces, most)?;
+        let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(|a| dot(*a, *a).sqrt()).collect();
         let gain = 2.25 * weights.response * weights.air_kg_m3 / weights.fabric_kg_m2;
         let inverse = Inverse::of(&factors(&(&influence + DMatrix::identity(n, n) * gain)))?;
@@ -117,8 +125,12 @@ impl AddedMassRelaxation {
             *normal = normal.map(|x| x / size);
         }
         // Vertical force of the air per acceleration of the faces along their normals.
-        let vertical = DVector::from_fn(n, |i, _| face_normals[i][2]);
-        let upwards = Mat::from_fn(n, 1, |i, _| weights.air_kg_m3 * areas[i][2]);
+        let mut upwards = Mat::<f64>::zeros(n, 1);
+        for (area, &g) in areas.iter().zip(&groups.of) {
+            upwards[(g as usize, 0)] += weights.air_kg_m3 * area[2];
+        }
+        let vertical: Vec<f64> = face_normals.iter().map(|normal| normal[2]).collect();
+        let vertical = DVector::from_vec(groups.means(&vertical));
         let force = factors(&influence).solve_transpose(upwards);
         let force = DVector::from_fn(n, |i, _| force[(i, 0)]);
         let vertical_added_mass = force.dot(&vertical);
@@ -126,7 +138,7 @@ impl AddedMassRelaxation {
         let force = if weights.falling_kg > 0.0 { force / weights.falling_kg } else { DVector::zeros(n) };
         let velocity = 1.0 + 1.5 * force.dot(&vertical) - 1.5 * force.dot(&drawn);
         // A zigzag between nodes has twice the face as wave length: A is pi/2 over its edge.
-        let edge = (sizes.iter().sum::<f64>() / n as f64).sqrt();
+        let edge = (sizes.iter().sum::<f64>() / faces.len() as f64).sqrt();
         let zigzag = 0.5 * std::f64::consts::PI / edge;
         let fine = zigzag / (zigzag + gain);
         let sound = vertical_added_mass.is_finite() && velocity > 0.1;
@@ -136,6 +148,7 @@ impl AddedMassRelaxation {
             face_normals,
             node_normals,
             node_faces,
+            groups,
             gain,
             inverse,
             fine,
@@ -168,14 +181,17 @@ impl Relaxation for AddedMassRelaxation {
         let at =
             |values: &[f64], node: u32| -> Vec3 { std::array::from_fn(|i| values[3 * node as usize + i]) };
         // Normal residual at the faces, and the step it asks for there.
-        let on_faces = DVector::from_iterator(
-            self.faces.len(),
-            self.faces.iter().zip(&self.face_normals).map(|(face, normal)| {
+        let on_faces: Vec<f64> = self
+            .faces
+            .iter()
+            .zip(&self.face_normals)
+            .map(|(face, normal)| {
                 let nodes = distinct(face);
                 nodes.iter().map(|&n| dot(at(residual, n), *normal)).sum::<f64>() / nodes.len() as f64
-            }),
-        );
-        let mut asked = eased(self.gain, &self.inverse, &on_faces);
+            })
+            .collect();
+        let means = DVector::from_vec(self.groups.means(&on_faces));
+        let mut asked = eased(self.gain, &self.inverse, &means);
         // The frame's motion in the unit of displacements.
         let scale = (self.unknowns.displacements() as f64 / 3.0).sqrt();
         if let Some(r) = residual.get(moved) {
@@ -185,10 +201,13 @@ impl Relaxation for AddedMassRelaxation {
         }
         // Back to the nodes, as means over their faces: [residual seen, step].
         let mut nodes = vec![[0.0; 2]; self.node_normals.len()];
-        for (at, face) in self.faces.iter().enumerate() {
+        for ((face, &g), seen) in self.faces.iter().zip(&self.groups.of).zip(&on_faces) {
+            let g = g as usize;
+            // What a face does beside its group asks for the step of a short wave.
+            let step = asked[g] + (seen - means[g]) / (1.0 + self.gain * self.groups.fine[g]);
             for &node in distinct(face) {
-                nodes[node as usize][0] += on_faces[at];
-                nodes[node as usize][1] += asked[at];
+                nodes[node as usize][0] += seen;
+                nodes[node as usize][1] += step;
             }
         }
         for (node, [seen, asked]) in nodes.iter().enumerate() {
@@ -209,11 +228,11 @@ fn eased(gain: f64, inverse: &Inverse, r: &DVector<f64>) -> DVector<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// Flat square of `n` x `n` faces with side 1.
-    fn plate(n: usize) -> (Vec<Vec3>, Vec<[u32; 4]>) {
+    pub fn plate(n: usize) -> (Vec<Vec3>, Vec<[u32; 4]>) {
         let at = |i: usize, j: usize| (i * (n + 1) + j) as u32;
         let line = 0..=n;
         let positions = line
@@ -231,9 +250,13 @@ mod tests {
     }
 
     fn model(n: usize) -> (AddedMassRelaxation, Vec<Vec3>) {
+        grouped(n, usize::MAX)
+    }
+
+    fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<Vec3>) {
         let (positions, faces) = plate(n);
         let unknowns = Unknowns::new(positions.len(), 5e-3, true);
-        (AddedMassRelaxation::new(unknowns, &positions, &faces, &weights()).unwrap(), positions)
+        (AddedMassRelaxation::new(unknowns, &positions, &faces, &weights(), most).unwrap(), positions)
     }
 
     #[test]
@@ -243,6 +266,15 @@ mod tests {
         let (coarse, fine) = (model(10).0.vertical_added_mass, model(20).0.vertical_added_mass);
         let error = (2.0 * fine - coarse) / (0.579 * std::f64::consts::FRAC_PI_4) - 1.0;
         assert!(error.abs() < 0.02, "{coarse} {fine} (error {error})");
+    }
+
+    #[test]
+    fn groups_have_the_added_mass_of_their_faces() {
+        // Two by two faces act as one.
+        let (fine, groups) = (model(20).0, grouped(20, 100).0);
+        let error = groups.vertical_added_mass / fine.vertical_added_mass - 1.0;
+        println!("added mass of groups of four: {error:+.3}");
+        assert!(error.abs() < 0.1, "{error}");
     }
 
     #[test]
@@ -263,7 +295,7 @@ mod tests {
         // model's own equations: the step must bring both back.
         let (model, positions) = model(12);
         let n = model.faces.len();
-        let influence = Lattice::new(&positions, &model.faces).influence;
+        let influence = Lattice::new(&positions, &model.faces, usize::MAX).unwrap().influence;
         let (dx, dv) = (DVector::from_element(n, 0.3), -0.2);
         let pressed = influence.lu().solve(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
         let response = 0.275 / 0.0373;

@@ -1,5 +1,7 @@
 //! Structure, mesh, flow and descent together (paper, section 5.2).
 
+use std::rc::Rc;
+
 use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme};
 use channel::{LOAD_WIDTH, Window, structure_stats};
 
@@ -49,7 +51,7 @@ impl<'a> Coupled<'a> {
         let criterion = Criterion { fields, tolerance: scene.coupling.tolerance };
         let start = state.displacement.clone();
         let rest = relaxation(context, motion, unknowns, &state);
-        let modelled = modelled(context, motion, unknowns, &state);
+        let modelled = modelled(context, motion, unknowns, &state, Rc::clone(&rest));
         let windows = WindowLoop::new(
             &stage.name,
             &scene.coupling,
@@ -58,7 +60,7 @@ impl<'a> Coupled<'a> {
             context.interface.faces.len(),
             descent,
             state,
-            rest,
+            Box::new(rest),
             modelled,
             context.options.keep_going,
         );
@@ -78,6 +80,7 @@ fn modelled(
     motion: Unknowns,
     unknowns: Unknowns,
     state: &InterfaceState,
+    rest: Rc<dyn Relaxation>,
 ) -> Option<Modelled> {
     let coupling = &context.scene.coupling;
     if !needs_model(coupling) {
@@ -87,18 +90,23 @@ fn modelled(
     let density = if coupling.scheme == Scheme::Staggered { SAFE_DENSITY * air } else { air };
     let at = positions(context, state);
     let faces = &context.interface.faces;
-    let model = FlowModel::new(motion, &at, &state.displacement, state.velocity, faces, density);
+    let most = coupling.model_faces as usize;
+    let model = FlowModel::new(motion, &at, &state.displacement, state.velocity, faces, density, most);
+    let name = &context.description().name;
     if model.is_none() {
         context.console.line(&format!(
-            "stage `{}`: {} faces are too many for a dense model of the flow: coupling by iqn-ils",
-            context.description().name,
+            "stage `{name}`: {} faces make no {most} groups for a dense model of the flow: coupling by iqn-ils",
+            faces.len()
+        ));
+    } else if faces.len() > most {
+        context.console.line(&format!(
+            "stage `{name}`: {} faces act in {most} groups in the model of the air's inertia",
             faces.len()
         ));
     }
-    let rest = relaxation(context, motion, unknowns, state);
     // Several solves against the model make a window: few of them are enough to learn from.
     let iqn = Coupling { acceleration: Acceleration::IqnIls, reused_windows: 4, ..coupling.clone() };
-    model.map(|model| Modelled { model, accelerator: accelerator(&iqn, unknowns.len(), rest) })
+    model.map(|model| Modelled { model, accelerator: accelerator(&iqn, unknowns.len(), Box::new(rest)) })
 }
 
 /// In Jacobi order the load is one of the coupled unknowns, in the unit of what it moves
@@ -129,7 +137,7 @@ fn relaxation(
     motion: Unknowns,
     unknowns: Unknowns,
     state: &InterfaceState,
-) -> Box<dyn Relaxation> {
+) -> Rc<dyn Relaxation> {
     let scene = context.scene;
     let interface = context.interface;
     let positions = positions(context, state);
@@ -139,7 +147,8 @@ fn relaxation(
         response: response(&scene.coupling),
         falling_kg: context.descent().map_or(0.0, |d| d.mass_kg),
     };
-    match AddedMassRelaxation::new(motion, &positions, &interface.faces, &weights) {
+    let most = scene.coupling.model_faces as usize;
+    match AddedMassRelaxation::new(motion, &positions, &interface.faces, &weights, most) {
         Some(model) => {
             context.console.line(&format!(
                 "stage `{}`: the air adds {:.0} kg to the canopy's {:.2} kg of fabric in vertical motion",
@@ -149,12 +158,12 @@ fn relaxation(
             ));
             if unknowns.loads() > 0 {
                 let dt = context.description().window_s;
-                Box::new(JacobiRelaxation::new(model, unknowns, &weights, dt))
+                Rc::new(JacobiRelaxation::new(model, unknowns, &weights, dt))
             } else {
-                Box::new(model)
+                Rc::new(model)
             }
         }
-        None => Box::new(Uniform(scene.coupling.relaxation)),
+        None => Rc::new(Uniform(scene.coupling.relaxation)),
     }
 }
 

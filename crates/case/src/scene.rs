@@ -684,6 +684,9 @@ pub struct Coupling {
     pub acceleration: Acceleration,
     /// Past windows whose secants quasi-Newton reuses.
     pub reused_windows: u32,
+    /// Most faces that the dense model of the air's inertia holds one by one. A canopy of more acts in that many
+    /// groups of neighbours.
+    pub model_faces: u32,
     /// Share of the mean velocity over an implicit window in the structure's velocity
     /// at its end, along the fabric's normal, 0 to 1: holds light fabric to the motion that
     /// the flow sees. Absent: 0.5 where the air weighs far more than the fabric, none
@@ -705,6 +708,7 @@ impl Default for Coupling {
             relaxation: 0.1,
             acceleration: Acceleration::IbqnLs,
             reused_windows: 8,
+            model_faces: 4000,
             velocity_average: None,
             adaptive: crate::AdaptiveWindow::default(),
         }

@@ -316,6 +316,7 @@ fn solvers(scene: &Scene, c: &mut Check) {
     c.positive("coupling.tolerance", k.tolerance, 0.5, "a relative change");
     c.count("coupling.max_iterations", k.max_iterations, 1, 10_000, "coupling iterations");
     c.positive("coupling.relaxation", k.relaxation, 1.0, "a relaxation factor");
+    c.count("coupling.model_faces", k.model_faces, 1, 20_000, "faces of a dense matrix");
     c.count("coupling.staggered.predictor", k.staggered.predictor, 0, crate::MOST_PREDICTOR, "an order");
     c.count("coupling.adaptive.halvings", k.adaptive.halvings, 0, 20, "halvings of window_s");
     c.count("coupling.adaptive.grow_after", k.adaptive.grow_after, 1, 10_000, "windows that go well");

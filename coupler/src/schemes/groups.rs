@@ -1,0 +1,218 @@
+//! Faces in groups, for models whose matrix is dense.
+
+use std::collections::{BTreeMap, HashMap};
+
+use mesh::Vec3;
+
+use super::lattice::{distinct, dot};
+
+/// Normals of two groups that become one point the same way to this cosine at least.
+const ALIKE: f64 = 0.5;
+
+/// Which faces act as one. A group per face is no grouping: then all means are the faces' own values.
+#[derive(Clone, Debug)]
+pub(super) struct Groups {
+    /// Group of each face.
+    pub of: Vec<u32>,
+    /// Share of each face in the area of its group.
+    pub share: Vec<f64>,
+    /// Added length of what a group does not see of its faces' motion, m: see [`Groups::new`].
+    pub fine: Vec<f64>,
+    /// Edges of each group's outline, as nodes in the sense of its faces.
+    pub outlines: Vec<Vec<[u32; 2]>>,
+}
+
+impl Groups {
+    /// At most `most` groups of neighbours, as round and as even as pairwise merging makes them. `None` where
+    /// creases and gaps leave more.
+    ///
+    /// A smooth motion sampled in groups of size $H$ leaves a sawtooth of period $H$. Its first wave,
+    /// $k = 2\pi/H$, adds the mass $2\rho/k$ to both sides of the surface: `fine` is $H/\pi$.
+    pub fn new(
+        positions: &[Vec3],
+        faces: &[[u32; 4]],
+        areas: &[Vec3],
+        normals: &[Vec3],
+        most: usize,
+    ) -> Option<Self> {
+        let mut of: Vec<u32> = (0..faces.len() as u32).collect();
+        let mut count = faces.len();
+        while count > most {
+            let before = count;
+            count = merge(positions, faces, areas, normals, &mut of, count, most);
+            if count == before {
+                return None;
+            }
+        }
+        let size = |a: &Vec3| dot(*a, *a).sqrt();
+        let mut whole = vec![0.0; count];
+        of.iter().zip(areas).for_each(|(&g, a)| whole[g as usize] += size(a));
+        let share = of.iter().zip(areas).map(|(&g, a)| part(size(a), whole[g as usize])).collect();
+        let fine = whole.iter().map(|a| a.sqrt() / std::f64::consts::PI).collect();
+        Some(Self { outlines: outlines(faces, &of, count), of, share, fine })
+    }
+
+    /// Groups.
+    pub fn len(&self) -> usize {
+        self.fine.len()
+    }
+
+    /// Means over the groups, by area.
+    pub fn means(&self, values: &[f64]) -> Vec<f64> {
+        let mut means = vec![0.0; self.len()];
+        for ((&g, share), value) in self.of.iter().zip(&self.share).zip(values) {
+            means[g as usize] += share * value;
+        }
+        means
+    }
+}
+
+/// Share of `a` in `whole`, which may be nothing.
+fn part(a: f64, whole: f64) -> f64 {
+    if a == whole { 1.0 } else { a / whole.max(f64::MIN_POSITIVE) }
+}
+
+/// Edges of a face, in its sense.
+fn edges(face: &[u32; 4]) -> impl Iterator<Item = [u32; 2]> {
+    let nodes = distinct(face);
+    (0..nodes.len()).map(move |k| [nodes[k], nodes[(k + 1) % nodes.len()]])
+}
+
+/// Edges that a group does not share with itself.
+fn outlines(faces: &[[u32; 4]], of: &[u32], count: usize) -> Vec<Vec<[u32; 2]>> {
+    let mut owner: HashMap<[u32; 2], u32> = HashMap::new();
+    for (face, &g) in faces.iter().zip(of) {
+        edges(face).for_each(|e| {
+            owner.insert(e, g);
+        });
+    }
+    let mut outlines = vec![Vec::new(); count];
+    for (face, &g) in faces.iter().zip(of) {
+        let outer = edges(face).filter(|&[a, b]| owner.get(&[b, a]) != Some(&g));
+        outlines[g as usize].extend(outer);
+    }
+    outlines
+}
+
+/// Joins pairs of neighbours until there are `most` groups or none is left without a partner; groups are
+/// numbered anew. Small ones choose first, the partner with which they are roundest: the
+/// largest area over the square of the outline. Returns how many there are.
+fn merge(
+    positions: &[Vec3],
+    faces: &[[u32; 4]],
+    areas: &[Vec3],
+    normals: &[Vec3],
+    of: &mut [u32],
+    count: usize,
+    most: usize,
+) -> usize {
+    let size = |a: &Vec3| dot(*a, *a).sqrt();
+    let (mut area, mut around) = (vec![0.0; count], vec![0.0; count]);
+    let mut normal = vec![[0.0; 3]; count];
+    let mut owner: HashMap<[u32; 2], u32> = HashMap::new();
+    for (((face, &g), a), n) in faces.iter().zip(of.iter()).zip(areas).zip(normals) {
+        area[g as usize] += size(a);
+        (0..3).for_each(|i| normal[g as usize][i] += size(a) * n[i]);
+        edges(face).for_each(|e| {
+            owner.insert(e, g);
+        });
+    }
+    // Length that two groups share, each pair under both.
+    let mut shared: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); count];
+    for (face, &g) in faces.iter().zip(of.iter()) {
+        for [a, b] in edges(face) {
+            let along: Vec3 = std::array::from_fn(|i| positions[b as usize][i] - positions[a as usize][i]);
+            match owner.get(&[b, a]) {
+                Some(&other) if other == g => continue,
+                Some(&other) => *shared[g as usize].entry(other).or_default() += size(&along),
+                None => {}
+            }
+            around[g as usize] += size(&along);
+        }
+    }
+    let mut order: Vec<usize> = (0..count).collect();
+    // Sizes by steps of a half: the order of equal ones must not hang on round-off.
+    let step = |g: usize| (2.0 * area[g].max(f64::MIN_POSITIVE).log2()).round();
+    order.sort_by(|&a, &b| step(a).total_cmp(&step(b)).then(a.cmp(&b)));
+    let mut partner: Vec<Option<usize>> = vec![None; count];
+    let mut left = count;
+    for &g in &order {
+        if left <= most {
+            break;
+        }
+        if partner[g].is_some() {
+            continue;
+        }
+        let mut best: Option<(f64, usize)> = None;
+        for (&other, length) in &shared[g] {
+            let o = other as usize;
+            let cosine = dot(normal[g], normal[o]) / (area[g] * area[o]).max(f64::MIN_POSITIVE);
+            if partner[o].is_some() || cosine < ALIKE {
+                continue;
+            }
+            let round = (area[g] + area[o]) / (around[g] + around[o] - 2.0 * length).powi(2);
+            if best.is_none_or(|(b, _)| round > b * (1.0 + 1e-9)) {
+                best = Some((round, o));
+            }
+        }
+        if let Some((_, o)) = best {
+            (partner[g], partner[o]) = (Some(o), Some(g));
+            left -= 1;
+        }
+    }
+    let mut number = vec![u32::MAX; count];
+    let mut next = 0;
+    for g in 0..count {
+        if number[g] == u32::MAX {
+            number[g] = next;
+            if let Some(o) = partner[g] {
+                number[o] = next;
+            }
+            next += 1;
+        }
+    }
+    of.iter_mut().for_each(|g| *g = number[*g as usize]);
+    next as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lattice::Lattice;
+    use super::super::relaxation::tests::plate;
+
+    #[test]
+    fn a_square_grid_falls_into_blocks() {
+        let (positions, faces) = plate(16);
+        let lattice = Lattice::new(&positions, &faces, 64).expect("enough neighbours");
+        let groups = &lattice.groups;
+        assert_eq!(groups.len(), 64);
+        // Four faces each, nearly all of them blocks of two by two with eight edges around them.
+        let mut faces_of = vec![0; 64];
+        groups.of.iter().for_each(|&g| faces_of[g as usize] += 1);
+        assert!(faces_of.iter().all(|&n| n == 4), "{faces_of:?}");
+        let blocks = groups.outlines.iter().filter(|o| o.len() == 8).count();
+        assert!(blocks >= 60, "{blocks}");
+        let means = groups.means(&vec![0.7; faces.len()]);
+        assert!(means.iter().all(|m| (m - 0.7).abs() < 1e-14));
+    }
+
+    #[test]
+    fn creases_and_gaps_keep_groups_apart() {
+        // Two squares that share an edge at a right angle, and one by itself.
+        let positions = [
+            [0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [1.0, 0.0, 1.0],
+            [1.0, 1.0, 1.0],
+            [5.0, 0.0, 0.0],
+            [6.0, 0.0, 0.0],
+            [6.0, 1.0, 0.0],
+            [5.0, 1.0, 0.0],
+        ];
+        let faces = [[0, 1, 2, 3], [1, 4, 5, 2], [6, 7, 8, 9]];
+        assert!(Lattice::new(&positions, &faces, 2).is_none());
+        assert!(Lattice::new(&positions, &faces, 3).is_some_and(|l| l.groups.len() == 3));
+    }
+}
