@@ -23,6 +23,11 @@ impl Base {
     /// Flies the scene once.
     #[allow(clippy::new_without_default, reason = "it runs programs")]
     pub fn new() -> Self {
+        Self::on(RANKS)
+    }
+
+    /// As [`Base::new`], on other ranks.
+    pub fn on(ranks: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let scene = changed_scene(
             "square-drop",
@@ -39,7 +44,7 @@ impl Base {
             ],
         );
         let base = Self { folder, scene };
-        succeed(ripstop_run(&base.scene, &base.out(), &["--ranks", RANKS, "--quiet"]));
+        succeed(ripstop_run(&base.scene, &base.out(), &["--ranks", ranks, "--quiet"]));
         base
     }
 
