@@ -27,7 +27,11 @@ fn geometric(n: usize, length: f64, h: f64) -> Vec<f64> {
 /// halved in all directions; 16 and more: as many cells along the plate's side in place of
 /// 16, all others in proportion.
 pub fn plate(every: usize) -> FlowGrid {
-    let (across, every) = if every < 16 { (16, every) } else { (every, 1) };
+    if every < 16 { lines(16, every) } else { lines(every, 1) }
+}
+
+/// The grid with `across` cells along the plate's side, of which every `every`-th line is kept.
+pub fn lines(across: usize, every: usize) -> FlowGrid {
     let share = |n: usize| (n * across + 8) / 16;
     let h = 1.0 / across as f64;
     let line = |low: Vec<f64>, start: f64, uniform: usize, high: Vec<f64>| -> Vec<f64> {
