@@ -66,7 +66,13 @@ fn the_last_good_state_is_saved_and_goes_on() {
     std::fs::write(&scene, lower).expect("a file");
     succeed(ripstop_run(&scene, &out, &["--stage", "further", "--stop-after-windows", "2"]));
     let further = History::read(&out, "further");
-    assert!(further.len() >= 2, "{}", further.len());
+    // Two windows of the scene, in as many parts as were given back.
+    let (time, parts) = (further.column("time_s"), further.column("window_s"));
+    println!("times {time:?}, windows {parts:?}, given back {:?}", further.column("rejected_attempts"));
+    assert!((time[time.len() - 1] - 2.0 * 5e-3).abs() < 1e-12, "{time:?}");
+    let halved = further.column("rejected_attempts").iter().sum::<f64>() > 0.0;
+    assert_eq!(parts.iter().any(|w| *w < 5e-3), halved, "{parts:?}");
+    assert_eq!(further.len() == 2, !halved, "{parts:?}");
     for (name, most) in [("descent_speed_m_s", 0.15), ("projected_area_m2", 0.2)] {
         let (before, after) = (history.column(name), further.column(name));
         let step = (after[0] - before[before.len() - 1]).abs();
