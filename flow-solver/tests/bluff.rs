@@ -191,6 +191,8 @@ fn disk_at_reynolds_100() {
     let viscosity = RHO * SPEED / 1e2;
     for across in [8, 12, 16] {
         let steps = [0.16 / across as f64, 18.0, 20.0];
-        println!("{across} across: {:.4}", drag(&sheet(true, across), Laminar { viscosity }, None, steps));
+        let cd = drag(&sheet(true, across), Laminar { viscosity }, None, steps);
+        println!("{across} across: {cd:.4}");
+        assert!((cd - 1.28).abs() < 0.01, "{cd}");
     }
 }
