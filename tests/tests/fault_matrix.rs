@@ -16,7 +16,7 @@ const GONE: Duration = Duration::from_secs(5);
 /// Deadline of the runs in which something stalls.
 const DEADLINE: Duration = Duration::from_secs(8);
 /// For what takes as long as it takes: starting, working.
-const PATIENCE: Duration = Duration::from_secs(180);
+const PATIENCE: Duration = Duration::from_secs(400);
 
 const MOMENTS: [&str; 6] = ["start", "handshake", "window", "iteration", "save", "end"];
 const FAULTS: [&str; 10] =
