@@ -11,6 +11,7 @@
 //! space gives it the sums of forces and moments of the canopy. (The transpose of the motion would keep the work as well,
 //! but spreads nodal forces as unevenly as nodes fall: 6 % of the pressure between surfaces of 3 to 2 cells.)
 
+mod near;
 mod own_surface;
 
 use channel::LOAD_WIDTH;
@@ -18,6 +19,8 @@ use mesh::Vec3;
 use serde::{Deserialize, Serialize};
 
 pub use own_surface::{OwnSurface, surface_file};
+
+use near::Near;
 
 /// A surface: unstressed positions of its nodes, m, and its faces, a triangle repeating its last node.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -107,11 +110,11 @@ impl Transfer {
             .map(|(a, b)| norm(sub(own.nodes[a as usize], own.nodes[b as usize])))
             .fold(0.0f64, f64::max);
         let mut feet = Vec::with_capacity(canopy.nodes.len());
+        let corners_of = |s: &Surface, t: [u32; 3]| t.map(|n| s.nodes[n as usize]);
+        let near = Near::new(triangles.iter().map(|&t| corners_of(&own, t)).collect());
         for (node, &c) in canopy.nodes.iter().enumerate() {
-            let found = triangles.iter().map(|&t| (t, nearest(c, t.map(|n| own.nodes[n as usize]))));
-            // Never empty: there are triangles.
-            let best = found.min_by(|a, b| a.1.total_cmp(&b.1)).ok_or(TransferError::Empty)?;
-            let (corners, distance) = best;
+            let (triangle, distance) = near.to(c).unwrap_or((0, f64::INFINITY));
+            let corners = triangles[triangle];
             if distance > edge {
                 return Err(TransferError::Far { node, distance, edge });
             }
@@ -124,8 +127,12 @@ impl Transfer {
             let (weights, height) = ([1.0 - second - third, second, third], dot(d, unit) / square.sqrt());
             feet.push(Foot { corners, weights, height });
         }
-        let near = Near::new(&canopy);
-        let samples = own.faces.iter().map(|f| points(f, &own.nodes).map(|p| near.face(p))).collect();
+        let faces = canopy.faces.iter().enumerate();
+        let cut = faces.flat_map(|(f, face)| triangles_of(face).map(move |t| (f as u32, t)));
+        let (faces, cut): (Vec<u32>, Vec<[Vec3; 3]>) = cut.map(|(f, t)| (f, corners_of(&canopy, t))).unzip();
+        let near = Near::new(cut);
+        let beside = |p: Vec3| near.to(p).map_or(0, |(triangle, _)| faces[triangle]);
+        let samples = own.faces.iter().map(|f| points(f, &own.nodes).map(beside)).collect();
         Ok(Self { canopy, own, feet, samples })
     }
 
@@ -230,25 +237,6 @@ fn solve(m: [Vec3; 3], r: Vec3) -> Option<Vec3> {
     let scale = norm(a) * norm(b) * norm(c);
     (whole.abs() > 1e-14 * scale)
         .then(|| [dot(r, cross(b, c)) / whole, dot(a, cross(r, c)) / whole, dot(a, cross(b, r)) / whole])
-}
-
-/// Triangles of a surface, to be searched.
-struct Near {
-    triangles: Vec<(u32, [Vec3; 3])>,
-}
-
-impl Near {
-    fn new(surface: &Surface) -> Self {
-        let faces = surface.faces.iter().enumerate();
-        let cut = faces.flat_map(|(f, face)| triangles_of(face).map(move |t| (f as u32, t)));
-        Self { triangles: cut.map(|(f, t)| (f, t.map(|n| surface.nodes[n as usize]))).collect() }
-    }
-
-    /// The face nearest to `p`.
-    fn face(&self, p: Vec3) -> u32 {
-        let far = self.triangles.iter().map(|(f, t)| (*f, nearest(p, *t)));
-        far.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(f, _)| f)
-    }
 }
 
 /// Points spread evenly over a face.

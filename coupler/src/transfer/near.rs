@@ -1,0 +1,131 @@
+//! The triangle nearest to a point, by a tree of boxes.
+
+use mesh::Vec3;
+
+use super::nearest;
+
+/// Triangles in a box that is not divided any more.
+const LEAF: usize = 8;
+
+/// Triangles to be searched.
+pub(super) struct Near {
+    triangles: Vec<[Vec3; 3]>,
+    /// Triangles in the order of the tree: a box holds a range of them, its halves the halves.
+    order: Vec<u32>,
+    /// Lower and upper corners, as [`Near::search`] visits them: a box, its first half with all below, its second.
+    boxes: Vec<[Vec3; 2]>,
+}
+
+impl Near {
+    pub fn new(triangles: Vec<[Vec3; 3]>) -> Self {
+        let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
+        let mut boxes = Vec::new();
+        if !triangles.is_empty() {
+            divide(&triangles, &mut order, &mut boxes);
+        }
+        Self { triangles, order, boxes }
+    }
+
+    /// Triangle nearest to `p` (of equally near ones the first) and its distance; `None` where none has one.
+    pub fn to(&self, p: Vec3) -> Option<(usize, f64)> {
+        let mut best = (f64::INFINITY, u32::MAX);
+        if !self.order.is_empty() {
+            self.search(p, 0, 0..self.order.len(), &mut best);
+        }
+        (best.1 != u32::MAX).then_some((best.1 as usize, best.0))
+    }
+
+    fn search(&self, p: Vec3, at: usize, range: std::ops::Range<usize>, best: &mut (f64, u32)) {
+        if range.len() <= LEAF {
+            for &t in &self.order[range] {
+                let far = nearest(p, self.triangles[t as usize]);
+                if far < best.0 || (far == best.0 && t < best.1) {
+                    *best = (far, t);
+                }
+            }
+            return;
+        }
+        let middle = range.start + range.len() / 2;
+        let (first, second) = (at + 1, at + 1 + count(middle - range.start));
+        let [near, far] = [first, second].map(|b| distance(p, &self.boxes[b]));
+        let mut halves = [(near, first, range.start..middle), (far, second, middle..range.end)];
+        if far < near {
+            halves.swap(0, 1);
+        }
+        for (away, at, range) in halves {
+            // A box is at most as far away as what it holds, but for round-off.
+            if away <= best.0 * (1.0 + 1e-9) {
+                self.search(p, at, range, best);
+            }
+        }
+    }
+}
+
+/// Boxes of a tree of `n` triangles.
+fn count(n: usize) -> usize {
+    if n <= LEAF { 1 } else { 1 + count(n / 2) + count(n - n / 2) }
+}
+
+fn divide(triangles: &[[Vec3; 3]], order: &mut [u32], boxes: &mut Vec<[Vec3; 2]>) {
+    let mut around = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for corner in order.iter().flat_map(|&t| triangles[t as usize]) {
+        for i in 0..3 {
+            around[0][i] = around[0][i].min(corner[i]);
+            around[1][i] = around[1][i].max(corner[i]);
+        }
+    }
+    boxes.push(around);
+    if order.len() <= LEAF {
+        return;
+    }
+    let width = |i: usize| around[1][i] - around[0][i];
+    let long = (1..3).fold(0, |long, i| if width(i) > width(long) { i } else { long });
+    let middle = |t: u32| triangles[t as usize].iter().map(|x| x[long]).sum::<f64>();
+    let half = order.len() / 2;
+    order.select_nth_unstable_by(half, |&a, &b| middle(a).total_cmp(&middle(b)).then(a.cmp(&b)));
+    let (first, second) = order.split_at_mut(half);
+    divide(triangles, first, boxes);
+    divide(triangles, second, boxes);
+}
+
+/// Distance of `p` from a box.
+fn distance(p: Vec3, [low, high]: &[Vec3; 2]) -> f64 {
+    (0..3).map(|i| (low[i] - p[i]).max(p[i] - high[i]).max(0.0).powi(2)).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_what_looking_at_all_finds() {
+        // Scattered triangles of all sizes, some of them equal, and points inside and far outside.
+        let mut state = 7u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / f64::from(1u32 << 31)
+        };
+        let mut point = |size: f64| -> Vec3 { std::array::from_fn(|_| size * (random() - 0.5)) };
+        let mut triangles: Vec<[Vec3; 3]> = (0..500)
+            .map(|k| {
+                let at = point(4.0);
+                let size = if k % 50 == 0 { 3.0 } else { 0.2 };
+                [(); 3].map(|()| {
+                    let off = point(size);
+                    std::array::from_fn(|i| at[i] + off[i])
+                })
+            })
+            .collect();
+        triangles.extend_from_within(..100);
+        let near = Near::new(triangles.clone());
+        assert_eq!(near.boxes.len(), count(triangles.len()));
+        for k in 0..500 {
+            let p = point(if k % 5 == 0 { 40.0 } else { 5.0 });
+            let all = triangles.iter().map(|t| nearest(p, *t)).enumerate();
+            let first = all.min_by(|a, b| a.1.total_cmp(&b.1)).expect("triangles");
+            assert_eq!(near.to(p), Some(first));
+        }
+        assert_eq!(near.to([f64::NAN; 3]), None);
+        assert_eq!(Near::new(Vec::new()).to([0.0; 3]), None);
+    }
+}
