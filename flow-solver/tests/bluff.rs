@@ -8,6 +8,7 @@
 #[path = "common/bodies.rs"]
 mod bodies;
 mod common;
+#[allow(dead_code, reason = "the plate of the peers is for another test")]
 #[path = "common/plate.rs"]
 mod plate;
 
