@@ -27,7 +27,7 @@ impl std::str::FromStr for Setting {
     type Err = String;
 
     /// A value is read as in TOML; what is none there is a word: `fabric.wrinkling=false`,
-    /// `coupling.scheme=staggered`, `flow.gravity={...}`.
+    /// `coupling.scheme=staggered`, `output={volume_every_windows=0}`.
     fn from_str(text: &str) -> Result<Self, String> {
         let help = "write KEY=VALUE with a dotted key of the scene, such as fabric.poisson_ratio=0.4 or \
                     stage.descent.duration_s=2";

@@ -158,7 +158,8 @@ fn high(disk: bool, across: usize) -> f64 {
     drag(&sheet(disk, across), Modelled { viscosity }, Some(viscosity), [0.16 / across as f64, 25.0, 70.0])
 }
 
-/// Published: 1.17 both.
+/// Published: 1.17 both. With eight cells across 1.107, and 0.966 for the disk, whose cells are sheared at the
+/// rim; with twelve 1.017 and 1.201.
 #[test]
 #[ignore = "minutes"]
 fn square_plate_normal_to_the_stream() {
@@ -174,15 +175,18 @@ fn disk_normal_to_the_stream() {
 }
 
 #[test]
-#[ignore = "half an hour"]
+#[ignore = "six minutes"]
 fn square_plate_normal_to_the_stream_refined() {
-    println!("{:.4}", high(false, 12));
+    // 13 % too low: a known gap (docs/verification.md), not to become wider.
+    let cd = high(false, 12);
+    assert!((cd - 1.17).abs() < 0.16, "{cd}");
 }
 
 #[test]
-#[ignore = "half an hour"]
+#[ignore = "six minutes"]
 fn disk_normal_to_the_stream_refined() {
-    println!("{:.4}", high(true, 12));
+    let cd = high(true, 12);
+    assert!((cd - 1.17).abs() < 0.05, "{cd}");
 }
 
 /// The wake is steady at a Reynolds number of 100. Published: a drag coefficient of about 1.28.

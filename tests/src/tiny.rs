@@ -11,6 +11,18 @@ pub const WINDOWS: usize = 4;
 /// Ranks of each run.
 pub const RANKS: &str = "structure=3,mesh=3,flow=3";
 
+/// What makes `square-drop` that small.
+pub const SMALLER: [(&str, &str); 8] = [
+    ("duration_s = 0.1\n", "duration_s = 0.02\n"),
+    ("cells_across = 12", "cells_across = 4"),
+    ("line_count = 24", "line_count = 8"),
+    ("layers_inside = 5", "layers_inside = 2"),
+    ("layers_outside = 10", "layers_outside = 4"),
+    ("first_layer_m = 0.1", "first_layer_m = 0.2"),
+    ("duration_s = 1.0", "duration_s = 0.1"),
+    ("duration_s = 0.2", "duration_s = 0.08"),
+];
+
 /// A run that was not harmed, whose states all others start from.
 pub struct Base {
     /// Holds all of it.
@@ -29,20 +41,7 @@ impl Base {
     /// As [`Base::new`], on other ranks.
     pub fn on(ranks: &str) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let scene = changed_scene(
-            "square-drop",
-            folder.path(),
-            &[
-                ("duration_s = 0.1\n", "duration_s = 0.02\n"),
-                ("cells_across = 12", "cells_across = 4"),
-                ("line_count = 24", "line_count = 8"),
-                ("layers_inside = 5", "layers_inside = 2"),
-                ("layers_outside = 10", "layers_outside = 4"),
-                ("first_layer_m = 0.1", "first_layer_m = 0.2"),
-                ("duration_s = 1.0", "duration_s = 0.1"),
-                ("duration_s = 0.2", "duration_s = 0.08"),
-            ],
-        );
+        let scene = changed_scene("square-drop", folder.path(), &SMALLER);
         let base = Self { folder, scene };
         succeed(ripstop_run(&base.scene, &base.out(), &["--ranks", ranks, "--quiet"]));
         base

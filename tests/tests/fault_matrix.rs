@@ -16,7 +16,7 @@ const GONE: Duration = Duration::from_secs(5);
 /// Deadline of the runs in which something stalls.
 const DEADLINE: Duration = Duration::from_secs(8);
 /// For what takes as long as it takes: starting, working.
-const PATIENCE: Duration = Duration::from_secs(400);
+const PATIENCE: Duration = Duration::from_secs(180);
 
 const MOMENTS: [&str; 6] = ["start", "handshake", "window", "iteration", "save", "end"];
 const FAULTS: [&str; 10] =
@@ -211,12 +211,7 @@ fn try_cell(base: &Base, cell: &Cell, thorough: fn(&Cell) -> bool) -> Result<Dur
         }
         return Ok(took);
     }
-    let limit = match (cell.victim, cell.fault) {
-        _ if cell.stalls() => DEADLINE + GONE,
-        // It is asked to end, finishes its window, in which a rank sleeps for a second, and saves.
-        (None, "term") => 3 * GONE,
-        _ => GONE,
-    };
+    let limit = if cell.stalls() { DEADLINE + GONE } else { GONE };
     demand!(took <= limit, "took {took:?}: {text}");
     let errors: Vec<&str> = text.lines().filter(|l| l.starts_with("error")).collect();
     let wanted = match (cell.victim, cell.fault) {
