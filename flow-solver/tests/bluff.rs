@@ -102,6 +102,16 @@ fn sphere_at_reynolds_300_refined() {
     assert!((st - 0.1355).abs() < 0.01, "{st}");
 }
 
+/// 245 760 cells.
+#[test]
+#[ignore = "half an hour"]
+fn sphere_at_reynolds_300_refined_again() {
+    let [cd, cl, st] = sphere_300(32, 80, 140.0);
+    assert!((cd - 0.663).abs() < 0.02, "{cd}");
+    assert!((cl - 0.067).abs() < 0.015, "{cl}");
+    assert!((st - 0.1355).abs() < 0.006, "{st}");
+}
+
 /// A square sheet of side 1 m, or a disk of this diameter, with `across` cells along it.
 fn sheet(disk: bool, across: usize) -> FlowGrid {
     let mut grid = plate::lines(2 * across, 2);
@@ -123,17 +133,25 @@ fn sheet(disk: bool, across: usize) -> FlowGrid {
 const SPEED: f64 = 4.88;
 
 /// Mean drag coefficient of the sheet over the times `from` to `end` (in U/D), by steps of `dt` s;
-/// `eddies`: delayed detached eddies.
+/// `eddies`: delayed detached eddies, in a wake that is pushed to one side at the start: by round-off alone
+/// it takes 30 to 45 U/D to leave the symmetric state, whose drag is a third too low.
 fn drag<V: Viscosity>(grid: &FlowGrid, viscosity: V, eddies: Option<f64>, [dt, from, end]: [f64; 3]) -> f64 {
     let mut set = settings([0.0, 0.0, SPEED], 1e-2);
     set.moving = false;
     let mut s = isothermal(grid, viscosity, set);
     if let Some(viscosity) = eddies {
         s.set_turbulence(SpalartAllmaras::new(&s.topology, viscosity, RHO, ddes));
+        for past in &mut s.past {
+            for (q, x) in past.q.iter_mut().zip(&s.metrics.centre) {
+                let r2 = x[0] * x[0] + x[1] * x[1] + (x[2] - 1.0) * (x[2] - 1.0);
+                q[1] += 0.3 * SPEED * (-r2).exp();
+                q[2] += 0.2 * SPEED * (-r2).exp();
+            }
+        }
     }
     let mut loads = Loads::new(&s);
     let area: f64 = s.topology.canopy_face.iter().map(|&f| s.metrics.faces[f as usize].magnitude()).sum();
-    let (mut t, mut k, mut sum, mut count) = (0.0, 0, 0.0, 0.0);
+    let (mut t, mut k, mut late) = (0.0, 0, Vec::new());
     while t < end {
         s.advance(&at_rest(dt)).unwrap();
         let drag = loads.compute(&s).force[2] / (0.5 * RHO * SPEED * SPEED * area);
@@ -141,52 +159,55 @@ fn drag<V: Viscosity>(grid: &FlowGrid, viscosity: V, eddies: Option<f64>, [dt, f
         t += dt * SPEED;
         k += 1;
         if t > from {
-            sum += drag;
-            count += 1.0;
+            late.push(drag);
         }
         if k % 50 == 0 {
             println!("t U/D {t:.1}: cd {drag:.4}");
         }
     }
-    println!("area {area:.4} m2, {} cells: mean cd {:.4}", grid.cells.len(), sum / count);
-    sum / count
+    let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len() as f64;
+    let parts: Vec<f64> = late.chunks(late.len().div_ceil(4)).map(mean).collect();
+    println!(
+        "area {area:.4} m2, {} cells: mean cd {:.4}, in quarters {parts:.3?}",
+        grid.cells.len(),
+        mean(&late)
+    );
+    mean(&late)
 }
 
-/// At a Reynolds number of 1e5, over 25 to 70 U/D.
+/// At a Reynolds number of 1e5, over 50 to 150 U/D.
 fn high(disk: bool, across: usize) -> f64 {
     let viscosity = RHO * SPEED / 1e5;
-    drag(&sheet(disk, across), Modelled { viscosity }, Some(viscosity), [0.16 / across as f64, 25.0, 70.0])
+    drag(&sheet(disk, across), Modelled { viscosity }, Some(viscosity), [0.16 / across as f64, 50.0, 150.0])
 }
 
-/// Published: 1.17 both. With eight cells across 1.107, and 0.966 for the disk, whose cells are sheared at the
-/// rim; with twelve 1.017 and 1.201.
+/// Published: 1.17 both, in an unbounded stream.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "two minutes"]
 fn square_plate_normal_to_the_stream() {
     let cd = high(false, 8);
-    assert!((cd - 1.17).abs() < 0.1, "{cd}");
+    assert!((cd - 1.17).abs() < 0.03, "{cd}");
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "two minutes"]
 fn disk_normal_to_the_stream() {
     let cd = high(true, 8);
-    assert!((cd - 1.17).abs() < 0.25, "{cd}");
+    assert!((cd - 1.17).abs() < 0.03, "{cd}");
 }
 
 #[test]
-#[ignore = "six minutes"]
+#[ignore = "eight minutes"]
 fn square_plate_normal_to_the_stream_refined() {
-    // 13 % too low: a known gap (docs/verification.md), not to become wider.
     let cd = high(false, 12);
-    assert!((cd - 1.17).abs() < 0.16, "{cd}");
+    assert!((cd - 1.17).abs() < 0.02, "{cd}");
 }
 
 #[test]
-#[ignore = "six minutes"]
+#[ignore = "eight minutes"]
 fn disk_normal_to_the_stream_refined() {
     let cd = high(true, 12);
-    assert!((cd - 1.17).abs() < 0.05, "{cd}");
+    assert!((cd - 1.17).abs() < 0.02, "{cd}");
 }
 
 /// The wake is steady at a Reynolds number of 100. Published: a drag coefficient of about 1.28.

@@ -279,7 +279,8 @@ fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
     let failed = ripstop_run(&file, &folder.path().join("whole"), &["--quiet"]).output().expect("starts");
     let words = String::from_utf8_lossy(&failed.stderr);
     assert_eq!(failed.status.code(), Some(1), "windows of one length: {words}");
-    assert!(words.contains("the coupling failed in stage `vibration`, window 0"), "{words}");
+    // The coupling gives up, or an iterate of it is more than the grid can follow.
+    assert!(words.contains("in stage `vibration`, window 0"), "{words}");
 
     let out = folder.path().join("out");
     succeed(ripstop_run(&scene("hard/closed-box"), &out, &["--quiet"]));

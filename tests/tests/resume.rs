@@ -163,7 +163,7 @@ fn a_full_disk_leaves_the_state_before() {
     let begin = Instant::now();
     while rows(&out) <= before {
         assert!(begin.elapsed() < Duration::from_secs(120), "the resumed run computes nothing");
-        std::thread::sleep(Duration::from_millis(5));
+        std::thread::sleep(Duration::from_millis(1));
     }
     let most = libc::rlimit { rlim_cur: 1_000_000, rlim_max: 1_000_000 };
     let mark = out.display().to_string();

@@ -1,14 +1,10 @@
 //! Numbers of a scene that tell which effects matter in it.
 
-use case::{Canopy, Scene, StageKind};
+use case::{Canopy, GAS_CONSTANT, HEAT_RATIO, Scene, StageKind};
 use mesh::{CableKind, StructureMesh};
 
 use crate::interface::CanopyInterface;
 
-/// Ratio of specific heats of air.
-const GAMMA: f64 = 1.4;
-/// Gas constant of air, J/(kg K).
-const GAS: f64 = 287.05;
 /// Dynamic viscosity of air at sea level, Pa s, where the scene is inviscid.
 const AIR_VISCOSITY: f64 = 1.789e-5;
 
@@ -105,7 +101,7 @@ impl<'a> Numbers<'a> {
             scene,
             speed,
             density,
-            mach: speed / (GAMMA * GAS * temperature).sqrt(),
+            mach: speed / (HEAT_RATIO * GAS_CONSTANT * temperature).sqrt(),
             width,
             reynolds: density * speed * width / viscosity,
             cell: width / across.max(1.0),

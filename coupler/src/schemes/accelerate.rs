@@ -3,7 +3,7 @@
 use case::{Acceleration, Coupling};
 
 use super::memory::{pack, unpack};
-use super::{IqnIls, IqnImvj, IqnOptions, Relaxation};
+use super::{IqnIls, IqnImvj, IqnOptions, Lattice, Relaxation};
 use crate::error::RunError;
 
 /// Turns an iterate and its answer into the next iterate.
@@ -28,6 +28,11 @@ pub trait Accelerator {
 
     /// What was learnt is of no use any more: windows have another length, or one was given back.
     fn forget(&mut self);
+
+    /// See [`Relaxation::reshape`].
+    fn reshape(&mut self, lattice: &Lattice) {
+        let _ = lattice;
+    }
 }
 
 /// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what

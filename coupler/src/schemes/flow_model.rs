@@ -12,7 +12,9 @@
 //!
 //! A canopy of very many faces acts in groups of neighbours ([`super::groups`]): the matrix takes their
 //! mean accelerations, and what a face moves beside its group gets the added mass of short waves.
-//! model misses, secants learn: differences of answers within a window, corrected for the model.
+//!
+//! The canopy breathes, and windows become shorter where they are given back: the lattice is made anew when
+//! it has turned or the air's screening is another one.
 
 use std::collections::VecDeque;
 
@@ -23,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use super::Unknowns;
 use super::groups::Groups;
 use super::inverse::{Inverse, factors};
-use super::lattice::{Lattice, distinct, dot};
+use super::lattice::{Air, Lattice, area_vector, distinct, dot, unit};
 use super::least_squares::{Columns, axpy, norm};
 use super::memory::{pack, unpack};
 use crate::error::RunError;
@@ -31,11 +33,16 @@ use crate::error::RunError;
 /// Secants kept.
 const MOST_SECANTS: usize = 40;
 /// A secant is dropped when less than this share of its motion is new.
-const FILTER: f64 = 3e-2;
+const FILTER: f64 = 0.1;
 /// Or when what is new is below this share of the load: divided by so little, what the flow's tolerance leaves
 /// of an answer would be taken for a law. ATPS descent with 10 cells across, tolerance 1e-4, 100 windows: 5.5
 /// iterations a window without, 4.9, 4.8, 5.1, 5.2 with 3e-5, 1e-4, 2e-4, 1e-3; at 5e-3 nothing changes.
 const NOISE: f64 = 1e-4;
+
+/// The lattice is made anew when normals have turned by so much (root of the mean square, radians), ...
+const TURNED: f64 = 0.02;
+/// ... or when windows are so much longer or shorter than those it is made for.
+const LENGTHENED: f64 = 0.1;
 
 /// The canopy at the end of a window: displacement and velocity relative to the ground, `[nodes][3]`.
 #[derive(Serialize, Deserialize)]
@@ -57,10 +64,16 @@ struct Secant {
 pub struct FlowModel {
     unknowns: Unknowns,
     faces: Vec<[u32; 4]>,
+    air: Air,
+    /// Groups at most.
+    most: usize,
+    /// Unstressed positions, m.
+    reference: Vec<Vec3>,
+    /// What the lattice is made for: displacement, `[nodes][3]`, m, and length of windows, s.
+    made_for: (Vec<f64>, f64),
     normals: Vec<Vec3>,
     /// Vertical areas of the faces, m2.
     areas: Vec<f64>,
-    density: f64,
     groups: Groups,
     /// Of the influence.
     inverse: Inverse,
@@ -73,32 +86,37 @@ pub struct FlowModel {
 }
 
 impl FlowModel {
-    /// For a canopy at `positions` (m) at rest in a frame that moves with `velocity` (m/s), in air of
-    /// `density` (kg/m3). More faces than `most` act in so many groups of neighbours. `None` where they make
-    /// no groups or no sensible matrix.
+    /// For a canopy with these faces at the shape that the `lattice` is made for, at rest in a frame that moves with
+    /// `velocity` (m/s), `displacement` from its unstressed shape, in `air`. Later lattices have `most` groups at most.
+    /// `None` where this one gives no sensible matrix.
     pub fn new(
         unknowns: Unknowns,
-        positions: &[Vec3],
+        lattice: &Lattice,
         displacement: &[f64],
         velocity: f64,
         faces: &[[u32; 4]],
-        density: f64,
+        air: Air,
         most: usize,
     ) -> Option<Self> {
         if faces.is_empty() {
             return None;
         }
-        let Lattice { areas, normals, groups, influence } = Lattice::new(positions, faces, most)?;
-        let inverse = Inverse::of(&factors(&influence))?;
-        let at_rest = [0.0, 0.0, velocity].repeat(positions.len());
+        let inverse = Inverse::of(&factors(&lattice.influence))?;
+        let moved = displacement.chunks_exact(3);
+        let reference =
+            lattice.positions.iter().zip(moved).map(|(x, d)| std::array::from_fn(|i| x[i] - d[i]));
+        let at_rest = [0.0, 0.0, velocity].repeat(lattice.positions.len());
         let walls = VecDeque::from([Wall { displacement: displacement.to_vec(), velocity: at_rest }]);
         Some(Self {
             unknowns,
             faces: faces.to_vec(),
-            normals,
-            areas: areas.iter().map(|a| a[2]).collect(),
-            density,
-            groups,
+            air,
+            most,
+            reference: reference.collect(),
+            made_for: (displacement.to_vec(), unknowns.window_s()),
+            normals: lattice.normals.clone(),
+            areas: lattice.areas.iter().map(|a| a[2]).collect(),
+            groups: lattice.groups.clone(),
             inverse,
             walls,
             dt: 0.0,
@@ -107,9 +125,49 @@ impl FlowModel {
         })
     }
 
+    /// Makes the lattice anew where the canopy has turned since it was made, or windows have another length than
+    /// `dt`. What was learnt about the old one is forgotten. `None` where it still serves, or where there is no better.
+    pub fn follow(&mut self, dt: f64) -> Option<Lattice> {
+        let at = self.positions(&self.walls[0].displacement);
+        let turned: f64 = self
+            .faces
+            .iter()
+            .zip(&self.normals)
+            .map(|(face, old)| {
+                let new = unit(&area_vector(&face.map(|n| at[n as usize])));
+                (0..3).map(|i| (new[i] - old[i]).powi(2)).sum::<f64>()
+            })
+            .sum();
+        let longer = (dt / self.made_for.1 - 1.0).abs() > LENGTHENED && self.air.screening(dt) > 0.0;
+        if longer || turned > TURNED * TURNED * self.faces.len() as f64 {
+            let shape = self.walls[0].displacement.clone();
+            self.remake(shape, dt)
+        } else {
+            None
+        }
+    }
+
+    /// Makes the lattice for a displacement of the canopy and a length of windows.
+    fn remake(&mut self, displacement: Vec<f64>, dt: f64) -> Option<Lattice> {
+        let (at, screening) = (self.positions(&displacement), self.air.screening(dt));
+        let lattice = Lattice::new(&at, &self.faces, self.most, screening)?;
+        self.inverse = Inverse::of(&factors(&lattice.influence))?;
+        self.normals.clone_from(&lattice.normals);
+        self.areas = lattice.areas.iter().map(|a| a[2]).collect();
+        self.groups = lattice.groups.clone();
+        self.made_for = (displacement, dt);
+        self.forget();
+        Some(lattice)
+    }
+
+    fn positions(&self, displacement: &[f64]) -> Vec<Vec3> {
+        let moved = self.reference.iter().zip(displacement.chunks_exact(3));
+        moved.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
+    }
+
     /// The same with another density: more air makes schemes that rely on the model alone safer.
     pub fn with_density(self, density: f64) -> Self {
-        Self { density, ..self }
+        Self { air: Air { density, ..self.air }, ..self }
     }
 
     /// Numbers in an answer.
@@ -144,6 +202,11 @@ impl FlowModel {
     /// The part of the answer that accelerates air with the canopy, to the unknowns `x` at the end of
     /// a window of length `dt`.
     pub fn inertia(&self, x: &[f64], dt: f64, answer: &mut [f64]) {
+        self.inertia_of(&self.acceleration(x, dt), answer);
+    }
+
+    /// Acceleration of the nodes to the unknowns `x` at the end of a window of length `dt`, `[nodes][3]`, m/s2.
+    pub fn acceleration(&self, x: &[f64], dt: f64) -> Vec<f64> {
         let v = self.velocities(x, dt);
         let past = |k: usize| &self.walls[k].velocity;
         let difference = self.difference(dt);
@@ -151,10 +214,15 @@ impl FlowModel {
             Some([a, b, c]) => (a * v[i] + b * past(0)[i] + c * past(1)[i]) / dt,
             None => (v[i] - past(0)[i]) / dt,
         };
+        (0..v.len()).map(rate).collect()
+    }
+
+    /// The part of the answer that belongs to a [`FlowModel::acceleration`].
+    pub fn inertia_of(&self, rate: &[f64], answer: &mut [f64]) {
         let accelerations = self.faces.iter().zip(&self.normals).map(|(face, normal)| {
             let nodes = distinct(face);
             let sum: f64 =
-                nodes.iter().map(|&n| dot(std::array::from_fn(|i| rate(3 * n as usize + i)), *normal)).sum();
+                nodes.iter().map(|&n| dot(std::array::from_fn(|i| rate[3 * n as usize + i]), *normal)).sum();
             sum / nodes.len() as f64
         });
         let accelerations: Vec<f64> = accelerations.collect();
@@ -165,7 +233,7 @@ impl FlowModel {
         let faces = accelerations.iter().zip(&self.groups.of).zip(&self.areas);
         for (row, ((acceleration, &g), area)) in answer.chunks_exact_mut(LOAD_WIDTH).zip(faces) {
             let g = g as usize;
-            row[0] = -self.density * (jump[g] + self.groups.fine[g] * (acceleration - means[g]));
+            row[0] = -self.air.density * (jump[g] + self.groups.fine[g] * (acceleration - means[g]));
             force += area * row[0];
         }
         answer[self.faces.len() * LOAD_WIDTH] = force;
@@ -215,18 +283,25 @@ impl FlowModel {
 
     /// What later windows depend on.
     pub fn memory(&self) -> Vec<u8> {
-        pack(&(&self.walls, self.dt, &self.secants))
+        pack(&(&self.walls, self.dt, &self.secants, &self.made_for))
     }
 
-    /// Goes on from a [`FlowModel::memory`] of the same canopy.
+    /// Goes on from a [`FlowModel::memory`] of the same canopy. The lattice, where it is another one.
     ///
     /// # Errors
     /// A memory of something else.
-    pub fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
-        (self.walls, self.dt, self.secants) = unpack(memory)?;
+    pub fn recall(&mut self, memory: &[u8]) -> Result<Option<Lattice>, RunError> {
+        let (walls, dt, secants, (shape, length)): (_, f64, VecDeque<Secant>, (Vec<f64>, f64)) =
+            unpack(memory)?;
+        let lattice = if (&shape, length) == (&self.made_for.0, self.made_for.1) {
+            None
+        } else {
+            self.remake(shape, length)
+        };
+        (self.walls, self.dt, self.secants) = (walls, dt, secants);
         // What was kept before is kept again, and gives the same factors.
         self.refactor();
-        Ok(())
+        Ok(lattice)
     }
 
     fn refactor(&mut self) {
@@ -257,7 +332,9 @@ mod tests {
         let (positions, faces) = plate(CELLS);
         let unknowns = Unknowns::new(positions.len(), 1.0, false);
         let rest = vec![0.0; 3 * positions.len()];
-        let model = FlowModel::new(unknowns, &positions, &rest, 0.0, &faces, 1.0, most).expect("a plate");
+        let lattice = Lattice::new(&positions, &faces, most, 0.0).expect("a plate");
+        let air = Air::incompressible(1.0);
+        let model = FlowModel::new(unknowns, &lattice, &rest, 0.0, &faces, air, most).expect("a plate");
         let x: Vec<f64> = positions.iter().flat_map(|p| [0.0, 0.0, motion(p)]).collect();
         let mut answer = vec![0.0; model.answers()];
         model.inertia(&x, 1.0, &mut answer);

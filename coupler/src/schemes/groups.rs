@@ -183,7 +183,7 @@ mod tests {
     #[test]
     fn a_square_grid_falls_into_blocks() {
         let (positions, faces) = plate(16);
-        let lattice = Lattice::new(&positions, &faces, 64).expect("enough neighbours");
+        let lattice = Lattice::new(&positions, &faces, 64, 0.0).expect("enough neighbours");
         let groups = &lattice.groups;
         assert_eq!(groups.len(), 64);
         // Four faces each, nearly all of them blocks of two by two with eight edges around them.
@@ -212,7 +212,7 @@ mod tests {
             [5.0, 1.0, 0.0],
         ];
         let faces = [[0, 1, 2, 3], [1, 4, 5, 2], [6, 7, 8, 9]];
-        assert!(Lattice::new(&positions, &faces, 2).is_none());
-        assert!(Lattice::new(&positions, &faces, 3).is_some_and(|l| l.groups.len() == 3));
+        assert!(Lattice::new(&positions, &faces, 2, 0.0).is_none());
+        assert!(Lattice::new(&positions, &faces, 3, 0.0).is_some_and(|l| l.groups.len() == 3));
     }
 }

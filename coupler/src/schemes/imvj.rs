@@ -82,6 +82,10 @@ impl IqnImvj {
 }
 
 impl Accelerator for IqnImvj {
+    fn reshape(&mut self, lattice: &super::Lattice) {
+        self.rest.reshape(lattice);
+    }
+
     fn begin_window(&mut self) {
         self.previous = None;
         self.largest = 0.0;

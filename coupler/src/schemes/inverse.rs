@@ -9,6 +9,7 @@ const LANES: usize = 16;
 
 /// $A^{-1}$ in single precision, by rows: a product reads it once, where two triangular
 /// solves would read twice as many bytes and wait for each other's results.
+#[derive(Clone)]
 pub(super) struct Inverse {
     n: usize,
     rows: Vec<f32>,

@@ -133,6 +133,10 @@ impl IqnIls {
 }
 
 impl Accelerator for IqnIls {
+    fn reshape(&mut self, lattice: &super::Lattice) {
+        self.rest.reshape(lattice);
+    }
+
     fn begin_window(&mut self) {
         self.previous = None;
         self.best = f64::INFINITY;

@@ -35,6 +35,7 @@ pub use implicit::{GaussSeidel, Jacobi};
 pub use imvj::IqnImvj;
 pub use iqn::{IqnIls, IqnOptions};
 pub use jacobi_relaxation::JacobiRelaxation;
+pub use lattice::{Air, Lattice};
 pub use least_squares::Columns;
 pub(crate) use memory::{pack, unpack};
 

@@ -4,9 +4,12 @@
 //! of the air, which [`FlowModel`] knows. So the structure is solved against the model as often
 //! as it takes, with all of its wrinkles; the flow is asked about the result.
 
-use case::LoadShape;
+use std::collections::VecDeque;
 
-use super::extrapolate::Past;
+use case::LoadShape;
+use serde::{Deserialize, Serialize};
+
+use super::extrapolate::{MOST_ORDER, Past};
 use super::flow_model::FlowModel;
 use super::least_squares::norm;
 use super::load_shape::{FlowLoads, shape_load};
@@ -25,9 +28,23 @@ const MOST_SOLVES: usize = 25;
 /// smaller: the flow then solves more closely.
 const TINY_STEP: f64 = 1e-3;
 
+/// Windows whose ends are kept: what the highest order of extrapolation takes, and one to choose the order by.
+const ENDS: usize = MOST_ORDER + 2;
+
+/// The flow's answer at the end of a window.
+#[derive(Serialize, Deserialize)]
+struct WindowEnd {
+    answer: Vec<f64>,
+    /// Acceleration of the canopy, `[nodes][3]`, m/s2.
+    acceleration: Vec<f64>,
+    dt: f64,
+}
+
 /// The structure in equilibrium with the model.
 struct Balance {
     model: FlowModel,
+    /// Newest first.
+    ends: VecDeque<WindowEnd>,
     load: LoadShape,
     unknowns: Unknowns,
     accelerator: Box<dyn Accelerator>,
@@ -46,6 +63,7 @@ impl Balance {
         let faces = vec![0.0; m - 1];
         Self {
             model,
+            ends: VecDeque::new(),
             load,
             unknowns,
             accelerator,
@@ -119,13 +137,39 @@ impl Balance {
         }
     }
 
+    /// Lets the model follow the canopy before a window of length `dt`. Where its lattice is a new one, what it
+    /// leaves of the flow's answers in past windows, oldest first, with their lengths.
+    fn follow(&mut self, dt: f64) -> Option<Vec<(Vec<f64>, f64)>> {
+        let lattice = self.model.follow(dt)?;
+        self.accelerator.reshape(&lattice);
+        let mut inertia = vec![0.0; self.answer.len()];
+        let remainders = self.ends.iter().rev().map(|end| {
+            self.model.inertia_of(&end.acceleration, &mut inertia);
+            (end.answer.iter().zip(&inertia).map(|(answer, i)| answer - i).collect(), end.dt)
+        });
+        Some(remainders.collect())
+    }
+
+    /// A window of length `dt` ended with the grid at the unknowns `x` and this remainder.
+    fn accept(&mut self, x: &[f64], remainder: &[f64], dt: f64) {
+        let acceleration = self.model.acceleration(x, dt);
+        self.model.inertia_of(&acceleration, &mut self.answer);
+        let answer = self.answer.iter().zip(remainder).map(|(i, r)| i + r).collect();
+        self.ends.push_front(WindowEnd { answer, acceleration, dt });
+        self.ends.truncate(ENDS);
+        self.model.accept(x, dt);
+    }
+
     fn memory(&self) -> Vec<u8> {
-        pack(&(self.model.memory(), self.accelerator.memory()))
+        pack(&(self.model.memory(), &self.ends, self.accelerator.memory()))
     }
 
     fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
-        let (model, accelerator): (Vec<u8>, Vec<u8>) = unpack(memory)?;
-        self.model.recall(&model)?;
+        let (model, ends, accelerator): (Vec<u8>, _, Vec<u8>) = unpack(memory)?;
+        if let Some(lattice) = self.model.recall(&model)? {
+            self.accelerator.reshape(&lattice);
+        }
+        self.ends = ends;
         self.accelerator.recall(&accelerator)
     }
 }
@@ -162,7 +206,7 @@ impl AddedMassStaggered {
         accelerator: Box<dyn Accelerator>,
     ) -> Self {
         let remainder = vec![0.0; model.answers()];
-        let mut motions = Predictor::new(2);
+        let mut motions = Predictor::new(MOST_ORDER);
         motions.accept(&packed(&unknowns, state), 1.0);
         let balance = Balance::new(model, load, unknowns, accelerator);
         Self { order, balance, motions, remainders: Past::default(), remainder, x: Vec::new() }
@@ -185,6 +229,11 @@ impl Sequence for AddedMassStaggered {
             self.balance.measured(visit, x, &mut self.remainder);
             self.remainders.push(&self.remainder, visit.window.dt);
             visit.state.load.get_or_insert_with(|| visit.end.load.clone());
+        }
+        if let Some(remainders) = self.balance.follow(visit.window.dt) {
+            let mut past = Past::default();
+            remainders.iter().for_each(|(remainder, dt)| past.push(remainder, *dt));
+            self.remainders = past;
         }
         self.motions.predict(visit.window.dt, x);
         Ok(())
@@ -213,7 +262,7 @@ impl Sequence for AddedMassStaggered {
 
     fn accept(&mut self, _end: &End, _x: &[f64], answer: &[f64], dt: f64) {
         self.remainders.push(&self.remainder, dt);
-        self.balance.model.accept(answer, dt);
+        self.balance.accept(answer, &self.remainder, dt);
         self.motions.accept(answer, dt);
     }
 
@@ -254,12 +303,12 @@ impl BlockQuasiNewton {
         accelerator: Box<dyn Accelerator>,
     ) -> Self {
         let remainder = vec![0.0; model.answers()];
-        let mut motions = Predictor::new(2);
+        let mut motions = Predictor::new(MOST_ORDER);
         motions.accept(&packed(&unknowns, state), 1.0);
         Self {
             balance: Balance::new(model, load, unknowns, accelerator),
             motions,
-            remainders: Predictor::new(2),
+            remainders: Predictor::new(MOST_ORDER),
             remainder,
             last: None,
             known: false,
@@ -275,6 +324,10 @@ impl Sequence for BlockQuasiNewton {
 
     fn predict(&mut self, visit: &mut Visit<'_>, x: &mut Vec<f64>) -> Result<(), RunError> {
         self.last = None;
+        if let Some(remainders) = self.balance.follow(visit.window.dt) {
+            self.remainders = Predictor::new(MOST_ORDER);
+            remainders.iter().for_each(|(remainder, dt)| self.remainders.accept(remainder, *dt));
+        }
         self.motions.predict(visit.window.dt, x);
         if self.known {
             self.remainders.predict(visit.window.dt, &mut self.balance.remainder);
@@ -327,7 +380,7 @@ impl Sequence for BlockQuasiNewton {
         self.known = true;
         self.remainders.accept(&self.remainder, dt);
         // The grid stands at the iterate.
-        self.balance.model.accept(x, dt);
+        self.balance.accept(x, &self.remainder, dt);
         self.motions.accept(answer, dt);
     }
 

@@ -31,7 +31,9 @@ fn model(density: f64) -> FlowModel {
     let (positions, faces) = plate();
     let unknowns = Unknowns::new(positions.len(), 1.0, false);
     let rest = vec![0.0; 3 * positions.len()];
-    FlowModel::new(unknowns, &positions, &rest, 0.0, &faces, density, usize::MAX).expect("a sound plate")
+    let lattice = Lattice::new(&positions, &faces, usize::MAX, 0.0).expect("a sound plate");
+    let air = Air::incompressible(density);
+    FlowModel::new(unknowns, &lattice, &rest, 0.0, &faces, air, usize::MAX).expect("a sound plate")
 }
 
 /// Nodes of the plate on springs; the air's answer is the model's inertia at the true density under
@@ -140,11 +142,10 @@ fn fly(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result<Plate, 
     let rest = || -> Box<dyn Relaxation> {
         let (positions, faces) = self::plate();
         let response = 0.5 * MEAN_WEIGHTS[0];
-        let weights = Weights { fabric_kg_m2: FABRIC, air_kg_m3: AIR, response, falling_kg: 0.0 };
-        Box::new(
-            AddedMassRelaxation::new(unknowns, &positions, &faces, &weights, usize::MAX)
-                .expect("a sound plate"),
-        )
+        let weights =
+            Weights { fabric_kg_m2: FABRIC, air: Air::incompressible(AIR), response, falling_kg: 0.0 };
+        let lattice = Lattice::new(&positions, &faces, usize::MAX, 0.0).expect("a sound plate");
+        Box::new(AddedMassRelaxation::new(unknowns, &faces, &weights, &lattice).expect("a sound plate"))
     };
     let modelled = needs_model(coupling).then(|| Modelled {
         model: model(share * AIR),

@@ -3,6 +3,22 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::Flow;
+
+/// Specific gas constant of dry air, J/(kg K).
+pub const GAS_CONSTANT: f64 = 287.05;
+/// Ratio of its specific heats.
+pub const HEAT_RATIO: f64 = 1.4;
+
+impl Flow {
+    /// Speed of sound in the undisturbed air as the scene's equations have it, m/s: isothermal without the
+    /// energy equation.
+    pub fn sound_speed(&self) -> f64 {
+        let ratio = if self.energy.is_some() { HEAT_RATIO } else { 1.0 };
+        (ratio * GAS_CONSTANT * self.temperature_k).sqrt()
+    }
+}
+
 /// Fabric that lets air through: the pressure jump is `a v + b v |v|` for air that passes at
 /// `v` relative to the fabric. Either a cloth by name or both coefficients.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,6 +1,9 @@
 //! Physical sense of a scene: magnitudes, and sections that need each other.
 
-use crate::{Canopy, Flow, Integration, MoverKind, OuterBoundary, Scene, Solve, Stage, StageKind};
+use crate::{
+    Canopy, Flow, GAS_CONSTANT, HEAT_RATIO, Integration, MoverKind, OuterBoundary, Scene, Solve, Stage,
+    StageKind,
+};
 
 /// A refused value by its dotted path.
 pub(crate) struct Refusal {
@@ -344,7 +347,7 @@ fn solvers(scene: &Scene, c: &mut Check) {
             c.positive("flow.gust.duration_s", g.duration_s, 1e6, "a time in s");
             c.range("flow.gust.start_s", g.start_s, 0.0, 1e6, true, "in s");
         }
-        let sound = (1.4 * 287.05 * f.temperature_k).sqrt();
+        let sound = (HEAT_RATIO * GAS_CONSTANT * f.temperature_k).sqrt();
         let speed = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s)
             + length(&f.wind_m_s)
             + f.gust.as_ref().map_or(0.0, |g| length(&g.velocity_m_s));
