@@ -323,7 +323,13 @@ fn run_stage(
         summary.used(&used);
         interrupted.map_or(Ok(()), Err)
     })();
-    // Every process is gone by now, however the stage ended.
+    // Every process is gone by now, however the stage ended: a draft of a state that is still there is half a one.
+    let state = case::state_folder(context.out, scene, context.stage);
+    if state.exists()
+        && let Err(error) = checkpoint::remove(&checkpoint::draft(&state))
+    {
+        context.console.warning(&error.to_string());
+    }
     if let Err(error) = channel::cleanup(&session) {
         context.console.warning(&format!("shared memory of session {session}: {error}"));
     }

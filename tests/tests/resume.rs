@@ -178,7 +178,12 @@ fn a_full_disk_leaves_the_state_before() {
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("cannot write flow state") && text.contains("File too large"), "{text}");
     assert!(text.contains(&format!("saved after window {before} ")) && text.contains("go on with"), "{text}");
-    assert!(!out.join("descent/state.new").exists(), "half a state is left");
+    assert!(
+        !out.join("descent/state.new").exists(),
+        "half a state is left: {:?}\n{text}",
+        std::fs::read_dir(out.join("descent/state.new"))
+            .map(|d| d.flatten().map(|f| f.path()).collect::<Vec<_>>())
+    );
     succeed(ripstop_run(&scene, &out, &["--resume"]));
     assert_same(&whole, &out);
 }

@@ -375,7 +375,7 @@ impl StageContext<'_> {
         match written {
             Ok(bytes) => saves.bytes = bytes,
             Err(error) => {
-                // Half a state would only fill the disk further.
+                // Half a state would only fill the disk further. (What other programs still write to it goes at their end.)
                 let _ = checkpoint::remove(&draft);
                 return Err(error);
             }
