@@ -8,7 +8,7 @@
 //!
 //! so that a jump over the surface acts by $e^{-\kappa r}/(4 \pi r)$ in the place of $1/(4 \pi r)$, and a wave of
 //! number $k$ moves the mass $2\rho/\sqrt{k^2 + \kappa^2}$. With $\Delta t$ = 5 ms the reach $1/\kappa$ is
-//! 1 m: a canopy of 8 m then moves a third of the air that it moves in a long window.
+//! 1 m: a canopy of 8 m then moves a quarter of the air that it moves in a long window.
 
 use std::collections::BTreeMap;
 
