@@ -280,7 +280,9 @@ fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
     let words = String::from_utf8_lossy(&failed.stderr);
     assert_eq!(failed.status.code(), Some(1), "windows of one length: {words}");
     // The coupling gives up, or an iterate of it is more than the grid can follow.
-    assert!(words.contains("in stage `vibration`, window 0"), "{words}");
+    let ends = ["the coupling failed", "the grid cannot follow the canopy"];
+    let in_the_first = |end: &&str| words.contains(&format!("{end} in stage `vibration`, window 0"));
+    assert!(ends.iter().any(in_the_first), "{words}");
 
     let out = folder.path().join("out");
     succeed(ripstop_run(&scene("hard/closed-box"), &out, &["--quiet"]));

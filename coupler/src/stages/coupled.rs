@@ -172,10 +172,11 @@ fn added_mass(
     let interface = context.interface;
     let model = AddedMassRelaxation::new(motion, &interface.faces, &weights(context), lattice)?;
     context.console.line(&format!(
-        "stage `{}`: {:.2} kg of fabric move {:.0} kg of air in vertical motion within a window",
+        "stage `{}`: {:.2} kg of fabric move {:.0} kg of air in vertical motion{}",
         context.description().name,
         interface.masses.fabric,
         model.vertical_added_mass,
+        if lattice.screening > 0.0 { " within a window" } else { "" },
     ));
     Some(model)
 }
