@@ -2,20 +2,26 @@
 
 use case::{Acceleration, CouplingOrder, LoadShape, Scheme, Solve, StageKind, StaggeredSequence};
 
+use crate::checks::Inspection;
 use crate::effects::effects;
 use crate::error::RunError;
 use crate::launch::{LaunchPlan, program_folder};
 use crate::run::{Prepared, RunOptions, prepare};
 use crate::stages::{descent_model, windows};
 
-/// Loads and checks a scene, and describes the run.
+/// Loads and inspects a scene, and describes the run.
 ///
 /// # Errors
-/// Whatever `ripstop run` would refuse before it starts a program.
-pub fn report(options: &RunOptions) -> Result<String, RunError> {
+/// Whatever `ripstop run` would refuse before it inspects the scene.
+pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
     let prepared = prepare(options)?;
+    let inspection = Inspection::of(&prepared, options)?;
     let Prepared { scene, file, out, interface, first, .. } = &prepared;
-    let mut lines = vec![format!("{}: {}", scene.name, scene.title)];
+    let mut lines = vec![if scene.title.is_empty() {
+        scene.name.clone()
+    } else {
+        format!("{}: {}", scene.name, scene.title)
+    }];
     let sizes = interface.sizes;
     lines.push(format!(
         "canopy: {} interface nodes, {} faces; mesh of {} nodes, {} triangles, {} cables",
@@ -98,7 +104,8 @@ pub fn report(options: &RunOptions) -> Result<String, RunError> {
         }
     }
     lines.push(format!("results: {}", out.display()));
-    Ok(lines.join("\n"))
+    lines.push(inspection.text());
+    Ok((lines.join("\n"), inspection))
 }
 
 fn coupling(scene: &case::Scene) -> String {
@@ -155,14 +162,7 @@ fn coupling(scene: &case::Scene) -> String {
         LoadShape::Constant => "constant",
         LoadShape::Linear => "linear",
     };
-    let warning = if c.scheme == Scheme::Staggered {
-        "\n  note: unstable for fabric that is lighter than the air that moves with it"
-    } else if c.load == LoadShape::Linear {
-        "\n  note: a linear load over substeps is unstable for light fabric; `mean` is the stable choice"
-    } else {
-        ""
-    };
-    format!("coupling: {scheme}; load over the substeps: {load}{warning}")
+    format!("coupling: {scheme}; load over the substeps: {load}")
 }
 
 /// Sizes of the flow grid: its topology is that around the unstressed canopy.
@@ -188,6 +188,7 @@ fn flow_grid_line(prepared: &Prepared) -> String {
                 Err(_) => sizes + "; its quality stands in grid.txt of each stage's folder",
             }
         }
+        Err(mesh::MeshError::Parameter { .. }) => "flow grid: none, see the inspection".into(),
         Err(error) => format!("flow grid: made from the inflated shape at the start of a stage ({error})"),
     }
 }

@@ -10,14 +10,24 @@ use case::Role;
 use clap::{Args, Parser, Subcommand};
 
 use crate::checkpoint;
+use crate::effects::measure::{Runs, measurements};
 use crate::error::RunError;
 use crate::launch::Console;
 use crate::recording::stand_in::StandIn;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
 
-/// Scene that `ripstop run` flies when none is named.
+/// Scene that `ripstop run` runs when none is named, below this folder or the one that the program was built in.
 const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
+
+/// The default scene: below this folder, else below a folder above this program's own. Where neither has it, the
+/// first, which is then reported.
+fn default_scene() -> PathBuf {
+    let here = PathBuf::from(DEFAULT_SCENE);
+    let program = std::env::current_exe().and_then(|path| path.canonicalize()).unwrap_or_default();
+    let above = program.ancestors().map(|folder| folder.join(DEFAULT_SCENE)).find(|path| path.is_file());
+    if here.is_file() { here } else { above.unwrap_or(here) }
+}
 
 const CODES: &str = "Exit codes:
   0    complete
@@ -39,7 +49,7 @@ struct Cli {
 enum Command {
     /// Fly a scene: start the programs of each stage, couple them, write results
     #[command(after_help = CODES)]
-    Run(RunArgs),
+    Run(RunCommand),
     /// Fly a scene with programs that you start yourself, in any order, also under a debugger
     #[command(after_help = CODES)]
     Attach(AttachArgs),
@@ -52,27 +62,31 @@ enum Command {
     /// Drive one program through a battery of questions: does it keep the contract?
     #[command(after_help = CODES)]
     Conform(crate::conform::ConformArgs),
-    /// Read a scene and print what would run and why, without starting anything
+    /// Inspect a scene without starting anything: what would run and why, and all that looks wrong
+    #[command(after_help = CODES)]
     Check {
         #[command(flatten)]
         scene: SceneArgs,
     },
-    /// Print the effects that can be simulated; with a scene, which are on, which would matter,
-    /// and what each costs
+    /// Print the effects that can be simulated; with a scene, what each is estimated to change in its
+    /// answer, the most important first
     Effects {
         #[command(flatten)]
         scene: SceneArgs,
-        /// Measure what each costs: short runs with and without it
+        /// Measure what each changes and costs: runs with and without it, beside the estimate
         #[arg(long, requires = "scene")]
         measure: bool,
-        /// Windows of each measured run
-        #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
-        windows: u64,
+        /// Windows of each measured run [default: the whole stage, at most 20]
+        #[arg(long, value_name = "N", requires = "measure", value_parser = clap::value_parser!(u64).range(1..))]
+        windows: Option<u64>,
+        /// Measure these effects only, such as `--only lines.drag,flow.viscosity`
+        #[arg(long, value_name = "KEY,...", value_delimiter = ',', requires = "measure")]
+        only: Vec<String>,
         /// Runs of each, of which the least seconds count
-        #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
+        #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
         repeat: u64,
-        /// Results of a run of the scene, whose states the measured stage starts from [default: fly
-        /// the stages before it]
+        /// Results of a run of the scene, whose states the measured stage starts from [default: run
+        /// the stages before it, with the effect where it acts in them]
         #[arg(long, value_name = "DIR", requires = "measure")]
         states: Option<PathBuf>,
     },
@@ -85,7 +99,7 @@ enum Command {
     Picture(crate::picture::PictureArgs),
     /// Write a page about a run: what came of it, the canopy in three dimensions, where the time went
     Report(crate::report::ReportArgs),
-    /// Show what accuracy costs in time: turn the dials of a scene, extrapolate, draw error against cost
+    /// Show accuracy against cost: vary parameters of a scene, extrapolate, advise the cheapest settings
     #[command(after_help = CODES)]
     Accuracy(crate::accuracy::AccuracyArgs),
     /// Fly a family of small cases and draw where which scheme is stable
@@ -100,6 +114,15 @@ enum Command {
         #[command(flatten)]
         program: channel::ProgramArgs,
     },
+}
+
+#[derive(Args)]
+struct RunCommand {
+    #[command(flatten)]
+    run: RunArgs,
+    /// Run the stage that --stage names, and none after it
+    #[arg(long, requires = "stage")]
+    only: bool,
 }
 
 #[derive(Args)]
@@ -150,8 +173,11 @@ struct RunArgs {
     /// Stop each stage after N windows (its state is saved, so that the next stage can start)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     stop_after_windows: Option<u64>,
-    /// Accept coupled windows that do not converge, as long as all numbers are finite
+    /// Accept windows that are not converged, as long as all numbers are finite
     #[arg(long)]
+    accept_unconverged: bool,
+    /// Former name of --accept-unconverged
+    #[arg(long, hide = true)]
     keep_going: bool,
     /// Longest time for one answer of a program that ripstop has started, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = seconds)]
@@ -196,7 +222,7 @@ impl RunArgs {
         let (tolerance, count_slack) = (self.tolerance, self.count_slack);
         RunOptions {
             stop_after_windows: self.stop_after_windows,
-            keep_going: self.keep_going,
+            accept_unconverged: self.accept_unconverged || self.keep_going,
             resume: self.resume,
             checkpoint_every: self.checkpoint_every,
             deadline: Some(Duration::from_secs_f64(self.deadline)),
@@ -251,7 +277,7 @@ impl SceneArgs {
     fn options(self) -> RunOptions {
         let programs = [(Role::Structure, self.structure), (Role::Flow, self.flow), (Role::Mesh, self.mesh)];
         RunOptions {
-            scene: self.scene.unwrap_or_else(|| DEFAULT_SCENE.into()),
+            scene: self.scene.unwrap_or_else(default_scene),
             out: self.out,
             settings: self.set,
             ranks: self.ranks,
@@ -271,11 +297,16 @@ pub fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     let (quiet, verbose) = match &cli.command {
-        Command::Run(args) => (args.quiet, args.verbose),
+        Command::Run(args) => (args.run.quiet, args.run.verbose),
         Command::Attach(args) => (args.run.quiet, args.run.verbose),
         _ => (false, false),
     };
     let console = Console::new(quiet).verbose(verbose);
+    if let Command::Run(RunCommand { run, .. }) | Command::Attach(AttachArgs { run, .. }) = &cli.command
+        && run.keep_going
+    {
+        console.warning("--keep-going is the former name of --accept-unconverged: use that one");
+    }
     match execute(cli.command, &console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -287,7 +318,7 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::Run(args) => fly(&args.options(), console),
+        Command::Run(RunCommand { run, only }) => fly(&RunOptions { only, ..run.options() }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
             fly(&RunOptions { attach, ..run.options() }, console)
@@ -312,10 +343,11 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::Diff(args) => compared(crate::diff::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),
         Command::Check { scene } => {
-            print(&crate::check::report(&scene.options())?);
-            Ok(())
+            let (text, inspection) = crate::check::report(&scene.options())?;
+            print(&text);
+            inspection.verdict()
         }
-        Command::Effects { scene, measure, windows, repeat, states } => {
+        Command::Effects { scene, measure, windows, only, repeat, states } => {
             if scene.scene.is_none() {
                 print(&crate::effects::report::table());
                 return Ok(());
@@ -324,8 +356,8 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             print(&crate::effects::report::scene_report(&options)?);
             if measure {
                 let stop = on_signals()?;
-                let runs = crate::effects::measure::Runs { windows, repeat };
-                print(&crate::effects::measure::measure(&options, runs, states.as_deref(), &stop, console)?);
+                let runs = Runs { windows, repeat, only };
+                print(&measurements(&options, &runs, states.as_deref(), &stop, console)?.text());
             }
             Ok(())
         }
@@ -353,17 +385,15 @@ fn fly(options: &RunOptions, console: &Console) -> Result<(), RunError> {
     Ok(())
 }
 
-/// An error of a run with the way to go on behind it.
+/// An error of a run with the command that resumes it.
 fn resumable(error: RunError, options: &RunOptions) -> RunError {
     // What is stuck would be stuck again.
     if matches!(error, RunError::Input(_) | RunError::Stuck { .. }) {
         return error;
     }
-    let words: Vec<String> = std::iter::once(options.scene.display().to_string())
-        .chain(options.settings.iter().map(|s| format!("--set '{s}'")))
-        .collect();
-    let hint =
-        crate::run::prepare(options).ok().and_then(|p| checkpoint::hint(&p.scene, &words.join(" "), &p.out));
+    let hint = crate::run::prepare(options)
+        .ok()
+        .and_then(|p| checkpoint::hint(&p.scene, &crate::command_line::resume(options, &p.out), &p.out));
     match hint {
         Some(hint) => RunError::Resumable { error: Box::new(error), hint },
         None => error,
@@ -434,7 +464,7 @@ mod tests {
         assert!(mpirun("flow=a,b").is_err() && mpirun("--host 'a").is_err());
         let words = ["ripstop", "run", "s.toml", "--mpirun", "--map-by node", "--mpirun", "mesh=-host a"];
         let Ok(Cli { command: Command::Run(args) }) = Cli::try_parse_from(words) else { panic!("refused") };
-        assert_eq!(args.scene.options().mpirun.len(), 2);
+        assert_eq!(args.run.scene.options().mpirun.len(), 2);
     }
 
     #[test]
@@ -447,6 +477,24 @@ mod tests {
             panic!("refused")
         };
         let Command::Run(args) = cli.command else { panic!("not run") };
-        assert_eq!(args.scene.options().ranks, [(Role::Flow, 4), (Role::Mesh, 2)]);
+        assert_eq!(args.run.scene.options().ranks, [(Role::Flow, 4), (Role::Mesh, 2)]);
+    }
+
+    #[test]
+    fn only_belongs_to_a_stage() {
+        let read = |words: &[&str]| Cli::try_parse_from([&["ripstop", "run", "s.toml"], words].concat());
+        let Ok(Cli { command: Command::Run(args) }) = read(&["--stage", "flow", "--only"]) else {
+            panic!("refused")
+        };
+        assert!(args.only && args.run.scene.stage.as_deref() == Some("flow"));
+        assert!(read(&["--only"]).is_err());
+    }
+
+    #[test]
+    fn the_default_scene_is_found_from_any_folder() {
+        // Tests run in the folder of the crate, which has no cases.
+        assert!(!std::path::Path::new(DEFAULT_SCENE).exists());
+        let found = default_scene();
+        assert!(found.is_file() && found.ends_with(DEFAULT_SCENE), "{}", found.display());
     }
 }

@@ -149,10 +149,13 @@ fn again(w: &Window, iteration: u64) -> Window {
     Window { iteration, ..*w }
 }
 
-/// Largest distance of two answers over the largest number of the first.
+/// Largest difference of two answers over the largest number of the first, or of the second where the first is 0
+/// throughout.
 fn apart(a: &[f64], b: &[f64]) -> f64 {
-    let scale = a.iter().fold(0.0f64, |m, v| m.max(v.abs())).max(f64::MIN_POSITIVE);
-    a.iter().zip(b).fold(0.0f64, |m, (x, y)| m.max((x - y).abs())) / scale
+    let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let difference = a.iter().zip(b).fold(0.0f64, |m, (x, y)| m.max((x - y).abs()));
+    let scale = if largest(a) > 0.0 { largest(a) } else { largest(b) };
+    if difference == 0.0 { 0.0 } else { difference / scale }
 }
 
 fn finite(answer: &[f64]) -> Result<(), String> {

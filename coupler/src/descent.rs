@@ -1,20 +1,43 @@
-//! The falling mass: one degree of freedom (paper, equation 9).
+//! The falling frame: one degree of freedom.
 //!
-//! $$ m \dot v = F_z - m g, \qquad v^{n+1} = v^n + \Delta t\, \dot v^{n+1} $$
+//! The frame is fixed to the payload. Its equation is the momentum of the whole system over a window of length $T$,
+//! with $v$ the vertical velocity of the frame (positive up, so the descent speed is $-v$):
 //!
-//! with $v$ the vertical velocity of the falling frame (positive up, so the
-//! descent speed is $-v$). The second line of equation (9) in print repeats the
-//! acceleration on its left side; this is the implicit Euler step it means. The
-//! mass is that of payload, fabric and lines: the air that moves along is part
-//! of the resolved flow and must not be added.
+//! $$ m\,(v^{n+1} - v^n) = (\bar S + D - m g)\,T, \qquad \bar S\,T = \int F\,dt - \Delta p . $$
+//!
+//! $m$ is the mass of payload, fabric, lines and points; $F$ the external force on fabric and lines, $p$ their
+//! momentum relative to the frame, $D$ the drag of a payload that is a point. The air that moves along is part of the
+//! resolved flow and is not added. The structure reports the mean force $\bar R$ on the payload
+//! ([`structure_stats::SUPPORT_FORCE`]):
+//!
+//! - Where weight and inertia of the frame act on the structure (`[fabric_gravity]`), $\bar S = \bar R +
+//!   m_s (g + \dot v)$ with $m_s$ the mass without the payload: the equation is $m_p \dot v = \bar R + D - m_p g$.
+//!   Of its two forms this one needs no more than $m_s/m < 1$ of the acceleration that the structure was given.
+//! - Elsewhere $\bar S = \bar R$: fabric and lines have no weight in the structure's equations, so the whole mass is
+//!   the frame's.
+//! - A payload with six degrees of freedom has all weight and inertia in the structure's equations: the frame
+//!   follows its centre of mass, $m_p \dot v = \bar R - m_p g$ with its drag in $\bar R$.
+//!
+//! The mean is that of the impulse, so the momentum of the system changes by the external impulse to round-off.
+//!
+//! The paper's equation 9 takes $F$ at the end of the window for $\bar S$ (`descent.equation = "quasi-steady"`): the
+//! limit in which the canopy has no acceleration relative to the frame. (The second line of equation 9 in print
+//! repeats the acceleration on its left side; this is the implicit Euler step that it means.)
 
+use case::DescentEquation;
 use channel::{Stats, structure_stats};
 
-/// Mass, gravity and the reference that turns force into a coefficient.
+/// Masses, gravity and the reference that turns force into a coefficient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DescentModel {
-    /// Mass of payload, fabric and lines, kg.
+    /// Mass of payload, fabric, lines and points, kg.
     pub mass_kg: f64,
+    /// Mass of the payload alone, kg.
+    pub payload_kg: f64,
+    /// Equation of the frame.
+    pub equation: DescentEquation,
+    /// Where weight and inertia of the frame act.
+    pub weight: Weight,
     /// Acceleration of gravity, m/s2.
     pub gravity_m_s2: f64,
     /// Area of the drag coefficient, m2.
@@ -27,18 +50,49 @@ pub struct DescentModel {
     pub payload_drag: Option<PayloadDrag>,
     /// The structure tells the drag of lines and payload with each answer.
     pub drag_in_structure: bool,
+    /// The structure reports the force on the payload.
+    pub support_known: bool,
 }
 
-/// Drag of the air on the payload, `1/2 rho (C A) |w| w`, in a steady wind.
+/// What of the system has weight, and inertia of the frame, in the structure's equations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weight {
+    /// Nothing: all of it is the frame's.
+    Frame,
+    /// Fabric, lines and points.
+    Structure,
+    /// Those, and a payload that is a body of its own.
+    Body,
+}
+
+/// Vertical forces of a window that the equation of the frame takes.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowForces<'a> {
+    /// Force of the air on the canopy at the end of the window, N.
+    pub canopy: f64,
+    /// Statistics of the structure's last solve.
+    pub structure: &'a Stats,
+    /// Mean acceleration of the frame in that solve, m/s2.
+    pub frame_acceleration: f64,
+}
+
+/// Drag of the air on the payload, `1/2 rho (C A) |w| w`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PayloadDrag {
     /// Half the density times the drag area, kg/m.
     pub half_density_area: f64,
-    /// Wind, m/s.
+    /// Wind at the end of the step, m/s.
     pub wind_m_s: [f64; 3],
 }
 
 impl PayloadDrag {
+    /// Vertical drag at the vertical velocity `v` (m/s), N.
+    pub fn force(&self, v: f64) -> f64 {
+        let [x, y, z] = self.wind_m_s;
+        let w = z - v;
+        self.half_density_area * (x * x + y * y + w * w).sqrt() * w
+    }
+
     /// Velocity at the end of a step (m/s) that without this drag would be `free`, for a mass
     /// `m` (kg): the drag is that at the end of the step, as all forces of the descent are.
     fn slowed(&self, free: f64, m: f64, dt: f64) -> f64 {
@@ -70,13 +124,43 @@ impl DescentModel {
         force_z / self.mass_kg - self.gravity_m_s2
     }
 
+    /// Vertical velocity at the end of a window of `dt` seconds that started with `velocity`.
+    pub fn end_velocity(&self, velocity: f64, forces: &WindowForces<'_>, dt: f64) -> f64 {
+        match self.equation {
+            DescentEquation::QuasiSteady => {
+                self.step(velocity, self.force(forces.canopy, forces.structure), dt)
+            }
+            DescentEquation::Momentum => {
+                let (force, mass) = self.support(forces);
+                self.step_of(velocity, force, mass, dt)
+            }
+        }
+    }
+
+    /// Force (N) and mass (kg) of the frame in the equation of momentum.
+    pub fn support(&self, forces: &WindowForces<'_>) -> (f64, f64) {
+        let support = forces.structure.values[structure_stats::SUPPORT_FORCE];
+        match self.weight {
+            Weight::Frame => (support, self.mass_kg),
+            Weight::Structure => {
+                let hung = self.mass_kg - self.payload_kg;
+                (support + hung * (self.gravity_m_s2 + forces.frame_acceleration), self.mass_kg)
+            }
+            Weight::Body => (support, self.payload_kg),
+        }
+    }
+
     /// Vertical velocity at the end of a window of `dt` seconds that started
-    /// with `velocity`, under the force at its end.
+    /// with `velocity`, under a force on the whole mass.
     pub fn step(&self, velocity: f64, force_z: f64, dt: f64) -> f64 {
-        let free = velocity + dt * self.acceleration(force_z);
+        self.step_of(velocity, force_z, self.mass_kg, dt)
+    }
+
+    fn step_of(&self, velocity: f64, force_z: f64, mass: f64, dt: f64) -> f64 {
+        let free = velocity + dt * (force_z / mass - self.gravity_m_s2);
         match &self.payload_drag {
             None => free,
-            Some(drag) => drag.slowed(free, self.mass_kg, dt),
+            Some(drag) => drag.slowed(free, mass, dt),
         }
     }
 
@@ -103,12 +187,16 @@ mod tests {
 
     const ATPS: DescentModel = DescentModel {
         mass_kg: 106.614,
+        payload_kg: 100.6975,
+        equation: DescentEquation::QuasiSteady,
+        weight: Weight::Frame,
         gravity_m_s2: 9.80665,
         reference_area_m2: 41.3614,
         reference_speed_m_s: 4.8768,
         air_density_kg_m3: 1.225,
         payload_drag: None,
         drag_in_structure: false,
+        support_known: true,
     };
 
     /// A sphere that falls alone: terminal speed sqrt(2 m g / (rho C A)), and the wind carries
@@ -140,6 +228,24 @@ mod tests {
         stats.values[structure_stats::AIR_FORCE] = 12.5;
         assert_eq!(ATPS.force(100.0, &stats), 100.0);
         assert_eq!(DescentModel { drag_in_structure: true, ..ATPS }.force(100.0, &stats), 112.5);
+    }
+
+    /// The force and the mass of the frame where weight and inertia act on it, on the structure and on a body.
+    #[test]
+    fn the_frame_has_the_force_and_the_mass_of_what_is_fixed_to_it() {
+        let mut structure = Stats::default();
+        structure.values[structure_stats::SUPPORT_FORCE] = 100.0;
+        let forces = WindowForces { canopy: 700.0, structure: &structure, frame_acceleration: -2.0 };
+        let of = |weight| DescentModel { weight, equation: DescentEquation::Momentum, ..ATPS };
+        assert_eq!(of(Weight::Frame).support(&forces), (100.0, 106.614));
+        assert_eq!(of(Weight::Body).support(&forces), (100.0, 100.6975));
+        // 5.9165 kg of fabric and lines in a frame that takes 2 m/s2 off gravity.
+        let (force, mass) = of(Weight::Structure).support(&forces);
+        assert!((force - (100.0 + 5.9165 * 7.80665)).abs() < 1e-9 && mass == 106.614, "{force}");
+        let end = of(Weight::Body).end_velocity(-4.0, &forces, 0.5);
+        assert!((end - (-4.0 + 0.5 * (100.0 / 100.6975 - 9.80665))).abs() < 1e-12, "{end}");
+        let paper = ATPS.end_velocity(-4.0, &forces, 0.5);
+        assert!((paper - (-4.0 + 0.5 * (700.0 / 106.614 - 9.80665))).abs() < 1e-12, "{paper}");
     }
 
     #[test]
@@ -177,5 +283,23 @@ mod tests {
         };
         let ratio = speed_at(50) / speed_at(100);
         assert!((ratio - 2.0).abs() < 0.1, "first order: halving the step halves the error, got {ratio}");
+    }
+
+    /// The drag at the end of a step brings about the change of velocity over it.
+    #[test]
+    fn a_step_balances_the_drag_at_its_end() {
+        for wind in [[0.0; 3], [3.0, -4.0, 0.0], [1.0, 2.0, 5.0], [6.0, 1.0, -9.0]] {
+            let drag = PayloadDrag { half_density_area: 0.7, wind_m_s: wind };
+            for (free, dt) in [(-12.0, 0.1), (4.0, 2.0), (-3.0, 10.0)] {
+                let mass = 5.0;
+                let v = drag.slowed(free, mass, dt);
+                let w = [wind[0], wind[1], wind[2] - v];
+                let force = 0.7 * w.iter().map(|w| w * w).sum::<f64>().sqrt() * w[2];
+                assert!(
+                    (mass * (v - free) / dt - force).abs() < 1e-12 * force.abs().max(1.0),
+                    "{wind:?} {v}"
+                );
+            }
+        }
     }
 }

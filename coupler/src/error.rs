@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use case::Role;
 
+use crate::flow_bounds::ImpossibleFlow;
+use crate::structure_energy::EnergyCreated;
+
 /// Where in a run something happened.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
@@ -114,12 +117,56 @@ pub enum RunError {
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
     },
+    /// An answer that would be accepted lies too far above its target. All programs are alive and stand at the
+    /// last accepted window.
+    #[error("the {what} is not converged in {place}: {message}{}", saved_text(.saved.as_deref()))]
+    Unconverged {
+        /// What: flow, structure, grid motion, turbulence.
+        what: &'static str,
+        /// Where.
+        place: Place,
+        /// Figures and remedies.
+        message: String,
+        /// A shorter window may converge.
+        shorter: bool,
+        /// Folder of the state that was saved.
+        saved: Option<PathBuf>,
+    },
+    /// Time integration of the structure creates energy beyond the work done. All programs are alive and
+    /// stand at the last accepted window.
+    #[error("{energy} in {place}{}", saved_text(.saved.as_deref()))]
+    Energy {
+        /// Where.
+        place: Place,
+        /// The figures.
+        energy: EnergyCreated,
+        /// Folder of the state that was saved.
+        saved: Option<PathBuf>,
+    },
+    /// Speeds or pressures of the flow that no physics allows.
+    #[error("{flow} in {place}{}", saved_text(.saved.as_deref()))]
+    ImpossibleFlow {
+        /// Where.
+        place: Place,
+        /// The figures.
+        flow: ImpossibleFlow,
+        /// Folder of the state that was saved.
+        saved: Option<PathBuf>,
+    },
     /// The coupling iteration failed although every program answered.
     #[error("the coupling failed in {place}: {message}")]
     Coupling {
         /// Where.
         place: Place,
         /// What was seen and what to do.
+        message: String,
+    },
+    /// The falling frame does what no measured force explains. All programs stand at the last accepted window.
+    #[error("the descent is not physical in {place}: {message}")]
+    Unphysical {
+        /// Where.
+        place: Place,
+        /// Figures and remedies.
         message: String,
     },
     /// The channel refused (handshake, mismatch, out of memory).
@@ -133,6 +180,9 @@ pub enum RunError {
     /// What was compared is not the same; the report was printed.
     #[error("not the same, or not as the contract asks: see above")]
     Differs,
+    /// A study without an answer: its base sample failed, or nothing could be assessed.
+    #[error("{0}")]
+    Study(String),
     /// A file could not be read or written.
     #[error("cannot {action} {}: {source}", .path.display())]
     File {
@@ -166,7 +216,15 @@ impl RunError {
 
     /// Whether the programs still stand at the last accepted window, so that a shorter window may pass.
     pub fn may_pass(&self) -> bool {
-        matches!(self, Self::Stuck { .. } | Self::NoAnswer { .. } | Self::Coupling { .. })
+        match self {
+            Self::Stuck { .. }
+            | Self::NoAnswer { .. }
+            | Self::Energy { .. }
+            | Self::Coupling { .. }
+            | Self::Unphysical { .. } => true,
+            Self::Unconverged { shorter, .. } => *shorter,
+            _ => false,
+        }
     }
 
     /// The same, with the folder in which the last accepted window was saved.
@@ -176,8 +234,28 @@ impl RunError {
             Self::NoAnswer { role, program, place, message, .. } => {
                 Self::NoAnswer { role, program, place, message, saved: Some(folder) }
             }
+            Self::Unconverged { what, place, message, shorter, .. } => {
+                Self::Unconverged { what, place, message, shorter, saved: Some(folder) }
+            }
+            Self::Energy { place, energy, .. } => Self::Energy { place, energy, saved: Some(folder) },
             other => other,
         }
+    }
+
+    /// The same with a cause and its remedy at the end, where the error is about a window.
+    pub fn advised(mut self, advice: &str) -> Self {
+        match &mut self {
+            Self::Stuck { message, .. }
+            | Self::NoAnswer { message, .. }
+            | Self::Unconverged { message, .. }
+            | Self::Coupling { message, .. }
+            | Self::Fault { message, .. } => {
+                message.push_str(". ");
+                message.push_str(advice);
+            }
+            _ => {}
+        }
+        self
     }
 
     /// The exit code of `ripstop` for this error.

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use case::{Role, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 
+use crate::balance::SystemBalance;
 use crate::energy::EnergyBooks;
 use crate::error::RunError;
 use crate::schemes::WindowReport;
@@ -45,6 +46,8 @@ pub struct Row {
     pub energy_error_j: f64,
     /// Both summed over the stage.
     pub books: EnergyBooks,
+    /// Momentum and energy of the falling system; `None` where nothing falls.
+    pub balance: Option<SystemBalance>,
     /// Wall seconds of the window.
     pub wall_s: f64,
     /// Wall seconds of the coupler itself.
@@ -108,6 +111,14 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
             ("interface_energy_error_sum_j", Number(row.books.added_j)),
             ("interface_energy_error_share", Number(row.books.share())),
         ]);
+        let of_system =
+            |value: fn(&SystemBalance) -> f64| row.balance.as_ref().map_or(Nothing, |b| Number(value(b)));
+        cells.extend([
+            ("system_missing_impulse_n_s", of_system(|b| b.missing_impulse)),
+            ("system_energy_j", of_system(|b| b.energy_j)),
+            ("system_air_work_j", of_system(|b| b.air_work_j)),
+            ("system_energy_created_j", of_system(SystemBalance::created_j)),
+        ]);
     }
     let mut add = |role: Role, columns: &[(&'static str, usize, bool)]| {
         if has(role) {
@@ -124,8 +135,14 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
             ("structure_kinetic_energy_j", s::KINETIC_ENERGY, false),
             ("structure_strain_energy_j", s::STRAIN_ENERGY, false),
             ("structure_load_work_j", s::LOAD_WORK, false),
+            ("structure_work_j", s::WORK, false),
+            ("structure_work_sum_j", s::WORK_SUM, false),
+            ("structure_energy_created_j", s::ENERGY_CREATED, false),
+            ("structure_energy_created_sum_j", s::ENERGY_CREATED_SUM, false),
+            ("structure_energy_throughput_j", s::ENERGY_THROUGHPUT, false),
             ("vertical_load_n", s::VERTICAL_LOAD, false),
             ("riser_force_n", s::RISER_FORCE, false),
+            ("support_force_n", s::SUPPORT_FORCE, false),
             ("max_line_tension_n", s::MAX_LINE_TENSION, false),
             ("projected_area_m2", s::PROJECTED_AREA, false),
             ("volume_m3", s::VOLUME, false),
@@ -134,6 +151,7 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
             ("structure_factorisations", s::FACTORISATIONS, true),
             ("structure_step_cuts", s::STEP_CUTS, true),
             ("structure_residual", s::RESIDUAL, false),
+            ("structure_residual_target", s::RESIDUAL_TARGET, false),
         ],
     );
     use flow_stats as f;
@@ -144,6 +162,7 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
             ("flow_linear_iterations", f::LINEAR_ITERATIONS, true),
             ("flow_residual_start", f::RESIDUAL_START, false),
             ("flow_residual_end", f::RESIDUAL_END, false),
+            ("flow_residual_target", f::RESIDUAL_TARGET, false),
             ("flow_max_mach", f::MAX_MACH, false),
             ("flow_max_courant", f::MAX_COURANT, false),
             ("flow_max_pressure_pa", f::MAX_PRESSURE, false),
@@ -158,10 +177,19 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
             ("mesh_iterations", m::ITERATIONS, true),
             ("mesh_increments", m::INCREMENTS, true),
             ("mesh_residual", m::RESIDUAL, false),
+            ("mesh_residual_target", m::RESIDUAL_TARGET, false),
             ("mesh_min_quality", m::MIN_QUALITY, false),
             ("mesh_min_volume_ratio", m::MIN_VOLUME_RATIO, false),
         ],
     );
+    for (role, name, at) in [
+        (Role::Structure, "structure_unconverged_solves", s::UNCONVERGED),
+        (Role::Flow, "flow_unconverged_solves", f::UNCONVERGED),
+    ] {
+        if has(role) {
+            cells.push((name, Count(report.sums[role as usize][at] as u64)));
+        }
+    }
     // Only wall times from here on.
     cells.extend([
         (FIRST_WALL_COLUMN, Wall(report.busy_s[Role::Structure as usize])),

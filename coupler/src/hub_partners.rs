@@ -15,6 +15,7 @@ use crate::error::{Place, RunError};
 use crate::interface::CanopyInterface;
 use crate::launch::{Casualty, Console, Program, Supervisor, Usage};
 use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::structure_energy::EnergyCreated;
 use crate::transfer::{OwnSurface, surface_file};
 
 /// How long a dead rank's launcher may take to say what happened.
@@ -363,12 +364,10 @@ impl<'a> HubPartners<'a> {
 
     fn no_answer(&self, role: Role, what: &str, remedies: &str) -> RunError {
         let program = self.supervisor.name(role);
-        // Its words come another way than its answer.
-        std::thread::sleep(Duration::from_millis(50));
+        let said =
+            self.supervisor.last_line(role).map_or_else(String::new, |line| format!("; it wrote `{line}`"));
         let message = format!(
-            "{what}; its log ends with `{}`. Remedies: shorter windows (window_s, coupling.adaptive.halvings), \
-             {remedies}",
-            self.supervisor.last_line(role)
+            "{what}{said}. Remedies: shorter windows (window_s, coupling.adaptive.halvings), {remedies}"
         );
         RunError::NoAnswer { role, program, place: self.place.clone(), message, saved: None }
     }
@@ -381,6 +380,7 @@ impl<'a> HubPartners<'a> {
         each: &mut dyn FnMut(&[u64], &[f64]),
     ) -> Result<Answer, RunError> {
         self.place.window = Some((w.index, w.iteration));
+        self.supervisor.asked(role);
         let start = Instant::now();
         let stats = self.ask(|hub, watch| {
             hub.advance(role, w, fill)?;
@@ -445,7 +445,10 @@ impl Partners for HubPartners<'_> {
         self.own = own;
         let answer = answer?;
         if answer.stats.values[structure_stats::RESIDUAL] >= 0.0 {
-            return Ok(answer);
+            return match EnergyCreated::check(&answer.stats.values, w.time + w.dt) {
+                Some(energy) => Err(RunError::Energy { place: self.place.clone(), energy, saved: None }),
+                None => Ok(answer),
+            };
         }
         let cuts = answer.stats.values[structure_stats::STEP_CUTS];
         let what = format!("a time step has no solution, also after {cuts} halvings");
@@ -483,6 +486,13 @@ impl Partners for HubPartners<'_> {
                 values[flow_stats::RESIDUAL_START]
             ),
             2.0 => "its state left what is physical".into(),
+            4.0 => format!(
+                "its time step is not solved: residual {:.3e} N after {} iterations from {:.3e} N, {:.3e} N is asked",
+                values[flow_stats::RESIDUAL_END],
+                values[flow_stats::ITERATIONS],
+                values[flow_stats::RESIDUAL_START],
+                values[flow_stats::RESIDUAL_TARGET]
+            ),
             _ => "a cell of the moved grid has no volume".into(),
         };
         Err(self.no_answer(Role::Flow, &what, "more flow.solver.max_iterations, a larger first_layer_m"))
@@ -495,6 +505,12 @@ impl Partners for HubPartners<'_> {
             (!varies).then(|| format!("{} ({})", role.program(), a.program))
         };
         Role::ALL.iter().filter_map(fixed).collect()
+    }
+
+    fn without_support_force(&self) -> Option<String> {
+        let a = self.hub.announcement(Role::Structure)?;
+        let balanced = a.effects.iter().any(|e| e == channel::SUPPORT_FORCE);
+        (!balanced).then(|| format!("{} ({})", Role::Structure.program(), a.program))
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {

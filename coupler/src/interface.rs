@@ -27,6 +27,15 @@ pub struct Masses {
     pub fabric: f64,
     /// Lines, risers and reinforcements.
     pub cables: f64,
+    /// Point masses, without the payload.
+    pub points: f64,
+}
+
+impl Masses {
+    /// All that hangs on the payload.
+    pub fn hung(&self) -> f64 {
+        self.fabric + self.cables + self.points
+    }
 }
 
 /// Sizes of the structure mesh.
@@ -70,6 +79,16 @@ impl CanopyInterface {
         self.coords.len()
     }
 
+    /// Vertical force (N) of `load` (`[faces][LOAD_WIDTH]`, Pa) on the shape with `displacement` (`[nodes][3]`, m).
+    pub fn vertical_force(&self, load: &[f64], displacement: &[f64]) -> f64 {
+        let position = |node: u32| -> Vec3 {
+            let n = node as usize;
+            std::array::from_fn(|i| self.coords[n][i] + displacement[3 * n + i])
+        };
+        let faces = self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH));
+        faces.map(|(face, load)| face_force(&face.map(position), load)[2]).sum()
+    }
+
     /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa, on the shape at the end)
     /// does on the motion from displacement `start` to `end` (`[nodes][3]`, m).
     /// A face's force is shared equally by its corners.
@@ -96,20 +115,41 @@ impl CanopyInterface {
             })
             .sum()
     }
+
+    /// Mean pressure jump (Pa) of `load` (`[faces][LOAD_WIDTH]`, Pa) over the canopy displaced by
+    /// `displacement` (`[nodes][3]`, m), weighted by area; `None` where there is no area.
+    pub fn mean_pressure(&self, load: &[f64], displacement: &[f64]) -> Option<f64> {
+        let position = |node: u32| -> Vec3 {
+            let n = node as usize;
+            std::array::from_fn(|i| self.coords[n][i] + displacement[3 * n + i])
+        };
+        let (mut force, mut area) = (0.0, 0.0);
+        for (face, load) in self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)) {
+            let size = area_vector(&face.map(position)).iter().map(|a| a * a).sum::<f64>().sqrt();
+            force += load[0] * size;
+            area += size;
+        }
+        (area > 0.0).then(|| force / area)
+    }
 }
 
 /// Force (N) of pressure jump and traction on a face: area vector is half the
 /// cross product of the diagonals (exact for triangles that repeat a node).
 fn face_force(corners: &[Vec3; 4], load: &[f64]) -> Vec3 {
+    let area = area_vector(corners);
+    let size = area.iter().map(|a| a * a).sum::<f64>().sqrt();
+    std::array::from_fn(|i| load[0] * area[i] + load[1 + i] * size)
+}
+
+/// Area vector (m2) of a face.
+fn area_vector(corners: &[Vec3; 4]) -> Vec3 {
     let d1: Vec3 = std::array::from_fn(|i| corners[2][i] - corners[0][i]);
     let d2: Vec3 = std::array::from_fn(|i| corners[3][i] - corners[1][i]);
-    let area = [
+    [
         0.5 * (d1[1] * d2[2] - d1[2] * d2[1]),
         0.5 * (d1[2] * d2[0] - d1[0] * d2[2]),
         0.5 * (d1[0] * d2[1] - d1[1] * d2[0]),
-    ];
-    let size = area.iter().map(|a| a * a).sum::<f64>().sqrt();
-    std::array::from_fn(|i| load[0] * area[i] + load[1 + i] * size)
+    ]
 }
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
@@ -119,7 +159,7 @@ fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
         let length: f64 = kinds.into_iter().map(|k| mesh.cable_length(k)).sum();
         length * lines.area_m2 * lines.density_kg_m3
     });
-    Masses { fabric, cables }
+    Masses { fabric, cables, points: mesh.hung_point_masses(scene) }
 }
 
 #[cfg(test)]
@@ -131,7 +171,7 @@ mod tests {
             coords: vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]],
             faces: vec![[0, 1, 2, 3]],
             panels: vec![0; 4],
-            masses: Masses { fabric: 0.0, cables: 0.0 },
+            masses: Masses { fabric: 0.0, cables: 0.0, points: 0.0 },
             sizes: Sizes { nodes: 4, triangles: 2, cables: 0, fabric_area: 4.0 },
         }
     }

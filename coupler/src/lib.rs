@@ -4,15 +4,21 @@
 #![allow(clippy::result_large_err)]
 
 pub mod accuracy;
+pub mod balance;
 pub mod check;
 pub mod checkpoint;
+pub mod checks;
 pub mod cli;
+pub mod command_line;
 pub mod conform;
+pub mod convergence;
 pub mod descent;
+pub mod descent_limits;
 pub mod diff;
 pub mod effects;
 pub mod energy;
 pub mod error;
+pub mod flow_bounds;
 pub mod history;
 pub mod hub_partners;
 pub mod interface;
@@ -23,6 +29,7 @@ pub mod partners;
 pub mod picture;
 pub mod plot;
 pub mod progress;
+pub mod provenance;
 pub mod recording;
 pub mod replay;
 pub mod report;
@@ -32,5 +39,6 @@ pub mod settings;
 pub mod stability;
 pub mod stages;
 pub mod state;
+pub mod structure_energy;
 pub mod summary;
 pub mod transfer;

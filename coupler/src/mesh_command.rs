@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use case::{Role, Scene};
+use case::{Clock, Role, Scene, StageTimes};
 use clap::Args;
 use mesh::{FlowGrid, StructureMesh};
 use serde::Serialize;
@@ -36,6 +36,8 @@ struct StageStart {
     structure: StructureMesh,
     /// The file that each role starts from, where an earlier stage wrote one.
     states: BTreeMap<Role, PathBuf>,
+    /// What each clock of a scene shows at the start of the stage, s.
+    clocks: BTreeMap<&'static str, f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     grid: Option<FlowGrid>,
 }
@@ -65,7 +67,11 @@ pub fn json(args: &MeshArgs) -> Result<String, RunError> {
     };
     let state = |role| Some((role, scene.source_state(&out, args.stage, role)?));
     let states = Role::ALL.into_iter().filter_map(state).collect();
-    let start = StageStart { stage: args.stage, structure, states, grid, scene };
+    let times = StageTimes::completed(&scene, &out, args.stage);
+    let clocks = [("stage", Clock::Stage), ("release", Clock::Release), ("run", Clock::Run)]
+        .map(|(name, clock)| (name, times.clock(&scene, args.stage, clock)))
+        .into();
+    let start = StageStart { stage: args.stage, structure, states, clocks, grid, scene };
     serde_json::to_string(&start).map_err(|e| input(&e))
 }
 
@@ -97,6 +103,10 @@ mod tests {
         assert_eq!(start["states"]["structure"], "/nowhere/pre-inflation/state/structure.bin");
         assert_eq!(start["states"]["flow"], "/nowhere/developed-flow/state/flow.bin");
         assert!(start["states"].get("mesh").is_none() && start.get("grid").is_none());
+        // One second of inflation, 0.2 s of flow, then the release.
+        let clocks = |stage| square(stage, false).expect("no file is read")["clocks"].clone();
+        let shown = |stage: f64, release: f64, run: f64| serde_json::json!({ "stage": stage, "release": release, "run": run });
+        assert_eq!([clocks(1), clocks(2)], [shown(0.0, -0.2, 1.0), shown(0.0, 0.0, 1.2)]);
         let missing = square(2, true).expect_err("no shape").to_string();
         assert!(missing.contains("/nowhere/pre-inflation/state/canopy.bin"), "{missing}");
         assert!(square(3, false).expect_err("three stages").to_string().contains("--stage 3"));

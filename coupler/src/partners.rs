@@ -65,6 +65,12 @@ pub trait Partners {
         Vec::new()
     }
 
+    /// The structure, by how messages call it, where it does not report the mean force on the payload (the effect
+    /// `descent.equation`).
+    fn without_support_force(&self) -> Option<String> {
+        None
+    }
+
     /// What the programs have used of the machine so far.
     fn used(&self) -> Vec<(Role, Usage)> {
         Vec::new()

@@ -64,7 +64,7 @@ impl Progress {
         let rest =
             wall / done.saturating_sub(self.first).max(1) as f64 * self.windows.saturating_sub(done) as f64;
         let mut text = format!(
-            "t {:.3} s | window {done}/{}{} | wall {} | rest about {}",
+            "t {:.3} s | {done} of {} windows{} | wall {} | rest about {}",
             row.time_s,
             self.windows,
             if row.rejected > 0 { format!(" (given back {} x)", row.rejected) } else { String::new() },
@@ -72,18 +72,14 @@ impl Progress {
             clock(rest)
         );
         text += &state(self.kind, row);
-        match &self.bar {
-            Some(bar) => {
-                bar.set_position(done);
-                bar.set_message(text);
-            }
-            None => {
-                let due = self.last_line.is_none_or(|t| t.elapsed() >= EVERY) || done == self.windows;
-                if due {
-                    self.last_line = Some(Instant::now());
-                    self.console.line(&format!("[{}] {text}", self.stage));
-                }
-            }
+        if let Some(bar) = &self.bar {
+            bar.set_position(done);
+            bar.set_message(text.clone());
+        }
+        if self.last_line.is_none_or(|t| t.elapsed() >= EVERY) || done == self.windows {
+            self.last_line = Some(Instant::now());
+            let line = format!("[{}] {text}", self.stage);
+            if self.bar.is_some() { self.console.note(&line) } else { self.console.line(&line) }
         }
     }
 
@@ -106,11 +102,10 @@ fn state(kind: StageKind, row: &Row) -> String {
     let structure = &row.report.stats[case::Role::Structure as usize].values;
     match kind {
         StageKind::PreInflation => format!(
-            " | load {:.0} N | projected area {:.1} m2 | kinetic/strain energy {:.1e}",
+            " | load {:.0} N | projected area {:.1} m2 | {}",
             structure[structure_stats::VERTICAL_LOAD],
             structure[structure_stats::PROJECTED_AREA],
-            structure[structure_stats::KINETIC_ENERGY]
-                / structure[structure_stats::STRAIN_ENERGY].max(f64::MIN_POSITIVE)
+            energies(structure[structure_stats::KINETIC_ENERGY], structure[structure_stats::STRAIN_ENERGY])
         ),
         StageKind::FlowOnly | StageKind::Prescribed => format!(" | drag {:.0} N", row.report.force[2]),
         StageKind::Coupled => format!(
@@ -123,6 +118,16 @@ fn state(kind: StageKind, row: &Row) -> String {
     }
 }
 
+/// Kinetic energy (J) over strain energy (J); a structure without strain has no such ratio.
+fn energies(kinetic: f64, strain: f64) -> String {
+    let ratio = kinetic / strain;
+    if ratio < 1e6 {
+        format!("kinetic/strain energy {ratio:.1e}")
+    } else {
+        format!("kinetic energy {kinetic:.1e} J, strain energy {strain:.1e} J")
+    }
+}
+
 /// Seconds as `m:ss`, or with a decimal below a minute.
 pub(crate) fn clock(seconds: f64) -> String {
     if seconds < 60.0 {
@@ -130,5 +135,19 @@ pub(crate) fn clock(seconds: f64) -> String {
     } else {
         let whole = seconds.round() as u64;
         format!("{}:{:02} min", whole / 60, whole % 60)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::energies;
+
+    #[test]
+    fn no_ratio_is_printed_that_divides_by_nothing() {
+        assert_eq!(energies(0.5, 2.0), "kinetic/strain energy 2.5e-1");
+        for (kinetic, strain) in [(3.0, 0.0), (0.0, 0.0), (3.0, 1e-300)] {
+            let text = energies(kinetic, strain);
+            assert!(text.contains(" J, strain energy ") && !text.contains("e29"), "{text}");
+        }
     }
 }

@@ -127,7 +127,7 @@ impl Rehearsal {
         *scene.ranks.of_mut(role) = trial.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
         let mut roles = vec![role];
         if role == Role::Flow && moving {
-            let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
+            let me = crate::launch::this_program()?;
             let recorded = std::path::absolute(&file).map_err(RunError::file("resolve", &file))?;
             scene.programs.insert(
                 Role::Mesh,

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use case::{Role, Scene, StageKind};
 
 use crate::checkpoint::{self, Progress, Record};
+use crate::checks::Inspection;
 use crate::effects::effects;
 use crate::error::{Place, RunError};
 use crate::hub_partners::{HubPartners, SessionOptions};
@@ -28,6 +29,9 @@ use crate::{plot, state};
 /// Copy of the scene in the folder of results.
 const SCENE: &str = "scene.toml";
 
+/// Everything that was printed, in the folder of results.
+const LOG: &str = "ripstop.log";
+
 /// What a user asks of a run, beside the scene.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
@@ -45,10 +49,12 @@ pub struct RunOptions {
     pub mpirun: Vec<(Option<Role>, String)>,
     /// Name of the stage to start at; the stages before it were run earlier.
     pub stage: Option<String>,
+    /// Runs no stage after it.
+    pub only: bool,
     /// Stops each stage after so many windows.
     pub stop_after_windows: Option<u64>,
-    /// Accepts coupled windows that do not converge.
-    pub keep_going: bool,
+    /// Accepts windows that are not converged.
+    pub accept_unconverged: bool,
     /// Longest time for one answer of a program.
     pub deadline: Option<Duration>,
     /// Programs that somebody else starts.
@@ -155,7 +161,10 @@ pub fn run(
     stop: &AtomicBool,
     console: &Console,
 ) -> Result<(RunSummary, PathBuf), RunError> {
-    let Prepared { scene, file, text, out, interface, first } = prepare(options)?;
+    let prepared = prepare(options)?;
+    let inspection = Inspection::of(&prepared, options)?;
+    inspection.announce(console)?;
+    let Prepared { scene, file, text, out, interface, first } = prepared;
     let mut going_on = if options.resume { GoingOn::of(&scene, &file, &out, console)? } else { None };
     if let Some(GoingOn { done, .. }) = &going_on
         && *done
@@ -163,7 +172,8 @@ pub fn run(
         return finished(&scene, out, console, going_on);
     }
     let first = going_on.as_ref().map_or(first, |g| g.stage);
-    for stage in first..scene.stages.len() {
+    let end = if options.only { first + 1 } else { scene.stages.len() };
+    for stage in first..end {
         // A program that is missing in the last stage should not cost the first ones.
         let programs = &program_folder()?;
         let (session, scratch) = ("", Path::new(""));
@@ -185,6 +195,10 @@ pub fn run(
     let start = Instant::now();
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
     let _lock = lock(&out)?;
+    let log = out.join(LOG);
+    console.log_to(&log, options.resume || options.stage.is_some()).map_err(RunError::file("write", &log))?;
+    console.note(&std::env::args().collect::<Vec<_>>().join(" "));
+    inspection.above_notes().iter().for_each(|finding| console.note(&finding.line()));
     match &text {
         Some(text) => fs::write(&file, text).map_err(RunError::file("write", &file))?,
         None => keep_scene(&file, &out)?,
@@ -207,13 +221,13 @@ pub fn run(
     }
     Scratch::sweep();
     let before = going_on.as_mut().map(|g| std::mem::take(&mut g.summaries)).unwrap_or_default();
-    let mut summary = summary_of(&scene, before);
+    let mut summary = RunSummary { inspection: inspection.above_notes(), ..summary_of(&scene, before) };
     let mut state = match first.checked_sub(1) {
         None => initial_state(&scene, &interface),
         Some(before) => earlier_state(&scene, &out, &interface, before)?,
     };
     let mut result = Ok(());
-    for stage in first..scene.stages.len() {
+    for stage in first..end {
         if stop.load(Ordering::Relaxed) {
             let place = Place { stage: scene.stages[stage].name.clone(), window: None };
             summary.ended = RunError::Interrupted(place.clone()).to_string();
@@ -228,7 +242,7 @@ pub fn run(
             interface: &interface,
             options: StageOptions {
                 stop_after_windows: options.stop_after_windows,
-                keep_going: options.keep_going,
+                accept_unconverged: options.accept_unconverged,
                 checkpoint_every: options
                     .checkpoint_every
                     .or(scene.output.checkpoint_every_windows)
@@ -241,6 +255,8 @@ pub fn run(
         };
         let mut stage_summary = StageSummary::new(&scene.stages[stage]);
         let ended = run_stage(&context, &file, options, stop, &mut state, &mut stage_summary);
+        let said = stage_summary.convergence.closing(&stage_summary.name, stage_summary.windows);
+        said.iter().for_each(|text| console.warning(text));
         summary.stages.push(stage_summary);
         if let Err(error) = ended {
             summary.ended = error.to_string();
@@ -490,7 +506,7 @@ impl GoingOn {
             warnings.clone_from(&within.warnings);
             this.within = Some(within);
             console.line(&format!(
-                "going on with stage `{}` after window {} (t = {:.4} s)",
+                "going on with stage `{}` after {} windows (t = {:.4} s)",
                 seal.name, seal.windows, seal.time_s
             ));
         } else if !this.done {
@@ -535,6 +551,7 @@ fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
         command: std::env::args().collect(),
         machine: crate::machine::Machine::here(),
         contract: channel::CONTRACT_VERSION,
+        inspection: Vec::new(),
         warnings: Vec::new(),
         wall_s: 0.0,
         ranks: Role::ALL.map(|role| scene.ranks.of(role)),
@@ -544,7 +561,15 @@ fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
 
 /// Effects of the scene, with the program that must implement each.
 pub(crate) fn asked(scene: &Scene) -> Vec<(Role, String)> {
-    effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect()
+    let mut all: Vec<_> =
+        effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect();
+    if scene.has_stage_wind() {
+        all.push((Role::Flow, channel::STAGE_WIND.to_owned()));
+        if scene.structure_meets_wind() {
+            all.push((Role::Structure, channel::STAGE_WIND.to_owned()));
+        }
+    }
+    all
 }
 
 fn earlier_state(

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use case::{Canopy, Scene};
+use case::{Canopy, Override, Scene};
 use toml::{Table, Value};
 
 use crate::error::RunError;
@@ -15,11 +15,13 @@ pub struct Setting {
     key: String,
     /// Its new value.
     value: Value,
+    /// As the user wrote it.
+    text: String,
 }
 
 impl std::fmt::Display for Setting {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}={}", self.key, self.value)
+        f.write_str(&self.text)
     }
 }
 
@@ -29,6 +31,7 @@ impl std::str::FromStr for Setting {
     /// A value is read as in TOML; what is none there is a word: `fabric.wrinkling=false`,
     /// `coupling.scheme=staggered`, `output={volume_every_windows=0}`.
     fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
         let help = "write KEY=VALUE with a dotted key of the scene, such as fabric.poisson_ratio=0.4 or \
                     stage.descent.duration_s=2";
         let (key, value) = text.split_once('=').ok_or(help)?;
@@ -37,11 +40,24 @@ impl std::str::FromStr for Setting {
             return Err(help.into());
         }
         let read = format!("value = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("value"));
-        Ok(Self { key: key.into(), value: read.unwrap_or_else(|| Value::String(value.into())) })
+        let value = read.unwrap_or_else(|| Value::String(value.into()));
+        Ok(Self { key: key.into(), value, text: text.into() })
     }
 }
 
 impl Setting {
+    /// Where the value stands in the scene `table`: stages by number, as in the file.
+    fn location(&self, table: &Table) -> Override {
+        let option = format!("--set {self}");
+        let Some((name, rest)) = self.key.strip_prefix("stage.").and_then(|k| k.split_once('.')) else {
+            return Override { path: self.key.clone(), option };
+        };
+        let stages = table.get("stage").and_then(Value::as_array);
+        let named = |s: &Value| s.get("name").and_then(Value::as_str) == Some(name);
+        let number = stages.and_then(|all| all.iter().position(named)).unwrap_or_default();
+        Override { path: format!("stage[{number}].{rest}"), option }
+    }
+
     fn apply(&self, table: &mut Table) -> Result<(), RunError> {
         let parts: Vec<&str> = self.key.split('.').collect();
         let wrong = |why: String| RunError::Input(format!("--set {self}: {why}"));
@@ -82,13 +98,10 @@ pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), Run
     for setting in settings {
         setting.apply(&mut table)?;
     }
-    let all: Vec<String> = settings.iter().map(|s| format!("--set {s}")).collect();
+    let overrides: Vec<Override> = settings.iter().map(|s| s.location(&table)).collect();
+    let all: Vec<&str> = overrides.iter().map(|o| o.option.as_str()).collect();
     let write = |table: &Table| toml::to_string(table).map_err(|e| input(&e));
-    // Files are named relative to the folder of the scene; its name is for messages.
-    let folder = std::path::absolute(file).map_err(RunError::file("resolve", file))?;
-    let own = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let name = folder.with_file_name(format!("{own} with {}", all.join(" ").replace('/', ":")));
-    let scene = case::parse(&name, &write(&table)?).map_err(|e| input(&e))?;
+    let scene = case::parse_overridden(file, &text, &write(&table)?, &overrides).map_err(|e| input(&e))?;
     let path = |path: &PathBuf| Value::String(path.to_string_lossy().into_owned());
     if let Canopy::Gmsh(g) = &scene.canopy {
         set(&mut table, &["canopy"], "file", path(&g.file))?;
@@ -147,8 +160,18 @@ mod tests {
         let message =
             |word: &str| changed(&case("atps-descent"), &settings(&[word])).expect_err("refused").to_string();
         for (word, part) in [
-            ("fabric.poison_ratio=0.4", "poison_ratio"),
-            ("fabric.poisson_ratio=0.7", "--set fabric.poisson_ratio=0.7"),
+            (
+                "fabric.poison_ratio=0.4",
+                "scene.toml: --set fabric.poison_ratio=0.4: unknown key `poison_ratio`",
+            ),
+            (
+                "fabric.poisson_ratio=0.7",
+                "scene.toml: --set fabric.poisson_ratio=0.7: `fabric.poisson_ratio`",
+            ),
+            (
+                "stage.descent.window_s=abc",
+                "--set stage.descent.window_s=abc: `stage[2].window_s` is a string",
+            ),
             ("fabric.poisson_ratio.x=0.7", "`poisson_ratio` is no table"),
             (
                 "stage.landing.duration_s=2",

@@ -6,6 +6,8 @@ use case::{Role, Stage, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 use serde::{Deserialize, Serialize};
 
+use crate::checks::Finding;
+use crate::convergence::Convergence;
 use crate::energy::CREATED;
 use crate::error::RunError;
 use crate::history::Row;
@@ -77,6 +79,9 @@ pub struct StageSummary {
     pub most_iterations: u32,
     /// Windows above the tolerance.
     pub not_converged: u64,
+    /// What was accepted above its target, by part.
+    #[serde(default)]
+    pub convergence: Convergence,
     /// Windows that were given back and tried again with half their length.
     pub rejected: u64,
     /// Shortest window, s.
@@ -95,6 +100,13 @@ pub struct StageSummary {
     pub interface_work_j: f64,
     /// One over the other.
     pub interface_energy_error_share: f64,
+    /// Energy that time integration of the structure created, J; below zero: it took energy.
+    #[serde(default)]
+    pub structure_energy_created_j: f64,
+    /// The same over the initial energy and the sizes of all works; `None`: the structure does not report its
+    /// energy balance (a static stage has none).
+    #[serde(default)]
+    pub structure_energy_created_share: Option<f64>,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -130,6 +142,7 @@ impl StageSummary {
             peak_memory_bytes: [0; 3],
             most_iterations: 0,
             not_converged: 0,
+            convergence: Convergence::default(),
             rejected: 0,
             shortest_window_s: stage.window_s,
             descent_speed_m_s: 0.0,
@@ -139,6 +152,8 @@ impl StageSummary {
             interface_energy_error_j: 0.0,
             interface_work_j: 0.0,
             interface_energy_error_share: 0.0,
+            structure_energy_created_j: 0.0,
+            structure_energy_created_share: None,
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
@@ -183,6 +198,8 @@ impl StageSummary {
         self.interface_work_j = row.books.work_j;
         self.interface_energy_error_share = row.books.share();
         let structure = &report.stats[Role::Structure as usize].values;
+        self.structure_energy_created_j = structure[structure_stats::ENERGY_CREATED_SUM];
+        self.structure_energy_created_share = crate::structure_energy::share(structure);
         self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
         self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
         self.speeds.push((row.descent_speed_m_s, report.force[2]));
@@ -210,6 +227,8 @@ pub struct RunSummary {
     pub machine: crate::machine::Machine,
     /// Version of the contract between the programs.
     pub contract: u32,
+    /// Warnings of the inspection before the run.
+    pub inspection: Vec<Finding>,
     /// Warnings of the coupler, the first thousand.
     pub warnings: Vec<String>,
     /// Wall seconds of everything, launches included.
@@ -271,6 +290,7 @@ impl RunSummary {
             ));
         }
         for s in self.stages.iter().filter(|s| s.windows > 0) {
+            let created = crate::structure_energy::note(s.structure_energy_created_share);
             let given_back = if s.rejected > 0 {
                 format!("; {} windows given back, shortest {:.2e} s", s.rejected, s.shortest_window_s)
             } else {
@@ -278,7 +298,7 @@ impl RunSummary {
             };
             lines.push(match s.kind {
                 StageKind::PreInflation => format!(
-                    "  {}: load {:.1} N, projected area {:.2} m2; {}",
+                    "  {}: load {:.1} N, projected area {:.2} m2{created}; {}",
                     s.name, s.vertical_load_n, s.projected_area_m2, s.ended
                 ),
                 StageKind::FlowOnly | StageKind::Prescribed => {
@@ -289,7 +309,7 @@ impl RunSummary {
                 }
                 StageKind::Coupled => format!(
                     "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
-                     projected area {:.2} m2; coupling added {:.2e} J ({:+.1} % of the work){}{}{given_back}; {}",
+                     projected area {:.2} m2{created}; coupling added {:.2e} J ({:+.1} % of the work){}{}{given_back}; {}",
                     s.name,
                     s.descent_speed_m_s,
                     s.mean_descent_speed_m_s,
@@ -311,6 +331,11 @@ impl RunSummary {
                     s.ended
                 ),
             });
+        }
+        lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
+        lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
+        for s in &self.stages {
+            lines.extend(s.convergence.line().map(|text| format!("  {}: {text}", s.name)));
         }
         lines.push(format!("  results: {}", out.display()));
         lines.join("\n")

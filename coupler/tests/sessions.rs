@@ -3,16 +3,23 @@
 //! This file is also those programs: started with `--session` it serves as the
 //! participant that `--fake ROLE` names, with simple arithmetic as physics.
 
+#[path = "../../tests/src/harness.rs"]
+mod harness;
+#[path = "../../tests/src/load.rs"]
+mod load;
+
 use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use case::Role;
 use channel::{
     Announcement, Fault, Input, LOAD_WIDTH, Participant, ServeOptions, Stats, Window, flow_stats,
     structure_stats,
 };
+use load::{Available, Limit};
 
 /// What goes wrong in a fake, `--trouble` of its command line.
 #[derive(Clone, Copy, PartialEq)]
@@ -235,11 +242,12 @@ impl Flight {
         command
     }
 
+    /// Exit code, what it said, and how much time was available to it.
     fn fly(&self, troubled: Option<(Role, &str)>, more: &[&str]) -> (i32, String, Duration) {
-        let start = Instant::now();
+        let available = Available::new();
         let Output { status, stderr, .. } = self.command(troubled, more).output().expect("ripstop starts");
         let text = String::from_utf8_lossy(&stderr).into_owned();
-        (status.code().unwrap_or(-1), text, start.elapsed())
+        (status.code().unwrap_or(-1), text, available.elapsed())
     }
 
     /// History of a stage without its wall times.
@@ -337,13 +345,13 @@ fn each_failure_names_its_culprit() {
     for (role, trouble, words) in cases {
         let flight = Flight::new();
         // The structure runs in the first stage already, the flow in the second.
-        let (code, text, wall) = flight.fly(Some((role, trouble)), &[]);
+        let (code, text, took) = flight.fly(Some((role, trouble)), &[]);
         require(code == 1, &format!("{trouble} ends with 1"), &text);
         for word in words {
             require(text.contains(word), &format!("{trouble}: the message holds `{word}`"), &text);
         }
         require(text.matches("error: ").count() == 1, "one message", &text);
-        require(wall < Duration::from_secs(25), &format!("{trouble} took {wall:?}"), &text);
+        require(took < Duration::from_secs(25), &format!("{trouble} took {took:?}"), &text);
         require(flight.out().join("summary.json").is_file(), "results so far are kept", &text);
         assert_eq!(flight.left_behind(), Vec::<String>::new(), "{trouble}");
     }
@@ -351,17 +359,20 @@ fn each_failure_names_its_culprit() {
 
 fn a_program_that_fails_at_its_start_is_quoted() {
     let flight = Flight::new();
-    let (code, text, wall) = flight.fly(Some((Role::Structure, "start")), &[]);
+    let (code, text, took) = flight.fly(Some((Role::Structure, "start")), &[]);
     require(code == 1 && text.contains("the grid file is damaged"), "last words", &text);
     require(text.contains("before its first window"), "place", &text);
-    require(wall < Duration::from_secs(8), &format!("took {wall:?}"), &text);
+    require(took < Duration::from_secs(8), &format!("took {took:?}"), &text);
 }
 
 fn a_hanging_program_ends_by_its_deadline() {
     let flight = Flight::new();
-    let (code, text, wall) = flight.fly(Some((Role::Structure, "hang")), &["--deadline", "3"]);
-    require(code == 1 && text.contains("no answer for 3 s"), "deadline", &text);
-    require(wall < Duration::from_secs(3 + 5 + 3), &format!("took {wall:?}"), &text);
+    // The first answer needs the program's start too.
+    let deadline = load::deadline_s(3);
+    let (code, text, took) =
+        flight.fly(Some((Role::Structure, "hang")), &["--deadline", &deadline.to_string()]);
+    require(code == 1 && text.contains(&format!("no answer for {deadline} s")), "deadline", &text);
+    require(took < Duration::from_secs(deadline + 5 + 3), &format!("took {took:?}"), &text);
     assert_eq!(flight.left_behind(), Vec::<String>::new());
 }
 
@@ -370,20 +381,29 @@ fn ctrl_c_ends_all_within_five_seconds() {
     let child = flight.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::piped()).spawn();
     let mut child = child.expect("ripstop starts");
     let history = flight.out().join("pre-inflation/history.csv");
-    let start = Instant::now();
-    while !std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3) {
-        assert!(start.elapsed() < Duration::from_secs(30), "the run does not come to window 2");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let limit = Limit::new(Duration::from_secs(30));
+    let second = || std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3);
+    limit.until(Duration::from_millis(20), second).expect("the run comes to window 2");
     let id = child.id().to_string();
     let interrupt = || Command::new("kill").args(["-INT", &id]).status().expect("kill");
     // The first one lets the window come to its end, which this one never does.
     interrupt();
-    std::thread::sleep(Duration::from_millis(500));
-    let at = Instant::now();
+    let heard = std::cell::Cell::new(false);
+    let words = child.stderr.take().expect("piped");
+    let (sender, lines) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        BufReader::new(words).lines().map_while(Result::ok).all(|line| sender.send(line).is_ok())
+    });
+    let understood = || {
+        heard.set(heard.get() || lines.try_iter().any(|line| line.contains("interrupted")));
+        heard.get()
+    };
+    let pause = Duration::from_millis(20);
+    Limit::new(Duration::from_secs(5)).until(pause, understood).expect("the interrupt is confirmed");
     interrupt();
+    let limit = Limit::new(Duration::from_secs(5));
+    limit.until(pause, || child.try_wait().is_ok_and(|s| s.is_some())).expect("the end within five seconds");
     let status = child.wait().expect("an end");
-    assert!(at.elapsed() < Duration::from_secs(5), "took {:?}", at.elapsed());
     assert_eq!(status.code(), Some(130));
     assert_eq!(flight.left_behind(), Vec::<String>::new());
 }
@@ -393,18 +413,14 @@ fn a_killed_coupler_leaves_no_program() {
     let child = flight.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::null()).spawn();
     let mut child = child.expect("ripstop starts");
     let history = flight.out().join("pre-inflation/history.csv");
-    let start = Instant::now();
-    while !std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3) {
-        assert!(start.elapsed() < Duration::from_secs(30), "the run does not come to window 2");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let limit = Limit::new(Duration::from_secs(30));
+    let second = || std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3);
+    limit.until(Duration::from_millis(20), second).expect("the run comes to window 2");
     child.kill().expect("kill -9");
     child.wait().expect("an end");
-    let at = Instant::now();
-    while !flight.left_behind().is_empty() {
-        assert!(at.elapsed() < Duration::from_secs(6), "still there: {:?}", flight.left_behind());
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    let limit = Limit::new(Duration::from_secs(6));
+    let ended = limit.until(Duration::from_millis(50), || flight.left_behind().is_empty());
+    assert!(ended.is_ok(), "still there: {:?}: {ended:?}", flight.left_behind());
 }
 
 fn bad_input_starts_nothing() {
@@ -450,30 +466,21 @@ fn main() -> ExitCode {
             }
         };
     }
-    if words.iter().any(|w| w == "--list") {
-        return ExitCode::SUCCESS;
-    }
     let before = memory();
-    let tests: [(&str, fn()); 8] = [
-        ("complete_and_repeatable", complete_and_repeatable),
-        ("a_structure_with_a_surface_of_its_own", a_structure_with_a_surface_of_its_own),
-        ("each_failure_names_its_culprit", each_failure_names_its_culprit),
-        ("a_program_that_fails_at_its_start_is_quoted", a_program_that_fails_at_its_start_is_quoted),
-        ("a_hanging_program_ends_by_its_deadline", a_hanging_program_ends_by_its_deadline),
-        ("ctrl_c_ends_all_within_five_seconds", ctrl_c_ends_all_within_five_seconds),
-        ("a_killed_coupler_leaves_no_program", a_killed_coupler_leaves_no_program),
-        ("bad_input_starts_nothing", bad_input_starts_nothing),
-    ];
-    let filter = words.iter().skip(1).find(|w| !w.starts_with('-'));
-    for (name, test) in tests {
-        if filter.is_none_or(|f| name.contains(f.as_str())) {
-            let start = Instant::now();
-            test();
-            println!("test {name} ... ok ({:.1} s)", start.elapsed().as_secs_f64());
-        }
-    }
+    let code = harness::run(&[
+        ("complete_and_repeatable", &complete_and_repeatable),
+        ("a_structure_with_a_surface_of_its_own", &a_structure_with_a_surface_of_its_own),
+        ("each_failure_names_its_culprit", &each_failure_names_its_culprit),
+        ("a_program_that_fails_at_its_start_is_quoted", &a_program_that_fails_at_its_start_is_quoted),
+        ("a_hanging_program_ends_by_its_deadline", &a_hanging_program_ends_by_its_deadline),
+        ("ctrl_c_ends_all_within_five_seconds", &ctrl_c_ends_all_within_five_seconds),
+        ("a_killed_coupler_leaves_no_program", &a_killed_coupler_leaves_no_program),
+        ("bad_input_starts_nothing", &bad_input_starts_nothing),
+    ]);
     // The killed coupler's folder is swept by the next run on this machine.
     let after: Vec<String> = memory().difference(&before).cloned().collect();
-    println!("left in shared memory: {after:?}");
-    ExitCode::SUCCESS
+    if !after.is_empty() {
+        println!("{} files left in shared memory", after.len());
+    }
+    code
 }

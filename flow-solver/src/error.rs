@@ -52,7 +52,8 @@ pub enum FlowError {
     /// A march found no steady state.
     #[error(
         "flow: not steady after {steps} steps: the residual has fallen to {drop:.1e} of its largest, the force \
-         changed by {change:.1e} of itself over the last ten steps; more max_steps, a looser residual_drop or \
+         changed by {change:.1e} of itself over the last ten steps, {unsolved} steps ran out of iterations \
+         (flow.solver.max_iterations); more max_steps, a looser residual_drop or \
          force_change may help, or the flow sheds vortices: give the stage a duration instead"
     )]
     Unsteady {
@@ -62,6 +63,8 @@ pub enum FlowError {
         drop: f64,
         /// Change of the force as a share of it.
         change: f64,
+        /// Steps whose iterations ran out.
+        unsolved: usize,
     },
     /// The transported turbulence is no longer a number.
     #[error("flow: the equation of turbulence diverged in the last step; a smaller window may help")]
@@ -76,6 +79,22 @@ pub enum FlowError {
         start: f64,
         /// Residual at the end.
         end: f64,
+        /// Iterations done.
+        iterations: usize,
+    },
+    /// The iterations ran out with most of the residual left.
+    #[error(
+        "flow: the time step is not solved: residual {end:.3e} N after {iterations} iterations from {start:.3e} N, \
+         {target:.3e} N is asked; raise flow.solver.max_iterations, use flow.solver.method = \"gmres\", or shorten \
+         window_s"
+    )]
+    Unsolved {
+        /// Residual of the last accepted state, N.
+        start: f64,
+        /// Residual at the end, N.
+        end: f64,
+        /// Residual that counts as converged, N.
+        target: f64,
         /// Iterations done.
         iterations: usize,
     },

@@ -37,7 +37,6 @@ mod stencil;
 pub mod time;
 pub mod topology;
 pub mod turbulence;
-mod wind;
 
 pub use error::FlowError;
 pub use loads::{FaceLoad, Loads, Total};
@@ -46,4 +45,3 @@ pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;
 pub use solver::{Instant, Method, Report, Settings, Solver, Step};
-pub use wind::Wind;

@@ -132,6 +132,7 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
     if comm.is_root() {
         println!("   step    time s     force z N   residual start    end  steps  linear  Courant    wall s");
     }
+    let (mut unconverged, mut worst) = (0, 0.0f64);
     for index in 0..steps {
         let w = Window {
             index,
@@ -146,6 +147,17 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
         let stats = participant.advance(&w, &input, &mut output)?;
         participant.accept(&w)?;
         let v = &stats.values;
+        let excess = channel::excess(Role::Flow, v).unwrap_or(0.0);
+        unconverged += u64::from(excess > 1.0);
+        worst = worst.max(excess);
+        if excess > channel::UNCONVERGED_LIMIT {
+            return Err(Fault::new(format!(
+                "step {index} (t = {:.4} s) is not converged: residual {:.3e} N, {excess:.1} times its target; raise \
+                 flow.solver.max_iterations, use flow.solver.method = \"gmres\", or shorten window_s",
+                w.time,
+                v[at::RESIDUAL_END]
+            )));
+        }
         if comm.is_root() {
             println!(
                 "{index:7} {:9.4} {:13.4} {:12.3e} {:9.2e} {:5} {:7} {:8.2} {:9.3}",
@@ -164,6 +176,11 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
             std::fs::create_dir_all(&folder).map_err(Fault::new)?;
             participant.snapshot(w.time + w.dt, &folder)?;
         }
+    }
+    if unconverged > 0 && comm.is_root() {
+        eprintln!(
+            "warning: {unconverged} of {steps} steps ended above their target, {worst:.1} times it at most"
+        );
     }
     if args.save {
         let folder = case::state_folder(&args.out, &scene, args.stage);

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant as Clock;
 
-use case::{Role, Turbulence};
+use case::{Role, Turbulence, Wind};
 use channel::{
     Announcement, Fault, Input, KeptError, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash,
 };
@@ -22,7 +22,6 @@ use crate::solver::{Report, Solver, Step};
 use crate::state;
 use crate::steady::{self, March};
 use crate::turbulence;
-use crate::wind::Wind;
 
 /// One rank of the flow-solver.
 pub struct FlowParticipant<G, V, const N: usize> {
@@ -130,6 +129,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
                 channel::RESUME,
                 "flow",
                 "flow.gust",
+                channel::STAGE_WIND,
                 "stage.steady",
                 "flow.shear",
                 "fabric.permeability",
@@ -172,7 +172,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             announcement,
             totals,
             moved: false,
-            wind: setup.wind,
+            wind: setup.wind.clone(),
             march: setup.march,
             answered: None,
             stuck: None,
@@ -193,13 +193,19 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
             FlowError::Diverged { .. } => 1.0,
             FlowError::BadState { .. } => 2.0,
             FlowError::InvertedCell { .. } => 3.0,
+            FlowError::Unsolved { .. } => 4.0,
             FlowError::BadNode { .. } | FlowError::Unsteady { .. } | FlowError::Turbulence => 0.0,
         };
         let words = format!("window {} (t = {:.4} s): {error}", w.index, w.time);
         if self.march.is_some() || values[flow_stats::NO_ANSWER] == 0.0 {
             return Err(Fault::new(words));
         }
-        if let FlowError::Diverged { start, end, iterations } = error {
+        if let FlowError::Unsolved { target, .. } = error {
+            values[flow_stats::RESIDUAL_TARGET] = *target;
+        }
+        if let FlowError::Diverged { start, end, iterations }
+        | FlowError::Unsolved { start, end, iterations, .. } = error
+        {
             values[flow_stats::RESIDUAL_START] = *start;
             values[flow_stats::RESIDUAL_END] = *end;
             values[flow_stats::ITERATIONS] = *iterations as f64;
@@ -238,6 +244,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
         values[flow_stats::MAX_PRESSURE] = comm.max(high);
         values[flow_stats::MIN_PRESSURE] = comm.min(low);
         values[flow_stats::MASS_DEFECT] = report.mass_defect;
+        values[flow_stats::RESIDUAL_TARGET] = report.target;
+        values[flow_stats::UNCONVERGED] = f64::from(u8::from(!report.met));
+        values[flow_stats::TURBULENCE_RESIDUAL] = s.turbulence_excess();
         values
     }
 }

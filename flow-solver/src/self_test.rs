@@ -55,7 +55,7 @@ fn run<V: Viscosity>(
         max_iterations: 80,
         method: Method::PressureCorrection { depth: 8 },
         reference_speed: 0.4,
-        velocity_diffusion: 0.5,
+        velocity_diffusion: crate::physics::VELOCITY_DIFFUSION,
         moving: true,
     };
     let spatial = Spatial { gas: Isothermal::new(air), viscosity, chi: 1.0 / 3.0, limiter: None };

@@ -2,18 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use case::{FlowMethod, Role, Scene};
+use case::{FlowMethod, Role, Scene, StageTimes, Wind};
 use channel::Fault;
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Graph, QualityReport, StructureMesh};
 
 use crate::permeable::Permeability;
-use crate::physics::Air;
+use crate::physics::{Air, VELOCITY_DIFFUSION};
 use crate::shear::Sheared;
 use crate::solver::{Method, Settings};
 use crate::steady::March;
 use crate::topology::Topology;
-use crate::wind::Wind;
 
 /// What a stage of a scene asks of the flow.
 pub struct Setup {
@@ -35,7 +34,7 @@ pub struct Setup {
     pub window_s: f64,
     /// Tolerances and the undisturbed air.
     pub settings: Settings,
-    /// Its velocity in time.
+    /// Its velocity over the time of the stage.
     pub wind: Wind,
     /// Its velocity by height.
     pub shear: Option<Sheared>,
@@ -76,8 +75,12 @@ impl Setup {
         let faces = FaceTable::new(&grid).map_err(Fault::new)?;
         let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
         let shear = flow.shear.as_ref().map(|s| Sheared::of_scene(s, flow.wind_m_s));
-        let steady = shear.as_ref().map_or(flow.wind_m_s, Sheared::base);
-        let [x, y, z] = steady;
+        let wind = scene.wind(stage, &StageTimes::completed(&scene, out, stage));
+        let wind = match &shear {
+            None => wind,
+            Some(shear) => wind.with_steady(shear.base()),
+        };
+        let [x, y, z] = wind.steady();
         let air = Air::new(flow.density_kg_m3, flow.temperature_k);
         let speed = (x * x + y * y + (z + fall) * (z + fall)).sqrt();
         let sound = (air.gas_constant * air.temperature).sqrt();
@@ -87,7 +90,7 @@ impl Setup {
                  flow-solver is made for subsonic flow; lower wind_m_s or initial_speed_m_s"
             )));
         }
-        let still = speed == 0.0 && flow.gust.is_none() && shear.is_none();
+        let still = speed == 0.0 && !scene.has_stage_wind() && shear.is_none();
         if still && scene.stages.get(stage).is_some_and(|s| s.kind == case::StageKind::FlowOnly) {
             return Err(Fault::new(format!(
                 "stage {stage} is the flow around a canopy at rest, but nothing moves: \
@@ -103,10 +106,10 @@ impl Setup {
         let moving = scene.stages.get(stage).is_none_or(|s| s.kind != case::StageKind::FlowOnly);
         let settings = Settings {
             air,
-            wind: steady,
+            wind: wind.at(0.0),
             residual_drop: flow.solver.residual_drop,
             repeated_drop: repeated_drop(&scene, stage),
-            max_iterations: flow.solver.max_iterations as usize,
+            max_iterations: flow.solver.iterations() as usize,
             method: match flow.solver.method {
                 // A long step is worth more corrections.
                 FlowMethod::Gmres if march.is_some() => Method::PressureCorrection { depth: 10 },
@@ -116,16 +119,9 @@ impl Setup {
             },
             // A canopy that starts at rest soon moves at metres per second.
             reference_speed: 0.1 * speed.max(1.0),
-            velocity_diffusion: 0.5,
+            velocity_diffusion: VELOCITY_DIFFUSION,
             moving,
         };
-        let wind = flow.gust.as_ref().map_or(Wind::default(), |g| Wind {
-            gust: g.velocity_m_s,
-            start: g.start_s,
-            duration: g.duration_s,
-            ..Wind::default()
-        });
-        let wind = Wind { steady, ..wind };
         let source = scene.source_state(out, stage, Role::Flow);
         let window_s = scene.stages.get(stage).map_or(0.0, |s| s.window_s);
         let folder = case::stage_folder(out, &scene, stage);

@@ -37,6 +37,10 @@ pub struct Marched {
     pub drop: f64,
     /// Change of the force over the last ten steps, as a share of it.
     pub change: f64,
+    /// Steps whose iterations ran out before the residual had dropped by [`STEP_DROP`].
+    pub unsolved: usize,
+    /// The force ended the march.
+    pub calm: bool,
 }
 
 /// Each step solves its residual down by this factor. Deeper drops and faster growth
@@ -96,6 +100,7 @@ impl March {
             marched.steps += 1;
             marched.iterations += report.iterations;
             marched.linear_iterations += report.linear_iterations;
+            marched.unsolved += usize::from(!report.met);
             let left = left_over(solver, dt);
             largest = largest.max(left);
             marched.drop = left / largest.max(f64::MIN_POSITIVE);
@@ -108,13 +113,16 @@ impl March {
             // The air has crossed the grid while the force was watched, or short steps hide it.
             let crossed = last.len() == WATCHED && last.iter().map(|l| l.0).sum::<f64>() * speed > extent;
             let calm = crossed && marched.change < self.force_change;
-            if marched.drop < self.residual_drop || calm {
+            // A step that is not solved hardly moves: what it moved by says nothing of the steady residual.
+            if report.met && (marched.drop < self.residual_drop || calm) {
+                marched.calm = calm;
                 return Ok(marched);
             }
             let factor = if report.iterations < solver.settings.max_iterations { GROWTH } else { 0.5 };
             dt = (factor * dt).min(longest);
         }
-        Err(FlowError::Unsteady { steps: marched.steps, drop: marched.drop, change: marched.change })
+        let Marched { steps, drop, change, unsolved, .. } = marched;
+        Err(FlowError::Unsteady { steps, drop, change, unsolved })
     }
 }
 
@@ -150,9 +158,13 @@ pub(crate) fn answer<G: Gas<N>, V: Viscosity, const N: usize>(
         total = loads.compute(s);
         total.force
     })?;
+    // Either of the scene's criteria ends a march; else it has no answer.
+    let target = if marched.calm { march.residual_drop.max(marched.drop) } else { march.residual_drop };
     let report = Report {
         start: 1.0,
         end: marched.drop,
+        target,
+        met: true,
         iterations: marched.iterations,
         linear_iterations: marched.linear_iterations,
         mass_defect: 0.0,

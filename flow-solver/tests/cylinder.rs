@@ -100,13 +100,13 @@ fn a_march_ends_at_the_steady_wake() {
 /// by sector, in time and with refinement.
 /// `cargo test --release -p flow-solver --test cylinder rear -- --ignored --nocapture`
 #[test]
-#[ignore = "a minute"]
+#[ignore = "nightly: 1 minute"]
 fn inviscid_rear_of_the_cylinder() {
     let mut ends = Vec::new();
     for (nr, na) in [(30, 48), (60, 96), (120, 192)] {
         let grid = half_ring(nr, na, 20.0, Patch::Slip);
         let mut s = isothermal(&grid, Inviscid, settings([SPEED, 0.0, 0.0], 1e-4));
-        let mut end = [0.0; 2];
+        let mut end = [0.0f64; 2];
         for k in 1..=40 {
             s.advance(&at_rest(0.05)).unwrap();
             s.accept(0.05, false);
@@ -116,6 +116,8 @@ fn inviscid_rear_of_the_cylinder() {
             let (drag, wall) = on_wall(&s);
             let dynamic = 0.5 * RHO * SPEED * SPEED;
             let mut rows = String::new();
+            // Of the last time: the impulsive start is an error of its own.
+            end = [0.0; 2];
             for (k, (from, to)) in
                 [(0.0, 90.0), (90.0, 120.0), (120.0, 150.0), (150.0, 180.0)].into_iter().enumerate()
             {
@@ -132,7 +134,7 @@ fn inviscid_rear_of_the_cylinder() {
                 if k == 3 {
                     end[1] = error;
                 }
-                end[0] = f64::max(end[0], if k < 2 { error } else { 0.0 });
+                end[0] = end[0].max(if k < 2 { error } else { 0.0 });
             }
             println!("{nr} x {na}, {:.1} diameters: drag {drag:.4}{rows}", f64::from(k) * 0.05 * SPEED);
         }

@@ -148,7 +148,7 @@ fn manufactured_on_swaying_tetrahedra_prisms_and_pyramids() {
 
 /// `cargo test --release -p flow-solver --test orders -- --ignored --nocapture`
 #[test]
-#[ignore = "minutes: one refinement more"]
+#[ignore = "nightly: 5 minutes"]
 fn manufactured_refined_again() {
     for (shape, coarse) in [
         (BoxShape::Hexahedra, 14),
@@ -214,8 +214,70 @@ fn time_steps_on_a_moving_grid_are_of_second_order() {
             println!(
                 "{shape:?}, steps 1 to {ratio}: error in time {coarse:.3e} to {fine:.3e}, order {order:.2}"
             );
-            assert!(order > 1.9 && fine < 0.02, "{shape:?}: {coarse:.3e} to {fine:.3e}, order {order:.2}");
+            // Both ways: an error that the steps do not make bends the observed order upwards where it cancels a
+            // part of theirs. A ratio that is 1 % off gives 2.51 and 2.23 with steps of one and two parts.
+            assert!(
+                (order - 2.0).abs() < 0.1 && fine < 0.02,
+                "{shape:?}: {coarse:.3e} to {fine:.3e}, order {order:.2}"
+            );
         }
+    }
+}
+
+/// Weights over the step of the derivative at `t[0]` of the parabola through values at the times `t` (s):
+/// Lagrange's formula, from the times themselves.
+fn derivative_weights(t: [f64; 3]) -> [f64; 3] {
+    let h = t[0] - t[1];
+    let slope = |k: usize| -> f64 {
+        let others: Vec<usize> = (0..3).filter(|j| *j != k).collect();
+        let below: f64 = others.iter().map(|&j| t[k] - t[j]).product();
+        others.iter().map(|&j| t[0] - t[j]).sum::<f64>() / below
+    };
+    [0, 1, 2].map(|k| h * slope(k))
+}
+
+/// Air that a force drives, the same everywhere on a grid that moves as a whole and followed by the far field: each
+/// step is the backward difference through three instants, whatever their distances, to the tolerance of the
+/// iterations. A ratio of steps that is 1 % off leaves 1e-3 of the velocity.
+#[test]
+fn steps_of_unequal_length_have_the_weights_of_the_parabola() {
+    let grid = box_grid_of(BoxShape::Hexahedra, [3, 3, 3], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
+    let force = |t: f64| [0.0, 4.0 * RHO * (4.0 * t).cos(), -4.0 * RHO * (4.0 * t).sin(), 2.0 * RHO];
+    let start_velocity = [5.0, 1.0, -0.5];
+    let mut s = isothermal(&grid, Inviscid, settings(start_velocity, 1e-9));
+    let start = s.nodes.clone();
+    // As a whole: where cells change their volume, what is the same everywhere stays so to second order only.
+    let placed = |t: f64| -> Vec<[f64; 3]> {
+        start.iter().map(|x| std::array::from_fn(|d| x[d] + 0.3 * (5.0 * t + d as f64).sin())).collect()
+    };
+    let first = 0.02;
+    let mut times = [0.0, -first];
+    let mut velocities = [start_velocity, [4.9, 1.01, -0.55]];
+    let mut past = s.past.clone();
+    for (k, p) in past.iter_mut().enumerate() {
+        p.nodes = placed(times[k]);
+        let v = velocities[k];
+        p.q.fill([0.0, v[0], v[1], v[2]]);
+    }
+    s.restore(past, first, 0).unwrap();
+    for ratio in [1.0, 2.0, 0.5, 0.5, 1.7, 0.3, 2.0, 1.0] {
+        let dt = ratio * (times[0] - times[1]);
+        let t = times[0] + dt;
+        let c = derivative_weights([t, times[0], times[1]]);
+        let f = force(t);
+        let expected: [f64; 3] = std::array::from_fn(|d| {
+            (dt * f[1 + d] / RHO - c[1] * velocities[0][d] - c[2] * velocities[1][d]) / c[0]
+        });
+        s.nodes = placed(t);
+        s.settings.wind = expected;
+        s.source = vec![f; s.topology.n_owned];
+        s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true }).unwrap();
+        for q in &s.q[..s.topology.n_owned] {
+            let off = (0..3).map(|d| (q[1 + d] - expected[d]).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-6, "ratio {ratio}: {q:?} beside {expected:?}");
+        }
+        s.accept(dt, true);
+        (times, velocities) = ([t, times[0]], [expected, velocities[0]]);
     }
 }
 
@@ -223,9 +285,9 @@ fn time_steps_on_a_moving_grid_are_of_second_order() {
 #[test]
 fn a_gust_moves_all_air_alike() {
     let grid = box_grid_of(BoxShape::Prisms, [3, 4, 3], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
-    let wind =
-        flow_solver::Wind { steady: [3.0, 0.0, 1.0], gust: [2.0, -5.0, 0.0], start: 0.05, duration: 0.4 };
-    let mut s = isothermal(&grid, Inviscid, settings(wind.steady, 1e-9));
+    let gust = case::Gust { velocity_m_s: [2.0, -5.0, 0.0], start_s: 0.05, duration_s: 0.4, clock: None };
+    let wind = case::Wind::uniform([3.0, 0.0, 1.0]).with_gust(gust, 0.0);
+    let mut s = isothermal(&grid, Inviscid, settings(wind.steady(), 1e-9));
     let dt = 0.02;
     for k in 0..15 {
         let t = k as f64 * dt;
@@ -290,6 +352,8 @@ fn isentropic_vortex_is_carried() {
     let order = (coarse / fine).log2();
     println!("isentropic vortex: {coarse:.3e} to {fine:.3e} of its speed, order {order:.2}");
     assert!(order > 1.8 && fine < 0.01, "{coarse:.3e} to {fine:.3e}: order {order:.2}");
+    // A record of the error itself, for what leaves the order alone: twice the velocity diffusion adds 7 %.
+    assert!((fine / 1.450e-3 - 1.0).abs() < 0.03, "{fine:.4e} beside 1.450e-3");
 }
 
 /// A slow piston compresses air adiabatically: pressure by the closed form, mass exact.
@@ -374,7 +438,9 @@ fn vortex_after(n: usize, steps: usize, sway: f64, ratio: f64) -> Vec<[f64; 4]> 
 fn vortices_are_of_second_order_in_time() {
     for (sway, ratio) in [(0.0, 1.0), (0.06, 1.0), (0.06, 2.0)] {
         let runs = [20, 40, 80].map(|steps| vortex_after(12, steps, sway, ratio));
-        for (what, k, bound) in [("velocity", 1, 1e-5), ("pressure", 0, 1e-5)] {
+        // Differences between runs: the order is two up to the share of the next term, which pressure has more of
+        // (2.24 at most). A ratio that is 1 % off gives 1.91 in the velocity.
+        for (what, k, bound, band) in [("velocity", 1, 1e-5, 0.06), ("pressure", 0, 1e-5, 0.3)] {
             let apart = |a: &[[f64; 4]], b: &[[f64; 4]]| {
                 let sum: f64 = a.iter().zip(b).map(|(a, b)| (a[k] - b[k]).powi(2)).sum();
                 (sum / a.len() as f64).sqrt()
@@ -385,7 +451,7 @@ fn vortices_are_of_second_order_in_time() {
                 "sway {sway}, steps 1 to {ratio}, {what}: {coarse:.2e}, {fine:.2e} from steps to half of them, order {order:.2}"
             );
             assert!(
-                order > 1.9 && fine < bound,
+                (order - 2.0).abs() < band && fine < bound,
                 "sway {sway}, steps 1 to {ratio}, {what}: {coarse:.2e}, {fine:.2e}, order {order:.2}"
             );
         }

@@ -94,7 +94,7 @@ fn dfg_channel() {
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "nightly: 5 minutes"]
 fn dfg_channel_refined() {
     let [a, b] = [16, 32].map(|n| dfg(n, 120));
     println!("DFG 2D-1: {a:?} {b:?}");
@@ -162,7 +162,7 @@ fn sphere_at_reynolds_100() {
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "nightly: 5 minutes"]
 fn sphere_at_reynolds_100_refined() {
     let runs = [(12, 30), (18, 45), (24, 60)].map(|(n, nr)| sphere(100.0, n, nr, 12.0));
     println!("sphere Re 100: {runs:.4?}");
@@ -226,7 +226,7 @@ fn cylinder_100(nr: usize, na: usize, dt: f64, from: f64, end: f64) -> [f64; 4] 
 
 /// Published: Strouhal number 0.164 to 0.165, drag 1.33 to 1.35, lift 0.33 to 0.34.
 #[test]
-#[ignore = "thousands of steps"]
+#[ignore = "nightly: 5 minutes"]
 fn cylinder_at_reynolds_100() {
     let runs = [(64, 0.0125), (96, 0.0125), (144, 0.0125), (96, 0.006_25)];
     let [_, _, fine, _] = runs.map(|(n, dt)| cylinder_100(n, n, dt, 80.0, 120.0));
@@ -334,7 +334,7 @@ fn blasius_layer() {
 }
 
 #[test]
-#[ignore = "half a minute"]
+#[ignore = "nightly: 1 minute"]
 fn blasius_layer_refined() {
     let (coarse, fine) = (plate_layer(24), plate_layer(48));
     assert!(blasius_error(&fine.0) < 0.006 && fine.1 < 0.01 && fine.1 < coarse.1, "{coarse:?} {fine:?}");

@@ -201,7 +201,7 @@ fn a_flat_plate_has_the_published_friction() {
 
 /// On a finer grid the friction comes closer to the published 0.00271.
 #[test]
-#[ignore = "a minute or more: the plate refined"]
+#[ignore = "nightly: 2 minutes"]
 fn a_flat_plate_refined() {
     let (cf, profile) = flat_plate(72, 72, 5e-6);
     println!("flat plate, refined: cf {cf:.6}, first cell at y+ {:.2}", profile[0].0);

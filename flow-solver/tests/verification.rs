@@ -154,7 +154,7 @@ fn lid_driven_cavity() {
 
 /// `cargo test --release -p flow-solver --test verification cavity -- --ignored --nocapture`
 #[test]
-#[ignore = "a minute: finer grids, Re 1000"]
+#[ignore = "nightly: 1 minute"]
 fn lid_driven_cavity_refined() {
     for (case, bound) in [(0, 1.5e-3), (1, 0.025)] {
         let off = [32, 64].map(|n| cavity_errors(case, n));
@@ -164,7 +164,7 @@ fn lid_driven_cavity_refined() {
 
 /// Steps far longer than the flow's own times (Courant number 32) reach the steady flow too.
 #[test]
-#[ignore = "a minute"]
+#[ignore = "nightly: 1 minute"]
 fn lid_driven_cavity_by_long_steps() {
     let (reynolds, end, exact) = CAVITY[1];
     let found = cavity_by(reynolds, 64, end, 0.5, DEFAULT).unwrap();
@@ -176,7 +176,7 @@ fn lid_driven_cavity_by_long_steps() {
 /// Beside the table of Ghia, Ghia and Shin, whose own errors at the neighbouring Reynolds
 /// numbers are 0.0085 and 0.012.
 #[test]
-#[ignore = "a minute"]
+#[ignore = "nightly: 1 minute"]
 fn lid_driven_cavity_at_reynolds_400() {
     let off = [32, 64].map(|n| cavity_errors(2, n));
     assert!(off[1] < 0.012, "{off:?}");

@@ -183,7 +183,7 @@ impl Mover for Elastic {
             s.warm.learn(comm, d, r, &mut s.missing);
         }
         grid.free_halo.exchange(u, 3);
-        Ok(Effort { iterations: end.iterations, error: end.error })
+        Ok(Effort { iterations: end.iterations, error: end.error, accepted: goal.tolerance })
     }
 }
 
@@ -219,8 +219,7 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f
     // E = 1 in a cell of mean size: only ratios matter.
     let nu = solid.poisson;
     let scale = (grid.mean_volume / 8.0).powf(solid.chi);
-    let mu = scale * 0.5 / (1.0 + nu);
-    let lambda = scale * nu / ((1.0 + nu) * (1.0 - 2.0 * nu));
+    let [lambda, mu] = lame(scale, nu);
 
     for (c, cell) in grid.cells.iter().enumerate() {
         let corners = grid.corners(c, x);
@@ -256,6 +255,13 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f
     Ok((matrix, canopy))
 }
 
+/// Lamé's constants `[lambda, mu]` of a solid with Young's modulus `young` and Poisson's ratio `nu`.
+fn lame(young: f64, nu: f64) -> [f64; 2] {
+    let mu = young * 0.5 / (1.0 + nu);
+    let lambda = young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu));
+    [lambda, mu]
+}
+
 /// The first error in rank order on every rank, so that all leave together. Collective.
 pub(crate) fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Result<T, MoverError> {
     let row = match &result {
@@ -276,4 +282,20 @@ pub(crate) fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Resul
 pub(crate) fn inverted(grid: &LocalGrid, c: usize, x: &[f64], determinant: f64) -> MoverError {
     let at: Vec3 = grid.centre(c, x);
     MoverError::Inverted { cell: grid.cell_global[c], at, determinant }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bar that is pulled: stress `E` along it at unit strain and none across it.
+    #[test]
+    fn a_pulled_bar_has_the_modulus_and_the_ratio() {
+        for (young, nu) in [(1.0, 0.0), (3.0, 0.3), (0.2, 0.45)] {
+            let [lambda, mu] = lame(young, nu);
+            let trace = 1.0 - 2.0 * nu;
+            assert!((lambda * trace + 2.0 * mu - young).abs() < 1e-14 * young);
+            assert!((lambda * trace - 2.0 * mu * nu).abs() < 1e-14 * young);
+        }
+    }
 }

@@ -294,6 +294,29 @@ mod tests {
         }
     }
 
+    /// `chi` is the power of the cell's size; without it the energy of a linear field is exact.
+    #[test]
+    fn conductance_of_a_linear_field_and_of_small_cells() {
+        for (name, x, _) in shapes() {
+            let k = conductance(&x, 0.0).unwrap();
+            let slope = [0.3, -0.7, 0.5];
+            let u = x.map(|p| dot(slope, p));
+            let energy: f64 = (0..8).map(|a| u[a] * dot8(&k[a], &u)).sum();
+            let exact = dot(slope, slope) * mesh::quality::volume(&x);
+            assert!((energy / exact - 1.0).abs() < 1e-12, "{name}: {energy} {exact}");
+        }
+        let half = cube().map(|p| [0.5 * p[0], 0.5 * p[1], 0.5 * p[2]]);
+        for chi in [0.5, 1.0, 2.0] {
+            let (k1, k2) = (conductance(&cube(), chi).unwrap(), conductance(&half, chi).unwrap());
+            let ratio = k2[0][0] / k1[0][0];
+            assert!((ratio - 0.5f64.powf(1.0 - 3.0 * chi)).abs() < 1e-12 * ratio, "{chi}: {ratio}");
+        }
+    }
+
+    fn dot8(a: &[f64; 8], b: &[f64; 8]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| a * b).sum()
+    }
+
     #[test]
     fn an_inverted_cell_is_refused() {
         let mut x = cube();

@@ -111,7 +111,7 @@ impl Mover for Laplacian {
         let params =
             KrylovParams { rel_tol: self.tolerance, max_iterations: 2000, ..KrylovParams::default() };
         let comm = grid.comm();
-        let mut effort = Effort::default();
+        let mut effort = Effort { accepted: self.tolerance, ..Effort::default() };
         for (i, x) in s.last.iter_mut().enumerate() {
             s.rhs.fill(0.0);
             for (row, k, v) in &s.canopy {

@@ -10,6 +10,8 @@ pub struct Effort {
     pub iterations: usize,
     /// Largest estimated error of positions, in shares of an edge (see [`crate::felt`]).
     pub error: f64,
+    /// Error that is accepted, in the same measure; 0: nothing was iterated.
+    pub accepted: f64,
 }
 
 /// Carries the motion of the canopy into the grid around it.

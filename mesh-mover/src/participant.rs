@@ -258,9 +258,7 @@ impl MeshMover {
 
     /// The canopy node next to a point, and its distance, m.
     fn nearest(&self, at: &Vec3) -> Option<(usize, f64)> {
-        let distance2 = |p: &[f64; 3]| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
-        let nodes = self.trial.canopy.as_chunks::<3>().0.iter().map(distance2).enumerate();
-        nodes.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, d)| (k, d.sqrt()))
+        nearest(self.trial.canopy.as_chunks::<3>().0, at)
     }
 
     /// A motion error with the part of the canopy that it concerns.
@@ -366,6 +364,7 @@ impl Participant for MeshMover {
         v[mesh_stats::ITERATIONS] = moved.effort.iterations as f64;
         v[mesh_stats::INCREMENTS] = f64::from(moved.increments);
         v[mesh_stats::RESIDUAL] = moved.effort.error;
+        v[mesh_stats::RESIDUAL_TARGET] = moved.effort.accepted;
         v[mesh_stats::MIN_VOLUME_RATIO] = moved.shape.volume_ratio;
         v[mesh_stats::WORST_CELL] = f64::from(moved.shape.cell);
         v[mesh_stats::NEW_GRIDS] = f64::from(self.motion.new_grids());
@@ -483,5 +482,26 @@ pub fn owners(grid: &FlowGrid, ranks: usize) -> Result<Vec<u32>, Fault> {
 impl From<&case::MeshMotion> for Limits {
     fn from(m: &case::MeshMotion) -> Self {
         Self { min_quality: m.min_quality, max_increments: m.max_increments, repair: true }
+    }
+}
+
+/// The point next to `at`, and its distance.
+fn nearest(points: &[Vec3], at: &Vec3) -> Option<(usize, f64)> {
+    let distance2 = |p: &Vec3| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
+    let distances = points.iter().map(distance2).enumerate();
+    distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, d)| (k, d.sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_point_and_its_distance() {
+        let points = [[1.0, 2.0, 2.0], [4.0, 6.0, -3.0], [-4.0, -6.0, 3.0]];
+        assert_eq!(nearest(&points, &[1.0, 2.0, -3.0]), Some((0, 5.0)));
+        assert_eq!(nearest(&points, &[4.0, 9.0, -7.0]), Some((1, 5.0)));
+        assert_eq!(nearest(&points, &[-4.0, -9.0, 7.0]), Some((2, 5.0)));
+        assert_eq!(nearest(&[], &[0.0; 3]), None);
     }
 }

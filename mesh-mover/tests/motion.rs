@@ -180,6 +180,40 @@ fn a_repair_holds_for_all_calls_of_a_window() {
     assert_eq!(trial.motion.rebased(), 1, "one repair");
 }
 
+/// A later call of a window whose canopy differs by less than a quarter of an edge: a node `r` layers off the
+/// plate follows by `1 - r / 5`, and no equation is solved; more than that is solved for.
+#[test]
+fn small_motions_within_a_window_take_the_layers_along_by_their_share() {
+    let n = 12;
+    let grid = plate_in_box(n, 0.0, 0.9, false);
+    // Thickness of the layer at the plate, the shortest edge of all.
+    let thinnest = 0.9f64.powi(6) / (1..=6).map(|l| 0.9f64.powi(l)).sum::<f64>();
+    let middle = |layers: usize| (n / 2) + (n + 1) * ((n / 2) + (n + 1) * (n / 2 + layers));
+    for axis in 0..3 {
+        for (share_of_reach, solved) in [(0.99, false), (1.01, true)] {
+            let mut trial = Trial::new(&grid, elastic(), LIMITS).unwrap();
+            let mut first = trial.at.clone();
+            first.canopy.iter_mut().skip(2).step_by(3).for_each(|z| *z += 0.01);
+            trial.motion.follow(&trial.at, &mut first).unwrap();
+            let push = share_of_reach * 0.25 * thinnest;
+            let mut second = first.clone();
+            second.canopy.iter_mut().skip(axis).step_by(3).for_each(|x| *x += push);
+            let moved = trial.motion.follow(&trial.at, &mut second).unwrap();
+            assert_eq!(moved.effort.iterations > 0, solved, "axis {axis}: {moved:?}");
+            for layers in (0..6).filter(|_| !solved) {
+                let at = 3 * middle(layers) + axis;
+                let wanted = push * (1.0 - layers as f64 / 5.0).max(0.0);
+                let found = second.grid[at] - first.grid[at];
+                // The shares are kept in single precision.
+                assert!(
+                    (found - wanted).abs() < 1e-7 * push,
+                    "axis {axis}, layer {layers}: {found} {wanted}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn no_other_mover_survives_with_cells_as_good_as_the_elastic_one() {
     let grid = plate(16);

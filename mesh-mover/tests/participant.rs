@@ -3,7 +3,7 @@
 mod common;
 
 use case::{MeshMotion, Role};
-use channel::{Participant, mesh_stats};
+use channel::{Participant, Window, mesh_stats};
 use comm::Comm;
 use common::{Rig, window};
 use mesh_mover::state::State;
@@ -179,5 +179,64 @@ fn a_saved_state_goes_on_as_if_nothing_happened() {
         // Without the past solutions: the tolerance of the solver, and its velocity.
         let bound = if i % 6 < 3 { CLOSE } else { 1.5 * CLOSE / 0.25 };
         assert!((a - b).abs() < bound, "{i}: {a} {b}");
+    }
+}
+
+/// Derivative at `t[0]` of the parabola through the points `x` at the times `t`.
+fn slope(t: [f64; 3], x: [f64; 3]) -> f64 {
+    let [a, b] = [t[0] - t[1], t[0] - t[2]];
+    x[0] * (1.0 / a + 1.0 / b) - x[1] * b / (a * (b - a)) + x[2] * a / (b * (b - a))
+}
+
+/// Windows of other lengths than the one before: velocities are those of a parabola through the last three positions, also
+/// after a window was repeated with another length and after the mover was started from its saved state.
+#[test]
+fn velocities_are_of_second_order_over_unequal_windows() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = rig();
+    let nodes = rig.grid.coords.len();
+    // Quadratic in time: the canopy's velocities are exact.
+    let way = |t: f64| 0.4 * t - 0.3 * t * t;
+    let pace = |t: f64| 0.4 - 0.6 * t;
+    let lengths = [0.25, 0.125, 0.25, 0.2, 0.05, 0.1];
+    let (mut times, mut history) = (vec![0.0], vec![rig.grid.coords.as_flattened().to_vec()]);
+    for (index, &dt) in lengths.iter().enumerate() {
+        let begin = times[index];
+        let window = |iteration, dt| Window { dt, time: begin, ..window(index as u64, iteration) };
+        if index == 3 {
+            // Rejected, and begun again.
+            let d = rig.displacement(way(begin + 0.4));
+            rig.advance(&window(0, 0.4), &d).unwrap();
+        }
+        let d = rig.displacement(way(begin + dt));
+        rig.advance(&window(1, dt), &d).unwrap();
+        let now = positions(&rig.output);
+        times.push(begin + dt);
+        if index > 0 {
+            let t = [times[index + 1], times[index], times[index - 1]];
+            let scale = rig.displacement(1.0);
+            for (k, &a) in rig.grid.canopy_nodes.iter().enumerate() {
+                for i in 0..3 {
+                    let v = rig.output[6 * a as usize + 3 + i];
+                    let exact = pace(t[0]) * scale[3 * k + i];
+                    assert!((v - exact).abs() < 1e-13, "window {index}, canopy node {k}: {v} {exact}");
+                }
+            }
+            for (j, row) in rig.output.as_chunks::<6>().0.iter().enumerate() {
+                for i in 0..3 {
+                    let n = 3 * j + i;
+                    let v = slope(t, [now[n], history[index][n], history[index - 1][n]]);
+                    // Rounding of positions of order one over the shortest window.
+                    assert!((row[3 + i] - v).abs() < 1e-13, "window {index}, node {j}: {} {v}", row[3 + i]);
+                }
+            }
+        }
+        history.push(now);
+        rig.mover.accept(&window(1, dt)).unwrap();
+        if index == 4 {
+            rig.mover.save(folder.path()).unwrap();
+            let state = State::load(&case::state_file(folder.path(), Role::Mesh), nodes).unwrap();
+            rig = Rig::new(&Comm::solo(), &MeshMotion::default(), Some(state));
+        }
     }
 }

@@ -1,11 +1,11 @@
 """Numbers and names of the contract. Written from the code of crates/channel:
 RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc. Not to be edited."""
 
-VERSION = 2
+VERSION = 3
 MAGIC = 0x00504F5453504952
-HEADER_TYPE = "ripstop.Header.v2"
-HEADER_BYTES = 288
-STATS = 16
+HEADER_TYPE = "ripstop.Header.v3"
+HEADER_BYTES = 416
+STATS = 32
 COUPLER = 0
 TEXT_WORDS = 1024
 BUFFER = 2
@@ -100,7 +100,7 @@ WINDOW = [
 ]
 ANSWER = [
     (152, "busy_s", "f64", 1),
-    (160, "values", "f64", 16),
+    (160, "values", "f64", 32),
 ]
 STATISTICS = {
     "structure": {
@@ -120,6 +120,16 @@ STATISTICS = {
         "air_force": 13,
         "riser_force": 14,
         "volume": 15,
+        "residual_target": 16,
+        "unconverged": 17,
+        "work": 18,
+        "energy_created": 19,
+        "work_sum": 20,
+        "energy_created_sum": 21,
+        "energy_throughput": 22,
+        "energy_excess": 23,
+        "support_force": 24,
+        "vertical_momentum": 25,
     },
     "flow": {
         "force_x": 0,
@@ -138,6 +148,9 @@ STATISTICS = {
         "moment_z": 13,
         "mass_defect": 14,
         "no_answer": 15,
+        "residual_target": 16,
+        "unconverged": 17,
+        "turbulence_residual": 18,
     },
     "mesh": {
         "min_quality": 0,
@@ -149,5 +162,6 @@ STATISTICS = {
         "stuck": 6,
         "new_grids": 7,
         "nearest_node": 8,
+        "residual_target": 9,
     },
 }

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use case::{Scene, StageKind};
+use case::{Role, Scene, StageKind};
 use channel::{Fault, Grid, Input, Participant, Window, structure_stats as stat};
 use comm::Comm;
 
@@ -67,6 +67,7 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
     let mut work = 0.0;
     let mut sums = [0.0; 4];
     let mut newton = 0.0;
+    let mut unconverged = 0;
     for index in 0..windows {
         let w = Window {
             index,
@@ -85,7 +86,24 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
                 return Err(fault);
             }
         };
+        let excess = channel::excess(Role::Structure, &v).unwrap_or(0.0);
+        unconverged += u64::from(excess > 1.0);
+        if excess > channel::UNCONVERGED_LIMIT {
+            save(&mut solver, comm, &state)?;
+            return Err(Fault::new(format!(
+                "window {index} (t = {:.6} s) is not converged: residual {:.2e} of the load, {excess:.1} times its target; \
+                 more substeps, or a larger structure.newton_tolerance (structure.static_tolerance) where rounding \
+                 allows no less",
+                w.time,
+                v[stat::RESIDUAL]
+            )));
+        }
         solver.accept(&w)?;
+        if let Some(created) = solver.energy_created(w.time + w.dt) {
+            // Named as the coupler does, with what was reached to look at.
+            save(&mut solver, comm, &state)?;
+            return Err(Fault::new(format!("stage `{}`, window {index}: {created}", s.name)));
+        }
         if let Some(history) = &mut history {
             history.push(index, (index + 1) as f64 * s.window_s, &v, &solver.info())?;
         }
@@ -121,6 +139,9 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
         if settled {
             break;
         }
+    }
+    if unconverged > 0 && comm.is_root() {
+        eprintln!("warning: {unconverged} windows ended with a residual above their target");
     }
     let total = start.elapsed().as_secs_f64();
     save(&mut solver, comm, &state)?;

@@ -104,8 +104,8 @@ pub fn dynamics(
     air_and_reefing(scene, stage, &model, skirt, &mut loops);
     let s = &scene.structure;
     let mass = match s.integration {
-        Integration::Implicit => s.mass.into(),
         Integration::Explicit => MassMatrix::Lumped,
+        _ => s.mass.into(),
     };
     if let Some(c) = &scene.fabric.contact {
         let ranks = comm.size();
@@ -119,7 +119,10 @@ pub fn dynamics(
     let system = System::new(model, loops, mass);
     let size = mesh.coords.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
     let params = DynamicsParams {
-        scheme: s.spectral_radius.map_or_else(Scheme::newmark, Scheme::generalized_alpha),
+        scheme: match s.integration {
+            Integration::Newmark => Scheme::newmark(),
+            _ => Scheme::generalized_alpha(s.spectral_radius()),
+        },
         damping: scene.stages[stage].mass_damping_per_s,
         newton: NewtonParams {
             tolerance: s.newton_tolerance,
@@ -217,12 +220,14 @@ pub enum SetupError {
     Model(#[from] ModelError),
 }
 
-/// Prescribes the motions and forces of stage `stage` from the accepted state on.
+/// Prescribes the motions and forces of stage `stage` from the accepted state on; the stages before it took
+/// `times`.
 /// Collective.
 pub fn nodal(
     dynamics: &mut Dynamics,
     scene: &Scene,
     stage: usize,
+    times: &case::StageTimes,
     mesh: &StructureMesh,
 ) -> Result<(), MeshError> {
     let s = &scene.stages[stage];
@@ -236,6 +241,7 @@ pub fn nodal(
         let key = format!("stage[{stage}].motion[{k}]");
         let nodes = mesh.nodes_of(&key, m.nodes.as_deref(), m.at_m)?;
         let components = ['x', 'y', 'z'].map(|c| m.components.contains(c));
+        let m = m.in_stage(scene, stage, times);
         dynamics.prescribe(&nodes, components, &m.time_s, &m.displacement_m);
     }
     Ok(())

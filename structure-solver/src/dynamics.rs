@@ -1,6 +1,7 @@
 //! Windows of time steps: substeps, cuts, and what they cost.
 
 use crate::culprit::{self, Culprit};
+use crate::energy::Works;
 use crate::explicit::{Explicit, ExplicitError};
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
@@ -53,10 +54,18 @@ pub struct WindowInfo {
     pub cuts: u64,
     /// Largest final residual relative to the load.
     pub residual: f64,
+    /// Residual at which a step counts as converged; 0 where nothing is iterated.
+    pub target: f64,
+    /// Steps that ended above it: their last correction was rounding, or no correction was found.
+    pub unconverged: u64,
     /// Work of the load, J.
     pub load_work: f64,
     /// Energy that mass- and stiffness-proportional damping took, J.
     pub damping_work: f64,
+    /// Work on the structure by kind.
+    pub works: Works,
+    /// Vertical impulse of the external forces (loads on faces, on nodes, drag; no weight), N s.
+    pub applied_impulse: f64,
 }
 
 /// Equations, time integration and solvers of one rank.
@@ -212,6 +221,9 @@ impl Dynamics {
         self.current.copy_from(&self.accepted);
         self.window = dt;
         let mut info = WindowInfo::default();
+        if self.explicit.is_none() {
+            info.target = self.newton.tolerance();
+        }
         let n = self.current.u.len();
         let known = iterated && self.path.len() == substeps as usize;
         if let Some(e) = &mut self.explicit {
@@ -245,9 +257,12 @@ impl Dynamics {
                 self.path[k as usize].copy_from_slice(&self.current.u);
             }
         }
-        let mut works = [info.load_work, info.damping_work];
+        let mut works = [0.0; 3 + Works::KINDS];
+        works[..3].copy_from_slice(&[info.load_work, info.damping_work, info.applied_impulse]);
+        works[3..].copy_from_slice(&info.works.0);
         self.system.comm().sum_slice(&mut works);
-        [info.load_work, info.damping_work] = works;
+        [info.load_work, info.damping_work, info.applied_impulse] = [works[0], works[1], works[2]];
+        info.works.0.copy_from_slice(&works[3..]);
         Ok(info)
     }
 
@@ -272,8 +287,15 @@ impl Dynamics {
             Ok(step) => {
                 info.newton_steps += u64::from(step.steps);
                 info.residual = info.residual.max(step.residual);
-                info.load_work += self.load_work(span, load);
-                info.damping_work += self.damping_work();
+                info.unconverged += u64::from(info.target > 0.0 && step.residual > info.target);
+                info.applied_impulse += match &self.explicit {
+                    Some(e) => e.applied_impulse,
+                    None => dt * self.newton.applied_z,
+                };
+                let (load_work, damping_work) = (self.load_work(span, load), self.damping_work());
+                info.load_work += load_work;
+                info.damping_work += damping_work;
+                self.add_works(span, window, load, body, [load_work, damping_work], &mut info.works);
                 std::mem::swap(&mut self.current, &mut self.next);
                 Ok(())
             }

@@ -15,10 +15,10 @@ use crate::payload::Payload;
 use crate::rigid::BodyState;
 use crate::vec3::{Vec3, add, at, cross, dot, norm, scale, sub};
 
-const NONE: FaceLoad<'_> = FaceLoad { pressure: &[], traction: &[] };
-const FREE: LoadPath<'_> = LoadPath { pressure: [&[]; 2], traction: [&[]; 2] };
+pub(crate) const NONE: FaceLoad<'_> = FaceLoad { pressure: &[], traction: &[] };
+pub(crate) const FREE: LoadPath<'_> = LoadPath { pressure: [&[]; 2], traction: [&[]; 2] };
 
-fn scene(canopy: &str, lines: &str, rest: &str) -> Scene {
+pub(crate) fn scene(canopy: &str, lines: &str, rest: &str) -> Scene {
     let text = format!(
         r#"
         name = "test"
@@ -41,8 +41,8 @@ fn scene(canopy: &str, lines: &str, rest: &str) -> Scene {
     case::parse(Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"))
 }
 
-const BAG: &str = "kind = \"air-bag\"\ncells_across = 4";
-const STAGE: &str = r#"
+pub(crate) const BAG: &str = "kind = \"air-bag\"\ncells_across = 4";
+pub(crate) const STAGE: &str = r#"
     [structure]
     spectral_radius = 1.0
     newton_tolerance = 1e-9
@@ -55,12 +55,12 @@ const STAGE: &str = r#"
     window_s = 1e-2
 "#;
 
-fn of_mesh(scene: &Scene, mesh: StructureMesh) -> Dynamics {
+pub(crate) fn of_mesh(scene: &Scene, mesh: StructureMesh) -> Dynamics {
     assemble::dynamics(&Comm::solo(), scene, 0, &Rc::new(mesh)).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Cables between neighbours of `points`, each as long as the distance.
-fn chain(points: Vec<Vec3>, fixed: Vec<u32>) -> StructureMesh {
+pub(crate) fn chain(points: Vec<Vec3>, fixed: Vec<u32>) -> StructureMesh {
     let kind = CableKind::SuspensionLine;
     let cables = (0..points.len() as u32 - 1)
         .map(|i| {

@@ -25,7 +25,7 @@ use crate::dynamics::{Dynamics, LoadPath, blend};
 use crate::elements::membrane;
 use crate::loops::{FaceLoad, Place};
 use crate::model::Model;
-use crate::newton::{NewtonError, NewtonInfo, State, Stop};
+use crate::newton::{NewtonError, NewtonInfo, State, Stop, vertical_sum};
 use crate::system::System;
 use crate::vec3::{at, norm, sub};
 
@@ -70,6 +70,8 @@ pub struct Explicit {
     known: bool,
     /// Largest stable step at the last check, s.
     stable: f64,
+    /// Vertical impulse of the external forces on the owned nodes in the last substep, N s.
+    pub(crate) applied_impulse: f64,
     /// Evaluations of the forces since the start.
     pub evaluations: u64,
 }
@@ -102,6 +104,7 @@ impl Explicit {
             half: vec![0.0; n],
             known: false,
             stable: 0.0,
+            applied_impulse: 0.0,
             evaluations: 0,
         })
     }
@@ -260,6 +263,8 @@ impl Dynamics {
         let (owned, slowing) = (e.inverse_mass.len(), 0.5 * h * self.damping);
         let mut rigid = self.payload.take().zip(self.next.body);
         self.system.set_step(h);
+        e.applied_impulse = 0.0;
+        let mut applied = -vertical_sum(&e.force[..owned]);
         for k in 1..=count as u64 {
             let share = span[0] + (span[1] - span[0]) * k as f64 / count;
             if self.system.depends_on_rate() {
@@ -293,6 +298,8 @@ impl Dynamics {
             }
             self.system.model.halo.exchange(&mut self.x, 3);
             self.explicit_forces(e, share, load);
+            let before = std::mem::replace(&mut applied, -vertical_sum(&e.force[..owned]));
+            e.applied_impulse += 0.5 * h * (before + applied);
             if let Some((p, s)) = &mut rigid {
                 let system = &self.system;
                 let pull = |n: usize| {

@@ -14,6 +14,7 @@ pub mod culprit;
 pub mod dynamics;
 pub mod elements;
 mod elimination;
+pub mod energy;
 pub mod equilibrium;
 pub mod explicit;
 pub mod linear;
@@ -30,6 +31,7 @@ pub mod rigid;
 pub mod scheme;
 pub mod snapshot;
 pub mod state_file;
+mod support;
 pub mod system;
 pub mod vec3;
 pub mod velocity_average;
@@ -38,3 +40,5 @@ pub mod velocity_average;
 mod effect_tests;
 #[cfg(test)]
 mod scene_tests;
+#[cfg(test)]
+mod support_tests;

@@ -29,6 +29,10 @@ pub struct Measures {
     pub riser_force: f64,
     /// Volume between the canopy and the horizontal plane through its hem, m3.
     pub volume: f64,
+    /// Mean vertical force over the window on what holds the structure, N: see [`crate::support`].
+    pub support_force: f64,
+    /// Vertical momentum of the nodes of free height in the frame, N s.
+    pub vertical_momentum: f64,
 }
 
 /// What the measures need beside the state.
@@ -76,6 +80,19 @@ impl Gauge {
         Self { hem: hem.map(|i| i as u32).collect(), held, lines, x: zero(), w: zero() }
     }
 
+    /// Kinetic energy of `state` on owned nodes, J.
+    fn own_kinetic(&mut self, system: &System, state: &State) -> f64 {
+        self.w.fill(0.0);
+        system.add_mass_product(&state.v, &mut self.w);
+        let n = 3 * system.model.n_owned();
+        0.5 * self.w[..n].iter().zip(&state.v).map(|(m, v)| m * v).sum::<f64>()
+    }
+
+    /// Kinetic energy of `state`, J. Collective.
+    pub fn kinetic(&mut self, system: &System, state: &State) -> f64 {
+        system.comm().sum(self.own_kinetic(system, state))
+    }
+
     /// Measures `state` under `load`. Collective.
     pub fn measure(&mut self, system: &System, state: &State, load: FaceLoad<'_>) -> Measures {
         let model = &system.model;
@@ -88,11 +105,9 @@ impl Gauge {
         comm.sum_slice(&mut hem);
         let hem_z = if hem[1] > 0.0 { hem[0] / hem[1] } else { 0.0 };
 
-        self.w.fill(0.0);
-        system.add_mass_product(&state.v, &mut self.w);
-        let n = 3 * model.n_owned();
-        let kinetic: f64 = 0.5 * self.w[..n].iter().zip(&state.v).map(|(m, v)| m * v).sum::<f64>();
-        let strain: f64 = system.loops().iter().map(|l| l.energy(x)).sum();
+        let strain = system.energy(x);
+        let kinetic = self.own_kinetic(system, state);
+        let x = &self.x;
         let (mut lift, mut area, mut volume) = (0.0, 0.0, 0.0);
         for t in &model.triangles[..model.n_own_triangles] {
             let p = t.nodes.map(|n| at(x, n as usize));
@@ -126,6 +141,7 @@ impl Gauge {
             volume: sums[4],
             riser_force: sums[5],
             max_line_tension: comm.max(tension),
+            ..Measures::default()
         }
     }
 }

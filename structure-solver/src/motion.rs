@@ -26,16 +26,7 @@ impl Motion {
     /// Displacement from the start at time `t` (s): linear between the given times,
     /// constant before and after them. At infinity the last one.
     pub fn at(&self, t: f64) -> [f64; 3] {
-        let after = self.time.partition_point(|s| *s <= t);
-        if after == 0 {
-            return self.displacement[0];
-        }
-        if after == self.time.len() {
-            return self.displacement[after - 1];
-        }
-        let share = (t - self.time[after - 1]) / (self.time[after] - self.time[after - 1]);
-        let (a, b) = (self.displacement[after - 1], self.displacement[after]);
-        std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
+        case::interpolate(&self.time, &self.displacement, t)
     }
 
     /// Displacement of each of the components at time `t` (s), from the unstressed

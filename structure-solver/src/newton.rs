@@ -161,6 +161,9 @@ pub struct Newton {
     pub elimination_s: f64,
     /// Residuals of the last step relative to the load, for tests and reports.
     pub history: Vec<f64>,
+    /// Vertical external force on the owned nodes at the last evaluation, N: internal forces cancel in the sum
+    /// over all ranks.
+    pub(crate) applied_z: f64,
 }
 
 /// What a time step balances.
@@ -196,12 +199,24 @@ impl Newton {
             assembly_s: 0.0,
             elimination_s: 0.0,
             history: Vec::new(),
+            applied_z: 0.0,
         }
     }
 
     /// Displacements (m) of the last attempt, with current ghosts.
     pub(crate) fn trial(&self) -> &[f64] {
         &self.u
+    }
+
+    /// Share of the load below which a residual ends the iteration.
+    pub fn tolerance(&self) -> f64 {
+        self.params.tolerance
+    }
+
+    /// Work of the forces that the last step left out of balance over the displacements `du` (m) of
+    /// owned nodes, J.
+    pub(crate) fn unbalanced_work(&self, du: &[f64]) -> f64 {
+        dot(&self.g, du)
     }
 
     /// Changes the share of the load below which a residual ends the iteration, and
@@ -368,7 +383,7 @@ impl Newton {
     fn predict(&mut self, system: &System, balance: &Balance<'_>, guesses: &[&[f64]]) -> f64 {
         let State { u, v, a, .. } = balance.from;
         let dt = balance.form.dt;
-        let mut best = f64::INFINITY;
+        let (mut best, mut applied_z) = (f64::INFINITY, 0.0);
         for k in 0..2 + guesses.len() {
             for i in 0..u.len() {
                 self.u[i] = match k {
@@ -383,11 +398,12 @@ impl Newton {
             }
             let norm = self.residual(system, balance);
             if norm < best || k == 0 {
-                best = norm;
+                (best, applied_z) = (norm, self.applied_z);
                 self.base.copy_from_slice(&self.u);
             }
         }
         self.u.copy_from_slice(&self.base);
+        self.applied_z = applied_z;
         best
     }
 
@@ -398,6 +414,7 @@ impl Newton {
         self.place(system, balance);
         let place = Place { at: &self.x, end: &self.end, weight: balance.form.force_weight };
         system.forces(place, balance.load, &mut self.g);
+        self.applied_z = -vertical_sum(&self.g[..n]);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
         self.assembly_s += start.elapsed().as_secs_f64();
@@ -518,6 +535,11 @@ fn forcing(goal: f64, least: f64, slack: f64) -> f64 {
     let goal = 0.3 * goal;
     let steps = (goal.ln() / least.ln()).ceil().max(1.0);
     goal.powf(1.0 / steps).clamp(least, slack * least)
+}
+
+/// Sum of the vertical components of `[nodes][3]`.
+pub(crate) fn vertical_sum(f: &[f64]) -> f64 {
+    f.iter().skip(2).step_by(3).sum()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

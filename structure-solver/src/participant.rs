@@ -4,7 +4,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use case::{Integration, Role, Scene, Solve, StageKind};
+use case::{Integration, Role, Scene, Solve, StageKind, StageTimes, Wind};
 use channel::{
     Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash,
 };
@@ -12,20 +12,24 @@ use comm::Comm;
 use mesh::StructureMesh;
 
 use crate::dynamics::{Dynamics, LoadPath, StepFailure, WindowInfo};
+use crate::energy::{self, EnergyBalance, EnergyCreated, WindowEnergy};
 use crate::equilibrium::{EquilibriumParams, PseudoStep};
 use crate::explicit::Explicit;
 use crate::linear::LinearCost;
 use crate::loops::FaceLoad;
 use crate::measures::{Gauge, Measures};
 use crate::memory;
+use crate::newton::State;
 use crate::payload::{self, Log, Payload};
 use crate::snapshot::Pictures;
 use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 19] = [
+const EFFECTS: [&str; 21] = [
     channel::RESUME,
+    channel::SUPPORT_FORCE,
+    channel::STAGE_WIND,
     "fabric.wrinkling",
     "fabric.orthotropic",
     "fabric.prestress_pa",
@@ -64,6 +68,8 @@ pub struct StructureSolver {
     traction: [Vec<f64>; 2],
     /// Acceleration of gravity, m/s2, where the scene asks for it on the fabric.
     gravity: Option<f64>,
+    /// Mass of fabric, lines and points without the payload, kg.
+    hung_mass: f64,
     /// The motion starts here: accelerations follow from the first load.
     from_rest: bool,
     /// Keeps the end velocity of windows near what the flow sees, where the scene
@@ -77,10 +83,15 @@ pub struct StructureSolver {
     measures: Measures,
     /// What the last `advance` cost.
     info: WindowInfo,
+    /// Energy balance of the stage, and of the last `advance`.
+    energy: EnergyBalance,
+    window_energy: WindowEnergy,
     /// What the rigid payload does, on rank 0 of a stage in which it is free.
     log: Option<Log>,
     /// Where the stage looks for the shape at rest: its tolerance.
     rest: Option<f64>,
+    /// The undisturbed air, which lines and a free payload meet.
+    wind: Wind,
 }
 
 impl StructureSolver {
@@ -120,7 +131,8 @@ impl StructureSolver {
             dynamics.accepted =
                 state_file::load(&dynamics.system.model, mesh.coords.len(), path).map_err(Fault::new)?;
         }
-        crate::assemble::nodal(&mut dynamics, scene, stage, &mesh).map_err(Fault::new)?;
+        let times = StageTimes::completed(scene, out, stage);
+        crate::assemble::nodal(&mut dynamics, scene, stage, &times, &mesh).map_err(Fault::new)?;
         let free = scene.stages[stage].kind == StageKind::Coupled;
         let mut log = None;
         if let Some((payload, start)) = Payload::new(scene, &mesh, &dynamics).filter(|_| free) {
@@ -139,9 +151,11 @@ impl StructureSolver {
         }
         let gauge = Gauge::new(&dynamics.system, &mesh);
         let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
+        let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();
         Ok(Self {
             scene: scene.clone(),
+            hung_mass,
             dynamics,
             gauge,
             pictures: Pictures::default(),
@@ -155,7 +169,10 @@ impl StructureSolver {
             log,
             measures: Measures::default(),
             info: WindowInfo::default(),
+            energy: EnergyBalance::default(),
+            window_energy: WindowEnergy::default(),
             rest: (scene.stages[stage].solve == Solve::Static).then_some(scene.structure.static_tolerance),
+            wind: scene.wind(stage, &times),
             mesh,
         })
     }
@@ -181,6 +198,7 @@ impl StructureSolver {
         if !memory::recall(&mut self.dynamics, folder)? && comm.is_root() {
             println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
         }
+        self.energy = EnergyBalance::load(folder)?.unwrap_or_default();
         self.pictures = Pictures::resume(&stage_folder);
         self.from_rest = false;
         Ok(())
@@ -224,6 +242,12 @@ impl StructureSolver {
     /// What the last `advance` cost, and what damping took in it.
     pub fn info(&self) -> WindowInfo {
         self.info
+    }
+
+    /// Where time integration creates energy in the last `advance` beyond what may be, at the time
+    /// `time` (s).
+    pub fn energy_created(&self, time: f64) -> Option<EnergyCreated> {
+        EnergyCreated::check(&self.window_energy, &self.measures, time, self.scene.structure.integration)
     }
 
     /// Takes the load of a window from the input.
@@ -274,15 +298,20 @@ impl StructureSolver {
         v[stat::PROJECTED_AREA] = m.projected_area;
         v[stat::MAX_LINE_TENSION] = m.max_line_tension;
         v[stat::RESIDUAL] = info.residual;
+        v[stat::RESIDUAL_TARGET] = info.target;
+        v[stat::UNCONVERGED] = info.unconverged as f64;
         v[stat::STEP_CUTS] = info.cuts as f64;
         v[stat::RISER_FORCE] = m.riser_force;
         v[stat::VOLUME] = m.volume;
+        v[stat::SUPPORT_FORCE] = m.support_force;
+        v[stat::VERTICAL_MOMENTUM] = m.vertical_momentum;
         // Seconds differ between ranks; the slowest tells.
         let comm = self.dynamics.system.comm();
         v[stat::ASSEMBLY_S] = comm.max(self.assembly_s() - assembly);
         let linear = cost.factorisation_s - before.factorisation_s + cost.solve_s - before.solve_s;
         v[stat::LINEAR_S] = comm.max(linear);
         v[stat::AIR_FORCE] = self.air_force();
+        self.window_energy.report(v);
         stats
     }
 }
@@ -319,6 +348,7 @@ impl Participant for StructureSolver {
             None => [0.0; 3],
         };
         self.air(w);
+        self.start_energy_balance(w);
         let info = match self.rest {
             Some(tolerance) => self.find_rest(tolerance, body)?,
             None => match self.step_in_time(w, body)? {
@@ -328,9 +358,18 @@ impl Participant for StructureSolver {
         };
         (self.computed, self.stuck) = (Some((w.index, w.dt)), None);
         let last = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
-        let m = self.gauge.measure(&self.dynamics.system, &self.dynamics.current, last);
+        let mut m = self.gauge.measure(&self.dynamics.system, &self.dynamics.current, last);
+        m.vertical_momentum = self.dynamics.vertical_momentum();
+        m.support_force = match self.rest {
+            Some(_) => m.riser_force,
+            None => self.mean_support_force(w.dt, body[2], &info),
+        };
         self.measures = m;
         self.info = info;
+        if self.rest.is_none() {
+            let energy = m.kinetic + m.strain + payload_energy(&self.dynamics, &self.dynamics.current);
+            self.window_energy = self.energy.window(energy, &info.works);
+        }
         // Owned nodes ascend, and the canopy's come first.
         output.copy_from_slice(&self.dynamics.current.u[..output.len()]);
         Ok(self.stats(start.elapsed().as_secs_f64(), &info, &m, before, assembly))
@@ -341,9 +380,14 @@ impl Participant for StructureSolver {
             let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
             return Err(self.stuck.take().unwrap_or_else(none));
         }
+        let mut averaged = 0.0;
         if let Some(average) = &mut self.average {
             let Dynamics { accepted, current, system, .. } = &mut self.dynamics;
             average.apply(w.dt, system, accepted, current);
+            averaged = self.gauge.kinetic(system, current) - self.measures.kinetic;
+        }
+        if self.rest.is_none() {
+            self.energy.accept(&self.window_energy, averaged);
         }
         self.dynamics.accept();
         self.from_rest = false;
@@ -364,6 +408,8 @@ impl Participant for StructureSolver {
             payload::save(&model.comm, body, folder).map_err(Fault::new)?;
         }
         agree(&model.comm, memory::save(&self.dynamics, folder).map_err(Fault::new))?;
+        let balance = if model.comm.is_root() { self.energy.save(folder) } else { Ok(()) };
+        agree(&model.comm, balance)?;
         let u = state_file::gather(
             &model.comm,
             model.numbering.owned(),
@@ -392,21 +438,43 @@ impl Participant for StructureSolver {
     }
 }
 
+/// Kinetic energy of a rigid payload without its nodes, J.
+fn payload_energy(dynamics: &Dynamics, state: &State) -> f64 {
+    dynamics.payload().zip(state.body.as_ref()).map_or(0.0, |(p, s)| p.own_kinetic(s))
+}
+
 impl StructureSolver {
+    /// Measures the energy at the start of a stage that moves in time. Collective.
+    fn start_energy_balance(&mut self, w: &Window) {
+        if self.rest.is_some() || self.energy.started() {
+            return;
+        }
+        let d = &mut self.dynamics;
+        d.system.set_time(w.time);
+        let first = FaceLoad { pressure: &self.pressure[0], traction: &self.traction[0] };
+        let m = self.gauge.measure(&d.system, &d.accepted, first);
+        let energy = m.kinetic + m.strain + payload_energy(d, &d.accepted);
+        self.energy.start(energy, energy::floor(&d.system));
+    }
+
     /// Tells those that feel it the velocity of the undisturbed air in the falling frame.
     fn air(&mut self, w: &Window) {
         let dynamics = &mut self.dynamics;
         if !(dynamics.system.feels_air() || dynamics.payload.is_some()) {
             return;
         }
-        let flow = self.scene.flow.as_ref();
-        let gust = flow.and_then(|f| f.gust.as_ref()).map_or([0.0; 3], |g| g.at(w.time + w.dt));
-        let wind = flow.map_or([0.0; 3], |f| f.wind_m_s);
-        let air = std::array::from_fn(|i| wind[i] + gust[i] - w.frame_velocity[i]);
+        let wind = self.wind.at(w.time + w.dt);
+        let air = std::array::from_fn(|i| wind[i] - w.frame_velocity[i]);
         dynamics.system.set_air(air);
         if let Some(p) = &mut dynamics.payload {
             p.air = air;
         }
+    }
+
+    /// Mean vertical force on the payload over the window, N, its own weight excluded: see [`crate::support`].
+    fn mean_support_force(&self, dt: f64, body: f64, info: &WindowInfo) -> f64 {
+        let held = || self.dynamics.mean_support_force(dt, info) + body * self.hung_mass;
+        self.dynamics.mean_payload_force(dt, body).unwrap_or_else(held)
     }
 
     /// Vertical force of the air on lines and a free payload in the last substep, N.
@@ -475,6 +543,8 @@ impl StructureSolver {
         };
         let params = EquilibriumParams { tolerance, ..EquilibriumParams::default() };
         self.dynamics.equilibrium(load, body, params, &mut tell).map_err(Fault::new)?;
+        info.target = tolerance;
+        info.unconverged = u64::from(info.residual > tolerance);
         Ok(info)
     }
 

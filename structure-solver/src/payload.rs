@@ -17,14 +17,16 @@ use crate::loops::{FaceLoad, Place};
 use crate::newton::State;
 use crate::rigid::{BodyState, RigidBody};
 use crate::state_file::{StateError, agree};
-use crate::vec3::{Vec3, add, at, cross, norm, scale, sub};
+use crate::vec3::{Vec3, add, at, cross, dot, norm, scale, sub};
 
 /// A rigid body that carries nodes.
 pub struct Payload {
     /// Mass and inertia, those of the attachments' nodes included.
     pub body: RigidBody,
     /// Mass without its nodes, kg: they have their weight themselves.
-    own_mass: f64,
+    pub(crate) own_mass: f64,
+    /// Principal moments of inertia without its nodes, kg m2.
+    own_inertia: Vec3,
     /// Attachments from the centre of mass in the body's axes, m, with their local node.
     arms: Vec<(Vec3, Option<u32>)>,
     /// Centre of mass at the start, m.
@@ -83,7 +85,18 @@ impl Payload {
         let [m, x, y, z] = added;
         let body = RigidBody { mass: mass + m, inertia: add(inertia, [x, y, z]) };
         let n = 3 * model.n_local();
-        Self { body, own_mass: mass, arms, middle, drag, air: [0.0; 3], f: vec![0.0; n], w: vec![0.0; n] }
+        let zero = || vec![0.0; n];
+        Self {
+            body,
+            own_mass: mass,
+            own_inertia: inertia,
+            arms,
+            middle,
+            drag,
+            air: [0.0; 3],
+            f: zero(),
+            w: zero(),
+        }
     }
 
     /// Centre of mass, m.
@@ -103,6 +116,20 @@ impl Payload {
     pub fn drag(&self, s: &BodyState) -> Vec3 {
         let w = sub(self.air, s.v);
         scale(self.drag * norm(w), w)
+    }
+
+    /// Kinetic energy without that of its nodes, J.
+    pub fn own_kinetic(&self, s: &BodyState) -> f64 {
+        let own = RigidBody { mass: self.own_mass, inertia: self.own_inertia };
+        let rate = self.body.rate(s);
+        let spin = std::array::from_fn(|i| self.own_inertia[i] * rate[i]);
+        own.kinetic(&BodyState { spin, ..*s })
+    }
+
+    /// Work of gravity (m/s2) and of the air's drag on its own mass from one state to the next, J.
+    pub(crate) fn work(&self, from: &BodyState, to: &BodyState, gravity: Vec3) -> f64 {
+        let drag = scale(0.5, add(self.drag(from), self.drag(to)));
+        dot(add(scale(self.own_mass, gravity), drag), sub(to.x, from.x))
     }
 
     /// First half of a step of `h` seconds: velocities, then places. `gravity` is the

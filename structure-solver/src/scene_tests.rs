@@ -48,7 +48,7 @@ fn scene(canopy: &str, fabric: &str, rest: &str) -> Scene {
 fn structure(scene: &Scene, mesh: Option<StructureMesh>) -> Result<Dynamics, String> {
     let mesh = Rc::new(mesh.map_or_else(|| mesh::structure_mesh(scene), Ok).map_err(|e| e.to_string())?);
     let mut d = assemble::dynamics(&Comm::solo(), scene, 0, &mesh).map_err(|e| e.to_string())?;
-    assemble::nodal(&mut d, scene, 0, &mesh).map_err(|e| e.to_string())?;
+    assemble::nodal(&mut d, scene, 0, &case::StageTimes::planned(scene), &mesh).map_err(|e| e.to_string())?;
     Ok(d)
 }
 

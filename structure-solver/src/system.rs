@@ -214,6 +214,17 @@ impl System {
         self.loops.iter().for_each(|l| l.forces(place, load, out));
     }
 
+    /// Strain energy of the elements counted on this rank at positions `x` (m), J.
+    pub fn energy(&self, x: &[f64]) -> f64 {
+        self.loops.iter().map(|l| l.energy(x)).sum()
+    }
+
+    /// Work of the constant forces on owned nodes over the displacements `du` (m), J.
+    pub fn nodal_work(&self, du: &[f64]) -> f64 {
+        let owned = 3 * self.model.n_owned();
+        self.nodal.iter().filter(|(i, _)| (*i as usize) < owned).map(|&(i, f)| f * du[i as usize]).sum()
+    }
+
     /// `out = F`: external forces alone, N, with constrained components removed.
     pub fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
         self.pressed(x, load, out);

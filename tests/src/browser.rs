@@ -3,13 +3,17 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
-use std::time::{Duration, Instant};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
 
 use serde_json::{Value, json};
 
+use crate::load::Limit;
+
 /// Longest time for one answer: a shared machine draws in software.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// Time between two looks.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// The browser that `RIPSTOP_BROWSER` names, or one on the path.
 pub fn find_browser() -> Option<PathBuf> {
@@ -88,9 +92,16 @@ impl Browser {
         let mut bytes = message.to_string().into_bytes();
         bytes.push(0);
         self.input.write_all(&bytes).expect("the browser listens");
+        let limit = Limit::new(PATIENCE);
         loop {
-            let answer = self.messages.recv_timeout(PATIENCE);
-            let answer = answer.unwrap_or_else(|e| panic!("no answer to {method}: {e}"));
+            let answer = match self.messages.recv_timeout(LOOK) {
+                Ok(answer) => answer,
+                Err(RecvTimeoutError::Timeout) => {
+                    limit.demand(format_args!("no answer to {method}"));
+                    continue;
+                }
+                Err(end) => panic!("no answer to {method}: {end}"),
+            };
             if answer["id"] == json!(self.calls) {
                 assert!(answer["error"].is_null(), "{method}: {answer}");
                 return answer["result"].clone();
@@ -115,10 +126,10 @@ impl Browser {
 
     /// Waits until an expression is true.
     pub fn until(&mut self, expression: &str) {
-        let start = Instant::now();
+        let limit = Limit::new(PATIENCE);
         while self.evaluate(expression) != json!(true) {
-            assert!(start.elapsed() < PATIENCE, "never true: {expression}");
-            std::thread::sleep(Duration::from_millis(50));
+            limit.demand(format_args!("never true: {expression}"));
+            std::thread::sleep(LOOK);
         }
     }
 
@@ -195,12 +206,9 @@ impl Drop for Browser {
         // Asked to close it ends its own processes; killed it would leave some.
         let close = json!({ "id": 0, "method": "Browser.close" }).to_string();
         let _ = self.input.write_all(format!("{close}\0").as_bytes());
-        let start = Instant::now();
-        while start.elapsed() < Duration::from_secs(10) {
-            if let Ok(Some(_)) = self.process.try_wait() {
-                return;
-            }
-            std::thread::sleep(Duration::from_millis(50));
+        let ended = || self.process.try_wait().is_ok_and(|status| status.is_some());
+        if Limit::new(Duration::from_secs(10)).until(LOOK, ended).is_ok() {
+            return;
         }
         let _ = self.process.kill();
         let _ = self.process.wait();

@@ -3,6 +3,9 @@
 //! This library runs the real programs and reads what they leave behind.
 
 pub mod browser;
+pub mod harness;
+pub mod load;
+pub mod skip;
 pub mod spoil;
 pub mod tiny;
 
@@ -124,11 +127,10 @@ pub fn processes_naming(mark: &str) -> Vec<(u32, String)> {
     found
 }
 
-/// Names in `/dev/shm`: shared memory that lives on.
-pub fn shared_memory() -> Vec<String> {
-    let Ok(list) = std::fs::read_dir("/dev/shm") else { return Vec::new() };
-    let mut names: Vec<String> =
-        list.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
-    names.sort();
-    names
+/// Files in shared memory of one session: of the stage `stage` of a run of the scene `name` by the process `coupler`.
+pub fn session_memory(name: &str, coupler: u32, stage: usize) -> Vec<PathBuf> {
+    let session = format!("{name}-{coupler}-{stage}");
+    let mut files = channel::session_files(&session).expect("a valid name");
+    files.extend(Some(Path::new("/dev/shm").join(format!("ripstop-mpi-{session}"))).filter(|p| p.exists()));
+    files
 }

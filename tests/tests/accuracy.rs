@@ -1,9 +1,10 @@
-//! `ripstop accuracy`: short studies beside their kept errors and counts, and what it refuses.
+//! `ripstop accuracy`: short studies against their kept errors and counts, and what it refuses.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use ripstop_tests::load::Limit;
 use ripstop_tests::{program, root, succeed};
 
 fn short(study: &str) -> PathBuf {
@@ -16,7 +17,7 @@ fn accuracy(scene: &Path, out: &Path, options: &[&str]) -> Command {
     command
 }
 
-/// Made anew by `scripts/studies --remake`.
+/// Made by `scripts/studies --remake`.
 fn as_its_reference(study: &str) {
     let folder = tempfile::tempdir().expect("a folder");
     let reference = root().join("studies").join(study).join("short.json");
@@ -26,13 +27,14 @@ fn as_its_reference(study: &str) {
         .expect("it starts");
     assert!(
         output.status.success(),
-        "{study} is worse or dearer than studies/{study}/short.json:\n{}{}",
+        "{study} is less accurate or costs more than studies/{study}/short.json:\n{}{}",
         text(&output).0,
         text(&output).1
     );
     if study == "air-bag" {
         a_dearer_study_fails(&reference, folder.path());
         wishes(folder.path());
+        verification(folder.path());
     }
 }
 
@@ -63,21 +65,56 @@ fn a_dearer_study_fails(reference: &Path, out: &Path) {
     }
 }
 
-/// Advice from the study that was flown, and its refusals.
+/// Advice from the completed study, and its refusals.
 fn wishes(out: &Path) {
     let scene = short("air-bag");
-    let advised = succeed(accuracy(&scene, out, &["--without-check", "--want", "60%", "--budget", "1h"]));
-    assert!(text(&advised).0.contains("expected error"), "{:?}", text(&advised));
-    for file in ["want.toml", "budget.toml"] {
+    let options = ["--without-check", "--target-error", "60%", "--budget", "1h"];
+    let advised = succeed(accuracy(&scene, out, &options));
+    let words = text(&advised).0;
+    assert!(words.contains("expected error") && words.contains("not assessed: "), "{words}");
+    // A single run says nothing of the spread of costs.
+    assert!(!words.contains("± 0.0 s"), "{words}");
+    let written = std::fs::read_to_string(out.join("target-error.toml")).expect("the advised scene");
+    for name in ["window: not varied in this study", "substeps: not varied in this study"] {
+        assert!(written.contains(name), "{written}");
+    }
+    for file in ["target-error.toml", "budget.toml"] {
         let mut check = Command::new(program("ripstop"));
         check.arg("check").arg(out.join(file));
         succeed(check);
     }
     let page = std::fs::read_to_string(out.join("accuracy.html")).expect("a page");
     assert!(page.contains("<svg") && page.ends_with("</html>\n"));
+    assert!(page.contains("<p class=\"s\">commit ") && page.contains("not assessed"));
+    // The former option does the same, with a warning.
+    let former = accuracy(&scene, out, &["--without-check", "--want", "60%"]).output().expect("it starts");
+    assert!(former.status.success() && out.join("want.toml").exists());
+    assert!(text(&former).1.contains("--want is now --target-error"), "{:?}", text(&former));
+    assert!(!out.join("target-error.toml").exists(), "advice of an earlier study was left");
     let poor = accuracy(&scene, out, &["--without-check", "--budget", "1e-9s"]).output().expect("it starts");
     assert_eq!(poor.status.code(), Some(2));
     assert!(text(&poor).1.contains("below one run"), "{:?}", text(&poor));
+}
+
+/// `--verify` compares with a finer run, and its exit code says whether all promises hold.
+fn verification(out: &Path) {
+    let options = ["--without-check", "--target-error", "60%", "--verify"];
+    let output = accuracy(&short("air-bag"), out, &options).output().expect("it starts");
+    let json = std::fs::read_to_string(out.join("target-error.json")).expect("the advice");
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let (errors, verified) =
+        (json["errors"].as_array().expect("errors"), json["verified"].as_array().expect("verified"));
+    assert_eq!((errors.len(), verified.len()), (2, 2));
+    let mut all = true;
+    for (e, v) in errors.iter().zip(verified) {
+        let get = |x: &serde_json::Value, key: &str| x[key].as_f64().expect("a number");
+        let far = (get(v, "value") - get(v, "reference")).abs() / get(e, "scale");
+        assert!((far - get(v, "true_error")).abs() <= 1e-12 && far > 0.0, "{json}");
+        let held = far <= get(e, "error") + get(e, "band") + 1e-9;
+        assert_eq!(v["held"].as_bool(), Some(held), "{json}");
+        all &= held;
+    }
+    assert_eq!(output.status.code(), Some(if all { 0 } else { 3 }), "{:?}", text(&output));
 }
 
 #[test]
@@ -115,28 +152,58 @@ fn bad_studies_are_refused_before_work() {
         std::fs::write(&file, base.clone() + section).expect("written");
         let output = accuracy(&file, &out, &[]).output().expect("it starts");
         assert_eq!(output.status.code(), Some(2), "{section}");
-        assert!(!out.exists(), "{section}: something was begun");
+        assert!(!out.exists(), "{section}: something was started");
         text(&output).1
     };
-    let dial = |name: &str| refused(&format!("\n[[accuracy.dial]]\nname = \"{name}\"\nvalues = [1.0]\n"));
-    assert!(dial("coupling-tolerance").contains("no stage is coupled"));
-    assert!(dial("gmres-tolerence").contains("there is no dial"));
+    let parameter =
+        |name: &str| refused(&format!("\n[[accuracy.parameter]]\nname = \"{name}\"\nvalues = [1.0]\n"));
+    assert!(parameter("coupling-tolerance").contains("no stage is coupled"));
+    assert!(parameter("gmres-tolerence").contains("there is no parameter"));
     let quantity = refused("\n[[accuracy.quantity]]\nname = \"x\"\nof = \"weight\"\n");
     assert!(quantity.contains("weight"), "{quantity}");
     let drag = refused("\n[[accuracy.quantity]]\nname = \"x\"\nof = \"drag\"\n");
     assert!(drag.contains("flow-solver"), "{drag}");
     let plan = succeed(accuracy(&short("square-drop"), &out, &["--dry-run"]));
-    assert!(text(&plan).0.contains("to fly: about") && !out.exists());
+    assert!(text(&plan).0.contains("to run: ") && text(&plan).0.contains("of wall time") && !out.exists());
+    for option in ["--target-error", "--want"] {
+        let asked = accuracy(&short("air-bag"), &out, &[option, "5"]).output().expect("it starts");
+        assert_eq!(asked.status.code(), Some(2));
+        assert!(text(&asked).1.contains("is 5 % meant? Write `5%`"), "{:?}", text(&asked));
+    }
 }
 
-/// A member that fails is shown with its reason; a study that is interrupted goes on.
+/// Without a base there is no answer: no other sample runs, nothing is advised, and the exit code says so.
 #[test]
-fn gaps_are_shown_and_an_interrupted_study_goes_on() {
+fn a_study_stops_at_a_base_that_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let base = std::fs::read_to_string(short("mesh-mover")).expect("the scene can be read");
+    let file = folder.path().join("scene.toml");
+    // The start grid is not that good. The former key of parameters is read, with a warning.
+    let more = "\n[[accuracy.dial]]\nname = \"mesh.min_quality\"\nvalues = [1e-3]\nbase = 0.9\n";
+    std::fs::write(&file, base.replace("[[accuracy.parameter]]", "[[accuracy.dial]]") + more)
+        .expect("written");
+    let out = folder.path().join("out");
+    let output = accuracy(&file, &out, &["--want", "60%"]).output().expect("it starts");
+    let (words, errors) = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{words}{errors}");
+    assert!(errors.contains("the base sample failed") && errors.contains("scaled Jacobian"), "{errors}");
+    assert!(errors.contains("[[accuracy.dial]] is now [[accuracy.parameter]]"), "{errors}");
+    assert!(!words.contains("expected error") && !out.join("want.toml").exists(), "{words}");
+    assert_eq!(std::fs::read_dir(out.join("samples")).expect("samples").count(), 1, "others were run");
+    // The same again: a base that failed is run again, not believed.
+    let again = accuracy(&file, &out, &[]).output().expect("it starts");
+    assert_eq!(again.status.code(), Some(1));
+    assert!(text(&again).1.contains("running `base`"), "{:?}", text(&again));
+}
+
+/// A sample that fails is shown with its reason; a study that is interrupted resumes.
+#[test]
+fn gaps_are_shown_and_an_interrupted_study_resumes() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = std::fs::read_to_string(short("mesh-mover")).expect("the scene can be read");
     let file = folder.path().join("scene.toml");
     // The start grid is not that good.
-    let more = "\n[[accuracy.dial]]\nname = \"mesh.min_quality\"\nvalues = [0.9]\nbase = 1e-3\n";
+    let more = "\n[[accuracy.parameter]]\nname = \"mesh.min_quality\"\nvalues = [0.9]\nbase = 1e-3\n";
     std::fs::write(&file, base + more).expect("written");
     let out = folder.path().join("out");
     let options = ["--jobs", "1"];
@@ -146,35 +213,40 @@ fn gaps_are_shown_and_an_interrupted_study_goes_on() {
         .spawn()
         .expect("it starts");
     let results = || {
-        let members = std::fs::read_dir(out.join("members")).map(|d| d.flatten().collect::<Vec<_>>());
-        members.unwrap_or_default().iter().filter(|m| m.path().join("result.json").exists()).count()
+        let samples = std::fs::read_dir(out.join("samples")).map(|d| d.flatten().collect::<Vec<_>>());
+        samples.unwrap_or_default().iter().filter(|m| m.path().join("result.json").exists()).count()
     };
-    let start = Instant::now();
-    // Members that are under way: their runs, by what names them for `--resume`.
-    let under_way = || {
-        let members = std::fs::read_dir(out.join("members")).map(|d| d.flatten().collect::<Vec<_>>());
-        let members = members.unwrap_or_default().into_iter().map(|m| m.path());
-        let open = members.filter(|m| !m.join("result.json").exists()).map(|m| m.join("run/resume.json"));
+    let limit = Limit::new(Duration::from_secs(120));
+    // Samples that run: their runs, by what names them for `--resume`.
+    let running = || {
+        let samples = std::fs::read_dir(out.join("samples")).map(|d| d.flatten().collect::<Vec<_>>());
+        let samples = samples.unwrap_or_default().into_iter().map(|m| m.path());
+        let open = samples.filter(|m| !m.join("result.json").exists()).map(|m| m.join("run/resume.json"));
         open.filter_map(|f| Some((f.clone(), std::fs::read(f).ok()?))).collect::<Vec<_>>()
     };
-    while (results() == 0 || under_way().is_empty()) && start.elapsed() < Duration::from_secs(120) {
+    while (results() == 0 || running().is_empty()) && !limit.passed() {
         std::thread::sleep(Duration::from_millis(5));
     }
     // SAFETY: a signal to a child that has not been waited for.
     unsafe { libc::kill(first.id() as i32, libc::SIGTERM) };
     assert_eq!(first.wait().expect("it ends").code(), Some(130));
-    let (before, open) = (results(), under_way());
+    let (before, open) = (results(), running());
     assert!(before >= 1 && open.len() == 1, "{before} {open:?}");
     let second = succeed(accuracy(&file, &out, &options));
-    let (words, told) = text(&second);
-    assert!((words.clone() + &told).contains("runs are there already"), "{words}{told}");
+    let (words, lines) = text(&second);
+    assert!((words.clone() + &lines).contains("runs are there already"), "{words}{lines}");
+    // Each running sample has a line with its ETA, and what is left.
+    let running: Vec<&str> = lines.lines().filter(|l| l.contains("running `")).collect();
+    assert!(running.iter().any(|l| l.contains("`window 0.5`")), "{lines}");
+    assert!(running.iter().all(|l| l.matches("ETA").count() == 2 && l.contains("wall")), "{lines}");
+    assert!(running.iter().any(|l| l.contains(" left, ETA")), "{lines}");
     for (file, run) in open {
-        assert_eq!(std::fs::read(&file).expect("a run"), run, "{} was begun anew", file.display());
+        assert_eq!(std::fs::read(&file).expect("a run"), run, "{} was started again", file.display());
     }
     assert!(words.contains("gap: `mesh.min_quality 0.9`"), "{words}");
     let page = std::fs::read_to_string(out.join("accuracy.html")).expect("a page");
     assert!(page.contains("class=\"gap\""));
-    let table = std::fs::read_to_string(out.join("members.csv")).expect("a table");
+    let table = std::fs::read_to_string(out.join("samples.csv")).expect("a table");
     assert!(
         table.lines().any(|l| l.starts_with("mesh.min_quality 0.9,") && l.contains("scaled Jacobian")),
         "{table}"

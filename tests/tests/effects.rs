@@ -350,9 +350,9 @@ fn contradictions_are_refused_with_the_reason() {
     assert!(text.contains("prescribes nothing"), "{text}");
 }
 
-/// `ripstop effects`: the table, and a scene with its numbers.
+/// `ripstop effects`: the table, a scene with its ranking, and a measurement of a scene.
 #[test]
-fn effects_are_told() {
+fn effects_are_listed_ranked_and_measured() {
     let ripstop = |args: &[&str]| {
         let mut command = std::process::Command::new(ripstop_tests::program("ripstop"));
         command.args(args).current_dir(root());
@@ -362,12 +362,28 @@ fn effects_are_told() {
     for key in ["fabric.wrinkling", "flow.energy", "reefing", "descent.body", "lines.drag"] {
         assert!(table.contains(&format!("{key}: ")), "{key}");
     }
-    let told = ripstop(&["effects", "cases/atps-descent/scene.toml"]);
-    assert!(told.contains("Mach 0.0143") && told.contains("not needed"), "{told}");
+    let ranking = ripstop(&["effects", "cases/atps-descent/scene.toml"]);
+    assert!(ranking.contains("Mach 0.0143") && ranking.contains("not needed"), "{ranking}");
     let folder = tempfile::tempdir().expect("a folder");
     let scene = write(folder.path(), "scene", &at_rest());
-    let costs = ripstop(&["effects", scene.to_str().expect("a path"), "--measure", "--windows", "1"]);
-    let row = costs.lines().rev().find(|l| l.trim_start().starts_with("fabric.wrinkling")).expect("a row");
-    let ratio: f64 = row.split_whitespace().nth(2).expect("a ratio").parse().expect("a number");
-    assert!(ratio > 0.0, "{costs}");
+    let text =
+        ripstop(&["effects", scene.to_str().expect("a path"), "--measure", "--only", "fabric.wrinkling"]);
+    let rows = |title: &str| {
+        let lines = text.lines().skip_while(|l| !l.starts_with(title)).skip(1);
+        lines
+            .filter(|l| l.trim_start().starts_with("fabric.wrinkling"))
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
+    // The load of a stage without air, and the force in the lines; then the costs.
+    let changes = rows("what effects change");
+    assert!(changes[0].contains(" drag ") && changes[1].contains(" tension "), "{text}");
+    let cost = rows("what effects cost").pop().expect("a row");
+    let ratio: f64 = cost.split_whitespace().nth(2).expect("a ratio").parse().expect("a number");
+    assert!(ratio > 0.0, "{text}");
+    let mut wrong = std::process::Command::new(ripstop_tests::program("ripstop"));
+    wrong.args(["effects", scene.to_str().expect("a path"), "--measure", "--only", "fabric.wrinkle"]);
+    let out = wrong.output().expect("it starts");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("--only fabric.wrinkle"), "{out:?}");
 }

@@ -8,8 +8,10 @@ use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use ripstop_tests::load::Limit;
+use ripstop_tests::skip::skipped;
 use ripstop_tests::tiny::{Base, RANKS, WINDOWS};
-use ripstop_tests::{History, processes_naming, program, ripstop_run, start, succeed};
+use ripstop_tests::{History, processes_naming, program, ripstop_run, session_memory, start, succeed};
 
 /// These tests look at the machine's shared memory: one at a time.
 static ALONE: Mutex<()> = Mutex::new(());
@@ -25,10 +27,7 @@ fn descent(base: &Base, out: &Path) -> Command {
 
 /// What a run of the process `pid` may leave in shared memory.
 fn left_of(pid: u32) -> Vec<PathBuf> {
-    let session = format!("square-drop-{pid}-2");
-    let mut left = channel::session_files(&session).expect("a name");
-    left.extend(Some(Path::new("/dev/shm").join(format!("ripstop-mpi-{session}"))).filter(|p| p.exists()));
-    left
+    session_memory("square-drop", pid, 2)
 }
 
 fn same_as_unharmed(base: &Base, out: &Path) {
@@ -60,11 +59,9 @@ fn kill_all(times: u32) {
     let took = began.elapsed().as_secs_f64();
     let left = pids.iter().filter(|&&pid| !left_of(pid).is_empty()).count();
     // Ranks that were being started when their launcher was killed end by themselves.
-    let since = Instant::now();
-    while !processes_naming(&mark).is_empty() {
-        assert!(since.elapsed() < Duration::from_secs(5), "left: {:?}", processes_naming(&mark));
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    let pause = Duration::from_millis(50);
+    let gone = Limit::new(Duration::from_secs(5)).until(pause, || processes_naming(&mark).is_empty());
+    assert!(gone.is_ok(), "left: {:?}: {gone:?}", processes_naming(&mark));
     succeed(descent(&base, &out));
     same_as_unharmed(&base, &out);
     for pid in pids {
@@ -81,7 +78,7 @@ fn everything_killed_at_once_does_not_hinder_the_next_run() {
 }
 
 #[test]
-#[ignore = "LEFTOVERS runs (300 by default), about 2 s each"]
+#[ignore = "nightly: 6 minutes: LEFTOVERS runs (300 by default)"]
 fn everything_killed_at_once_hundreds_of_times() {
     kill_all(std::env::var("LEFTOVERS").ok().and_then(|n| n.parse().ok()).unwrap_or(300));
 }
@@ -94,9 +91,10 @@ fn two_runs_of_a_scene_do_not_mix() {
     outs.iter().for_each(|out| base.copy(out));
     let runs = outs.each_ref().map(|out| start(descent(&base, out)));
     // A third one into the folder of the first is refused.
-    while !outs[0].join("descent/logs").exists() {
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    let begun = || outs[0].join("descent/logs").exists();
+    Limit::new(Duration::from_secs(120))
+        .until(Duration::from_millis(5), begun)
+        .expect("the first run begins");
     let third = descent(&base, &outs[0]).output().expect("it starts");
     let text = String::from_utf8_lossy(&third.stderr);
     assert_eq!(third.status.code(), Some(2), "{text}");
@@ -126,11 +124,8 @@ fn shared_memory_is_closed_to_other_users() {
         })
     };
     let mut run = start(command);
-    let began = Instant::now();
-    while !out.join("descent/history.csv").exists() {
-        assert!(began.elapsed() < Duration::from_secs(120), "it did not begin");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let begun = || out.join("descent/history.csv").exists();
+    Limit::new(Duration::from_secs(120)).until(Duration::from_millis(20), begun).expect("the run begins");
     let left = left_of(run.id());
     let mut looked = 0;
     let mut open = Vec::new();
@@ -178,11 +173,9 @@ fn shared_memory_is_closed_to_other_users() {
     }
     let _ = run.kill();
     let _ = run.wait();
-    let since = Instant::now();
-    while !processes_naming(&out.display().to_string()).is_empty() && since.elapsed() < Duration::from_secs(8)
-    {
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    let mark = out.display().to_string();
+    let _ = Limit::new(Duration::from_secs(8))
+        .until(Duration::from_millis(50), || processes_naming(&mark).is_empty());
 }
 
 fn meta_user(path: &Path) -> u32 {
@@ -194,7 +187,7 @@ fn with_memory_of(size: &str, command: &Command) -> Option<std::process::Output>
     let line = format!("mount -t tmpfs -o size={size} tmpfs /dev/shm && exec \"$@\"");
     let tried = Command::new("unshare").args(["-m", "sh", "-c", &line, "sh", "true"]).output();
     if !tried.as_ref().is_ok_and(|o| o.status.success()) {
-        eprintln!("skipped: no mount namespaces here (they need root)");
+        skipped("no mount namespaces here (they need root)");
         return None;
     }
     let mut inside = Command::new("unshare");
@@ -258,7 +251,7 @@ fn a_loaded_machine_slows_a_run_and_changes_nothing() {
 /// Ranks of OpenMPI wait for each other awake: where others have the cores, each of the thousands of
 /// messages of a window takes some turns of the scheduler.
 #[test]
-#[ignore = "slow: nine ranks that wait for each other beside four busy loops on two cores"]
+#[ignore = "nightly: 5 minutes: nine ranks that wait for each other beside four busy loops on two cores"]
 fn a_loaded_machine_slows_many_ranks_and_changes_nothing() {
     a_loaded_machine_changes_nothing(RANKS);
 }

@@ -107,7 +107,7 @@ fn a_thousand_windows_hold_no_more_than_a_hundred() {
 }
 
 #[test]
-#[ignore = "ten thousand windows, twice: about two minutes on free cores"]
+#[ignore = "nightly: 4 minutes: ten thousand windows, twice"]
 fn ten_thousand_windows_hold_no_more_than_a_thousand() {
     stays_the_same(10_000);
 }

@@ -38,6 +38,7 @@ fn fly(case: &str, stage: &str, created: f64) -> Flown {
     let flown = Flown::new(History::read(&out, stage));
     let column = |name: &str| flown.history.column(name);
     assert!(column("coupling_converged").iter().all(|c| *c == 1.0), "{case}: windows above the tolerance");
+    answers_converged(case, &flown.history);
     assert!(column("mesh_min_quality").iter().all(|q| *q > 0.0), "{case}");
     for name in
         ["structure_kinetic_energy_j", "structure_strain_energy_j", "volume_m3", "flow_max_pressure_pa"]
@@ -48,6 +49,39 @@ fn fly(case: &str, stage: &str, created: f64) -> Flown {
     assert!(share < created, "{case}: the coupling created {share} of the work");
     eprintln!("{case}: {:.1} iterations a window, energy {share:+.4} of the work", flown.iterations);
     flown
+}
+
+/// Demands of each accepted window that the answers of structure, flow and mesh met the targets that they
+/// state.
+fn answers_converged(case: &str, history: &History) {
+    let text = std::fs::read_to_string(scene(&format!("hard/{case}"))).expect("a scene");
+    let explicit = text.contains("\nintegration = \"explicit\"");
+    for (residual, target) in [
+        ("structure_residual", "structure_residual_target"),
+        ("flow_residual_end", "flow_residual_target"),
+        ("mesh_residual", "mesh_residual_target"),
+    ] {
+        for (window, (r, t)) in history.column(residual).iter().zip(history.column(target)).enumerate() {
+            assert!(t == 0.0 || *r <= t, "{case}, window {window}: {residual} {r} above {t}");
+        }
+        // Explicit steps solve nothing, and a mover that is not needed in a window neither.
+        let states = history.column(target).iter().any(|t| *t > 0.0);
+        let may_not = residual == "mesh_residual" || (explicit && residual == "structure_residual");
+        assert!(states || may_not, "{case}: no {target}");
+    }
+}
+
+/// The energy that the coupling creates is an error of the window: with half the window (`change` of the scene)
+/// its share falls at least as one of first order, with a fifth more for what is not asymptotic yet.
+fn energy_error_falls(case: &str, stage: &str, change: (&str, &str), whole: &Flown) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let file = changed_scene(&format!("hard/{case}"), folder.path(), &[change]);
+    succeed(ripstop_run(&file, &out, &["--quiet"]));
+    let half = Flown::new(History::read(&out, stage)).last("interface_energy_error_share");
+    let whole = whole.last("interface_energy_error_share");
+    eprintln!("{case}: energy {whole:+.4} of the work, {half:+.4} with half the window");
+    assert!(half.abs() < 0.5 * 1.2 * whole, "{case}: {whole} of the work, {half} with half the window");
 }
 
 /// The same case with the paper's staggered sequence must end with an error that says where,
@@ -87,7 +121,9 @@ fn the_staggered_sequence_cannot_hold_the_canopy_and_says_so() {
 
 #[test]
 fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
-    let f = fly("full-pressure", "descent", 0.3);
+    // First order: twice what half the window has (5.1 %), with a margin of two (docs/stability.md).
+    let f = fly("full-pressure", "descent", 0.21);
+    energy_error_falls("full-pressure", "descent", ("window_s = 5e-3", "window_s = 2.5e-3"), &f);
     assert!(f.iterations <= 5.5, "{}", f.iterations);
     // Held still the sheet feels 105 N; free to move it goes with the air at once, and no
     // window brings a blow of that size.
@@ -98,7 +134,8 @@ fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
 
 #[test]
 fn slack_lines_snap_taut_in_one_window() {
-    let f = fly("snapping-lines", "descent", 0.5);
+    // A record (36 % were seen), not an argument: it does not fall with the window (docs/stability.md).
+    let f = fly("snapping-lines", "descent", 0.45);
     assert!(f.iterations <= 6.5, "{}", f.iterations);
     let tension = f.history.column("max_line_tension_n");
     assert!(tension[..3].iter().all(|t| *t == 0.0), "slack at first: {tension:?}");
@@ -141,7 +178,9 @@ fn a_window_ten_times_larger_than_planned() {
 
 #[test]
 fn vents_hardly_open() {
-    let f = fly("closed-vents", "descent", 0.5);
+    // First order: four times what a fourth of the window has (4.1 %), with a margin of two.
+    let f = fly("closed-vents", "descent", 0.33);
+    energy_error_falls("closed-vents", "descent", ("window_s = 5e-3", "window_s = 2.5e-3"), &f);
     assert!(f.iterations <= 8.0, "{}", f.iterations);
     assert!(f.history.column("drag_n").iter().all(|d| d.abs() < 1100.0));
 }
@@ -151,7 +190,10 @@ fn vents_hardly_open() {
 /// the canopy in one of them at Mach 1.2e-2: 11 % were seen.
 #[test]
 fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
-    let slow = fly("low-mach", "descent", 0.35);
+    // A record (20 % were seen); with half the window the coupling takes energy.
+    let slow = fly("low-mach", "descent", 0.25);
+    let half = ("window_s = 0.0588235294", "window_s = 0.0294117647");
+    energy_error_falls("low-mach", "descent", half, &slow);
     let k: f64 = 0.34 / 4.0;
     let folder = tempfile::tempdir().expect("a folder");
     let text = std::fs::read_to_string(scene("hard/low-mach")).expect("a scene");
@@ -296,6 +338,12 @@ fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
         given_back.iter().sum::<f64>()
     );
     assert!(given_back.iter().sum::<f64>() >= 1.0);
+    // Nothing moves and no wind blows: what is measured against is the way that the pressure of the bulge
+    // moves the fabric.
+    let (converged, residual) =
+        (f.history.column("coupling_converged"), f.history.column("coupling_residual"));
+    assert!(converged.iter().all(|c| *c == 1.0) && residual.iter().all(|r| *r <= 1e-3), "{residual:?}");
+    answers_converged("closed-box", &f.history);
     assert!((length.iter().sum::<f64>() - 0.16).abs() < 1e-12 && (f.last("time_s") - 0.16).abs() < 1e-12);
     for planned in [0.04, 0.08, 0.12, 0.16] {
         assert!(time.iter().any(|t| (t - planned).abs() < 1e-12), "no window ends at {planned} s: {time:?}");
@@ -400,7 +448,7 @@ fn resident(mark: &str) -> Vec<(String, f64)> {
 /// Drift over 10 000 windows: energy books, and memory of the programs.
 /// `cargo test --release --workspace --test hard_cases -- --ignored --nocapture ten_thousand`
 #[test]
-#[ignore = "12 minutes of processor time: results in docs/stability.md"]
+#[ignore = "nightly: 12 minutes; results in docs/stability.md"]
 fn ten_thousand_windows_of_a_small_descent() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use ripstop_tests::skip::skipped;
 use ripstop_tests::{History, changed_scene, program, ripstop_run, root, succeed};
 
 /// A Python that has what `python/` needs; `None`, said aloud, where there is none.
@@ -12,9 +13,9 @@ fn python() -> Option<PathBuf> {
         tried.is_ok_and(|output| output.status.success())
     });
     if found.is_none() {
-        eprintln!(
-            "skipped: neither target/python nor python3 can import iceoryx2 and numpy; \
-             `scripts/setup --python` installs them where there is a network"
+        skipped(
+            "neither target/python nor python3 can import iceoryx2 and numpy; \
+             `scripts/setup --python` installs them where there is a network",
         );
     }
     found

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use ripstop_tests::browser::{Browser, find_browser};
+use ripstop_tests::skip::skipped;
 use ripstop_tests::{changed_scene, program, ripstop_run, succeed};
 use serde_json::json;
 
@@ -42,7 +43,7 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     }
 
     let Some(found) = find_browser() else {
-        eprintln!("SKIPPED: no browser to open the page in (scripts/setup --browser installs one)");
+        skipped("no browser to open the page in (scripts/setup --browser installs one)");
         return;
     };
     let mut browser = Browser::start(&found, &folder.path().join("browser"));

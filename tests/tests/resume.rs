@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use ripstop_tests::load::Limit;
+use ripstop_tests::skip::skipped;
 use ripstop_tests::{History, changed_scene, processes_naming, ripstop_run, root, start, succeed};
 
 /// The small descent, cut short: 12 windows of inflation, 3 of flow, 8 coupled, with tables and series
@@ -28,10 +30,10 @@ fn short(folder: &Path, more: &[(&str, &str)]) -> PathBuf {
 
 /// Ends a run with `signal` once `stage` has `rows` rows; returns its exit code and what it said.
 fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: i32) -> (Option<i32>, String) {
-    let begin = Instant::now();
+    let limit = Limit::new(Duration::from_secs(120));
     let file = out.join(stage).join("history.csv");
     while std::fs::read_to_string(&file).map_or(0, |t| t.lines().count()) <= rows {
-        assert!(begin.elapsed() < Duration::from_secs(120), "the run does not come to row {rows} of {stage}");
+        limit.demand(format_args!("the run does not come to row {rows} of {stage}"));
         if run.try_wait().expect("the run can be waited for").is_some() {
             break;
         }
@@ -41,10 +43,9 @@ fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: i32) -> (Op
     unsafe { libc::kill(run.id() as i32, signal) };
     let output = run.wait_with_output().expect("an end");
     let mark = out.display().to_string();
-    while !processes_naming(&mark).is_empty() {
-        assert!(begin.elapsed() < Duration::from_secs(150), "left: {:?}", processes_naming(&mark));
-        std::thread::sleep(Duration::from_millis(50));
-    }
+    let gone = Limit::new(Duration::from_secs(30))
+        .until(Duration::from_millis(50), || processes_naming(&mark).is_empty());
+    assert!(gone.is_ok(), "left: {:?}: {gone:?}", processes_naming(&mark));
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
@@ -94,15 +95,22 @@ fn a_run_that_is_interrupted_in_every_stage_and_killed_ends_as_one_that_was_not(
     let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
     succeed(ripstop_run(&scene, &whole, &[]));
 
-    for (stage, rows, resume) in
-        [("pre-inflation", 4, false), ("developed-flow", 1, true), ("descent", 2, true)]
-    {
-        let options: &[&str] = if resume { &["--resume"] } else { &[] };
-        let run = start(ripstop_run(&scene, &parts, options));
-        let (code, text) = cut(run, &parts, stage, rows, if resume { libc::SIGTERM } else { libc::SIGINT });
+    // Each part is resumed by the command that the part before it printed, run as printed.
+    let mut next = ripstop_run(&scene, &parts, &["--set", "output.checkpoint_every_windows=1000"]);
+    for (stage, rows, signal) in [
+        ("pre-inflation", 4, libc::SIGINT),
+        ("developed-flow", 1, libc::SIGTERM),
+        ("descent", 2, libc::SIGTERM),
+    ] {
+        let (code, text) = cut(start(next), &parts, stage, rows, signal);
         assert_eq!(code, Some(130), "{text}");
-        assert!(text.contains(&format!("of stage `{stage}`; go on with: ripstop run")), "{text}");
-        assert!(text.contains("--resume") && !text.contains("gave up"), "{text}");
+        assert!(text.contains(&format!("of stage `{stage}`; resume with: ")), "{text}");
+        assert!(!text.contains("gave up"), "{text}");
+        let printed = text.split_once("resume with: ").expect("a command").1.lines().next().expect("a line");
+        assert!(printed.contains("--set output.checkpoint_every_windows=1000"), "{printed}");
+        assert!(printed.ends_with("--resume"), "{printed}");
+        next = Command::new("sh");
+        next.args(["-c", &format!("exec {printed}")]);
     }
     // Killed without warning: the last saved state serves, and a torn row does no harm.
     let run = start(ripstop_run(&scene, &parts, &["--resume", "--checkpoint-every", "2"]));
@@ -143,7 +151,7 @@ fn a_damaged_state_gives_way_to_the_one_before_it() {
     let output = succeed(ripstop_run(&scene, &out, &["--resume"]));
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(text.contains("is not whole (flow.bin has") && text.contains("is passed over"), "{text}");
-    assert!(text.contains("going on with stage `descent` after window"), "{text}");
+    assert!(text.contains("going on with stage `descent` after"), "{text}");
     assert_same(&whole, &out);
 }
 
@@ -155,14 +163,14 @@ fn a_full_disk_leaves_the_state_before() {
     succeed(ripstop_run(&scene, &whole, &[]));
     let run = start(ripstop_run(&scene, &out, &[]));
     let (_, text) = cut(run, &out, "descent", 2, libc::SIGINT);
-    assert!(text.contains("saved after window"), "{text}");
+    assert!(text.contains("saved after"), "{text}");
     // From its next window on, files of the flow-solver may not grow beyond a megabyte: its state does.
     let rows = |out: &Path| History::read(out, "descent").len();
     let before = rows(&out);
     let run = start(ripstop_run(&scene, &out, &["--resume", "--checkpoint-every", "0"]));
-    let begin = Instant::now();
+    let limit = Limit::new(Duration::from_secs(120));
     while rows(&out) <= before {
-        assert!(begin.elapsed() < Duration::from_secs(120), "the resumed run computes nothing");
+        limit.demand("the resumed run computes nothing");
         std::thread::sleep(Duration::from_millis(1));
     }
     let most = libc::rlimit { rlim_cur: 1_000_000, rlim_max: 1_000_000 };
@@ -177,7 +185,10 @@ fn a_full_disk_leaves_the_state_before() {
     let text = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(text.contains("cannot write flow state") && text.contains("File too large"), "{text}");
-    assert!(text.contains(&format!("saved after window {before} ")) && text.contains("go on with"), "{text}");
+    assert!(
+        text.contains(&format!("saved after {before} windows ")) && text.contains("; resume with: "),
+        "{text}"
+    );
     assert!(
         !out.join("descent/state.new").exists(),
         "half a state is left: {:?}\n{text}",
@@ -225,12 +236,16 @@ fn every_scheme_goes_on_as_it_would_have() {
             for stage in &STAGES[..2] {
                 copy(&base.join(stage).join("state"), &out.join(stage).join("state"));
             }
-            succeed(ripstop_run(&scene, out, &[&["--stage", "descent", "--keep-going"], options].concat()));
+            succeed(ripstop_run(
+                &scene,
+                out,
+                &[&["--stage", "descent", "--accept-unconverged"], options].concat(),
+            ));
         };
         fly(&whole, &[]);
         // Four windows of seven, then the rest.
         fly(&parts, &["--stop-after-windows", "4"]);
-        succeed(ripstop_run(&scene, &parts, &["--resume", "--keep-going"]));
+        succeed(ripstop_run(&scene, &parts, &["--resume", "--accept-unconverged"]));
         let (a, b) = (History::read(&whole, "descent"), History::read(&parts, "descent"));
         // Windows that were given back, and only those, became shorter ones.
         let given_back: f64 = a.column("rejected_attempts").iter().sum();
@@ -289,14 +304,15 @@ fn same_in_parts(folder: &Path, name: &str, text: &str, cuts: &[(&str, usize)]) 
     let scene = folder.join(format!("{name}.toml"));
     std::fs::write(&scene, text).expect("written");
     let (whole, parts) = (folder.join(format!("{name}-whole")), folder.join(format!("{name}-parts")));
-    succeed(ripstop_run(&scene, &whole, &["--keep-going"]));
+    succeed(ripstop_run(&scene, &whole, &["--accept-unconverged"]));
     for (at, (stage, rows)) in cuts.iter().enumerate() {
-        let options: &[&str] = if at > 0 { &["--resume", "--keep-going"] } else { &["--keep-going"] };
+        let options: &[&str] =
+            if at > 0 { &["--resume", "--accept-unconverged"] } else { &["--accept-unconverged"] };
         let (code, text) =
             cut(start(ripstop_run(&scene, &parts, options)), &parts, stage, *rows, libc::SIGINT);
         assert_eq!(code, Some(130), "{name}: {text}");
     }
-    succeed(ripstop_run(&scene, &parts, &["--resume", "--keep-going"]));
+    succeed(ripstop_run(&scene, &parts, &["--resume", "--accept-unconverged"]));
     assert_same(&whole, &parts);
     whole
 }
@@ -307,7 +323,7 @@ fn every_effect_goes_on_as_it_would_have() {
     let cuts = [("inflation", 6), ("flow", 1), ("fall", 2)];
     let many = "[structure]\nspectral_radius = 0.8\n[flow.viscosity]\ndynamic_viscosity_pa_s = 1.8e-5\nturbulence = \"spalart-allmaras\"\n\
                 [flow.shear]\nstart_height_m = 10.0\nprofile = \"linear\"\nslope_per_m = 0.2\n\
-                [flow.gust]\nvelocity_m_s = [0, 0.5, 0]\nduration_s = 0.1\n\
+                [flow.gust]\nvelocity_m_s = [0, 0.5, 0]\nstart_s = 0.45\nduration_s = 0.1\nclock = \"run\"\n\
                 [[flow.probe]]\nname = \"near\"\nposition_m = [0.3, 0.2, 0.1]\n\
                 [flow.statistics]\n[[flow.slice]]\nname = \"cut\"\npoint_m = [0, 0, 0]\nnormal = [1, 0, 0]\nevery_windows = 2\n\
                 [fabric.permeability]\nviscous_pa_s_m = 50.0\n\
@@ -420,7 +436,7 @@ fn a_program_that_cannot_go_on_is_named_and_one_in_python_that_can_goes_on() {
         tried.is_ok_and(|output| output.status.success())
     });
     let Some(python) = python else {
-        eprintln!("skipped: no Python with iceoryx2 and numpy; `scripts/setup --python` installs them");
+        skipped("no Python with iceoryx2 and numpy; `scripts/setup --python` installs them");
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");

@@ -12,9 +12,13 @@
 //!   range parameter $\Delta$, else $3\frac{\sigma}{\Delta}(\ldots)$.
 //!
 //! Three answers that oscillate have no order: the band is three times their range, as is that of
-//! two answers without more to go by. Of four and more it is scatter about the fit. Where a steady fall
-//! is slower than any promise the band is at least the range: the fit of order one would hide how much
-//! is to come.
+//! two answers. Of four and more, oscillation is scatter about the fit. Where a monotone sequence converges
+//! more slowly than any formal order, the band is at least the range: the fit of order one would hide
+//! the remaining change. One answer shows nothing: it is not assessed.
+//!
+//! The band about the limit is at least the change over the last halving of the size, and three times that where there is
+//! no sound order. Three answers determine three numbers and leave no scatter, so a fit through them looks exact
+//! however far the limit is: the change is what was seen.
 
 /// Fitted orders below this are none (Eça and Hoekstra, section 2.2).
 const LEAST_ORDER: f64 = 0.5;
@@ -29,6 +33,10 @@ pub const DISTRUSTED: f64 = 3.0;
 /// Answers whose differences are below this share of their size are equal.
 const EQUAL: f64 = 1e-9;
 
+/// A monotone sequence whose changes do not fall is taken to converge as long as a halving of the size changes it by
+/// less than this share: six more halvings at the same rate are then within a tenth.
+const SMALL: f64 = 0.015;
+
 /// Why an order is what it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Behaviour {
@@ -38,35 +46,38 @@ pub enum Behaviour {
     TooFast,
     /// It falls more slowly than with order one half, or the scatter hides the order.
     Slow,
-    /// Answers go to and fro.
+    /// The changes do not fall with the size, and are not small: there may be no limit.
+    Diverging,
+    /// Answers oscillate.
     Oscillating,
-    /// All answers are equal to round-off: the dial does not matter.
+    /// All answers are equal to round-off: no effect within the range of the values.
     Equal,
-    /// One or two answers show no order.
+    /// Two answers show a change and no order.
     TooFew,
 }
 
 impl Behaviour {
-    /// In words for the page.
+    /// Text for the report.
     pub fn words(self) -> &'static str {
         match self {
-            Self::Monotone => "falls with a steady order",
+            Self::Monotone => "converges with a steady order",
             Self::TooFast => {
-                "falls faster than the method promises: coarse values are not yet in the asymptotic range"
+                "converges faster than the formal order: coarse values are not yet in the asymptotic range"
             }
             Self::Slow => {
-                "falls slowly, or its order is hidden by scatter (tolerances, averages over few windows)"
+                "converges slowly, or scatter (tolerances, averages over few windows) hides the order"
             }
+            Self::Diverging => "does not converge within the range of the values",
             Self::Oscillating => {
-                "goes to and fro: below the scatter of other errors, or coarse values are of another kind"
+                "oscillates: below the scatter of other errors, or coarse values behave differently"
             }
-            Self::Equal => "does not change",
-            Self::TooFew => "fewer than three sound members show no order",
+            Self::Equal => "no change within the range of the values",
+            Self::TooFew => "two samples show a change and no order",
         }
     }
 }
 
-/// What a sequence came to.
+/// Result for a sequence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Convergence {
     /// The answer without this error.
@@ -89,9 +100,13 @@ pub struct Convergence {
     pub slope: f64,
 }
 
-/// Judges `answers`, pairs of size and value in any order; `promised` is the order of the
-/// method. Sizes above zero, values finite. `None` without answers.
+/// Judges `answers`, pairs of size and value in any order; `promised` is the formal order of the
+/// method. Sizes above zero, values finite. `None` for answers of fewer than two sizes: they say nothing of
+/// an error.
 pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
+    if sizes(answers) < 2 {
+        return None;
+    }
     let values = || answers.iter().map(|a| a.1);
     let finest = answers.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     let range = values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min);
@@ -107,17 +122,15 @@ pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
         limit_uncertainty: half,
         slope: 0.0,
     };
-    let mut sizes: Vec<f64> = answers.iter().map(|a| a.0).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.dedup();
-    if sizes.len() >= 2 && range <= EQUAL * size {
+    if range <= EQUAL * size {
         return Some(flat(Behaviour::Equal, TRUSTED, range));
     }
-    if sizes.len() < 3 {
+    let sizes = sizes(answers);
+    if sizes < 3 {
         return Some(flat(Behaviour::TooFew, DISTRUSTED, DISTRUSTED * range));
     }
     let steady = !oscillates(answers);
-    if sizes.len() == 3 && !steady {
+    if sizes == 3 && !steady {
         return Some(flat(Behaviour::Oscillating, DISTRUSTED, DISTRUSTED * range));
     }
     let free = free_order(answers);
@@ -126,10 +139,12 @@ pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
     let (fit, behaviour) = match free {
         Some(f) if sound(&f) => (f, Behaviour::Monotone),
         Some(f) if f.order > promised + MARGIN => (fixed_order(answers, promised), Behaviour::TooFast),
-        _ => {
+        free => {
             let fits = [fixed_order(answers, 1.0), fixed_order(answers, 2.0)];
             let best = fits.into_iter().min_by(|a, b| a.scatter.total_cmp(&b.scatter));
-            (best.unwrap_or_else(|| fixed_order(answers, 1.0)), Behaviour::Slow)
+            let diverges = monotone(answers) && free.is_none() && last_halving(answers) > SMALL * size;
+            let behaviour = if diverges { Behaviour::Diverging } else { Behaviour::Slow };
+            (best.unwrap_or_else(|| fixed_order(answers, 1.0)), behaviour)
         }
     };
     let delta = range / (answers.len() - 1) as f64;
@@ -139,13 +154,16 @@ pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
     let half = |&(h, value): &(f64, f64)| {
         let error = fit.slope * h.powf(fit.order);
         let stated = stretch * (factor * error.abs() + fit.scatter + (value - fit.limit - error).abs());
-        if behaviour == Behaviour::Slow && steady { stated.max(range) } else { stated }
+        let slow = matches!(behaviour, Behaviour::Slow | Behaviour::Diverging);
+        if slow && steady { stated.max(range) } else { stated }
     };
     let uncertainty: Vec<f64> = answers.iter().map(half).collect();
     // The finest answer's band about the limit: what the fit itself accounts for is taken off, but
     // never more than half of it.
     let last = half(finest);
     let off = (finest.1 - fit.limit).abs();
+    let sound = matches!(behaviour, Behaviour::Monotone | Behaviour::TooFast);
+    let seen = if sound { 1.0 } else { DISTRUSTED } * last_halving(answers);
     Some(Convergence {
         limit: fit.limit,
         order: Some(fit.order),
@@ -153,10 +171,40 @@ pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
         behaviour,
         factor,
         scatter: fit.scatter,
-        limit_uncertainty: (last - off).max(0.5 * last),
+        limit_uncertainty: (last - off).max(0.5 * last).max(seen),
         uncertainty,
         slope: fit.slope,
     })
+}
+
+/// Largest change from the finest answer over sizes up to twice its own (the next size, where that is larger);
+/// where all sizes are less than that apart, their change times the ratio of the logarithms.
+fn last_halving(answers: &[(f64, f64)]) -> f64 {
+    let mut sorted = answers.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let Some(&(h, finest)) = sorted.first() else { return 0.0 };
+    // A little below two: factors such as 0.6667 are rounded.
+    let up_to = sorted.iter().position(|a| a.0 >= 1.98 * h).unwrap_or(sorted.len() - 1);
+    let change = sorted[..=up_to].iter().map(|a| (a.1 - finest).abs()).fold(0.0, f64::max);
+    let ratio = (sorted[up_to].0 / h).ln();
+    if ratio > 0.0 { change * (2f64.ln() / ratio).max(1.0) } else { change }
+}
+
+/// Number of different sizes.
+pub fn sizes(answers: &[(f64, f64)]) -> usize {
+    let mut all: Vec<f64> = answers.iter().map(|a| a.0).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all.len()
+}
+
+/// Whether the answers only grow, or only fall, with the size.
+fn monotone(answers: &[(f64, f64)]) -> bool {
+    let mut sorted = answers.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut changes = sorted.windows(2).map(|w| w[1].1 - w[0].1);
+    let first = changes.clone().find(|d| *d != 0.0).unwrap_or(0.0);
+    changes.all(|d| d * first >= 0.0)
 }
 
 /// Whether the differences of the three finest answers change sign.
@@ -279,7 +327,44 @@ mod tests {
         let equal = converge(&[(1.0, 2.0), (0.5, 2.0), (0.25, 2.0 + 1e-12)], 2.0).unwrap();
         assert_eq!(equal.behaviour, Behaviour::Equal);
         assert!(equal.limit_uncertainty < 1e-9);
-        assert_eq!(converge(&[], 2.0), None);
+        // One answer has an unknown error, not one of 0 +- 0.
+        for none in [vec![], vec![(1.0, 3.0)], vec![(1.0, 3.0), (1.0, 3.5)]] {
+            assert_eq!(converge(&none, 2.0), None);
+        }
+    }
+
+    #[test]
+    fn the_last_halving_is_the_least_band_of_a_limit() {
+        assert!((last_halving(&[(1.0, 3.0), (0.5, 2.0), (0.25, 1.5)]) - 0.5).abs() < 1e-15);
+        // Up to twice the finest size, and the largest change there.
+        assert!((last_halving(&[(2.0, 1.0), (1.5, 1.3), (1.0, 1.1), (4.0, 9.0)]) - 0.2).abs() < 1e-12);
+        // Less than a halving is scaled up; more than one counts as it is.
+        let near = last_halving(&[(2f64.sqrt(), 1.2), (1.0, 1.0)]);
+        assert!((near - 0.4).abs() < 1e-12, "{near}");
+        assert!((last_halving(&[(10.0, 1.2), (1.0, 1.0)]) - 0.2).abs() < 1e-12);
+        // Tolerances: one of two sound orders of magnitude must not shrink the band to a hundredth of what was seen.
+        let c = converge(&sequence(1.0, 0.1, 1.0, &[1e-1, 1e-2, 1e-3]), 1.0).unwrap();
+        assert!(c.limit_uncertainty >= 0.1 * 9e-3 - 1e-12, "{c:?}");
+    }
+
+    #[test]
+    fn what_grows_with_refinement_has_no_limit() {
+        // The mean square of an impulsive start grows with one over the step.
+        let peak: Vec<_> = [2.0, 1.5, 1.0f64].iter().map(|h| (*h, 100.0 / h.sqrt())).collect();
+        assert_eq!(converge(&peak, 2.0).unwrap().behaviour, Behaviour::Diverging);
+        let logarithm: Vec<_> = [4.0, 2.0, 1.0f64].iter().map(|h| (*h, 10.0 - h.ln())).collect();
+        assert_eq!(converge(&logarithm, 2.0).unwrap().behaviour, Behaviour::Diverging);
+        // To and fro is scatter, not growth: windows of 10, 7.5, 6 and 5 ms, mean drag (N) of a release.
+        let scattered = [(2.0, 51.03), (1.5, 51.43), (1.2, 50.49), (1.0, 50.05)];
+        let c = converge(&scattered, 2.0).unwrap();
+        assert!(
+            c.behaviour == Behaviour::Slow && c.limit_uncertainty >= 3.0 * (51.43 - 50.05) - 1e-9,
+            "{c:?}"
+        );
+        // Too small to matter: the band has three times what was seen.
+        let small: Vec<_> = [4.0, 2.0, 1.0f64].iter().map(|h| (*h, 1000.0 - h.ln())).collect();
+        let c = converge(&small, 2.0).unwrap();
+        assert!(c.behaviour == Behaviour::Slow && c.limit_uncertainty >= 3.0 * 2f64.ln() - 1e-9, "{c:?}");
     }
 
     #[test]
@@ -290,14 +375,15 @@ mod tests {
             a.1 += 0.0015 * if i % 2 == 0 { 1.0 } else { -1.0 };
         }
         let noisy = converge(&answers, 2.0).unwrap();
-        assert!(noisy.scatter > 3e-4 && noisy.limit_uncertainty > clean.limit_uncertainty, "{noisy:?}");
+        assert!(noisy.scatter > 3e-4 && noisy.uncertainty[4] > clean.uncertainty[4], "{noisy:?}");
+        assert!(noisy.limit_uncertainty >= clean.limit_uncertainty, "{noisy:?}");
         assert!((noisy.limit - 1.0).abs() <= noisy.limit_uncertainty, "{noisy:?}");
     }
 
     #[test]
     fn the_band_holds_the_limit_of_many_sequences() {
         // Two terms of error: what a real sequence is.
-        let (mut held, mut all) = (0, 0);
+        let (mut held, mut promised, mut all) = (0, 0, 0);
         for second in [-0.5, -0.2, 0.1, 0.4, 1.0] {
             for order in [1.0, 1.5, 2.0] {
                 for sizes in [vec![1.0, 0.5, 0.25], vec![1.0, 0.8, 0.6, 0.5], vec![1.0, 0.7, 0.5, 0.35, 0.25]]
@@ -309,10 +395,14 @@ mod tests {
                     let c = converge(&answers, 2.0).unwrap();
                     let finest = answers.last().unwrap().1;
                     all += 1;
+                    // What advice promises: distance from the limit and the band about the limit.
+                    let bound = (finest - c.limit).abs() + c.limit_uncertainty;
+                    promised += usize::from((finest - 1.0).abs() <= bound);
                     held += usize::from((finest - 1.0).abs() <= *c.uncertainty.last().unwrap());
                 }
             }
         }
         assert!(10 * held >= 9 * all, "{held} of {all}");
+        assert!(20 * promised >= 19 * all, "{promised} of {all}");
     }
 }

@@ -1,4 +1,4 @@
-//! The dials: what each changes in a scene, and which scenes have it.
+//! The parameters: what each changes in a scene, and which scenes have it.
 
 use case::{Canopy, Integration, Role, Scene, Solve, Stage, StageKind};
 use toml::{Table, Value};
@@ -8,7 +8,7 @@ use crate::error::RunError;
 use crate::stability::family::{SchemeChoice, set};
 use crate::stages::windows;
 
-/// Where a dial stands.
+/// Value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
     /// A number.
@@ -28,7 +28,7 @@ impl std::fmt::Display for Setting {
     }
 }
 
-/// What turning a dial means.
+/// Meaning of the values of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// How many times as fine as the scene: errors fall with one over it.
@@ -39,19 +39,19 @@ pub enum Kind {
     Choice,
 }
 
-/// A dial by name.
+/// A parameter by name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dial {
     /// Name.
     pub name: String,
-    /// What turning it means.
+    /// Meaning of its values.
     pub kind: Kind,
-    /// Order that the method promises.
+    /// Formal order of the method.
     pub promised: f64,
 }
 
 type Change = fn(&mut Scene, usize, f64);
-/// Name, how its numbers count, promised order, the scenes that have it (else why not), change.
+/// Name, meaning of its numbers, formal order, the scenes that have it (else why not), change.
 type Entry = (&'static str, Kind, f64, fn(&Scene, usize) -> Result<(), &'static str>, Change);
 
 fn has_role(scene: &Scene, role: Role) -> bool {
@@ -116,8 +116,8 @@ fn newton(scene: &Scene, _: usize) -> Result<(), &'static str> {
         return Err("no stage runs the structure");
     }
     match scene.structure.integration {
-        Integration::Implicit => Ok(()),
         Integration::Explicit => Err("explicit steps of the structure solve no equations"),
+        _ => Ok(()),
     }
 }
 
@@ -174,7 +174,7 @@ fn refine_flow(scene: &mut Scene, _: usize, f: f64) {
     g.first_layer_m /= f;
 }
 
-/// Shorter windows keep the structure's step: that is another dial.
+/// Shorter windows keep the structure's step: that is another parameter.
 fn shorten_windows(scene: &mut Scene, stage: usize, f: f64) {
     let s: &mut Stage = &mut scene.stages[stage];
     let count = (windows(s) as f64 * f).round().max(1.0);
@@ -211,23 +211,23 @@ const NUMBERS: &[Entry] = &[
     ("mover-tolerance", Kind::Size, 1.0, mover, |s, _, x| s.mesh.tolerance = x),
 ];
 
-/// What a dial is that has no entry: coupling schemes, effects, keys of the scene.
+/// Parameter without entry: coupling schemes. Effects and keys of the scene have none either.
 const SCHEME: &str = "scheme";
 
-/// Names of all dials, for messages.
+/// Names of all parameters, for messages.
 pub fn names() -> Vec<&'static str> {
     NUMBERS.iter().map(|e| e.0).chain([SCHEME]).collect()
 }
 
 fn refuse(name: &str, why: &str) -> RunError {
-    RunError::Input(format!("the dial `{name}` is not one of this scene: {why}"))
+    RunError::Input(format!("parameter `{name}`: not available in this scene: {why}"))
 }
 
 impl Dial {
     /// Finds `name`; `words` says that its values are words.
     ///
     /// # Errors
-    /// A dial that does not exist or that `scene` does not have, with the reason.
+    /// A parameter that does not exist or that `scene` does not have, with the reason.
     pub fn find(name: &str, scene: &Scene, stage: usize, words: bool) -> Result<Self, RunError> {
         let dial = |kind, promised| Self { name: name.into(), kind, promised };
         if let Some((_, kind, promised, fits, _)) = NUMBERS.iter().find(|e| e.0 == name) {
@@ -266,18 +266,18 @@ impl Dial {
             return Ok(dial(if words { Kind::Choice } else { Kind::Size }, 1.0));
         }
         Err(RunError::Input(format!(
-            "there is no dial `{name}`; there are {}, the effects that `ripstop effects` lists, and dotted keys of \
+            "there is no parameter `{name}`; there are {}, the effects that `ripstop effects` lists, and dotted keys of \
              the scene such as `flow.solver.residual_drop`",
             names().join(", ")
         )))
     }
 
-    /// Whether the scene has the dial of this name with numbers.
+    /// Whether the scene has the parameter of this name with numbers.
     pub fn fits(name: &str, scene: &Scene, stage: usize) -> bool {
         NUMBERS.iter().any(|e| e.0 == name && (e.3)(scene, stage).is_ok())
     }
 
-    /// Where the scene itself stands.
+    /// The scene's own value.
     pub fn own(&self, scene: &Scene) -> Option<Setting> {
         let number = match self.name.as_str() {
             _ if self.kind == Kind::Fineness => 1.0,
@@ -309,7 +309,7 @@ impl Dial {
         Some(Setting::Number(number))
     }
 
-    /// The scene with the dial turned.
+    /// The scene with another value of the parameter.
     ///
     /// # Errors
     /// A setting that the scene refuses.

@@ -1,4 +1,4 @@
-//! A guess of what a scene costs, before anything was flown.
+//! An estimate of the cost of a scene before any run.
 
 use case::{Integration, Role, Scene, Solve, StageKind};
 
@@ -8,11 +8,11 @@ use crate::stages::windows;
 
 /// Coupling iterations of a window.
 const ITERATIONS: f64 = 3.5;
-/// Nonlinear iterations of a call of the flow.
+/// Nonlinear iterations of a flow solve.
 const FLOW: f64 = 4.5;
 /// Newton steps or explicit steps of a substep of the structure.
 const STEPS: [f64; 2] = [3.0, 2.0];
-/// Calls of the structure in a coupling iteration of the default scheme.
+/// Structure solves in a coupling iteration of the default scheme.
 const CALLS: f64 = 10.0;
 /// Windows' worth of work of a static stage, of a march to a steady flow.
 const AT_REST: f64 = 30.0;

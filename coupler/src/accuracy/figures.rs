@@ -1,7 +1,8 @@
-//! The pictures of a study.
+//! The figures of a study.
 
 use std::path::Path;
 
+use super::answer::Estimate;
 use super::chart::{Axis, Bar, COLOURS, Figure, GREY, INK, Mark, Panel, Series, short};
 use super::fly::Record;
 use super::judge::Outcome;
@@ -9,12 +10,12 @@ use super::study::{SWEEP, Study};
 use crate::error::RunError;
 use crate::summary::STAGE_PARTS;
 
-/// Errors below this share have no place on a picture in decades.
+/// Errors below this share are not shown on logarithmic axes.
 const LEAST: f64 = 1e-9;
 const ERROR: &str = "error, percent";
 const FRONT: [f32; 3] = [0.75, 0.10, 0.10];
 
-/// A drawn picture: name of its files, words above it, its SVG text.
+/// A drawn figure: name of its files, words above it, its SVG text.
 pub struct Drawn {
     /// `<name>.svg`, `<name>.png`.
     pub name: &'static str,
@@ -24,7 +25,7 @@ pub struct Drawn {
     pub svg: String,
 }
 
-/// Draws all pictures into `out`.
+/// Draws all figures into `out`.
 ///
 /// # Errors
 /// Trouble with the files.
@@ -37,23 +38,29 @@ pub fn draw(
     let all = [
         (
             "cost",
-            "Error of each member against its cost. The red line joins those that none beats in both (the Pareto \
-             front); the ring is the base point. Bars: uncertainty of the answer that errors are against.",
+            "Largest error of each sample over all quantities against its cost, with the uncertainty of the quantity \
+             that has it. The red line is the Pareto front: a sample joins it only if it is better than all cheaper ones by \
+             more than the uncertainty. The ring is the base.",
             Figure::Panels(vec![members_panel(study, outcome)]),
         ),
         (
+            "fronts",
+            "Error of each quantity alone against cost, with its own uncertainty and its own Pareto front.",
+            Figure::Panels(quantity_panels(study, outcome)),
+        ),
+        (
             "values",
-            "What each member says, against its cost. Shaded: the extrapolated answer with its uncertainty.",
+            "Value of each sample against its cost. Shaded: the extrapolated answer with its uncertainty.",
             Figure::Panels(value_panels(study, outcome)),
         ),
         (
-            "dials",
-            "What each dial alone costs: its own error, against its own limit, over the cost of the whole run.",
+            "parameters",
+            "Each parameter alone: its own error, against its own limit, over the cost of the whole run.",
             Figure::Panels(dial_panels(study, outcome, false)),
         ),
         (
             "orders",
-            "Own error against the dial, with the fitted order. The dial runs to finer values on the left.",
+            "Own error against the parameter, with the fitted order. Finer values are on the left.",
             Figure::Panels(dial_panels(study, outcome, true)),
         ),
         (
@@ -90,29 +97,46 @@ fn panel(
     Panel { title: title.into(), x: across, y: up, series, band }
 }
 
-fn members_panel(study: &Study, outcome: &Outcome) -> Panel {
+type Errors<'a> = &'a dyn Fn(usize) -> Option<Estimate>;
+
+/// Errors of the samples against cost with a Pareto front; with names where `named`.
+fn error_panel(
+    study: &Study,
+    outcome: &Outcome,
+    (title, named): (&str, bool),
+    front: &[usize],
+    error: Errors<'_>,
+) -> Panel {
     let at = |m: usize| {
-        let s = &outcome.members[m];
-        s.worst.map(|(e, u)| ([s.cost.0, percent(e)], 100.0 * u))
+        let e = error(m)?;
+        Some(([outcome.members[m].cost.0, percent(e.error)], 100.0 * e.band))
     };
+    let name = |text: &str| if named { text.to_owned() } else { String::new() };
     let mut series = Vec::new();
     for (i, line) in study.lines.iter().enumerate() {
         let points = line.members.iter().map(|m| m.0).filter_map(at).collect();
-        series.push(plain(&line.name, COLOURS[i % COLOURS.len()], points));
+        series.push(plain(&name(&line.name), COLOURS[i % COLOURS.len()], points));
     }
-    let points: Vec<_> = outcome.front.iter().filter_map(|&m| at(m)).map(|p| (p.0, 0.0)).collect();
-    let notes = outcome.front.iter().enumerate().map(|(i, &m)| (i, study.members[m].label.clone())).collect();
-    series.push(Series {
-        name: "Pareto front".into(),
-        colour: FRONT,
-        points,
-        mark: Mark::None,
-        line: 1.6,
-        notes,
-    });
+    let points: Vec<_> = front.iter().filter_map(|&m| at(m)).map(|p| (p.0, 0.0)).collect();
+    let notes = front.iter().enumerate().map(|(i, &m)| (i, study.members[m].label.clone())).collect();
+    let name_front = name("Pareto front");
+    series.push(Series { name: name_front, colour: FRONT, points, mark: Mark::None, line: 1.6, notes });
     let base = at(0).into_iter().map(|p| (p.0, 0.0)).collect();
-    series.push(Series { mark: Mark::Ring, ..plain("base", INK, base) });
-    panel("largest error of all quantities", (outcome.measure.label(), true), (ERROR, true), series, None)
+    series.push(Series { mark: Mark::Ring, ..plain(&name("base"), INK, base) });
+    panel(title, (outcome.measure.label(), true), (ERROR, true), series, None)
+}
+
+fn members_panel(study: &Study, outcome: &Outcome) -> Panel {
+    let error = |m: usize| outcome.members[m].largest.map(|l| l.estimate);
+    error_panel(study, outcome, ("largest error of all quantities", true), &outcome.front, &error)
+}
+
+fn quantity_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
+    let one = |(q, quantity): (usize, &case::Quantity)| {
+        let error = |m: usize| outcome.members[m].estimates[q];
+        error_panel(study, outcome, (&quantity.name, q == 0), &outcome.fronts[q], &error)
+    };
+    study.quantities.iter().enumerate().map(one).collect()
 }
 
 fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
@@ -144,7 +168,7 @@ fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
     study.quantities.iter().enumerate().map(one).collect()
 }
 
-/// For each line: own errors over the cost, or over the dial with the fits.
+/// For each line: own errors over the cost, or over the parameter with the fits.
 fn dial_panels(study: &Study, outcome: &Outcome, over_dial: bool) -> Vec<Panel> {
     let mut panels = Vec::new();
     for (i, line) in study.lines.iter().enumerate() {
@@ -240,12 +264,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn five_pictures_of_a_made_up_study() {
+    fn six_figures_of_a_made_up_study() {
         let (study, values, records) = made();
         let outcome = judge(&study, &values, &records, Measure::Work);
         let folder = tempfile::tempdir().unwrap();
         let drawn = draw(folder.path(), &study, &outcome, &records).unwrap();
-        assert_eq!(drawn.len(), 5);
+        assert_eq!(drawn.len(), 6);
         let text = |name: &str| &drawn.iter().find(|d| d.name == name).unwrap().svg;
         assert!(text("cost").contains("Pareto front") && text("orders").contains("order 2"));
         assert!(text("time").contains("descent flow"));

@@ -1,49 +1,54 @@
-//! Flies the members that have no result yet, some at a time, each as a `ripstop run` of its own.
+//! Runs the samples that have no result yet, some at a time, each as a `ripstop run` of its own.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
 use super::cost::{self, Cost, Sizes};
+use super::estimate;
+use super::running::Progress;
 use super::study::{Member, Study};
 use crate::error::{Place, RunError};
 use crate::interface::CanopyInterface;
-use crate::launch::{Console, program_folder};
-use crate::progress::clock;
+use crate::launch::Console;
+use crate::provenance;
 
 const RESULT: &str = "result.json";
-/// Which programs fly a member, in the folder of its run.
+/// Which programs run a sample, in the folder of its run.
 const FLOWN_BY: &str = "programs.txt";
 
-/// What is kept of a member beside the files of its run.
+/// What is kept of a sample beside the files of its run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// The programs that flew it, see [`build`].
+    /// The programs that ran it, see [`provenance::build`].
     pub build: String,
     /// Why it has no values.
     pub failure: Option<String>,
     /// What is to be known about its values.
     pub note: Option<String>,
-    /// Cost of each time that it was flown.
+    /// Cost of each of its runs.
     pub runs: Vec<Cost>,
+    /// The time limit that it was ended at, s.
+    #[serde(default)]
+    pub limit_s: Option<f64>,
 }
 
-/// How members are flown.
+/// How samples are run.
 #[derive(Clone, Debug)]
 pub struct Flight {
     /// Folder of the study.
     pub out: PathBuf,
-    /// Members at the same time.
+    /// Samples at the same time.
     pub jobs: usize,
-    /// How often each is flown.
+    /// Runs of each.
     pub repeat: usize,
     /// Takes results of other builds of the programs too.
     pub any_build: bool,
-    /// Longest wall time of a member, s.
+    /// Longest wall time of a sample, s.
     pub limit_s: Option<f64>,
 }
 
@@ -53,25 +58,9 @@ pub fn key_of(text: &str) -> String {
     format!("{:08x}{:08x}", crc32fast::hash(text.as_bytes()), crc32fast::hash(&reversed))
 }
 
-/// Sums of the programs: results of other programs are not mixed with theirs.
-///
-/// # Errors
-/// Programs that are missing.
-pub fn build() -> Result<String, RunError> {
-    let folder = program_folder()?;
-    let mut sums = Vec::new();
-    for name in ["ripstop", "structure-solver", "flow-solver", "mesh-mover"] {
-        let path = folder.join(name);
-        // A program that is missing is told by the run that needs it.
-        let bytes = std::fs::read(&path).unwrap_or_default();
-        sums.push(format!("{:08x}", crc32fast::hash(&bytes)));
-    }
-    Ok(format!("{} {}", env!("CARGO_PKG_VERSION"), sums.join(" ")))
-}
-
-/// Folder of a member.
+/// Folder of a sample.
 pub fn folder(out: &Path, member: &Member) -> PathBuf {
-    out.join("members").join(&member.key)
+    out.join("samples").join(&member.key)
 }
 
 /// Folder of its run.
@@ -79,41 +68,42 @@ pub fn run_folder(out: &Path, member: &Member) -> PathBuf {
     folder(out, member).join("run")
 }
 
-/// The result of a member that was flown before.
+/// The kept result of a sample; one that was ended at a shorter time limit than today's is none.
 pub fn kept(flight: &Flight, member: &Member, build: &str) -> Option<Record> {
     let text = std::fs::read_to_string(folder(&flight.out, member).join(RESULT)).ok()?;
     let record: Record = serde_json::from_str(&text).ok()?;
-    (flight.any_build || record.build == build).then_some(record)
+    let longer = record.limit_s.is_some_and(|then| flight.limit_s.is_none_or(|now| now > then));
+    (!longer && (flight.any_build || record.build == build)).then_some(record)
 }
 
-/// Flies what is missing: round after round, so that repeated timings of all members lie side by
-/// side in time; results in the order of the members.
+/// Results that are there already, and the runs that are missing.
+pub struct Queue {
+    /// Records in the order of the samples.
+    pub records: Vec<Record>,
+    /// Samples to run, in this order: round after round, so that repeated timings of all samples lie side by
+    /// side in time.
+    pub open: Vec<usize>,
+    /// Wall seconds of a run with the cost of the base, and whether they were measured.
+    pub base_s: (f64, bool),
+}
+
+/// Looks for kept results. A base that failed is run again.
 ///
 /// # Errors
-/// An interruption, and whatever keeps a member from being started: a member that fails is a result.
-pub fn fly(
-    study: &Study,
-    flight: &Flight,
-    stop: &AtomicBool,
-    console: &Console,
-) -> Result<Vec<Record>, RunError> {
-    let build = build()?;
-    let records: Vec<Mutex<Record>> = study
-        .members
-        .iter()
-        .map(|m| {
-            Mutex::new(
-                kept(flight, m, &build)
-                    .unwrap_or_else(|| Record { build: build.clone(), ..Record::default() }),
-            )
-        })
-        .collect();
-    let lock = |i: usize| records[i].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let missing = |i: usize| {
-        let r = lock(i);
-        if r.failure.is_some() { 0 } else { flight.repeat.saturating_sub(r.runs.len()) }
+/// Programs that are missing.
+pub fn queue(study: &Study, flight: &Flight) -> Result<Queue, RunError> {
+    let build = provenance::build()?;
+    let found = |(i, m): (usize, &Member)| {
+        kept(flight, m, &build)
+            .filter(|r| i > 0 || r.failure.is_none())
+            .unwrap_or_else(|| Record { build: build.clone(), ..Record::default() })
     };
-    // Long members first: the last ones then share the cores evenly. The base comes first of all.
+    let records: Vec<Record> = study.members.iter().enumerate().map(found).collect();
+    let missing = |i: usize| match records[i].failure {
+        Some(_) => 0,
+        None => flight.repeat.saturating_sub(records[i].runs.len()),
+    };
+    // Long samples first: the last ones then share the cores evenly. The base comes first of all.
     let mut order: Vec<usize> = (0..study.members.len()).collect();
     order.sort_by(|&a, &b| {
         (b == 0).cmp(&(a == 0)).then(study.members[b].ratio.total_cmp(&study.members[a].ratio))
@@ -122,60 +112,122 @@ pub fn fly(
     for round in 0..flight.repeat {
         open.extend(order.iter().copied().filter(|&i| missing(i) > round));
     }
-    if open.len() < study.members.len() * flight.repeat {
-        console.line(&format!("{} runs are there already", study.members.len() * flight.repeat - open.len()));
+    let known =
+        records.iter().zip(&study.members).filter_map(|(r, m)| Some((r.runs.first()?.wall_s, m.ratio)));
+    let (wall, ratio) = known.fold((0.0, 0.0), |sum, k| (sum.0 + k.0, sum.1 + k.1));
+    let base_s =
+        if ratio > 0.0 { (wall / ratio, true) } else { (estimate::seconds(&study.members[0].scene), false) };
+    Ok(Queue { records, open, base_s })
+}
+
+/// Runs what is missing, the base alone at first; results in the order of the samples. `judge` says why a
+/// base that was run is of no use to the study.
+///
+/// # Errors
+/// A base that fails or is of no use (no other sample is run then), an interruption, and whatever
+/// prevents the start of a sample: a sample that fails is a result.
+pub fn fly(
+    study: &Study,
+    flight: &Flight,
+    queue: Queue,
+    judge: &dyn Fn(&Record) -> Option<String>,
+    stop: &AtomicBool,
+    console: &Console,
+) -> Result<Vec<Record>, RunError> {
+    let runs = study.members.len() * flight.repeat;
+    if queue.open.len() < runs {
+        console.line(&format!("{} runs are there already", runs - queue.open.len()));
     }
-    let (next, begun) = (AtomicUsize::new(0), Instant::now());
-    let progress = Mutex::new((0usize, 0.0f64));
-    let total: f64 = open.iter().map(|&i| study.members[i].ratio).sum();
-    let halt = AtomicBool::new(false);
-    let errors: Mutex<Option<RunError>> = Mutex::new(None);
-    let work = || {
-        while !stop.load(Ordering::Relaxed) && !halt.load(Ordering::Relaxed) {
-            let Some(&at) = open.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
-            let member = &study.members[at];
-            // Held while it flies: its folder is one.
-            let mut kept = lock(at);
-            if kept.failure.is_some() {
-                continue;
-            }
-            match one(member, flight, kept.clone(), stop) {
-                Ok(record) => {
-                    let mut done = progress.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                    done.0 += 1;
-                    done.1 += member.ratio;
-                    let rest = begun.elapsed().as_secs_f64() * (total - done.1).max(0.0) / done.1;
-                    let rest = if done.0 < open.len() {
-                        format!(", about {} to go", clock(rest))
-                    } else {
-                        String::new()
-                    };
-                    console.line(&format!("{:>4}/{}  {}{rest}", done.0, open.len(), line(member, &record)));
-                    *kept = record;
-                }
-                Err(error) => {
-                    halt.store(true, Ordering::Relaxed);
-                    errors.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
-                }
-            }
-        }
+    let team = Team {
+        study,
+        flight,
+        stop,
+        console,
+        records: queue.records.into_iter().map(Mutex::new).collect(),
+        progress: Progress::new(study, &flight.out, console, flight.jobs, &queue.open, queue.base_s.0),
+        ended: AtomicUsize::new(0),
+        all: queue.open.len(),
     };
-    std::thread::scope(|scope| (0..flight.jobs.max(1)).for_each(|_| drop(scope.spawn(work))));
-    if let Some(error) = errors.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner) {
-        return Err(error);
+    let (base, others) = queue.open.split_at(usize::from(queue.open.first() == Some(&0)));
+    team.run(base, 1)?;
+    let record = team.record(0).clone();
+    if let Some(why) = record.failure.clone().or_else(|| judge(&record)) {
+        return Err(no_base(&why, &run_folder(&flight.out, &study.members[0])));
     }
-    if stop.load(Ordering::Relaxed) {
-        return Err(interrupted());
+    team.run(others, flight.jobs)?;
+    let Team { records, .. } = team;
+    Ok(records.into_iter().map(|r| r.into_inner().unwrap_or_else(PoisonError::into_inner)).collect())
+}
+
+/// The error of a study whose base has no values.
+fn no_base(why: &str, run: &Path) -> RunError {
+    RunError::Study(format!(
+        "the base sample failed: {}\nAll errors are measured from the base, so no other sample was run and nothing is \
+         advised. Its results and logs: {}. Make the scene complete with `ripstop run`, then start the study again.",
+        why.trim(),
+        run.display()
+    ))
+}
+
+/// Threads that run samples side by side.
+struct Team<'a> {
+    study: &'a Study,
+    flight: &'a Flight,
+    stop: &'a AtomicBool,
+    console: &'a Console,
+    records: Vec<Mutex<Record>>,
+    progress: Progress<'a>,
+    ended: AtomicUsize,
+    all: usize,
+}
+
+impl Team<'_> {
+    fn record(&self, sample: usize) -> MutexGuard<'_, Record> {
+        self.records[sample].lock().unwrap_or_else(PoisonError::into_inner)
     }
-    Ok(records
-        .into_iter()
-        .map(|r| r.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
-        .collect())
+
+    /// Runs the samples of `open`, `jobs` at a time.
+    fn run(&self, open: &[usize], jobs: usize) -> Result<(), RunError> {
+        let (next, halt) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let error: Mutex<Option<RunError>> = Mutex::new(None);
+        let work = || {
+            while !self.stop.load(Ordering::Relaxed) && !halt.load(Ordering::Relaxed) {
+                let Some(&at) = open.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
+                if let Err(e) = self.sample(at) {
+                    halt.store(true, Ordering::Relaxed);
+                    error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(e);
+                }
+            }
+        };
+        std::thread::scope(|scope| (0..jobs.max(1)).for_each(|_| drop(scope.spawn(work))));
+        if let Some(error) = error.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            return Err(error);
+        }
+        if self.stop.load(Ordering::Relaxed) { Err(interrupted()) } else { Ok(()) }
+    }
+
+    /// One run of a sample, unless it has failed before.
+    fn sample(&self, at: usize) -> Result<(), RunError> {
+        let member = &self.study.members[at];
+        // Held while it runs: it has one folder.
+        let mut kept = self.record(at);
+        self.progress.begin(at);
+        let result = if kept.failure.is_some() {
+            Ok(kept.clone())
+        } else {
+            one(member, self.flight, kept.clone(), self.stop, &|| self.progress.tick())
+        };
+        self.progress.end(at, result.as_ref().is_ok_and(|r| r.failure.is_none()));
+        *kept = result?;
+        let ended = self.ended.fetch_add(1, Ordering::Relaxed) + 1;
+        self.console.line(&format!("{ended:>4}/{}  {}", self.all, line(member, &kept)));
+        Ok(())
+    }
 }
 
 fn interrupted() -> RunError {
     RunError::Interrupted(Place {
-        stage: "accuracy (start it again with the same --out to go on)".into(),
+        stage: "accuracy (start it again with the same --out to resume)".into(),
         window: None,
     })
 }
@@ -190,14 +242,25 @@ fn line(member: &Member, record: &Record) -> String {
     }
 }
 
-fn one(member: &Member, flight: &Flight, before: Record, stop: &AtomicBool) -> Result<Record, RunError> {
+fn one(
+    member: &Member,
+    flight: &Flight,
+    before: Record,
+    stop: &AtomicBool,
+    tick: &dyn Fn(),
+) -> Result<Record, RunError> {
     let folder = folder(&flight.out, member);
     std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, &member.text).map_err(RunError::file("write", &scene))?;
     let run_folder = run_folder(&flight.out, member);
     let mut record = before;
-    record.failure = run(&scene, &run_folder, &record.build, flight.limit_s, stop)?;
+    let ended = run(&scene, &run_folder, &record.build, flight.limit_s, stop, tick)?;
+    record.limit_s = flight.limit_s.filter(|_| matches!(ended, End::Late(_)));
+    record.failure = match ended {
+        End::Complete => None,
+        End::Late(why) | End::Failed(why) => Some(why),
+    };
     let sizes = CanopyInterface::new(&member.scene).map(|i| Sizes {
         elements: (i.sizes.triangles + i.sizes.cables) as f64,
         nodes: i.sizes.nodes as f64,
@@ -224,8 +287,14 @@ fn above_tolerance(out: &Path) -> Option<String> {
     let text = std::fs::read_to_string(out.join("summary.json")).ok()?;
     let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
     let stages = summary["stages"].as_array()?;
-    let count: u64 = stages.iter().filter_map(|s| s["not_converged"].as_u64()).sum();
-    (count > 0).then(|| format!("{count} windows above the coupling's tolerance"))
+    let parts = ["coupling", "structure", "flow", "mesh", "turbulence"];
+    let of = |part: &&str| -> Option<String> {
+        let counts = stages.iter().filter_map(|s| s["convergence"][*part]["windows"].as_u64());
+        let count: u64 = counts.sum();
+        (count > 0).then(|| format!("{part} of {count} windows above its target"))
+    };
+    let found: Vec<String> = parts.iter().filter_map(of).collect();
+    (!found.is_empty()).then(|| found.join(", "))
 }
 
 /// States of solvers and logs are most of a run and of no use to a study.
@@ -238,26 +307,34 @@ fn prune(out: &Path, scene: &case::Scene) {
     }
 }
 
-/// Whether a run of these programs was broken off in `out`, and can be gone on with.
-fn broken_off(out: &Path, build: &str) -> bool {
+/// Whether a run of these programs was interrupted in `out`, and can be resumed.
+fn interrupted_in(out: &Path, build: &str) -> bool {
     let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap_or_default();
     let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap_or_default();
-    // Beside an interruption only a run that was killed with all its programs has no word on its end.
+    // Beside an interruption only a run that was killed with all its programs does not say how it ended.
     let how = summary["ended"].as_str().unwrap_or("interrupted");
     out.join("resume.json").exists() && how.starts_with("interrupted") && read(FLOWN_BY) == build
 }
 
-/// Runs a member to its end; why it failed, if it did.
+/// How a run ended.
+enum End {
+    Complete,
+    Late(String),
+    Failed(String),
+}
+
+/// Runs a sample to its end.
 fn run(
     scene: &Path,
     out: &Path,
     build: &str,
     limit_s: Option<f64>,
     stop: &AtomicBool,
-) -> Result<Option<String>, RunError> {
-    let program = std::env::current_exe().map_err(RunError::file("find", "ripstop"))?;
-    let goes_on = broken_off(out, build);
-    if !goes_on {
+    tick: &dyn Fn(),
+) -> Result<End, RunError> {
+    let program = crate::launch::this_program()?;
+    let resumes = interrupted_in(out, build);
+    if !resumes {
         if out.exists() {
             std::fs::remove_dir_all(out).map_err(RunError::file("clear", out))?;
         }
@@ -274,40 +351,41 @@ fn run(
         .arg("--out")
         .arg(out)
         .arg("--quiet")
-        .args(goes_on.then_some("--resume"))
+        .args(resumes.then_some("--resume"))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(file)
         .spawn()
         .map_err(RunError::file("start", &program))?;
-    let (mut told, mut late) = (false, false);
+    let (mut signalled, mut late) = (false, false);
     let status = loop {
         if let Some(status) = child.try_wait().map_err(RunError::file("wait for", &program))? {
             break status;
         }
         late |= limit_s.is_some_and(|l| begun.elapsed().as_secs_f64() > l);
-        if (late || stop.load(Ordering::Relaxed)) && !told {
+        if (late || stop.load(Ordering::Relaxed)) && !signalled {
             // It ends its programs by itself.
             // SAFETY: a signal to a child that has not been waited for.
             unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
-            told = true;
+            signalled = true;
         }
+        tick();
         std::thread::sleep(Duration::from_millis(20));
     };
     if stop.load(Ordering::Relaxed) {
         return Err(interrupted());
     }
     if late {
-        return Ok(Some(format!("longer than --limit {:.0} s", limit_s.unwrap_or_default())));
+        return Ok(End::Late(format!("longer than --limit {:.0} s", limit_s.unwrap_or_default())));
     }
     let words = std::fs::read_to_string(&log).unwrap_or_default();
-    // Reasons stand on pages that are kept: not with the folders of this machine.
+    // Reasons stand in reports that are kept: without the folders of this machine.
     let own = format!("{}/", out.display());
     let words = words.trim().trim_start_matches("error: ").replace(&own, "");
     Ok(match status.code() {
-        Some(0) => None,
-        _ if words.is_empty() => Some(format!("ended with {status}")),
-        _ => Some(words),
+        Some(0) => End::Complete,
+        _ if words.is_empty() => End::Failed(format!("ended with {status}")),
+        _ => End::Failed(words),
     })
 }
 

@@ -166,7 +166,7 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
 
 /// Values stand at the ends of windows. A mean over time is that of the line through them, the
 /// value at `from` and `to` interpolated, so that it does not jump as windows are shortened.
-fn reduce(time: &[f64], values: &[f64], take: Take, from: f64, to: f64) -> Option<f64> {
+pub(crate) fn reduce(time: &[f64], values: &[f64], take: Take, from: f64, to: f64) -> Option<f64> {
     let slack = 1e-9 * time.last()?.abs().max(1e-300);
     let (from, to) = (from, to.min(*time.last()?));
     let inside: Vec<(f64, f64)> = time

@@ -1,4 +1,4 @@
-//! Kept errors and counts of a study: a change that makes the same error dearer shows.
+//! Kept errors and counts of a study: a change that raises the cost of the same error shows.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ const NOISE: f64 = 2e-4;
 pub struct Reference {
     /// Answers that errors are against, with their scales.
     pub answers: Vec<Kept>,
-    /// Members.
+    /// Samples.
     pub members: Vec<KeptMember>,
 }
 
@@ -39,7 +39,7 @@ pub struct Kept {
     pub scale: f64,
 }
 
-/// Errors and counts of a member.
+/// Errors and counts of a sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KeptMember {
     /// Its name.
@@ -50,10 +50,10 @@ pub struct KeptMember {
     pub counts: [f64; 5],
 }
 
-/// From a study; members with gaps are an error.
+/// From a study; samples with gaps are an error.
 ///
 /// # Errors
-/// A member without values.
+/// A sample without values.
 pub fn keep(study: &Study, outcome: &Outcome, records: &[Record]) -> Result<Reference, RunError> {
     let answers = study.quantities.iter().zip(&outcome.answers);
     let answers = answers
@@ -65,11 +65,11 @@ pub fn keep(study: &Study, outcome: &Outcome, records: &[Record]) -> Result<Refe
     let mut members = Vec::new();
     for (m, s) in outcome.members.iter().enumerate() {
         let label = study.members[m].label.clone();
-        let errors: Option<Vec<f64>> = s.errors.iter().copied().collect();
+        let errors: Option<Vec<f64>> = s.distances.iter().copied().collect();
         let (Some(errors), None, Some(run)) = (errors, &s.gap, records[m].runs.first()) else {
             let why = s.gap.as_deref().unwrap_or("no value");
             return Err(RunError::Input(format!(
-                "member `{label}`: {why}; no reference is kept of such a study"
+                "sample `{label}`: {why}; no reference is kept of such a study"
             )));
         };
         members.push(KeptMember { label, errors, counts: run.counts().array() });
@@ -77,30 +77,30 @@ pub fn keep(study: &Study, outcome: &Outcome, records: &[Record]) -> Result<Refe
     Ok(Reference { answers, members })
 }
 
-/// Where the study is worse or dearer than its reference; empty: nowhere.
+/// Where the study is less accurate or costs more than its reference; empty: nowhere.
 pub fn compare(study: &Study, outcome: &Outcome, records: &[Record], reference: &Reference) -> Vec<String> {
     let mut found = Vec::new();
     for old in &reference.members {
         let Some(m) = study.members.iter().position(|m| m.label == old.label) else {
-            found.push(format!("member `{}` of the reference is not in the study", old.label));
+            found.push(format!("sample `{}` of the reference is not in the study", old.label));
             continue;
         };
         let s = &outcome.members[m];
         if let Some(why) = &s.gap {
-            found.push(format!("member `{}`: {why}", old.label));
+            found.push(format!("sample `{}`: {why}", old.label));
             continue;
         }
         for (kept, error) in reference.answers.iter().zip(&old.errors) {
             let value =
                 study.quantities.iter().position(|q| q.name == kept.quantity).and_then(|q| s.values[q]);
             let Some(value) = value else {
-                found.push(format!("member `{}` has no `{}`", old.label, kept.quantity));
+                found.push(format!("sample `{}` has no `{}`", old.label, kept.quantity));
                 continue;
             };
             let now = (value - kept.value).abs() / kept.scale;
             if now > error * (1.0 + WORSE) + NOISE {
                 found.push(format!(
-                    "member `{}`: the error of `{}` was {:.3} %, and is {:.3} %",
+                    "sample `{}`: the error of `{}` was {:.3} %, and is {:.3} %",
                     old.label,
                     kept.quantity,
                     100.0 * error,
@@ -112,7 +112,7 @@ pub fn compare(study: &Study, outcome: &Outcome, records: &[Record], reference: 
         for ((name, before), now) in COUNTS.iter().zip(old.counts).zip(counts) {
             if now > before * (1.0 + DEARER) + FEW {
                 found.push(format!(
-                    "member `{}`: {name} were {before:.0}, and are {now:.0} ({:+.1} %)",
+                    "sample `{}`: {name} were {before:.0}, and are {now:.0} ({:+.1} %)",
                     old.label,
                     100.0 * (now / before.max(1.0) - 1.0)
                 ));
@@ -129,7 +129,7 @@ pub fn compare(study: &Study, outcome: &Outcome, records: &[Record], reference: 
 pub fn load(path: &Path) -> Result<Reference, RunError> {
     let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
     serde_json::from_str(&text)
-        .map_err(|e| RunError::Input(format!("{}: {e}; make it anew with --keep-reference", path.display())))
+        .map_err(|e| RunError::Input(format!("{}: {e}; make it again with --keep-reference", path.display())))
 }
 
 /// Writes one.

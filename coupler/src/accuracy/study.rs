@@ -1,22 +1,23 @@
-//! From a scene to the members of its study.
+//! From a scene to the samples of its study.
 
 use std::path::Path;
 
-use case::{Canopy, Quantity, Scene, Solve};
+use case::{Canopy, Quantity, Scene};
 
 use super::dials::{Dial, Kind, Setting};
 use super::fly::key_of;
+use super::parameters::{default_sweep, defaults, turned};
 use super::quantities;
 use crate::error::RunError;
 
-/// A dial with its values in the study.
+/// A parameter with its values in the study.
 #[derive(Clone, Debug)]
 pub struct Turned {
-    /// The dial.
+    /// The parameter.
     pub dial: Dial,
     /// Values, coarse to fine where they have an order.
     pub values: Vec<Setting>,
-    /// Where it stands while others are turned.
+    /// Its value while others are varied.
     pub base: Setting,
     /// Finer than all.
     pub check: Option<Setting>,
@@ -27,7 +28,7 @@ pub struct Turned {
 pub struct Member {
     /// What differs from the base point.
     pub label: String,
-    /// A setting for each dial.
+    /// A setting for each parameter.
     pub settings: Vec<Setting>,
     /// Its scene.
     pub scene: Scene,
@@ -41,18 +42,18 @@ pub struct Member {
     pub ratio: f64,
 }
 
-/// Members that belong together: one dial turned, or several.
+/// Samples that belong together: one parameter varied, or several.
 #[derive(Clone, Debug)]
 pub struct Line {
-    /// Name of the dial, or `sweep`.
+    /// Name of the parameter, or `sweep`.
     pub name: String,
-    /// What it turns.
+    /// Which parameters it varies.
     pub dials: Vec<usize>,
-    /// Its members with what errors fall with (`None` for words).
+    /// Its samples with what errors fall with (`None` for words).
     pub members: Vec<(usize, Option<f64>)>,
-    /// The member that is finer than all.
+    /// The sample that is finer than all.
     pub check: Option<(usize, f64)>,
-    /// Order that the method promises.
+    /// Formal order of the method.
     pub promised: f64,
 }
 
@@ -67,12 +68,16 @@ pub struct Study {
     pub stage: usize,
     /// Quantities.
     pub quantities: Vec<Quantity>,
-    /// Dials.
+    /// Parameters.
     pub dials: Vec<Turned>,
     /// Lines through the base point, then the sweep.
     pub lines: Vec<Line>,
-    /// All members; the first is the base point.
+    /// All samples; the first is the base.
     pub members: Vec<Member>,
+    /// The sample that verifies the others: all parameters finer than in any of them.
+    pub reference: Option<usize>,
+    /// What the user should know of the scene's section.
+    pub warnings: Vec<String>,
 }
 
 /// Name of the line of the sweep.
@@ -81,10 +86,31 @@ pub const SWEEP: &str = "sweep";
 /// What of a study is asked for.
 #[derive(Clone, Debug, Default)]
 pub struct Choice {
-    /// Only these dials.
+    /// Only these parameters.
     pub dials: Vec<String>,
-    /// With the members that test the stated uncertainty.
+    /// With the samples that test the stated uncertainty.
     pub check: bool,
+    /// With the sample that verifies the others.
+    pub verify: bool,
+}
+
+impl Turned {
+    /// A value beyond the finest: its `check`, else twice as fine as the finest value, a tenth of the smallest
+    /// tolerance. `None` for words.
+    fn beyond(&self) -> Option<Setting> {
+        if self.check.is_some() {
+            return self.check.clone();
+        }
+        let finest = self.values.iter().chain([&self.base]).filter_map(|v| match v {
+            Setting::Number(x) => Some(*x),
+            Setting::Choice(_) => None,
+        });
+        match self.dial.kind {
+            Kind::Fineness => finest.reduce(f64::max).map(|x| Setting::Number(2.0 * x)),
+            Kind::Size => finest.reduce(f64::min).map(|x| Setting::Number(0.1 * x)),
+            Kind::Choice => None,
+        }
+    }
 }
 
 impl Study {
@@ -106,13 +132,13 @@ impl Study {
                 ))
             })?,
         };
-        // Later stages would cost and tell nothing.
+        // Later stages do not affect the quantities.
         scene.stages.truncate(stage + 1);
         let quantities =
             if wish.quantities.is_empty() { quantities::defaults(&scene, stage) } else { wish.quantities };
         if quantities.is_empty() {
             return Err(RunError::Input(
-                "this scene has no quantity of its own: name some with [[accuracy.quantity]]".into(),
+                "no default quantity fits this scene: name some with [[accuracy.quantity]]".into(),
             ));
         }
         quantities.iter().try_for_each(|q| quantities::check(q, &scene, stage))?;
@@ -124,12 +150,18 @@ impl Study {
                 q.name
             )));
         }
-        let own = !wish.dials.is_empty();
-        let wishes = if own { wish.dials } else { defaults(&scene, stage) };
+        let mut warnings = Vec::new();
+        if !wish.dials.is_empty() {
+            warnings
+                .push("the key [[accuracy.dial]] is now [[accuracy.parameter]]; it is read as such".into());
+        }
+        let named: Vec<case::Parameter> = wish.parameters.into_iter().chain(wish.dials).collect();
+        let own = !named.is_empty();
+        let wishes = if own { named } else { defaults(&scene, stage) };
         let mut dials = Vec::new();
         for w in &wishes {
             if dials.iter().any(|d: &Turned| d.dial.name == w.name) {
-                return Err(RunError::Input(format!("accuracy.dial: `{}` is named twice", w.name)));
+                return Err(RunError::Input(format!("accuracy.parameter: `{}` is named twice", w.name)));
             }
             dials.push(turned(w, &scene, stage)?);
         }
@@ -142,6 +174,8 @@ impl Study {
             dials,
             lines: Vec::new(),
             members: Vec::new(),
+            reference: None,
+            warnings,
         };
         let base: Vec<Setting> = study.dials.iter().map(|d| d.base.clone()).collect();
         study.member(&scene, "base".into(), base.clone(), false)?;
@@ -155,12 +189,36 @@ impl Study {
         if let Some(unknown) = choice.dials.iter().find(|d| !study.lines.iter().any(|l| &l.name == *d)) {
             let have: Vec<&str> = study.dials.iter().map(|d| d.dial.name.as_str()).collect();
             return Err(RunError::Input(format!(
-                "--dials: the study has no dial `{unknown}`; it has: {}{}",
+                "--parameters: the study has no parameter `{unknown}`; it has: {}{}",
                 have.join(", "),
                 if sweep.is_empty() { "" } else { ", sweep" }
             )));
         }
+        if choice.verify {
+            study.verify(&scene, &base, choice)?;
+        }
         Ok(study)
+    }
+
+    /// Adds the sample that verifies the others: each parameter of the study with numbers beyond its finest
+    /// value, the others as in the base.
+    fn verify(&mut self, scene: &Scene, base: &[Setting], choice: &Choice) -> Result<(), RunError> {
+        let mut settings = base.to_vec();
+        for (to, d) in settings.iter_mut().zip(&self.dials) {
+            let varied = choice.dials.is_empty() || choice.dials.contains(&d.dial.name);
+            if varied && let Some(finer) = d.beyond() {
+                *to = finer;
+            }
+        }
+        let at = self.member(scene, "reference".into(), settings, true)?;
+        if !self.members[at].check {
+            return Err(RunError::Input(format!(
+                "--verify: the study varies no number beyond `{}`: add a parameter with `values`, or a finer `check`",
+                self.members[at].label
+            )));
+        }
+        self.reference = Some(at);
+        Ok(())
     }
 
     fn line(&mut self, scene: &Scene, base: &[Setting], at: usize, choice: &Choice) -> Result<(), RunError> {
@@ -183,7 +241,10 @@ impl Study {
         for value in &d.values {
             let (label, settings) = moved(value);
             let member = self.member(scene, label, settings, false)?;
-            line.members.push((member, d.dial.size(value)));
+            // Values that round to the same scene are one sample.
+            if !line.members.iter().any(|m| m.0 == member) {
+                line.members.push((member, d.dial.size(value)));
+            }
         }
         if let Some(value) = d.check.as_ref().filter(|_| choice.check) {
             let (label, settings) = moved(value);
@@ -208,20 +269,20 @@ impl Study {
         for name in names {
             match self.dials.iter().position(|d| &d.dial.name == name) {
                 Some(at) => found.push(at),
-                None => return refuse(format!("`{name}` is none of the dials of the study")),
+                None => return refuse(format!("`{name}` is none of the parameters of the study")),
             }
         }
         let levels = self.dials[found[0]].values.len();
         if let Some(&odd) = found.iter().find(|&&at| self.dials[at].values.len() != levels) {
             return refuse(format!(
-                "`{}` has {} values and `{}` {levels}: dials that are turned together need equally many",
+                "`{}` has {} values and `{}` {levels}: parameters that are varied together need equally many",
                 self.dials[odd].dial.name,
                 self.dials[odd].values.len(),
                 self.dials[found[0]].dial.name
             ));
         }
         if !check.is_empty() && check.len() != found.len() {
-            return refuse(format!("sweep_check has {} numbers for {} dials", check.len(), found.len()));
+            return refuse(format!("sweep_check has {} numbers for {} parameters", check.len(), found.len()));
         }
         let promised = found.iter().map(|&at| self.dials[at].dial.promised).fold(f64::MAX, f64::min);
         let mut line =
@@ -232,7 +293,9 @@ impl Study {
             let first = &self.dials[found[0]];
             let size = first.dial.size(&first.values[level]);
             let member = self.member(scene, format!("sweep {}", first.values[level]), settings, false)?;
-            line.members.push((member, size));
+            if !line.members.iter().any(|m| m.0 == member) {
+                line.members.push((member, size));
+            }
         }
         if choice.check && !check.is_empty() {
             let mut settings = base.to_vec();
@@ -244,7 +307,7 @@ impl Study {
         Ok(())
     }
 
-    /// Adds a member, or finds the one with the same scene.
+    /// Adds a sample, or finds the one with the same scene.
     fn member(
         &mut self,
         scene: &Scene,
@@ -254,12 +317,11 @@ impl Study {
     ) -> Result<usize, RunError> {
         let mut made = scene.clone();
         for (d, to) in self.dials.iter().zip(&settings) {
-            made = d
-                .dial
-                .turn(&made, self.stage, to)
-                .map_err(|e| RunError::Input(format!("accuracy: member `{label}` is no scene: {e}")))?;
+            made = d.dial.turn(&made, self.stage, to).map_err(|e| {
+                RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}"))
+            })?;
         }
-        // Pictures are not what is paid for.
+        // Snapshots are not part of the cost.
         made.output.surface_every_windows = 0;
         made.output.volume_every_windows = 0;
         made.output.folder = None;
@@ -267,7 +329,7 @@ impl Study {
             .map_err(|e| RunError::Input(format!("the scene cannot be written down again: {e}")))?;
         let key = key_of(&text);
         let made = case::parse(Path::new("scene.toml"), &text)
-            .map_err(|e| RunError::Input(format!("accuracy: member `{label}` is no scene: {e}")))?;
+            .map_err(|e| RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}")))?;
         if let Some(same) = self.members.iter().position(|m| m.key == key) {
             return Ok(same);
         }
@@ -307,109 +369,6 @@ fn absolute(scene: &mut Scene) -> Result<(), RunError> {
     Ok(())
 }
 
-fn turned(w: &case::Dial, scene: &Scene, stage: usize) -> Result<Turned, RunError> {
-    let refuse = |why: String| RunError::Input(format!("accuracy.dial `{}`: {why}", w.name));
-    let words = w.values.is_empty() && !w.choices.is_empty();
-    let mut dial = Dial::find(&w.name, scene, stage, words)?;
-    if w.values.is_empty() && w.choices.is_empty() {
-        return Err(refuse("it has neither `values` nor `choices`".into()));
-    }
-    if !w.values.is_empty() && !w.choices.is_empty() {
-        return Err(refuse("it has both `values` and `choices`".into()));
-    }
-    if let Some(order) = w.order {
-        if !(order > 0.0 && order <= 8.0) {
-            return Err(refuse(format!("`order` is {order}: above 0 and at most 8")));
-        }
-        dial.promised = order;
-    }
-    if let Some(bad) = w.values.iter().chain(&w.check).chain(&w.base).find(|v| !(**v > 0.0 && v.is_finite()))
-    {
-        return Err(refuse(format!("the value {bad} is not above 0")));
-    }
-    let mut numbers = w.values.clone();
-    // Coarse first.
-    numbers.sort_by(f64::total_cmp);
-    if dial.kind == Kind::Size {
-        numbers.reverse();
-    }
-    let finest = numbers.last().copied();
-    if let (Some(check), Some(finest)) = (w.check, finest) {
-        let finer = if dial.kind == Kind::Fineness { check > finest } else { check < finest };
-        if !finer {
-            return Err(refuse(format!("`check` is {check}: it must be finer than all values ({finest})")));
-        }
-    }
-    let values: Vec<Setting> = if words {
-        w.choices.iter().cloned().map(Setting::Choice).collect()
-    } else {
-        numbers.into_iter().map(Setting::Number).collect()
-    };
-    let base = match (&w.base, &w.base_choice) {
-        (Some(x), _) => Some(Setting::Number(*x)),
-        (_, Some(word)) => Some(Setting::Choice(word.clone())),
-        _ => dial.own(scene),
-    };
-    let base = base.ok_or_else(|| refuse("the scene has no value of its own: name a `base`".into()))?;
-    Ok(Turned { dial, values, base, check: w.check.map(Setting::Number) })
-}
-
-/// Dials for a scene that names none.
-fn defaults(scene: &Scene, stage: usize) -> Vec<case::Dial> {
-    let mut all = Vec::new();
-    let mut numbers = |name: &str, values: &[f64], check: Option<f64>| {
-        if Dial::fits(name, scene, stage) {
-            all.push(case::Dial {
-                name: name.into(),
-                values: values.to_vec(),
-                check,
-                ..case::Dial::default()
-            });
-        }
-    };
-    let thirds = [0.5, 2.0 / 3.0, 5.0 / 6.0, 1.0];
-    if Dial::fits("grid", scene, stage) {
-        numbers("grid", &thirds, Some(1.5));
-    } else {
-        numbers("structure-grid", &thirds, Some(1.5));
-        numbers("flow-grid", &thirds, Some(1.5));
-    }
-    // A history of the structure alone has its windows for output only.
-    if scene.stages[stage].kind == case::StageKind::PreInflation {
-        numbers("substeps", &[0.5, 0.75, 1.0, 1.5], Some(2.5));
-    } else {
-        numbers("window", &thirds, Some(2.0));
-        numbers("substeps", &[0.5, 1.0, 2.0], None);
-    }
-    let around = |x: f64| [10.0 * x, x, 0.1 * x];
-    numbers("coupling-tolerance", &around(scene.coupling.tolerance).map(|x| x.min(0.1)), None);
-    if let Some(f) = &scene.flow {
-        numbers("flow-drop", &around(f.solver.residual_drop).map(|x| x.min(0.5)), None);
-    }
-    numbers("newton-tolerance", &around(scene.structure.newton_tolerance).map(|x| x.min(0.05)), None);
-    numbers("gmres-tolerance", &around(scene.structure.gmres_tolerance).map(|x| x.min(0.3)), None);
-    let any_static = scene.stages.iter().any(|s| s.solve == Solve::Static);
-    if any_static {
-        numbers("static-tolerance", &around(scene.structure.static_tolerance), None);
-    }
-    numbers("mover-tolerance", &around(scene.mesh.tolerance), None);
-    for d in &mut all {
-        d.values.dedup();
-    }
-    all
-}
-
-/// What is turned together where a scene does not say: space and time.
-fn default_sweep(dials: &[Turned]) -> Vec<String> {
-    let have = |name: &str| dials.iter().find(|d| d.dial.name == name);
-    match (have("grid").or(have("structure-grid")), have("window")) {
-        (Some(a), Some(b)) if a.values.len() == b.values.len() => {
-            vec![a.dial.name.clone(), b.dial.name.clone()]
-        }
-        _ => Vec::new(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -428,7 +387,7 @@ mod tests {
             let s = study(case, "").unwrap();
             assert!(!s.quantities.is_empty() && s.members.len() > 4, "{case}");
             let keys: std::collections::BTreeSet<_> = s.members.iter().map(|m| &m.key).collect();
-            assert_eq!(keys.len(), s.members.len(), "a member twice");
+            assert_eq!(keys.len(), s.members.len(), "a sample twice");
             assert!(s.members.iter().all(|m| m.ratio > 0.0 && m.scene.accuracy.is_none()));
             for l in &s.lines {
                 let base = l.members.iter().filter(|(m, _)| *m == 0).count();
@@ -447,9 +406,9 @@ mod tests {
             "square-drop",
             "[accuracy]\nsweep = [\"grid\", \"window\"]\nsweep_check = [1.0, 2.0]\n\
              [[accuracy.quantity]]\nname = \"speed\"\nof = \"descent-speed\"\n\
-             [[accuracy.dial]]\nname = \"grid\"\nvalues = [0.67, 0.5]\nbase = 0.5\ncheck = 1.0\n\
-             [[accuracy.dial]]\nname = \"window\"\nvalues = [0.5, 1.0]\n\
-             [[accuracy.dial]]\nname = \"scheme\"\nchoices = [\"default\", \"implicit:aitken\"]\n",
+             [[accuracy.parameter]]\nname = \"grid\"\nvalues = [0.67, 0.5]\nbase = 0.5\ncheck = 1.0\n\
+             [[accuracy.parameter]]\nname = \"window\"\nvalues = [0.5, 1.0]\n\
+             [[accuracy.parameter]]\nname = \"scheme\"\nchoices = [\"default\", \"implicit:aitken\"]\n",
         )
         .unwrap();
         let names: Vec<&str> = s.lines.iter().map(|l| l.name.as_str()).collect();
@@ -465,13 +424,17 @@ mod tests {
     fn bad_studies_are_refused() {
         let why = |section: &str| study("square-drop", section).unwrap_err().to_string();
         assert!(why("[accuracy]\nstage = \"x\"\n").contains("developed-flow"));
-        assert!(why("[[accuracy.dial]]\nname = \"grid\"\n").contains("neither"));
-        assert!(why("[[accuracy.dial]]\nname = \"grid\"\nvalues = [-1.0]\n").contains("above 0"));
-        assert!(why("[[accuracy.dial]]\nname = \"grid\"\nvalues = [1.0]\ncheck = 0.5\n").contains("finer"));
+        assert!(why("[[accuracy.parameter]]\nname = \"grid\"\n").contains("neither"));
+        assert!(why("[[accuracy.parameter]]\nname = \"grid\"\nvalues = [-1.0]\n").contains("above 0"));
+        assert!(
+            why("[[accuracy.parameter]]\nname = \"grid\"\nvalues = [1.0]\ncheck = 0.5\n").contains("finer")
+        );
         assert!(why("[[accuracy.quantity]]\nname = \"a\"\nof = \"weight\"\n").contains("weight"));
         assert!(
-            why("[accuracy]\nsweep = [\"grid\"]\n[[accuracy.dial]]\nname = \"window\"\nvalues = [1.0]\n")
-                .contains("none of the dials")
+            why(
+                "[accuracy]\nsweep = [\"grid\"]\n[[accuracy.parameter]]\nname = \"window\"\nvalues = [1.0]\n"
+            )
+            .contains("none of the parameters")
         );
     }
 }

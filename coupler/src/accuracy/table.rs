@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::cost::COUNTS;
 use super::fly::Record;
-use super::judge::Outcome;
+use super::judge::{Outcome, within};
 use super::study::Study;
 use crate::error::RunError;
 
@@ -17,13 +17,13 @@ fn cell(text: &str) -> String {
     text.lines().next().unwrap_or_default().replace(',', ";")
 }
 
-/// Writes `members.csv` and `dials.csv` into `out`.
+/// Writes `samples.csv` and `parameters.csv` into `out`.
 ///
 /// # Errors
 /// Trouble with the files.
 pub fn write(out: &Path, study: &Study, outcome: &Outcome, records: &[Record]) -> Result<(), RunError> {
     for (name, text) in
-        [("members.csv", members(study, outcome, records)), ("dials.csv", dials(study, outcome))]
+        [("samples.csv", samples(study, outcome, records)), ("parameters.csv", parameters(study, outcome))]
     {
         let path = out.join(name);
         std::fs::write(&path, text).map_err(RunError::file("write", &path))?;
@@ -31,15 +31,16 @@ pub fn write(out: &Path, study: &Study, outcome: &Outcome, records: &[Record]) -
     Ok(())
 }
 
-/// A row for each member.
-fn members(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
-    let mut names = vec!["member".to_owned()];
+/// A row for each sample.
+fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
+    let mut names = vec!["sample".to_owned()];
     names.extend(study.dials.iter().map(|d| cell(&d.dial.name)));
     for q in &study.quantities {
         names.push(cell(&q.name));
         names.push(format!("error of {}", cell(&q.name)));
+        names.push(format!("uncertainty of {}", cell(&q.name)));
     }
-    names.extend(["largest error", "its uncertainty", "front", "check"].map(str::to_owned));
+    names.extend(["largest error", "its uncertainty", "its quantity", "front", "check"].map(str::to_owned));
     names.extend(
         [
             "runs",
@@ -60,10 +61,12 @@ fn members(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
     for (m, (member, s)) in study.members.iter().zip(&outcome.members).enumerate() {
         let mut row = vec![cell(&member.label)];
         row.extend(member.settings.iter().map(|v| cell(&v.to_string())));
-        for (v, e) in s.values.iter().zip(&s.errors) {
-            row.extend([number(*v), number(*e)]);
+        for (v, e) in s.values.iter().zip(&s.estimates) {
+            row.extend([number(*v), number(e.map(|e| e.error)), number(e.map(|e| e.band))]);
         }
-        row.extend([number(s.worst.map(|w| w.0)), number(s.worst.map(|w| w.1))]);
+        let largest = s.largest.map(|l| l.estimate);
+        row.extend([number(largest.map(|e| e.error)), number(largest.map(|e| e.band))]);
+        row.push(s.largest.map_or_else(String::new, |l| cell(&study.quantities[l.quantity].name)));
         row.push(u8::from(outcome.front.contains(&m)).to_string());
         row.push(u8::from(member.check).to_string());
         let runs = &records[m].runs;
@@ -87,17 +90,22 @@ fn members(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
     text
 }
 
-/// A row for each dial and quantity.
-fn dials(study: &Study, outcome: &Outcome) -> String {
+/// A row for each parameter and quantity.
+fn parameters(study: &Study, outcome: &Outcome) -> String {
     let mut text = String::from(
-        "dial,quantity,behaviour,order used,order observed,order promised,limit,its uncertainty,error of the \
-         finest,its uncertainty,safety factor,finer run is off by,band stated,held\n",
+        "parameter,quantity,behaviour,order used,order observed,formal order,limit,its uncertainty,error of the \
+         finest,its uncertainty,safety factor,error of the finer run,band stated,held\n",
     );
     for (line, judged) in study.lines.iter().zip(&outcome.lines) {
         for (q, j) in study.quantities.iter().zip(judged) {
+            if let Some(why) = &j.unassessed {
+                let lead = [cell(&line.name), cell(&q.name), cell(&format!("not assessed: {why}"))];
+                text += &(lead.join(",") + &",".repeat(11) + "\n");
+                continue;
+            }
             let Some(c) = &j.convergence else { continue };
             let finest = j.errors.iter().flatten().last();
-            let held = j.check.map_or("", |(far, band)| if far <= band + 1e-9 { "1" } else { "0" });
+            let held = j.check.map_or("", |(far, band)| if within(far, band) { "1" } else { "0" });
             let row = [
                 cell(&line.name),
                 cell(&q.name),
@@ -129,10 +137,11 @@ mod tests {
     fn tables_are_rectangular_and_complete() {
         let (study, values, mut records) = made();
         records[2].note = Some("a, b\nc".into());
-        let outcome = judge(&study, &values, &records, Measure::Work);
+        let mut outcome = judge(&study, &values, &records, Measure::Work);
+        outcome.lines[1][0].unassessed = Some("1 of 3 samples".into());
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), &study, &outcome, &records).unwrap();
-        for (name, rows) in [("members.csv", study.members.len()), ("dials.csv", 3)] {
+        for (name, rows) in [("samples.csv", study.members.len()), ("parameters.csv", 3)] {
             let text = std::fs::read_to_string(folder.path().join(name)).unwrap();
             let widths: Vec<usize> = text.lines().map(|l| l.split(',').count()).collect();
             assert_eq!(widths.len(), rows + 1, "{text}");

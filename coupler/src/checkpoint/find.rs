@@ -77,16 +77,16 @@ impl Point {
     }
 }
 
-/// How the run whose results lie in `out` can be gone on with, for a person; `words` name its scene
-/// on the command line. `None`: nothing was saved.
-pub fn hint(scene: &Scene, words: &str, out: &Path) -> Option<String> {
+/// What was saved of the run whose results lie in `out`, and the `command` that resumes it. `None`: nothing was
+/// saved.
+pub fn hint(scene: &Scene, command: &str, out: &Path) -> Option<String> {
     let record = Record::read(out).ok()?;
     let (point, notes) = find(scene, out, &record);
     let Point { seal, .. } = point?;
-    let place = format!("after window {} of stage `{}`", seal.windows, seal.name);
+    let place = format!("after {} windows of stage `{}`", seal.windows, seal.name);
     let mut text: String = notes.iter().map(|n| format!("{n}\n")).collect();
     if seal.cannot.is_empty() {
-        text += &format!("saved {place}; go on with: ripstop run {words} --out {} --resume", out.display());
+        text += &format!("saved {place}; resume with: {command}");
     } else {
         text += &format!("saved {place}, but {} cannot be resumed", seal.cannot.join(" and "));
     }

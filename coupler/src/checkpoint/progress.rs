@@ -8,11 +8,12 @@ use serde::{Deserialize, Serialize};
 use super::unusable;
 use crate::energy::EnergyBooks;
 use crate::error::RunError;
+use crate::flow_bounds::FlowBounds;
 use crate::summary::StageSummary;
 
 const FILE: &str = "progress.bin";
 const MAGIC: [u8; 8] = *b"ripprogr";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// How far a stage has come.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -27,6 +28,8 @@ pub struct Progress {
     pub clock: Vec<u8>,
     /// Energy books.
     pub books: EnergyBooks,
+    /// What bounds the flow; `None` for a scene without one.
+    pub flow_bounds: Option<FlowBounds>,
     /// The summary so far.
     pub summary: StageSummary,
     /// Warnings so far.

@@ -1,18 +1,26 @@
-//! What an effect costs: a short run with it beside the same run without it.
+//! What an effect changes and costs: a run with it beside the same run without it.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene};
 
-use super::table::TABLE;
+use super::bench::{Bench, Outcome};
+use super::estimate::{Amount, Assessment, Scope, percent};
+use super::fall::QUANTITIES;
+use super::numbers::Numbers;
+use super::report::{change, measured_stage};
+use super::table::{Entry, TABLE};
 use crate::error::RunError;
-use crate::history;
 use crate::launch::Console;
-use crate::replay::copy_states;
-use crate::run::{Prepared, RunOptions, prepare, run};
+use crate::run::{Prepared, RunOptions, prepare};
+use crate::stages::windows;
+
+/// Windows that are run where the command line does not say.
+const WINDOWS: u64 = 20;
+/// Tolerances of the runs that show the noise, in shares of the scene's.
+const TIGHTER: [f64; 2] = [0.5, 0.7];
 
 /// Work of the measured windows.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,85 +49,273 @@ impl Work {
     }
 }
 
-/// How much is flown.
-#[derive(Clone, Copy, Debug)]
+/// How much is run.
+#[derive(Clone, Debug)]
 pub struct Runs {
-    /// Windows of each run.
-    pub windows: u64,
-    /// Pairs of runs, with and without in turn.
+    /// Windows of each run; `None`: the whole stage, at most 20.
+    pub windows: Option<u64>,
+    /// Runs of each variant, of which the least seconds count.
     pub repeat: u64,
+    /// Keys of the effects to measure; empty: all that can be.
+    pub only: Vec<String>,
 }
 
-/// Costs of the effects of a scene, as a table for people: for each that is on a run
-/// without it, for each that is off and has defaults a run with it, in `stage` (default: the
-/// last one), in turn with the scene itself; of all runs of a pair the least seconds count.
-/// The first row tells how far two runs of the scene itself lie apart.
-/// Stages before are flown once, or taken from `earlier`, the results of a run.
+/// What was measured of an effect.
+pub struct Row {
+    /// Its row of the table.
+    pub entry: &'static Entry,
+    /// Whether the scene has it.
+    pub on: bool,
+    /// What was estimated before.
+    pub assessment: Assessment,
+    /// Relative changes of the answer with the effect over without it, and the work with and without.
+    pub measured: Result<([Option<f64>; 3], [Work; 2]), String>,
+}
+
+/// The measurements of a scene.
+pub struct Measurements {
+    /// Name of the measured stage.
+    pub stage: String,
+    /// Windows of each run.
+    pub windows: u64,
+    /// Time of these windows, s.
+    pub time_s: f64,
+    /// The answer of the scene itself.
+    pub answer: [Option<f64>; 3],
+    /// How far the answer is known, as a share of it: twice what tighter tolerances change.
+    pub noise: [Option<f64>; 3],
+    /// Two runs of the scene itself.
+    pub itself: [Work; 2],
+    /// The effects.
+    pub rows: Vec<Row>,
+}
+
+/// Measures the effects of a scene: for each that is on a run without it, for each that is off and has
+/// defaults a run with it. Stages before the measured one are run with the effect too where it acts in them,
+/// unless their states come from `earlier`, the results of a run.
 ///
 /// # Errors
-/// Trouble with the scene itself; a variant that fails is told in its row.
-pub fn measure(
+/// Trouble with the scene itself; what is wrong with a variant stands in its row.
+pub fn measurements(
     options: &RunOptions,
-    runs: Runs,
+    runs: &Runs,
     earlier: Option<&Path>,
     stop: &AtomicBool,
     console: &Console,
-) -> Result<String, RunError> {
-    let Prepared { scene, .. } = prepare(options)?;
-    let stage = match &options.stage {
-        Some(name) => scene.stages.iter().position(|s| &s.name == name).unwrap_or(0),
-        None => scene.stages.len().saturating_sub(1),
+) -> Result<Measurements, RunError> {
+    let Prepared { scene, interface, .. } = prepare(options)?;
+    if let Some(unknown) = runs.only.iter().find(|k| !TABLE.iter().any(|e| e.key == *k)) {
+        return Err(RunError::Input(format!(
+            "--only {unknown}: there is no such effect; `ripstop effects` lists them"
+        )));
+    }
+    let stage = measured_stage(options, &scene);
+    let length = &scene.stages[stage];
+    let all = if length.window_s > 0.0 { windows(length) } else { 1 };
+    let count = runs.windows.unwrap_or(WINDOWS).min(all);
+    let mesh = mesh::structure_mesh(&scene).map_err(|e| RunError::Input(e.to_string()))?;
+    let n = Numbers::new(&scene, &interface, &mesh);
+    let scope = Scope::new(&n, stage, Some(count));
+    let bench = Bench::new(&scene, stage, count, earlier, stop)?;
+    console.line(&format!("running the scene itself to stage `{}`", length.name));
+    bench.prepare("plain", &scene)?;
+    let plain = bench.run("plain", "plain", &scene)?;
+    let again = bench.run("plain", "plain", &scene)?;
+    let noise = noise(&bench, &scene, &plain, console)?;
+    let mut measured = Measurements {
+        stage: length.name.clone(),
+        windows: count,
+        time_s: scope.fall.time,
+        answer: plain.answer,
+        noise,
+        itself: [again.work, plain.work],
+        rows: Vec::new(),
     };
-    let bench = Bench::new(&scene, stage, runs.windows, stop)?;
-    bench.prepare(earlier, console)?;
-    let own = scene.stages[stage].kind.roles();
-    let mut text = format!(
-        "stage `{}`, {} windows, least of {} runs: seconds that the programs computed, with over without\n  {:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}\n",
-        scene.stages[stage].name,
-        runs.windows,
-        runs.repeat,
-        "effect",
-        "all",
-        "structure",
-        "flow",
-        "mesh",
-        "iterations",
-        "steps",
-        "flow iter."
-    );
-    // The first run also warms caches and files: it does not count.
-    bench.fly("plain", &scene)?;
-    let pair = bench.pair(&scene, &scene, runs.repeat)?;
-    let _ = writeln!(text, "{}", row("(the scene beside itself)", &pair));
-    for e in TABLE {
-        let on = (e.on)(&scene);
-        let Some(change) = (if on { e.without } else { e.with }) else { continue };
-        if !e.programs.iter().any(|p| own.iter().any(|r| r.program() == *p)) {
-            continue;
-        }
+    let own = length.kind.roles();
+    for entry in TABLE.iter().filter(|e| runs.only.is_empty() || runs.only.iter().any(|k| k == e.key)) {
+        let on = (entry.on)(&scene);
+        let acts = bench.acts_before(entry.programs)
+            || entry.programs.contains(&"coupler")
+            || entry.programs.iter().any(|p| own.iter().any(|r| r.program() == *p));
+        let Some(change) = (if on { entry.without } else { entry.with }).filter(|_| acts) else { continue };
+        console.line(&format!("measuring {} ({})", entry.key, if on { "on" } else { "off" }));
         let mut variant = scene.clone();
         change(&mut variant);
-        console.line(&format!("measuring {} ({})", e.key, if on { "on" } else { "off" }));
-        match bench.pair(&scene, &variant, runs.repeat) {
-            Ok([plain, other]) => {
-                let pair = if on { [plain, other] } else { [other, plain] };
-                let key = format!("{}{}", e.key, if on { " (on)" } else { "" });
-                let _ = writeln!(text, "{}", row(&key, &pair));
-            }
+        let outcome = match variant_of(&bench, entry, (&scene, &plain), &variant, runs.repeat) {
             Err(RunError::Interrupted(place)) => return Err(RunError::Interrupted(place)),
-            Err(error) => {
-                let first = error.to_string();
-                let _ =
-                    writeln!(text, "  {:<42} not measured: {}", e.key, first.lines().next().unwrap_or(""));
+            Err(error) => Err(error.to_string().lines().next().unwrap_or_default().to_owned()),
+            Ok([base, other]) => {
+                let [with, without] = if on { [plain, other] } else { [other, plain] };
+                let work = if on { [base.work, other.work] } else { [other.work, base.work] };
+                Ok((changes(&with, &without), work))
+            }
+        };
+        measured.rows.push(Row { entry, on, assessment: (entry.assess)(&scope), measured: outcome });
+    }
+    Ok(measured)
+}
+
+/// Runs of a variant, in turn with more of the scene where several are asked for; the least seconds of each.
+fn variant_of(
+    bench: &Bench<'_>,
+    entry: &Entry,
+    (scene, plain): (&Scene, &Outcome),
+    variant: &Scene,
+    repeat: u64,
+) -> Result<[Outcome; 2], RunError> {
+    let before = bench.acts_before(entry.programs);
+    if before {
+        bench.prepare("variant", variant)?;
+    }
+    let states = if before { "variant" } else { "plain" };
+    let mut least = [*plain, bench.run("variant", states, variant)?];
+    for _ in 1..repeat {
+        let new = [bench.run("plain", "plain", scene)?, bench.run("variant", states, variant)?];
+        for (old, new) in least.iter_mut().zip(new) {
+            old.work = old.work.least(new.work);
+        }
+    }
+    Ok(least)
+}
+
+/// Twice the largest change that tighter tolerances make in the answer, as a share of it: an error that is
+/// proportional to the tolerance is twice what half the tolerance takes from it, and what is chaotic shows itself.
+fn noise(
+    bench: &Bench<'_>,
+    scene: &Scene,
+    plain: &Outcome,
+    console: &Console,
+) -> Result<[Option<f64>; 3], RunError> {
+    let mut noise = plain.answer.map(|a| a.map(|_| 0.0));
+    for factor in TIGHTER {
+        console.line(&format!("measuring the noise: all tolerances {factor} times as large"));
+        let mut tight = scene.clone();
+        tighten(&mut tight, factor);
+        bench.prepare("tight", &tight)?;
+        let other = bench.run("tight", "tight", &tight)?;
+        for (n, c) in noise.iter_mut().zip(changes(&other, plain)) {
+            if let (Some(n), Some(c)) = (n, c) {
+                *n = f64::max(*n, 2.0 * c.abs());
             }
         }
     }
-    text.push_str("ratios are of an effect that is on to the scene without it; of one that is off, of the scene with it to itself");
-    Ok(text)
+    Ok(noise)
+}
+
+/// Multiplies all tolerances of iterations.
+fn tighten(scene: &mut Scene, factor: f64) {
+    scene.coupling.tolerance *= factor;
+    scene.structure.newton_tolerance *= factor;
+    scene.structure.gmres_tolerance *= factor;
+    scene.mesh.tolerance *= factor;
+    if let Some(flow) = &mut scene.flow {
+        flow.solver.residual_drop *= factor;
+    }
+}
+
+/// Relative changes of the first answer over the second, less one.
+fn changes(with: &Outcome, without: &Outcome) -> [Option<f64>; 3] {
+    std::array::from_fn(|q| {
+        let (with, without) = (with.answer[q]?, without.answer[q]?);
+        let ratio = with / without;
+        (ratio.is_finite() && without.abs() > f64::MIN_POSITIVE).then_some(ratio - 1.0)
+    })
+}
+
+impl Row {
+    /// Whether the estimate of each quantity holds, where both are known.
+    pub fn agrees(&self, noise: &[Option<f64>; 3]) -> [Option<bool>; 3] {
+        let (Ok((changes, _)), Some(e)) = (&self.measured, self.assessment.estimate()) else {
+            return [None; 3];
+        };
+        std::array::from_fn(|q| Some(e.changes[q]?.agrees(changes[q]?, noise[q].unwrap_or(0.0), e.signed)))
+    }
+}
+
+impl Measurements {
+    /// The measurements as tables for people.
+    pub fn text(&self) -> String {
+        let mut text = format!(
+            "measured: stage `{}`, {} windows; means over {} to {} s; noise: twice what tighter tolerances change\n",
+            self.stage,
+            self.windows,
+            0.5 * self.time_s,
+            self.time_s
+        );
+        for ((name, unit), (answer, noise)) in
+            QUANTITIES.iter().zip(["m/s", "N", "N"]).zip(self.answer.iter().zip(&self.noise))
+        {
+            if let (Some(answer), Some(noise)) = (answer, noise) {
+                let _ = writeln!(text, "  {name} {answer:.5} {unit}, noise {}", percent(*noise));
+            }
+        }
+        let _ = writeln!(
+            text,
+            "what effects change: with over without, less one\n  {:<42} {:<8} {:<28} {:>10} {:>10}  agree",
+            "effect", "quantity", "estimate (range)", "measured", "noise"
+        );
+        let (mut good, mut all) = (0, 0);
+        for row in &self.rows {
+            self.changes_of(row, &mut text);
+            for agrees in row.agrees(&self.noise).into_iter().flatten() {
+                all += 1;
+                good += u32::from(agrees);
+            }
+        }
+        let _ = writeln!(text, "{good} of {all} estimates agree with what was measured");
+        self.costs(&mut text);
+        text
+    }
+
+    fn changes_of(&self, row: &Row, text: &mut String) {
+        let key = format!("{}{}", row.entry.key, if row.on { " (on)" } else { "" });
+        let (changes, agrees) = match &row.measured {
+            Ok((changes, _)) => (changes, row.agrees(&self.noise)),
+            Err(why) => {
+                let _ = writeln!(text, "  {key:<42} not measured: {why}");
+                return;
+            }
+        };
+        let estimate = row.assessment.estimate();
+        for (q, name) in QUANTITIES.iter().enumerate() {
+            let Some(measured) = changes[q] else { continue };
+            let noise = self.noise[q].unwrap_or(0.0);
+            let of = |a: &Amount| change(a, estimate.is_some_and(|e| e.signed));
+            let expected =
+                estimate.and_then(|e| e.changes[q]).map_or("not assessed".into(), |a: Amount| of(&a));
+            let verdict = match agrees[q] {
+                None => "-",
+                Some(true) if measured.abs() <= noise => "yes (below the noise)",
+                Some(true) => "yes",
+                Some(false) => "NO",
+            };
+            let _ = writeln!(
+                text,
+                "  {key:<42} {name:<8} {expected:<28} {:>8.2} % {:>8.2} %  {verdict}",
+                100.0 * measured,
+                100.0 * noise
+            );
+        }
+    }
+
+    fn costs(&self, text: &mut String) {
+        let _ = writeln!(
+            text,
+            "what effects cost: ratios with over without, of the seconds that the programs computed and of counts\n  {:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}",
+            "effect", "all", "structure", "flow", "mesh", "iterations", "steps", "flow iter."
+        );
+        let _ = writeln!(text, "{}", costs_of("(the scene beside itself)", &self.itself));
+        for row in &self.rows {
+            if let Ok((_, work)) = &row.measured {
+                let key = format!("{}{}", row.entry.key, if row.on { " (on)" } else { "" });
+                let _ = writeln!(text, "{}", costs_of(&key, work));
+            }
+        }
+    }
 }
 
 /// Ratios of the first over the second.
-fn row(key: &str, [with, without]: &[Work; 2]) -> String {
+fn costs_of(key: &str, [with, without]: &[Work; 2]) -> String {
     let ratio = |of: &dyn Fn(&Work) -> f64| {
         let (with, without) = (of(with), of(without));
         if without > 0.0 { format!("{:.2}", with / without) } else { "-".into() }
@@ -135,109 +331,4 @@ fn row(key: &str, [with, without]: &[Work; 2]) -> String {
         ratio(&|w| w.structure_steps as f64),
         ratio(&|w| w.flow_iterations as f64)
     )
-}
-
-/// A temporary place where variants of a scene fly.
-struct Bench<'a> {
-    folder: PathBuf,
-    scene: &'a Scene,
-    stage: usize,
-    windows: u64,
-    stop: &'a AtomicBool,
-}
-
-impl<'a> Bench<'a> {
-    fn new(scene: &'a Scene, stage: usize, windows: u64, stop: &'a AtomicBool) -> Result<Self, RunError> {
-        let folder = std::env::temp_dir().join(format!("ripstop-effects-{}", std::process::id()));
-        fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
-        Ok(Self { folder, scene, stage, windows, stop })
-    }
-
-    fn states(&self) -> PathBuf {
-        self.folder.join("before")
-    }
-
-    /// States of the stages before.
-    fn prepare(&self, earlier: Option<&Path>, console: &Console) -> Result<(), RunError> {
-        let target = self.states();
-        if let Some(from) = earlier {
-            return copy_states(self.scene, self.stage, from, &target);
-        }
-        if self.stage == 0 {
-            return Ok(());
-        }
-        let mut first = self.scene.clone();
-        first.stages.truncate(self.stage);
-        console.line("flying the stages before the measured one");
-        let file = self.write("before", &first)?;
-        run(&RunOptions { scene: file, out: Some(target), ..RunOptions::default() }, self.stop, console)?;
-        Ok(())
-    }
-
-    fn write(&self, name: &str, scene: &Scene) -> Result<PathBuf, RunError> {
-        let file = self.folder.join(format!("{name}.toml"));
-        let mut scene = scene.clone();
-        // Files that it names lie where the scene of the user lies.
-        let files = [
-            scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).map(|g| &mut g.path),
-            if let case::Canopy::Gmsh(g) = &mut scene.canopy { Some(&mut g.file) } else { None },
-        ];
-        for path in files.into_iter().flatten() {
-            *path = std::path::absolute(&*path).map_err(RunError::file("resolve", &*path))?;
-        }
-        let text = toml::to_string(&scene)
-            .map_err(|e| RunError::Input(format!("the scene cannot be written down again: {e}")))?;
-        fs::write(&file, text).map_err(RunError::file("write", &file))?;
-        Ok(file)
-    }
-
-    /// Both in turn, so many times each.
-    fn pair(&self, plain: &Scene, variant: &Scene, repeat: u64) -> Result<[Work; 2], RunError> {
-        let mut least: Option<[Work; 2]> = None;
-        for _ in 0..repeat {
-            let new = [self.fly("plain", plain)?, self.fly("variant", variant)?];
-            least = Some(match least {
-                None => new,
-                Some([a, b]) => [a.least(new[0]), b.least(new[1])],
-            });
-        }
-        Ok(least.unwrap_or_default())
-    }
-
-    fn fly(&self, name: &str, scene: &Scene) -> Result<Work, RunError> {
-        let mut quiet = scene.clone();
-        quiet.output.surface_every_windows = 0;
-        quiet.output.volume_every_windows = 0;
-        let file = self.write(name, &quiet)?;
-        let out = self.folder.join(name);
-        copy_states(scene, self.stage, &self.states(), &out)?;
-        let options = RunOptions {
-            scene: file,
-            out: Some(out.clone()),
-            stage: Some(scene.stages[self.stage].name.clone()),
-            stop_after_windows: Some(self.windows),
-            keep_going: true,
-            ..RunOptions::default()
-        };
-        let (summary, _) = run(&options, self.stop, &Console::new(true))?;
-        let columns = history::read(&out.join(&scene.stages[self.stage].name).join("history.csv"))?;
-        let sum = |name: &str| {
-            let column = columns.iter().find(|(n, _)| n == name);
-            column.map_or(0, |(_, v)| v.iter().filter(|x| x.is_finite()).sum::<f64>() as u64)
-        };
-        let s = summary.stages.last();
-        Ok(Work {
-            busy_s: s.map_or([0.0; 3], |s| [s.structure_busy_s, s.flow_busy_s, s.mesh_busy_s]),
-            iterations: s.map_or(0, |s| s.iterations),
-            structure_steps: sum("structure_newton_steps"),
-            flow_iterations: sum("flow_iterations"),
-            windows: s.map_or(0, |s| s.windows),
-        })
-    }
-}
-
-impl Drop for Bench<'_> {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.folder);
-    }
 }

@@ -1,16 +1,23 @@
-//! The effects of a scene: what each is, which are on, when they matter, what they cost.
+//! The effects of a scene: what each is, which are on, how much they change, what they cost.
 //!
 //! [`table::TABLE`] is the only place that knows them; the handshake, `ripstop check`,
 //! `ripstop effects` and `docs/effects.md` read it.
 
+mod bench;
 mod criteria;
+pub mod estimate;
+pub mod fall;
 pub mod measure;
 pub mod numbers;
+pub mod rank;
+#[cfg(test)]
+mod rank_tests;
 pub mod report;
 pub mod table;
+pub mod wind;
 
 use case::{Role, Scene};
-pub use criteria::{Judgement, Verdict};
+pub use rank::{Ranking, Verdict};
 pub use table::{Entry, TABLE};
 
 /// An effect of a scene that a program must implement.

@@ -1,6 +1,6 @@
 //! Numbers of a scene that tell which effects matter in it.
 
-use case::{Canopy, GAS_CONSTANT, HEAT_RATIO, Scene, StageKind};
+use case::{Canopy, GAS_CONSTANT, HEAT_RATIO, Role, Scene, StageKind, StageTimes};
 use mesh::{CableKind, StructureMesh};
 
 use crate::interface::CanopyInterface;
@@ -13,11 +13,16 @@ const AIR_VISCOSITY: f64 = 1.789e-5;
 pub struct Numbers<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Speed of the air far away past the canopy, m/s; 0 where nothing is known.
+    /// Speed of the air far away past the canopy without gusts, the largest of the stages with the flow, m/s; 0
+    /// where nothing is known.
     pub speed: f64,
+    /// The same at the start of the first coupled stage, m/s.
+    pub release_speed: f64,
+    /// Largest speed in each stage, without gusts and with them, m/s; 0 in stages without the flow.
+    pub stage_speeds: Vec<[f64; 2]>,
     /// Density of the air, kg/m3.
     pub density: f64,
-    /// Mach number of `speed`.
+    /// Mach number of the largest speed, with gusts.
     pub mach: f64,
     /// Width of the canopy as built, m.
     pub width: f64,
@@ -63,8 +68,8 @@ impl<'a> Numbers<'a> {
         let flow = scene.flow.as_ref();
         let descent = scene.descent.as_ref();
         let fall = descent.map_or(0.0, |d| d.initial_speed_m_s);
-        let wind = flow.map_or([0.0; 3], |f| f.wind_m_s);
-        let speed = (wind[0].powi(2) + wind[1].powi(2) + (wind[2] + fall).powi(2)).sqrt();
+        let Speeds { steady: speed, release: release_speed, stages: stage_speeds } = Speeds::of(scene, fall);
+        let fastest = stage_speeds.iter().fold(speed, |most, [_, gusty]| most.max(*gusty));
         let density = flow.map_or(1.225, |f| f.density_kg_m3);
         let temperature = flow.map_or(288.15, |f| f.temperature_k);
         let viscosity =
@@ -100,8 +105,10 @@ impl<'a> Numbers<'a> {
         Self {
             scene,
             speed,
+            release_speed,
             density,
-            mach: speed / (HEAT_RATIO * GAS_CONSTANT * temperature).sqrt(),
+            mach: fastest / (HEAT_RATIO * GAS_CONSTANT * temperature).sqrt(),
+            stage_speeds,
             width,
             reynolds: density * speed * width / viscosity,
             cell: width / across.max(1.0),
@@ -126,6 +133,12 @@ impl<'a> Numbers<'a> {
         }
     }
 
+    /// Dynamic pressure of the largest speed, with gusts, Pa.
+    pub fn peak_pressure(&self) -> f64 {
+        let fastest = self.stage_speeds.iter().fold(self.speed, |most, [_, gusty]| most.max(*gusty));
+        0.5 * self.density * fastest * fastest
+    }
+
     /// The scene runs the flow.
     pub fn flows(&self) -> bool {
         self.scene.flow.is_some() && self.scene.stages.iter().any(|s| s.kind != StageKind::PreInflation)
@@ -144,6 +157,34 @@ impl<'a> Numbers<'a> {
         // The root of b v^2 + a v = p that is right for b = 0 too.
         2.0 * p / (a + (a * a + 4.0 * b * p).sqrt())
     }
+}
+
+/// Speeds of the air past the canopy, m/s.
+struct Speeds {
+    steady: f64,
+    release: f64,
+    stages: Vec<[f64; 2]>,
+}
+
+impl Speeds {
+    /// Of `scene`, whose frame falls with `fall` (m/s), as its winds by stage and its gusts give them.
+    fn of(scene: &Scene, fall: f64) -> Self {
+        let past = |w: [f64; 3]| (w[0].powi(2) + w[1].powi(2) + (w[2] + fall).powi(2)).sqrt();
+        let common = past(scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s));
+        let times = StageTimes::planned(scene);
+        let flows = |k: &usize| scene.flow.is_some() && scene.stages[*k].kind.roles().contains(&Role::Flow);
+        let speeds = |k| if flows(&k) { scene.wind(k, &times).fastest(times.of(k), -fall) } else { [0.0; 2] };
+        let stages: Vec<_> = (0..scene.stages.len()).map(speeds).collect();
+        let steady = (0..stages.len()).filter(flows).map(|k| stages[k][0]).reduce(f64::max);
+        let first = scene.stages.iter().position(|s| s.kind == StageKind::Coupled);
+        let release = first.map_or(common, |k| past(scene.wind(k, &times).released()));
+        Self { steady: steady.unwrap_or(common), release, stages }
+    }
+}
+
+/// Length of a vector.
+pub fn length(v: &[f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

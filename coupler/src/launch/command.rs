@@ -206,6 +206,22 @@ fn can_be_found(program: &str) -> bool {
     std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
 }
 
+/// This executable.
+///
+/// # Errors
+/// It was replaced while it runs, as a build does: the new one would go on with what the old one began.
+pub fn this_program() -> Result<PathBuf, RunError> {
+    let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
+    if me.exists() {
+        return Ok(me);
+    }
+    Err(RunError::Input(
+        "the program `ripstop` was replaced or removed while it runs (by a build?): start the command again; what has \
+         been computed is kept"
+            .into(),
+    ))
+}
+
 /// Folder of this executable: the project's programs lie side by side.
 pub fn program_folder() -> Result<PathBuf, RunError> {
     let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
@@ -237,7 +253,7 @@ pub fn split_words(line: &str) -> Option<Vec<String>> {
     quote.is_none().then_some(words)
 }
 
-fn quote(word: &str) -> String {
+pub(crate) fn quote(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,@%+".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         word.to_owned()

@@ -1,6 +1,8 @@
 //! Where the lines of all programs meet the terminal.
 
+use std::fs::File;
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use case::Role;
@@ -14,6 +16,7 @@ pub struct Console {
     colour: bool,
     bar: Arc<Mutex<Option<ProgressBar>>>,
     warnings: Arc<Mutex<Vec<String>>>,
+    log: Arc<Mutex<Option<File>>>,
 }
 
 /// Most warnings that are kept for the summary: a run that goes wrong gives one a window.
@@ -53,8 +56,36 @@ impl Console {
         }
     }
 
+    /// From now on every line is kept in `path` too, with the time, also what `quiet` does not print; behind
+    /// what is there if `resumed`.
+    ///
+    /// # Errors
+    /// Trouble with the file.
+    pub fn log_to(&self, path: &Path, resumed: bool) -> std::io::Result<()> {
+        let file = File::options().create(true).write(true).append(resumed).truncate(!resumed).open(path)?;
+        if let Ok(mut log) = self.log.lock() {
+            *log = Some(file);
+        }
+        Ok(())
+    }
+
+    /// Keeps a line in the log only.
+    pub fn note(&self, text: &str) {
+        if let Ok(mut log) = self.log.lock()
+            && let Some(file) = log.as_mut()
+        {
+            // A full disk ends the run where results are written.
+            let _ = writeln!(file, "{} {text}", crate::machine::utc_now());
+        }
+    }
+
     /// A line for the user, unless quiet.
     pub fn line(&self, text: &str) {
+        self.note(text);
+        self.print(text);
+    }
+
+    fn print(&self, text: &str) {
         if self.quiet {
             return;
         }
@@ -69,20 +100,22 @@ impl Console {
     /// A line that a program printed.
     pub fn program_line(&self, role: Role, text: &str) {
         let name = role.name();
+        self.note(&format!("{name:>9} | {text}"));
         if self.colour {
             let colour = match role {
                 Role::Structure => 36,
                 Role::Flow => 34,
                 Role::Mesh => 35,
             };
-            self.line(&format!("\x1b[{colour}m{name:>9}\x1b[0m | {text}"));
+            self.print(&format!("\x1b[{colour}m{name:>9}\x1b[0m | {text}"));
         } else {
-            self.line(&format!("{name:>9} | {text}"));
+            self.print(&format!("{name:>9} | {text}"));
         }
     }
 
     /// The one message of a run that failed: printed even when quiet.
     pub fn error(&self, text: &str) {
+        self.note(&format!("error: {text}"));
         let head = if self.colour { "\x1b[1;31merror\x1b[0m" } else { "error" };
         drop(writeln!(std::io::stderr(), "{head}: {text}"));
     }
@@ -100,17 +133,48 @@ impl Console {
         }
     }
 
-    /// A warning of the coupler.
+    /// A warning of the coupler, kept for the summary.
     pub fn warning(&self, text: &str) {
         if let Ok(mut kept) = self.warnings.lock()
             && kept.len() < KEPT
         {
             kept.push(text.to_owned());
         }
+        self.caution(text);
+    }
+
+    /// A warning that the summary has from elsewhere: the inspection before a run.
+    pub fn caution(&self, text: &str) {
+        self.note(&format!("warning: {text}"));
         if self.colour {
-            self.line(&format!("\x1b[33mwarning\x1b[0m: {text}"));
+            self.print(&format!("\x1b[33mwarning\x1b[0m: {text}"));
         } else {
-            self.line(&format!("warning: {text}"));
+            self.print(&format!("warning: {text}"));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_log_holds_what_quiet_does_not_print() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("ripstop.log");
+        let console = Console::new(true);
+        console.line("before");
+        console.log_to(&path, false).expect("a log");
+        console.line("stage `one`");
+        console.warning("it jumps");
+        console.program_line(Role::Flow, "a word");
+        console.log_to(&path, true).expect("the same log");
+        console.line("continued");
+        let text = std::fs::read_to_string(&path).expect("a log");
+        // A date and a time of 19 letters come first.
+        let lines: Vec<&str> = text.lines().map(|l| &l[20..]).collect();
+        assert_eq!(lines, ["stage `one`", "warning: it jumps", "     flow | a word", "continued"], "{text}");
+        console.log_to(&path, false).expect("a new log");
+        assert!(std::fs::read_to_string(&path).expect("a log").is_empty());
     }
 }

@@ -41,18 +41,24 @@ pub fn needed(scene: &Scene, stage: usize, interface: &CanopyInterface, grid_nod
     scene.stages[stage].kind.roles().iter().map(of).sum()
 }
 
-/// Nodes of the moving grid of a scene, as far as they are known before its start.
-pub fn grid_nodes(scene: &Scene, interface: &CanopyInterface) -> u64 {
+/// Nodes of the moving grid of a scene; 0 where its parameters make none.
+pub fn grid_nodes(scene: &Scene) -> u64 {
     if !scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Mesh)) {
         return 0;
     }
-    let made = mesh::structure_mesh(scene).and_then(|c| mesh::draft_grid(scene, &c, &interface.coords));
-    made.map_or(0, |grid| grid.coords.len() as u64)
+    let made = mesh::structure_mesh(scene).and_then(|c| mesh::grid_sizes(scene, &c));
+    made.map_or(0, |grid| grid.nodes)
 }
 
-/// Bytes that are free; `None` where there is no such place, or it cannot be asked.
+/// Bytes of shared memory that are free; `None` where there is none, or it cannot be asked.
 pub fn free() -> Option<u64> {
-    let name = std::ffi::CString::new(PLACE).ok()?;
+    free_in(Path::new(PLACE))
+}
+
+/// Bytes that are free in the file system of `folder`; `None` where it does not exist, or cannot be asked.
+pub fn free_in(folder: &Path) -> Option<u64> {
+    use std::os::unix::ffi::OsStrExt;
+    let name = std::ffi::CString::new(folder.as_os_str().as_bytes()).ok()?;
     let mut found = std::mem::MaybeUninit::<libc::statvfs>::zeroed();
     // SAFETY: a terminated string, and room for the answer.
     if unsafe { libc::statvfs(name.as_ptr(), found.as_mut_ptr()) } != 0 {
@@ -69,7 +75,7 @@ pub fn free() -> Option<u64> {
 /// [`RunError::Input`] with what is needed and what is free.
 pub fn require(scene: &Scene, first: usize, interface: &CanopyInterface) -> Result<(), RunError> {
     let Some(free) = free().filter(|_| Path::new(PLACE).is_dir()) else { return Ok(()) };
-    let grid = if free > PLENTY { 0 } else { grid_nodes(scene, interface) };
+    let grid = if free > PLENTY { 0 } else { grid_nodes(scene) };
     for stage in first..scene.stages.len() {
         let needed = needed(scene, stage, interface, grid);
         if needed > free {
@@ -87,7 +93,7 @@ pub fn require(scene: &Scene, first: usize, interface: &CanopyInterface) -> Resu
 
 /// A line for `ripstop check`.
 pub fn line(scene: &Scene, first: usize, interface: &CanopyInterface) -> String {
-    let grid = grid_nodes(scene, interface);
+    let grid = grid_nodes(scene);
     let most = (first..scene.stages.len()).map(|s| needed(scene, s, interface, grid)).max().unwrap_or(0);
     let free = free().map_or_else(|| "unknown".into(), megabytes);
     format!("shared memory: at most {} of {PLACE} ({free} free)", megabytes(most))

@@ -11,7 +11,8 @@ mod process;
 mod supervisor;
 mod usage;
 
-pub use command::{LaunchPlan, Program, program_folder, split_words};
+pub(crate) use command::quote;
+pub use command::{LaunchPlan, Program, program_folder, split_words, this_program};
 pub use console::Console;
 pub use supervisor::{Casualty, Supervisor};
 pub use usage::Usage;

@@ -55,7 +55,7 @@ struct Running {
     child: Child,
     status: Option<(ExitStatus, Instant)>,
     readers: Vec<JoinHandle<()>>,
-    tail: Arc<Mutex<VecDeque<String>>>,
+    tail: Arc<Mutex<Tail>>,
     notices: Arc<Mutex<Notices>>,
     /// Since when it has had fewer ranks than it was started with.
     fewer: Option<Instant>,
@@ -145,11 +145,21 @@ impl Supervisor {
         self.running[at].status.is_some().then(|| self.running[at].casualty())
     }
 
-    /// The last line that a role's program wrote; empty where it wrote none.
-    pub fn last_line(&self, role: Role) -> String {
+    /// A question goes to the program of `role`: its last words are what it writes from now on.
+    pub fn asked(&self, role: Role) {
         let running = self.running.iter().find(|r| r.program.role == role);
-        let tail = running.and_then(|r| r.tail.lock().ok()?.back().cloned());
-        tail.unwrap_or_default()
+        if let Some(mut tail) = running.and_then(|r| r.tail.lock().ok()) {
+            tail.since = 0;
+        }
+    }
+
+    /// The last line that a role's program wrote since it was asked, waiting for one for a moment: lines come
+    /// another way than answers. `None` where it wrote none.
+    pub fn last_line(&self, role: Role) -> Option<String> {
+        let running = self.running.iter().find(|r| r.program.role == role)?;
+        let last = || running.tail.lock().ok()?.words().last().cloned();
+        wait_until(LAST_WORDS, || last().is_some());
+        last()
     }
 
     /// How messages call the program of `role`.
@@ -293,7 +303,7 @@ impl Running {
                 (None, None) => "unknown".to_owned(),
             },
         };
-        let tail = self.tail.lock().map(|t| t.iter().cloned().collect::<Vec<_>>().join("\n"));
+        let tail = self.tail.lock().map(|t| t.words().cloned().collect::<Vec<_>>().join("\n"));
         Casualty {
             role: self.program.role,
             name: self.program.name.clone(),
@@ -345,7 +355,7 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
         };
         RunError::Input(format!("cannot start `{what}` for {}: {source}; {help}", program.name))
     })?;
-    let tail = Arc::new(Mutex::new(VecDeque::new()));
+    let tail = Arc::new(Mutex::new(Tail::default()));
     let notices = Arc::default();
     let mut readers = Vec::new();
     let show = Show { role: program.role, console: console.clone(), muted: muted.clone() };
@@ -367,13 +377,36 @@ struct Show {
     muted: Arc<AtomicBool>,
 }
 
+/// The last lines of a program.
+#[derive(Default)]
+struct Tail {
+    lines: VecDeque<String>,
+    /// How many of them it wrote since it was asked last.
+    since: usize,
+}
+
+impl Tail {
+    fn push(&mut self, line: String) {
+        if self.lines.len() == TAIL {
+            self.lines.pop_front();
+        }
+        self.lines.push_back(line);
+        self.since = (self.since + 1).min(TAIL);
+    }
+
+    /// What it wrote since it was asked last.
+    fn words(&self) -> impl Iterator<Item = &String> {
+        self.lines.iter().skip(self.lines.len() - self.since)
+    }
+}
+
 /// Copies lines to the log, the end of them to `tail`, and those of standard
 /// error to the console, but for MPI's framed notices about a death, which the
 /// coupler reports better. What the launcher records of its ranks is noted only.
 fn read(
     pipe: impl Read + Send + 'static,
     log: Arc<Mutex<File>>,
-    tail: Arc<Mutex<VecDeque<String>>>,
+    tail: Arc<Mutex<Tail>>,
     notices: Arc<Mutex<Notices>>,
     show: Option<Show>,
 ) -> JoinHandle<()> {
@@ -410,10 +443,7 @@ fn read(
                 continue;
             }
             if let Ok(mut tail) = tail.lock() {
-                if tail.len() == TAIL {
-                    tail.pop_front();
-                }
-                tail.push_back(line.clone());
+                tail.push(line.clone());
             }
             if let Some(show) = &show
                 && !show.muted.load(Ordering::Relaxed)

@@ -3,11 +3,16 @@
 use std::ffi::OsString;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use case::Role;
 
 use super::*;
+
+#[path = "../../../tests/src/load.rs"]
+mod load;
+
+use load::Limit;
 
 fn script(folder: &Path, name: &str, text: &str) -> OsString {
     let file = folder.join(name);
@@ -25,12 +30,9 @@ fn alive(process: &str) -> bool {
     super::process::look(process.trim().parse().unwrap()).is_some()
 }
 
-fn wait_for(mut condition: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !condition() {
-        assert!(start.elapsed() < Duration::from_secs(10), "waited in vain");
-        std::thread::sleep(Duration::from_millis(10));
-    }
+fn wait_for(condition: impl FnMut() -> bool) {
+    let waited = Limit::new(Duration::from_secs(10)).until(Duration::from_millis(10), condition);
+    waited.unwrap_or_else(|told| panic!("waited in vain: {told}"));
 }
 
 #[test]
@@ -53,12 +55,37 @@ fn a_death_is_noticed_with_its_cause_and_the_rest_ends() {
     wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
     let sleeper = std::fs::read_to_string(&note).unwrap();
     assert!(alive(&sleeper));
-    let start = Instant::now();
+    let limit = Limit::new(Duration::from_secs(2));
     drop(supervisor);
-    assert!(start.elapsed() < Duration::from_secs(2));
+    limit.demand("the sleeper ends when asked");
     assert!(!alive(&sleeper));
     let log = std::fs::read_to_string(dir.join("logs/flow.log")).unwrap();
     assert!(log.starts_with("$ ") && log.contains("grid file is damaged"), "{log}");
+}
+
+#[test]
+fn last_words_are_those_since_the_program_was_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    let (go, end) = (dir.join("go"), dir.join("end"));
+    let wait = |file: &std::path::Path| format!("while [ ! -e {} ]; do sleep 0.02; done", file.display());
+    let text = format!("echo early >&2; {}; echo late >&2; {}; exit 4", wait(&go), wait(&end));
+    let programs = vec![program(dir, Role::Flow, vec![script(dir, "speaks", &text)])];
+    let mut supervisor = Supervisor::start(programs, "t7", &Console::new(true)).unwrap();
+    wait_for(|| supervisor.last_line(Role::Flow).is_some());
+    assert_eq!(supervisor.last_line(Role::Flow).as_deref(), Some("early"));
+    supervisor.asked(Role::Flow);
+    assert_eq!(supervisor.last_line(Role::Flow), None);
+    std::fs::write(&go, "").unwrap();
+    wait_for(|| supervisor.last_line(Role::Flow).is_some());
+    assert_eq!(supervisor.last_line(Role::Flow).as_deref(), Some("late"));
+    std::fs::write(&end, "").unwrap();
+    let mut casualty = None;
+    wait_for(|| {
+        casualty = supervisor.casualty();
+        casualty.is_some()
+    });
+    assert_eq!(casualty.unwrap().tail, "late");
 }
 
 #[test]
@@ -81,9 +108,9 @@ fn a_program_that_ignores_the_request_is_forced_with_its_children() {
     wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
     let rank = std::fs::read_to_string(&note).unwrap();
     assert!(supervisor.casualty().is_none() && alive(&rank));
-    let start = Instant::now();
+    let limit = Limit::new(Duration::from_secs(5));
     supervisor.end();
-    assert!(start.elapsed() < Duration::from_secs(5), "took {:?}", start.elapsed());
+    limit.demand("the rank is forced");
     assert!(!alive(&rank));
 }
 
@@ -119,7 +146,7 @@ fn a_good_end_is_no_casualty_and_a_late_one_is() {
     let good = script(dir, "good", "exit 0");
     let supervisor =
         Supervisor::start(vec![program(dir, Role::Flow, vec![good])], "t4", &Console::new(true)).unwrap();
-    assert_eq!(supervisor.finish(Duration::from_secs(5)), []);
+    assert_eq!(supervisor.finish(load::deadline(Duration::from_secs(5))), []);
     let late = script(dir, "late", "exec sleep 100");
     let supervisor =
         Supervisor::start(vec![program(dir, Role::Flow, vec![late])], "t5", &Console::new(true)).unwrap();

@@ -26,8 +26,8 @@ use crate::launch::Console;
 
 /// Where the eye of the canopy pictures stands: azimuth and elevation, degrees.
 const EYE: [f64; 2] = [28.0, -14.0];
-/// Times of the paper's figure 4, s; the last shape follows.
-const STRIP: [f64; 3] = [0.2, 0.4, 0.8];
+/// Times of the paper's figure 4 before that of the last shape, as shares of it (0.2, 0.4 and 0.8 of 1.5 s).
+const STRIP: [f64; 3] = [0.2 / 1.5, 0.4 / 1.5, 0.8 / 1.5];
 
 /// What to draw.
 #[derive(Args)]
@@ -97,13 +97,16 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
 
     let inflation = results.scene.stages.iter().position(|s| s.kind == StageKind::PreInflation);
     if let Some(stage) = inflation
-        && results.times(stage, Kind::Canopy)?.is_some()
+        && let Some(last) = results.structure(stage, None)?
     {
-        let times = STRIP.into_iter().map(Some).chain([None]);
-        let shapes = times
+        let times = STRIP.into_iter().map(|share| Some(share * last.0));
+        let mut shapes = times
             .map(|time| results.structure(stage, time))
             .filter_map(Result::transpose)
             .collect::<Result<Vec<_>, _>>()?;
+        shapes.push(last);
+        // A stage with few snapshots has the same one nearest to two of the times.
+        shapes.dedup_by(|a, b| a.0 == b.0);
         let pixmap = strip(&shapes, args.width);
         save(pixmap, "pre-inflation.png", "how the canopy inflates".into())?;
     }

@@ -147,4 +147,8 @@ impl<P: Partners> Partners for Baseline<'_, P> {
     fn fixed_windows(&self) -> Vec<String> {
         self.partners.fixed_windows()
     }
+
+    fn without_support_force(&self) -> Option<String> {
+        self.partners.without_support_force()
+    }
 }

@@ -11,7 +11,7 @@ use super::pack::{PackError, Packed, pack, unpack};
 use super::{Channel, Event, Header};
 
 /// First bytes of a file.
-pub const MAGIC: [u8; 8] = *b"ripsrec1";
+pub const MAGIC: [u8; 8] = *b"ripsrec2";
 /// No frame is longer.
 const LONGEST: u32 = 1 << 30;
 /// Nodes, faces and grid nodes that a header may claim.

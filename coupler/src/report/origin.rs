@@ -5,6 +5,7 @@ use case::Role;
 use super::data::{Run, number, text};
 use super::document::{Block, Section, Table};
 use super::facts::progress;
+use crate::checks::Finding;
 use crate::effects::TABLE;
 use crate::interface::CanopyInterface;
 
@@ -97,13 +98,17 @@ pub(super) fn kind(kind: case::StageKind) -> &'static str {
     }
 }
 
-/// Warnings of the coupler and of the programs, windows that did not converge, windows that were rejected.
+/// Warnings of the inspection, of the coupler and of the programs, windows that did not converge, windows that were rejected.
 pub(super) fn warnings(run: &Run) -> Vec<String> {
     let mut found = Vec::new();
     let ended = text(run.summary.as_ref(), "ended");
     if !ended.is_empty() && ended != "complete" {
         found.push(format!("the run ended early: {ended}"));
     }
+    let inspection = run.summary.as_ref().and_then(|s| s.get("inspection")).cloned().unwrap_or_default();
+    // A summary of an earlier version has none.
+    let inspected: Vec<Finding> = serde_json::from_value(inspection).unwrap_or_default();
+    found.extend(inspected.iter().map(|f| format!("before the run, {}; {}", f.line(), f.remedy)));
     let told = run.summary.as_ref().and_then(|s| s.get("warnings")).and_then(|w| w.as_array());
     match told {
         Some(list) => found.extend(list.iter().filter_map(|w| w.as_str()).map(str::to_owned)),

@@ -9,8 +9,38 @@ pub struct Field {
     pub range: Range<usize>,
     /// Change over a window (2-norm, in the vector's units) below which the
     /// change itself is no longer the measure, so that a canopy at rest does
-    /// not ask for round-off.
+    /// not ask for round-off. Goes with the length of the window.
     pub floor: f64,
+    /// What the scale of the load changes the field by; the greater of both is the floor.
+    pub load: LoadFloor,
+}
+
+impl Field {
+    /// With a floor that goes with the length of the window.
+    pub fn new(range: Range<usize>, floor: f64) -> Self {
+        Self { range, floor, load: LoadFloor::default() }
+    }
+
+    /// The floor in windows that are `factor` times as long as those that it was made for.
+    fn floor(&self, factor: f64) -> f64 {
+        (factor * self.floor).max(self.load.at(factor)).max(f64::MIN_POSITIVE)
+    }
+}
+
+/// What the scale of the load changes a field by within a window (2-norm, in the vector's units).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LoadFloor {
+    /// By inertia alone: goes with the square of the window's length.
+    pub inertial: f64,
+    /// Never more, whatever the window.
+    pub most: f64,
+}
+
+impl LoadFloor {
+    /// In windows that are `factor` times as long as those that it was made for.
+    pub fn at(&self, factor: f64) -> f64 {
+        (factor * factor * self.inertial).min(self.most)
+    }
 }
 
 /// A window is converged when for every field
@@ -21,12 +51,19 @@ pub struct Criterion {
     pub fields: Vec<Field>,
     /// $\epsilon$.
     pub tolerance: f64,
+    /// Length of the windows over that of those that the floors were made for.
+    length: f64,
 }
 
 impl Criterion {
-    /// For windows of another length: what moves past the canopy in a window goes with its length.
+    /// With floors for windows of the planned length.
+    pub fn new(fields: Vec<Field>, tolerance: f64) -> Self {
+        Self { fields, tolerance, length: 1.0 }
+    }
+
+    /// For windows that are `factor` times as long as those before.
     pub fn rescale(&mut self, factor: f64) {
-        self.fields.iter_mut().for_each(|field| field.floor *= factor);
+        self.length *= factor;
     }
 
     /// Largest ratio over the fields of the residual to the change over the
@@ -38,7 +75,7 @@ impl Criterion {
                 residual += (x_tilde[i] - x[i]) * (x_tilde[i] - x[i]);
                 change += (x_tilde[i] - x_start[i]) * (x_tilde[i] - x_start[i]);
             }
-            let ratio = residual.sqrt() / change.sqrt().max(field.floor).max(f64::MIN_POSITIVE);
+            let ratio = residual.sqrt() / change.sqrt().max(field.floor(self.length));
             if ratio.is_nan() || worst.is_nan() { f64::NAN } else { worst.max(ratio) }
         })
     }
@@ -54,10 +91,7 @@ mod tests {
     use super::*;
 
     fn criterion() -> Criterion {
-        Criterion {
-            fields: vec![Field { range: 0..2, floor: 0.1 }, Field { range: 2..3, floor: 0.1 }],
-            tolerance: 1e-3,
-        }
+        Criterion::new(vec![Field::new(0..2, 0.1), Field::new(2..3, 0.1)], 1e-3)
     }
 
     #[test]

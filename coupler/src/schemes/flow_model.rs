@@ -392,4 +392,30 @@ mod tests {
         println!("short waves: {apart:.3}");
         assert!(apart < 0.6, "{apart}");
     }
+
+    /// The first window has the first difference; from then on parabolas are exact over unequal windows.
+    #[test]
+    fn velocities_of_a_parabola_and_positions_from_a_bent_start() {
+        let (positions, faces) = plate(4);
+        let unknowns = Unknowns::new(positions.len(), 1.0, false);
+        let start: Vec<f64> = (0..3 * positions.len()).map(|i| 0.1 * (i as f64).sin()).collect();
+        let lattice = Lattice::new(&positions, &faces, usize::MAX, 0.0).expect("a plate");
+        let air = Air::incompressible(1.0);
+        let mut model =
+            FlowModel::new(unknowns, &lattice, &start, 0.0, &faces, air, usize::MAX).expect("a plate");
+        let at = |t: f64| -> Vec<f64> {
+            start.iter().enumerate().map(|(i, s)| s + (1.0 + i as f64) * t - 2.0 * t * t).collect()
+        };
+        let compare = |found: Vec<f64>, wanted: &dyn Fn(usize) -> f64| {
+            for (i, f) in found.iter().enumerate() {
+                assert!((f - wanted(i)).abs() < 1e-11, "{i}: {f} {}", wanted(i));
+            }
+        };
+        compare(model.velocities(&at(0.5), 0.5), &|i| 1.0 + i as f64 - 2.0 * 0.5);
+        model.accept(&at(0.5), 0.5);
+        compare(model.velocities(&at(0.9), 0.4), &|i| 1.0 + i as f64 - 4.0 * 0.9);
+        compare(model.velocities(&at(1.4), 0.9), &|i| 1.0 + i as f64 - 4.0 * 1.4);
+        let moved = model.positions(&at(0.5));
+        compare(moved.into_flattened(), &|i| positions[i / 3][i % 3] + 0.5 * (1.0 + i as f64) - 0.5);
+    }
 }

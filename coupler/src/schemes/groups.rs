@@ -192,6 +192,9 @@ mod tests {
         assert!(faces_of.iter().all(|&n| n == 4), "{faces_of:?}");
         let blocks = groups.outlines.iter().filter(|o| o.len() == 8).count();
         assert!(blocks >= 60, "{blocks}");
+        // Four faces with a side of 1/16: the side of a group over pi.
+        let side = 2.0 / 16.0 / std::f64::consts::PI;
+        assert!(groups.fine.iter().all(|f| (f - side).abs() < 1e-14), "{:?}", groups.fine);
         let means = groups.means(&vec![0.7; faces.len()]);
         assert!(means.iter().all(|m| (m - 0.7).abs() < 1e-14));
     }

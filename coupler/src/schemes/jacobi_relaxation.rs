@@ -53,3 +53,44 @@ impl Relaxation for JacobiRelaxation {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lattice::{Air, Lattice};
+    use super::super::relaxation::tests::plate;
+    use super::*;
+
+    /// The two equations of [`JacobiRelaxation`], with the pressure the same on all faces: the structure then answers
+    /// it with `response dt^2 / mass` along the normals, z.
+    #[test]
+    fn the_step_solves_both_equations() {
+        let (positions, faces) = plate(4);
+        let (dt, scale) = (5e-3, 2e-4);
+        let weights =
+            Weights { fabric_kg_m2: 0.0373, air: Air::incompressible(1.2), response: 0.275, falling_kg: 0.0 };
+        let plain = Unknowns::new(positions.len(), dt, false);
+        let unknowns = plain.with_loads(LOAD_WIDTH * faces.len(), scale);
+        let lattice = Lattice::new(&positions, &faces, usize::MAX, 0.0).expect("a plate");
+        let model = AddedMassRelaxation::new(unknowns, &faces, &weights, &lattice).expect("a plate");
+        let r_x: Vec<f64> = (0..3 * positions.len()).map(|i| (1.7 * i as f64).sin()).collect();
+        let pressure = 30.0;
+        let answer = 0.275 * dt * dt / 0.0373;
+        // Tractions pass through.
+        let r_p: Vec<f64> = faces.iter().flat_map(|_| [pressure * scale, 0.1, 0.2, 0.3]).collect();
+
+        let mut asked = r_x.clone();
+        asked.iter_mut().skip(2).step_by(3).for_each(|z| *z += answer * pressure);
+        let mut wanted = vec![0.0; r_x.len()];
+        model.apply(&asked, &mut wanted);
+
+        let mut step = vec![0.0; unknowns.len()];
+        JacobiRelaxation::new(model, unknowns, &weights, dt).apply(&[&r_x[..], &r_p].concat(), &mut step);
+        assert!(step.iter().zip(&wanted).all(|(s, w)| (s - w).abs() < 1e-12));
+        for (face, load) in faces.iter().zip(step[r_x.len()..].chunks_exact(LOAD_WIDTH)) {
+            let z = |n: u32| 3 * n as usize + 2;
+            let moved = face.iter().map(|&n| wanted[z(n)] - r_x[z(n)]).sum::<f64>() / 4.0;
+            assert!((load[0] / scale - moved / answer).abs() < 1e-9 * (moved / answer).abs().max(1.0));
+            assert_eq!(load[1..], [0.1, 0.2, 0.3]);
+        }
+    }
+}

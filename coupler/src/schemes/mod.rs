@@ -28,7 +28,7 @@ mod unknowns;
 mod window;
 
 pub use accelerate::{Accelerator, Aitken, Constant, accelerator};
-pub use criterion::{Criterion, Field};
+pub use criterion::{Criterion, Field, LoadFloor};
 pub use extrapolate::{Past, lagrange};
 pub use flow_model::FlowModel;
 pub use implicit::{GaussSeidel, Jacobi};
@@ -48,6 +48,8 @@ pub use staggered::{FlowFirst, HalfStep, StructureFirst};
 pub use unknowns::Unknowns;
 pub use window::{InterfaceState, WindowLoop, WindowReport};
 
+#[cfg(test)]
+mod descent_tests;
 #[cfg(test)]
 mod model_tests;
 #[cfg(test)]

@@ -137,8 +137,8 @@ fn fly(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result<Plate, 
         velocity: 0.0,
         acceleration: 0.0,
     };
-    let fields = vec![Field { range: 0..unknowns.len(), floor: 1e-8 }];
-    let criterion = Criterion { fields, tolerance: coupling.tolerance };
+    let fields = vec![Field::new(0..unknowns.len(), 1e-8)];
+    let criterion = Criterion::new(fields, coupling.tolerance);
     let rest = || -> Box<dyn Relaxation> {
         let (positions, faces) = self::plate();
         let response = 0.5 * MEAN_WEIGHTS[0];

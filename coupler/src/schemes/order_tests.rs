@@ -153,8 +153,8 @@ fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
         velocity: 0.0,
         acceleration: 0.0,
     };
-    let fields = vec![Field { range: 0..unknowns.len(), floor: 1e-9 }];
-    let criterion = Criterion { fields, tolerance: coupling.tolerance };
+    let fields = vec![Field::new(0..unknowns.len(), 1e-9)];
+    let criterion = Criterion::new(fields, coupling.tolerance);
     let rest = Box::new(Uniform(coupling.relaxation));
     WindowLoop::new("test", coupling, unknowns, criterion, 1, None, state, rest, None, false)
 }

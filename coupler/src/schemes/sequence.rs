@@ -8,7 +8,7 @@ use super::implicit::{GaussSeidel, Jacobi};
 use super::model_schemes::{AddedMassStaggered, BlockQuasiNewton};
 use super::staggered::{FlowFirst, HalfStep, StructureFirst};
 use super::{Accelerator, Criterion, InterfaceState, Unknowns, WindowReport};
-use crate::descent::DescentModel;
+use crate::descent::{DescentModel, WindowForces};
 use crate::error::{Place, RunError};
 use crate::partners::{Answer, LoadOverWindow, Partners};
 
@@ -143,17 +143,18 @@ impl Visit<'_> {
         finite(self.stage, "answer of the structure", &w, &self.end.displacement)
     }
 
-    /// The descent equation under the force of the flow's last answer, into [`End::velocity`].
+    /// The descent equation after flow and structure were solved, into [`End::velocity`].
     pub fn descend(&mut self) {
         self.descend_under(self.report.force[2]);
     }
 
-    /// The same under a vertical force, N.
+    /// The same with another vertical force of the air on the canopy at the end of the window, N.
     pub fn descend_under(&mut self, force: f64) {
         self.end.velocity = match self.descent {
             Some(model) => {
-                let structure = &self.report.stats[Role::Structure as usize];
-                model.step(self.state.velocity, model.force(force, structure), self.window.dt)
+                let measured = self.report.forces(self.window.frame_acceleration[2]);
+                let forces = WindowForces { canopy: force, ..measured };
+                model.end_velocity(self.state.velocity, &forces, self.window.dt)
             }
             None => self.state.velocity,
         };

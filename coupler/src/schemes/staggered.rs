@@ -1,6 +1,6 @@
 //! Staggered schemes: each program once in a window.
 
-use case::LoadShape;
+use case::{DescentEquation, LoadShape};
 
 use super::extrapolate::Past;
 use super::load_shape::{FlowLoads, shape_load};
@@ -163,10 +163,18 @@ impl Sequence for HalfStep {
         visit.flow_in(&half, self.unknowns.displacement(x))?;
         visit.state.load.get_or_insert_with(|| visit.end.load.clone());
         self.load.clone_from(&visit.end.load);
-        // The frame's mean acceleration over the structure's window follows from the same force.
-        visit.descend();
-        visit.window.frame_acceleration[2] = (visit.end.velocity - visit.state.velocity) / visit.window.dt;
-        visit.structure_under(LoadOverWindow { start: &self.load, end: &self.load })?;
+        if visit.descent.is_some_and(|d| d.equation == DescentEquation::QuasiSteady) {
+            // The frame's mean acceleration over the structure's window follows from the same force.
+            visit.descend();
+            visit.window.frame_acceleration[2] =
+                (visit.end.velocity - visit.state.velocity) / visit.window.dt;
+            visit.structure_under(LoadOverWindow { start: &self.load, end: &self.load })?;
+        } else {
+            // It follows from the structure, whose own share of it is small: that of the window before.
+            visit.window.frame_acceleration[2] = visit.state.acceleration;
+            visit.structure_under(LoadOverWindow { start: &self.load, end: &self.load })?;
+            visit.descend();
+        }
         self.unknowns.pack(&visit.end.displacement, visit.end.velocity, x_tilde);
         Ok(())
     }

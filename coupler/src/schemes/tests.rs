@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use case::{Acceleration, Coupling, Role, Scheme};
+use case::{Acceleration, Coupling, DescentEquation, Role, Scheme};
 use channel::{LOAD_WIDTH, Stats, Window, flow_stats};
 
 use super::*;
-use crate::descent::DescentModel;
+use crate::descent::{DescentModel, Weight};
 use crate::error::RunError;
 use crate::partners::{Answer, LoadOverWindow, Partners};
 
@@ -165,9 +165,9 @@ fn coupling(acceleration: Acceleration, relaxation: f64) -> Coupling {
 
 fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64) -> WindowLoop {
     let unknowns = Unknowns::new(NODES, DT, descent.is_some());
-    let mut fields = vec![Field { range: 0..3 * NODES, floor: 1e-7 }];
+    let mut fields = vec![Field::new(0..3 * NODES, 1e-7)];
     if descent.is_some() {
-        fields.push(Field { range: 3 * NODES..3 * NODES + 1, floor: 1e-7 });
+        fields.push(Field::new(3 * NODES..3 * NODES + 1, 1e-7));
     }
     let state = InterfaceState {
         displacement: vec![0.0; 3 * NODES],
@@ -176,7 +176,7 @@ fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64
         velocity,
         acceleration: 0.0,
     };
-    let criterion = Criterion { fields, tolerance: coupling.tolerance };
+    let criterion = Criterion::new(fields, coupling.tolerance);
     WindowLoop::new(
         "test",
         coupling,
@@ -316,12 +316,16 @@ fn descent_is_solved_with_the_canopy() {
     // diverge (3.2 > 1). Exact: implicit Euler of (m + m_a) dv/dt = c v^2 - m g.
     let model = DescentModel {
         mass_kg: 100.0,
+        payload_kg: 100.0,
+        equation: DescentEquation::QuasiSteady,
+        weight: Weight::Frame,
         gravity_m_s2: 9.80665,
         reference_area_m2: 40.0,
         reference_speed_m_s: 4.8,
         air_density_kg_m3: 1.225,
         payload_drag: None,
         drag_in_structure: false,
+        support_known: true,
     };
     let mut partners = AddedMass { body_added: 320.0, drag: 45.0, ..AddedMass::new(50.0) };
     partners.velocity = [-6.0; 2];
@@ -342,7 +346,7 @@ fn the_first_flow_answer_stands_for_an_unknown_start_load() {
     let mut model = AddedMass::new(10.0);
     let implicit = coupling(Acceleration::IqnIls, 0.05);
     let unknowns = Unknowns::new(NODES, DT, false);
-    let criterion = Criterion { fields: vec![Field { range: 0..3 * NODES, floor: 1e-7 }], tolerance: 1e-6 };
+    let criterion = Criterion::new(vec![Field::new(0..3 * NODES, 1e-7)], 1e-6);
     let state = InterfaceState {
         displacement: vec![0.0; 3 * NODES],
         load: None,

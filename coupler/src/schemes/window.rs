@@ -1,18 +1,25 @@
 //! The loop over the coupling iterations of one window.
 
 use case::Coupling;
-use channel::{Stats, Window, flow_stats};
+use channel::{Stats, UNCONVERGED_LIMIT, Window, flow_stats};
 
 use super::sequence::{End, Modelled, Sequence, Visit, finite, sequence};
 use super::staggered::packed;
 use super::{Accelerator, Criterion, Relaxation, Unknowns};
-use crate::descent::DescentModel;
+use crate::convergence::Judge;
+use crate::descent::{DescentModel, WindowForces};
+use crate::descent_limits::Limits;
 use crate::error::{Place, RunError};
 use crate::partners::{Answer, Partners};
 
-/// A window that ends its iterations above the tolerance but below this measure
-/// is accepted and counted as not converged; above it the run ends.
-pub const ACCEPTABLE: f64 = 0.1;
+/// Whatever the tolerance, no window is accepted that ends its iterations above this measure.
+const MOST_ACCEPTABLE: f64 = 0.1;
+
+/// A window that ends its iterations above the tolerance but below this measure is accepted and counted as
+/// not converged; above it the run ends.
+fn acceptable(tolerance: f64) -> f64 {
+    (UNCONVERGED_LIMIT * tolerance).min(MOST_ACCEPTABLE).max(tolerance)
+}
 
 /// Iterations without progress after which an acceptable window is accepted: it
 /// has come to the noise of the solvers' own tolerances.
@@ -20,22 +27,22 @@ const PATIENCE: usize = 6;
 
 /// Whether the last [`PATIENCE`] measures are all acceptable and no better than
 /// the best one before them.
-fn stalled(history: &[f64]) -> bool {
+fn stalled(history: &[f64], acceptable: f64) -> bool {
     let Some(split) = history.len().checked_sub(PATIENCE).filter(|&s| s > 0) else { return false };
     let best = |m: &[f64]| m.iter().copied().fold(f64::INFINITY, f64::min);
     let recent = &history[split..];
-    recent.iter().all(|&m| m <= ACCEPTABLE) && best(recent) > 0.9 * best(&history[..split])
+    recent.iter().all(|&m| m <= acceptable) && best(recent) > 0.9 * best(&history[..split])
 }
 
 /// Iterations without progress after which a window that is not acceptable is given back, where it can be.
 const HOPELESS: usize = 12;
 
 /// Whether the last [`HOPELESS`] measures are no better than the best one before them, and none acceptable.
-fn hopeless(history: &[f64]) -> bool {
+fn hopeless(history: &[f64], acceptable: f64) -> bool {
     let Some(split) = history.len().checked_sub(HOPELESS).filter(|&s| s > 0) else { return false };
     let best = |m: &[f64]| m.iter().copied().fold(f64::INFINITY, f64::min);
     let recent = best(&history[split..]);
-    recent > ACCEPTABLE && recent > 0.9 * best(&history[..split])
+    recent > acceptable && recent > 0.9 * best(&history[..split])
 }
 
 /// Values on the interface at the end of the last accepted window.
@@ -83,6 +90,13 @@ pub struct WindowReport {
 }
 
 impl WindowReport {
+    /// Vertical forces that the descent equation takes, with the `acceleration` (m/s2) of the frame in the structure's
+    /// last solve.
+    pub fn forces(&self, acceleration: f64) -> WindowForces<'_> {
+        let structure = &self.stats[case::Role::Structure as usize];
+        WindowForces { canopy: self.force[2], structure, frame_acceleration: acceleration }
+    }
+
     pub(crate) fn add(&mut self, role: case::Role, answer: Answer) {
         let at = role as usize;
         self.stats[at] = answer.stats;
@@ -106,7 +120,7 @@ pub struct WindowLoop {
     stage: String,
     pub(super) sequence: Box<dyn Sequence>,
     max_iterations: u32,
-    keep_going: bool,
+    judge: Judge,
     unknowns: Unknowns,
     criterion: Criterion,
     pub(super) accelerator: Box<dyn Accelerator>,
@@ -127,7 +141,7 @@ pub struct WindowLoop {
 }
 
 impl WindowLoop {
-    /// From `state`, on an interface of `faces` faces. `keep_going` accepts
+    /// From `state`, on an interface of `faces` faces. `accept_unconverged` accepts
     /// windows that do not converge as long as they are finite.
     #[allow(clippy::too_many_arguments)]
     pub fn new(
@@ -140,14 +154,14 @@ impl WindowLoop {
         state: InterfaceState,
         rest: Box<dyn Relaxation>,
         modelled: Option<Modelled>,
-        keep_going: bool,
+        accept_unconverged: bool,
     ) -> Self {
         let start = packed(&unknowns, &state);
         Self {
             stage: stage.to_owned(),
             sequence: sequence(coupling, unknowns, &state, modelled),
             max_iterations: coupling.max_iterations.max(1),
-            keep_going,
+            judge: Judge { stage: stage.to_owned(), accept_unconverged },
             criterion,
             accelerator: super::accelerator(coupling, unknowns.len(), rest),
             descent,
@@ -172,6 +186,13 @@ impl WindowLoop {
     /// Values at the end of the last accepted window.
     pub fn state(&self) -> &InterfaceState {
         &self.state
+    }
+
+    /// The undisturbed air moves at `wind` (m/s) at the end of the next window.
+    pub fn set_wind(&mut self, wind: [f64; 3]) {
+        if let Some(drag) = self.descent.as_mut().and_then(|d| d.payload_drag.as_mut()) {
+            drag.wind_m_s = wind;
+        }
     }
 
     /// Computes and accepts the window that `window` opens (index, time, dt,
@@ -264,11 +285,13 @@ impl WindowLoop {
             history.push(measure);
             report.residual = Some(measure);
             report.converged = self.criterion.met(measure);
-            let given_up = shorter && (!measure.is_finite() || hopeless(&history));
-            let over = report.iterations == self.max_iterations || stalled(&history) || given_up;
+            let most = acceptable(self.criterion.tolerance);
+            let given_up = shorter && (!measure.is_finite() || hopeless(&history, most));
+            let stalled = stalled(&history, most);
+            let over = report.iterations == self.max_iterations || stalled || given_up;
             if report.converged || over {
-                let exhausted = shorter && !stalled(&history);
-                let bearable = measure <= ACCEPTABLE || (self.keep_going && measure.is_finite());
+                let exhausted = shorter && !stalled;
+                let bearable = measure <= most || (self.judge.accept_unconverged && measure.is_finite());
                 if !report.converged && (!bearable || exhausted) {
                     return Err(self.diverged(w, &history));
                 }
@@ -283,7 +306,25 @@ impl WindowLoop {
             w.iteration += 1;
         }
         report.residuals = history;
+        self.judge.require(w, report)?;
+        self.refuse_fall(w, report)?;
         self.accept(partners, w)
+    }
+
+    /// An error where the frame falls faster than the measured forces pull it.
+    fn refuse_fall(&self, w: &Window, report: &WindowReport) -> Result<(), RunError> {
+        let Some(model) = &self.descent else { return Ok(()) };
+        let acceleration = (self.end.velocity - self.state.velocity) / w.dt;
+        let limits =
+            Limits::of(model, acceleration, self.end.velocity, &report.forces(w.frame_acceleration[2]));
+        match limits.downward() {
+            None => Ok(()),
+            Some(message) => Err(RunError::Unphysical { place: self.place(w), message }),
+        }
+    }
+
+    fn place(&self, w: &Window) -> Place {
+        Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) }
     }
 
     fn accept(&mut self, partners: &mut dyn Partners, w: &Window) -> Result<(), RunError> {
@@ -305,15 +346,16 @@ impl WindowLoop {
     fn diverged(&self, w: &Window, history: &[f64]) -> RunError {
         let shown: Vec<String> = history.iter().map(|m| format!("{m:.1e}")).collect();
         RunError::Coupling {
-            place: Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
+            place: self.place(w),
             message: format!(
                 "interface and descent still change by {:.1e} of their change over the window after {} \
-                 iterations (tolerance {:.1e}; a window is given up above {ACCEPTABLE}). Residuals: {}. \
+                 iterations (tolerance {:.1e}; a window is not accepted above {:.1e}). Residuals: {}. \
                  Remedies: acceleration \"iqn-ils\", a smaller relaxation, more iterations, a shorter window_s, \
-                 a tighter flow.solver.residual_drop",
+                 a tighter flow.solver.residual_drop; --accept-unconverged accepts it",
                 history.last().copied().unwrap_or(f64::NAN),
                 history.len(),
                 self.criterion.tolerance,
+                acceptable(self.criterion.tolerance),
                 shown.join(" ")
             ),
         }

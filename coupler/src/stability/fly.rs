@@ -123,7 +123,7 @@ fn one(member: &Member, stop: &AtomicBool) -> Result<Flown, RunError> {
 
 /// Runs a member to its end; why it failed, if it did.
 fn run(scene: &Path, folder: &Path, stop: &AtomicBool) -> Result<Option<String>, RunError> {
-    let program = std::env::current_exe().map_err(RunError::file("find", "ripstop"))?;
+    let program = crate::launch::this_program()?;
     let log = folder.join("errors.txt");
     let file = std::fs::File::create(&log).map_err(RunError::file("create", &log))?;
     let mut child = Command::new(&program)

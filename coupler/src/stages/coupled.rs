@@ -1,52 +1,63 @@
 //! Structure, mesh, flow and descent together (paper, section 5.2).
 
-use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme};
+use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme, Wind};
 use channel::{LOAD_WIDTH, Window, structure_stats};
 
+use super::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
 use super::{StageContext, Stepper};
+use crate::balance::{SystemBalance, WindowTerms};
+use crate::descent::{DescentModel, Weight};
+use crate::descent_limits::Limits;
 use crate::error::RunError;
 use crate::interface::CanopyInterface;
 use crate::partners::Partners;
 use crate::schemes::{
     AddedMassRelaxation, Air, Criterion, Field, FlowModel, InterfaceState, JacobiRelaxation, Lattice,
     MEAN_WEIGHTS, Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop, WindowReport,
-    accelerator, needs_model,
+    accelerator, needs_model, pack, unpack,
 };
-
-/// Share of the way that the air moves past the canopy in a window, below which
-/// a change of shape over the window is no measure for convergence any more.
-const SHAPE_FLOOR: f64 = 0.05;
-/// Likewise for the descent speed: the share of what gravity gives in a window.
-/// At a tolerance of 1e-3 the drag is then exact to 1e-4 of the weight.
-const SPEED_FLOOR: f64 = 0.1;
 
 pub(super) struct Coupled<'a> {
     interface: &'a CanopyInterface,
     windows: WindowLoop,
+    /// The undisturbed air, which a payload that falls with the frame meets.
+    wind: Wind,
     start: Vec<f64>,
     /// Felt by the structure, given by the flow.
     work: (f64, f64),
+    descent: Option<DescentModel>,
+    balance: SystemBalance,
+    /// What is to be reported once: a frame that rises faster than its lines pull.
+    rise: Option<String>,
+    rise_reported: bool,
 }
 
 impl<'a> Coupled<'a> {
-    pub(super) fn new(context: &StageContext<'a>, state: InterfaceState) -> Self {
+    pub(super) fn new(
+        context: &StageContext<'a>,
+        state: InterfaceState,
+        descent: Option<DescentModel>,
+    ) -> Self {
         let scene = context.scene;
         let stage = context.description();
         let dt = stage.window_s;
-        let descent = context.descent();
         let unknowns = Unknowns::new(context.interface.nodes(), dt, descent.is_some());
-        let wind = scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s);
+        let air = scene.wind(context.stage, &context.times());
+        let wind = air.steady();
         let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
         let moved = unknowns.displacements();
         let root = (context.interface.nodes() as f64).sqrt();
-        let mut fields = vec![Field { range: 0..moved, floor: SHAPE_FLOOR * speed * dt * root }];
-        if let Some(model) = &descent {
-            let floor = SPEED_FLOOR * model.gravity_m_s2 * dt * unknowns.velocity_scale();
-            fields.push(Field { range: moved..moved + 1, floor });
+        let interface = context.interface;
+        let pressure = load_scale(scene, context.stage, interface, &state, speed);
+        let load = load_floor(scene, interface, &state, [pressure, dt, response(&scene.coupling)]);
+        let mut fields = vec![Field { load, ..Field::new(0..moved, SHAPE_FLOOR * speed * dt * root) }];
+        if descent.is_some() {
+            let floor = speed_floor(scene, interface, pressure, dt) * unknowns.velocity_scale();
+            fields.push(Field::new(moved..moved + 1, floor));
         }
         let motion = unknowns;
         let unknowns = with_loads(context, unknowns, &mut fields);
-        let criterion = Criterion { fields, tolerance: scene.coupling.tolerance };
+        let criterion = Criterion::new(fields, scene.coupling.tolerance);
         let start = state.displacement.clone();
         let lattice = lattice(context, &state);
         let added = lattice.as_ref().and_then(|lattice| added_mass(context, motion, lattice));
@@ -62,9 +73,47 @@ impl<'a> Coupled<'a> {
             state,
             rest,
             modelled,
-            context.options.keep_going,
+            context.options.accept_unconverged,
         );
-        Self { interface: context.interface, windows, start, work: (0.0, 0.0) }
+        Self {
+            interface: context.interface,
+            windows,
+            wind: air,
+            start,
+            work: (0.0, 0.0),
+            descent,
+            balance: SystemBalance::default(),
+            rise: None,
+            rise_reported: false,
+        }
+    }
+
+    /// Adds the last window, which began with `velocity` (m/s) and the load `before`, to the balance of the system.
+    fn enter_balance(&mut self, report: &WindowReport, dt: f64, velocity: f64, before: Option<f64>) {
+        // A payload that moves in the frame has energy that no statistic tells.
+        let Some(model) = self.descent.filter(|d| d.weight != Weight::Body) else { return };
+        let state = self.windows.state();
+        let stats = &report.stats[Role::Structure as usize];
+        let forces = report.forces(state.acceleration);
+        if model.support_known && !self.rise_reported {
+            self.rise = Limits::of(&model, state.acceleration, state.velocity, &forces).upward();
+        }
+        let lines = if model.drag_in_structure { stats.values[structure_stats::AIR_FORCE] } else { 0.0 };
+        let end = self.interface.vertical_force(state.load.as_deref().unwrap_or(&[]), &state.displacement);
+        let terms = WindowTerms {
+            dt,
+            velocity: [velocity, state.velocity],
+            air: [before.unwrap_or(end) + lines, end + lines],
+            drag: model.payload_drag.map_or(0.0, |d| d.force(state.velocity)),
+            support: model.support(&forces).0,
+            momentum: stats.values[structure_stats::VERTICAL_MOMENTUM],
+            work: self.work.1,
+            energy: [
+                stats.values[structure_stats::KINETIC_ENERGY],
+                stats.values[structure_stats::STRAIN_ENERGY],
+            ],
+        };
+        self.balance.enter(&model, &terms);
     }
 }
 
@@ -143,7 +192,7 @@ fn with_loads(context: &StageContext<'_>, unknowns: Unknowns, fields: &mut Vec<F
     let moved = response(coupling) * dt * dt / (fabric.thickness_m * fabric.density_kg_m3);
     let before = unknowns.len();
     let unknowns = unknowns.with_loads(faces * LOAD_WIDTH, moved * (nodes / faces as f64).sqrt());
-    fields.push(Field { range: before..unknowns.len(), floor: fields[0].floor });
+    fields.push(Field { range: before..unknowns.len(), ..fields[0].clone() });
     unknowns
 }
 
@@ -204,21 +253,41 @@ impl Stepper for Coupled<'_> {
         w: Window,
         shorter: bool,
     ) -> Result<WindowReport, RunError> {
-        self.start.copy_from_slice(&self.windows.state().displacement);
+        let state = self.windows.state();
+        self.start.copy_from_slice(&state.displacement);
+        let velocity = state.velocity;
+        let before = state.load.as_ref().map(|load| self.interface.vertical_force(load, &self.start));
+        self.windows.set_wind(self.wind.at(w.time + w.dt));
         let report = self.windows.run(partners, w, shorter)?;
         let state = self.windows.state();
         let load = state.load.as_deref().unwrap_or(&[]);
         let felt = report.stats[Role::Structure as usize].values[structure_stats::LOAD_WORK];
         self.work = (felt, self.interface.work(load, &self.start, &state.displacement));
+        self.enter_balance(&report, w.dt, velocity, before);
         Ok(report)
     }
 
     fn memory(&self) -> Vec<u8> {
-        self.windows.memory()
+        pack(&(self.windows.memory(), &self.balance))
     }
 
     fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
-        self.windows.recall(memory)
+        let windows: Vec<u8>;
+        (windows, self.balance) = unpack(memory)?;
+        self.windows.recall(&windows)
+    }
+
+    fn warning(&mut self) -> Option<String> {
+        if let Some(text) = self.rise.take() {
+            self.rise_reported = true;
+            return Some(text);
+        }
+        let known = self.descent.is_some_and(|d| d.support_known && d.weight != Weight::Body);
+        if known { self.balance.warning() } else { None }
+    }
+
+    fn system_balance(&self) -> Option<&SystemBalance> {
+        self.descent.filter(|d| d.support_known && d.weight != Weight::Body).map(|_| &self.balance)
     }
 
     fn state(&self) -> &InterfaceState {

@@ -4,12 +4,14 @@ use case::Role;
 use channel::{LOAD_WIDTH, Window};
 
 use super::{StageContext, Stepper, force, require_finite};
+use crate::convergence::Judge;
 use crate::error::{Place, RunError};
 use crate::partners::Partners;
 use crate::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 pub(super) struct FlowOnly {
     place: Place,
+    judge: Judge,
     state: InterfaceState,
     /// Attempts at the present window.
     tried: u64,
@@ -19,7 +21,7 @@ impl FlowOnly {
     pub(super) fn new(context: &StageContext<'_>, mut state: InterfaceState) -> Self {
         state.acceleration = 0.0;
         state.load.get_or_insert_default().resize(context.interface.faces.len() * LOAD_WIDTH, 0.0);
-        Self { place: context.place(), state, tried: 0 }
+        Self { place: context.place(), judge: context.judge(), state, tried: 0 }
     }
 }
 
@@ -38,6 +40,7 @@ impl Stepper for FlowOnly {
         require_finite(Role::Flow, &self.place, &w, load)?;
         report.add(Role::Flow, answer);
         debug_assert_eq!(report.force, force(&answer.stats));
+        self.judge.require(&w, &report)?;
         partners.accept(&w)?;
         self.tried = 0;
         Ok(report)

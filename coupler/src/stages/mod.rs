@@ -2,28 +2,34 @@
 
 mod clock;
 mod coupled;
+mod floors;
 mod flow_only;
 mod pre_inflation;
 mod prescribed;
+mod release;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use case::{Role, Scene, Scheme, Solve, Stage, StageKind, StaggeredSequence};
+use case::{DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence};
 use channel::{Window, flow_stats};
 
 use self::clock::WindowClock;
+use crate::balance::SystemBalance;
 use crate::checkpoint::{self, Seal};
-use crate::descent::{DescentModel, PayloadDrag};
-use crate::energy::EnergyBooks;
+use crate::convergence::Judge;
+use crate::descent::{DescentModel, PayloadDrag, Weight};
+use crate::energy::{Circumstances, EnergyBooks};
 use crate::error::{Place, RunError};
+use crate::flow_bounds::{self, FlowBounds};
 use crate::history::{History, Iterations, Row};
 use crate::interface::CanopyInterface;
 use crate::launch::Console;
 use crate::partners::Partners;
 use crate::progress::Progress;
 use crate::schemes::{InterfaceState, WindowReport};
+use crate::structure_energy;
 use crate::summary::StageSummary;
 
 /// Windows given back that are told one by one.
@@ -40,8 +46,8 @@ fn brief(error: &RunError) -> String {
 pub struct StageOptions {
     /// Ends the stage after so many windows.
     pub stop_after_windows: Option<u64>,
-    /// Accepts coupled windows that do not converge.
-    pub keep_going: bool,
+    /// Accepts windows that are not converged.
+    pub accept_unconverged: bool,
     /// Windows between two saves within the stage; 0: none; `None`: as often as costs little.
     pub checkpoint_every: Option<u64>,
     /// Identity of the run, for what is saved.
@@ -97,6 +103,21 @@ trait Stepper {
     /// A memory of another one.
     fn recall(&mut self, memory: &[u8]) -> Result<(), RunError>;
 
+    /// What the end of the stage with this window gives reason to warn of.
+    fn warning_at_end(&self, _report: &WindowReport) -> Option<String> {
+        None
+    }
+
+    /// What the last window gives reason to warn of.
+    fn warning(&mut self) -> Option<String> {
+        None
+    }
+
+    /// Momentum and energy of the falling system. `None` where nothing falls.
+    fn system_balance(&self) -> Option<&SystemBalance> {
+        None
+    }
+
     /// Work in the last window, J: what the structure felt, what the flow gave. `None` where
     /// nothing is coupled.
     fn interface_work(&self) -> Option<(f64, f64)> {
@@ -111,12 +132,65 @@ impl StageContext<'_> {
 
     /// Windows of the stage.
     pub fn windows(&self) -> u64 {
-        windows(self.description())
+        self.description().windows()
+    }
+
+    /// How long the stages before this one took.
+    pub fn times(&self) -> StageTimes {
+        StageTimes::completed(self.scene, self.out, self.stage)
+    }
+
+    /// What refuses windows that are not converged.
+    fn judge(&self) -> Judge {
+        let accept_unconverged = self.options.accept_unconverged;
+        Judge { stage: self.description().name.clone(), accept_unconverged }
     }
 
     /// The descent equation of the scene, if it has one.
     pub fn descent(&self) -> Option<DescentModel> {
         descent_model(self.scene, self.interface)
+    }
+
+    /// The error of a window with what is known of its cause: a staggered scheme that blows up.
+    fn advise(&self, error: RunError) -> RunError {
+        let stage = self.description();
+        if stage.kind != StageKind::Coupled || self.scene.coupling.scheme != Scheme::Staggered {
+            return error;
+        }
+        error.advised(
+            "The coupling is staggered, which is unstable where the fabric is light beside the air that it moves, at any \
+             window_s. Remedy: coupling.scheme = \"implicit\"",
+        )
+    }
+
+    /// What the remedy of an energy warning depends on, at the end of a window of `window_s` seconds.
+    fn circumstances(&self, state: &InterfaceState, window_s: f64) -> Circumstances {
+        let wind = self.scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s);
+        let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
+        Circumstances {
+            staggered: self.scene.coupling.scheme == Scheme::Staggered,
+            tolerance: self.scene.coupling.tolerance,
+            window_s,
+            passage_s: self.interface.sizes.fabric_area.sqrt() / speed,
+        }
+    }
+
+    /// The descent equation that the programs of the stage allow.
+    fn descent_of(&self, partners: &dyn Partners) -> Option<DescentModel> {
+        let mut model = self.descent()?;
+        let Some(who) = partners.without_support_force() else { return Some(model) };
+        model.support_known = false;
+        if model.equation == DescentEquation::Momentum {
+            self.console.warning(&format!(
+                "stage `{}`: descent.equation = \"momentum\" is replaced by \"quasi-steady\": {who} does not report the mean \
+                 force on the payload (effect `{}`). The frame then accelerates with the force of the air on the \
+                 canopy, which is wrong while the canopy accelerates relative to the payload",
+                self.description().name,
+                channel::SUPPORT_FORCE
+            ));
+            model.equation = DescentEquation::QuasiSteady;
+        }
+        Some(model)
     }
 
     /// Runs the stage from `state` and saves its end. What was computed before an
@@ -131,21 +205,24 @@ impl StageContext<'_> {
         summary: &mut StageSummary,
     ) -> Result<InterfaceState, RunError> {
         let stage = self.description();
+        self.compare_pressures(&state);
         let mut stepper: Box<dyn Stepper> = match stage.kind {
             StageKind::PreInflation => Box::new(pre_inflation::PreInflation::new(self, state)?),
             StageKind::FlowOnly => Box::new(flow_only::FlowOnly::new(self, state)),
-            StageKind::Coupled => Box::new(coupled::Coupled::new(self, state)),
+            StageKind::Coupled => Box::new(coupled::Coupled::new(self, state, self.descent_of(partners))),
             StageKind::Prescribed => Box::new(prescribed::Prescribed::new(self, state)?),
         };
         let folder = case::stage_folder(self.out, self.scene, self.stage);
         let (rows, all) = (folder.join("history.csv"), folder.join("iterations.csv"));
         let coupled = stage.kind == StageKind::Coupled;
         let (mut books, mut first, mut wall_before) = (EnergyBooks::default(), 0, 0.0);
+        let mut flow_bounds = FlowBounds::new(self.scene, self.interface);
         let mut history;
         let mut iterations = None;
         if let Some(p) = self.resumed {
             stepper.recall(&p.stepper)?;
             (books, first, wall_before) = (p.books, p.windows, p.summary.wall_s);
+            flow_bounds = p.flow_bounds;
             *summary = StageSummary { speeds: p.speeds.clone(), ..p.summary.clone() };
             history = History::resume(&rows, stage.kind)?;
             if coupled {
@@ -179,6 +256,7 @@ impl StageContext<'_> {
                 dt: if stage.solve == Solve::Static || stage.steady.is_some() { 1.0 } else { clock.dt() },
                 ..Window::default()
             };
+            let before = stepper.state().displacement.clone();
             // What half the window did not mend is borne, if it can be.
             let report = match stepper.step(partners, w, clock.can_shrink() && !clock.is_short()) {
                 Err(error) if error.may_pass() && clock.shrink() => {
@@ -196,17 +274,32 @@ impl StageContext<'_> {
                     }
                     continue;
                 }
-                Err(error @ (RunError::Stuck { .. } | RunError::NoAnswer { .. })) => {
+                Err(
+                    error @ (RunError::Stuck { .. }
+                    | RunError::NoAnswer { .. }
+                    | RunError::Energy { .. }
+                    | RunError::Unconverged { .. }),
+                ) => {
                     // All programs still stand at the last accepted window.
-                    self.save(partners, stepper.as_ref(), &clock, books, summary, done, None, &mut saves)?;
-                    return Err(error.saved_in(case::state_folder(self.out, self.scene, self.stage)));
+                    self.save(
+                        partners,
+                        stepper.as_ref(),
+                        &clock,
+                        (books, flow_bounds),
+                        summary,
+                        done,
+                        None,
+                        &mut saves,
+                    )?;
+                    let folder = case::state_folder(self.out, self.scene, self.stage);
+                    return Err(self.advise(error).saved_in(folder));
                 }
-                other => other?,
+                other => other.map_err(|error| self.advise(error))?,
             };
             clock.advance(report.converged);
             let wall_s = start.elapsed().as_secs_f64();
             let (felt, given) = stepper.interface_work().unwrap_or_default();
-            books.enter(felt, given);
+            books.enter(w.dt, felt, given, report.converged);
             let state = stepper.state();
             let row = Row {
                 window: index,
@@ -220,25 +313,30 @@ impl StageContext<'_> {
                 interface_work_j: given,
                 energy_error_j: felt - given,
                 books,
+                balance: stepper.system_balance().copied(),
                 coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
                 wall_s,
                 report,
             };
-            if !row.report.converged {
-                self.console.warning(&format!(
-                    "window {index} of stage `{}` did not converge: {:.1e} after {} iterations (tolerance {:.1e})",
-                    stage.name,
-                    row.report.residual.unwrap_or(f64::NAN),
-                    row.report.iterations,
-                    self.scene.coupling.tolerance
-                ));
+            let place = Place { window: Some((index, 0)), ..self.place() };
+            let tolerance = self.scene.coupling.tolerance;
+            let said = summary.convergence.add(&place, &row.report, tolerance);
+            said.iter().for_each(|text| self.console.warning(text));
+            if let Some(text) = books.warning(&self.circumstances(stepper.state(), w.dt)) {
+                self.console.warning(&format!("window {index} of stage `{}`: {text}", stage.name));
             }
-            if let Some(text) = books.warning() {
+            if let Some(text) = stepper.warning() {
+                self.console.warning(&format!("window {index} of stage `{}`: {text}", stage.name));
+            }
+            if let Some(text) = structure_energy::warning(summary, &row) {
                 self.console.warning(&format!("window {index} of stage `{}`: {text}", stage.name));
             }
             history.push(&row)?;
             if let Some(iterations) = &mut iterations {
                 iterations.push(&row)?;
+            }
+            if let Some(bounds) = &mut flow_bounds {
+                self.check_flow(bounds, &row, w, [&before, &stepper.state().displacement])?;
             }
             summary.add(&row);
             summary.wall_s = wall_before + progress.seconds();
@@ -251,6 +349,10 @@ impl StageContext<'_> {
             if clock.at_planned() || last {
                 self.snapshots(partners, &folder, planned, row.time_s, last)?;
             }
+            let whole = ends.is_some() || planned == self.windows();
+            if let Some(text) = stepper.warning_at_end(&row.report).filter(|_| whole) {
+                self.console.warning(&format!("end of stage `{}`: {text}", stage.name));
+            }
             if let Some(why) = ends {
                 ended = why;
                 break;
@@ -262,7 +364,16 @@ impl StageContext<'_> {
             if stopped || saves.due(self.options.checkpoint_every, done) {
                 progress.note("saving");
                 history.sync()?;
-                self.save(partners, stepper.as_ref(), &clock, books, summary, done, None, &mut saves)?;
+                self.save(
+                    partners,
+                    stepper.as_ref(),
+                    &clock,
+                    (books, flow_bounds),
+                    summary,
+                    done,
+                    None,
+                    &mut saves,
+                )?;
             }
             if stopped {
                 return Err(RunError::Interrupted(Place { window: Some((index, 0)), ..self.place() }));
@@ -273,10 +384,52 @@ impl StageContext<'_> {
         history.sync()?;
         summary.ended.clone_from(&ended);
         summary.wall_s = wall_before + progress.seconds();
-        self.save(partners, stepper.as_ref(), &clock, books, summary, done, Some(ended), &mut saves)?;
+        self.save(
+            partners,
+            stepper.as_ref(),
+            &clock,
+            (books, flow_bounds),
+            summary,
+            done,
+            Some(ended),
+            &mut saves,
+        )?;
         summary.wall_s = wall_before + progress.seconds();
         saves.tell(self.console, &stage.name, progress.seconds());
         Ok(stepper.state().clone())
+    }
+
+    /// Refuses speeds and pressures of the flow that no physics allows in the window of `row`.
+    fn check_flow(
+        &self,
+        bounds: &mut FlowBounds,
+        row: &Row,
+        w: Window,
+        displacement: [&[f64]; 2],
+    ) -> Result<(), RunError> {
+        let stage = self.description();
+        if !stage.kind.roles().contains(&Role::Flow) {
+            return Ok(());
+        }
+        // A march to a steady flow has no time: walls change their speed at once in it.
+        let dt = if stage.steady.is_some() { f64::MIN_POSITIVE } else { w.dt };
+        let wind = self.scene.wind(self.stage, &self.times());
+        let air = flow_bounds::undisturbed_air(&wind, row.time_s, -row.descent_speed_m_s);
+        bounds.check(dt, air, displacement, flow_bounds::of_flow(&row.report.stats)).map_err(|flow| {
+            let place =
+                Place { window: Some((row.window, u64::from(row.report.iterations))), ..self.place() };
+            RunError::ImpossibleFlow { place, flow, saved: None }
+        })
+    }
+
+    /// Says what the pressure on the canopy changes by at the release.
+    fn compare_pressures(&self, state: &InterfaceState) {
+        let compared = release::pressure_at_release(self.scene, self.stage, self.interface, state);
+        match compared.filter(|_| self.resumed.is_none()) {
+            Some((text, true)) => self.console.warning(&text),
+            Some((text, false)) => self.console.line(&text),
+            None => {}
+        }
     }
 
     /// How windows may change their length: not at all where a program or the stage cannot.
@@ -332,7 +485,7 @@ impl StageContext<'_> {
         partners: &mut dyn Partners,
         stepper: &dyn Stepper,
         clock: &WindowClock,
-        books: EnergyBooks,
+        (books, flow_bounds): (EnergyBooks, Option<FlowBounds>),
         summary: &StageSummary,
         windows: u64,
         ended: Option<String>,
@@ -347,6 +500,7 @@ impl StageContext<'_> {
         let written = (|| {
             partners.save(&draft)?;
             crate::state::save(&draft, stepper.state())?;
+            case::save_time(&draft, time_s).map_err(|(path, e)| RunError::file("write", &path)(e))?;
             let mut so_far = summary.clone();
             so_far.used(&partners.used());
             let progress = checkpoint::Progress {
@@ -355,6 +509,7 @@ impl StageContext<'_> {
                 stepper: stepper.memory(),
                 clock: crate::schemes::pack(clock),
                 books,
+                flow_bounds,
                 summary: so_far,
                 speeds: summary.speeds.clone(),
                 warnings: self.console.warnings(),
@@ -443,15 +598,22 @@ impl Saves {
     }
 }
 
-/// Windows of a stage: its duration in window lengths, rounded, at least one.
+/// Windows of a stage as planned.
 pub fn windows(stage: &Stage) -> u64 {
-    (stage.duration_s / stage.window_s).round().max(1.0) as u64
+    stage.windows()
 }
 
 /// The descent equation of a scene with the mass of its canopy, if it has one.
 pub fn descent_model(scene: &Scene, interface: &CanopyInterface) -> Option<DescentModel> {
     scene.descent.as_ref().map(|d| DescentModel {
-        mass_kg: d.payload_mass_kg + interface.masses.fabric + interface.masses.cables,
+        mass_kg: d.payload_mass_kg + interface.masses.hung(),
+        payload_kg: d.payload_mass_kg,
+        equation: d.equation,
+        weight: match (&d.body, &scene.fabric_gravity) {
+            (Some(_), _) => Weight::Body,
+            (None, Some(_)) => Weight::Structure,
+            (None, None) => Weight::Frame,
+        },
         gravity_m_s2: d.gravity_m_s2,
         reference_area_m2: d.reference_area_m2,
         reference_speed_m_s: d.initial_speed_m_s,
@@ -462,6 +624,7 @@ pub fn descent_model(scene: &Scene, interface: &CanopyInterface) -> Option<Desce
         }),
         drag_in_structure: scene.lines.as_ref().is_some_and(|l| l.drag.is_some())
             || (d.body.is_some() && d.payload_drag.is_some()),
+        support_known: true,
     })
 }
 

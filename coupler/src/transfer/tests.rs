@@ -127,3 +127,43 @@ fn surfaces_that_do_not_fit_are_told() {
     ));
     assert_eq!(Transfer::new(cap(4, false), Surface::default()).unwrap_err(), TransferError::Empty);
 }
+
+/// Points off the middle, the edges and the corners of a triangle, whose feet are known.
+#[test]
+fn distances_from_a_triangle_are_those_of_known_feet() {
+    let corners = [[0.3, -0.2, 0.1], [1.4, 0.3, 0.4], [0.5, 1.1, -0.6]];
+    let [a, b, c] = corners;
+    let unit = |v: Vec3| v.map(|x| x / norm(v));
+    let up = unit(normal(corners));
+    let away = |foot: Vec3, parts: [(f64, Vec3); 2]| -> Vec3 {
+        std::array::from_fn(|i| foot[i] + parts[0].0 * parts[0].1[i] + parts[1].0 * parts[1].1[i])
+    };
+    for weights in [[0.2, 0.3, 0.5], [0.6, 0.2, 0.2], [0.05, 0.9, 0.05], [0.01, 0.01, 0.98]] {
+        let p = away(blend(weights, corners), [(0.7, up), (0.0, up)]);
+        assert!((nearest(p, corners) - 0.7).abs() < 1e-14, "{weights:?}");
+    }
+    for (k, [from, to]) in [[a, b], [b, c], [c, a]].into_iter().enumerate() {
+        let out = unit(cross(sub(to, from), up));
+        for t in [0.03, 0.4, 0.97] {
+            let foot = std::array::from_fn(|i| (1.0 - t) * from[i] + t * to[i]);
+            let p = away(foot, [(0.4, out), (-0.3, up)]);
+            assert!((nearest(p, corners) - 0.5).abs() < 1e-14, "edge {k}, {t}");
+        }
+        // Beyond a corner, away from both other ones.
+        let others = corners.iter().fold([0.0; 3], |s, x| std::array::from_fn(|i| s[i] + (from[i] - x[i])));
+        let p = away(from, [(0.3, unit(others)), (0.4, up)]);
+        assert!((nearest(p, corners) - 0.5).abs() < 1e-14, "corner {k}");
+    }
+}
+
+/// On a parallelogram the bilinear map is affine: the points are thirds of its sides from each other.
+#[test]
+fn points_of_a_parallelogram_are_the_middles_of_its_ninths() {
+    let (a, along, across) = ([1.0, 2.0, 3.0], [3.0, 0.6, -0.3], [0.9, -6.0, 1.5]);
+    let at = |u: f64, v: f64| -> Vec3 { std::array::from_fn(|i| a[i] + u * along[i] + v * across[i]) };
+    let corners = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+    for (k, p) in points(&[0, 1, 2, 3], &corners).iter().enumerate() {
+        let wanted = at((k % 3) as f64 / 3.0 + 1.0 / 6.0, (k / 3) as f64 / 3.0 + 1.0 / 6.0);
+        assert!(norm(sub(*p, wanted)) < 1e-14, "{k}: {p:?} {wanted:?}");
+    }
+}

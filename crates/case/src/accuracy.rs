@@ -1,4 +1,4 @@
-//! What `ripstop accuracy` studies of a scene: quantities, and dials with their values. Runs
+//! What `ripstop accuracy` studies of a scene: quantities, and parameters with their values. Runs
 //! do not read this section.
 
 use schemars::JsonSchema;
@@ -8,28 +8,32 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Accuracy {
-    /// Stage whose windows and substeps are dials, and whose history the quantities are of.
+    /// Stage whose windows and substeps are varied, and whose history the quantities are of.
     /// Absent: the last one.
     pub stage: Option<String>,
-    /// What is looked at.
+    /// Quantities whose errors are estimated.
     #[serde(rename = "quantity")]
     pub quantities: Vec<Quantity>,
-    /// What trades accuracy for time.
-    #[serde(rename = "dial")]
-    pub dials: Vec<Dial>,
-    /// Names of dials with equally many values that are also turned together, first values
+    /// Numerical parameters that trade accuracy for time.
+    #[serde(rename = "parameter")]
+    pub parameters: Vec<Parameter>,
+    /// Former name of `parameter`, still read.
+    #[serde(rename = "dial", skip_serializing_if = "Vec::is_empty")]
+    #[schemars(extend("deprecated" = true))]
+    pub dials: Vec<Parameter>,
+    /// Names of parameters with equally many values that are also varied together, first values
     /// with first values: coarse, medium, fine.
     pub sweep: Vec<String>,
-    /// Where they are turned together to beyond the finest: one number for each dial of the
-    /// sweep. It is used for no estimate: it tests the stated uncertainty.
+    /// Values beyond the finest of the sweep: one number for each of its parameters. The sample is
+    /// used for no estimate: it tests the stated uncertainty.
     pub sweep_check: Vec<f64>,
 }
 
-/// A number that a run comes to.
+/// A number computed from the results of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Quantity {
-    /// Name on the page.
+    /// Name in the report.
     pub name: String,
     /// What is measured.
     pub of: Measured,
@@ -114,24 +118,24 @@ pub enum Take {
     Rms,
 }
 
-/// A dial with its values.
+/// A parameter with its values.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Dial {
+pub struct Parameter {
     /// `structure-grid`, `flow-grid`, `grid` (both), `window`, `substeps`, `coupling-tolerance`,
     /// `flow-drop`, `newton-tolerance`, `gmres-tolerance`, `static-tolerance`, `mover-tolerance`,
     /// `scheme`, an effect of `ripstop effects`, or a dotted key of the scene.
     pub name: String,
-    /// Numbers. Grids, `window` and `substeps`: how many times as fine as the scene is (2 is cells
+    /// Numbers. Grids, `window` and `substeps`: refinement factors relative to the scene (2: cells
     /// half as long, windows half as long, twice as many substeps). All others: the value itself.
     pub values: Vec<f64>,
     /// Words: schemes as in `ripstop stability --scheme`, `on` and `off` for effects.
     pub choices: Vec<String>,
-    /// Its value while other dials are turned. Absent: the scene's own.
+    /// Its value while other parameters are varied. Absent: the scene's own.
     pub base: Option<f64>,
     /// The same for words.
     pub base_choice: Option<String>,
-    /// Order that the method promises. Absent: 2 for grids and times, 1 for tolerances.
+    /// Formal order of the method. Absent: 2 for grids and times, 1 for tolerances.
     pub order: Option<f64>,
     /// Finer than all values: used for no estimate, it tests the stated uncertainty.
     pub check: Option<f64>,

@@ -3,8 +3,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::Gust;
-
 /// Drag of the air on suspension lines and risers, each segment a cylinder in cross flow
 /// (`F/L = 1/2 rho d C |w_n| w_n` with the part `w_n` of the relative air velocity across it).
 /// The air is that of the far field; the canopy's own flow around the lines is left out.
@@ -43,7 +41,10 @@ pub struct PayloadBody {
     /// Principal moments of inertia about its centre of mass, kg m2; its axes are those of
     /// the scene at the start.
     pub inertia_kg_m2: [f64; 3],
-    /// Points where lines are attached, from its centre of mass, m. Lines take them in turn.
+    /// Points where lines are attached, from its centre of mass, m. Lines that end at the payload (risers, where the
+    /// canopy has them) take them in turn, in the order of the rim, and start again at the first one when the list
+    /// ends. List one point for each of those lines in that order, with a point repeated for lines that share it, or a
+    /// single point; more points than lines are refused.
     pub attachments_m: Vec<[f64; 3]>,
     /// Velocity of the payload in the frame when it is first free, m/s.
     #[serde(default)]
@@ -89,17 +90,4 @@ pub struct Reefing {
     /// Time over which its force fades when it is cut, s.
     #[serde(default)]
     pub release_ramp_s: f64,
-}
-
-impl Gust {
-    /// What the gust adds to the wind `t` seconds after the start of the stage, m/s.
-    pub fn at(&self, t: f64) -> [f64; 3] {
-        let phase = (t - self.start_s) / self.duration_s;
-        let share = if (0.0..=1.0).contains(&phase) {
-            0.5 * (1.0 - (2.0 * std::f64::consts::PI * phase).cos())
-        } else {
-            0.0
-        };
-        self.velocity_m_s.map(|v| share * v)
-    }
 }

@@ -40,14 +40,14 @@ impl SceneError {
     pub(crate) fn plain(file: &Path, what: impl Into<String>, help: impl Into<String>) -> Self {
         Self::new(file, "", vec![Problem::new(None, what, help)])
     }
+}
 
-    /// Line and column of a byte, both from 1.
-    fn place(&self, byte: usize) -> (usize, usize) {
-        let before = &self.source[..byte.min(self.source.len())];
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
-        (line, column)
-    }
+/// Line and column of a byte of `source`, both from 1.
+pub(crate) fn line_and_column(source: &str, byte: usize) -> (usize, usize) {
+    let before = &source[..byte.min(source.len())];
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+    (line, column)
 }
 
 impl fmt::Display for SceneError {
@@ -59,7 +59,7 @@ impl fmt::Display for SceneError {
             }
             match &problem.at {
                 Some(at) => {
-                    let (line, column) = self.place(at.start);
+                    let (line, column) = line_and_column(&self.source, at.start);
                     writeln!(f, "{file}:{line}:{column}: {}", problem.what)?;
                     let text = self.source.lines().nth(line - 1).unwrap_or("");
                     let number = line.to_string();

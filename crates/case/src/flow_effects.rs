@@ -70,7 +70,8 @@ impl Permeability {
 }
 
 /// Wind that changes with height above ground. But for a table, the wind at each height is
-/// `wind_m_s` times a factor that is 1 at `reference_height_m`.
+/// `wind_m_s` times a factor that is 1 at `reference_height_m`. It holds in all stages: `[stage.wind]` beside it is
+/// refused; a gust adds the same to the wind at all heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Shear {

@@ -54,9 +54,17 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     if problems.is_empty() { Ok(scene) } else { Err(error(problems)) }
 }
 
+/// Line and column, both from 1, of the value at a dotted path in the text of a scene, or of the nearest table
+/// above it; `None` where the text has neither, or is not TOML.
+pub fn place_of(text: &str, path: &str) -> Option<(usize, usize)> {
+    let document = DeTable::parse(text).ok()?;
+    let at = span_of(&document, path)?.start;
+    Some(crate::error::line_and_column(text, at))
+}
+
 /// Bytes of the value at a dotted path (`fabric.thickness_m`, `stage[1].window_s`),
 /// or of the nearest table above it.
-fn span_of(document: &Spanned<DeTable<'_>>, path: &str) -> Option<std::ops::Range<usize>> {
+pub(crate) fn span_of(document: &Spanned<DeTable<'_>>, path: &str) -> Option<std::ops::Range<usize>> {
     let mut table = document.get_ref();
     let mut span = None;
     let mut value: Option<&Spanned<DeValue<'_>>>;

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::coupling::{CouplingOrder, Staggered};
 use crate::flow_effects::{Permeability, Shear, Steady};
-use crate::integration::{EXPLICIT_SAFETY, Integration};
-use crate::{FlowBox, Forces, GridFile, PanelCanopy, Probe, Slice, Statistics, SurfacePressure};
+use crate::integration::{EXPLICIT_SAFETY, Integration, SPECTRAL_RADIUS};
+use crate::{FlowBox, Forces, GridFile, Gust, PanelCanopy, Probe, Slice, Statistics, SurfacePressure};
 
 /// A scene: what is simulated, with which effects, in which stages.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -62,9 +62,23 @@ pub struct Scene {
     /// Replaces the program of a role: `structure = "python3 my_solver.py"`.
     /// The run's arguments are appended.
     #[serde(default)]
+    #[schemars(with = "Programs")]
     pub programs: BTreeMap<Role, String>,
     /// What `ripstop accuracy` studies. Absent: what fits the scene.
     pub accuracy: Option<crate::Accuracy>,
+}
+
+/// The keys of `programs`, for the schema: an open map would let a misspelt role pass.
+#[derive(Default, Serialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+#[allow(dead_code)]
+struct Programs {
+    /// In the place of `structure-solver`.
+    structure: Option<String>,
+    /// In the place of `flow-solver`.
+    flow: Option<String>,
+    /// In the place of `mesh-mover`.
+    mesh: Option<String>,
 }
 
 /// One of the three solver programs.
@@ -312,7 +326,7 @@ pub struct FabricGravity {}
 #[serde(default, deny_unknown_fields)]
 pub struct Structure {
     /// Spectral radius at infinite frequency of the generalized-alpha method,
-    /// 0 to 1. Absent: Newmark with gamma 1/2, beta 1/4, as in the paper.
+    /// 0 to 1: the share that a step leaves of the highest frequencies. Absent: 1, no damping.
     pub spectral_radius: Option<f64>,
     /// Newton stops when the residual falls below this share of the applied load.
     pub newton_tolerance: f64,
@@ -384,12 +398,14 @@ pub struct Motion {
     /// Components that move as prescribed.
     #[serde(default = "all_components")]
     pub components: String,
-    /// Ascending times since the start of the stage, s. A static stage ends at the
-    /// last one.
+    /// Ascending times, s on the clock. A static stage ends at the last one.
     pub time_s: Vec<f64>,
     /// Displacement at each time from where the nodes are at the start of the stage,
-    /// m; linear in between, constant before and after.
+    /// m; linear in between, constant before and after. On another clock than that of the stage only what the
+    /// table changes from the start of the stage on counts, so that one table continues over several stages.
     pub displacement_m: Vec<[f64; 3]>,
+    /// What `time_s` counts from. Absent: the start of the stage.
+    pub clock: Option<crate::Clock>,
 }
 
 fn all_components() -> String {
@@ -407,6 +423,14 @@ pub enum Mass {
     Lumped,
 }
 
+impl Structure {
+    /// Spectral radius at infinite frequency of the generalized-alpha method: the scene's choice,
+    /// or the default.
+    pub fn spectral_radius(&self) -> f64 {
+        self.spectral_radius.unwrap_or(SPECTRAL_RADIUS)
+    }
+}
+
 impl Default for Structure {
     fn default() -> Self {
         Self {
@@ -418,7 +442,7 @@ impl Default for Structure {
             static_tolerance: 1e-8,
             mass: Mass::Consistent,
             membrane: Membrane::Triangle,
-            integration: Integration::Implicit,
+            integration: Integration::default(),
             explicit_safety: EXPLICIT_SAFETY,
         }
     }
@@ -434,10 +458,11 @@ pub struct Flow {
     /// Temperature of the undisturbed air, K.
     #[serde(default = "sea_level_temperature")]
     pub temperature_k: f64,
-    /// Wind in the frame of the ground, m/s.
+    /// Wind in the frame of the ground, m/s, in all stages that have no `[stage.wind]`.
     #[serde(default)]
     pub wind_m_s: [f64; 3],
-    /// A gust on top of the wind. Absent: steady wind.
+    /// A gust on top of the wind, in all stages that have no `[stage.gust]`. Its times count from the release,
+    /// through all later stages. Absent: steady wind.
     pub gust: Option<Gust>,
     /// Wind that changes with height. Absent: the same everywhere.
     pub shear: Option<Shear>,
@@ -477,19 +502,6 @@ fn sea_level_density() -> f64 {
 }
 fn sea_level_temperature() -> f64 {
     288.15
-}
-
-/// A gust that comes and goes as `1 - cos`: all air is moved alike.
-#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Gust {
-    /// What the gust adds to the wind at its height, m/s.
-    pub velocity_m_s: [f64; 3],
-    /// When it begins, s from the start of the stage.
-    #[serde(default)]
-    pub start_s: f64,
-    /// How long it lasts, s.
-    pub duration_s: f64,
 }
 
 /// Laminar viscosity.
@@ -586,13 +598,23 @@ pub struct FlowSolver {
     /// A time step is converged when the unsteady residual has dropped by this factor. Coupling iterations
     /// that are to agree more closely than a tenth of it tighten it to 10 times `coupling.tolerance`.
     pub residual_drop: f64,
-    /// Pseudo-time iterations at most for each time step.
-    pub max_iterations: u32,
+    /// Pseudo-time iterations at most for each time step. Absent: 60 with `gmres`, 2000 with `lu-sgs`.
+    pub max_iterations: Option<u32>,
 }
 
 impl Default for FlowSolver {
     fn default() -> Self {
-        Self { method: FlowMethod::Gmres, residual_drop: 1e-2, max_iterations: 60 }
+        Self { method: FlowMethod::Gmres, residual_drop: 1e-2, max_iterations: None }
+    }
+}
+
+impl FlowSolver {
+    /// Pseudo-time iterations at most for each time step: the scene's, or what the method needs.
+    pub fn iterations(&self) -> u32 {
+        self.max_iterations.unwrap_or(match self.method {
+            FlowMethod::Gmres => 60,
+            FlowMethod::LuSgs => 2000,
+        })
     }
 }
 
@@ -776,6 +798,9 @@ pub struct Descent {
     pub gravity_m_s2: f64,
     /// Area that turns drag into a coefficient, m2.
     pub reference_area_m2: f64,
+    /// Equation of the falling frame.
+    #[serde(default)]
+    pub equation: crate::DescentEquation,
     /// Drag of the air on the payload. Absent: none.
     pub payload_drag: Option<crate::PayloadDrag>,
     /// The payload as a rigid body on its lines. Absent: a point that falls with the frame.
@@ -821,6 +846,10 @@ pub struct Stage {
     /// Ends the stage early once the kinetic energy of the structure is below
     /// this share of its strain energy.
     pub settled_energy_ratio: Option<f64>,
+    /// Steady wind of this stage. Absent: `flow.wind_m_s`.
+    pub wind: Option<crate::StageWind>,
+    /// A gust in this stage. Absent: `[flow.gust]`.
+    pub gust: Option<Gust>,
     /// Prescribed motions of nodes.
     #[serde(default, rename = "motion")]
     pub motions: Vec<Motion>,

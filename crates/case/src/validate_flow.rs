@@ -114,9 +114,6 @@ fn steady(s: &Steady, at: &str, stage: &Stage, scene: &Scene, flow: &Flow, c: &m
     }
     c.count(&format!("{at}.max_steps"), s.max_steps, 1, 1_000_000, "steps");
     c.range(&format!("{at}.max_courant"), s.max_courant, 1.0, 1e9, true, "a Courant number");
-    if flow.gust.is_some() {
-        c.refuse(at, "a gust changes in time", "remove [flow.gust], or give the stage a duration instead");
-    }
     let falls = scene.descent.as_ref().is_some_and(|d| d.initial_speed_m_s != 0.0);
     if flow.shear.is_some() && falls {
         c.refuse(

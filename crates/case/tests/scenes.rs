@@ -88,7 +88,7 @@ fn magnitudes_are_checked_with_their_units() {
         ("thickness_m = 3.048e-5", "thickness_m = -3.048e-5", "`fabric.thickness_m` is -0.00003048"),
         ("thickness_m = 3.048e-5", "thickness_m = 3.048", "is the value in metres?"),
         ("thickness_m = 3.048e-5", "thickness_m = nan", "`fabric.thickness_m` is NaN"),
-        ("poisson_ratio = 0.3 ", "poisson_ratio = 0.6 ", "plane stress needs less than 0.5"),
+        ("poisson_ratio = 0.3 ", "poisson_ratio = 0.6 ", "an isotropic solid has at most 0.5"),
         ("window_s = 2e-2", "window_s = 20.0", "a window is not longer than its stage"),
         ("initial_speed_m_s = 4.8768", "initial_speed_m_s = 400", "Mach"),
         ("cells_across = 18 ", "cells_across = 17 ", "odd"),
@@ -97,6 +97,15 @@ fn magnitudes_are_checked_with_their_units() {
         assert!(text.contains(wanted), "{to}: {text}");
         assert!(text.starts_with("scene.toml:"), "{text}");
     }
+}
+
+/// Plane stress divides by 1 - nu^2, not by 1 - 2 nu: an incompressible film such as rubber is regular.
+#[test]
+fn an_incompressible_film_is_allowed() {
+    let scene = read(&ATPS.replacen("poisson_ratio = 0.3 ", "poisson_ratio = 0.5 ", 1)).unwrap();
+    assert_eq!(scene.fabric.poisson_ratio, 0.5);
+    assert!(refused("poisson_ratio = 0.3 ", "poisson_ratio = 0.5001 ").contains("at most 0.5"));
+    assert!(refused("poisson_ratio = 0.3 ", "poisson_ratio = -1.0 ").contains("above -1 to 0.5"));
 }
 
 #[test]
@@ -134,7 +143,7 @@ fn effects_of_the_flow_are_checked_for_sense_and_contradictions() {
         (windy("\"power\""), march, "another wind at every height"),
         (turbulent("wale"), march, "never steady"),
         (
-            "[flow.gust]\nvelocity_m_s = [1, 0, 0]\nduration_s = 1\n".to_owned(),
+            "[flow.gust]\nvelocity_m_s = [1, 0, 0]\nduration_s = 1\nclock = \"stage\"\n".to_owned(),
             march,
             "a gust changes in time",
         ),
@@ -242,4 +251,33 @@ fn a_panel_needs_its_box_and_a_box_its_panel() {
     let text = read(&ATPS.replacen("[flow.grid]", &[&panel[start..end], "[flow.grid]"].concat(), 1));
     let text = text.unwrap_err().to_string();
     assert!(text.contains("a box fits around a panel only"), "{text}");
+}
+
+/// An editor that checks against the schema must answer a misspelt key wherever this crate does: every table is
+/// closed, except where the keys are the user's own.
+#[test]
+fn every_table_of_the_schema_is_closed() {
+    fn open_tables(schema: &serde_json::Value, at: &str, found: &mut Vec<String>) {
+        if let Some(map) = schema.as_object() {
+            let is_table =
+                map.get("type").and_then(|t| t.as_str()) == Some("object") || map.contains_key("properties");
+            // In a list of names, such as `properties`, a key is no keyword of the schema.
+            let is_names = at.ends_with("/properties") || at.ends_with("/$defs");
+            if is_table
+                && !is_names
+                && map.get("additionalProperties") != Some(&serde_json::Value::Bool(false))
+            {
+                found.push(at.to_owned());
+            }
+            map.iter().for_each(|(key, inner)| open_tables(inner, &format!("{at}/{key}"), found));
+        } else if let Some(list) = schema.as_array() {
+            list.iter().enumerate().for_each(|(i, inner)| open_tables(inner, &format!("{at}/{i}"), found));
+        }
+    }
+    let mut found = Vec::new();
+    open_tables(&case::schema(), "", &mut found);
+    // The groups of a grid file have the names that its author gave them.
+    assert_eq!(found, ["/$defs/GridFile/properties/patches"]);
+    let text = refused("[canopy]", "programs.strukture = \"x\"\n[canopy]");
+    assert!(text.contains("unknown key `strukture`") && text.contains("did you mean `structure`?"), "{text}");
 }

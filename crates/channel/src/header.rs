@@ -123,7 +123,7 @@ impl Unit {
     }
 }
 
-/// Header of every message, 288 bytes, little-endian.
+/// Header of every message, 352 bytes, little-endian.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Header {

@@ -144,7 +144,7 @@ fn spoilt(value: &mut Value, r: &mut Random) {
 fn spoilt_json_is_refused_or_read() {
     let mut r = Random(13);
     let hello = serde_json::json!({
-        "contract": 2, "stage": 0, "rank": 0, "ranks": 1, "pid": 7, "output_rows": 3, "grid_rows": 0,
+        "contract": 3, "stage": 0, "rank": 0, "ranks": 1, "pid": 7, "output_rows": 3, "grid_rows": 0,
         "announcement": {"role": "flow", "program": "p", "version": "1", "canopy_nodes": 1,
             "canopy_faces": 1, "surface_hash": 1, "grid_nodes": 1, "output_width": 4, "effects": ["a"]}
     });
@@ -152,7 +152,7 @@ fn spoilt_json_is_refused_or_read() {
         "input_length": 8, "mesh_rows": [1, 2], "grid_readers": 1, "coupler_reads_grid": false
     });
     let notice = serde_json::json!({
-        "contract": 2, "session": "s", "id": "00ff", "pid": 1, "roles": [["structure", 1], ["flow", 2]]
+        "contract": 3, "session": "s", "id": "00ff", "pid": 1, "roles": [["structure", 1], ["flow", 2]]
     });
     assert!(serde_json::from_value::<Hello>(hello.clone()).is_ok());
     assert!(serde_json::from_value::<Welcome>(welcome.clone()).is_ok());

@@ -13,6 +13,13 @@ use serde::de::DeserializeOwned;
 /// `--resume FOLDER` and starts from what it wrote there on `Save`.
 pub const RESUME: &str = "resume";
 
+/// Effect of a structure that reports `SUPPORT_FORCE` and `VERTICAL_MOMENTUM`.
+pub const SUPPORT_FORCE: &str = "descent.equation";
+
+/// The effect that a program announces that takes the wind of a stage as `case::Scene::wind` gives it: winds
+/// and gusts of single stages, and gusts whose clock runs through several.
+pub const STAGE_WIND: &str = "stage.wind";
+
 /// Bytes before the body: magic, version, length, checksum.
 const HEAD: usize = 8 + 4 + 8 + 8;
 

@@ -12,6 +12,7 @@ extern crate self as channel;
 mod input_tests;
 
 mod args;
+mod convergence;
 mod culprit;
 mod error;
 mod handshake;
@@ -34,6 +35,7 @@ mod wire;
 mod contract_doc;
 
 pub use args::*;
+pub use convergence::*;
 pub use error::*;
 pub use header::{Header, Kind, MAGIC, Unit, role_code};
 pub use hub::*;

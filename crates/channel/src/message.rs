@@ -2,7 +2,7 @@
 
 /// Version of the contract. Bumped by every change to a header, a payload, a
 /// service name or the order of messages; see `docs/contract.md`.
-pub const CONTRACT_VERSION: u32 = 2;
+pub const CONTRACT_VERSION: u32 = 3;
 
 /// One window of the run: from `time` to `time + dt`.
 ///
@@ -30,7 +30,7 @@ pub struct Window {
 }
 
 /// Number of [`Stats::values`].
-pub const STATS: usize = 16;
+pub const STATS: usize = 32;
 
 /// What a participant reports with each answer, beside the payload.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -79,6 +79,33 @@ pub mod structure_stats {
     pub const RISER_FORCE: usize = 14;
     /// Volume under the canopy closed by its hem plane, m3 (0 if open shape).
     pub const VOLUME: usize = 15;
+    /// Value of `RESIDUAL` at which the answer counts as converged. 0: not stated, so not judged.
+    pub const RESIDUAL_TARGET: usize = 16;
+    /// Time steps of this answer that ended above their own target.
+    pub const UNCONVERGED: usize = 17;
+    /// Work over the window of everything outside of the structure (loads, gravity, prescribed motions), less
+    /// what damping takes, J.
+    pub const WORK: usize = 18;
+    /// Energy that time integration created in the window, J: the change of kinetic and strain energy
+    /// less `WORK`; below 0 it took energy.
+    pub const ENERGY_CREATED: usize = 19;
+    /// `WORK` since the start of the stage, J.
+    pub const WORK_SUM: usize = 20;
+    /// `ENERGY_CREATED` since the start of the stage, J.
+    pub const ENERGY_CREATED_SUM: usize = 21;
+    /// Energy at the start of the stage and the sizes of all works since, J. 0: the energy balance is not
+    /// reported.
+    pub const ENERGY_THROUGHPUT: usize = 22;
+    /// Energy created over what may be. Above 1 the motion is an artefact of time integration, and the coupler
+    /// rejects the window or ends the run.
+    pub const ENERGY_EXCESS: usize = 23;
+    /// Mean over the window of the vertical force of the structure on the payload, or on whatever holds it, N,
+    /// upwards, the payload's own weight excluded: in balance with the impulse of the air and the change of
+    /// `VERTICAL_MOMENTUM`. With `descent.body` the force on the body, its drag included. The descent equation reads it
+    /// from programs with the effect `descent.equation`.
+    pub const SUPPORT_FORCE: usize = 24;
+    /// Vertical momentum of all nodes whose height is free, relative to the frame, at the end of the window, N s; likewise.
+    pub const VERTICAL_MOMENTUM: usize = 25;
 }
 
 /// Indices into [`Stats::values`] of the flow.
@@ -106,9 +133,18 @@ pub mod flow_stats {
     /// Mass defect: sum over cells of the residual of continuity, kg/s.
     pub const MASS_DEFECT: usize = 14;
     /// Not 0: the window has no answer (1: the iterations diverged, 2: a state that is not physical,
-    /// 3: a cell of the moved grid without volume). The flow stays where it was accepted, and the coupler gives
+    /// 3: a cell of the moved grid without volume, 4: the iterations ran out before the residual had
+    /// halved). The flow stays where it was accepted, and the coupler gives
     /// the window back or ends the run.
     pub const NO_ANSWER: usize = 15;
+    /// Value of `RESIDUAL_END` at which the answer counts as converged: the drop that the scene asks of a
+    /// step. 0: not stated, so not judged.
+    pub const RESIDUAL_TARGET: usize = 16;
+    /// Solves of this answer that ended above their own target; repeated solves within a window may
+    /// have a smaller one than `RESIDUAL_TARGET`.
+    pub const UNCONVERGED: usize = 17;
+    /// Residual of the turbulence equation in the step that was accepted last, over its target; 0: not solved.
+    pub const TURBULENCE_RESIDUAL: usize = 18;
 }
 
 /// Indices into [`Stats::values`] of the mesh mover.
@@ -133,4 +169,6 @@ pub mod mesh_stats {
     pub const NEW_GRIDS: usize = 7;
     /// Where the grid cannot follow: the canopy node next to the worst cell; -1: none.
     pub const NEAREST_NODE: usize = 8;
+    /// Value of `RESIDUAL` at which the answer counts as converged. 0: not stated, so not judged.
+    pub const RESIDUAL_TARGET: usize = 9;
 }

@@ -8,7 +8,7 @@ mod common;
 use std::os::unix::fs::MetadataExt;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use case::Role::{self, Flow, Mesh, Structure};
 use channel::{Hub, HubError, Who};
@@ -38,6 +38,7 @@ fn as_child() {
         let line = format!("x --scene s --stage 0 --session {session} --out o --ranks 1");
         let args = channel::ProgramArgs::from_words(line.split(' ')).expect("fine");
         args.watch_coupler();
+        println!("watching");
         sleep(Duration::from_secs(3600));
         0
     } else {
@@ -106,14 +107,23 @@ impl Process {
         stat.rsplit(')').next().expect("a name").split_whitespace().map(String::from).collect()
     }
 
+    /// Waits until it has printed a line that contains `words`.
+    fn says(&mut self, words: &str) {
+        let mut out = std::io::BufReader::new(self.0.stdout.take().expect("piped"));
+        let said = std::io::BufRead::lines(&mut out).map_while(Result::ok).any(|line| line.contains(words));
+        assert!(said, "it ended without saying {words:?}");
+        // A pipe that nobody holds would end it.
+        self.0.stdout = Some(out.into_inner());
+    }
+
     /// Exit code and what it wrote to standard error.
     fn end(&mut self, limit: Duration) -> (Option<i32>, String) {
-        let start = Instant::now();
+        let limit = Limit::new(limit);
         let status = loop {
             if let Some(status) = self.0.try_wait().expect("a child") {
                 break status;
             }
-            assert!(start.elapsed() < limit, "still there after {limit:?}");
+            limit.demand("still there");
             sleep(Duration::from_millis(10));
         };
         let mut text = String::new();
@@ -169,12 +179,12 @@ fn processes_fly_a_session_unseen_by_others_and_asleep() {
         }
     }
 
-    // All ranks and programs wait now.
+    // All ranks and programs wait now, for as long as one that did not sleep would use a second.
     let before: Vec<u64> = processes.iter().map(Process::ticks).collect();
-    sleep(Duration::from_secs(1));
+    let _ = Limit::new(Duration::from_secs(1)).until(Duration::from_millis(50), || false);
     let after: Vec<u64> = processes.iter().map(Process::ticks).collect();
     for (before, after) in before.iter().zip(&after) {
-        // One tick is 1 %: five looks at the coupler a second take far less.
+        // One tick is 1 % of the second: five looks at the coupler a second take far less.
         assert!(after - before <= 1, "{before:?} {after:?}");
     }
 
@@ -205,9 +215,9 @@ fn a_killed_participant_is_named_and_all_others_end() {
         } else {
             hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("asked");
         }
-        let start = Instant::now();
+        let limit = Limit::new(Duration::from_secs(1));
         let error = gather(&mut hub, Structure).expect_err("it died");
-        assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+        limit.demand("its death was noticed late");
         let HubError::Died { who, during } = &error else { panic!("{error}") };
         assert_eq!(*who, Who { role: Structure, rank: 1 });
         assert!(during.contains("window 0 iteration 2"), "{during}");
@@ -245,7 +255,7 @@ fn a_stopped_process_meets_its_deadline() {
     let session = name("sigstop");
     let process = Process::participant(&session, Structure, 0, 1, "none");
     let mut options = options(&session, &[(Structure, 1)]);
-    options.roles[0].deadline = Some(Duration::from_millis(500));
+    options.roles[0].deadline = Some(deadline(Duration::from_millis(500)));
     let mut hub = open(options).expect("a handshake");
     ask(&mut hub, 0).expect("an answer");
     process.freeze();
@@ -264,14 +274,13 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
     let mut waiting = Process::participant(&session, Structure, 0, 2, "none");
     let mut computing = Process::participant(&session, Structure, 1, 2, "stall 3");
     let mut idle = Process::participant(&session, Flow, 0, 1, "none");
-    let out = coupler.0.stdout.take().expect("piped");
-    let ready = std::io::BufRead::lines(std::io::BufReader::new(out)).map_while(Result::ok);
-    assert!(ready.into_iter().any(|line| line.contains("ready")));
+    coupler.says("ready");
     let mut building = Process::start(&format!("{session} builder"));
-    sleep(Duration::from_millis(300));
+    building.says("watching");
+    computing.says("stalled");
     coupler.signal(libc::SIGKILL);
     coupler.end(SECONDS);
-    let start = Instant::now();
+    let limit = Limit::new(Duration::from_secs(1));
     // A new run of the same name waits for the orphans to go.
     let next = {
         let session = session.clone();
@@ -285,7 +294,7 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
             "{text}"
         );
     }
-    assert!(start.elapsed() < Duration::from_secs(1), "{:?}", start.elapsed());
+    limit.demand("the coupler's death was noticed late");
     for process in [&mut computing, &mut building] {
         let (code, text) = process.end(SECONDS);
         assert_eq!(code, Some(70), "{text}");

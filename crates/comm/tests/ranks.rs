@@ -1,31 +1,34 @@
 //! The same checks on 1, 2, 3 and 5 ranks: this test starts itself under `mpirun`.
 
-use std::process::Command;
+#[path = "../../../tests/src/harness.rs"]
+mod harness;
+
+use std::process::{Command, ExitCode};
 
 use comm::{Comm, Halo, Numbering};
 
 const N: u64 = 23;
 const MARK: &str = "RIPSTOP_COMM_TEST_RANKS";
 
-fn main() {
+fn main() -> ExitCode {
     if let Ok(ranks) = std::env::var(MARK) {
-        return checks(&Comm::init(Some(ranks.parse().expect("a number"))).expect("MPI starts"));
+        checks(&Comm::init(Some(ranks.parse().expect("a number"))).expect("MPI starts"));
+        return ExitCode::SUCCESS;
     }
-    checks(&Comm::solo());
+    harness::run(&[
+        ("comm_without_mpi", &|| checks(&Comm::solo())),
+        ("comm_on_1_rank", &|| on("1")),
+        ("comm_on_2_ranks", &|| on("2")),
+        ("comm_on_3_ranks", &|| on("3")),
+        ("comm_on_5_ranks", &|| on("5")),
+    ])
+}
+
+fn on(ranks: &str) {
     let program = std::env::current_exe().expect("this test has a path");
-    let mut failed = 0;
-    for ranks in ["1", "2", "3", "5"] {
-        let ok = comm::mpirun_env(&mut Command::new("mpirun"))
-            .args(["-n", ranks])
-            .arg(&program)
-            .env(MARK, ranks)
-            .status()
-            .is_ok_and(|s| s.success());
-        println!("test comm_on_{ranks}_ranks ... {}", if ok { "ok" } else { "FAILED" });
-        failed += u32::from(!ok);
-    }
-    println!("\n{} passed, {failed} failed", 4 - failed);
-    assert_eq!(failed, 0);
+    let mut run = Command::new("mpirun");
+    let status = comm::mpirun_env(&mut run).args(["-n", ranks]).arg(&program).env(MARK, ranks).status();
+    assert!(status.as_ref().is_ok_and(|s| s.success()), "{ranks} ranks: {status:?}");
 }
 
 /// A ring of `N` entities dealt out in blocks; each rank reads one neighbour on

@@ -19,7 +19,7 @@ pub mod vtk;
 pub use boxes::*;
 pub use error::*;
 pub use faces::*;
-pub use grid::{GridFileError, draft_grid, flow_grid};
+pub use grid::{GridFileError, GridSizes, draft_grid, flow_grid, grid_sizes};
 pub use msh::write_msh;
 pub use partition::*;
 pub use quality_report::*;

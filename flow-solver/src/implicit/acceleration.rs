@@ -255,4 +255,16 @@ mod tests {
         let end = residual(&q).iter().map(|x| x.abs()).fold(0.0, f64::max);
         assert!(end < 1e-6, "{end}");
     }
+
+    /// Eight lanes and what is left over.
+    #[test]
+    fn inner_products_of_any_length() {
+        for n in [0, 1, 7, 8, 9, 16, 29] {
+            let a: Vec<f32> = (0..n).map(|i| 1.0 + i as f32).collect();
+            let b: Vec<f32> = (0..n).map(|i| 2.0 - 0.5 * i as f32).collect();
+            let exact: f64 = (0..n).map(f64::from).map(|i| (1.0 + i) * (2.0 - 0.5 * i)).sum();
+            assert_eq!(dot(&a, &b), exact, "{n}");
+            assert_eq!(dot_mixed(&a, &b.iter().map(|b| f64::from(*b)).collect::<Vec<_>>()), exact, "{n}");
+        }
+    }
 }

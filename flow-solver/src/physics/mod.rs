@@ -10,7 +10,9 @@ mod precondition;
 mod viscosity;
 
 pub(crate) use flux::relative_speed;
-pub use flux::{FaceFlow, Interface, Scheme, far_field, interface, leaving, outlet, wall};
+pub use flux::{
+    FaceFlow, Interface, Scheme, VELOCITY_DIFFUSION, far_field, interface, leaving, outlet, wall,
+};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
 pub use viscosity::{Inviscid, Laminar, Modelled, Smagorinsky, Viscosity, Wale, stress_force, wall_traction};

@@ -171,4 +171,42 @@ mod tests {
         let s = Smagorinsky { viscosity: 1e-5 };
         assert_eq!(s.dynamic(1.2, &g, 0.1), 1e-5);
     }
+
+    /// `|S|^2 = 2 S:S`: the shear rate in shear, and twice the squares of the rates in plain strain.
+    #[test]
+    fn smagorinsky_grows_with_the_rate_of_strain() {
+        let s = Smagorinsky { viscosity: 1e-5 };
+        let mut g = [[0.0; 3]; 3];
+        g[1][0] = 3.0;
+        let exact = |rate: f64| 1e-5 + 1.2 * (0.17 * 0.1) * (0.17 * 0.1) * rate;
+        assert!((s.dynamic(1.2, &g, 0.1) - exact(3.0)).abs() < 1e-15);
+        let g = [[2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -3.0]];
+        assert!((s.dynamic(1.2, &g, 0.1) - exact(28f64.sqrt())).abs() < 1e-15);
+    }
+
+    /// Gradients a and b across each other: `S:S = (a + b)^2 / 2`, the squared gradient is `ab` in the plane,
+    /// so that `S^d:S^d = 6/9 (ab)^2`.
+    #[test]
+    fn wale_where_strain_and_rotation_meet() {
+        let (a, b) = (5.0, -2.0);
+        let mut g = [[0.0; 3]; 3];
+        (g[0][1], g[1][0]) = (a, b);
+        let (strain, squared): (f64, f64) = (0.5 * (a + b) * (a + b), 6.0 / 9.0 * a * a * b * b);
+        let rate = squared.powf(1.5) / (strain.powf(2.5) + squared.powf(1.25));
+        let found = Wale { viscosity: 1e-5 }.dynamic(1.2, &g, 0.1);
+        assert!((found - (1e-5 + 1.2 * 0.0325 * 0.0325 * rate)).abs() < 1e-14, "{found}");
+    }
+
+    /// `mu (2 S - 2/3 div u)` on stretching air, and a wall at an angle.
+    #[test]
+    fn stress_of_a_stretch_and_traction_on_a_slanted_wall() {
+        let g = [[2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, -1.0]];
+        let force = stress_force(0.7, &g, [1.0, 2.0, 3.0]);
+        let exact = [2.0, 0.5, -1.0].map(|rate| 0.7 * (2.0 * rate - 2.0 / 3.0 * 1.5));
+        (0..3).for_each(|i| assert!((force[i] - exact[i] * (i + 1) as f64).abs() < 1e-14, "{force:?}"));
+        // Of the slip (2, 1, 3) the normal (0.6, 0, 0.8) takes 3.6.
+        let traction = wall_traction(0.5, [2.0, 1.0, 3.0], [0.6, 0.0, 0.8], 0.25);
+        let exact = [2.0 * (2.0 - 3.6 * 0.6), 2.0, 2.0 * (3.0 - 3.6 * 0.8)];
+        (0..3).for_each(|i| assert!((traction[i] - exact[i]).abs() < 1e-14, "{traction:?}"));
+    }
 }

@@ -60,6 +60,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         };
         let taken = turbulence.advance(&domain!(self), &flow);
         if taken.end.is_finite() {
+            self.turbulence_excess = taken.end / taken.target.max(f64::MIN_POSITIVE);
             turbulence.accept();
         } else {
             turbulence.value.copy_from_slice(&turbulence.past[0]);

@@ -80,8 +80,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         // against the change that this call brought, or the coupling iterates on noise.
         let scale =
             if step.moved { (0.1 * first).clamp(1e-3 * self.start, 0.1 * self.start) } else { self.start };
-        let target = (drop * scale).max(self.round_off());
-        let mut report = Report { start: self.start, ..Report::default() };
+        let round_off = self.round_off();
+        let target = (drop * scale).max(round_off);
+        // What the scene asks of a step, however little the last of several calls brought.
+        let least = if step.moved { 0.1 * self.start } else { self.start };
+        let asked = (residual_drop * least).max(target);
+        let mut report = Report { start: self.start, target: asked, ..Report::default() };
         if step.again {
             // The Jacobian is nearly the same: what the last solve has learnt still holds.
             self.acceleration.pause();
@@ -168,17 +172,26 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             self.q[..n].as_flattened_mut().copy_from_slice(&self.best);
             norm = self.evaluate();
         }
-        if report.iterations >= self.settings.max_iterations
-            && norm > 0.5 * self.start
-            && norm > 1e3 * self.round_off()
-        {
-            return Err(FlowError::Diverged { start: first, end: norm, iterations: report.iterations });
-        }
         report.end = norm;
+        report.met = norm <= target;
+        let halved = norm <= 0.5 * self.start || norm <= 1e3 * round_off;
+        if !report.met && !halved {
+            return Err(self.unsolved(first, &report));
+        }
         let cells = self.residual[..n].iter().zip(&self.metrics.size);
         let defect: f64 = cells.map(|(r, h)| r[0] / mass_weight(*h, &self.scheme)).sum();
         report.mass_defect = self.halo.comm().sum(defect);
         Ok(report)
+    }
+
+    /// Why a step has no answer whose iterations began at a residual of `first` (N).
+    fn unsolved(&self, first: f64, report: &Report) -> FlowError {
+        let Report { end, target, iterations, .. } = *report;
+        if end <= first.max(self.start) {
+            FlowError::Unsolved { start: self.start, end, target, iterations }
+        } else {
+            FlowError::Diverged { start: first, end, iterations }
+        }
     }
 
     /// What would remain in the momentum equations of a step on a grid at rest if

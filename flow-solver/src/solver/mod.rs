@@ -74,6 +74,11 @@ pub struct Report {
     pub start: f64,
     /// Residual at the end, N.
     pub end: f64,
+    /// Residual at which the step counts as converged, N.
+    pub target: f64,
+    /// Whether the iterations reached their own target, which is smaller than `target` in repetitions of a
+    /// step that bring little.
+    pub met: bool,
     /// Corrections.
     pub iterations: usize,
     /// Iterations of the pressure equation.
@@ -135,6 +140,8 @@ pub struct Solver<G, V, const N: usize> {
     sheared: Vec<Vec3>,
     turbulence: Option<Box<SpalartAllmaras>>,
     turbulence_lost: bool,
+    /// Residual of the turbulence equation over its target in the last accepted step; 0: not solved.
+    turbulence_excess: f64,
     eddy: Vec<f64>,
     least_squares: LeastSquares,
     wall_velocity: Vec<Vec3>,
@@ -218,6 +225,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             sheared: Vec::new(),
             turbulence: None,
             turbulence_lost: false,
+            turbulence_excess: 0.0,
             eddy: vec![0.0; if V::TRANSPORTED { n } else { 0 }],
             least_squares,
             wall_velocity: vec![[0.0; 3]; faces - topology.cells.len()],
@@ -256,6 +264,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Node positions at the accepted instant `k` (0: the newest), m.
     pub fn past_nodes(&self, k: usize) -> &[Vec3] {
         if self.settings.moving { &self.past[k].nodes } else { &self.nodes }
+    }
+
+    /// Residual of the turbulence equation over its target in the step that was accepted last; 0: not solved.
+    pub fn turbulence_excess(&self) -> f64 {
+        self.turbulence_excess
     }
 
     /// What passed the faces.

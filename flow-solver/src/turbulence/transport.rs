@@ -48,6 +48,8 @@ pub struct Taken {
     pub start: f64,
     /// Residual at the end.
     pub end: f64,
+    /// Residual at which it counts as converged.
+    pub target: f64,
 }
 
 /// The working variable of Spalart-Allmaras on one rank.
@@ -180,7 +182,8 @@ impl SpalartAllmaras {
             }
             taken.end = now;
             best = now.min(best);
-            let done = now <= (flow.drop * taken.start).max(noise);
+            taken.target = (flow.drop * taken.start).max(noise);
+            let done = now <= taken.target;
             if done || taken.iterations == MOST || !now.is_finite() {
                 return taken;
             }

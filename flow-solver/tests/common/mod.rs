@@ -3,7 +3,7 @@
 
 use comm::Comm;
 use flow_solver::permeable::Permeability;
-use flow_solver::physics::{Air, Gas, Isothermal, Viscosity};
+use flow_solver::physics::{Air, Gas, Isothermal, VELOCITY_DIFFUSION, Viscosity};
 use flow_solver::residual::Spatial;
 use flow_solver::topology::Topology;
 use flow_solver::{Method, Settings, Solver, Step};
@@ -20,7 +20,7 @@ pub fn settings(wind: [f64; 3], drop: f64) -> Settings {
         max_iterations: 100,
         method: Method::PressureCorrection { depth: 5 },
         reference_speed: 0.1 * speed,
-        velocity_diffusion: 0.5,
+        velocity_diffusion: VELOCITY_DIFFUSION,
         moving: true,
     }
 }

@@ -256,3 +256,80 @@ impl ElementLoop for Contact {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle and a node near it, none of whose directions is an axis.
+    fn pressed(distance: f64) -> (Contact, Vec<f64>) {
+        let corners = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]];
+        let area = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+        let n = scale(1.0 / norm(area), area);
+        let foot: Vec3 =
+            std::array::from_fn(|i| 0.5 * corners[0][i] + 0.3 * corners[1][i] + 0.2 * corners[2][i]);
+        let node: Vec3 = std::array::from_fn(|i| foot[i] + distance * n[i]);
+        let x = [corners[0], corners[1], corners[2], node].concat();
+        let mut contact = Contact {
+            triangles: vec![[0, 1, 2]],
+            nodes: (0..4).collect(),
+            slots: (0..4).collect(),
+            thickness: 0.05,
+            stiffness: 700.0,
+            pairs: Vec::new(),
+            known: HashMap::new(),
+            before: HashMap::new(),
+            searched: Vec::new(),
+            cells: HashMap::new(),
+            edge: 1.0,
+        };
+        contact.find_pairs(&x);
+        (contact, x)
+    }
+
+    fn forces(contact: &Contact, x: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; x.len()];
+        let load = FaceLoad { pressure: &[], traction: &[] };
+        contact.forces(Place { at: x, end: x, weight: 1.0 }, load, &mut out);
+        out
+    }
+
+    /// Energy `k (h - d)^2 / 2` on either side; the forces are its gradient, and the blocks of the tangent
+    /// `k n n` at the node and the squares of the weights of it at the corners.
+    #[test]
+    fn forces_are_the_gradient_of_the_energy() {
+        for distance in [0.02, -0.03, 0.049, -0.001] {
+            let (contact, x) = pressed(distance);
+            let gap = 0.05 - f64::abs(distance);
+            assert!((contact.energy(&x) - 350.0 * gap * gap).abs() < 1e-12);
+            assert!((contact.pressed(&x) - 700.0 * gap).abs() < 1e-10);
+            let found = forces(&contact, &x);
+            let differences = |f: &dyn Fn(&[f64]) -> f64, i: usize| {
+                let h = 1e-6;
+                let at = |d: f64| {
+                    f(&x.iter().enumerate().map(|(k, v)| if k == i { v + d } else { *v }).collect::<Vec<_>>())
+                };
+                (at(h) - at(-h)) / (2.0 * h)
+            };
+            for (i, f) in found.iter().enumerate() {
+                let wanted = differences(&|x| contact.energy(x), i);
+                assert!((f - wanted).abs() < 1e-6, "{distance}, {i}: {f} {wanted}");
+            }
+            let (mut blocks, mut out) = (vec![[[0.0; 3]; 3]; 4], vec![0.0; 12]);
+            let load = FaceLoad { pressure: &[], traction: &[] };
+            contact.tangent(Place { at: &x, end: &x, weight: 1.0 }, load, 0.6, &mut out, &mut blocks);
+            assert_eq!(out, found);
+            for i in 0..3 {
+                for j in 0..3 {
+                    let wanted = 0.6 * differences(&|x| forces(&contact, x)[9 + i], 9 + j);
+                    assert!((blocks[3][i][j] - wanted).abs() < 1e-5, "{} {wanted}", blocks[3][i][j]);
+                    for (corner, w) in [0.5, 0.3, 0.2].iter().enumerate() {
+                        assert!((blocks[corner][i][j] - w * w * blocks[3][i][j]).abs() < 1e-9);
+                    }
+                }
+            }
+        }
+        let (contact, x) = pressed(0.051);
+        assert_eq!((contact.energy(&x), forces(&contact, &x)), (0.0, vec![0.0; 12]));
+    }
+}

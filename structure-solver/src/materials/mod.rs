@@ -50,3 +50,49 @@ pub trait Material: Copy + 'static {
         Regime::Taut
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Laws of an incompressible film, Poisson's ratio 0.5.
+    fn incompressible() -> (StVenantKirchhoff, TensionField, OrthotropicTensionField) {
+        let (y, nu) = (7.0, 0.5);
+        (
+            StVenantKirchhoff::isotropic(y, nu),
+            TensionField::new(y, nu),
+            OrthotropicTensionField::new(y, y, nu, 0.5 * y / (1.0 + nu)),
+        )
+    }
+
+    /// The closed form in plane stress: S11 = Y (E11 + E22 / 2) / (3/4), so an equal pull gives 2 Y E.
+    #[test]
+    fn an_incompressible_film_has_the_closed_form() {
+        let (elastic, field, orthotropic) = incompressible();
+        let e = [0.1, 0.1, 0.0];
+        for s in [elastic.stress(e), field.stress(e), orthotropic.stress(e)] {
+            assert!((s[0] - 1.4).abs() < 1e-14 && (s[1] - 1.4).abs() < 1e-14 && s[2] == 0.0, "{s:?}");
+        }
+        let held = Prestressed::new(field, 0.4).stress([0.0; 3]);
+        assert!((held[0] - 0.4).abs() < 1e-14 && (held[1] - 0.4).abs() < 1e-14, "{held:?}");
+        // Taut until the pull narrows it by half: E22 = -E11 / 2.
+        assert_eq!(field.regime([0.1, -0.0499, 0.0]), Regime::Taut);
+        assert_eq!(field.regime([0.1, -0.0501, 0.0]), Regime::Wrinkled);
+    }
+
+    proptest! {
+        /// Both tension fields agree, and no strain has a negative energy or a stress that is not finite.
+        #[test]
+        fn an_incompressible_film_is_regular(e in prop::array::uniform3(-0.3..0.3f64)) {
+            let (elastic, field, orthotropic) = incompressible();
+            let (s, t) = (field.stress(e), orthotropic.stress(e));
+            for i in 0..3 {
+                prop_assert!((s[i] - t[i]).abs() < 1e-12, "{:?} {:?}", s, t);
+            }
+            let work = elastic.stress(e);
+            prop_assert!(elastic.energy(&work, &e) >= 0.0 && field.energy(&s, &e) >= 0.0);
+            prop_assert!(field.tangent(e).1.iter().flatten().all(|c| c.is_finite()));
+        }
+    }
+}

@@ -111,6 +111,48 @@ fn explicit_steps_have_order_two_and_agree_with_implicit_ones() {
     assert!(implicit[1] < 0.3 * implicit[0] && implicit[1] < 1e-4, "{implicit:?}");
 }
 
+/// A free sheet of 1 kg/m2 under a pressure of 1 Pa/s times t: central differences give the velocity
+/// t^2 / 2 exactly, and at 1 s, after N steps, the displacement (1 - 1/N^2) / 6.
+#[test]
+fn a_growing_load_acts_in_each_explicit_step_at_its_instant() {
+    let mut m = sheet(2, 1.0);
+    m.fixed.clear();
+    let line = TwoWay { youngs_modulus: 1e7 };
+    let system = both_of_mass(&m, TensionField::new(1e6, 0.3), line, 1e-5, MassMatrix::Lumped);
+    let mut d = Dynamics::new(system, sharp(Scheme::newmark()));
+    let stable = d.integrate_explicitly(0.5).expect("a sheet with mass").stable_step();
+    let substeps = 8;
+    let inside = (1.0 / (substeps as f64 * 0.5 * stable)).ceil();
+    assert!(inside > 3.0, "each substep is divided: {inside}");
+    let (none, full) = (vec![0.0; d.system.model.n_faces], vec![1.0; d.system.model.n_faces]);
+    let load = LoadPath { pressure: [&none, &full], traction: [&[]; 2] };
+    d.window(1.0, substeps, load, [0.0; 3], false).expect("a solvable window");
+    d.accept();
+    let steps = substeps as f64 * inside;
+    let exact = (1.0 - 1.0 / (steps * steps)) / 6.0;
+    let (u, v) = (d.accepted.u[2], d.accepted.v[2]);
+    println!("growing load in {steps} explicit steps: u {u:.9} beside {exact:.9}, v {v:.9}");
+    // Rounding of the strains, which are zero but for it.
+    assert!((u - exact).abs() < 1e-9 && (v - 0.5).abs() < 1e-9, "{u} {exact} {v}");
+}
+
+/// The same sheet under a constant pressure with mass damping of 3/s: the acceleration at the end is what the load
+/// and the damping leave.
+#[test]
+fn the_acceleration_after_explicit_steps_knows_the_damping() {
+    let mut m = sheet(2, 1.0);
+    m.fixed.clear();
+    let line = TwoWay { youngs_modulus: 1e7 };
+    let system = both_of_mass(&m, TensionField::new(1e6, 0.3), line, 1e-5, MassMatrix::Lumped);
+    let mut d = Dynamics::new(system, params(Scheme::newmark(), 3.0));
+    d.integrate_explicitly(0.5).expect("a sheet with mass");
+    window(&mut d, 0.2, 4, 1.0, [0.0; 3]);
+    let (v, a) = (d.accepted.v[2], d.accepted.a[2]);
+    let exact = (1.0 - (-0.6f64).exp()) / 3.0;
+    assert!((v - exact).abs() < 1e-4, "{v} {exact}");
+    assert!((a - (1.0 - 3.0 * v)).abs() < 1e-9, "{a} {v}");
+}
+
 /// Fabric thrown slack and taut: what snapping adds to the energy falls with the step.
 #[test]
 fn snapping_fabric_keeps_its_energy_better_with_smaller_steps() {

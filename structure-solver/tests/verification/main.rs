@@ -10,5 +10,6 @@ mod energy;
 mod explicit;
 mod pressure;
 mod shapes;
+mod time;
 mod vibrations;
 mod wrinkling;

@@ -1,16 +1,21 @@
 //! Fake participants and a scripted coupler, for tests in one process or in many.
 #![allow(dead_code, reason = "each test file uses a part")]
 
+#[path = "../../../../tests/src/load.rs"]
+mod load;
+
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use case::Role;
 use channel::{
     Abort, Announcement, Fault, Hub, HubError, HubOptions, Input, Participant, RoleOptions, ServeEnd,
     ServeError, ServeOptions, Stats, Window, serve, surface_hash,
 };
+#[allow(unused_imports, reason = "each test file uses a part")]
+pub use load::{Available, Limit, deadline};
 
 /// Nodes and faces of the fake canopy, nodes of the fake grid.
 pub const NODES: usize = 35;
@@ -113,7 +118,10 @@ impl Participant for Fake {
         match self.trouble {
             Trouble::Fault(n) if n == call => return Err(Fault::new("the fake has had enough")),
             Trouble::Panic(n) if n == call => panic!("the fake panics"),
-            Trouble::Stall(n) if n == call => thread::sleep(Duration::from_secs(3600)),
+            Trouble::Stall(n) if n == call => {
+                println!("stalled");
+                thread::sleep(Duration::from_secs(3600));
+            }
             Trouble::Exit(n) if n == call => std::process::exit(0),
             _ => {}
         }
@@ -166,8 +174,11 @@ pub fn name(test: &str) -> String {
     format!("{test}-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
 }
 
+/// A deadline that no test is to meet, whatever else the machine does.
+pub const LATE: Duration = Duration::from_secs(300);
+
 pub fn at(session: &str, role: Role, rank: usize, ranks: usize) -> ServeOptions {
-    let deadline = Some(Duration::from_secs(20));
+    let deadline = Some(LATE);
     ServeOptions { session: session.into(), role, rank, ranks, stage: 0, deadline, exit_when_orphaned: false }
 }
 
@@ -175,7 +186,7 @@ pub fn options(session: &str, roles: &[(Role, usize)]) -> HubOptions {
     let role = |&(role, ranks): &(Role, usize)| RoleOptions {
         role,
         ranks,
-        deadline: Some(Duration::from_secs(20)),
+        deadline: Some(LATE),
         effects: Vec::new(),
     };
     HubOptions {
@@ -183,7 +194,7 @@ pub fn options(session: &str, roles: &[(Role, usize)]) -> HubOptions {
         roles: roles.iter().map(role).collect(),
         stage: 0,
         interface: None,
-        arrival_deadline: Some(Duration::from_secs(20)),
+        arrival_deadline: Some(LATE),
         watch_grid: false,
     }
 }
@@ -206,10 +217,10 @@ pub fn spawn_all(session: &str, roles: &[(Role, usize)]) -> Vec<Served> {
     ranks.map(|(role, rank, n)| spawn(session, Fake::new(role, rank, n))).collect()
 }
 
-/// A wait that only watches the clock: no test hangs.
+/// A wait that only watches the time: no test hangs.
 pub fn patience() -> impl FnMut() -> Result<(), Abort> {
-    let start = Instant::now();
-    move || if start.elapsed() < Duration::from_secs(30) { Ok(()) } else { Err(Abort::new("the test hangs")) }
+    let limit = Limit::new(Duration::from_secs(30));
+    move || if limit.passed() { Err(Abort::new("the test hangs")) } else { Ok(()) }
 }
 
 pub fn window(index: u64, iteration: u64) -> Window {

@@ -226,3 +226,6 @@ fn is_decoupled<const F: usize, S: Real>(a: &BlockCsr<F, S>, i: usize, r: usize)
     let diagonal = a.diagonal_slot(i);
     a.row(i).all(|s| (0..F).all(|c| a.values[s][r][c].to_f64() == 0.0 || (s == diagonal && c == r)))
 }
+
+#[cfg(test)]
+mod tests;

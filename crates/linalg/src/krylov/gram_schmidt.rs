@@ -201,4 +201,22 @@ mod tests {
         assert!(rest < 1e-14 * norm && (h[0] - norm).abs() < 1e-13 * norm);
         assert!(w.iter().all(|w| w.is_finite()));
     }
+
+    /// What is left of a vector of the span is rounding; it becomes a unit vector or zero.
+    #[test]
+    fn what_rounding_leaves_has_unit_length() {
+        let mut units = 0;
+        for seed in 1..20 {
+            let v = vector(64, seed);
+            let norm = dot(&v, &v).sqrt();
+            let basis = vec![v.iter().map(|v| v / norm).collect::<Vec<f64>>()];
+            let mut w: Vec<f64> = v.iter().map(|v| v / 3.0).collect();
+            let rest = orthonormalise(&Comm::solo(), &basis, &mut w, 0.0, &mut [0.0], &mut [0.0; 2]);
+            if rest > 0.0 {
+                assert!((dot(&w, &w) - 1.0).abs() < 1e-14);
+                units += 1;
+            }
+        }
+        assert!(units > 0);
+    }
 }

@@ -8,6 +8,7 @@ mod from_file_tests;
 mod inflate;
 mod panel_box;
 mod place;
+mod sizes;
 mod smooth;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ use crate::quality::{self, norm, sub};
 use crate::structure::{AtpsLayout, flat_layout, positive, refuse};
 use crate::{FlowGrid, MeshError, StructureMesh, Vec3};
 pub use file_error::GridFileError;
+pub use sizes::{GridSizes, grid_sizes};
 use topology::Blocks;
 
 /// Vents narrower than this share of the canopy's width are closed.

@@ -138,6 +138,11 @@ impl Blocks {
         (0..=self.layout.m).filter(|&b| self.is_open(b))
     }
 
+    /// Number of cells of [`Self::grid`].
+    pub fn cells(&self) -> usize {
+        self.n * self.n * self.levels + self.quads.len() * (self.layers[0] + self.layers[1])
+    }
+
     /// First node of the far field; all nodes from here on lie there.
     pub fn far_field(&self) -> usize {
         self.nodes - self.surface
@@ -286,8 +291,7 @@ impl Blocks {
         let cell = |low: [u32; 4], high: [u32; 4]| {
             [low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]]
         };
-        let count = self.n * self.n * self.levels + self.quads.len() * (self.layers[0] + self.layers[1]);
-        grid.cells.reserve_exact(count);
+        grid.cells.reserve_exact(self.cells());
         for b in 0..self.levels {
             for j in 0..self.n {
                 for i in 0..self.n {

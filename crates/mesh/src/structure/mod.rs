@@ -3,6 +3,7 @@
 mod atps;
 mod flat;
 mod gmsh;
+mod hung_mass;
 mod node_sets;
 mod panel;
 mod payload;

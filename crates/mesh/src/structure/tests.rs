@@ -34,6 +34,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
         mesh: MeshMotion::default(),
         coupling: Coupling::default(),
         descent: Some(Descent {
+            equation: case::DescentEquation::default(),
             payload_mass_kg: 100.6975,
             initial_speed_m_s: 4.8768,
             gravity_m_s2: 9.80665,

@@ -1,0 +1,114 @@
+//! Parameters of a study: those that a scene names, or default ones that fit it.
+
+use case::{Scene, Solve};
+
+use super::dials::{Dial, Kind, Setting};
+use super::study::Turned;
+use crate::error::RunError;
+
+/// A parameter as the scene names it.
+///
+/// # Errors
+/// Values that the parameter or the scene cannot have.
+pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<Turned, RunError> {
+    let refuse = |why: String| RunError::Input(format!("accuracy.parameter `{}`: {why}", w.name));
+    let words = w.values.is_empty() && !w.choices.is_empty();
+    let mut dial = Dial::find(&w.name, scene, stage, words)?;
+    if w.values.is_empty() && w.choices.is_empty() {
+        return Err(refuse("it has neither `values` nor `choices`".into()));
+    }
+    if !w.values.is_empty() && !w.choices.is_empty() {
+        return Err(refuse("it has both `values` and `choices`".into()));
+    }
+    if let Some(order) = w.order {
+        if !(order > 0.0 && order <= 8.0) {
+            return Err(refuse(format!("`order` is {order}: above 0 and at most 8")));
+        }
+        dial.promised = order;
+    }
+    if let Some(bad) = w.values.iter().chain(&w.check).chain(&w.base).find(|v| !(**v > 0.0 && v.is_finite()))
+    {
+        return Err(refuse(format!("the value {bad} is not above 0")));
+    }
+    let mut numbers = w.values.clone();
+    // Coarse first.
+    numbers.sort_by(f64::total_cmp);
+    if dial.kind == Kind::Size {
+        numbers.reverse();
+    }
+    let finest = numbers.last().copied();
+    if let (Some(check), Some(finest)) = (w.check, finest) {
+        let finer = if dial.kind == Kind::Fineness { check > finest } else { check < finest };
+        if !finer {
+            return Err(refuse(format!("`check` is {check}: it must be finer than all values ({finest})")));
+        }
+    }
+    let values: Vec<Setting> = if words {
+        w.choices.iter().cloned().map(Setting::Choice).collect()
+    } else {
+        numbers.into_iter().map(Setting::Number).collect()
+    };
+    let base = match (&w.base, &w.base_choice) {
+        (Some(x), _) => Some(Setting::Number(*x)),
+        (_, Some(word)) => Some(Setting::Choice(word.clone())),
+        _ => dial.own(scene),
+    };
+    let base = base.ok_or_else(|| refuse("the scene has no value of its own: name a `base`".into()))?;
+    Ok(Turned { dial, values, base, check: w.check.map(Setting::Number) })
+}
+
+/// Parameters for a scene that names none.
+pub fn defaults(scene: &Scene, stage: usize) -> Vec<case::Parameter> {
+    let mut all = Vec::new();
+    let mut numbers = |name: &str, values: &[f64], check: Option<f64>| {
+        if Dial::fits(name, scene, stage) {
+            all.push(case::Parameter {
+                name: name.into(),
+                values: values.to_vec(),
+                check,
+                ..case::Parameter::default()
+            });
+        }
+    };
+    let thirds = [0.5, 2.0 / 3.0, 5.0 / 6.0, 1.0];
+    if Dial::fits("grid", scene, stage) {
+        numbers("grid", &thirds, Some(1.5));
+    } else {
+        numbers("structure-grid", &thirds, Some(1.5));
+        numbers("flow-grid", &thirds, Some(1.5));
+    }
+    // A history of the structure alone has its windows for output only.
+    if scene.stages[stage].kind == case::StageKind::PreInflation {
+        numbers("substeps", &[0.5, 0.75, 1.0, 1.5], Some(2.5));
+    } else {
+        numbers("window", &thirds, Some(2.0));
+        numbers("substeps", &[0.5, 1.0, 2.0], None);
+    }
+    let around = |x: f64| [10.0 * x, x, 0.1 * x];
+    numbers("coupling-tolerance", &around(scene.coupling.tolerance).map(|x| x.min(0.1)), None);
+    if let Some(f) = &scene.flow {
+        numbers("flow-drop", &around(f.solver.residual_drop).map(|x| x.min(0.5)), None);
+    }
+    numbers("newton-tolerance", &around(scene.structure.newton_tolerance).map(|x| x.min(0.05)), None);
+    numbers("gmres-tolerance", &around(scene.structure.gmres_tolerance).map(|x| x.min(0.3)), None);
+    let any_static = scene.stages.iter().any(|s| s.solve == Solve::Static);
+    if any_static {
+        numbers("static-tolerance", &around(scene.structure.static_tolerance), None);
+    }
+    numbers("mover-tolerance", &around(scene.mesh.tolerance), None);
+    for d in &mut all {
+        d.values.dedup();
+    }
+    all
+}
+
+/// What is varied together where a scene does not say: space and time.
+pub fn default_sweep(dials: &[Turned]) -> Vec<String> {
+    let have = |name: &str| dials.iter().find(|d| d.dial.name == name);
+    match (have("grid").or(have("structure-grid")), have("window")) {
+        (Some(a), Some(b)) if a.values.len() == b.values.len() => {
+            vec![a.dial.name.clone(), b.dial.name.clone()]
+        }
+        _ => Vec::new(),
+    }
+}

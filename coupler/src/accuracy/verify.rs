@@ -1,0 +1,56 @@
+//! The advice against a much finer reference.
+
+use serde::Serialize;
+
+use super::judge::{Outcome, within};
+use super::study::Study;
+
+/// One quantity of the verified sample.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verified {
+    /// Quantity.
+    pub quantity: String,
+    /// Value of the verified sample.
+    pub value: f64,
+    /// Value of the reference.
+    pub reference: f64,
+    /// Difference of the two, relative to the scale of the answer.
+    pub true_error: f64,
+    /// Estimated error.
+    pub error: f64,
+    /// Half width of its band.
+    pub band: f64,
+    /// Whether the true error is at most their sum.
+    pub held: bool,
+}
+
+/// Compares `sample` with the reference of the study; `None` without a reference.
+///
+/// # Errors
+/// Why the reference or the sample has no value or no estimate.
+pub fn verify(study: &Study, outcome: &Outcome, sample: usize) -> Option<Result<Vec<Verified>, String>> {
+    let reference = &outcome.members[study.reference?];
+    let own = &outcome.members[sample];
+    let one = |q: usize| {
+        let name = &study.quantities[q].name;
+        let missing =
+            |s: &super::judge::Standing| s.gap.clone().unwrap_or_else(|| format!("no value of `{name}`"));
+        let to =
+            reference.values[q].ok_or_else(|| format!("the reference failed: {}", missing(reference)))?;
+        let value = own.values[q].ok_or_else(|| missing(own))?;
+        let (Some(a), Some(e)) = (outcome.answers[q], own.estimates[q]) else {
+            return Err(format!("`{name}` is not assessed ({})", outcome.why_not(study, q)));
+        };
+        let true_error = (value - to).abs() / a.scale;
+        Ok(Verified {
+            quantity: name.clone(),
+            value,
+            reference: to,
+            true_error,
+            error: e.error,
+            band: e.band,
+            held: within(true_error, e.bound()),
+        })
+    };
+    Some((0..study.quantities.len()).map(one).collect())
+}

@@ -1,0 +1,292 @@
+//! Checks of what falls: weight against drag, start against the steady descent, the payload.
+
+use case::{Stage, StageKind};
+
+use super::facts::{Facts, digits};
+use super::finding::Judged;
+use super::finding::Severity::{Error, Note, Warning};
+use super::table::{Check, When};
+
+/// Drag coefficient on the constructed area that estimates a steady descent, and Knacke's for flat canopies.
+const USUAL_DRAG: f64 = 0.75;
+
+/// The rows.
+pub const CHECKS: &[Check] = &[
+    Check {
+        id: "descent.missing",
+        what: "a parachute that is released has a payload and air that moves",
+        estimate: "a coupled stage with suspension lines, [descent], wind and gust",
+        range: "warning without [descent] and without wind or gust; note without [descent] in a wind (a tunnel)",
+        source: "without [descent] the confluence point is held and nothing falls",
+        severity: Warning,
+        remedy: "add [descent] with payload_mass_kg, initial_speed_m_s and reference_area_m2",
+        when: When::Before(missing),
+    },
+    Check {
+        id: "descent.initial-speed",
+        what: "the air moves past the canopy at the start",
+        estimate: "speed of the air far away past the canopy at the start of the first coupled stage: \
+                   descent.initial_speed_m_s with the wind and gust of that stage",
+        range: "warning at 0 m/s; error at 0 m/s in a scene with a flow-only stage and neither gust nor shear, and \
+                warning above three times the steady speed of descent.steady-speed",
+        source: "a flow-only stage has nothing to develop; drag coefficients refer to the initial speed; above three \
+                 times the steady speed the drag is nine weights",
+        severity: Error,
+        remedy: "set descent.initial_speed_m_s near the steady speed that this inspection estimates",
+        when: When::Before(initial_speed),
+    },
+    Check {
+        id: "descent.drag-coefficient",
+        what: "weight and drag balance at the initial speed with a coefficient that canopies have",
+        estimate: "C = m g / (1/2 rho V^2 S) with the initial speed V, on the constructed area S_0 (fabric) and on \
+                   descent.reference_area_m2",
+        range: "0.3 to 1.1 on the constructed area: warning outside",
+        source: "Knacke, Parachute Recovery Systems Design Manual (1992), tables 5-1 to 5-5, secondary source: cross \
+                 0.60 to 0.85, flat circular 0.75 to 0.80, hemispherical 0.62 to 0.77, slotted canopies from 0.3; the \
+                 ATPS needs 0.51 to 0.55",
+        severity: Warning,
+        remedy: "the scene starts out of balance: set descent.initial_speed_m_s to the steady speed, or check \
+                 payload_mass_kg (kg) and the canopy's width (m)",
+        when: When::Before(drag_coefficient),
+    },
+    Check {
+        id: "descent.steady-speed",
+        what: "the payload suits the canopy",
+        estimate: "V = (2 m g / (rho 0.75 S_0))^1/2, the steady speed at a drag coefficient of 0.75",
+        range: "2 to 20 m/s: warning outside",
+        source: "personnel parachutes descend at 5 to 7 m/s, cargo up to 9 m/s, small and light ones from 2 m/s; \
+                 drogues are faster",
+        severity: Warning,
+        remedy: "check descent.payload_mass_kg (kg), the canopy's width (m) and descent.gravity_m_s2",
+        when: When::Before(steady_speed),
+    },
+    Check {
+        id: "descent.reference-area",
+        what: "drag coefficients refer to an area of the canopy's size",
+        estimate: "descent.reference_area_m2 / S_0",
+        range: "0.1 to 1.5: warning outside",
+        source: "constructed area 1, projected area about 0.5, the ATPS's square top 0.30",
+        severity: Warning,
+        remedy: "set descent.reference_area_m2 in m2; it changes no motion, only drag coefficients",
+        when: When::Before(reference_area),
+    },
+    Check {
+        id: "descent.pressure",
+        what: "a pre-inflation loads the canopy as its descent does",
+        estimate: "pressure_pa / q with the dynamic pressure q = 1/2 rho V^2 of the initial speed",
+        range: "0.2 to 3: warning outside, and at 0 Pa; error below 0 Pa on a canopy that hangs on lines",
+        source: "the pressure jump lies between 1 q (stagnation) and 1.7 q (with suction outside); a jump is inside \
+                 minus outside, so a negative one presses the canopy onto its payload",
+        severity: Error,
+        remedy: "set pressure_pa to about q; a positive jump inflates",
+        when: When::Before(pressure),
+    },
+    Check {
+        id: "descent.payload-body",
+        what: "the payload's spin, size and inertia are those of a body on lines",
+        estimate: "spin (rad/s), distance of attachments from the centre of mass over half the canopy's width, radius of \
+                   gyration (I / m)^1/2",
+        range: "warning for a spin above 10 rad/s, attachments farther than half the canopy's width, a radius of \
+                gyration outside 0.01 to 5 m",
+        source: "10 rad/s is 1.6 turns a second; a cube of 0.5 m has a radius of gyration of 0.2 m",
+        severity: Warning,
+        remedy: "give initial_spin_rad_s in rad/s (1 degree is 0.01745 rad), attachments_m in m, inertia_kg_m2 in kg m2",
+        when: When::Before(payload_body),
+    },
+];
+
+/// Whether wind, gust or shear move the air past the canopy in stages of the run that `which` names.
+fn air_moves(f: &Facts<'_>, which: impl Fn(&Stage) -> bool) -> bool {
+    let shear = f.scene.flow.as_ref().is_some_and(|f| f.shear.is_some());
+    shear || f.stages().any(|(i, s)| which(s) && f.numbers.stage_speeds[i][1] > 0.0)
+}
+
+/// Dynamic pressure at the start of the first coupled stage, Pa.
+fn release_pressure(f: &Facts<'_>) -> f64 {
+    0.5 * f.numbers.density * f.numbers.release_speed * f.numbers.release_speed
+}
+
+fn missing(f: &Facts<'_>) -> Vec<Judged> {
+    if f.scene.descent.is_some() || !f.is_parachute() || !f.has(StageKind::Coupled) {
+        return Vec::new();
+    }
+    vec![if air_moves(f, |s| s.kind == StageKind::Coupled) {
+        Judged::new(
+            Note,
+            "",
+            "the scene has no [descent]: the lines' end is held in the wind, as in a tunnel",
+        )
+    } else {
+        Judged::new(Warning, "", "the scene has no [descent] and no wind: no payload falls and no air moves")
+    }]
+}
+
+/// Speed at which weight and drag balance with [`USUAL_DRAG`] on the fabric area, m/s; 0 without weight.
+pub(super) fn balance_speed(f: &Facts<'_>) -> f64 {
+    let n = &f.numbers;
+    (2.0 * f.weight() / (n.density * USUAL_DRAG * n.fabric_area)).sqrt()
+}
+
+fn initial_speed(f: &Facts<'_>) -> Vec<Judged> {
+    let Some(d) = &f.scene.descent else { return still_air(f) };
+    let key = "descent.initial_speed_m_s";
+    let flow = f.stages().any(|(_, s)| s.kind.roles().contains(&case::Role::Flow));
+    if !flow {
+        return Vec::new();
+    }
+    let steady = balance_speed(f);
+    let speed = f.numbers.release_speed;
+    let still = still_air(f);
+    if !still.is_empty() {
+        return still;
+    }
+    if d.initial_speed_m_s == 0.0 {
+        let figure = format!(
+            "the canopy starts at 0 m/s: no drag holds it at first, and drag coefficients have no reference speed; \
+             it would descend at about {} m/s",
+            digits(steady)
+        );
+        return vec![Judged::new(Warning, key, figure)];
+    }
+    if f.is_parachute() && steady > 0.0 && speed > 3.0 * steady {
+        let figure = format!(
+            "the canopy starts at {} m/s, {} times its steady speed of about {} m/s: the drag is about {} weights",
+            digits(speed),
+            digits(speed / steady),
+            digits(steady),
+            digits((speed / steady).powi(2))
+        );
+        return vec![Judged::new(Warning, key, figure)];
+    }
+    Vec::new()
+}
+
+/// A flow-only stage in air that does not move.
+fn still_air(f: &Facts<'_>) -> Vec<Judged> {
+    if air_moves(f, |_| true) {
+        return Vec::new();
+    }
+    let Some((_, stage)) = f.stages_of(StageKind::FlowOnly).next() else { return Vec::new() };
+    let key = if f.scene.descent.is_some() { "descent.initial_speed_m_s" } else { "flow.wind_m_s" };
+    let remedy = match balance_speed(f) {
+        speed if speed > 0.0 => {
+            format!("set descent.initial_speed_m_s, near the steady speed of about {} m/s", digits(speed))
+        }
+        _ => "set flow.wind_m_s, or add [descent] with initial_speed_m_s".into(),
+    };
+    let figure =
+        format!("stage `{}` develops the flow around a canopy at rest, but the air stands still", stage.name);
+    vec![Judged::new(Error, key, figure).remedy(remedy)]
+}
+
+fn drag_coefficient(f: &Facts<'_>) -> Vec<Judged> {
+    let (Some(d), true) = (&f.scene.descent, f.is_parachute()) else { return Vec::new() };
+    let q = release_pressure(f);
+    if q == 0.0 || f.weight() == 0.0 || !f.has(StageKind::Coupled) {
+        return Vec::new();
+    }
+    let constructed = f.weight() / (q * f.numbers.fabric_area);
+    let severity = if (0.3..=1.1).contains(&constructed) { Note } else { Warning };
+    let figure = format!(
+        "the weight of {} N balances the drag at {} m/s with a coefficient of {} on the constructed area of {} m2 \
+         ({} on the reference area); with {USUAL_DRAG} it would descend at {} m/s",
+        digits(f.weight()),
+        digits(f.numbers.release_speed),
+        digits(constructed),
+        digits(f.numbers.fabric_area),
+        digits(f.weight() / (q * d.reference_area_m2)),
+        digits(balance_speed(f))
+    );
+    vec![Judged::new(severity, "descent.initial_speed_m_s", figure)]
+}
+
+fn steady_speed(f: &Facts<'_>) -> Vec<Judged> {
+    if !f.is_parachute() || f.weight() == 0.0 {
+        return Vec::new();
+    }
+    let speed = balance_speed(f);
+    let severity = if (2.0..=20.0).contains(&speed) { Note } else { Warning };
+    let figure = format!(
+        "{} kg under {} m2 of fabric descend at about {} m/s",
+        digits(f.numbers.falling_mass),
+        digits(f.numbers.fabric_area),
+        digits(speed)
+    );
+    vec![Judged::new(severity, "descent.payload_mass_kg", figure)]
+}
+
+fn reference_area(f: &Facts<'_>) -> Vec<Judged> {
+    let Some(d) = f.scene.descent.as_ref().filter(|_| f.is_parachute()) else { return Vec::new() };
+    let share = d.reference_area_m2 / f.numbers.fabric_area;
+    if (0.1..=1.5).contains(&share) {
+        return Vec::new();
+    }
+    let figure = format!(
+        "drag coefficients refer to {} m2, the canopy has {} m2 of fabric",
+        digits(d.reference_area_m2),
+        digits(f.numbers.fabric_area)
+    );
+    vec![Judged::new(Warning, "descent.reference_area_m2", figure)]
+}
+
+fn pressure(f: &Facts<'_>) -> Vec<Judged> {
+    let q = release_pressure(f);
+    let followed = f.scene.stages.iter().any(|s| s.kind != StageKind::PreInflation);
+    let mut found = Vec::new();
+    for (i, stage) in f.stages_of(StageKind::PreInflation) {
+        let Some(p) = stage.pressure_pa.filter(|_| f.is_parachute()) else { continue };
+        let key = format!("stage[{i}].pressure_pa");
+        if p < 0.0 {
+            let figure = format!(
+                "stage `{}` presses the canopy onto its payload with {} Pa: the jump is inside minus outside",
+                stage.name,
+                digits(p)
+            );
+            found.push(Judged::new(Error, key, figure));
+        } else if followed && q > 0.0 {
+            let ratio = p / q;
+            let severity = if (0.2..=3.0).contains(&ratio) { Note } else { Warning };
+            let figure = format!(
+                "stage `{}` loads the canopy with {} Pa, {} times the dynamic pressure of {} Pa at the initial speed",
+                stage.name,
+                digits(p),
+                digits(ratio),
+                digits(q)
+            );
+            found.push(Judged::new(severity, key, figure));
+        }
+    }
+    found
+}
+
+fn payload_body(f: &Facts<'_>) -> Vec<Judged> {
+    let Some((d, b)) = f.scene.descent.as_ref().and_then(|d| Some((d, d.body.as_ref()?))) else {
+        return Vec::new();
+    };
+    let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let mut found = Vec::new();
+    let spin = length(&b.initial_spin_rad_s);
+    if spin > 10.0 {
+        let figure = format!(
+            "the payload starts with a spin of {} rad/s, {} turns a second",
+            digits(spin),
+            digits(spin / std::f64::consts::TAU)
+        );
+        found.push(Judged::new(Warning, "descent.body.initial_spin_rad_s", figure));
+    }
+    let far = b.attachments_m.iter().map(length).fold(0.0, f64::max);
+    if far > 0.5 * f.numbers.width {
+        let figure = format!(
+            "an attachment lies {} m from the payload's centre of mass, half the canopy's width is {} m",
+            digits(far),
+            digits(0.5 * f.numbers.width)
+        );
+        found.push(Judged::new(Warning, "descent.body.attachments_m", figure));
+    }
+    let radius = |i: f64| (i / d.payload_mass_kg).sqrt();
+    if let Some(r) = b.inertia_kg_m2.map(radius).into_iter().find(|r| !(0.01..=5.0).contains(r)) {
+        let figure = format!("the payload has a radius of gyration of {} m", digits(r));
+        found.push(Judged::new(Warning, "descent.body.inertia_kg_m2", figure));
+    }
+    found
+}

@@ -1,0 +1,167 @@
+//! Checks of the fabric: mass, thickness, strain under load.
+
+use super::facts::{Facts, digits, percent};
+use super::finding::Judged;
+use super::finding::Severity::{self, Error, Note, Warning};
+use super::table::{Check, When};
+
+/// The rows.
+pub const CHECKS: &[Check] = &[
+    Check {
+        id: "fabric.areal-density",
+        what: "the fabric weighs what cloth weighs",
+        estimate: "thickness_m x density_kg_m3, kg/m2",
+        range: "parachute cloth weighs 0.02 to 0.5 kg/m2: warning outside; error below 1e-4 kg/m2 (0.1 micrometres of \
+                polymer) and above 5 kg/m2 (ten times the heaviest cloth)",
+        source: "cloth of PIA-C-7020 weighs 1.1 to 1.6 oz/yd2 (0.037 to 0.054 kg/m2), PIA-C-44378 0.040 kg/m2, duck of \
+                 PIA-C-7219 9.5 oz/yd2 (0.32 kg/m2); the range leaves a margin to lighter and heavier ones",
+        severity: Error,
+        remedy: "give thickness_m in metres (3e-5 is 0.03 mm) and density_kg_m3 in kg/m3 (nylon 1140): \
+                 their product is the weight of a square metre",
+        when: When::Before(areal_density),
+    },
+    Check {
+        id: "fabric.thickness",
+        what: "the fabric is as thin as cloth, so that a membrane without bending stiffness stands for it",
+        estimate: "thickness_m",
+        range: "parachute cloth is 0.02 to 1 mm thick: warning outside; error above 10 mm",
+        source: "cloth of PIA-C-7020 is 0.076 to 0.10 mm thick as woven; its 0.037 kg/m2 are 0.03 mm of solid nylon",
+        severity: Error,
+        remedy: "give thickness_m in metres: 0.03 mm is 3e-5",
+        when: When::Before(thickness),
+    },
+    Check {
+        id: "fabric.density",
+        what: "the fabric is as dense as fibres",
+        estimate: "density_kg_m3",
+        range: "fabrics weigh 300 to 3000 kg/m3: warning outside; error below the density of the air",
+        source: "polyethylene 970, nylon 1140, aramid 1440, glass 2500 kg/m3; half of a woven cloth is voids",
+        severity: Error,
+        remedy: "give density_kg_m3 in kg/m3: nylon has 1140, not 1.14 (g/cm3)",
+        when: When::Before(density),
+    },
+    Check {
+        id: "fabric.strain",
+        what: "the fabric's strain lies where its law is valid",
+        estimate: "Green strain E = p R / (E_Y t) of a wrinkled canopy of radius R = width / 2 that carries the load \
+                   pressure p along one direction (exact for a cylinder of St. Venant-Kirchhoff fabric); peaks at seams \
+                   and line attachments are about four times it (ATPS: 0.16 estimated, 0.63 in the run)",
+        range: "St. Venant-Kirchhoff is valid to a Green strain of 0.1 to 0.2: warning above 0.1; error above 5, \
+                beyond all textiles even if the estimate is three times too large",
+        source: "nylon cloth breaks at 20 to 40 % elongation; above 0.2 the law is softer than any measured cloth",
+        severity: Error,
+        remedy: "check fabric.youngs_modulus_pa (nylon cloth: 2e8 to 2e9 Pa) and thickness_m; where the soft modulus is \
+                 meant, as in the paper's ATPS, read strains and stresses as those of the law and not of a cloth",
+        when: When::Before(strain),
+    },
+    Check {
+        id: "fabric.mass-ratio",
+        what: "the coupling scheme suits a fabric that is lighter than the air it moves",
+        estimate: "m* = (fabric, kg/m2) / (8/(3 pi) rho R), the fabric's mass over the added mass of a disk of radius \
+                   R = width / 2",
+        range: "warning where m* < 1 and coupling.scheme = \"staggered\" has no added mass of its own, or load = \
+                \"linear\" with more than one substep",
+        source: "Causin, Gerbeau and Nobile, CMAME 194 (2005): staggered schemes are unstable there; docs/stability.md \
+                 for load = \"linear\"",
+        severity: Warning,
+        remedy: "set coupling.scheme = \"implicit\" and coupling.load = \"mean\", the defaults",
+        when: When::Before(mass_ratio),
+    },
+];
+
+/// Severity of a value: `warn` is the range without a finding, `stop` that without an error.
+fn outside(value: f64, warn: [f64; 2], stop: [f64; 2]) -> Severity {
+    let within = |[low, high]: [f64; 2]| (low..=high).contains(&value);
+    match (within(warn), within(stop)) {
+        (_, false) => Error,
+        (false, true) => Warning,
+        (true, true) => Note,
+    }
+}
+
+fn areal_density(f: &Facts<'_>) -> Vec<Judged> {
+    if !f.is_parachute() {
+        return Vec::new();
+    }
+    let weight = f.numbers.fabric_kg_m2;
+    let severity = outside(weight, [0.02, 0.5], [1e-4, 5.0]);
+    // The one of the two that is farther from nylon of 0.03 mm is the likely slip.
+    let far = |value: f64, usual: f64| (value / usual).ln().abs();
+    let fabric = &f.scene.fabric;
+    let key = if far(fabric.thickness_m, 5e-5) > far(fabric.density_kg_m3, 1140.0) {
+        "fabric.thickness_m"
+    } else {
+        "fabric.density_kg_m3"
+    };
+    vec![Judged::new(severity, key, format!("the fabric weighs {} kg/m2", digits(weight)))]
+}
+
+fn thickness(f: &Facts<'_>) -> Vec<Judged> {
+    let t = f.scene.fabric.thickness_m;
+    let severity = outside(t, [2e-5, 1e-3], [0.0, 1e-2]);
+    if !f.is_parachute() || severity == Note {
+        return Vec::new();
+    }
+    vec![Judged::new(severity, "fabric.thickness_m", format!("the fabric is {} mm thick", digits(1e3 * t)))]
+}
+
+fn density(f: &Facts<'_>) -> Vec<Judged> {
+    let rho = f.scene.fabric.density_kg_m3;
+    let severity = outside(rho, [300.0, 3000.0], [f.numbers.density, f64::INFINITY]);
+    if !f.is_parachute() || severity == Note {
+        return Vec::new();
+    }
+    let figure = format!(
+        "the fabric has a density of {} kg/m3, the air {} kg/m3, nylon 1140 kg/m3",
+        digits(rho),
+        digits(f.numbers.density)
+    );
+    vec![Judged::new(severity, "fabric.density_kg_m3", figure)]
+}
+
+/// Green strain of a cylinder of radius `r` under `p`: from $p\,\mathrm dA = \mathrm dW$ with
+/// $W = \tfrac12 E_Y t E^2$ per reference area, $E = p r / (E_Y t)$ at any stretch.
+fn green_strain(p: f64, r: f64, stiffness: f64) -> f64 {
+    p * r / stiffness
+}
+
+fn strain(f: &Facts<'_>) -> Vec<Judged> {
+    let fabric = &f.scene.fabric;
+    let (p, load) = f.load_pressure();
+    if p == 0.0 {
+        return Vec::new();
+    }
+    let softest = fabric
+        .orthotropic
+        .as_ref()
+        .map_or(fabric.youngs_modulus_pa, |o| o.youngs_modulus_2_pa.min(fabric.youngs_modulus_pa));
+    let strain = green_strain(p, 0.5 * f.numbers.width, softest * fabric.thickness_m);
+    let figure = format!(
+        "a Green strain of about {} (stretch {}) under {} Pa, {load}; peaks are about four times it",
+        digits(strain),
+        digits((1.0 + 2.0 * strain).sqrt()),
+        digits(p)
+    );
+    vec![Judged::new(outside(strain, [0.0, 0.1], [0.0, 5.0]), "fabric.youngs_modulus_pa", figure)]
+}
+
+fn mass_ratio(f: &Facts<'_>) -> Vec<Judged> {
+    if !f.has(case::StageKind::Coupled) {
+        return Vec::new();
+    }
+    let n = &f.numbers;
+    let added = 8.0 / (3.0 * std::f64::consts::PI) * n.density * 0.5 * n.width;
+    let ratio = n.fabric_kg_m2 / added;
+    let c = &f.scene.coupling;
+    let explicit =
+        c.scheme == case::Scheme::Staggered && c.staggered.sequence != case::StaggeredSequence::AddedMass;
+    let linear = c.load == case::LoadShape::Linear
+        && f.stages_of(case::StageKind::Coupled).any(|(_, s)| s.substeps > 1);
+    let figure = format!("the fabric weighs {} of the air that moves with it", percent(ratio));
+    let (severity, key) = match (ratio < 1.0, explicit, linear) {
+        (true, true, _) => (Warning, "coupling.scheme"),
+        (true, false, true) => (Warning, "coupling.load"),
+        _ => (Note, "fabric.density_kg_m3"),
+    };
+    vec![Judged::new(severity, key, figure)]
+}

@@ -1,0 +1,164 @@
+//! What the checks before a run know: the scene with its canopy, the flow grid's sizes, the machine.
+
+use std::path::Path;
+
+use case::{Canopy, Role, Scene, Stage, StageKind};
+use mesh::{CableKind, GridSizes, MeshError, StructureMesh};
+
+use crate::effects::numbers::Numbers;
+use crate::interface::CanopyInterface;
+
+/// What a machine offers a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Machine {
+    /// Hardware threads that this process may use.
+    pub cores: usize,
+    /// Main memory, bytes; `None` if unknown.
+    pub memory: Option<f64>,
+    /// Free bytes where the results go; `None` if unknown.
+    pub disk: Option<f64>,
+    /// Options of `mpirun` are given: ranks may stand on other hosts.
+    pub hosts: bool,
+}
+
+impl Machine {
+    /// The machine of this process, with results in `out`.
+    pub fn here(out: &Path, hosts: bool) -> Self {
+        let machine = crate::machine::Machine::here();
+        let existing = out.ancestors().find(|p| p.exists());
+        Self {
+            cores: machine.threads,
+            memory: Some(machine.memory_gib * 1024f64.powi(3)).filter(|m| *m > 0.0),
+            disk: existing.and_then(crate::launch::memory::free_in).map(|bytes| bytes as f64),
+            hosts,
+        }
+    }
+}
+
+/// A scene before its run, in figures.
+pub struct Facts<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Sizes, speeds, loads and masses.
+    pub numbers: Numbers<'a>,
+    /// Fabric, lines and payload as cut.
+    pub mesh: StructureMesh,
+    /// Sizes of the flow grid; `None` without a flow.
+    pub grid: Option<Result<GridSizes, MeshError>>,
+    /// The machine.
+    pub machine: Machine,
+    /// First stage that runs.
+    pub first: usize,
+}
+
+impl<'a> Facts<'a> {
+    /// Of a scene whose stages from `first` on run on `machine`.
+    ///
+    /// # Errors
+    /// Parameters that make no canopy.
+    pub fn new(
+        scene: &'a Scene,
+        interface: &CanopyInterface,
+        machine: Machine,
+        first: usize,
+    ) -> Result<Self, MeshError> {
+        let mesh = mesh::structure_mesh(scene)?;
+        let numbers = Numbers::new(scene, interface, &mesh);
+        let flows = scene.stages.iter().skip(first).any(|s| s.kind.roles().contains(&Role::Flow));
+        let grid = (flows && scene.flow.is_some()).then(|| mesh::grid_sizes(scene, &mesh));
+        Ok(Self { scene, numbers, mesh, grid, machine, first })
+    }
+
+    /// Stages that run, with their number from 0.
+    pub fn stages(&self) -> impl Iterator<Item = (usize, &'a Stage)> {
+        self.scene.stages.iter().enumerate().skip(self.first)
+    }
+
+    /// Stages of a kind that run.
+    pub fn stages_of(&self, kind: StageKind) -> impl Iterator<Item = (usize, &'a Stage)> {
+        self.stages().filter(move |(_, s)| s.kind == kind)
+    }
+
+    /// Whether a stage of this kind runs.
+    pub fn has(&self, kind: StageKind) -> bool {
+        self.stages_of(kind).next().is_some()
+    }
+
+    /// A canopy that hangs on lines. Ranges of real parachutes concern no panel, air bag or held sheet.
+    pub fn is_parachute(&self) -> bool {
+        match &self.scene.canopy {
+            Canopy::Atps(_) => true,
+            Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
+            Canopy::Gmsh(_) => self.mesh.cables.iter().any(|c| c.kind == CableKind::SuspensionLine),
+            Canopy::AirBag(_) | Canopy::Panel(_) => false,
+        }
+    }
+
+    /// Weight of all that falls, N; 0 without descent.
+    pub fn weight(&self) -> f64 {
+        self.numbers.falling_mass * self.numbers.gravity
+    }
+
+    /// The largest pressure jump that the scene's own figures give, Pa, with its name: that of a
+    /// pre-inflation, the dynamic pressure, or the weight over the fabric area $S_0$.
+    pub fn load_pressure(&self) -> (f64, &'static str) {
+        let n = &self.numbers;
+        let area = n.fabric_area.max(f64::MIN_POSITIVE);
+        let given = self.stages().filter_map(|(_, s)| s.pressure_pa).map(f64::abs).fold(0.0, f64::max);
+        [
+            (given, "the pressure of the pre-inflation"),
+            (n.peak_pressure(), "the dynamic pressure"),
+            (self.weight() / area, "the weight over the fabric area"),
+        ]
+        .into_iter()
+        .fold((0.0, "no load"), |most, next| if next.0 > most.0 { next } else { most })
+    }
+
+    /// Diameter of a circle of the fabric area, $D_0 = \sqrt{4 S_0 / \pi}$, m.
+    pub fn nominal_diameter(&self) -> f64 {
+        (4.0 * self.numbers.fabric_area / std::f64::consts::PI).sqrt()
+    }
+
+    /// Cells of the flow grid, 0 if there is none.
+    pub fn cells(&self) -> f64 {
+        self.grid.as_ref().and_then(|g| g.as_ref().ok()).map_or(0.0, |g| g.cells as f64)
+    }
+}
+
+/// Three significant digits.
+pub fn digits(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e5).contains(&size) {
+        format!("{value:.2e}")
+    } else {
+        let places = (2 - size.log10().floor() as i32).max(0) as usize;
+        format!("{value:.places$}")
+    }
+}
+
+/// A share in per cent, three significant digits.
+pub fn percent(share: f64) -> String {
+    format!("{} %", digits(100.0 * share))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_digits_of_any_size() {
+        for (value, text) in [
+            (0.0, "0"),
+            (0.0373, "0.0373"),
+            (14.5672, "14.6"),
+            (1045.5, "1046"),
+            (-2.0, "-2.00"),
+            (4.9e307, "4.90e307"),
+        ] {
+            assert_eq!(digits(value), text);
+        }
+        assert_eq!(percent(0.1607), "16.1 %");
+    }
+}

@@ -1,0 +1,271 @@
+//! Checks of the flow: grid, resolution along and across the canopy, outer boundary, Mach number.
+
+use case::{Canopy, StageKind};
+
+use super::facts::{Facts, digits, percent};
+use super::finding::Judged;
+use super::finding::Severity::{Error, Note, Warning};
+use super::table::{Check, When};
+
+/// The rows.
+pub const CHECKS: &[Check] = &[
+    Check {
+        id: "flow.grid",
+        what: "the parameters make a flow grid",
+        estimate: "number of cells and nodes, from the topology",
+        range: "error where no grid can be made: among others a first layer above a quarter of the canopy's width",
+        source: "the grid generator, or the file that holds the grid",
+        severity: Error,
+        remedy: "change the key that the message names; lengths are in metres",
+        when: When::Before(grid),
+    },
+    Check {
+        id: "flow.cells-across",
+        what: "enough cells lie across the canopy",
+        estimate: "cells along the width of the canopy",
+        range: "warning below 10",
+        source: "docs/accuracy.md: 6 cells across a square canopy miss the drag by 20 % and the speed by 3.4 %, 12 by \
+                 about 7 % of the drag; 18 across the ATPS leave 1 to 3 %",
+        severity: Warning,
+        remedy: "raise canopy.cells_across: 12 for a first look, 18 and more for results; `ripstop accuracy` measures \
+                 the error",
+        when: When::Before(cells_across),
+    },
+    Check {
+        id: "flow.first-layer",
+        what: "cells at the canopy are no thicker than wide",
+        estimate: "thickness of the first layer over the cell edge along the canopy, and over the canopy's width",
+        range: "warning above 1 cell edge, and above 0.1 widths",
+        source: "cells thicker than wide resolve the pressure jump at rim and vents worse than the canopy's own mesh",
+        severity: Warning,
+        remedy: "set flow.grid.first_layer_m (or flow.box.first_layer_m) to a third of a cell edge",
+        when: When::Before(first_layer),
+    },
+    Check {
+        id: "flow.boundary-layer",
+        what: "a viscous flow resolves the boundary layer on the fabric",
+        estimate: "delta half a width down the canopy: 5 x / Re_x^1/2 laminar, 0.37 x / Re_x^1/5 turbulent (Re_x above \
+                   5e5); with a turbulence model y+ = u_tau y / nu of the first cell's centre, \
+                   u_tau = U (0.029 Re_x^-1/5)^1/2",
+        range: "warning where the first layer is thicker than a fifth of delta, or y+ is above 5 with a turbulence model",
+        source: "Schlichting, Boundary Layer Theory; the flow-solver has no wall functions, and its flat plate is \
+                 verified at y+ 0.93",
+        severity: Warning,
+        remedy: "thin flow.grid.first_layer_m and add layers; or leave [flow.viscosity] out: a canopy's drag comes from \
+                 pressure where the flow separates at its rim",
+        when: When::Before(boundary_layer),
+    },
+    Check {
+        id: "flow.outer-boundary",
+        what: "the outer boundary is far away",
+        estimate: "flow.grid.far_field_widths and wake_widths; blockage: area of a disk of the canopy's width over that \
+                   of the far field's circle",
+        range: "far field at 4 widths, wake at 6: warning below; a blockage of 4 widths is 1.6 %",
+        source: "wind-tunnel practice keeps the blockage of bluff bodies below 5 %; the wake of a disk closes after 3 to \
+                 4 widths",
+        severity: Warning,
+        remedy: "raise flow.grid.far_field_widths (default 6) and wake_widths (default 10)",
+        when: When::Before(outer_boundary),
+    },
+    Check {
+        id: "flow.courant",
+        what: "windows resolve what the stream carries along the canopy",
+        estimate: "U window_s / (cell edge along the canopy), with U the largest speed of the stage, gusts included",
+        range: "warning above 3",
+        source: "the implicit scheme is stable at any value, but a wave of ten cells has fewer than 3.3 windows in a \
+                 period above 3",
+        severity: Warning,
+        remedy: "shorten window_s of the stage",
+        when: When::Before(courant),
+    },
+    Check {
+        id: "flow.mach",
+        what: "the flow's equations suit its Mach number",
+        estimate: "U over the speed of sound, with U the largest speed of all stages, gusts included",
+        range: "warning above 0.3 without [flow.energy]",
+        source: "density changes by M^2 / 2, 4.5 % at 0.3, with a temperature that an isothermal flow does not have",
+        severity: Warning,
+        remedy: "add [flow.energy], or check flow.wind_m_s and descent.initial_speed_m_s",
+        when: When::Before(mach),
+    },
+    Check {
+        id: "flow.reynolds",
+        what: "Reynolds number of the canopy",
+        estimate: "rho U width / mu, with the viscosity of air where the flow is inviscid",
+        range: "a figure",
+        source: "definition",
+        severity: Note,
+        remedy: "",
+        when: When::Before(reynolds),
+    },
+];
+
+fn grid(f: &Facts<'_>) -> Vec<Judged> {
+    match &f.grid {
+        None => Vec::new(),
+        Some(Ok(g)) => vec![Judged::new(
+            Note,
+            "flow",
+            format!("the flow grid has {} cells and {} nodes", g.cells, g.nodes),
+        )],
+        Some(Err(error)) => {
+            let key = match error {
+                mesh::MeshError::Parameter { key, .. } => (*key).to_owned(),
+                _ => "flow".into(),
+            };
+            vec![Judged::new(Error, key, format!("no flow grid: {error}"))]
+        }
+    }
+}
+
+fn cells_across(f: &Facts<'_>) -> Vec<Judged> {
+    if !f.is_parachute() || f.grid.is_none() {
+        return Vec::new();
+    }
+    let n = &f.numbers;
+    let across = n.width / n.cell;
+    let severity = if across < 9.5 { Warning } else { Note };
+    let key = if matches!(f.scene.canopy, Canopy::Gmsh(_)) { "canopy.file" } else { "canopy.cells_across" };
+    let figure = format!("about {across:.0} cells lie across the canopy, with edges of {} m", digits(n.cell));
+    vec![Judged::new(severity, key, figure)]
+}
+
+/// Thickness of the cells at the canopy, m, and its key; `None` where a file gives the grid.
+fn layer(f: &Facts<'_>) -> Option<(f64, &'static str)> {
+    let flow = f.scene.flow.as_ref()?;
+    match (&flow.grid_file, &flow.box_grid) {
+        (Some(_), _) => None,
+        (None, Some(b)) => match b.first_layer_m {
+            Some(first) => Some((first, "flow.box.first_layer_m")),
+            None => {
+                let even = |length: f64, cells: u32| length / f64::from(cells.max(1));
+                Some((even(b.below_m, b.layers_below).min(even(b.above_m, b.layers_above)), "flow.box"))
+            }
+        },
+        (None, None) => Some((flow.grid.first_layer_m, "flow.grid.first_layer_m")),
+    }
+}
+
+fn first_layer(f: &Facts<'_>) -> Vec<Judged> {
+    // Without a grid its own check says why.
+    let (Some((first, key)), Some(Ok(_))) = (layer(f), &f.grid) else { return Vec::new() };
+    let n = &f.numbers;
+    let thick = f.is_parachute() && (first > n.cell || first > 0.1 * n.width);
+    let figure = format!(
+        "the cells at the canopy are {} m thick, {} of their edge and {} of the canopy's width",
+        digits(first),
+        percent(first / n.cell),
+        percent(first / n.width)
+    );
+    vec![Judged::new(if thick { Warning } else { Note }, key, figure)]
+}
+
+/// Thickness of the boundary layer half a width `run` down the canopy, m, at its Reynolds number there.
+fn thickness(run: f64, re: f64) -> f64 {
+    if re < 5e5 { 5.0 * run / re.sqrt() } else { 0.37 * run / re.powf(0.2) }
+}
+
+/// $y^+$ at height `y` above a turbulent plate: $c_f / 2 = 0.029\, Re_x^{-1/5}$.
+fn wall_units(y: f64, speed: f64, viscosity: f64, re: f64) -> f64 {
+    speed * (0.029 * re.powf(-0.2)).sqrt() * y / viscosity
+}
+
+fn boundary_layer(f: &Facts<'_>) -> Vec<Judged> {
+    let n = &f.numbers;
+    let viscous = f.scene.flow.as_ref().and_then(|w| w.viscosity.as_ref());
+    let (Some(v), Some((first, key)), true) = (viscous, layer(f), n.reynolds > 0.0 && f.grid.is_some())
+    else {
+        return Vec::new();
+    };
+    let (run, re) = (0.5 * n.width, 0.5 * n.reynolds);
+    let delta = thickness(run, re);
+    let plus = wall_units(0.5 * first, n.speed, v.dynamic_viscosity_pa_s / n.density, re);
+    let modelled = v.turbulence.is_some();
+    let severity = if first > 0.2 * delta || (modelled && plus > 5.0) { Warning } else { Note };
+    let wall = if modelled { format!(", y+ about {}", digits(plus)) } else { String::new() };
+    let figure = format!(
+        "at a Reynolds number of {} the boundary layer is about {} m thick, the first cells {} m{wall}",
+        digits(n.reynolds),
+        digits(delta),
+        digits(first)
+    );
+    vec![Judged::new(severity, key, figure)]
+}
+
+fn outer_boundary(f: &Facts<'_>) -> Vec<Judged> {
+    let Some(flow) = f.scene.flow.as_ref().filter(|w| w.grid_file.is_none() && w.box_grid.is_none()) else {
+        return Vec::new();
+    };
+    if f.grid.is_none() {
+        return Vec::new();
+    }
+    let g = &flow.grid;
+    let mut found = Vec::new();
+    for (key, value, least) in [
+        ("flow.grid.far_field_widths", g.far_field_widths, 4.0),
+        ("flow.grid.wake_widths", g.wake_widths, 6.0),
+    ] {
+        if value < least {
+            let figure = format!(
+                "the outer boundary lies {} widths from the canopy's middle, a blockage of {}",
+                digits(value),
+                percent(0.25 / (value * value))
+            );
+            found.push(Judged::new(Warning, key, figure));
+        }
+    }
+    if found.is_empty() {
+        let (far, wake) = (digits(g.far_field_widths), digits(g.wake_widths));
+        let figure = format!("the outer boundary lies {far} widths away, {wake} downstream");
+        found.push(Judged::new(Note, "flow.grid.far_field_widths", figure));
+    }
+    found
+}
+
+fn courant(f: &Facts<'_>) -> Vec<Judged> {
+    let n = &f.numbers;
+    let mut found = Vec::new();
+    for (i, s) in f.stages().filter(|(_, s)| s.kind != StageKind::PreInflation && s.window_s > 0.0) {
+        let number = n.stage_speeds[i][1] * s.window_s / n.cell;
+        if number > 0.0 {
+            let figure =
+                format!("stage `{}` has a Courant number of {} along the canopy", s.name, digits(number));
+            let severity = if number > 3.0 { Warning } else { Note };
+            found.push(Judged::new(severity, format!("stage[{i}].window_s"), figure));
+        }
+    }
+    found
+}
+
+fn mach(f: &Facts<'_>) -> Vec<Judged> {
+    let Some(flow) = f.scene.flow.as_ref().filter(|_| f.grid.is_some() && f.numbers.mach > 0.0) else {
+        return Vec::new();
+    };
+    let severity = if f.numbers.mach > 0.3 && flow.energy.is_none() { Warning } else { Note };
+    let speed = f.numbers.stage_speeds.iter().fold(f.numbers.speed, |most, [_, gusty]| most.max(*gusty));
+    let figure = format!("the Mach number is {} at {} m/s", digits(f.numbers.mach), digits(speed));
+    vec![Judged::new(severity, "descent.initial_speed_m_s", figure)]
+}
+
+fn reynolds(f: &Facts<'_>) -> Vec<Judged> {
+    if f.grid.is_none() || f.numbers.reynolds == 0.0 {
+        return Vec::new();
+    }
+    vec![Judged::new(Note, "flow", format!("the Reynolds number is {}", digits(f.numbers.reynolds)))]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plate of 1 m in air at 10 m/s worked out by hand: Re 6.85e5, nu 1.46e-5 m2/s.
+    #[test]
+    fn a_plate_in_air() {
+        let nu = 1.789e-5 / 1.225;
+        let re = 10.0 / nu;
+        assert!((thickness(1.0, re) - 0.0252).abs() < 1e-4, "{}", thickness(1.0, re));
+        assert!((thickness(0.1, 0.1 * re) - 0.00191).abs() < 1e-5);
+        // u_tau = 10 (0.029 * 0.0680)^0.5 = 0.444 m/s; 1 mm is 30 wall units.
+        assert!((wall_units(1e-3, 10.0, nu, re) - 30.4).abs() < 0.2);
+    }
+}

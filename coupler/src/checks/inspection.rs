@@ -1,0 +1,130 @@
+//! The inspection of a scene before it runs.
+
+use std::path::Path;
+
+use super::facts::{Facts, Machine};
+use super::finding::{Finding, Judged, Severity};
+use super::table::{Check, When, all};
+use crate::error::RunError;
+use crate::launch::Console;
+use crate::run::{Prepared, RunOptions};
+use crate::settings::Setting;
+
+/// All findings, errors first.
+#[derive(Clone, Debug, Default)]
+pub struct Inspection {
+    /// In the order of severity, then of the table.
+    pub findings: Vec<Finding>,
+}
+
+impl Inspection {
+    /// Does all checks of the table that need no run.
+    pub fn new(facts: &Facts<'_>, place: impl Fn(&str) -> String) -> Self {
+        let mut findings = Vec::new();
+        for check in all() {
+            if let When::Before(judge) = check.when {
+                findings.extend(judge(facts).into_iter().map(|j| complete(check, j, &place)));
+            }
+        }
+        // Stable: the order of the table within a severity.
+        findings.sort_by_key(|f| std::cmp::Reverse(f.severity));
+        Self { findings }
+    }
+
+    /// Of the scene that `prepared` holds.
+    ///
+    /// # Errors
+    /// Parameters that make no canopy.
+    pub fn of(prepared: &Prepared, options: &RunOptions) -> Result<Self, RunError> {
+        let Prepared { scene, interface, first, out, .. } = prepared;
+        let machine = Machine::here(out, !options.mpirun.is_empty());
+        let facts =
+            Facts::new(scene, interface, machine, *first).map_err(|e| RunError::Input(e.to_string()))?;
+        let text = std::fs::read_to_string(&options.scene).unwrap_or_default();
+        let names: Vec<&str> = scene.stages.iter().map(|s| s.name.as_str()).collect();
+        Ok(Self::new(&facts, |key| place(&options.scene, &text, &options.settings, &names, key)))
+    }
+
+    /// Findings of a severity.
+    pub fn of_severity(&self, severity: Severity) -> impl Iterator<Item = &Finding> {
+        self.findings.iter().filter(move |f| f.severity == severity)
+    }
+
+    /// Errors and warnings.
+    pub fn above_notes(&self) -> Vec<Finding> {
+        self.findings.iter().filter(|f| f.severity > Severity::Note).cloned().collect()
+    }
+
+    /// Prints the warnings of a run that starts.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] with all errors: the run does not start.
+    pub fn announce(&self, console: &Console) -> Result<(), RunError> {
+        self.of_severity(Severity::Warning).for_each(|f| console.caution(&f.text()));
+        let errors: Vec<String> = self.of_severity(Severity::Error).map(Finding::text).collect();
+        if errors.is_empty() { Ok(()) } else { Err(RunError::Input(errors.join("\n"))) }
+    }
+
+    /// The verdict of `ripstop check`, which has printed the findings.
+    ///
+    /// # Errors
+    /// [`RunError::Input`] where there are errors.
+    pub fn verdict(&self) -> Result<(), RunError> {
+        match self.of_severity(Severity::Error).count() {
+            0 => Ok(()),
+            n => Err(RunError::Input(format!(
+                "the inspection found {}, see above: this scene would not run",
+                counted(n, "error")
+            ))),
+        }
+    }
+
+    /// The section of `ripstop check`.
+    pub fn text(&self) -> String {
+        let count = |s: Severity| self.of_severity(s).count();
+        let mut lines = vec![format!(
+            "inspection: {}, {}, {} (docs/checks.md)",
+            counted(count(Severity::Error), "error"),
+            counted(count(Severity::Warning), "warning"),
+            counted(count(Severity::Note), "note")
+        )];
+        for f in &self.findings {
+            lines.push(format!("  {}: {}", f.severity.name(), f.text().replace('\n', "\n  ")));
+        }
+        lines.join("\n")
+    }
+}
+
+fn counted(n: usize, what: &str) -> String {
+    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
+}
+
+fn complete(check: &Check, judged: Judged, place: impl Fn(&str) -> String) -> Finding {
+    debug_assert!(judged.severity <= check.severity, "{} is worse than its row says", check.id);
+    let remedy = judged.remedy.unwrap_or_else(|| check.remedy.to_owned());
+    Finding {
+        severity: judged.severity,
+        check: check.id.into(),
+        place: place(&judged.key),
+        key: judged.key,
+        figure: judged.figure,
+        range: check.range.into(),
+        remedy,
+    }
+}
+
+/// Where the user wrote the value of `key`: an option, or a line of the file.
+fn place(file: &Path, text: &str, settings: &[Setting], stages: &[&str], key: &str) -> String {
+    let stage = key.strip_prefix("stage[").and_then(|rest| rest.split_once(']'));
+    let named = match stage.and_then(|(i, rest)| Some((stages.get(i.parse::<usize>().ok()?)?, rest))) {
+        Some((name, rest)) => format!("stage.{name}{rest}"),
+        None => key.to_owned(),
+    };
+    if let Some(setting) =
+        settings.iter().map(Setting::to_string).find(|s| s.starts_with(&format!("{named}=")))
+    {
+        return format!("--set {setting}");
+    }
+    case::place_of(text, key)
+        .map_or_else(String::new, |(line, column)| format!("{}:{line}:{column}", file.display()))
+}

@@ -1,0 +1,27 @@
+//! What Ripstop checks for the user: the inspection of a scene before a run, and what the programs watch
+//! during it.
+//!
+//! [`table::all`] lists every check with its estimate, its range, the source of that range, its severity and
+//! its remedy. `ripstop check`, `ripstop run`, `summary.json`, the report and `docs/checks.md` read this
+//! table. A check before the run is a pure function of [`facts::Facts`]; a check during the run is
+//! described in [`run_time`] and done by the program that it names.
+
+pub mod document;
+pub mod facts;
+pub mod finding;
+pub mod inspection;
+pub mod run_time;
+pub mod table;
+
+mod boundaries;
+mod descent;
+mod fabric;
+mod flow;
+mod lines;
+mod resources;
+mod time;
+
+pub use finding::{Finding, Judged, Severity};
+pub use inspection::Inspection;
+pub use table::{Check, When, all};
+pub use time::AT_REST;

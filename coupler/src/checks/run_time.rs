@@ -1,0 +1,194 @@
+//! Checks during a run: what the programs watch while they compute.
+//!
+//! Rows only: each check stands in the program that `when` names, and its message names the check's
+//! identifier or says the same in words.
+
+use super::finding::Severity::{Error, Warning};
+use super::table::{Check, When};
+
+/// The rows, in the order of a window: structure, flow, mesh, coupling, whole run.
+pub const CHECKS: &[Check] = &[
+    Check {
+        id: "structure.newton",
+        what: "Newton's method converges in each structural step",
+        estimate: "norm of the forces out of balance over that of the applied load",
+        range: "below structure.newton_tolerance after structure.newton_max_steps steps; the step is halved up to \
+                structure.max_step_cuts times, then the window has no answer: an error once windows cannot be shorter",
+        source: "the tolerance of the scene",
+        severity: Error,
+        remedy: "shorten window_s or raise substeps; the message names the element whose forces are the largest",
+        when: When::During(&["structure-solver"]),
+    },
+    Check {
+        id: "structure.convergence",
+        what: "the accepted answer of the structure is converged",
+        estimate: "largest residual of its steps relative to the load (RESIDUAL), over RESIDUAL_TARGET",
+        range: "at most 1; up to 10 the window is accepted, counted and reported once a stage; above, it is rejected and \
+                retried with half its length, then an error unless --accept-unconverged is given",
+        source: "structure.newton_tolerance, static stages structure.static_tolerance; a step ends above it where its last \
+                 correction is rounding of the positions",
+        severity: Error,
+        remedy: "raise substeps; where rounding allows no smaller residual, raise the tolerance",
+        when: When::During(&["structure-solver", "coupler"]),
+    },
+    Check {
+        id: "flow.convergence",
+        what: "the accepted time step of the flow is converged",
+        estimate: "residual of the unsteady equations at the end of the last solve of the window (RESIDUAL_END), over \
+                   RESIDUAL_TARGET; all variables in one norm",
+        range: "at most 1; up to 10 the window is accepted, counted and reported once a stage; above, it is rejected and \
+                retried with half its length, then an error unless --accept-unconverged is given; a solve whose residual \
+                has not halved is no answer",
+        source: "flow.solver.residual_drop times the residual at the start of the step (a tenth of it on a moving grid), not \
+                 below rounding; earlier solves of the coupling iterations may be loose and are only counted",
+        severity: Error,
+        remedy: "raise flow.solver.max_iterations, use flow.solver.method = \"gmres\", or shorten window_s",
+        when: When::During(&["flow-solver", "coupler"]),
+    },
+    Check {
+        id: "flow.turbulence-convergence",
+        what: "the transport equation of the turbulence is converged in each accepted step",
+        estimate: "residual of the equation in the step before (TURBULENCE_RESIDUAL), in units of its target",
+        range: "at most 1; up to 10 it is counted and reported once a stage; above, an error unless --accept-unconverged is \
+                given",
+        source: "flow.solver.residual_drop times the residual at the start of the step, not below rounding",
+        severity: Error,
+        remedy: "shorten window_s, or raise flow.solver.residual_drop",
+        when: When::During(&["flow-solver", "coupler"]),
+    },
+    Check {
+        id: "flow.steady",
+        what: "a march to a steady flow ends steady",
+        estimate: "residual of the steady equations over its largest, and change of the force over ten steps, in a step that \
+                   is itself solved",
+        range: "below stage.steady.residual_drop or stage.steady.force_change within stage.steady.max_steps steps, else an \
+                error that counts the steps that ran out of iterations",
+        source: "the criteria of the scene; a step that is not solved hardly moves, and would look steady",
+        severity: Error,
+        remedy: "raise stage.steady.max_steps or flow.solver.max_iterations, or give the stage a duration",
+        when: When::During(&["flow-solver"]),
+    },
+    Check {
+        id: "mesh.convergence",
+        what: "the linear solve for the grid's motion is converged",
+        estimate: "largest uncertainty of a node's position, as a share of the edges around it",
+        range: "at most mesh.tolerance; above it the motion is divided into increments, then the window is rejected and \
+                retried with half its length, then an error",
+        source: "the tolerance of the scene",
+        severity: Error,
+        remedy: "raise mesh.tolerance, or lower mesh.stiffening_exponent",
+        when: When::During(&["mesh-mover"]),
+    },
+    Check {
+        id: "structure.energy",
+        what: "time integration of the structure creates no energy",
+        estimate: "change of kinetic and strain energy less the work of loads, gravity and prescribed motions and plus \
+                   what damping takes, summed over the stage, over the initial energy and the sizes of all works",
+        range: "warning above 5 %; above 25 %, or where one window creates as much as it began with, it is retried with \
+                half its length, then an error",
+        source: "steps with averaged strains create none (Simo and Tarnow 1992); explicit steps created 0.9 % at most and \
+                 Newmark's method passed the bound in 27 of 96 runs without damping",
+        severity: Error,
+        remedy: "set structure.integration = \"generalized-alpha\" (the default), or lower structure.explicit_safety",
+        when: When::During(&["structure-solver", "coupler"]),
+    },
+    Check {
+        id: "mesh.quality",
+        what: "no cell of the moved grid is inverted or nearly so",
+        estimate: "smallest scaled Jacobian of the cells",
+        range: "above mesh.min_quality; below it the window is rejected and retried with half its length, then an \
+                error that names the cell and its place",
+        source: "a scaled Jacobian at or below zero is a cell without a positive volume at a corner",
+        severity: Error,
+        remedy: "add [mesh.regrid], or shorten window_s",
+        when: When::During(&["mesh-mover"]),
+    },
+    Check {
+        id: "flow.impossible",
+        what: "speeds and pressures of the flow are such that the motion can cause them",
+        estimate: "largest speed over W + sqrt(2 P / rho), and gauge pressure over rho W^2 / 2 + rho W min(c, L / dt) + P, \
+                   with W the speeds of stream and canopy, P the applied pressure and the weight over the area",
+        range: "an error above ten times; Mach numbers below 1e-3 are not judged",
+        source: "stagnation, inertia of air that walls accelerate, pressure of a piston; of the hard cases full-pressure and snapping-lines were compared and stay below the estimate",
+        severity: Error,
+        remedy: "set coupling.scheme = \"implicit\", shorten window_s, or raise first_layer_m",
+        when: When::During(&["coupler"]),
+    },
+    Check {
+        id: "stages.at-rest",
+        what: "the canopy is at rest at the end of a pre-inflation that a stage with the flow starts from",
+        estimate: "kinetic energy over strain energy in the last window",
+        range: "warning above 1 %",
+        source: "the flow grid is built around this shape, and the release adds its motion to the descent",
+        severity: Warning,
+        remedy: "set mass_damping_per_s of the stage, lengthen duration_s, or set solve = \"static\"",
+        when: When::During(&["coupler"]),
+    },
+    Check {
+        id: "stages.release-pressure",
+        what: "the pressure that inflated the canopy is near that of the developed flow",
+        estimate: "mean pressure jump of the flow over the canopy, weighted by area, against pressure_pa, at the release",
+        range: "a line with both; warning where one is less than half of the other",
+        source: "a canopy carries about 0.7 to 1.8 times the dynamic pressure, so that an estimate of it lies within a half",
+        severity: Warning,
+        remedy: "set pressure_pa near the pressure of the flow, which the warning gives",
+        when: When::During(&["coupler"]),
+    },
+    Check {
+        id: "coupling.convergence",
+        what: "structure, flow and descent agree at the end of each window",
+        estimate: "change of interface displacement and descent speed over an iteration, relative to their change over \
+                   the window",
+        range: "below coupling.tolerance; a window that stagnates below 10 times the tolerance (and below 0.1) is accepted, \
+                counted and reported once a stage; one above it is rejected and retried with half its length, then an error \
+                unless --accept-unconverged is given",
+        source: "the tolerance of the scene; the change over a window is never taken for smaller than what a share of the \
+                 load's scale moves the fabric by, so the measure is defined where nothing moves",
+        severity: Error,
+        remedy: "raise coupling.max_iterations, shorten window_s, or use acceleration = \"ibqn-ls\"",
+        when: When::During(&["coupler"]),
+    },
+    Check {
+        id: "coupling.interface-energy",
+        what: "the coupling creates no energy",
+        estimate: "sum over windows of 1/2 (f_j + f_j-1) . dd_j - f_flow . dx_flow, over the work of the air on the canopy",
+        range: "warning where the coupling has added more than 5 % of the work after 20 windows and a fifth of the time in \
+                which the air passes the canopy",
+        source: "an exact coupling adds none; a staggered scheme adds some of first or second order in the window",
+        severity: Warning,
+        remedy: "set coupling.scheme = \"implicit\"; where windows do not converge raise coupling.max_iterations; shorten \
+                 window_s where it is longer than 1/200 of that time; tighten coupling.tolerance",
+        when: When::During(&["coupler"]),
+    },
+    Check {
+        id: "descent.downward",
+        what: "the frame falls no faster than gravity and the measured forces pull it",
+        estimate: "acceleration of the frame beside gravity and the downward forces of lines and drag on the payload, per mass",
+        range: "at most 0.1 g beyond them; a window above it is rejected and retried with half its length, then an error",
+        source: "Newton's second law for the payload",
+        severity: Error,
+        remedy: "set descent.equation = \"momentum\", or start nearer to balance",
+        when: When::During(&["coupler"]),
+    },
+    Check {
+        id: "descent.upward",
+        what: "the frame rises no faster than its lines pull it",
+        estimate: "acceleration of the frame beside the mean force of the lines on the payload, per mass, less gravity",
+        range: "warning beyond half of gravity and of the lines' force per mass above it",
+        source: "Newton's second law for the payload; the margin is that of forces at the end of a window",
+        severity: Warning,
+        remedy: "set descent.equation = \"momentum\"",
+        when: When::During(&["coupler"]),
+    },
+    Check {
+        id: "descent.impulse",
+        what: "the structure's force on the payload agrees with the load of the air",
+        estimate: "sum over windows of the air's impulse less that on the payload and the change of the structure's momentum, \
+                   over the air's impulse",
+        range: "warning beyond 5 % after 20 windows",
+        source: "momentum of the structure; the two are means of one load over a window on slightly different shapes",
+        severity: Warning,
+        remedy: "check SUPPORT_FORCE and VERTICAL_MOMENTUM of a replaced structure, or shorten window_s",
+        when: When::During(&["coupler"]),
+    },
+];

@@ -1,0 +1,185 @@
+//! Speeds and pressures of the flow that no physics allows.
+//!
+//! With $W$ the sum of the largest speed of the undisturbed air past the canopy and of the largest
+//! speed of the canopy's own motion so far in the stage, and $P$ the largest pressure that the scene applies or
+//! that carries the weight, air cannot move faster than a few times
+//! $$W + \sqrt{2P/\rho}$$
+//! (a sharp edge raises the speed of a stream two- to threefold on any grid; a jet out of a slit has
+//! $\sqrt{2P/\rho}$), and its gauge pressure is a few times
+//! $$\tfrac12\rho W^2 + \rho W \min(c, L/\Delta t) + P$$
+//! at most: stagnation, and walls of size $L$ that change their speed by $W$ within a window, which sound
+//! (the pressure of a piston, $\rho c W$) limits. Ten times that is impossible, so a stage does not end well with
+//! it. Against a slower growth the energy balances of structure and interface stand.
+
+use case::{Role, Scene};
+use channel::{STATS, flow_stats as stat};
+use serde::{Deserialize, Serialize};
+
+use crate::interface::CanopyInterface;
+
+/// How many times the estimates a flow may show.
+const FACTOR: f64 = 10.0;
+/// Mach number below which no speed is judged: still air has only noise.
+const LEAST_MACH: f64 = 1e-3;
+
+/// A flow that no physics allows.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the flow shows a {what} of {found:.3e} {unit}, {:.0} times what {speed_m_s:.2} m/s of air and canopy and \
+     {pressure_pa:.1} Pa can cause ({possible:.3e} {unit}): the flow or the coupling has left what is physical. \
+     Remedies: coupling.scheme = \"implicit\", a shorter window_s, a larger first_layer_m",
+    found / possible
+)]
+pub struct ImpossibleFlow {
+    /// `speed` or `pressure`.
+    pub what: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// What was seen.
+    pub found: f64,
+    /// What physics allows.
+    pub possible: f64,
+    /// Speeds of air and canopy so far, m/s.
+    pub speed_m_s: f64,
+    /// Pressure that is applied or carries the weight, Pa.
+    pub pressure_pa: f64,
+}
+
+/// What bounds the flow of a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FlowBounds {
+    /// Largest speed of the canopy in the frame so far, m/s.
+    canopy: f64,
+    /// Largest speed of the undisturbed air in the frame so far, m/s.
+    stream: f64,
+    density: f64,
+    sound: f64,
+    /// Largest pressure that the scene applies, or that carries the weight, Pa.
+    pressure: f64,
+    /// Size of the canopy, m.
+    size: f64,
+}
+
+impl FlowBounds {
+    /// At the start of a stage; `None` for a scene without a flow.
+    pub fn new(scene: &Scene, interface: &CanopyInterface) -> Option<Self> {
+        let flow = scene.flow.as_ref()?;
+        let extent = |c: usize| {
+            let along = interface.coords.iter().map(|x| x[c]);
+            along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+        };
+        let size = (0..3).map(extent).fold(0.0, f64::max);
+        let applied = scene.stages.iter().filter_map(|s| s.pressure_pa).fold(0.0, |m: f64, p| m.max(p.abs()));
+        let weight = scene.descent.as_ref().map_or(0.0, |d| {
+            let mass = d.payload_mass_kg + interface.masses.fabric + interface.masses.cables;
+            mass * d.gravity_m_s2 / d.reference_area_m2
+        });
+        Some(Self {
+            canopy: 0.0,
+            stream: 0.0,
+            density: flow.density_kg_m3,
+            sound: flow.sound_speed(),
+            pressure: applied + weight,
+            size,
+        })
+    }
+
+    /// Takes a window of length `dt` (s) into account: the velocity of the undisturbed air in the frame (m/s) at
+    /// its end, and the displacements (m) at both ends; then judges the statistics of its flow.
+    ///
+    /// # Errors
+    /// [`ImpossibleFlow`].
+    pub fn check(
+        &mut self,
+        dt: f64,
+        air: [f64; 3],
+        [before, after]: [&[f64]; 2],
+        values: &[f64; STATS],
+    ) -> Result<(), ImpossibleFlow> {
+        let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        self.stream = self.stream.max(norm(&air));
+        let moved = |(a, b): (&[f64], &[f64])| norm(&[b[0] - a[0], b[1] - a[1], b[2] - a[2]]) / dt;
+        self.canopy =
+            before.chunks_exact(3).zip(after.chunks_exact(3)).map(moved).fold(self.canopy, f64::max);
+        let speed = self.stream + self.canopy;
+        let [possible_speed, possible_pressure] = self.possible(dt);
+        let error = |what, unit, found, possible| {
+            Err(ImpossibleFlow { what, unit, found, possible, speed_m_s: speed, pressure_pa: self.pressure })
+        };
+        let found = values[stat::MAX_MACH] * self.sound;
+        // NaN is none either.
+        let beyond = |limit: f64, found: f64| found > limit || found.is_nan();
+        if beyond(FACTOR * possible_speed + LEAST_MACH * self.sound, found) {
+            return error("speed", "m/s", found, possible_speed);
+        }
+        let (high, low) = (values[stat::MAX_PRESSURE].abs(), values[stat::MIN_PRESSURE].abs());
+        let found = if high > low { high } else { low };
+        // What sound carries at the Mach number that is not judged.
+        let floor = LEAST_MACH * self.density * self.sound * self.sound;
+        if beyond(FACTOR * possible_pressure + floor, found) {
+            return error("gauge pressure", "Pa", found, possible_pressure);
+        }
+        Ok(())
+    }
+
+    /// Speed (m/s) and gauge pressure (Pa) that the motion so far can cause in a window of `dt` seconds.
+    fn possible(&self, dt: f64) -> [f64; 2] {
+        let speed = self.stream + self.canopy;
+        let jet = (2.0 * self.pressure / self.density).sqrt();
+        let inertia = self.density * speed * self.sound.min(self.size / dt);
+        [speed + jet, 0.5 * self.density * speed * speed + inertia + self.pressure]
+    }
+}
+
+/// Velocity of the undisturbed air in the falling frame at time `t` (s) of a stage, m/s.
+pub fn undisturbed_air(wind: &case::Wind, t: f64, frame_velocity: f64) -> [f64; 3] {
+    let wind = wind.at(t);
+    let frame = [0.0, 0.0, frame_velocity];
+    std::array::from_fn(|i| wind[i] - frame[i])
+}
+
+/// Statistics of the flow in a window.
+pub fn of_flow(stats: &[channel::Stats; 3]) -> &[f64; STATS] {
+    &stats[Role::Flow as usize].values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The square canopy of 2 m at 4 m/s under 12 Pa.
+    fn bounds() -> FlowBounds {
+        FlowBounds { canopy: 0.0, stream: 0.0, density: 1.225, sound: 290.0, pressure: 24.0, size: 2.0 }
+    }
+
+    fn flow(speed: f64, pressure: f64) -> [f64; STATS] {
+        let mut v = [0.0; STATS];
+        (v[stat::MAX_MACH], v[stat::MAX_PRESSURE], v[stat::MIN_PRESSURE]) = (speed / 290.0, 5.0, -pressure);
+        v
+    }
+
+    #[test]
+    fn flows_that_were_measured_pass_and_impossible_ones_do_not() {
+        let still = [0.0; 3];
+        let check = |v: [f64; STATS]| bounds().check(5e-3, [0.0, 0.0, 4.0], [&still, &still], &v);
+        // The largest of cases/hard at 4 m/s: an impulsive start (236 Pa), a snap (219 Pa), 7 m/s at the rim.
+        assert_eq!(check(flow(7.05, 236.0)), Ok(()));
+        let error = check(flow(200.0, 10.0)).expect_err("an impossible speed");
+        assert_eq!(error.what, "speed");
+        assert!(error.to_string().contains("coupling.scheme"), "{error}");
+        assert_eq!(check(flow(5.0, 5e4)).expect_err("an impossible pressure").what, "gauge pressure");
+        assert!(check(flow(f64::NAN, 10.0)).is_err());
+    }
+
+    #[test]
+    fn a_canopy_that_moves_faster_allows_more_and_noise_of_still_air_passes() {
+        let mut b = bounds();
+        let (from, to) = ([0.0; 3], [0.0, 0.0, 0.05]);
+        assert_eq!(b.check(5e-3, [0.0; 3], [&from, &to], &flow(150.0, 10.0)), Ok(()));
+        // What moved once is remembered: its pressure waves are still there.
+        assert_eq!(b.check(5e-3, [0.0; 3], [&to, &to], &flow(150.0, 10.0)), Ok(()));
+        let mut quiet = FlowBounds { pressure: 0.0, ..bounds() };
+        assert_eq!(quiet.check(0.04, [0.0; 3], [&from, &from], &flow(0.1, 50.0)), Ok(()));
+        assert!(quiet.check(0.04, [0.0; 3], [&from, &from], &flow(1.0, 0.0)).is_err());
+    }
+}

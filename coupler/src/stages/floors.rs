@@ -1,0 +1,154 @@
+//! Changes below which a field of the coupling criterion is measured by a physical scale and not by itself.
+//!
+//! What is compared is the answer of the structure with the iterate, and by how much they differ follows from
+//! what the load still lacks. Each floor is therefore what a share of a scale of the scene would change within a
+//! window, and none is zero:
+//! - motion past the air: the way that the undisturbed air moves past the canopy;
+//! - load: the way that the fabric moves under the scale of the load, by its inertia alone
+//!   (half the acceleration times the square of the window), or by as much as it has bulged where that is less,
+//!   for its stiffness allows no more. At a tolerance of 1e-3 the load is then known to 5e-5 of its scale;
+//! - descent speed: what gravity gives, or the scale of the load where there is no gravity.
+
+use case::{Scene, StageKind};
+
+use crate::interface::CanopyInterface;
+use crate::schemes::{InterfaceState, LoadFloor};
+
+/// Share of the way that the air moves past the canopy in a window, and of the way that the load's scale
+/// moves the fabric, below which a change of shape over the window is no measure for convergence any more.
+pub(super) const SHAPE_FLOOR: f64 = 0.05;
+/// Likewise for the descent speed: the share of what gravity gives in a window.
+/// At a tolerance of 1e-3 the drag is then exact to 1e-4 of the weight.
+const SPEED_FLOOR: f64 = 0.1;
+
+/// Scale of the load, Pa: the greatest of
+/// - the dynamic pressure of the air that moves past the canopy at `speed` (m/s), and of gusts;
+/// - the pressure that blew it up in stages before this one;
+/// - the root mean square of the load that it carries;
+/// - the weight of what falls, or of the fabric where gravity acts on it, and forces on nodes, by the area of
+///   the fabric.
+///
+/// A scene with none of these has nothing that could move: the rounding of the air's own pressure is left.
+pub(super) fn load_scale(
+    scene: &Scene,
+    stage: usize,
+    interface: &CanopyInterface,
+    state: &InterfaceState,
+    speed: f64,
+) -> f64 {
+    let density = scene.flow.as_ref().map_or(0.0, |f| f.density_kg_m3);
+    let sound = scene.flow.as_ref().map_or(0.0, |f| f.sound_speed());
+    let square = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
+    let gust = scene.gust(stage).map_or(0.0, |(gust, _)| square(gust.velocity_m_s));
+    let blown = scene.stages[..stage].iter().filter(|s| s.kind == StageKind::PreInflation);
+    let blown = blown.filter_map(|s| s.pressure_pa).fold(0.0, |most: f64, p| most.max(p.abs()));
+    let carried = state.load.as_deref().unwrap_or(&[]).chunks_exact(channel::LOAD_WIDTH).map(|l| l[0] * l[0]);
+    let faces = interface.faces.len().max(1) as f64;
+    let carried = (carried.sum::<f64>() / faces).sqrt();
+    let area = interface.sizes.fabric_area.max(f64::MIN_POSITIVE);
+    let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
+    let fabric = if scene.fabric_gravity.is_some() { interface.masses.fabric * gravity } else { 0.0 };
+    let falling = scene.descent.as_ref().map_or(0.0, |d| d.payload_mass_kg * gravity);
+    let forces: f64 = scene.stages[stage].forces.iter().map(|f| square(f.force_n).sqrt()).sum();
+    let greatest = [
+        0.5 * density * (speed * speed).max(gust),
+        blown,
+        carried,
+        (fabric + falling + forces) / area,
+        f64::EPSILON * density * sound * sound,
+    ];
+    greatest.into_iter().fold(f64::MIN_POSITIVE, f64::max)
+}
+
+/// What the scale `pressure` (Pa) of the load changes the shape by in a window of `dt` (s): `response` is the
+/// displacement at its end in units of `dt` squared times the acceleration.
+pub(super) fn load_floor(
+    scene: &Scene,
+    interface: &CanopyInterface,
+    state: &InterfaceState,
+    [pressure, dt, response]: [f64; 3],
+) -> LoadFloor {
+    let root = (interface.nodes() as f64).sqrt();
+    let acceleration = pressure / (scene.fabric.thickness_m * scene.fabric.density_kg_m3);
+    let bulge = state.displacement.iter().map(|u| u * u).sum::<f64>().sqrt();
+    LoadFloor {
+        inertial: SHAPE_FLOOR * response * acceleration * dt * dt * root,
+        most: if bulge > 0.0 { SHAPE_FLOOR * bulge } else { f64::INFINITY },
+    }
+}
+
+/// Floor of the descent speed in a window of `dt` (s), m/s.
+pub(super) fn speed_floor(scene: &Scene, interface: &CanopyInterface, pressure: f64, dt: f64) -> f64 {
+    let gravity = scene.descent.as_ref().map_or(0.0, |d| d.gravity_m_s2);
+    let payload = scene.descent.as_ref().map_or(0.0, |d| d.payload_mass_kg);
+    let mass = payload + interface.masses.fabric + interface.masses.cables;
+    let acceleration = if gravity > 0.0 { gravity } else { pressure * interface.sizes.fabric_area / mass };
+    SPEED_FLOOR * acceleration * dt
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// A panel in a box in still air; `more` follows its stages.
+    fn floors(pressure: &str, fabric: &str) -> (f64, LoadFloor) {
+        let text = format!(
+            r#"
+            name = "still"
+            [canopy]
+            kind = "panel"
+            size_m = [1.0, 1.0]
+            cells = [4, 4]
+            [fabric]
+            youngs_modulus_pa = 1e4
+            poisson_ratio = 0.3
+            thickness_m = 1e-3
+            density_kg_m3 = 5.5
+            {fabric}
+            [flow]
+            [flow.box]
+            below_m = 0.5
+            above_m = 0.5
+            layers_below = 4
+            layers_above = 4
+            [[stage]]
+            name = "pushed"
+            kind = "pre-inflation"
+            solve = "static"
+            pressure_pa = {pressure}
+            [[stage]]
+            name = "vibration"
+            kind = "coupled"
+            duration_s = 0.16
+            window_s = 0.04
+            "#
+        );
+        let scene = case::parse(Path::new("scene.toml"), &text).expect("a good scene");
+        let interface = CanopyInterface::new(&scene).expect("a panel");
+        let state = super::super::initial_state(&scene, &interface);
+        let scale = load_scale(&scene, 1, &interface, &state, 0.0);
+        (scale, load_floor(&scene, &interface, &state, [scale, 0.04, 0.5]))
+    }
+
+    /// Nothing moves and no wind blows: the pressure that has bulged the panel is the scale, and where there is
+    /// none the weight of the fabric, and at last the rounding of the air's pressure.
+    #[test]
+    fn no_floor_is_zero_in_still_air() {
+        let (scale, floor) = floors("0.1", "prestress_pa = 730.0");
+        assert_eq!(scale, 0.1);
+        // 0.1 Pa on 5.5e-3 kg/m2 for 40 ms: 14.5 mm.
+        let way = floor.inertial / SHAPE_FLOOR / 5.0;
+        assert!((way - 0.014_545).abs() < 1e-5, "{way} m");
+        let (scale, floor) = floors("1e-300", "prestress_pa = 730.0");
+        assert!((1e-12..1e-9).contains(&scale) && floor.at(1.0) > 0.0, "{scale} {floor:?}");
+    }
+
+    /// The load's way goes with the square of the window, and never beyond the bulge.
+    #[test]
+    fn the_load_moves_less_in_a_shorter_window() {
+        let floor = LoadFloor { inertial: 4.0, most: 3.0 };
+        assert_eq!([1.0, 0.5, 0.25].map(|factor| floor.at(factor)), [3.0, 1.0, 0.25]);
+    }
+}

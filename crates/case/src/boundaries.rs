@@ -1,0 +1,273 @@
+//! What changes at once where one stage hands over to the next.
+
+use std::fmt;
+
+use crate::{Motion, Role, Scene, Stage, StageKind, StageTimes};
+
+/// Change of the wind, as a share of the speed of the stream, that the flow takes without notice: it changes
+/// the dynamic pressure by 0.2 %.
+const WIND_SHARE: f64 = 1e-3;
+/// Stream in still air, m/s: what the share of a smaller one is taken of.
+const SLOW: f64 = 0.1;
+/// Round-off of clocks, s, places, m, and velocities, m/s: far below what any solver resolves.
+const ROUND_OFF: f64 = 1e-9;
+
+/// A quantity that changes at once at the start of a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Jump {
+    /// Stage at whose start it changes, from 0.
+    pub stage: usize,
+    /// What the scene calls it: `wind`, `gust`, `motion` or `force`.
+    pub key: &'static str,
+    /// Size of the change, in [`Jump::unit`].
+    pub size: f64,
+    /// `m/s`, `m` or `N`.
+    pub unit: &'static str,
+    /// What changes, from what to what, between which stages.
+    pub what: String,
+    /// What avoids it.
+    pub remedy: String,
+}
+
+impl fmt::Display for Jump {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: a jump of {:.3} {}", self.what, self.size, self.unit)
+    }
+}
+
+/// All jumps at the boundaries of the scene's stages, which take as long as `times` says.
+pub fn jumps(scene: &Scene, times: &StageTimes) -> Vec<Jump> {
+    let mut all = Vec::new();
+    for stage in 0..scene.stages.len() {
+        all.extend(wind(scene, stage, times));
+        motions(scene, stage, times, &mut all);
+        forces(scene, stage, &mut all);
+    }
+    all
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn shown(v: [f64; 3]) -> String {
+    format!("[{:.3}, {:.3}, {:.3}]", v[0], v[1], v[2])
+}
+
+/// The wind at the end of the last stage with the flow and at the start of `stage`.
+fn wind(scene: &Scene, stage: usize, times: &StageTimes) -> Option<Jump> {
+    let this = &scene.stages[stage];
+    if !this.kind.roles().contains(&Role::Flow) {
+        return None;
+    }
+    let before = &scene.stages[scene.source_stage(stage, Role::Flow)?];
+    let wind = scene.wind(stage, times);
+    let (end, start) = wind.start()?;
+    let size = length(difference(start, end));
+    let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+    let stream = length([end[0], end[1], end[2] + fall]).max(SLOW);
+    if size <= WIND_SHARE * stream {
+        return None;
+    }
+    let steady = length(difference(wind.steady(), scene_steady(scene, stage, times)));
+    let changed = steady > WIND_SHARE * stream;
+    let key = if changed { "wind" } else { "gust" };
+    let remedy = if changed {
+        let ramp = if this.in_time() { "`ramp_s` in" } else { "a stage that runs in time with `ramp_s` in" };
+        format!("change the wind over a time, by {ramp} the [stage.wind] of stage `{}`", this.name)
+    } else {
+        "let the gust end within its stage, or write it once, as [flow.gust], whose clock runs through all \
+         stages from the release (clock = \"run\": from the start of the run)"
+            .to_owned()
+    };
+    let what = format!(
+        "the wind changes from {} m/s at the end of stage `{}` to {} m/s at the start of stage `{}`",
+        shown(end),
+        before.name,
+        shown(start),
+        this.name
+    );
+    Some(Jump { stage, key, size, unit: "m/s", what, remedy })
+}
+
+/// Steady wind at the end of the last stage with the flow before `stage`.
+fn scene_steady(scene: &Scene, stage: usize, times: &StageTimes) -> [f64; 3] {
+    let before = scene.source_stage(stage, Role::Flow);
+    before.map_or([0.0; 3], |b| scene.wind(b, times).steady())
+}
+
+fn same_nodes(a: &Motion, b: &Motion) -> bool {
+    (&a.nodes, a.at_m) == (&b.nodes, b.at_m)
+}
+
+fn selection(nodes: &Option<String>, at_m: Option<[f64; 3]>) -> String {
+    match (nodes, at_m) {
+        (Some(name), _) => format!("nodes `{name}`"),
+        (None, Some(at)) => format!("the node at {} m", shown(at)),
+        (None, None) => "no nodes".into(),
+    }
+}
+
+/// Velocity just after (`forward`) or just before `t`, m/s, of the components that the motion moves.
+fn velocity(m: &Motion, t: f64, forward: bool) -> [f64; 3] {
+    let t = if forward { t + ROUND_OFF } else { t - ROUND_OFF };
+    let after = m.time_s.partition_point(|s| *s <= t);
+    if after == 0 || after == m.time_s.len() {
+        return [0.0; 3];
+    }
+    let span = m.time_s[after] - m.time_s[after - 1];
+    let way = difference(m.displacement_m[after], m.displacement_m[after - 1]);
+    of_components(m, way.map(|d| d / span))
+}
+
+fn of_components(m: &Motion, v: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| if m.components.contains(['x', 'y', 'z'][i]) { v[i] } else { 0.0 })
+}
+
+/// Velocity of the nodes of `m` at the end of the stage before `stage`, m/s; `None` where they are free in it.
+fn velocity_before(scene: &Scene, stage: usize, m: &Motion, times: &StageTimes) -> Option<[f64; 3]> {
+    let k = stage.checked_sub(1)?;
+    let before = &scene.stages[k];
+    let held = m.nodes.as_deref() == Some("held") || !before.kind.roles().contains(&Role::Structure);
+    match before.motions.iter().find(|b| same_nodes(b, m)) {
+        _ if !before.in_time() => Some([0.0; 3]),
+        Some(b) => Some(velocity(&b.in_stage(scene, k, times), times.of(k), false)),
+        None => held.then_some([0.0; 3]),
+    }
+}
+
+/// Places and velocities of nodes that move as prescribed.
+fn motions(scene: &Scene, stage: usize, times: &StageTimes, all: &mut Vec<Jump>) {
+    let this = &scene.stages[stage];
+    if !this.in_time() {
+        return;
+    }
+    for m in &this.motions {
+        let (m, nodes) = (m.in_stage(scene, stage, times), selection(&m.nodes, m.at_m));
+        let name = &this.name;
+        let place = length(of_components(&m, m.at(0.0)));
+        if place > ROUND_OFF {
+            all.push(Jump {
+                stage,
+                key: "motion",
+                size: place,
+                unit: "m",
+                what: format!("{nodes} are displaced at the start of stage `{name}`"),
+                remedy: "begin the table with a displacement of zero at time 0".into(),
+            });
+        }
+        let Some(before) = velocity_before(scene, stage, &m, times) else { continue };
+        let after = velocity(&m, 0.0, true);
+        if length(difference(after, before)) > ROUND_OFF {
+            all.push(Jump {
+                stage,
+                key: "motion",
+                size: length(difference(after, before)),
+                unit: "m/s",
+                what: format!(
+                    "the velocity of {nodes} changes from {} m/s at the end of stage `{}` to {} m/s at the \
+                     start of stage `{name}`",
+                    shown(before),
+                    scene.stages[stage - 1].name,
+                    shown(after)
+                ),
+                remedy: "begin the table with intervals in which the velocity grows from that of the stage \
+                         before, or let the table of the stage before end at rest"
+                    .into(),
+            });
+        }
+    }
+    ended_motions(scene, stage, times, all);
+}
+
+/// Motions of the stage before that stop at once because `stage` holds their nodes.
+fn ended_motions(scene: &Scene, stage: usize, times: &StageTimes, all: &mut Vec<Jump>) {
+    let this = &scene.stages[stage];
+    let Some(k) = stage.checked_sub(1).filter(|k| scene.stages[*k].in_time()) else { return };
+    let rigid = !this.kind.roles().contains(&Role::Structure);
+    for b in &scene.stages[k].motions {
+        let held = rigid || b.nodes.as_deref() == Some("held");
+        let speed = length(velocity(&b.in_stage(scene, k, times), times.of(k), false));
+        if held && speed > ROUND_OFF && !this.motions.iter().any(|m| same_nodes(m, b)) {
+            all.push(Jump {
+                stage,
+                key: "motion",
+                size: speed,
+                unit: "m/s",
+                what: format!(
+                    "{} move at the end of stage `{}` and are held from the start of stage `{}`",
+                    selection(&b.nodes, b.at_m),
+                    scene.stages[k].name,
+                    this.name
+                ),
+                remedy:
+                    "let the table of the stage before end with intervals in which the velocity falls to \
+                         zero"
+                        .into(),
+            });
+        }
+    }
+}
+
+/// Forces on nodes, where the structure moves in time before and after.
+fn forces(scene: &Scene, stage: usize, all: &mut Vec<Jump>) {
+    let structure = |s: &Stage| s.kind.roles().contains(&Role::Structure);
+    let this = &scene.stages[stage];
+    let Some(k) = scene.source_stage(stage, Role::Structure).filter(|_| structure(this) && this.in_time())
+    else {
+        return;
+    };
+    let of = |stage: usize, nodes: &Option<String>, at_m: Option<[f64; 3]>| {
+        let chosen = scene.stages[stage].forces.iter().filter(|f| &f.nodes == nodes && f.at_m == at_m);
+        chosen.fold([0.0; 3], |sum, f| std::array::from_fn(|i| sum[i] + f.force_n[i]))
+    };
+    let mut seen: Vec<(&Option<String>, Option<[f64; 3]>)> = Vec::new();
+    for f in scene.stages[k].forces.iter().chain(&this.forces) {
+        if seen.contains(&(&f.nodes, f.at_m)) {
+            continue;
+        }
+        seen.push((&f.nodes, f.at_m));
+        let (before, after) = (of(k, &f.nodes, f.at_m), of(stage, &f.nodes, f.at_m));
+        if before != after {
+            all.push(Jump {
+                stage,
+                key: "force",
+                size: length(difference(after, before)),
+                unit: "N",
+                what: format!(
+                    "the force on each of {} changes from {} N in stage `{}` to {} N in stage `{}`",
+                    selection(&f.nodes, f.at_m),
+                    shown(before),
+                    scene.stages[k].name,
+                    shown(after),
+                    this.name
+                ),
+                remedy: "give both stages the same [[stage.force]], or damp what it excites by \
+                         mass_damping_per_s"
+                    .into(),
+            });
+        }
+    }
+}
+
+impl Scene {
+    /// Stages with the flow that is at rest when the canopy meets it: no earlier stage has developed it. The
+    /// speed of the canopy through the air at the start of each, m/s.
+    pub fn impulsive_starts(&self, times: &StageTimes) -> Vec<(usize, f64)> {
+        let fall = self.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+        let starts = |k: &usize| {
+            let kind = self.stages[*k].kind;
+            matches!(kind, StageKind::Coupled | StageKind::Prescribed)
+                && self.source_stage(*k, Role::Flow).is_none()
+        };
+        let speed = |k: usize| {
+            let w = self.wind(k, times).at(0.0);
+            length([w[0], w[1], w[2] + fall])
+        };
+        (0..self.stages.len()).filter(starts).map(|k| (k, speed(k))).filter(|(_, v)| *v > 0.0).collect()
+    }
+}

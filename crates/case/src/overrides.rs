@@ -1,0 +1,86 @@
+//! Scenes with values from the command line: problems cite the user's file, or the option.
+
+use std::ops::Range;
+use std::path::Path;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::error::{Problem, SceneError};
+use crate::{Scene, load};
+
+/// A value that an option of the command line replaces or adds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    /// Dotted path in the scene, such as `fabric.thickness_m` or `stage[2].window_s`.
+    pub path: String,
+    /// The option as the user wrote it, such as `--set fabric.thickness_m=1e-4`.
+    pub option: String,
+}
+
+/// Parses `text`, which is `original` (the content of `file`) with `overrides` applied.
+///
+/// # Errors
+/// Problems at an overridden value name its option; all others name their line in `original`.
+pub fn parse_overridden(
+    file: &Path,
+    original: &str,
+    text: &str,
+    overrides: &[Override],
+) -> Result<Scene, SceneError> {
+    load::parse(file, text).map_err(|error| {
+        let problems = error.problems.into_iter().map(|p| relocate(p, original, text, overrides)).collect();
+        SceneError::new(file, original, problems)
+    })
+}
+
+/// The same problem with its place in `original`, or with the option that caused it.
+fn relocate(problem: Problem, original: &str, text: &str, overrides: &[Override]) -> Problem {
+    let Some(at) = problem.at.clone() else { return problem };
+    let path = DeTable::parse(text).ok().and_then(|document| path_at(document.get_ref(), &at, ""));
+    let Some(path) = path else { return Problem { at: None, ..problem } };
+    let concerns = |o: &&Override| {
+        let below = |long: &str, short: &str| {
+            long.strip_prefix(short).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+        };
+        below(&path, &o.path) || below(&o.path, &path)
+    };
+    match overrides.iter().find(concerns) {
+        Some(o) => Problem { at: None, what: format!("{}: {}", o.option, problem.what), ..problem },
+        None => {
+            let at = DeTable::parse(original).ok().and_then(|document| load::span_of(&document, &path));
+            let options: Vec<&str> = overrides.iter().map(|o| o.option.as_str()).collect();
+            let help = format!(
+                "{} (the file alone is valid: {} is in conflict)",
+                problem.help,
+                options.join(" or ")
+            );
+            Problem { at, help, ..problem }
+        }
+    }
+}
+
+/// Path of the innermost key or value that begins at or around the bytes `at`.
+fn path_at(table: &DeTable<'_>, at: &Range<usize>, above: &str) -> Option<String> {
+    table.iter().find_map(|(key, value)| {
+        let name = key.get_ref();
+        let path = if above.is_empty() { name.to_string() } else { format!("{above}.{name}") };
+        let inner = value_path(value, at, &path);
+        inner.or_else(|| covers(&key.span(), at).then_some(path))
+    })
+}
+
+fn value_path(value: &Spanned<DeValue<'_>>, at: &Range<usize>, path: &str) -> Option<String> {
+    let inner = match value.get_ref() {
+        DeValue::Table(table) => path_at(table, at, path),
+        DeValue::Array(items) => {
+            items.iter().enumerate().find_map(|(i, item)| value_path(item, at, &format!("{path}[{i}]")))
+        }
+        _ => None,
+    };
+    inner.or_else(|| covers(&value.span(), at).then(|| path.to_owned()))
+}
+
+fn covers(span: &Range<usize>, at: &Range<usize>) -> bool {
+    span.start <= at.start && at.start < span.end.max(span.start + 1)
+}

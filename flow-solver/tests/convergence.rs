@@ -1,0 +1,96 @@
+//! Whether a step is converged is known and said.
+
+mod common;
+#[path = "common/plate.rs"]
+mod plate;
+
+use common::{at_rest, isothermal, settings};
+use flow_solver::physics::Laminar;
+use flow_solver::steady::March;
+use flow_solver::{FlowError, Loads, Method};
+
+const LU_SGS: Method = Method::LuSgs { courant: 1e3 };
+
+/// The plate in a stream (Reynolds number 200), by LU-SGS with this many iterations a step.
+fn plate(
+    max_iterations: usize,
+    drop: f64,
+) -> flow_solver::Solver<flow_solver::physics::Isothermal, Laminar, 4> {
+    let mut settings = settings([0.0, 0.0, 4.88], drop);
+    settings.method = LU_SGS;
+    settings.max_iterations = max_iterations;
+    isothermal(&plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings)
+}
+
+/// What the scene's default drop of 1e-2 takes by LU-SGS, and what 60 iterations leave. The steps are those of
+/// the comparison with other methods in `verification.rs`.
+#[test]
+fn lu_sgs_needs_more_iterations_than_pressure_corrections() {
+    let mut s = plate(2000, 1e-2);
+    let mut most = 0;
+    for _ in 0..4 {
+        let report = s.advance(&at_rest(0.02)).expect("solved");
+        assert!(report.met && report.end <= report.target, "{report:?}");
+        // At rest the target is the drop of the residual that the step began with.
+        assert!((report.target / report.start - 1e-2).abs() < 1e-12, "{report:?}");
+        most = most.max(report.iterations);
+        s.accept(0.02, false);
+    }
+    println!("LU-SGS: {most} iterations at most to a drop of 1e-2");
+    assert!((60..2000).contains(&most), "{most}: the default of flow.solver.max_iterations is 2000");
+    // The first step again with too few.
+    let mut s = plate(60, 1e-2);
+    match s.advance(&at_rest(0.02)) {
+        Ok(report) => {
+            assert!(!report.met && report.iterations == 60, "{report:?}");
+            assert!(report.end > report.target && report.end <= 0.5 * report.start, "{report:?}");
+        }
+        Err(error) => {
+            assert!(matches!(error, FlowError::Unsolved { iterations: 60, .. }), "{error}");
+            let text = error.to_string();
+            assert!(text.contains("flow.solver.max_iterations") && text.contains("gmres"), "{text}");
+        }
+    }
+}
+
+/// Repetitions of a step that bring little have a target of their own; what the window asks for stays that of
+/// the scene.
+#[test]
+fn a_repeated_step_is_judged_by_the_drop_of_its_window() {
+    let mut settings = settings([0.0, 0.0, 4.88], 1e-2);
+    settings.repeated_drop = 1e-4;
+    let mut s = isothermal(&plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings);
+    let mut last = at_rest(0.02);
+    last.moved = true;
+    for _ in 0..3 {
+        s.advance(&last).expect("solved");
+        s.accept(0.02, true);
+    }
+    let first = s.advance(&last).expect("solved");
+    last.again = true;
+    last.frame = [0.0, 0.0, -1e-3];
+    let again = s.advance(&last).expect("solved");
+    assert!(first.met && again.met, "{first:?} {again:?}");
+    // A tenth of the start of the window, for the grid moves.
+    assert!((again.target / again.start - 1e-3).abs() < 1e-9, "{again:?}");
+    assert!(again.end < 0.3 * again.target, "its own target is smaller: {again:?}");
+}
+
+/// A march whose steps run out of iterations moves so little that it looks steady: it must not end.
+#[test]
+fn a_march_never_ends_in_a_step_that_is_not_solved() {
+    let march = March { residual_drop: 1e-2, force_change: 0.0, max_steps: 25, max_courant: 1e3 };
+    let run = |iterations: usize| {
+        let mut s = plate(iterations, 1e-2);
+        s.settings.moving = false;
+        let mut loads = Loads::new(&s);
+        let marched = march.run(&mut s, [0.0; 3], |s| loads.compute(s).force);
+        (marched, loads.compute(&s).force[2])
+    };
+    match run(8).0 {
+        Err(FlowError::Unsteady { unsolved, .. }) => assert!(unsolved > 0),
+        // A step that cannot even be shortened to one that is solved.
+        Err(FlowError::Unsolved { iterations: 8, .. }) => {}
+        other => panic!("{other:?}"),
+    }
+}

@@ -1,0 +1,15 @@
+//! Tests that cannot be done on this machine.
+
+use std::io::Write;
+
+/// Reports that the calling test is skipped, and why. The test library counts it as passed; `./test` sets
+/// `RIPSTOP_SKIPPED`, the file in which it finds the tests to count as skipped.
+pub fn skipped(why: &str) {
+    let test = std::thread::current().name().unwrap_or("a test").to_owned();
+    eprintln!("{test}: skipped: {why}");
+    let Some(file) = std::env::var_os("RIPSTOP_SKIPPED") else { return };
+    let line = format!("{test}: {}\n", why.replace('\n', " "));
+    let file = std::fs::File::options().append(true).create(true).open(file);
+    // One write: tests run side by side.
+    file.and_then(|mut f| f.write_all(line.as_bytes())).expect("the list of skipped tests can be written");
+}

@@ -1,0 +1,154 @@
+//! What this project depends on keeps to `deny.toml`: licences, places of origin, no version left open.
+//!
+//! `cargo deny` reads the same file; the nightly command runs it for known vulnerabilities and for platforms other than this one.
+
+use std::process::Command;
+
+use ripstop_tests::root;
+
+/// Packages of the build on this platform.
+fn packages() -> Vec<serde_json::Value> {
+    let version = Command::new("rustc").arg("-vV").output().expect("rustc runs");
+    let version = String::from_utf8(version.stdout).expect("text");
+    let host = version.lines().find_map(|l| l.strip_prefix("host: ")).expect("a host");
+    let options = ["metadata", "--format-version", "1", "--locked", "--offline", "--filter-platform", host];
+    let output = Command::new(env!("CARGO")).args(options).current_dir(root()).output().expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut text: serde_json::Value = serde_json::from_slice(&output.stdout).expect("cargo prints JSON");
+    serde_json::from_value(text["packages"].take()).expect("packages")
+}
+
+fn deny() -> toml::Table {
+    let text = std::fs::read_to_string(root().join("deny.toml")).expect("deny.toml");
+    text.parse().expect("TOML")
+}
+
+/// Whether an SPDX expression of licences is satisfied by those that are allowed.
+struct Expression<'a> {
+    words: Vec<String>,
+    at: usize,
+    allowed: &'a [String],
+}
+
+impl<'a> Expression<'a> {
+    /// # Errors
+    /// What is no expression.
+    fn allows(text: &str, allowed: &'a [String]) -> Result<bool, String> {
+        // An old form writes a slash for OR.
+        let text = text.replace('(', " ( ").replace(')', " ) ").replace('/', " OR ");
+        let words = text.split_whitespace().map(String::from).collect();
+        let mut this = Self { words, at: 0, allowed };
+        let value = this.either()?;
+        if this.at == this.words.len() {
+            Ok(value)
+        } else {
+            Err(format!("left over: {:?}", &this.words[this.at..]))
+        }
+    }
+
+    fn next_is(&mut self, word: &str) -> bool {
+        let is = self.words.get(self.at).is_some_and(|w| w == word);
+        self.at += usize::from(is);
+        is
+    }
+
+    /// AND binds more tightly than OR.
+    fn either(&mut self) -> Result<bool, String> {
+        let mut value = self.both()?;
+        while self.next_is("OR") {
+            value |= self.both()?;
+        }
+        Ok(value)
+    }
+
+    fn both(&mut self) -> Result<bool, String> {
+        let mut value = self.single()?;
+        while self.next_is("AND") {
+            value &= self.single()?;
+        }
+        Ok(value)
+    }
+
+    fn single(&mut self) -> Result<bool, String> {
+        if self.next_is("(") {
+            let value = self.either()?;
+            return if self.next_is(")") { Ok(value) } else { Err("a parenthesis is not closed".into()) };
+        }
+        let mut licence = self.words.get(self.at).ok_or("a licence is missing")?.clone();
+        self.at += 1;
+        if self.next_is("WITH") {
+            licence += &format!(" WITH {}", self.words.get(self.at).ok_or("an exception is missing")?);
+            self.at += 1;
+        }
+        Ok(self.allowed.contains(&licence))
+    }
+}
+
+#[test]
+fn expressions_of_licences_are_read() {
+    let allowed = ["MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "Zlib"].map(String::from);
+    for (text, value) in [
+        ("MIT", true),
+        ("GPL-3.0", false),
+        ("GPL-3.0 OR MIT", true),
+        ("GPL-3.0/MIT", true),
+        ("GPL-3.0 AND MIT", false),
+        ("MIT OR GPL-3.0 AND GPL-2.0", true),
+        ("(MIT OR GPL-3.0) AND GPL-2.0", false),
+        ("(MIT OR GPL-3.0) AND Zlib", true),
+        ("Apache-2.0 WITH LLVM-exception", true),
+        ("MIT WITH LLVM-exception", false),
+    ] {
+        assert_eq!(Expression::allows(text, &allowed), Ok(value), "{text}");
+    }
+    for text in ["", "MIT OR", "(MIT", "MIT Zlib", "MIT WITH"] {
+        assert!(Expression::allows(text, &allowed).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn licences_are_among_those_allowed() {
+    let deny = deny();
+    let allowed = deny["licenses"]["allow"].as_array().expect("a list");
+    let allowed: Vec<String> = allowed.iter().map(|l| l.as_str().expect("text").to_owned()).collect();
+    let packages = packages();
+    assert!(packages.len() > 100, "{} packages", packages.len());
+    for package in packages {
+        let licence = package["license"].as_str().unwrap_or_default();
+        let fits = Expression::allows(licence, &allowed);
+        assert_eq!(fits, Ok(true), "{} {}: licence {licence:?}", package["name"], package["version"]);
+    }
+}
+
+#[test]
+fn packages_come_from_crates_io_or_from_here() {
+    let sources = &deny()["sources"];
+    assert_eq!([sources["unknown-registry"].as_str(), sources["unknown-git"].as_str()], [Some("deny"); 2]);
+    // The lock file holds all platforms.
+    let text = std::fs::read_to_string(root().join("Cargo.lock")).expect("Cargo.lock");
+    let lock: toml::Table = text.parse().expect("TOML");
+    let packages = lock["package"].as_array().expect("packages");
+    let here: Vec<&str> = packages
+        .iter()
+        .filter_map(|p| match p.get("source").map(|s| s.as_str().expect("text")) {
+            None => Some(p["name"].as_str().expect("a name")),
+            Some(source) => {
+                assert_eq!(source, "registry+https://github.com/rust-lang/crates.io-index", "{}", p["name"]);
+                assert!(p.get("checksum").is_some(), "{} has no checksum", p["name"]);
+                None
+            }
+        })
+        .collect();
+    assert_eq!(here.len(), 10, "members of the workspace: {here:?}");
+}
+
+#[test]
+fn no_dependency_leaves_its_version_open() {
+    assert_eq!(deny()["bans"]["wildcards"].as_str(), Some("deny"));
+    for package in packages().iter().filter(|p| p["source"].is_null()) {
+        for dependency in package["dependencies"].as_array().expect("dependencies") {
+            let open = dependency["req"] == "*" && dependency["path"].is_null();
+            assert!(!open, "{} takes any version of {}", package["name"], dependency["name"]);
+        }
+    }
+}

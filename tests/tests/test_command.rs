@@ -1,0 +1,132 @@
+//! `./test` ends with one line that counts all suites, however they ended.
+
+use std::process::Command;
+
+use ripstop_tests::root;
+
+/// Result of a suite, as Rust's test library prints it.
+fn result(word: &str, passed: u32, failed: u32, ignored: u32) -> String {
+    format!(
+        "test result: {word}. {passed} passed; {failed} failed; {ignored} ignored; 0 measured; \
+         2 filtered out; finished in 1.25s\n"
+    )
+}
+
+/// Last line, everything, and exit code of the summary.
+fn summary(log: &str, skipped: &str, code: &str) -> (String, String, i32) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [log_file, skipped_file] = ["log", "skipped"].map(|name| folder.path().join(name));
+    std::fs::write(&log_file, log).expect("written");
+    std::fs::write(&skipped_file, skipped).expect("written");
+    let output = Command::new(root().join("scripts/test-summary"))
+        .arg(log_file)
+        .arg(skipped_file)
+        .arg(code)
+        .output()
+        .expect("it starts");
+    let text = String::from_utf8(output.stdout).expect("text");
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    (text.lines().last().unwrap_or_default().to_owned(), text, output.status.code().expect("a code"))
+}
+
+#[test]
+fn all_suites_are_summed() {
+    let log = [
+        "   Compiling mesh v0.1.0\n    Finished `release` profile\n",
+        "     Running unittests src/lib.rs (target/release/deps/mesh-0a)\n\nrunning 3 tests\ntest a::b ... ok\n",
+        "test c ... ok\ntest d ... ignored, nightly: long\n\n",
+        &result("ok", 2, 0, 1),
+        "\x1b[1m\x1b[92m     Running\x1b[0m tests/ranks.rs (target/release/deps/ranks-0b)\ntest x ... \x1b[32mok\x1b[m\n\n",
+        "test result: \x1b[32mok\x1b[m. 1 passed; 0 failed; 0 ignored; 0 measured; 0 filtered out; finished in 0.10s\n",
+        "   Doc-tests mesh\n\n",
+        &result("ok", 4, 0, 0),
+    ]
+    .concat();
+    let (line, _, code) = summary(&log, "", "0");
+    assert_eq!((line.as_str(), code), ("7 passed, 0 failed, 1 skipped", 0));
+}
+
+#[test]
+fn tests_that_skip_themselves_are_not_passed() {
+    let log = format!("     Running tests/python.rs (target/x)\n{}", result("ok", 3, 0, 2));
+    let skipped = "reads: no Python\nreads: no Python\nwrites: no Python\n";
+    let (line, text, code) = summary(&log, skipped, "0");
+    assert_eq!((line.as_str(), code), ("1 passed, 0 failed, 4 skipped", 0));
+    assert!(text.contains("skipped on this machine:\n  reads: no Python\n"), "{text}");
+}
+
+#[test]
+fn failures_are_counted_and_named() {
+    let log = [
+        "     Running unittests src/lib.rs (target/release/deps/mesh-0a)\n",
+        "test good ... ok\ntest shape::bad ... FAILED\n",
+        // Output of a failed test may hold such words.
+        "---- shape::bad stdout ----\nit said: test result: ok. 50 passed\n",
+        &result("FAILED", 1, 1, 0),
+        "error: test failed, to rerun pass `-p mesh --lib`\n",
+        "     Running tests/next.rs (target/release/deps/next-0a)\n",
+        &result("ok", 5, 0, 0),
+        "error: 1 target failed:\n    `-p mesh --lib`\n",
+    ]
+    .concat();
+    let (line, text, code) = summary(&log, "", "1");
+    assert_eq!((line.as_str(), code), ("6 passed, 1 failed, 0 skipped", 1));
+    assert!(text.contains("failed:\n  unittests src/lib.rs: shape::bad\n"), "{text}");
+}
+
+#[test]
+fn a_suite_that_crashes_is_a_failure() {
+    let log = [
+        "     Running tests/crash.rs (target/release/deps/crash-0a)\n\nrunning 3 tests\ntest one ... ok\n",
+        "error: test failed, to rerun pass `-p mesh --test crash`\n\nCaused by:\n  (signal: 11, SIGSEGV)\n",
+        "     Running tests/next.rs (target/release/deps/next-0a)\n",
+        &result("ok", 5, 0, 0),
+        "error: 1 target failed:\n    `-p mesh --test crash`\n",
+    ]
+    .concat();
+    let (line, text, code) = summary(&log, "", "1");
+    assert_eq!((line.as_str(), code), ("6 passed, 1 failed, 0 skipped", 1));
+    assert!(text.contains("tests/crash.rs: ended before its result"), "{text}");
+}
+
+#[test]
+fn a_build_that_fails_is_a_failure() {
+    for log in ["error[E0425]: cannot find value `x`\nerror: could not compile `mesh` (lib)\n", ""] {
+        let (line, text, code) = summary(log, "", "1");
+        assert_eq!((line.as_str(), code), ("0 passed, 1 failed, 0 skipped", 1));
+        assert!(text.contains("the build or the set-up"), "{text}");
+    }
+    // Nor is it a success where nothing was tested.
+    assert_eq!(summary("", "", "0").2, 1);
+}
+
+/// Whatever `./test` leaves out, the nightly command runs: it finds ignored tests by their reason.
+#[test]
+fn ignored_tests_belong_to_the_nightly_command() {
+    let output = Command::new(root().join("scripts/nightly")).arg("--list").output();
+    let output = output.expect("python3 is there");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let listed = String::from_utf8(output.stdout).expect("text");
+    let sources = Command::new("git").args(["ls-files", "*.rs"]).current_dir(root()).output().expect("git");
+    let attribute = ["#[", "ignore"].concat();
+    let mut seen = 0;
+    for file in String::from_utf8(sources.stdout).expect("text").lines() {
+        let Ok(text) = std::fs::read_to_string(root().join(file)) else { continue };
+        let mut lines = text.lines();
+        while let Some(line) = lines.next() {
+            if !line.trim_start().starts_with(&attribute) {
+                continue;
+            }
+            let name = lines.find_map(|l| l.trim_start().strip_prefix("fn ")).expect("a function");
+            let name = name.split('(').next().expect("a name");
+            let script = line.split("nightly: by ").nth(1).map(|s| s.trim_end_matches("\"]"));
+            let run = match script {
+                Some(script) => listed.lines().any(|l| l.contains(&format!(" {script} "))),
+                None => listed.lines().any(|l| l.split_whitespace().nth(1) == Some(name)),
+            };
+            assert!(run, "{file}: {name}: {line} is no reason that scripts/nightly knows");
+            seen += 1;
+        }
+    }
+    assert!(seen > 10, "{seen} ignored tests");
+}

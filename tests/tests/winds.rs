@@ -1,0 +1,136 @@
+//! Gusts across the boundaries of stages, as the flow's probes see them.
+
+use std::f64::consts::TAU;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ripstop_tests::{program, ripstop_run, succeed};
+
+const SHEET: &str = r#"
+name = "windy"
+[canopy]
+kind = "square"
+width_m = 2.0
+cells_across = 4
+line_count = 8
+line_length_m = 2.4
+[fabric]
+youngs_modulus_pa = 2e8
+poisson_ratio = 0.3
+thickness_m = 3.048e-5
+density_kg_m3 = 1223.5093
+wrinkling = true
+[lines]
+youngs_modulus_pa = 5.3420e8
+area_m2 = 3.11e-6
+density_kg_m3 = 1223.50932
+[flow]
+[flow.solver]
+residual_drop = 1e-3
+[flow.grid]
+layers_inside = 2
+layers_outside = 5
+first_layer_m = 0.2
+[[flow.probe]]
+name = "far"
+position_m = [0.0, 0.0, -9.0]
+[output]
+surface_every_windows = 0
+volume_every_windows = 0
+[descent]
+payload_mass_kg = 5.0
+initial_speed_m_s = 4.0
+reference_area_m2 = 4.0
+[ranks]
+flow = 1
+mesh = 1
+[[stage]]
+name = "inflation"
+kind = "pre-inflation"
+solve = "static"
+pressure_pa = 12.0
+[[stage]]
+name = "flow"
+kind = "flow-only"
+duration_s = 0.1
+window_s = 2e-2
+[[stage]]
+name = "fall"
+kind = "coupled"
+duration_s = 0.04
+window_s = 5e-3
+substeps = 4
+"#;
+
+/// From 0.06 to 0.14 s: the release at 0.1 s is its peak.
+fn gusty(folder: &Path, name: &str, clock: &str) -> PathBuf {
+    let gust = format!(
+        "[flow.gust]\nvelocity_m_s = [0, 1, 0]\nstart_s = 0.06\nduration_s = 0.08\nclock = \"{clock}\"\n"
+    );
+    let file = folder.join(format!("{name}.toml"));
+    fs::write(&file, SHEET.replacen("[[flow.probe]]", &format!("{gust}[[flow.probe]]"), 1)).expect("written");
+    file
+}
+
+/// Times of a stage and the velocity along y at its probe, m/s.
+fn probe(out: &Path, stage: &str) -> Vec<(f64, f64)> {
+    let text = fs::read_to_string(out.join(stage).join("probes.csv")).expect("a table");
+    let mut lines = text.lines();
+    let names: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let at =
+        |name: &str| names.iter().position(|n| *n == name).unwrap_or_else(|| panic!("{name}: {names:?}"));
+    let (time, v) = (at("time_s"), at("far_v_m_s"));
+    lines
+        .map(|l| l.split(',').map(|x| x.parse().expect("a number")).collect::<Vec<f64>>())
+        .map(|row| (row[time], row[v]))
+        .collect()
+}
+
+fn gust_at(run_time: f64) -> f64 {
+    let phase = (run_time - 0.06) / 0.08;
+    if (0.0..=1.0).contains(&phase) { 0.5 * (1.0 - (TAU * phase).cos()) } else { 0.0 }
+}
+
+/// The air 9 m below the canopy follows the gust on the clock of the run, in both stages; `release` is the time of
+/// the run at which the second one starts.
+fn follows(out: &Path, release: f64) {
+    for (stage, origin) in [("flow", 0.0), ("fall", release)] {
+        for (time, v) in probe(out, stage) {
+            let expected = gust_at(origin + time);
+            println!("{stage} at {:.3} s of the run: {v:.5} of {expected:.5} m/s", origin + time);
+            // What the canopy, 9 m away, turns aside: its width over four distances, squared.
+            assert!((v - expected).abs() < 3e-3, "{stage}, {time} s: {v} instead of {expected} m/s");
+        }
+    }
+}
+
+#[test]
+fn a_gust_passes_through_the_release_and_follows_the_times_that_stages_took() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = gusty(folder.path(), "run", "run");
+    let out = folder.path().join("whole");
+    let run = succeed(ripstop_run(&scene, &out, &[]));
+    assert!(!String::from_utf8_lossy(&run.stderr).contains("a jump of"), "{run:?}");
+    follows(&out, 0.1);
+    // The flow stops after four of its five windows: the release is 0.02 s earlier.
+    let short = folder.path().join("short");
+    succeed(ripstop_run(&scene, &short, &["--quiet", "--stop-after-windows", "4"]));
+    assert_eq!(probe(&short, "flow").len(), 4);
+    follows(&short, 0.08);
+}
+
+#[test]
+fn a_gust_that_is_cut_off_is_named_by_check_and_before_the_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = gusty(folder.path(), "stage", "stage");
+    let check =
+        std::process::Command::new(program("ripstop")).arg("check").arg(&scene).output().expect("starts");
+    let text = String::from_utf8_lossy(&check.stdout).into_owned();
+    for part in ["a jump of 1.000 m/s", "end of stage `flow`", "start of stage `fall`", "clock = \"run\""] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let out = folder.path().join("out");
+    let run = succeed(ripstop_run(&scene, &out, &["--stop-after-windows", "1"]));
+    assert!(String::from_utf8_lossy(&run.stderr).contains("a jump of 1.000 m/s"), "{run:?}");
+    assert!(fs::read_to_string(out.join("summary.json")).expect("a summary").contains("a jump of 1.000 m/s"));
+}
