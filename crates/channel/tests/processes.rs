@@ -322,6 +322,13 @@ fn all_killed_at_once_any_number_of_times() {
         processes.iter().for_each(|p| p.signal(libc::SIGKILL));
         processes.iter_mut().for_each(|p| drop(p.end(SECONDS)));
     }
+    // On a busy machine none of them may have got as far as the session: one more that certainly has.
+    let mut coupler = Process::start(&format!("{session} coupler 1"));
+    let mut others = [Structure, Flow].map(|role| Process::participant(&session, role, 0, 1, "none"));
+    coupler.says("ready");
+    [&coupler, &others[0], &others[1]].into_iter().for_each(|p| p.signal(libc::SIGKILL));
+    coupler.end(SECONDS);
+    others.iter_mut().for_each(|p| drop(p.end(SECONDS)));
     assert!(!leftovers(&session).is_empty(), "nobody was left to tidy up");
     // An unrelated live session is left alone by the sweep.
     let other = name("bystander");
