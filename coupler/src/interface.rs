@@ -89,31 +89,28 @@ impl CanopyInterface {
         faces.map(|(face, load)| face_force(&face.map(position), load)[2]).sum()
     }
 
-    /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa, on the shape at the end)
-    /// does on the motion from displacement `start` to `end` (`[nodes][3]`, m).
-    /// A face's force is shared equally by its corners.
+    /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa) does while the canopy moves straight from displacement `start`
+    /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps ([`wall_shares`]); traction
+    /// on the area at the end, shared equally by the corners.
     pub fn work(&self, load: &[f64], start: &[f64], end: &[f64]) -> f64 {
-        let moved = |node: u32, i: usize| {
-            let at = 3 * node as usize + i;
-            end[at] - start[at]
+        let at = |node: u32, displacement: &[f64]| -> Vec3 {
+            std::array::from_fn(|i| self.coords[node as usize][i] + displacement[3 * node as usize + i])
         };
-        let position = |node: u32| -> Vec3 {
-            std::array::from_fn(|i| self.coords[node as usize][i] + end[3 * node as usize + i])
+        let work = |(face, load): (&[u32; 4], &[f64])| {
+            let [from, to] = [start, end].map(|d| face.map(|n| at(n, d)));
+            let moved: [Vec3; 4] = std::array::from_fn(|n| sub(to[n], from[n]));
+            let middle = std::array::from_fn(|n| std::array::from_fn(|i| 0.5 * (from[n][i] + to[n][i])));
+            // The area is of degree two in time: Simpson's rule is exact.
+            let rate =
+                |x: &[Vec3; 4]| -> f64 { wall_shares(x).iter().zip(&moved).map(|(a, d)| dot(a, d)).sum() };
+            let swept = (rate(&from) + 4.0 * rate(&middle) + rate(&to)) / 6.0;
+            let corners = if face[2] == face[3] { 3 } else { 4 };
+            let mean: Vec3 =
+                std::array::from_fn(|i| moved[..corners].iter().map(|d| d[i]).sum::<f64>() / corners as f64);
+            let area = area_vector(&to);
+            load[0] * swept + dot(&area, &area).sqrt() * dot(&[load[1], load[2], load[3]], &mean)
         };
-        self.faces
-            .iter()
-            .zip(load.chunks_exact(LOAD_WIDTH))
-            .map(|(face, load)| {
-                let force = face_force(&face.map(position), load);
-                let corners = if face[2] == face[3] { 3 } else { 4 };
-                (0..3)
-                    .map(|i| {
-                        let mean = face[..corners].iter().map(|&n| moved(n, i)).sum::<f64>() / corners as f64;
-                        force[i] * mean
-                    })
-                    .sum::<f64>()
-            })
-            .sum()
+        self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)).map(work).sum()
     }
 
     /// Mean pressure jump (Pa) of `load` (`[faces][LOAD_WIDTH]`, Pa) over the canopy displaced by
@@ -150,6 +147,34 @@ fn area_vector(corners: &[Vec3; 4]) -> Vec3 {
         0.5 * (d1[2] * d2[0] - d1[0] * d2[2]),
         0.5 * (d1[0] * d2[1] - d1[1] * d2[0]),
     ]
+}
+
+/// Area vectors (m2) by which the corners of a face carry a pressure on the flow's wall: four triangles around the mean
+/// of the corners, whose third of each goes to them in equal parts; one triangle where a node is repeated.
+fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
+    if x[2] == x[3] {
+        let third = area_vector(x).map(|a| a / 3.0);
+        return [third, third, third, [0.0; 3]];
+    }
+    let mean: Vec3 = std::array::from_fn(|i| 0.25 * x.iter().map(|x| x[i]).sum::<f64>());
+    let mut shares = [[0.0; 3]; 4];
+    for k in 0..4 {
+        let next = (k + 1) % 4;
+        let third = area_vector(&[x[k], x[next], mean, mean]).map(|a| a / 3.0);
+        for (n, share) in shares.iter_mut().enumerate() {
+            let part = if n == k || n == next { 1.25 } else { 0.25 };
+            (0..3).for_each(|i| share[i] += part * third[i]);
+        }
+    }
+    shares
+}
+
+fn sub(a: Vec3, b: Vec3) -> Vec3 {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn dot(a: &Vec3, b: &Vec3) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
@@ -196,6 +221,48 @@ mod tests {
         let mut up = still;
         (0..3).for_each(|n| up[3 * n + 2] = 0.3);
         assert!((one.work(&[10.0, 0.0, 0.0, 0.0], &still, &up) - 10.0 * 2.0 * 0.3).abs() < 1e-12);
+    }
+
+    /// A flat square that becomes a saddle of height h and back: the wall between four corners then stands h/2 above
+    /// their mean, a quarter of the area times two thirds of the height under each of two of four triangles, wherever the
+    /// diagonal of the elements lies.
+    #[test]
+    fn a_face_that_bends_sweeps_the_volume_of_four_triangles() {
+        let pressure = [10.0, 0.0, 0.0, 0.0];
+        let still = [0.0; 12];
+        for diagonal in [[0, 2], [1, 3]] {
+            let mut bent = still;
+            diagonal.iter().for_each(|&n| bent[3 * n + 2] = 0.3);
+            // Mean height 0.15 m over 4 m2.
+            let work = square().work(&pressure, &still, &bent);
+            assert!((work - 10.0 * 4.0 * 0.15).abs() < 1e-12, "{work}");
+        }
+        // One corner alone: a quarter of its height, not a third or a sixth as under two triangles.
+        let mut bent = still;
+        bent[2] = 0.3;
+        let work = square().work(&pressure, &still, &bent);
+        assert!((work - 10.0 * 4.0 * 0.075).abs() < 1e-12, "{work}");
+    }
+
+    /// Over a large motion the work is the pressure times the change of a closed volume: of a pyramid under a bent face.
+    #[test]
+    fn the_work_of_a_large_motion_is_the_change_of_volume() {
+        let wave = |i: usize, a: f64| 0.4 * (i as f64 * a).sin();
+        let [from, to] = [0.7, 1.9].map(|a| (0..12).map(|i| wave(i, a)).collect::<Vec<f64>>());
+        // Between the wall of four triangles and two triangles over the same corners.
+        let mut closed = square();
+        closed.faces = vec![[0, 1, 2, 3], [0, 2, 1, 1], [0, 3, 2, 2]];
+        let load = [7.0, 0.0, 0.0, 0.0].repeat(3);
+        let volume = |d: &[f64]| {
+            let x: Vec<Vec3> =
+                (0..4).map(|n| std::array::from_fn(|i| closed.coords[n][i] + d[3 * n + i])).collect();
+            let [u, v, w] = [1, 2, 3].map(|n| sub(x[n], x[0]));
+            let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
+            dot(&u, &cross) / 12.0
+        };
+        let work = closed.work(&load, &from, &to);
+        let exact = 7.0 * (volume(&to) - volume(&from));
+        assert!((work - exact).abs() < 1e-13 && exact.abs() > 0.05, "{work} {exact}");
     }
 
     #[test]

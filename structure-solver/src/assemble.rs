@@ -10,8 +10,8 @@ use crate::dynamics::{Dynamics, DynamicsParams};
 use crate::elements::cable::{CableLaw, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
 use crate::loops::{
-    CableDamping, Cables, Contact, Cylinder, ElementLoop, LineDrag, MembraneDamping, Membranes, Quads,
-    ReefingLine, Schedule,
+    BentFaces, CableDamping, Cables, Contact, Cylinder, ElementLoop, LineDrag, MembraneDamping, Membranes,
+    Quads, ReefingLine, Schedule,
 };
 use crate::materials::{Material, OrthotropicTensionField, Prestressed, StVenantKirchhoff, TensionField};
 use crate::model::{Model, ModelError, Surface, Warp};
@@ -77,6 +77,9 @@ fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all:
         return;
     }
     all.push(Box::new(Membranes::new(model, law, f.thickness_m, f.density_kg_m3)));
+    if !model.split_faces.is_empty() {
+        all.push(Box::new(BentFaces::new(model)));
+    }
     if damping > 0.0 {
         all.push(Box::new(MembraneDamping::new(model, law, f.thickness_m, damping)));
     }

@@ -4,12 +4,14 @@
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
 mod air;
+mod bent;
 mod contact;
 mod damping;
 mod quads;
 mod reefing;
 
 pub use air::{Cylinder, LineDrag};
+pub use bent::BentFaces;
 pub use contact::Contact;
 pub use damping::{CableDamping, MembraneDamping};
 pub use quads::Quads;

@@ -158,6 +158,15 @@ pub struct Quad {
     pub reference: quad::Reference,
 }
 
+/// A face of four nodes that two triangles approximate. Node numbers are local.
+#[derive(Clone, Copy, Debug)]
+pub struct SplitFace {
+    /// Nodes in order; the diagonal that both triangles share joins the first and the third.
+    pub nodes: [u32; 4],
+    /// Interface face that it is (global).
+    pub face: u32,
+}
+
 /// Direction of the warp in the unstressed fabric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Warp {
@@ -211,6 +220,8 @@ pub struct Model {
     pub quads: Vec<Quad>,
     /// Bilinear elements whose first node is owned here.
     pub n_own_quads: usize,
+    /// Faces of four nodes that are two triangles each; none where they are bilinear elements.
+    pub split_faces: Vec<SplitFace>,
     /// Cable elements, ordered like the triangles.
     pub cables: Vec<CableElement>,
     /// Cables whose first node is owned here.
@@ -267,13 +278,16 @@ impl Model {
             (0..mesh.triangles.len()).filter(|&t| touch(&mesh.triangles[t])).collect();
         let cables: Vec<usize> = (0..mesh.cables.len()).filter(|&c| touch(&mesh.cables[c].nodes)).collect();
         let mut ties: Vec<[u32; 2]> = ties.iter().filter(|t| touch(&t[..])).copied().collect();
+        let split = if surface.quadrilaterals { Vec::new() } else { split_faces(mesh) };
         let faces = if surface.quadrilaterals { mesh.faces.len() } else { 0 };
         let faces: Vec<usize> = (0..faces).filter(|&f| touch(&mesh.faces[f])).collect();
+        let mut split: Vec<SplitFace> = split.into_iter().filter(|f| touch(&f.nodes)).collect();
         let owned = (0..mesh.coords.len() as u64).filter(|&n| owner[n as usize] == rank).collect();
         let numbering = Numbering::new(owned, ghosts);
         let halo = Rc::new(Halo::new(comm, &numbering));
         let local = |n: u32| numbering.local(u64::from(n)).expect("nodes of local elements are local") as u32;
 
+        split.iter_mut().flat_map(|f| &mut f.nodes).for_each(|n| *n = local(*n));
         let warp = |face: usize| {
             let [a, b] = [0, 1].map(|i| mesh.coords[mesh.faces[face][i] as usize]);
             match surface.warp {
@@ -335,6 +349,7 @@ impl Model {
             triangles: own,
             n_own_quads: quads.partition_point(|q| q.nodes[0] < n_owned),
             quads,
+            split_faces: split,
             n_own_cables: own_cables.partition_point(|c| c.nodes[0] < n_owned),
             cables: own_cables,
             n_own_ties: ties.partition_point(|t| t[0] < n_owned),
@@ -356,6 +371,29 @@ impl Model {
     pub fn n_local(&self) -> usize {
         self.numbering.n_local()
     }
+}
+
+/// Faces of `mesh` that two triangles with a common diagonal approximate, with nodes of the mesh.
+fn split_faces(mesh: &StructureMesh) -> Vec<SplitFace> {
+    let mut triangles = vec![Vec::new(); mesh.faces.len()];
+    for (nodes, &face) in mesh.triangles.iter().zip(&mesh.triangle_face) {
+        triangles[face as usize].push(nodes);
+    }
+    let diagonal = |face: usize, nodes: [u32; 2]| {
+        triangles[face].len() == 2 && triangles[face].iter().all(|t| nodes.iter().all(|n| t.contains(n)))
+    };
+    let split = |face: usize| {
+        let [a, b, c, d] = mesh.faces[face];
+        let nodes = if diagonal(face, [a, c]) {
+            [a, b, c, d]
+        } else if diagonal(face, [b, d]) {
+            [b, c, d, a]
+        } else {
+            return None;
+        };
+        Some(SplitFace { nodes, face: face as u32 })
+    };
+    (0..mesh.faces.len()).filter(|&f| mesh.faces[f][2] != mesh.faces[f][3]).filter_map(split).collect()
 }
 
 /// Refuses meshes that no rank could compute; the same verdict on each rank.

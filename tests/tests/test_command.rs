@@ -74,6 +74,70 @@ fn failures_are_counted_and_named() {
     assert!(text.contains("failed:\n  unittests src/lib.rs: shape::bad\n"), "{text}");
 }
 
+/// A test that passes at its second attempt is counted as passed, and named; one that fails again is not.
+#[test]
+fn a_second_attempt_is_named() {
+    let log = |verdict: &str| {
+        [
+            "     Running unittests src/lib.rs (target/release/deps/mesh-0a)\n",
+            "test good ... ok\ntest shape::slow ... FAILED\n",
+            &result("FAILED", 1, 1, 0),
+            "error: test failed, to rerun pass `-p mesh --lib`\n",
+            "error: 1 target failed:\n    `-p mesh --lib`\n",
+            "\n     Once more, alone: unittests src/lib.rs: shape::slow\n",
+            &format!("second attempt: unittests src/lib.rs: shape::slow ... {verdict}\n"),
+        ]
+        .concat()
+    };
+    let (line, text, code) = summary(&log("ok"), "", "1");
+    assert_eq!((line.as_str(), code), ("2 passed, 0 failed, 0 skipped", 0));
+    assert!(
+        text.contains("passed when run once more, alone:\n  unittests src/lib.rs: shape::slow\n"),
+        "{text}"
+    );
+    let (line, text, code) = summary(&log("FAILED"), "", "1");
+    assert_eq!((line.as_str(), code), ("1 passed, 1 failed, 0 skipped", 1));
+    assert!(
+        text.contains("failed:\n  unittests src/lib.rs: shape::slow\n")
+            && !text.contains("once more, alone:\n  ")
+    );
+    // Another failure is not hidden by it.
+    let other =
+        log("ok") + "     Running tests/next.rs (target/release/deps/next-0a)\n" + &result("FAILED", 5, 1, 0);
+    assert_eq!(summary(&other, "", "1").2, 1);
+}
+
+/// Which tests are run again, and how: those of a log whose names exist nowhere fail again.
+#[test]
+fn few_failures_are_run_again_and_crashes_are_not() {
+    let again = |log: &str| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("log");
+        std::fs::write(&file, log).expect("written");
+        let script = root().join("scripts/second-attempt");
+        // Its `cargo` says what it was asked for, and that the test passed.
+        let fake = folder.path().join("cargo");
+        let text =
+            "#!/bin/sh\necho asked: \"$@\"\necho \"test a::b ... ok\"\necho test result: ok. 1 passed\n";
+        std::fs::write(&fake, text).expect("written");
+        std::fs::set_permissions(&fake, std::os::unix::fs::PermissionsExt::from_mode(0o755))
+            .expect("executable");
+        let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").expect("a path"));
+        let output = Command::new(script).arg(&file).env("PATH", path).output().expect("it starts");
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let suite = "     Running tests/verification/main.rs (target/release/deps/verification-0a1b)\n";
+    let text = again(&format!("{suite}test a::b ... FAILED\ntest c ... ok\n"));
+    assert!(text.contains("--workspace --test=verification -- --exact a::b"), "{text}");
+    assert!(text.contains("second attempt: tests/verification/main.rs: a::b ... ok\n"), "{text}");
+    assert!(!text.contains("test result"), "{text}");
+    let library = "     Running unittests src/lib.rs (target/release/deps/mesh-0a)\n";
+    let text = again(&format!("{library}test other ... FAILED\n"));
+    assert!(text.contains("--lib -- --exact other") && text.contains("lib.rs: other ... FAILED\n"), "{text}");
+    assert_eq!(again(&format!("{suite}{}", "test a::b ... FAILED\n".repeat(6))), "");
+    assert_eq!(again(&format!("{suite}error: test failed, to rerun pass `-p x --test verification`\n")), "");
+}
+
 #[test]
 fn a_suite_that_crashes_is_a_failure() {
     let log = [

@@ -5,7 +5,7 @@ use case::LoadShape;
 use super::memory::{pack, unpack};
 use super::sequence::{End, Sequence, Visit};
 use super::staggered::{packed, structure_under_flow};
-use super::{FlowLoads, InterfaceState, Predictor, Unknowns, shape_load};
+use super::{InterfaceState, Predictor, Unknowns, shape_load};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 
@@ -97,10 +97,9 @@ impl Sequence for Jacobi {
             // Nothing was known to iterate from: this once the structure follows the flow.
             self.iterate.clone_from(&visit.end.load);
         }
-        let start = &*visit.state.load.get_or_insert_with(|| visit.end.load.clone());
-        let before = visit.state.load_before.as_ref().unwrap_or(start);
+        visit.state.load.get_or_insert_with(|| visit.end.load.clone());
         let [felt_start, felt_end] = &mut self.felt;
-        let loads = FlowLoads { before, start, end: &self.iterate, ratio: visit.ratio };
+        let loads = visit.loads(&self.iterate);
         shape_load(self.load, loads, felt_start, felt_end);
         visit.structure_under(LoadOverWindow { start: felt_start, end: felt_end })?;
         visit.descend();

@@ -25,6 +25,8 @@
 
 use case::LoadShape;
 
+use super::InterfaceState;
+
 /// Weights of the loads at the end and the start of the window, and one window
 /// before, in [`LoadShape::Mean`] with equal windows.
 pub const MEAN_WEIGHTS: [f64; 3] = [9.0 / 16.0, 3.0 / 8.0, 1.0 / 16.0];
@@ -40,6 +42,11 @@ pub fn mean_weights(ratio: f64) -> [f64; 3] {
 }
 
 /// Loads of the flow that a window knows, each `[faces][LOAD_WIDTH]`, Pa.
+///
+/// A canopy that was held until the window begins is released by it: the load at its start is one that the free
+/// fabric did not feel and cannot bear. The mean above would make the fabric's load jump to about $-b/a$
+/// of it and alternate from there on. The window takes the load of its end throughout, one of first order after a jump
+/// (Rannacher 1984), and the next one does not look back beyond its own start.
 #[derive(Clone, Copy, Debug)]
 pub struct FlowLoads<'a> {
     /// One window before the start; the start's own where there was none.
@@ -50,6 +57,16 @@ pub struct FlowLoads<'a> {
     pub end: &'a [f64],
     /// Length of the window over that of the one before it.
     pub ratio: f64,
+}
+
+impl<'a> FlowLoads<'a> {
+    /// Of a window with the load `end` at its end, `ratio` times as long as the one before; `released` where the
+    /// canopy was held until it begins. An unknown load at the start is that at the end.
+    pub fn of(state: &'a InterfaceState, end: &'a [f64], ratio: f64, released: bool) -> Self {
+        let start = state.load.as_deref().filter(|_| !released).unwrap_or(end);
+        let before = state.load_before.as_deref().filter(|_| !released).unwrap_or(start);
+        Self { before, start, end, ratio }
+    }
 }
 
 /// Loads for the structure at the start and the end of a window (it interpolates

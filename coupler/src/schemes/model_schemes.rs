@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::extrapolate::{MOST_ORDER, Past};
 use super::flow_model::FlowModel;
 use super::least_squares::norm;
-use super::load_shape::{FlowLoads, shape_load};
+use super::load_shape::shape_load;
 use super::memory::{pack, unpack};
 use super::predictor::Predictor;
 use super::sequence::{End, Sequence, Visit};
@@ -97,11 +97,8 @@ impl Balance {
             }
             self.answer.iter_mut().zip(&self.remainder).for_each(|(a, r)| *a += r);
             let (loads, force) = self.answer.split_at(self.answer.len() - 1);
-            let start = visit.state.load.as_deref().unwrap_or(loads);
-            let before = visit.state.load_before.as_deref().unwrap_or(start);
             let [felt_start, felt_end] = &mut self.felt;
-            let loads = FlowLoads { before, start, end: loads, ratio: visit.ratio };
-            shape_load(self.load, loads, felt_start, felt_end);
+            shape_load(self.load, visit.loads(loads), felt_start, felt_end);
             visit.fall(self.unknowns.velocity(x, visit.state.velocity));
             visit.structure_under(LoadOverWindow { start: felt_start, end: felt_end })?;
             visit.descend_under(force[0]);

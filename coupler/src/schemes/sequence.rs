@@ -7,7 +7,7 @@ use super::flow_model::FlowModel;
 use super::implicit::{GaussSeidel, Jacobi};
 use super::model_schemes::{AddedMassStaggered, BlockQuasiNewton};
 use super::staggered::{FlowFirst, HalfStep, StructureFirst};
-use super::{Accelerator, Criterion, InterfaceState, Unknowns, WindowReport};
+use super::{Accelerator, Criterion, FlowLoads, InterfaceState, Unknowns, WindowReport};
 use crate::descent::{DescentModel, WindowForces};
 use crate::error::{Place, RunError};
 use crate::partners::{Answer, LoadOverWindow, Partners};
@@ -95,6 +95,8 @@ pub struct Visit<'a> {
     pub start: &'a [f64],
     /// Length of the window over that of the one before it.
     pub ratio: f64,
+    /// The canopy was held until this window begins.
+    pub released: bool,
     /// Answers of the structure in this window so far: it may be asked more often than the flow.
     pub answers: &'a mut u64,
     /// Stage, for messages.
@@ -107,6 +109,11 @@ impl Visit<'_> {
         let rate = (velocity - self.state.velocity) / self.window.dt;
         self.window.frame_velocity = [0.0, 0.0, velocity];
         self.window.frame_acceleration = [0.0, 0.0, rate];
+    }
+
+    /// Loads that this window knows, with `end` at its end.
+    pub fn loads<'b>(&'b self, end: &'b [f64]) -> FlowLoads<'b> {
+        FlowLoads::of(self.state, end, self.ratio, self.released)
     }
 
     /// Moves the grid to a displacement of the canopy and asks the flow around it for its

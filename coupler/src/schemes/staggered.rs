@@ -3,7 +3,7 @@
 use case::{DescentEquation, LoadShape};
 
 use super::extrapolate::Past;
-use super::load_shape::{FlowLoads, shape_load};
+use super::load_shape::shape_load;
 use super::memory::{pack, unpack};
 use super::sequence::{End, Sequence, Visit};
 use super::{InterfaceState, Unknowns};
@@ -200,13 +200,11 @@ pub(super) fn structure_under_flow(
     shape: LoadShape,
     felt: &mut [Vec<f64>; 2],
 ) -> Result<(), RunError> {
-    let start = &*visit.state.load.get_or_insert_with(|| visit.end.load.clone());
-    let before = visit.state.load_before.as_ref().unwrap_or(start);
+    visit.state.load.get_or_insert_with(|| visit.end.load.clone());
     let [felt_start, felt_end] = felt;
-    felt_start.resize(start.len(), 0.0);
-    felt_end.resize(start.len(), 0.0);
-    let loads = FlowLoads { before, start, end: &visit.end.load, ratio: visit.ratio };
-    shape_load(shape, loads, felt_start, felt_end);
+    felt_start.resize(visit.end.load.len(), 0.0);
+    felt_end.resize(visit.end.load.len(), 0.0);
+    shape_load(shape, visit.loads(&visit.end.load), felt_start, felt_end);
     visit.structure_under(LoadOverWindow { start: felt_start, end: felt_end })
 }
 

@@ -133,6 +133,8 @@ pub struct WindowLoop {
     pub(super) start: Vec<f64>,
     /// Length of the last accepted window, s; 0 before it.
     pub(super) last_dt: f64,
+    /// The canopy was held until the first window begins ([`super::FlowLoads`]).
+    held_before: bool,
     /// Length that the criterion and what is learnt belong to, s.
     pub(super) tuned_dt: f64,
     /// Iterations and answers of the structure in attempts at the present window, and what they cost.
@@ -176,11 +178,22 @@ impl WindowLoop {
             start,
             state,
             last_dt: 0.0,
+            held_before: false,
             tuned_dt: unknowns.window_s(),
             tried: (0, 0),
             spent: WindowReport::default(),
             unknowns,
         }
+    }
+
+    /// The same for a canopy that was held until the first window begins: that window releases it.
+    pub fn from_held(self) -> Self {
+        Self { held_before: true, ..self }
+    }
+
+    /// Whether the next window releases the canopy.
+    pub fn released(&self) -> bool {
+        self.held_before && self.last_dt == 0.0
     }
 
     /// Values at the end of the last accepted window.
@@ -252,6 +265,7 @@ impl WindowLoop {
         shorter: bool,
     ) -> Result<(), RunError> {
         let mut history = Vec::new();
+        let released = self.released();
         let ratio = if self.last_dt > 0.0 { w.dt / self.last_dt } else { 1.0 };
         macro_rules! visit {
             () => {
@@ -266,6 +280,7 @@ impl WindowLoop {
                     criterion: &self.criterion,
                     start: &self.start,
                     ratio,
+                    released,
                     answers: &mut *answers,
                     stage: &self.stage,
                 }
@@ -329,6 +344,7 @@ impl WindowLoop {
 
     fn accept(&mut self, partners: &mut dyn Partners, w: &Window) -> Result<(), RunError> {
         partners.accept(w)?;
+        let released = self.released();
         self.last_dt = w.dt;
         let (state, end) = (&mut self.state, &self.end);
         state.acceleration = (end.velocity - state.velocity) / w.dt;
@@ -338,6 +354,10 @@ impl WindowLoop {
         let load = state.load.get_or_insert_default();
         load.clear();
         load.extend_from_slice(&end.load);
+        if released {
+            // The load of the held canopy is not one that the free fabric felt.
+            state.load_before = None;
+        }
         self.start.copy_from_slice(&self.x_tilde);
         self.sequence.accept(end, &self.x, &self.x_tilde, w.dt);
         Ok(())

@@ -75,6 +75,7 @@ impl<'a> Coupled<'a> {
             modelled,
             context.options.accept_unconverged,
         );
+        let windows = if context.structure_was_coupled() { windows } else { windows.from_held() };
         Self {
             interface: context.interface,
             windows,
@@ -256,7 +257,9 @@ impl Stepper for Coupled<'_> {
         let state = self.windows.state();
         self.start.copy_from_slice(&state.displacement);
         let velocity = state.velocity;
-        let before = state.load.as_ref().map(|load| self.interface.vertical_force(load, &self.start));
+        // The load of a canopy that was held until now acts on what held it.
+        let known = state.load.as_ref().filter(|_| !self.windows.released());
+        let before = known.map(|load| self.interface.vertical_force(load, &self.start));
         self.windows.set_wind(self.wind.at(w.time + w.dt));
         let report = self.windows.run(partners, w, shorter)?;
         let state = self.windows.state();

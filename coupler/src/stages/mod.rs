@@ -146,6 +146,12 @@ impl StageContext<'_> {
         Judge { stage: self.description().name.clone(), accept_unconverged }
     }
 
+    /// Whether the structure comes from a coupled stage: else the canopy was held until this stage begins.
+    fn structure_was_coupled(&self) -> bool {
+        let source = self.scene.source_stage(self.stage, Role::Structure);
+        source.is_some_and(|k| self.scene.stages[k].kind == StageKind::Coupled)
+    }
+
     /// The descent equation of the scene, if it has one.
     pub fn descent(&self) -> Option<DescentModel> {
         descent_model(self.scene, self.interface)

@@ -438,7 +438,7 @@ impl Default for Structure {
             newton_tolerance: 1e-5,
             newton_max_steps: 25,
             gmres_tolerance: 1e-3,
-            max_step_cuts: 6,
+            max_step_cuts: 10,
             static_tolerance: 1e-8,
             mass: Mass::Consistent,
             membrane: Membrane::Triangle,

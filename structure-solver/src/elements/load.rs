@@ -1,6 +1,6 @@
-//! Loads on the deformed triangle: follower pressure and traction.
+//! Loads on the deformed triangle: follower pressure and traction; pressure on a bent face.
 
-use crate::vec3::{Mat3, Vec3, cross, dot, norm, scale, sub};
+use crate::vec3::{Mat3, Vec3, add, add_block, cross, dot, norm, scale, sub};
 
 /// Area vector of a triangle (m2): its normal by the right-hand rule times its area.
 #[inline(always)]
@@ -45,6 +45,48 @@ pub fn traction_tangent(t: Vec3, x: &[Vec3; 3]) -> [Mat3; 3] {
     })
 }
 
+/// Forces (N) on the corners of a face that carry the load of its two triangles over to the flow's wall.
+///
+/// The flow's wall between four corners is a saddle (four triangles around their mean; the bilinear surface encloses the
+/// same volume). Two triangles with the diagonal $x_0 x_2$ have the same area vector, so the same force, but enclose a
+/// volume that differs by $V = \tfrac{1}{12} \det(x_1-x_0,\, x_2-x_0,\, x_3-x_0)$ where the face is bent. Pressure does the
+/// work of the wall's volume only with the further forces $p\,\partial V/\partial x_n$, whose sum and moment are zero.
+#[inline(always)]
+pub fn bend_force(p: f64, x: &[Vec3; 4]) -> [Vec3; 4] {
+    let [u, v, w] = edges(x);
+    let q = p / 12.0;
+    let [f1, f2, f3] = [cross(v, w), cross(w, u), cross(u, v)].map(|f| scale(q, f));
+    [scale(-1.0, add(f1, add(f2, f3))), f1, f2, f3]
+}
+
+/// Derivative of [`bend_force`], blocks `[row node][column node]`; symmetric, as a potential's.
+#[inline(always)]
+pub fn bend_tangent(p: f64, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
+    let [u, v, w] = edges(x).map(|e| skew(scale(p / 12.0, e)));
+    let negative = |m: &Mat3| m.map(|row| scale(-1.0, row));
+    let zero = [[0.0; 3]; 3];
+    // d(v x w) = [v] dw - [w] dv, and so on around.
+    let mut k = [[zero; 4]; 4];
+    k[1] = [zero, zero, negative(&w), v];
+    k[2] = [zero, w, zero, negative(&u)];
+    k[3] = [zero, negative(&v), u, zero];
+    for n in 1..4 {
+        for m in 1..4 {
+            let block = k[n][m];
+            add_block(&mut k[n][0], &negative(&block));
+            add_block(&mut k[0][m], &negative(&block));
+            add_block(&mut k[0][0], &block);
+        }
+    }
+    k
+}
+
+/// The face's corners seen from its first.
+#[inline(always)]
+fn edges(x: &[Vec3; 4]) -> [Vec3; 3] {
+    [1, 2, 3].map(|n| sub(x[n], x[0]))
+}
+
 #[inline(always)]
 fn opposite_edge(x: &[Vec3; 3], m: usize) -> Vec3 {
     sub(x[(m + 2) % 3], x[(m + 1) % 3])
@@ -60,6 +102,7 @@ fn skew(v: Vec3) -> Mat3 {
 mod tests {
     use super::*;
     use crate::elements::check::tangent_error;
+    use crate::elements::quad;
 
     const X: [Vec3; 3] = [[0.1, -0.2, 0.3], [1.2, 0.1, 0.2], [0.3, 0.9, 0.6]];
 
@@ -70,6 +113,25 @@ mod tests {
         assert!(e < 1e-8, "pressure {e}");
         let e = tangent_error(X, |x| [traction_force(t, x); 3], &[traction_tangent(t, &X); 3]);
         assert!(e < 1e-8, "traction {e}");
+    }
+
+    const BENT: [Vec3; 4] = [[0.1, -0.2, 0.3], [1.2, 0.1, 0.2], [1.3, 0.9, 0.6], [-0.1, 1.1, -0.4]];
+
+    /// Two triangles with the further forces carry the exact load of the bilinear surface, whose volume is the wall's.
+    #[test]
+    fn a_bent_face_carries_the_load_of_the_wall() {
+        let p = 2.0;
+        let mut f = bend_force(p, &BENT);
+        for nodes in [[0, 1, 2], [0, 2, 3]] {
+            let share = pressure_force(p, &nodes.map(|n| BENT[n]));
+            nodes.iter().for_each(|&n| f[n] = add(f[n], share));
+        }
+        for (f, wall) in f.iter().zip(quad::pressure_force(p, &BENT)) {
+            assert!(norm(sub(*f, wall)) < 1e-15, "{f:?} {wall:?}");
+        }
+        assert!(norm(bend_force(p, &BENT)[1]) > 0.1, "it is bent");
+        let e = tangent_error(BENT, |x| bend_force(p, x), &bend_tangent(p, &BENT));
+        assert!(e < 1e-8, "{e}");
     }
 
     #[test]
