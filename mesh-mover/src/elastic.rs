@@ -107,7 +107,7 @@ impl Mover for Elastic {
             amg,
             glance: Glance::default(),
             felt: Felt::new(grid, x),
-            warm: Warm::new(n),
+            warm: Warm::new(n, 3 * grid.n_canopy),
             scratch: Scratch::new(n, n_local),
             rhs: vec![0.0; n],
             missing: vec![0.0; 3 * grid.n_canopy],
@@ -132,10 +132,7 @@ impl Mover for Elastic {
         let [gain, looks] = memory.numbers[..] else {
             return Err("its estimate of errors is not there".into());
         };
-        if memory.doubles.iter().any(|motion| motion.len() != s.missing.len()) {
-            return Err("its motions are of another canopy".into());
-        }
-        s.warm.recall(memory.singles, memory.doubles)?;
+        s.warm.recall(&memory.singles, &memory.doubles)?;
         s.glance.recall([gain, looks]);
         Ok(())
     }

@@ -9,7 +9,7 @@
 //! * [`near`]: small motions between the calls of one window, without equations;
 //! * [`motion`]: total form first, then increments with an updated reference, then
 //!   [`untangle`], then an error that names the cell; new grids where the scene asks for them;
-//! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`];
+//! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`]; [`allocator`];
 //! * [`alone`]: a prescribed motion without partners, on any mesh of a canopy ([`resample`]),
 //!   with pictures ([`cut`]); [`sample`] and [`torture`]: a small grid and large
 //!   motions for tests and comparisons.
@@ -20,6 +20,7 @@
 // Small vectors are written in index notation, like the formulas they implement.
 #![allow(clippy::needless_range_loop)]
 
+pub mod allocator;
 pub mod alone;
 pub mod cut;
 pub mod depth;

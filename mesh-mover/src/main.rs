@@ -34,6 +34,8 @@ fn main() -> ExitCode {
             channel::report(&options, &fault);
             fault.message
         })?;
+        // The whole grid and what its parts were cut with.
+        mesh_mover::allocator::release_free_memory();
         let (gather, send, poll) =
             (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
         let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };

@@ -6,6 +6,7 @@ mod regrid;
 use comm::Comm;
 use mesh::Vec3;
 
+use crate::allocator::release_free_memory;
 use crate::local::{Kind, LocalGrid};
 use crate::memory::MotionMemory;
 use crate::mover::{Effort, Mover, MoverError};
@@ -234,6 +235,7 @@ impl Motion {
             if at_start { shape.quality } else { motion.shape(&motion.start.grid).quality };
         motion.mover.rebase(&motion.grid, &motion.reference.grid)?;
         motion.measure();
+        release_free_memory();
         Ok(motion)
     }
 
@@ -537,6 +539,7 @@ impl Motion {
         self.at_start = false;
         self.anchor = None;
         self.measure();
+        release_free_memory();
         Ok(())
     }
 

@@ -8,6 +8,7 @@ use channel::{Announcement, Fault, Input, Participant, Stats, Window, mesh_stats
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, StructureMesh, Vec3};
 
+use crate::allocator::release_free_memory;
 use crate::local::LocalGrid;
 use crate::memory;
 use crate::motion::{Builder, Glide, Limits, Motion, MotionError, Moved, Positions, Regridder};
@@ -418,7 +419,10 @@ impl Participant for MeshMover {
             let state = State { now, before, dt: self.dt, reference, start, offset, way };
             state.save(&case::state_file(folder, Role::Mesh)).map_err(Fault::new)?;
         }
-        memory::save(&self.motion.memory(), self.motion.grid.comm(), folder).map_err(Fault::new)
+        memory::save(&self.motion.memory(), self.motion.grid.comm(), folder).map_err(Fault::new)?;
+        // Copies of the whole grid and their encoded form.
+        release_free_memory();
+        Ok(())
     }
 
     fn snapshot(&mut self, _time: f64, _folder: &Path) -> Result<(), Fault> {

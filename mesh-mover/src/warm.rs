@@ -12,12 +12,14 @@ use comm::Comm;
 ///
 /// Vectors are kept in `f32`: what a guess lacks, the iterations find.
 pub struct Warm {
+    /// The basis, and behind it vectors for later ones: nothing is allocated while windows are solved.
     basis: Vec<Vec<f32>>,
     /// Motion of the canopy that each basis vector answers.
     canopies: Vec<Vec<f64>>,
+    /// Vectors of the basis.
+    known: usize,
     /// Share of each basis vector in the latest solution.
     shares: Vec<f64>,
-    spare: Vec<Vec<f32>>,
 }
 
 /// Basis vectors kept: reading them costs about as much as a product with the matrix.
@@ -26,36 +28,34 @@ pub struct Warm {
 const CAPACITY: usize = 24;
 
 impl Warm {
-    /// An empty basis for vectors of `n` numbers.
-    pub fn new(n: usize) -> Self {
+    /// An empty basis for vectors of `n` numbers and motions of `n_canopy` numbers.
+    pub fn new(n: usize, n_canopy: usize) -> Self {
         Self {
-            basis: Vec::with_capacity(CAPACITY),
-            canopies: Vec::with_capacity(CAPACITY),
+            basis: vec![vec![0.0; n]; CAPACITY],
+            canopies: vec![vec![0.0; n_canopy]; CAPACITY],
+            known: 0,
             shares: Vec::with_capacity(CAPACITY + 1),
-            spare: vec![vec![0.0; n]; CAPACITY],
         }
     }
 
     /// Basis, and the motion of the canopy that each vector answers.
     pub fn memory(&self) -> (Vec<Vec<f32>>, Vec<Vec<f64>>) {
-        (self.basis.clone(), self.canopies.clone())
+        (self.basis[..self.known].to_vec(), self.canopies[..self.known].to_vec())
     }
 
     /// Takes up a [`Warm::memory`] of the same matrix, into an empty basis.
     ///
     /// # Errors
     /// What does not fit; nothing is taken up then.
-    pub fn recall(&mut self, basis: Vec<Vec<f32>>, canopies: Vec<Vec<f64>>) -> Result<(), String> {
-        let n = self.spare.first().map_or(0, Vec::len);
-        let fits = |v: &Vec<f32>| v.len() == n;
-        if basis.len() > CAPACITY || basis.len() != canopies.len() || !basis.iter().all(fits) {
-            return Err("its past solutions are of another grid".into());
+    pub fn recall(&mut self, basis: &[Vec<f32>], canopies: &[Vec<f64>]) -> Result<(), String> {
+        let (n, n_canopy) = (self.basis[0].len(), self.canopies[0].len());
+        let fits = basis.iter().all(|v| v.len() == n) && canopies.iter().all(|k| k.len() == n_canopy);
+        if basis.len() > CAPACITY || basis.len() != canopies.len() || !fits {
+            return Err("its past solutions are of another grid or canopy".into());
         }
-        self.spare.truncate(CAPACITY - basis.len());
-        self.basis.clear();
-        self.basis.extend(basis);
-        self.canopies.clear();
-        self.canopies.extend(canopies);
+        self.known = basis.len();
+        self.basis.iter_mut().zip(basis).for_each(|(v, kept)| v.copy_from_slice(kept));
+        self.canopies.iter_mut().zip(canopies).for_each(|(k, kept)| k.copy_from_slice(kept));
         Ok(())
     }
 
@@ -63,26 +63,26 @@ impl Warm {
     /// makes `b`, the part that the guess answers. Collective.
     pub fn guess(&mut self, comm: &Comm, b: &[f64], x: &mut [f64], canopy: &mut [f64]) {
         let mut c = [0.0; CAPACITY];
-        let m = self.basis.len();
+        let c = &mut c[..self.known];
         for (c, v) in c.iter_mut().zip(&self.basis) {
             *c = dot(v, b);
         }
-        comm.sum_slice(&mut c[..m]);
+        comm.sum_slice(c);
         x.fill(0.0);
         for ((c, v), known) in c.iter().zip(&self.basis).zip(&self.canopies) {
             axpy(*c, v, x);
             canopy.iter_mut().zip(known).for_each(|(d, k)| *d -= c * k);
         }
         self.shares.clear();
-        self.shares.extend_from_slice(&c[..m]);
+        self.shares.extend_from_slice(c);
     }
 
     /// Learns the correction `d` that was added to the last guess; `ad` is A d, `canopy` the
     /// motion that it answers. Both `d` and `canopy` are used up. Collective.
     pub fn learn(&mut self, comm: &Comm, d: &mut [f64], ad: &[f64], canopy: &mut [f64]) {
-        let m = self.basis.len();
+        let m = self.known;
         let mut c = [0.0; CAPACITY + 1];
-        for (c, v) in c.iter_mut().zip(&self.basis) {
+        for (c, v) in c[..m].iter_mut().zip(&self.basis) {
             *c = dot(v, ad);
         }
         c[m] = d.iter().zip(ad).map(|(a, b)| a * b).sum();
@@ -104,13 +104,11 @@ impl Warm {
             self.merge();
         }
         let norm = rest.sqrt();
-        let mut v = self.spare.pop().expect("as many vectors as the capacity");
-        for (v, d) in v.iter_mut().zip(&*d) {
-            *v = (d / norm) as f32;
-        }
-        self.basis.push(v);
-        self.canopies.push(canopy.iter().map(|k| k / norm).collect());
+        let at = self.known;
+        self.basis[at].iter_mut().zip(&*d).for_each(|(v, d)| *v = (d / norm) as f32);
+        self.canopies[at].iter_mut().zip(&*canopy).for_each(|(known, k)| *known = k / norm);
         self.shares.push(norm);
+        self.known += 1;
     }
 
     /// Replaces the older half by the one combination of it that the latest
@@ -118,33 +116,33 @@ impl Warm {
     fn merge(&mut self) {
         let old = CAPACITY / 2;
         let norm = self.shares[..old].iter().map(|s| s * s).sum::<f64>().sqrt();
-        let mut removed: Vec<Vec<f32>> = self.basis.drain(..old).collect();
-        let mut known: Vec<Vec<f64>> = self.canopies.drain(..old).collect();
-        let shares: Vec<f64> = self.shares.drain(..old).collect();
-        if norm > 0.0 {
-            let (first, rest) = removed.split_first_mut().expect("half of the capacity");
+        let kept = usize::from(norm > 0.0);
+        if kept > 0 {
+            let shares = &self.shares[..old];
+            let (first, rest) = self.basis.split_first_mut().expect("a capacity above zero");
             let scale = (shares[0] / norm) as f32;
             first.iter_mut().for_each(|v| *v *= scale);
             for (v, s) in rest.iter().zip(&shares[1..]) {
                 let s = (s / norm) as f32;
                 first.iter_mut().zip(v).for_each(|(a, b)| *a += s * b);
             }
-            let (sum, rest) = known.split_first_mut().expect("as many as vectors");
+            let (sum, rest) = self.canopies.split_first_mut().expect("as many as vectors");
             sum.iter_mut().for_each(|k| *k *= shares[0] / norm);
             for (k, s) in rest.iter().zip(&shares[1..]) {
                 sum.iter_mut().zip(k).for_each(|(a, b)| *a += s / norm * b);
             }
-            self.basis.insert(0, removed.remove(0));
-            self.canopies.insert(0, known.remove(0));
-            self.shares.insert(0, norm);
+            self.shares[0] = norm;
         }
-        self.spare.append(&mut removed);
+        self.basis[kept..].rotate_left(old - kept);
+        self.canopies[kept..].rotate_left(old - kept);
+        self.shares.drain(kept..old);
+        self.known -= old - kept;
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        let canopies: usize = self.canopies.iter().map(|k| 8 * k.len()).sum();
-        canopies + self.basis.iter().chain(&self.spare).map(|v| 4 * v.len()).sum::<usize>()
+        self.basis.iter().map(|v| 4 * v.len()).sum::<usize>()
+            + self.canopies.iter().map(|k| 8 * k.len()).sum::<usize>()
     }
 }
 
@@ -178,7 +176,7 @@ mod tests {
         let n = 50;
         let a: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
         let wave = |k: usize, i: usize| ((k + 1) as f64 * 0.37 * i as f64).sin();
-        let mut warm = Warm::new(n);
+        let mut warm = Warm::new(n, n);
         let (mut x, mut first, mut late) = (vec![0.0; n], 0.0f64, 0.0f64);
         for step in 0..100 {
             let b: Vec<f64> = (0..n)
@@ -197,7 +195,7 @@ mod tests {
             }
             let ad: Vec<f64> = d.iter().zip(&a).map(|(d, a)| d * a).collect();
             warm.learn(&comm, &mut d, &ad, &mut push);
-            assert!(warm.basis.len() <= CAPACITY);
+            assert!(warm.known <= CAPACITY);
         }
         assert_eq!(first, 1.0);
         assert!(late < 1e-5, "all motions are known after 8 steps: {late}");
@@ -209,7 +207,7 @@ mod tests {
     fn a_merge_keeps_the_latest_solution() {
         let comm = Comm::solo();
         let n = 200;
-        let mut warm = Warm::new(n);
+        let mut warm = Warm::new(n, n);
         let mut x = vec![0.0; n];
         // Unit matrix; each step adds one new direction to all earlier ones.
         let b = |step: usize| -> Vec<f64> {
