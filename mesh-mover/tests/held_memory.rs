@@ -67,11 +67,11 @@ fn new_references_leave_no_memory_behind() {
         }
     }
     assert!(trial.motion.rebased() >= 4 * ROUNDS as u32, "{}", trial.motion.rebased());
-    // After the first round a leak of a single byte shows: in windows on one reference, and at equal points.
+    // After the first round a leak of a single byte shows: between windows on one reference whose solver has been
+    // used, and at equal points.
     let later = &seen[path.len()..];
-    for (before, now) in later.iter().zip(&later[1..]) {
-        assert!(now.0 > before.0 || now.1 == before.1, "{before:?} {now:?}");
-    }
+    let quiet: Vec<_> = later.windows(3).filter(|w| w[0].0 == w[2].0).collect();
+    assert!(quiet.len() > 3 * ROUNDS && quiet.iter().all(|w| w[1].1 == w[2].1), "{quiet:?}");
     let ends: Vec<usize> = seen.chunks(path.len()).map(|round| round[path.len() - 1].1).collect();
     assert!(ends.iter().all(|used| *used == ends[0]), "{ends:?}");
     // What is free is the system's: 0.4 MiB beyond the blocks in use, 3.5 MiB where the C library keeps it.
