@@ -295,4 +295,53 @@ mod tests {
             assert!((lambda * trace - 2.0 * mu * nu).abs() < 1e-14 * young);
         }
     }
+
+    /// Rows of the solid are sums over the cells around a node, each stiffer by its depth and its smallness; cells of
+    /// right angles are not stiffer by their shape, others are.
+    #[test]
+    fn rows_are_sums_over_cells_of_their_stiffness() {
+        for (wiggle, chi, shape_exponent, depth_exponent) in
+            [(0.0, 1.5, 3.0, 2.0), (0.1, 0.0, 3.0, 0.0), (0.1, 0.0, 0.0, 2.0), (0.1, 2.0, 0.0, 0.0)]
+        {
+            let grid = crate::sample::plate_in_box(4, wiggle, 0.8, false);
+            let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &comm::Comm::solo());
+            let x = local.gather(&grid.coords);
+            let (poisson, tolerance, max_iterations) = (0.3, 1e-3, 100);
+            let solid = Solid { chi, shape_exponent, depth_exponent, poisson, tolerance, max_iterations };
+            let (matrix, canopy) = assemble(&local, &x, &solid).unwrap();
+            // The box of 2 m has 64 cells; J of a cell is an eighth of its volume.
+            let young = (8.0 / 64.0 / 8.0f64).powf(chi);
+            let (lambda, mu) = (young * 0.3 / (1.3 * 0.4), young / 2.6);
+            let mut wanted = std::collections::HashMap::<(u32, u32), [[f64; 3]; 3]>::new();
+            for (c, cell) in local.cells.iter().enumerate() {
+                let f = local.quality(c, &x).powf(-shape_exponent)
+                    * f64::from(local.depth[c]).powf(-depth_exponent);
+                let k = stiffness(&local.corners(c, &x), f * lambda, f * mu, chi).unwrap();
+                for a in 0..8 {
+                    for b in 0..8 {
+                        let block = wanted.entry((cell[a], cell[b])).or_default();
+                        (0..9).for_each(|e| block[e / 3][e % 3] += k[3 * a + e / 3][3 * b + e % 3]);
+                    }
+                }
+            }
+            let close = |found: &[[f64; 3]; 3], a: u32, b: u32| {
+                let size = wanted[&(a, a)][0][0];
+                let block = wanted[&(a, b)];
+                (0..9).for_each(|e| {
+                    let (f, w) = (found[e / 3][e % 3], block[e / 3][e % 3]);
+                    assert!((f - w).abs() < 2e-6 * size, "{a} {b} {e}: {f} {w}");
+                });
+            };
+            for (i, &a) in local.free_node[..local.n_free].iter().enumerate() {
+                for (j, &b) in local.free_node[..local.n_free].iter().enumerate() {
+                    if let Some(slot) = matrix.slot(i, j) {
+                        close(&matrix.values[slot].map(|row| row.map(f64::from)), a, b);
+                    }
+                }
+            }
+            assert!(canopy.len() > 20);
+            let node = |k: u32| local.canopy.iter().find(|c| c.1 == k).expect("a canopy node").0;
+            canopy.iter().for_each(|(i, k, block)| close(block, local.free_node[*i as usize], node(*k)));
+        }
+    }
 }

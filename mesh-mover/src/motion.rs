@@ -2,6 +2,8 @@
 //! increments with an updated reference, then local untangling, then an error.
 
 mod regrid;
+#[cfg(test)]
+mod tests;
 
 use comm::Comm;
 use mesh::Vec3;
@@ -409,7 +411,7 @@ impl Motion {
     /// A better reference where one is due. Collective.
     fn protect(&mut self, accepted: &Positions, shape: &Shape) {
         // All of this is not a need but a precaution: the old reference still serves where it fails.
-        if shape.quality < REBASE_BELOW && shape.quality < REBASE_LOSS * self.reference_quality {
+        if has_fallen(shape.quality, self.reference_quality) {
             let mut at = accepted.clone();
             let mut quality = shape.quality;
             if self.limits.repair && quality < REPAIR_BELOW {
@@ -417,7 +419,7 @@ impl Motion {
                 quality = self.shape(&at.grid).quality;
             }
             let _ = self.rebase(&at, quality);
-        } else if !self.at_start && distance(&accepted.canopy, &self.start.canopy) < RETURN * self.left {
+        } else if !self.at_start && is_back(distance(&accepted.canopy, &self.start.canopy), self.left) {
             let start = self.start.clone();
             if self.rebase(&start, self.start_quality).is_ok() {
                 self.at_start = true;
@@ -615,6 +617,16 @@ impl Shape {
         let worst = if mine { self } else { other };
         Self { volume_ratio: self.volume_ratio.min(other.volume_ratio), ..*worst }
     }
+}
+
+/// Whether a grid of quality `now` is to be the reference in the place of one that had `reference`.
+fn has_fallen(now: f64, reference: f64) -> bool {
+    now < REBASE_BELOW && now < REBASE_LOSS * reference
+}
+
+/// Whether a canopy `distance` away from its start is on its way back to it, which was `left` at that distance.
+fn is_back(distance: f64, left: f64) -> bool {
+    distance < RETURN * left
 }
 
 /// Largest distance between two positions of a node, m.

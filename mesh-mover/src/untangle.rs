@@ -152,4 +152,42 @@ mod tests {
             }
         }
     }
+
+    /// A node in the middle of eight cubes that is off by the first step of the search, along an axis or towards the
+    /// mean of its neighbours, is put back to rounding; off by any other way, to the last step.
+    #[test]
+    fn a_node_off_its_place_by_one_step_is_put_back_at_once() {
+        let grid = crate::sample::plate_in_box(4, 0.0, 1.0, false);
+        let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
+        let start = local.gather(&grid.coords);
+        // Off the plate, in cubes of half the unit.
+        let place = [-0.5, 0.5, 0.5];
+        let near = |a: &u32| (0..3).all(|i| (start[3 * *a as usize + i] - place[i]).abs() < 1e-12);
+        let a = local.free_node.iter().copied().find(near).expect("a free node");
+        let cells: Vec<u32> =
+            (0..local.cells.len() as u32).filter(|&c| local.cells[c as usize].contains(&a)).collect();
+        assert_eq!(cells.len(), 8);
+        let put_back = |d: [f64; 3]| {
+            let mut x = start.clone();
+            (0..3).for_each(|i| x[3 * a as usize + i] += 0.5 * d[i]);
+            improve(a, &cells, &local, &mut x);
+            let miss = x.iter().zip(&start).map(|(x, s)| (x - s).abs()).fold(0.0, f64::max);
+            (miss, local.worst(&x).unwrap().1)
+        };
+        // A quarter of the distance to the farthest corner: 15 a^2 - 2 a - 3 = 0.
+        let along = (2.0 + 184.0f64.sqrt()) / 30.0;
+        for i in 0..6 {
+            let mut d = [0.0; 3];
+            d[i / 2] = if i % 2 == 0 { along } else { -along };
+            let (miss, quality) = put_back(d);
+            assert!(miss < 1e-12 && quality > 1.0 - 1e-12, "{d:?}: {miss} {quality}");
+        }
+        for i in 0..8 {
+            let d = [0, 1, 2].map(|k| if i >> k & 1 == 0 { 1.0 / 3.0 } else { -1.0 / 3.0 });
+            let (miss, quality) = put_back(d);
+            assert!(miss < 1e-12 && quality > 1.0 - 1e-12, "{d:?}: {miss} {quality}");
+        }
+        let (miss, quality) = put_back([0.4, -0.1, 0.23]);
+        assert!(miss < 2e-3 && quality > 0.995, "{miss} {quality}");
+    }
 }

@@ -178,7 +178,7 @@ impl Hub {
             let layouts: Vec<Vec<f64>> = all.map(|r| self.layout(role, r)).collect::<Result<_, _>>()?;
             // What came is in memory already; a total is only a claim, and memory is taken for it.
             let came: u64 = layouts.iter().map(|l| l.len() as u64).sum();
-            if total > 2 * came + SOME {
+            if !is_supported(total, came) {
                 let problem = format!("{came} rows were laid out of the {total} that were announced");
                 return Err(self.programs[p].ranks[0].broken(Kind::Layout, &Window::default(), problem));
             }
@@ -206,6 +206,11 @@ impl Hub {
         }
         Ok(())
     }
+}
+
+/// Whether `total` rows can be true where layouts of `came` rows have come: memory is taken for them.
+fn is_supported(total: u64, came: u64) -> bool {
+    total <= 2 * came + SOME
 }
 
 /// Which rank holds each row.
@@ -356,4 +361,122 @@ fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Announcement;
+
+    const ROLES: [(Role, usize); 3] = [(Role::Structure, 1), (Role::Flow, 1), (Role::Mesh, 1)];
+    const WIDTHS: [u64; 3] = [3, 4, 6];
+
+    fn options() -> HubOptions {
+        let role =
+            |&(role, ranks): &(Role, usize)| RoleOptions { role, ranks, deadline: None, effects: Vec::new() };
+        HubOptions {
+            session: "check".into(),
+            roles: ROLES.iter().map(role).collect(),
+            stage: 2,
+            interface: None,
+            arrival_deadline: None,
+            watch_grid: false,
+        }
+    }
+
+    /// Structure, flow and mesh of 7 nodes, 5 faces and 11 grid nodes, which hold all of them.
+    fn hellos() -> Vec<(Who, Hello)> {
+        let hello = |(role, width): (Role, u64)| {
+            let announcement = Announcement {
+                role: role.name().into(),
+                program: "p".into(),
+                version: "1".into(),
+                canopy_nodes: 7,
+                canopy_faces: 5,
+                surface_hash: 9,
+                grid_nodes: 11,
+                output_width: width,
+                effects: Vec::new(),
+            };
+            let output_rows = match role {
+                Role::Structure => 7,
+                Role::Flow => 5,
+                Role::Mesh => 11,
+            };
+            let grid_rows = if role == Role::Flow { 11 } else { 0 };
+            let (contract, stage, rank, ranks, pid) = (CONTRACT_VERSION, 2, 0, 1, 1);
+            (
+                Who { role, rank },
+                Hello { contract, stage, rank, ranks, pid, output_rows, grid_rows, announcement },
+            )
+        };
+        ROLES.iter().map(|r| r.0).zip(WIDTHS).map(hello).collect()
+    }
+
+    #[test]
+    fn a_rank_may_hold_all_rows_and_no_more() {
+        let all = Interface { nodes: 7, faces: 5, surface_hash: 9 };
+        assert_eq!(check(&options(), &hellos()), Ok(all));
+        for i in 0..3 {
+            let mut more = hellos();
+            more[i].1.output_rows += 1;
+            let text = check(&options(), &more).expect_err("one row too many");
+            let said =
+                format!("announces {} output rows of {}", more[i].1.output_rows, more[i].1.output_rows - 1);
+            assert!(text.contains(&said), "{text}");
+            let mut more = hellos();
+            more[i].1.grid_rows = 12;
+            assert!(
+                check(&options(), &more).expect_err("a grid row too many").contains("12 grid rows of 11")
+            );
+        }
+    }
+
+    #[test]
+    fn each_number_of_an_announcement_must_be_the_expected_one() {
+        type Change = fn(&mut Hello);
+        let changes: [(Change, &str); 8] = [
+            (|h| h.contract -= 1, "contract version"),
+            (|h| h.ranks += 1, "rank count 2"),
+            (|h| h.stage = 1, "stage 1"),
+            (|h| h.announcement.output_width += 1, "output width"),
+            (|h| h.announcement.canopy_nodes -= 1, "canopies differ"),
+            (|h| h.announcement.canopy_faces += 1, "canopies differ"),
+            (|h| h.announcement.surface_hash += 1, "canopies differ"),
+            (|h| h.announcement.role = "nothing".into(), "role nothing"),
+        ];
+        for (change, says) in changes {
+            for i in 0..3 {
+                let mut all = hellos();
+                change(&mut all[i].1);
+                let text = check(&options(), &all).expect_err(says);
+                assert!(text.contains(says), "{text} lacks {says}");
+            }
+        }
+        // Flow and mesh must have the same grid; a structure has none.
+        for (i, fits) in [(0, true), (1, false), (2, false)] {
+            let mut all = hellos();
+            all[i].1.announcement.grid_nodes = 12;
+            assert_eq!(check(&options(), &all).is_ok(), fits, "{i}");
+        }
+    }
+
+    #[test]
+    fn memory_is_taken_for_a_total_that_layouts_support() {
+        for came in [0, 1, 35] {
+            assert!(is_supported(2 * came + SOME, came) && !is_supported(2 * came + SOME + 1, came));
+        }
+    }
+
+    #[test]
+    fn each_row_belongs_to_one_rank() {
+        let mut owner = Owner::new(3);
+        assert_eq!(owner.claim(0, &[2, 0]), Ok(()));
+        assert_eq!(owner.complete(), Err("output row 1 is on no rank".into()));
+        assert_eq!(owner.claim(1, &[3]), Err("output row 3 is beyond the 3 rows of the interface".into()));
+        assert_eq!(owner.claim(1, &[0]), Err("output row 0 is on rank 1 and on rank 0".into()));
+        assert_eq!(owner.claim(1, &[1]), Ok(()));
+        assert_eq!(owner.complete(), Ok(()));
+        assert_eq!(owner.0, [0, 1, 0]);
+    }
 }

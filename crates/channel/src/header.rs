@@ -300,4 +300,23 @@ mod tests {
             assert_eq!(unit as usize, code);
         }
     }
+
+    #[test]
+    fn widths_and_codes_are_those_of_the_contract() {
+        assert_eq!(Unit::ALL.map(Unit::width), [0, 1, 1, 3, 4, 8, 6]);
+        assert_eq!([Role::Structure, Role::Flow, Role::Mesh].map(role_code), [1, 2, 3]);
+    }
+
+    #[test]
+    fn text_is_cut_at_the_last_character_that_fits() {
+        let text = "aü窓";
+        assert_eq!(
+            [0, 1, 2, 3, 4, 5, 6, 7].map(|n| clipped(text, n)),
+            ["", "a", "a", "aü", "aü", "aü", text, text]
+        );
+        // All bytes of the payload are text, and not one more.
+        let words = [f64::from_bits(u64::from_le_bytes(*b"12345678")); 2];
+        assert_eq!(unpack_text(&words, 16).as_deref(), Some("1234567812345678"));
+        assert_eq!(unpack_text(&words, 17), None);
+    }
 }

@@ -202,4 +202,16 @@ mod tests {
         }
         assert_ne!(checksum(&[0; 7]), checksum(&[0; 8]));
     }
+
+    #[test]
+    fn a_head_without_a_body_is_whole_and_a_longer_body_is_not() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.bin");
+        assert_eq!(keep(&path, KIND, 3, &()).expect("written"), HEAD as u64);
+        assert!(kept::<()>(&path, KIND, 3).is_ok());
+        assert_eq!(keep(&path, KIND, 3, &(1u64, 2u64)).expect("written"), HEAD as u64 + 16);
+        let error = kept::<u64>(&path, KIND, 3).expect_err("half of it");
+        assert!(error.to_string().contains("longer than its content"), "{error}");
+        assert_eq!(kept::<(u64, u64)>(&path, KIND, 3).expect("read"), (1, 2));
+    }
 }

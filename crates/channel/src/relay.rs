@@ -77,7 +77,7 @@ pub(crate) fn standing(at: &ServeOptions, memory: u64, peers: &Peers<'_>) -> Res
             let seconds = start.elapsed().as_secs_f64();
             return Err(ServeError::NoCoupler { session: at.session.clone(), seconds });
         }
-        if at.rank == 0 && !told && start.elapsed() > SEARCH {
+        if tells(at.rank, told, start.elapsed()) {
             told = true;
             let _ = writeln!(
                 std::io::stderr(),
@@ -89,6 +89,11 @@ pub(crate) fn standing(at: &ServeOptions, memory: u64, peers: &Peers<'_>) -> Res
         }
         std::thread::sleep(ROUND);
     }
+}
+
+/// Whether a rank says now that it still looks for the coupler: the first one, once.
+fn tells(rank: usize, told: bool, searched: Duration) -> bool {
+    rank == 0 && !told && searched > SEARCH
 }
 
 /// Ranks elsewhere are dealt out to those on the coupler's host in turn.
@@ -230,8 +235,12 @@ pub(crate) fn receive(
             return Err(None);
         }
         std::thread::sleep(pause);
-        pause = (pause * 5 / 4).min(Duration::from_millis(1));
+        pause = longer(pause);
     }
+}
+
+fn longer(pause: Duration) -> Duration {
+    (pause * 5 / 4).min(Duration::from_millis(1))
 }
 
 /// Serves a rank on another host; `keeper` keeps its post.
@@ -343,5 +352,73 @@ mod tests {
         let at = |me| stand(me, 5, &[5, 9, 5, 9, 8]);
         assert_eq!([0, 2].map(at), [Standing::Near(vec![1, 4]), Standing::Near(vec![3])]);
         assert_eq!([1, 3, 4].map(at), [Standing::Far(0), Standing::Far(2), Standing::Far(0)]);
+    }
+
+    #[test]
+    fn pauses_grow_to_a_millisecond() {
+        let us = Duration::from_micros;
+        assert_eq!(
+            [40, 400, 780, 800, 801, 1000].map(|p| longer(us(p))),
+            [50, 500, 975, 1000, 1000, 1000].map(us)
+        );
+    }
+
+    #[test]
+    fn the_first_rank_tells_of_a_long_search_once() {
+        let late = SEARCH + Duration::from_nanos(1);
+        assert!(tells(0, false, late));
+        assert!(!tells(0, false, SEARCH) && !tells(0, true, late) && !tells(1, false, late));
+    }
+
+    #[test]
+    fn a_fault_from_another_host_fits_its_place() {
+        let place = 8 * crate::serve::TEXT_WORDS;
+        for (length, kept) in [(place - 1, place - 1), (place, place), (place + 1, place), (3 * place, place)]
+        {
+            let frame = Frame::fault(Window::default(), &Fault::new("x".repeat(length)));
+            assert_eq!((frame.text.len(), text_words(&frame.text) <= crate::serve::TEXT_WORDS), (kept, true));
+        }
+    }
+
+    /// Where rank `me` stands whose fellows say `others` when they look for the coupler, round by round.
+    fn found(
+        me: usize,
+        session: &str,
+        deadline: Option<Duration>,
+        others: &[u64],
+    ) -> (Option<Standing>, Vec<u64>) {
+        let said = std::cell::RefCell::new(Vec::new());
+        let gather = |x: u64| {
+            let mut said = said.borrow_mut();
+            said.push(x);
+            assert!(said.len() <= others.len(), "no end after {said:?}");
+            let mut all = [others[said.len() - 1]; 2];
+            all[me] = x;
+            all.to_vec()
+        };
+        let peers = Peers { gather: &gather, send: &|_, _| {}, poll: &|_| None };
+        let at = ServeOptions {
+            session: session.into(),
+            role: case::Role::Mesh,
+            rank: me,
+            ranks: 2,
+            stage: 0,
+            deadline,
+            exit_when_orphaned: false,
+        };
+        let standing = standing(&at, 7, &peers);
+        (standing.ok(), said.into_inner())
+    }
+
+    #[test]
+    fn ranks_agree_on_where_the_coupler_is_or_that_there_is_none() {
+        let nobody = format!("nobody-{}", std::process::id());
+        // One memory: nothing is looked for.
+        assert_eq!(found(0, &nobody, None, &[7]), (Some(Standing::Near(vec![])), vec![7]));
+        // Two: the first rank's clock counts, and its word ends the search of the other.
+        assert_eq!(found(0, &nobody, Some(Duration::ZERO), &[8, 0]), (None, vec![7, 2]));
+        assert_eq!(found(1, &nobody, Some(Duration::ZERO), &[8, 0, 2]), (None, vec![7, 0, 0]));
+        assert_eq!(found(0, &nobody, None, &[8, 0, 1]), (Some(Standing::Far(1)), vec![7, 0, 0]));
+        assert_eq!(found(1, &nobody, None, &[8, 0, 1]), (Some(Standing::Far(0)), vec![7, 0, 0]));
     }
 }

@@ -149,4 +149,23 @@ mod tests {
             assert_eq!(decode_rows(&[1.0, bad]), None, "{bad}");
         }
     }
+
+    #[test]
+    fn sizes_of_services_follow_from_the_ranks() {
+        let roster = Roster(vec![(Role::Structure, 2), (Role::Mesh, 3), (Role::Flow, 4)]);
+        let of = |(name, spec): (String, ChannelSpec)| (name, spec.receivers, spec.newest_wins);
+        // Each rank of the program hears its commands; the coupler alone hears an answer.
+        assert_eq!(of(roster.command(Role::Flow)), ("command/flow".into(), 4, false));
+        assert_eq!(of(roster.answer(Role::Flow, 3)), ("answer/flow.3".into(), 1, false));
+        // The coupler reads every layout, the flow those of the mesh.
+        let layouts = [Role::Structure, Role::Mesh, Role::Flow].map(|role| of(roster.layout(role, 1)));
+        let named = |role: &str, readers| (format!("layout/{role}.1"), readers, false);
+        assert_eq!(layouts, [named("structure", 1), named("mesh", 5), named("flow", 1)]);
+        assert_eq!(of(roster.grid(2)), ("grid/2".into(), 5, true));
+        assert_eq!(roster.coupler_bell(), ("bell/coupler", 1, 9));
+        // The coupler rings all; each rank of the mesh rings those of the flow.
+        let bells = [Role::Structure, Role::Mesh, Role::Flow].map(|role| roster.bell(role));
+        let named = |role: &str, sleepers, ringers| (format!("bell/{role}"), sleepers, ringers);
+        assert_eq!(bells, [named("structure", 2, 1), named("mesh", 3, 1), named("flow", 4, 4)]);
+    }
 }

@@ -94,6 +94,34 @@ pub struct NewGrid {
     pub windows: u32,
 }
 
+/// Whether a new grid of quality `new` is worth its cost in the place of one of quality `old`.
+fn is_worth(new: f64, old: f64) -> bool {
+    new >= GAIN * old
+}
+
+/// Whether cells may become as bad as `between` on the way from a grid of quality `old`.
+fn is_passable(between: &Shape, old: f64, min_quality: f64) -> bool {
+    between.quality >= (WAY * old).max(min_quality) && between.volume_ratio > 0.0
+}
+
+/// Whether a grid of quality `quality` cannot wait for the end of a window, new ones being made `below`.
+fn cannot_wait(quality: f64, below: f64) -> bool {
+    quality < AT_ONCE * below
+}
+
+/// Length of the way `d` of a node in edges of length `h`.
+fn in_edges(d: &[f64], h: f64) -> f64 {
+    d.iter().map(|d| d.powi(2)).sum::<f64>().sqrt() / h
+}
+
+/// Windows for a way of `far` edges, of which a node may take `step` in one; fewer where quality, now `quality`,
+/// has fallen by `fall` (which may be zero) in one window.
+fn windows_of_way(far: f64, step: f64, quality: f64, fall: f64) -> u32 {
+    let steps = (STEEPEST * far / step).ceil();
+    let left = (LEFT * quality / fall).floor();
+    steps.min(left).clamp(1.0, MOST_STEPS) as u32
+}
+
 impl Motion {
     /// Lets new grids be made. A way that had begun (`glide`) is gone on with.
     pub fn with_regrid(mut self, regridder: Option<Regridder>, glide: Option<Glide>) -> Self {
@@ -153,7 +181,7 @@ impl Motion {
         let mut target = Positions { grid: self.grid.gather(nodes), canopy: accepted.canopy.clone() };
         self.grid.place_canopy(&accepted.canopy, &mut target.grid);
         let found = self.shape(&target.grid);
-        if found.quality < GAIN * shape.quality {
+        if !is_worth(found.quality, shape.quality) {
             return Err(format!(
                 "a new grid around the canopy is no better: smallest scaled Jacobian {:.4} (cell {}) for {:.4}",
                 found.quality, found.cell, shape.quality
@@ -167,8 +195,7 @@ impl Motion {
                 *x = t + s * d;
             }
             let between = self.shape(&x);
-            let least = (WAY * shape.quality).max(self.limits.min_quality);
-            if between.quality < least || between.volume_ratio <= 0.0 {
+            if !is_passable(&between, shape.quality, self.limits.min_quality) {
                 return Err(format!(
                     "on the straight way to a new grid cell {} would have a scaled Jacobian of {:.4}",
                     between.cell, between.quality
@@ -178,16 +205,11 @@ impl Motion {
         // Outer nodes have large cells: the free ones decide.
         let sizes = self.grid.free_sizes(&accepted.grid);
         let new_sizes = self.grid.free_sizes(&target.grid);
-        let mut far = 0.0f64;
-        for ((&a, h), k) in self.grid.free_node.iter().zip(sizes).zip(new_sizes) {
-            let d = &offset[3 * a as usize..][..3];
-            far = far.max((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() / h.min(k));
-        }
+        let ways = self.grid.free_node.iter().map(|&a| &offset[3 * a as usize..][..3]);
+        let ways = ways.zip(sizes.iter().zip(&new_sizes)).map(|(d, (h, k))| in_edges(d, h.min(*k)));
+        let far = self.grid.comm().max(ways.fold(0.0, f64::max));
         let step = self.regridder.as_ref().map_or(1.0, |r| r.when.step);
-        let steps = (STEEPEST * self.grid.comm().max(far) / step).ceil();
-        // A fast canopy leaves less time; `fall` may be zero.
-        let left = (LEFT * shape.quality / self.fall).floor();
-        let steps = steps.min(left).clamp(1.0, MOST_STEPS) as u32;
+        let steps = windows_of_way(far, step, shape.quality, self.fall);
         self.adopt(target, found.quality).map_err(|e| e.to_string())?;
         self.glide = Some(Glide { offset, step: 0, steps });
         Ok(NewGrid { from: shape.quality, to: found.quality, windows: steps })
@@ -195,8 +217,8 @@ impl Motion {
 
     /// Whether the grid of a call is so bad that a new one cannot wait for the end of the window.
     pub(super) fn is_late(&self, shape: &Shape, stage: Stage) -> bool {
-        let bound = self.regridder.as_ref().map_or(0.0, |r| AT_ONCE * r.when.below);
-        !self.accepts(shape) || (stage == Stage::Fresh && shape.quality < bound)
+        let below = self.regridder.as_ref().map_or(0.0, |r| r.when.below);
+        !self.accepts(shape) || (stage == Stage::Fresh && cannot_wait(shape.quality, below))
     }
 
     /// A new grid around the canopy of `to` in the place of the moved one, which has `shape`: it is
@@ -212,7 +234,7 @@ impl Motion {
         let mut target = Positions { grid: self.grid.gather(&nodes), canopy: to.canopy.clone() };
         self.grid.place_canopy(&to.canopy, &mut target.grid);
         let found = self.shape(&target.grid);
-        if !self.accepts(&found) || found.quality < GAIN * shape.quality {
+        if !self.accepts(&found) || !is_worth(found.quality, shape.quality) {
             return Ok(None);
         }
         to.grid.copy_from_slice(&target.grid);
@@ -234,5 +256,51 @@ impl Motion {
             r.next = r.when.below;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_grid_is_made_and_taken_on_the_stated_sides_of_its_bounds() {
+        // A gain of 30 %.
+        assert!(is_worth(0.131, 0.1) && !is_worth(0.129, 0.1));
+        // Three fifths of the old quality, the accepted quality, and a volume.
+        let shape = |quality, volume_ratio| Shape { quality, cell: 0, at: [0.0; 3], volume_ratio };
+        let passable = |quality, min| is_passable(&shape(quality, 1.0), 0.5, min);
+        assert!(passable(0.301, 0.01) && !passable(0.299, 0.01));
+        assert!(passable(0.4, 0.4) && !passable(0.399, 0.4));
+        assert!(!is_passable(&shape(0.5, 0.0), 0.5, 0.01) && is_passable(&shape(0.5, 1e-9), 0.5, 0.01));
+        // Half of the quality below which new grids are made.
+        assert!(cannot_wait(0.099, 0.2) && !cannot_wait(0.101, 0.2));
+    }
+
+    #[test]
+    fn the_way_takes_as_many_windows_as_its_length_and_the_quality_left_allow() {
+        assert_eq!(in_edges(&[2.0, -3.0, 6.0], 0.5), 14.0);
+        // The steepest slope of the way is half as much again as the mean: 1.5 * 10 / 0.5.
+        assert_eq!(windows_of_way(10.0, 0.5, 0.3, 0.0), 30);
+        assert_eq!(windows_of_way(10.1, 0.5, 0.3, 0.0), 31);
+        // Half of the quality is lost in 0.5 * 0.3 / 0.0101 windows.
+        assert_eq!(windows_of_way(10.0, 0.5, 0.3, 0.0101), 14);
+        assert_eq!(windows_of_way(10.0, 0.5, 0.3, 0.0075), 20);
+        assert_eq!((windows_of_way(1e-9, 0.5, 0.3, 0.0), windows_of_way(10.0, 0.5, 0.3, 9.0)), (1, 1));
+        assert_eq!(windows_of_way(1e9, 0.5, 0.3, 0.0), 400);
+        assert_eq!(windows_of_way(10.0, 0.5, 0.3, -0.1), 1, "never none");
+    }
+
+    /// The steepest slope of the way is what [`STEEPEST`] says, in its middle, and its ends are flat.
+    #[test]
+    fn the_way_is_smooth() {
+        let steps = 1000;
+        let rest = |step| Glide { offset: Vec::new(), step, steps }.rest();
+        assert_eq!((rest(steps - 1), rest(steps)), (0.0, 0.0));
+        // s = 1/4 and 1/2.
+        assert!((rest(249) - 0.84375).abs() < 1e-12 && (rest(499) - 0.5).abs() < 1e-12);
+        let fall = |step: u32| (rest(step) - rest(step + 1)) * f64::from(steps);
+        let steepest = (0..steps - 1).map(fall).fold(0.0, f64::max);
+        assert!((steepest - STEEPEST).abs() < 1e-5 && fall(0) < 0.01 && fall(steps - 2) < 0.01, "{steepest}");
     }
 }
