@@ -94,6 +94,11 @@ pub struct NewGrid {
     pub windows: u32,
 }
 
+/// Shares of the way at which the grid between old and new is looked at.
+fn looks() -> impl Iterator<Item = f64> {
+    (1..LOOKS).map(|k| f64::from(k) / f64::from(LOOKS))
+}
+
 /// Whether a new grid of quality `new` is worth its cost in the place of one of quality `old`.
 fn is_worth(new: f64, old: f64) -> bool {
     new >= GAIN * old
@@ -189,8 +194,7 @@ impl Motion {
         }
         let offset: Vec<f64> = accepted.grid.iter().zip(&target.grid).map(|(a, b)| a - b).collect();
         let mut x = target.grid.clone();
-        for k in 1..LOOKS {
-            let s = f64::from(k) / f64::from(LOOKS);
+        for s in looks() {
             for ((x, t), d) in x.iter_mut().zip(&target.grid).zip(&offset) {
                 *x = t + s * d;
             }
@@ -275,6 +279,11 @@ mod tests {
         assert!(!is_passable(&shape(0.5, 0.0), 0.5, 0.01) && is_passable(&shape(0.5, 1e-9), 0.5, 0.01));
         // Half of the quality below which new grids are made.
         assert!(cannot_wait(0.099, 0.2) && !cannot_wait(0.101, 0.2));
+    }
+
+    #[test]
+    fn the_way_is_looked_at_evenly_between_its_ends() {
+        assert_eq!(looks().collect::<Vec<_>>(), [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875]);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Bounds of decisions, and what a window leaves for later ones.
 
+use case::Regrid;
+
 use super::*;
 use crate::elastic::{Elastic, Solid};
 use crate::sample::plate_in_box;
@@ -100,4 +102,61 @@ fn positions_are_the_sum_of_reference_displacement_and_way() {
     }
     let apart = to.grid.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(apart < 1e-15, "{apart}");
+}
+
+#[test]
+fn after_a_new_grid_that_did_not_help_the_next_is_tried_at_four_fifths_of_the_quality() {
+    let tried = std::rc::Rc::new(std::cell::Cell::new(0));
+    let count = tried.clone();
+    let build: Builder = Box::new(move |_| {
+        count.set(count.get() + 1);
+        Err("none".into())
+    });
+    let Trial { at, motion, .. } = trial();
+    let mut motion = motion.with_regrid(Some(Regridder::new(Regrid { below: 0.6, step: 1.0 }, build)), None);
+    let settled = [0.601, 0.5, 0.401, 0.399, 0.32, 0.319].map(|quality| {
+        let said = motion.settle(&at, &Shape { quality, cell: 0, at: [0.0; 3], volume_ratio: 1.0 });
+        (said, tried.get())
+    });
+    let none = || Some(Err("none".into()));
+    assert_eq!(settled, [(None, 0), (none(), 1), (None, 1), (none(), 2), (None, 2), (none(), 3)]);
+}
+
+/// A new grid that is moved by little in the box: the old one is left behind by one window's share after another.
+#[test]
+fn a_new_grid_is_the_reference_and_the_old_one_the_start_of_the_way() {
+    let Trial { at, motion, .. } = trial();
+    let nodes: Vec<Vec3> =
+        at.grid.as_chunks::<3>().0.iter().map(|x| [x[0], x[1], x[2] + 0.01 * (1.0 - x[2] * x[2])]).collect();
+    let built = nodes.clone();
+    let build: Builder = Box::new(move |_| Ok(built.clone()));
+    let mut motion = motion.with_regrid(Some(Regridder::new(Regrid { below: 0.6, step: 0.1 }, build)), None);
+    let bad = Shape { quality: 0.5, cell: 0, at: [0.0; 3], volume_ratio: 1.0 };
+    motion.quality = 0.5;
+    let said = motion.settle(&at, &bad).expect("one is due").expect("one is made");
+    assert!(said.from == 0.5 && said.to > 0.9 && motion.new_grids() == 1 && motion.is_total(), "{said:?}");
+    let glide = motion.glide().expect("a way").clone();
+    assert_eq!((glide.step, glide.steps), (0, said.windows));
+    // The canopy stays; all other nodes of the old grid are the offset away from those of the new one.
+    let canopy: Vec<u32> = motion.grid.canopy.iter().map(|c| c.0).collect();
+    for a in 0..motion.grid.n_local() {
+        for i in 0..3 {
+            let (old, new) = (at.grid[3 * a + i], nodes[a][i]);
+            let wanted = if canopy.contains(&(a as u32)) { 0.0 } else { old - new };
+            assert!((glide.offset[3 * a + i] - wanted).abs() < 1e-15, "node {a}");
+        }
+    }
+    let far = (0..motion.grid.free_node.len()).map(|k| {
+        let a = motion.grid.free_node[k] as usize;
+        let h = motion.grid.free_sizes(&at.grid)[k].min(motion.grid.free_sizes(&motion.start().grid)[k]);
+        glide.offset[3 * a + 2].abs() / h
+    });
+    assert_eq!(said.windows, (1.5 * far.fold(0.0, f64::max) / 0.1).ceil() as u32);
+    // Windows go by, and the way with them.
+    for done in 1..said.windows {
+        motion.settle(&at, &bad);
+        assert_eq!(motion.glide().map(|g| g.step), Some(done));
+    }
+    motion.settle(&at, &bad);
+    assert_eq!(motion.glide(), None);
 }
