@@ -188,3 +188,37 @@ fn inverse(m: [f64; 6]) -> [f64; 6] {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn full(m: [f64; 6]) -> Matrix3<f64> {
+        let [a, b, c, d, e, f] = m;
+        Matrix3::new(a, d, e, d, b, f, e, f, c)
+    }
+
+    /// Any regular matrix, and pseudo-inverses of matrices of lower rank: `A X A = A`, `X A X = X`, both products
+    /// symmetric (Moore and Penrose).
+    #[test]
+    fn inverses_and_pseudo_inverses() {
+        let regular = [2.0, 3.0, 1.5, 0.7, -0.4, 0.9];
+        assert!((full(regular) * full(inverse(regular)) - Matrix3::identity()).norm() < 1e-14);
+        // Differences in a plane, and along a line.
+        let of = |vectors: &[[f64; 3]]| {
+            let mut m = [0.0; 6];
+            for v in vectors {
+                for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+                    *m += v[p] * v[q];
+                }
+            }
+            m
+        };
+        let (u, v) = ([1.0, 0.5, -0.3], [0.2, -0.8, 0.6]);
+        for m in [of(&[u, v]), of(&[u])] {
+            let (a, x) = (full(m), full(inverse(m)));
+            assert!((a * x * a - a).norm() < 1e-12 && (x * a * x - x).norm() < 1e-12);
+            assert!((a * x - (a * x).transpose()).norm() < 1e-12);
+        }
+    }
+}

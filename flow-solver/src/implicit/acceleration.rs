@@ -267,4 +267,75 @@ mod tests {
             assert_eq!(dot_mixed(&a, &b.iter().map(|b| f64::from(*b)).collect::<Vec<_>>()), exact, "{n}");
         }
     }
+
+    /// What it leaves is the smallest residual that the kept corrections can make: orthogonal to each difference
+    /// of residuals. State and residual stay those of one linear problem.
+    #[test]
+    fn the_residual_it_leaves_is_orthogonal_to_all_differences() {
+        let n = 40;
+        let (comm, mut seed) = (Comm::solo(), 1u64);
+        let mut noise = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        };
+        let a: Vec<f64> = (0..n * n).map(|k| noise() + if k % (n + 1) == 0 { 12.0 } else { 0.0 }).collect();
+        let b: Vec<f64> = (0..n).map(|_| noise()).collect();
+        let residual = |q: &[f64]| -> Vec<f64> {
+            (0..n).map(|i| (0..n).map(|j| a[i * n + j] * q[j]).sum::<f64>() - b[i]).collect()
+        };
+        let mut acceleration = Acceleration::new(5, n);
+        let mut q = vec![0.0; n];
+        for step in 0..18 {
+            let mut r = residual(&q);
+            acceleration.combine(&comm, &mut q, &mut r);
+            let size = r.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let exact = residual(&q);
+            let off = r.iter().zip(&exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            assert!(off < 1e-5 * size.max(1e-3), "step {step}: {off} of {size}");
+            assert_eq!(acceleration.used, step.min(if step < HARD { 5 } else { 5 + step + 1 - HARD }));
+            for kept in &acceleration.residuals[..acceleration.used] {
+                let length = dot(kept, kept).sqrt();
+                let along = dot_mixed(kept, &r) / length;
+                assert!(along.abs() < 1e-4 * size, "step {step}: {along} of {size}");
+            }
+            // Crude corrections that differ from each other.
+            for i in 0..n {
+                q[i] -= (0.05 + 0.02 * noise()) * r[i];
+            }
+        }
+    }
+
+    /// A symmetric system with its solution, in which one direction is twice the same and gets no weight of its own.
+    #[test]
+    fn small_systems_are_solved_and_copies_left_out() {
+        let rows =
+            [[4.0, 1.0, -0.5, 0.3], [1.0, 3.0, 0.8, -0.2], [-0.5, 0.8, 50.0, 2.0], [0.3, -0.2, 2.0, 0.4]];
+        let exact = [1.5, -2.0, 0.25, 3.0];
+        let m = 4;
+        let mut a = vec![0.0; m * (m + 1)];
+        for i in 0..m {
+            a[i * (m + 1)..][..=i].copy_from_slice(&rows[i][..=i]);
+            a[i * (m + 1) + m] = (0..m).map(|j| rows[i][j] * exact[j]).sum();
+        }
+        let mut x = [0.0; 32];
+        solve_spd(&mut a, m, &mut x);
+        (0..m).for_each(|i| assert!((x[i] - exact[i]).abs() < 1e-12, "{x:?}"));
+        // Columns u, v, 2 u + v of which the third says nothing new: the first two have the answer.
+        let (u, v, b) = ([1.0, 2.0, 0.5], [0.3, -1.0, 2.0], [2.0, 1.0, -1.0]);
+        let w: [f64; 3] = std::array::from_fn(|k| 2.0 * u[k] + v[k]);
+        let z = [0.1, 0.9, 0.4];
+        let columns = [u, v, w, z];
+        let product = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+        let mut a = vec![0.0; m * (m + 1)];
+        for i in 0..m {
+            (0..=i).for_each(|j| a[i * (m + 1) + j] = product(&columns[i], &columns[j]));
+            a[i * (m + 1) + m] = product(&columns[i], &b);
+        }
+        solve_spd(&mut a, m, &mut x);
+        assert_eq!(x[2], 0.0);
+        for k in 0..3 {
+            let sum: f64 = (0..m).map(|i| x[i] * columns[i][k]).sum();
+            assert!((sum - b[k]).abs() < 1e-10, "{x:?}");
+        }
+    }
 }

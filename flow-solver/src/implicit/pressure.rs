@@ -162,3 +162,47 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
         })
         .sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::topology::Adjacency;
+
+    /// Runs of 256, sixteen lanes, and what is left over, in whole numbers that single precision holds.
+    #[test]
+    fn inner_products_of_any_length() {
+        for n in [0, 1, 15, 16, 17, 255, 256, 257, 300, 600] {
+            let a: Vec<f32> = (0..n).map(|i| (i % 7) as f32 - 2.0).collect();
+            let b: Vec<f32> = (0..n).map(|i| 3.0 - (i % 5) as f32).collect();
+            let exact: i32 = (0..n).map(|i| (i % 7 - 2) * (3 - i % 5)).sum();
+            assert_eq!(dot(&a, &b), f64::from(exact), "{n}");
+        }
+    }
+
+    /// A ring of five cells against its dense matrix, in whole numbers.
+    #[test]
+    fn products_are_those_of_the_dense_matrix() {
+        let cells: Vec<[u32; 2]> = (0..5).map(|i| [i, (i + 1) % 5]).collect();
+        let rows = Adjacency::new(5, &cells);
+        let mut off = vec![0.0; rows.cell.len() + 1];
+        let mut dense = [[0.0f64; 5]; 5];
+        for (f, &[i, j]) in cells.iter().enumerate() {
+            for (slot, r, c) in [(rows.slot[f][0], i, j), (rows.slot[f][1], j, i)] {
+                off[slot as usize] = 1.0 + f as f32;
+                dense[r as usize][c as usize] = -1.0 - f as f64;
+            }
+        }
+        let diagonal = [12.0f32, 9.0, 14.0, 11.0, 20.0];
+        let x = [1.0f32, -2.0, 3.0, 0.5, 4.0];
+        let mut y = [0.0f32; 5];
+        let found = product(&rows, &off, &diagonal, &x, &mut y);
+        let mut sum = 0.0;
+        for i in 0..5 {
+            dense[i][i] = f64::from(diagonal[i]);
+            let exact: f64 = (0..5).map(|j| dense[i][j] * f64::from(x[j])).sum();
+            assert_eq!(f64::from(y[i]), exact);
+            sum += exact * f64::from(x[i]);
+        }
+        assert_eq!(found, sum);
+    }
+}

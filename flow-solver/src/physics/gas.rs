@@ -281,4 +281,62 @@ mod tests {
         let temperature = r[4] / rho + gas.compression(&q)[4] * dq[0];
         assert!((temperature - dq[4]).abs() < 1e-8, "{temperature}");
     }
+
+    /// Flux of the state `q` through `s`, which sweeps `grid_flux`.
+    fn flux<const N: usize>(gas: &impl Gas<N>, q: &[f64; N], s: Vec3, grid_flux: f64) -> [f64; N] {
+        let mass = gas.density(q) * (q[1] * s[0] + q[2] * s[1] + q[3] * s[2] - grid_flux);
+        let (carried, push) = (gas.carried(q), gas.pressure_flux(q[0], s, grid_flux));
+        std::array::from_fn(|v| mass * carried[v] + push[v])
+    }
+
+    /// What is stored moves with the air, pressure pushes at the area and works at the speed of the air: `W (u . s - w)
+    /// + (0, p s, p_absolute u . s)`, but for the push of the undisturbed pressure.
+    fn check_flux<const N: usize>(gas: &impl Gas<N>, q: [f64; N], air: Air) {
+        let (s, grid_flux) = ([0.7, -1.2, 0.4], 0.9);
+        let through = q[1] * s[0] + q[2] * s[1] + q[3] * s[2];
+        let (found, stored) = (flux(gas, &q, s, grid_flux), conserved(gas, &q));
+        for v in 0..N {
+            let work = (air.pressure() + q[0]) * through;
+            let push = [0.0, q[0] * s[0], q[0] * s[1], q[0] * s[2], work][v];
+            let exact = stored[v] * (through - grid_flux) + push;
+            assert!((found[v] - exact).abs() < 1e-9 * exact.abs().max(1.0), "{v}: {} {exact}", found[v]);
+        }
+        // Its derivative: what moves, what more passes, what pressure gains.
+        let dq: [f64; N] = std::array::from_fn(|v| [3.0, 0.2, -0.1, 0.3, 0.5][v]);
+        let moved = |h: f64| std::array::from_fn(|v| q[v] + h * dq[v]);
+        let h = 1e-3;
+        let (a, b) = (flux(gas, &moved(-h), s, grid_flux), flux(gas, &moved(h), s, grid_flux));
+        let (m, carried) = (gas.jacobian(&q), gas.carried(&q));
+        let inflow = gas.density(&q) * (dq[1] * s[0] + dq[2] * s[1] + dq[3] * s[2]);
+        let push = gas.pressure_change(dq[0], s, through);
+        for v in 0..N {
+            let exact = (b[v] - a[v]) / (2.0 * h);
+            let row: f64 = (0..N).map(|c| m[v][c] * dq[c]).sum();
+            let found = (through - grid_flux) * row + inflow * carried[v] + push[v];
+            assert!((found - exact).abs() < 1e-6 * exact.abs().max(1.0), "{v}: {found} {exact}");
+        }
+    }
+
+    /// Density follows pressure with `1 / c^2` where air is compressed without heat: in isothermal air at one
+    /// temperature.
+    fn check_sound<const N: usize>(gas: &impl Gas<N>, q: [f64; N]) {
+        let way = gas.compression(&q);
+        let at = |h: f64| gas.density(&std::array::from_fn(|v| q[v] + h * way[v]));
+        let slope = (at(1.0) - at(-1.0)) / 2.0;
+        assert!((slope * gas.sound_speed_squared(&q) - 1.0).abs() < 1e-6, "{slope}");
+        assert!(way[1..4] == [0.0; 3] && way[0] == 1.0);
+    }
+
+    #[test]
+    fn fluxes_carry_and_work_and_have_their_derivatives() {
+        let air = Air::new(1.225, 288.15);
+        check_flux(&Isothermal::new(air), [120.0, 3.0, -2.0, 5.0], air);
+        check_flux(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 1.3], air);
+        check_sound(&Isothermal::new(air), [120.0, 3.0, -2.0, 5.0]);
+        check_sound(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 30.0]);
+        assert!((Isothermal::new(air).sound_speed_squared(&[0.0; 4]) - 287.05 * 288.15).abs() < 1e-6);
+        let cp = 3.5 * 287.05;
+        let heat = IdealGas::new(air).conduction(2e-5, |v| if v == 4 { 30.0 } else { f64::NAN }, 0.25);
+        assert!((heat[4] - (2e-5 * cp / 0.72 * 30.0 + 0.25)).abs() < 1e-12, "{heat:?}");
+    }
 }

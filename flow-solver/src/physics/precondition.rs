@@ -37,6 +37,8 @@ pub fn spectral_radius(un: f64, ur: f64, c: f64) -> f64 {
 mod tests {
     use super::super::gas::{Air, IdealGas, Isothermal};
     use super::*;
+    use crate::geometry::vec3::dot;
+    use nalgebra::SMatrix;
 
     #[test]
     fn at_the_speed_of_sound_nothing_is_preconditioned() {
@@ -59,5 +61,42 @@ mod tests {
         assert!(spectral_radius(1.0, 1.0, c) < 1.7);
         assert_eq!(reference_speed(1.0, 0.1, 100.0, 0.0, c), 10.0);
         assert_eq!(reference_speed(1.0, 0.1, 1e9, 0.0, c), c);
+    }
+
+    /// The preconditioned pseudo-time waves of Weiss and Smith are the eigenvalues of `Gamma^-1 dF/dQ`; the largest of them is
+    /// the spectral radius. Flux derivative by differences.
+    #[test]
+    fn the_spectral_radius_is_the_largest_eigenvalue() {
+        let gas = IdealGas::new(Air::new(1.225, 288.15));
+        let n = [0.6, 0.0, 0.8];
+        for (velocity, ur) in
+            [([3.0, -2.0, 5.0], 10.0), ([-90.0, 20.0, -70.0], 120.0), ([200.0, 0.0, 50.0], 250.0)]
+        {
+            let q = [120.0, velocity[0], velocity[1], velocity[2], 1.3];
+            let flux = |q: &[f64; 5]| -> [f64; 5] {
+                let mass = gas.density(q) * dot([q[1], q[2], q[3]], n);
+                let (carried, push) = (gas.carried(q), gas.pressure_flux(q[0], n, 0.0));
+                std::array::from_fn(|v| mass * carried[v] + push[v])
+            };
+            let mut a = SMatrix::<f64, 5, 5>::zeros();
+            for c in 0..5 {
+                let h = [1.0, 1e-3, 1e-3, 1e-3, 1e-2][c];
+                let at = |h: f64| {
+                    let mut q = q;
+                    q[c] += h;
+                    flux(&q)
+                };
+                let (low, high) = (at(-h), at(h));
+                (0..5).for_each(|r| a[(r, c)] = (high[r] - low[r]) / (2.0 * h));
+            }
+            let gamma = preconditioner(&gas, &q, ur);
+            let gamma = SMatrix::<f64, 5, 5>::from_fn(|r, c| gamma[r][c]);
+            let waves = gamma.lu().solve(&a).expect("regular").complex_eigenvalues();
+            let largest = waves.iter().map(|w| w.norm()).fold(0.0, f64::max);
+            let found = spectral_radius(dot(velocity, n), ur, gas.sound_speed_squared(&q).sqrt());
+            assert!((found / largest - 1.0).abs() < 1e-3, "{found} {largest}: {waves}");
+        }
+        // What friction diffuses over a cell.
+        assert_eq!(reference_speed(1.0, 0.5, 1.0, 20.0, 340.0), 40.0);
     }
 }
