@@ -66,6 +66,10 @@ mod tests {
             let rate = (c[0] * f(dt) + c[1] * f(0.0) + c[2] * f(-before)) / dt;
             assert!((rate - (-3.0 + 1.4 * dt)).abs() < 1e-12, "{dt} after {before}: {rate}");
             assert!((c[0] + c[1] + c[2]).abs() < 1e-15);
+            // What a face sweeps has the rate of the volume behind it.
+            let (now, earlier) = (f(dt) - f(0.0), f(0.0) - f(-before));
+            let swept = Backward { c }.grid_flux(now, earlier, dt);
+            assert!((swept - (-3.0 + 1.4 * dt)).abs() < 1e-12, "{dt} after {before}: {swept}");
         }
     }
 

@@ -243,12 +243,16 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     let n = s.q.len();
     let gradient = vec![[[0.0; N]; 3]; n];
     let mut noise = Noise(11);
-    let through: Vec<FaceFlow> = s
+    let mut through: Vec<FaceFlow> = s
         .metrics
         .faces
         .iter()
         .map(|_| FaceFlow { mass: noise.next() as f32, ..FaceFlow::default() })
         .collect();
+    // Cloth that is passed both ways.
+    for (k, (_, face)) in pores(&s).into_iter().enumerate() {
+        through[face].mass = [0.6, -0.4][k % 2];
+    }
     let r: Vec<[f64; N]> =
         s.q.iter().map(|_| std::array::from_fn(|v| [1.0, 1.0, 1.0, 1.0, 0.01][v] * noise.next())).collect();
     let mut solver = PressureCorrection::new(&s.topology);

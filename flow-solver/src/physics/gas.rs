@@ -280,6 +280,16 @@ mod tests {
         }
         let temperature = r[4] / rho + gas.compression(&q)[4] * dq[0];
         assert!((temperature - dq[4]).abs() < 1e-8, "{temperature}");
+
+        let gas = Isothermal::new(air);
+        let (q, dq) = ([120.0, 3.0, -2.0, 5.0], [7.0, 0.1, 0.2, -0.3]);
+        let m = gas.jacobian(&q);
+        let dw: [f64; 4] = std::array::from_fn(|r| (0..4).map(|c| m[r][c] * dq[c]).sum());
+        let r = gas.primitive_residual(&q, &dw);
+        assert!((r[0] - dq[0] / gas.sound_speed_squared(&q)).abs() < 1e-14);
+        for d in 1..4 {
+            assert!((r[d] - gas.density(&q) * dq[d]).abs() < 1e-12, "{r:?}");
+        }
     }
 
     /// Flux of the state `q` through `s`, which sweeps `grid_flux`.
@@ -334,6 +344,7 @@ mod tests {
         check_flux(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 1.3], air);
         check_sound(&Isothermal::new(air), [120.0, 3.0, -2.0, 5.0]);
         check_sound(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 30.0]);
+        assert!((air.pressure() - 1.225 * 287.05 * 288.15).abs() < 1e-8);
         assert!((Isothermal::new(air).sound_speed_squared(&[0.0; 4]) - 287.05 * 288.15).abs() < 1e-6);
         let cp = 3.5 * 287.05;
         let heat = IdealGas::new(air).conduction(2e-5, |v| if v == 4 { 30.0 } else { f64::NAN }, 0.25);

@@ -197,6 +197,21 @@ mod tests {
         assert!((found - (1e-5 + 1.2 * 0.0325 * 0.0325 * rate)).abs() < 1e-14, "{found}");
     }
 
+    /// Stretch in three directions: the squared gradient is diagonal, and its mean is taken out of it.
+    #[test]
+    fn wale_in_three_directions() {
+        let rates = [3.0, -1.0, 2.0];
+        let g: [Vec3; 3] =
+            std::array::from_fn(|i| std::array::from_fn(|j| if i == j { rates[i] } else { 0.0 }));
+        let squares = rates.map(|r: f64| r * r);
+        let mean = squares.iter().sum::<f64>() / 3.0;
+        let d2: f64 = squares.iter().map(|s| (s - mean) * (s - mean)).sum();
+        let s2: f64 = squares.iter().sum();
+        let rate = d2.powf(1.5) / (s2.powf(2.5) + d2.powf(1.25));
+        let found = Wale { viscosity: 1e-5 }.dynamic(1.2, &g, 0.1);
+        assert!((found - (1e-5 + 1.2 * 0.0325 * 0.0325 * rate)).abs() < 1e-14, "{found}");
+    }
+
     /// `mu (2 S - 2/3 div u)` on stretching air, and a wall at an angle.
     #[test]
     fn stress_of_a_stretch_and_traction_on_a_slanted_wall() {
