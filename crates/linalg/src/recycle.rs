@@ -241,4 +241,48 @@ mod tests {
         }
         assert!(cold > 60 && late * 3 < cold, "cold {cold}, late {late}");
     }
+
+    /// The guess leaves a residual orthogonal to the whole span: the latest solution and the increments before it,
+    /// also after the window has moved on and where an increment says nothing new.
+    #[test]
+    fn the_residual_of_a_guess_is_orthogonal_to_the_span() {
+        let (n, depth) = (30, 3);
+        let a = line(n);
+        let mut projection = Projection::new(&Comm::solo(), depth);
+        let vector =
+            |k: usize| -> Vec<f64> { (0..n).map(|i| ((i * i + 7 * i * k + k) as f64).sin()).collect() };
+        let b = vector(50);
+        let mut solutions: Vec<Vec<f64>> = Vec::new();
+        for k in 0..9 {
+            // The fifth is the one before it once more.
+            let mut x = if k == 4 { solutions[3].clone() } else { vector(k) };
+            projection.update(&a, &mut x);
+            solutions.push(x);
+            assert_eq!(projection.len(), solutions.len().min(depth + 1));
+            let mut guess = vec![7.0; n];
+            projection.guess(&b, &mut guess);
+            let mut image = vec![0.0; n];
+            a.apply(&mut guess, &mut image);
+            let rest: Vec<f64> = b.iter().zip(&image).map(|(b, i)| b - i).collect();
+            for old in solutions.iter().rev().take(depth + 1) {
+                let along = dot(old, &rest) / (dot(old, old) * dot(&b, &b)).sqrt();
+                assert!(along.abs() < 1e-9, "solution {k}: {along}");
+            }
+        }
+    }
+
+    /// A system of full rank, and one whose third direction is a copy: it gets nothing, and the others the answer.
+    #[test]
+    fn small_systems_are_solved_and_copies_dropped() {
+        let gram = [[4.0, 1.0, -0.5], [1.0, 9.0, 0.8], [-0.5, 0.8, 0.25]].map(|r| r.to_vec());
+        let exact = [1.5, -2.0, 4.0];
+        let s: Vec<f64> = gram.iter().map(|row| row.iter().zip(exact).map(|(g, x)| g * x).sum()).collect();
+        let c = solve_dropping(&gram, &s);
+        assert!(c.iter().zip(exact).all(|(c, x)| (c - x).abs() < 1e-12), "{c:?}");
+        let copied = [[4.0, 1.0, 2.0], [1.0, 9.0, 0.5], [2.0, 0.5, 1.0]].map(|r| r.to_vec());
+        let s: Vec<f64> = copied.iter().map(|row| row[0] * 1.5 - row[1] * 2.0).collect();
+        let c = solve_dropping(&copied, &s);
+        assert!((c[0] + 0.5 * c[2] - 1.5).abs() < 1e-12 && (c[1] + 2.0).abs() < 1e-12, "{c:?}");
+        assert!(c.contains(&0.0));
+    }
 }

@@ -126,3 +126,72 @@ fn failures_are_typed_and_carry_the_history() {
     let result = Gmres::new(&Comm::solo()).solve(&a, &Identity, &b, &mut x, impossible);
     assert!(matches!(result, Err(KrylovError::Stalled { .. })));
 }
+
+/// Conjugate gradients end with the Krylov space, and their errors fall in the norm of the matrix.
+#[test]
+fn cg_ends_with_the_krylov_space() {
+    let a = line(6, 0.0);
+    let (exact, b) = problem(&a);
+    let mut cg = Cg::new(&Comm::solo());
+    let energy = |x: &[f64]| {
+        let mut e: Vec<f64> = x.iter().zip(&exact).map(|(x, y)| x - y).collect();
+        let mut image = vec![0.0; e.len()];
+        a.apply(&mut e, &mut image);
+        e.iter().zip(&image).map(|(e, i)| e * i).sum::<f64>().sqrt()
+    };
+    let mut before = f64::INFINITY;
+    for most in 0..=12 {
+        let mut x = vec![0.0; a.n_local()];
+        // Given up after so many iterations: what they have reached is kept.
+        let end = cg.solve(&a, &Identity, &b, &mut x, KrylovParams { max_iterations: most, ..TIGHT });
+        let now = energy(&x);
+        assert!(now < before || end.is_ok(), "{now} after {before}");
+        assert_eq!(cg.history().len(), end.map_or(most, |info| info.iterations) + 1);
+        before = now;
+    }
+    assert!(before < 1e-10, "{before}");
+}
+
+/// A tolerance just below a residual of the history asks for one more iteration, one just above does not; relative ones
+/// count from the right-hand side, whatever the guess, and the larger of two counts.
+#[test]
+fn iterations_end_where_the_tolerance_says() {
+    let a = line(20, 0.0);
+    let (exact, b) = problem(&a);
+    let size = b.iter().map(|b| b * b).sum::<f64>().sqrt();
+    let guess: Vec<f64> = exact.iter().map(|x| 0.3 * x + 0.1).collect();
+    for start in [vec![0.0; a.n_local()], guess] {
+        let solve = |method: usize, params: KrylovParams| {
+            let mut x = start.clone();
+            let (comm, params) = (Comm::solo(), KrylovParams { restart: 100, ..params });
+            if method == 0 {
+                let mut cg = Cg::new(&comm);
+                let info = cg.solve(&a, &Identity, &b, &mut x, params).unwrap();
+                (info, cg.history().to_vec())
+            } else {
+                let mut gmres = Gmres::new(&comm);
+                let info = gmres.solve(&a, &Identity, &b, &mut x, params).unwrap();
+                (info, gmres.history().to_vec())
+            }
+        };
+        for method in [0, 1] {
+            let (_, history) = solve(method, TIGHT);
+            for k in [3, 7, 12] {
+                // The first residual of the history that is so small.
+                let first = |target: f64| history.iter().position(|r| *r <= target).unwrap();
+                for factor in [0.96, 1.04] {
+                    let target = factor * history[k];
+                    let relative = KrylovParams { rel_tol: target / size, abs_tol: 0.5 * target, ..TIGHT };
+                    let absolute = KrylovParams { rel_tol: 0.5 * target / size, abs_tol: target, ..TIGHT };
+                    for params in [relative, absolute] {
+                        let (info, _) = solve(method, params);
+                        assert_eq!(info.iterations, first(target), "method {method}: {k} {factor}");
+                        assert!(info.final_residual <= target);
+                        assert!((info.rhs_norm - size).abs() < 1e-12 * size);
+                        assert!((info.initial_residual - history[0]).abs() < 1e-12 * size);
+                    }
+                }
+            }
+        }
+    }
+}
