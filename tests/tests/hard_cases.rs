@@ -71,17 +71,19 @@ fn answers_converged(case: &str, history: &History) {
     }
 }
 
-/// The energy that the coupling creates is an error of the window: with half the window (`change` of the scene)
-/// its share falls at least as one of first order, with a fifth more for what is not asymptotic yet.
-fn energy_error_falls(case: &str, stage: &str, change: (&str, &str), whole: &Flown) {
+/// Share of the work that the coupling may create after a release: a jump of the load, to which the rates of the wall
+/// answer with first order, so that it is no rounding; none of it may feed a motion. What it takes damps.
+const CREATED: f64 = 0.02;
+
+/// The same bound with half the window (`change` of the scene): what is small at one window by chance is not at both.
+fn creates_no_energy_with_half_the_window(case: &str, stage: &str, change: (&str, &str)) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
     let file = changed_scene(&format!("hard/{case}"), folder.path(), &[change]);
     succeed(ripstop_run(&file, &out, &["--quiet"]));
     let half = Flown::new(History::read(&out, stage)).last("interface_energy_error_share");
-    let whole = whole.last("interface_energy_error_share");
-    eprintln!("{case}: energy {whole:+.4} of the work, {half:+.4} with half the window");
-    assert!(half.abs() < 0.5 * 1.2 * whole, "{case}: {whole} of the work, {half} with half the window");
+    eprintln!("{case}: energy {half:+.4} of the work with half the window");
+    assert!((-0.05..CREATED).contains(&half), "{case}: {half} of the work with half the window");
 }
 
 /// The same case with the paper's staggered sequence must end with an error that says where,
@@ -121,9 +123,12 @@ fn the_staggered_sequence_cannot_hold_the_canopy_and_says_so() {
 
 #[test]
 fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
-    // First order: twice what half the window has (5.1 %), with a margin of two (docs/stability.md).
-    let f = fly("full-pressure", "descent", 0.21);
-    energy_error_falls("full-pressure", "descent", ("window_s = 5e-3", "window_s = 2.5e-3"), &f);
+    let f = fly("full-pressure", "descent", CREATED);
+    creates_no_energy_with_half_the_window(
+        "full-pressure",
+        "descent",
+        ("window_s = 5e-3", "window_s = 2.5e-3"),
+    );
     assert!(f.iterations <= 5.5, "{}", f.iterations);
     // Held still the sheet feels 105 N; free to move it goes with the air at once, and no
     // window brings a blow of that size.
@@ -134,8 +139,10 @@ fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
 
 #[test]
 fn slack_lines_snap_taut_in_one_window() {
-    // A record (36 % were seen), not an argument: it does not fall with the window (docs/stability.md).
-    let f = fly("snapping-lines", "descent", 0.45);
+    // After the snap the fabric rings faster than windows of 5 ms follow: loads of neighbouring windows have nothing to
+    // do with each other, and of such a load the mean lets the structure feel 9/16, so that 7/16 of its work appear
+    // as created (docs/stability.md). It falls once windows resolve the ringing.
+    let f = fly("snapping-lines", "descent", 7.0 / 16.0);
     assert!(f.iterations <= 6.5, "{}", f.iterations);
     let tension = f.history.column("max_line_tension_n");
     assert!(tension[..3].iter().all(|t| *t == 0.0), "slack at first: {tension:?}");
@@ -145,7 +152,7 @@ fn slack_lines_snap_taut_in_one_window() {
 
 #[test]
 fn a_gust_doubles_the_speed_in_one_window() {
-    let f = fly("gust", "descent", 0.05);
+    let f = fly("gust", "descent", CREATED);
     assert!(f.iterations <= 8.0, "{}", f.iterations);
     // Four times the dynamic pressure of 4 m/s (9.8 Pa on 4 m2 of cloth), with the added mass
     // of the jump in speed on top; and it passes.
@@ -157,8 +164,8 @@ fn a_gust_doubles_the_speed_in_one_window() {
 
 #[test]
 fn payloads_ten_times_lighter_and_heavier() {
-    let light = fly("light-payload", "descent", 0.1);
-    let heavy = fly("heavy-payload", "descent", 0.05);
+    let light = fly("light-payload", "descent", CREATED);
+    let heavy = fly("heavy-payload", "descent", CREATED);
     assert!(light.iterations <= 6.0 && heavy.iterations <= 5.5);
     // The light one stops with the air, the heavy one falls almost freely: 9.8 m/s2 less the
     // drag on 50 kg.
@@ -169,7 +176,7 @@ fn payloads_ten_times_lighter_and_heavier() {
 
 #[test]
 fn a_window_ten_times_larger_than_planned() {
-    let f = fly("long-window", "descent", 0.05);
+    let f = fly("long-window", "descent", CREATED);
     assert!(f.iterations <= 6.0, "{}", f.iterations);
     // Steady to a few per cent: drag within a third of the weight of 5.4 kg.
     let drag = f.history.column("drag_n");
@@ -178,9 +185,12 @@ fn a_window_ten_times_larger_than_planned() {
 
 #[test]
 fn vents_hardly_open() {
-    // First order: four times what a fourth of the window has (4.1 %), with a margin of two.
-    let f = fly("closed-vents", "descent", 0.33);
-    energy_error_falls("closed-vents", "descent", ("window_s = 5e-3", "window_s = 2.5e-3"), &f);
+    let f = fly("closed-vents", "descent", CREATED);
+    creates_no_energy_with_half_the_window(
+        "closed-vents",
+        "descent",
+        ("window_s = 5e-3", "window_s = 2.5e-3"),
+    );
     assert!(f.iterations <= 8.0, "{}", f.iterations);
     assert!(f.history.column("drag_n").iter().all(|d| d.abs() < 1100.0));
 }
@@ -190,10 +200,9 @@ fn vents_hardly_open() {
 /// the canopy in one of them at Mach 1.2e-2: 11 % were seen.
 #[test]
 fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
-    // A record (20 % were seen); with half the window the coupling takes energy.
-    let slow = fly("low-mach", "descent", 0.25);
+    let slow = fly("low-mach", "descent", CREATED);
     let half = ("window_s = 0.0588235294", "window_s = 0.0294117647");
-    energy_error_falls("low-mach", "descent", half, &slow);
+    creates_no_energy_with_half_the_window("low-mach", "descent", half);
     let k: f64 = 0.34 / 4.0;
     let folder = tempfile::tempdir().expect("a folder");
     let text = std::fs::read_to_string(scene("hard/low-mach")).expect("a scene");
@@ -234,7 +243,7 @@ fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
 
 #[test]
 fn fabric_half_slack_and_half_taut() {
-    let f = fly("half-slack", "release", 0.05);
+    let f = fly("half-slack", "release", CREATED);
     assert!(f.iterations <= 5.0, "{}", f.iterations);
     // The bulge goes back without a kick: every window takes some of it.
     let volume = f.history.column("volume_m3");
@@ -243,7 +252,7 @@ fn fabric_half_slack_and_half_taut() {
 
 #[test]
 fn a_light_leaflet_between_two_streams() {
-    let f = fly("leaflet", "release", 0.05);
+    let f = fly("leaflet", "release", CREATED);
     assert!(f.iterations <= 4.5, "{}", f.iterations);
     let volume = f.history.column("volume_m3");
     let most = volume.iter().fold(0.0f64, |m, v| m.max(v.abs()));
@@ -292,7 +301,7 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
 
 #[test]
 fn cells_of_aspect_ratio_1000_beside_the_panel() {
-    let f = fly("thin-cells", "vibration", 0.05);
+    let f = fly("thin-cells", "vibration", CREATED);
     assert!(f.iterations <= 6.5, "{}", f.iterations);
     // Half a period: the bulge has gone to the other side.
     let volume = f.history.column("volume_m3");
@@ -302,7 +311,7 @@ fn cells_of_aspect_ratio_1000_beside_the_panel() {
 /// A stream drives the air over a light bottom by friction: what bends the panel are hundredths of a pascal.
 #[test]
 fn a_cavity_with_a_flexible_bottom() {
-    let f = fly("cavity", "release", 0.05);
+    let f = fly("cavity", "release", CREATED);
     assert!(f.iterations <= 9.0, "{}", f.iterations);
     // 0.01 Pa on a tenth of a square metre, and a bulge of a few tenths of a millimetre.
     let (drag, volume) = (f.history.column("drag_n"), f.history.column("volume_m3"));
@@ -344,6 +353,8 @@ fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
         (f.history.column("coupling_converged"), f.history.column("coupling_residual"));
     assert!(converged.iter().all(|c| *c == 1.0) && residual.iter().all(|r| *r <= 1e-3), "{residual:?}");
     answers_converged("closed-box", &f.history);
+    let share = f.last("interface_energy_error_share");
+    assert!(share < CREATED, "the coupling created {share} of the work");
     assert!((length.iter().sum::<f64>() - 0.16).abs() < 1e-12 && (f.last("time_s") - 0.16).abs() < 1e-12);
     for planned in [0.04, 0.08, 0.12, 0.16] {
         assert!(time.iter().any(|t| (t - planned).abs() < 1e-12), "no window ends at {planned} s: {time:?}");
@@ -403,7 +414,7 @@ mod channel {
 
 #[test]
 fn pressure_waves_run_into_a_channel_at_the_known_speed() {
-    let f = fly("channel", "waves", 0.05);
+    let f = fly("channel", "waves", CREATED);
     assert!(f.iterations <= 7.0, "{}", f.iterations);
     let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
     // The volume falls in a straight line as the waves run in, and is gone when they meet.
@@ -411,16 +422,27 @@ fn pressure_waves_run_into_a_channel_at_the_known_speed() {
     let share = volume[after - 1] / (volume[after - 1] - volume[after]);
     let gone = time[after - 1] + share * (time[after] - time[after - 1]);
     let start = volume[0] / channel::volume(time[0]);
-    let worst = time.iter().zip(&volume).take_while(|(t, _)| **t < 1.0);
-    let worst = worst.map(|(t, v)| (v / start - channel::volume(*t)).abs()).fold(0.0, f64::max);
+    let worst = |f: &Flown| {
+        let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
+        let start = volume[0] / channel::volume(time[0]);
+        let errors = time.iter().zip(&volume).take_while(|(t, _)| **t < 1.0);
+        errors.map(|(t, v)| (v / start - channel::volume(*t)).abs()).fold(0.0, f64::max)
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let file = changed_scene("hard/channel", folder.path(), &[("window_s = 0.03", "window_s = 0.015")]);
+    succeed(ripstop_run(&file, &out, &["--quiet"]));
+    let errors = [worst(&f), worst(&Flown::new(History::read(&out, "waves")))];
     eprintln!(
-        "channel: speed {:.3} of {:.3} m/s, volume within {worst:.3} of its start",
+        "channel: speed {:.3} of {:.3} m/s, volume within {errors:.3?} of its start with the window and half of it",
         channel::speed() * channel::met() / gone,
         channel::speed()
     );
     // Six straight cells across are 1/36 too stiff: waves 1.4 % too fast.
     assert!((gone / channel::met() - 1.0).abs() < 0.025, "{gone} s instead of {}", channel::met());
-    assert!(worst < 0.06, "{worst}");
+    // The corner of the straight line, where the wave takes the whole length of a cell, is what is left (2 to 3 %), and
+    // the window in which the bulge is let go, which is of first order.
+    assert!(errors[0] < 0.065 && errors[1] < 0.8 * errors[0], "{errors:?}");
     // And comes back as deep: nothing is lost in the half period.
     let least = volume.iter().fold(0.0f64, |m, v| m.min(*v)) / start;
     assert!((-1.0..-0.8).contains(&least), "{least}");
