@@ -195,3 +195,34 @@ fn iterations_end_where_the_tolerance_says() {
         }
     }
 }
+
+/// One, times its argument, less a constant where that is large.
+struct Bent(f64);
+
+impl Operator for Bent {
+    fn n_owned(&self) -> usize {
+        1
+    }
+    fn n_local(&self) -> usize {
+        1
+    }
+    fn apply(&self, x: &mut [f64], y: &mut [f64]) {
+        y[0] = if x[0] > 1.5 { x[0] - self.0 } else { x[0] };
+    }
+}
+
+/// The true residual decides, not the one that the basis promises: here the first cycle promises none, and five per cent
+/// more than the tolerance is left, which takes a second one.
+#[test]
+fn gmres_believes_the_true_residual() {
+    let (target, mut x) = (0.02, [0.0]);
+    let params = KrylovParams { rel_tol: 0.0, abs_tol: target, ..TIGHT };
+    let mut gmres = Gmres::new(&Comm::solo());
+    let info = gmres.solve(&Bent(1.05 * target), &Identity, &[2.0], &mut x, params).unwrap();
+    assert_eq!(info.iterations, 2);
+    assert!((x[0] - (2.0 + 1.05 * target)).abs() < 1e-14, "{x:?}");
+    // One that is left within the tolerance ends the solve.
+    let mut x = [0.0];
+    let info = gmres.solve(&Bent(0.95 * target), &Identity, &[2.0], &mut x, params).unwrap();
+    assert!(info.iterations == 1 && (info.final_residual - 0.95 * target).abs() < 1e-15, "{info:?}");
+}

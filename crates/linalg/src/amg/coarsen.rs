@@ -156,3 +156,49 @@ fn smooth<const F: usize, S: Real>(
     }
     p
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In each aggregate the columns are orthonormal or zero, and times the triangular factor they give the modes back;
+    /// a node by itself has no rotation.
+    #[test]
+    fn the_tentative_prolongation_is_orthonormal() {
+        let of_node = [0, 1, 0, NONE, 1, 0, 2];
+        let modes: Vec<[[f64; MODES]; 3]> = (0..of_node.len())
+            .map(|i| {
+                let [x, y, z] = [0.3, 0.7, 1.1].map(|w| (w * (i * i + 1) as f64).sin());
+                [[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]]
+            })
+            .collect();
+        let (q, r) = tentative(&of_node, 3, &modes);
+        let mut lengths = [[0.0; MODES]; 3];
+        for g in 0..3 {
+            let nodes = || (0..of_node.len()).filter(|&i| of_node[i] == g as u32);
+            for m in 0..MODES {
+                for k in 0..=m {
+                    let sum: f64 = nodes().flat_map(|i| q[i].map(|row| row[m] * row[k])).sum();
+                    if k == m {
+                        lengths[g][m] = sum;
+                    } else {
+                        assert!(sum.abs() < 1e-13, "aggregate {g}: {m} {k} {sum}");
+                    }
+                }
+            }
+            for i in nodes() {
+                for c in 0..3 {
+                    for m in 0..MODES {
+                        let back: f64 = (0..MODES).map(|k| q[i][c][k] * r[g][k][m]).sum();
+                        assert!((back - modes[i][c][m]).abs() < 1e-13, "node {i}: {back}");
+                    }
+                }
+            }
+        }
+        // Three nodes know all motions, two all but the turn about their line, one only translations.
+        for (lengths, known) in lengths.iter().zip([6.0, 5.0, 3.0]) {
+            assert!(lengths.iter().all(|l| *l == 0.0 || (l - 1.0).abs() < 1e-13), "{lengths:?}");
+            assert!((lengths.iter().sum::<f64>() - known).abs() < 1e-12, "{lengths:?}");
+        }
+    }
+}
