@@ -329,8 +329,8 @@ fn a_structure_with_a_surface_of_its_own() {
         for (a, b) in a.lines().zip(b.lines()).skip(1) {
             let value = |l: &str| l.split(',').nth(at).expect("a cell").parse::<f64>().expect("a number");
             let (a, b) = (value(a), value(b));
-            // A hundredth of the coupling's tolerance: iterates differ by round-off, and end by it.
-            assert!((a - b).abs() <= 1e-5 * a.abs().max(1e-3), "{name}: {a} {b}");
+            // A tenth of the coupling's tolerance: iterates differ by round-off, and end where they meet it.
+            assert!((a - b).abs() <= 1e-4 * a.abs().max(1e-3), "{name}: {a} {b}");
         }
     }
 }

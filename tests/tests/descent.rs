@@ -23,31 +23,30 @@ fn small(folder: &Path, changes: &[(&str, &str)]) -> PathBuf {
     changed_scene("square-drop", folder, &all)
 }
 
-/// Released at four times its terminal speed with the shape of 12 Pa. The dynamic pressure of 157 Pa throws the canopy
-/// upwards and the force of the air on it at the end of the first window is downwards. The payload falls freely
-/// at most; with the paper's equation the run is refused with the figures.
+/// Released at four times its terminal speed with the shape of 12 Pa: the dynamic pressure of 157 Pa throws the canopy
+/// upwards, away from the payload, which falls almost freely until the lines pull it. The paper's equation brakes it with
+/// the force of the air on the canopy at once.
 #[test]
 fn a_violent_start_falls_no_faster_than_gravity() {
     let folder = tempfile::tempdir().expect("a folder");
     let speed = ("initial_speed_m_s = 4.0", "initial_speed_m_s = 16.0");
-    let out = folder.path().join("momentum");
     let file = small(folder.path(), &[speed, ("duration_s = 0.1\n", "duration_s = 0.05\n")]);
-    succeed(ripstop_run(&file, &out, &["--quiet"]));
-    let history = History::read(&out, "descent");
-    let (acceleration, drag) = (history.column("acceleration_m_s2"), history.column("drag_n"));
-    eprintln!("accelerations {acceleration:.1?}, drag {drag:.0?}");
+    let accelerations = |equation: &str| {
+        let out = folder.path().join(equation);
+        let set = format!("descent.equation={equation}");
+        succeed(ripstop_run(&file, &out, &["--quiet", "--set", &set]));
+        let history = History::read(&out, "descent");
+        let accelerations = history.column("acceleration_m_s2");
+        eprintln!("{equation}: {accelerations:.1?} m/s2, drag {:.0?} N", history.column("drag_n"));
+        accelerations
+    };
+    let momentum = accelerations("momentum");
     // Lines only pull, so the force on the payload is that of its own node's share of their inertia at least.
-    assert!(acceleration.iter().all(|a| *a > -9.80665 * 1.02), "{acceleration:?}");
-    assert!(drag[0] < 0.0, "the start is violent enough to tell the equations apart: {drag:?}");
-
-    let out = folder.path().join("quasi-steady");
-    let set = ["--quiet", "--set", "descent.equation=quasi-steady"];
-    let output = ripstop_run(&file, &out, &set).output().expect("ripstop starts");
-    let words = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{words}");
-    // In window 0, or in the next one where half of window 0 is let through.
-    assert!(words.contains("the descent is not physical in stage `descent`, window "), "{words}");
-    assert!(words.contains("descent.equation = \"momentum\""), "{words}");
+    assert!(momentum.iter().all(|a| *a > -9.80665 * 1.02), "{momentum:?}");
+    // In the first window they have not pulled yet: less than half of what the air on the canopy does to the paper's frame.
+    let quasi_steady = accelerations("quasi-steady");
+    let braked = |a: &[f64]| a[0] + 9.80665;
+    assert!(braked(&momentum) < 0.5 * braked(&quasi_steady), "{momentum:?} {quasi_steady:?}");
 }
 
 /// The energy of the system beside the work of the air over `history`: what appeared as a share of all that was

@@ -8,7 +8,7 @@ use super::common::*;
 use case::Role::{self, Flow, Mesh, Structure};
 
 use super::serve_from;
-use crate::{Hub, HubError, Peers};
+use crate::{Hub, HubError, HubOptions, Peers};
 
 type Letters = VecDeque<Vec<f64>>;
 
@@ -46,6 +46,16 @@ fn spawn_on(session: &str, role: Role, hosts: &[u64], trouble: Trouble) -> Vec<S
     hosts.iter().enumerate().map(start).collect()
 }
 
+/// A session, and the programs that join it. It is there before they look for it: whichever rank saw it first would else
+/// be on the coupler's host, whatever the test means.
+fn session_of(options: HubOptions, start: impl FnOnce() -> Vec<Served>) -> (Hub, Vec<Served>) {
+    let mut hub = Hub::create(options).expect("a session");
+    let threads = start();
+    let mut patience = patience();
+    hub.await_participants(&mut |_| patience()).expect("a handshake");
+    (hub, threads)
+}
+
 /// All that the coupler sees in two windows of three iterations.
 fn fly(hub: &mut Hub, roles: &[Role]) -> Result<Vec<Vec<f64>>, HubError> {
     let mut seen = Vec::new();
@@ -72,8 +82,7 @@ fn ranks_on_other_hosts_answer_as_if_they_were_here() {
     let flown = |hosts: [&[u64]; 3]| {
         let session = name("hosts");
         let spawn = |i: usize| spawn_on(&session, roles[i], hosts[i], Trouble::None);
-        let threads: Vec<Served> = (0..3).flat_map(spawn).collect();
-        let mut hub = open(options(&session, &ranks)).expect("a handshake");
+        let (mut hub, threads) = session_of(options(&session, &ranks), || (0..3).flat_map(spawn).collect());
         let seen = fly(&mut hub, &roles).expect("windows");
         let folder = tempfile::tempdir().expect("a folder");
         hub.save(folder.path(), &mut patience()).expect("saved");
@@ -100,8 +109,8 @@ fn a_fault_on_another_host_is_told_with_its_rank() {
     ] {
         let session = name("far-fault");
         let ranks = [(Structure, 2)];
-        let threads = spawn_on(&session, Structure, &[1, 2], trouble);
-        let mut hub = open(options(&session, &ranks)).expect("a handshake");
+        let start = || spawn_on(&session, Structure, &[1, 2], trouble);
+        let (mut hub, threads) = session_of(options(&session, &ranks), start);
         let error = fly(&mut hub, &[Structure]).expect_err(says).to_string();
         assert!(error.contains("structure-solver (rank 1)") && error.contains(says), "{error}");
         drop(hub);
