@@ -2,8 +2,6 @@
 //! increments with an updated reference, then local untangling, then an error.
 
 mod regrid;
-#[cfg(test)]
-mod tests;
 
 use comm::Comm;
 use mesh::Vec3;
@@ -651,3 +649,6 @@ fn worst_of_all<const N: usize>(comm: &Comm, own: [Shape; N]) -> [Shape; N] {
     }
     worst
 }
+
+#[cfg(test)]
+mod tests;

@@ -270,6 +270,14 @@ mod tests {
         let known = |w: f64| c.quality(&wedge, 0, &thin(w));
         assert!((known(0.05) - mesh::quality::scaled_jacobian(&points(&thin(0.05)), &wedge[0])).abs() < 1e-6);
         assert!(known(0.01) < 0.25 && known(0.01) > 0.1, "a fifth of its angle: {}", known(0.01));
+        // The sine of the sharp angle over that at the start.
+        let sine = |w: f64| w / (2.0 * (1.0 + (1.0 - w).powi(2))).sqrt();
+        assert!(
+            (known(0.01) - sine(0.01) / sine(0.05)).abs() < 1e-6,
+            "{} {}",
+            known(0.01),
+            sine(0.01) / sine(0.05)
+        );
         assert!(known(-0.01) < 0.0);
     }
 

@@ -153,8 +153,8 @@ mod tests {
         }
     }
 
-    /// A node in the middle of eight cubes that is off by the first step of the search, along an axis or towards the
-    /// mean of its neighbours, is put back to rounding; off by any other way, to the last step.
+    /// A node in the middle of eight cubes that is off by a step of the search, along an axis or towards the mean of
+    /// its neighbours, is put back to rounding; off by any other way, to the last step.
     #[test]
     fn a_node_off_its_place_by_one_step_is_put_back_at_once() {
         let grid = crate::sample::plate_in_box(4, 0.0, 1.0, false);
@@ -176,9 +176,11 @@ mod tests {
         };
         // A quarter of the distance to the farthest corner: 15 a^2 - 2 a - 3 = 0.
         let along = (2.0 + 184.0f64.sqrt()) / 30.0;
-        for i in 0..6 {
+        // Half as far is the second step: 63 a^2 - 2 a - 3 = 0.
+        let half = (2.0 + 760.0f64.sqrt()) / 126.0;
+        for (i, off) in (0..6).flat_map(|i| [(i, along), (i, half)]) {
             let mut d = [0.0; 3];
-            d[i / 2] = if i % 2 == 0 { along } else { -along };
+            d[i / 2] = if i % 2 == 0 { off } else { -off };
             let (miss, quality) = put_back(d);
             assert!(miss < 1e-12 && quality > 1.0 - 1e-12, "{d:?}: {miss} {quality}");
         }
