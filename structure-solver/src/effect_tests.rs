@@ -287,6 +287,9 @@ fn a_tumbling_payload_and_its_line_keep_momentum_and_energy() {
             assert!(norm(sub(p, p0)) < 1e-9, "{p:?} {p0:?}");
             assert!(norm(sub(l, l0)) < 1e-9, "{l:?} {l0:?}");
             lost = lost.max((e / e0 - 1.0).abs());
+            // The attachment has the mean velocity of the last step; accelerations are some m/s2.
+            let held = sub(at(&d.accepted.v, 3), body.velocity_of(&d.accepted.body.expect("a body"), arm));
+            assert!(norm(held) < 20.0 * dt, "{held:?}");
         }
         lost
     };

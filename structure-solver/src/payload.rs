@@ -293,3 +293,133 @@ impl Log {
         writeln!(self.0, "{time:.8e},{}", cells.join(","))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect_tests::{BAG, STAGE, chain, of_mesh, scene as scene_of};
+
+    const ARMS: [Vec3; 2] = [[0.3, -0.2, 0.5], [-0.1, 0.4, 0.2]];
+    const MASS: f64 = 2.0;
+    const INERTIA: Vec3 = [0.5, 0.8, 1.1];
+    const NODES: [f64; 2] = [0.2, 0.3];
+    const DRAG: f64 = 0.6;
+
+    /// A body on two masses between which there is hardly a line; its centre of mass is at (1, 2, 3).
+    fn body() -> (Payload, BodyState) {
+        let mut mesh = chain(ARMS.map(|a| add([1.0, 2.0, 3.0], a)).to_vec(), vec![0, 1]);
+        mesh.point_masses = vec![(0, NODES[0]), (1, NODES[1])];
+        mesh.node_sets.insert("payload".into(), vec![0, 1]);
+        let d = of_mesh(&scene_of(BAG, "density_kg_m3 = 1e-12", STAGE), mesh.clone());
+        let mut payload = Payload::on(&d, &mesh, MASS, INERTIA, &ARMS, DRAG);
+        payload.air = [0.5, 0.1, -0.3];
+        let mut state = BodyState::start(&payload.body, [0.4, -0.7, 1.1], [0.6, -0.9, 0.4]);
+        // A turn by 1 rad about (2, 1, 2)/3.
+        let (s, c) = 0.5f64.sin_cos();
+        state.q = [c, s * 2.0 / 3.0, s / 3.0, s * 2.0 / 3.0];
+        state.x = [0.1, 0.2, -0.1];
+        (payload, state)
+    }
+
+    /// Mass and moments of inertia hold those of the attachments: `m (a.a - a_i a_i)` each.
+    #[test]
+    fn attachments_count_with_their_masses() {
+        let (p, s) = body();
+        assert!((p.body.mass - 2.5).abs() < 1e-9);
+        for i in 0..3 {
+            let more: f64 = ARMS.iter().zip(NODES).map(|(a, m)| m * (dot(*a, *a) - a[i] * a[i])).sum();
+            assert!((p.body.inertia[i] - INERTIA[i] - more).abs() < 1e-9, "{i}");
+        }
+        // Rodrigues' formula gives their places.
+        let axis = [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0];
+        let (sin, cos) = 1f64.sin_cos();
+        let turned = |a: Vec3| {
+            let across = add(scale(cos, a), scale(sin, cross(axis, a)));
+            add(across, scale((1.0 - cos) * dot(axis, a), axis))
+        };
+        for (arm, (_, place)) in ARMS.iter().zip(p.places(&s)) {
+            let exact = add([1.1, 2.2, 2.9], turned(*arm));
+            assert!(norm(sub(place, exact)) < 1e-14, "{place:?} {exact:?}");
+            assert!(norm(sub(s.turn_back(turned(*arm)), *arm)) < 1e-14);
+        }
+        assert!((s.tilt() - turned([0.0, 0.0, 1.0])[2].acos()).abs() < 1e-14);
+    }
+
+    /// The body's kinetic energy is its own and that of its attachments, which move as points of it. Their
+    /// products of inertia are left out, so the body turns about one of its axes.
+    #[test]
+    fn kinetic_energies_add_up() {
+        let (p, mut s) = body();
+        for axis in 0..3 {
+            s.spin = [0.0; 3];
+            s.spin[axis] = p.body.inertia[axis] * 0.7;
+            let own = 0.5 * MASS * dot(s.v, s.v) + 0.5 * INERTIA[axis] * 0.49;
+            assert!((p.own_kinetic(&s) - own).abs() < 1e-14, "{axis}");
+            // At rest but for the turn: the attachments' share of the translation has a mixed term.
+            let still = BodyState { v: [0.0; 3], ..s };
+            let points: f64 = ARMS
+                .iter()
+                .zip(NODES)
+                .map(|(a, m)| 0.5 * m * norm(p.body.velocity_of(&still, *a)).powi(2))
+                .sum();
+            let whole = p.body.kinetic(&still);
+            assert!((p.own_kinetic(&still) + points - whole).abs() < 1e-9, "{axis}: {whole}");
+        }
+    }
+
+    /// Drag `k |w| w` of the air past it; its mean and the own weight do work on the way.
+    #[test]
+    fn drag_and_weight_do_their_work() {
+        let (p, from) = body();
+        let w = [0.1, 0.8, -1.4];
+        let exact = w.map(|c| DRAG * (0.01f64 + 0.64 + 1.96).sqrt() * c);
+        assert!(norm(sub(p.drag(&from), exact)) < 1e-14, "{:?}", p.drag(&from));
+        let to = BodyState { x: [0.4, 0.1, 0.2], v: [0.5, 0.1, -2.3], ..from };
+        // There the air passes with (0, 0, 2): 2.4 N.
+        let mean = [0.5 * exact[0], 0.5 * exact[1], 0.5 * (exact[2] + 2.4)];
+        let moved = [0.3, -0.1, 0.3];
+        let gravity = [0.2, 0.0, -9.81];
+        let work: f64 = (0..3).map(|i| (MASS * gravity[i] + mean[i]) * moved[i]).sum();
+        assert!((p.work(&from, &to, gravity) - work).abs() < 1e-13);
+    }
+
+    /// Both halves of a step under forces on both attachments, whose own weight is theirs: force, torque about
+    /// the centre of mass, and the velocities that they leave.
+    #[test]
+    fn a_step_has_the_impulses_of_its_forces() {
+        let (p, start) = body();
+        let (h, gravity) = (0.1, [0.2, 0.0, -9.81]);
+        let own = scale(MASS / p.body.mass, gravity);
+        let mut s = BodyState { spin: [0.0; 3], ..start };
+        p.advance(&mut s, gravity, h);
+        let v = add(start.v, scale(0.5 * h, own));
+        assert!(norm(sub(s.v, v)) < 1e-14);
+        assert!(norm(sub(s.x, add(start.x, scale(h, v)))) < 1e-14);
+        let pulls = [[1.0, -2.0, 3.0], [0.5, 0.7, -1.1]];
+        let still = BodyState { v: p.air, ..s };
+        for mut s in [s, still] {
+            let (before, air) = (s, p.drag(&s));
+            p.finish(&mut s, &comm::Comm::solo(), 2, |n| pulls[n], gravity, h);
+            let force = add(air, add(pulls[0], pulls[1]));
+            assert!(norm(sub(s.force, force)) < 1e-13, "{:?} {force:?}", s.force);
+            let torque = add(cross(s.turn(ARMS[0]), pulls[0]), cross(s.turn(ARMS[1]), pulls[1]));
+            assert!(norm(sub(s.torque, torque)) < 1e-13, "{:?} {torque:?}", s.torque);
+            let v = add(before.v, scale(0.5 * h, add(own, scale(1.0 / p.body.mass, force))));
+            assert!(norm(sub(s.v, v)) < 1e-13);
+            assert!(norm(sub(s.turn(s.spin), scale(0.5 * h, torque))) < 1e-13);
+        }
+    }
+
+    /// A state that was kept is one only with finite numbers and a turn of length one.
+    #[test]
+    fn damaged_states_are_seen() {
+        let (_, good) = body();
+        assert!(sound(&good));
+        let of_length = |square: f64| BodyState { q: good.q.map(|q| q * square.sqrt()), ..good };
+        for (by, right) in [(0.9e-6, true), (-0.9e-6, true), (1.1e-6, false), (-1.1e-6, false)] {
+            assert_eq!(sound(&of_length(1.0 + by)), right, "{by}");
+        }
+        assert!(!sound(&BodyState { torque: [0.0, f64::NAN, 0.0], ..good }));
+        assert!(!sound(&BodyState { x: [f64::INFINITY, 0.0, 0.0], ..good }));
+    }
+}

@@ -140,4 +140,56 @@ mod tests {
         assert!(near(drawn([2.0, -1.0, 0.0], [0.0; 3], [0.0, 0.0, 0.5]), [2.0, -1.0, 0.0]));
         assert!(near(drawn([2.0, -1.0, 4.0], [0.0; 3], [0.0; 3]), [2.0, -1.0, 4.0]));
     }
+
+    /// A plane sheet that goes from one place to another: each node's velocity along the sheet's normal comes half
+    /// way to the mean over the window, and that in its plane stays. The line's far end keeps its own.
+    #[test]
+    fn a_sheet_is_drawn_along_its_normal() {
+        use crate::elements::{cable::TwoWay, mass::MassMatrix};
+        use crate::loops::{Cables, ElementLoop, Membranes};
+        use crate::materials::StVenantKirchhoff;
+        let normal = [0.0, -0.6, 0.8];
+        let mesh = StructureMesh {
+            coords: vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.8, 0.6], [0.0, 0.8, 0.6], [0.0, 0.0, 1.0]],
+            n_canopy: 4,
+            faces: vec![[0, 1, 2, 3]],
+            face_panel: vec![0],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            triangle_face: vec![0, 0],
+            cables: vec![mesh::Cable {
+                nodes: [0, 4],
+                rest_length: 1.0,
+                kind: mesh::CableKind::SuspensionLine,
+                line: 0,
+            }],
+            ..Default::default()
+        };
+        let model = crate::model::Model::new(&comm::Comm::solo(), &mesh, &[0; 5]).expect("a good mesh");
+        let fabric = Membranes::new(&model, StVenantKirchhoff::isotropic(1.0, 0.3), 0.1, 1.0);
+        let line = Cables::new(&model, TwoWay { youngs_modulus: 1.0 }, 0.1, 1.0);
+        let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(fabric), Box::new(line)];
+        let system = System::new(model, loops, MassMatrix::Consistent);
+        let (mut from, mut to) = (State::rest(5), State::rest(5));
+        let (v, moved) = ([0.3, -0.2, 0.5], [0.02, 0.03, 0.07]);
+        for i in 0..15 {
+            from.u[i] = 0.01 * (i % 3) as f64;
+            to.u[i] = from.u[i] + moved[i % 3];
+            to.v[i] = v[i % 3];
+        }
+        VelocityAverage::new(0.5, 1).apply(0.1, &system, &from, &mut to);
+        let miss: f64 = (0..3).map(|c| normal[c] * (moved[c] / 0.1 - v[c])).sum();
+        for i in 0..15 {
+            let exact = v[i % 3] + if i < 12 { 0.5 * miss * normal[i % 3] } else { 0.0 };
+            assert!((to.v[i] - exact).abs() < 1e-13, "{i}: {} {exact}", to.v[i]);
+        }
+        assert!(miss.abs() > 0.1);
+    }
+
+    /// Added mass of the first mode of a square panel, `2 rho / (k m)`, and the share that goes with it.
+    #[test]
+    fn the_share_has_its_closed_form() {
+        let exact = 2.0 * 1.225 / (0.5 * 2f64.sqrt() * std::f64::consts::PI * 0.04);
+        assert!((mass_ratio(1.225, 0.04, 4.0) / exact - 1.0).abs() < 1e-14);
+        assert!((fitting(10.0) - 0.25).abs() < 1e-15 && (fitting(5.0) - 0.1).abs() < 1e-15);
+    }
 }

@@ -332,4 +332,64 @@ mod tests {
         let (contact, x) = pressed(0.051);
         assert_eq!((contact.energy(&x), forces(&contact, &x)), (0.0, vec![0.0; 12]));
     }
+
+    /// A pair is found up to two thicknesses on either side, wherever the boxes of the search lie.
+    #[test]
+    fn pairs_are_found_within_reach_in_any_box() {
+        for step in 0..40 {
+            let shift = 0.173 * f64::from(step) - 3.0;
+            for (distance, near) in [(0.09, true), (-0.09, true), (0.104, false), (-0.104, false)] {
+                let (mut contact, x) = pressed(distance);
+                contact.edge = 0.3;
+                let x: Vec<f64> = x.iter().map(|x| x + shift).collect();
+                contact.recall(&[0.0]).expect("nothing kept");
+                contact.find_pairs(&x);
+                assert_eq!(contact.pairs.len(), usize::from(near), "{shift} {distance}");
+                assert!(contact.pairs.iter().all(|p| p.side == distance.signum() && p.node == 3));
+            }
+        }
+    }
+
+    /// Pairs are looked for again where something has moved by more than a fifth of the thickness since, and a node
+    /// keeps its side when it is pressed through.
+    #[test]
+    fn a_search_is_repeated_after_a_motion() {
+        let (mut contact, x) = pressed(0.02);
+        let moved = |by: f64| x.iter().enumerate().map(|(i, x)| x + if i == 4 { by } else { 0.0 }).collect();
+        let (little, more): (Vec<f64>, Vec<f64>) = (moved(-0.0095), moved(-0.0105));
+        contact.find_pairs(&little);
+        assert_eq!(contact.searched, x);
+        contact.find_pairs(&more);
+        assert_eq!(contact.searched, more);
+        let (_, through) = pressed(-0.03);
+        contact.find_pairs(&through);
+        assert_eq!(contact.searched, through);
+        assert!(contact.pairs.len() == 1 && contact.pairs[0].side == 1.0, "{:?}", contact.pairs);
+        assert!((contact.pressed(&through) - 700.0 * 0.08).abs() < 1e-10);
+        // Far behind it is still the same pair; far in front it is none.
+        let (_, deep) = pressed(-0.3);
+        contact.find_pairs(&deep);
+        assert_eq!(contact.pairs.len(), 1);
+        let (_, away) = pressed(0.3);
+        contact.find_pairs(&away);
+        assert!(contact.pairs.is_empty());
+    }
+
+    /// The foot of a node lies on the triangle up to two per cent beyond its edges.
+    #[test]
+    fn feet_have_their_weights_and_a_margin() {
+        let t = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]];
+        let at = |w: [f64; 3]| -> Vec3 { std::array::from_fn(|i| (0..3).map(|k| w[k] * t[k][i]).sum()) };
+        for k in 0..3 {
+            for (beyond, found) in [(-0.019, true), (-0.021, false)] {
+                let mut w = [0.5 * (1.0 - beyond); 3];
+                w[k] = beyond;
+                let foot = project(at(w), &t);
+                assert_eq!(foot.is_some(), found, "{w:?}");
+                if let Some((d, _, b)) = foot {
+                    assert!(d.abs() < 1e-15 && (0..3).all(|i| (b[i] - w[i]).abs() < 1e-14), "{b:?}");
+                }
+            }
+        }
+    }
 }

@@ -153,6 +153,83 @@ fn the_acceleration_after_explicit_steps_knows_the_damping() {
     assert!((a - (1.0 - 3.0 * v)).abs() < 1e-9, "{a} {v}");
 }
 
+/// A mass on a spring whose foot moves at a constant velocity from rest: x = V t - V/w sin(w t). Central differences
+/// run (w h)^2 / 24 fast, here 2e-5 of the frequency.
+#[test]
+fn a_foot_that_moves_drives_explicit_steps() {
+    let mesh = StructureMesh {
+        coords: vec![[0.0; 3], [1.0, 0.0, 0.0]],
+        point_masses: vec![(0, 1.0), (1, 2.0)],
+        fixed: vec![(0, [true; 3]), (1, [false, true, true])],
+        cables: chain(1, 1.0, 1.0).cables,
+        ..Default::default()
+    };
+    let model = model(&mesh);
+    let cables = Cables::new(&model, TwoWay { youngs_modulus: 8e4 }, 1e-4, 1e-9);
+    let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(cables)];
+    let mut d = Dynamics::new(System::new(model, loops, MassMatrix::Lumped), params(Scheme::newmark(), 0.0));
+    // So slow that the spring stays linear: its strain is V / w.
+    let (speed, w) = (1e-7, 2.0f64);
+    d.prescribe(&[0], [true; 3], &[0.0, 10.0], &[[0.0; 3], [10.0 * speed, 0.0, 20.0 * speed]]);
+    let step = d.integrate_explicitly(0.01).expect("a mass on a spring").stable_step();
+    assert!((step - 1.0).abs() < 1e-5, "2 / w: {step}");
+    for k in 1..=4 {
+        window(&mut d, 0.6, 3, 0.0, [0.0; 3]);
+        let t = 0.6 * f64::from(k);
+        let (u, v) = (&d.accepted.u, &d.accepted.v);
+        let exact = [speed * t, speed * t - speed / w * (w * t).sin(), speed * (1.0 - (w * t).cos())];
+        for (found, exact) in [u[0], u[3], v[3]].iter().zip(exact) {
+            assert!((found - exact).abs() < 1e-4 * speed, "{k}: {found} {exact}");
+        }
+        assert!((u[2] - 2.0 * speed * t).abs() < 1e-12 * speed, "{k}: {}", u[2]);
+        assert!(
+            (v[0] - speed).abs() < 1e-8 * speed && (v[2] - 2.0 * speed).abs() < 1e-8 * speed,
+            "{k}: {v:?}"
+        );
+    }
+}
+
+/// A great mass held by a line that is cut at 0.5 s and fades over 2 s: in explicit steps its velocity is the impulse
+/// `F (t - (t - 0.5)^2 / 4)` of the force, which trapezoids find exactly from instants that hold the kink.
+#[test]
+fn a_line_that_is_cut_fades_in_explicit_steps() {
+    use structure_solver::loops::{ReefingLine, Schedule};
+    let mesh = StructureMesh {
+        coords: vec![[0.0; 3], [1.0, 0.0, 0.0]],
+        point_masses: vec![(1, 1e6)],
+        fixed: vec![(0, [true; 3])],
+        ..Default::default()
+    };
+    let model = structure_solver::model::Model::with_ties(
+        &comm::Comm::solo(),
+        &mesh,
+        &[0; 2],
+        structure_solver::model::Surface::default(),
+        &[[0, 1]],
+    )
+    .expect("a good mesh");
+    let schedule = Schedule { length: 0.8, draw_in: 0.0, release: 0.5, ramp: 2.0 };
+    let line = ReefingLine::new(&model, TensionOnly { youngs_modulus: 1.0 }, 1.0, schedule, 1.0);
+    let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(line)];
+    let mut d = Dynamics::new(System::new(model, loops, MassMatrix::Lumped), params(Scheme::newmark(), 0.0));
+    let stable = d.integrate_explicitly(1.0).expect("a mass on a line").stable_step();
+    // Each substep of 0.125 s is divided in two.
+    let evaluations = |d: &Dynamics| d.explicit().expect("explicit steps").evaluations;
+    d.integrate_explicitly(0.1 / stable).expect("a mass on a line");
+    let force = 0.5 * (1.0 / 0.64 - 1.0) / 0.8;
+    for k in 1..=3 {
+        let before = evaluations(&d);
+        window(&mut d, 0.5, 4, 0.0, [0.0; 3]);
+        assert!(evaluations(&d) >= before + 8, "{}", evaluations(&d) - before);
+        let t = 0.5 * f64::from(k);
+        let since = t - 0.5;
+        let impulse = force * (t - 0.25 * since * since);
+        let (v, a) = (-1e6 * d.accepted.v[3], -1e6 * d.accepted.a[3]);
+        assert!((v - impulse).abs() < 1e-5, "{k}: {v} {impulse}");
+        assert!((a - force * (1.0 - 0.5 * since)).abs() < 1e-5, "{k}: {a}");
+    }
+}
+
 /// Fabric thrown slack and taut: what snapping adds to the energy falls with the step.
 #[test]
 fn snapping_fabric_keeps_its_energy_better_with_smaller_steps() {

@@ -8,6 +8,7 @@ mod convergence;
 mod elements;
 mod energy;
 mod explicit;
+mod loops;
 mod pressure;
 mod shapes;
 mod time;

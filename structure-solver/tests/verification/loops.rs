@@ -1,0 +1,466 @@
+//! Identities of each kind of element: forces, energy, derivative, and what damping takes.
+
+use comm::Comm;
+use linalg::Operator;
+use mesh::{CableKind, StructureMesh};
+use structure_solver::elements::cable::{TensionOnly, TwoWay};
+use structure_solver::elements::mass::MassMatrix;
+use structure_solver::loops::{
+    BentFaces, CableDamping, Cables, Cylinder, ElementLoop, FaceLoad, LineDrag, MembraneDamping, Membranes,
+    Place, Quads, ReefingLine, Schedule,
+};
+use structure_solver::materials::{StVenantKirchhoff, TensionField};
+use structure_solver::model::{Model, Surface, Warp};
+use structure_solver::system::System;
+
+use crate::common::*;
+use crate::shapes::*;
+
+/// Young's modulus, Poisson's ratio and thickness of the fabric.
+const FABRIC: [f64; 3] = [7.0, 0.3, 0.1];
+/// Young's modulus, area and strain at rest of the lines.
+const LINE: [f64; 3] = [5.0, 0.2, 0.03];
+/// Damping time and step, s.
+const DAMPED: [f64; 2] = [0.4, 0.2];
+/// Skirt and schedule of the reefing line, which fades at 2.05 s to three quarters of its force.
+const SKIRT: f64 = 4.0;
+const SCHEDULE: Schedule = Schedule { length: 2.6, draw_in: 0.5, release: 2.0, ramp: 0.2 };
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Membranes,
+    Field,
+    Quads,
+    Cables,
+    Reefing,
+    Bent,
+    Drag,
+    SheetDamping,
+    QuadDamping,
+    LineDamping,
+}
+
+/// Two quadrilaterals and a triangle, all warped, two lines and a reinforcement.
+fn patch() -> StructureMesh {
+    let mut m = StructureMesh {
+        coords: vec![
+            [0.0; 3],
+            [1.0, 0.1, 0.0],
+            [1.2, 1.3, 0.1],
+            [0.1, 1.2, 0.3],
+            [2.1, 0.2, 0.4],
+            [2.0, 1.1, -0.3],
+            [1.0, 2.0, 0.2],
+        ],
+        n_canopy: 7,
+        faces: vec![[0, 1, 2, 3], [1, 4, 5, 2], [3, 2, 6, 6]],
+        face_panel: vec![0; 3],
+        triangles: vec![[0, 1, 2], [0, 2, 3], [1, 4, 2], [4, 5, 2], [3, 2, 6]],
+        triangle_face: vec![0, 0, 1, 1, 2],
+        ..Default::default()
+    };
+    add_cable(&mut m, [0, 4], 1.9);
+    add_cable(&mut m, [6, 5], 1.2);
+    add_cable(&mut m, [0, 1], 0.9);
+    m.cables[2].kind = CableKind::Reinforcement;
+    m
+}
+
+/// Elements of one kind alone, and their system with the pattern of all others, which carry nothing.
+fn system_of(mesh: &StructureMesh, kind: Kind) -> System {
+    let quads = matches!(kind, Kind::Quads | Kind::QuadDamping);
+    // One direction for all points of a face: strains have a mean only in the same axes.
+    let warp = quads.then_some(Warp::Vector([1.0, 0.3, 0.1]));
+    let surface = Surface { quadrilaterals: quads, warp };
+    let owner = vec![0; mesh.coords.len()];
+    let ties = [[0, 4], [4, 5], [5, 6]];
+    let model = Model::with_ties(&Comm::solo(), mesh, &owner, surface, &ties).expect("a good mesh");
+    let [y, nu, thickness] = FABRIC;
+    let [youngs_modulus, area, offset] = LINE;
+    let (elastic, none) = (StVenantKirchhoff::isotropic(y, nu), StVenantKirchhoff::isotropic(0.0, nu));
+    let line = TwoWay { youngs_modulus };
+    let slack = TwoWay { youngs_modulus: 0.0 };
+    let of = |k: Kind| -> Box<dyn ElementLoop> {
+        match k {
+            Kind::Membranes => Box::new(Membranes::new(&model, elastic, thickness, 2.0)),
+            Kind::Field => Box::new(Membranes::new(&model, TensionField::new(y, nu), thickness, 2.0)),
+            Kind::Quads => Box::new(Quads::new(&model, elastic, thickness, 2.0, 0.0)),
+            Kind::QuadDamping => Box::new(Quads::new(&model, elastic, thickness, 2.0, DAMPED[0])),
+            Kind::Cables => Box::new(Cables::new(&model, line, area, 2.0).with_strain_at_rest(offset)),
+            Kind::Reefing => {
+                let law = TensionOnly { youngs_modulus };
+                Box::new(ReefingLine::new(&model, law, area, SCHEDULE, SKIRT))
+            }
+            Kind::Bent => Box::new(BentFaces::new(&model)),
+            Kind::Drag => Box::new(LineDrag::new(&model, Cylinder::new(1.2, 0.1, 1.1, 0.2))),
+            Kind::SheetDamping => Box::new(MembraneDamping::new(&model, elastic, thickness, DAMPED[0])),
+            Kind::LineDamping => Box::new(CableDamping::new(&model, line, area, offset, DAMPED[0])),
+        }
+    };
+    let mut loops = vec![of(kind)];
+    // Elements without a mass of their own lie on those that have one.
+    match kind {
+        Kind::SheetDamping => loops.push(Box::new(Quiet(Membranes::new(&model, none, thickness, 2.0)))),
+        Kind::LineDamping | Kind::Drag => loops.push(Box::new(Cables::new(&model, slack, area, 2.0))),
+        _ => {}
+    }
+    let mut system = System::new(model, loops, MassMatrix::Consistent);
+    system.set_time(2.05);
+    system.set_step(DAMPED[1]);
+    system.set_air([0.7, -0.4, 0.3]);
+    system
+}
+
+/// The pattern of elements, without their loads.
+struct Quiet<L>(L);
+
+impl<L: ElementLoop> ElementLoop for Quiet<L> {
+    fn anchor(&mut self, _x: &[f64]) {}
+    fn forces(&self, _place: Place<'_>, _load: FaceLoad<'_>, _out: &mut [f64]) {}
+    fn tangent(&self, _: Place<'_>, _: FaceLoad<'_>, _: f64, _: &mut [f64], _: &mut [[[f64; 3]; 3]]) {}
+    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
+    fn energy(&self, _x: &[f64]) -> f64 {
+        0.0
+    }
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        self.0.masses()
+    }
+    fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64> {
+        self.0.mass_shares(element, kind)
+    }
+    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        self.0.place(slot);
+    }
+}
+
+const UNLOADED: FaceLoad<'static> = FaceLoad { pressure: &[0.0; 3], traction: &[] };
+const LOADED: FaceLoad<'static> =
+    FaceLoad { pressure: &[0.3, -0.2, 0.4], traction: &[0.1, -0.2, 0.3, 0.2, 0.1, -0.1, -0.3, 0.1, 0.2] };
+
+fn waved(x: &[f64], stretch: f64, size: f64, a: f64) -> Vec<f64> {
+    x.iter().enumerate().map(|(i, x)| stretch * x + size * (i as f64 * a).sin()).collect()
+}
+
+fn mix(a: &[f64], b: &[f64], s: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + s * (b - a)).collect()
+}
+
+fn forces(system: &System, place: Place<'_>, load: FaceLoad<'_>) -> Vec<f64> {
+    let mut f = vec![0.0; place.at.len()];
+    system.forces(place, load, &mut f);
+    f
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Forces without load are the gradient of the energy, component by component.
+#[test]
+fn forces_are_the_gradients_of_the_energies() {
+    for kind in [Kind::Membranes, Kind::Field, Kind::Quads, Kind::Cables, Kind::Reefing] {
+        let system = system_of(&patch(), kind);
+        let x = waved(&system.model.reference, 1.1, 0.05, 2.1);
+        let f = forces(&system, Place::only(&x), UNLOADED);
+        let h = 1e-5;
+        for i in 0..x.len() {
+            let energy = |s: f64| {
+                let mut x = x.clone();
+                x[i] += s;
+                system.energy(&x)
+            };
+            let slope = (energy(h) - energy(-h)) / (2.0 * h);
+            assert!((f[i] - slope).abs() < 1e-8, "{kind:?} {i}: {} {slope}", f[i]);
+        }
+        assert!(norm(&f) > 1e-3, "{kind:?} carries something");
+    }
+}
+
+/// All kinds of forces that depend on places: the blocks of the tangent, where the new places count with any weight.
+#[test]
+fn tangents_are_the_derivatives_of_the_forces() {
+    for kind in [Kind::Membranes, Kind::Quads, Kind::Cables, Kind::Reefing, Kind::Bent, Kind::QuadDamping] {
+        let mut system = system_of(&patch(), kind);
+        let n = system.model.reference.len();
+        let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
+        let x1 = waved(&x0, 1.02, 0.03, 1.3);
+        system.anchor(&x0);
+        for weight in [0.5, 0.7, 1.0] {
+            for seed in [0.9, 1.7] {
+                let d: Vec<f64> = (0..n).map(|i| (i as f64 * seed).sin()).collect();
+                let force = |s: f64| {
+                    let end: Vec<f64> = x1.iter().zip(&d).map(|(x, d)| x + s * d).collect();
+                    forces(&system, Place { at: &mix(&x0, &end, weight), end: &end, weight }, LOADED)
+                };
+                let h = 1e-5;
+                let (up, down) = (force(h), force(-h));
+                let at = mix(&x0, &x1, weight);
+                let mut kd = vec![0.0; n];
+                let place = Place { at: &at, end: &x1, weight };
+                let plain = forces(&system, place, LOADED);
+                system.tangent(place, LOADED, weight, 0.0, &mut kd);
+                assert!(largest_difference(&plain, &kd) < 1e-14, "{kind:?}: the same forces");
+                system.matrix.apply(&mut d.clone(), &mut kd);
+                for i in 0..n {
+                    let slope = (up[i] - down[i]) / (2.0 * h);
+                    assert!((slope - kd[i]).abs() < 1e-7, "{kind:?} {weight} {i}: {slope} {}", kd[i]);
+                }
+            }
+        }
+    }
+}
+
+/// What is computed near some nodes alone is in their rows what is computed for all, also when it is done twice.
+#[test]
+fn rows_of_some_nodes_are_those_of_all() {
+    for kind in [Kind::Membranes, Kind::Quads, Kind::Cables, Kind::Reefing, Kind::Bent] {
+        let mut system = system_of(&patch(), kind);
+        let n = system.model.reference.len();
+        let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
+        let x1 = waved(&x0, 1.02, 0.03, 1.3);
+        let at = mix(&x0, &x1, 0.7);
+        system.anchor(&x0);
+        let place = Place { at: &at, end: &x1, weight: 0.7 };
+        let (full, mut out) = (forces(&system, place, LOADED), vec![0.0; n]);
+        system.tangent(place, LOADED, 0.7, 3.0, &mut out);
+        let blocks = system.matrix.values.clone();
+        let w: Vec<f64> = (0..n).map(|i| (i as f64 * 0.3).cos()).collect();
+        let mut inertia = vec![0.0; n];
+        system.add_mass_product(&w, &mut inertia);
+        for node in 0..n / 3 {
+            let active: Vec<bool> = (0..n / 3).map(|k| k == node).collect();
+            system.balance_near(&active, place, LOADED, &w, &mut out);
+            for i in 3 * node..3 * node + 3 {
+                assert!(
+                    (out[i] - full[i] - inertia[i]).abs() < 1e-14,
+                    "{kind:?} {i}: {} {}",
+                    out[i],
+                    full[i]
+                );
+            }
+            system.matrix.values.iter_mut().flatten().flatten().for_each(|v| *v = 7.0);
+            system.tangent_near(&active, place, LOADED, 0.7, 3.0, &mut out);
+            system.tangent_near(&active, place, LOADED, 0.7, 3.0, &mut out);
+            for i in 3 * node..3 * node + 3 {
+                assert!((out[i] - full[i]).abs() < 1e-14, "{kind:?} {i}: {} {}", out[i], full[i]);
+            }
+            for slot in system.matrix.row(node) {
+                let (a, b) = (system.matrix.values[slot].as_flattened(), blocks[slot].as_flattened());
+                assert!(largest_difference(a, b) < 1e-14, "{kind:?} {node}: {a:?} {b:?}");
+            }
+        }
+    }
+}
+
+/// The drag of lines depends on velocities, and on the turn of segments, which the tangent leaves out: a motion
+/// of all nodes alike turns none.
+#[test]
+fn the_drag_of_lines_has_its_derivative_by_velocity() {
+    let mut system = system_of(&patch(), Kind::Drag);
+    let n = system.model.reference.len();
+    let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
+    let x1 = waved(&x0, 1.0, 0.1, 1.3);
+    system.anchor(&x0);
+    for weight in [0.5, 0.7, 1.0] {
+        for c in 0..3 {
+            let d: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i % 3 == c))).collect();
+            let force = |s: f64| {
+                let end: Vec<f64> = x1.iter().zip(&d).map(|(x, d)| x + s * d).collect();
+                forces(&system, Place { at: &mix(&x0, &end, weight), end: &end, weight }, UNLOADED)
+            };
+            let h = 1e-6;
+            let (up, down) = (force(h), force(-h));
+            let (at, mut kd) = (mix(&x0, &x1, weight), vec![0.0; n]);
+            system.tangent(Place { at: &at, end: &x1, weight }, UNLOADED, weight, 0.0, &mut kd);
+            system.matrix.apply(&mut d.clone(), &mut kd);
+            assert!(norm(&kd) > 0.01, "{kd:?}");
+            for i in 0..n {
+                let slope = (up[i] - down[i]) / (2.0 * h);
+                assert!((slope - kd[i]).abs() < 1e-7, "{weight} {c} {i}: {slope} {}", kd[i]);
+            }
+        }
+    }
+}
+
+/// Over a step, forces in the middle do the work of stresses over the change of Green strains, exactly: what
+/// damping is said to take is the work of its forces. That of the air is its force at the end.
+#[test]
+fn damping_takes_the_work_of_its_forces() {
+    for (kind, without, weight) in [
+        (Kind::SheetDamping, None, 0.5),
+        (Kind::QuadDamping, Some(Kind::Quads), 0.5),
+        (Kind::LineDamping, None, 0.5),
+        (Kind::Drag, None, 1.0),
+    ] {
+        let mut system = system_of(&patch(), kind);
+        let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
+        let x1 = waved(&x0, 1.1, 0.08, 1.3);
+        let at = mix(&x0, &x1, weight);
+        let place = Place { at: &at, end: &x1, weight };
+        system.anchor(&x0);
+        let mut f = forces(&system, place, UNLOADED);
+        if let Some(kind) = without {
+            let mut elastic = system_of(&patch(), kind);
+            elastic.anchor(&x0);
+            let all = forces(&elastic, place, UNLOADED);
+            f.iter_mut().zip(all).for_each(|(f, e)| *f -= e);
+        }
+        let du: Vec<f64> = x1.iter().zip(&x0).map(|(b, a)| b - a).collect();
+        let (work, taken) = (dot(&f, &du), system.dissipation(&x0, &x1));
+        assert!((work - taken).abs() < 1e-13 && taken.abs() > 1e-3, "{kind:?}: {work} {taken}");
+        if kind == Kind::Drag {
+            // Action and reaction; the reinforcement lies on fabric and has no drag of its own.
+            let air = system.air_force(&x1);
+            let sum: [f64; 3] = std::array::from_fn(|c| f.iter().skip(c).step_by(3).sum());
+            assert!((0..3).all(|c| (air[c] + sum[c]).abs() < 1e-14), "{air:?} {sum:?}");
+        }
+    }
+}
+
+/// A step of averaged strains in the middle does the work of the energy that a linear law stores, exactly, also of lines
+/// that are strained at rest.
+#[test]
+fn steps_of_averaged_strains_store_their_work() {
+    for kind in [Kind::Membranes, Kind::Quads, Kind::Cables, Kind::Reefing] {
+        let mut system = system_of(&patch(), kind);
+        let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
+        let x1 = waved(&x0, 1.1, 0.05, 1.3);
+        system.anchor(&x0);
+        let at = mix(&x0, &x1, 0.5);
+        let f = forces(&system, Place { at: &at, end: &x1, weight: 0.5 }, UNLOADED);
+        let du: Vec<f64> = x1.iter().zip(&x0).map(|(b, a)| b - a).collect();
+        let (work, stored) = (dot(&f, &du), system.energy(&x1) - system.energy(&x0));
+        assert!((work - stored).abs() < 1e-13 && stored > 1e-3, "{kind:?}: {work} {stored}");
+    }
+}
+
+/// From the unstressed shape elements of a linear law take `2 beta / dt` times the energy that they store: stress and
+/// strain are both proportional.
+#[test]
+fn damping_is_in_proportion_to_the_energy() {
+    let kinds = [
+        (Kind::SheetDamping, Kind::Membranes),
+        (Kind::QuadDamping, Kind::Quads),
+        (Kind::LineDamping, Kind::Cables),
+    ];
+    for (damped, elastic) in kinds {
+        let mut m = patch();
+        // Lines are as long as they are without their strain at rest.
+        for c in &mut m.cables {
+            let [a, b] = c.nodes.map(|n| m.coords[n as usize]);
+            let length = (0..3).map(|i| (b[i] - a[i]).powi(2)).sum::<f64>().sqrt();
+            c.rest_length = length / (1.0 - 2.0 * LINE[2]).sqrt();
+        }
+        let [mut damped_one, elastic_one] = [damped, elastic].map(|k| system_of(&m, k));
+        let x0 = elastic_one.model.reference.clone();
+        let x1 = waved(&x0, 1.1, 0.05, 1.3);
+        damped_one.anchor(&x0);
+        let (taken, stored) = (damped_one.dissipation(&x0, &x1), elastic_one.energy(&x1));
+        let exact = 2.0 * DAMPED[0] / DAMPED[1] * stored;
+        assert!((taken / exact - 1.0).abs() < 1e-12, "{damped:?}: {taken} {exact}");
+        // Twice the time, half the rate.
+        damped_one.set_step(2.0 * DAMPED[1]);
+        assert!((damped_one.dissipation(&x0, &x1) / exact - 0.5).abs() < 1e-12, "{damped:?}");
+    }
+}
+
+/// Triangles with the further forces of bent faces have the external load of bilinear elements, and that is what both
+/// take from the inner forces.
+#[test]
+fn bent_faces_have_the_load_of_bilinear_elements() {
+    let m = patch();
+    let pressed = FaceLoad { pressure: LOADED.pressure, traction: &[] };
+    let external = |kind: Kind| {
+        let system = system_of(&m, kind);
+        let x = waved(&system.model.reference, 1.1, 0.05, 2.1);
+        let mut out = vec![0.0; x.len()];
+        system.external(&x, pressed, &mut out);
+        let (full, free) =
+            (forces(&system, Place::only(&x), pressed), forces(&system, Place::only(&x), UNLOADED));
+        let taken: Vec<f64> = free.iter().zip(&full).map(|(a, b)| a - b).collect();
+        assert!(largest_difference(&taken, &out) < 1e-14, "{kind:?}");
+        out
+    };
+    let [flat, bent, exact] = [Kind::Membranes, Kind::Bent, Kind::Quads].map(external);
+    let sum: Vec<f64> = flat.iter().zip(&bent).map(|(a, b)| a + b).collect();
+    assert!(largest_difference(&sum, &exact) < 1e-14 && norm(&bent) > 1e-3);
+}
+
+/// A plane sheet under an affine map: principal strains and stresses, energy, and the resultants of both loads.
+#[test]
+fn an_affine_map_has_its_closed_forms() {
+    let [y, nu, thickness] = FABRIC;
+    let mut m = irregular();
+    m.fixed.clear();
+    let faces = m.faces.len();
+    for kind in [Kind::Membranes, Kind::Quads] {
+        let system = system_of(&m, kind);
+        let (f1, f2) = ([1.2, -0.05], [0.1, 1.1]);
+        let x: Vec<f64> = m
+            .coords
+            .iter()
+            .flat_map(|p| [f1[0] * p[0] + f2[0] * p[1], f1[1] * p[0] + f2[1] * p[1], 0.0])
+            .collect();
+        let e = [0.5 * (dot(&f1, &f1) - 1.0), 0.5 * (dot(&f2, &f2) - 1.0), 0.5 * dot(&f1, &f2)];
+        // Principal values by trace and determinant.
+        let (trace, det) = (e[0] + e[1], e[0] * e[1] - e[2] * e[2]);
+        let root = (0.25 * trace * trace - det).sqrt();
+        let (e1, e2) = (0.5 * trace + root, 0.5 * trace - root);
+        let factor = y / (1.0 - nu * nu);
+        let (s1, s2) = (factor * (e1 + nu * e2), factor * (e2 + nu * e1));
+        let near = |a: [f64; 2], b: [f64; 2]| (0..2).all(|i| (a[i] - b[i]).abs() < 1e-13);
+        let one = &system.loops()[0];
+        assert!(one.strains(&x).iter().all(|e| near(*e, [e1, e2])), "{kind:?}: {e1} {e2}");
+        assert!(one.stresses(&x).iter().all(|(s, _)| near(*s, [s1, s2])), "{kind:?}: {s1} {s2}");
+        let energy = 0.5 * thickness * (s1 * e1 + s2 * e2);
+        assert!((system.energy(&x) / energy - 1.0).abs() < 1e-13, "{kind:?}");
+        let (p, t) = (0.7, [0.1, -0.2, 0.3]);
+        let (pressure, traction) = (vec![p; faces], t.repeat(faces));
+        let load = FaceLoad { pressure: &pressure, traction: &traction };
+        let mut external = vec![0.0; x.len()];
+        system.external(&x, load, &mut external);
+        let area = f1[0] * f2[1] - f1[1] * f2[0];
+        let exact = [area * t[0], area * t[1], area * (t[2] + p)];
+        for c in 0..3 {
+            let sum: f64 = external.iter().skip(c).step_by(3).sum();
+            assert!((sum - exact[c]).abs() < 1e-13, "{kind:?} {c}: {sum} {}", exact[c]);
+        }
+        // Loads count with the other sign among the forces.
+        let (loaded, free) = (forces(&system, Place::only(&x), load), {
+            let none = vec![0.0; faces];
+            forces(&system, Place::only(&x), FaceLoad { pressure: &none, traction: &[] })
+        });
+        let difference: Vec<f64> = free.iter().zip(&loaded).map(|(a, b)| a - b).collect();
+        assert!(largest_difference(&difference, &external) < 1e-14, "{kind:?}");
+    }
+}
+
+/// Tension of lines and of a fading reefing line: A Y (E + E0) l / L, with the share of the force that is left.
+#[test]
+fn tensions_have_their_closed_form() {
+    let m = patch();
+    let system = system_of(&m, Kind::Cables);
+    let x = waved(&system.model.reference, 1.1, 0.05, 2.1);
+    let length = |x: &[f64], a: usize, b: usize| {
+        (0..3).map(|c| (x[3 * b + c] - x[3 * a + c]).powi(2)).sum::<f64>().sqrt()
+    };
+    let [y, area, offset] = LINE;
+    for (c, found) in m.cables.iter().zip(system.loops()[0].tensions(&x)) {
+        let [a, b] = c.nodes.map(|n| n as usize);
+        let l = length(&x, a, b) / c.rest_length;
+        let exact = area * y * (0.5 * (l * l - 1.0) + offset) * l;
+        assert!((found - exact).abs() < 1e-14, "{found} {exact}");
+    }
+    let ties = [[0, 4], [4, 5], [5, 6]];
+    let model = Model::with_ties(&Comm::solo(), &m, &[0; 7], Surface::default(), &ties).expect("a good mesh");
+    let mut line = ReefingLine::new(&model, TensionOnly { youngs_modulus: y }, area, SCHEDULE, SKIRT);
+    line.set_time(2.05);
+    let exact = ties.map(|[a, b]| {
+        let (a, b) = (a as usize, b as usize);
+        // Reefed from the unstressed skirt in the ratio of the lengths.
+        let l = length(&x, a, b) / (length(&model.reference, a, b) * SCHEDULE.length / SKIRT);
+        0.75 * area * y * 0.5 * (l * l - 1.0) * l
+    });
+    let largest = exact.iter().fold(0.0f64, |m, t| m.max(*t));
+    assert!((line.tension(&x) - largest).abs() < 1e-13, "{} {exact:?}", line.tension(&x));
+}
