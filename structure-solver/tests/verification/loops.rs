@@ -421,9 +421,9 @@ fn an_affine_map_has_its_closed_forms() {
         system.external(&x, load, &mut external);
         let area = f1[0] * f2[1] - f1[1] * f2[0];
         let exact = [area * t[0], area * t[1], area * (t[2] + p)];
-        for c in 0..3 {
+        for (c, exact) in exact.into_iter().enumerate() {
             let sum: f64 = external.iter().skip(c).step_by(3).sum();
-            assert!((sum - exact[c]).abs() < 1e-13, "{kind:?} {c}: {sum} {}", exact[c]);
+            assert!((sum - exact).abs() < 1e-13, "{kind:?} {c}: {sum} {exact}");
         }
         // Loads count with the other sign among the forces.
         let (loaded, free) = (forces(&system, Place::only(&x), load), {
