@@ -360,3 +360,35 @@ impl Dynamics {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use mesh::{Cable, CableKind, StructureMesh};
+
+    use super::*;
+
+    /// A triangle and a line twice as long as at rest: each has the largest strain of its own map.
+    #[test]
+    fn strains_have_their_closed_forms() {
+        let mesh = StructureMesh {
+            coords: vec![[0.0; 3], [2.0, 0.0, 0.0], [0.5, 1.5, 0.0], [0.0, 0.0, 3.0]],
+            n_canopy: 3,
+            faces: vec![[0, 1, 2, 2]],
+            face_panel: vec![0],
+            triangles: vec![[0, 1, 2]],
+            triangle_face: vec![0],
+            cables: vec![Cable { nodes: [3, 0], rest_length: 1.5, kind: CableKind::Riser, line: 0 }],
+            ..Default::default()
+        };
+        let model = Model::new(&Comm::solo(), &mesh, &[0; 4]).expect("a good mesh");
+        let mut x = model.reference.clone();
+        (0..3).for_each(|n| x[3 * n] *= 1.2);
+        let found: Vec<_> = strains(&model, &x).collect();
+        assert!(found[0].0 == 0 && (found[0].1 - 0.22).abs() < 1e-14, "{found:?}");
+        assert!(found[1].0 == 3 && (found[1].1 - 1.5).abs() < 1e-14, "{found:?}");
+        assert_eq!((largest_strain(&model, &x), most_strained(&model, &x)), (found[1].1, 3));
+        // Slack lines do not count.
+        x[11] = 0.1;
+        assert_eq!((largest_strain(&model, &x), most_strained(&model, &x)), (found[0].1, 0));
+    }
+}

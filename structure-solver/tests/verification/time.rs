@@ -130,3 +130,20 @@ fn a_linear_vibration_obeys_the_recurrence_of_the_scheme() {
         assert!(worst < 1e-9, "{rho:?}: {worst}");
     }
 }
+
+/// A load without a number fails in the first step after all halvings, 0.1 s / 2^8: its end is when it failed.
+#[test]
+fn a_failure_has_the_time_of_its_step() {
+    let m = sheet(2, 1.0);
+    let mut d =
+        Dynamics::new(membrane(&m, StVenantKirchhoff::isotropic(1e6, 0.3)), params(Scheme::newmark(), 0.0));
+    let p = vec![f64::NAN; m.faces.len()];
+    let load = LoadPath { pressure: [&p; 2], traction: [&[]; 2] };
+    let failure = d.window(0.3, 3, load, [0.0; 3], false).expect_err("no number");
+    let exact = 0.1 / 256.0;
+    assert_eq!(failure.cuts, 8);
+    assert!(
+        (failure.time / exact - 1.0).abs() < 1e-12 && (failure.dt / exact - 1.0).abs() < 1e-12,
+        "{failure}"
+    );
+}
