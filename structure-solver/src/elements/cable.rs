@@ -152,6 +152,26 @@ mod tests {
         }
     }
 
+    /// The stress of the averaged strain where its work covers the energy, also from slack to taut; the least that does
+    /// elsewhere.
+    #[test]
+    fn a_step_is_corrected_where_it_must_be() {
+        let law = TensionOnly { youngs_modulus: 5.0 };
+        let stored = |e: f64| 0.5 * law.stress(e).0 * e;
+        for (a, b, w, corrected) in [
+            (-0.05, 0.3, 0.6, false),
+            (-0.3, 0.3, 0.6, true),
+            (-0.05, 0.3, 0.5, true),
+            (0.1, 0.3, 0.5, false),
+            (0.3, -0.25, 0.6, false),
+        ] {
+            let plain = law.stress(w * b + (1.0 - w) * a).0;
+            let exact = if corrected { (stored(b) - stored(a)) / (b - a) } else { plain };
+            assert!((step(&law, a, b, w).0 - exact).abs() < 1e-14, "{w} {a} {b}");
+            assert_eq!(stored(b) - stored(a) > plain * (b - a) + 1e-12, corrected, "{w} {a} {b}");
+        }
+    }
+
     /// Pre-stress S0 at rest length; released at the length where Y E = -S0.
     #[test]
     fn a_prestressed_line_pulls_at_its_rest_length() {
