@@ -78,7 +78,7 @@ fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all:
     }
     all.push(Box::new(Membranes::new(model, law, f.thickness_m, f.density_kg_m3)));
     if !model.split_faces.is_empty() {
-        all.push(Box::new(BentFaces::new(model)));
+        all.push(Box::new(BentFaces::new(model, f.thickness_m, f.density_kg_m3)));
     }
     if damping > 0.0 {
         all.push(Box::new(MembraneDamping::new(model, law, f.thickness_m, damping)));

@@ -1,34 +1,59 @@
-//! Pressure on the faces of four nodes that two triangles approximate: what it lacks to that on the flow's wall.
+//! Faces of four nodes that two triangles approximate: load and mass are the mean of both ways to cut them.
+//!
+//! The flow's wall on such a face encloses the mean of the volumes under both pairs of triangles, so the load on it is the
+//! mean of both pairs' loads ([`load::bend_force`]). The mass must be shared in the same way: on a flat sheet whose diagonals
+//! alternate, each node would else have 4/3 or 2/3 of the mass that belongs to its load, and a uniform pressure would
+//! shake it at the length of its faces.
 
 use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
 use crate::elements::load;
-use crate::elements::mass::MassMatrix;
+use crate::elements::mass::{self, MassMatrix};
 use crate::model::{Model, SplitFace};
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, scale};
+use crate::vec3::{Mat3, Vec3, add_at, add_block, at, norm, scale};
 
-/// The further forces of [`load::bend_force`] on all split faces; they have neither mass nor strain energy.
+/// The two triangles of a face, and those of the other cut.
+const CUTS: [[[usize; 3]; 2]; 2] = [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]];
+
+struct Face {
+    nodes: [u32; 4],
+    face: u32,
+    slots: [[u32; 4]; 4],
+    /// Mass, kg.
+    mass: f64,
+    /// Shares of the face in the triangles of [`CUTS`], unstressed.
+    shares: [[f64; 2]; 2],
+}
+
+/// What the elements of all split faces lack in load and mass to the mean of both cuts. They add no mass and no strain energy.
 pub struct BentFaces {
-    faces: Vec<(SplitFace, [[u32; 4]; 4])>,
+    faces: Vec<Face>,
 }
 
 impl BentFaces {
-    /// Of all split faces of `model`.
-    pub fn new(model: &Model) -> Self {
-        Self { faces: model.split_faces.iter().map(|&f| (f, [[ELSEWHERE; 4]; 4])).collect() }
+    /// Of all split faces of `model`: thickness in m, density in kg/m3.
+    pub fn new(model: &Model, thickness: f64, density: f64) -> Self {
+        let of = |f: &SplitFace| {
+            let x = corners(&f.nodes, &model.reference);
+            let areas = CUTS.map(|cut| cut.map(|t| norm(load::area_vector(&t.map(|n| x[n])))));
+            let shares = areas.map(|[a, b]| if a + b > 0.0 { [a / (a + b), b / (a + b)] } else { [0.5; 2] });
+            let mass = thickness * density * areas[0].iter().sum::<f64>();
+            Face { nodes: f.nodes, face: f.face, slots: [[ELSEWHERE; 4]; 4], mass, shares }
+        };
+        Self { faces: model.split_faces.iter().map(of).collect() }
     }
 
     /// Adds `factor` times the further forces on the faces that touch a node for which `active` is true.
     fn add(&self, active: impl Fn(u32) -> bool, factor: f64, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        for (f, _) in self.faces.iter().filter(|(f, _)| f.nodes.iter().any(|&n| active(n))) {
-            let force = load::bend_force(factor * load.pressure[f.face as usize], &corners(f, x));
+        for f in self.faces.iter().filter(|f| f.nodes.iter().any(|&n| active(n))) {
+            let force = load::bend_force(factor * load.pressure[f.face as usize], &corners(&f.nodes, x));
             f.nodes.iter().zip(force).for_each(|(&n, f)| add_at(out, n as usize, f));
         }
     }
 }
 
 #[inline(always)]
-fn corners(face: &SplitFace, x: &[f64]) -> [Vec3; 4] {
-    face.nodes.map(|n| at(x, n as usize))
+fn corners(nodes: &[u32; 4], x: &[f64]) -> [Vec3; 4] {
+    nodes.map(|n| at(x, n as usize))
 }
 
 impl ElementLoop for BentFaces {
@@ -46,13 +71,13 @@ impl ElementLoop for BentFaces {
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        for (f, slots) in &self.faces {
-            let (p, x) = (load.pressure[f.face as usize], corners(f, place.at));
+        for f in &self.faces {
+            let (p, x) = (load.pressure[f.face as usize], corners(&f.nodes, place.at));
             let force = load::bend_force(p, &x);
             f.nodes.iter().zip(force).for_each(|(&n, f)| add_at(out, n as usize, scale(-1.0, f)));
             let k = load::bend_tangent(-factor * p, &x);
-            for n in (0..4).filter(|&n| slots[n][n] != ELSEWHERE) {
-                (0..4).for_each(|m| add_block(&mut blocks[slots[n][m] as usize], &k[n][m]));
+            for n in (0..4).filter(|&n| f.slots[n][n] != ELSEWHERE) {
+                (0..4).for_each(|m| add_block(&mut blocks[f.slots[n][m] as usize], &k[n][m]));
             }
         }
     }
@@ -69,18 +94,29 @@ impl ElementLoop for BentFaces {
         0.0
     }
 
-    /// Without mass, but the matrix gets the blocks between all corners.
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        self.faces.iter().map(|(f, _)| (f.nodes.to_vec(), 0.0)).collect()
+        self.faces.iter().map(|f| (f.nodes.to_vec(), f.mass)).collect()
     }
 
-    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
-        vec![0.0; 16]
+    /// Half of the other cut's shares less half of the elements' own: their sum is zero.
+    fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64> {
+        let mut all = [[0.0; 4]; 4];
+        let triangle = mass::shares::<3>(kind);
+        for ((cut, shares), half) in CUTS.iter().zip(self.faces[element].shares).zip([-0.5, 0.5]) {
+            for (nodes, share) in cut.iter().zip(shares) {
+                for (i, &n) in nodes.iter().enumerate() {
+                    for (j, &m) in nodes.iter().enumerate() {
+                        all[n][m] += half * share * triangle[i][j];
+                    }
+                }
+            }
+        }
+        all.as_flattened().to_vec()
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for (f, slots) in &mut self.faces {
-            *slots = f.nodes.map(|n| f.nodes.map(|m| slot(n, m)));
+        for f in &mut self.faces {
+            f.slots = f.nodes.map(|n| f.nodes.map(|m| slot(n, m)));
         }
     }
 }
@@ -122,7 +158,7 @@ mod tests {
         );
         let mut loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(Membranes::new(&model, material, 0.1, 2.0))];
         if bent {
-            loops.push(Box::new(BentFaces::new(&model)));
+            loops.push(Box::new(BentFaces::new(&model, 0.1, 2.0)));
         }
         System::new(model, loops, MassMatrix::Consistent)
     }
@@ -154,6 +190,48 @@ mod tests {
         for i in 0..n {
             let difference = (up[i] - down[i]) / (2.0 * h);
             assert!((difference - kd[i]).abs() < 1e-8, "{i}: {difference} {}", kd[i]);
+        }
+    }
+
+    /// A flat square sheet with alternating diagonals: each node has the mass that belongs to its load, so that a uniform
+    /// pressure moves all alike; total and, of the consistent matrix, a rigid motion's energy stay.
+    #[test]
+    fn a_uniform_pressure_moves_a_flat_sheet_as_one() {
+        let mut mesh = StructureMesh { n_canopy: 16, ..Default::default() };
+        mesh.coords = (0..16).map(|i| [f64::from(i % 4), f64::from(i / 4), 0.0]).collect();
+        for j in 0..3 {
+            for i in 0..3 {
+                let a = i + 4 * j;
+                let face = [a, a + 1, a + 5, a + 4];
+                let cut = CUTS[((i + j) % 2) as usize];
+                mesh.triangles.extend(cut.map(|t| t.map(|n| face[n])));
+                mesh.triangle_face.extend([mesh.faces.len() as u32; 2]);
+                mesh.faces.push(face);
+                mesh.face_panel.push(0);
+            }
+        }
+        for kind in [MassMatrix::Consistent, MassMatrix::Lumped] {
+            for bent in [false, true] {
+                let model = Model::new(&Comm::solo(), &mesh, &[0; 16]).expect("a good mesh");
+                let law = TensionField::new(7.0, 0.3);
+                let mut loops: Vec<Box<dyn ElementLoop>> =
+                    vec![Box::new(Membranes::new(&model, law, 0.1, 2.0))];
+                if bent {
+                    loops.push(Box::new(BentFaces::new(&model, 0.1, 2.0)));
+                }
+                let system = System::new(model, loops, kind);
+                let x = system.model.reference.clone();
+                let mut force = vec![0.0; 48];
+                system.external(&x, FaceLoad { pressure: &[0.2; 9], traction: &[] }, &mut force);
+                // 0.2 Pa on 0.2 kg/m2.
+                let mut inertia = vec![0.0; 48];
+                system.add_mass_product(&[0.0, 0.0, 1.0].repeat(16), &mut inertia);
+                let off = force.iter().zip(&inertia).fold(0.0f64, |m, (f, i)| m.max((f - i).abs()));
+                assert!(off < 1e-15, "{kind:?} {bent}: {off}");
+                assert!((system.total_mass() - 1.8).abs() < 1e-14);
+                let middle = system.lumped_mass(5) / 0.2;
+                assert!((middle - if bent { 1.0 } else { 4.0 / 3.0 }).abs() < 1e-14, "{middle}");
+            }
         }
     }
 
