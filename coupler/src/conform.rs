@@ -349,7 +349,11 @@ impl Battery<'_> {
         let text = format!("{n} and {} substeps: {coarse:.1e} and {fine:.1e} from {}", 2 * n, 4 * n);
         // More substeps must not lead away. Where they do not resolve the shortest waves yet (a canopy that is let go), the
         // differences need not fall, but nor do they grow.
-        Ok(if fine <= (2.0 * coarse).max(self.tolerance) { Verdict::Passed(text) } else { Verdict::Failed(text) })
+        Ok(if fine <= (2.0 * coarse).max(self.tolerance) {
+            Verdict::Passed(text)
+        } else {
+            Verdict::Failed(text)
+        })
     }
 
     fn restores(&self) -> Result<Verdict, RunError> {

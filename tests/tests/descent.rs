@@ -73,7 +73,8 @@ fn balance(history: &History) -> [f64; 3] {
 
 /// 20 windows of `square-drop`. The impulse that the structure passes on is that of the air: the two differ by a
 /// second difference of the load in each window, which adds up to nothing. No energy appears; what goes is the structure's
-/// numerical damping (spectral radius 0.9) and the coupling's share of its first windows.
+/// numerical damping (spectral radius 0.9). The release is a jump of the load, which the rates of the wall answer with first
+/// order: 2 % of what was exchanged so far may appear on the way, as in the hard cases, and none at the end.
 #[test]
 fn momentum_and_energy_of_a_descent_are_in_balance() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -81,7 +82,7 @@ fn momentum_and_energy_of_a_descent_are_in_balance() {
     succeed(ripstop_run(&small(folder.path(), &[]), &out, &["--quiet"]));
     let [most, end, missing] = balance(&History::read(&out, "descent"));
     assert!(missing < 0.01, "{missing}");
-    assert!(most < 0.01 && end > -0.05, "{most} {end}");
+    assert!(most < 0.02 && (-0.05..0.005).contains(&end), "{most} {end}");
 }
 
 /// The same over 1000 windows: neither grows with time.
@@ -96,5 +97,5 @@ fn momentum_and_energy_of_a_long_descent_are_in_balance() {
     assert_eq!(history.len(), 1000);
     let [most, end, missing] = balance(&history);
     assert!(missing < 0.01, "{missing}");
-    assert!(most < 0.01 && end > -0.05, "{most} {end}");
+    assert!(most < 0.02 && (-0.05..0.005).contains(&end), "{most} {end}");
 }

@@ -23,12 +23,12 @@ fn summary(out: &Path) -> serde_json::Value {
     serde_json::from_str(&text).expect("JSON")
 }
 
-/// With 60 iterations a step of LU-SGS keeps most of its residual: an error that names window, figures and
+/// With 30 iterations a step of LU-SGS keeps most of its residual: an error that names window, figures and
 /// remedies, and with `--accept-unconverged` a warning, its repetition with the count, columns and counts.
 #[test]
 fn a_flow_that_runs_out_of_iterations_is_an_error_unless_accepted() {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = lu_sgs(folder.path(), Some(60), "1e-4");
+    let scene = lu_sgs(folder.path(), Some(30), "1e-4");
     let out = folder.path().join("refused");
     let failed = ripstop_run(&scene, &out, &["--quiet"]).output().expect("starts");
     let words = String::from_utf8_lossy(&failed.stderr);
