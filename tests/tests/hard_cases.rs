@@ -71,11 +71,11 @@ fn answers_converged(case: &str, history: &History) {
     }
 }
 
-/// Share of the work that the coupling may create after a release: a jump of the load, to which the rates of the wall
-/// answer with first order, so that it is no rounding; none of it may feed a motion. What it takes damps.
-const CREATED: f64 = 0.02;
+/// Share of the work that the coupling may create. A release is a jump of the load, to which the rates of the wall answer with
+/// first order: on `full-pressure` 2.2, 0.6 and 0.2 % are created with windows of 5, 2.5 and 1.25 ms. What it takes damps.
+const CREATED: f64 = 0.03;
 
-/// The same bound with half the window (`change` of the scene): what is small at one window by chance is not at both.
+/// Half of that bound with half the window (`change` of the scene).
 fn creates_no_energy_with_half_the_window(case: &str, stage: &str, change: (&str, &str)) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
@@ -83,7 +83,7 @@ fn creates_no_energy_with_half_the_window(case: &str, stage: &str, change: (&str
     succeed(ripstop_run(&file, &out, &["--quiet"]));
     let half = Flown::new(History::read(&out, stage)).last("interface_energy_error_share");
     eprintln!("{case}: energy {half:+.4} of the work with half the window");
-    assert!((-0.05..CREATED).contains(&half), "{case}: {half} of the work with half the window");
+    assert!((-0.05..0.5 * CREATED).contains(&half), "{case}: {half} of the work with half the window");
 }
 
 /// The same case with the paper's staggered sequence must end with an error that says where,
