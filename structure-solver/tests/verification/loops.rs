@@ -91,7 +91,7 @@ fn system_of(mesh: &StructureMesh, kind: Kind) -> System {
                 let law = TensionOnly { youngs_modulus };
                 Box::new(ReefingLine::new(&model, law, area, SCHEDULE, SKIRT))
             }
-            Kind::Bent => Box::new(BentFaces::new(&model)),
+            Kind::Bent => Box::new(BentFaces::new(&model, thickness, 2.0)),
             Kind::Drag => Box::new(LineDrag::new(&model, Cylinder::new(1.2, 0.1, 1.1, 0.2))),
             Kind::SheetDamping => Box::new(MembraneDamping::new(&model, elastic, thickness, DAMPED[0])),
             Kind::LineDamping => Box::new(CableDamping::new(&model, line, area, offset, DAMPED[0])),
