@@ -315,7 +315,9 @@ impl Model {
         for &face in &faces {
             let nodes = mesh.faces[face];
             let x = nodes.map(|n| mesh.coords[n as usize]);
-            let reference = quad::Reference::new(x, warp(face)).ok_or(ModelError::BadQuad { face, nodes })?;
+            // One axis for all points of an element, so that their strains have a mean.
+            let axis = warp(face).unwrap_or_else(|| crate::vec3::sub(x[1], x[0]));
+            let reference = quad::Reference::new(x, Some(axis)).ok_or(ModelError::BadQuad { face, nodes })?;
             quads.push(Quad { nodes: nodes.map(local), face: face as u32, reference });
         }
         quads.sort_by_key(|q| q.nodes[0] >= n_owned);

@@ -65,7 +65,7 @@ pub fn bend_tangent(p: f64, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
     let [u, v, w] = edges(x).map(|e| skew(scale(p / 12.0, e)));
     let negative = |m: &Mat3| m.map(|row| scale(-1.0, row));
     let zero = [[0.0; 3]; 3];
-    // d(v x w) = [v] dw - [w] dv, and so on around.
+    // d(v x w) = [v] dw - [w] dv, and so on around. The volume is linear in each corner: no block on the diagonal.
     let mut k = [[zero; 4]; 4];
     k[1] = [zero, zero, negative(&w), v];
     k[2] = [zero, w, zero, negative(&u)];
@@ -75,7 +75,6 @@ pub fn bend_tangent(p: f64, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
             let block = k[n][m];
             add_block(&mut k[n][0], &negative(&block));
             add_block(&mut k[0][m], &negative(&block));
-            add_block(&mut k[0][0], &block);
         }
     }
     k

@@ -10,7 +10,7 @@ use structure_solver::loops::{
     Place, Quads, ReefingLine, Schedule,
 };
 use structure_solver::materials::{StVenantKirchhoff, TensionField};
-use structure_solver::model::{Model, Surface, Warp};
+use structure_solver::model::{Model, Surface};
 use structure_solver::system::System;
 
 use crate::common::*;
@@ -69,9 +69,7 @@ fn patch() -> StructureMesh {
 /// Elements of one kind alone, and their system with the pattern of all others, which carry nothing.
 fn system_of(mesh: &StructureMesh, kind: Kind) -> System {
     let quads = matches!(kind, Kind::Quads | Kind::QuadDamping);
-    // One direction for all points of a face: strains have a mean only in the same axes.
-    let warp = quads.then_some(Warp::Vector([1.0, 0.3, 0.1]));
-    let surface = Surface { quadrilaterals: quads, warp };
+    let surface = Surface { quadrilaterals: quads, warp: None };
     let owner = vec![0; mesh.coords.len()];
     let ties = [[0, 4], [4, 5], [5, 6]];
     let model = Model::with_ties(&Comm::solo(), mesh, &owner, surface, &ties).expect("a good mesh");
