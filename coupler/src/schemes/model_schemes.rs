@@ -26,7 +26,7 @@ const MOST_SOLVES: usize = 25;
 
 /// Changes of the model's load below this share of the load teach nothing, or below the tolerance where that is
 /// smaller: the flow then solves more closely.
-const TINY_STEP: f64 = 1e-3;
+const LEAST_STEP: f64 = 1e-3;
 
 /// Windows whose ends are kept: what the highest order of extrapolation takes, and one to choose the order by.
 const ENDS: usize = MOST_ORDER + 2;
@@ -340,13 +340,9 @@ impl Sequence for BlockQuasiNewton {
         self.balance.measured(visit, x, &mut self.remainder);
         if let Some((inertia, before)) = self.last.take() {
             let step: Vec<f64> = self.balance.answer.iter().zip(&inertia).map(|(a, b)| a - b).collect();
-            // The answer to a tiny step is noise of the flow's tolerance.
-            let tiny = TINY_STEP.min(visit.criterion.tolerance);
-            let load = norm(&visit.end.load);
-            if norm(&step) > tiny * load {
-                let change = self.remainder.iter().zip(&before).map(|(a, b)| a - b).collect();
-                self.balance.model.learn(step, change, load);
-            }
+            let change = self.remainder.iter().zip(&before).map(|(a, b)| a - b).collect();
+            let least = LEAST_STEP.min(visit.criterion.tolerance);
+            self.balance.model.learn(step, change, least, norm(&visit.end.load));
         }
         self.last = Some((self.balance.answer.clone(), self.remainder.clone()));
         structure_under_flow(visit, self.balance.load, &mut self.felt)?;
