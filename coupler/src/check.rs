@@ -1,10 +1,10 @@
 //! `ripstop check`: what would run, and why.
 
 use case::{Acceleration, CouplingOrder, LoadShape, Scheme, Solve, StageKind, StaggeredSequence};
+use coupling::error::RunError;
 
 use crate::checks::Inspection;
 use crate::effects::effects;
-use crate::error::RunError;
 use crate::launch::{LaunchPlan, program_folder};
 use crate::run::{Prepared, RunOptions, prepare};
 use crate::stages::{descent_model, windows};

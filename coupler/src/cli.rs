@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use case::Role;
 use clap::{Args, Parser, Subcommand};
+use coupling::error::RunError;
 
 use crate::checkpoint;
 use crate::effects::measure::{Runs, measurements};
-use crate::error::RunError;
 use crate::launch::Console;
 use crate::recording::stand_in::StandIn;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};

@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window};
+use coupling::error::RunError;
+use coupling::partners::{LoadOverWindow, Partners};
 
-use crate::error::RunError;
 use crate::hub_partners::HubPartners;
 use crate::launch::Console;
-use crate::partners::{LoadOverWindow, Partners};
 use crate::recording::{Event, Reader};
 use crate::replay::{Rehearsal, Trial, halves};
 

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use case::Scene;
+use coupling::error::RunError;
 
-use crate::error::RunError;
 use crate::history;
 use crate::recording::compare::Comparison;
 use crate::recording::{Event, Reader, stage_file};

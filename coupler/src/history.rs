@@ -10,11 +10,10 @@ use std::path::{Path, PathBuf};
 
 use case::{Role, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
-
-use crate::balance::SystemBalance;
-use crate::energy::EnergyBooks;
-use crate::error::RunError;
-use crate::schemes::WindowReport;
+use coupling::balance::SystemBalance;
+use coupling::energy::EnergyBooks;
+use coupling::error::RunError;
+use coupling::schemes::WindowReport;
 
 /// First column that differs from run to run; all after it do too.
 pub const FIRST_WALL_COLUMN: &str = "structure_wall_s";

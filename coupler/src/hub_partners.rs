@@ -10,13 +10,13 @@ use channel::{
     Abort, Arrivals, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, OWN_SURFACE, RoleOptions, Stats, Who,
     Window, flow_stats, mesh_stats, structure_stats,
 };
+use coupling::error::{Place, RunError};
+use coupling::interface::CanopyInterface;
+use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
+use coupling::structure_energy::EnergyCreated;
+use coupling::transfer::{OwnSurface, surface_file};
 
-use crate::error::{Place, RunError};
-use crate::interface::CanopyInterface;
-use crate::launch::{Casualty, Console, Program, Supervisor, Usage};
-use crate::partners::{Answer, LoadOverWindow, Partners};
-use crate::structure_energy::EnergyCreated;
-use crate::transfer::{OwnSurface, surface_file};
+use crate::launch::{Casualty, Console, Program, Supervisor};
 
 /// How long a dead rank's launcher may take to say what happened.
 const FATE: Duration = Duration::from_millis(1500);
@@ -218,7 +218,11 @@ impl<'a> HubPartners<'a> {
         let said = self.hub.announcement(Role::Structure);
         let Some(said) = said.filter(|a| a.effects.iter().any(|e| e == OWN_SURFACE)) else { return Ok(None) };
         let refuse = |message| RunError::Channel { place: self.place.clone(), message };
-        let own = OwnSurface::read(&surface_file(folder), interface).map_err(refuse)?;
+        let file = surface_file(folder);
+        let text = std::fs::read_to_string(&file).map_err(|e| e.to_string());
+        let own = text.and_then(|text| OwnSurface::parse(&text, interface));
+        let bad = |why| refuse(format!("the structure's own surface, {}: {why}", file.display()));
+        let own = own.map_err(bad)?;
         let [nodes, faces] = own.sizes();
         if (nodes as u64, faces as u64) != (said.canopy_nodes, said.canopy_faces) {
             return Err(refuse(format!(

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use case::{Clock, Role, Scene, StageTimes};
 use clap::Args;
+use coupling::error::RunError;
 use mesh::{FlowGrid, StructureMesh};
 use serde::Serialize;
 
-use crate::error::RunError;
 use crate::run::{Prepared, RunOptions, prepare};
 
 /// Arguments of `ripstop mesh`.

@@ -4,11 +4,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use case::{Canopy, Scene};
+use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
 use plotters::prelude::*;
 
-use crate::error::RunError;
 use crate::history;
-use crate::interface::CanopyInterface;
 use crate::recording::compare::{Comparison, FIELDS};
 use crate::stages::descent_model;
 

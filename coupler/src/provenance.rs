@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::SystemTime;
 
-use crate::error::RunError;
+use coupling::error::RunError;
+
 use crate::launch::program_folder;
 
 /// The programs that a result depends on, with the folders of their own sources.

@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use case::{Role, Scene};
 use channel::{LOAD_WIDTH, Window};
+use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
+use coupling::partners::{LoadOverWindow, Partners};
 
-use crate::error::RunError;
 use crate::hub_partners::{HubPartners, SessionOptions};
-use crate::interface::CanopyInterface;
 use crate::launch::{Console, LaunchPlan, program_folder};
-use crate::partners::{LoadOverWindow, Partners};
 use crate::recording::compare::Comparison;
 use crate::recording::{Channel, Event, Moment, Reader, stage_file};
 use crate::run::{Prepared, RunOptions, Scratch, asked, keep_scene, lock, prepare, shorten};

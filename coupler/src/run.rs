@@ -8,19 +8,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use case::{Role, Scene, StageKind};
+use coupling::error::{Place, RunError};
+use coupling::interface::CanopyInterface;
+use coupling::partners::Partners;
+use coupling::schemes::InterfaceState;
 
 use crate::checkpoint::{self, Progress, Record};
 use crate::checks::Inspection;
 use crate::effects::effects;
-use crate::error::{Place, RunError};
 use crate::hub_partners::{HubPartners, SessionOptions};
-use crate::interface::CanopyInterface;
 use crate::launch::{Console, LaunchPlan, program_folder};
-use crate::partners::Partners;
 use crate::recording::compare::Comparison;
 use crate::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
 use crate::replay::copy_states;
-use crate::schemes::InterfaceState;
 use crate::settings::{Setting, changed};
 use crate::stages::{StageContext, StageOptions, initial_state};
 use crate::summary::{RunSummary, StageSummary};

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use case::{Canopy, Override, Scene};
+use coupling::error::RunError;
 use toml::{Table, Value};
 
-use crate::error::RunError;
 use crate::stability::family::set;
 
 /// A value of the scene that the command line changes.

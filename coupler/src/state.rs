@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use coupling::error::RunError;
+use coupling::schemes::InterfaceState;
 use serde::{Deserialize, Serialize};
-
-use crate::error::RunError;
-use crate::schemes::InterfaceState;
 
 const MAGIC: [u8; 8] = *b"ripcoupl";
 const VERSION: u32 = 1;

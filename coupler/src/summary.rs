@@ -4,14 +4,14 @@ use std::path::Path;
 
 use case::{Role, Stage, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
+use coupling::convergence::Convergence;
+use coupling::energy::CREATED;
+use coupling::error::RunError;
+use coupling::partners::Usage;
 use serde::{Deserialize, Serialize};
 
 use crate::checks::Finding;
-use crate::convergence::Convergence;
-use crate::energy::CREATED;
-use crate::error::RunError;
 use crate::history::Row;
-use crate::launch::Usage;
 use crate::progress::clock;
 
 /// Where the wall seconds of a stage went: the keys of [`StageSummary`] and their names.
@@ -199,7 +199,7 @@ impl StageSummary {
         self.interface_energy_error_share = row.books.share();
         let structure = &report.stats[Role::Structure as usize].values;
         self.structure_energy_created_j = structure[structure_stats::ENERGY_CREATED_SUM];
-        self.structure_energy_created_share = crate::structure_energy::share(structure);
+        self.structure_energy_created_share = coupling::structure_energy::share(structure);
         self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
         self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
         self.speeds.push((row.descent_speed_m_s, report.force[2]));
@@ -290,7 +290,7 @@ impl RunSummary {
             ));
         }
         for s in self.stages.iter().filter(|s| s.windows > 0) {
-            let created = crate::structure_energy::note(s.structure_energy_created_share);
+            let created = coupling::structure_energy::note(s.structure_energy_created_share);
             let given_back = if s.rejected > 0 {
                 format!("; {} windows given back, shortest {:.2e} s", s.rejected, s.shortest_window_s)
             } else {

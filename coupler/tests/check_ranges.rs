@@ -7,7 +7,7 @@ use std::path::Path;
 
 use coupler::checks::facts::{Facts, Machine};
 use coupler::checks::{Finding, Inspection, Severity, When, all};
-use coupler::interface::CanopyInterface;
+use coupling::interface::CanopyInterface;
 
 mod changes;
 
@@ -118,7 +118,7 @@ const DURING: &[(&str, &str, &str)] = &[
     ),
     (
         "structure.convergence",
-        "coupler/src/convergence.rs",
+        "crates/coupling/src/convergence.rs",
         "ten_times_the_target_is_an_error_unless_accepted",
     ),
     (
@@ -128,20 +128,20 @@ const DURING: &[(&str, &str, &str)] = &[
     ),
     (
         "flow.turbulence-convergence",
-        "coupler/src/convergence.rs",
+        "crates/coupling/src/convergence.rs",
         "ten_times_the_target_is_an_error_unless_accepted",
     ),
     ("flow.steady", "flow-solver/tests/convergence.rs", "a_march_never_ends_in_a_step_that_is_not_solved"),
     ("mesh.convergence", "mesh-mover/tests/motion.rs", "a_jump_over_several_layers_is_cut_into_increments"),
     (
         "structure.energy",
-        "coupler/src/structure_energy.rs",
+        "crates/coupling/src/structure_energy.rs",
         "a_balance_beyond_its_bound_is_an_error_with_figures",
     ),
     ("mesh.quality", "tests/tests/grid_stuck.rs", "the_last_good_state_is_saved_and_goes_on"),
     (
         "flow.impossible",
-        "coupler/src/flow_bounds.rs",
+        "crates/coupling/src/flow_bounds.rs",
         "flows_that_were_measured_pass_and_impossible_ones_do_not",
     ),
     (
@@ -150,11 +150,19 @@ const DURING: &[(&str, &str, &str)] = &[
         "the_pressure_at_the_release_is_compared_where_a_flow_was_developed",
     ),
     ("stages.at-rest", "coupler/src/stages/pre_inflation.rs", "a_canopy_that_swings_before_a_flow_is_named"),
-    ("coupling.convergence", "coupler/src/schemes/tests.rs", "plain_iteration_diverges_and_says_so"),
-    ("coupling.interface-energy", "coupler/src/energy.rs", "a_late_force_creates_energy_and_is_told_once"),
-    ("descent.downward", "coupler/src/descent_limits.rs", "nothing_falls_faster_than_what_pulls_it"),
-    ("descent.upward", "coupler/src/descent_limits.rs", "nothing_rises_faster_than_its_lines_pull"),
-    ("descent.impulse", "coupler/src/balance.rs", "an_impulse_that_the_structure_leaves_out_is_said_once"),
+    ("coupling.convergence", "crates/coupling/src/schemes/tests.rs", "plain_iteration_diverges_and_says_so"),
+    (
+        "coupling.interface-energy",
+        "crates/coupling/src/energy.rs",
+        "a_late_force_creates_energy_and_is_told_once",
+    ),
+    ("descent.downward", "crates/coupling/src/descent_limits.rs", "nothing_falls_faster_than_what_pulls_it"),
+    ("descent.upward", "crates/coupling/src/descent_limits.rs", "nothing_rises_faster_than_its_lines_pull"),
+    (
+        "descent.impulse",
+        "crates/coupling/src/balance.rs",
+        "an_impulse_that_the_structure_leaves_out_is_said_once",
+    ),
 ];
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use coupler::checks::document::markdown;
 use coupler::checks::facts::{Facts, Machine};
 use coupler::checks::{Check, Inspection, Severity, When, all};
-use coupler::interface::CanopyInterface;
+use coupling::interface::CanopyInterface;
 
 /// Scenes of the repository with their warnings on a large machine. Each is right: the ATPS has the paper's soft
 /// modulus (Green strain 0.16, 0.22 at 20.4 Pa); `square-drop` and the hard cases made from it start at 4 m/s, below

@@ -6,7 +6,7 @@ use coupler::effects::estimate::Scope;
 use coupler::effects::numbers::Numbers;
 use coupler::effects::rank::Ranking;
 use coupler::effects::table::TABLE;
-use coupler::interface::CanopyInterface;
+use coupling::interface::CanopyInterface;
 
 mod changes;
 

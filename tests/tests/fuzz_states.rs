@@ -22,7 +22,7 @@ fn as_is(_: &mut Vec<u8>) {}
 #[test]
 fn states_of_the_coupler() {
     let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
-    let state = coupler::schemes::InterfaceState {
+    let state = coupling::schemes::InterfaceState {
         displacement: (0..18).map(f64::from).collect(),
         load: Some(vec![2.0; 16]),
         load_before: Some(vec![1.5; 16]),

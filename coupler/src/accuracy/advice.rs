@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use coupling::error::RunError;
 use serde::Serialize;
 
 use super::coverage::{self, NotAssessed};
@@ -9,7 +10,6 @@ use super::judge::Outcome;
 use super::page::percent;
 use super::study::Study;
 use super::verify::{Verified, verify};
-use crate::error::RunError;
 use crate::progress::clock;
 
 /// What the user asks for.

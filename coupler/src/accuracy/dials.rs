@@ -1,10 +1,10 @@
 //! The parameters: what each changes in a scene, and which scenes have it.
 
 use case::{Canopy, Integration, Role, Scene, Solve, Stage, StageKind};
+use coupling::error::RunError;
 use toml::{Table, Value};
 
 use crate::effects::table::TABLE;
-use crate::error::RunError;
 use crate::stability::family::{SchemeChoice, set};
 use crate::stages::windows;
 

@@ -1,9 +1,9 @@
 //! An estimate of the cost of a scene before any run.
 
 use case::{Integration, Role, Scene, Solve, StageKind};
+use coupling::interface::CanopyInterface;
 
 use super::cost::Counts;
-use crate::interface::CanopyInterface;
 use crate::stages::windows;
 
 /// Coupling iterations of a window.

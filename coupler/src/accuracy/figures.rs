@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use coupling::error::RunError;
+
 use super::answer::Estimate;
 use super::chart::{Axis, Bar, COLOURS, Figure, GREY, INK, Mark, Panel, Series, short};
 use super::fly::Record;
 use super::judge::Outcome;
 use super::study::{SWEEP, Study};
-use crate::error::RunError;
 use crate::summary::STAGE_PARTS;
 
 /// Errors below this share are not shown on logarithmic axes.

@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use coupling::error::{Place, RunError};
+use coupling::interface::CanopyInterface;
 use serde::{Deserialize, Serialize};
 
 use super::cost::{self, Cost, Sizes};
 use super::estimate;
 use super::running::Progress;
 use super::study::{Member, Study};
-use crate::error::{Place, RunError};
-use crate::interface::CanopyInterface;
 use crate::launch::Console;
 use crate::provenance;
 

@@ -1,10 +1,10 @@
 //! Parameters of a study: those that a scene names, or default ones that fit it.
 
 use case::{Scene, Solve};
+use coupling::error::RunError;
 
 use super::dials::{Dial, Kind, Setting};
 use super::study::Turned;
-use crate::error::RunError;
 
 /// A parameter as the scene names it.
 ///

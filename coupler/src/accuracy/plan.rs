@@ -2,9 +2,10 @@
 
 use std::io::{BufRead, IsTerminal, Write};
 
+use coupling::error::RunError;
+
 use super::fly::{Flight, Queue};
 use super::study::Study;
-use crate::error::RunError;
 use crate::progress::clock;
 
 /// Estimated cost of the runs that are missing.

@@ -4,11 +4,11 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use case::{Measured, Quantity, Role, Scene, StageKind, Take};
+use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
 use mesh::Vec3;
 
-use crate::error::RunError;
 use crate::history;
-use crate::interface::CanopyInterface;
 
 /// Column of `history.csv`, how it becomes a number by default, the programs that must run.
 fn column(of: Measured) -> Option<(&'static str, Take, Role)> {

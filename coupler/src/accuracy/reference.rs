@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
+use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 
 use super::cost::COUNTS;
 use super::fly::Record;
 use super::judge::Outcome;
 use super::study::Study;
-use crate::error::RunError;
 
 /// Counts may grow by this share.
 const DEARER: f64 = 0.10;

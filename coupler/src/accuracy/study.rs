@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use case::{Canopy, Quantity, Scene};
+use coupling::error::RunError;
 
 use super::dials::{Dial, Kind, Setting};
 use super::fly::key_of;
 use super::parameters::{default_sweep, defaults, turned};
 use super::quantities;
-use crate::error::RunError;
 
 /// A parameter with its values in the study.
 #[derive(Clone, Debug)]

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use coupling::error::RunError;
+
 use super::cost::COUNTS;
 use super::fly::Record;
 use super::judge::{Outcome, within};
 use super::study::Study;
-use crate::error::RunError;
 
 fn number(x: Option<f64>) -> String {
     x.filter(|x| x.is_finite()).map_or_else(String::new, |x| format!("{x:.6e}"))

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use case::Scene;
+use coupling::error::RunError;
 
 use super::progress::Progress;
 use super::record::Record;
 use super::seal::Seal;
 use super::{draft, old, remove};
-use crate::error::RunError;
 
 /// Where a run can go on.
 #[derive(Clone, Debug)]

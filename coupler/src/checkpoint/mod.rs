@@ -11,6 +11,7 @@ mod record;
 mod seal;
 mod trim;
 
+use coupling::error::RunError;
 pub use find::{Point, find, hint};
 pub use progress::Progress;
 pub use record::Record;
@@ -18,8 +19,6 @@ pub use seal::{Seal, seal};
 pub use trim::trim;
 
 use std::path::{Path, PathBuf};
-
-use crate::error::RunError;
 
 /// The folder beside `state` that a state is written to first.
 pub fn draft(state: &Path) -> PathBuf {

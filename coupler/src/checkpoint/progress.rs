@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
+use coupling::energy::EnergyBooks;
+use coupling::error::RunError;
+use coupling::flow_bounds::FlowBounds;
 use serde::{Deserialize, Serialize};
 
 use super::unusable;
-use crate::energy::EnergyBooks;
-use crate::error::RunError;
-use crate::flow_bounds::FlowBounds;
 use crate::summary::StageSummary;
 
 const FILE: &str = "progress.bin";

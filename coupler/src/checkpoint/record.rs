@@ -6,12 +6,12 @@ use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use case::Scene;
+use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::changes::{changes, harmless};
 use super::find::Point;
-use crate::error::RunError;
 
 const FILE: &str = "resume.json";
 const FORMAT: u32 = 1;

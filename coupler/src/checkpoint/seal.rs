@@ -3,10 +3,10 @@
 use std::fs::{self, File};
 use std::path::Path;
 
+use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 
 use super::unusable;
-use crate::error::RunError;
 
 const FILE: &str = "seal.bin";
 const MAGIC: [u8; 8] = *b"ripseal\0";

@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::error::RunError;
+use coupling::error::RunError;
 
 /// Cuts all tables (`.csv`) and series (`.pvd`) in `folder` back to the end of `windows` windows,
 /// at `time` (s). What programs write there begins with the column `window` or `time_s`.

@@ -147,7 +147,7 @@ mod tests {
 
     use super::super::facts::Machine;
     use super::*;
-    use crate::interface::CanopyInterface;
+    use coupling::interface::CanopyInterface;
 
     /// What `judge` finds in the small descent with a change.
     fn found(judge: fn(&Facts<'_>) -> Vec<Judged>, change: impl Fn(&mut case::Scene)) -> Vec<String> {

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use case::{Canopy, Role, Scene, Stage, StageKind};
+use coupling::interface::CanopyInterface;
 use mesh::{CableKind, GridSizes, MeshError, StructureMesh};
 
 use crate::effects::numbers::Numbers;
-use crate::interface::CanopyInterface;
 
 /// What a machine offers a run.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
+use coupling::error::RunError;
+
 use super::facts::{Facts, Machine};
 use super::finding::{Finding, Judged, Severity};
 use super::table::{Check, When, all};
-use crate::error::RunError;
 use crate::launch::Console;
 use crate::run::{Prepared, RunOptions};
 use crate::settings::Setting;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene, StageKind, Take};
+use coupling::error::RunError;
 
 use super::measure::Work;
 use crate::accuracy::quantities::reduce;
-use crate::error::RunError;
 use crate::history;
 use crate::launch::Console;
 use crate::replay::copy_states;

@@ -1,9 +1,8 @@
 //! Numbers of a scene that tell which effects matter in it.
 
 use case::{Canopy, GAS_CONSTANT, HEAT_RATIO, Role, Scene, StageKind, StageTimes};
+use coupling::interface::CanopyInterface;
 use mesh::{CableKind, StructureMesh};
-
-use crate::interface::CanopyInterface;
 
 /// Dynamic viscosity of air at sea level, Pa s, where the scene is inviscid.
 const AIR_VISCOSITY: f64 = 1.789e-5;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use case::{Canopy, Scene};
+use coupling::interface::CanopyInterface;
 use proptest::prelude::*;
 
 use super::rank::{Ranked, Ranking, Verdict, refused};
@@ -10,7 +11,6 @@ use super::table::entry;
 use super::*;
 use crate::effects::estimate::Scope;
 use crate::effects::numbers::Numbers;
-use crate::interface::CanopyInterface;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")

@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
+use coupling::error::RunError;
+
 use super::estimate::{Amount, RESOLUTION, Scope, percent};
 use super::fall::{Motion, QUANTITIES};
 use super::numbers::Numbers;
 use super::rank::{Ranked, Ranking, Verdict};
 use super::table::TABLE;
-use crate::error::RunError;
 use crate::run::{Prepared, RunOptions, prepare};
 
 /// The table as Markdown, a section for each effect.

@@ -4,8 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use case::{Role, Scene};
-
-use crate::error::RunError;
+use coupling::error::RunError;
 
 /// One program of a stage, ready to be started.
 #[derive(Clone, Debug)]

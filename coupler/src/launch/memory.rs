@@ -6,9 +6,8 @@
 use std::path::Path;
 
 use case::{Role, Scene};
-
-use crate::error::RunError;
-use crate::interface::CanopyInterface;
+use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
 
 /// Where it is.
 const PLACE: &str = "/dev/shm";

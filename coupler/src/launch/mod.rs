@@ -15,7 +15,6 @@ pub(crate) use command::quote;
 pub use command::{LaunchPlan, Program, program_folder, split_words, this_program};
 pub use console::Console;
 pub use supervisor::{Casualty, Supervisor};
-pub use usage::Usage;
 
 #[cfg(test)]
 mod tests;

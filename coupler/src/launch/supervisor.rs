@@ -11,11 +11,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use case::Role;
+use coupling::error::RunError;
+use coupling::partners::Usage;
 
 use super::process::{self, Seen};
-use super::usage::{Usage, usage};
+use super::usage::usage;
 use super::{Console, Program};
-use crate::error::RunError;
 
 /// Time that a program's own message is given to arrive over the channel before
 /// its exit alone is reported.

@@ -2,16 +2,9 @@
 
 use std::fs;
 
-use super::process;
+use coupling::partners::Usage;
 
-/// Processor time and memory of all ranks of a program on this host.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Usage {
-    /// Processor seconds, of the program and of the system for it.
-    pub cpu_s: f64,
-    /// Sum over the ranks of the most memory that each held, bytes.
-    pub peak_bytes: u64,
-}
+use super::process;
 
 /// A word of no command line: orphans belong to no program.
 const NOBODY: &str = "\n";

@@ -3,12 +3,12 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use coupling::error::RunError;
 use tiny_skia::{PathBuilder, Pixmap, Rect, Stroke, Transform};
 
 use super::colour::{COOL, PAPER, pick};
 use super::raster::Rgb;
 use super::text;
-use crate::error::RunError;
 
 /// Colour of a value from 0 to 1.
 pub(crate) fn shade(t: f64) -> Rgb {

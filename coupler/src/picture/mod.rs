@@ -12,6 +12,7 @@ use std::path::PathBuf;
 
 use case::StageKind;
 use clap::Args;
+use coupling::error::RunError;
 use mesh::Vec3;
 use mesh::vtk::read::Piece;
 use tiny_skia::{PathBuilder, Pixmap, Rect, Stroke, Transform};
@@ -21,7 +22,6 @@ use self::raster::{Place, Raster};
 use self::results::{Kind, Results, Structure, field};
 use self::slice::{Patch, Plane};
 use self::view::{Body, View, at_points, bounds};
-use crate::error::RunError;
 use crate::launch::Console;
 
 /// Where the eye of the canopy pictures stands: azimuth and elevation, degrees.

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use case::Scene;
+use coupling::error::RunError;
 use mesh::vtk::read::{Column, Piece, Snapshot, snapshots};
-
-use crate::error::RunError;
 
 /// Time (s), canopy, and lines if the snapshot has some.
 pub(crate) type Structure = (f64, Piece, Option<Piece>);

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use case::Role;
 use channel::Window;
+use coupling::error::{Place, RunError};
+use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
 
 use super::compare::Comparison;
 use super::recorder::load_rows;
 use super::{Event, Reader};
-use crate::error::{Place, RunError};
-use crate::launch::{Console, Usage};
-use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::launch::Console;
 
 /// Asks `partners`, and compares with what the recording says.
 pub struct Baseline<'a, P> {

@@ -5,11 +5,10 @@ use std::time::{Duration, Instant};
 
 use case::Role;
 use channel::Window;
+use coupling::error::RunError;
+use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
 
 use super::{Event, Moment, RecordingError, Writer};
-use crate::error::RunError;
-use crate::launch::Usage;
-use crate::partners::{Answer, LoadOverWindow, Partners};
 
 /// Asks `partners`, and writes down what was asked and answered.
 pub struct Recorder<P> {

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use case::{Scene, StageKind};
+use coupling::error::RunError;
 use serde_json::Value;
 
-use crate::error::RunError;
 use crate::history;
 use crate::picture::results::{Kind, Results};
 

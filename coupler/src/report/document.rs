@@ -1,14 +1,14 @@
 //! A report as sections of texts, tables, charts and pictures, before it is a page or Markdown.
 
 use case::StageKind;
+use coupling::error::RunError;
 
 use super::bars::Bars;
 use super::chart::Chart;
 use super::data::{Run, StageData, text};
 use super::frames::{self, StageFrames};
 use super::pack::{Packed, pack};
-use super::{coupling, facts, origin, stage};
-use crate::error::RunError;
+use super::{coupling_quality, facts, origin, stage};
 use crate::picture::results::Kind;
 use crate::picture::{canopy_png, flow_png};
 use crate::progress::clock;
@@ -107,7 +107,7 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
     if let Some(slices) = slices(run, &mut missing)? {
         sections.push(slices);
     }
-    sections.extend(coupling::section(run, main));
+    sections.extend(coupling_quality::section(run, main));
     for earlier in run.stages.iter().filter(|s| s.index != main.index) {
         sections.push(stage::section(run, earlier, of_stage(earlier)));
     }

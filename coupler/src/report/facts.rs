@@ -1,11 +1,11 @@
 //! The numbers at the top of the page.
 
 use case::{Role, StageKind};
+use coupling::interface::CanopyInterface;
 
 use super::chart::digits;
 use super::data::{Run, StageData, number};
 use super::document::Card;
-use crate::interface::CanopyInterface;
 use crate::plot;
 use crate::progress::clock;
 use crate::stages::{descent_model, windows};

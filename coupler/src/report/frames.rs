@@ -1,12 +1,12 @@
 //! The snapshots of a stage's canopy: what is measured on each, and which go into the page.
 
+use coupling::error::RunError;
 use mesh::Vec3;
 use mesh::vtk::read::Piece;
 
 use super::data::{Run, StageData};
 use super::openings::{area, area_vector, skirt_and_vents};
 use super::shape::Shape;
-use crate::error::RunError;
 use crate::picture::results::Kind;
 
 /// Most snapshots of a stage that are read: enough for a smooth curve.

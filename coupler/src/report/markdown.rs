@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use coupling::error::RunError;
+
 use super::document::{Block, Document, Section, Table};
-use crate::error::RunError;
 
 /// Files of a report in the making.
 struct Files<'a> {

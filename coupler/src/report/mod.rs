@@ -6,7 +6,7 @@
 
 mod bars;
 mod chart;
-mod coupling;
+mod coupling_quality;
 mod data;
 mod document;
 mod facts;
@@ -26,9 +26,9 @@ mod tests;
 use std::path::PathBuf;
 
 use clap::Args;
+use coupling::error::RunError;
 
 use self::data::Run;
-use crate::error::RunError;
 use crate::launch::Console;
 
 /// What to report and how.

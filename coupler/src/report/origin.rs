@@ -1,13 +1,13 @@
 //! What ran, where, and what it warned of.
 
 use case::Role;
+use coupling::interface::CanopyInterface;
 
 use super::data::{Run, number, text};
 use super::document::{Block, Section, Table};
 use super::facts::progress;
 use crate::checks::Finding;
 use crate::effects::TABLE;
-use crate::interface::CanopyInterface;
 
 /// Scene, machine, versions, command, stages.
 pub(super) fn section(run: &Run) -> Section {

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use coupling::error::RunError;
 use mesh::vtk::{Series, Values, write_surface};
 
 use super::chart::{Chart, Series as Curve, digits};
 use super::data::Run;
 use super::{document, html, markdown};
-use crate::error::RunError;
 
 const SCENE: &str = include_str!("../../../cases/square-drop/scene.toml");
 

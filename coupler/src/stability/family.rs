@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use case::Scene;
+use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::exact::Exact;
-use crate::error::RunError;
 
 /// A member is flown for one period of its first mode, but for no more windows than this and
 /// no fewer than [`LEAST_WINDOWS`]: what is unstable shows within some tens.

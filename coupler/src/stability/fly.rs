@@ -6,11 +6,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
+use coupling::error::{Place, RunError};
 use serde::{Deserialize, Serialize};
 
 use super::family::{Member, Point};
 use super::verdict::{Seen, Verdict};
-use crate::error::{Place, RunError};
 use crate::history;
 use crate::launch::Console;
 

@@ -3,10 +3,11 @@
 
 use std::path::Path;
 
+use coupling::error::RunError;
+
 use super::family::{Axes, SchemeChoice};
 use super::fly::Flown;
 use super::verdict::Class;
-use crate::error::RunError;
 use crate::picture::canvas::{Canvas, Pixels, Svg, shade};
 
 const CELL: [f32; 2] = [76.0, 44.0];

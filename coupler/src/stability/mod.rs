@@ -10,11 +10,11 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
+use coupling::error::RunError;
 
 pub use self::exact::Exact;
 use self::family::{Axes, SchemeChoice, members};
 use self::verdict::Class;
-use crate::error::RunError;
 use crate::launch::Console;
 
 /// Which family to fly.

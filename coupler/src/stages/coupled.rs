@@ -2,20 +2,20 @@
 
 use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme, Wind};
 use channel::{LOAD_WIDTH, Window, structure_stats};
-
-use super::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
-use super::{StageContext, Stepper};
-use crate::balance::{SystemBalance, WindowTerms};
-use crate::descent::{DescentModel, Weight};
-use crate::descent_limits::Limits;
-use crate::error::RunError;
-use crate::interface::CanopyInterface;
-use crate::partners::Partners;
-use crate::schemes::{
+use coupling::balance::{SystemBalance, WindowTerms};
+use coupling::descent::{DescentModel, Weight};
+use coupling::descent_limits::Limits;
+use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
+use coupling::partners::Partners;
+use coupling::schemes::{
     AddedMassRelaxation, Air, Criterion, Field, FlowModel, InterfaceState, JacobiRelaxation, Lattice,
     MEAN_WEIGHTS, Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop, WindowReport,
     accelerator, needs_model, pack, unpack,
 };
+
+use super::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
+use super::{StageContext, Stepper};
 
 pub(super) struct Coupled<'a> {
     interface: &'a CanopyInterface,

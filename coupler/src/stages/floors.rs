@@ -10,9 +10,8 @@
 //! - descent speed: what gravity gives, or the scale of the load where there is no gravity.
 
 use case::{Scene, StageKind};
-
-use crate::interface::CanopyInterface;
-use crate::schemes::{InterfaceState, LoadFloor};
+use coupling::interface::CanopyInterface;
+use coupling::schemes::{InterfaceState, LoadFloor};
 
 /// Share of the way that the air moves past the canopy in a window, and of the way that the load's scale
 /// moves the fabric, below which a change of shape over the window is no measure for convergence any more.

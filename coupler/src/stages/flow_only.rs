@@ -2,12 +2,12 @@
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window};
+use coupling::convergence::Judge;
+use coupling::error::{Place, RunError};
+use coupling::partners::Partners;
+use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 use super::{StageContext, Stepper, force, require_finite};
-use crate::convergence::Judge;
-use crate::error::{Place, RunError};
-use crate::partners::Partners;
-use crate::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 pub(super) struct FlowOnly {
     place: Place,

@@ -14,22 +14,22 @@ use std::time::{Duration, Instant};
 
 use case::{DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence};
 use channel::{Window, flow_stats};
+use coupling::balance::SystemBalance;
+use coupling::convergence::Judge;
+use coupling::descent::{DescentModel, PayloadDrag, Weight};
+use coupling::energy::{Circumstances, EnergyBooks};
+use coupling::error::{Place, RunError};
+use coupling::flow_bounds::{self, FlowBounds};
+use coupling::interface::CanopyInterface;
+use coupling::partners::Partners;
+use coupling::schemes::{InterfaceState, WindowReport};
+use coupling::structure_energy;
 
 use self::clock::WindowClock;
-use crate::balance::SystemBalance;
 use crate::checkpoint::{self, Seal};
-use crate::convergence::Judge;
-use crate::descent::{DescentModel, PayloadDrag, Weight};
-use crate::energy::{Circumstances, EnergyBooks};
-use crate::error::{Place, RunError};
-use crate::flow_bounds::{self, FlowBounds};
 use crate::history::{History, Iterations, Row};
-use crate::interface::CanopyInterface;
 use crate::launch::Console;
-use crate::partners::Partners;
 use crate::progress::Progress;
-use crate::schemes::{InterfaceState, WindowReport};
-use crate::structure_energy;
 use crate::summary::StageSummary;
 
 /// Windows given back that are told one by one.
@@ -247,7 +247,7 @@ impl StageContext<'_> {
         let mut ended = if windows < self.windows() { "stopped as asked" } else { "complete" }.to_owned();
         let mut done = first;
         let mut clock = match self.resumed {
-            Some(p) => crate::schemes::unpack(&p.clock)?,
+            Some(p) => coupling::schemes::unpack(&p.clock)?,
             None => WindowClock::new(stage.window_s, self.adaptive(partners)),
         };
         let mut progress = Progress::new(self.console, &stage.name, stage.kind, clock.planned(), windows);
@@ -334,7 +334,9 @@ impl StageContext<'_> {
             if let Some(text) = stepper.warning() {
                 self.console.warning(&format!("window {index} of stage `{}`: {text}", stage.name));
             }
-            if let Some(text) = structure_energy::warning(summary, &row) {
+            let structure = &row.report.stats[Role::Structure as usize].values;
+            let known = summary.structure_energy_created_share;
+            if let Some(text) = structure_energy::warning(known, structure) {
                 self.console.warning(&format!("window {index} of stage `{}`: {text}", stage.name));
             }
             history.push(&row)?;
@@ -513,7 +515,7 @@ impl StageContext<'_> {
                 windows,
                 time_s,
                 stepper: stepper.memory(),
-                clock: crate::schemes::pack(clock),
+                clock: coupling::schemes::pack(clock),
                 books,
                 flow_bounds,
                 summary: so_far,

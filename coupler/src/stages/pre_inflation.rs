@@ -2,13 +2,13 @@
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window, structure_stats};
+use coupling::convergence::Judge;
+use coupling::error::{Place, RunError};
+use coupling::partners::{LoadOverWindow, Partners};
+use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 use super::{StageContext, Stepper, require_finite};
 use crate::checks::AT_REST;
-use crate::convergence::Judge;
-use crate::error::{Place, RunError};
-use crate::partners::{LoadOverWindow, Partners};
-use crate::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 pub(super) struct PreInflation {
     place: Place,

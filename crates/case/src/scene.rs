@@ -751,7 +751,7 @@ pub enum Scheme {
 /// Load on the structure over the substeps of one window.
 ///
 /// Substeps between two looks at the flow decide the stability of even a fully
-/// converged window: see `coupler::schemes`, module `load_shape`.
+/// converged window: see `coupling::schemes`, module `load_shape`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LoadShape {

@@ -7,7 +7,6 @@ use case::Role;
 use channel::{Stats, Window};
 
 use crate::error::RunError;
-use crate::launch::Usage;
 
 /// Load of the canopy over a window, each `[faces][LOAD_WIDTH]` (Pa).
 #[derive(Clone, Copy)]
@@ -25,6 +24,15 @@ pub struct Answer {
     pub stats: Stats,
     /// Wall seconds from question to answer.
     pub wall_s: f64,
+}
+
+/// Processor time and memory of all ranks of a program on this host.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Usage {
+    /// Processor seconds, of the program and of the system for it.
+    pub cpu_s: f64,
+    /// Sum over the ranks of the most memory that each held, bytes.
+    pub peak_bytes: u64,
 }
 
 /// The solver programs of a stage. Each question may be repeated within a

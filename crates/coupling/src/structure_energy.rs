@@ -4,11 +4,7 @@
 //! the coupler acts on it for any program that reports one, so that no stage ends as complete with
 //! a motion that is an artefact.
 
-use case::Role;
 use channel::{STATS, structure_stats as stat};
-
-use crate::history::Row;
-use crate::summary::StageSummary;
 
 /// Share of the throughput that time integration may create before a warning.
 const WARNED: f64 = 0.05;
@@ -80,11 +76,11 @@ pub fn note(share: Option<f64>) -> String {
     }
 }
 
-/// Energy was created beyond [`WARNED`] for the first time since `before`, the summary up to this window.
-pub fn warning(before: &StageSummary, row: &Row) -> Option<String> {
-    let values = &row.report.stats[Role::Structure as usize].values;
+/// Energy was created beyond [`WARNED`] for the first time: `before` is the [`share`] up to the window before, `values` are the
+/// structure's statistics of this one.
+pub fn warning(before: Option<f64>, values: &[f64; STATS]) -> Option<String> {
     let now = share(values).filter(|s| *s > WARNED)?;
-    let known = before.structure_energy_created_share.is_some_and(|s| s > WARNED);
+    let known = before.is_some_and(|s| s > WARNED);
     (!known).then(|| {
         format!(
             "time integration of the structure has created {:.2e} J, {:.1} % of its energy throughput (warned above \
@@ -126,15 +122,11 @@ mod tests {
 
     #[test]
     fn the_first_window_above_five_per_cent_warns() {
-        let mut row = Row::default();
-        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../cases/square-drop/scene.toml");
-        let mut summary = StageSummary::new(&case::load(scene.as_ref()).expect("a scene").stages[0]);
-        row.report.stats[Role::Structure as usize].values = values(0.4, 0.2);
-        assert_eq!(warning(&summary, &row), None);
-        row.report.stats[Role::Structure as usize].values = values(0.6, 0.2);
-        assert!(warning(&summary, &row).expect("a warning").contains("6.0 %"));
-        summary.add(&row);
-        assert_eq!(warning(&summary, &row), None);
-        assert!(note(summary.structure_energy_created_share).contains("6.0 %"));
+        assert_eq!(warning(None, &values(0.4, 0.2)), None);
+        let (known, now) = (share(&values(0.4, 0.2)), values(0.6, 0.2));
+        assert!(warning(known, &now).expect("a warning").contains("6.0 %"));
+        assert_eq!(warning(share(&now), &now), None);
+        assert!(note(share(&now)).contains("6.0 %"));
+        assert_eq!(note(known), "");
     }
 }

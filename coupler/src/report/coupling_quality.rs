@@ -1,11 +1,12 @@
 //! How the coupling went, and its energy books.
 
+use coupling::energy::CREATED;
+
 use super::chart::digits;
 use super::data::{Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::panels::{COUPLING, charts};
 use super::stage::anchor;
-use crate::energy::CREATED;
 
 /// The section of a coupled stage.
 pub(super) fn section(run: &Run, stage: &StageData) -> Option<Section> {

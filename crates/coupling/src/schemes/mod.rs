@@ -37,7 +37,7 @@ pub use iqn::{IqnIls, IqnOptions};
 pub use jacobi_relaxation::JacobiRelaxation;
 pub use lattice::{Air, Lattice};
 pub use least_squares::Columns;
-pub(crate) use memory::{pack, unpack};
+pub use memory::{pack, unpack};
 
 pub use load_shape::{FlowLoads, MEAN_WEIGHTS, mean_weights, shape_load};
 pub use model_schemes::{AddedMassStaggered, BlockQuasiNewton, SAFE_DENSITY};

@@ -267,7 +267,8 @@ mod tests {
 
     #[test]
     fn masses_of_the_paper() {
-        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/atps-descent/scene.toml");
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
         let canopy = CanopyInterface::new(&case::load(&file).unwrap()).unwrap();
         // DESIGN.md section 6: fabric 5.216 kg, cables 0.701 kg.
         assert!((canopy.masses.fabric - 5.216).abs() < 5e-4, "{:?}", canopy.masses);

@@ -8,7 +8,7 @@ use super::window::WindowLoop;
 use crate::error::RunError;
 
 /// `value` as bytes.
-pub(crate) fn pack(value: &impl Serialize) -> Vec<u8> {
+pub fn pack(value: &impl Serialize) -> Vec<u8> {
     let config = bincode::config::standard().with_fixed_int_encoding();
     // Plain numbers and lists of them: nothing that cannot be written down.
     bincode::serde::encode_to_vec(value, config).expect("plain data can be encoded")
@@ -18,7 +18,7 @@ pub(crate) fn pack(value: &impl Serialize) -> Vec<u8> {
 ///
 /// # Errors
 /// Bytes of another scheme.
-pub(crate) fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, RunError> {
+pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, RunError> {
     let config = bincode::config::standard().with_fixed_int_encoding().with_limit::<{ 1 << 36 }>();
     match bincode::serde::decode_from_slice(bytes, config) {
         Ok((value, used)) if used == bytes.len() => Ok(value),

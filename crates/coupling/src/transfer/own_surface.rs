@@ -24,18 +24,16 @@ pub struct OwnSurface {
 }
 
 impl OwnSurface {
-    /// Reads the surface that the structure of a stage left in `file`.
+    /// From the `text` of the file in which the structure of a stage left its surface ([`surface_file`]).
     ///
     /// # Errors
-    /// A file that is missing or holds no surface of this canopy, in words.
-    pub fn read(file: &Path, canopy: &CanopyInterface) -> Result<Self, String> {
-        let bad = |why: String| format!("the structure's own surface, {}: {why}", file.display());
-        let text = std::fs::read_to_string(file).map_err(|e| bad(e.to_string()))?;
-        let own: Surface = serde_json::from_str(&text).map_err(|e| bad(e.to_string()))?;
+    /// A text that holds no surface of this canopy, in words.
+    pub fn parse(text: &str, canopy: &CanopyInterface) -> Result<Self, String> {
+        let own: Surface = serde_json::from_str(text).map_err(|e| e.to_string())?;
         let mut answer = vec![0.0; 3 * own.nodes.len()];
         if !own.displacement.is_empty() {
             if own.displacement.len() != answer.len() || own.displacement.iter().any(|d| !d.is_finite()) {
-                return Err(bad(format!("its displacement must be {} finite numbers", answer.len())));
+                return Err(format!("its displacement must be {} finite numbers", answer.len()));
             }
             answer.copy_from_slice(&own.displacement);
         }
@@ -43,7 +41,7 @@ impl OwnSurface {
             Surface { nodes: canopy.coords.clone(), faces: canopy.faces.clone(), ..Surface::default() };
         let faces = LOAD_WIDTH * own.faces.len();
         let mut moved = vec![0.0; 3 * scene.nodes.len()];
-        let transfer = Transfer::new(scene, own).map_err(|e| bad(e.to_string()))?;
+        let transfer = Transfer::new(scene, own).map_err(|e| e.to_string())?;
         transfer.motion(&answer, &mut moved);
         Ok(Self {
             transfer,

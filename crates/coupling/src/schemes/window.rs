@@ -97,7 +97,8 @@ impl WindowReport {
         WindowForces { canopy: self.force[2], structure, frame_acceleration: acceleration }
     }
 
-    pub(crate) fn add(&mut self, role: case::Role, answer: Answer) {
+    /// Adds the answer of the program of `role`.
+    pub fn add(&mut self, role: case::Role, answer: Answer) {
         let at = role as usize;
         self.stats[at] = answer.stats;
         self.calls[at] += 1;

@@ -1,0 +1,19 @@
+//! Coupling schemes with their acceleration and their model of the flow, transfer between surfaces, the descent
+//! equation, criteria of convergence and balances of energy and momentum. Nothing here starts a process or opens a file:
+//! the programs are behind [`partners::Partners`], which closed-form models implement as well.
+
+// An error ends the run: its size is no cost.
+#![allow(clippy::result_large_err)]
+
+pub mod balance;
+pub mod convergence;
+pub mod descent;
+pub mod descent_limits;
+pub mod energy;
+pub mod error;
+pub mod flow_bounds;
+pub mod interface;
+pub mod partners;
+pub mod schemes;
+pub mod structure_energy;
+pub mod transfer;
