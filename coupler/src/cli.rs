@@ -8,12 +8,12 @@ use std::time::Duration;
 
 use case::Role;
 use clap::{Args, Parser, Subcommand};
+use console::Console;
 use coupling::error::RunError;
+use results::checkpoint;
+use results::recording::stand_in::StandIn;
 
-use crate::checkpoint;
 use crate::effects::measure::{Runs, measurements};
-use crate::launch::Console;
-use crate::recording::stand_in::StandIn;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
 
@@ -58,7 +58,7 @@ enum Command {
     Replay(crate::replay::ReplayArgs),
     /// Show where two recordings (or the results of two runs) part, and how the difference grows
     #[command(after_help = CODES)]
-    Diff(crate::diff::DiffArgs),
+    Diff(crate::diff_command::DiffArgs),
     /// Drive one program through a battery of questions: does it keep the contract?
     #[command(after_help = CODES)]
     Conform(crate::conform::ConformArgs),
@@ -205,11 +205,11 @@ struct RunArgs {
     #[arg(long, value_name = "DIR")]
     baseline: Option<PathBuf>,
     /// Largest difference from the baseline that is none, as a share of the largest of its field
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff::share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff_command::share)]
     tolerance: f64,
     /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the baseline's
     /// count, rounded up, is no difference [default: other counts are told, not judged]
-    #[arg(long, value_name = "SHARE", requires = "baseline", value_parser = crate::diff::share)]
+    #[arg(long, value_name = "SHARE", requires = "baseline", value_parser = crate::diff_command::share)]
     count_slack: Option<f64>,
     /// End the run where it departs from the baseline
     #[arg(long, requires = "baseline")]
@@ -340,7 +340,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             let stop = on_signals()?;
             compared(crate::accuracy::accuracy(&args, &stop, console)?)
         }
-        Command::Diff(args) => compared(crate::diff::diff(&args)?),
+        Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),
         Command::Check { scene } => {
             let (text, inspection) = crate::check::report(&scene.options())?;

@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window};
+use console::Console;
 use coupling::error::RunError;
 use coupling::partners::{LoadOverWindow, Partners};
+use results::recording::{Event, Reader};
 
 use crate::hub_partners::HubPartners;
-use crate::launch::Console;
-use crate::recording::{Event, Reader};
 use crate::replay::{Rehearsal, Trial, halves};
 
 /// Which program, and how closely it must repeat itself.
@@ -37,7 +37,7 @@ pub struct ConformArgs {
     stage: Option<String>,
     /// How far two answers to one question may lie apart, as a share of the largest number: the
     /// program's own tolerance, where it starts from its last answer
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = crate::diff::share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = crate::diff_command::share)]
     tolerance: f64,
     /// Longest time for one answer, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::cli::seconds)]

@@ -10,13 +10,14 @@ use channel::{
     Abort, Arrivals, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, OWN_SURFACE, RoleOptions, Stats, Who,
     Window, flow_stats, mesh_stats, structure_stats,
 };
+use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
 use coupling::structure_energy::EnergyCreated;
 use coupling::transfer::{OwnSurface, surface_file};
 
-use crate::launch::{Casualty, Console, Program, Supervisor};
+use crate::launch::{Casualty, Program, Supervisor};
 
 /// How long a dead rank's launcher may take to say what happened.
 const FATE: Duration = Duration::from_millis(1500);

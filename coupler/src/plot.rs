@@ -7,9 +7,9 @@ use case::{Canopy, Scene};
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use plotters::prelude::*;
+use results::history;
+use results::recording::compare::{Comparison, FIELDS};
 
-use crate::history;
-use crate::recording::compare::{Comparison, FIELDS};
 use crate::stages::descent_model;
 
 /// Published steady descent speeds of the ATPS, m/s: this method's paper, and

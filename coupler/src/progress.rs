@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 use case::StageKind;
 use channel::structure_stats;
+use console::Console;
+use console::clock;
 use indicatif::{ProgressBar, ProgressStyle};
-
-use crate::history::Row;
-use crate::launch::Console;
+use results::history::Row;
 
 /// Time between plain lines where there is no terminal.
 const EVERY: Duration = Duration::from_secs(5);
@@ -125,16 +125,6 @@ fn energies(kinetic: f64, strain: f64) -> String {
         format!("kinetic/strain energy {ratio:.1e}")
     } else {
         format!("kinetic energy {kinetic:.1e} J, strain energy {strain:.1e} J")
-    }
-}
-
-/// Seconds as `m:ss`, or with a decimal below a minute.
-pub(crate) fn clock(seconds: f64) -> String {
-    if seconds < 60.0 {
-        format!("{seconds:.1} s")
-    } else {
-        let whole = seconds.round() as u64;
-        format!("{}:{:02} min", whole / 60, whole % 60)
     }
 }
 

@@ -7,14 +7,15 @@ use std::time::Duration;
 
 use case::{Role, Scene};
 use channel::{LOAD_WIDTH, Window};
+use console::Console;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use coupling::partners::{LoadOverWindow, Partners};
+use results::recording::compare::Comparison;
+use results::recording::{Channel, Event, Moment, Reader, stage_file};
 
 use crate::hub_partners::{HubPartners, SessionOptions};
-use crate::launch::{Console, LaunchPlan, program_folder};
-use crate::recording::compare::Comparison;
-use crate::recording::{Channel, Event, Moment, Reader, stage_file};
+use crate::launch::{LaunchPlan, program_folder};
 use crate::run::{Prepared, RunOptions, Scratch, asked, keep_scene, lock, prepare, shorten};
 
 /// What to replay.
@@ -39,11 +40,11 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
     /// Largest difference that is none, as a share of the largest number of the field
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff::share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff_command::share)]
     tolerance: f64,
     /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the recorded
     /// count, rounded up, is no difference [default: other counts are told, not judged]
-    #[arg(long, value_name = "SHARE", value_parser = crate::diff::share)]
+    #[arg(long, value_name = "SHARE", value_parser = crate::diff_command::share)]
     count_slack: Option<f64>,
     /// Folder for the program's logs and the differences [default: a temporary one]
     #[arg(long, value_name = "DIR")]
@@ -279,7 +280,7 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         drive(partners, role, rehearsal.moving, reader, canopy, &mut comparison)
     })?;
     if args.out.is_some() {
-        crate::diff::write(&rehearsal.out, &rehearsal.stage, &comparison)?;
+        crate::diff_command::write(&rehearsal.out, &rehearsal.stage, &comparison)?;
     }
     let report = format!("stage `{}`, {}: {}", rehearsal.stage, role.program(), comparison.report());
     Ok((comparison.same(), report))

@@ -8,23 +8,25 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use case::{Role, Scene, StageKind};
+use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::schemes::InterfaceState;
+use results::checkpoint::{self, Progress, Record};
+use results::recording::compare::Comparison;
+use results::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
+use results::state;
+use results::summary::{RunSummary, StageSummary};
 
-use crate::checkpoint::{self, Progress, Record};
 use crate::checks::Inspection;
 use crate::effects::effects;
 use crate::hub_partners::{HubPartners, SessionOptions};
-use crate::launch::{Console, LaunchPlan, program_folder};
-use crate::recording::compare::Comparison;
-use crate::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
+use crate::launch::{LaunchPlan, program_folder};
+use crate::plot;
 use crate::replay::copy_states;
 use crate::settings::{Setting, changed};
 use crate::stages::{StageContext, StageOptions, initial_state};
-use crate::summary::{RunSummary, StageSummary};
-use crate::{plot, state};
 
 /// Copy of the scene in the folder of results.
 const SCENE: &str = "scene.toml";
@@ -396,7 +398,7 @@ fn exchange<'a>(
             }
         };
         context.console.line(&format!("stage `{name}` beside its baseline: {}", comparison.report()));
-        crate::diff::write(context.out, name, &comparison)?;
+        crate::diff_command::write(context.out, name, &comparison)?;
         partners = ended?;
     } else if let Some(record) = &options.record {
         let mut recorder =
@@ -547,9 +549,9 @@ fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
         scene: scene.name.clone(),
         ended: "complete".into(),
         version: env!("CARGO_PKG_VERSION"),
-        started_utc: crate::machine::utc_now(),
+        started_utc: console::utc_now(),
         command: std::env::args().collect(),
-        machine: crate::machine::Machine::here(),
+        machine: results::machine::Machine::here(),
         contract: channel::CONTRACT_VERSION,
         inspection: Vec::new(),
         warnings: Vec::new(),

@@ -27,7 +27,7 @@ fn dependencies() -> BTreeMap<String, Vec<String>> {
 }
 
 const PROGRAMS: [&str; 4] = ["structure-solver", "flow-solver", "mesh-mover", "coupler"];
-const SHARED: [&str; 6] = ["case", "comm", "mesh", "linalg", "channel", "coupling"];
+const SHARED: [&str; 8] = ["case", "comm", "mesh", "linalg", "channel", "coupling", "console", "results"];
 
 #[test]
 fn no_program_depends_on_another_and_no_shared_crate_on_a_program() {

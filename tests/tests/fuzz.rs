@@ -2,7 +2,7 @@
 //! always an error that names the file (and where in it), or a value that passes every check.
 
 use case::Canopy;
-use coupler::recording::{Header, Moment, Reader, Writer};
+use results::recording::{Header, Moment, Reader, Writer};
 use ripstop_tests::root;
 use ripstop_tests::spoil::{ANYWAY, Measured, Random, SHARE, fuzz, inputs, kept, measured, slot, spoilt};
 
@@ -161,7 +161,7 @@ fn recordings() {
         let at = Moment::from(&channel::Window { index, dt: 0.1, ..channel::Window::default() });
         let stats = [1.0; channel::STATS];
         let push = |writer: &mut Writer, event| writer.push(event).expect("written");
-        use coupler::recording::Event;
+        use results::recording::Event;
         push(&mut writer, Event::Structure { at, load: &numbers[..32], displacement: &numbers[..15], stats });
         push(
             &mut writer,

@@ -29,12 +29,12 @@ fn states_of_the_coupler() {
         velocity: -4.0,
         acceleration: 0.2,
     };
-    coupler::state::save(folder.path(), &state).expect("saved");
-    let file = coupler::state::coupler_file(folder.path());
+    results::state::save(folder.path(), &state).expect("saved");
+    let file = results::state::coupler_file(folder.path());
     let good = std::fs::read(&file).expect("a file");
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
-        let state = coupler::state::load(folder.path(), 6, 4).map_err(|e| e.to_string())?;
+        let state = results::state::load(folder.path(), 6, 4).map_err(|e| e.to_string())?;
         let loads = [&state.load, &state.load_before].into_iter().flatten();
         assert!(loads.clone().all(|l| l.len() == 16), "loads of another canopy");
         let all = state.displacement.iter().chain(loads.flatten());

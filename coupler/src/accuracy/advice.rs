@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use console::clock;
 use coupling::error::RunError;
 use serde::Serialize;
 
@@ -10,7 +11,6 @@ use super::judge::Outcome;
 use super::page::percent;
 use super::study::Study;
 use super::verify::{Verified, verify};
-use crate::progress::clock;
 
 /// What the user asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]

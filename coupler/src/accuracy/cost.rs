@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
+use results::summary::STAGE_PARTS;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-
-use crate::summary::STAGE_PARTS;
 
 /// Work in counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -191,7 +190,7 @@ mod tests {
         std::fs::write(out.join("a/grid.txt"), "7776 cells (7776 hexahedra), 8075 nodes, 9.4e3 m3\n")
             .unwrap();
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/square-drop/scene.toml");
-        let mut stage = crate::summary::StageSummary::new(&case::load(&scene).unwrap().stages[2]);
+        let mut stage = results::summary::StageSummary::new(&case::load(&scene).unwrap().stages[2]);
         stage.name = "a".into();
         (stage.flow_iterations, stage.structure_steps, stage.mesh_iterations) = (10, 7, 3);
         stage.cpu_s = [1.0, 2.0, 0.5];

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use coupling::error::RunError;
+use results::summary::STAGE_PARTS;
 
 use super::answer::Estimate;
 use super::chart::{Axis, Bar, COLOURS, Figure, GREY, INK, Mark, Panel, Series, short};
 use super::fly::Record;
 use super::judge::Outcome;
 use super::study::{SWEEP, Study};
-use crate::summary::STAGE_PARTS;
 
 /// Errors below this share are not shown on logarithmic axes.
 const LEAST: f64 = 1e-9;

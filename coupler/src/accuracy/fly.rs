@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,6 @@ use super::cost::{self, Cost, Sizes};
 use super::estimate;
 use super::running::Progress;
 use super::study::{Member, Study};
-use crate::launch::Console;
 use crate::provenance;
 
 const RESULT: &str = "result.json";

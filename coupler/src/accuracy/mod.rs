@@ -31,13 +31,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
+use console::Console;
 use coupling::error::RunError;
 
 use self::advice::{Advice, Context, Wish};
 use self::fly::{Flight, Record};
 use self::judge::{Measure, Outcome, judge};
 use self::study::{Choice, Study};
-use crate::launch::Console;
 use crate::provenance;
 
 /// What to study, and how.

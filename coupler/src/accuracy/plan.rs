@@ -2,11 +2,11 @@
 
 use std::io::{BufRead, IsTerminal, Write};
 
+use console::clock;
 use coupling::error::RunError;
 
 use super::fly::{Flight, Queue};
 use super::study::Study;
-use crate::progress::clock;
 
 /// Estimated cost of the runs that are missing.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,8 +7,7 @@ use case::{Measured, Quantity, Role, Scene, StageKind, Take};
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use mesh::Vec3;
-
-use crate::history;
+use results::history;
 
 /// Column of `history.csv`, how it becomes a number by default, the programs that must run.
 fn column(of: Measured) -> Option<(&'static str, Take, Role)> {
@@ -122,7 +121,7 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
     let found = match q.of {
         Measured::VentArea | Measured::Displacement => {
             let interface = CanopyInterface::new(scene).map_err(|e| e.to_string())?;
-            let state = crate::state::load(
+            let state = results::state::load(
                 &case::state_folder(out, scene, at),
                 interface.nodes(),
                 interface.faces.len(),

@@ -5,12 +5,12 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use case::Scene;
+use console::Console;
+use console::clock;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::fly;
 use super::study::Study;
-use crate::launch::Console;
-use crate::progress::clock;
 use crate::stages::windows;
 
 /// Time between two reports where there is no terminal.

@@ -1,12 +1,13 @@
 //! The result of a study as text for a terminal.
 
+use console::clock;
+
 use super::convergence::Behaviour;
 use super::coverage::{self, NotAssessed};
 use super::judge::{Judged, Outcome};
 use super::page::percent;
 use super::study::Study;
 use super::verify::Verified;
-use crate::progress::clock;
 
 /// Error and uncertainty of a line for a quantity; no numbers where nothing is known or nothing changes.
 pub fn finest(judged: &Judged) -> String {

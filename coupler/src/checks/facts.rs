@@ -24,7 +24,7 @@ pub struct Machine {
 impl Machine {
     /// The machine of this process, with results in `out`.
     pub fn here(out: &Path, hosts: bool) -> Self {
-        let machine = crate::machine::Machine::here();
+        let machine = results::machine::Machine::here();
         let existing = out.ancestors().find(|p| p.exists());
         Self {
             cores: machine.threads,

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
+use console::Console;
 use coupling::error::RunError;
 
 use super::facts::{Facts, Machine};
 use super::finding::{Finding, Judged, Severity};
 use super::table::{Check, When, all};
-use crate::launch::Console;
 use crate::run::{Prepared, RunOptions};
 use crate::settings::Setting;
 

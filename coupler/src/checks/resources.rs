@@ -4,12 +4,12 @@
 //! hold to a factor of three.
 
 use case::{Acceleration, Integration, Role, Scheme, Solve, Stage, StageKind};
+use console::clock;
 
 use super::facts::{Facts, digits};
 use super::finding::Judged;
 use super::finding::Severity::{Error, Note, Warning};
 use super::table::{Check, When};
-use crate::progress::clock;
 
 /// Bytes of the flow-solver for each cell of a moving grid.
 const FLOW_BYTES: f64 = 1400.0;

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene, StageKind, Take};
+use console::Console;
 use coupling::error::RunError;
+use results::history;
 
 use super::measure::Work;
 use crate::accuracy::quantities::reduce;
-use crate::history;
-use crate::launch::Console;
 use crate::replay::copy_states;
 use crate::run::{RunOptions, run};
 

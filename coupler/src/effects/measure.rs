@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene};
+use console::Console;
 use coupling::error::RunError;
 
 use super::bench::{Bench, Outcome};
@@ -13,7 +14,6 @@ use super::fall::QUANTITIES;
 use super::numbers::Numbers;
 use super::report::{change, measured_stage};
 use super::table::{Entry, TABLE};
-use crate::launch::Console;
 use crate::run::{Prepared, RunOptions, prepare};
 use crate::stages::windows;
 

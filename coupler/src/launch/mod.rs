@@ -5,7 +5,6 @@
 //! programs say to each other.
 
 mod command;
-mod console;
 pub mod memory;
 mod process;
 mod supervisor;
@@ -13,7 +12,6 @@ mod usage;
 
 pub(crate) use command::quote;
 pub use command::{LaunchPlan, Program, program_folder, split_words, this_program};
-pub use console::Console;
 pub use supervisor::{Casualty, Supervisor};
 
 #[cfg(test)]

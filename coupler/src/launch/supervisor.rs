@@ -11,12 +11,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use case::Role;
+use console::Console;
 use coupling::error::RunError;
 use coupling::partners::Usage;
 
+use super::Program;
 use super::process::{self, Seen};
 use super::usage::usage;
-use super::{Console, Program};
 
 /// Time that a program's own message is given to arrive over the channel before
 /// its exit alone is reported.

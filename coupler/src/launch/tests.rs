@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use case::Role;
 
+use console::Console;
+
 use super::*;
 
 #[path = "../../../tests/src/load.rs"]

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 
 use case::StageKind;
 use clap::Args;
+use console::Console;
 use coupling::error::RunError;
 use mesh::Vec3;
 use mesh::vtk::read::Piece;
@@ -22,7 +23,6 @@ use self::raster::{Place, Raster};
 use self::results::{Kind, Results, Structure, field};
 use self::slice::{Patch, Plane};
 use self::view::{Body, View, at_points, bounds};
-use crate::launch::Console;
 
 /// Where the eye of the canopy pictures stands: azimuth and elevation, degrees.
 const EYE: [f64; 2] = [28.0, -14.0];

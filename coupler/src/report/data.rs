@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use case::{Scene, StageKind};
 use coupling::error::RunError;
+use results::history;
 use serde_json::Value;
 
-use crate::history;
 use crate::picture::results::{Kind, Results};
 
 /// Columns of a history by name.

@@ -1,6 +1,7 @@
 //! A report as sections of texts, tables, charts and pictures, before it is a page or Markdown.
 
 use case::StageKind;
+use console::clock;
 use coupling::error::RunError;
 
 use super::bars::Bars;
@@ -11,7 +12,6 @@ use super::pack::{Packed, pack};
 use super::{coupling_quality, facts, origin, stage};
 use crate::picture::results::Kind;
 use crate::picture::{canopy_png, flow_png};
-use crate::progress::clock;
 
 /// Width of pictures, pixels.
 const PICTURE: u32 = 800;

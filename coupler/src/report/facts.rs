@@ -1,13 +1,13 @@
 //! The numbers at the top of the page.
 
 use case::{Role, StageKind};
+use console::clock;
 use coupling::interface::CanopyInterface;
 
 use super::chart::digits;
 use super::data::{Run, StageData, number};
 use super::document::Card;
 use crate::plot;
-use crate::progress::clock;
 use crate::stages::{descent_model, windows};
 
 /// Weight of all that falls, N; `None` without descent.

@@ -26,10 +26,10 @@ mod tests;
 use std::path::PathBuf;
 
 use clap::Args;
+use console::Console;
 use coupling::error::RunError;
 
 use self::data::Run;
-use crate::launch::Console;
 
 /// What to report and how.
 #[derive(Args)]

@@ -6,13 +6,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
+use console::Console;
 use coupling::error::{Place, RunError};
+use results::history;
 use serde::{Deserialize, Serialize};
 
 use super::family::{Member, Point};
 use super::verdict::{Seen, Verdict};
-use crate::history;
-use crate::launch::Console;
 
 /// What is kept of a member that was flown.
 #[derive(Clone, Debug, Serialize, Deserialize)]

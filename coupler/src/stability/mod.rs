@@ -10,12 +10,12 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
+use console::Console;
 use coupling::error::RunError;
 
 pub use self::exact::Exact;
 use self::family::{Axes, SchemeChoice, members};
 use self::verdict::Class;
-use crate::launch::Console;
 
 /// Which family to fly.
 #[derive(Args)]

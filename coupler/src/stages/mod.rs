@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 
 use case::{DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence};
 use channel::{Window, flow_stats};
+use console::Console;
 use coupling::balance::SystemBalance;
 use coupling::convergence::Judge;
 use coupling::descent::{DescentModel, PayloadDrag, Weight};
@@ -24,13 +25,12 @@ use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport};
 use coupling::structure_energy;
+use results::checkpoint::{self, Seal};
+use results::history::{History, Iterations, Row};
+use results::summary::StageSummary;
 
 use self::clock::WindowClock;
-use crate::checkpoint::{self, Seal};
-use crate::history::{History, Iterations, Row};
-use crate::launch::Console;
 use crate::progress::Progress;
-use crate::summary::StageSummary;
 
 /// Windows given back that are told one by one.
 const TOLD: u64 = 5;
@@ -507,7 +507,7 @@ impl StageContext<'_> {
         let time_s = summary.time_s;
         let written = (|| {
             partners.save(&draft)?;
-            crate::state::save(&draft, stepper.state())?;
+            results::state::save(&draft, stepper.state())?;
             case::save_time(&draft, time_s).map_err(|(path, e)| RunError::file("write", &path)(e))?;
             let mut so_far = summary.clone();
             so_far.used(&partners.used());

@@ -318,7 +318,10 @@ pub fn read(path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
 }
 
 /// Columns of the text of a history file, as [`read`].
-pub(crate) fn parse(text: &str, path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
+///
+/// # Errors
+/// A text that is no history; `path` is for messages.
+pub fn parse(text: &str, path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
     let mut lines = text.lines();
     let mut columns: Vec<(String, Vec<f64>)> =
         lines.next().unwrap_or_default().split(',').map(|name| (name.to_owned(), Vec::new())).collect();

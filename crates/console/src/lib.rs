@@ -1,5 +1,7 @@
 //! Where the lines of all programs meet the terminal.
 
+mod time;
+
 use std::fs::File;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -7,6 +9,8 @@ use std::sync::{Arc, Mutex};
 
 use case::Role;
 use indicatif::ProgressBar;
+
+pub use time::{clock, utc_now};
 
 /// Prints lines without tearing the progress line apart.
 #[derive(Clone, Default)]
@@ -75,7 +79,7 @@ impl Console {
             && let Some(file) = log.as_mut()
         {
             // A full disk ends the run where results are written.
-            let _ = writeln!(file, "{} {text}", crate::machine::utc_now());
+            let _ = writeln!(file, "{} {text}", utc_now());
         }
     }
 

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use case::Role;
 use channel::Window;
+use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
 
 use super::compare::Comparison;
 use super::recorder::load_rows;
 use super::{Event, Reader};
-use crate::launch::Console;
 
 /// Asks `partners`, and compares with what the recording says.
 pub struct Baseline<'a, P> {

@@ -10,9 +10,9 @@ use coupling::error::RunError;
 use coupling::partners::Usage;
 use serde::{Deserialize, Serialize};
 
-use crate::checks::Finding;
+use crate::finding::Finding;
 use crate::history::Row;
-use crate::progress::clock;
+use console::clock;
 
 /// Where the wall seconds of a stage went: the keys of [`StageSummary`] and their names.
 pub const STAGE_PARTS: [(&str, &str); 5] = [
@@ -112,7 +112,8 @@ pub struct StageSummary {
     /// Vertical load on the structure at the end, N.
     pub vertical_load_n: f64,
     #[serde(skip)]
-    pub(crate) speeds: Vec<(f64, f64)>,
+    /// Descent speed (m/s) and vertical force of the air (N) at the end of each window so far.
+    pub speeds: Vec<(f64, f64)>,
 }
 
 impl StageSummary {

@@ -1,0 +1,96 @@
+//! `ripstop diff`: compares two runs or recordings and draws how their differences grow.
+
+use std::path::{Path, PathBuf};
+
+use case::Scene;
+use coupling::error::RunError;
+use results::diff::{histories, recordings};
+use results::recording::compare::Comparison;
+use results::recording::stage_file;
+
+/// What to compare, and how closely.
+#[derive(clap::Args)]
+pub struct DiffArgs {
+    /// The reference: a folder that `ripstop run --record` wrote, or the results of a run
+    a: PathBuf,
+    /// The other one, of the same kind
+    b: PathBuf,
+    /// Largest difference that is none, as a share of the largest number of the field (or column)
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = share)]
+    tolerance: f64,
+    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the reference's
+    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    count_slack: Option<f64>,
+    /// Folder for `<stage>-difference.csv` and `.svg`: how the differences grow
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// A share from 0 to 1, for the command line.
+pub(crate) fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(s) if (0.0..1.0).contains(&s) => Ok(s),
+        _ => Err("a share from 0 (the same to the bit, above each field's floor) to 1".into()),
+    }
+}
+
+/// Compares stage by stage; whether all are the same, and the report.
+///
+/// # Errors
+/// Folders that cannot be compared.
+pub fn diff(args: &DiffArgs) -> Result<(bool, String), RunError> {
+    let scene = scene_of(&args.a)?;
+    scene_of(&args.b)?;
+    let mut text = Vec::new();
+    let mut same = true;
+    for stage in &scene.stages {
+        let files = [&args.a, &args.b].map(|f| stage_file(f, &stage.name));
+        if files.iter().all(|f| f.is_file()) {
+            let [a, b] = files;
+            let comparison = recordings(&a, &b, args.tolerance, args.count_slack)?;
+            text.push(format!("stage `{}`: {}", stage.name, comparison.report()));
+            same &= comparison.same() && comparison.other_iterations.is_none();
+            if let Some(out) = &args.out {
+                write(out, &stage.name, &comparison)?;
+            }
+            continue;
+        }
+        let files = [&args.a, &args.b].map(|f| f.join(&stage.name).join("history.csv"));
+        if files.iter().all(|f| f.is_file()) {
+            let (equal, report) = histories(&files[0], &files[1], args.tolerance)?;
+            text.push(format!("stage `{}`: {report}", stage.name));
+            same &= equal;
+        }
+    }
+    if text.is_empty() {
+        return Err(RunError::Input(format!(
+            "{} and {} have no stage in common: name two folders that `ripstop run --record` wrote, or two \
+             folders of results",
+            args.a.display(),
+            args.b.display()
+        )));
+    }
+    Ok((same, text.join("\n")))
+}
+
+fn scene_of(folder: &Path) -> Result<Scene, RunError> {
+    let file = folder.join("scene.toml");
+    if !file.is_file() {
+        return Err(RunError::Input(format!(
+            "{} is neither a recording nor a folder of results: {} is missing",
+            folder.display(),
+            file.display()
+        )));
+    }
+    case::load(&file).map_err(|e| RunError::Input(e.to_string()))
+}
+
+/// Writes how the differences grow.
+pub(crate) fn write(out: &Path, stage: &str, comparison: &Comparison) -> Result<(), RunError> {
+    std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
+    let path = out.join(format!("{stage}-difference.csv"));
+    std::fs::write(&path, comparison.csv()).map_err(RunError::file("write", &path))?;
+    let path = out.join(format!("{stage}-difference.svg"));
+    crate::plot::difference(&path, stage, comparison)
+}
