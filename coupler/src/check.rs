@@ -1,13 +1,13 @@
 //! `ripstop check`: what would run, and why.
 
 use case::{Acceleration, CouplingOrder, LoadShape, Scheme, Solve, StageKind, StaggeredSequence};
+use coupling::descent::DescentModel;
 use coupling::error::RunError;
 
 use crate::checks::Inspection;
 use crate::effects::effects;
 use crate::launch::{LaunchPlan, program_folder};
 use crate::run::{Prepared, RunOptions, prepare};
-use crate::stages::{descent_model, windows};
 
 /// Loads and inspects a scene, and describes the run.
 ///
@@ -36,7 +36,7 @@ pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
         interface.masses.fabric,
         sizes.fabric_area,
         interface.masses.cables,
-        descent_model(scene, interface).map_or_else(String::new, |m| format!(
+        DescentModel::of(scene, interface).map_or_else(String::new, |m| format!(
             ", with payload {:.3} kg; drag balances the weight of {:.1} N at a coefficient of {:.3}",
             m.mass_kg,
             m.mass_kg * m.gravity_m_s2,
@@ -81,7 +81,7 @@ pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
                 format!(
                     "{} s in {} windows of {} s{substeps}",
                     stage.duration_s,
-                    windows(stage),
+                    stage.windows(),
                     stage.window_s
                 )
             }

@@ -96,7 +96,7 @@ enum Command {
     /// Print the JSON schema of scenes, for editors that complete and check TOML
     Schema,
     /// Draw the canopy and the flow around it from the results of a run (PNG)
-    Picture(crate::picture::PictureArgs),
+    Picture(figures::picture::PictureArgs),
     /// Write a page about a run: what came of it, the canopy in three dimensions, where the time went
     Report(crate::report::ReportArgs),
     /// Show accuracy against cost: vary parameters of a scene, extrapolate, advise the cheapest settings
@@ -370,7 +370,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             print(&text);
             Ok(())
         }
-        Command::Picture(args) => crate::picture::picture(&args, console),
+        Command::Picture(args) => figures::picture::picture(&args, console),
         Command::Report(args) => crate::report::report(&args, console),
     }
 }

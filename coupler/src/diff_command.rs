@@ -92,5 +92,5 @@ pub(crate) fn write(out: &Path, stage: &str, comparison: &Comparison) -> Result<
     let path = out.join(format!("{stage}-difference.csv"));
     std::fs::write(&path, comparison.csv()).map_err(RunError::file("write", &path))?;
     let path = out.join(format!("{stage}-difference.svg"));
-    crate::plot::difference(&path, stage, comparison)
+    figures::plot::difference(&path, stage, comparison)
 }

@@ -14,8 +14,6 @@ pub mod effects;
 pub mod hub_partners;
 pub mod launch;
 pub mod mesh_command;
-pub mod picture;
-pub mod plot;
 pub mod progress;
 pub mod provenance;
 pub mod replay;

@@ -13,6 +13,7 @@ use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::schemes::InterfaceState;
+use figures::plot;
 use results::checkpoint::{self, Progress, Record};
 use results::recording::compare::Comparison;
 use results::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
@@ -23,7 +24,6 @@ use crate::checks::Inspection;
 use crate::effects::effects;
 use crate::hub_partners::{HubPartners, SessionOptions};
 use crate::launch::{LaunchPlan, program_folder};
-use crate::plot;
 use crate::replay::copy_states;
 use crate::settings::{Setting, changed};
 use crate::stages::{StageContext, StageOptions, initial_state};
@@ -476,7 +476,7 @@ impl GoingOn {
             return Ok(Some(this));
         };
         let (seal, stage) = (point.seal.clone(), point.stage);
-        let planned = crate::stages::windows(&scene.stages[stage]) as f64 * scene.stages[stage].window_s;
+        let planned = scene.stages[stage].windows() as f64 * scene.stages[stage].window_s;
         // A stage that was stopped short, or has become longer, goes on.
         let over = match seal.ended.as_deref() {
             None => false,

@@ -27,7 +27,8 @@ fn dependencies() -> BTreeMap<String, Vec<String>> {
 }
 
 const PROGRAMS: [&str; 4] = ["structure-solver", "flow-solver", "mesh-mover", "coupler"];
-const SHARED: [&str; 8] = ["case", "comm", "mesh", "linalg", "channel", "coupling", "console", "results"];
+const SHARED: [&str; 9] =
+    ["case", "comm", "mesh", "linalg", "channel", "coupling", "console", "results", "figures"];
 
 #[test]
 fn no_program_depends_on_another_and_no_shared_crate_on_a_program() {

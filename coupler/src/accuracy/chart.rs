@@ -1,9 +1,9 @@
 //! Panels with axes, linear or in decades, drawn by the canvas of `ripstop picture`.
 
-use crate::picture::canvas::{Canvas, Pixels, Svg};
 use std::path::Path;
 
 use coupling::error::RunError;
+use figures::picture::canvas::{Canvas, Pixels, Svg};
 
 type Rgb = [f32; 3];
 type Place<'a> = &'a dyn Fn(&Axis, f64) -> Option<f32>;

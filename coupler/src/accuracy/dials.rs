@@ -6,7 +6,6 @@ use toml::{Table, Value};
 
 use crate::effects::table::TABLE;
 use crate::stability::family::{SchemeChoice, set};
-use crate::stages::windows;
 
 /// Value of a parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -177,7 +176,7 @@ fn refine_flow(scene: &mut Scene, _: usize, f: f64) {
 /// Shorter windows keep the structure's step: that is another parameter.
 fn shorten_windows(scene: &mut Scene, stage: usize, f: f64) {
     let s: &mut Stage = &mut scene.stages[stage];
-    let count = (windows(s) as f64 * f).round().max(1.0);
+    let count = (s.windows() as f64 * f).round().max(1.0);
     s.window_s = s.duration_s / count;
     s.substeps = (f64::from(s.substeps) / f).round().max(1.0) as u32;
 }
@@ -416,7 +415,7 @@ mod tests {
         assert!((f.grid.first_layer_m - 0.2).abs() < 1e-12);
         let s = turned(&base, "window", n(2.0));
         assert_eq!((s.stages[2].window_s, s.stages[2].substeps), (2.5e-3, 5));
-        assert_eq!(windows(&s.stages[2]), 2 * windows(&base.stages[2]));
+        assert_eq!(s.stages[2].windows(), 2 * base.stages[2].windows());
         assert_eq!(turned(&base, "substeps", n(0.5)).stages[2].substeps, 5);
         assert_eq!(turned(&base, "coupling-tolerance", n(1e-4)).coupling.tolerance, 1e-4);
         assert_eq!(turned(&base, "mover-tolerance", n(1e-4)).mesh.tolerance, 1e-4);

@@ -4,7 +4,6 @@ use case::{Integration, Role, Scene, Solve, StageKind};
 use coupling::interface::CanopyInterface;
 
 use super::cost::Counts;
-use crate::stages::windows;
 
 /// Coupling iterations of a window.
 const ITERATIONS: f64 = 3.5;
@@ -29,7 +28,7 @@ pub fn seconds(scene: &Scene) -> f64 {
     let mut sum = 0.0;
     for stage in &scene.stages {
         let rest = stage.solve == Solve::Static || stage.steady.is_some();
-        let count = if rest { AT_REST } else { windows(stage) as f64 };
+        let count = if rest { AT_REST } else { stage.windows() as f64 };
         let coupled = if stage.kind == StageKind::Coupled { ITERATIONS } else { 1.0 };
         let has = |role: Role| stage.kind.roles().contains(&role);
         let mut work = Counts::default();

@@ -11,7 +11,6 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::fly;
 use super::study::Study;
-use crate::stages::windows;
 
 /// Time between two reports where there is no terminal.
 const EVERY: Duration = Duration::from_secs(10);
@@ -164,7 +163,7 @@ fn place(run: &Path, scene: &Scene) -> Option<String> {
         Some((at, text.lines().count().saturating_sub(1)))
     })?;
     let stage = &scene.stages[at];
-    let of = if stage.duration_s > 0.0 { format!("/{}", windows(stage)) } else { String::new() };
+    let of = if stage.duration_s > 0.0 { format!("/{}", stage.windows()) } else { String::new() };
     Some(format!("stage {}, window {rows}{of}", stage.name))
 }
 

@@ -192,7 +192,7 @@ fn windows(s: &Stage) -> f64 {
     } else if s.steady.is_some() {
         STEADY_STEPS
     } else {
-        crate::stages::windows(s) as f64
+        s.windows() as f64
     }
 }
 

@@ -113,7 +113,7 @@ fn windows(f: &Facts<'_>) -> Vec<Judged> {
     let mut found = Vec::new();
     for (i, s) in f.stages().filter(|(_, s)| s.window_s > 0.0) {
         let count = s.duration_s / s.window_s;
-        let whole = crate::stages::windows(s) as f64;
+        let whole = s.windows() as f64;
         if (count - whole).abs() > 1e-3 {
             let figure = format!(
                 "stage `{}` asks for {} windows: it runs {whole} and ends at {} s, not at {} s",

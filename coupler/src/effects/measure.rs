@@ -15,7 +15,6 @@ use super::numbers::Numbers;
 use super::report::{change, measured_stage};
 use super::table::{Entry, TABLE};
 use crate::run::{Prepared, RunOptions, prepare};
-use crate::stages::windows;
 
 /// Windows that are run where the command line does not say.
 const WINDOWS: u64 = 20;
@@ -111,7 +110,7 @@ pub fn measurements(
     }
     let stage = measured_stage(options, &scene);
     let length = &scene.stages[stage];
-    let all = if length.window_s > 0.0 { windows(length) } else { 1 };
+    let all = if length.window_s > 0.0 { length.windows() } else { 1 };
     let count = runs.windows.unwrap_or(WINDOWS).min(all);
     let mesh = mesh::structure_mesh(&scene).map_err(|e| RunError::Input(e.to_string()))?;
     let n = Numbers::new(&scene, &interface, &mesh);

@@ -6,7 +6,6 @@ use std::path::Path;
 use std::time::Duration;
 
 use case::Role;
-
 use console::Console;
 
 use super::*;

@@ -4,10 +4,9 @@ use std::path::{Path, PathBuf};
 
 use case::{Scene, StageKind};
 use coupling::error::RunError;
+use figures::picture::results::{Kind, Results};
 use results::history;
 use serde_json::Value;
-
-use crate::picture::results::{Kind, Results};
 
 /// Columns of a history by name.
 #[derive(Default)]

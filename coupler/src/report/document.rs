@@ -3,6 +3,8 @@
 use case::StageKind;
 use console::clock;
 use coupling::error::RunError;
+use figures::picture::results::Kind;
+use figures::picture::{canopy_png, flow_png};
 
 use super::bars::Bars;
 use super::chart::Chart;
@@ -10,8 +12,6 @@ use super::data::{Run, StageData, text};
 use super::frames::{self, StageFrames};
 use super::pack::{Packed, pack};
 use super::{coupling_quality, facts, origin, stage};
-use crate::picture::results::Kind;
-use crate::picture::{canopy_png, flow_png};
 
 /// Width of pictures, pixels.
 const PICTURE: u32 = 800;

@@ -2,23 +2,23 @@
 
 use case::{Role, StageKind};
 use console::clock;
+use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
+use figures::plot;
 
 use super::chart::digits;
 use super::data::{Run, StageData, number};
 use super::document::Card;
-use crate::plot;
-use crate::stages::{descent_model, windows};
 
 /// Weight of all that falls, N; `None` without descent.
 pub(super) fn weight(run: &Run) -> Option<f64> {
     let interface = CanopyInterface::new(run.scene()).ok()?;
-    descent_model(run.scene(), &interface).map(|m| m.mass_kg * m.gravity_m_s2)
+    DescentModel::of(run.scene(), &interface).map(|m| m.mass_kg * m.gravity_m_s2)
 }
 
 /// How far a stage got.
 pub(super) fn progress(run: &Run, stage: &StageData) -> String {
-    let planned = windows(run.stage(stage));
+    let planned = run.stage(stage).windows();
     let done = stage.columns.rows() as u64;
     let time = digits(stage.columns.last("time_s").unwrap_or(0.0));
     let told = super::data::text(stage.summary.as_ref(), "ended");

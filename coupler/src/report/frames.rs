@@ -1,13 +1,13 @@
 //! The snapshots of a stage's canopy: what is measured on each, and which go into the page.
 
 use coupling::error::RunError;
+use figures::picture::results::Kind;
 use mesh::Vec3;
 use mesh::vtk::read::Piece;
 
 use super::data::{Run, StageData};
 use super::openings::{area, area_vector, skirt_and_vents};
 use super::shape::Shape;
-use crate::picture::results::Kind;
 
 /// Most snapshots of a stage that are read: enough for a smooth curve.
 const MOST_READ: usize = 200;

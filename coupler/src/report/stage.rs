@@ -1,5 +1,7 @@
 //! What came of a stage: its curves, with what was measured on its snapshots.
 
+use figures::plot;
+
 use super::bars::Bars;
 use super::chart::{Chart, Series, digits};
 use super::data::{Run, StageData};
@@ -8,7 +10,6 @@ use super::frames::{Measure, StageFrames};
 use super::panels::{MOTION, SOLVERS, charts};
 use super::swings::{Swings, swings};
 use super::{facts, origin};
-use crate::plot;
 
 /// The section of a stage.
 pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>) -> Section {

@@ -180,7 +180,7 @@ pub(super) mod tests {
             let stage = m.scene.stages.last().unwrap();
             assert!((m.exact.period() / stage.window_s / m.point.windows_per_period - 1.0).abs() < 1e-12);
             assert_eq!(stage.substeps, m.point.substeps);
-            let windows = crate::stages::windows(stage);
+            let windows = stage.windows();
             assert!((LEAST_WINDOWS..=MOST_WINDOWS).contains(&windows), "{windows}");
         }
         let more = SchemeChoice("staggered+staggered.sequence=half-step+staggered.predictor=1".into());

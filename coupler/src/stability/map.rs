@@ -4,11 +4,11 @@
 use std::path::Path;
 
 use coupling::error::RunError;
+use figures::picture::canvas::{Canvas, Pixels, Svg, shade};
 
 use super::family::{Axes, SchemeChoice};
 use super::fly::Flown;
 use super::verdict::Class;
-use crate::picture::canvas::{Canvas, Pixels, Svg, shade};
 
 const CELL: [f32; 2] = [76.0, 44.0];
 const LEFT: f32 = 92.0;

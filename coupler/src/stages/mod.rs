@@ -17,7 +17,7 @@ use channel::{Window, flow_stats};
 use console::Console;
 use coupling::balance::SystemBalance;
 use coupling::convergence::Judge;
-use coupling::descent::{DescentModel, PayloadDrag, Weight};
+use coupling::descent::DescentModel;
 use coupling::energy::{Circumstances, EnergyBooks};
 use coupling::error::{Place, RunError};
 use coupling::flow_bounds::{self, FlowBounds};
@@ -154,7 +154,7 @@ impl StageContext<'_> {
 
     /// The descent equation of the scene, if it has one.
     pub fn descent(&self) -> Option<DescentModel> {
-        descent_model(self.scene, self.interface)
+        DescentModel::of(self.scene, self.interface)
     }
 
     /// The error of a window with what is known of its cause: a staggered scheme that blows up.
@@ -604,36 +604,6 @@ impl Saves {
             ));
         }
     }
-}
-
-/// Windows of a stage as planned.
-pub fn windows(stage: &Stage) -> u64 {
-    stage.windows()
-}
-
-/// The descent equation of a scene with the mass of its canopy, if it has one.
-pub fn descent_model(scene: &Scene, interface: &CanopyInterface) -> Option<DescentModel> {
-    scene.descent.as_ref().map(|d| DescentModel {
-        mass_kg: d.payload_mass_kg + interface.masses.hung(),
-        payload_kg: d.payload_mass_kg,
-        equation: d.equation,
-        weight: match (&d.body, &scene.fabric_gravity) {
-            (Some(_), _) => Weight::Body,
-            (None, Some(_)) => Weight::Structure,
-            (None, None) => Weight::Frame,
-        },
-        gravity_m_s2: d.gravity_m_s2,
-        reference_area_m2: d.reference_area_m2,
-        reference_speed_m_s: d.initial_speed_m_s,
-        air_density_kg_m3: scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3),
-        payload_drag: d.payload_drag.as_ref().filter(|_| d.body.is_none()).map(|p| PayloadDrag {
-            half_density_area: 0.5 * scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3) * p.drag_area_m2,
-            wind_m_s: scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s),
-        }),
-        drag_in_structure: scene.lines.as_ref().is_some_and(|l| l.drag.is_some())
-            || (d.body.is_some() && d.payload_drag.is_some()),
-        support_known: true,
-    })
 }
 
 /// State before the first stage: unstressed canopy, initial speed, no load known.

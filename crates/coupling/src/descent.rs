@@ -24,8 +24,10 @@
 //! limit in which the canopy has no acceleration relative to the frame. (The second line of equation 9 in print
 //! repeats the acceleration on its left side; this is the implicit Euler step that it means.)
 
-use case::DescentEquation;
+use case::{DescentEquation, Scene};
 use channel::{Stats, structure_stats};
+
+use crate::interface::CanopyInterface;
 
 /// Masses, gravity and the reference that turns force into a coefficient.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,6 +120,33 @@ impl PayloadDrag {
 }
 
 impl DescentModel {
+    /// The descent equation of a scene with the mass of its canopy, if it has one.
+    pub fn of(scene: &Scene, interface: &CanopyInterface) -> Option<Self> {
+        scene.descent.as_ref().map(|d| Self {
+            mass_kg: d.payload_mass_kg + interface.masses.hung(),
+            payload_kg: d.payload_mass_kg,
+            equation: d.equation,
+            weight: match (&d.body, &scene.fabric_gravity) {
+                (Some(_), _) => Weight::Body,
+                (None, Some(_)) => Weight::Structure,
+                (None, None) => Weight::Frame,
+            },
+            gravity_m_s2: d.gravity_m_s2,
+            reference_area_m2: d.reference_area_m2,
+            reference_speed_m_s: d.initial_speed_m_s,
+            air_density_kg_m3: scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3),
+            payload_drag: d.payload_drag.as_ref().filter(|_| d.body.is_none()).map(|p| PayloadDrag {
+                half_density_area: 0.5
+                    * scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3)
+                    * p.drag_area_m2,
+                wind_m_s: scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s),
+            }),
+            drag_in_structure: scene.lines.as_ref().is_some_and(|l| l.drag.is_some())
+                || (d.body.is_some() && d.payload_drag.is_some()),
+            support_known: true,
+        })
+    }
+
     /// Vertical acceleration of the frame, m/s2, under the vertical force of the
     /// air `force_z` (N, positive up).
     pub fn acceleration(&self, force_z: f64) -> f64 {

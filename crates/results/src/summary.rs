@@ -4,6 +4,7 @@ use std::path::Path;
 
 use case::{Role, Stage, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
+use console::clock;
 use coupling::convergence::Convergence;
 use coupling::energy::CREATED;
 use coupling::error::RunError;
@@ -12,7 +13,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::finding::Finding;
 use crate::history::Row;
-use console::clock;
 
 /// Where the wall seconds of a stage went: the keys of [`StageSummary`] and their names.
 pub const STAGE_PARTS: [(&str, &str); 5] = [

@@ -4,20 +4,19 @@ use std::ops::Range;
 use std::path::Path;
 
 use case::{Canopy, Scene};
+use coupling::descent::DescentModel;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use plotters::prelude::*;
 use results::history;
 use results::recording::compare::{Comparison, FIELDS};
 
-use crate::stages::descent_model;
-
 /// Published steady descent speeds of the ATPS, m/s: this method's paper, and
 /// the reference it compares with (Sathe et al. 2007).
 const PUBLISHED: [(f64, &str); 2] = [(4.69392, "paper"), (4.78536, "Sathe et al.")];
 
 /// Published steady descent speeds of the scene's parachute, m/s.
-pub(crate) fn published(scene: &Scene) -> &'static [(f64, &'static str)] {
+pub fn published(scene: &Scene) -> &'static [(f64, &'static str)] {
     if matches!(scene.canopy, Canopy::Atps(_)) { &PUBLISHED } else { &[] }
 }
 
@@ -47,7 +46,7 @@ pub fn descent(
     if time.len() < 2 {
         return Ok(());
     }
-    let weight = descent_model(scene, interface).map(|m| m.mass_kg * m.gravity_m_s2);
+    let weight = DescentModel::of(scene, interface).map(|m| m.mass_kg * m.gravity_m_s2);
     draw(picture, scene, [&time, &speed, &drag], weight, published(scene)).map_err(|e| RunError::File {
         action: "draw",
         path: picture.into(),
@@ -253,7 +252,7 @@ mod tests {
     #[test]
     fn draws_curves_and_references() {
         let folder = tempfile::tempdir().unwrap();
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/atps-descent/scene.toml");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
         let scene = case::load(&file).unwrap();
         let interface = CanopyInterface::new(&scene).unwrap();
         let history = folder.path().join("history.csv");

@@ -43,7 +43,7 @@ fn colours(pixmap: &Pixmap) -> usize {
 /// A run without snapshots.
 fn run() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/atps-descent/scene.toml");
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
     std::fs::copy(scene, folder.path().join("scene.toml")).unwrap();
     folder
 }

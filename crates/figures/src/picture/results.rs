@@ -7,19 +7,23 @@ use coupling::error::RunError;
 use mesh::vtk::read::{Column, Piece, Snapshot, snapshots};
 
 /// Time (s), canopy, and lines if the snapshot has some.
-pub(crate) type Structure = (f64, Piece, Option<Piece>);
+pub type Structure = (f64, Piece, Option<Piece>);
 
 /// A run's folder and its scene.
-pub(crate) struct Results {
+pub struct Results {
     folder: PathBuf,
-    pub(crate) scene: Scene,
+    /// The scene as it ran.
+    pub scene: Scene,
 }
 
 /// What a snapshot shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub enum Kind {
+    /// Fabric, of the structure.
     Canopy,
+    /// Suspension lines and payload, of the structure.
     Lines,
+    /// Grid and fields of the flow.
     Flow,
 }
 
@@ -35,16 +39,16 @@ impl Kind {
 
 /// Snapshots of one kind in one stage; at least one.
 #[derive(Clone)]
-pub(crate) struct Times(Vec<Snapshot>);
+pub struct Times(Vec<Snapshot>);
 
 impl Times {
     /// All of them, in their order.
-    pub(crate) fn all(&self) -> &[Snapshot] {
+    pub fn all(&self) -> &[Snapshot] {
         &self.0
     }
 
     /// The one nearest to `time` (s), or the last.
-    pub(crate) fn nearest(&self, time: Option<f64>) -> &Snapshot {
+    pub fn nearest(&self, time: Option<f64>) -> &Snapshot {
         let key = |s: &&Snapshot| time.map_or(-s.time, |t| (s.time - t).abs());
         let found = self.0.iter().min_by(|a, b| key(a).total_cmp(&key(b)));
         found.expect("a list of snapshots is never empty")
@@ -57,7 +61,7 @@ fn input(error: impl std::fmt::Display) -> RunError {
 
 impl Results {
     /// Opens the folder of a run.
-    pub(crate) fn open(folder: &Path) -> Result<Self, RunError> {
+    pub fn open(folder: &Path) -> Result<Self, RunError> {
         let scene = folder.join("scene.toml");
         if !folder.is_dir() {
             return Err(RunError::Input(format!(
@@ -77,7 +81,7 @@ impl Results {
     }
 
     /// Snapshots of a stage; `None` if there are none.
-    pub(crate) fn times(&self, stage: usize, kind: Kind) -> Result<Option<Times>, RunError> {
+    pub fn times(&self, stage: usize, kind: Kind) -> Result<Option<Times>, RunError> {
         let path = case::stage_folder(&self.folder, &self.scene, stage).join(kind.series());
         if !path.is_file() {
             return Ok(None);
@@ -87,7 +91,7 @@ impl Results {
     }
 
     /// The stage of this name, or the last one with snapshots of the canopy.
-    pub(crate) fn stage(&self, name: Option<&str>) -> Result<usize, RunError> {
+    pub fn stage(&self, name: Option<&str>) -> Result<usize, RunError> {
         let stages = &self.scene.stages;
         if let Some(name) = name {
             return stages.iter().position(|s| s.name == name).ok_or_else(|| {
@@ -104,7 +108,7 @@ impl Results {
     }
 
     /// That no stage, or not this one, has what a picture needs.
-    pub(crate) fn none(&self, series: &str, key: &str) -> RunError {
+    pub fn none(&self, series: &str, key: &str) -> RunError {
         RunError::Input(format!(
             "{} holds no snapshots to draw: no stage wrote a {series}; fly its scene again with `ripstop run` \
              and output.{key} above 0 (4 draws every fourth window)",
@@ -113,14 +117,14 @@ impl Results {
     }
 
     /// Reads one file of a snapshot.
-    pub(crate) fn piece(&self, file: &Path) -> Result<Piece, RunError> {
+    pub fn piece(&self, file: &Path) -> Result<Piece, RunError> {
         Piece::read(file).map_err(|e| {
             RunError::Input(format!("{e}; `ripstop run` writes the results of this scene again"))
         })
     }
 
     /// Canopy and lines at one time.
-    pub(crate) fn structure(&self, stage: usize, time: Option<f64>) -> Result<Option<Structure>, RunError> {
+    pub fn structure(&self, stage: usize, time: Option<f64>) -> Result<Option<Structure>, RunError> {
         let Some(times) = self.times(stage, Kind::Canopy)? else { return Ok(None) };
         let snapshot = times.nearest(time);
         let [file] = &snapshot.files[..] else {
@@ -138,7 +142,7 @@ impl Results {
     }
 
     /// The canopy's last shape in the stages before this one.
-    pub(crate) fn last_before(&self, stage: usize) -> Result<Option<Structure>, RunError> {
+    pub fn last_before(&self, stage: usize) -> Result<Option<Structure>, RunError> {
         for earlier in (0..stage).rev() {
             if let Some(found) = self.structure(earlier, None)? {
                 return Ok(Some(found));
@@ -149,12 +153,7 @@ impl Results {
 }
 
 /// A field that must be there, with numbers in rows of `width`.
-pub(crate) fn field<'a>(
-    piece: &'a Piece,
-    name: &str,
-    width: usize,
-    file: &Path,
-) -> Result<&'a Column, RunError> {
+pub fn field<'a>(piece: &'a Piece, name: &str, width: usize, file: &Path) -> Result<&'a Column, RunError> {
     piece.cell_field(name).filter(|c| c.width == width).ok_or_else(|| {
         RunError::Input(format!(
             "{} has no cell field `{name}`: was it written by this version's flow-solver?",

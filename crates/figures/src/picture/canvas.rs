@@ -11,12 +11,12 @@ use super::raster::Rgb;
 use super::text;
 
 /// Colour of a value from 0 to 1.
-pub(crate) fn shade(t: f64) -> Rgb {
+pub fn shade(t: f64) -> Rgb {
     pick(COOL, t)
 }
 
 /// What can be drawn on. Lengths are pixels, y runs down.
-pub(crate) trait Canvas {
+pub trait Canvas {
     /// A filled rectangle from its upper left corner.
     fn rect(&mut self, from: [f32; 2], size: [f32; 2], fill: Rgb);
     /// A line.
@@ -28,17 +28,22 @@ pub(crate) trait Canvas {
 }
 
 /// An SVG file in the making.
-pub(crate) struct Svg {
+pub struct Svg {
     size: [u32; 2],
     body: String,
 }
 
 impl Svg {
-    pub(crate) fn new(size: [u32; 2]) -> Self {
+    /// An empty one, `size` pixels wide and high.
+    pub fn new(size: [u32; 2]) -> Self {
         Self { size, body: String::new() }
     }
 
-    pub(crate) fn save(self, path: &Path) -> Result<(), RunError> {
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn save(self, path: &Path) -> Result<(), RunError> {
         let [w, h] = self.size;
         let text = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\">\n\
@@ -100,18 +105,22 @@ impl Canvas for Svg {
 }
 
 /// Pixels, to be written as PNG.
-pub(crate) struct Pixels(Pixmap);
+pub struct Pixels(Pixmap);
 
 impl Pixels {
     /// Of a size above zero.
-    pub(crate) fn new([w, h]: [u32; 2]) -> Self {
+    pub fn new([w, h]: [u32; 2]) -> Self {
         let mut pixmap = Pixmap::new(w.max(1), h.max(1)).expect("a size above zero and far below the limits");
         let [r, g, b] = PAPER.map(|c| (c * 255.0) as u8);
         pixmap.fill(tiny_skia::Color::from_rgba8(r, g, b, 255));
         Self(pixmap)
     }
 
-    pub(crate) fn save(&self, path: &Path) -> Result<(), RunError> {
+    /// Writes the file, as PNG.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), RunError> {
         let bytes = super::png(&self.0).map_err(|e| RunError::File {
             action: "write",
             path: path.into(),

@@ -1,9 +1,9 @@
 //! `ripstop picture`: the canopy and the flow around it, as PNG.
 
-pub(crate) mod canvas;
+pub mod canvas;
 mod colour;
 mod raster;
-pub(crate) mod results;
+pub mod results;
 mod slice;
 mod text;
 mod view;
@@ -135,14 +135,14 @@ fn flow_at(
 }
 
 /// A picture's bytes with the time of its snapshot, s.
-pub(crate) type Png = (f64, Vec<u8>);
+pub type Png = (f64, Vec<u8>);
 
 fn encoded(time: f64, pixmap: &Pixmap) -> Result<Png, RunError> {
     png(pixmap).map(|bytes| (time, bytes)).map_err(|e| RunError::Input(format!("a picture: {e}")))
 }
 
 /// [`flow_at`] as the bytes of a PNG file.
-pub(crate) fn flow_png(
+pub fn flow_png(
     results: &Results,
     stage: usize,
     time: Option<f64>,
@@ -154,7 +154,7 @@ pub(crate) fn flow_png(
 }
 
 /// The last canopy of a stage as the bytes of a PNG file; `None` where the stage wrote none.
-pub(crate) fn canopy_png(results: &Results, stage: usize, width: u32) -> Result<Option<Png>, RunError> {
+pub fn canopy_png(results: &Results, stage: usize, width: u32) -> Result<Option<Png>, RunError> {
     let Some((time, canopy, lines)) = results.structure(stage, None)? else { return Ok(None) };
     let name = &results.scene.stages[stage].name;
     encoded(time, &canopy_picture(&canopy, lines.as_ref(), &caption(name, time), width)).map(Some)
