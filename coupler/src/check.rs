@@ -3,10 +3,11 @@
 use case::{Acceleration, CouplingOrder, LoadShape, Scheme, Solve, StageKind, StaggeredSequence};
 use coupling::descent::DescentModel;
 use coupling::error::RunError;
+use effects::effects;
+use results::program::program_folder;
 
 use crate::checks::Inspection;
-use crate::effects::effects;
-use crate::launch::{LaunchPlan, program_folder};
+use crate::launch::LaunchPlan;
 use crate::run::{Prepared, RunOptions, prepare};
 
 /// Loads and inspects a scene, and describes the run.

@@ -13,7 +13,7 @@ use coupling::error::RunError;
 use results::checkpoint;
 use results::recording::stand_in::StandIn;
 
-use crate::effects::measure::{Runs, measurements};
+use crate::effects_measured::measure::{Runs, measurements};
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
 
@@ -98,13 +98,13 @@ enum Command {
     /// Draw the canopy and the flow around it from the results of a run (PNG)
     Picture(figures::picture::PictureArgs),
     /// Write a page about a run: what came of it, the canopy in three dimensions, where the time went
-    Report(crate::report::ReportArgs),
+    Report(report::ReportArgs),
     /// Show accuracy against cost: vary parameters of a scene, extrapolate, advise the cheapest settings
     #[command(after_help = CODES)]
-    Accuracy(crate::accuracy::AccuracyArgs),
+    Accuracy(studies::accuracy::AccuracyArgs),
     /// Fly a family of small cases and draw where which scheme is stable
     #[command(after_help = CODES)]
-    Stability(crate::stability::StabilityArgs),
+    Stability(studies::stability::StabilityArgs),
     /// Plays a recorded mesh-mover for `replay`
     #[command(hide = true)]
     StandIn {
@@ -333,12 +333,12 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         }
         Command::Stability(args) => {
             let stop = on_signals()?;
-            print(&crate::stability::stability(&args, &stop, console)?);
+            print(&studies::stability::stability(&args, &stop, console)?);
             Ok(())
         }
         Command::Accuracy(args) => {
             let stop = on_signals()?;
-            compared(crate::accuracy::accuracy(&args, &stop, console)?)
+            compared(studies::accuracy::accuracy(&args, &stop, console)?)
         }
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),
@@ -349,11 +349,11 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         }
         Command::Effects { scene, measure, windows, only, repeat, states } => {
             if scene.scene.is_none() {
-                print(&crate::effects::report::table());
+                print(&effects::report::table());
                 return Ok(());
             }
             let options = scene.options();
-            print(&crate::effects::report::scene_report(&options)?);
+            print(&crate::effects_measured::scene_report(&options)?);
             if measure {
                 let stop = on_signals()?;
                 let runs = Runs { windows, repeat, only };
@@ -371,7 +371,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             Ok(())
         }
         Command::Picture(args) => figures::picture::picture(&args, console),
-        Command::Report(args) => crate::report::report(&args, console),
+        Command::Report(args) => report::report(&args, console),
     }
 }
 

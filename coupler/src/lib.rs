@@ -3,22 +3,18 @@
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
-pub mod accuracy;
 pub mod check;
 pub mod checks;
 pub mod cli;
 pub mod command_line;
 pub mod conform;
 pub mod diff_command;
-pub mod effects;
+pub mod effects_measured;
 pub mod hub_partners;
 pub mod launch;
 pub mod mesh_command;
 pub mod progress;
-pub mod provenance;
 pub mod replay;
-pub mod report;
 pub mod run;
 pub mod settings;
-pub mod stability;
 pub mod stages;

@@ -11,12 +11,13 @@ use console::Console;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use coupling::partners::{LoadOverWindow, Partners};
+use results::program::program_folder;
 use results::recording::compare::Comparison;
 use results::recording::{Channel, Event, Moment, Reader, stage_file};
 
 use crate::hub_partners::{HubPartners, SessionOptions};
-use crate::launch::{LaunchPlan, program_folder};
-use crate::run::{Prepared, RunOptions, Scratch, asked, keep_scene, lock, prepare, shorten};
+use crate::launch::LaunchPlan;
+use crate::run::{Prepared, RunOptions, Scratch, asked, keep_scene, prepare, shorten};
 
 /// What to replay.
 #[derive(clap::Args)]
@@ -128,7 +129,7 @@ impl Rehearsal {
         *scene.ranks.of_mut(role) = trial.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
         let mut roles = vec![role];
         if role == Role::Flow && moving {
-            let me = crate::launch::this_program()?;
+            let me = results::program::this_program()?;
             let recorded = std::path::absolute(&file).map_err(RunError::file("resolve", &file))?;
             scene.programs.insert(
                 Role::Mesh,
@@ -145,7 +146,7 @@ impl Rehearsal {
             }
         };
         std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
-        let lock = lock(&out)?;
+        let lock = results::lock::lock(&out)?;
         keep_scene(&prepared.file, &out)?;
         copy_states(scene, number, folder, &out)?;
         let starts = scene.source_state(&out, number, role).is_some() && !trial.command.is_empty();

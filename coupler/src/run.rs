@@ -13,17 +13,18 @@ use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::schemes::InterfaceState;
+use effects::effects;
 use figures::plot;
 use results::checkpoint::{self, Progress, Record};
+use results::program::program_folder;
 use results::recording::compare::Comparison;
 use results::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
 use results::state;
 use results::summary::{RunSummary, StageSummary};
 
 use crate::checks::Inspection;
-use crate::effects::effects;
 use crate::hub_partners::{HubPartners, SessionOptions};
-use crate::launch::{LaunchPlan, program_folder};
+use crate::launch::LaunchPlan;
 use crate::replay::copy_states;
 use crate::settings::{Setting, changed};
 use crate::stages::{StageContext, StageOptions, initial_state};
@@ -196,7 +197,7 @@ pub fn run(
     crate::launch::memory::require(&scene, first, &interface)?;
     let start = Instant::now();
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
-    let _lock = lock(&out)?;
+    let _lock = results::lock::lock(&out)?;
     let log = out.join(LOG);
     console.log_to(&log, options.resume || options.stage.is_some()).map_err(RunError::file("write", &log))?;
     console.note(&std::env::args().collect::<Vec<_>>().join(" "));
@@ -620,22 +621,6 @@ pub(crate) fn keep_scene(file: &Path, out: &Path) -> Result<(), RunError> {
 
 pub(crate) fn shorten(name: &str) -> String {
     name.chars().take(24).collect()
-}
-
-/// One run at a time writes to a folder: a lock that the kernel frees however
-/// this process ends.
-pub(crate) fn lock(out: &Path) -> Result<fs::File, RunError> {
-    use std::os::fd::AsRawFd;
-    let path = out.join(".lock");
-    let file = fs::File::create(&path).map_err(RunError::file("create", &path))?;
-    // SAFETY: flock on a descriptor that `file` keeps open.
-    if unsafe { libc::flock(file.as_raw_fd(), libc::LOCK_EX | libc::LOCK_NB) } != 0 {
-        return Err(RunError::Input(format!(
-            "another run writes to {}: wait for it, or name another folder with --out",
-            out.display()
-        )));
-    }
-    Ok(file)
 }
 
 /// Folder for MPI's temporary files, in shared memory, removed when dropped.

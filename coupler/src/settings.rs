@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use case::set_value;
 use case::{Canopy, Override, Scene};
 use coupling::error::RunError;
 use toml::{Table, Value};
-
-use crate::stability::family::set;
 
 /// A value of the scene that the command line changes.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,16 +71,14 @@ impl Setting {
                 let stage = stage.ok_or_else(|| {
                     wrong(format!("the scene has no stage `{name}`; it has: {}", names.join(", ")))
                 })?;
-                set(stage, path, key, self.value.clone())
+                set_value(stage, path, key, self.value.clone()).map_err(|e| wrong(e.to_string()))
             }
             ["stage", ..] => Err(wrong("write stage.NAME.KEY with the name of a stage".into())),
-            [path @ .., key] => set(table, path, key, self.value.clone()),
+            [path @ .., key] => {
+                set_value(table, path, key, self.value.clone()).map_err(|e| wrong(e.to_string()))
+            }
             [] => Ok(()),
         }
-        .map_err(|e| match e {
-            RunError::Input(why) if !why.starts_with("--set") => wrong(why),
-            other => other,
-        })
     }
 }
 
@@ -104,10 +101,10 @@ pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), Run
     let scene = case::parse_overridden(file, &text, &write(&table)?, &overrides).map_err(|e| input(&e))?;
     let path = |path: &PathBuf| Value::String(path.to_string_lossy().into_owned());
     if let Canopy::Gmsh(g) = &scene.canopy {
-        set(&mut table, &["canopy"], "file", path(&g.file))?;
+        set_value(&mut table, &["canopy"], "file", path(&g.file))?;
     }
     if let Some(g) = scene.flow.as_ref().and_then(|f| f.grid_file.as_ref()) {
-        set(&mut table, &["flow", "grid_file"], "path", path(&g.path))?;
+        set_value(&mut table, &["flow", "grid_file"], "path", path(&g.path))?;
     }
     let text = format!("# {} with {}\n\n{}", file.display(), all.join(" "), write(&table)?);
     Ok((scene, text))

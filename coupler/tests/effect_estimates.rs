@@ -2,11 +2,11 @@
 //!
 //! `effect_estimates.txt` is the table.
 
-use coupler::effects::estimate::Scope;
-use coupler::effects::numbers::Numbers;
-use coupler::effects::rank::Ranking;
-use coupler::effects::table::TABLE;
 use coupling::interface::CanopyInterface;
+use effects::estimate::Scope;
+use effects::numbers::Numbers;
+use effects::rank::Ranking;
+use effects::table::TABLE;
 
 mod changes;
 

@@ -260,7 +260,7 @@ fn a_light_leaflet_between_two_streams() {
     assert!(volume.iter().any(|v| *v < -0.1 * volume[0]), "it swings through: {volume:?}");
 }
 
-/// The exact vibration of the panel: `coupler::stability::exact`.
+/// The exact vibration of the panel: `studies::stability::exact`.
 #[test]
 fn added_mass_of_0_1_to_1000_times_the_fabric() {
     let folder = tempfile::tempdir().expect("a folder");

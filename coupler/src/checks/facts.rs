@@ -4,9 +4,8 @@ use std::path::Path;
 
 use case::{Canopy, Role, Scene, Stage, StageKind};
 use coupling::interface::CanopyInterface;
+use effects::numbers::Numbers;
 use mesh::{CableKind, GridSizes, MeshError, StructureMesh};
-
-use crate::effects::numbers::Numbers;
 
 /// What a machine offers a run.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -205,28 +205,6 @@ fn can_be_found(program: &str) -> bool {
     std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
 }
 
-/// This executable.
-///
-/// # Errors
-/// It was replaced while it runs, as a build does: the new one would go on with what the old one began.
-pub fn this_program() -> Result<PathBuf, RunError> {
-    let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
-    if me.exists() {
-        return Ok(me);
-    }
-    Err(RunError::Input(
-        "the program `ripstop` was replaced or removed while it runs (by a build?): start the command again; what has \
-         been computed is kept"
-            .into(),
-    ))
-}
-
-/// Folder of this executable: the project's programs lie side by side.
-pub fn program_folder() -> Result<PathBuf, RunError> {
-    let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
-    Ok(me.parent().map(Path::to_path_buf).unwrap_or_default())
-}
-
 /// Splits a command line into words as a shell does for plain words, single and
 /// double quotes and backslashes. `None` for an unclosed quote.
 pub fn split_words(line: &str) -> Option<Vec<String>> {

@@ -11,7 +11,7 @@ mod supervisor;
 mod usage;
 
 pub(crate) use command::quote;
-pub use command::{LaunchPlan, Program, program_folder, split_words, this_program};
+pub use command::{LaunchPlan, Program, split_words};
 pub use supervisor::{Casualty, Supervisor};
 
 #[cfg(test)]

@@ -5,14 +5,13 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::time::Duration;
 
-use case::Role;
-use console::Console;
-
 use super::*;
 
 #[path = "../../../tests/src/load.rs"]
 mod load;
 
+use case::Role;
+use console::Console;
 use load::Limit;
 
 fn script(folder: &Path, name: &str, text: &str) -> OsString {

@@ -46,7 +46,7 @@ pub use load::{load, parse, place_of};
 pub use mesh_motion::*;
 pub use monitors::{Forces, Probe, Slice, Statistics, SurfacePressure};
 pub use motion::interpolate;
-pub use overrides::{Override, parse_overridden};
+pub use overrides::{NotATable, Override, parse_overridden, set_value};
 pub use panel_box::{BoxSides, FlowBox, PanelCanopy, PanelEdges};
 pub use scene::*;
 pub use schema::schema;

@@ -18,6 +18,37 @@ pub struct Override {
     pub option: String,
 }
 
+/// A part of a dotted path of a scene that is no table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotATable(String);
+
+impl std::fmt::Display for NotATable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "`{}` is no table", self.0)
+    }
+}
+
+impl std::error::Error for NotATable {}
+
+/// Sets `key` in the table at `path` of a scene, which is made where it is missing.
+///
+/// # Errors
+/// A part of the path that is no table.
+pub fn set_value(
+    table: &mut toml::Table,
+    path: &[&str],
+    key: &str,
+    value: toml::Value,
+) -> Result<(), NotATable> {
+    let mut at = table;
+    for part in path {
+        let inner = at.entry(*part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+        at = inner.as_table_mut().ok_or_else(|| NotATable((*part).into()))?;
+    }
+    at.insert(key.into(), value);
+    Ok(())
+}
+
 /// Parses `text`, which is `original` (the content of `file`) with `overrides` applied.
 ///
 /// # Errors

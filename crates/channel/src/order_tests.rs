@@ -2,8 +2,9 @@
 
 use std::thread;
 
-use super::common::*;
 use case::Role::{Flow, Mesh, Structure};
+
+use super::common::*;
 
 use super::*;
 use crate::{Header, Hub, HubError};

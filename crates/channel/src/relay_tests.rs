@@ -4,8 +4,9 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Barrier, Mutex};
 use std::thread;
 
-use super::common::*;
 use case::Role::{self, Flow, Mesh, Structure};
+
+use super::common::*;
 
 use super::serve_from;
 use crate::{Hub, HubError, HubOptions, Peers};

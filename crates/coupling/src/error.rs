@@ -195,6 +195,12 @@ pub enum RunError {
     },
 }
 
+impl From<case::NotATable> for RunError {
+    fn from(problem: case::NotATable) -> Self {
+        Self::Input(problem.to_string())
+    }
+}
+
 fn saved_text(folder: Option<&std::path::Path>) -> String {
     folder.map(|f| format!("; the last accepted window is saved in {}", f.display())).unwrap_or_default()
 }

@@ -14,14 +14,14 @@ mod smooth;
 mod tests;
 mod topology;
 
-use case::{Canopy, Grid, Scene};
-
 use crate::quality::{self, norm, sub};
 use crate::structure::{AtpsLayout, flat_layout, positive, refuse};
 use crate::{FlowGrid, MeshError, StructureMesh, Vec3};
 pub use file_error::GridFileError;
 pub use sizes::{GridSizes, grid_sizes};
 use topology::Blocks;
+
+use case::{Canopy, Grid, Scene};
 
 /// Vents narrower than this share of the canopy's width are closed.
 const LEAST_VENT: f64 = 0.01;

@@ -1,0 +1,401 @@
+//! Runs the samples that have no result yet, some at a time, each as a `ripstop run` of its own.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use console::Console;
+use coupling::error::{Place, RunError};
+use coupling::interface::CanopyInterface;
+use results::provenance;
+use serde::{Deserialize, Serialize};
+
+use super::cost::{self, Cost, Sizes};
+use super::estimate;
+use super::running::Progress;
+use super::study::{Member, Study};
+
+const RESULT: &str = "result.json";
+/// Which programs run a sample, in the folder of its run.
+const FLOWN_BY: &str = "programs.txt";
+
+/// What is kept of a sample beside the files of its run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The programs that ran it, see [`provenance::build`].
+    pub build: String,
+    /// Why it has no values.
+    pub failure: Option<String>,
+    /// What is to be known about its values.
+    pub note: Option<String>,
+    /// Cost of each of its runs.
+    pub runs: Vec<Cost>,
+    /// The time limit that it was ended at, s.
+    #[serde(default)]
+    pub limit_s: Option<f64>,
+}
+
+/// How samples are run.
+#[derive(Clone, Debug)]
+pub struct Flight {
+    /// Folder of the study.
+    pub out: PathBuf,
+    /// Samples at the same time.
+    pub jobs: usize,
+    /// Runs of each.
+    pub repeat: usize,
+    /// Takes results of other builds of the programs too.
+    pub any_build: bool,
+    /// Longest wall time of a sample, s.
+    pub limit_s: Option<f64>,
+}
+
+/// Name of a text: its length and two sums.
+pub fn key_of(text: &str) -> String {
+    let reversed: Vec<u8> = text.bytes().rev().collect();
+    format!("{:08x}{:08x}", crc32fast::hash(text.as_bytes()), crc32fast::hash(&reversed))
+}
+
+/// Folder of a sample.
+pub fn folder(out: &Path, member: &Member) -> PathBuf {
+    out.join("samples").join(&member.key)
+}
+
+/// Folder of its run.
+pub fn run_folder(out: &Path, member: &Member) -> PathBuf {
+    folder(out, member).join("run")
+}
+
+/// The kept result of a sample; one that was ended at a shorter time limit than today's is none.
+pub fn kept(flight: &Flight, member: &Member, build: &str) -> Option<Record> {
+    let text = std::fs::read_to_string(folder(&flight.out, member).join(RESULT)).ok()?;
+    let record: Record = serde_json::from_str(&text).ok()?;
+    let longer = record.limit_s.is_some_and(|then| flight.limit_s.is_none_or(|now| now > then));
+    (!longer && (flight.any_build || record.build == build)).then_some(record)
+}
+
+/// Results that are there already, and the runs that are missing.
+pub struct Queue {
+    /// Records in the order of the samples.
+    pub records: Vec<Record>,
+    /// Samples to run, in this order: round after round, so that repeated timings of all samples lie side by
+    /// side in time.
+    pub open: Vec<usize>,
+    /// Wall seconds of a run with the cost of the base, and whether they were measured.
+    pub base_s: (f64, bool),
+}
+
+/// Looks for kept results. A base that failed is run again.
+///
+/// # Errors
+/// Programs that are missing.
+pub fn queue(study: &Study, flight: &Flight) -> Result<Queue, RunError> {
+    let build = provenance::build()?;
+    let found = |(i, m): (usize, &Member)| {
+        kept(flight, m, &build)
+            .filter(|r| i > 0 || r.failure.is_none())
+            .unwrap_or_else(|| Record { build: build.clone(), ..Record::default() })
+    };
+    let records: Vec<Record> = study.members.iter().enumerate().map(found).collect();
+    let missing = |i: usize| match records[i].failure {
+        Some(_) => 0,
+        None => flight.repeat.saturating_sub(records[i].runs.len()),
+    };
+    // Long samples first: the last ones then share the cores evenly. The base comes first of all.
+    let mut order: Vec<usize> = (0..study.members.len()).collect();
+    order.sort_by(|&a, &b| {
+        (b == 0).cmp(&(a == 0)).then(study.members[b].ratio.total_cmp(&study.members[a].ratio))
+    });
+    let mut open = Vec::new();
+    for round in 0..flight.repeat {
+        open.extend(order.iter().copied().filter(|&i| missing(i) > round));
+    }
+    let known =
+        records.iter().zip(&study.members).filter_map(|(r, m)| Some((r.runs.first()?.wall_s, m.ratio)));
+    let (wall, ratio) = known.fold((0.0, 0.0), |sum, k| (sum.0 + k.0, sum.1 + k.1));
+    let base_s =
+        if ratio > 0.0 { (wall / ratio, true) } else { (estimate::seconds(&study.members[0].scene), false) };
+    Ok(Queue { records, open, base_s })
+}
+
+/// Runs what is missing, the base alone at first; results in the order of the samples. `judge` says why a
+/// base that was run is of no use to the study.
+///
+/// # Errors
+/// A base that fails or is of no use (no other sample is run then), an interruption, and whatever
+/// prevents the start of a sample: a sample that fails is a result.
+pub fn fly(
+    study: &Study,
+    flight: &Flight,
+    queue: Queue,
+    judge: &dyn Fn(&Record) -> Option<String>,
+    stop: &AtomicBool,
+    console: &Console,
+) -> Result<Vec<Record>, RunError> {
+    let runs = study.members.len() * flight.repeat;
+    if queue.open.len() < runs {
+        console.line(&format!("{} runs are there already", runs - queue.open.len()));
+    }
+    let team = Team {
+        study,
+        flight,
+        stop,
+        console,
+        records: queue.records.into_iter().map(Mutex::new).collect(),
+        progress: Progress::new(study, &flight.out, console, flight.jobs, &queue.open, queue.base_s.0),
+        ended: AtomicUsize::new(0),
+        all: queue.open.len(),
+    };
+    let (base, others) = queue.open.split_at(usize::from(queue.open.first() == Some(&0)));
+    team.run(base, 1)?;
+    let record = team.record(0).clone();
+    if let Some(why) = record.failure.clone().or_else(|| judge(&record)) {
+        return Err(no_base(&why, &run_folder(&flight.out, &study.members[0])));
+    }
+    team.run(others, flight.jobs)?;
+    let Team { records, .. } = team;
+    Ok(records.into_iter().map(|r| r.into_inner().unwrap_or_else(PoisonError::into_inner)).collect())
+}
+
+/// The error of a study whose base has no values.
+fn no_base(why: &str, run: &Path) -> RunError {
+    RunError::Study(format!(
+        "the base sample failed: {}\nAll errors are measured from the base, so no other sample was run and nothing is \
+         advised. Its results and logs: {}. Make the scene complete with `ripstop run`, then start the study again.",
+        why.trim(),
+        run.display()
+    ))
+}
+
+/// Threads that run samples side by side.
+struct Team<'a> {
+    study: &'a Study,
+    flight: &'a Flight,
+    stop: &'a AtomicBool,
+    console: &'a Console,
+    records: Vec<Mutex<Record>>,
+    progress: Progress<'a>,
+    ended: AtomicUsize,
+    all: usize,
+}
+
+impl Team<'_> {
+    fn record(&self, sample: usize) -> MutexGuard<'_, Record> {
+        self.records[sample].lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Runs the samples of `open`, `jobs` at a time.
+    fn run(&self, open: &[usize], jobs: usize) -> Result<(), RunError> {
+        let (next, halt) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let error: Mutex<Option<RunError>> = Mutex::new(None);
+        let work = || {
+            while !self.stop.load(Ordering::Relaxed) && !halt.load(Ordering::Relaxed) {
+                let Some(&at) = open.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
+                if let Err(e) = self.sample(at) {
+                    halt.store(true, Ordering::Relaxed);
+                    error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(e);
+                }
+            }
+        };
+        std::thread::scope(|scope| (0..jobs.max(1)).for_each(|_| drop(scope.spawn(work))));
+        if let Some(error) = error.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            return Err(error);
+        }
+        if self.stop.load(Ordering::Relaxed) { Err(interrupted()) } else { Ok(()) }
+    }
+
+    /// One run of a sample, unless it has failed before.
+    fn sample(&self, at: usize) -> Result<(), RunError> {
+        let member = &self.study.members[at];
+        // Held while it runs: it has one folder.
+        let mut kept = self.record(at);
+        self.progress.begin(at);
+        let result = if kept.failure.is_some() {
+            Ok(kept.clone())
+        } else {
+            one(member, self.flight, kept.clone(), self.stop, &|| self.progress.tick())
+        };
+        self.progress.end(at, result.as_ref().is_ok_and(|r| r.failure.is_none()));
+        *kept = result?;
+        let ended = self.ended.fetch_add(1, Ordering::Relaxed) + 1;
+        self.console.line(&format!("{ended:>4}/{}  {}", self.all, line(member, &kept)));
+        Ok(())
+    }
+}
+
+fn interrupted() -> RunError {
+    RunError::Interrupted(Place {
+        stage: "accuracy (start it again with the same --out to resume)".into(),
+        window: None,
+    })
+}
+
+fn line(member: &Member, record: &Record) -> String {
+    match (&record.failure, record.runs.last()) {
+        (Some(why), _) => format!("{:<28} failed: {}", member.label, why.lines().next().unwrap_or_default()),
+        (None, Some(cost)) => {
+            format!("{:<28} {:>9.2} s, work {:.2} s", member.label, cost.wall_s, cost.counts().work())
+        }
+        (None, None) => member.label.clone(),
+    }
+}
+
+fn one(
+    member: &Member,
+    flight: &Flight,
+    before: Record,
+    stop: &AtomicBool,
+    tick: &dyn Fn(),
+) -> Result<Record, RunError> {
+    let folder = folder(&flight.out, member);
+    std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
+    let scene = folder.join("scene.toml");
+    std::fs::write(&scene, &member.text).map_err(RunError::file("write", &scene))?;
+    let run_folder = run_folder(&flight.out, member);
+    let mut record = before;
+    let ended = run(&scene, &run_folder, &record.build, flight.limit_s, stop, tick)?;
+    record.limit_s = flight.limit_s.filter(|_| matches!(ended, End::Late(_)));
+    record.failure = match ended {
+        End::Complete => None,
+        End::Late(why) | End::Failed(why) => Some(why),
+    };
+    let sizes = CanopyInterface::new(&member.scene).map(|i| Sizes {
+        elements: (i.sizes.triangles + i.sizes.cables) as f64,
+        nodes: i.sizes.nodes as f64,
+        ..Sizes::default()
+    })?;
+    match cost::read(&run_folder, sizes) {
+        Ok(cost) => record.runs.push(cost),
+        // What fails at once has no summary.
+        Err(_) if record.failure.is_some() => {}
+        Err(why) => record.failure = Some(why),
+    }
+    record.note = above_tolerance(&run_folder);
+    prune(&run_folder, &member.scene);
+    let text = serde_json::to_string_pretty(&record).unwrap_or_default();
+    // Beside its place first: a result is whole, or it is not there.
+    let (draft, place) = (folder.join("result.new"), folder.join(RESULT));
+    std::fs::write(&draft, text + "\n").map_err(RunError::file("write", &draft))?;
+    std::fs::rename(&draft, &place).map_err(RunError::file("rename", &place))?;
+    Ok(record)
+}
+
+/// Windows that the coupling left above its tolerance.
+fn above_tolerance(out: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(out.join("summary.json")).ok()?;
+    let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
+    let stages = summary["stages"].as_array()?;
+    let parts = ["coupling", "structure", "flow", "mesh", "turbulence"];
+    let of = |part: &&str| -> Option<String> {
+        let counts = stages.iter().filter_map(|s| s["convergence"][*part]["windows"].as_u64());
+        let count: u64 = counts.sum();
+        (count > 0).then(|| format!("{part} of {count} windows above its target"))
+    };
+    let found: Vec<String> = parts.iter().filter_map(of).collect();
+    (!found.is_empty()).then(|| found.join(", "))
+}
+
+/// States of solvers and logs are most of a run and of no use to a study.
+fn prune(out: &Path, scene: &case::Scene) {
+    for stage in 0..scene.stages.len() {
+        let state = case::state_folder(out, scene, stage);
+        for name in ["structure.bin", "flow.bin", "mesh.bin", "canopy.bin"] {
+            drop(std::fs::remove_file(state.join(name)));
+        }
+    }
+}
+
+/// Whether a run of these programs was interrupted in `out`, and can be resumed.
+fn interrupted_in(out: &Path, build: &str) -> bool {
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap_or_default();
+    let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap_or_default();
+    // Beside an interruption only a run that was killed with all its programs does not say how it ended.
+    let how = summary["ended"].as_str().unwrap_or("interrupted");
+    out.join("resume.json").exists() && how.starts_with("interrupted") && read(FLOWN_BY) == build
+}
+
+/// How a run ended.
+enum End {
+    Complete,
+    Late(String),
+    Failed(String),
+}
+
+/// Runs a sample to its end.
+fn run(
+    scene: &Path,
+    out: &Path,
+    build: &str,
+    limit_s: Option<f64>,
+    stop: &AtomicBool,
+    tick: &dyn Fn(),
+) -> Result<End, RunError> {
+    let program = results::program::this_program()?;
+    let resumes = interrupted_in(out, build);
+    if !resumes {
+        if out.exists() {
+            std::fs::remove_dir_all(out).map_err(RunError::file("clear", out))?;
+        }
+        std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
+        let by = out.join(FLOWN_BY);
+        std::fs::write(&by, build).map_err(RunError::file("write", &by))?;
+    }
+    let log = scene.with_file_name("errors.txt");
+    let file = std::fs::File::create(&log).map_err(RunError::file("create", &log))?;
+    let begun = Instant::now();
+    let mut child = Command::new(&program)
+        .arg("run")
+        .arg(scene)
+        .arg("--out")
+        .arg(out)
+        .arg("--quiet")
+        .args(resumes.then_some("--resume"))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(file)
+        .spawn()
+        .map_err(RunError::file("start", &program))?;
+    let (mut signalled, mut late) = (false, false);
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(RunError::file("wait for", &program))? {
+            break status;
+        }
+        late |= limit_s.is_some_and(|l| begun.elapsed().as_secs_f64() > l);
+        if (late || stop.load(Ordering::Relaxed)) && !signalled {
+            // It ends its programs by itself.
+            // SAFETY: a signal to a child that has not been waited for.
+            unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
+            signalled = true;
+        }
+        tick();
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    if stop.load(Ordering::Relaxed) {
+        return Err(interrupted());
+    }
+    if late {
+        return Ok(End::Late(format!("longer than --limit {:.0} s", limit_s.unwrap_or_default())));
+    }
+    let words = std::fs::read_to_string(&log).unwrap_or_default();
+    // Reasons stand in reports that are kept: without the folders of this machine.
+    let own = format!("{}/", out.display());
+    let words = words.trim().trim_start_matches("error: ").replace(&own, "");
+    Ok(match status.code() {
+        Some(0) => End::Complete,
+        _ if words.is_empty() => End::Failed(format!("ended with {status}")),
+        _ => End::Failed(words),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_tell_texts_apart() {
+        assert_ne!(key_of("a = 1"), key_of("a = 2"));
+        assert_eq!(key_of("x").len(), 16);
+    }
+}

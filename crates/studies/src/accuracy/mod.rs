@@ -1,0 +1,304 @@
+//! `ripstop accuracy`: what accuracy costs in time.
+//!
+//! A study varies parameters of a scene one at a time from a base, and some together; each sample is a
+//! `ripstop run` of its own, identified by its scene. Answers are extrapolated, errors set against
+//! cost, and the cheapest settings for an accuracy or a time written as a scene.
+
+mod advice;
+mod answer;
+mod chart;
+pub mod convergence;
+pub mod cost;
+mod coverage;
+mod dials;
+mod estimate;
+mod figures;
+mod fly;
+mod front;
+mod judge;
+mod page;
+mod parameters;
+mod plan;
+pub mod quantities;
+mod reference;
+mod running;
+mod study;
+mod table;
+mod verify;
+mod words;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use console::Console;
+use coupling::error::RunError;
+use results::provenance;
+
+use self::advice::{Advice, Context, Wish};
+use self::fly::{Flight, Record};
+use self::judge::{Measure, Outcome, judge};
+use self::study::{Choice, Study};
+
+/// What to study, and how.
+#[derive(Args)]
+pub struct AccuracyArgs {
+    /// Scene; its section [accuracy] names quantities and parameters [default: those that fit the scene]
+    scene: PathBuf,
+    /// Folder of the samples and the results; a study that was interrupted resumes there
+    /// [default: runs/accuracy-<scene name>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Only these parameters of the study (and `sweep`)
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    parameters: Vec<String>,
+    /// Former name of --parameters
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', hide = true)]
+    dials: Vec<String>,
+    /// Print the cheapest settings whose error is at most this, such as `1%`, and write them as
+    /// target-error.toml
+    #[arg(long, value_name = "SHARE", value_parser = advice::share)]
+    target_error: Option<f64>,
+    /// Former name of --target-error; writes want.toml
+    #[arg(long, value_name = "SHARE", value_parser = advice::share, hide = true, conflicts_with = "target_error")]
+    want: Option<f64>,
+    /// Print the most accurate settings within this time, such as `10min`, and write them as budget.toml
+    #[arg(long, value_name = "TIME", value_parser = advice::time)]
+    budget: Option<f64>,
+    /// Measure of cost in the report and in advice
+    #[arg(long, value_enum, default_value_t)]
+    cost: Measure,
+    /// Run each sample N times, in turn with all others, for the spread of timings
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
+    repeat: u32,
+    /// Samples that run at the same time [default: as many as the cores hold]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
+    jobs: Option<u32>,
+    /// A sample that takes longer than this becomes a gap, such as `10min`
+    #[arg(long, value_name = "TIME", value_parser = advice::time)]
+    limit: Option<f64>,
+    /// Leave out the samples that are finer than all others and test the stated uncertainty
+    #[arg(long)]
+    without_check: bool,
+    /// Run a reference too, finer than all samples in all parameters of the study, and compare the true errors of
+    /// the advised settings (else of the base) with the promised ones: exit code 3 if one is larger
+    #[arg(long)]
+    verify: bool,
+    /// Print samples with their estimated cost, and run none
+    #[arg(long)]
+    dry_run: bool,
+    /// Start without asking; nothing is asked either where standard input is no terminal
+    #[arg(long, short)]
+    yes: bool,
+    /// Take results that other builds of the programs left in the folder
+    #[arg(long)]
+    any_build: bool,
+    /// Compare with errors and counts kept in FILE: exit code 3 if errors or counts have grown
+    #[arg(long, value_name = "FILE", conflicts_with = "keep_reference")]
+    reference: Option<PathBuf>,
+    /// Keep errors and counts in FILE
+    #[arg(long, value_name = "FILE")]
+    keep_reference: Option<PathBuf>,
+}
+
+impl AccuracyArgs {
+    /// The parameters that are named, by either option.
+    fn named(&self) -> Vec<String> {
+        self.parameters.iter().chain(&self.dials).cloned().collect()
+    }
+
+    /// What is asked for, with the names of the files of the advice.
+    fn wishes(&self) -> Vec<(Wish, &'static str)> {
+        let error = self.target_error.map(|e| (Wish::Error(e), "target-error"));
+        let want = self.want.map(|e| (Wish::Error(e), "want"));
+        let budget = self.budget.map(|s| (Wish::Budget(s), "budget"));
+        [error, want, budget].into_iter().flatten().collect()
+    }
+
+    fn flight(&self, study: &Study) -> Result<Flight, RunError> {
+        let default = || Path::new("runs").join(format!("accuracy-{}", study.name));
+        let out = self.out.clone().unwrap_or_else(default);
+        let out = std::path::absolute(&out).map_err(RunError::file("resolve", &out))?;
+        let scene = &study.members[0].scene;
+        let ranks =
+            scene.stages.iter().flat_map(|s| s.kind.roles()).map(|r| scene.ranks.of(*r)).max().unwrap_or(1);
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(Flight {
+            out,
+            jobs: self.jobs.map_or((cores / ranks as usize).max(1), |n| n as usize),
+            repeat: self.repeat as usize,
+            any_build: self.any_build,
+            limit_s: self.limit,
+        })
+    }
+}
+
+/// Studies a scene; whether it is as good as its reference, and the text for people.
+///
+/// # Errors
+/// Whatever is wrong with the scene, its study or the wishes; a base that fails; an interruption; trouble with
+/// files.
+pub fn accuracy(
+    args: &AccuracyArgs,
+    stop: &AtomicBool,
+    console: &Console,
+) -> Result<(bool, String), RunError> {
+    let reference = args.reference.as_deref().map(reference::load).transpose()?;
+    let choice = Choice { dials: args.named(), check: !args.without_check, verify: args.verify };
+    let study = Study::new(&args.scene, &choice)?;
+    study.warnings.iter().for_each(|w| console.line(&format!("warning: {w}")));
+    for (old, new, used) in
+        [("want", "target-error", args.want.is_some()), ("dials", "parameters", !args.dials.is_empty())]
+    {
+        if used {
+            console.line(&format!("warning: --{old} is now --{new}; it is taken as such"));
+        }
+    }
+    let flight = args.flight(&study)?;
+    let queue = fly::queue(&study, &flight)?;
+    if args.dry_run {
+        return Ok((true, plan::plan(&study, &flight, &queue)));
+    }
+    let estimate = plan::Estimate::new(&study, &flight, &queue);
+    console.line(&format!(
+        "{} samples in {}; {}",
+        study.members.len(),
+        flight.out.display(),
+        estimate.words(&flight)
+    ));
+    plan::confirm(&estimate, args.yes)?;
+    let out = &flight.out;
+    std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
+    let _lock = results::lock::lock(out)?;
+    clear_results(out)?;
+    let base = |record: &Record| values(&study, 0, record, out).into_iter().find_map(Result::err);
+    let records = fly::fly(&study, &flight, queue, &base, stop, console)?;
+    let values: Vec<Vec<judge::Value>> =
+        records.iter().enumerate().map(|(m, record)| values(&study, m, record, out)).collect();
+    let outcome = judge(&study, &values, &records, args.cost);
+    report(args, &study, &outcome, &records, out, reference.as_ref())
+}
+
+/// Values of the quantities of a sample, or why there is none.
+fn values(study: &Study, sample: usize, record: &Record, out: &Path) -> Vec<judge::Value> {
+    let member = &study.members[sample];
+    let of = |q: &case::Quantity| match &record.failure {
+        Some(why) => Err(why.clone()),
+        None => quantities::value(q, &member.scene, study.stage, &fly::run_folder(out, member)),
+    };
+    study.quantities.iter().map(of).collect()
+}
+
+/// Removes the report and the advice of an earlier study: this one may fail, or advise nothing.
+fn clear_results(out: &Path) -> Result<(), RunError> {
+    let advice = ["target-error", "want", "budget"];
+    let advice = advice.iter().flat_map(|name| ["toml", "json"].map(|end| format!("{name}.{end}")));
+    for name in advice.chain(["accuracy.html".into()]) {
+        let path = out.join(name);
+        if path.exists() {
+            std::fs::remove_file(&path).map_err(RunError::file("remove", &path))?;
+        }
+    }
+    Ok(())
+}
+
+fn report(
+    args: &AccuracyArgs,
+    study: &Study,
+    outcome: &Outcome,
+    records: &[Record],
+    out: &Path,
+    reference: Option<&reference::Reference>,
+) -> Result<(bool, String), RunError> {
+    table::write(out, study, outcome, records)?;
+    let drawn = figures::draw(out, study, outcome, records)?;
+    let output = case::load(&args.scene).map_err(|e| RunError::Input(e.to_string()))?.output;
+    let notes: Vec<Option<String>> = records.iter().map(|r| r.note.clone()).collect();
+    let not_assessed = coverage::not_assessed(study, outcome);
+    let build = format!("commit {}, build {}", provenance::commit(), provenance::build()?);
+    let context = Context { output: &output, out, not_assessed: &not_assessed, notes: &notes, build: &build };
+    let (mut advised, mut refused) = (Vec::new(), None);
+    for wish in args.wishes() {
+        match advice::advise(study, outcome, wish, &context) {
+            Ok(advice) => advised.push(advice),
+            // The report is written all the same.
+            Err(error) => refused = Some(error),
+        }
+    }
+    let verified = verified(study, outcome, &advised);
+    let about = page::About {
+        not_assessed: &not_assessed,
+        advice: &advised,
+        verified: verified.as_ref(),
+        command: &command(args),
+        build: &build,
+    };
+    let path = out.join("accuracy.html");
+    std::fs::write(&path, page::page(study, outcome, records, &drawn, &about))
+        .map_err(RunError::file("write", &path))?;
+    let mut text = words::words(study, outcome, &not_assessed);
+    for a in &advised {
+        text += &format!("{}\n  the scene: {}\n", a.lines().join("\n"), a.scene.display());
+    }
+    text += &format!("report: {}", path.display());
+    if let Some(error) = refused {
+        return Err(with_text(error, &text));
+    }
+    if outcome.answers.iter().all(Option::is_none) {
+        let why = "no parameter has two samples with values: no error is assessed".to_owned();
+        return Err(with_text(RunError::Study(why), &text));
+    }
+    let verified = match verified {
+        Some(Err(why)) => return Err(with_text(RunError::Study(format!("--verify: {why}")), &text)),
+        Some(Ok(all)) => all,
+        None => Vec::new(),
+    };
+    if let Some(file) = &args.keep_reference {
+        reference::save(file, &reference::keep(study, outcome, records)?)?;
+    }
+    let found = reference.map(|r| reference::compare(study, outcome, records, r)).unwrap_or_default();
+    found.iter().for_each(|f| text += &format!("\n{f}"));
+    if reference.is_some() && found.is_empty() {
+        text += "\nas accurate and as cheap as its reference";
+    }
+    text += &words::verified(&verified);
+    Ok((found.is_empty() && verified.iter().all(|v| v.held), text))
+}
+
+/// The comparison of the advised sample (of the base without advice) with the reference.
+fn verified(
+    study: &Study,
+    outcome: &Outcome,
+    advised: &[Advice],
+) -> Option<Result<Vec<verify::Verified>, String>> {
+    match advised.first() {
+        Some(a) => a.verified.clone().map(Ok),
+        None => verify::verify(study, outcome, 0),
+    }
+}
+
+/// An error with the text of the study behind it.
+fn with_text(error: RunError, text: &str) -> RunError {
+    match error {
+        RunError::Input(why) => RunError::Input(format!("{why}\n{text}")),
+        other => RunError::Study(format!("{other}\n{text}")),
+    }
+}
+
+/// The command that makes the report again, without the folders of this machine.
+fn command(args: &AccuracyArgs) -> String {
+    let mut line = format!("ripstop accuracy {}", args.scene.display());
+    if !args.named().is_empty() {
+        line += &format!(" --parameters {}", args.named().join(","));
+    }
+    if args.cost != Measure::Wall {
+        line += &format!(" --cost {:?}", args.cost).to_lowercase();
+    }
+    if args.repeat > 1 {
+        line += &format!(" --repeat {}", args.repeat);
+    }
+    if args.verify {
+        line += " --verify";
+    }
+    line
+}

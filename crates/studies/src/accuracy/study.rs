@@ -1,0 +1,440 @@
+//! From a scene to the samples of its study.
+
+use std::path::Path;
+
+use case::{Canopy, Quantity, Scene};
+use coupling::error::RunError;
+
+use super::dials::{Dial, Kind, Setting};
+use super::fly::key_of;
+use super::parameters::{default_sweep, defaults, turned};
+use super::quantities;
+
+/// A parameter with its values in the study.
+#[derive(Clone, Debug)]
+pub struct Turned {
+    /// The parameter.
+    pub dial: Dial,
+    /// Values, coarse to fine where they have an order.
+    pub values: Vec<Setting>,
+    /// Its value while others are varied.
+    pub base: Setting,
+    /// Finer than all.
+    pub check: Option<Setting>,
+}
+
+/// A run of the study.
+#[derive(Clone, Debug)]
+pub struct Member {
+    /// What differs from the base point.
+    pub label: String,
+    /// A setting for each parameter.
+    pub settings: Vec<Setting>,
+    /// Its scene.
+    pub scene: Scene,
+    /// Its scene as text.
+    pub text: String,
+    /// Name of its folder, from its text.
+    pub key: String,
+    /// Used for no estimate.
+    pub check: bool,
+    /// Cost against the base, guessed.
+    pub ratio: f64,
+}
+
+/// Samples that belong together: one parameter varied, or several.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// Name of the parameter, or `sweep`.
+    pub name: String,
+    /// Which parameters it varies.
+    pub dials: Vec<usize>,
+    /// Its samples with what errors fall with (`None` for words).
+    pub members: Vec<(usize, Option<f64>)>,
+    /// The sample that is finer than all.
+    pub check: Option<(usize, f64)>,
+    /// Formal order of the method.
+    pub promised: f64,
+}
+
+/// A study.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// Name of the scene.
+    pub name: String,
+    /// Its title.
+    pub title: String,
+    /// Stage of the quantities.
+    pub stage: usize,
+    /// Quantities.
+    pub quantities: Vec<Quantity>,
+    /// Parameters.
+    pub dials: Vec<Turned>,
+    /// Lines through the base point, then the sweep.
+    pub lines: Vec<Line>,
+    /// All samples; the first is the base.
+    pub members: Vec<Member>,
+    /// The sample that verifies the others: all parameters finer than in any of them.
+    pub reference: Option<usize>,
+    /// What the user should know of the scene's section.
+    pub warnings: Vec<String>,
+}
+
+/// Name of the line of the sweep.
+pub const SWEEP: &str = "sweep";
+
+/// What of a study is asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Choice {
+    /// Only these parameters.
+    pub dials: Vec<String>,
+    /// With the samples that test the stated uncertainty.
+    pub check: bool,
+    /// With the sample that verifies the others.
+    pub verify: bool,
+}
+
+impl Turned {
+    /// A value beyond the finest: its `check`, else twice as fine as the finest value, a tenth of the smallest
+    /// tolerance. `None` for words.
+    fn beyond(&self) -> Option<Setting> {
+        if self.check.is_some() {
+            return self.check.clone();
+        }
+        let finest = self.values.iter().chain([&self.base]).filter_map(|v| match v {
+            Setting::Number(x) => Some(*x),
+            Setting::Choice(_) => None,
+        });
+        match self.dial.kind {
+            Kind::Fineness => finest.reduce(f64::max).map(|x| Setting::Number(2.0 * x)),
+            Kind::Size => finest.reduce(f64::min).map(|x| Setting::Number(0.1 * x)),
+            Kind::Choice => None,
+        }
+    }
+}
+
+impl Study {
+    /// From a scene file.
+    ///
+    /// # Errors
+    /// Whatever is wrong with the scene or its `[accuracy]`, with place and remedy.
+    pub fn new(file: &Path, choice: &Choice) -> Result<Self, RunError> {
+        let mut scene = case::load(file).map_err(|e| RunError::Input(e.to_string()))?;
+        absolute(&mut scene)?;
+        let wish = scene.accuracy.take().unwrap_or_default();
+        let stage = match &wish.stage {
+            None => scene.stages.len().saturating_sub(1),
+            Some(name) => scene.stages.iter().position(|s| &s.name == name).ok_or_else(|| {
+                let names: Vec<&str> = scene.stages.iter().map(|s| s.name.as_str()).collect();
+                RunError::Input(format!(
+                    "accuracy.stage: the scene has no stage `{name}`; it has: {}",
+                    names.join(", ")
+                ))
+            })?,
+        };
+        // Later stages do not affect the quantities.
+        scene.stages.truncate(stage + 1);
+        let quantities =
+            if wish.quantities.is_empty() { quantities::defaults(&scene, stage) } else { wish.quantities };
+        if quantities.is_empty() {
+            return Err(RunError::Input(
+                "no default quantity fits this scene: name some with [[accuracy.quantity]]".into(),
+            ));
+        }
+        quantities.iter().try_for_each(|q| quantities::check(q, &scene, stage))?;
+        if let Some((i, q)) =
+            quantities.iter().enumerate().find(|(i, q)| quantities[..*i].iter().any(|o| o.name == q.name))
+        {
+            return Err(RunError::Input(format!(
+                "accuracy.quantity[{i}]: two quantities are named `{}`",
+                q.name
+            )));
+        }
+        let mut warnings = Vec::new();
+        if !wish.dials.is_empty() {
+            warnings
+                .push("the key [[accuracy.dial]] is now [[accuracy.parameter]]; it is read as such".into());
+        }
+        let named: Vec<case::Parameter> = wish.parameters.into_iter().chain(wish.dials).collect();
+        let own = !named.is_empty();
+        let wishes = if own { named } else { defaults(&scene, stage) };
+        let mut dials = Vec::new();
+        for w in &wishes {
+            if dials.iter().any(|d: &Turned| d.dial.name == w.name) {
+                return Err(RunError::Input(format!("accuracy.parameter: `{}` is named twice", w.name)));
+            }
+            dials.push(turned(w, &scene, stage)?);
+        }
+        let sweep = if own { wish.sweep } else { default_sweep(&dials) };
+        let mut study = Self {
+            name: scene.name.clone(),
+            title: if scene.title.is_empty() { scene.name.clone() } else { scene.title.clone() },
+            stage,
+            quantities,
+            dials,
+            lines: Vec::new(),
+            members: Vec::new(),
+            reference: None,
+            warnings,
+        };
+        let base: Vec<Setting> = study.dials.iter().map(|d| d.base.clone()).collect();
+        study.member(&scene, "base".into(), base.clone(), false)?;
+        for at in 0..study.dials.len() {
+            study.line(&scene, &base, at, choice)?;
+        }
+        let wants = |name: &str| choice.dials.is_empty() || choice.dials.iter().any(|d| d == name);
+        if !sweep.is_empty() && wants(SWEEP) {
+            study.sweep(&scene, &base, &sweep, &wish.sweep_check, choice)?;
+        }
+        if let Some(unknown) = choice.dials.iter().find(|d| !study.lines.iter().any(|l| &l.name == *d)) {
+            let have: Vec<&str> = study.dials.iter().map(|d| d.dial.name.as_str()).collect();
+            return Err(RunError::Input(format!(
+                "--parameters: the study has no parameter `{unknown}`; it has: {}{}",
+                have.join(", "),
+                if sweep.is_empty() { "" } else { ", sweep" }
+            )));
+        }
+        if choice.verify {
+            study.verify(&scene, &base, choice)?;
+        }
+        Ok(study)
+    }
+
+    /// Adds the sample that verifies the others: each parameter of the study with numbers beyond its finest
+    /// value, the others as in the base.
+    fn verify(&mut self, scene: &Scene, base: &[Setting], choice: &Choice) -> Result<(), RunError> {
+        let mut settings = base.to_vec();
+        for (to, d) in settings.iter_mut().zip(&self.dials) {
+            let varied = choice.dials.is_empty() || choice.dials.contains(&d.dial.name);
+            if varied && let Some(finer) = d.beyond() {
+                *to = finer;
+            }
+        }
+        let at = self.member(scene, "reference".into(), settings, true)?;
+        if !self.members[at].check {
+            return Err(RunError::Input(format!(
+                "--verify: the study varies no number beyond `{}`: add a parameter with `values`, or a finer `check`",
+                self.members[at].label
+            )));
+        }
+        self.reference = Some(at);
+        Ok(())
+    }
+
+    fn line(&mut self, scene: &Scene, base: &[Setting], at: usize, choice: &Choice) -> Result<(), RunError> {
+        let d = self.dials[at].clone();
+        if !choice.dials.is_empty() && !choice.dials.contains(&d.dial.name) {
+            return Ok(());
+        }
+        let mut line = Line {
+            name: d.dial.name.clone(),
+            dials: vec![at],
+            members: Vec::new(),
+            check: None,
+            promised: d.dial.promised,
+        };
+        let moved = |value: &Setting| {
+            let mut settings = base.to_vec();
+            settings[at] = value.clone();
+            (format!("{} {value}", d.dial.name), settings)
+        };
+        for value in &d.values {
+            let (label, settings) = moved(value);
+            let member = self.member(scene, label, settings, false)?;
+            // Values that round to the same scene are one sample.
+            if !line.members.iter().any(|m| m.0 == member) {
+                line.members.push((member, d.dial.size(value)));
+            }
+        }
+        if let Some(value) = d.check.as_ref().filter(|_| choice.check) {
+            let (label, settings) = moved(value);
+            if let Some(size) = d.dial.size(value) {
+                line.check = Some((self.member(scene, label, settings, true)?, size));
+            }
+        }
+        self.lines.push(line);
+        Ok(())
+    }
+
+    fn sweep(
+        &mut self,
+        scene: &Scene,
+        base: &[Setting],
+        names: &[String],
+        check: &[f64],
+        choice: &Choice,
+    ) -> Result<(), RunError> {
+        let refuse = |why: String| Err(RunError::Input(format!("accuracy.sweep: {why}")));
+        let mut found = Vec::new();
+        for name in names {
+            match self.dials.iter().position(|d| &d.dial.name == name) {
+                Some(at) => found.push(at),
+                None => return refuse(format!("`{name}` is none of the parameters of the study")),
+            }
+        }
+        let levels = self.dials[found[0]].values.len();
+        if let Some(&odd) = found.iter().find(|&&at| self.dials[at].values.len() != levels) {
+            return refuse(format!(
+                "`{}` has {} values and `{}` {levels}: parameters that are varied together need equally many",
+                self.dials[odd].dial.name,
+                self.dials[odd].values.len(),
+                self.dials[found[0]].dial.name
+            ));
+        }
+        if !check.is_empty() && check.len() != found.len() {
+            return refuse(format!("sweep_check has {} numbers for {} parameters", check.len(), found.len()));
+        }
+        let promised = found.iter().map(|&at| self.dials[at].dial.promised).fold(f64::MAX, f64::min);
+        let mut line =
+            Line { name: SWEEP.into(), dials: found.clone(), members: Vec::new(), check: None, promised };
+        for level in 0..levels {
+            let mut settings = base.to_vec();
+            found.iter().for_each(|&at| settings[at] = self.dials[at].values[level].clone());
+            let first = &self.dials[found[0]];
+            let size = first.dial.size(&first.values[level]);
+            let member = self.member(scene, format!("sweep {}", first.values[level]), settings, false)?;
+            if !line.members.iter().any(|m| m.0 == member) {
+                line.members.push((member, size));
+            }
+        }
+        if choice.check && !check.is_empty() {
+            let mut settings = base.to_vec();
+            found.iter().zip(check).for_each(|(&at, &x)| settings[at] = Setting::Number(x));
+            let size = self.dials[found[0]].dial.size(&Setting::Number(check[0])).unwrap_or(0.0);
+            line.check = Some((self.member(scene, format!("sweep {}", check[0]), settings, true)?, size));
+        }
+        self.lines.push(line);
+        Ok(())
+    }
+
+    /// Adds a sample, or finds the one with the same scene.
+    fn member(
+        &mut self,
+        scene: &Scene,
+        label: String,
+        settings: Vec<Setting>,
+        check: bool,
+    ) -> Result<usize, RunError> {
+        let mut made = scene.clone();
+        for (d, to) in self.dials.iter().zip(&settings) {
+            made = d.dial.turn(&made, self.stage, to).map_err(|e| {
+                RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}"))
+            })?;
+        }
+        // Snapshots are not part of the cost.
+        made.output.surface_every_windows = 0;
+        made.output.volume_every_windows = 0;
+        made.output.folder = None;
+        let text = toml::to_string(&made)
+            .map_err(|e| RunError::Input(format!("the scene cannot be written down again: {e}")))?;
+        let key = key_of(&text);
+        let made = case::parse(Path::new("scene.toml"), &text)
+            .map_err(|e| RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}")))?;
+        if let Some(same) = self.members.iter().position(|m| m.key == key) {
+            return Ok(same);
+        }
+        let ratio = self.ratio(&settings);
+        self.members.push(Member { label, settings, scene: made, text, key, check, ratio });
+        Ok(self.members.len() - 1)
+    }
+
+    /// Cost against the base point, guessed from the settings: cells in space and time, a seventh of a
+    /// power of a tolerance.
+    fn ratio(&self, settings: &[Setting]) -> f64 {
+        let power = |name: &str| match name {
+            "grid" => 3.3,
+            "structure-grid" => 2.0,
+            "flow-grid" => 1.2,
+            "window" => 0.9,
+            "substeps" => 0.2,
+            _ => 0.15,
+        };
+        let one = |(d, to): (&Turned, &Setting)| {
+            let (Some(size), Some(base)) = (d.dial.size(to), d.dial.size(&d.base)) else { return 1.0 };
+            (base / size).powf(power(&d.dial.name))
+        };
+        self.dials.iter().zip(settings).map(one).product()
+    }
+}
+
+/// Files that it names lie where the scene of the user lies.
+fn absolute(scene: &mut Scene) -> Result<(), RunError> {
+    let files = [
+        scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).map(|g| &mut g.path),
+        if let Canopy::Gmsh(g) = &mut scene.canopy { Some(&mut g.file) } else { None },
+    ];
+    for path in files.into_iter().flatten() {
+        *path = std::path::absolute(&*path).map_err(RunError::file("resolve", &*path))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn study(case: &str, section: &str) -> Result<Study, RunError> {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases").join(case).join("scene.toml");
+        let folder = tempfile::tempdir().unwrap();
+        let copy = folder.path().join("scene.toml");
+        std::fs::write(&copy, std::fs::read_to_string(file).unwrap() + section).unwrap();
+        Study::new(&copy, &Choice { check: true, ..Choice::default() })
+    }
+
+    #[test]
+    fn any_scene_has_a_study() {
+        for case in ["square-drop", "air-bag", "atps-descent", "hard/membrane-box", "atps-paper-scale"] {
+            let s = study(case, "").unwrap();
+            assert!(!s.quantities.is_empty() && s.members.len() > 4, "{case}");
+            let keys: std::collections::BTreeSet<_> = s.members.iter().map(|m| &m.key).collect();
+            assert_eq!(keys.len(), s.members.len(), "a sample twice");
+            assert!(s.members.iter().all(|m| m.ratio > 0.0 && m.scene.accuracy.is_none()));
+            for l in &s.lines {
+                let base = l.members.iter().filter(|(m, _)| *m == 0).count();
+                assert!(
+                    base <= 1 && l.members.iter().all(|(m, _)| !s.members[*m].check),
+                    "{case} {}",
+                    l.name
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_named_study() {
+        let s = study(
+            "square-drop",
+            "[accuracy]\nsweep = [\"grid\", \"window\"]\nsweep_check = [1.0, 2.0]\n\
+             [[accuracy.quantity]]\nname = \"speed\"\nof = \"descent-speed\"\n\
+             [[accuracy.parameter]]\nname = \"grid\"\nvalues = [0.67, 0.5]\nbase = 0.5\ncheck = 1.0\n\
+             [[accuracy.parameter]]\nname = \"window\"\nvalues = [0.5, 1.0]\n\
+             [[accuracy.parameter]]\nname = \"scheme\"\nchoices = [\"default\", \"implicit:aitken\"]\n",
+        )
+        .unwrap();
+        let names: Vec<&str> = s.lines.iter().map(|l| l.name.as_str()).collect();
+        assert_eq!(names, ["grid", "window", "scheme", "sweep"]);
+        assert_eq!(s.lines[0].members.iter().map(|m| m.1.unwrap()).collect::<Vec<_>>(), [2.0, 1.0 / 0.67]);
+        assert_eq!(s.members[s.lines[0].check.unwrap().0].label, "grid 1");
+        // The base, grid .67, grid 1 (check), window .5, aitken, the sweep's check: its levels are
+        // window .5 and grid .67.
+        assert_eq!(s.members.len(), 6, "{:?}", s.members.iter().map(|m| &m.label).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn bad_studies_are_refused() {
+        let why = |section: &str| study("square-drop", section).unwrap_err().to_string();
+        assert!(why("[accuracy]\nstage = \"x\"\n").contains("developed-flow"));
+        assert!(why("[[accuracy.parameter]]\nname = \"grid\"\n").contains("neither"));
+        assert!(why("[[accuracy.parameter]]\nname = \"grid\"\nvalues = [-1.0]\n").contains("above 0"));
+        assert!(
+            why("[[accuracy.parameter]]\nname = \"grid\"\nvalues = [1.0]\ncheck = 0.5\n").contains("finer")
+        );
+        assert!(why("[[accuracy.quantity]]\nname = \"a\"\nof = \"weight\"\n").contains("weight"));
+        assert!(
+            why(
+                "[accuracy]\nsweep = [\"grid\"]\n[[accuracy.parameter]]\nname = \"window\"\nvalues = [1.0]\n"
+            )
+            .contains("none of the parameters")
+        );
+    }
+}

@@ -1,0 +1,217 @@
+//! The closed-form answer of the model problem: free vibration of a stretched panel in air.
+//!
+//! A panel under the tension $T$ (N/m), held along its edges, is let go from the shape that a
+//! pressure $p$ gives it. With open sides (gauge pressure zero there) its modes
+//! $\sin(a x)\sin(b y)$, $k^2=a^2+b^2$, are also those of the potential of incompressible air
+//! in the box, $\phi\sim\sin(ax)\sin(by)\,g(z)$ with $g''=k^2g$. A side of height $H$ adds the
+//! mass per area
+//!
+//! $$ m_a = \frac{\rho}{k}\coth kH \ \text{(closed)}, \qquad m_a = \frac{\rho}{k}\tanh kH\ \text{(open)}, $$
+//!
+//! from $g=\cosh k(H-z)$, $\phi_z(H)=0$, and $g=\sinh k(H-z)$, $\phi(H)=0$. So each mode swings
+//! on its own, $w_k(t)=w_k(0)\cos\omega_k t$, $\omega_k^2=Tk^2/(m+m_a)$. Guided sides (a strip)
+//! have modes along x alone.
+
+use std::f64::consts::PI;
+
+use case::{Canopy, Condition, PanelEdges, Scene};
+
+/// Odd modes that are summed along each direction; the rest carries 1e-5 of the volume.
+const MODES: usize = 8;
+
+/// One mode of the panel.
+#[derive(Clone, Copy, Debug)]
+struct Mode {
+    /// Angular frequency, 1/s.
+    omega: f64,
+    /// Its share of the volume under the panel at the start, m3.
+    volume: f64,
+    /// Amplitude squared times area over its mean square, m4: doubles as mass per (kg/m2).
+    weight: f64,
+    /// $Tk^2$, N/m3.
+    stiffness: f64,
+}
+
+/// The exact vibration of a scene's panel.
+#[derive(Clone, Debug)]
+pub struct Exact {
+    modes: Vec<Mode>,
+    /// Mass of the fabric per area, kg/m2.
+    fabric: f64,
+    /// Added mass of the first mode per area, kg/m2.
+    pub added: f64,
+}
+
+impl Exact {
+    /// From a scene with a panel in a box; what is missing as an error.
+    ///
+    /// # Errors
+    /// What the closed form does not cover, in words.
+    pub fn new(scene: &Scene) -> Result<Self, String> {
+        let (Canopy::Panel(p), Some(flow)) = (&scene.canopy, &scene.flow) else {
+            return Err("the family needs canopy.kind = \"panel\" in a [flow.box]".into());
+        };
+        let Some(b) = &flow.box_grid else { return Err("the family needs a [flow.box]".into()) };
+        if b.ahead_m > 0.0 || b.behind_m > 0.0 {
+            return Err("the panel must span its box: remove flow.box.ahead_m and behind_m".into());
+        }
+        let closed = |c: Condition| match c {
+            Condition::Slip | Condition::Symmetry => Ok(true),
+            Condition::Outlet => Ok(false),
+            _ => Err("sides must be \"slip\", \"symmetry\" or \"outlet\" for a closed form".to_owned()),
+        };
+        let open = |c| closed(c).map(|closed| !closed);
+        let strip = match p.held {
+            PanelEdges::All => false,
+            PanelEdges::Ends => true,
+            PanelEdges::Root => return Err("a panel with a free end has no closed form here".into()),
+        };
+        let ends = open(b.sides.left)? && open(b.sides.right)?;
+        let flanks = [b.sides.front, b.sides.back];
+        let flanks_fit = if strip {
+            closed(flanks[0])? && closed(flanks[1])?
+        } else {
+            open(flanks[0])? && open(flanks[1])?
+        };
+        if !(ends && flanks_fit) {
+            return Err(
+                "a panel's modes are those of the air only where its held edges lie on sides that are \
+                        \"outlet\" and its guided edges on sides that are \"slip\""
+                    .into(),
+            );
+        }
+        let pressure = scene.stages.iter().find_map(|s| s.pressure_pa);
+        let Some(pressure) = pressure.filter(|p| *p != 0.0) else {
+            return Err("the first stage must push the panel: give it a pressure_pa".into());
+        };
+        let tension = scene.fabric.prestress_pa * scene.fabric.thickness_m;
+        if tension <= 0.0 {
+            return Err("a panel without tension does not vibrate: set fabric.prestress_pa".into());
+        }
+        let fabric = scene.fabric.density_kg_m3 * scene.fabric.thickness_m;
+        let one_side = |k: f64, height: f64, closed: bool| {
+            let t = (k * height).tanh();
+            flow.density_kg_m3 / k * if closed { 1.0 / t } else { t }
+        };
+        let (below, above) = (closed(b.sides.bottom)?, closed(b.sides.top)?);
+        let added = |k: f64| one_side(k, b.below_m, below) + one_side(k, b.above_m, above);
+        let [lx, ly] = p.size_m;
+        let odd = || (0..MODES).map(|i| (2 * i + 1) as f64);
+        let mut modes = Vec::new();
+        for m in odd() {
+            for n in odd().take(if strip { 1 } else { MODES }) {
+                let a = m * PI / lx;
+                let (k2, shape, mean, mean_square) = if strip {
+                    (a * a, 4.0 / (PI * m), 2.0 / (PI * m), 0.5)
+                } else {
+                    let b = n * PI / ly;
+                    (a * a + b * b, 16.0 / (PI * PI * m * n), 4.0 / (PI * PI * m * n), 0.25)
+                };
+                let amplitude = shape * pressure / (tension * k2);
+                modes.push(Mode {
+                    omega: (tension * k2 / (fabric + added(k2.sqrt()))).sqrt(),
+                    volume: amplitude * mean * lx * ly,
+                    weight: amplitude * amplitude * mean_square * lx * ly,
+                    stiffness: tension * k2,
+                });
+            }
+        }
+        let k1 = (modes[0].stiffness / tension).sqrt();
+        Ok(Self { modes, fabric, added: added(k1) })
+    }
+
+    /// Period of the first mode, s.
+    pub fn period(&self) -> f64 {
+        2.0 * PI / self.modes[0].omega
+    }
+
+    /// Volume under the panel, m3, with all frequencies times `stretch`.
+    pub fn volume(&self, t: f64, stretch: f64) -> f64 {
+        self.modes.iter().map(|m| m.volume * (stretch * m.omega * t).cos()).sum()
+    }
+
+    /// The same vibration from another volume at the start, m3: that of the static shape on the
+    /// mesh at hand, so that what is compared is the way in time.
+    pub fn from_volume(mut self, start: f64) -> Self {
+        let factor = start / self.volume(0.0, 1.0);
+        for mode in &mut self.modes {
+            mode.volume *= factor;
+            mode.weight *= factor * factor;
+        }
+        self
+    }
+
+    /// Kinetic energy of the fabric alone, J.
+    pub fn fabric_energy(&self, t: f64) -> f64 {
+        let one = |m: &Mode| 0.5 * self.fabric * m.weight * (m.omega * (m.omega * t).sin()).powi(2);
+        self.modes.iter().map(one).sum()
+    }
+
+    /// Energy of the vibration, J.
+    pub fn energy(&self) -> f64 {
+        self.modes.iter().map(|m| 0.5 * m.stiffness * m.weight).sum()
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    pub fn scene() -> Scene {
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/hard/membrane-box/scene.toml");
+        case::load(&file).unwrap()
+    }
+
+    #[test]
+    fn limits_of_the_added_mass() {
+        let mut scene = scene();
+        let k = PI * 2f64.sqrt() / 1.0;
+        let rho = scene.flow.as_ref().unwrap().density_kg_m3;
+        let added = |below: f64, above: f64, scene: &mut Scene| {
+            let b = scene.flow.as_mut().unwrap().box_grid.as_mut().unwrap();
+            (b.below_m, b.above_m) = (below, above);
+            Exact::new(scene).unwrap().added
+        };
+        // Deep boxes: an infinite half-space on each side, rho / k.
+        assert!((added(50.0, 50.0, &mut scene) / (2.0 * rho / k) - 1.0).abs() < 1e-12);
+        // Shallow and open: the column of air itself. Shallow and closed: squeezed out sideways.
+        let shallow = added(1e-3, 50.0, &mut scene) - rho / k;
+        let (bottom, expected) = (scene.flow.as_ref().unwrap().box_grid.as_ref().unwrap().sides.bottom, 1e-3);
+        let expected = if bottom == Condition::Outlet { rho * expected } else { rho / (k * k * expected) };
+        assert!((shallow / expected - 1.0).abs() < 1e-4, "{shallow} {expected}");
+    }
+
+    #[test]
+    fn volume_and_energy_of_the_start_are_those_of_the_static_shape() {
+        let scene = scene();
+        let exact = Exact::new(&scene).unwrap();
+        let p = scene.stages[0].pressure_pa.unwrap();
+        let tension = scene.fabric.prestress_pa * scene.fabric.thickness_m;
+        // Square membrane of side 1 under pressure: volume 0.0351 p / T (torsion constant
+        // 0.1406 of a square over 4), and the work of the pressure is half of p V.
+        let volume = exact.volume(0.0, 1.0);
+        assert!((volume * tension / p - 0.140577 / 4.0).abs() < 2e-5, "{}", volume * tension / p);
+        assert!((exact.energy() - 0.5 * p * volume).abs() < 1e-4 * exact.energy());
+        let half = exact.clone().from_volume(0.5 * volume);
+        assert!((half.volume(0.3, 1.0) - 0.5 * exact.volume(0.3, 1.0)).abs() < 1e-12 * volume);
+        assert!((half.energy() - 0.25 * exact.energy()).abs() < 1e-12 * exact.energy());
+        // After a quarter period of the first mode all of its energy is kinetic.
+        let first = Exact { modes: exact.modes[..1].to_vec(), ..exact.clone() };
+        let quarter = 0.25 * first.period();
+        let share = scene.fabric.density_kg_m3 * scene.fabric.thickness_m;
+        let kinetic = first.fabric_energy(quarter) * (1.0 + exact.added / share);
+        assert!((kinetic / first.energy() - 1.0).abs() < 1e-12, "{}", kinetic / first.energy());
+    }
+
+    #[test]
+    fn what_has_no_closed_form_is_told() {
+        let mut free = scene();
+        let Canopy::Panel(p) = &mut free.canopy else { panic!() };
+        p.held = PanelEdges::Root;
+        assert!(Exact::new(&free).unwrap_err().contains("free end"));
+        let mut shut = scene();
+        shut.flow.as_mut().unwrap().box_grid.as_mut().unwrap().sides.left = Condition::Slip;
+        assert!(Exact::new(&shut).unwrap_err().contains("held edges"));
+    }
+}

@@ -1,0 +1,184 @@
+//! Flies the members, some at a time, each as a `ripstop run` of its own.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Duration;
+
+use console::Console;
+use coupling::error::{Place, RunError};
+use results::history;
+use serde::{Deserialize, Serialize};
+
+use super::family::{Member, Point};
+use super::verdict::{Seen, Verdict};
+
+/// What is kept of a member that was flown.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Flown {
+    /// Where it stands.
+    pub point: Point,
+    /// What it came to.
+    pub verdict: Verdict,
+}
+
+const RESULT: &str = "verdict.json";
+
+/// Flies all members that have no result yet, `jobs` at a time; results in their order.
+///
+/// # Errors
+/// An interruption, and whatever keeps a member from being started: a member that fails is
+/// a result.
+pub fn fly(
+    members: &[Member],
+    jobs: usize,
+    again: bool,
+    stop: &AtomicBool,
+    console: &Console,
+) -> Result<Vec<Flown>, RunError> {
+    let mut results: Vec<Option<Flown>> =
+        members.iter().map(|m| if again { None } else { kept(m) }).collect();
+    let open: Vec<usize> = (0..members.len()).filter(|&i| results[i].is_none()).collect();
+    if open.len() < members.len() {
+        console.line(&format!(
+            "{} of {} members are there already",
+            members.len() - open.len(),
+            members.len()
+        ));
+    }
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let new: Mutex<Vec<(usize, Result<Flown, RunError>)>> = Mutex::new(Vec::new());
+    let halt = AtomicBool::new(false);
+    let work = || {
+        loop {
+            let Some(&at) = open.get(next.fetch_add(1, Ordering::Relaxed)) else { return };
+            if stop.load(Ordering::Relaxed) || halt.load(Ordering::Relaxed) {
+                return;
+            }
+            let member = &members[at];
+            let flown = one(member, stop);
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            match &flown {
+                Ok(f) => console.line(&format!("{count:>4}/{}  {}", open.len(), line(f))),
+                Err(_) => halt.store(true, Ordering::Relaxed),
+            }
+            if let Ok(mut new) = new.lock() {
+                new.push((at, flown));
+            }
+        }
+    };
+    std::thread::scope(|scope| (0..jobs.max(1)).for_each(|_| drop(scope.spawn(work))));
+    for (at, flown) in new.into_inner().unwrap_or_default() {
+        results[at] = Some(flown?);
+    }
+    let all: Option<Vec<Flown>> = results.into_iter().collect();
+    all.ok_or_else(|| RunError::Interrupted(Place { stage: "stability".into(), window: None }))
+}
+
+fn line(f: &Flown) -> String {
+    let percent = |e: Option<f64>| e.map_or_else(|| "-".into(), |e| format!("{:+.1} %", 100.0 * e));
+    let v = &f.verdict;
+    format!(
+        "mass ratio {:>6}  {:>5} windows a period  {:>3} substeps  {:<22} {:<10}  {:.1} iterations, frequency {}, \
+         amplitude {}",
+        f.point.mass_ratio,
+        f.point.windows_per_period,
+        f.point.substeps,
+        f.point.scheme.0,
+        v.class.name(),
+        v.iterations,
+        percent(v.frequency_error),
+        percent(v.amplitude_error)
+    )
+}
+
+fn kept(member: &Member) -> Option<Flown> {
+    let text = std::fs::read_to_string(member.folder.join(RESULT)).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+fn one(member: &Member, stop: &AtomicBool) -> Result<Flown, RunError> {
+    let folder = &member.folder;
+    std::fs::create_dir_all(folder).map_err(RunError::file("create", folder))?;
+    let scene = folder.join("scene.toml");
+    std::fs::write(&scene, &member.text).map_err(RunError::file("write", &scene))?;
+    let failure = run(&scene, folder, stop)?;
+    let name = &member.scene.stages.last().map(|s| s.name.as_str()).unwrap_or_default();
+    let seen = read(&folder.join(name).join("history.csv"))?;
+    let first = read(&folder.join(&member.scene.stages[0].name).join("history.csv"));
+    let start = first.ok().and_then(|s| s.volume.last().copied()).filter(|v| v.is_finite() && *v != 0.0);
+    let exact = match start {
+        Some(volume) => member.exact.clone().from_volume(volume),
+        None => member.exact.clone(),
+    };
+    let flown = Flown { point: member.point.clone(), verdict: Verdict::new(&seen, &exact, failure) };
+    let text = serde_json::to_string_pretty(&flown).unwrap_or_default();
+    // Beside its place first: a result is whole, or it is not there.
+    let (draft, place) = (folder.join("verdict.new"), folder.join(RESULT));
+    std::fs::write(&draft, text + "\n").map_err(RunError::file("write", &draft))?;
+    std::fs::rename(&draft, &place).map_err(RunError::file("rename", &place))?;
+    Ok(flown)
+}
+
+/// Runs a member to its end; why it failed, if it did.
+fn run(scene: &Path, folder: &Path, stop: &AtomicBool) -> Result<Option<String>, RunError> {
+    let program = results::program::this_program()?;
+    let log = folder.join("errors.txt");
+    let file = std::fs::File::create(&log).map_err(RunError::file("create", &log))?;
+    let mut child = Command::new(&program)
+        .arg("run")
+        .arg(scene)
+        .arg("--out")
+        .arg(folder)
+        .arg("--quiet")
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(file)
+        .spawn()
+        .map_err(RunError::file("start", &program))?;
+    let mut told = false;
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(RunError::file("wait for", &program))? {
+            break status;
+        }
+        if stop.load(Ordering::Relaxed) && !told {
+            // It ends its programs by itself.
+            // SAFETY: a signal to a child that has not been waited for.
+            unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
+            told = true;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let words = std::fs::read_to_string(&log).unwrap_or_default();
+    let words = words.trim().trim_start_matches("error: ");
+    match status.code() {
+        Some(0) => Ok(None),
+        Some(1) => Ok(Some(words.to_owned())),
+        Some(130) | None if stop.load(Ordering::Relaxed) => {
+            Err(RunError::Interrupted(Place { stage: "stability".into(), window: None }))
+        }
+        _ => Err(RunError::Input(format!("{}: {words}", scene.display()))),
+    }
+}
+
+/// A history that was never begun is empty.
+fn read(path: &Path) -> Result<Seen, RunError> {
+    if !path.exists() {
+        return Ok(Seen::default());
+    }
+    let columns = history::read(path)?;
+    let column = |name: &str| {
+        let found = columns.iter().find(|(n, _)| n == name);
+        found
+            .map(|(_, v)| v.clone())
+            .ok_or_else(|| RunError::Input(format!("{} has no {name}", path.display())))
+    };
+    Ok(Seen {
+        time: column("time_s")?,
+        volume: column("volume_m3")?,
+        kinetic: column("structure_kinetic_energy_j")?,
+        energy_error: column("interface_energy_error_sum_j").unwrap_or_default(),
+        iterations: column("coupling_iterations").unwrap_or_default(),
+    })
+}
