@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use case::Role;
 use clap::{Args, Parser, Subcommand};
-use console::Console;
 use coupling::error::RunError;
 use results::checkpoint;
 use results::recording::stand_in::StandIn;
+use terminal::Console;
 
 use crate::effects_measured::measure::{Runs, measurements};
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};

@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window};
-use console::Console;
 use coupling::error::RunError;
 use coupling::partners::{LoadOverWindow, Partners};
 use results::recording::{Event, Reader};
+use terminal::Console;
 
 use crate::hub_partners::HubPartners;
 use crate::replay::{Rehearsal, Trial, halves};

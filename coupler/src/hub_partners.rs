@@ -10,12 +10,12 @@ use channel::{
     Abort, Arrivals, Hub, HubError, HubOptions, Interface, LOAD_WIDTH, OWN_SURFACE, RoleOptions, Stats, Who,
     Window, flow_stats, mesh_stats, structure_stats,
 };
-use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
 use coupling::structure_energy::EnergyCreated;
 use coupling::transfer::{OwnSurface, surface_file};
+use terminal::Console;
 
 use crate::launch::{Casualty, Program, Supervisor};
 

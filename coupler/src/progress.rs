@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 use case::StageKind;
 use channel::structure_stats;
-use console::Console;
-use console::clock;
 use indicatif::{ProgressBar, ProgressStyle};
 use results::history::Row;
+use terminal::Console;
+use terminal::clock;
 
 /// Time between plain lines where there is no terminal.
 const EVERY: Duration = Duration::from_secs(5);

@@ -7,13 +7,13 @@ use std::time::Duration;
 
 use case::{Role, Scene};
 use channel::{LOAD_WIDTH, Window};
-use console::Console;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use coupling::partners::{LoadOverWindow, Partners};
 use results::program::program_folder;
 use results::recording::compare::Comparison;
 use results::recording::{Channel, Event, Moment, Reader, stage_file};
+use terminal::Console;
 
 use crate::hub_partners::{HubPartners, SessionOptions};
 use crate::launch::LaunchPlan;

@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use case::{Role, Scene, StageKind};
-use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
@@ -21,6 +20,7 @@ use results::recording::compare::Comparison;
 use results::recording::{Baseline, Header, Reader, Recorder, Writer, stage_file};
 use results::state;
 use results::summary::{RunSummary, StageSummary};
+use terminal::Console;
 
 use crate::checks::Inspection;
 use crate::hub_partners::{HubPartners, SessionOptions};
@@ -550,7 +550,7 @@ fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
         scene: scene.name.clone(),
         ended: "complete".into(),
         version: env!("CARGO_PKG_VERSION"),
-        started_utc: console::utc_now(),
+        started_utc: terminal::utc_now(),
         command: std::env::args().collect(),
         machine: results::machine::Machine::here(),
         contract: channel::CONTRACT_VERSION,

@@ -28,7 +28,7 @@ fn dependencies() -> BTreeMap<String, Vec<String>> {
 
 const PROGRAMS: [&str; 4] = ["structure-solver", "flow-solver", "mesh-mover", "coupler"];
 const SHARED: [&str; 12] = [
-    "case", "comm", "mesh", "linalg", "channel", "coupling", "console", "results", "figures", "effects",
+    "case", "comm", "mesh", "linalg", "channel", "coupling", "terminal", "results", "figures", "effects",
     "report", "studies",
 ];
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use console::Console;
 use coupling::error::RunError;
+use terminal::Console;
 
 use super::facts::{Facts, Machine};
 use super::finding::{Finding, Judged, Severity};

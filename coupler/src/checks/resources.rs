@@ -4,7 +4,7 @@
 //! hold to a factor of three.
 
 use case::{Acceleration, Integration, Role, Scheme, Solve, Stage, StageKind};
-use console::clock;
+use terminal::clock;
 
 use super::facts::{Facts, digits};
 use super::finding::Judged;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene, StageKind, Take};
-use console::Console;
 use coupling::error::RunError;
 use results::history;
 use studies::accuracy::quantities::reduce;
+use terminal::Console;
 
 use super::measure::Work;
 use crate::replay::copy_states;

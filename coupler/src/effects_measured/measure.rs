@@ -5,13 +5,13 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene};
-use console::Console;
 use coupling::error::RunError;
 use effects::estimate::{Amount, Assessment, Scope, percent};
 use effects::fall::QUANTITIES;
 use effects::numbers::Numbers;
 use effects::report::change;
 use effects::table::{Entry, TABLE};
+use terminal::Console;
 
 use super::bench::{Bench, Outcome};
 use super::measured_stage;

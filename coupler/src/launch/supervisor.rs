@@ -11,9 +11,9 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use case::Role;
-use console::Console;
 use coupling::error::RunError;
 use coupling::partners::Usage;
+use terminal::Console;
 
 use super::Program;
 use super::process::{self, Seen};

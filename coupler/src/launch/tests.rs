@@ -11,8 +11,8 @@ use super::*;
 mod load;
 
 use case::Role;
-use console::Console;
 use load::Limit;
+use terminal::Console;
 
 fn script(folder: &Path, name: &str, text: &str) -> OsString {
     let file = folder.join(name);

@@ -14,7 +14,6 @@ use std::time::{Duration, Instant};
 
 use case::{DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence};
 use channel::{Window, flow_stats};
-use console::Console;
 use coupling::balance::SystemBalance;
 use coupling::convergence::Judge;
 use coupling::descent::DescentModel;
@@ -28,6 +27,7 @@ use coupling::structure_energy;
 use results::checkpoint::{self, Seal};
 use results::history::{History, Iterations, Row};
 use results::summary::StageSummary;
+use terminal::Console;
 
 use self::clock::WindowClock;
 use crate::progress::Progress;

@@ -30,6 +30,15 @@ impl Check {
     }
 
     pub(crate) fn positive(&mut self, path: &str, value: f64, high: f64, why: &str) {
+        // Products of smaller ones are zero.
+        if value > 0.0 && value < SMALLEST {
+            self.refuse(
+                path,
+                format!("`{path}` is {value:e}"),
+                format!("allowed: {SMALLEST:e} and more; {why}"),
+            );
+            return;
+        }
         self.range(path, value, 0.0, high, false, why);
     }
 
@@ -39,6 +48,9 @@ impl Check {
         }
     }
 }
+
+/// The smallest of the numbers that must be positive.
+const SMALLEST: f64 = 1e-60;
 
 /// Everything about the scene that no solver could work with.
 pub(crate) fn problems(scene: &Scene) -> Vec<Refusal> {

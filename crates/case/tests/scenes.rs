@@ -85,6 +85,7 @@ fn keys_of_the_tagged_canopy_are_checked_too() {
 #[test]
 fn magnitudes_are_checked_with_their_units() {
     for (from, to, wanted) in [
+        ("thickness_m = 3.048e-5", "thickness_m = 1e-320", "allowed: 1e-60 and more"),
         ("thickness_m = 3.048e-5", "thickness_m = -3.048e-5", "`fabric.thickness_m` is -0.00003048"),
         ("thickness_m = 3.048e-5", "thickness_m = 3.048", "is the value in metres?"),
         ("thickness_m = 3.048e-5", "thickness_m = nan", "`fabric.thickness_m` is NaN"),

@@ -1,10 +1,10 @@
 //! A report as sections of texts, tables, charts and pictures, before it is a page or Markdown.
 
 use case::StageKind;
-use console::clock;
 use coupling::error::RunError;
 use figures::picture::results::Kind;
 use figures::picture::{canopy_png, flow_png};
+use terminal::clock;
 
 use super::bars::Bars;
 use super::chart::Chart;

@@ -1,10 +1,10 @@
 //! The numbers at the top of the page.
 
 use case::{Role, StageKind};
-use console::clock;
 use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
 use figures::plot;
+use terminal::clock;
 
 use super::chart::digits;
 use super::data::{Run, StageData, number};

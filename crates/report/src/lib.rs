@@ -29,8 +29,8 @@ mod tests;
 use std::path::PathBuf;
 
 use clap::Args;
-use console::Console;
 use coupling::error::RunError;
+use terminal::Console;
 
 use self::data::Run;
 

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use case::{Role, Stage, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
-use console::clock;
 use coupling::convergence::Convergence;
 use coupling::energy::CREATED;
 use coupling::error::RunError;
 use coupling::partners::Usage;
 use serde::{Deserialize, Serialize};
+use terminal::clock;
 
 use crate::finding::Finding;
 use crate::history::Row;

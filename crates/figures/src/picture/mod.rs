@@ -12,10 +12,10 @@ use std::path::PathBuf;
 
 use case::StageKind;
 use clap::Args;
-use console::Console;
 use coupling::error::RunError;
 use mesh::Vec3;
 use mesh::vtk::read::Piece;
+use terminal::Console;
 use tiny_skia::{PathBuilder, Pixmap, Rect, Stroke, Transform};
 
 use self::colour::{COOL, INK, Legend, PAPER, Range, WARM};

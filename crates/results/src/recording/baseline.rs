@@ -4,9 +4,9 @@ use std::path::Path;
 
 use case::Role;
 use channel::Window;
-use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
+use terminal::Console;
 
 use super::compare::Comparison;
 use super::recorder::load_rows;

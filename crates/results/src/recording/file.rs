@@ -243,8 +243,7 @@ impl Reader {
         if crc32fast::hash(&bytes) != u32::from_le_bytes([a, b, c, d]) {
             return Err(self.damaged(at, "its checksum is wrong".into()));
         }
-        let config = bincode::config::standard().with_limit::<{ 1 << 31 }>();
-        match bincode::serde::decode_from_slice(&bytes, config) {
+        match decoded(&bytes) {
             Ok((content, used)) if used == bytes.len() => Ok(Some(content)),
             Ok(_) => Err(self.damaged(at, "a frame is longer than its content".into())),
             Err(e) => Err(self.damaged(at, e.to_string())),
@@ -264,5 +263,45 @@ impl Reader {
 
     fn damaged(&self, at: u64, why: String) -> RecordingError {
         RecordingError::Damaged { path: self.path.clone(), at, why }
+    }
+}
+
+/// Decodes a frame. A length within it is only a claim, for which a string takes memory at once: no more than eight times the
+/// frame, by steps because the limit is a constant.
+fn decoded<T: DeserializeOwned>(bytes: &[u8]) -> Result<(T, usize), bincode::error::DecodeError> {
+    fn within<T: DeserializeOwned, const LIMIT: usize>(
+        bytes: &[u8],
+    ) -> Result<(T, usize), bincode::error::DecodeError> {
+        bincode::serde::decode_from_slice(bytes, bincode::config::standard().with_limit::<LIMIT>())
+    }
+    match bytes.len().next_power_of_two().trailing_zeros() {
+        0..=18 => within::<T, { 1 << 22 }>(bytes),
+        19..=21 => within::<T, { 1 << 24 }>(bytes),
+        22..=24 => within::<T, { 1 << 27 }>(bytes),
+        25..=27 => within::<T, { 1 << 30 }>(bytes),
+        _ => within::<T, { 1 << 31 }>(bytes),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bincode::error::DecodeError;
+
+    use super::decoded;
+
+    /// A million damaged recordings had one whose string claimed 125 MB within 3 kB.
+    #[test]
+    fn a_length_beyond_the_frame_takes_no_memory() {
+        let config = bincode::config::standard();
+        let mut claim = bincode::serde::encode_to_vec(1u64 << 27, config).expect("a number");
+        claim.resize(3000, b'x');
+        let refused = decoded::<String>(&claim).expect_err("a claim");
+        assert!(matches!(refused, DecodeError::LimitExceeded), "{refused}");
+        // What is small when encoded is still read: a byte for each of these numbers of eight.
+        for count in [10usize, 200_000, 300_000, 3_000_000] {
+            let zeros = bincode::serde::encode_to_vec(vec![0u64; count], config).expect("numbers");
+            let (read, used) = decoded::<Vec<u64>>(&zeros).expect("within the limit");
+            assert!(read.len() == count && used == zeros.len(), "{count}");
+        }
     }
 }

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use console::clock;
 use coupling::error::RunError;
 use serde::Serialize;
+use terminal::clock;
 
 use super::coverage::{self, NotAssessed};
 use super::judge::Outcome;

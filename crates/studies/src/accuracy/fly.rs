@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use console::Console;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use results::provenance;
 use serde::{Deserialize, Serialize};
+use terminal::Console;
 
 use super::cost::{self, Cost, Sizes};
 use super::estimate;

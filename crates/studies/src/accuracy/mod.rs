@@ -31,9 +31,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use console::Console;
 use coupling::error::RunError;
 use results::provenance;
+use terminal::Console;
 
 use self::advice::{Advice, Context, Wish};
 use self::fly::{Flight, Record};

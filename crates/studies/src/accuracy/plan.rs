@@ -2,8 +2,8 @@
 
 use std::io::{BufRead, IsTerminal, Write};
 
-use console::clock;
 use coupling::error::RunError;
+use terminal::clock;
 
 use super::fly::{Flight, Queue};
 use super::study::Study;

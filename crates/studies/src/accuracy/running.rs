@@ -5,9 +5,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use case::Scene;
-use console::Console;
-use console::clock;
 use indicatif::{ProgressBar, ProgressStyle};
+use terminal::Console;
+use terminal::clock;
 
 use super::fly;
 use super::study::Study;

@@ -1,6 +1,6 @@
 //! The result of a study as text for a terminal.
 
-use console::clock;
+use terminal::clock;
 
 use super::convergence::Behaviour;
 use super::coverage::{self, NotAssessed};

@@ -6,10 +6,10 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
-use console::Console;
 use coupling::error::{Place, RunError};
 use results::history;
 use serde::{Deserialize, Serialize};
+use terminal::Console;
 
 use super::family::{Member, Point};
 use super::verdict::{Seen, Verdict};

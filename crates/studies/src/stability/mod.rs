@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use console::Console;
 use coupling::error::RunError;
+use terminal::Console;
 
 pub use self::exact::Exact;
 use self::family::{Axes, SchemeChoice, members};
