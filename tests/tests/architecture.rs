@@ -43,6 +43,48 @@ fn no_program_depends_on_another_and_no_shared_crate_on_a_program() {
     assert!(!all["coupler"].iter().any(|d| d == "comm" || d == "mpi"), "the coupler is no MPI program");
 }
 
+/// What each crate around the coupler may use of the others, as the table of ARCHITECTURE.md has it.
+const LAYERS: [(&str, &[&str]); 7] = [
+    ("coupling", &["case", "channel", "mesh"]),
+    ("terminal", &["case"]),
+    ("results", &["case", "channel", "coupling", "terminal"]),
+    ("effects", &["case", "coupling", "mesh"]),
+    ("figures", &["case", "coupling", "mesh", "results", "terminal"]),
+    ("report", &["case", "coupling", "effects", "figures", "mesh", "results", "terminal"]),
+    ("studies", &["case", "coupling", "effects", "figures", "mesh", "results", "terminal"]),
+];
+
+#[test]
+fn crates_use_those_below_them_only() {
+    let all = dependencies();
+    for (name, allowed) in LAYERS {
+        let own = all[name].iter().filter(|d| SHARED.contains(&d.as_str()));
+        let wrong: Vec<_> = own.filter(|d| !allowed.contains(&d.as_str())).collect();
+        assert!(wrong.is_empty(), "{name} uses {wrong:?}");
+    }
+}
+
+/// Schemes, descent and balances are functions of numbers: programs and files are the coupler's.
+#[test]
+fn coupling_starts_no_process_and_opens_no_file() {
+    let mut stack = vec![root().join("crates/coupling/src")];
+    while let Some(dir) = stack.pop() {
+        for entry in std::fs::read_dir(dir).expect("sources").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                stack.push(path);
+                continue;
+            }
+            let text = std::fs::read_to_string(&path).expect("text");
+            for word in ["std::fs", "std::process", "std::env", "std::net", "println!"] {
+                let code = text.split("#[cfg(test)]").next().unwrap_or("");
+                let tests = path.to_string_lossy().ends_with("tests.rs");
+                assert!(tests || !code.contains(word), "{}: {word}", path.display());
+            }
+        }
+    }
+}
+
 #[test]
 fn mpi_and_iceoryx2_are_named_in_one_crate_each() {
     for (package, dependencies) in dependencies() {
