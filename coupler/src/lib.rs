@@ -3,6 +3,7 @@
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
+pub mod allocator;
 pub mod check;
 pub mod checks;
 pub mod cli;
