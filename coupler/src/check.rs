@@ -1,14 +1,14 @@
 //! `ripstop check`: what would run, and why.
 
 use case::{Acceleration, CouplingOrder, LoadShape, Scheme, Solve, StageKind, StaggeredSequence};
+use checks::Inspection;
 use coupling::descent::DescentModel;
 use coupling::error::RunError;
 use effects::effects;
 use results::program::program_folder;
 
-use crate::checks::Inspection;
 use crate::launch::LaunchPlan;
-use crate::run::{Prepared, RunOptions, prepare};
+use crate::run::{Prepared, RunOptions, inspection, prepare};
 
 /// Loads and inspects a scene, and describes the run.
 ///
@@ -16,7 +16,7 @@ use crate::run::{Prepared, RunOptions, prepare};
 /// Whatever `ripstop run` would refuse before it inspects the scene.
 pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
     let prepared = prepare(options)?;
-    let inspection = Inspection::of(&prepared, options)?;
+    let inspection = inspection(&prepared, options)?;
     let Prepared { scene, file, out, interface, first, .. } = &prepared;
     let mut lines = vec![if scene.title.is_empty() {
         scene.name.clone()

@@ -11,9 +11,9 @@ use clap::{Args, Parser, Subcommand};
 use coupling::error::RunError;
 use results::checkpoint;
 use results::recording::stand_in::StandIn;
+use studies::effects::Runs;
 use terminal::Console;
 
-use crate::effects_measured::measure::{Runs, measurements};
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
 
@@ -353,11 +353,14 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
                 return Ok(());
             }
             let options = scene.options();
-            print(&crate::effects_measured::scene_report(&options)?);
+            print(&crate::effects_command::scene_report(&options)?);
             if measure {
                 let stop = on_signals()?;
                 let runs = Runs { windows, repeat, only };
-                print(&measurements(&options, &runs, states.as_deref(), &stop, console)?.text());
+                print(
+                    &crate::effects_command::measure(&options, &runs, states.as_deref(), &stop, console)?
+                        .text(),
+                );
             }
             Ok(())
         }

@@ -1,16 +1,15 @@
-//! Launches, sequences, accelerates and reports the coupled run.
+//! Launches the programs, sequences them stage by stage, and answers the command line.
 
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
 pub mod allocator;
 pub mod check;
-pub mod checks;
 pub mod cli;
 pub mod command_line;
 pub mod conform;
 pub mod diff_command;
-pub mod effects_measured;
+pub mod effects_command;
 pub mod hub_partners;
 pub mod launch;
 pub mod mesh_command;

@@ -148,7 +148,7 @@ impl Rehearsal {
         std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
         let lock = results::lock::lock(&out)?;
         keep_scene(&prepared.file, &out)?;
-        copy_states(scene, number, folder, &out)?;
+        results::state::copy_states(scene, number, folder, &out)?;
         let starts = scene.source_state(&out, number, role).is_some() && !trial.command.is_empty();
         let first = find_first(scene, folder, role).filter(|&first| starts && first < number);
         let hint = first.map(|first| {
@@ -367,22 +367,6 @@ fn find_stage(scene: &Scene, recording: &Path, role: Role, name: Option<&str>) -
             role.name()
         ))
     })
-}
-
-/// States of earlier stages, from which a stage starts, from one folder to another.
-pub(crate) fn copy_states(scene: &Scene, before: usize, from: &Path, to: &Path) -> Result<(), RunError> {
-    for stage in 0..before {
-        let (source, target) = (case::state_folder(from, scene, stage), case::state_folder(to, scene, stage));
-        let Ok(entries) = std::fs::read_dir(&source) else { continue };
-        std::fs::create_dir_all(&target).map_err(RunError::file("create", &target))?;
-        for entry in entries.flatten().filter(|e| e.path().is_file()) {
-            let copy = target.join(entry.file_name());
-            if copy != entry.path() {
-                std::fs::copy(entry.path(), &copy).map_err(RunError::file("write", &copy))?;
-            }
-        }
-    }
-    Ok(())
 }
 
 /// A folder that is gone when this is.

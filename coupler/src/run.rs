@@ -8,6 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use case::{Role, Scene, StageKind};
+use checks::Inspection;
+use checks::facts::Machine;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
@@ -22,10 +24,8 @@ use results::state;
 use results::summary::{RunSummary, StageSummary};
 use terminal::Console;
 
-use crate::checks::Inspection;
 use crate::hub_partners::{HubPartners, SessionOptions};
 use crate::launch::LaunchPlan;
-use crate::replay::copy_states;
 use crate::settings::{Setting, changed};
 use crate::stages::{StageContext, StageOptions, initial_state};
 
@@ -113,6 +113,17 @@ pub struct Prepared {
     pub first: usize,
 }
 
+/// Findings in the scene that `prepared` holds, before it runs.
+///
+/// # Errors
+/// Parameters that make no canopy.
+pub fn inspection(prepared: &Prepared, options: &RunOptions) -> Result<Inspection, RunError> {
+    let Prepared { scene, interface, first, out, .. } = prepared;
+    let machine = Machine::here(out, !options.mpirun.is_empty());
+    let settings: Vec<String> = options.settings.iter().map(Setting::to_string).collect();
+    Inspection::of(scene, interface, *first, machine, &options.scene, &settings)
+}
+
 /// Loads and checks everything that can be checked before a program starts.
 ///
 /// # Errors
@@ -165,7 +176,7 @@ pub fn run(
     console: &Console,
 ) -> Result<(RunSummary, PathBuf), RunError> {
     let prepared = prepare(options)?;
-    let inspection = Inspection::of(&prepared, options)?;
+    let inspection = inspection(&prepared, options)?;
     inspection.announce(console)?;
     let Prepared { scene, file, text, out, interface, first } = prepared;
     let mut going_on = if options.resume { GoingOn::of(&scene, &file, &out, console)? } else { None };
@@ -217,7 +228,7 @@ pub fn run(
     if let Some(record) = &options.record {
         fs::create_dir_all(&record.folder).map_err(RunError::file("create", &record.folder))?;
         keep_scene(&file, &record.folder)?;
-        copy_states(&scene, first, &out, &record.folder)?;
+        results::state::copy_states(&scene, first, &out, &record.folder)?;
     }
     if let Err(error) = channel::cleanup_stale() {
         console.warning(&format!("leftovers of earlier runs could not be removed: {error}"));
@@ -412,7 +423,7 @@ fn exchange<'a>(
         run(&mut partners, state, summary)?;
     }
     if let Some(record) = &options.record {
-        copy_states(context.scene, context.stage + 1, context.out, &record.folder)?;
+        results::state::copy_states(context.scene, context.stage + 1, context.out, &record.folder)?;
     }
     Ok((partners, interrupted))
 }

@@ -5,8 +5,8 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use coupler::checks::facts::{Facts, Machine};
-use coupler::checks::{Finding, Inspection, Severity, When, all};
+use checks::facts::{Facts, Machine};
+use checks::{Finding, Inspection, Severity, When, all};
 use coupling::interface::CanopyInterface;
 
 mod changes;

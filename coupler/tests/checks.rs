@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use coupler::checks::document::markdown;
-use coupler::checks::facts::{Facts, Machine};
-use coupler::checks::{Check, Inspection, Severity, When, all};
+use checks::document::markdown;
+use checks::facts::{Facts, Machine};
+use checks::{Check, Inspection, Severity, When, all};
 use coupling::interface::CanopyInterface;
 
 /// Scenes of the repository with their warnings on a large machine. Each is right: the ATPS has the paper's soft
@@ -42,8 +42,8 @@ const CASES: &[(&str, &[&str])] = &[
 ];
 
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/checks.md");
-const BEGIN: &str = "<!-- made from coupler/src/checks: begin -->\n";
-const END: &str = "<!-- made from coupler/src/checks: end -->\n";
+const BEGIN: &str = "<!-- made from crates/checks/src: begin -->\n";
+const END: &str = "<!-- made from crates/checks/src: end -->\n";
 
 /// After a change: `RIPSTOP_WRITE_DOCS=1 cargo test --release -p coupler --test checks the_page`.
 #[test]

@@ -8,6 +8,7 @@ use std::path::Path;
 use case::{Role, Scene};
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
+use results::machine::free_in;
 
 /// Where it is.
 const PLACE: &str = "/dev/shm";
@@ -52,20 +53,6 @@ pub fn grid_nodes(scene: &Scene) -> u64 {
 /// Bytes of shared memory that are free; `None` where there is none, or it cannot be asked.
 pub fn free() -> Option<u64> {
     free_in(Path::new(PLACE))
-}
-
-/// Bytes that are free in the file system of `folder`; `None` where it does not exist, or cannot be asked.
-pub fn free_in(folder: &Path) -> Option<u64> {
-    use std::os::unix::ffi::OsStrExt;
-    let name = std::ffi::CString::new(folder.as_os_str().as_bytes()).ok()?;
-    let mut found = std::mem::MaybeUninit::<libc::statvfs>::zeroed();
-    // SAFETY: a terminated string, and room for the answer.
-    if unsafe { libc::statvfs(name.as_ptr(), found.as_mut_ptr()) } != 0 {
-        return None;
-    }
-    // SAFETY: plain numbers, zeroed before and filled by the successful call.
-    let found = unsafe { found.assume_init() };
-    Some(found.f_bavail * found.f_frsize)
 }
 
 /// Refuses to start what would not fit.

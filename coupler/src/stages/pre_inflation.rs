@@ -2,13 +2,13 @@
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window, structure_stats};
+use checks::AT_REST;
 use coupling::convergence::Judge;
 use coupling::error::{Place, RunError};
 use coupling::partners::{LoadOverWindow, Partners};
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 use super::{StageContext, Stepper, require_finite};
-use crate::checks::AT_REST;
 
 pub(super) struct PreInflation {
     place: Place,

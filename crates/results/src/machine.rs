@@ -1,5 +1,7 @@
 //! Where a run took place, for its summary.
 
+use std::path::Path;
+
 use serde::Serialize;
 
 /// What matters of a machine for wall times.
@@ -31,6 +33,11 @@ impl Machine {
             system: format!("{} {} {}", std::env::consts::OS, release.join("."), std::env::consts::ARCH),
         }
     }
+}
+
+/// Bytes that are free in the file system of `folder`; `None` where it does not exist, or cannot be asked.
+pub fn free_in(folder: &Path) -> Option<u64> {
+    rustix::fs::statvfs(folder).ok().map(|s| s.f_bavail * s.f_frsize)
 }
 
 /// What stands behind `key` and a colon in the first such line.

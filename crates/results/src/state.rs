@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use case::Scene;
 use coupling::error::RunError;
 use coupling::schemes::InterfaceState;
 use serde::{Deserialize, Serialize};
@@ -65,6 +66,25 @@ pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState,
         return Err(refuse(format!("holds {wrong}: run the earlier stage again")));
     }
     Ok(file.state)
+}
+
+/// States of earlier stages, from which a stage starts, from one folder to another.
+///
+/// # Errors
+/// Folders and files that cannot be written.
+pub fn copy_states(scene: &Scene, before: usize, from: &Path, to: &Path) -> Result<(), RunError> {
+    for stage in 0..before {
+        let (source, target) = (case::state_folder(from, scene, stage), case::state_folder(to, scene, stage));
+        let Ok(entries) = std::fs::read_dir(&source) else { continue };
+        std::fs::create_dir_all(&target).map_err(RunError::file("create", &target))?;
+        for entry in entries.flatten().filter(|e| e.path().is_file()) {
+            let copy = target.join(entry.file_name());
+            if copy != entry.path() {
+                std::fs::copy(entry.path(), &copy).map_err(RunError::file("write", &copy))?;
+            }
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ impl Machine {
         Self {
             cores: machine.threads,
             memory: Some(machine.memory_gib * 1024f64.powi(3)).filter(|m| *m > 0.0),
-            disk: existing.and_then(crate::launch::memory::free_in).map(|bytes| bytes as f64),
+            disk: existing.and_then(results::machine::free_in).map(|bytes| bytes as f64),
             hosts,
         }
     }

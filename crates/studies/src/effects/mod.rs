@@ -1,11 +1,13 @@
 //! What an effect changes and costs: a run with it beside the same run without it.
 
+mod bench;
+
 use std::fmt::Write as _;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use case::{Role, Scene};
 use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
 use effects::estimate::{Amount, Assessment, Scope, percent};
 use effects::fall::QUANTITIES;
 use effects::numbers::Numbers;
@@ -13,9 +15,8 @@ use effects::report::change;
 use effects::table::{Entry, TABLE};
 use terminal::Console;
 
-use super::bench::{Bench, Outcome};
-use super::measured_stage;
-use crate::run::{Prepared, RunOptions, prepare};
+pub use self::bench::Runner;
+use self::bench::{Bench, Outcome};
 
 /// Windows that are run where the command line does not say.
 const WINDOWS: u64 = 20;
@@ -90,38 +91,36 @@ pub struct Measurements {
     pub rows: Vec<Row>,
 }
 
-/// Measures the effects of a scene: for each that is on a run without it, for each that is off and has
+/// Measures the effects of stage `stage` of a scene: for each that is on a run without it, for each that is off and has
 /// defaults a run with it. Stages before the measured one are run with the effect too where it acts in them,
 /// unless their states come from `earlier`, the results of a run.
 ///
 /// # Errors
 /// Trouble with the scene itself; what is wrong with a variant stands in its row.
 pub fn measurements(
-    options: &RunOptions,
+    (scene, interface, stage): (&Scene, &CanopyInterface, usize),
     runs: &Runs,
     earlier: Option<&Path>,
-    stop: &AtomicBool,
+    runner: &dyn Runner,
     console: &Console,
 ) -> Result<Measurements, RunError> {
-    let Prepared { scene, interface, .. } = prepare(options)?;
     if let Some(unknown) = runs.only.iter().find(|k| !TABLE.iter().any(|e| e.key == *k)) {
         return Err(RunError::Input(format!(
             "--only {unknown}: there is no such effect; `ripstop effects` lists them"
         )));
     }
-    let stage = measured_stage(options, &scene);
     let length = &scene.stages[stage];
     let all = if length.window_s > 0.0 { length.windows() } else { 1 };
     let count = runs.windows.unwrap_or(WINDOWS).min(all);
-    let mesh = mesh::structure_mesh(&scene).map_err(|e| RunError::Input(e.to_string()))?;
-    let n = Numbers::new(&scene, &interface, &mesh);
+    let mesh = mesh::structure_mesh(scene).map_err(|e| RunError::Input(e.to_string()))?;
+    let n = Numbers::new(scene, interface, &mesh);
     let scope = Scope::new(&n, stage, Some(count));
-    let bench = Bench::new(&scene, stage, count, earlier, stop)?;
+    let bench = Bench::new(scene, stage, count, earlier, runner)?;
     console.line(&format!("running the scene itself to stage `{}`", length.name));
-    bench.prepare("plain", &scene)?;
-    let plain = bench.run("plain", "plain", &scene)?;
-    let again = bench.run("plain", "plain", &scene)?;
-    let noise = noise(&bench, &scene, &plain, console)?;
+    bench.prepare("plain", scene)?;
+    let plain = bench.run("plain", "plain", scene)?;
+    let again = bench.run("plain", "plain", scene)?;
+    let noise = noise(&bench, scene, &plain, console)?;
     let mut measured = Measurements {
         stage: length.name.clone(),
         windows: count,
@@ -133,7 +132,7 @@ pub fn measurements(
     };
     let own = length.kind.roles();
     for entry in TABLE.iter().filter(|e| runs.only.is_empty() || runs.only.iter().any(|k| k == e.key)) {
-        let on = (entry.on)(&scene);
+        let on = (entry.on)(scene);
         let acts = bench.acts_before(entry.programs)
             || entry.programs.contains(&"coupler")
             || entry.programs.iter().any(|p| own.iter().any(|r| r.program() == *p));
@@ -141,7 +140,7 @@ pub fn measurements(
         console.line(&format!("measuring {} ({})", entry.key, if on { "on" } else { "off" }));
         let mut variant = scene.clone();
         change(&mut variant);
-        let outcome = match variant_of(&bench, entry, (&scene, &plain), &variant, runs.repeat) {
+        let outcome = match variant_of(&bench, entry, (scene, &plain), &variant, runs.repeat) {
             Err(RunError::Interrupted(place)) => return Err(RunError::Interrupted(place)),
             Err(error) => Err(error.to_string().lines().next().unwrap_or_default().to_owned()),
             Ok([base, other]) => {

@@ -2,17 +2,31 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
+use crate::accuracy::quantities::reduce;
 use case::{Role, Scene, StageKind, Take};
+
 use coupling::error::RunError;
 use results::history;
-use studies::accuracy::quantities::reduce;
-use terminal::Console;
+use results::state::copy_states;
+use results::summary::StageSummary;
 
-use super::measure::Work;
-use crate::replay::copy_states;
-use crate::run::{RunOptions, run};
+use super::Work;
+
+/// Runs scenes as `ripstop run` does; windows that do not converge are accepted.
+pub trait Runner {
+    /// The scene in `file` with its results in `out`: all of its stages, or one alone, by name, for so many windows. The summary of
+    /// the last stage.
+    ///
+    /// # Errors
+    /// Whatever ends the run.
+    fn run(
+        &self,
+        file: &Path,
+        out: &Path,
+        stage: Option<(&str, u64)>,
+    ) -> Result<Option<StageSummary>, RunError>;
+}
 
 /// What a run of the measured stage came to.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +44,7 @@ pub struct Bench<'a> {
     stage: usize,
     windows: u64,
     earlier: Option<&'a Path>,
-    stop: &'a AtomicBool,
+    runner: &'a dyn Runner,
 }
 
 impl<'a> Bench<'a> {
@@ -43,11 +57,11 @@ impl<'a> Bench<'a> {
         stage: usize,
         windows: u64,
         earlier: Option<&'a Path>,
-        stop: &'a AtomicBool,
+        runner: &'a dyn Runner,
     ) -> Result<Self, RunError> {
         let folder = std::env::temp_dir().join(format!("ripstop-effects-{}", std::process::id()));
         fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
-        Ok(Self { folder, scene, stage, windows, earlier, stop })
+        Ok(Self { folder, scene, stage, windows, earlier, runner })
     }
 
     fn states(&self, name: &str) -> PathBuf {
@@ -74,9 +88,7 @@ impl<'a> Bench<'a> {
         }
         let first = first_stages(scene, self.stage);
         let file = self.write(&format!("{name}-before"), &first)?;
-        let options =
-            RunOptions { scene: file, out: Some(target), accept_unconverged: true, ..RunOptions::default() };
-        run(&options, self.stop, &Console::new(true))?;
+        self.runner.run(&file, &target, None)?;
         Ok(())
     }
 
@@ -106,20 +118,12 @@ impl<'a> Bench<'a> {
         let out = self.folder.join(name);
         copy_states(scene, self.stage, &self.states(states), &out)?;
         let stage = &scene.stages[self.stage];
-        let options = RunOptions {
-            scene: file,
-            out: Some(out.clone()),
-            stage: Some(stage.name.clone()),
-            stop_after_windows: Some(self.windows),
-            accept_unconverged: true,
-            ..RunOptions::default()
-        };
-        let (summary, _) = run(&options, self.stop, &Console::new(true))?;
+        let summary = self.runner.run(&file, &out, Some((&stage.name, self.windows)))?;
         let columns = history::read(&out.join(&stage.name).join("history.csv"))?;
         let column = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, v)| v.as_slice());
         let sum =
             |name: &str| column(name).map_or(0, |v| v.iter().filter(|x| x.is_finite()).sum::<f64>() as u64);
-        let s = summary.stages.last();
+        let s = summary.as_ref();
         Ok(Outcome {
             answer: answer(stage.kind, scene.has_cables(), column),
             work: Work {

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
+use case::Scene;
 use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
 use terminal::Console;
 
 use super::facts::{Facts, Machine};
 use super::finding::{Finding, Judged, Severity};
 use super::table::{Check, When, all};
-use crate::run::{Prepared, RunOptions};
-use crate::settings::Setting;
 
 /// All findings, errors first.
 #[derive(Clone, Debug, Default)]
@@ -32,18 +32,24 @@ impl Inspection {
         Self { findings }
     }
 
-    /// Of the scene that `prepared` holds.
+    /// Of a scene whose stages from `first` on run on `machine`. `file` is where the user wrote it, `settings` are the values of
+    /// `--set` as written.
     ///
     /// # Errors
     /// Parameters that make no canopy.
-    pub fn of(prepared: &Prepared, options: &RunOptions) -> Result<Self, RunError> {
-        let Prepared { scene, interface, first, out, .. } = prepared;
-        let machine = Machine::here(out, !options.mpirun.is_empty());
+    pub fn of(
+        scene: &Scene,
+        interface: &CanopyInterface,
+        first: usize,
+        machine: Machine,
+        file: &Path,
+        settings: &[String],
+    ) -> Result<Self, RunError> {
         let facts =
-            Facts::new(scene, interface, machine, *first).map_err(|e| RunError::Input(e.to_string()))?;
-        let text = std::fs::read_to_string(&options.scene).unwrap_or_default();
+            Facts::new(scene, interface, machine, first).map_err(|e| RunError::Input(e.to_string()))?;
+        let text = std::fs::read_to_string(file).unwrap_or_default();
         let names: Vec<&str> = scene.stages.iter().map(|s| s.name.as_str()).collect();
-        Ok(Self::new(&facts, |key| place(&options.scene, &text, &options.settings, &names, key)))
+        Ok(Self::new(&facts, |key| place(file, &text, settings, &names, key)))
     }
 
     /// Findings of a severity.
@@ -115,15 +121,13 @@ fn complete(check: &Check, judged: Judged, place: impl Fn(&str) -> String) -> Fi
 }
 
 /// Where the user wrote the value of `key`: an option, or a line of the file.
-fn place(file: &Path, text: &str, settings: &[Setting], stages: &[&str], key: &str) -> String {
+fn place(file: &Path, text: &str, settings: &[String], stages: &[&str], key: &str) -> String {
     let stage = key.strip_prefix("stage[").and_then(|rest| rest.split_once(']'));
     let named = match stage.and_then(|(i, rest)| Some((stages.get(i.parse::<usize>().ok()?)?, rest))) {
         Some((name, rest)) => format!("stage.{name}{rest}"),
         None => key.to_owned(),
     };
-    if let Some(setting) =
-        settings.iter().map(Setting::to_string).find(|s| s.starts_with(&format!("{named}=")))
-    {
+    if let Some(setting) = settings.iter().find(|s| s.starts_with(&format!("{named}="))) {
         return format!("--set {setting}");
     }
     case::place_of(text, key)

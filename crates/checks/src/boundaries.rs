@@ -151,7 +151,7 @@ mod tests {
 
     /// What `judge` finds in the small descent with a change.
     fn found(judge: fn(&Facts<'_>) -> Vec<Judged>, change: impl Fn(&mut case::Scene)) -> Vec<String> {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/square-drop/scene.toml");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/square-drop/scene.toml");
         let mut scene = case::load(&file).expect("a scene of the repository");
         change(&mut scene);
         let interface = CanopyInterface::new(&scene).expect("a canopy");
