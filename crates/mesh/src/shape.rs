@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::vtk::write_aside;
-use crate::{MeshError, Vec3};
+use crate::{MeshError, Point};
 
 const MAGIC: [u8; 8] = *b"ripshape";
 const VERSION: u32 = 1;
@@ -16,11 +16,11 @@ struct File {
     version: u32,
     count: u64,
     checksum: u64,
-    positions: Vec<Vec3>,
+    positions: Vec<Point>,
 }
 
 /// FNV-1a over the bits of all coordinates.
-fn checksum(positions: &[Vec3]) -> u64 {
+fn checksum(positions: &[Point]) -> u64 {
     let bytes = positions.as_flattened().iter().flat_map(|v| v.to_bits().to_le_bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
 }
@@ -29,7 +29,7 @@ fn checksum(positions: &[Vec3]) -> u64 {
 ///
 /// # Errors
 /// Trouble with the file.
-pub fn save_shape(path: &Path, positions: &[Vec3]) -> Result<(), MeshError> {
+pub fn save_shape(path: &Path, positions: &[Point]) -> Result<(), MeshError> {
     let file = File {
         magic: MAGIC,
         version: VERSION,
@@ -46,7 +46,7 @@ pub fn save_shape(path: &Path, positions: &[Vec3]) -> Result<(), MeshError> {
 ///
 /// # Errors
 /// A missing, foreign or damaged file, one of another version, or of another canopy.
-pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Vec3>, MeshError> {
+pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Point>, MeshError> {
     let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
     let bad = |reason: String| MeshError::File { path: path.into(), reason };
     if bytes.get(..8) != Some(&MAGIC) {
@@ -82,7 +82,7 @@ mod tests {
     fn comes_back_and_refuses_damage() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("canopy.bin");
-        let shape: Vec<Vec3> = (0..50).map(|i| [f64::from(i), 0.1, -1e-300]).collect();
+        let shape: Vec<Point> = (0..50).map(|i| [f64::from(i), 0.1, -1e-300]).collect();
         save_shape(&path, &shape).unwrap();
         assert_eq!(load_shape(&path, 50).unwrap(), shape);
         let reason = |expected| match load_shape(&path, expected) {
