@@ -39,6 +39,7 @@ pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,
     StaggeredSequence,
 };
+pub(crate) use descent::STANDARD_GRAVITY;
 pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Orthotropic, Permeability};
 pub use flow::{

@@ -333,7 +333,7 @@ pub const TABLE: &[Entry] = &[
         }),
         with: Some(|s| {
             if let Some(f) = &mut s.flow {
-                f.viscosity = Some(case::Viscosity { dynamic_viscosity_pa_s: 1.789e-5, turbulence: None });
+                f.viscosity = Some(case::Viscosity::default());
             }
         }),
     },
@@ -353,7 +353,7 @@ pub const TABLE: &[Entry] = &[
         without: Some(laminar),
         with: Some(|s| {
             if let Some(f) = &mut s.flow {
-                let air = case::Viscosity { dynamic_viscosity_pa_s: 1.789e-5, turbulence: None };
+                let air = case::Viscosity::default();
                 f.viscosity.get_or_insert(air).turbulence = Some(Turbulence::Smagorinsky);
             }
         }),

@@ -28,8 +28,11 @@ pub struct Descent {
     pub body: Option<PayloadBody>,
 }
 
+/// Acceleration of gravity, m/s2 (ISO 80000-3).
+pub(crate) const STANDARD_GRAVITY: f64 = 9.80665;
+
 fn standard_gravity() -> f64 {
-    9.80665
+    STANDARD_GRAVITY
 }
 
 /// Equation of the falling frame.
@@ -111,7 +114,7 @@ fn mach(scene: &Scene, c: &mut Check) {
     let Some(flow) = &scene.flow else { return };
     let length = |v: &[f64; 3]| v.iter().map(|w| w * w).sum::<f64>().sqrt();
     let sound = (HEAT_RATIO * GAS_CONSTANT * flow.temperature_k).sqrt();
-    let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+    let fall = scene.resolved().initial_speed_m_s;
     let most = |stage: usize| {
         let steady = scene.stages[stage].wind.as_ref().map_or(flow.wind_m_s, |w| w.velocity_m_s);
         length(&steady) + scene.gust(stage).map_or(0.0, |(g, _)| length(&g.velocity_m_s))

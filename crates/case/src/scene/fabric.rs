@@ -119,6 +119,14 @@ fn quarter() -> f64 {
 #[serde(deny_unknown_fields)]
 pub struct FabricGravity {}
 
+impl Fabric {
+    /// Smaller of the moduli along warp and weft, Pa.
+    pub fn softest_modulus_pa(&self) -> f64 {
+        let weft = self.orthotropic.as_ref().map_or(f64::INFINITY, |o| o.youngs_modulus_2_pa);
+        weft.min(self.youngs_modulus_pa)
+    }
+}
+
 /// Refuses materials that are none.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let f = &scene.fabric;
@@ -136,9 +144,12 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         "a fabric is thinner than 0.1 m: is the value in metres?",
     );
     c.positive("fabric.density_kg_m3", f.density_kg_m3, 30_000.0, "a density in kg/m3");
-    let softest =
-        f.orthotropic.as_ref().map_or(f64::INFINITY, |o| o.youngs_modulus_2_pa).min(f.youngs_modulus_pa);
-    c.range("fabric.prestress_pa", f.prestress_pa, 0.0..=0.5 * softest, "at most half the modulus");
+    c.range(
+        "fabric.prestress_pa",
+        f.prestress_pa,
+        0.0..=0.5 * f.softest_modulus_pa(),
+        "at most half the modulus",
+    );
     if let Some(o) = &f.orthotropic {
         orthotropic(o, f, c);
     }

@@ -5,7 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{flow_grid, monitors, shear, wind};
 use crate::check::Check;
-use crate::{FlowBox, Forces, Grid, GridFile, Gust, Probe, Scene, Shear, Slice, Statistics, SurfacePressure};
+use crate::{
+    FlowBox, Forces, Grid, GridFile, Gust, Probe, Scene, Shear, Slice, Statistics, SurfacePressure,
+    UndisturbedAir,
+};
 
 /// Specific gas constant of dry air, J/(kg K).
 pub const GAS_CONSTANT: f64 = 287.05;
@@ -62,10 +65,10 @@ pub struct Flow {
 }
 
 fn sea_level_density() -> f64 {
-    1.225
+    UndisturbedAir::SEA_LEVEL.density_kg_m3
 }
 fn sea_level_temperature() -> f64 {
-    288.15
+    UndisturbedAir::SEA_LEVEL.temperature_k
 }
 
 impl Flow {
@@ -89,7 +92,7 @@ pub struct Viscosity {
 }
 
 fn air_viscosity() -> f64 {
-    1.789e-5
+    UndisturbedAir::SEA_LEVEL.dynamic_viscosity_pa_s
 }
 
 /// Models of unresolved turbulence.

@@ -51,13 +51,6 @@ impl Default for LineDrag {
     }
 }
 
-impl Lines {
-    /// Diameter of a round line of this cross-section, m.
-    pub fn round_diameter_m(&self) -> f64 {
-        2.0 * (self.area_m2 / std::f64::consts::PI).sqrt()
-    }
-}
-
 /// Refuses materials that are none, and drag without air.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(l) = &scene.lines else { return };

@@ -55,7 +55,7 @@ fn ends(s: &Steady, at: &str, c: &mut Check) {
 }
 
 fn never_steady(flow: &Flow, scene: &Scene, at: &str, c: &mut Check) {
-    let falls = scene.descent.as_ref().is_some_and(|d| d.initial_speed_m_s != 0.0);
+    let falls = scene.resolved().initial_speed_m_s != 0.0;
     if flow.shear.is_some() && falls {
         c.refuse(
             at,

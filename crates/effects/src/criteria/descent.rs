@@ -26,7 +26,7 @@ pub fn line_drag(s: &Scope<'_>) -> Assessment {
     }
     let own = s.scene().lines.as_ref().and_then(|l| l.drag.clone());
     let drag = own.unwrap_or_default();
-    let width = drag.diameter_m.unwrap_or(n.line_diameter);
+    let width = s.scene().resolved().line_diameter_m;
     let slant = (0.5 * n.width).atan2(n.suspension);
     let area = width
         * n.line_length
