@@ -91,3 +91,44 @@ impl Default for Viscosity {
         Self { dynamic_viscosity_pa_s, turbulence: None }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STILL: &str = "name = \"still\"\n[canopy]\nkind = \"air-bag\"\n[fabric]\nyoungs_modulus_pa = 1e8\npoisson_ratio = 0.3\n\
+                         thickness_m = 1e-4\ndensity_kg_m3 = 600\n[[stage]]\nname = \"on\"\nkind = \"pre-inflation\"\n\
+                         pressure_pa = 10\nsolve = \"static\"\n";
+
+    fn resolved(more: &str) -> Resolved {
+        let file = std::path::Path::new("scene.toml");
+        crate::parse(file, &format!("{STILL}{more}")).unwrap_or_else(|e| panic!("{e}")).resolved()
+    }
+
+    #[test]
+    fn what_is_left_out_is_standard_air_and_gravity_without_speed_or_mass() {
+        let r = resolved("");
+        assert_eq!((r.air, r.canopy_air), (UndisturbedAir::SEA_LEVEL, CanopyAir::default()));
+        assert_eq!((r.gravity_m_s2, r.initial_speed_m_s, r.payload_mass_kg), (9.80665, 0.0, 0.0));
+        assert_eq!((r.wind_m_s, r.line_diameter_m), ([0.0; 3], 0.0));
+    }
+
+    #[test]
+    fn what_is_given_is_taken() {
+        let descent =
+            "payload_mass_kg = 100\ninitial_speed_m_s = 4\ngravity_m_s2 = 1.6\nreference_area_m2 = 40\n";
+        let lines = "[lines]\nyoungs_modulus_pa = 1e9\narea_m2 = 1e-6\ndensity_kg_m3 = 900\n";
+        let flow = "[flow]\ndensity_kg_m3 = 0.02\ntemperature_k = 210\nwind_m_s = [1, 0, 0]\n";
+        let r = resolved(&format!("[descent]\n{descent}{lines}{flow}"));
+        assert_eq!(
+            (r.air.density_kg_m3, r.air.temperature_k, r.canopy_air.density_kg_m3),
+            (0.02, 210.0, 0.02)
+        );
+        assert_eq!(r.air.dynamic_viscosity_pa_s, UndisturbedAir::SEA_LEVEL.dynamic_viscosity_pa_s);
+        assert!((r.canopy_air.sound_m_s - (287.05f64 * 210.0).sqrt()).abs() < 1e-12);
+        assert_eq!((r.gravity_m_s2, r.initial_speed_m_s, r.payload_mass_kg), (1.6, 4.0, 100.0));
+        assert!((r.line_diameter_m - 1.1283792e-3).abs() < 1e-9 && r.wind_m_s == [1.0, 0.0, 0.0]);
+        let r = resolved(&format!("{lines}[lines.drag]\ndiameter_m = 0.02\n{flow}"));
+        assert_eq!(r.line_diameter_m, 0.02);
+    }
+}

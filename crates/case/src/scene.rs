@@ -120,6 +120,18 @@ pub struct Scene {
     pub accuracy: Option<Accuracy>,
 }
 
+impl Scene {
+    /// The title; the name where there is none.
+    pub fn heading(&self) -> &str {
+        if self.title.is_empty() { &self.name } else { &self.title }
+    }
+
+    /// Name and title in one line.
+    pub fn caption(&self) -> String {
+        if self.title.is_empty() { self.name.clone() } else { format!("{}: {}", self.name, self.title) }
+    }
+}
+
 /// Reads and validates a scene file.
 pub fn load(file: &Path) -> Result<Scene, SceneError> {
     let text = std::fs::read_to_string(file).map_err(|e| {

@@ -147,8 +147,8 @@ impl Scene {
 
     /// Whether parts of the structure meet the undisturbed air: lines with drag, a payload that moves.
     pub fn structure_meets_wind(&self) -> bool {
-        let payload = self.descent.as_ref().is_some_and(|d| d.body.is_some() && d.payload_drag.is_some());
-        payload || self.lines.as_ref().is_some_and(|l| l.drag.is_some())
+        let payload = self.payload_body().is_some() && self.payload_drag().is_some();
+        payload || self.line_drag().is_some()
     }
 
     /// Whether the wind belongs to stages or clocks: a gust, or a wind of a stage.

@@ -139,8 +139,7 @@ impl DescentModel {
                 half_density_area: 0.5 * scene.resolved().air.density_kg_m3 * p.drag_area_m2,
                 wind_m_s: scene.resolved().wind_m_s,
             }),
-            drag_in_structure: scene.lines.as_ref().is_some_and(|l| l.drag.is_some())
-                || (d.body.is_some() && d.payload_drag.is_some()),
+            drag_in_structure: scene.structure_meets_wind(),
             support_known: true,
         })
     }

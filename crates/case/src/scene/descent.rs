@@ -78,6 +78,18 @@ pub struct PayloadBody {
     pub initial_spin_rad_s: [f64; 3],
 }
 
+impl Scene {
+    /// The payload as a rigid body, where the scene has one.
+    pub fn payload_body(&self) -> Option<&PayloadBody> {
+        self.descent.as_ref()?.body.as_ref()
+    }
+
+    /// Drag of the air on the payload, where the scene has it.
+    pub fn payload_drag(&self) -> Option<&PayloadDrag> {
+        self.descent.as_ref()?.payload_drag.as_ref()
+    }
+}
+
 /// Refuses masses that are none, streams that the flow is not made for, and payloads that cannot move.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(d) = &scene.descent {
@@ -87,7 +99,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(d) = &scene.descent else { return };
     if let Some(p) = &d.payload_drag {
         c.positive("descent.payload_drag.drag_area_m2", p.drag_area_m2, 1e4, "an area in m2");
-        if scene.flow.as_ref().is_some_and(|f| f.shear.is_some()) {
+        if scene.shear().is_some() {
             c.refuse(
                 "descent.payload_drag",
                 "the drag of the payload knows one wind for all heights, but the wind changes with height",

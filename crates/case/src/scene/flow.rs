@@ -173,6 +173,23 @@ pub enum FlowMethod {
     Gmres,
 }
 
+impl Scene {
+    /// Viscosity of the flow, where the scene has a viscous one.
+    pub fn viscosity(&self) -> Option<&Viscosity> {
+        self.flow.as_ref()?.viscosity.as_ref()
+    }
+
+    /// Wind by height, where the scene has one.
+    pub fn shear(&self) -> Option<&Shear> {
+        self.flow.as_ref()?.shear.as_ref()
+    }
+
+    /// File of the flow grid, where the scene names one.
+    pub fn grid_file(&self) -> Option<&GridFile> {
+        self.flow.as_ref()?.grid_file.as_ref()
+    }
+}
+
 /// Refuses air that is none, equations that no solver could solve, and what grid, monitors and wind refuse.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(f) = &scene.flow else { return };

@@ -51,6 +51,13 @@ impl Default for LineDrag {
     }
 }
 
+impl Scene {
+    /// Drag of the air on lines, where the scene has it.
+    pub fn line_drag(&self) -> Option<&LineDrag> {
+        self.lines.as_ref()?.drag.as_ref()
+    }
+}
+
 /// Refuses materials that are none, and drag without air.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(l) = &scene.lines else { return };

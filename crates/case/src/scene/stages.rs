@@ -255,8 +255,7 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     if scene.flow.is_none() {
         c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
     }
-    let given = scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some());
-    if matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && !given {
+    if matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && scene.grid_file().is_none() {
         c.refuse(
             &at("kind"),
             "an air-bag octant or a canopy from a file has no flow grid around it",

@@ -63,7 +63,7 @@ fn never_steady(flow: &Flow, scene: &Scene, at: &str, c: &mut Check) {
             "remove [flow.shear], or give the stage a duration instead",
         );
     }
-    if let Some(t) = flow.viscosity.as_ref().and_then(|v| v.turbulence)
+    if let Some(t) = scene.viscosity().and_then(|v| v.turbulence)
         && t != Turbulence::SpalartAllmaras
     {
         c.refuse(
