@@ -18,11 +18,7 @@ pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
     let prepared = prepare(options)?;
     let inspection = inspection(&prepared, options)?;
     let Prepared { scene, file, out, interface, first, .. } = &prepared;
-    let mut lines = vec![if scene.title.is_empty() {
-        scene.name.clone()
-    } else {
-        format!("{}: {}", scene.name, scene.title)
-    }];
+    let mut lines = vec![scene.caption()];
     let sizes = interface.sizes;
     lines.push(format!(
         "canopy: {} interface nodes, {} faces; mesh of {} nodes, {} triangles, {} cables",

@@ -488,7 +488,7 @@ impl GoingOn {
             return Ok(Some(this));
         };
         let (seal, stage) = (point.seal.clone(), point.stage);
-        let planned = scene.stages[stage].windows() as f64 * scene.stages[stage].window_s;
+        let planned = scene.stages[stage].planned_s();
         // A stage that was stopped short, or has become longer, goes on.
         let over = match seal.ended.as_deref() {
             None => false,

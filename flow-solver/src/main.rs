@@ -125,9 +125,9 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
     let folder = case::stage_folder(&args.out, &scene, args.stage);
     let steps = match stage.steady {
         Some(_) => 1,
-        None => args.steps.unwrap_or((stage.duration_s / stage.window_s).round() as u64),
+        None => args.steps.unwrap_or(stage.windows()),
     };
-    let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+    let fall = scene.resolved().initial_speed_m_s;
     let mut output = vec![0.0; participant.output_rows().len() * channel::LOAD_WIDTH];
     if comm.is_root() {
         println!("   step    time s     force z N   residual start    end  steps  linear  Courant    wall s");

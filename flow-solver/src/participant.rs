@@ -45,7 +45,7 @@ pub struct FlowParticipant<G, V, const N: usize> {
 /// # Errors
 /// A grid that cannot be used, a saved state that does not fit.
 pub fn participant(setup: &Setup, comm: &Comm) -> Result<Box<dyn Participant>, Fault> {
-    let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+    let flow = &setup.flow;
     let air = setup.settings.air;
     match flow.energy {
         None => with_gas(setup, comm, Isothermal::new(air)),
@@ -58,7 +58,7 @@ fn with_gas<G: Gas<N> + 'static, const N: usize>(
     comm: &Comm,
     gas: G,
 ) -> Result<Box<dyn Participant>, Fault> {
-    let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+    let flow = &setup.flow;
     Ok(match &flow.viscosity {
         None => Box::new(FlowParticipant::new(setup, comm, gas, Inviscid)?),
         Some(v) => {
@@ -87,7 +87,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
     pub fn new(setup: &Setup, comm: &Comm, gas: G, viscosity: V) -> Result<Self, Fault> {
         let topology = setup.topology(comm, V::ACTIVE)?;
         let nodes = topology.node_global.iter().map(|&n| setup.grid.coords[n as usize]).collect();
-        let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+        let flow = &setup.flow;
         let limiter = flow.limiter.as_ref().map(|l| l.k);
         let spatial =
             Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use case::{FlowMethod, Role, Scene, StageTimes, Wind};
+use case::{Flow, FlowMethod, Role, Scene, StageTimes, Wind};
 use channel::Fault;
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Graph, QualityReport, StructureMesh};
@@ -18,6 +18,8 @@ use crate::topology::Topology;
 pub struct Setup {
     /// The scene.
     pub scene: Scene,
+    /// Its flow.
+    pub flow: Flow,
     /// The canopy.
     pub structure: StructureMesh,
     /// The whole flow grid at the start.
@@ -48,9 +50,9 @@ const DROP_OF_TOLERANCE: f64 = 10.0;
 
 /// The drop in repetitions of a step: that of the scene, or less where coupling iterations are to agree more
 /// closely.
-fn repeated_drop(scene: &Scene, stage: usize) -> f64 {
-    let drop = scene.flow.as_ref().map_or(1.0, |f| f.solver.residual_drop);
-    let coupled = scene.stages.get(stage).is_none_or(|s| s.kind == case::StageKind::Coupled);
+fn repeated_drop(scene: &Scene, flow: &Flow, stage: usize) -> f64 {
+    let drop = flow.solver.residual_drop;
+    let coupled = scene.stages[stage].kind == case::StageKind::Coupled;
     if coupled { drop.min(DROP_OF_TOLERANCE * scene.coupling.tolerance) } else { drop }
 }
 
@@ -73,7 +75,7 @@ impl Setup {
         };
         let grid = mesh::flow_grid(&scene, &structure, &positions).map_err(Fault::new)?;
         let faces = FaceTable::new(&grid).map_err(Fault::new)?;
-        let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+        let fall = scene.resolved().initial_speed_m_s;
         let shear = flow.shear.as_ref().map(|s| Sheared::of_scene(s, flow.wind_m_s));
         let wind = scene.wind(stage, &StageTimes::completed(&scene, out, stage));
         let wind = match &shear {
@@ -91,24 +93,24 @@ impl Setup {
             )));
         }
         let still = speed == 0.0 && !scene.has_stage_wind() && shear.is_none();
-        if still && scene.stages.get(stage).is_some_and(|s| s.kind == case::StageKind::FlowOnly) {
+        if still && scene.stages[stage].kind == case::StageKind::FlowOnly {
             return Err(Fault::new(format!(
                 "stage {stage} is the flow around a canopy at rest, but nothing moves: \
                  set descent.initial_speed_m_s or flow.wind_m_s"
             )));
         }
-        let march = scene.stages.get(stage).and_then(|s| s.steady.as_ref()).map(|s| March {
+        let march = scene.stages[stage].steady.as_ref().map(|s| March {
             residual_drop: s.residual_drop,
             force_change: s.force_change,
             max_steps: s.max_steps as usize,
             max_courant: s.max_courant,
         });
-        let moving = scene.stages.get(stage).is_none_or(|s| s.kind != case::StageKind::FlowOnly);
+        let moving = scene.stages[stage].kind != case::StageKind::FlowOnly;
         let settings = Settings {
             air,
             wind: wind.at(0.0),
             residual_drop: flow.solver.residual_drop,
-            repeated_drop: repeated_drop(&scene, stage),
+            repeated_drop: repeated_drop(&scene, flow, stage),
             max_iterations: flow.solver.iterations() as usize,
             method: match flow.solver.method {
                 // A long step is worth more corrections.
@@ -123,9 +125,10 @@ impl Setup {
             moving,
         };
         let source = scene.source_state(out, stage, Role::Flow);
-        let window_s = scene.stages.get(stage).map_or(0.0, |s| s.window_s);
+        let window_s = scene.stages[stage].window_s;
         let folder = case::stage_folder(out, &scene, stage);
         Ok(Self {
+            flow: flow.clone(),
             structure,
             grid,
             faces,

@@ -45,7 +45,7 @@ pub fn run(comm: &Comm, scene: &Scene, stage: usize, out: &Path, options: Option
     let mut output = vec![0.0; 3 * solver.output_rows().len()];
     let folder = case::stage_folder(out, scene, stage);
     // A static stage has no duration, and one window.
-    let windows = (s.duration_s / s.window_s).round().max(1.0) as u64;
+    let windows = s.windows();
     if comm.is_root() {
         let m = solver.mesh();
         println!("# {} nodes, {} triangles, {} cables", m.coords.len(), m.triangles.len(), m.cables.len());

@@ -150,7 +150,7 @@ impl StructureSolver {
             dynamics.integrate_explicitly(s.explicit_safety).map_err(Fault::new)?;
         }
         let gauge = Gauge::new(&dynamics.system, &mesh);
-        let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
+        let gravity = scene.resolved().gravity_m_s2;
         let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();
         Ok(Self {

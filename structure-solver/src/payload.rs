@@ -46,7 +46,7 @@ impl Payload {
     pub fn new(scene: &Scene, mesh: &StructureMesh, dynamics: &Dynamics) -> Option<(Self, BodyState)> {
         let descent = scene.descent.as_ref()?;
         let b = descent.body.as_ref()?;
-        let density = scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3);
+        let density = scene.resolved().air.density_kg_m3;
         let drag = descent.payload_drag.as_ref().map_or(0.0, |d| 0.5 * density * d.drag_area_m2);
         let payload =
             Self::on(dynamics, mesh, descent.payload_mass_kg, b.inertia_kg_m2, &b.attachments_m, drag);

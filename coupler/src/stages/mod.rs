@@ -159,7 +159,7 @@ impl StageContext<'_> {
 
     /// What the remedy of an energy warning depends on, at the end of a window of `window_s` seconds.
     fn circumstances(&self, state: &InterfaceState, window_s: f64) -> Circumstances {
-        let wind = self.scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s);
+        let wind = self.scene.resolved().wind_m_s;
         let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
         Circumstances {
             staggered: self.scene.coupling.scheme == Scheme::Staggered,

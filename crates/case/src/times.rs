@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{Clock, Role, Scene, Solve, Stage, StageKind, state_folder};
+use crate::{Clock, Role, Scene, Stage, StageKind, state_folder};
 
 /// File beside saved states: how much of the stage is done.
 const FILE: &str = "time.toml";
@@ -25,23 +25,6 @@ pub fn save_time(folder: &Path, time_s: f64) -> Result<(), (PathBuf, std::io::Er
 fn saved_time(folder: &Path) -> Option<f64> {
     let text = std::fs::read_to_string(folder.join(FILE)).ok()?;
     toml::from_str::<SavedTime>(&text).ok().map(|s| s.time_s).filter(|t| t.is_finite() && *t >= 0.0)
-}
-
-impl Stage {
-    /// Whether the stage runs in time.
-    pub fn in_time(&self) -> bool {
-        self.solve != Solve::Static && self.steady.is_none()
-    }
-
-    /// Windows of the stage: its duration in window lengths, rounded, at least one.
-    pub fn windows(&self) -> u64 {
-        (self.duration_s / self.window_s).round().max(1.0) as u64
-    }
-
-    /// Time that the stage takes as planned, s: whole windows.
-    pub fn planned_s(&self) -> f64 {
-        if self.in_time() { self.windows() as f64 * self.window_s } else { 0.0 }
-    }
 }
 
 /// Time that each stage takes, s.

@@ -133,11 +133,7 @@ fn initial_tension(f: &Facts<'_>) -> Vec<Judged> {
         (false, true) => Warning,
         _ => Note,
     };
-    let key = if f.scene.descent.as_ref().is_some_and(|d| d.body.is_some()) {
-        "descent.body.attachments_m"
-    } else {
-        "canopy"
-    };
+    let key = if f.scene.payload_body().is_some() { "descent.body.attachments_m" } else { "canopy" };
     let weight =
         if share > 0.0 { format!("; its share of the weight is {} N", digits(share)) } else { String::new() };
     let figure = format!(
@@ -174,7 +170,7 @@ fn crossing(f: &Facts<'_>) -> Vec<Judged> {
         }
     }
     let Some((i, j)) = first else { return Vec::new() };
-    let body = f.scene.descent.as_ref().is_some_and(|d| d.body.is_some());
+    let body = f.scene.payload_body().is_some();
     let key = if body { "descent.body.attachments_m" } else { "canopy" };
     let figure =
         format!("{pairs} pairs of the {} lines cross each other, first lines {i} and {j}", all.len());

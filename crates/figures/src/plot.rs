@@ -63,7 +63,7 @@ fn draw(
 ) -> Result<(), Box<dyn std::error::Error>> {
     let root = SVGBackend::new(picture, (960, 640)).into_drawing_area();
     root.fill(&WHITE)?;
-    let title = if scene.title.is_empty() { &scene.name } else { &scene.title };
+    let title = scene.heading();
     let root = root.titled(title, ("sans-serif", 20).into_font().color(&BLACK))?;
     let (upper, lower) = root.split_vertically(290);
     let end = time.last().copied().unwrap_or(1.0);

@@ -141,7 +141,7 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
         other => format!("The run ended early: {other}"),
     };
     Ok(Document {
-        title: if scene.title.is_empty() { scene.name.clone() } else { scene.title.clone() },
+        title: scene.heading().to_owned(),
         status: format!(
             "{how}. Stage {}: {}, {}.",
             run.stage(main).name,

@@ -18,7 +18,7 @@ pub struct Air {
 impl Air {
     /// Dry air of the given density (kg/m3) and temperature (K).
     pub fn new(density: f64, temperature: f64) -> Self {
-        Self { density, temperature, gas_constant: 287.05, gamma: 1.4 }
+        Self { density, temperature, gas_constant: case::GAS_CONSTANT, gamma: case::HEAT_RATIO }
     }
 
     /// Absolute pressure of the undisturbed air, Pa.

@@ -36,7 +36,7 @@ const LEAST_VENT: f64 = 0.01;
 /// vents, and a shape around which no valid grid was found.
 pub fn flow_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Point]) -> Result<FlowGrid, MeshError> {
     let grid = draft_grid(scene, canopy, positions)?;
-    if scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some()) {
+    if scene.grid_file().is_some() {
         // Its volumes are positive; what its corners are like is the user's choice.
         return Ok(grid);
     }

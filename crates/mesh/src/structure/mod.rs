@@ -25,7 +25,7 @@ use crate::{Cable, CableKind, MeshError, StructureMesh};
 /// [`MeshError::Parameter`] if the parameters make no canopy, and what is wrong
 /// with a mesh file.
 pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
-    let body = scene.descent.as_ref().and_then(|d| d.body.as_ref());
+    let body = scene.payload_body();
     // A body has its mass itself, not its nodes.
     let payload_mass = scene.descent.as_ref().filter(|_| body.is_none()).map(|d| d.payload_mass_kg);
     let mut mesh = match &scene.canopy {

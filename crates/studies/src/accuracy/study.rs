@@ -168,7 +168,7 @@ impl Study {
         let sweep = if own { wish.sweep } else { default_sweep(&dials) };
         let mut study = Self {
             name: scene.name.clone(),
-            title: if scene.title.is_empty() { scene.name.clone() } else { scene.title.clone() },
+            title: scene.heading().to_owned(),
             stage,
             quantities,
             dials,

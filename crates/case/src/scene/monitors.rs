@@ -3,6 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::Flow;
+use crate::check::{Check, plain_name};
+
 /// A point whose values are written after every window, to `probes.csv` in the stage's
 /// folder: gauge pressure, velocity relative to the falling frame, temperature, each
 /// from the cell around the point with that cell's gradient.
@@ -65,4 +68,49 @@ pub struct Slice {
 pub struct SurfacePressure {
     /// Windows between two pictures.
     pub every_windows: u32,
+}
+
+/// Series that the programs write themselves.
+const WRITTEN: [&str; 6] = ["flow", "canopy", "lines", "canopy_air", "history", "state"];
+
+/// Refuses names that are taken or no names, places and directions that are none.
+pub(super) fn check(f: &Flow, c: &mut Check) {
+    for (k, p) in f.probes.iter().enumerate() {
+        let taken = f.probes[..k].iter().any(|q| q.name == p.name);
+        name(format!("flow.probe[{k}].name"), &p.name, taken, c);
+        c.finite(&format!("flow.probe[{k}].position_m"), &p.position_m, "the position", "three in m");
+    }
+    for (k, s) in f.slices.iter().enumerate() {
+        let taken = f.slices[..k].iter().map(|s| s.name.as_str()).chain(WRITTEN).any(|n| n == s.name);
+        name(format!("flow.slice[{k}].name"), &s.name, taken, c);
+        direction(format!("flow.slice[{k}].normal"), s.normal, c);
+        c.finite(&format!("flow.slice[{k}].point_m"), &s.point_m, "the point", "three in m");
+        c.count(&format!("flow.slice[{k}].every_windows"), s.every_windows, 1..=u32::MAX, "windows");
+    }
+    if let Some(s) = &f.surface_pressure {
+        c.count("flow.surface_pressure.every_windows", s.every_windows, 1..=u32::MAX, "windows");
+    }
+    if let Some(s) = &f.statistics {
+        c.range("flow.statistics.start_s", s.start_s, 0.0..=1e6, "in s");
+    }
+    if let Some(s) = &f.forces {
+        direction("flow.forces.drag_direction".into(), s.drag_direction, c);
+        c.finite("flow.forces.moment_point_m", &s.moment_point_m, "the point", "three in m");
+    }
+}
+
+fn name(path: String, name: &str, taken: bool, c: &mut Check) {
+    if taken || !plain_name(name) {
+        c.refuse(
+            &path,
+            format!("`{path}` is \"{name}\""),
+            "use letters, digits, `-`, `_` and `.`, and each name once",
+        );
+    }
+}
+
+fn direction(path: String, v: [f64; 3], c: &mut Check) {
+    if !v.iter().all(|x| x.is_finite()) || v == [0.0; 3] {
+        c.refuse(&path, format!("`{path}` has no direction"), "name a vector, as [0, 0, 1]");
+    }
 }
