@@ -31,7 +31,7 @@ pub(crate) fn mpirun(text: &str) -> Result<(Option<Role>, String), String> {
         Some((role, options)) => (Some(role), options),
         None => (None, text),
     };
-    match crate::launch::split_words(options) {
+    match terminal::shell::split_words(options) {
         Some(words) if words.first().is_some_and(|w| w.starts_with('-')) => Ok((role, options.to_owned())),
         Some(_) => Err("options of mpirun, the first with its dash, such as `--map-by node`".into()),
         None => Err("a quote is not closed".into()),

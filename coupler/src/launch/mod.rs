@@ -10,8 +10,7 @@ mod session;
 mod supervisor;
 mod usage;
 
-pub(crate) use command::quote;
-pub use command::{LaunchPlan, Program, split_words};
+pub use command::{LaunchPlan, Program};
 pub(crate) use session::Session;
 pub use supervisor::{Casualty, Supervisor};
 
