@@ -65,27 +65,9 @@ impl<'a> Numbers<'a> {
         let Speeds { steady: speed, release: release_speed, stages: stage_speeds } = Speeds::of(scene, fall);
         let fastest = stage_speeds.iter().fold(speed, |most, [_, gusty]| most.max(*gusty));
         let density = air.density_kg_m3;
-        let extent = |axis: usize| {
-            let (low, high) = mesh.coords[..mesh.n_canopy]
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x[axis]), h.max(x[axis])));
-            high - low
-        };
-        let width = extent(0).max(extent(1));
-        let across = match &scene.canopy {
-            Canopy::Atps(a) => f64::from(a.cells_across),
-            Canopy::Square(f) | Canopy::Circular(f) => f64::from(f.cells_across),
-            Canopy::AirBag(a) => f64::from(a.cells_across),
-            Canopy::Panel(p) => f64::from(p.cells[0]),
-            Canopy::Gmsh(_) => (mesh.faces.len() as f64).sqrt(),
-        };
+        let width = width(mesh);
         let dynamic_pressure = 0.5 * density * speed * speed;
-        let given = scene
-            .stages
-            .iter()
-            .filter(|s| s.kind == StageKind::PreInflation)
-            .find_map(|s| s.pressure_pa.map(f64::abs));
-        let pressure = given.filter(|p| *p > 0.0).unwrap_or(dynamic_pressure);
+        let pressure = inflation_pressure(scene).unwrap_or(dynamic_pressure);
         let f = &scene.fabric;
         let (fabric_mass, line_mass) = (interface.masses.fabric, interface.masses.cables);
         let falling_mass =
@@ -102,7 +84,7 @@ impl<'a> Numbers<'a> {
             stage_speeds,
             width,
             reynolds: density * speed * width / air.dynamic_viscosity_pa_s,
-            cell: width / across.max(1.0),
+            cell: width / cells_across(scene, mesh).max(1.0),
             first_layer: scene.flow.as_ref().map_or(0.0, |f| f.grid.first_layer_m),
             dynamic_pressure,
             pressure,
@@ -173,6 +155,34 @@ impl Speeds {
 /// Length of a vector.
 pub fn length(v: &[f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Width of the canopy along the wider of the axes x and y, m.
+fn width(mesh: &StructureMesh) -> f64 {
+    let extent = |axis: usize| {
+        let (low, high) = mesh.coords[..mesh.n_canopy]
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x[axis]), h.max(x[axis])));
+        high - low
+    };
+    extent(0).max(extent(1))
+}
+
+/// Cells of the flow across the canopy.
+fn cells_across(scene: &Scene, mesh: &StructureMesh) -> f64 {
+    match &scene.canopy {
+        Canopy::Atps(a) => f64::from(a.cells_across),
+        Canopy::Square(f) | Canopy::Circular(f) => f64::from(f.cells_across),
+        Canopy::AirBag(a) => f64::from(a.cells_across),
+        Canopy::Panel(p) => f64::from(p.cells[0]),
+        Canopy::Gmsh(_) => (mesh.faces.len() as f64).sqrt(),
+    }
+}
+
+/// Size of the pressure that the first pre-inflation with one gives, Pa; `None` without one, or at zero.
+fn inflation_pressure(scene: &Scene) -> Option<f64> {
+    let mut inflations = scene.stages.iter().filter(|s| s.kind == StageKind::PreInflation);
+    inflations.find_map(|s| s.pressure_pa.map(f64::abs)).filter(|p| *p > 0.0)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use case::{Cloth, Integration, Permeability, Role, Scene, StageKind, Turbulence}
 
 use super::criteria::{self as c, any_stage};
 use super::estimate::{Assessment, Scope};
+use super::wind::remove_gusts;
 
 /// An effect: what a scene may ask for.
 pub struct Entry {
@@ -470,12 +471,7 @@ pub const TABLE: &[Entry] = &[
         assess: c::gust,
         cost: "none",
         needs: None,
-        without: Some(|s| {
-            s.stages.iter_mut().for_each(|stage| stage.gust = None);
-            if let Some(f) = &mut s.flow {
-                f.gust = None;
-            }
-        }),
+        without: Some(remove_gusts),
         with: None,
     },
     Entry {
