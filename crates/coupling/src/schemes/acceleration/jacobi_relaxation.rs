@@ -2,9 +2,10 @@
 
 use channel::LOAD_WIDTH;
 
-use super::lattice::{distinct, dot};
-use super::relaxation::{AddedMassRelaxation, Relaxation};
-use super::{Unknowns, Weights};
+use super::added_mass::{AddedMassRelaxation, Weights};
+use super::relaxation::Relaxation;
+use crate::geometry::{at, distinct};
+use crate::schemes::unknowns::Unknowns;
 
 /// Newton's step for a model of both programs: the structure answers a pressure $\delta p$ with
 /// $S\,\delta p$ along the normals, the flow a displacement $\delta x$ with $-S^{-1}G\,\delta x$,
@@ -34,7 +35,6 @@ impl Relaxation for JacobiRelaxation {
         let split = residual.len() - self.unknowns.loads();
         let (r_x, r_p) = residual.split_at(split);
         let mut asked = r_x.to_vec();
-        let at = |values: &[f64], node: u32| std::array::from_fn(|i| values[3 * node as usize + i]);
         let faces = self.model.faces().iter().zip(self.model.face_normals());
         for ((face, normal), load) in faces.clone().zip(r_p.chunks_exact(LOAD_WIDTH)) {
             for &node in distinct(face) {
@@ -47,8 +47,7 @@ impl Relaxation for JacobiRelaxation {
         step_p.copy_from_slice(r_p);
         for ((face, normal), load) in faces.zip(step_p.chunks_exact_mut(LOAD_WIDTH)) {
             let nodes = distinct(face);
-            let moved: f64 =
-                nodes.iter().map(|&n| dot(at(step_x, n), *normal) - dot(at(r_x, n), *normal)).sum();
+            let moved: f64 = nodes.iter().map(|&n| at(step_x, n).dot(normal) - at(r_x, n).dot(normal)).sum();
             load[0] = moved / nodes.len() as f64 / self.answer;
         }
     }
@@ -56,9 +55,9 @@ impl Relaxation for JacobiRelaxation {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lattice::{Air, Lattice};
-    use super::super::relaxation::tests::plate;
     use super::*;
+    use crate::schemes::flow_model::lattice::{Air, Lattice};
+    use crate::schemes::test_support::plate;
 
     /// The two equations of [`JacobiRelaxation`], with the pressure the same on all faces: the structure then answers
     /// it with `response dt^2 / mass` along the normals, z.

@@ -25,6 +25,13 @@ pub struct Past {
 }
 
 impl Past {
+    /// From the value `start`.
+    pub fn from_start(start: &[f64]) -> Self {
+        let mut past = Self::default();
+        past.push(start, 1.0);
+        past
+    }
+
     /// Adds the value at the end of a window of length `dt`, the first one with any length.
     pub fn push(&mut self, value: &[f64], dt: f64) {
         let mut kept = if self.values.len() > MOST_ORDER {

@@ -19,16 +19,16 @@
 use std::collections::VecDeque;
 
 use channel::LOAD_WIDTH;
-use mesh::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::Unknowns;
 use super::groups::Groups;
 use super::inverse::{Inverse, factors};
-use super::lattice::{Air, Lattice, area_vector, distinct, dot, unit};
-use super::least_squares::{Columns, axpy, norm};
-use super::memory::{pack, unpack};
+use super::lattice::{Air, Lattice};
 use crate::error::RunError;
+use crate::geometry::{Vec3, area_vector, at, direction, distinct};
+use crate::schemes::codec::{pack, unpack};
+use crate::schemes::least_squares::{Columns, axpy, norm};
+use crate::schemes::unknowns::Unknowns;
 
 /// Secants kept.
 const MOST_SECANTS: usize = 40;
@@ -111,8 +111,7 @@ impl FlowModel {
         }
         let inverse = Inverse::of(&factors(&lattice.influence))?;
         let moved = displacement.chunks_exact(3);
-        let reference =
-            lattice.positions.iter().zip(moved).map(|(x, d)| std::array::from_fn(|i| x[i] - d[i]));
+        let reference = lattice.positions.iter().zip(moved).map(|(x, d)| x - Vec3::from_column_slice(d));
         let at_rest = [0.0, 0.0, velocity].repeat(lattice.positions.len());
         let walls = VecDeque::from([Wall { displacement: displacement.to_vec(), velocity: at_rest }]);
         Some(Self {
@@ -137,16 +136,9 @@ impl FlowModel {
     /// `dt`. What was learnt about the old one is forgotten. `None` where it still serves, or where there is no better.
     pub fn follow(&mut self, dt: f64) -> Option<Lattice> {
         let at = self.positions(&self.walls[0].displacement);
-        let normal = |face: &[u32; 4]| unit(&area_vector(&face.map(|n| at[n as usize])));
-        let turns: Vec<Vec3> = self
-            .faces
-            .iter()
-            .zip(&self.normals)
-            .map(|(face, old)| {
-                let new = normal(face);
-                std::array::from_fn(|i| new[i] - old[i])
-            })
-            .collect();
+        let normal = |face: &[u32; 4]| direction(&area_vector(&face.map(|n| at[n as usize])));
+        let turns: Vec<Vec3> =
+            self.faces.iter().zip(&self.normals).map(|(face, old)| normal(face) - old).collect();
         // Faces that flutter within a group turn nothing.
         let turned: f64 = (0..3)
             .map(|i| self.groups.means(&turns.iter().map(|turn| turn[i]).collect::<Vec<_>>()))
@@ -163,8 +155,8 @@ impl FlowModel {
 
     /// Makes the lattice for a displacement of the canopy and a length of windows.
     fn remake(&mut self, displacement: Vec<f64>, dt: f64) -> Option<Lattice> {
-        let (at, screening) = (self.positions(&displacement), self.air.screening(dt));
-        let lattice = Lattice::new(&at, &self.faces, self.most, screening)?;
+        let at: Vec<mesh::Vec3> = self.positions(&displacement).into_iter().map(Into::into).collect();
+        let lattice = Lattice::new(&at, &self.faces, self.most, self.air.screening(dt))?;
         self.inverse = Inverse::of(&factors(&lattice.influence))?;
         self.normals.clone_from(&lattice.normals);
         self.areas = lattice.areas.iter().map(|a| a[2]).collect();
@@ -176,7 +168,7 @@ impl FlowModel {
 
     fn positions(&self, displacement: &[f64]) -> Vec<Vec3> {
         let moved = self.reference.iter().zip(displacement.chunks_exact(3));
-        moved.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
+        moved.map(|(x, d)| x + Vec3::from_column_slice(d)).collect()
     }
 
     /// The same with another density: more air makes schemes that rely on the model alone safer.
@@ -235,8 +227,7 @@ impl FlowModel {
     pub fn inertia_of(&self, rate: &[f64], answer: &mut [f64]) {
         let accelerations = self.faces.iter().zip(&self.normals).map(|(face, normal)| {
             let nodes = distinct(face);
-            let sum: f64 =
-                nodes.iter().map(|&n| dot(std::array::from_fn(|i| rate[3 * n as usize + i]), *normal)).sum();
+            let sum: f64 = nodes.iter().map(|&n| at(rate, n).dot(normal)).sum();
             sum / nodes.len() as f64
         });
         let accelerations: Vec<f64> = accelerations.collect();
@@ -298,18 +289,18 @@ impl FlowModel {
         self.dt = dt;
     }
 
-    /// What later windows depend on.
-    pub fn memory(&self) -> Vec<u8> {
+    /// State that later windows depend on.
+    pub fn save_state(&self) -> Vec<u8> {
         pack(&(&self.walls, self.dt, &self.secants, &self.made_for))
     }
 
-    /// Goes on from a [`FlowModel::memory`] of the same canopy. The lattice, where it is another one.
+    /// Restores a [`FlowModel::save_state`] of the same canopy. The lattice, where it is another one.
     ///
     /// # Errors
-    /// A memory of something else.
-    pub fn recall(&mut self, memory: &[u8]) -> Result<Option<Lattice>, RunError> {
+    /// A state of something else.
+    pub fn restore_state(&mut self, saved: &[u8]) -> Result<Option<Lattice>, RunError> {
         let (walls, dt, secants, (shape, length)): (_, f64, VecDeque<Secant>, (Vec<f64>, f64)) =
-            unpack(memory)?;
+            unpack(saved)?;
         let lattice = if (&shape, length) == (&self.made_for.0, self.made_for.1) {
             None
         } else {
@@ -338,14 +329,14 @@ fn backward(ratio: f64) -> Option<[f64; 3]> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::relaxation::tests::plate;
     use super::*;
+    use crate::schemes::test_support::plate;
 
     const CELLS: usize = 24;
 
     /// Loads and force on a plate of side 1 that is thrown from rest with the velocity `motion` (m/s, upwards) of
     /// each point.
-    fn thrown(most: usize, motion: impl Fn(&Vec3) -> f64) -> Vec<f64> {
+    fn thrown(most: usize, motion: impl Fn(&mesh::Vec3) -> f64) -> Vec<f64> {
         let (positions, faces) = plate(CELLS);
         let unknowns = Unknowns::new(positions.len(), 1.0, false);
         let rest = vec![0.0; 3 * positions.len()];
@@ -368,16 +359,17 @@ mod tests {
 
     #[test]
     fn groups_of_one_change_nothing() {
-        let motion = |p: &Vec3| (9.0 * p[0]).sin() * p[1];
+        let motion = |p: &mesh::Vec3| (9.0 * p[0]).sin() * p[1];
         assert_eq!(thrown(CELLS * CELLS, motion), thrown(usize::MAX, motion));
     }
 
     #[test]
     fn groups_feel_the_air_of_rigid_motions() {
         let last = CELLS * CELLS * LOAD_WIDTH;
-        for (name, motion) in
-            [("plunge", (|_: &Vec3| 1.0) as fn(&Vec3) -> f64), ("tilt", |p: &Vec3| p[0] - 0.5)]
-        {
+        for (name, motion) in [
+            ("plunge", (|_: &mesh::Vec3| 1.0) as fn(&mesh::Vec3) -> f64),
+            ("tilt", |p: &mesh::Vec3| p[0] - 0.5),
+        ] {
             let exact = thrown(usize::MAX, motion);
             for most in [CELLS * CELLS / 2, CELLS * CELLS / 4, CELLS * CELLS / 8] {
                 let grouped = thrown(most, motion);
@@ -394,7 +386,7 @@ mod tests {
     fn what_groups_do_not_see_has_the_mass_of_short_waves() {
         // Neighbours to and fro: groups of four see nothing of it, and their faces feel the air of a wave of
         // twice their own length, 2 rho / k = H / pi, where it is truly sqrt(2) shorter.
-        let checks = |p: &Vec3| ((p[0] + p[1]) * CELLS as f64 * std::f64::consts::FRAC_PI_2).sin();
+        let checks = |p: &mesh::Vec3| ((p[0] + p[1]) * CELLS as f64 * std::f64::consts::FRAC_PI_2).sin();
         let (exact, grouped) = (thrown(usize::MAX, checks), thrown(CELLS * CELLS / 4, checks));
         let apart = apart(&grouped, &exact);
         println!("short waves: {apart:.3}");
@@ -452,6 +444,8 @@ mod tests {
         compare(model.velocities(&at(0.9), 0.4), &|i| 1.0 + i as f64 - 4.0 * 0.9);
         compare(model.velocities(&at(1.4), 0.9), &|i| 1.0 + i as f64 - 4.0 * 1.4);
         let moved = model.positions(&at(0.5));
-        compare(moved.into_flattened(), &|i| positions[i / 3][i % 3] + 0.5 * (1.0 + i as f64) - 0.5);
+        compare(moved.iter().flatten().copied().collect(), &|i| {
+            positions[i / 3][i % 3] + 0.5 * (1.0 + i as f64) - 0.5
+        });
     }
 }

@@ -2,16 +2,14 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use mesh::Vec3;
-
-use super::lattice::{distinct, dot};
+use crate::geometry::{Vec3, distinct};
 
 /// Normals of two groups that become one point the same way to this cosine at least.
 const ALIKE: f64 = 0.5;
 
 /// Which faces act as one. A group per face is no grouping: then all means are the faces' own values.
 #[derive(Clone, Debug)]
-pub(super) struct Groups {
+pub(crate) struct Groups {
     /// Group of each face.
     pub of: Vec<u32>,
     /// Share of each face in the area of its group.
@@ -37,17 +35,17 @@ impl Groups {
     ) -> Option<Self> {
         let mut of: Vec<u32> = (0..faces.len() as u32).collect();
         let mut count = faces.len();
+        let canopy = Canopy { positions, faces, areas, normals };
         while count > most {
             let before = count;
-            count = merge(positions, faces, areas, normals, &mut of, count, most);
+            count = canopy.merge(&mut of, count, most);
             if count == before {
                 return None;
             }
         }
-        let size = |a: &Vec3| dot(*a, *a).sqrt();
         let mut whole = vec![0.0; count];
-        of.iter().zip(areas).for_each(|(&g, a)| whole[g as usize] += size(a));
-        let share = of.iter().zip(areas).map(|(&g, a)| part(size(a), whole[g as usize])).collect();
+        of.iter().zip(areas).for_each(|(&g, a)| whole[g as usize] += a.norm());
+        let share = of.iter().zip(areas).map(|(&g, a)| part(a.norm(), whole[g as usize])).collect();
         let fine = whole.iter().map(|a| a.sqrt() / std::f64::consts::PI).collect();
         Some(Self { outlines: outlines(faces, &of, count), of, share, fine })
     }
@@ -94,75 +92,112 @@ fn outlines(faces: &[[u32; 4]], of: &[u32], count: usize) -> Vec<Vec<[u32; 2]>> 
     outlines
 }
 
-/// Joins pairs of neighbours until there are `most` groups or none is left without a partner; groups are
-/// numbered anew. Small ones choose first, the partner with which they are roundest: the
-/// largest area over the square of the outline. Returns how many there are.
-fn merge(
-    positions: &[Vec3],
-    faces: &[[u32; 4]],
-    areas: &[Vec3],
-    normals: &[Vec3],
-    of: &mut [u32],
-    count: usize,
-    most: usize,
-) -> usize {
-    let size = |a: &Vec3| dot(*a, *a).sqrt();
-    let (mut area, mut around) = (vec![0.0; count], vec![0.0; count]);
-    let mut normal = vec![[0.0; 3]; count];
-    let mut owner: HashMap<[u32; 2], u32> = HashMap::new();
-    for (((face, &g), a), n) in faces.iter().zip(of.iter()).zip(areas).zip(normals) {
-        area[g as usize] += size(a);
-        (0..3).for_each(|i| normal[g as usize][i] += size(a) * n[i]);
-        edges(face).for_each(|e| {
-            owner.insert(e, g);
-        });
+/// What merging reads of the canopy.
+struct Canopy<'a> {
+    positions: &'a [Vec3],
+    faces: &'a [[u32; 4]],
+    areas: &'a [Vec3],
+    normals: &'a [Vec3],
+}
+
+/// Groups before a round of merging.
+struct Round {
+    area: Vec<f64>,
+    /// Length of the outline, m.
+    around: Vec<f64>,
+    /// Sum of the normals by area.
+    normal: Vec<Vec3>,
+    /// Length that two groups share, each pair under both.
+    shared: Vec<BTreeMap<u32, f64>>,
+}
+
+impl Canopy<'_> {
+    /// Joins pairs of neighbours until there are `most` groups or none is left without a partner; groups are
+    /// numbered anew. Returns how many there are.
+    fn merge(&self, of: &mut [u32], count: usize, most: usize) -> usize {
+        let partner = self.measure(of, count).partners(most);
+        renumber(of, &partner)
     }
-    // Length that two groups share, each pair under both.
-    let mut shared: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); count];
-    for (face, &g) in faces.iter().zip(of.iter()) {
-        for [a, b] in edges(face) {
-            let along: Vec3 = std::array::from_fn(|i| positions[b as usize][i] - positions[a as usize][i]);
-            match owner.get(&[b, a]) {
-                Some(&other) if other == g => continue,
-                Some(&other) => *shared[g as usize].entry(other).or_default() += size(&along),
-                None => {}
+
+    /// Sizes, normals and shared outlines of the groups.
+    fn measure(&self, of: &[u32], count: usize) -> Round {
+        let (mut area, mut around) = (vec![0.0; count], vec![0.0; count]);
+        let mut normal = vec![Vec3::zeros(); count];
+        let mut owner: HashMap<[u32; 2], u32> = HashMap::new();
+        for (((face, &g), a), n) in self.faces.iter().zip(of).zip(self.areas).zip(self.normals) {
+            area[g as usize] += a.norm();
+            normal[g as usize] += n * a.norm();
+            edges(face).for_each(|e| {
+                owner.insert(e, g);
+            });
+        }
+        let mut shared: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); count];
+        for (face, &g) in self.faces.iter().zip(of) {
+            for [a, b] in edges(face) {
+                let length = (self.positions[b as usize] - self.positions[a as usize]).norm();
+                match owner.get(&[b, a]) {
+                    Some(&other) if other == g => continue,
+                    Some(&other) => *shared[g as usize].entry(other).or_default() += length,
+                    None => {}
+                }
+                around[g as usize] += length;
             }
-            around[g as usize] += size(&along);
         }
+        Round { area, around, normal, shared }
     }
-    let mut order: Vec<usize> = (0..count).collect();
-    // Sizes by steps of a half: the order of equal ones must not hang on round-off.
-    let step = |g: usize| (2.0 * area[g].max(f64::MIN_POSITIVE).log2()).round();
-    order.sort_by(|&a, &b| step(a).total_cmp(&step(b)).then(a.cmp(&b)));
-    let mut partner: Vec<Option<usize>> = vec![None; count];
-    let mut left = count;
-    for &g in &order {
-        if left <= most {
-            break;
+}
+
+impl Round {
+    /// Partners until `most` groups would be left: small ones choose first, the partner with which they are
+    /// roundest: the largest area over the square of the outline.
+    fn partners(&self, most: usize) -> Vec<Option<usize>> {
+        let count = self.area.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        // Sizes by steps of a half: the order of equal ones must not hang on round-off.
+        let step = |g: usize| (2.0 * self.area[g].max(f64::MIN_POSITIVE).log2()).round();
+        order.sort_by(|&a, &b| step(a).total_cmp(&step(b)).then(a.cmp(&b)));
+        let mut partner: Vec<Option<usize>> = vec![None; count];
+        let mut left = count;
+        for &g in &order {
+            if left <= most {
+                break;
+            }
+            if partner[g].is_some() {
+                continue;
+            }
+            if let Some(o) = self.roundest(g, &partner) {
+                (partner[g], partner[o]) = (Some(o), Some(g));
+                left -= 1;
+            }
         }
-        if partner[g].is_some() {
-            continue;
-        }
+        partner
+    }
+
+    /// The neighbour without a partner with which group `g` is roundest.
+    fn roundest(&self, g: usize, partner: &[Option<usize>]) -> Option<usize> {
         let mut best: Option<(f64, usize)> = None;
-        for (&other, length) in &shared[g] {
+        for (&other, length) in &self.shared[g] {
             let o = other as usize;
-            let cosine = dot(normal[g], normal[o]) / (area[g] * area[o]).max(f64::MIN_POSITIVE);
+            let area = self.area[g] * self.area[o];
+            let cosine = self.normal[g].dot(&self.normal[o]) / area.max(f64::MIN_POSITIVE);
             if partner[o].is_some() || cosine < ALIKE {
                 continue;
             }
-            let round = (area[g] + area[o]) / (around[g] + around[o] - 2.0 * length).powi(2);
+            let outline = self.around[g] + self.around[o] - 2.0 * length;
+            let round = (self.area[g] + self.area[o]) / outline.powi(2);
             if best.is_none_or(|(b, _)| round > b * (1.0 + 1e-9)) {
                 best = Some((round, o));
             }
         }
-        if let Some((_, o)) = best {
-            (partner[g], partner[o]) = (Some(o), Some(g));
-            left -= 1;
-        }
+        best.map(|(_, o)| o)
     }
-    let mut number = vec![u32::MAX; count];
+}
+
+/// Numbers groups and their partners anew; returns how many there are.
+fn renumber(of: &mut [u32], partner: &[Option<usize>]) -> usize {
+    let mut number = vec![u32::MAX; partner.len()];
     let mut next = 0;
-    for g in 0..count {
+    for g in 0..partner.len() {
         if number[g] == u32::MAX {
             number[g] = next;
             if let Some(o) = partner[g] {
@@ -177,8 +212,8 @@ fn merge(
 
 #[cfg(test)]
 mod tests {
-    use super::super::lattice::Lattice;
-    use super::super::relaxation::tests::plate;
+    use crate::schemes::flow_model::lattice::Lattice;
+    use crate::schemes::test_support::plate;
 
     #[test]
     fn a_square_grid_falls_into_blocks() {

@@ -18,6 +18,13 @@ impl Predictor {
         Self { order: order.min(2), best: order.min(2), past: Past::default() }
     }
 
+    /// The same, from the value `start`.
+    pub fn from_start(order: usize, start: &[f64]) -> Self {
+        let mut predictor = Self::new(order);
+        predictor.accept(start, 1.0);
+        predictor
+    }
+
     /// Adds the accepted value at the end of a window of length `dt`.
     pub fn accept(&mut self, x: &[f64], dt: f64) {
         if self.past.len() > self.order {

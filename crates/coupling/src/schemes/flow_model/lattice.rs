@@ -12,10 +12,10 @@
 
 use std::collections::BTreeMap;
 
-use mesh::Vec3;
 use nalgebra::DMatrix;
 
 use super::groups::Groups;
+use crate::geometry::{Vec3, area_vector, centre, direction, distinct};
 
 /// A surface in potential flow.
 pub struct Lattice {
@@ -28,7 +28,7 @@ pub struct Lattice {
     /// Their directions.
     pub normals: Vec<Vec3>,
     /// Faces that share a ring: each has its own where they are few.
-    pub(super) groups: Groups,
+    pub(crate) groups: Groups,
     /// Normal velocity at group i per strength of the ring around group j, 1/m: with the jump of the
     /// potential $\Gamma$, $A\Gamma$ is the velocity of the surface.
     pub influence: DMatrix<f64>,
@@ -61,13 +61,14 @@ impl Lattice {
     ///
     /// The ring of a group runs along its outline, and its velocity is the mean of those at its faces by
     /// area. (At the centroid alone it was worse for all motions, and much worse where groups are not regular.)
-    pub fn new(positions: &[Vec3], faces: &[[u32; 4]], most: usize, screening: f64) -> Option<Self> {
+    pub fn new(positions: &[mesh::Vec3], faces: &[[u32; 4]], most: usize, screening: f64) -> Option<Self> {
+        let positions: Vec<Vec3> = positions.iter().map(|x| Vec3::from(*x)).collect();
         let corners: Vec<[Vec3; 4]> = faces.iter().map(|f| f.map(|node| positions[node as usize])).collect();
         let areas: Vec<Vec3> = corners.iter().map(area_vector).collect();
-        let normals: Vec<Vec3> = areas.iter().map(unit).collect();
-        let groups = Groups::new(positions, faces, &areas, &normals, most)?;
+        let normals: Vec<Vec3> = areas.iter().map(direction).collect();
+        let groups = Groups::new(&positions, faces, &areas, &normals, most)?;
         let n = groups.len();
-        let inner = drawn_in(positions, faces, &corners, &groups);
+        let inner = inset_rim(&positions, faces, &corners, &groups);
         let ends = |edge: &[u32; 2]| edge.map(|node| inner[node as usize]);
         let rings: Vec<Vec<[Vec3; 2]>> =
             groups.outlines.iter().map(|outline| outline.iter().map(ends).collect()).collect();
@@ -76,14 +77,14 @@ impl Lattice {
         for (f, &g) in groups.of.iter().enumerate() {
             let at = centre(&corners[f]);
             for (j, (edges, source)) in rings.iter().zip(&sources).enumerate() {
-                let mut velocity = dot(normals[f], ring(edges, at));
+                let mut velocity = normals[f].dot(&ring(edges, at));
                 if screening > 0.0 {
                     velocity += source.screened(screening, at, normals[f], g as usize == j);
                 }
                 influence[(g as usize, j)] += groups.share[f] * velocity;
             }
         }
-        Some(Self { positions: positions.to_vec(), screening, areas, normals, groups, influence })
+        Some(Self { positions, screening, areas, normals, groups, influence })
     }
 }
 
@@ -94,7 +95,7 @@ impl Lattice {
 const RIM: f64 = 0.3;
 
 /// The positions, those on the rim drawn in by [`RIM`] where all of their faces are groups of their own.
-fn drawn_in(positions: &[Vec3], faces: &[[u32; 4]], corners: &[[Vec3; 4]], groups: &Groups) -> Vec<Vec3> {
+fn inset_rim(positions: &[Vec3], faces: &[[u32; 4]], corners: &[[Vec3; 4]], groups: &Groups) -> Vec<Vec3> {
     let mut edges: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     for face in faces {
         let nodes = distinct(face);
@@ -110,12 +111,12 @@ fn drawn_in(positions: &[Vec3], faces: &[[u32; 4]], corners: &[[Vec3; 4]], group
     for (face, _) in faces.iter().zip(&groups.share).filter(|(_, share)| **share < 1.0) {
         face.iter().for_each(|&n| rim[n as usize] = false);
     }
-    let mut towards = vec![([0.0; 3], 0.0); positions.len()];
+    let mut towards = vec![(Vec3::zeros(), 0.0); positions.len()];
     for (face, corners) in faces.iter().zip(corners) {
         let c = centre(corners);
         for &n in distinct(face) {
             let (sum, count) = &mut towards[n as usize];
-            (0..3).for_each(|i| sum[i] += c[i]);
+            *sum += c;
             *count += 1.0;
         }
     }
@@ -123,61 +124,26 @@ fn drawn_in(positions: &[Vec3], faces: &[[u32; 4]], corners: &[[Vec3; 4]], group
         .iter()
         .zip(rim)
         .zip(towards)
-        .map(
-            |((x, rim), (sum, count))| {
-                if rim { std::array::from_fn(|i| x[i] + RIM * (sum[i] / count - x[i])) } else { *x }
-            },
-        )
+        .map(|((x, rim), (sum, count))| if rim { x + (sum / count - x) * RIM } else { *x })
         .collect()
-}
-
-/// Corners of a face, a triangle's without its repeated one.
-pub(super) fn distinct(face: &[u32; 4]) -> &[u32] {
-    if face[2] == face[3] { &face[..3] } else { face }
-}
-
-pub(super) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn minus(a: Vec3, b: Vec3) -> Vec3 {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// Direction of an area; of nothing where there is none.
-pub(super) fn unit(a: &Vec3) -> Vec3 {
-    a.map(|x| x / dot(*a, *a).sqrt().max(f64::MIN_POSITIVE))
-}
-
-pub(super) fn area_vector(corners: &[Vec3; 4]) -> Vec3 {
-    cross(minus(corners[2], corners[0]), minus(corners[3], corners[1])).map(|a| 0.5 * a)
-}
-
-fn centre(corners: &[Vec3; 4]) -> Vec3 {
-    let used = if corners[2] == corners[3] { 3 } else { 4 };
-    std::array::from_fn(|i| corners[..used].iter().map(|c| c[i]).sum::<f64>() / used as f64)
 }
 
 /// Velocity at `p` of a vortex ring of unit strength along these edges
 /// (Biot-Savart; straight segments, Katz and Plotkin section 10.4.5).
 fn ring(edges: &[[Vec3; 2]], p: Vec3) -> Vec3 {
-    let mut velocity = [0.0; 3];
-    for &[a, b] in edges {
-        let (r1, r2, r0) = (minus(p, a), minus(p, b), minus(b, a));
-        let normal = cross(r1, r2);
-        let square = dot(normal, normal);
-        let (l1, l2) = (dot(r1, r1).sqrt(), dot(r2, r2).sqrt());
+    let mut velocity = Vec3::zeros();
+    for [a, b] in edges {
+        let (r1, r2, r0) = (p - a, p - b, b - a);
+        let normal = r1.cross(&r2);
+        let square = normal.dot(&normal);
+        let (l1, l2) = (r1.norm(), r2.norm());
         // On the segment's own line it induces nothing.
-        if square <= 1e-12 * dot(r0, r0) * l1 * l2 || l1 == 0.0 || l2 == 0.0 {
+        if square <= 1e-12 * r0.dot(&r0) * l1 * l2 || l1 == 0.0 || l2 == 0.0 {
             continue;
         }
-        let along = dot(r0, r1) / l1 - dot(r0, r2) / l2;
+        let along = r0.dot(&r1) / l1 - r0.dot(&r2) / l2;
         let factor = along / (4.0 * std::f64::consts::PI * square);
-        (0..3).for_each(|i| velocity[i] += factor * normal[i]);
+        velocity += normal * factor;
     }
     velocity
 }
@@ -191,14 +157,12 @@ struct Doublet {
 
 impl Doublet {
     fn of(groups: &Groups, corners: &[[Vec3; 4]], areas: &[Vec3]) -> Vec<Self> {
-        let nothing = || Self { centre: [0.0; 3], area: [0.0; 3] };
+        let nothing = || Self { centre: Vec3::zeros(), area: Vec3::zeros() };
         let mut all: Vec<Self> = std::iter::repeat_with(nothing).take(groups.len()).collect();
         for (f, &g) in groups.of.iter().enumerate() {
             let (source, at) = (&mut all[g as usize], centre(&corners[f]));
-            (0..3).for_each(|i| {
-                source.centre[i] += groups.share[f] * at[i];
-                source.area[i] += areas[f][i];
-            });
+            source.centre += at * groups.share[f];
+            source.area += areas[f];
         }
         all
     }
@@ -208,11 +172,11 @@ impl Doublet {
     /// `own` face, taken for a square, the mean of $1/r$ stands for it.
     fn screened(&self, k: f64, at: Vec3, normal: Vec3, own: bool) -> f64 {
         use std::f64::consts::PI;
-        let size = dot(self.area, self.area).sqrt();
-        let r = minus(at, self.centre);
+        let size = self.area.norm();
+        let r = at - self.centre;
         // Mean of 1/r from the middle of a square: 4 ln(1 + sqrt 2) over its side.
         let least = size.sqrt() / (4.0 * (1.0 + 2f64.sqrt()).ln());
-        let length = if own { least } else { dot(r, r).sqrt().max(least) };
+        let length = if own { least } else { r.norm().max(least) };
         let decay = (-k * length).exp();
         // D'/r and D''.
         let kr = k * length;
@@ -222,16 +186,16 @@ impl Doublet {
             let cube = length.powi(3);
             ((1.0 - decay * (1.0 + kr)) / cube, (decay * (kr * kr + 2.0 * kr + 2.0) - 2.0) / cube)
         };
-        let across = dot(normal, self.area) * first;
-        let along = dot(normal, r) * dot(self.area, r) / (length * length) * (second - first);
+        let across = normal.dot(&self.area) * first;
+        let along = normal.dot(&r) * self.area.dot(&r) / (length * length) * (second - first);
         (across + if own { 0.0 } else { along }) / (4.0 * PI)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::relaxation::tests::plate;
     use super::*;
+    use crate::schemes::test_support::plate;
 
     #[test]
     fn sound_takes_mass_from_long_waves() {
@@ -263,9 +227,9 @@ mod tests {
     #[test]
     fn a_ring_of_unit_strength() {
         // Middle of a square ring with half side a: w = sqrt(2) / (pi a)... for a = 1/2: 2 sqrt(2) / pi.
-        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]].map(Vec3::from);
         let edges: Vec<[Vec3; 2]> = (0..4).map(|k| [corners[k], corners[(k + 1) % 4]]).collect();
-        let v = ring(&edges, [0.5, 0.5, 0.0]);
+        let v = ring(&edges, Vec3::new(0.5, 0.5, 0.0));
         assert!((v[2] - 2.0 * 2f64.sqrt() / std::f64::consts::PI).abs() < 1e-12, "{v:?}");
     }
 
@@ -273,23 +237,22 @@ mod tests {
     #[test]
     fn screening_is_the_second_derivative_of_its_potential() {
         let potential = |k: f64, r: Vec3| {
-            let length = dot(r, r).sqrt();
+            let length = r.norm();
             (-k * length).exp_m1() / (4.0 * std::f64::consts::PI * length)
         };
-        let source = Doublet { centre: [0.1, -0.2, 0.3], area: [0.01, 0.03, -0.02] };
-        let normal = [0.36, 0.48, 0.8];
+        let source = Doublet { centre: Vec3::new(0.1, -0.2, 0.3), area: Vec3::new(0.01, 0.03, -0.02) };
+        let normal = Vec3::new(0.36, 0.48, 0.8);
         for (k, at) in [
             (0.5, [1.0, 0.4, 0.9]),
             (2.0, [-0.3, 0.8, 0.1]),
             (6.0, [0.5, -0.9, 0.7]),
             (5e-4, [0.9, 0.5, 0.2]),
         ] {
+            let at = Vec3::from(at);
             let h = if k < 1e-3 { 1e-2 } else { 1e-3 };
-            let r = minus(at, source.centre);
-            let (a, size) = (source.area, dot(source.area, source.area).sqrt());
-            let step = |s: f64, t: f64| {
-                potential(k, std::array::from_fn(|i| r[i] + h * (s * normal[i] + t * a[i] / size)))
-            };
+            let r = at - source.centre;
+            let (a, size) = (source.area, source.area.norm());
+            let step = |s: f64, t: f64| potential(k, r + h * (s * normal + t * a / size));
             let wanted = size * (step(1.0, 1.0) - step(1.0, -1.0) - step(-1.0, 1.0) + step(-1.0, -1.0))
                 / (4.0 * h * h);
             let found = source.screened(k, at, normal, false);
@@ -304,8 +267,8 @@ mod tests {
         let (n, side, k) = (400, 0.5, 1e-4);
         let middle = |i: usize| side * ((i as f64 + 0.5) / n as f64 - 0.5);
         let mean = (0..n * n).map(|c| 1.0 / middle(c / n).hypot(middle(c % n))).sum::<f64>() / (n * n) as f64;
-        let source = Doublet { centre: [0.0; 3], area: [0.0, 0.0, side * side] };
-        let found = source.screened(k, [0.0; 3], [0.0, 0.0, 1.0], true);
+        let source = Doublet { centre: Vec3::zeros(), area: Vec3::new(0.0, 0.0, side * side) };
+        let found = source.screened(k, Vec3::zeros(), Vec3::z(), true);
         let wanted = side * side * k * k * mean / (8.0 * std::f64::consts::PI);
         // Midpoints next to the pole miss a share of about 1 / n; the series in kappa r one of 1e-4.
         assert!((found / wanted - 1.0).abs() < 5e-3, "{found} {wanted}");

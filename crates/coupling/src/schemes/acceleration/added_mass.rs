@@ -1,34 +1,15 @@
-//! What is done with the part of a residual that no secant spans.
+//! Relaxation by the added mass of potential flow.
 
 use faer::Mat;
 use faer::prelude::Solve;
-use mesh::Vec3;
 use nalgebra::{DMatrix, DVector};
 
-use super::Unknowns;
-use super::groups::Groups;
-use super::inverse::{Inverse, factors};
-use super::lattice::{Air, Lattice, distinct, dot};
-
-/// Turns a residual into a step that the next iterate can bear.
-pub trait Relaxation {
-    /// Step for `residual` into `step`.
-    fn apply(&self, residual: &[f64], step: &mut [f64]);
-
-    /// The canopy has another shape, or windows another length, than before.
-    fn reshape(&mut self, lattice: &Lattice) {
-        let _ = lattice;
-    }
-}
-
-/// The same factor for every unknown.
-pub struct Uniform(pub f64);
-
-impl Relaxation for Uniform {
-    fn apply(&self, residual: &[f64], step: &mut [f64]) {
-        step.iter_mut().zip(residual).for_each(|(s, r)| *s = self.0 * r);
-    }
-}
+use super::relaxation::Relaxation;
+use crate::geometry::{Vec3, at, direction, distinct};
+use crate::schemes::flow_model::groups::Groups;
+use crate::schemes::flow_model::inverse::{Inverse, factors};
+use crate::schemes::flow_model::lattice::{Air, Lattice};
+use crate::schemes::unknowns::Unknowns;
 
 /// What the canopy and the air weigh, for [`AddedMassRelaxation::new`].
 #[derive(Clone, Copy, Debug)]
@@ -101,20 +82,19 @@ impl AddedMassRelaxation {
         let Lattice { positions, areas, normals, groups, influence, .. } = lattice;
         let face_normals = normals.clone();
         let n = groups.len();
-        let sizes: Vec<f64> = areas.iter().map(|a| dot(*a, *a).sqrt()).collect();
+        let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
         let gain = 2.25 * weights.response * weights.air.density / weights.fabric_kg_m2;
         let inverse = Inverse::of(&factors(&(influence + DMatrix::identity(n, n) * gain)))?;
-        let mut node_normals = vec![[0.0; 3]; positions.len()];
+        let mut node_normals = vec![Vec3::zeros(); positions.len()];
         let mut node_faces = vec![0.0; positions.len()];
         for (face, area) in faces.iter().zip(areas) {
             for &node in distinct(face) {
                 node_faces[node as usize] += 1.0;
-                (0..3).for_each(|i| node_normals[node as usize][i] += area[i]);
+                node_normals[node as usize] += area;
             }
         }
         for normal in &mut node_normals {
-            let size = dot(*normal, *normal).sqrt().max(f64::MIN_POSITIVE);
-            *normal = normal.map(|x| x / size);
+            *normal = direction(normal);
         }
         // Vertical force of the air per acceleration of the faces along their normals.
         let mut upwards = Mat::<f64>::zeros(n, 1);
@@ -126,7 +106,7 @@ impl AddedMassRelaxation {
         let force = factors(influence).solve_transpose(upwards);
         let force = DVector::from_fn(n, |i, _| force[(i, 0)]);
         let vertical_added_mass = force.dot(&vertical);
-        let drawn = &vertical - eased(gain, &inverse, &vertical);
+        let drawn = &vertical - apply_inverse(gain, &inverse, &vertical);
         let force = if weights.falling_kg > 0.0 { force / weights.falling_kg } else { DVector::zeros(n) };
         let velocity = 1.0 + 1.5 * force.dot(&vertical) - 1.5 * force.dot(&drawn);
         // A zigzag between nodes has twice the face as wave length: A is pi/2 over its edge.
@@ -154,16 +134,16 @@ impl AddedMassRelaxation {
 }
 
 impl AddedMassRelaxation {
-    pub(super) fn faces(&self) -> &[[u32; 4]] {
+    pub(crate) fn faces(&self) -> &[[u32; 4]] {
         &self.faces
     }
 
-    pub(super) fn face_normals(&self) -> &[Vec3] {
+    pub(crate) fn face_normals(&self) -> &[Vec3] {
         &self.face_normals
     }
 
     /// Faces at a node, at least one.
-    pub(super) fn faces_at(&self, node: u32) -> f64 {
+    pub(crate) fn faces_at(&self, node: u32) -> f64 {
         self.node_faces[node as usize].max(1.0)
     }
 }
@@ -178,8 +158,6 @@ impl Relaxation for AddedMassRelaxation {
 
     fn apply(&self, residual: &[f64], step: &mut [f64]) {
         let moved = self.unknowns.displacements();
-        let at =
-            |values: &[f64], node: u32| -> Vec3 { std::array::from_fn(|i| values[3 * node as usize + i]) };
         // Normal residual at the faces, and the step it asks for there.
         let on_faces: Vec<f64> = self
             .faces
@@ -187,11 +165,11 @@ impl Relaxation for AddedMassRelaxation {
             .zip(&self.face_normals)
             .map(|(face, normal)| {
                 let nodes = distinct(face);
-                nodes.iter().map(|&n| dot(at(residual, n), *normal)).sum::<f64>() / nodes.len() as f64
+                nodes.iter().map(|&n| at(residual, n).dot(normal)).sum::<f64>() / nodes.len() as f64
             })
             .collect();
         let means = DVector::from_vec(self.groups.means(&on_faces));
-        let mut asked = eased(self.gain, &self.inverse, &means);
+        let mut asked = apply_inverse(self.gain, &self.inverse, &means);
         // The frame's motion in the unit of displacements.
         let scale = (self.unknowns.displacements() as f64 / 3.0).sqrt();
         if let Some(r) = residual.get(moved) {
@@ -213,47 +191,32 @@ impl Relaxation for AddedMassRelaxation {
         for (node, [seen, asked]) in nodes.iter().enumerate() {
             let (normal, count) = (self.node_normals[node], self.node_faces[node].max(1.0));
             let whole = at(residual, node as u32);
-            let along = dot(whole, normal);
+            let along = whole.dot(&normal);
             let wanted = asked / count + self.fine * (along - seen / count);
-            for i in 0..3 {
-                step[3 * node + i] = whole[i] + (wanted - along) * normal[i];
-            }
+            step[3 * node..3 * node + 3].copy_from_slice((whole + normal * (wanted - along)).as_slice());
         }
     }
 }
 
 /// $(I + G)^{-1} r$ with $G = g A^{-1}$.
-fn eased(gain: f64, inverse: &Inverse, r: &DVector<f64>) -> DVector<f64> {
+fn apply_inverse(gain: f64, inverse: &Inverse, r: &DVector<f64>) -> DVector<f64> {
     r - DVector::from_vec(inverse.apply(r.as_slice())) * gain
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
-
-    /// Flat square of `n` x `n` faces with side 1.
-    pub fn plate(n: usize) -> (Vec<Vec3>, Vec<[u32; 4]>) {
-        let at = |i: usize, j: usize| (i * (n + 1) + j) as u32;
-        let line = 0..=n;
-        let positions = line
-            .clone()
-            .flat_map(|i| line.clone().map(move |j| [i as f64 / n as f64, j as f64 / n as f64, 0.0]))
-            .collect();
-        let faces = (0..n)
-            .flat_map(|i| (0..n).map(move |j| [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]))
-            .collect();
-        (positions, faces)
-    }
+    use crate::schemes::test_support::plate;
 
     fn weights() -> Weights {
         Weights { fabric_kg_m2: 0.0373, air: Air::incompressible(1.0), response: 0.275, falling_kg: 1.0 }
     }
 
-    fn model(n: usize) -> (AddedMassRelaxation, Vec<Vec3>) {
+    fn model(n: usize) -> (AddedMassRelaxation, Vec<mesh::Vec3>) {
         grouped(n, usize::MAX)
     }
 
-    fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<Vec3>) {
+    fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<mesh::Vec3>) {
         let (positions, faces) = plate(n);
         let unknowns = Unknowns::new(positions.len(), 5e-3, true);
         let lattice = Lattice::new(&positions, &faces, most, 0.0).unwrap();
@@ -303,7 +266,7 @@ pub(super) mod tests {
         let response = 0.275 / 0.0373;
         let on_faces = &dx + pressed.unwrap() * response;
         let frame = dv + model.force.dot(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
-        let mut asked = eased(model.gain, &model.inverse, &on_faces);
+        let mut asked = apply_inverse(model.gain, &model.inverse, &on_faces);
         let found = (frame - 2.25 * model.force.dot(&asked)) / model.velocity;
         asked.axpy(-2.0 / 3.0 * found, &model.drawn, 1.0);
         // The inverse is in single precision: 4e-8 and 2e-6 here.

@@ -10,13 +10,13 @@ const LANES: usize = 16;
 /// $A^{-1}$ in single precision, by rows: a product reads it once, where two triangular
 /// solves would read twice as many bytes and wait for each other's results.
 #[derive(Clone)]
-pub(super) struct Inverse {
+pub(crate) struct Inverse {
     n: usize,
     rows: Vec<f32>,
 }
 
 /// Factors of a matrix.
-pub(super) fn factors(matrix: &DMatrix<f64>) -> PartialPivLu<f64> {
+pub(crate) fn factors(matrix: &DMatrix<f64>) -> PartialPivLu<f64> {
     MatRef::from_column_major_slice(matrix.as_slice(), matrix.nrows(), matrix.ncols()).partial_piv_lu()
 }
 

@@ -25,7 +25,7 @@
 
 use case::LoadShape;
 
-use super::InterfaceState;
+use super::values::InterfaceState;
 
 /// Weights of the loads at the end and the start of the window, and one window
 /// before, in [`LoadShape::Mean`] with equal windows.
