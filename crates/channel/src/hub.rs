@@ -3,13 +3,14 @@
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use archive::hash::fnv1a;
 use case::Role;
 
 use crate::culprit::suspect;
 use crate::header::{Kind, unpack_text};
 use crate::hub_options::{Arrivals, HubOptions, Interface};
 use crate::program::{Payload, Program, Rank};
-use crate::session::{Lock, Notice, Place, Watch, cleanup_stale, fnv};
+use crate::session::{Lock, Notice, Place, Watch, cleanup_stale};
 use crate::transport::{Bell, Link, Sleeper};
 use crate::wire::{Roster, during};
 use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, SessionError, Stats, Who, Window};
@@ -80,7 +81,7 @@ impl Hub {
 
     fn open(options: HubOptions, place: Place, lock: Lock) -> Result<Self, HubError> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
-        let id = fnv(format!("{} {} {now}", options.session, std::process::id()).as_bytes());
+        let id = fnv1a(format!("{} {} {now}", options.session, std::process::id()).bytes());
         let link = Link::new(&place, "coupler")?;
         let roster = Roster(options.roles.iter().map(|r| (r.role, r.ranks)).collect());
         let (name, sleepers, ringers) = roster.coupler_bell();

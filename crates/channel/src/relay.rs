@@ -10,9 +10,11 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use archive::hash::fnv1a;
+
 use crate::header::{Kind, clipped, pack_text, text_words, unpack_text};
 use crate::serve::{Identity, finite, guarded};
-use crate::session::{MEMORY, Place, Watch, fnv};
+use crate::session::{MEMORY, Place, Watch};
 use crate::wire::{decode_rows, during};
 use crate::{
     Announcement, Fault, Grid, Input, Participant, ServeEnd, ServeError, ServeOptions, Stats, Window,
@@ -47,7 +49,7 @@ const ROUND: Duration = Duration::from_millis(20);
 pub(crate) fn memory_name() -> u64 {
     let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     let device = std::fs::metadata(MEMORY).map(|m| (m.dev(), m.ino())).unwrap_or_default();
-    fnv(format!("{} {device:?}", boot.trim()).as_bytes())
+    fnv1a(format!("{} {device:?}", boot.trim()).bytes())
 }
 
 /// Whether a live coupler serves `session` in this process's shared memory.
