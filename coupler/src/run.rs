@@ -204,7 +204,7 @@ pub fn run(
         };
         plan.programs()?;
     }
-    channel::bear_size_limit();
+    channel::ignore_sigxfsz();
     crate::launch::memory::require(&scene, first, &interface)?;
     let start = Instant::now();
     fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;

@@ -40,7 +40,7 @@ pub fn remembered<T: DeserializeOwned>(
 
 /// From now on a file that grows beyond the limit of this process (`RLIMIT_FSIZE`) is an error
 /// that can be told, and not its end.
-pub fn bear_size_limit() {
+pub fn ignore_sigxfsz() {
     // SAFETY: sets a disposition of this process; no memory is involved.
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
