@@ -19,6 +19,7 @@
 pub mod baseline;
 pub mod compare;
 pub mod file;
+pub mod observed;
 mod pack;
 pub mod recorder;
 pub mod stand_in;
