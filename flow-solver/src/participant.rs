@@ -4,9 +4,7 @@ use std::path::Path;
 use std::time::Instant as Clock;
 
 use case::{Role, Turbulence, Wind};
-use channel::{
-    Announcement, Fault, Input, KeptError, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash,
-};
+use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
 
 use crate::error::FlowError;
@@ -152,7 +150,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
                 Some(mut memory) => {
                     monitors.recall(std::mem::take(&mut memory.probes));
                     let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
-                    let unfit = |reason: String| Fault::new(KeptError::unfit(&file, &reason));
+                    let unfit = |reason: String| Fault::new(archive::Error::content(&file, reason));
                     solver.recall(memory).map_err(unfit)?;
                 }
                 None if comm.is_root() => {

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use case::Role;
-use channel::{Fault, KeptError};
+use channel::Fault;
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +60,7 @@ impl Memory {
     /// Trouble with a file, on every rank.
     pub fn save(&self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
         let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
-        let outcome = channel::keep(&file, MAGIC, VERSION, self);
+        let outcome = archive::save(&file, MAGIC, VERSION, self);
         if comm.all(outcome.is_ok()) {
             return Ok(());
         }
@@ -74,7 +74,7 @@ impl Memory {
     ///
     /// # Errors
     /// A file that is damaged or does not fit, or holds what is no number.
-    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, KeptError> {
+    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, archive::Error> {
         channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(shape).map_err(Into::into))
     }
 

@@ -92,7 +92,7 @@ impl MeshMover {
         match memory::load(comm, folder)? {
             Some(memory) => {
                 let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
-                let unfit = |reason: String| channel::KeptError::unfit(&file, &reason);
+                let unfit = |reason: String| archive::Error::content(&file, reason);
                 memory::agree(comm, this.motion.recall(memory).map_err(unfit))?;
             }
             None if comm.is_root() => {

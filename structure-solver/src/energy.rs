@@ -155,16 +155,12 @@ impl EnergyBalance {
 
     /// Writes it beside the state of the nodes; the same on each rank, so one of them does it.
     pub(crate) fn save(&self, folder: &Path) -> Result<(), Fault> {
-        channel::keep(&folder.join(FILE), MAGIC, VERSION, self).map(|_| ()).map_err(Fault::new)
+        archive::save(&folder.join(FILE), MAGIC, VERSION, self).map(|_| ()).map_err(Fault::new)
     }
 
     /// Reads what [`EnergyBalance::save`] wrote in the same stage; `None` where nothing is there.
     pub(crate) fn load(folder: &Path) -> Result<Option<Self>, Fault> {
-        let file = folder.join(FILE);
-        if !file.exists() {
-            return Ok(None);
-        }
-        channel::kept(&file, MAGIC, VERSION).map(Some).map_err(Fault::new)
+        archive::if_present(archive::load(&folder.join(FILE), MAGIC, VERSION)).map_err(Fault::new)
     }
 }
 

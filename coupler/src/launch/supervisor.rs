@@ -11,6 +11,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use case::Role;
+use channel::Deadline;
 use coupling::error::RunError;
 use coupling::partners::Usage;
 use rustix::process::Signal;
@@ -495,17 +496,8 @@ fn blamed_rank(line: &str) -> Option<u64> {
 }
 
 /// Polls every 10 ms until `done` or the time is over; whether it was done.
-fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
-    let start = Instant::now();
-    loop {
-        if done() {
-            return true;
-        }
-        if start.elapsed() >= patience {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
+fn wait_until(patience: Duration, done: impl FnMut() -> bool) -> bool {
+    Deadline::after(patience).poll(Duration::from_millis(10), done)
 }
 
 #[cfg(test)]

@@ -86,7 +86,7 @@ impl<'a> Run<'a> {
         let first = resume.as_ref().map_or(prepared.first, |r| r.stage);
         let stages = first..if options.only { first + 1 } else { scene.stages.len() };
         session::require_programs(options, prepared, stages.clone())?;
-        channel::bear_size_limit();
+        channel::ignore_sigxfsz();
         checks::shared_memory::require(scene, first, &prepared.interface)?;
         let start = Instant::now();
         let lock = folder::open(options, prepared, inspection, console)?;

@@ -1,7 +1,10 @@
-//! The canopy's shape in a file: what the structure leaves for the flow grid.
+//! The canopy's shape in a file: what the structure leaves for the flow grid. Its layout is part of the contract
+//! (`docs/contract.md`), because structures of others write it as well.
 
 use std::path::Path;
 
+use archive::codec::compact;
+use archive::hash::fnv1a_of_numbers;
 use serde::{Deserialize, Serialize};
 
 use crate::vtk::write_aside;
@@ -19,12 +22,6 @@ struct File {
     positions: Vec<Point>,
 }
 
-/// FNV-1a over the bits of all coordinates.
-fn checksum(positions: &[Point]) -> u64 {
-    let bytes = positions.as_flattened().iter().flat_map(|v| v.to_bits().to_le_bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
-}
-
 /// Saves the positions of the canopy nodes, m, in the order of the interface.
 ///
 /// # Errors
@@ -34,11 +31,10 @@ pub fn save_shape(path: &Path, positions: &[Point]) -> Result<(), MeshError> {
         magic: MAGIC,
         version: VERSION,
         count: positions.len() as u64,
-        checksum: checksum(positions),
+        checksum: fnv1a_of_numbers(positions.as_flattened()),
         positions: positions.to_vec(),
     };
-    let bytes = bincode::serde::encode_to_vec(&file, bincode::config::standard())
-        .map_err(|e| MeshError::File { path: path.into(), reason: e.to_string() })?;
+    let bytes = compact::encode(&file);
     write_aside(path, |out| out.write_all(&bytes).map_err(|e| e.to_string()))
 }
 
@@ -52,15 +48,12 @@ pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Point>, MeshError>
     if bytes.get(..8) != Some(&MAGIC) {
         return Err(bad("is not a canopy shape of ripstop".into()));
     }
-    // A damaged length must not reserve memory without end.
-    let config = bincode::config::standard().with_limit::<{ 1 << 32 }>();
-    let (file, used): (File, usize) =
-        bincode::serde::decode_from_slice(&bytes, config).map_err(|e| bad(format!("is damaged: {e}")))?;
+    let file: File = compact::decode(&bytes).map_err(|e| bad(format!("is damaged: {e}")))?;
     if file.version != VERSION {
         return Err(bad(format!("has format version {}, this program reads {VERSION}", file.version)));
     }
     let count = file.positions.len();
-    if used != bytes.len() || file.count != count as u64 || file.checksum != checksum(&file.positions) {
+    if file.count != count as u64 || file.checksum != fnv1a_of_numbers(file.positions.as_flattened()) {
         return Err(bad("is damaged: its checksum does not match".into()));
     }
     if count != expected {

@@ -1,5 +1,6 @@
 //! What schemes and accelerations carry from window to window, as bytes: a resumed run is bitwise identical.
 
+use archive::codec::fixed;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -7,9 +8,7 @@ use crate::error::RunError;
 
 /// `value` as bytes.
 pub fn pack(value: &impl Serialize) -> Vec<u8> {
-    let config = bincode::config::standard().with_fixed_int_encoding();
-    // Plain numbers and lists of them: nothing that cannot be written down.
-    bincode::serde::encode_to_vec(value, config).expect("plain data can be encoded")
+    fixed::encode(value)
 }
 
 /// The value that [`pack`] encoded.
@@ -17,11 +16,9 @@ pub fn pack(value: &impl Serialize) -> Vec<u8> {
 /// # Errors
 /// Bytes of another scheme.
 pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, RunError> {
-    let config = bincode::config::standard().with_fixed_int_encoding().with_limit::<{ 1 << 36 }>();
-    match bincode::serde::decode_from_slice(bytes, config) {
-        Ok((value, used)) if used == bytes.len() => Ok(value),
-        _ => Err(RunError::Input(
+    fixed::decode(bytes).map_err(|_| {
+        RunError::Input(
             "the saved state of the coupling is that of another scheme or version of ripstop".into(),
-        )),
-    }
+        )
+    })
 }

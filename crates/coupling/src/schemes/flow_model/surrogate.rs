@@ -184,7 +184,7 @@ impl FlowModel {
     /// Coefficients of the backward difference in a window of length `dt`, as the flow takes it; `None`: first
     /// order.
     fn difference(&self, dt: f64) -> Option<[f64; 3]> {
-        if self.walls.len() < 2 { None } else { backward(dt / self.dt) }
+        if self.walls.len() < 2 { None } else { channel::bdf2(dt / self.dt) }
     }
 
     /// Velocity of the nodes relative to the ground at the end of a window to the unknowns `x`.
@@ -317,14 +317,6 @@ impl FlowModel {
         let columns = &mut self.columns;
         self.secants.retain(|secant| columns.push(&secant.step, secant.filter));
     }
-}
-
-/// Coefficients $(1 + 2r)/(1 + r)$, $-(1 + r)$, $r^2/(1 + r)$ of the second-order backward difference for a window
-/// `ratio` times as long as the one before it; `None` beyond 2.4, as flow and mesh have it.
-fn backward(ratio: f64) -> Option<[f64; 3]> {
-    let share = ratio / (1.0 + ratio);
-    let (a, c) = (1.0 + share, ratio * share);
-    (ratio > 0.0 && ratio <= 2.4).then_some([a, -(a + c), c])
 }
 
 #[cfg(test)]
