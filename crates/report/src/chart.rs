@@ -9,7 +9,7 @@ use maud::html;
 /// Most points of a curve that are drawn: more than one for each pixel of its width.
 const MOST: usize = 700;
 /// Width and height, pixels.
-const SIZE: [f64; 2] = [640.0, 270.0];
+const SIZE: [f64; 2] = [550.0, 250.0];
 
 /// A curve.
 #[derive(Clone, Debug)]

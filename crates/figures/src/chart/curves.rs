@@ -134,7 +134,7 @@ impl Panel {
         for s in &self.series {
             s.draw(&sheet, plot, &self.y)?;
         }
-        let mut notes = Notes::new(plot);
+        let mut notes = Notes::new(plot, &self.series);
         self.series.iter().try_for_each(|s| s.annotate(&sheet, plot, &mut notes))
     }
 
@@ -217,20 +217,32 @@ impl Series {
     }
 }
 
-/// Places words beside points so that they neither leave the plot nor cover each other.
+/// Places words beside points so that they neither leave the plot nor cover lines or each other.
 struct Notes {
     low: [f64; 2],
     high: [f64; 2],
     /// Left end, middle of the height, and width of each.
     placed: Vec<([f64; 2], f64)>,
+    /// Places on lines, a few pixels apart.
+    lines: Vec<[f64; 2]>,
 }
 
 impl Notes {
     const HEIGHT: f64 = 13.0;
 
-    fn new(plot: &Plot) -> Self {
+    fn new(plot: &Plot, series: &[Series]) -> Self {
         let high = [0, 1].map(|c| plot.corner[c] + plot.size[c]);
-        Self { low: plot.corner, high, placed: Vec::new() }
+        let mut lines = Vec::new();
+        for s in series.iter().filter(|s| s.line > 0.0) {
+            let placed: Vec<[f64; 2]> = s.points.iter().filter_map(|p| plot.place(*p)).collect();
+            for ends in placed.windows(2) {
+                let way = [0, 1].map(|c| ends[1][c] - ends[0][c]);
+                let steps = (way[0].hypot(way[1]) / 4.0).ceil().max(1.0);
+                let at = |i: usize| [0, 1].map(|c| ends[0][c] + way[c] * i as f64 / steps);
+                lines.extend((0..=steps as usize).map(at));
+            }
+        }
+        Self { low: plot.corner, high, placed: Vec::new(), lines }
     }
 
     /// Left end and middle of the height of words of this width beside a point: the first place that is free.
@@ -244,10 +256,17 @@ impl Notes {
                 && y >= self.low[1] + 6.0
                 && y <= self.high[1] - 6.0
         };
+        let clear = |[x, y]: [f64; 2]| {
+            let covered = |p: &[f64; 2]| {
+                p[0] > x - 2.0 && p[0] < x + width + 2.0 && (p[1] - y).abs() < 0.5 * Self::HEIGHT
+            };
+            !self.lines.iter().any(covered)
+        };
         let free = |[x, y]: [f64; 2]| {
             self.placed.iter().all(|([a, b], w)| x > a + w || *a > x + width || (y - b).abs() >= Self::HEIGHT)
         };
-        let found = choices.iter().find(|c| inside(**c) && free(**c));
+        let found = choices.iter().find(|c| inside(**c) && free(**c) && clear(**c));
+        let found = found.or_else(|| choices.iter().find(|c| inside(**c) && free(**c)));
         let chosen = *found.or_else(|| choices.iter().find(|c| inside(**c))).unwrap_or(&choices[0]);
         self.placed.push((chosen, width));
         chosen
