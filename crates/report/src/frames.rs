@@ -1,7 +1,7 @@
 //! The snapshots of a stage's canopy: what is measured on each, and which go into the page.
 
 use coupling::error::RunError;
-use figures::picture::results::Kind;
+use figures::snapshots::Kind;
 use mesh::Vec3;
 use mesh::vtk::read::Piece;
 

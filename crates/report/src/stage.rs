@@ -170,6 +170,7 @@ fn line_bars(frames: &StageFrames, id: &str) -> Option<Bars> {
     Some(Bars {
         id: format!("{id}-lines"),
         title: "Tension of each line at the end, N".into(),
+        label: "tension",
         unit: "N",
         note,
         parts: vec!["line"],

@@ -3,8 +3,12 @@
 use mesh::Vec3;
 use mesh::vtk::read::Piece;
 
-use super::colour::{INK, Legend};
-use super::raster::{Place, Raster, Rgb};
+use super::legend::Legend;
+use super::raster::{Place, Raster};
+use crate::colour::Rgb;
+
+/// Lines of the parachute.
+pub(super) const DARK: Rgb = [0.13, 0.15, 0.18];
 
 fn sub(a: Vec3, b: Vec3) -> Vec3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
@@ -147,7 +151,7 @@ pub(super) fn draw(raster: &mut Raster, view: &View, body: &Body, legend: &Legen
     let places: Vec<Place> = lines.points.iter().map(|&p| view.place(p)).collect();
     for cell in 0..lines.n_cells() {
         for ends in lines.edges(cell) {
-            raster.line(ends.map(|i| near(places[i as usize])), pen, INK);
+            raster.line(ends.map(|i| near(places[i as usize])), pen, DARK);
         }
     }
     if let Some((top, size)) = payload_place(canopy, lines) {

@@ -1,4 +1,4 @@
-//! The snapshots of a run.
+//! The snapshots of a run: shapes of canopy and lines, fields of the flow.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use mesh::vtk::read::{Column, Piece, Snapshot, snapshots};
 pub type Structure = (f64, Piece, Option<Piece>);
 
 /// A run's folder and its scene.
-pub struct Results {
+pub struct RunSnapshots {
     folder: PathBuf,
     /// The scene as it ran.
     pub scene: Scene,
@@ -59,7 +59,7 @@ fn input(error: impl std::fmt::Display) -> RunError {
     RunError::Input(error.to_string())
 }
 
-impl Results {
+impl RunSnapshots {
     /// Opens the folder of a run.
     pub fn open(folder: &Path) -> Result<Self, RunError> {
         let scene = folder.join("scene.toml");
@@ -110,7 +110,7 @@ impl Results {
     /// That no stage, or not this one, has what a picture needs.
     pub fn none(&self, series: &str, key: &str) -> RunError {
         RunError::Input(format!(
-            "{} holds no snapshots to draw: no stage wrote a {series}; fly its scene again with `ripstop run` \
+            "{} holds no snapshots to draw: no stage wrote a {series}; run its scene again with `ripstop run` \
              and output.{key} above 0 (4 draws every fourth window)",
             self.folder.display()
         ))
