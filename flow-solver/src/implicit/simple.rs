@@ -168,7 +168,13 @@ impl PressureCorrection {
 
 impl PressureCorrection {
     /// Density, sound speed and the storage part of the transport operator.
-    fn store<G: Gas<N>, const N: usize>(&mut self, gas: &G, on: &Domain<'_>, q: &[[f64; N]], rate: f64) {
+    fn assemble_storage<G: Gas<N>, const N: usize>(
+        &mut self,
+        gas: &G,
+        on: &Domain<'_>,
+        q: &[[f64; N]],
+        rate: f64,
+    ) {
         for (i, q) in q.iter().enumerate() {
             let density = gas.density(q);
             self.density[i] = density as f32;
@@ -242,7 +248,7 @@ impl PressureCorrection {
     }
 
     /// Finds what the far field holds, once the transport operator is complete.
-    fn find_held(&mut self, on: &Domain<'_>, scheme: &Scheme) {
+    fn assemble_held(&mut self, on: &Domain<'_>, scheme: &Scheme) {
         self.held.clear();
         for side in &on.topology.far_field {
             let (face, i) = (&on.metrics.faces[side.face as usize], side.cell as usize);
@@ -258,7 +264,7 @@ impl PressureCorrection {
     }
 
     /// Inverse diagonal of the transport operator, and how long pressure acts. Collective.
-    fn respond(&mut self, on: &Domain<'_>) {
+    fn assemble_response(&mut self, on: &Domain<'_>) {
         let t = on.topology;
         for i in 0..t.n_owned {
             self.inverse[i] = (1.0 / self.diagonal[i]) as f32;
@@ -357,11 +363,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         extra: f64,
     ) {
         let rate = scheme.rate * extra;
-        self.store(&spatial.gas, on, field.q, rate);
+        self.assemble_storage(&spatial.gas, on, field.q, rate);
         self.assemble_transport(spatial, on, scheme, field, through);
         self.assemble_pores(spatial, on, scheme, field.q, through);
-        self.find_held(on, scheme);
-        self.respond(on);
+        self.assemble_held(on, scheme);
+        self.assemble_response(on);
         self.assemble_pressure(on, scheme, rate);
     }
 

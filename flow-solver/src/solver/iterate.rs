@@ -6,7 +6,7 @@ use crate::error::Finding;
 /// Rank and finding (cell, place, density) of a state that is not physical.
 type BadCell = (usize, Finding);
 
-/// A step is not solved by corrections of which so small a share is taken.
+/// Backtracking gives up below this share of a correction.
 const SMALLEST_SHARE: f64 = 1e-3;
 
 /// Residuals that end the iterations of a step, N.
@@ -25,7 +25,7 @@ impl Target {
     }
 }
 
-/// Where the nonlinear iteration of a step is.
+/// State of the nonlinear iteration of a step.
 struct Iteration {
     /// Norms of the residual, N: of the initial guess, of the present state, the smallest so far.
     first: f64,
@@ -38,8 +38,8 @@ struct Iteration {
     /// Whether the matrices of the last correction serve again.
     assembled: bool,
     /// Corrections, and iterations of the linear solver in them.
-    taken: usize,
-    linear: usize,
+    iterations: usize,
+    linear_iterations: usize,
 }
 
 impl Iteration {
@@ -51,8 +51,8 @@ impl Iteration {
             at_best: true,
             share: 1.0,
             assembled: false,
-            taken: 0,
-            linear: 0,
+            iterations: 0,
+            linear_iterations: 0,
         }
     }
 
@@ -61,13 +61,13 @@ impl Iteration {
         self.norm.is_nan() || self.best.is_nan() || self.norm >= self.best
     }
 
-    /// Whether the last correction must be taken back.
+    /// Whether the last correction must be undone.
     fn has_diverged(&self) -> bool {
         !self.norm.is_finite() || self.norm > 10.0 * self.best
     }
 
     /// The correction is kept; `before`: residual before it, N.
-    fn go_on(&mut self, before: f64) {
+    fn accept(&mut self, before: f64) {
         if self.norm < self.best {
             (self.best, self.at_best) = (self.norm, true);
             self.share = (2.0 * self.share).min(1.0);
@@ -137,12 +137,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
                 return norm;
             }
         }
-        self.rewind();
+        self.start_from_last();
         self.start = self.evaluate();
         self.start
     }
 
-    /// A smooth flow goes on as it went; the step is `ratio` times as long as the one before it.
+    /// A smooth flow: extrapolated from the last two instants; the step is `ratio` times as long as the one before it.
     fn extrapolate(&mut self, ratio: f64) {
         for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
             for v in 0..N {
@@ -155,7 +155,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     }
 
     /// A flow that is not smooth starts from where it was, carried along by the wind.
-    fn rewind(&mut self) {
+    fn start_from_last(&mut self) {
         self.q.copy_from_slice(&self.past[0].q);
         for q in &mut self.q {
             for d in 0..3 {
@@ -190,7 +190,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             self.acceleration.clear();
         }
         let mut at = Iteration::new(first);
-        while at.taken < self.settings.max_iterations && !target.is_met(at.norm) {
+        while at.iterations < self.settings.max_iterations && !target.is_met(at.norm) {
             let before = at.norm;
             self.correct(&mut at);
             let bad = self.bad_cell();
@@ -203,7 +203,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             if bad.is_some() || at.has_diverged() {
                 self.backtrack(&mut at, bad)?;
             } else {
-                at.go_on(before);
+                at.accept(before);
             }
         }
         Ok(at)
@@ -236,8 +236,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             at.share,
             &mut self.q,
         );
-        at.linear += linear.iterations;
-        at.taken += 1;
+        at.linear_iterations += linear.iterations;
+        at.iterations += 1;
     }
 
     /// Keeps the state before the last correction if that was the best one so far.
@@ -249,7 +249,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         at.at_best = false;
     }
 
-    /// Back to the best state so far, and on by smaller steps; an error once these are too small. Collective.
+    /// Returns to the best state so far and halves the share of the next corrections;
+    /// an error once it is too small. Collective.
     fn backtrack(&mut self, at: &mut Iteration, bad: Option<BadCell>) -> Result<(), FlowError> {
         self.acceleration.clear();
         self.return_to_best();
@@ -258,7 +259,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         if at.share < SMALLEST_SHARE {
             return Err(match bad {
                 Some((rank, (cell, at, density))) => FlowError::BadState { cell, at, rank, density },
-                None => FlowError::Diverged { start: at.first, end: at.norm, iterations: at.taken },
+                None => FlowError::Diverged { start: at.first, end: at.norm, iterations: at.iterations },
             });
         }
         at.norm = self.evaluate();
@@ -281,8 +282,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             end,
             target: target.asked,
             met: end <= target.residual,
-            iterations: at.taken,
-            linear_iterations: at.linear,
+            iterations: at.iterations,
+            linear_iterations: at.linear_iterations,
             mass_defect: 0.0,
         };
         let halved = end <= 0.5 * self.start || end <= 1e3 * target.round_off;

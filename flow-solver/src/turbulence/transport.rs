@@ -221,10 +221,10 @@ impl SpalartAllmaras {
         on.gradients.shorten(&mut self.gradient);
         on.halo.exchange(self.gradient.as_flattened_mut().as_flattened_mut(), 3);
         self.off.fill(0.0);
-        self.store_and_produce(on, flow);
+        self.storage_and_source(on, flow);
         self.transport(on, flow);
-        self.bound(on, flow);
-        self.pass_pores(on, flow);
+        self.boundaries(on, flow);
+        self.pores(on, flow);
         let (mut sum, mut noise) = (0.0, 0.0);
         for ((&[r], d), x) in self.residual.iter().zip(&self.diagonal).zip(&self.value) {
             sum += r * r;
@@ -236,7 +236,7 @@ impl SpalartAllmaras {
     }
 
     /// Time derivative, production and destruction.
-    fn store_and_produce<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+    fn storage_and_source<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
         for i in 0..on.topology.n_owned {
             let x = self.value[i][0];
             let [now, older] = flow.before[i];
@@ -288,7 +288,7 @@ impl SpalartAllmaras {
     }
 
     /// Walls and open boundaries.
-    fn bound<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+    fn boundaries<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
         let (t, m) = (on.topology, on.metrics);
         for side in &t.no_slip {
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
@@ -306,7 +306,7 @@ impl SpalartAllmaras {
     }
 
     /// What the air carries through the canopy.
-    fn pass_pores<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+    fn pores<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
         let n = on.topology.n_owned;
         for pore in &on.topology.pores {
             let (i, o) = (pore.inside as usize, pore.outside as usize);
