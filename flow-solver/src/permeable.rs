@@ -15,9 +15,8 @@
 //! What leaves one side enters the other: mass, and with it the velocity and the enthalpy
 //! that it had. The fabric thus feels exactly the jump of pressure.
 
-use crate::geometry::vec3::{Vec3, dot, sub};
-use crate::gradient::Gradient;
-use crate::physics::{FaceFlow, Gas, Scheme, Viscosity, relative_speed};
+use crate::gradient::{self, Field};
+use crate::physics::{FaceFlow, Gas, Scheme, Viscosity, relative_speed, velocity};
 use crate::residual::{Domain, Spatial};
 use crate::topology::Pore;
 
@@ -66,17 +65,10 @@ pub struct Passage {
     pub tie: f64,
 }
 
-fn extrapolated<const N: usize>(
-    on: &Domain<'_>,
-    pore: &Pore,
-    cell: u32,
-    q: &[[f64; N]],
-    g: &[Gradient<N>],
-) -> [f64; N] {
-    let cell = cell as usize;
-    let d = sub(on.metrics.border(pore.face), on.metrics.centre[cell]);
-    let g = &g[cell];
-    std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2])
+/// State on the fabric as `cell` has it.
+fn beside<const N: usize>(on: &Domain<'_>, pore: &Pore, cell: usize, field: Field<'_, N>) -> [f64; N] {
+    let d = on.metrics.border(pore.face) - on.metrics.centre(cell);
+    gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d)
 }
 
 /// Air that passes `pore`, with the states `l` inside and `r` outside, on the fabric.
@@ -91,11 +83,10 @@ fn passage<G: Gas<N>, const N: usize>(
     [l, r]: [&[f64; N]; 2],
 ) -> Passage {
     let face = &on.metrics.faces[pore.face as usize];
-    let between = sub(on.metrics.centre[pore.outside as usize], on.metrics.centre[pore.inside as usize]);
-    let length = dot(between, between).sqrt();
-    let spacing = (dot(between, face.area) / face.magnitude()).max(0.2 * length);
-    let mean: Vec3 = std::array::from_fn(|d| 0.5 * (cells[0][1 + d] + cells[1][1 + d]));
-    let relative = (dot(mean, face.area) - face.grid_flux) / face.magnitude();
+    let way = on.metrics.centre(pore.outside as usize) - on.metrics.centre(pore.inside as usize);
+    let spacing = (way.dot(&face.area) / face.magnitude()).max(0.2 * way.norm());
+    let mean = (velocity(cells[0]) + velocity(cells[1])) * 0.5;
+    let relative = (mean.dot(&face.area) - face.grid_flux) / face.magnitude();
     let (held, resistance) = scheme.resistance(past, spacing, relative_speed(scheme, mean));
     let jump = l[0] - r[0];
     let rho = gas.density(if jump > 0.0 { l } else { r });
@@ -113,8 +104,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         &self,
         on: &Domain<'_>,
         scheme: &Scheme,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
+        field: Field<'_, N>,
         residual: &mut [[f64; N]],
         through: &mut [FaceFlow],
     ) where
@@ -122,10 +112,9 @@ impl<G, V: Viscosity> Spatial<G, V> {
     {
         for pore in &on.topology.pores {
             let (i, o) = (pore.inside as usize, pore.outside as usize);
-            let l = extrapolated(on, pore, pore.inside, q, gradient);
-            let r = extrapolated(on, pore, pore.outside, q, gradient);
+            let (l, r) = (beside(on, pore, i, field), beside(on, pore, o, field));
             let kept = &mut through[pore.face as usize];
-            let p = passage(&self.gas, on, scheme, pore, kept.past, [&q[i], &q[o]], [&l, &r]);
+            let p = passage(&self.gas, on, scheme, pore, kept.past, [&field.q[i], &field.q[o]], [&l, &r]);
             (kept.mass, kept.tie) = (p.mass as f32, p.tie as f32);
             let carried = self.gas.carried(if p.mass > 0.0 { &l } else { &r });
             for v in 0..N {

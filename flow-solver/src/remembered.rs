@@ -9,7 +9,6 @@ use channel::Fault;
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::vec3::Vec3;
 use crate::implicit::MergedCells;
 use crate::monitors::Home;
 
@@ -24,7 +23,7 @@ pub struct WallMemory {
     /// Largest extent of owned cells, m.
     pub delta: Vec<f64>,
     /// Node positions at which both were computed, m.
-    pub at: Vec<Vec3>,
+    pub at: Vec<[f64; 3]>,
 }
 
 /// What a memory must fit: numbers of a rank's part of the grid.

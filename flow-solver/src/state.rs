@@ -9,6 +9,7 @@ use comm::Comm;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::vec3::Vec3;
 use crate::physics::{Gas, Viscosity};
 use crate::solver::{Instant, Solver};
 use crate::topology::Topology;
@@ -112,7 +113,10 @@ pub fn save<G: Gas<N>, V: Viscosity, const N: usize>(
     let (comm, topology) = (solver.comm(), &solver.topology);
     let n = topology.n_owned;
     let q = [0, 1].map(|k| gather(comm, topology.numbering.owned(), &solver.past[k].q[..n], cells));
-    let x = [0, 1].map(|k| gather(comm, &topology.node_global, solver.past_nodes(k), nodes));
+    let x = [0, 1].map(|k| {
+        let x: Vec<[f64; 3]> = solver.past_nodes(k).iter().map(|x| (*x).into()).collect();
+        gather(comm, &topology.node_global, &x, nodes)
+    });
     let faces: Vec<u64> = topology.face_global.iter().map(|&f| u64::from(f)).collect();
     let count = comm.max(faces.iter().fold(0.0, |m, &f| (f as f64 + 1.0).max(m))) as usize;
     let ties: Vec<[f64; 2]> = solver.through().iter().map(|t| t.past.map(f64::from)).collect();
@@ -196,7 +200,7 @@ pub fn load<const N: usize>(
     }
     let ties = faces.map(|f| [saved.ties[f] as f32, saved.ties[f + 1] as f32]).collect();
     let row = |g: u64, k: usize| unknowns(&saved.q[k][g as usize * equations..][..equations]);
-    let node = |g: u64, k: usize| std::array::from_fn(|d| saved.x[k][g as usize * 3 + d]);
+    let node = |g: u64, k: usize| Vec3::from_column_slice(&saved.x[k][g as usize * 3..][..3]);
     let past = [0, 1].map(|k| Instant {
         q: topology.numbering.global.iter().map(|&g| row(g, k)).collect(),
         volume: vec![0.0; topology.n_local()],

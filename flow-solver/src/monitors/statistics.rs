@@ -5,8 +5,7 @@ use std::path::Path;
 use channel::Fault;
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::vec3::sub;
-use crate::physics::{Gas, Viscosity};
+use crate::physics::{Gas, Viscosity, velocity};
 use crate::solver::Solver;
 use crate::state::{before_archives, gather};
 use crate::topology::Topology;
@@ -57,8 +56,8 @@ impl Statistics {
         let share = dt / self.span;
         let frame = solver.scheme.frame;
         for ((q, mean), moment) in solver.q.iter().zip(&mut self.mean).zip(&mut self.moment) {
-            let [u, v, w] = sub([q[1], q[2], q[3]], frame);
-            for (k, x) in [q[0], u, v, w].into_iter().enumerate() {
+            let u = velocity(q) - frame;
+            for (k, x) in [q[0], u.x, u.y, u.z].into_iter().enumerate() {
                 let away = x - mean[k];
                 mean[k] += share * away;
                 moment[k] += dt * away * (x - mean[k]);

@@ -302,7 +302,7 @@ mod tests {
     /// What is stored moves with the air, pressure pushes at the area and works at the speed of the air: `W (u . s - w)
     /// + (0, p s, p_absolute u . s)`, but for the push of the undisturbed pressure.
     fn check_flux<const N: usize>(gas: &impl Gas<N>, q: [f64; N], air: Air) {
-        let (s, grid_flux) = ([0.7, -1.2, 0.4], 0.9);
+        let (s, grid_flux) = (Vec3::new(0.7, -1.2, 0.4), 0.9);
         let through = q[1] * s[0] + q[2] * s[1] + q[3] * s[2];
         let (found, stored) = (flux(gas, &q, s, grid_flux), conserved(gas, &q));
         for v in 0..N {

@@ -16,3 +16,11 @@ pub use flux::{
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
 pub use viscosity::{Inviscid, Laminar, Modelled, Smagorinsky, Viscosity, Wale, stress_force, wall_traction};
+
+use crate::geometry::vec3::Vec3;
+
+/// Velocity of the state `q`, m/s.
+#[inline(always)]
+pub fn velocity<const N: usize>(q: &[f64; N]) -> Vec3 {
+    Vec3::new(q[1], q[2], q[3])
+}
