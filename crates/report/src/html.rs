@@ -50,7 +50,7 @@ pub(super) fn page(document: &Document) -> String {
             }
         }
     };
-    page.into_string()
+    page.into_string() + "\n"
 }
 
 fn card(card: &Card) -> Markup {

@@ -73,7 +73,7 @@ pub fn page(
             }
         }
     };
-    page.into_string()
+    page.into_string() + "\n"
 }
 
 fn heading(name: &str) -> &'static str {
@@ -394,7 +394,7 @@ mod tests {
             build: "commit 0123abc",
         };
         let html = page(&study, &outcome, &records, &drawn, &about);
-        assert_eq!(html.matches("<svg").count(), 6);
+        assert!(html.matches("<svg").count() == 6 && html.ends_with("</html>\n"));
         assert!(html.contains("the coupling &lt;failed&gt;") && html.contains("commit 0123abc"));
         assert!(html.contains("<td>substeps</td><td class=\"w\">not assessed: not varied"), "{html}");
         // Names of namespaces are the only addresses.
