@@ -106,9 +106,7 @@ fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) ->
         max_iterations: flow.solver.iterations() as usize,
         method: match flow.solver.method {
             // A long step of a march is worth more corrections.
-            FlowMethod::Gmres if plan.steady.is_some() => {
-                Method::PressureCorrection { depth: 10 }
-            }
+            FlowMethod::Gmres if plan.steady.is_some() => Method::PressureCorrection { depth: 10 },
             // Coupling iterations go on with what the last ones have learnt.
             FlowMethod::Gmres => Method::PressureCorrection { depth: if moving { 5 } else { 4 } },
             FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },

@@ -212,7 +212,7 @@ fn files_of_states_hold_numbers_or_are_refused() {
     let mut flow = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
         let state = flow_solver::state::load::<4>(&file, &topology, totals).map_err(|e| e.message)?;
-        let q = state.past.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.as_flattened()));
+        let q = state.past.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.iter().flatten()));
         assert!(q.chain([&state.last_dt]).all(|x| x.is_finite()), "NaN enters");
         Ok(())
     };
