@@ -298,43 +298,68 @@ impl Motion {
         let mut iterations = 0;
         match self.total(to) {
             Ok(effort) => {
-                let mut parts = self.near_and_far(&to.grid);
-                // A canopy that outruns the way to a new grid is followed there at once.
-                if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
-                    self.place(to);
-                    parts = self.near_and_far(&to.grid);
-                }
-                let [near, far] = parts;
-                let shape = near.worse(&far);
-                let accepted = self.accepts(&shape);
-                let early = stage == Stage::Fresh && shape.quality < self.limits.soon();
-                // A window that has left the linear form is repaired where it stands.
-                let wanted = if accepted { early } else { stage == Stage::Held };
-                let goal = if early { self.limits.soon() } else { self.limits.min_quality };
-                let mut found = None;
-                if self.is_late(&shape, stage) {
-                    found = self.new_grid_at_once(to, &shape)?;
-                }
-                if found.is_none() && wanted {
-                    found = self.repair(to, goal)?;
-                }
-                if let Some(shape) = found {
-                    self.window = Stage::Held;
-                    return Ok(Moved { effort, increments: 1, shape });
-                }
-                if accepted {
-                    if stage == Stage::Held {
-                        self.window = stage;
-                    }
-                    self.anchor = Some(Anchor { far, effort });
-                    self.anchor_canopy.clone_from(&to.canopy);
-                    return Ok(Moved { effort, increments: 1, shape });
+                if let Some(moved) = self.judge(to, effort, stage)? {
+                    return Ok(moved);
                 }
                 iterations += effort.iterations;
             }
             Err(MoverError::NotConverged { iterations: n, .. }) => iterations += n,
             Err(e) => return Err(e.into()),
         }
+        self.ever_finer_increments(from, to, iterations)
+    }
+
+    /// What becomes of the total form's grid in `to`: taken as it is, repaired, replaced by a new grid, or
+    /// (`None`) not accepted. `stage` is what the window had come to before. Collective.
+    fn judge(
+        &mut self,
+        to: &mut Positions,
+        effort: Effort,
+        stage: Stage,
+    ) -> Result<Option<Moved>, MotionError> {
+        let mut parts = self.near_and_far(&to.grid);
+        // A canopy that outruns the way to a new grid is followed there at once.
+        if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
+            self.place(to);
+            parts = self.near_and_far(&to.grid);
+        }
+        let [near, far] = parts;
+        let shape = near.worse(&far);
+        let accepted = self.accepts(&shape);
+        let early = stage == Stage::Fresh && shape.quality < self.limits.soon();
+        // A window that has left the linear form is repaired where it stands.
+        let wanted = if accepted { early } else { stage == Stage::Held };
+        let goal = if early { self.limits.soon() } else { self.limits.min_quality };
+        let mut found = None;
+        if self.is_late(&shape, stage) {
+            found = self.new_grid_at_once(to, &shape)?;
+        }
+        if found.is_none() && wanted {
+            found = self.repair(to, goal)?;
+        }
+        if let Some(shape) = found {
+            self.window = Stage::Held;
+            return Ok(Some(Moved { effort, increments: 1, shape }));
+        }
+        if !accepted {
+            return Ok(None);
+        }
+        if stage == Stage::Held {
+            self.window = stage;
+        }
+        self.anchor = Some(Anchor { far, effort });
+        self.anchor_canopy.clone_from(&to.canopy);
+        Ok(Some(Moved { effort, increments: 1, shape }))
+    }
+
+    /// From the accepted state in 1, 2, 4 ... increments until a grid is accepted; `iterations` were made before.
+    /// Collective.
+    fn ever_finer_increments(
+        &mut self,
+        from: &Positions,
+        to: &mut Positions,
+        mut iterations: usize,
+    ) -> Result<Moved, MotionError> {
         let mut worst = None;
         let mut count = 1;
         while count <= self.limits.max_increments {
