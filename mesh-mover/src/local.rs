@@ -5,7 +5,8 @@ use std::rc::Rc;
 
 use case::OuterBoundary;
 use comm::{Comm, Halo, Numbering};
-use mesh::{FlowGrid, Vec3};
+use mesh::geometry::Vec3;
+use mesh::{FlowGrid, Point};
 
 use crate::depth::depths;
 use crate::near;
@@ -158,7 +159,7 @@ impl LocalGrid {
     }
 
     /// Values of local nodes picked from a global field.
-    pub fn gather(&self, global: &[Vec3]) -> Vec<f64> {
+    pub fn gather(&self, global: &[Point]) -> Vec<f64> {
         self.nodes.global.iter().flat_map(|&g| global[g as usize]).collect()
     }
 
@@ -179,7 +180,7 @@ impl LocalGrid {
     }
 
     /// Mean of the distinct corners of local cell `c`.
-    pub fn centre(&self, c: usize, x: &[f64]) -> Vec3 {
+    pub fn centre(&self, c: usize, x: &[f64]) -> Point {
         let mut list = self.cells[c].to_vec();
         list.sort_unstable();
         list.dedup();
@@ -201,8 +202,7 @@ impl LocalGrid {
             let mut shortest = f64::INFINITY;
             for (i, j) in EDGES {
                 if self.cells[c][i] != self.cells[c][j] {
-                    let d = crate::element::sub(p[i], p[j]);
-                    shortest = shortest.min(crate::element::dot(d, d).sqrt());
+                    shortest = shortest.min((p[i] - p[j]).norm());
                 }
             }
             for &a in &self.cells[c] {

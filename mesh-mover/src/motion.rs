@@ -4,7 +4,7 @@
 mod regrid;
 
 use comm::Comm;
-use mesh::Vec3;
+use mesh::Point;
 
 use crate::allocator::release_free_memory;
 use crate::local::{Kind, LocalGrid};
@@ -64,7 +64,7 @@ pub struct Shape {
     /// Global cell that has it.
     pub cell: u32,
     /// Its centre, m.
-    pub at: Vec3,
+    pub at: Point,
     /// Smallest ratio of a cell's volume to its volume at the start.
     pub volume_ratio: f64,
 }
