@@ -114,7 +114,6 @@ impl<M: Material> Quads<M> {
         (0..4).for_each(|n| add_at(out, e.nodes[n] as usize, sub(r[n], f[n])));
     }
 
-    #[allow(clippy::too_many_arguments)]
     fn add_tangent(
         &self,
         e: &Membrane,
