@@ -9,6 +9,7 @@ mod contact;
 mod damping;
 mod quads;
 mod reefing;
+mod stencil;
 
 pub use air::{Cylinder, LineDrag};
 pub use bent::BentFaces;
@@ -24,7 +25,8 @@ use crate::elements::{cable, load, membrane};
 use crate::materials::step::{self, StepStart};
 use crate::materials::{Material, Regime};
 use crate::model::{CableElement, Model, Triangle};
-use crate::vec3::{Mat3, Vec3, add, add_at, add_block, at, scale, sub};
+use crate::vec3::{Mat3, Vec3, add, add_block, at, scale, sub};
+use stencil::Stencil;
 
 /// Loads on the interface faces at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -165,17 +167,24 @@ pub trait ElementLoop {
     }
 
     /// Adds external forces alone (N) to `out`.
-    fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]);
+    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
 
     /// Strain energy of the elements counted on this rank, J.
-    fn energy(&self, x: &[f64]) -> f64;
+    fn energy(&self, _x: &[f64]) -> f64 {
+        0.0
+    }
 
-    /// Masses of the elements with their local nodes, kg.
-    fn masses(&self) -> Vec<(Vec<u32>, f64)>;
+    /// Masses of the elements with their local nodes, kg; none where others have the mass, and the
+    /// matrix their blocks.
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        Vec::new()
+    }
 
     /// Shares of the mass of element `element` (of [`ElementLoop::masses`]) in the
     /// blocks between its nodes, row by row.
-    fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64>;
+    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
+        Vec::new()
+    }
 
     /// Finds where the blocks of the elements lie in the system matrix.
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32);
@@ -199,12 +208,11 @@ pub trait ElementLoop {
 }
 
 struct Membrane {
-    nodes: [u32; 3],
+    stencil: Stencil<3>,
     face: u32,
     gradient: [f64; 4],
     /// Reference area times thickness, m3.
     volume: f64,
-    slots: [[u32; 3]; 3],
     start: StepStart,
 }
 
@@ -220,11 +228,10 @@ impl<M: Material> Membranes<M> {
     /// Of all triangles of `model`: thickness in m, density in kg/m3.
     pub fn new(model: &Model, material: M, thickness: f64, density: f64) -> Self {
         let of = |t: &Triangle| Membrane {
-            nodes: t.nodes,
+            stencil: Stencil::new(t.nodes),
             face: t.face,
             gradient: t.reference.gradient,
             volume: t.reference.area * thickness,
-            slots: [[ELSEWHERE; 3]; 3],
             start: StepStart::default(),
         };
         let elements = model.triangles.iter().map(of).collect();
@@ -239,18 +246,16 @@ impl<M: Material> Membranes<M> {
         out: &mut [f64],
     ) {
         for e in elements {
-            let p = e.nodes.map(|n| at(place.at, n as usize));
+            let p = e.stencil.gather(place.at);
             let d = membrane::deformation(&e.gradient, &p);
             let s = if BLEND {
-                step::stress(&self.material, &e.start, e.at_end(place).strain, place.weight)
+                step::stress(&self.material, &e.start, e.deformation(place.end).strain, place.weight)
             } else {
                 self.material.stress(d.strain)
             };
             let r = membrane::force(&e.gradient, &d, &s, e.volume);
             let f = face_force::<TRACTION>(e, load, &p);
-            for n in 0..3 {
-                add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
-            }
+            e.stencil.scatter(&r.map(|r| sub(r, f)), out);
         }
     }
 
@@ -264,9 +269,9 @@ impl<M: Material> Membranes<M> {
         blocks: &mut [Mat3],
     ) {
         for e in elements {
-            let p = e.nodes.map(|n| at(place.at, n as usize));
+            let p = e.stencil.gather(place.at);
             let d = membrane::deformation(&e.gradient, &p);
-            let end = if BLEND { e.at_end(place) } else { d };
+            let end = if BLEND { e.deformation(place.end) } else { d };
             let (s, c) = if BLEND {
                 step::tangent(&self.material, &e.start, end.strain, place.weight)
             } else {
@@ -274,9 +279,7 @@ impl<M: Material> Membranes<M> {
             };
             let r = membrane::force(&e.gradient, &d, &s, e.volume);
             let f = face_force::<TRACTION>(e, load, &p);
-            for n in 0..3 {
-                add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
-            }
+            e.stencil.scatter(&r.map(|r| sub(r, f)), out);
             let mut k = if BLEND {
                 membrane::stiffness_between(&e.gradient, &d, &end, &s, &c, e.volume * factor)
             } else {
@@ -289,19 +292,15 @@ impl<M: Material> Membranes<M> {
             } else {
                 [[[0.0; 3]; 3]; 3]
             };
-            for (n, row) in k.iter_mut().enumerate() {
+            for row in &mut k {
                 for m in 0..3 {
                     add_block(&mut row[m], &by_column[m]);
                     if TRACTION {
                         add_block(&mut row[m], &by_traction[m]);
                     }
                 }
-                if e.slots[n][n] != ELSEWHERE {
-                    for m in 0..3 {
-                        add_block(&mut blocks[e.slots[n][m] as usize], &row[m]);
-                    }
-                }
             }
+            e.stencil.add_blocks(&k, blocks);
         }
     }
 }
@@ -341,15 +340,10 @@ impl<M: Material> Membranes<M> {
 }
 
 impl Membrane {
+    /// Deformation with the nodes at `x` (m).
     #[inline(always)]
-    fn touches(&self, active: &[bool]) -> bool {
-        self.nodes.iter().any(|&n| active[n as usize])
-    }
-
-    /// Deformation at the end of the step.
-    #[inline(always)]
-    fn at_end(&self, place: Place<'_>) -> Deformation {
-        membrane::deformation(&self.gradient, &self.nodes.map(|n| at(place.end, n as usize)))
+    fn deformation(&self, x: &[f64]) -> Deformation {
+        membrane::deformation(&self.gradient, &self.stencil.gather(x))
     }
 }
 
@@ -363,7 +357,7 @@ fn face_force<const TRACTION: bool>(e: &Membrane, load: FaceLoad<'_>, p: &[Vec3;
 impl<M: Material> ElementLoop for Membranes<M> {
     fn anchor(&mut self, x: &[f64]) {
         for e in &mut self.elements {
-            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
+            let d = e.deformation(x);
             e.start = StepStart::new(&self.material, d.strain);
         }
     }
@@ -373,7 +367,7 @@ impl<M: Material> ElementLoop for Membranes<M> {
     }
 
     fn forces_near(&self, active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces_of(self.elements.iter().filter(|e| e.touches(active)), place, load, out);
+        self.forces_of(self.elements.iter().filter(|e| e.stencil.touches(active)), place, load, out);
     }
 
     fn tangent(
@@ -396,25 +390,25 @@ impl<M: Material> ElementLoop for Membranes<M> {
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        let near = self.elements.iter().filter(|e| e.touches(active));
+        let near = self.elements.iter().filter(|e| e.stencil.touches(active));
         self.tangent_of(near, place, load, factor, out, blocks);
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
         for e in &self.elements {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.stencil.gather(x);
             let f = if load.traction.is_empty() {
                 face_force::<false>(e, load, &p)
             } else {
                 face_force::<true>(e, load, &p)
             };
-            e.nodes.iter().for_each(|&n| add_at(out, n as usize, f));
+            e.stencil.scatter(&[f; 3], out);
         }
     }
 
     fn energy(&self, x: &[f64]) -> f64 {
         let one = |e: &Membrane| {
-            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
+            let d = e.deformation(x);
             let s = self.material.stress(d.strain);
             e.volume * self.material.energy(&s, &d.strain)
         };
@@ -422,7 +416,7 @@ impl<M: Material> ElementLoop for Membranes<M> {
     }
 
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        self.elements.iter().map(|e| (e.nodes.to_vec(), self.density * e.volume)).collect()
+        self.elements.iter().map(|e| (e.stencil.nodes.to_vec(), self.density * e.volume)).collect()
     }
 
     fn mass_shares(&self, _element: usize, kind: MassMatrix) -> Vec<f64> {
@@ -430,14 +424,12 @@ impl<M: Material> ElementLoop for Membranes<M> {
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 
     fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
         let one = |e: &Membrane| {
-            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
+            let d = e.deformation(x);
             let s = self.material.stress(d.strain);
             let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
             ([mean + radius, mean - radius], self.material.regime(d.strain))
@@ -446,17 +438,14 @@ impl<M: Material> ElementLoop for Membranes<M> {
     }
 
     fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
-        let one = |e: &Membrane| {
-            principal(membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize))).strain)
-        };
+        let one = |e: &Membrane| principal(e.deformation(x).strain);
         self.elements.iter().map(one).collect()
     }
 }
 
 struct Line {
-    nodes: [u32; 2],
+    stencil: Stencil<2>,
     rest_length: f64,
-    slots: [[u32; 2]; 2],
     /// Strain at the start of the step.
     start: f64,
 }
@@ -465,7 +454,7 @@ impl Line {
     /// Vectors between the ends at the point of balance and at the end of the step.
     #[inline(always)]
     fn between(&self, place: Place<'_>) -> [Vec3; 2] {
-        [place.at, place.end].map(|x| sub(at(x, self.nodes[1] as usize), at(x, self.nodes[0] as usize)))
+        [place.at, place.end].map(|x| self.stencil.between(x))
     }
 }
 
@@ -484,9 +473,8 @@ impl<L: cable::CableLaw> Cables<L> {
     /// Of all cables of `model`: cross-section in m2, density in kg/m3.
     pub fn new(model: &Model, law: L, area: f64, density: f64) -> Self {
         let of = |c: &CableElement| Line {
-            nodes: c.nodes,
+            stencil: Stencil::new(c.nodes),
             rest_length: c.rest_length,
-            slots: [[ELSEWHERE; 2]; 2],
             start: 0.0,
         };
         let elements = model.cables.iter().map(of).collect();
@@ -509,8 +497,7 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
     fn anchor(&mut self, x: &[f64]) {
         let offset = self.offset;
         for e in &mut self.elements {
-            let d = sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
-            e.start = cable::strain(d, e.rest_length) + offset;
+            e.start = cable::strain(e.stencil.between(x), e.rest_length) + offset;
         }
     }
 
@@ -519,8 +506,7 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
             let [d, end] = e.between(place);
             let (s, _) = cable::step(&self.law, e.start, self.strain(e, end), place.weight);
             let f = cable::force(s, d, e.rest_length, self.area);
-            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
-            add_at(out, e.nodes[1] as usize, f);
+            e.stencil.scatter_pull(f, out);
         }
     }
 
@@ -537,24 +523,14 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
             let (s, y) = cable::step(&self.law, e.start, self.strain(e, end), place.weight);
             let f = cable::force(s, d, e.rest_length, self.area);
             let k = cable::stiffness(s, y, d, end, e.rest_length, self.area);
-            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
-            add_at(out, e.nodes[1] as usize, f);
-            let plus = k.map(|row| scale(factor, row));
-            let minus = k.map(|row| scale(-factor, row));
-            for n in 0..2 {
-                if e.slots[n][n] != ELSEWHERE {
-                    add_block(&mut blocks[e.slots[n][n] as usize], &plus);
-                    add_block(&mut blocks[e.slots[n][1 - n] as usize], &minus);
-                }
-            }
+            e.stencil.scatter_pull(f, out);
+            e.stencil.add_spring(&k, factor, blocks);
         }
     }
 
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
-
     fn energy(&self, x: &[f64]) -> f64 {
         let one = |e: &Line| {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.stencil.gather(x);
             cable::energy(&self.law, &p, e.rest_length, self.offset, self.area)
         };
         self.elements[..self.n_own].iter().map(one).sum()
@@ -562,7 +538,7 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
 
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
         let mass = |e: &Line| self.density * self.area * e.rest_length;
-        self.elements.iter().map(|e| (e.nodes.to_vec(), mass(e))).collect()
+        self.elements.iter().map(|e| (e.stencil.nodes.to_vec(), mass(e))).collect()
     }
 
     fn mass_shares(&self, _element: usize, kind: MassMatrix) -> Vec<f64> {
@@ -570,14 +546,12 @@ impl<L: cable::CableLaw> ElementLoop for Cables<L> {
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 
     fn tensions(&self, x: &[f64]) -> Vec<f64> {
         let one = |e: &Line| {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.stencil.gather(x);
             cable::tension(&self.law, &p, e.rest_length, self.offset, self.area)
         };
         self.elements.iter().map(one).collect()

@@ -5,11 +5,12 @@
 //! from the unstressed skirt to the reefed length over the time of drawing in. When the line is
 //! cut, its force fades over a ramp. A line that is cut before the stage has no loop at all.
 
-use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use super::stencil::Stencil;
+use super::{ElementLoop, FaceLoad, Place};
 use crate::elements::cable::{self, TensionOnly};
 use crate::elements::mass::MassMatrix;
 use crate::model::Model;
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, norm, scale, sub};
+use crate::vec3::{Mat3, Vec3, norm};
 
 /// A reefing line in a stage.
 #[derive(Clone, Copy, Debug)]
@@ -46,10 +47,9 @@ impl Schedule {
 }
 
 struct Segment {
-    nodes: [u32; 2],
+    stencil: Stencil<2>,
     /// Its share of the line's length.
     share: f64,
-    slots: [[u32; 2]; 2],
     /// Vector between its ends at the start of the step.
     start: Vec3,
 }
@@ -72,9 +72,9 @@ impl ReefingLine {
     /// Through the ties of `model`; `skirt` is their length in the whole unstressed structure, m.
     pub fn new(model: &Model, law: TensionOnly, area: f64, schedule: Schedule, skirt: f64) -> Self {
         let of = |t: &[u32; 2]| {
-            let d = t.map(|n| at(&model.reference, n as usize));
-            let d = sub(d[1], d[0]);
-            Segment { nodes: *t, share: norm(d) / skirt, slots: [[ELSEWHERE; 2]; 2], start: d }
+            let stencil = Stencil::new(*t);
+            let d = stencil.between(&model.reference);
+            Segment { stencil, share: norm(d) / skirt, start: d }
         };
         let elements = model.ties.iter().map(of).collect();
         let mut line = Self {
@@ -94,7 +94,7 @@ impl ReefingLine {
     /// Largest tension (N) of the segments counted here.
     pub fn tension(&self, x: &[f64]) -> f64 {
         let one = |e: &Segment| {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.stencil.gather(x);
             self.strength * cable::tension(&self.law, &p, e.share * self.length, 0.0, self.area)
         };
         self.elements[..self.n_own].iter().map(one).fold(0.0, f64::max)
@@ -102,8 +102,8 @@ impl ReefingLine {
 
     #[inline(always)]
     fn state(&self, e: &Segment, place: Place<'_>) -> (Vec3, Vec3, f64, f64, f64) {
-        let between = |x: &[f64]| sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
-        let (d, end, rest) = (between(place.at), between(place.end), e.share * self.length);
+        let (d, end) = (e.stencil.between(place.at), e.stencil.between(place.end));
+        let rest = e.share * self.length;
         let (from, to) = (cable::strain(e.start, rest), cable::strain(end, rest));
         let (s, y) = cable::step(&self.law, from, to, place.weight);
         (d, end, rest, self.strength * s, self.strength * y)
@@ -122,7 +122,7 @@ impl ElementLoop for ReefingLine {
 
     fn anchor(&mut self, x: &[f64]) {
         for e in &mut self.elements {
-            e.start = sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
+            e.start = e.stencil.between(x);
         }
     }
 
@@ -130,8 +130,7 @@ impl ElementLoop for ReefingLine {
         for e in &self.elements {
             let (d, _, rest, s, _) = self.state(e, place);
             let f = cable::force(s, d, rest, self.area);
-            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
-            add_at(out, e.nodes[1] as usize, f);
+            e.stencil.scatter_pull(f, out);
         }
     }
 
@@ -147,19 +146,13 @@ impl ElementLoop for ReefingLine {
         for e in &self.elements {
             let (d, end, rest, s, y) = self.state(e, place);
             let k = cable::stiffness(s, y, d, end, rest, self.area);
-            let (plus, minus) = (k.map(|row| scale(factor, row)), k.map(|row| scale(-factor, row)));
-            for n in (0..2).filter(|&n| e.slots[n][n] != ELSEWHERE) {
-                add_block(&mut blocks[e.slots[n][n] as usize], &plus);
-                add_block(&mut blocks[e.slots[n][1 - n] as usize], &minus);
-            }
+            e.stencil.add_spring(&k, factor, blocks);
         }
     }
 
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
-
     fn energy(&self, x: &[f64]) -> f64 {
         let one = |e: &Segment| {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.stencil.gather(x);
             self.strength * cable::energy(&self.law, &p, e.share * self.length, 0.0, self.area)
         };
         self.elements[..self.n_own].iter().map(one).sum()
@@ -167,7 +160,7 @@ impl ElementLoop for ReefingLine {
 
     /// Massless, but with blocks in the matrix.
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        self.elements.iter().map(|e| (e.nodes.to_vec(), 0.0)).collect()
+        self.elements.iter().map(|e| (e.stencil.nodes.to_vec(), 0.0)).collect()
     }
 
     fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
@@ -175,9 +168,7 @@ impl ElementLoop for ReefingLine {
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 }
 
