@@ -10,6 +10,7 @@
 //!
 //! Loops of their own: a scene without this damping does not run them.
 
+use super::axial::{self, Axial};
 use super::stencil::Stencil;
 use super::{ElementLoop, FaceLoad, Place};
 use crate::elements::cable::{self, CableLaw};
@@ -150,6 +151,17 @@ impl<L: CableLaw> CableDamping<L> {
     fn elastic(&self, e: &Strand, d: Vec3) -> (f64, f64) {
         self.law.stress(cable::strain(d, e.rest_length) + self.offset)
     }
+
+    /// Each element in a step.
+    #[inline(always)]
+    fn axial<'a>(&'a self, place: Place<'a>) -> impl Iterator<Item = (&'a Stencil<2>, Axial)> {
+        self.elements.iter().map(move |e| {
+            let (d, end) = (e.stencil.between(place.at), e.stencil.between(place.end));
+            let (s, y) = self.elastic(e, end);
+            let (s, y) = (self.rate * (s - e.start), self.rate / place.weight * y);
+            (&e.stencil, Axial { d, end, rest_length: e.rest_length, s, y })
+        })
+    }
 }
 
 impl<L: CableLaw> ElementLoop for CableDamping<L> {
@@ -169,29 +181,18 @@ impl<L: CableLaw> ElementLoop for CableDamping<L> {
     }
 
     fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in &self.elements {
-            let s = self.rate * (self.elastic(e, e.stencil.between(place.end)).0 - e.start);
-            let f = cable::force(s, e.stencil.between(place.at), e.rest_length, self.area);
-            e.stencil.scatter_pull(f, out);
-        }
+        axial::add_forces(self.axial(place), self.area, out);
     }
 
     fn tangent(
         &self,
         place: Place<'_>,
-        load: FaceLoad<'_>,
+        _load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        self.forces(place, load, out);
-        for e in &self.elements {
-            let (d, end) = (e.stencil.between(place.at), e.stencil.between(place.end));
-            let (s, y) = self.elastic(e, end);
-            let (s, y) = (self.rate * (s - e.start), self.rate / place.weight * y);
-            let k = cable::stiffness(s, y, d, end, e.rest_length, self.area);
-            e.stencil.add_spring(&k, factor, blocks);
-        }
+        axial::add_tangent(self.axial(place), self.area, factor, out, blocks);
     }
 
     fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::stencil::Stencil;
-use super::{ElementLoop, FaceLoad, Place};
+use super::{ElementLoop, FaceLoad, Place, principal_stresses};
 use crate::culprit::principal;
 use crate::elements::mass::MassMatrix;
 use crate::elements::membrane::Deformation;
@@ -246,9 +246,7 @@ impl<M: Material> ElementLoop for Quads<M> {
     fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
         let one = |&k: &u32| {
             let mean = self.elements[k as usize].mean_strain(x);
-            let s = self.material.stress(mean);
-            let (mean_stress, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
-            ([mean_stress + radius, mean_stress - radius], self.material.regime(mean))
+            (principal_stresses(&self.material.stress(mean)), self.material.regime(mean))
         };
         self.triangles.iter().map(one).collect()
     }

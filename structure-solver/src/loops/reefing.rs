@@ -5,6 +5,7 @@
 //! from the unstressed skirt to the reefed length over the time of drawing in. When the line is
 //! cut, its force fades over a ramp. A line that is cut before the stage has no loop at all.
 
+use super::axial::{self, Axial};
 use super::stencil::Stencil;
 use super::{ElementLoop, FaceLoad, Place};
 use crate::elements::cable::{self, TensionOnly};
@@ -100,13 +101,16 @@ impl ReefingLine {
         self.elements[..self.n_own].iter().map(one).fold(0.0, f64::max)
     }
 
+    /// Each segment in a step.
     #[inline(always)]
-    fn state(&self, e: &Segment, place: Place<'_>) -> (Vec3, Vec3, f64, f64, f64) {
-        let (d, end) = (e.stencil.between(place.at), e.stencil.between(place.end));
-        let rest = e.share * self.length;
-        let (from, to) = (cable::strain(e.start, rest), cable::strain(end, rest));
-        let (s, y) = cable::step(&self.law, from, to, place.weight);
-        (d, end, rest, self.strength * s, self.strength * y)
+    fn axial<'a>(&'a self, place: Place<'a>) -> impl Iterator<Item = (&'a Stencil<2>, Axial)> {
+        self.elements.iter().map(move |e| {
+            let (d, end) = (e.stencil.between(place.at), e.stencil.between(place.end));
+            let rest_length = e.share * self.length;
+            let (from, to) = (cable::strain(e.start, rest_length), cable::strain(end, rest_length));
+            let (s, y) = cable::step(&self.law, from, to, place.weight);
+            (&e.stencil, Axial { d, end, rest_length, s: self.strength * s, y: self.strength * y })
+        })
     }
 }
 
@@ -127,27 +131,18 @@ impl ElementLoop for ReefingLine {
     }
 
     fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in &self.elements {
-            let (d, _, rest, s, _) = self.state(e, place);
-            let f = cable::force(s, d, rest, self.area);
-            e.stencil.scatter_pull(f, out);
-        }
+        axial::add_forces(self.axial(place), self.area, out);
     }
 
     fn tangent(
         &self,
         place: Place<'_>,
-        load: FaceLoad<'_>,
+        _load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        self.forces(place, load, out);
-        for e in &self.elements {
-            let (d, end, rest, s, y) = self.state(e, place);
-            let k = cable::stiffness(s, y, d, end, rest, self.area);
-            e.stencil.add_spring(&k, factor, blocks);
-        }
+        axial::add_tangent(self.axial(place), self.area, factor, out, blocks);
     }
 
     fn energy(&self, x: &[f64]) -> f64 {
