@@ -71,7 +71,7 @@ impl Snapshots {
         if !eddy.is_empty() {
             fields.push(("eddy_viscosity_pa_s", Values::F32(&eddy)));
         }
-        let nodes: Vec<mesh::Vec3> = solver.nodes.iter().map(|x| (*x).into()).collect();
+        let nodes: Vec<mesh::Point> = solver.nodes.iter().map(|x| (*x).into()).collect();
         write_volume(file, &nodes, &solver.topology.cell_nodes, &[], &fields).map_err(Fault::new)
     }
 }

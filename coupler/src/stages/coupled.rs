@@ -119,7 +119,7 @@ impl<'a> Coupled<'a> {
 }
 
 /// The canopy's positions in `state`, m.
-fn positions(context: &StageContext<'_>, state: &InterfaceState) -> Vec<mesh::Vec3> {
+fn positions(context: &StageContext<'_>, state: &InterfaceState) -> Vec<mesh::Point> {
     let shifted = context.interface.coords.iter().zip(state.displacement.chunks_exact(3));
     shifted.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
 }

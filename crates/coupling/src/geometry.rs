@@ -1,18 +1,6 @@
 //! Geometry of the canopy's faces: quadrilaterals, and triangles that repeat their last node.
 
-/// A vector in space.
-pub type Vec3 = nalgebra::Vector3<f64>;
-
-/// Nodes of a face, a triangle's without its repeated one.
-pub fn distinct(face: &[u32; 4]) -> &[u32] {
-    if face[2] == face[3] { &face[..3] } else { face }
-}
-
-/// Area vector (m2) of a face: half the cross product of its diagonals, however it is split into triangles.
-pub fn area_vector(corners: &[Vec3; 4]) -> Vec3 {
-    let [a, b, c, d] = corners;
-    (c - a).cross(&(d - b)) * 0.5
-}
+pub use mesh::geometry::{Vec3, distinct, quad_area_vector};
 
 /// Mean of the corners.
 pub fn centre(corners: &[Vec3; 4]) -> Vec3 {

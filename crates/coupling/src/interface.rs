@@ -5,12 +5,12 @@ use channel::LOAD_WIDTH;
 use mesh::{CableKind, StructureMesh};
 
 use crate::error::RunError;
-use crate::geometry::{Vec3, area_vector, at, face_force};
+use crate::geometry::{Vec3, at, face_force, quad_area_vector};
 
 /// The interface as the coupler knows it, built from the scene as every program does.
 pub struct CanopyInterface {
     /// Unstressed positions of the interface nodes, m.
-    pub coords: Vec<mesh::Vec3>,
+    pub coords: Vec<mesh::Point>,
     /// Interface faces.
     pub faces: Vec<[u32; 4]>,
     /// Panel of each interface node (the last of its faces), for messages.
@@ -83,7 +83,9 @@ impl CanopyInterface {
     /// Vertical force (N) of `load` (`[faces][LOAD_WIDTH]`, Pa) on the shape with `displacement` (`[nodes][3]`, m).
     pub fn vertical_force(&self, load: &[f64], displacement: &[f64]) -> f64 {
         let faces = self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH));
-        faces.map(|(face, load)| face_force(&area_vector(&self.corners(face, displacement)), load)[2]).sum()
+        faces
+            .map(|(face, load)| face_force(&quad_area_vector(self.corners(face, displacement)), load)[2])
+            .sum()
     }
 
     /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa) does while the canopy moves straight from displacement `start`
@@ -100,7 +102,7 @@ impl CanopyInterface {
             let swept = (rate(&from) + 4.0 * rate(&middle) + rate(&to)) / 6.0;
             let corners = if face[2] == face[3] { 3 } else { 4 };
             let mean = moved[1..corners].iter().fold(moved[0], |sum, d| sum + d) / corners as f64;
-            let area = area_vector(&to);
+            let area = quad_area_vector(to);
             load[0] * swept + area.norm() * Vec3::new(load[1], load[2], load[3]).dot(&mean)
         };
         self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)).map(work).sum()
@@ -111,7 +113,7 @@ impl CanopyInterface {
     pub fn mean_pressure(&self, load: &[f64], displacement: &[f64]) -> Option<f64> {
         let (mut force, mut area) = (0.0, 0.0);
         for (face, load) in self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)) {
-            let size = area_vector(&self.corners(face, displacement)).norm();
+            let size = quad_area_vector(self.corners(face, displacement)).norm();
             force += load[0] * size;
             area += size;
         }
@@ -128,14 +130,14 @@ impl CanopyInterface {
 /// of the corners, whose third of each goes to them in equal parts; one triangle where a node is repeated.
 fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
     if x[2] == x[3] {
-        let third = area_vector(x) / 3.0;
+        let third = quad_area_vector(*x) / 3.0;
         return [third, third, third, Vec3::zeros()];
     }
     let mean = 0.25 * x[1..].iter().fold(x[0], |sum, x| sum + x);
     let mut shares = [Vec3::zeros(); 4];
     for k in 0..4 {
         let next = (k + 1) % 4;
-        let third = area_vector(&[x[k], x[next], mean, mean]) / 3.0;
+        let third = quad_area_vector([x[k], x[next], mean, mean]) / 3.0;
         for (n, share) in shares.iter_mut().enumerate() {
             let part = if n == k || n == next { 1.25 } else { 0.25 };
             *share += part * third;

@@ -21,7 +21,6 @@ pub use boxes::*;
 pub use error::*;
 pub use faces::*;
 pub use geometry::Point;
-pub use geometry::Point as Vec3;
 pub use grid::{GridFileError, GridSizes, draft_grid, flow_grid, grid_sizes};
 pub use msh::write_msh;
 pub use partition::*;

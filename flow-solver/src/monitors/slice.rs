@@ -132,7 +132,7 @@ impl Slice {
             velocities.push((velocity(&q) - solver.scheme.frame).into());
             vorticity.push(gradient::vorticity(g).into());
         }
-        let points: Vec<mesh::Vec3> = cut.points.iter().map(|x| (*x).into()).collect();
+        let points: Vec<mesh::Point> = cut.points.iter().map(|x| (*x).into()).collect();
         self.pieces.push(solver.comm(), folder, done, time, n > 0, |file| {
             let fields = [
                 ("pressure_pa", Values::F64(&pressure)),

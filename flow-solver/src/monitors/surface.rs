@@ -82,7 +82,7 @@ impl Surface {
         let inside: Vec<f64> = self.sides[..n].iter().map(|s| s[0]).collect();
         let outside: Vec<f64> = self.sides[..n].iter().map(|s| s[1]).collect();
         let jump: Vec<f64> = loads.faces[..n].iter().map(|l| l[0]).collect();
-        let shear: Vec<mesh::Vec3> = loads.faces[..n].iter().map(|l| [l[1], l[2], l[3]]).collect();
+        let shear: Vec<mesh::Point> = loads.faces[..n].iter().map(|l| [l[1], l[2], l[3]]).collect();
         self.pieces.push(solver.comm(), folder, done, time, n > 0, |file| {
             let fields = [
                 ("pressure_inside_pa", Values::F64(&inside)),

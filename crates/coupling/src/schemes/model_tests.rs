@@ -3,7 +3,7 @@
 
 use case::{Acceleration, Coupling, Scheme, Staggered, StaggeredSequence};
 use channel::{LOAD_WIDTH, Stats, Window};
-use mesh::Vec3;
+use mesh::Point;
 
 use super::test_support::{ClosedForm, at_rest};
 use super::*;
@@ -14,7 +14,7 @@ const CELLS: usize = 5;
 const FABRIC: f64 = 0.02;
 const AIR: f64 = 1.0;
 
-fn plate() -> (Vec<Vec3>, Vec<[u32; 4]>) {
+fn plate() -> (Vec<Point>, Vec<[u32; 4]>) {
     let side = CELLS + 1;
     let at = |i: usize, j: usize| (i * side + j) as u32;
     let positions =

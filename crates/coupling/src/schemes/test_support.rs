@@ -4,14 +4,14 @@ use std::path::Path;
 
 use case::Role;
 use channel::{LOAD_WIDTH, Stats, Window};
-use mesh::Vec3;
+use mesh::Point;
 
 use super::window::values::InterfaceState;
 use crate::error::RunError;
 use crate::partners::{Answer, LoadOverWindow, Partners};
 
 /// Flat square of `n` x `n` faces with side 1.
-pub fn plate(n: usize) -> (Vec<Vec3>, Vec<[u32; 4]>) {
+pub fn plate(n: usize) -> (Vec<Point>, Vec<[u32; 4]>) {
     let at = |i: usize, j: usize| (i * (n + 1) + j) as u32;
     let line = 0..=n;
     let positions = line

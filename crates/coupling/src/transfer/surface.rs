@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::{Vec3, area_vector, distinct};
+use crate::geometry::{Vec3, distinct, quad_area_vector};
 
 /// A surface: unstressed positions of its nodes, m, and its faces, a triangle repeating its last node.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -32,7 +32,7 @@ impl Surface {
 
 /// Area vector (m2) of a face whose nodes stand at `x`.
 pub(super) fn face_area(face: &[u32; 4], x: &[Vec3]) -> Vec3 {
-    area_vector(&face.map(|n| x[n as usize]))
+    quad_area_vector(face.map(|n| x[n as usize]))
 }
 
 /// Mean of the corners of a face whose nodes stand at `x`.

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use case::StageKind;
 use clap::Args;
 use coupling::error::RunError;
-use mesh::Vec3;
+use mesh::Point;
 use mesh::vtk::read::Piece;
 use terminal::Console;
 
@@ -188,12 +188,12 @@ fn fabric(canopy: &Piece) -> (Legend, Vec<f64>) {
     (legend("displacement, m", &moved), moved)
 }
 
-fn all_points(canopy: &Piece, lines: Option<&Piece>) -> Vec<Vec3> {
+fn all_points(canopy: &Piece, lines: Option<&Piece>) -> Vec<Point> {
     // Of the lines, only the points that a line holds.
     let ends = lines
         .into_iter()
         .flat_map(|l| (0..l.n_cells()).flat_map(|c| l.cell(c)).map(|&i| l.points[i as usize]));
-    let mut points: Vec<Vec3> = canopy.points.iter().copied().chain(ends).collect();
+    let mut points: Vec<Point> = canopy.points.iter().copied().chain(ends).collect();
     if let Some((top, size)) = lines.and_then(|l| view::payload_place(canopy, l)) {
         points.extend((0..8).map(|corner| view::payload_corner(top, size, corner)));
     }
@@ -226,7 +226,7 @@ fn strip(shapes: &[Structure], width: u32) -> Image {
     let mut raster = Raster::new(width, (0.46 * w) as u32);
     let [_, h] = raster.size();
     let frame = w / n;
-    let points: Vec<Vec3> = shapes.iter().flat_map(|(_, c, l)| all_points(c, l.as_ref())).collect();
+    let points: Vec<Point> = shapes.iter().flat_map(|(_, c, l)| all_points(c, l.as_ref())).collect();
     let coloured: Vec<_> = shapes.iter().map(|(_, canopy, _)| fabric(canopy)).collect();
     let Some((first, _)) = coloured.last() else { return raster.finish().average() };
     // One scale for all: that of the last shape.

@@ -212,11 +212,11 @@ mod tests {
         Weights { fabric_kg_m2: 0.0373, air: Air::incompressible(1.0), response: 0.275, falling_kg: 1.0 }
     }
 
-    fn model(n: usize) -> (AddedMassRelaxation, Vec<mesh::Vec3>) {
+    fn model(n: usize) -> (AddedMassRelaxation, Vec<mesh::Point>) {
         grouped(n, usize::MAX)
     }
 
-    fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<mesh::Vec3>) {
+    fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<mesh::Point>) {
         let (positions, faces) = plate(n);
         let unknowns = Unknowns::new(positions.len(), 5e-3, true);
         let lattice = Lattice::new(&positions, &faces, most, 0.0).unwrap();

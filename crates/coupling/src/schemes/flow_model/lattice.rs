@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use nalgebra::DMatrix;
 
 use super::groups::Groups;
-use crate::geometry::{Vec3, area_vector, centre, direction, distinct};
+use crate::geometry::{Vec3, centre, direction, distinct, quad_area_vector};
 
 /// A surface in potential flow.
 pub struct Lattice {
@@ -61,10 +61,10 @@ impl Lattice {
     ///
     /// The ring of a group runs along its outline, and its velocity is the mean of those at its faces by
     /// area. (At the centroid alone it was worse for all motions, and much worse where groups are not regular.)
-    pub fn new(positions: &[mesh::Vec3], faces: &[[u32; 4]], most: usize, screening: f64) -> Option<Self> {
+    pub fn new(positions: &[mesh::Point], faces: &[[u32; 4]], most: usize, screening: f64) -> Option<Self> {
         let positions: Vec<Vec3> = positions.iter().map(|x| Vec3::from(*x)).collect();
         let corners: Vec<[Vec3; 4]> = faces.iter().map(|f| f.map(|node| positions[node as usize])).collect();
-        let areas: Vec<Vec3> = corners.iter().map(area_vector).collect();
+        let areas: Vec<Vec3> = corners.iter().map(|c| quad_area_vector(*c)).collect();
         let normals: Vec<Vec3> = areas.iter().map(direction).collect();
         let groups = Groups::new(&positions, faces, &areas, &normals, most)?;
         let n = groups.len();

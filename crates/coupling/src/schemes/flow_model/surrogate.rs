@@ -25,7 +25,7 @@ use super::groups::Groups;
 use super::inverse::{Inverse, factors};
 use super::lattice::{Air, Lattice};
 use crate::error::RunError;
-use crate::geometry::{Vec3, area_vector, at, direction, distinct};
+use crate::geometry::{Vec3, at, direction, distinct, quad_area_vector};
 use crate::schemes::codec::{pack, unpack};
 use crate::schemes::least_squares::{Columns, axpy, norm};
 use crate::schemes::unknowns::Unknowns;
@@ -136,7 +136,7 @@ impl FlowModel {
     /// `dt`. What was learnt about the old one is forgotten. `None` where it still serves, or where there is no better.
     pub fn follow(&mut self, dt: f64) -> Option<Lattice> {
         let at = self.positions(&self.walls[0].displacement);
-        let normal = |face: &[u32; 4]| direction(&area_vector(&face.map(|n| at[n as usize])));
+        let normal = |face: &[u32; 4]| direction(&quad_area_vector(face.map(|n| at[n as usize])));
         let turns: Vec<Vec3> =
             self.faces.iter().zip(&self.normals).map(|(face, old)| normal(face) - old).collect();
         // Faces that flutter within a group turn nothing.
@@ -155,7 +155,7 @@ impl FlowModel {
 
     /// Makes the lattice for a displacement of the canopy and a length of windows.
     fn remake(&mut self, displacement: Vec<f64>, dt: f64) -> Option<Lattice> {
-        let at: Vec<mesh::Vec3> = self.positions(&displacement).into_iter().map(Into::into).collect();
+        let at: Vec<mesh::Point> = self.positions(&displacement).into_iter().map(Into::into).collect();
         let lattice = Lattice::new(&at, &self.faces, self.most, self.air.screening(dt))?;
         self.inverse = Inverse::of(&factors(&lattice.influence))?;
         self.normals.clone_from(&lattice.normals);
@@ -328,7 +328,7 @@ mod tests {
 
     /// Loads and force on a plate of side 1 that is thrown from rest with the velocity `motion` (m/s, upwards) of
     /// each point.
-    fn thrown(most: usize, motion: impl Fn(&mesh::Vec3) -> f64) -> Vec<f64> {
+    fn thrown(most: usize, motion: impl Fn(&mesh::Point) -> f64) -> Vec<f64> {
         let (positions, faces) = plate(CELLS);
         let unknowns = Unknowns::new(positions.len(), 1.0, false);
         let rest = vec![0.0; 3 * positions.len()];
@@ -351,7 +351,7 @@ mod tests {
 
     #[test]
     fn groups_of_one_change_nothing() {
-        let motion = |p: &mesh::Vec3| (9.0 * p[0]).sin() * p[1];
+        let motion = |p: &mesh::Point| (9.0 * p[0]).sin() * p[1];
         assert_eq!(thrown(CELLS * CELLS, motion), thrown(usize::MAX, motion));
     }
 
@@ -359,8 +359,8 @@ mod tests {
     fn groups_feel_the_air_of_rigid_motions() {
         let last = CELLS * CELLS * LOAD_WIDTH;
         for (name, motion) in [
-            ("plunge", (|_: &mesh::Vec3| 1.0) as fn(&mesh::Vec3) -> f64),
-            ("tilt", |p: &mesh::Vec3| p[0] - 0.5),
+            ("plunge", (|_: &mesh::Point| 1.0) as fn(&mesh::Point) -> f64),
+            ("tilt", |p: &mesh::Point| p[0] - 0.5),
         ] {
             let exact = thrown(usize::MAX, motion);
             for most in [CELLS * CELLS / 2, CELLS * CELLS / 4, CELLS * CELLS / 8] {
@@ -378,7 +378,7 @@ mod tests {
     fn what_groups_do_not_see_has_the_mass_of_short_waves() {
         // Neighbours to and fro: groups of four see nothing of it, and their faces feel the air of a wave of
         // twice their own length, 2 rho / k = H / pi, where it is truly sqrt(2) shorter.
-        let checks = |p: &mesh::Vec3| ((p[0] + p[1]) * CELLS as f64 * std::f64::consts::FRAC_PI_2).sin();
+        let checks = |p: &mesh::Point| ((p[0] + p[1]) * CELLS as f64 * std::f64::consts::FRAC_PI_2).sin();
         let (exact, grouped) = (thrown(usize::MAX, checks), thrown(CELLS * CELLS / 4, checks));
         let apart = apart(&grouped, &exact);
         println!("short waves: {apart:.3}");
