@@ -101,7 +101,7 @@ impl Fields {
     }
 
     /// Positions of all nodes, m.
-    fn points(&self, mesh: &StructureMesh) -> Vec<mesh::Vec3> {
+    fn points(&self, mesh: &StructureMesh) -> Vec<mesh::Point> {
         let u = self.u.as_chunks::<3>().0;
         mesh.coords.iter().zip(u).map(|(x, u)| std::array::from_fn(|c| x[c] + u[c])).collect()
     }

@@ -57,7 +57,7 @@ fn run() -> tempfile::TempDir {
 /// A flat canopy of 4 m at height 0 below two lines' ends, its pressure rising in x.
 fn canopy(stage: &Path, times: &[f64], jump: f64) {
     let n = 4;
-    let points: Vec<Vec3> =
+    let points: Vec<Point> =
         (0..=n).flat_map(|j| (0..=n).map(move |i| [f64::from(i) - 2.0, f64::from(j) - 2.0, 0.0])).collect();
     let corner = |i: i32, j: i32| (j * (n + 1) + i) as u32;
     let quads: Vec<[u32; 4]> = (0..n)
@@ -66,7 +66,7 @@ fn canopy(stage: &Path, times: &[f64], jump: f64) {
         })
         .collect();
     let pressure: Vec<f64> = (0..n * n).map(|c| 10.0 + jump * f64::from(c % n)).collect();
-    let moved: Vec<Vec3> = points.iter().map(|p| [0.0, 0.0, p[1]]).collect();
+    let moved: Vec<Point> = points.iter().map(|p| [0.0, 0.0, p[1]]).collect();
     let mut with_payload = points.clone();
     with_payload.push([0.0, 0.0, -4.0]);
     let payload = points.len() as u32;
