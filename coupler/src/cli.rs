@@ -191,6 +191,9 @@ struct RunArgs {
     /// output.checkpoint_every_windows, or as often as costs 1 % of the time]
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<u32>,
+    /// Print what the named parts of all programs took, by stage (summary.json and the report have it in any case)
+    #[arg(long)]
+    profile: bool,
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
@@ -280,10 +283,10 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::Run(RunCommand { run, only }) => fly(&RunOptions { only, ..run.options() }, console),
+        Command::Run(RunCommand { run, only }) => fly(run, |o| RunOptions { only, ..o }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
-            fly(&RunOptions { attach, ..run.options() }, console)
+            fly(run, |o| RunOptions { attach, ..o }, console)
         }
         Command::Replay(args) => {
             let stop = signals::stop_flag()?;
@@ -340,13 +343,24 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     }
 }
 
-fn fly(options: &RunOptions, console: &Console) -> Result<(), RunError> {
+fn fly(
+    args: RunArgs,
+    change: impl FnOnce(RunOptions) -> RunOptions,
+    console: &Console,
+) -> Result<(), RunError> {
+    let profile = args.profile;
     let (stop, now) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
     signals::listen([&stop, &now])?;
-    let options = &RunOptions { now: Some(now), ..options.clone() };
+    let options = &RunOptions { now: Some(now), ..change(args.options()) };
     let (summary, out) = run(options, &stop, console).map_err(|error| resumable(error, options))?;
     console.line("");
     console.line(&summary.table(&out));
+    if profile {
+        for stage in &summary.timings {
+            console.line("");
+            console.line(&stage.table());
+        }
+    }
     Ok(())
 }
 

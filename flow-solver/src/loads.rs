@@ -36,6 +36,7 @@ impl Loads {
     /// Loads of the solver's last step; afterwards the owned part of `faces` is
     /// complete. The canopy's normal points from inside to outside. Collective.
     pub fn compute<G: Gas<N>, V: Viscosity, const N: usize>(&mut self, solver: &Solver<G, V, N>) -> Total {
+        let _part = timing::part("loads");
         let on = solver.domain();
         self.faces.fill([0.0; 4]);
         let t = on.topology;

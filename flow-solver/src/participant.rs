@@ -295,6 +295,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let _part = timing::part("advance");
         let clock = Clock::now();
         self.moved = !input.grid.is_empty();
         if self.moved && !self.solver.settings.moving {
@@ -339,6 +340,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        let _part = timing::part("accept");
         if self.answered.take().is_none_or(|(index, _)| index != w.index) {
             let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
             return Err(self.stuck.take().unwrap_or_else(none));
@@ -351,6 +353,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("save");
         let s = &self.solver;
         let file = case::state_file(folder, Role::Flow);
         if let Some(statistics) = self.monitors.statistics() {
@@ -361,6 +364,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("picture");
         self.snapshots.write(&self.solver, time, folder, self.monitors.statistics())
     }
 }

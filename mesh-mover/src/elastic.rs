@@ -189,6 +189,7 @@ pub(crate) type Coupling = Vec<(u32, u32, [[f64; 3]; 3])>;
 /// Stiffness of the owned free rows at node positions `x`: its free columns, and
 /// the columns of the canopy.
 fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f32>, Coupling), MoverError> {
+    let _part = timing::part("assembly");
     let mut free = Vec::with_capacity(8 * grid.cells.len());
     let mut ends = Vec::with_capacity(grid.cells.len() + 1);
     ends.push(0);

@@ -290,6 +290,7 @@ impl Motion {
     /// # Errors
     /// [`MotionError`]; the accepted state is untouched.
     pub fn follow(&mut self, from: &Positions, to: &mut Positions) -> Result<Moved, MotionError> {
+        let _part = timing::part("motion");
         if let Some(moved) = self.near_anchor(to) {
             return Ok(moved);
         }
@@ -317,6 +318,7 @@ impl Motion {
         effort: Effort,
         stage: Stage,
     ) -> Result<Option<Moved>, MotionError> {
+        let _part = timing::part("quality");
         let mut parts = self.near_and_far(&to.grid);
         // A canopy that outruns the way to a new grid is followed there at once.
         if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
@@ -360,6 +362,7 @@ impl Motion {
         to: &mut Positions,
         mut iterations: usize,
     ) -> Result<Moved, MotionError> {
+        let _part = timing::part("increments");
         let mut worst = None;
         let mut count = 1;
         while count <= self.limits.max_increments {
@@ -385,6 +388,7 @@ impl Motion {
     /// window start from the repaired cells; `None`, and `to` as it was, where they do not become
     /// as good as `goal`. Collective.
     fn repair(&mut self, to: &mut Positions, goal: f64) -> Result<Option<Shape>, MotionError> {
+        let _part = timing::part("repair");
         if !self.limits.repair {
             return Ok(None);
         }
@@ -419,6 +423,7 @@ impl Motion {
     /// quality has fallen far and the mover can stand on it. Says what came of a new grid
     /// that was due. Collective.
     pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Option<Result<NewGrid, String>> {
+        let _part = timing::part("settle");
         self.anchor = None;
         self.window = Stage::Fresh;
         self.fall = (self.quality - shape.quality).max(FADING * self.fall);
@@ -485,6 +490,7 @@ impl Motion {
 
     /// The answer for a canopy that is a small motion away from the anchor's.
     fn near_anchor(&mut self, to: &mut Positions) -> Option<Moved> {
+        let _part = timing::part("near the anchor");
         let Anchor { far, effort } = self.anchor?;
         for ((p, c), a) in self.push.iter_mut().zip(&to.canopy).zip(&self.anchor_canopy) {
             *p = c - a;
@@ -537,6 +543,7 @@ impl Motion {
 
     /// One linear solve from the reference grid.
     fn total(&mut self, to: &mut Positions) -> Result<Effort, MoverError> {
+        let _part = timing::part("solve");
         for ((p, c), r) in self.push.iter_mut().zip(&to.canopy).zip(&self.reference.canopy) {
             *p = c - r;
         }
@@ -546,6 +553,7 @@ impl Motion {
     }
 
     fn rebase(&mut self, at: &Positions, quality: f64) -> Result<(), MoverError> {
+        let _part = timing::part("new reference");
         if let Err(error) = self.mover.rebase(&self.grid, &at.grid) {
             if !matches!(error, MoverError::Inverted { .. }) {
                 // Back to where it stood.

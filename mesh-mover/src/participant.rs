@@ -316,6 +316,7 @@ impl Participant for MeshMover {
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let _part = timing::part("advance");
         let clock = Instant::now();
         (self.answered, self.stuck) = (None, None);
         if !(w.dt.is_finite() && w.dt > 0.0) {
@@ -374,6 +375,7 @@ impl Participant for MeshMover {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        let _part = timing::part("accept");
         let Some((_, moved)) = self.answered.take().filter(|(a, _)| a.index == w.index) else {
             return Err(Fault::new(format!("window {} was accepted before it was answered", w.index)));
         };
@@ -402,6 +404,7 @@ impl Participant for MeshMover {
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("save");
         let now = self.gather(&self.now.grid);
         let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
         let rebased = !self.motion.is_total();

@@ -359,7 +359,9 @@ impl Dynamics {
             low[i % 3] = low[i % 3].min(self.x[i]);
             high[i % 3] = high[i % 3].max(self.x[i]);
             let diagonal = self.system.matrix.values[self.system.matrix.diagonal_slot(i / 3)];
-            force = force.max(self.force[0][i].abs());
+            // NaN counts as infinite: `max` would leave it out, and a structure without a force would be at rest.
+            let own = self.force[0][i].abs();
+            force = force.max(if own.is_nan() { f64::INFINITY } else { own });
             if !self.system.model.fixed[i] {
                 stiffness = stiffness.max(diagonal[i % 3][i % 3].abs());
             }

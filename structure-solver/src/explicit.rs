@@ -226,6 +226,7 @@ impl Dynamics {
     /// Advances `current` by `part` of the window into `next`, in as many equal explicit
     /// steps as stability asks for. Collective.
     pub(crate) fn explicit_step(&mut self, part: Interval<'_>) -> Result<NewtonInfo, NewtonError> {
+        let _part = timing::part("explicit steps");
         let mut e = self.explicit.take().expect("the caller has seen it");
         let result = self.explicit_steps(&mut e, part);
         if result.is_err() {

@@ -239,6 +239,7 @@ impl Newton {
         scale: f64,
         to: &mut State,
     ) -> Result<NewtonInfo, NewtonError> {
+        let _part = timing::part("Newton step");
         self.start(system, balance);
         let mut norm = self.predict(system, balance, guesses);
         self.history.clear();
@@ -350,6 +351,7 @@ impl Newton {
     /// [`crate::elimination`]. Leaves the better of old and new displacements, with
     /// their residual in `g`; returns its norm.
     fn eliminate(&mut self, system: &mut System, balance: &Balance<'_>, norm: f64, scale: f64) -> f64 {
+        let _part = timing::part("elimination");
         let n = 3 * system.model.n_owned();
         let form = balance.form;
         let mut now = norm;
@@ -442,6 +444,7 @@ impl Newton {
 
     /// Forces out of balance at `self.u` into `self.g`; returns their norm.
     fn residual(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+        let _part = timing::part("residual");
         let start = Instant::now();
         let n = 3 * system.model.n_owned();
         self.place(system, balance);
@@ -457,6 +460,7 @@ impl Newton {
     /// As [`Newton::residual`] after the displacements moved by `self.du`, which leaves
     /// most nodes where they were.
     fn residual_near(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+        let _part = timing::part("residual");
         let start = Instant::now();
         let n = 3 * system.model.n_owned();
         self.place(system, balance);
@@ -473,6 +477,7 @@ impl Newton {
 
     /// Residual and matrix at `self.u`.
     fn tangent(&mut self, system: &mut System, balance: &Balance<'_>) {
+        let _part = timing::part("tangent");
         let start = Instant::now();
         self.place(system, balance);
         let form = balance.form;
@@ -499,6 +504,7 @@ impl Newton {
     /// gradient of the incremental energy, so this minimises it along the line.
     /// Leaves `u` there; returns the norm of the residual.
     fn search(&mut self, system: &System, balance: &Balance<'_>, before: f64) -> f64 {
+        let _part = timing::part("line search");
         let n = 3 * system.model.n_owned();
         self.base.copy_from_slice(&self.u);
         let phi0 = system.comm().sum(dot(&self.du[..n], &self.g[..n]));

@@ -28,6 +28,7 @@ impl Partners for HubPartners<'_> {
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
     ) -> Result<Answer, RunError> {
+        let _part = timing::part("structure");
         let mut own = self.own.take();
         let answer = self.structure_on(w, load, displacement, own.as_mut());
         self.own = own;
@@ -44,6 +45,7 @@ impl Partners for HubPartners<'_> {
     }
 
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+        let _part = timing::part("mesh");
         let mut fill = |input: &mut [f64]| input.copy_from_slice(displacement);
         let mut grid = std::mem::take(&mut self.grid);
         let mut keep = |rows: &[u64], data: &[f64]| {
@@ -62,6 +64,7 @@ impl Partners for HubPartners<'_> {
     }
 
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+        let _part = timing::part("flow");
         let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, LOAD_WIDTH, load);
         let answer = self.advance(Role::Flow, w, &mut |_| {}, &mut keep)?;
         let values = &answer.stats.values;
@@ -102,6 +105,7 @@ impl Partners for HubPartners<'_> {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {
+        let _part = timing::part("accept");
         self.ask(|hub, watch| {
             // Short windows never wait long enough for the hub to look by itself.
             watch.look().map_err(HubError::Aborted)?;
@@ -114,10 +118,12 @@ impl Partners for HubPartners<'_> {
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), RunError> {
+        let _part = timing::part("save");
         self.ask(|hub, watch| hub.save(folder, &mut || watch.look()))
     }
 
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError> {
+        let _part = timing::part("picture");
         self.ask(|hub, watch| hub.snapshot(&[role], time, folder, &mut || watch.look()))
     }
 

@@ -21,6 +21,7 @@ use coupling::schemes::InterfaceState;
 use figures::plot;
 use results::state;
 use results::summary::{RunSummary, StageSummary};
+use results::timings::StageTimings;
 use terminal::Console;
 
 pub(crate) use self::folder::keep_scene;
@@ -120,9 +121,13 @@ impl<'a> Run<'a> {
         }
         let mut summary = StageSummary::new(description);
         let context = self.context(stage);
+        timing::take();
         let ended = session::run_stage(&context, &self.prepared.file, self.options, state, &mut summary);
         let said = summary.convergence.closing(&summary.name, summary.windows);
         said.iter().for_each(|text| self.console.warning(text));
+        let folder = case::stage_folder(context.out, context.scene, stage);
+        let (name, roles) = (&description.name, description.kind.roles());
+        self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));
         self.summary.stages.push(summary);
         ended
     }
@@ -188,6 +193,7 @@ fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
         wall_s: 0.0,
         ranks: Role::ALL.map(|role| scene.ranks.of(role)),
         stages,
+        timings: Vec::new(),
     }
 }
 

@@ -100,6 +100,10 @@ fn programs(
         let passed = (channel::DEADLINE, deadline.as_secs_f64().to_string().into());
         programs.iter_mut().for_each(|p| p.environment.push(passed.clone()));
     }
+    let folder = case::stage_folder(context.out, scene, context.stage);
+    for p in &mut programs {
+        p.environment.push((timing::FILE_VARIABLE, results::timings::file(&folder, p.role).into()));
+    }
     Ok(programs.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect())
 }
 

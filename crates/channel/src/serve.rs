@@ -54,7 +54,7 @@ pub(crate) const TEXT_WORDS: usize = 1024;
 /// other than zero (under MPI without `MPI_Finalize`, so that `mpirun` ends the
 /// other ranks).
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
-    serve_near(participant, at, None)
+    ended(at, serve_near(participant, at, None))
 }
 
 /// As [`serve`], for a program whose ranks may span several hosts. Collective.
@@ -66,7 +66,17 @@ pub fn serve_across(
     at: &ServeOptions,
     peers: &Peers<'_>,
 ) -> Result<ServeEnd, ServeError> {
-    serve_from(memory_name(), participant, at, peers)
+    ended(at, serve_from(memory_name(), participant, at, peers))
+}
+
+/// Leaves the timings of the first rank to the coupler, where it asked for them.
+fn ended<T>(at: &ServeOptions, end: T) -> T {
+    if at.rank == 0
+        && let Err(error) = timing::write_where_asked()
+    {
+        eprintln!("{error}");
+    }
+    end
 }
 
 /// As [`serve_across`] for a process that sees `memory`.

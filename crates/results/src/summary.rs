@@ -13,6 +13,7 @@ use terminal::clock;
 
 use crate::finding::Finding;
 use crate::history::Row;
+use crate::timings::StageTimings;
 
 /// Where the wall seconds of a stage went: the keys of [`StageSummary`] and their names.
 pub const STAGE_PARTS: [(&str, &str); 5] = [
@@ -307,6 +308,8 @@ pub struct RunSummary {
     pub ranks: [u32; 3],
     /// Stages that ran (the last one perhaps in part).
     pub stages: Vec<StageSummary>,
+    /// What the named parts of all programs took in the stages that this command ran.
+    pub timings: Vec<StageTimings>,
 }
 
 impl RunSummary {

@@ -187,6 +187,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         _: &[FaceFlow],
         extra: f64,
     ) {
+        let _part = timing::part("assembly");
         let nu = kinematic(spatial, on, field);
         for (i, q) in field.q.iter().enumerate() {
             let c = spatial.gas.sound_speed_squared(q).sqrt();
@@ -206,6 +207,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport {
+        let _part = timing::part("linear solve");
         let rows = &on.topology.adjacency;
         let n = on.topology.n_owned;
         for i in 0..n {

@@ -278,6 +278,7 @@ impl PressureCorrection {
 
     /// Velocity (and temperature) by the transport operator alone, on all local cells. Collective.
     fn predict<const N: usize>(&mut self, on: &Domain<'_>, r: &[[f64; N]]) {
+        let _part = timing::part("momentum");
         self.transport(on.topology, r);
         for held in &self.held {
             let x = &mut self.transported[held.cell as usize];
@@ -291,6 +292,7 @@ impl PressureCorrection {
 
     /// Right-hand side of the pressure equation: the defect of mass and what the predicted velocity passes.
     fn assemble_source<const N: usize>(&mut self, on: &Domain<'_>, scheme: &Scheme, r: &[[f64; N]]) {
+        let _part = timing::part("pressure source");
         let (t, m) = (on.topology, on.metrics);
         for (d, r) in self.diagonal[..t.n_owned].iter_mut().zip(r) {
             *d = -r[0];
@@ -362,6 +364,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         through: &[FaceFlow],
         extra: f64,
     ) {
+        let _part = timing::part("assembly");
         let rate = scheme.rate * extra;
         self.assemble_storage(&spatial.gas, on, field.q, rate);
         self.assemble_transport(spatial, on, scheme, field, through);
@@ -388,6 +391,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport {
+        let _part = timing::part("linear solve");
         self.predict(on, r);
         self.assemble_source(on, scheme, r);
         let rows = &on.topology.adjacency;

@@ -42,6 +42,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// Transports the turbulence over the step of length `dt` that was computed last. Collective.
     pub(super) fn advance_turbulence(&mut self, dt: f64) {
+        let _part = timing::part("turbulence");
         let Some(mut turbulence) = self.turbulence.take() else { return };
         let (c, gas) = (self.order(dt).c, &self.spatial.gas);
         let mass =

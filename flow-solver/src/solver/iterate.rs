@@ -80,6 +80,7 @@ impl Iteration {
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Residual of the step at `q`: primitive, weighted to N. Returns its norm.
     pub(super) fn evaluate(&mut self) -> f64 {
+        let _part = timing::part("residual");
         self.spatial.evaluate(
             &domain!(self),
             &self.scheme,
@@ -113,6 +114,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// Corrects the state until the residual of the step has dropped to its target. Collective.
     pub(super) fn iterate(&mut self, step: &Step, order: Backward) -> Result<Report, FlowError> {
+        let _part = timing::part("iteration");
         let first = self.initial_guess(step, order);
         let target = self.target(step, first);
         let solved = self.solve(step, first, &target)?;
@@ -211,6 +213,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// One correction: matrices, the combination of the last corrections, the approximate inverse. Collective.
     fn correct(&mut self, at: &mut Iteration) {
+        let _part = timing::part("correction");
         let n = self.topology.n_owned;
         if !at.assembled {
             let field = Field { q: &self.q, gradient: &self.gradient };

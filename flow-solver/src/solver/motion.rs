@@ -5,6 +5,7 @@ use super::*;
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Geometry of the moved grid.
     pub(super) fn move_grid(&mut self) -> Result<(), FlowError> {
+        let _part = timing::part("geometry");
         assert!(self.settings.moving, "a solver made for a grid at rest was given a grid that moves");
         let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
         let bad = self.nodes.iter().zip(&self.node_velocity).position(|(x, v)| !finite(x) || !finite(v));

@@ -183,6 +183,7 @@ impl Motion {
 
     /// Takes `nodes` as the reference and the present grid as the start of the way to it. Collective.
     fn take(&mut self, nodes: &[Point], accepted: &Positions, shape: &Shape) -> Result<NewGrid, String> {
+        let _part = timing::part("new grid");
         let mut target = Positions { grid: self.grid.gather(nodes), canopy: accepted.canopy.clone() };
         self.grid.place_canopy(&accepted.canopy, &mut target.grid);
         let found = self.shape(&target.grid);

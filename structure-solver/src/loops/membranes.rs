@@ -36,7 +36,7 @@ impl<M: Material> Membranes<M> {
             face: t.face,
             gradient: t.reference.gradient,
             volume: t.reference.area * thickness,
-            start: StepStart::default(),
+            start: StepStart::new(&material, [0.0; 3]),
         };
         let elements = model.triangles.iter().map(of).collect();
         Self { elements, n_own: model.n_own_triangles, material, density }
@@ -96,15 +96,16 @@ impl<M: Material> Membranes<M> {
             } else {
                 [[[0.0; 3]; 3]; 3]
             };
-            for row in &mut k {
+            for (n, row) in k.iter_mut().enumerate() {
                 for m in 0..3 {
                     add_block(&mut row[m], &by_column[m]);
                     if TRACTION {
                         add_block(&mut row[m], &by_traction[m]);
                     }
                 }
+                // Row by row: what is just made is still in registers.
+                e.stencil.add_row(n, row, blocks);
             }
-            e.stencil.add_blocks(&k, blocks);
         }
     }
 }

@@ -46,7 +46,8 @@ impl<M: Material> Quads<M> {
             face: q.face,
             gradient: q.reference.gradient,
             volume: q.reference.area.map(|a| a * thickness),
-            start: [StepStart::default(); POINTS],
+            // A prestressed law stores energy where nothing is strained yet.
+            start: [StepStart::new(&material, [0.0; 3]); POINTS],
         };
         let element: HashMap<u32, u32> =
             model.quads.iter().enumerate().map(|(k, q)| (q.face, k as u32)).collect();

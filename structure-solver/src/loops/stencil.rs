@@ -48,9 +48,17 @@ impl<const N: usize> Stencil<N> {
     /// Adds blocks in the rows of owned nodes.
     #[inline(always)]
     pub(super) fn add_blocks(&self, k: &[[Mat3; N]; N], blocks: &mut [Mat3]) {
-        for n in (0..N).filter(|&n| self.slots[n][n] != ELSEWHERE) {
+        for (n, row) in k.iter().enumerate() {
+            self.add_row(n, row, blocks);
+        }
+    }
+
+    /// Adds the blocks of row node `n`, if this rank owns it.
+    #[inline(always)]
+    pub(super) fn add_row(&self, n: usize, row: &[Mat3; N], blocks: &mut [Mat3]) {
+        if self.slots[n][n] != ELSEWHERE {
             for m in 0..N {
-                add_block(&mut blocks[self.slots[n][m] as usize], &k[n][m]);
+                add_block(&mut blocks[self.slots[n][m] as usize], &row[m]);
             }
         }
     }

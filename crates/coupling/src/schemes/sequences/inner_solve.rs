@@ -89,6 +89,7 @@ impl InnerSolve {
         about: Option<&[f64]>,
         tolerance: f64,
     ) -> Result<f64, RunError> {
+        let _part = timing::part("inner solve");
         self.accelerator.begin_window();
         let mut best = f64::INFINITY;
         for count in 1..=MOST_SOLVES {

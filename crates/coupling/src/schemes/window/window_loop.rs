@@ -1,6 +1,7 @@
 //! The loop over the coupling iterations of one window.
 
 use channel::Window;
+use timing::timed;
 
 use super::criterion::Criterion;
 use super::report::WindowReport;
@@ -217,9 +218,9 @@ impl WindowLoop {
         let mut history = Vec::new();
         accelerator.begin_window();
         state.x.copy_from_slice(&state.start);
-        scheme.predict(state, solvers)?;
+        timed("prediction", || scheme.predict(state, solvers))?;
         loop {
-            scheme.sweep(state, solvers)?;
+            timed("sweep", || scheme.sweep(state, solvers))?;
             state.report.iterations += 1;
             if !scheme.iterates() {
                 state.report.converged = true;
@@ -237,9 +238,12 @@ impl WindowLoop {
                 }
                 Verdict::Reject => return Err(problem.diverged(&state.window, &history)),
             }
-            if !scheme.improve(state, solvers)? {
-                accelerator.next(&state.x, &state.x_tilde, &mut state.next);
-            }
+            timed("next iterate", || {
+                if !scheme.improve(state, solvers)? {
+                    accelerator.next(&state.x, &state.x_tilde, &mut state.next);
+                }
+                Ok::<_, RunError>(())
+            })?;
             std::mem::swap(&mut state.x, &mut state.next);
             finite(solvers.stage, "iterate of the acceleration", &state.window, &state.x)?;
             state.window.iteration += 1;
@@ -255,7 +259,7 @@ impl WindowLoop {
         self.problem.refuse_fall(state)?;
         partners.accept(&state.window)?;
         state.accept();
-        self.scheme.accept(state);
+        timed("learning", || self.scheme.accept(state));
         self.last_dt = state.window.dt;
         Ok(())
     }
