@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use comm::Numbering;
 use mesh::{FaceTable, FlowGrid, Patch, clean_face};
 
-use crate::permeable::Permeability;
+use crate::physics::Permeability;
 use crate::stencil::Neighbourhoods;
 
 /// How one side of a boundary face acts on its cell.

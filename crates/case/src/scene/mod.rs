@@ -12,6 +12,7 @@ mod descent;
 mod fabric;
 mod flow;
 mod flow_grid;
+mod layout;
 mod lines;
 mod mesh;
 mod monitors;
@@ -20,10 +21,13 @@ mod nodes;
 mod output;
 mod programs;
 mod reefing;
+mod resolved;
+mod schema;
 mod shear;
 mod stages;
 mod steady;
 mod structure;
+mod times;
 mod wind;
 
 use std::collections::BTreeMap;
@@ -46,6 +50,7 @@ pub use flow::{
     Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence, Viscosity,
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
+pub use layout::*;
 pub use lines::{LineDrag, Lines};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
 pub use monitors::{Forces, Probe, Slice, Statistics, SurfacePressure};
@@ -55,16 +60,18 @@ pub use output::Output;
 use programs::Programs;
 pub use programs::{Ranks, Role};
 pub use reefing::Reefing;
+pub use resolved::{CanopyAir, Resolved, UndisturbedAir};
+pub use schema::schema;
 pub use shear::{Shear, ShearProfile, WindProfile};
 pub use stages::{Solve, Stage, StageKind};
 pub use steady::Steady;
 pub use structure::{Integration, Mass, Membrane, Structure};
+pub use times::{StageTimes, save_time};
 pub use wind::{Clock, Gust, StageWind};
 
 use crate::check::{Check, NAME_OF_FOLDER, Refusal, plain_name};
 use crate::error::{Problem, SceneError};
 use crate::place::span_of;
-use crate::schema;
 
 /// A scene: what is simulated, with which effects, in which stages.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
