@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use case::Role;
@@ -14,8 +14,10 @@ use results::recording::stand_in::StandIn;
 use studies::effects::Runs;
 use terminal::Console;
 
+use crate::arguments::{mpirun, ranks, role, seconds, share};
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
+use crate::signals;
 
 /// Scene that `ripstop run` runs when none is named, below this folder or the one that the program was built in.
 const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
@@ -189,6 +191,9 @@ struct RunArgs {
     /// output.checkpoint_every_windows, or as often as costs 1 % of the time]
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<u32>,
+    /// Print what the named parts of all programs took, by stage (summary.json and the report have it in any case)
+    #[arg(long)]
+    profile: bool,
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
@@ -205,11 +210,11 @@ struct RunArgs {
     #[arg(long, value_name = "DIR")]
     baseline: Option<PathBuf>,
     /// Largest difference from the baseline that is none, as a share of the largest of its field
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff_command::share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = share)]
     tolerance: f64,
     /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the baseline's
     /// count, rounded up, is no difference [default: other counts are told, not judged]
-    #[arg(long, value_name = "SHARE", requires = "baseline", value_parser = crate::diff_command::share)]
+    #[arg(long, value_name = "SHARE", requires = "baseline", value_parser = share)]
     count_slack: Option<f64>,
     /// End the run where it departs from the baseline
     #[arg(long, requires = "baseline")]
@@ -230,46 +235,6 @@ impl RunArgs {
             baseline: self.baseline.map(|folder| BaselineOptions { folder, tolerance, count_slack, stop }),
             ..self.scene.options()
         }
-    }
-}
-
-pub(crate) fn role(text: &str) -> Result<Role, String> {
-    Role::ALL
-        .into_iter()
-        .find(|r| r.name() == text.trim())
-        .ok_or_else(|| format!("there is no role `{text}`; roles: structure, flow, mesh"))
-}
-
-fn ranks(text: &str) -> Result<(Role, u32), String> {
-    let help = "write ROLE=N, such as flow=4; roles: structure, flow, mesh";
-    let (name, count) = text.split_once('=').ok_or(help)?;
-    let role = Role::ALL
-        .into_iter()
-        .find(|r| r.name() == name.trim())
-        .ok_or_else(|| format!("there is no role `{name}`; {help}"))?;
-    match count.trim().parse() {
-        Ok(n) if n >= 1 => Ok((role, n)),
-        _ => Err(format!("`{count}` is no number of ranks (1 or more); {help}")),
-    }
-}
-
-fn mpirun(text: &str) -> Result<(Option<Role>, String), String> {
-    let of = |role: &Role| Some((*role, text.strip_prefix(role.name())?.strip_prefix('=')?));
-    let (role, options) = match Role::ALL.iter().find_map(of) {
-        Some((role, options)) => (Some(role), options),
-        None => (None, text),
-    };
-    match crate::launch::split_words(options) {
-        Some(words) if words.first().is_some_and(|w| w.starts_with('-')) => Ok((role, options.to_owned())),
-        Some(_) => Err("options of mpirun, the first with its dash, such as `--map-by node`".into()),
-        None => Err("a quote is not closed".into()),
-    }
-}
-
-pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(s) if s > 0.0 && s < 1e9 => Ok(s),
-        _ => Err("a number of seconds above 0".into()),
     }
 }
 
@@ -318,26 +283,26 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::Run(RunCommand { run, only }) => fly(&RunOptions { only, ..run.options() }, console),
+        Command::Run(RunCommand { run, only }) => fly(run, |o| RunOptions { only, ..o }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
-            fly(&RunOptions { attach, ..run.options() }, console)
+            fly(run, |o| RunOptions { attach, ..o }, console)
         }
         Command::Replay(args) => {
-            let stop = on_signals()?;
+            let stop = signals::stop_flag()?;
             compared(crate::replay::replay(&args, &stop, console)?)
         }
         Command::Conform(args) => {
-            let stop = on_signals()?;
+            let stop = signals::stop_flag()?;
             compared(crate::conform::conform(&args, &stop, console)?)
         }
         Command::Stability(args) => {
-            let stop = on_signals()?;
+            let stop = signals::stop_flag()?;
             print(&studies::stability::stability(&args, &stop, console)?);
             Ok(())
         }
         Command::Accuracy(args) => {
-            let stop = on_signals()?;
+            let stop = signals::stop_flag()?;
             compared(studies::accuracy::accuracy(&args, &stop, console)?)
         }
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
@@ -355,7 +320,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             let options = scene.options();
             print(&crate::effects_command::scene_report(&options)?);
             if measure {
-                let stop = on_signals()?;
+                let stop = signals::stop_flag()?;
                 let runs = Runs { windows, repeat, only };
                 print(
                     &crate::effects_command::measure(&options, &runs, states.as_deref(), &stop, console)?
@@ -378,13 +343,24 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     }
 }
 
-fn fly(options: &RunOptions, console: &Console) -> Result<(), RunError> {
+fn fly(
+    args: RunArgs,
+    change: impl FnOnce(RunOptions) -> RunOptions,
+    console: &Console,
+) -> Result<(), RunError> {
+    let profile = args.profile;
     let (stop, now) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
-    listen(&[&stop, &now])?;
-    let options = &RunOptions { now: Some(now), ..options.clone() };
+    signals::listen([&stop, &now])?;
+    let options = &RunOptions { now: Some(now), ..change(args.options()) };
     let (summary, out) = run(options, &stop, console).map_err(|error| resumable(error, options))?;
     console.line("");
     console.line(&summary.table(&out));
+    if profile {
+        for stage in &summary.timings {
+            console.line("");
+            console.line(&stage.table());
+        }
+    }
     Ok(())
 }
 
@@ -425,31 +401,6 @@ fn print(text: &str) {
     drop(writeln!(std::io::stdout(), "{text}"));
 }
 
-/// A flag that Ctrl-C and termination signals set. A second signal ends this
-/// process at once; its programs then end by themselves.
-fn on_signals() -> Result<Arc<AtomicBool>, RunError> {
-    let stop = Arc::new(AtomicBool::new(false));
-    listen(&[&stop])?;
-    Ok(stop)
-}
-
-/// Lets each signal to end set the next of `flags`; one more ends this process.
-fn listen(flags: &[&Arc<AtomicBool>]) -> Result<(), RunError> {
-    for signal in [libc::SIGINT, libc::SIGTERM, libc::SIGHUP] {
-        let flags: Vec<_> = flags.iter().map(|f| Arc::clone(f)).collect();
-        let count = move || {
-            if flags.iter().all(|flag| flag.swap(true, Ordering::Relaxed)) {
-                signal_hook::low_level::exit(130);
-            }
-        };
-        // SAFETY: the handler changes atomic flags or ends the process: both are allowed in signal
-        // handlers, and nothing is allocated, freed or locked.
-        unsafe { signal_hook::low_level::register(signal, count) }
-            .map_err(RunError::file("handle signals in", "this process"))?;
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -461,26 +412,16 @@ mod tests {
     }
 
     #[test]
-    fn options_of_mpirun_are_of_one_program_or_all() {
-        assert_eq!(mpirun("--map-by node"), Ok((None, "--map-by node".into())));
-        assert_eq!(mpirun("flow=--host a,b"), Ok((Some(Role::Flow), "--host a,b".into())));
-        assert!(mpirun("flow=a,b").is_err() && mpirun("--host 'a").is_err());
+    fn options_of_mpirun_and_ranks_are_collected() {
         let words = ["ripstop", "run", "s.toml", "--mpirun", "--map-by node", "--mpirun", "mesh=-host a"];
-        let Ok(Cli { command: Command::Run(args) }) = Cli::try_parse_from(words) else { panic!("refused") };
-        assert_eq!(args.run.scene.options().mpirun.len(), 2);
-    }
-
-    #[test]
-    fn ranks_are_read_or_refused_with_help() {
-        assert_eq!(ranks("flow=4"), Ok((Role::Flow, 4)));
-        for wrong in ["flow", "flow=0", "wing=2", "mesh=x"] {
-            assert!(ranks(wrong).unwrap_err().contains("write ROLE=N"), "{wrong}");
-        }
-        let Ok(cli) = Cli::try_parse_from(["ripstop", "run", "s.toml", "--ranks", "flow=4,mesh=2"]) else {
+        let Ok(Cli { command: Command::Run(args) }) =
+            Cli::try_parse_from(words.into_iter().chain(["--ranks", "flow=4,mesh=2"]))
+        else {
             panic!("refused")
         };
-        let Command::Run(args) = cli.command else { panic!("not run") };
-        assert_eq!(args.run.scene.options().ranks, [(Role::Flow, 4), (Role::Mesh, 2)]);
+        let options = args.run.scene.options();
+        assert_eq!(options.mpirun.len(), 2);
+        assert_eq!(options.ranks, [(Role::Flow, 4), (Role::Mesh, 2)]);
     }
 
     #[test]

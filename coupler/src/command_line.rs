@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use case::Role;
+use terminal::shell::quote;
 
-use crate::launch::quote;
 use crate::run::RunOptions;
 
 /// The command that resumes a run with `options`, whose results lie in `out`: with every option that the run

@@ -15,14 +15,14 @@ use coupling::partners::{LoadOverWindow, Partners};
 use results::recording::{Event, Reader};
 use terminal::Console;
 
-use crate::hub_partners::HubPartners;
+use crate::hub::HubPartners;
 use crate::replay::{Rehearsal, Trial, halves};
 
 /// Which program, and how closely it must repeat itself.
 #[derive(clap::Args)]
 pub struct ConformArgs {
     /// Role that the program plays: structure, flow or mesh
-    #[arg(value_parser = crate::cli::role)]
+    #[arg(value_parser = crate::arguments::role)]
     role: Role,
     /// Folder that `ripstop run --record` wrote: the scene, and questions to ask
     recording: PathBuf,
@@ -37,10 +37,10 @@ pub struct ConformArgs {
     stage: Option<String>,
     /// How far two answers to one question may lie apart, as a share of the largest number: the
     /// program's own tolerance, where it starts from its last answer
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = crate::diff_command::share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = crate::arguments::share)]
     tolerance: f64,
     /// Longest time for one answer, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::cli::seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::arguments::seconds)]
     deadline: f64,
 }
 

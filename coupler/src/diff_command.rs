@@ -16,23 +16,15 @@ pub struct DiffArgs {
     /// The other one, of the same kind
     b: PathBuf,
     /// Largest difference that is none, as a share of the largest number of the field (or column)
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::arguments::share)]
     tolerance: f64,
     /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the reference's
     /// count, rounded up, is no difference [default: other counts are told, not judged]
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
     count_slack: Option<f64>,
     /// Folder for `<stage>-difference.csv` and `.svg`: how the differences grow
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-}
-
-/// A share from 0 to 1, for the command line.
-pub(crate) fn share(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(s) if (0.0..1.0).contains(&s) => Ok(s),
-        _ => Err("a share from 0 (the same to the bit, above each field's floor) to 1".into()),
-    }
 }
 
 /// Compares stage by stage; whether all are the same, and the report.

@@ -4,17 +4,19 @@
 #![allow(clippy::result_large_err)]
 
 pub mod allocator;
+mod arguments;
 pub mod check;
 pub mod cli;
 pub mod command_line;
 pub mod conform;
 pub mod diff_command;
 pub mod effects_command;
-pub mod hub_partners;
+pub mod hub;
 pub mod launch;
 pub mod mesh_command;
 pub mod progress;
 pub mod replay;
 pub mod run;
 pub mod settings;
+mod signals;
 pub mod stages;

@@ -15,9 +15,9 @@ use results::recording::compare::Comparison;
 use results::recording::{Channel, Event, Moment, Reader, stage_file};
 use terminal::Console;
 
-use crate::hub_partners::{HubPartners, SessionOptions};
-use crate::launch::LaunchPlan;
-use crate::run::{Prepared, RunOptions, Scratch, asked, keep_scene, prepare, shorten};
+use crate::hub::{HubPartners, SessionOptions};
+use crate::launch::{LaunchPlan, Session};
+use crate::run::{Prepared, RunOptions, keep_scene, prepare, required_effects};
 
 /// What to replay.
 #[derive(clap::Args)]
@@ -41,17 +41,17 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
     /// Largest difference that is none, as a share of the largest number of the field
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::diff_command::share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::arguments::share)]
     tolerance: f64,
     /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the recorded
     /// count, rounded up, is no difference [default: other counts are told, not judged]
-    #[arg(long, value_name = "SHARE", value_parser = crate::diff_command::share)]
+    #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
     count_slack: Option<f64>,
     /// Folder for the program's logs and the differences [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Longest time for one answer of the program, in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = crate::cli::seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = crate::arguments::seconds)]
     deadline: f64,
 }
 
@@ -90,7 +90,7 @@ pub(crate) struct Rehearsal {
     deadline: Duration,
     /// What to do where a program that did not record the state it starts from cannot read it.
     hint: Option<String>,
-    sessions: Cell<u32>,
+    sessions: Cell<usize>,
     _lock: std::fs::File,
     _temporary: Option<Temporary>,
 }
@@ -102,14 +102,7 @@ impl Rehearsal {
     /// A recording that does not serve.
     pub fn new(folder: &Path, trial: &Trial<'_>) -> Result<Self, RunError> {
         let role = trial.role;
-        if !folder.join("scene.toml").is_file() {
-            return Err(RunError::Input(format!(
-                "{} is no recording, for it holds no scene.toml: make one with `ripstop run SCENE --record DIR`",
-                folder.display()
-            )));
-        }
-        let options = RunOptions { scene: folder.join("scene.toml"), ..RunOptions::default() };
-        let mut prepared = prepare(&options)?;
+        let mut prepared = scene_of(folder)?;
         let number = find_stage(&prepared.scene, folder, role, trial.stage)?;
         let stage = prepared.scene.stages[number].name.clone();
         let file = stage_file(folder, &stage);
@@ -129,13 +122,7 @@ impl Rehearsal {
         *scene.ranks.of_mut(role) = trial.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
         let mut roles = vec![role];
         if role == Role::Flow && moving {
-            let me = results::program::this_program()?;
-            let recorded = std::path::absolute(&file).map_err(RunError::file("resolve", &file))?;
-            scene.programs.insert(
-                Role::Mesh,
-                format!("'{}' stand-in --recording '{}'", me.display(), recorded.display()),
-            );
-            *scene.ranks.of_mut(Role::Mesh) = 1;
+            play_mesh(scene, &file)?;
             roles.insert(0, Role::Mesh);
         }
         let (out, temporary) = match trial.out {
@@ -148,19 +135,9 @@ impl Rehearsal {
         std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
         let lock = results::lock::lock(&out)?;
         keep_scene(&prepared.file, &out)?;
-        results::state::copy_states(scene, number, folder, &out)?;
-        let starts = scene.source_state(&out, number, role).is_some() && !trial.command.is_empty();
-        let first = find_first(scene, folder, role).filter(|&first| starts && first < number);
-        let hint = first.map(|first| {
-            format!(
-                "; it starts stage `{stage}` from the state of the program that recorded: if it cannot read \
-                 that, take `--stage {}`, or a recording of its own (`ripstop run SCENE --{} COMMAND --record DIR`)",
-                scene.stages[first].name,
-                role.name()
-            )
-        });
+        results::state::copy_states(&prepared.scene, number, folder, &out)?;
         Ok(Self {
-            hint,
+            hint: hint(&prepared.scene, folder, trial, number, &out),
             role,
             stage,
             file,
@@ -208,25 +185,24 @@ impl Rehearsal {
     ) -> Result<T, RunError> {
         let scene = &self.prepared.scene;
         let count = self.sessions.replace(self.sessions.get() + 1);
-        let session = format!("{}-{}-{count}", shorten(&scene.name), std::process::id());
-        let scratch = Scratch::create(&session)?;
+        let session = Session::create(scene, count)?;
         let plan = LaunchPlan {
             scene,
             scene_file: &self.out.join("scene.toml"),
             stage: self.number,
-            session: &session,
+            session: &session.name,
             out: &self.out,
             programs: &program_folder()?,
-            scratch: &scratch.0,
+            scratch: session.scratch(),
             mpirun: &[],
             resume,
         };
         let programs = self.roles.iter().map(|&r| Ok((plan.program(r)?, scene.ranks.of(r))));
         let options = SessionOptions {
-            session: &session,
+            session: &session.name,
             stage: (&self.stage, self.number),
             programs: programs.collect::<Result<_, RunError>>()?,
-            effects: asked(scene).into_iter().filter(|(r, _)| *r == self.role).collect(),
+            effects: required_effects(scene).into_iter().filter(|(r, _)| *r == self.role).collect(),
             deadline: Some(self.deadline),
             attached: Vec::new(),
             watch_grid: self.watch_grid,
@@ -246,11 +222,45 @@ impl Rehearsal {
             partners.finish(console)?;
             Ok(result)
         })();
-        if let Err(error) = channel::cleanup(&session) {
-            console.warning(&format!("shared memory of session {session}: {error}"));
-        }
+        session.clean_up(console);
         ended
     }
+}
+
+/// The scene of the recording in `folder`.
+fn scene_of(folder: &Path) -> Result<Prepared, RunError> {
+    let scene = folder.join("scene.toml");
+    if !scene.is_file() {
+        return Err(RunError::Input(format!(
+            "{} is no recording, for it holds no scene.toml: make one with `ripstop run SCENE --record DIR`",
+            folder.display()
+        )));
+    }
+    prepare(&RunOptions { scene, ..RunOptions::default() })
+}
+
+/// Has the recording `file` play the mesh-mover of `scene`.
+fn play_mesh(scene: &mut Scene, file: &Path) -> Result<(), RunError> {
+    let me = results::program::this_program()?;
+    let recorded = std::path::absolute(file).map_err(RunError::file("resolve", file))?;
+    let command = format!("'{}' stand-in --recording '{}'", me.display(), recorded.display());
+    scene.programs.insert(Role::Mesh, command);
+    *scene.ranks.of_mut(Role::Mesh) = 1;
+    Ok(())
+}
+
+/// What to do where a program that did not record the state it starts stage `number` from cannot read it.
+fn hint(scene: &Scene, folder: &Path, trial: &Trial<'_>, number: usize, out: &Path) -> Option<String> {
+    let role = trial.role;
+    let starts = scene.source_state(out, number, role).is_some() && !trial.command.is_empty();
+    let first = find_first(scene, folder, role).filter(|&first| starts && first < number)?;
+    Some(format!(
+        "; it starts stage `{}` from the state of the program that recorded: if it cannot read \
+         that, take `--stage {}`, or a recording of its own (`ripstop run SCENE --{} COMMAND --record DIR`)",
+        scene.stages[number].name,
+        scene.stages[first].name,
+        role.name()
+    ))
 }
 
 /// Runs the program through a recorded stage; whether it answered as recorded, and the

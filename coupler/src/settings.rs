@@ -103,7 +103,7 @@ pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), Run
     if let Canopy::Gmsh(g) = &scene.canopy {
         set_value(&mut table, &["canopy"], "file", path(&g.file))?;
     }
-    if let Some(g) = scene.flow.as_ref().and_then(|f| f.grid_file.as_ref()) {
+    if let Some(g) = scene.grid_file() {
         set_value(&mut table, &["flow", "grid_file"], "path", path(&g.path))?;
     }
     let text = format!("# {} with {}\n\n{}", file.display(), all.join(" "), write(&table)?);

@@ -117,6 +117,7 @@ fn found(inspection: &Inspection) -> BTreeSet<String> {
 
 /// Everything that earlier versions passed without a word.
 #[test]
+#[expect(clippy::too_many_lines, reason = "a table of changes to a scene")]
 fn what_cannot_be_right_or_is_far_from_any_parachute_is_said() {
     let small = Machine { cores: 2, ..LARGE };
     let mut wrong = Vec::new();

@@ -97,6 +97,11 @@ fn main() {
         println!("  {what:16} {:6.0} bytes a cell", bytes / n);
     }
     println!("  {:.1} GB/s over the time of an iteration", all / each * 1e-9);
+    print_split(split, n, solves);
+}
+
+/// What the ranks of a split grid of `n` cells send, with `solves` steps of the pressure equation an iteration.
+fn print_split(split: Vec<(usize, usize, usize, usize)>, n: f64, solves: f64) {
     println!("ranks  cells/rank  ghosts (most)  neighbours  MB sent a step (3.9 iterations)  messages");
     for (ranks, cells, ghosts, neighbours) in split {
         // q, gradients, transport, response, correction; each pressure step exchanges three times

@@ -11,6 +11,7 @@ mod common;
 #[path = "../tests/common/plate.rs"]
 mod plate;
 
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Gas, IdealGas, Isothermal, Laminar, Modelled, Viscosity};
 use flow_solver::turbulence::{SpalartAllmaras, ddes};
 use flow_solver::{Loads, Method, Solver, Step};
@@ -74,7 +75,7 @@ fn run<G: Gas<N>, V: Viscosity, const N: usize>(
     let moved = amplitude != 0.0;
     let start = if moved { solver.nodes.clone() } else { Vec::new() };
     // How far nodes follow the plate: linear along the stream, quadratic across.
-    let follow = |x: &[f64; 3]| {
+    let follow = |x: &Vec3| {
         let along = if x[2] < 0.0 { 1.0 + x[2] / 5.0 } else { 1.0 - x[2] / 10.0 };
         along * (1.0 - (x[0] / 5.0).powi(2)) * (1.0 - (x[1] / 5.0).powi(2))
     };

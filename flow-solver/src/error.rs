@@ -111,5 +111,5 @@ pub(crate) fn agree(comm: &Comm, finding: Option<Finding>) -> Option<(usize, Fin
     let mine: Vec<f64> =
         finding.map_or(Vec::new(), |(i, x, v)| vec![comm.rank() as f64, i as f64, x[0], x[1], x[2], v]);
     let all = comm.all_gather_var(&mine);
-    all.chunks_exact(6).next().map(|f| (f[0] as usize, (f[1] as u64, [f[2], f[3], f[4]], f[5])))
+    all.chunks_exact(6).next().map(|f| (f[0] as usize, (f[1] as u64, Vec3::new(f[2], f[3], f[4]), f[5])))
 }

@@ -1,13 +1,46 @@
 //! Weighted least-squares gradients, exact for linear fields on any grid.
 
-use nalgebra::{Matrix3, Vector3};
-
 use crate::geometry::Metrics;
-use crate::geometry::vec3::{Vec3, dot, scale, sub};
+use crate::geometry::vec3::{Mat3, Vec3};
 use crate::topology::Topology;
 
 /// Gradient of `N` variables: `g[direction][variable]`.
 pub type Gradient<const N: usize> = [[f64; N]; 3];
+
+/// Change of the variable `v` with the gradient `g` along `d`.
+#[inline(always)]
+pub fn along<const N: usize>(g: &Gradient<N>, v: usize, d: &Vec3) -> f64 {
+    g[0][v] * d.x + g[1][v] * d.y + g[2][v] * d.z
+}
+
+/// Velocity gradient (1/s, row: direction, column: component) within that of all unknowns.
+#[inline(always)]
+pub fn of_velocity<const N: usize>(g: &Gradient<N>) -> Mat3 {
+    let [x, y, z] = g;
+    Mat3::new(x[1], x[2], x[3], y[1], y[2], y[3], z[1], z[2], z[3])
+}
+
+/// Curl of the velocity, 1/s, from the gradient of all unknowns.
+#[inline(always)]
+pub fn vorticity<const N: usize>(g: &Gradient<N>) -> Vec3 {
+    let [x, y, z] = g;
+    Vec3::new(y[3] - z[2], z[1] - x[3], x[2] - y[1])
+}
+
+/// The state `q` of a cell, of gradient `g`, continued by `d` from its centre.
+#[inline(always)]
+pub fn extrapolated<const N: usize>(q: &[f64; N], g: &Gradient<N>, d: &Vec3) -> [f64; N] {
+    std::array::from_fn(|v| q[v] + g[0][v] * d.x + g[1][v] * d.y + g[2][v] * d.z)
+}
+
+/// Unknowns of local cells and their gradients.
+#[derive(Clone, Copy, Debug)]
+pub struct Field<'a, const N: usize> {
+    /// Unknowns.
+    pub q: &'a [[f64; N]],
+    /// Their gradients.
+    pub gradient: &'a [Gradient<N>],
+}
 
 /// Weights of each neighbour in the gradient of a cell: the rows of the
 /// pseudo-inverse of the distances, weighted by inverse distance squared. Single
@@ -50,20 +83,20 @@ impl LeastSquares {
         let a = topology.stencil();
         for i in 0..topology.n_owned {
             let row = a.start[i] as usize..a.start[i + 1] as usize;
-            let x = metrics.centre[i];
+            let x = metrics.centre(i);
             // xx, yy, zz, xy, xz, yz
             let mut m = [0.0; 6];
             for k in row.clone() {
-                let d = sub(metrics.centre[a.cell[k] as usize], x);
-                let w = 1.0 / dot(d, d);
+                let d = metrics.centre(a.cell[k] as usize) - x;
+                let w = 1.0 / d.norm_squared();
                 for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
                     *m += w * d[p] * d[q];
                 }
             }
             let inverse = inverse(m);
             for k in row {
-                let d = sub(metrics.centre[a.cell[k] as usize], x);
-                let w = scale(1.0 / dot(d, d), d);
+                let d = metrics.centre(a.cell[k] as usize) - x;
+                let w = d * (1.0 / d.norm_squared());
                 self.weight[k] = [
                     (inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2]) as f32,
                     (inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2]) as f32,
@@ -80,9 +113,9 @@ impl LeastSquares {
         reach.fill(0.0);
         topology.for_each_side(|f, i, _| {
             if i < topology.n_owned {
-                let d = sub(metrics.face_centre(topology, f), metrics.centre[i]);
+                let d = metrics.face_centre(topology, f) - metrics.centre(i);
                 let row = a.start[i] as usize..a.start[i + 1] as usize;
-                let sum: f64 = weight[row].iter().map(|w| dot(w.map(f64::from), d).abs()).sum();
+                let sum: f64 = weight[row].iter().map(|w| Vec3::from(w.map(f64::from)).dot(&d).abs()).sum();
                 reach[i] = reach[i].max(sum as f32);
             }
         });
@@ -153,7 +186,7 @@ impl LeastSquares {
     pub fn scalar(&self, topology: &Topology, i: usize, x: &[f32]) -> Vec3 {
         let a = topology.stencil();
         let row = a.start[i] as usize..a.start[i + 1] as usize;
-        let mut sum = [0.0; 3];
+        let mut sum = Vec3::zeros();
         for (&j, w) in a.cell[row.clone()].iter().zip(&self.weight[row]) {
             let d = f64::from(x[j as usize] - x[i]);
             for (s, &w) in sum.iter_mut().zip(w) {
@@ -175,12 +208,12 @@ fn inverse(m: [f64; 6]) -> [f64; 6] {
     if det > 1e-6 * trace * trace * trace {
         return cof.map(|x| x / det);
     }
-    let eigen = Matrix3::new(a, d, e, d, b, f, e, f, c).symmetric_eigen();
+    let eigen = Mat3::new(a, d, e, d, b, f, e, f, c).symmetric_eigen();
     let mut out = [0.0; 6];
     for k in 0..3 {
         let l = eigen.eigenvalues[k];
         if l > 1e-6 * trace {
-            let v: Vector3<f64> = eigen.eigenvectors.column(k).into();
+            let v: Vec3 = eigen.eigenvectors.column(k).into();
             for (o, (p, q)) in out.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
                 *o += v[p] * v[q] / l;
             }
@@ -193,9 +226,9 @@ fn inverse(m: [f64; 6]) -> [f64; 6] {
 mod tests {
     use super::*;
 
-    fn full(m: [f64; 6]) -> Matrix3<f64> {
+    fn full(m: [f64; 6]) -> Mat3 {
         let [a, b, c, d, e, f] = m;
-        Matrix3::new(a, d, e, d, b, f, e, f, c)
+        Mat3::new(a, d, e, d, b, f, e, f, c)
     }
 
     /// Any regular matrix, and pseudo-inverses of matrices of lower rank: `A X A = A`, `X A X = X`, both products
@@ -203,7 +236,7 @@ mod tests {
     #[test]
     fn inverses_and_pseudo_inverses() {
         let regular = [2.0, 3.0, 1.5, 0.7, -0.4, 0.9];
-        assert!((full(regular) * full(inverse(regular)) - Matrix3::identity()).norm() < 1e-14);
+        assert!((full(regular) * full(inverse(regular)) - Mat3::identity()).norm() < 1e-14);
         // Differences in a plane, and along a line.
         let of = |vectors: &[[f64; 3]]| {
             let mut m = [0.0; 6];

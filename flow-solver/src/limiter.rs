@@ -1,8 +1,7 @@
 //! Gradient limiting after Venkatakrishnan (1995).
 
 use crate::geometry::Metrics;
-use crate::geometry::vec3::sub;
-use crate::gradient::Gradient;
+use crate::gradient::{self, Gradient};
 use crate::topology::Topology;
 
 /// Scales the gradients of owned cells such that no face value leaves the range
@@ -35,11 +34,11 @@ pub fn venkatakrishnan<const N: usize>(
         if c >= n {
             return;
         }
-        let d = sub(metrics.face_centre(topology, f), metrics.centre[c]);
+        let d = metrics.face_centre(topology, f) - metrics.centre(c);
         let g = &gradient[c];
         let relative = k * metrics.size[c] / length;
         for v in 0..N {
-            let step = g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2];
+            let step = gradient::along(g, v, &d);
             let bound = if step > 0.0 { range[c].1[v] } else { range[c].0[v] };
             let eps2 = relative.powi(3) * scale[v] * scale[v];
             factor[c][v] = factor[c][v].min(share(bound, step, eps2));

@@ -2,7 +2,7 @@
 
 use comm::Halo;
 
-use crate::geometry::vec3::{Vec3, add, cross, norm, scale};
+use crate::geometry::vec3::Vec3;
 use crate::physics::{Gas, Viscosity};
 use crate::solver::Solver;
 
@@ -36,6 +36,7 @@ impl Loads {
     /// Loads of the solver's last step; afterwards the owned part of `faces` is
     /// complete. The canopy's normal points from inside to outside. Collective.
     pub fn compute<G: Gas<N>, V: Viscosity, const N: usize>(&mut self, solver: &Solver<G, V, N>) -> Total {
+        let _part = timing::part("loads");
         let on = solver.domain();
         self.faces.fill([0.0; 4]);
         let t = on.topology;
@@ -46,7 +47,7 @@ impl Loads {
         if V::ACTIVE {
             for side in t.no_slip.iter().filter(|s| s.canopy != u32::MAX) {
                 let shear = solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side);
-                for (l, s) in self.faces[side.canopy as usize][1..].iter_mut().zip(shear) {
+                for (l, s) in self.faces[side.canopy as usize][1..].iter_mut().zip(&shear) {
                     *l += s;
                 }
             }
@@ -56,15 +57,16 @@ impl Loads {
         for (load, &face) in self.faces[..t.canopy.n_owned].iter().zip(&t.canopy_face) {
             let centre = on.metrics.border(face);
             let face = &on.metrics.faces[face as usize];
-            let shear = scale(norm(face.area), [load[1], load[2], load[3]]);
-            let force = add(scale(load[0], face.area), shear);
-            let moment = cross(centre, force);
+            let shear = Vec3::new(load[1], load[2], load[3]) * face.magnitude();
+            let force = face.area * load[0] + shear;
+            let moment = centre.cross(&force);
             for d in 0..3 {
                 sum[d] += force[d];
                 sum[3 + d] += moment[d];
             }
         }
         solver.comm().sum_slice(&mut sum);
-        Total { force: [sum[0], sum[1], sum[2]], moment: [sum[3], sum[4], sum[5]] }
+        let [fx, fy, fz, mx, my, mz] = sum;
+        Total { force: Vec3::new(fx, fy, fz), moment: Vec3::new(mx, my, mz) }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use case::Role;
-use channel::{Fault, Input, ProgramArgs, Window};
+use channel::{Fault, Input, ProgramArgs, Stats, Window, flow_stats as at};
 use clap::Parser;
 use comm::Comm;
 use flow_solver::setup::Setup;
@@ -118,16 +118,15 @@ fn alone(args: &Alone) -> Result<(), String> {
 }
 
 fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
-    use channel::flow_stats as at;
     let scene = case::load(&args.scene).map_err(Fault::new)?;
     let mut participant = built(&args.scene, args.stage, &args.out, None, comm)?;
     let stage = &scene.stages[args.stage];
     let folder = case::stage_folder(&args.out, &scene, args.stage);
     let steps = match stage.steady {
         Some(_) => 1,
-        None => args.steps.unwrap_or((stage.duration_s / stage.window_s).round() as u64),
+        None => args.steps.unwrap_or(stage.windows()),
     };
-    let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+    let fall = scene.resolved().initial_speed_m_s;
     let mut output = vec![0.0; participant.output_rows().len() * channel::LOAD_WIDTH];
     if comm.is_root() {
         println!("   step    time s     force z N   residual start    end  steps  linear  Courant    wall s");
@@ -146,30 +145,11 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
         let input = Input { canopy: &[], grid: channel::Grid::default() };
         let stats = participant.advance(&w, &input, &mut output)?;
         participant.accept(&w)?;
-        let v = &stats.values;
-        let excess = channel::excess(Role::Flow, v).unwrap_or(0.0);
+        let excess = checked_excess(&w, &stats)?;
         unconverged += u64::from(excess > 1.0);
         worst = worst.max(excess);
-        if excess > channel::UNCONVERGED_LIMIT {
-            return Err(Fault::new(format!(
-                "step {index} (t = {:.4} s) is not converged: residual {:.3e} N, {excess:.1} times its target; raise \
-                 flow.solver.max_iterations, use flow.solver.method = \"gmres\", or shorten window_s",
-                w.time,
-                v[at::RESIDUAL_END]
-            )));
-        }
         if comm.is_root() {
-            println!(
-                "{index:7} {:9.4} {:13.4} {:12.3e} {:9.2e} {:5} {:7} {:8.2} {:9.3}",
-                w.time + w.dt,
-                v[at::FORCE + 2],
-                v[at::RESIDUAL_START],
-                v[at::RESIDUAL_END],
-                v[at::ITERATIONS],
-                v[at::LINEAR_ITERATIONS],
-                v[at::MAX_COURANT],
-                stats.busy_s
-            );
+            print_row(&w, &stats);
         }
         let due = args.snapshot_every > 0 && (index + 1) % args.snapshot_every == 0;
         if due || index + 1 == steps {
@@ -188,4 +168,38 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
         participant.save(&folder)?;
     }
     Ok(())
+}
+
+/// Residual of a step over its target.
+///
+/// # Errors
+/// One that is too far above it.
+fn checked_excess(w: &Window, stats: &Stats) -> Result<f64, Fault> {
+    let excess = channel::excess(Role::Flow, &stats.values).unwrap_or(0.0);
+    if excess > channel::UNCONVERGED_LIMIT {
+        return Err(Fault::new(format!(
+            "step {} (t = {:.4} s) is not converged: residual {:.3e} N, {excess:.1} times its target; raise \
+             flow.solver.max_iterations, use flow.solver.method = \"gmres\", or shorten window_s",
+            w.index,
+            w.time,
+            stats.values[at::RESIDUAL_END]
+        )));
+    }
+    Ok(excess)
+}
+
+fn print_row(w: &Window, stats: &Stats) {
+    let v = &stats.values;
+    println!(
+        "{:7} {:9.4} {:13.4} {:12.3e} {:9.2e} {:5} {:7} {:8.2} {:9.3}",
+        w.index,
+        w.time + w.dt,
+        v[at::FORCE + 2],
+        v[at::RESIDUAL_START],
+        v[at::RESIDUAL_END],
+        v[at::ITERATIONS],
+        v[at::LINEAR_ITERATIONS],
+        v[at::MAX_COURANT],
+        stats.busy_s
+    );
 }

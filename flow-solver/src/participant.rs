@@ -4,16 +4,15 @@ use std::path::Path;
 use std::time::Instant as Clock;
 
 use case::{Role, Turbulence, Wind};
-use channel::{
-    Announcement, Fault, Input, KeptError, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash,
-};
+use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
 
 use crate::error::FlowError;
-use crate::geometry::vec3::{norm, sub};
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
-use crate::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Modelled, Smagorinsky, Viscosity, Wale};
+use crate::physics::{
+    Gas, IdealGas, Inviscid, Isothermal, Laminar, Modelled, Smagorinsky, Viscosity, Wale, velocity,
+};
 use crate::remembered::Memory;
 use crate::residual::Spatial;
 use crate::setup::Setup;
@@ -21,7 +20,7 @@ use crate::snapshot::Snapshots;
 use crate::solver::{Report, Solver, Step};
 use crate::state;
 use crate::steady::{self, March};
-use crate::turbulence;
+use crate::turbulence::{self, SpalartAllmaras};
 
 /// One rank of the flow-solver.
 pub struct FlowParticipant<G, V, const N: usize> {
@@ -45,7 +44,7 @@ pub struct FlowParticipant<G, V, const N: usize> {
 /// # Errors
 /// A grid that cannot be used, a saved state that does not fit.
 pub fn participant(setup: &Setup, comm: &Comm) -> Result<Box<dyn Participant>, Fault> {
-    let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+    let flow = &setup.flow;
     let air = setup.settings.air;
     match flow.energy {
         None => with_gas(setup, comm, Isothermal::new(air)),
@@ -58,8 +57,7 @@ fn with_gas<G: Gas<N> + 'static, const N: usize>(
     comm: &Comm,
     gas: G,
 ) -> Result<Box<dyn Participant>, Fault> {
-    let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
-    Ok(match &flow.viscosity {
+    Ok(match &setup.flow.viscosity {
         None => Box::new(FlowParticipant::new(setup, comm, gas, Inviscid)?),
         Some(v) => {
             let viscosity = v.dynamic_viscosity_pa_s;
@@ -79,104 +77,136 @@ fn with_gas<G: Gas<N> + 'static, const N: usize>(
     })
 }
 
+/// The solver on this rank's part of the grid, in undisturbed air. Collective.
+fn started<G: Gas<N>, V: Viscosity, const N: usize>(
+    setup: &Setup,
+    comm: &Comm,
+    gas: G,
+    viscosity: V,
+) -> Result<Solver<G, V, N>, Fault> {
+    let topology = setup.topology(comm, V::ACTIVE)?;
+    let nodes = topology.node_global.iter().map(|&n| setup.grid.coords[n as usize].into()).collect();
+    let limiter = setup.flow.limiter.as_ref().map(|l| l.k);
+    let spatial = Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
+    let mut solver = Solver::new(comm, topology, nodes, spatial, setup.settings).map_err(Fault::new)?;
+    if let Some(shear) = &setup.shear {
+        solver.set_shear(shear.clone());
+    }
+    Ok(solver)
+}
+
+/// The transported turbulence that a scene asks for; `density` is that of the undisturbed air, kg/m3.
+fn transported<G: Gas<N>, V: Viscosity, const N: usize>(
+    solver: &Solver<G, V, N>,
+    viscosity: &case::Viscosity,
+    density: f64,
+) -> SpalartAllmaras {
+    let length: turbulence::Length = match viscosity.turbulence {
+        Some(Turbulence::Des97) => turbulence::des97,
+        Some(Turbulence::Ddes) => turbulence::ddes,
+        _ => turbulence::rans,
+    };
+    SpalartAllmaras::new(&solver.topology, viscosity.dynamic_viscosity_pa_s, density, length)
+}
+
+/// Continues from the state in `file`. Collective.
+fn restore<G: Gas<N>, V: Viscosity, const N: usize>(
+    solver: &mut Solver<G, V, N>,
+    setup: &Setup,
+    file: &Path,
+    totals: (usize, usize),
+) -> Result<(), Fault> {
+    let saved = state::load::<N>(file, &solver.topology, totals)?;
+    solver.restore_extras(&saved.extras);
+    // A stage of other windows begins with a step of first order: the grid that starts to move
+    // there has no step before it, and wall and air must take the same difference.
+    let begins = !setup.resumed && (setup.window_s - saved.last_dt).abs() > 1e-9 * setup.window_s;
+    let first_order_steps = saved.first_order_steps.max(u32::from(begins));
+    solver.restore(saved.past, saved.last_dt, first_order_steps).map_err(Fault::new)?;
+    solver.restore_ties(&saved.ties);
+    Ok(())
+}
+
+fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement {
+    Announcement {
+        role: Role::Flow.name().into(),
+        program: env!("CARGO_PKG_NAME").into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        canopy_nodes: setup.structure.n_canopy as u64,
+        canopy_faces: setup.structure.faces.len() as u64,
+        surface_hash: surface_hash(&setup.structure.faces),
+        grid_nodes: grid_nodes as u64,
+        output_width: LOAD_WIDTH as u64,
+        effects: [
+            channel::RESUME,
+            "flow",
+            "flow.gust",
+            channel::STAGE_WIND,
+            "stage.steady",
+            "flow.shear",
+            "fabric.permeability",
+            "flow.viscosity",
+            "flow.viscosity.turbulence",
+            "flow.viscosity.turbulence.spalart-allmaras",
+            "flow.viscosity.turbulence.des",
+            "flow.energy",
+            "flow.limiter",
+            "coupling.adaptive",
+        ]
+        .map(String::from)
+        .to_vec(),
+    }
+}
+
 impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
     /// From a set-up scene. Collective.
     ///
     /// # Errors
     /// A grid that cannot be used, a saved state that does not fit.
     pub fn new(setup: &Setup, comm: &Comm, gas: G, viscosity: V) -> Result<Self, Fault> {
-        let topology = setup.topology(comm, V::ACTIVE)?;
-        let nodes = topology.node_global.iter().map(|&n| setup.grid.coords[n as usize]).collect();
-        let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
-        let limiter = flow.limiter.as_ref().map(|l| l.k);
-        let spatial =
-            Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
-        let mut solver = Solver::new(comm, topology, nodes, spatial, setup.settings).map_err(Fault::new)?;
         let totals = (setup.grid.cells.len(), setup.grid.coords.len());
-        if let Some(shear) = &setup.shear {
-            solver.set_shear(shear.clone());
-        }
-        if let Some(v) = flow.viscosity.as_ref().filter(|_| V::TRANSPORTED) {
-            let length: turbulence::Length = match v.turbulence {
-                Some(Turbulence::Des97) => turbulence::des97,
-                Some(Turbulence::Ddes) => turbulence::ddes,
-                _ => turbulence::rans,
-            };
-            let (mu, rho) = (v.dynamic_viscosity_pa_s, flow.density_kg_m3);
-            let model = turbulence::SpalartAllmaras::new(&solver.topology, mu, rho, length);
-            solver.set_turbulence(model);
+        let mut solver = started(setup, comm, gas, viscosity)?;
+        if let Some(v) = setup.flow.viscosity.as_ref().filter(|_| V::TRANSPORTED) {
+            solver.set_turbulence(transported(&solver, v, setup.flow.density_kg_m3));
         }
         if let Some(file) = &setup.source {
-            let saved = state::load::<N>(file, &solver.topology, totals)?;
-            solver.restore_extras(&saved.extras);
-            // A stage of other windows begins with a step of first order: the grid that starts to move
-            // there has no step before it, and wall and air must take the same difference.
-            let begins = !setup.resumed && (setup.window_s - saved.last_dt).abs() > 1e-9 * setup.window_s;
-            let first_order_steps = saved.first_order_steps.max(u32::from(begins));
-            solver.restore(saved.past, saved.last_dt, first_order_steps).map_err(Fault::new)?;
-            solver.restore_ties(&saved.ties);
+            restore(&mut solver, setup, file, totals)?;
         }
-        let announcement = Announcement {
-            role: Role::Flow.name().into(),
-            program: env!("CARGO_PKG_NAME").into(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            canopy_nodes: setup.structure.n_canopy as u64,
-            canopy_faces: setup.structure.faces.len() as u64,
-            surface_hash: surface_hash(&setup.structure.faces),
-            grid_nodes: totals.1 as u64,
-            output_width: LOAD_WIDTH as u64,
-            effects: [
-                channel::RESUME,
-                "flow",
-                "flow.gust",
-                channel::STAGE_WIND,
-                "stage.steady",
-                "flow.shear",
-                "fabric.permeability",
-                "flow.viscosity",
-                "flow.viscosity.turbulence",
-                "flow.viscosity.turbulence.spalart-allmaras",
-                "flow.viscosity.turbulence.des",
-                "flow.energy",
-                "flow.limiter",
-                "coupling.adaptive",
-            ]
-            .map(String::from)
-            .to_vec(),
-        };
-        let loads = Loads::new(&solver);
-        let mut monitors = Monitors::new(setup, &solver)?;
-        let mut snapshots = Snapshots::default();
-        if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent()).filter(|_| setup.resumed) {
-            match Memory::load(comm, folder, solver.shape())? {
-                Some(mut memory) => {
-                    monitors.recall(std::mem::take(&mut memory.probes));
-                    let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
-                    let unfit = |reason: String| Fault::new(KeptError::unfit(&file, &reason));
-                    solver.recall(memory).map_err(unfit)?;
-                }
-                None if comm.is_root() => {
-                    println!(
-                        "what was saved is of another number of ranks: going on to the solvers' tolerance"
-                    );
-                }
-                None => {}
-            }
-            snapshots = Snapshots::resume(&setup.folder);
-        }
-        Ok(Self {
+        let mut participant = Self {
+            loads: Loads::new(&solver),
+            monitors: Monitors::new(setup, &solver)?,
+            snapshots: Snapshots::default(),
+            announcement: announcement(setup, totals),
             solver,
-            loads,
-            monitors,
-            snapshots,
-            announcement,
             totals,
             moved: false,
             wind: setup.wind.clone(),
             march: setup.march,
             answered: None,
             stuck: None,
-        })
+        };
+        if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent()).filter(|_| setup.resumed) {
+            participant.recall(comm, folder)?;
+            participant.snapshots = Snapshots::resume(&setup.folder);
+        }
+        Ok(participant)
+    }
+
+    /// Takes up what this rank saved in `folder` beside its share of the state. Collective.
+    fn recall(&mut self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
+        match Memory::load(comm, folder, self.solver.shape())? {
+            Some(mut memory) => {
+                self.monitors.recall(std::mem::take(&mut memory.probes));
+                let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
+                let unfit = |reason: String| Fault::new(archive::Error::content(&file, reason));
+                self.solver.recall(memory).map_err(unfit)?;
+            }
+            None if comm.is_root() => {
+                println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
+            }
+            None => {}
+        }
+        Ok(())
     }
 
     /// The answer where there is none. The coupler may ask for a shorter window, or save and end
@@ -225,7 +255,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
         let s = &self.solver;
         let (mut mach, mut courant, mut high, mut low) = (0.0f64, 0.0f64, f64::MIN, f64::MAX);
         for (q, h) in s.q[..s.topology.n_owned].iter().zip(&s.metrics.size) {
-            let speed = norm(sub([q[1], q[2], q[3]], s.scheme.frame));
+            let speed = (velocity(q) - s.scheme.frame).norm();
             mach = mach.max(speed * speed / s.spatial.gas.sound_speed_squared(q));
             courant = courant.max(speed * dt / h);
             high = high.max(q[0]);
@@ -233,8 +263,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
         }
         let comm = s.comm();
         let mut values = [0.0; channel::STATS];
-        values[flow_stats::FORCE..][..3].copy_from_slice(&total.force);
-        values[flow_stats::MOMENT..][..3].copy_from_slice(&total.moment);
+        values[flow_stats::FORCE..][..3].copy_from_slice(total.force.as_slice());
+        values[flow_stats::MOMENT..][..3].copy_from_slice(total.moment.as_slice());
         values[flow_stats::RESIDUAL_START] = report.start;
         values[flow_stats::RESIDUAL_END] = report.end;
         values[flow_stats::ITERATIONS] = report.iterations as f64;
@@ -265,6 +295,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let _part = timing::part("advance");
         let clock = Clock::now();
         self.moved = !input.grid.is_empty();
         if self.moved && !self.solver.settings.moving {
@@ -281,13 +312,14 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
             }
         }
         let again = self.answered == Some((w.index, w.dt));
-        let step = Step { dt: w.dt, frame: w.frame_velocity, again, moved: self.moved };
+        let frame = w.frame_velocity.into();
+        let step = Step { dt: w.dt, frame, again, moved: self.moved };
         (self.answered, self.stuck) = (None, None);
         let times = [w.dt, 0.0, -self.solver.step_before(w.dt)];
-        self.solver.blow(times.map(|t| self.wind.at(w.time + t)), w.dt);
+        self.solver.blow(times.map(|t| self.wind.at(w.time + t).into()), w.dt);
         let outcome = match &self.march {
             None => self.solver.advance(&step).map(|report| (self.loads.compute(&self.solver), report)),
-            Some(march) => steady::answer(march, &mut self.solver, &mut self.loads, w.frame_velocity),
+            Some(march) => steady::answer(march, &mut self.solver, &mut self.loads, frame),
         };
         let (total, report) = match outcome {
             Ok(answer) => answer,
@@ -308,6 +340,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        let _part = timing::part("accept");
         if self.answered.take().is_none_or(|(index, _)| index != w.index) {
             let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
             return Err(self.stuck.take().unwrap_or_else(none));
@@ -320,6 +353,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("save");
         let s = &self.solver;
         let file = case::state_file(folder, Role::Flow);
         if let Some(statistics) = self.monitors.statistics() {
@@ -330,6 +364,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("picture");
         self.snapshots.write(&self.solver, time, folder, self.monitors.statistics())
     }
 }

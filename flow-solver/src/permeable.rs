@@ -15,43 +15,12 @@
 //! What leaves one side enters the other: mass, and with it the velocity and the enthalpy
 //! that it had. The fabric thus feels exactly the jump of pressure.
 
-use crate::geometry::vec3::{Vec3, dot, sub};
-use crate::gradient::Gradient;
-use crate::physics::{FaceFlow, Gas, Scheme, Viscosity, relative_speed};
+pub use crate::physics::Permeability;
+
+use crate::gradient::{self, Field};
+use crate::physics::{FaceFlow, Gas, Scheme, Viscosity, relative_speed, velocity};
 use crate::residual::{Domain, Spatial};
 use crate::topology::Pore;
-
-/// Resistance of a cloth.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Permeability {
-    viscous: f64,
-    inertial: f64,
-}
-
-/// Coefficients beyond this are a wall: what passes is below all round-off.
-const WALL: f64 = 1e100;
-
-impl Permeability {
-    /// From the coefficients $a$ (Pa s/m) and $b$ (Pa s2/m2); infinity is a wall.
-    pub fn new(viscous: f64, inertial: f64) -> Self {
-        Self { viscous: viscous.min(WALL), inertial: inertial.min(WALL) }
-    }
-
-    /// The velocity at which cloth and a linear resistance `r` (Pa s/m) in series take up the
-    /// pressure `push` (Pa), m/s.
-    #[inline(always)]
-    pub fn velocity(&self, push: f64, r: f64) -> f64 {
-        let linear = self.viscous + r;
-        // The root of b v^2 + linear v = |push| that loses no digits, also at b = 0.
-        2.0 * push / (linear + (linear * linear + 4.0 * self.inertial * push.abs()).sqrt())
-    }
-
-    /// Derivative of [`Permeability::velocity`] by the pressure, at the velocity `v`, m/(s Pa).
-    #[inline(always)]
-    pub fn slope(&self, v: f64, r: f64) -> f64 {
-        1.0 / (self.viscous + r + 2.0 * self.inertial * v.abs())
-    }
-}
 
 /// Air that passes one pore.
 #[derive(Clone, Copy, Debug)]
@@ -66,17 +35,10 @@ pub struct Passage {
     pub tie: f64,
 }
 
-fn extrapolated<const N: usize>(
-    on: &Domain<'_>,
-    pore: &Pore,
-    cell: u32,
-    q: &[[f64; N]],
-    g: &[Gradient<N>],
-) -> [f64; N] {
-    let cell = cell as usize;
-    let d = sub(on.metrics.border(pore.face), on.metrics.centre[cell]);
-    let g = &g[cell];
-    std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2])
+/// State on the fabric as `cell` has it.
+fn beside<const N: usize>(on: &Domain<'_>, pore: &Pore, cell: usize, field: Field<'_, N>) -> [f64; N] {
+    let d = on.metrics.border(pore.face) - on.metrics.centre(cell);
+    gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d)
 }
 
 /// Air that passes `pore`, with the states `l` inside and `r` outside, on the fabric.
@@ -91,11 +53,10 @@ fn passage<G: Gas<N>, const N: usize>(
     [l, r]: [&[f64; N]; 2],
 ) -> Passage {
     let face = &on.metrics.faces[pore.face as usize];
-    let between = sub(on.metrics.centre[pore.outside as usize], on.metrics.centre[pore.inside as usize]);
-    let length = dot(between, between).sqrt();
-    let spacing = (dot(between, face.area) / face.magnitude()).max(0.2 * length);
-    let mean: Vec3 = std::array::from_fn(|d| 0.5 * (cells[0][1 + d] + cells[1][1 + d]));
-    let relative = (dot(mean, face.area) - face.grid_flux) / face.magnitude();
+    let way = on.metrics.centre(pore.outside as usize) - on.metrics.centre(pore.inside as usize);
+    let spacing = (way.dot(&face.area) / face.magnitude()).max(0.2 * way.norm());
+    let mean = (velocity(cells[0]) + velocity(cells[1])) * 0.5;
+    let relative = (mean.dot(&face.area) - face.grid_flux) / face.magnitude();
     let (held, resistance) = scheme.resistance(past, spacing, relative_speed(scheme, mean));
     let jump = l[0] - r[0];
     let rho = gas.density(if jump > 0.0 { l } else { r });
@@ -113,8 +74,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         &self,
         on: &Domain<'_>,
         scheme: &Scheme,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
+        field: Field<'_, N>,
         residual: &mut [[f64; N]],
         through: &mut [FaceFlow],
     ) where
@@ -122,10 +82,9 @@ impl<G, V: Viscosity> Spatial<G, V> {
     {
         for pore in &on.topology.pores {
             let (i, o) = (pore.inside as usize, pore.outside as usize);
-            let l = extrapolated(on, pore, pore.inside, q, gradient);
-            let r = extrapolated(on, pore, pore.outside, q, gradient);
+            let (l, r) = (beside(on, pore, i, field), beside(on, pore, o, field));
             let kept = &mut through[pore.face as usize];
-            let p = passage(&self.gas, on, scheme, pore, kept.past, [&q[i], &q[o]], [&l, &r]);
+            let p = passage(&self.gas, on, scheme, pore, kept.past, [&field.q[i], &field.q[o]], [&l, &r]);
             (kept.mass, kept.tie) = (p.mass as f32, p.tie as f32);
             let carried = self.gas.carried(if p.mass > 0.0 { &l } else { &r });
             for v in 0..N {
@@ -150,35 +109,5 @@ impl<G, V: Viscosity> Spatial<G, V> {
             let cells = [&q[pore.inside as usize], &q[pore.outside as usize]];
             (pore, passage(&self.gas, on, scheme, pore, [0.0; 2], cells, cells))
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn velocity_and_slope_follow_the_curve() {
-        let cloth = Permeability::new(254.0, 37.6);
-        for v in [-3.0f64, -0.2, 0.0, 1e-9, 0.458, 20.0] {
-            let push = (254.0 + 50.0) * v + 37.6 * v.abs() * v;
-            let found = cloth.velocity(push, 50.0);
-            assert!((found - v).abs() <= 1e-14 * v.abs(), "{found} {v}");
-            let h = 1e-3;
-            let numeric = (cloth.velocity(push + h, 50.0) - cloth.velocity(push - h, 50.0)) / (2.0 * h);
-            assert!((cloth.slope(v, 50.0) / numeric - 1.0).abs() < 1e-6);
-        }
-    }
-
-    #[test]
-    fn limits() {
-        let wall = Permeability::new(f64::INFINITY, f64::INFINITY);
-        for push in [0.0, 500.0] {
-            assert!(wall.velocity(push, 60.0) < 1e-45 && wall.slope(push, 60.0) < 1e-45);
-        }
-        let open = Permeability::new(0.0, 0.0);
-        assert_eq!(open.velocity(120.0, 60.0), 2.0);
-        let screen = Permeability::new(0.0, 4.0);
-        assert_eq!((screen.velocity(16.0, 0.0), screen.velocity(-16.0, 0.0)), (2.0, -2.0));
     }
 }

@@ -5,11 +5,10 @@
 use std::path::Path;
 
 use case::Role;
-use channel::{Fault, KeptError};
+use channel::Fault;
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::vec3::Vec3;
 use crate::implicit::MergedCells;
 use crate::monitors::Home;
 
@@ -24,7 +23,7 @@ pub struct WallMemory {
     /// Largest extent of owned cells, m.
     pub delta: Vec<f64>,
     /// Node positions at which both were computed, m.
-    pub at: Vec<Vec3>,
+    pub at: Vec<[f64; 3]>,
 }
 
 /// What a memory must fit: numbers of a rank's part of the grid.
@@ -60,7 +59,7 @@ impl Memory {
     /// Trouble with a file, on every rank.
     pub fn save(&self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
         let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
-        let outcome = channel::keep(&file, MAGIC, VERSION, self);
+        let outcome = archive::save(&file, MAGIC, VERSION, self);
         if comm.all(outcome.is_ok()) {
             return Ok(());
         }
@@ -74,7 +73,7 @@ impl Memory {
     ///
     /// # Errors
     /// A file that is damaged or does not fit, or holds what is no number.
-    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, KeptError> {
+    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, archive::Error> {
         channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(shape).map_err(Into::into))
     }
 

@@ -2,11 +2,11 @@
 
 use comm::Halo;
 
-use crate::geometry::vec3::{Vec3, add, dot, scale, sub};
+use crate::geometry::vec3::{Mat3, Vec3};
 use crate::geometry::{FaceMetric, Metrics};
-use crate::gradient::{Gradient, LeastSquares};
+use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
-use crate::physics::{self, FaceFlow, Gas, Interface, Scheme, Viscosity};
+use crate::physics::{self, FaceFlow, Gas, Interface, Scheme, Viscosity, velocity};
 use crate::topology::{Side, Topology};
 
 /// Models and constants of the spatial scheme.
@@ -49,11 +49,26 @@ pub struct Domain<'a> {
 }
 
 impl Domain<'_> {
+    /// The face of a side.
+    #[inline(always)]
+    fn face(&self, side: &Side) -> &FaceMetric {
+        &self.metrics.faces[side.face as usize]
+    }
+
     /// Constants of the flux with the undisturbed wind at the face of `side`.
     pub fn scheme_at(&self, scheme: &Scheme, side: &Side) -> Scheme {
         let excess = self.sheared.get(side.face as usize - self.topology.cells.len());
-        Scheme { wind: add(scheme.wind, *excess.unwrap_or(&[0.0; 3])), ..*scheme }
+        Scheme { wind: scheme.wind + excess.copied().unwrap_or_default(), ..*scheme }
     }
+}
+
+/// A face between two cells.
+struct Between<'a> {
+    face: &'a FaceMetric,
+    /// Cells that the area vector points from and to.
+    cells: [usize; 2],
+    /// From the centre of the first to that of the second, m.
+    way: Vec3,
 }
 
 impl<G, V: Viscosity> Spatial<G, V> {
@@ -88,84 +103,43 @@ impl<G, V: Viscosity> Spatial<G, V> {
         residual.fill([0.0; N]);
         let n = on.topology.n_inside;
         on.halo.overlap(gradient.as_flattened_mut().as_flattened_mut(), 3 * N, |gradient| {
-            let gradient = gradient.as_chunks::<N>().0.as_chunks().0;
-            self.interior(on, scheme, q, gradient, residual, through, 0..n);
+            let field = Field { q, gradient: gradient.as_chunks::<N>().0.as_chunks().0 };
+            self.interior(on, scheme, field, residual, through, 0..n);
         });
-        self.interior(on, scheme, q, gradient, residual, through, n..on.topology.cells.len());
-        self.boundary(on, scheme, q, gradient, residual, through);
-        self.pores(on, scheme, q, gradient, residual, through);
+        let field = Field { q, gradient };
+        self.interior(on, scheme, field, residual, through, n..on.topology.cells.len());
+        self.walls(on, scheme, field, residual);
+        self.open_boundaries(on, scheme, field, residual, through);
+        self.pores(on, scheme, field, residual, through);
     }
 
-    #[allow(clippy::too_many_arguments)]
+    /// Faces between two cells.
     fn interior<const N: usize>(
         &self,
         on: &Domain<'_>,
         scheme: &Scheme,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
+        field: Field<'_, N>,
         residual: &mut [[f64; N]],
         through: &mut [FaceFlow],
         range: std::ops::Range<usize>,
     ) where
         G: Gas<N>,
     {
-        let centre = &on.metrics.centre;
         let faces = on.metrics.faces[range.clone()]
             .iter()
             .zip(&mut through[range.clone()])
             .zip(&on.topology.cells[range]);
         for ((face, through), &[i, j]) in faces {
             let (i, j) = (i as usize, j as usize);
-            let (di, between) = (face.offset(), sub(centre[j], centre[i]));
-            let dj = sub(di, between);
-            let (qi, qj, gi, gj) = (&q[i], &q[j], &gradient[i], &gradient[j]);
-            let (mut l, mut r) = (*qi, *qj);
-            // The plain difference counts by where the face lies between the centres:
-            // a thin cell beside a thick one takes little of it.
-            let near = (dot(di, face.area) / (face.magnitude() * face.spacing())).clamp(0.0, 1.0);
-            let (chi_i, chi_j) = (self.chi * near, self.chi * (1.0 - near));
-            for v in 0..N {
-                let along_i = gi[0][v] * between[0] + gi[1][v] * between[1] + gi[2][v] * between[2];
-                let along_j = gj[0][v] * between[0] + gj[1][v] * between[1] + gj[2][v] * between[2];
-                let step = qj[v] - qi[v];
-                l[v] += gi[0][v] * di[0] + gi[1][v] * di[1] + gi[2][v] * di[2];
-                l[v] += chi_i * (step - along_i);
-                r[v] += gj[0][v] * dj[0] + gj[1][v] * dj[1] + gj[2][v] * dj[2];
-                r[v] -= chi_j * (step - along_j);
-            }
+            let pair = Between { face, cells: [i, j], way: on.metrics.centre(j) - on.metrics.centre(i) };
+            let [l, r] = self.reconstructed(field, &pair);
             let Interface { mut flux, mass, tie } =
                 physics::interface(&self.gas, scheme, &l, &r, face, through.past);
             (through.mass, through.tie) = (mass as f32, tie as f32);
             if V::ACTIVE {
-                // Mean gradient, its part along the line of centres replaced by the difference.
-                let length2 = dot(between, between);
-                let mut g = [[0.0; N]; 3];
-                for v in 0..N {
-                    for d in 0..3 {
-                        g[d][v] = 0.5 * (gi[d][v] + gj[d][v]);
-                    }
-                    let along = g[0][v] * between[0] + g[1][v] * between[1] + g[2][v] * between[2];
-                    let missing = (qj[v] - qi[v] - along) / length2;
-                    for d in 0..3 {
-                        g[d][v] += missing * between[d];
-                    }
-                }
-                let u: [Vec3; 3] = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
-                let h = 0.5 * (on.metrics.size[i] + on.metrics.size[j]);
-                let mut mu = self.viscosity.dynamic(self.gas.density(&l), &u, h);
-                if V::TRANSPORTED {
-                    mu += 0.5 * (on.eddy[i] + on.eddy[j]);
-                }
-                let force = physics::stress_force(mu, &u, face.area);
-                let velocity = [0.5 * (l[1] + r[1]), 0.5 * (l[2] + r[2]), 0.5 * (l[3] + r[3])];
-                let normal =
-                    |v: usize| g[0][v] * face.area[0] + g[1][v] * face.area[1] + g[2][v] * face.area[2];
-                let heat = self.gas.conduction(mu, normal, dot(force, velocity));
-                for (f, h) in flux.iter_mut().zip(heat) {
-                    *f -= h;
-                }
-                for d in 0..3 {
-                    flux[1 + d] -= force[d];
+                let viscous = self.viscous_flux(on, field, &pair, [&l, &r]);
+                for (f, v) in flux.iter_mut().zip(viscous) {
+                    *f -= v;
                 }
             }
             for v in 0..N {
@@ -175,84 +149,162 @@ impl<G, V: Viscosity> Spatial<G, V> {
         }
     }
 
-    fn boundary<const N: usize>(
+    /// States on the two sides of a face between two cells.
+    #[inline(always)]
+    fn reconstructed<const N: usize>(&self, field: Field<'_, N>, pair: &Between<'_>) -> [[f64; N]; 2] {
+        let &Between { face, cells: [i, j], way } = pair;
+        let di = face.offset();
+        let dj = di - way;
+        let (qi, qj, gi, gj) = (&field.q[i], &field.q[j], &field.gradient[i], &field.gradient[j]);
+        let (mut l, mut r) = (*qi, *qj);
+        // The plain difference counts by where the face lies between the centres:
+        // a thin cell beside a thick one takes little of it.
+        let near = (di.dot(&face.area) / (face.magnitude() * face.spacing())).clamp(0.0, 1.0);
+        let (chi_i, chi_j) = (self.chi * near, self.chi * (1.0 - near));
+        for v in 0..N {
+            let step = qj[v] - qi[v];
+            l[v] += gradient::along(gi, v, &di);
+            l[v] += chi_i * (step - gradient::along(gi, v, &way));
+            r[v] += gradient::along(gj, v, &dj);
+            r[v] -= chi_j * (step - gradient::along(gj, v, &way));
+        }
+        [l, r]
+    }
+
+    /// What stress and conduction pass from the second cell of a face to the first, between the states `l` and `r`
+    /// on its sides.
+    #[inline(always)]
+    fn viscous_flux<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        field: Field<'_, N>,
+        pair: &Between<'_>,
+        [l, r]: [&[f64; N]; 2],
+    ) -> [f64; N]
+    where
+        G: Gas<N>,
+    {
+        let &Between { face, cells: [i, j], way } = pair;
+        let (qi, qj, gi, gj) = (&field.q[i], &field.q[j], &field.gradient[i], &field.gradient[j]);
+        // Mean gradient, its part along the line of centres replaced by the difference.
+        let length2 = way.norm_squared();
+        let mut g = [[0.0; N]; 3];
+        for v in 0..N {
+            for d in 0..3 {
+                g[d][v] = 0.5 * (gi[d][v] + gj[d][v]);
+            }
+            let missing = (qj[v] - qi[v] - gradient::along(&g, v, &way)) / length2;
+            for d in 0..3 {
+                g[d][v] += missing * way[d];
+            }
+        }
+        let u = gradient::of_velocity(&g);
+        let h = 0.5 * (on.metrics.size[i] + on.metrics.size[j]);
+        let mut mu = self.viscosity.dynamic(self.gas.density(l), &u, h);
+        if V::TRANSPORTED {
+            mu += 0.5 * (on.eddy[i] + on.eddy[j]);
+        }
+        let force = physics::stress_force(mu, &u, face.area);
+        let work = force.dot(&((velocity(l) + velocity(r)) * 0.5));
+        let mut flux = self.gas.conduction(mu, |v| gradient::along(&g, v, &face.area), work);
+        flux[1..4].copy_from_slice(force.as_slice());
+        flux
+    }
+
+    /// Sides where nothing passes: the pressure, and what rubs.
+    fn walls<const N: usize>(
         &self,
         on: &Domain<'_>,
         scheme: &Scheme,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
+        field: Field<'_, N>,
+        residual: &mut [[f64; N]],
+    ) where
+        G: Gas<N>,
+    {
+        let t = on.topology;
+        for side in t.slip.iter().chain(&t.no_slip) {
+            let face = on.face(side);
+            let p = self.wall_pressure(on, field.q, field.gradient, side);
+            let f = physics::wall(&self.gas, p, face.area * side.sign, side.sign * face.grid_flux);
+            gain(residual, side, &f.flux);
+        }
+        if V::ACTIVE {
+            for side in &t.slip {
+                gain(residual, side, &self.normal_stress(on, field, side));
+            }
+            for side in &t.no_slip {
+                gain(residual, side, &self.friction(on, scheme, field, side));
+            }
+        }
+    }
+
+    /// No friction, but the normal stress of air that spreads along a slip wall.
+    fn normal_stress<const N: usize>(&self, on: &Domain<'_>, field: Field<'_, N>, side: &Side) -> [f64; N]
+    where
+        G: Gas<N>,
+    {
+        let area = on.face(side).area;
+        let cell = side.cell as usize;
+        let u = gradient::of_velocity(&field.gradient[cell]);
+        let mut mu = self.viscosity.dynamic(self.gas.density(&field.q[cell]), &u, on.metrics.size[cell]);
+        if V::TRANSPORTED {
+            mu += on.eddy[cell];
+        }
+        let force = physics::stress_force(mu, &u, area);
+        let normal = side.sign * force.dot(&area) / area.norm_squared();
+        let mut flux = self.gas.pressure_flux(0.0, Vec3::zeros(), 0.0);
+        for d in 0..3 {
+            flux[1 + d] -= normal * area[d];
+        }
+        flux
+    }
+
+    /// Friction on a no-slip wall and its work.
+    fn friction<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        field: Field<'_, N>,
+        side: &Side,
+    ) -> [f64; N]
+    where
+        G: Gas<N>,
+    {
+        let force = self.wall_traction(on, scheme, field.q, side) * on.face(side).magnitude();
+        let wall = self.wall_velocity(on, scheme, side);
+        let heat = self.gas.conduction(0.0, |_| 0.0, -force.dot(&wall));
+        let mut flux = heat.map(|h| -h);
+        for d in 0..3 {
+            flux[1 + d] += force[d];
+        }
+        flux
+    }
+
+    /// Far field and outlets.
+    fn open_boundaries<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        field: Field<'_, N>,
         residual: &mut [[f64; N]],
         through: &mut [FaceFlow],
     ) where
         G: Gas<N>,
     {
-        let t = on.topology;
-        let mut gain = |side: &Side, flux: &[f64; N]| {
-            for (r, f) in residual[side.cell as usize].iter_mut().zip(flux) {
-                *r += f;
-            }
-        };
-        let face_of = |side: &Side| &on.metrics.faces[side.face as usize];
-        for side in t.slip.iter().chain(&t.no_slip) {
-            let face = face_of(side);
-            let p = self.wall_pressure(on, q, gradient, side);
-            let f = physics::wall(&self.gas, p, scale(side.sign, face.area), side.sign * face.grid_flux);
-            gain(side, &f.flux);
-        }
-        if V::ACTIVE {
-            for side in &t.slip {
-                // No friction, but the normal stress of air that spreads along the wall.
-                let face = face_of(side);
-                let cell = side.cell as usize;
-                let g = &gradient[cell];
-                let u: [Vec3; 3] = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
-                let mut mu = self.viscosity.dynamic(self.gas.density(&q[cell]), &u, on.metrics.size[cell]);
-                if V::TRANSPORTED {
-                    mu += on.eddy[cell];
-                }
-                let force = physics::stress_force(mu, &u, face.area);
-                let normal = side.sign * dot(force, face.area) / dot(face.area, face.area);
-                let mut flux = self.gas.pressure_flux(0.0, [0.0; 3], 0.0);
-                for d in 0..3 {
-                    flux[1 + d] -= normal * face.area[d];
-                }
-                gain(side, &flux);
-            }
-            for side in &t.no_slip {
-                let face = face_of(side);
-                let force = scale(face.magnitude(), self.wall_traction(on, scheme, q, side));
-                let wall = self.wall_velocity(on, scheme, side);
-                let heat = self.gas.conduction(0.0, |_| 0.0, -dot(force, wall));
-                let mut flux = heat.map(|h| -h);
-                for d in 0..3 {
-                    flux[1 + d] += force[d];
-                }
-                gain(side, &flux);
-            }
-        }
         for (list, condition) in [
-            (&t.far_field, physics::far_field::<G, N> as Condition<G, N>),
-            (&t.outlet, physics::outlet::<G, N>),
+            (&on.topology.far_field, physics::far_field::<G, N> as Condition<G, N>),
+            (&on.topology.outlet, physics::outlet::<G, N>),
         ] {
             for side in list {
-                let face = face_of(side);
                 let cell = side.cell as usize;
-                let d = sub(on.metrics.border(side.face), on.metrics.centre[cell]);
-                let g = &gradient[cell];
-                let inside =
-                    std::array::from_fn(|v| q[cell][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2]);
+                let d = on.metrics.border(side.face) - on.metrics.centre(cell);
+                let inside = gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d);
                 let kept = &mut through[side.face as usize];
-                let f = condition(
-                    &self.gas,
-                    &on.scheme_at(scheme, side),
-                    &inside,
-                    &q[cell],
-                    face,
-                    side.sign,
-                    kept.past,
-                );
+                let scheme = on.scheme_at(scheme, side);
+                let (q, face) = (&field.q[cell], on.face(side));
+                let f = condition(&self.gas, &scheme, &inside, q, face, side.sign, kept.past);
                 (kept.mass, kept.tie) = (f.mass as f32, f.tie as f32);
-                gain(side, &f.flux);
+                gain(residual, side, &f.flux);
             }
         }
     }
@@ -266,9 +318,9 @@ impl<G, V: Viscosity> Spatial<G, V> {
         side: &Side,
     ) -> f64 {
         let cell = side.cell as usize;
-        let d = sub(on.metrics.border(side.face), on.metrics.centre[cell]);
+        let d = on.metrics.border(side.face) - on.metrics.centre(cell);
         let g = &gradient[cell];
-        q[cell][0] + g[0][0] * d[0] + g[1][0] * d[1] + g[2][0] * d[2]
+        q[cell][0] + g[0][0] * d.x + g[1][0] * d.y + g[2][0] * d.z
     }
 
     /// Shear stress of the air on a no-slip wall, Pa: on the wall, so the cell
@@ -283,18 +335,25 @@ impl<G, V: Viscosity> Spatial<G, V> {
     where
         G: Gas<N>,
     {
-        let face = &on.metrics.faces[side.face as usize];
+        let face = on.face(side);
         let cell = &q[side.cell as usize];
-        let slip = sub([cell[1], cell[2], cell[3]], self.wall_velocity(on, scheme, side));
+        let slip = velocity(cell) - self.wall_velocity(on, scheme, side);
         // The sub-grid model is silent at a wall: no eddy is smaller than it.
-        let mu = self.viscosity.dynamic(self.gas.density(cell), &[[0.0; 3]; 3], 0.0);
+        let mu = self.viscosity.dynamic(self.gas.density(cell), &Mat3::zeros(), 0.0);
         // Its own distance: a wall of zero thickness has another cell behind it.
         let height = on.metrics.height(side);
-        physics::wall_traction(mu, slip, scale(1.0 / face.magnitude(), face.area), height)
+        physics::wall_traction(mu, slip, face.area * (1.0 / face.magnitude()), height)
     }
 
     fn wall_velocity(&self, on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {
-        let w = on.wall_velocity[side.face as usize - on.topology.cells.len()];
-        [w[0] + scheme.frame[0], w[1] + scheme.frame[1], w[2] + scheme.frame[2]]
+        on.wall_velocity[side.face as usize - on.topology.cells.len()] + scheme.frame
+    }
+}
+
+/// Adds what leaves a boundary cell through `side`.
+#[inline(always)]
+fn gain<const N: usize>(residual: &mut [[f64; N]], side: &Side, flux: &[f64; N]) {
+    for (r, f) in residual[side.cell as usize].iter_mut().zip(flux) {
+        *r += f;
     }
 }

@@ -39,17 +39,17 @@ fn run<V: Viscosity>(
     viscosity: V,
     cloth: Option<Permeability>,
 ) -> Result<Vec<Vec3>, Fault> {
-    let (lo, hi) = ([-1.5, -1.5, -1.0], [1.5, 1.5, 2.0]);
+    let (lo, hi) = (Vec3::new(-1.5, -1.5, -1.0), Vec3::new(1.5, 1.5, 2.0));
     let side = Patch::Slip;
     let patches = [side, side, Patch::FarField, Patch::FarField, Patch::FarField, Patch::Outlet];
-    let grid = plate_grid([12, 12, 12], lo, hi, patches, 4, [4..8, 3..9]);
+    let grid = plate_grid([12, 12, 12], lo.into(), hi.into(), patches, 4, [4..8, 3..9]);
     let faces = FaceTable::new(&grid).map_err(Fault::new)?;
     let topology = partitioned(&grid, &faces, comm, true, cloth)?;
-    let start: Vec<Vec3> = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
+    let start: Vec<Vec3> = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
     let air = Air::new(1.225, 288.15);
     let settings = Settings {
         air,
-        wind: [0.5, 0.0, 4.0],
+        wind: Vec3::new(0.5, 0.0, 4.0),
         residual_drop: 1e-11,
         repeated_drop: 1e-11,
         max_iterations: 80,
@@ -78,15 +78,15 @@ fn run<V: Viscosity>(
     for k in if resumed { 2..4 } else { 0..4 } {
         let at = |t: f64, x: &Vec3| {
             let bump = (1.0 - (x[0] / 1.5).powi(2)) * (1.0 - (x[1] / 1.5).powi(2));
-            [x[0] + 0.05 * bump * t.sin(), x[1], x[2] + 0.2 * bump * (2.0 * t).sin()]
+            x + Vec3::new(0.05 * bump * t.sin(), 0.0, 0.2 * bump * (2.0 * t).sin())
         };
         let t = f64::from(k + 1) * dt * 5.0;
         for (i, x0) in start.iter().enumerate() {
             let (now, before) = (at(t, x0), at(t - 5.0 * dt, x0));
             solver.nodes[i] = now;
-            solver.node_velocity[i] = std::array::from_fn(|d| (now[d] - before[d]) / dt);
+            solver.node_velocity[i] = (now - before) / dt;
         }
-        let step = Step { dt, frame: [0.0, 0.1, -0.5], again: false, moved: true };
+        let step = Step { dt, frame: Vec3::new(0.0, 0.1, -0.5), again: false, moved: true };
         solver.advance(&step).map_err(Fault::new)?;
         forces.push(loads.compute(&solver).force);
         solver.accept(dt, true);

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use case::{FlowMethod, Role, Scene, StageTimes, Wind};
+use case::{Flow, FlowMethod, Role, Scene, StageTimes, Wind};
 use channel::Fault;
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Graph, QualityReport, StructureMesh};
 
+use crate::geometry::vec3::Vec3;
 use crate::permeable::Permeability;
 use crate::physics::{Air, VELOCITY_DIFFUSION};
 use crate::shear::Sheared;
@@ -18,6 +19,8 @@ use crate::topology::Topology;
 pub struct Setup {
     /// The scene.
     pub scene: Scene,
+    /// Its flow.
+    pub flow: Flow,
     /// The canopy.
     pub structure: StructureMesh,
     /// The whole flow grid at the start.
@@ -48,10 +51,71 @@ const DROP_OF_TOLERANCE: f64 = 10.0;
 
 /// The drop in repetitions of a step: that of the scene, or less where coupling iterations are to agree more
 /// closely.
-fn repeated_drop(scene: &Scene, stage: usize) -> f64 {
-    let drop = scene.flow.as_ref().map_or(1.0, |f| f.solver.residual_drop);
-    let coupled = scene.stages.get(stage).is_none_or(|s| s.kind == case::StageKind::Coupled);
+fn repeated_drop(scene: &Scene, flow: &Flow, stage: usize) -> f64 {
+    let drop = flow.solver.residual_drop;
+    let coupled = scene.stages[stage].kind == case::StageKind::Coupled;
     if coupled { drop.min(DROP_OF_TOLERANCE * scene.coupling.tolerance) } else { drop }
+}
+
+/// Air that the flow of a scene is made of.
+fn air(flow: &Flow) -> Air {
+    Air::new(flow.density_kg_m3, flow.temperature_k)
+}
+
+/// Speed at which the air meets the canopy at the start of a stage, m/s.
+///
+/// # Errors
+/// Supersonic flow, and a flow around a canopy at rest in which nothing moves.
+fn speed_at_start(
+    scene: &Scene,
+    stage: usize,
+    flow: &Flow,
+    wind: &Wind,
+    sheared: bool,
+) -> Result<f64, Fault> {
+    let fall = scene.resolved().initial_speed_m_s;
+    let [x, y, z] = wind.steady();
+    let speed = (x * x + y * y + (z + fall) * (z + fall)).sqrt();
+    let air = air(flow);
+    let sound = (air.gas_constant * air.temperature).sqrt();
+    if speed >= sound {
+        return Err(Fault::new(format!(
+            "the air meets the canopy at {speed:.1} m/s, faster than sound ({sound:.1} m/s): \
+             flow-solver is made for subsonic flow; lower wind_m_s or initial_speed_m_s"
+        )));
+    }
+    let still = speed == 0.0 && !scene.has_stage_wind() && !sheared;
+    if still && scene.stages[stage].kind == case::StageKind::FlowOnly {
+        return Err(Fault::new(format!(
+            "stage {stage} is the flow around a canopy at rest, but nothing moves: \
+             set descent.initial_speed_m_s or flow.wind_m_s"
+        )));
+    }
+    Ok(speed)
+}
+
+/// How the steps of a stage are solved; `wind` is that of its start, `speed` that at which it meets the canopy, m/s.
+fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) -> Settings {
+    let plan = &scene.stages[stage];
+    let moving = plan.kind != case::StageKind::FlowOnly;
+    Settings {
+        air: air(flow),
+        wind,
+        residual_drop: flow.solver.residual_drop,
+        repeated_drop: repeated_drop(scene, flow, stage),
+        max_iterations: flow.solver.iterations() as usize,
+        method: match flow.solver.method {
+            // A long step of a march is worth more corrections.
+            FlowMethod::Gmres if plan.steady.is_some() => Method::PressureCorrection { depth: 10 },
+            // Coupling iterations go on with what the last ones have learnt.
+            FlowMethod::Gmres => Method::PressureCorrection { depth: if moving { 5 } else { 4 } },
+            FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
+        },
+        // A canopy that starts at rest soon moves at metres per second.
+        reference_speed: 0.1 * speed.max(1.0),
+        velocity_diffusion: VELOCITY_DIFFUSION,
+        moving,
+    }
 }
 
 impl Setup {
@@ -73,67 +137,30 @@ impl Setup {
         };
         let grid = mesh::flow_grid(&scene, &structure, &positions).map_err(Fault::new)?;
         let faces = FaceTable::new(&grid).map_err(Fault::new)?;
-        let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
-        let shear = flow.shear.as_ref().map(|s| Sheared::of_scene(s, flow.wind_m_s));
+        let shear = flow.shear.as_ref().map(|s| Sheared::of_scene(s, flow.wind_m_s.into()));
         let wind = scene.wind(stage, &StageTimes::completed(&scene, out, stage));
         let wind = match &shear {
             None => wind,
-            Some(shear) => wind.with_steady(shear.base()),
+            Some(shear) => wind.with_steady(shear.base().into()),
         };
-        let [x, y, z] = wind.steady();
-        let air = Air::new(flow.density_kg_m3, flow.temperature_k);
-        let speed = (x * x + y * y + (z + fall) * (z + fall)).sqrt();
-        let sound = (air.gas_constant * air.temperature).sqrt();
-        if speed >= sound {
-            return Err(Fault::new(format!(
-                "the air meets the canopy at {speed:.1} m/s, faster than sound ({sound:.1} m/s): \
-                 flow-solver is made for subsonic flow; lower wind_m_s or initial_speed_m_s"
-            )));
-        }
-        let still = speed == 0.0 && !scene.has_stage_wind() && shear.is_none();
-        if still && scene.stages.get(stage).is_some_and(|s| s.kind == case::StageKind::FlowOnly) {
-            return Err(Fault::new(format!(
-                "stage {stage} is the flow around a canopy at rest, but nothing moves: \
-                 set descent.initial_speed_m_s or flow.wind_m_s"
-            )));
-        }
-        let march = scene.stages.get(stage).and_then(|s| s.steady.as_ref()).map(|s| March {
+        let speed = speed_at_start(&scene, stage, flow, &wind, shear.is_some())?;
+        let plan = &scene.stages[stage];
+        let march = plan.steady.as_ref().map(|s| March {
             residual_drop: s.residual_drop,
             force_change: s.force_change,
             max_steps: s.max_steps as usize,
             max_courant: s.max_courant,
         });
-        let moving = scene.stages.get(stage).is_none_or(|s| s.kind != case::StageKind::FlowOnly);
-        let settings = Settings {
-            air,
-            wind: wind.at(0.0),
-            residual_drop: flow.solver.residual_drop,
-            repeated_drop: repeated_drop(&scene, stage),
-            max_iterations: flow.solver.iterations() as usize,
-            method: match flow.solver.method {
-                // A long step is worth more corrections.
-                FlowMethod::Gmres if march.is_some() => Method::PressureCorrection { depth: 10 },
-                // Coupling iterations go on with what the last ones have learnt.
-                FlowMethod::Gmres => Method::PressureCorrection { depth: if moving { 5 } else { 4 } },
-                FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
-            },
-            // A canopy that starts at rest soon moves at metres per second.
-            reference_speed: 0.1 * speed.max(1.0),
-            velocity_diffusion: VELOCITY_DIFFUSION,
-            moving,
-        };
-        let source = scene.source_state(out, stage, Role::Flow);
-        let window_s = scene.stages.get(stage).map_or(0.0, |s| s.window_s);
-        let folder = case::stage_folder(out, &scene, stage);
         Ok(Self {
+            source: scene.source_state(out, stage, Role::Flow),
+            folder: case::stage_folder(out, &scene, stage),
+            window_s: plan.window_s,
+            settings: settings(&scene, stage, flow, wind.at(0.0).into(), speed),
+            flow: flow.clone(),
             structure,
             grid,
             faces,
-            folder,
-            source,
             resumed: false,
-            window_s,
-            settings,
             wind,
             shear,
             march,

@@ -5,7 +5,7 @@
 //! integrated from the frame's velocity as the grid fluxes are.
 
 use crate::geometry::Metrics;
-use crate::geometry::vec3::{Vec3, sub};
+use crate::geometry::vec3::Vec3;
 use crate::topology::Topology;
 
 pub use case::WindProfile as Profile;
@@ -25,12 +25,12 @@ pub struct Sheared {
 impl Sheared {
     /// A frame whose origin starts at `height`.
     pub fn new(profile: Profile, height: f64) -> Self {
-        Self { base: profile.at(height), profile, height, next: height }
+        Self { base: profile.at(height).into(), profile, height, next: height }
     }
 
     /// What a scene asks for; `wind` is its wind at the reference height.
     pub fn of_scene(s: &case::Shear, wind: Vec3) -> Self {
-        Self::new(s.profile_of(wind), s.start_height_m)
+        Self::new(s.profile_of(wind.into()), s.start_height_m)
     }
 
     /// Wind at the start at the frame's origin, m/s: the wind that the solver is told.
@@ -40,7 +40,7 @@ impl Sheared {
 
     /// What the wind at `z` (m, in the frame, at the last accepted instant) has more than the base.
     pub fn excess(&self, z: f64) -> Vec3 {
-        sub(self.profile.at(self.height + z), self.base)
+        Vec3::from(self.profile.at(self.height + z)) - self.base
     }
 
     /// The frame moves upwards by `rise` (m) in the coming step: fills what the wind has more
@@ -48,7 +48,7 @@ impl Sheared {
     pub fn advance(&mut self, rise: f64, topology: &Topology, metrics: &Metrics, excess: &mut [Vec3]) {
         self.next = self.height + rise;
         for (e, f) in excess.iter_mut().zip(topology.cells.len() as u32..) {
-            *e = sub(self.profile.at(self.next + metrics.border(f)[2]), self.base);
+            *e = Vec3::from(self.profile.at(self.next + metrics.border(f).z)) - self.base;
         }
     }
 

@@ -5,9 +5,10 @@ use std::path::Path;
 use channel::Fault;
 use mesh::vtk::{Series, Values, write_volume};
 
-use crate::geometry::vec3::{Vec3, norm, sub};
+use crate::geometry::vec3::Vec3;
+use crate::gradient;
 use crate::monitors::Statistics;
-use crate::physics::{Gas, Viscosity};
+use crate::physics::{Gas, Viscosity, velocity};
 use crate::solver::Solver;
 
 /// The series of one stage.
@@ -62,63 +63,110 @@ impl Snapshots {
                 .map_err(|e| Fault::new(format!("cannot create {}: {e}", parent.display())))?;
         }
         let n = solver.topology.n_owned;
-        let q = &solver.q[..n];
-        let single = |v: Vec3| v.map(|x| x as f32);
-        let velocity = |q: &[f64; N]| [q[1], q[2], q[3]];
-        let relative = |q: &[f64; N]| sub(velocity(q), solver.scheme.frame);
-        let pressure: Vec<f32> = q.iter().map(|q| q[0] as f32).collect();
-        let ground: Vec<[f32; 3]> = q.iter().map(|q| single(velocity(q))).collect();
-        let fall: Vec<[f32; 3]> = q.iter().map(|q| single(relative(q))).collect();
-        let mach: Vec<f32> = q
-            .iter()
-            .map(|q| (norm(relative(q)) / solver.spatial.gas.sound_speed_squared(q).sqrt()) as f32)
-            .collect();
-        let mut vorticity = Vec::with_capacity(n);
-        let mut q_criterion = Vec::with_capacity(n);
-        for g in &solver.gradient[..n] {
-            let d = |i: usize, j: usize| g[j][i + 1];
-            vorticity.push(single([d(2, 1) - d(1, 2), d(0, 2) - d(2, 0), d(1, 0) - d(0, 1)]));
-            let mut sum = 0.0;
-            for i in 0..3 {
-                for j in 0..3 {
-                    sum -= 0.5 * d(i, j) * d(j, i);
-                }
-            }
-            q_criterion.push(sum as f32);
-        }
-        let mut fields = vec![
-            ("pressure_pa", Values::F32(&pressure)),
-            ("velocity_ground_m_s", Values::Vector32(&ground)),
-            ("velocity_frame_m_s", Values::Vector32(&fall)),
-            ("mach", Values::F32(&mach)),
-            ("vorticity_1_s", Values::Vector32(&vorticity)),
-            ("q_criterion_1_s2", Values::F32(&q_criterion)),
-        ];
-        let gathered = statistics.map(|s| {
-            let rows = (0..n).map(|c| s.of(c));
-            rows.map(|(mean, rms)| (mean.map(|x| x as f32), rms.map(|x| x as f32))).collect::<Vec<_>>()
-        });
-        let scalar = |rms: bool| {
-            let rows = gathered.iter().flatten();
-            rows.map(|(m, r)| if rms { r[0] } else { m[0] }).collect::<Vec<f32>>()
-        };
-        let vector = |rms: bool| {
-            let rows = gathered.iter().flatten().map(|(m, r)| if rms { r } else { m });
-            rows.map(|v| [v[1], v[2], v[3]]).collect::<Vec<_>>()
-        };
-        let (p_mean, p_rms, u_mean, u_rms) = (scalar(false), scalar(true), vector(false), vector(true));
-        if gathered.is_some() {
-            fields.extend([
-                ("pressure_mean_pa", Values::F32(&p_mean)),
-                ("pressure_rms_pa", Values::F32(&p_rms)),
-                ("velocity_frame_mean_m_s", Values::Vector32(&u_mean)),
-                ("velocity_frame_rms_m_s", Values::Vector32(&u_rms)),
-            ]);
-        }
-        let eddy: Vec<f32> = solver.eddy()[..n.min(solver.eddy().len())].iter().map(|e| *e as f32).collect();
+        let now = State::of(solver);
+        let gathered = statistics.map(|s| Gathered::of(s, n));
+        let mut fields = now.fields();
+        fields.extend(gathered.iter().flat_map(Gathered::fields));
+        let eddy: Vec<f32> = solver.eddy().iter().take(n).map(|e| *e as f32).collect();
         if !eddy.is_empty() {
             fields.push(("eddy_viscosity_pa_s", Values::F32(&eddy)));
         }
-        write_volume(file, &solver.nodes, &solver.topology.cell_nodes, &[], &fields).map_err(Fault::new)
+        let nodes: Vec<mesh::Point> = solver.nodes.iter().map(|x| (*x).into()).collect();
+        write_volume(file, &nodes, &solver.topology.cell_nodes, &[], &fields).map_err(Fault::new)
     }
+}
+
+/// A named field of the picture.
+type Named<'a> = (&'static str, Values<'a>);
+
+/// Vectors are drawn in single precision.
+fn single(v: Vec3) -> [f32; 3] {
+    v.map(|x| x as f32).into()
+}
+
+/// Fields of the owned cells at one instant.
+struct State {
+    pressure: Vec<f32>,
+    /// Relative to the ground, and to the falling frame.
+    ground: Vec<[f32; 3]>,
+    fall: Vec<[f32; 3]>,
+    mach: Vec<f32>,
+    vorticity: Vec<[f32; 3]>,
+    q_criterion: Vec<f32>,
+}
+
+impl State {
+    fn of<G: Gas<N>, V: Viscosity, const N: usize>(solver: &Solver<G, V, N>) -> Self {
+        let n = solver.topology.n_owned;
+        let (q, g) = (&solver.q[..n], &solver.gradient[..n]);
+        let relative = |q: &[f64; N]| velocity(q) - solver.scheme.frame;
+        let mach = |q: &[f64; N]| relative(q).norm() / solver.spatial.gas.sound_speed_squared(q).sqrt();
+        Self {
+            pressure: q.iter().map(|q| q[0] as f32).collect(),
+            ground: q.iter().map(|q| single(velocity(q))).collect(),
+            fall: q.iter().map(|q| single(relative(q))).collect(),
+            mach: q.iter().map(|q| mach(q) as f32).collect(),
+            vorticity: g.iter().map(|g| single(gradient::vorticity(g))).collect(),
+            q_criterion: g.iter().map(|g| q_criterion(g) as f32).collect(),
+        }
+    }
+
+    fn fields(&self) -> Vec<Named<'_>> {
+        vec![
+            ("pressure_pa", Values::F32(&self.pressure)),
+            ("velocity_ground_m_s", Values::Vector32(&self.ground)),
+            ("velocity_frame_m_s", Values::Vector32(&self.fall)),
+            ("mach", Values::F32(&self.mach)),
+            ("vorticity_1_s", Values::Vector32(&self.vorticity)),
+            ("q_criterion_1_s2", Values::F32(&self.q_criterion)),
+        ]
+    }
+}
+
+/// Second invariant of the velocity gradient, 1/s2: positive where rotation outweighs strain.
+fn q_criterion<const N: usize>(g: &gradient::Gradient<N>) -> f64 {
+    let mut sum = 0.0;
+    for i in 0..3 {
+        for j in 0..3 {
+            sum -= 0.5 * g[j][i + 1] * g[i][j + 1];
+        }
+    }
+    sum
+}
+
+/// Means and fluctuations of the owned cells.
+struct Gathered {
+    pressure_mean: Vec<f32>,
+    pressure_rms: Vec<f32>,
+    velocity_mean: Vec<[f32; 3]>,
+    velocity_rms: Vec<[f32; 3]>,
+}
+
+impl Gathered {
+    fn of(statistics: &Statistics, n: usize) -> Self {
+        let of = |c: usize| {
+            let (mean, rms) = statistics.of(c);
+            (mean.map(|x| x as f32), rms.map(|x| x as f32))
+        };
+        Self {
+            pressure_mean: (0..n).map(|c| of(c).0[0]).collect(),
+            pressure_rms: (0..n).map(|c| of(c).1[0]).collect(),
+            velocity_mean: (0..n).map(|c| vector(of(c).0)).collect(),
+            velocity_rms: (0..n).map(|c| vector(of(c).1)).collect(),
+        }
+    }
+
+    fn fields(&self) -> [Named<'_>; 4] {
+        [
+            ("pressure_mean_pa", Values::F32(&self.pressure_mean)),
+            ("pressure_rms_pa", Values::F32(&self.pressure_rms)),
+            ("velocity_frame_mean_m_s", Values::Vector32(&self.velocity_mean)),
+            ("velocity_frame_rms_m_s", Values::Vector32(&self.velocity_rms)),
+        ]
+    }
+}
+
+/// The velocity among pressure and velocity.
+fn vector([_, u, v, w]: [f32; 4]) -> [f32; 3] {
+    [u, v, w]
 }

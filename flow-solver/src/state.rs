@@ -2,16 +2,20 @@
 
 use std::path::Path;
 
+use archive::codec::compact;
+use archive::hash::fnv1a;
 use channel::Fault;
 use comm::Comm;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::vec3::Vec3;
 use crate::physics::{Gas, Viscosity};
 use crate::solver::{Instant, Solver};
 use crate::topology::Topology;
 
-const MAGIC: u64 = u64::from_le_bytes(*b"RIPFLOW\0");
-const VERSION: u32 = 2;
+const KIND: [u8; 8] = *b"RIPFLOW\0";
+const VERSION: u32 = 3;
 
 /// What effects keep from step to step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -25,8 +29,6 @@ pub struct Extras {
 /// Two instants in global order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Saved {
-    magic: u64,
-    version: u32,
     equations: u32,
     cells: u64,
     nodes: u64,
@@ -72,9 +74,14 @@ impl Saved {
     }
 }
 
-/// FNV-1a.
-pub(crate) fn checksum(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
+/// The value in a file of the layout before archives: its kind and `version`, the value in compact form, a checksum.
+pub(crate) fn before_archives<T: DeserializeOwned>(bytes: &[u8], kind: [u8; 8], version: u32) -> Option<T> {
+    let (body, sum) = bytes.split_last_chunk::<8>()?;
+    if fnv1a(body.iter().copied()) != u64::from_le_bytes(*sum) {
+        return None;
+    }
+    let (head, value): ((u64, u32), T) = compact::decode(body).ok()?;
+    (head == (u64::from_le_bytes(kind), version)).then_some(value)
 }
 
 /// Rows of all ranks in global order, on every rank.
@@ -106,7 +113,10 @@ pub fn save<G: Gas<N>, V: Viscosity, const N: usize>(
     let (comm, topology) = (solver.comm(), &solver.topology);
     let n = topology.n_owned;
     let q = [0, 1].map(|k| gather(comm, topology.numbering.owned(), &solver.past[k].q[..n], cells));
-    let x = [0, 1].map(|k| gather(comm, &topology.node_global, solver.past_nodes(k), nodes));
+    let x = [0, 1].map(|k| {
+        let x: Vec<[f64; 3]> = solver.past_nodes(k).iter().map(|x| (*x).into()).collect();
+        gather(comm, &topology.node_global, &x, nodes)
+    });
     let faces: Vec<u64> = topology.face_global.iter().map(|&f| u64::from(f)).collect();
     let count = comm.max(faces.iter().fold(0.0, |m, &f| (f as f64 + 1.0).max(m))) as usize;
     let ties: Vec<[f64; 2]> = solver.through().iter().map(|t| t.past.map(f64::from)).collect();
@@ -115,8 +125,6 @@ pub fn save<G: Gas<N>, V: Viscosity, const N: usize>(
     let mut outcome = Ok(());
     if comm.is_root() {
         let saved = Saved {
-            magic: MAGIC,
-            version: VERSION,
             equations: N as u32,
             cells: cells as u64,
             nodes: nodes as u64,
@@ -136,15 +144,7 @@ pub fn save<G: Gas<N>, V: Viscosity, const N: usize>(
 }
 
 fn write(file: &Path, saved: &Saved) -> Result<(), Fault> {
-    let fail =
-        |e: &dyn std::fmt::Display| Fault::new(format!("cannot write flow state {}: {e}", file.display()));
-    let mut bytes =
-        bincode::serde::encode_to_vec(saved, bincode::config::standard()).map_err(|e| fail(&e))?;
-    let sum = checksum(&bytes);
-    bytes.extend(sum.to_le_bytes());
-    let aside = file.with_extension("part");
-    std::fs::write(&aside, &bytes).map_err(|e| fail(&e))?;
-    std::fs::rename(&aside, file).map_err(|e| fail(&e))
+    archive::save(file, KIND, VERSION, saved).map(|_| ()).map_err(|e| Fault::new(format!("flow state: {e}")))
 }
 
 /// Two instants as saved.
@@ -175,27 +175,10 @@ fn unknowns<const N: usize>(saved: &[f64]) -> [f64; N] {
 /// A file that is missing, damaged, of another version or of another grid, or holds what is no
 /// number.
 pub fn read(file: &Path, totals: (usize, usize)) -> Result<Saved, Fault> {
-    let fail = |what: &dyn std::fmt::Display| {
-        Fault::new(format!("flow state {}: {what}; run the stage that writes it again", file.display()))
-    };
-    let bytes = std::fs::read(file).map_err(|e| fail(&e))?;
-    let (body, tail) = bytes.split_last_chunk::<8>().ok_or_else(|| fail(&"is empty"))?;
-    if checksum(body) != u64::from_le_bytes(*tail) {
-        return Err(fail(&"is damaged (checksum)"));
-    }
-    // The head first: what follows it differs from version to version.
-    let config = bincode::config::standard();
-    let ((magic, version), _): ((u64, u32), usize) =
-        bincode::serde::decode_from_slice(body, config).map_err(|e| fail(&e))?;
-    if magic != MAGIC || version != VERSION {
-        return Err(fail(&format!("is of version {version}, this program reads {VERSION}")));
-    }
-    let (saved, used): (Saved, usize) =
-        bincode::serde::decode_from_slice(body, config).map_err(|e| fail(&e))?;
-    if used != body.len() {
-        return Err(fail(&"is longer than its content"));
-    }
-    saved.check(totals).map_err(|what| fail(&what))?;
+    let fail = |e: archive::Error| Fault::new(format!("flow state: {e}"));
+    let version_2 = |bytes: &[u8]| before_archives(bytes, KIND, 2);
+    let saved: Saved = archive::load_or_earlier(file, KIND, VERSION, version_2).map_err(fail)?;
+    saved.check(totals).map_err(|what| fail(archive::Error::content(file, format!("it {what}"))))?;
     Ok(saved)
 }
 
@@ -212,14 +195,12 @@ pub fn load<const N: usize>(
     let equations = saved.equations as usize;
     let faces = topology.face_global.iter().map(|&f| 2 * f as usize);
     if faces.clone().max().is_some_and(|f| f + 1 >= saved.ties.len()) {
-        return Err(Fault::new(format!(
-            "flow state {}: has fewer faces than this stage's grid; run the stage that writes it again",
-            file.display()
-        )));
+        let unfit = archive::Error::content(file, "it has fewer faces than this stage's grid");
+        return Err(Fault::new(format!("flow state: {unfit}")));
     }
     let ties = faces.map(|f| [saved.ties[f] as f32, saved.ties[f + 1] as f32]).collect();
     let row = |g: u64, k: usize| unknowns(&saved.q[k][g as usize * equations..][..equations]);
-    let node = |g: u64, k: usize| std::array::from_fn(|d| saved.x[k][g as usize * 3 + d]);
+    let node = |g: u64, k: usize| Vec3::from_column_slice(&saved.x[k][g as usize * 3..][..3]);
     let past = [0, 1].map(|k| Instant {
         q: topology.numbering.global.iter().map(|&g| row(g, k)).collect(),
         volume: vec![0.0; topology.n_local()],
@@ -232,4 +213,21 @@ pub fn load<const N: usize>(
         ties,
         extras: saved.extras,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_from_before_archives_are_read() {
+        let extras = Extras { height: Some(12.5), turbulence: Some([vec![1.0], vec![-0.0]]) };
+        let mut bytes = compact::encode(&((u64::from_le_bytes(KIND), 2u32), &extras));
+        let sum = fnv1a(bytes.iter().copied());
+        bytes.extend(sum.to_le_bytes());
+        assert_eq!(before_archives(&bytes, KIND, 2), Some(extras));
+        assert_eq!(before_archives::<Extras>(&bytes, KIND, 3), None);
+        bytes[20] ^= 1;
+        assert_eq!(before_archives::<Extras>(&bytes, KIND, 2), None);
+    }
 }

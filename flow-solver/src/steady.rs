@@ -5,7 +5,7 @@
 //! At the end of the march the steps are so long that the flux is that of the steady limit.
 
 use crate::error::FlowError;
-use crate::geometry::vec3::{Vec3, norm, sub};
+use crate::geometry::vec3::Vec3;
 use crate::loads::{Loads, Total};
 use crate::physics::{Gas, Viscosity};
 use crate::solver::{Report, Solver, Step};
@@ -142,8 +142,8 @@ fn left_over<G: Gas<N>, V: Viscosity, const N: usize>(solver: &Solver<G, V, N>, 
 /// Largest distance of the forces from the last of them, as a share of it.
 fn change(last: &[(f64, Vec3)]) -> f64 {
     let Some((_, end)) = last.last() else { return f64::INFINITY };
-    let off = last.iter().map(|(_, f)| norm(sub(*f, *end))).fold(0.0, f64::max);
-    off / norm(*end).max(f64::MIN_POSITIVE)
+    let off = last.iter().map(|(_, f)| (f - end).norm()).fold(0.0, f64::max);
+    off / end.norm().max(f64::MIN_POSITIVE)
 }
 
 /// What a march answers a window with.

@@ -19,23 +19,10 @@ impl Backward {
     /// Second order, for two steps of equal length.
     pub const SECOND: Self = Self { c: [1.5, -2.0, 0.5] };
 
-    /// Longest step in units of the step before it for which two of them make a second-order difference.
-    /// With steps that grow by more than $1 + \sqrt 2$ from each to the next the difference is not
-    /// zero-stable (Grigorieff 1983).
-    pub const LONGEST_RATIO: f64 = 2.4;
-
-    /// Second order for a step that is `ratio` times as long as the one before it:
-    /// $c_0 = (1 + 2r)/(1 + r)$, $c_1 = -(1 + r)$, $c_2 = r^2/(1 + r)$. First order where the
-    /// step is longer than [`Backward::LONGEST_RATIO`].
+    /// Second order for a step that is `ratio` times as long as the one before it, by [`channel::bdf2`]. First order
+    /// where the step is longer than [`channel::LONGEST_RATIO`].
     pub fn second(ratio: f64) -> Self {
-        // Also where the ratio is not a number.
-        if !(ratio > 0.0 && ratio <= Self::LONGEST_RATIO) {
-            return Self::FIRST;
-        }
-        let share = ratio / (1.0 + ratio);
-        let (c0, c2) = (1.0 + share, ratio * share);
-        // The sum is zero to the last bit: what does not change has no rate.
-        Self { c: [c0, -(c0 + c2), c2] }
+        channel::bdf2(ratio).map_or(Self::FIRST, |c| Self { c })
     }
 
     /// Grid flux (m3/s) of a face that sweeps `now` in this step of length `dt`

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use comm::Numbering;
 use mesh::{FaceTable, FlowGrid, Patch, clean_face};
 
-use crate::permeable::Permeability;
+use crate::physics::Permeability;
 use crate::stencil::Neighbourhoods;
 
 /// How one side of a boundary face acts on its cell.
@@ -153,115 +153,22 @@ impl Topology {
         viscous: bool,
         cloth: Option<Permeability>,
     ) -> Self {
-        let owned: Vec<u64> =
-            order.iter().filter(|&&c| part[c as usize] == rank).map(|&c| u64::from(c)).collect();
-        let mut ghosts = Vec::new();
-        for &(_, i, j) in &faces.interior {
-            let (pi, pj) = (part[i as usize], part[j as usize]);
-            if pi != pj && pi == rank {
-                ghosts.push((u64::from(j), pj));
-            } else if pi != pj && pj == rank {
-                ghosts.push((u64::from(i), pi));
-            }
-        }
-        if cloth.is_some() {
-            for &(i, o) in &faces.canopy {
-                let (pi, po) = (part[i as usize], part[o as usize]);
-                if pi != po && pi == rank {
-                    ghosts.push((u64::from(o), po));
-                } else if pi != po && po == rank {
-                    ghosts.push((u64::from(i), pi));
-                }
-            }
-        }
         let wide = Neighbourhoods::new(grid, faces);
-        if let Some(wide) = &wide {
-            wide.of_all(&owned, |row| {
-                let foreign = row.iter().filter(|&&j| part[j as usize] != rank);
-                ghosts.extend(foreign.map(|&j| (u64::from(j), part[j as usize])));
-            });
-        }
-        let numbering = Numbering::new(owned, ghosts);
-        let n_owned = numbering.n_owned;
-        let local = |c: u32| numbering.local(u64::from(c));
-
-        let mut t = Self { n_owned, ..Self::default() };
-        let mut node_local: HashMap<u32, u32> = HashMap::new();
-        let mut node = |n: u32, list: &mut Vec<u64>| {
-            *node_local.entry(n).or_insert_with(|| {
-                list.push(u64::from(n));
-                list.len() as u32 - 1
-            })
+        let numbering = numbered(faces, Owners { part, rank }, order, cloth.is_some(), wide.as_ref());
+        let mut parts = Builder {
+            grid,
+            faces,
+            of: Owners { part, rank },
+            node_local: HashMap::new(),
+            t: Self { n_owned: numbering.n_owned, numbering, ..Self::default() },
         };
-        for &c in numbering.owned() {
-            let nodes = grid.cells[c as usize].map(|n| node(n, &mut t.node_global));
-            t.cell_nodes.push(nodes);
-        }
-        let mut interior: Vec<(usize, u32, u32)> = Vec::new();
-        for (f, &(_, i, j)) in faces.interior.iter().enumerate() {
-            if let (true, Some(a), Some(b)) =
-                (part[i as usize] == rank || part[j as usize] == rank, local(i), local(j))
-            {
-                interior.push((f, a as u32, b as u32));
-            }
-        }
-        // Those that need no ghost first; near in memory what is near in space.
-        let ghostly = |f: &(usize, u32, u32)| f.1.max(f.2) as usize >= n_owned;
-        interior.sort_by_key(|f| (ghostly(f), f.1.min(f.2), f.1.max(f.2)));
-        t.n_inside = interior.partition_point(|f| !ghostly(f));
-        for (f, a, b) in interior {
-            t.face_nodes.push(faces.interior[f].0.map(|n| node(n, &mut t.node_global)));
-            t.face_global.push(f as u32);
-            t.cells.push([a, b]);
-        }
-        let boundary = faces.boundary.iter().enumerate().filter(|(_, f)| part[f.2 as usize] == rank);
-        for (f, &(patch, nodes, c)) in boundary {
-            t.face_global.push((faces.interior.len() + f) as u32);
-            let side = Side {
-                face: t.face_nodes.len() as u32,
-                cell: local(c).expect("owned") as u32,
-                sign: 1.0,
-                canopy: u32::MAX,
-            };
-            t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
-            match patch {
-                Patch::FarField => t.far_field.push(side),
-                Patch::Outlet => t.outlet.push(side),
-                Patch::Wall => t.no_slip.push(side),
-                Patch::Slip | Patch::Symmetry => t.slip.push(side),
-            }
-        }
-        let of = |c: u32| part[c as usize];
-        let (mut mine, mut theirs) = (Vec::new(), Vec::new());
-        for (k, &(inside, outside)) in faces.canopy.iter().enumerate() {
-            if of(inside) == rank {
-                mine.push(k as u64);
-            } else if of(outside) == rank {
-                theirs.push((k as u64, of(inside)));
-            }
-        }
-        t.canopy = Numbering::new(mine, theirs);
-        for (k, &g) in t.canopy.global.iter().enumerate() {
-            let (inside, outside) = faces.canopy[g as usize];
-            let nodes = clean_face(grid.canopy_faces[g as usize]).expect("the face table has checked it");
-            let face = t.face_nodes.len() as u32;
-            t.face_nodes.push(nodes.map(|n| node(n, &mut t.node_global)));
-            t.face_global.push((faces.interior.len() + faces.boundary.len()) as u32 + g as u32);
-            t.canopy_face.push(face);
-            if let (Some(cloth), Some(inside), Some(outside)) = (cloth, local(inside), local(outside)) {
-                t.pores.push(Pore { face, inside: inside as u32, outside: outside as u32, cloth });
-            }
-            for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
-                if of(cell) == rank {
-                    let cell = local(cell).expect("owned") as u32;
-                    let side = Side { face, cell, sign, canopy: k as u32 };
-                    if viscous { t.no_slip.push(side) } else { t.slip.push(side) }
-                }
-            }
-        }
-        t.adjacency = Adjacency::new(n_owned, &t.cells);
-        t.wide = wide.map(|w| w.rows(&numbering));
-        t.numbering = numbering;
+        parts.add_cells();
+        parts.add_interior();
+        parts.add_boundary();
+        parts.add_canopy(viscous, cloth);
+        let mut t = parts.t;
+        t.adjacency = Adjacency::new(t.n_owned, &t.cells);
+        t.wide = wide.map(|w| w.rows(&t.numbering));
         t
     }
 
@@ -291,5 +198,165 @@ impl Topology {
         for s in self.sides() {
             visit(s.face as usize, s.cell as usize, s.sign);
         }
+    }
+}
+
+/// Owners of the cells of the whole grid, as one rank sees them.
+#[derive(Clone, Copy)]
+struct Owners<'a> {
+    part: &'a [u32],
+    rank: u32,
+}
+
+impl Owners<'_> {
+    fn is_mine(&self, cell: u32) -> bool {
+        self.part[cell as usize] == self.rank
+    }
+
+    /// Cell and owner of that of two cells which is another rank's, where the other is mine.
+    fn ghost(&self, i: u32, j: u32) -> Option<(u64, u32)> {
+        let (pi, pj) = (self.part[i as usize], self.part[j as usize]);
+        if pi != pj && pi == self.rank {
+            Some((u64::from(j), pj))
+        } else if pi != pj && pj == self.rank {
+            Some((u64::from(i), pi))
+        } else {
+            None
+        }
+    }
+}
+
+/// Owned cells in their order, and the ghosts that faces, cloth and gradients need.
+fn numbered(
+    faces: &FaceTable,
+    of: Owners<'_>,
+    order: &[u32],
+    cloth: bool,
+    wide: Option<&Neighbourhoods>,
+) -> Numbering {
+    let owned: Vec<u64> = order.iter().filter(|&&c| of.is_mine(c)).map(|&c| u64::from(c)).collect();
+    let mut ghosts: Vec<(u64, u32)> = faces.interior.iter().filter_map(|&(_, i, j)| of.ghost(i, j)).collect();
+    if cloth {
+        ghosts.extend(faces.canopy.iter().filter_map(|&(i, o)| of.ghost(i, o)));
+    }
+    if let Some(wide) = wide {
+        wide.of_all(&owned, |row| {
+            let foreign = row.iter().filter(|&&j| !of.is_mine(j));
+            ghosts.extend(foreign.map(|&j| (u64::from(j), of.part[j as usize])));
+        });
+    }
+    Numbering::new(owned, ghosts)
+}
+
+/// A topology whose cells are numbered, as its faces are added: between cells, boundary, canopy.
+struct Builder<'a> {
+    grid: &'a FlowGrid,
+    faces: &'a FaceTable,
+    of: Owners<'a>,
+    node_local: HashMap<u32, u32>,
+    t: Topology,
+}
+
+impl Builder<'_> {
+    /// Local numbers of nodes, which are given to new ones.
+    fn nodes<const K: usize>(&mut self, nodes: [u32; K]) -> [u32; K] {
+        let list = &mut self.t.node_global;
+        nodes.map(|n| {
+            *self.node_local.entry(n).or_insert_with(|| {
+                list.push(u64::from(n));
+                list.len() as u32 - 1
+            })
+        })
+    }
+
+    fn local(&self, cell: u32) -> Option<u32> {
+        self.t.numbering.local(u64::from(cell)).map(|c| c as u32)
+    }
+
+    /// Adds a face of global nodes; returns its local number.
+    fn add_face(&mut self, nodes: [u32; 4], global: usize) -> u32 {
+        let nodes = self.nodes(nodes);
+        self.t.face_nodes.push(nodes);
+        self.t.face_global.push(global as u32);
+        self.t.face_nodes.len() as u32 - 1
+    }
+
+    fn add_cells(&mut self) {
+        for k in 0..self.t.n_owned {
+            let cell = self.t.numbering.global[k];
+            let nodes = self.nodes(self.grid.cells[cell as usize]);
+            self.t.cell_nodes.push(nodes);
+        }
+    }
+
+    fn add_interior(&mut self) {
+        let mut interior: Vec<(usize, u32, u32)> = Vec::new();
+        for (f, &(_, i, j)) in self.faces.interior.iter().enumerate() {
+            if let (true, Some(a), Some(b)) =
+                (self.of.is_mine(i) || self.of.is_mine(j), self.local(i), self.local(j))
+            {
+                interior.push((f, a, b));
+            }
+        }
+        // Those that need no ghost first; near in memory what is near in space.
+        let n_owned = self.t.n_owned;
+        let ghostly = |f: &(usize, u32, u32)| f.1.max(f.2) as usize >= n_owned;
+        interior.sort_by_key(|f| (ghostly(f), f.1.min(f.2), f.1.max(f.2)));
+        self.t.n_inside = interior.partition_point(|f| !ghostly(f));
+        for (f, a, b) in interior {
+            self.add_face(self.faces.interior[f].0, f);
+            self.t.cells.push([a, b]);
+        }
+    }
+
+    fn add_boundary(&mut self) {
+        let faces = self.faces;
+        for (f, &(patch, nodes, c)) in faces.boundary.iter().enumerate() {
+            if !self.of.is_mine(c) {
+                continue;
+            }
+            let face = self.add_face(nodes, faces.interior.len() + f);
+            let side = Side { face, cell: self.local(c).expect("owned"), sign: 1.0, canopy: u32::MAX };
+            let t = &mut self.t;
+            match patch {
+                Patch::FarField => t.far_field.push(side),
+                Patch::Outlet => t.outlet.push(side),
+                Patch::Wall => t.no_slip.push(side),
+                Patch::Slip | Patch::Symmetry => t.slip.push(side),
+            }
+        }
+    }
+
+    fn add_canopy(&mut self, viscous: bool, cloth: Option<Permeability>) {
+        let faces = self.faces;
+        let (mut mine, mut theirs) = (Vec::new(), Vec::new());
+        for (k, &(inside, outside)) in faces.canopy.iter().enumerate() {
+            if self.of.is_mine(inside) {
+                mine.push(k as u64);
+            } else if self.of.is_mine(outside) {
+                theirs.push((k as u64, self.of.part[inside as usize]));
+            }
+        }
+        let before = faces.interior.len() + faces.boundary.len();
+        let canopy = Numbering::new(mine, theirs);
+        for (k, &g) in canopy.global.iter().enumerate() {
+            let (inside, outside) = faces.canopy[g as usize];
+            let nodes =
+                clean_face(self.grid.canopy_faces[g as usize]).expect("the face table has checked it");
+            let face = self.add_face(nodes, before + g as usize);
+            self.t.canopy_face.push(face);
+            if let (Some(cloth), Some(inside), Some(outside)) =
+                (cloth, self.local(inside), self.local(outside))
+            {
+                self.t.pores.push(Pore { face, inside, outside, cloth });
+            }
+            for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
+                if self.of.is_mine(cell) {
+                    let side = Side { face, cell: self.local(cell).expect("owned"), sign, canopy: k as u32 };
+                    if viscous { self.t.no_slip.push(side) } else { self.t.slip.push(side) }
+                }
+            }
+        }
+        self.t.canopy = canopy;
     }
 }

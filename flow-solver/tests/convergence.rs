@@ -5,6 +5,7 @@ mod common;
 mod plate;
 
 use common::{at_rest, isothermal, settings};
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Laminar;
 use flow_solver::steady::March;
 use flow_solver::{FlowError, Loads, Method};
@@ -68,7 +69,7 @@ fn a_repeated_step_is_judged_by_the_drop_of_its_window() {
     }
     let first = s.advance(&last).expect("solved");
     last.again = true;
-    last.frame = [0.0, 0.0, -1e-3];
+    last.frame = Vec3::new(0.0, 0.0, -1e-3);
     let again = s.advance(&last).expect("solved");
     assert!(first.met && again.met, "{first:?} {again:?}");
     // A tenth of the start of the window, for the grid moves.
@@ -84,7 +85,7 @@ fn a_march_never_ends_in_a_step_that_is_not_solved() {
         let mut s = plate(iterations, 1e-2);
         s.settings.moving = false;
         let mut loads = Loads::new(&s);
-        let marched = march.run(&mut s, [0.0; 3], |s| loads.compute(s).force);
+        let marched = march.run(&mut s, Vec3::zeros(), |s| loads.compute(s).force);
         (marched, loads.compute(&s).force[2])
     };
     match run(8).0 {

@@ -10,7 +10,8 @@ mod common;
 
 use common::{Noise, isothermal, settings, solver_with_cloth};
 use flow_solver::geometry::FaceMetric;
-use flow_solver::geometry::vec3::{Vec3, dot, norm, scale, sub};
+use flow_solver::geometry::vec3::Vec3;
+use flow_solver::gradient::Field;
 use flow_solver::implicit::{Correction, LuSgs, PressureCorrection, PressureSystem};
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
@@ -35,8 +36,8 @@ fn grid() -> FlowGrid {
 }
 
 const CLOTH: (f64, f64) = (20.0, 6.0);
-const WIND: Vec3 = [1.3, 3.0, 1.0];
-const FRAME: Vec3 = [0.2, -0.4, 0.3];
+const WIND: Vec3 = Vec3::new(1.3, 3.0, 1.0);
+const FRAME: Vec3 = Vec3::new(0.2, -0.4, 0.3);
 
 fn cold() -> Air {
     Air::new(1.2, 0.3)
@@ -56,7 +57,7 @@ fn case<G: Gas<N>, V: Viscosity, const N: usize>(
         *q = std::array::from_fn(|v| at[v] + size[v] * noise.next());
     }
     for f in &mut s.metrics.faces {
-        f.grid_flux = dot(f.area, FRAME) + 0.03 * noise.next();
+        f.grid_flux = f.area.dot(&FRAME) + 0.03 * noise.next();
     }
     let eddy = (0..s.q.len()).map(|_| 0.4 + 0.2 * noise.next()).collect();
     let scheme = Scheme { rate: 15.0, tie: [18.0, -21.0, 3.0], frame: FRAME, ..s.scheme };
@@ -109,17 +110,17 @@ fn pore<G: Gas<N>, const N: usize>(
     face: &FaceMetric,
 ) -> (f64, f64) {
     let [i, o] = cells;
-    let area = norm(face.area);
-    let unit = scale(1.0 / area, face.area);
+    let area = face.area.norm();
+    let unit = face.area * (1.0 / area);
     let (l, r) = (&s.q[i], &s.q[o]);
-    let mean: Vec3 = std::array::from_fn(|d| 0.5 * (l[1 + d] + r[1 + d]));
-    let against = sub(mean, scheme.frame);
-    let speed = (dot(against, against) + scheme.floor_squared).sqrt();
-    let spacing = dot(sub(s.metrics.centre[o], s.metrics.centre[i]), unit);
+    let mean: Vec3 = Vec3::from_fn(|d, _| 0.5 * (l[1 + d] + r[1 + d]));
+    let against = mean - scheme.frame;
+    let speed = (against.dot(&against) + scheme.floor_squared).sqrt();
+    let spacing = (s.metrics.centre(o) - s.metrics.centre(i)).dot(&unit);
     let jump = l[0] - r[0];
     let rho = gas.density(if jump > 0.0 { l } else { r });
     let resistance = rho * (spacing * scheme.tie[0] + 2.0 * (speed + 10.0 * scheme.floor_squared.sqrt()));
-    let relative = dot(mean, unit) - face.grid_flux / area;
+    let relative = mean.dot(&unit) - face.grid_flux / area;
     let balance = |v: f64| resistance * (v - relative) - jump + CLOTH.0 * v + CLOTH.1 * v.abs() * v;
     let (mut low, mut high) = (-100.0, 100.0);
     for _ in 0..90 {
@@ -136,13 +137,14 @@ fn pores<G: Gas<N>, V: Viscosity, const N: usize>(s: &Solver<G, V, N>) -> Vec<([
 
 /// `(D + L) D^-1 (D + U) x = -r` of LU-SGS: `D` of pseudo time, time and half the waves, off-diagonal blocks
 /// `(A - lambda Gamma) / 2`.
+#[expect(clippy::too_many_lines, reason = "the method written down once more, from top to bottom")]
 fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f64) {
     let (s, scheme, eddy) = case::<G, V, N>(gas, viscosity);
     let on = Domain { eddy: &eddy, ..s.domain() };
     let (courant, extra, share) = (3.0, 1.7, 0.8);
     let mut solver = LuSgs::<N>::new(&s.topology, courant);
     let gradient = vec![[[0.0; N]; 3]; s.q.len()];
-    solver.assemble(&s.spatial, &on, &scheme, &s.q, &gradient, s.through(), extra);
+    solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, s.through(), extra);
     let mut noise = Noise(13);
     let r: Vec<[f64; N]> =
         s.q.iter().map(|_| std::array::from_fn(|v| [1.0, 1.0, 1.0, 1.0, 0.01][v] * noise.next())).collect();
@@ -151,7 +153,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
 
     let (t, m) = (&s.topology, &s.metrics);
     let n = s.q.len();
-    let velocity = |c: usize| [s.q[c][1], s.q[c][2], s.q[c][3]];
+    let velocity = |c: usize| physics::velocity(&s.q[c]);
     let sound = |c: usize| gas.sound_speed_squared(&s.q[c]).sqrt();
     let nu = |c: usize| {
         if V::ACTIVE {
@@ -162,8 +164,8 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     };
     let reference: Vec<f64> = (0..n)
         .map(|c| {
-            let d = sub(velocity(c), FRAME);
-            let speed = (dot(d, d) + scheme.floor_squared).sqrt();
+            let d = velocity(c) - FRAME;
+            let speed = (d.dot(&d) + scheme.floor_squared).sqrt();
             reference_speed(speed, m.size[c], scheme.rate, nu(c), sound(c))
         })
         .collect();
@@ -175,9 +177,9 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     let mut a = DMatrix::<f64>::zeros(n * N, n * N);
     for (k, &[i, j]) in t.cells.iter().enumerate() {
         let (i, j, f) = (i as usize, j as usize, &m.faces[k]);
-        let area = norm(f.area);
+        let area = f.area.norm();
         let wave = |c: usize| {
-            let along = (dot(velocity(c), f.area) - f.grid_flux) / area;
+            let along = (velocity(c).dot(&f.area) - f.grid_flux) / area;
             spectral_radius(along, reference[c], sound(c)) + 2.0 * nu(c) / f.spacing()
         };
         let wave = wave(i).max(wave(j)) * area;
@@ -191,7 +193,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     }
     for side in t.far_field.iter().chain(&t.outlet) {
         let c = side.cell as usize;
-        waves[c] += (norm(velocity(c)) + sound(c)) * norm(m.faces[side.face as usize].area);
+        waves[c] += (velocity(c).norm() + sound(c)) * m.faces[side.face as usize].area.norm();
     }
     for (cells, face) in pores(&s) {
         let (_, slope) = pore(&gas, &s, &scheme, cells, &m.faces[face]);
@@ -200,7 +202,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     if V::ACTIVE {
         for side in &t.no_slip {
             let c = side.cell as usize;
-            waves[c] += 2.0 * nu(c) * norm(m.faces[side.face as usize].area) / m.height(side);
+            waves[c] += 2.0 * nu(c) * m.faces[side.face as usize].area.norm() / m.height(side);
         }
     }
     for c in 0..n {
@@ -236,6 +238,7 @@ const FOLLOWING: f64 = 0.8;
 
 /// The pressure correction as it is defined: one symmetric sweep of the transport, the compact pressure equation by
 /// elimination, the velocity after the gradient of the pressure.
+#[expect(clippy::too_many_lines, reason = "the method written down once more, from top to bottom")]
 fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f64) {
     let (s, scheme, eddy) = case::<G, V, N>(gas, viscosity);
     let on = Domain { eddy: &eddy, ..s.domain() };
@@ -257,7 +260,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
         s.q.iter().map(|_| std::array::from_fn(|v| [1.0, 1.0, 1.0, 1.0, 0.01][v] * noise.next())).collect();
     let mut solver = PressureCorrection::new(&s.topology);
     (solver.tolerance, solver.max_iterations) = (1e-6, 60);
-    solver.assemble(&s.spatial, &on, &scheme, &s.q, &gradient, &through, extra);
+    solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, &through, extra);
     let mut q = s.q.clone();
     let report = Correction::<G, V, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
     assert!(report.drop <= 1e-6, "{report:?}");
@@ -268,7 +271,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     let c2: Vec<f64> = s.q.iter().map(|q| gas.sound_speed_squared(q)).collect();
     let mu = |c: usize| if V::ACTIVE { own + if V::TRANSPORTED { eddy[c] } else { 0.0 } } else { 0.0 };
     let mass = |face: usize| f64::from(through[face].mass);
-    let area = |face: u32| norm(m.faces[face as usize].area);
+    let area = |face: u32| m.faces[face as usize].area.norm();
     // Transport: storage, what is carried in from upwind, half the velocity diffusion's mean, friction.
     let mut a = DMatrix::<f64>::zeros(n, n);
     for c in 0..n {
@@ -277,7 +280,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     for (k, &[i, j]) in t.cells.iter().enumerate() {
         let (i, j, f) = (i as usize, j as usize, &m.faces[k]);
         let both = 0.25 * scheme.velocity_diffusion * mass(k).abs()
-            + 0.5 * (mu(i) + mu(j)) * norm(f.area) / f.spacing();
+            + 0.5 * (mu(i) + mu(j)) * f.area.norm() / f.spacing();
         for (row, column, inflow) in [(i, j, -mass(k)), (j, i, mass(k))] {
             a[(row, column)] = -(both + inflow.max(0.0));
             a[(row, row)] += both + inflow.max(0.0);
@@ -325,13 +328,13 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
         .map(|side| {
             let c = side.cell as usize;
             let stiff = (1.0 - leaving(side)) * 0.5 * rho[c] * c2[c].sqrt() * area(side.face);
-            let unit = scale(1.0 / area(side.face), m.faces[side.face as usize].area);
+            let unit = m.faces[side.face as usize].area * (1.0 / area(side.face));
             (c, unit, stiff / (stiff + a[(c, c)]))
         })
         .collect();
     assert!(t.far_field.iter().any(|s| leaving(s) > 0.1 && leaving(s) < 0.9), "a face that is left in part");
     for &(c, unit, part) in &held {
-        let along = part * dot([x[c][0], x[c][1], x[c][2]], unit);
+        let along = part * Vec3::new(x[c][0], x[c][1], x[c][2]).dot(&unit);
         (0..3).for_each(|d| x[c][d] -= along * unit[d]);
     }
     let response: Vec<f64> =
@@ -339,13 +342,13 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     // Pressure: compression, what it drives through faces, pores and boundaries; against what the velocity leaves.
     let mut p = DMatrix::<f64>::zeros(n, n);
     let mut b = DVector::from_fn(n, |c, _| -r[c][0]);
-    let flow = |c: usize, s: Vec3| dot([x[c][0], x[c][1], x[c][2]], s);
+    let flow = |c: usize, s: Vec3| Vec3::new(x[c][0], x[c][1], x[c][2]).dot(&s);
     for c in 0..n {
         p[(c, c)] = rate * m.volume[c] / c2[c];
     }
     for (k, &[i, j]) in t.cells.iter().enumerate() {
         let (i, j, f) = (i as usize, j as usize, &m.faces[k]);
-        let drive = 0.5 * (response[i] + response[j]) * norm(f.area) / f.spacing();
+        let drive = 0.5 * (response[i] + response[j]) * f.area.norm() / f.spacing();
         let moved = 0.25 * (rho[i] + rho[j]) * (flow(i, f.area) + flow(j, f.area));
         for (row, column, sign) in [(i, j, 1.0), (j, i, -1.0)] {
             p[(row, row)] += drive;
@@ -366,7 +369,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
             let (c, f) = (side.cell as usize, &m.faces[side.face as usize]);
             let left = if far { leaving(side) } else { 1.0 };
             let (open, closed) = (response[c] / f.spacing(), 0.5 / c2[c].sqrt());
-            p[(c, c)] += norm(f.area) * (left * open + (1.0 - left) * closed);
+            p[(c, c)] += f.area.norm() * (left * open + (1.0 - left) * closed);
             b[c] -= 0.5 * (1.0 + left) * rho[c] * side.sign * flow(c, f.area);
         }
     }
@@ -374,9 +377,9 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     let change: Vec<[f64; 1]> = dp.iter().map(|p| [*p]).collect();
     let mut slopes = vec![[[0.0; 1]; 3]; n];
     on.gradients.apply(t, &change, &mut slopes);
-    let mut push: Vec<Vec3> = slopes.iter().map(|g| [g[0][0], g[1][0], g[2][0]]).collect();
+    let mut push: Vec<Vec3> = slopes.iter().map(|g| Vec3::new(g[0][0], g[1][0], g[2][0])).collect();
     for &(c, unit, part) in &held {
-        let along = part * dot(push[c], unit);
+        let along = part * push[c].dot(&unit);
         (0..3).for_each(|d| push[c][d] -= along * unit[d]);
     }
     let mut exact = vec![[0.0; N]; n];

@@ -7,6 +7,7 @@ mod common;
 use std::f64::consts::PI;
 
 use common::{at_rest, isothermal, settings};
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Inviscid, Isothermal, Laminar, Viscosity};
 use flow_solver::steady::March;
 use flow_solver::{Method, Solver};
@@ -38,7 +39,7 @@ fn on_wall<V: Viscosity>(s: &Solver<Isothermal, V, 4>) -> (f64, Vec<(f64, f64)>)
     let (mut force, mut coefficients) = (0.0, Vec::new());
     for side in t.slip.iter().chain(&t.no_slip) {
         let f = &on.metrics.faces[side.face as usize];
-        let [x, y, _] = on.metrics.border(side.face);
+        let [x, y, _] = on.metrics.border(side.face).into();
         if x.hypot(y) > 0.51 || f.area[2].abs() > 0.5 * f.magnitude() {
             continue;
         }
@@ -88,7 +89,7 @@ fn a_march_ends_at_the_steady_wake() {
     set.method = Method::PressureCorrection { depth: 10 };
     let mut s = isothermal(&grid, viscosity, set);
     let march = March { residual_drop: 1e-5, force_change: 1e-5, max_steps: 300, max_courant: 1e3 };
-    let marched = march.run(&mut s, [0.0; 3], |s| [on_wall(s).0, 0.0, 0.0]).unwrap();
+    let marched = march.run(&mut s, Vec3::zeros(), |s| Vec3::x() * on_wall(s).0).unwrap();
     let drag = on_wall(&s).0;
     println!("march: drag coefficient {drag:.4}, {marched:?}");
     assert!((drag / 1.527 - 1.0).abs() < 5e-3, "{drag}");

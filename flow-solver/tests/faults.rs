@@ -3,6 +3,7 @@
 mod common;
 
 use common::{isothermal, settings};
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Inviscid;
 use flow_solver::{FlowError, Step, state};
 use mesh::{Patch, box_grid};
@@ -12,7 +13,7 @@ fn small() -> flow_solver::Solver<flow_solver::physics::Isothermal, Inviscid, 4>
     isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3))
 }
 
-const MOVED: Step = Step { dt: 0.01, frame: [0.0; 3], again: false, moved: true };
+const MOVED: Step = Step { dt: 0.01, frame: Vec3::new(0.0, 0.0, 0.0), again: false, moved: true };
 
 #[test]
 fn a_node_that_is_nowhere_is_named() {

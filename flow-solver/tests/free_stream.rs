@@ -7,6 +7,7 @@ mod common;
 use common::{Noise, isothermal, settings, solver_of};
 use flow_solver::Step;
 use flow_solver::geometry::Metrics;
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Laminar, Viscosity};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid_of};
 
@@ -47,11 +48,11 @@ fn drift_on<G: Gas<N>, V: Viscosity, const N: usize>(
                 *x = x0 + 0.02 * noise.next();
             }
         }
-        let frame = [0.3 * (k % 8) as f64, 1.0, -4.9];
+        let frame = Vec3::new(0.3 * (k % 8) as f64, 1.0, -4.9);
         s.advance(&Step { dt, frame, again: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
-    let far = s.spatial.gas.undisturbed(wind);
+    let far = s.spatial.gas.undisturbed(wind.into());
     let mut worst: f64 = 0.0;
     for q in &s.q {
         // Pressure in units of the dynamic pressure, velocity in units of the stream.

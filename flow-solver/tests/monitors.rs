@@ -340,6 +340,7 @@ fn a_scene_on_a_gmsh_grid_has_the_drag_of_the_same_grid_generated() {
 
 /// A box of tetrahedra with a membrane, written line by line as Gmsh would: one file
 /// for the fabric and for the air.
+#[expect(clippy::too_many_lines, reason = "a file as Gmsh writes it, section by section")]
 fn box_with_membrane(n: usize) -> String {
     let node = |i: usize, j: usize, k: usize| 1 + i + (n + 1) * (j + (n + 1) * k);
     let at = |m: usize| 6.0 * m as f64 / n as f64 - 3.0;

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 
 use common::{isothermal, settings, solver_of};
 use flow_solver::geometry::Metrics;
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar};
 use flow_solver::{Solver, Step};
 use mesh::{BoxShape, Patch, box_grid, box_grid_of};
@@ -73,11 +74,11 @@ fn manufactured_error(shape: BoxShape, n: usize, sway: f64) -> f64 {
     let mut s = isothermal(&grid, Laminar { viscosity: MU }, settings);
     let gas = s.spatial.gas;
     let start = s.nodes.clone();
-    let placed = |t: f64| -> Vec<[f64; 3]> {
-        let place = |x: &[f64; 3]| {
+    let placed = |t: f64| -> Vec<Vec3> {
+        let place = |x: &Vec3| {
             let bump = (PI * x[0]).sin() * (PI * x[1]).sin() * (PI * x[2]).sin();
             let a = sway * bump * (2.0 * PI * (x[0] + 2.0 * x[1])).cos() * (1.0 + (5.0 * t).sin());
-            [x[0] + a, x[1] - a, x[2] + 0.5 * a]
+            Vec3::new(x[0] + a, x[1] - a, x[2] + 0.5 * a)
         };
         start.iter().map(place).collect()
     };
@@ -96,7 +97,7 @@ fn manufactured_error(shape: BoxShape, n: usize, sway: f64) -> f64 {
         s.nodes = placed(t);
         let m = Metrics::new(&s.topology, &s.halo, &s.nodes);
         s.source = m.centre.iter().map(|x| supplied(&gas, x, t)).collect();
-        s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
     let (mut sum, mut volume) = (0.0, 0.0);
@@ -172,12 +173,10 @@ fn driven(shape: BoxShape, steps: usize, ratio: f64) -> f64 {
     let force = |t: f64| [0.0, 4.0 * RHO * (4.0 * t).cos(), -4.0 * RHO * (4.0 * t).sin(), 0.0];
     let mut s = isothermal(&grid, Inviscid, settings(velocity(0.0), 1e-9));
     let start = s.nodes.clone();
-    let placed = |t: f64| -> Vec<[f64; 3]> {
+    let placed = |t: f64| -> Vec<Vec3> {
         start
             .iter()
-            .map(|x| {
-                std::array::from_fn(|d| x[d] + 0.03 * (5.0 * t + 4.0 * x[d] + 3.0 * x[(d + 1) % 3]).sin())
-            })
+            .map(|x| Vec3::from_fn(|d, _| x[d] + 0.03 * (5.0 * t + 4.0 * x[d] + 3.0 * x[(d + 1) % 3]).sin()))
             .collect()
     };
     let short = 2.0 / (steps as f64 * (1.0 + ratio));
@@ -194,9 +193,9 @@ fn driven(shape: BoxShape, steps: usize, ratio: f64) -> f64 {
         let dt = if k % 2 == 0 { ratio * short } else { short };
         t += dt;
         s.nodes = placed(t);
-        s.settings.wind = velocity(t);
+        s.settings.wind = velocity(t).into();
         s.source = vec![force(t); s.topology.n_owned];
-        s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
     let v = velocity(t);
@@ -247,8 +246,8 @@ fn steps_of_unequal_length_have_the_weights_of_the_parabola() {
     let mut s = isothermal(&grid, Inviscid, settings(start_velocity, 1e-9));
     let start = s.nodes.clone();
     // As a whole: where cells change their volume, what is the same everywhere stays so to second order only.
-    let placed = |t: f64| -> Vec<[f64; 3]> {
-        start.iter().map(|x| std::array::from_fn(|d| x[d] + 0.3 * (5.0 * t + d as f64).sin())).collect()
+    let placed = |t: f64| -> Vec<Vec3> {
+        start.iter().map(|x| Vec3::from_fn(|d, _| x[d] + 0.3 * (5.0 * t + d as f64).sin())).collect()
     };
     let first = 0.02;
     let mut times = [0.0, -first];
@@ -269,9 +268,9 @@ fn steps_of_unequal_length_have_the_weights_of_the_parabola() {
             (dt * f[1 + d] / RHO - c[1] * velocities[0][d] - c[2] * velocities[1][d]) / c[0]
         });
         s.nodes = placed(t);
-        s.settings.wind = expected;
+        s.settings.wind = expected.into();
         s.source = vec![f; s.topology.n_owned];
-        s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true }).unwrap();
         for q in &s.q[..s.topology.n_owned] {
             let off = (0..3).map(|d| (q[1 + d] - expected[d]).abs()).fold(0.0, f64::max);
             assert!(off < 1e-6, "ratio {ratio}: {q:?} beside {expected:?}");
@@ -291,7 +290,7 @@ fn a_gust_moves_all_air_alike() {
     let dt = 0.02;
     for k in 0..15 {
         let t = k as f64 * dt;
-        s.blow([t + dt, t, t - dt].map(|t| wind.at(t)), dt);
+        s.blow([t + dt, t, t - dt].map(|t| wind.at(t).into()), dt);
         s.advance(&common::at_rest(dt)).unwrap();
         s.accept(dt, false);
         let v = wind.at(t + dt);
@@ -382,7 +381,7 @@ fn piston() {
             s.nodes[i][0] = x0[0] * (1.0 - now);
             s.node_velocity[i][0] = -x0[0] * (now - old) / dt;
         }
-        s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
     let exact = air.pressure() * (0.98f64.powf(-air.gamma) - 1.0);
@@ -403,10 +402,10 @@ fn vortex_after(n: usize, steps: usize, sway: f64, ratio: f64) -> Vec<[f64; 4]> 
     settings.reference_speed = 0.1;
     let mut s = isothermal(&grid, Laminar { viscosity: 0.05 * RHO }, settings);
     let start = s.nodes.clone();
-    let placed = |t: f64| -> Vec<[f64; 3]> {
-        let place = |x: &[f64; 3]| {
+    let placed = |t: f64| -> Vec<Vec3> {
+        let place = |x: &Vec3| {
             let a = sway * (2.0 * x[0]).sin() * (2.0 * x[1]).sin() * (1.0 + (3.0 * t).sin());
-            [x[0] + a, x[1] + 0.7 * a, x[2]]
+            Vec3::new(x[0] + a, x[1] + 0.7 * a, x[2])
         };
         start.iter().map(place).collect()
     };
@@ -427,7 +426,7 @@ fn vortex_after(n: usize, steps: usize, sway: f64, ratio: f64) -> Vec<[f64; 4]> 
         let dt = if k % 2 == 0 { ratio * short } else { short };
         t += dt;
         s.nodes = placed(t);
-        s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
     s.q[..s.topology.n_owned].to_vec()

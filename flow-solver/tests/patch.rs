@@ -10,7 +10,7 @@
 mod common;
 
 use common::{Noise, isothermal, settings, solver_of, solver_with_cloth};
-use flow_solver::geometry::vec3::{Vec3, cross, dot, norm, scale, sub};
+use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::gradient::Gradient;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
@@ -24,7 +24,7 @@ const PATCHES: [Patch; 6] =
     [Patch::FarField, Patch::Slip, Patch::Wall, Patch::Outlet, Patch::Symmetry, Patch::FarField];
 
 /// Wind, so that far faces are entered, left, and both in part.
-const WIND: Vec3 = [3.0, -2.0, 4.0];
+const WIND: Vec3 = Vec3::new(3.0, -2.0, 4.0);
 
 fn shake(grid: &mut FlowGrid, by: f64) {
     let mut noise = Noise(7);
@@ -51,17 +51,17 @@ impl<const N: usize> Linear<N> {
         std::array::from_fn(|v| self.at[v] + (0..3).map(|d| self.slope[d][v] * x[d]).sum::<f64>())
     }
 
-    /// Derivatives of the velocity, `[direction][component]`.
-    fn velocity_slope(&self) -> [Vec3; 3] {
-        self.slope.map(|g| [g[1], g[2], g[3]])
+    /// Derivatives of the velocity, direction by component.
+    fn velocity_slope(&self) -> Mat3 {
+        Mat3::from_fn(|d, c| self.slope[d][1 + c])
     }
 }
 
 /// `mu (grad u + grad u^T - 2/3 div u) . s`.
-fn force(mu: f64, g: &[Vec3; 3], s: Vec3) -> Vec3 {
-    let divergence: f64 = (0..3).map(|d| g[d][d]).sum();
-    std::array::from_fn(|i| {
-        mu * ((0..3).map(|j| (g[j][i] + g[i][j]) * s[j]).sum::<f64>() - 2.0 / 3.0 * divergence * s[i])
+fn force(mu: f64, g: &Mat3, s: Vec3) -> Vec3 {
+    let divergence: f64 = (0..3).map(|d| g[(d, d)]).sum();
+    Vec3::from_fn(|i, _| {
+        mu * ((0..3).map(|j| (g[(j, i)] + g[(i, j)]) * s[j]).sum::<f64>() - 2.0 / 3.0 * divergence * s[i])
     })
 }
 
@@ -92,24 +92,25 @@ fn stepping<G, V, const N: usize>(s: &Solver<G, V, N>, frame: Vec3) -> physics::
 
 /// Compares the residual of a linear field with the fluxes of the field itself, in every cell in which
 /// the gradient is exact and whose neighbours' is; all of them on hexahedra.
+#[expect(clippy::too_many_lines, reason = "the fluxes of one field on every kind of face")]
 fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G, viscosity: V) {
     let mut grid = box_grid_of(shape, [4, 3, 5], [0.0; 3], [1.0, 0.8, 1.1], PATCHES);
     shake(&mut grid, 0.015);
     let mut s = solver_of(&grid, gas, viscosity, settings(WIND, 1e-3));
     let field = Linear::<N>::new();
     for (q, x) in s.q.iter_mut().zip(&s.metrics.centre) {
-        *q = field.value(*x);
+        *q = field.value(Vec3::from(*x));
     }
     // A grid that passes through the air and grows.
-    let frame = [0.3, -0.4, 0.2];
+    let frame = Vec3::new(0.3, -0.4, 0.2);
     let mut noise = Noise(5);
     for f in &mut s.metrics.faces {
-        f.grid_flux = dot(f.area, frame) + 0.01 * noise.next();
+        f.grid_flux = f.area.dot(&frame) + 0.01 * noise.next();
     }
     let eddy: Vec<f64> = (0..s.q.len()).map(|_| 0.3 + 0.2 * noise.next()).collect();
     let borders = s.metrics.faces.len() - s.topology.cells.len();
-    let wall: Vec<Vec3> = (0..borders).map(|_| [noise.next(), noise.next(), noise.next()]).collect();
-    let sheared: Vec<Vec3> = (0..borders).map(|_| [noise.next(), noise.next(), noise.next()]).collect();
+    let wall: Vec<Vec3> = (0..borders).map(|_| Vec3::from_fn(|_, _| noise.next())).collect();
+    let sheared: Vec<Vec3> = (0..borders).map(|_| Vec3::from_fn(|_, _| noise.next())).collect();
     let on = Domain { wall_velocity: &wall, sheared: &sheared, eddy: &eddy, ..s.domain() };
     let scheme = stepping(&s, frame);
     let (found, gradient, through) = evaluate(&s, &on, &scheme);
@@ -139,7 +140,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
         let even = convective(&gas, &s.q[i], f.area, f.grid_flux);
         (0..N).for_each(|v| size[v] = size[v].max((flux[v] - even[v]).abs()));
         if straight(i) && straight(j) {
-            let mass = gas.density(&q) * (dot([q[1], q[2], q[3]], f.area) - f.grid_flux);
+            let mass = gas.density(&q) * (Vec3::new(q[1], q[2], q[3]).dot(&f.area) - f.grid_flux);
             assert!((f64::from(through[k].mass) - mass).abs() < 1e-5, "{} {mass}", through[k].mass);
         }
         if V::ACTIVE {
@@ -148,9 +149,10 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
             let pull = force(mu, &g, f.area);
             (0..3).for_each(|d| flux[1 + d] -= pull[d]);
             if N > 4 {
-                let gradient = [field.slope[0][N - 1], field.slope[1][N - 1], field.slope[2][N - 1]];
+                let gradient = Vec3::from_fn(|d, _| field.slope[d][N - 1]);
                 let cp = 3.5 * 287.05;
-                flux[N - 1] -= mu * cp / 0.72 * dot(gradient, f.area) + dot(pull, [q[1], q[2], q[3]]);
+                flux[N - 1] -=
+                    mu * cp / 0.72 * gradient.dot(&f.area) + pull.dot(&Vec3::new(q[1], q[2], q[3]));
             }
         }
         for v in 0..N {
@@ -162,27 +164,27 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
     for side in t.slip.iter().chain(&t.no_slip) {
         let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
         let p = field.value(m.border(side.face))[0];
-        gain(c, gas.pressure_flux(p, scale(side.sign, f.area), side.sign * f.grid_flux));
+        gain(c, gas.pressure_flux(p, f.area * side.sign, side.sign * f.grid_flux));
     }
     if V::ACTIVE {
         for side in &t.slip {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let mu = more(viscosity.dynamic(gas.density(&s.q[c]), &g, m.size[c]), &[c]);
-            let n = scale(1.0 / norm(f.area), f.area);
-            let normal = side.sign * dot(force(mu, &g, f.area), n);
+            let n = f.area * (1.0 / f.area.norm());
+            let normal = side.sign * force(mu, &g, f.area).dot(&n);
             gain(c, std::array::from_fn(|v| if (1..4).contains(&v) { -normal * n[v - 1] } else { 0.0 }));
         }
         for side in &t.no_slip {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let w = wall[side.face as usize - t.cells.len()];
-            let n = scale(1.0 / norm(f.area), f.area);
+            let n = f.area * (1.0 / f.area.norm());
             let air = &s.q[c];
-            let slip: Vec3 = std::array::from_fn(|d| air[1 + d] - w[d] - frame[d]);
-            let along: Vec3 = std::array::from_fn(|d| slip[d] - dot(slip, n) * n[d]);
-            let height = side.sign * dot(sub(m.border(side.face), m.centre[c]), n);
+            let slip: Vec3 = Vec3::from_fn(|d, _| air[1 + d] - w[d] - frame[d]);
+            let along: Vec3 = Vec3::from_fn(|d, _| slip[d] - slip.dot(&n) * n[d]);
+            let height = side.sign * (m.border(side.face) - m.centre(c)).dot(&n);
             // No eddies at a wall: the fluid's own viscosity.
-            let mu = viscosity.dynamic(gas.density(air), &[[0.0; 3]; 3], 0.0);
-            let drag = along.map(|u| mu * u / height * norm(f.area));
+            let mu = viscosity.dynamic(gas.density(air), &Mat3::zeros(), 0.0);
+            let drag = along.map(|u| mu * u / height * f.area.norm());
             let work = (0..3).map(|d| drag[d] * (w[d] + frame[d])).sum::<f64>();
             gain(
                 c,
@@ -202,7 +204,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
         for side in list {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let more = sheared[side.face as usize - t.cells.len()];
-            let wind = std::array::from_fn(|d| WIND[d] + more[d]);
+            let wind = WIND + more;
             let at = physics::Scheme { wind, ..scheme };
             let inside = field.value(m.border(side.face));
             let condition = if far { physics::far_field } else { physics::outlet };
@@ -281,7 +283,7 @@ fn carried(axis: usize, at: &[f64], values: &[f64], speed: f64) -> Vec<f64> {
         q[1 + axis] = speed;
         q[1 + across] = *v;
     }
-    let (residual, ..) = evaluate(&s, &s.domain(), &stepping(&s, [0.0; 3]));
+    let (residual, ..) = evaluate(&s, &s.domain(), &stepping(&s, Vec3::zeros()));
     let mass = s.spatial.gas.density(&s.q[0]) * speed * 6.0;
     residual.iter().map(|r| r[1 + across] / mass).collect()
 }
@@ -373,7 +375,7 @@ fn layers_that_slide_have_the_stress_of_their_difference() {
             q[1 + across] = RAGGED[k];
             q[4] = 0.01 * RAGGED[7 - k];
         }
-        let (residual, ..) = evaluate(&s, &s.domain(), &stepping(&s, [0.0; 3]));
+        let (residual, ..) = evaluate(&s, &s.domain(), &stepping(&s, Vec3::zeros()));
         for k in 1..7 {
             let slope = |f: &dyn Fn(usize) -> f64, k: usize| (f(k + 1) - f(k)) / (x[k + 1] - x[k]);
             let v = |k: usize| RAGGED[k];
@@ -395,7 +397,7 @@ fn reconstructions_of_needles_are_shortened_to_their_bound() {
         for (q, x) in s.q.iter_mut().zip(&s.metrics.centre) {
             *q = [2.0 * x[axis], 0.0, 0.0, 5.0 * x[axis]];
         }
-        let (_, gradient, _) = evaluate(&s, &s.domain(), &stepping(&s, [0.0; 3]));
+        let (_, gradient, _) = evaluate(&s, &s.domain(), &stepping(&s, Vec3::zeros()));
         for (cell, share) in [(1, 1.0), (2, 0.75 / (0.5 / 0.55)), (3, 1.0)] {
             let g = gradient[cell][axis];
             assert!((g[0] - 2.0 * share).abs() < 1e-5 && (g[3] - 5.0 * share).abs() < 1e-5, "{cell}: {g:?}");
@@ -416,7 +418,7 @@ fn limited_slopes_know_the_size_of_a_cell_and_of_the_stream() {
         for (q, v) in s.q.iter_mut().zip(RAGGED) {
             *q = [0.3 * v, v, -v, 2.0 * v];
         }
-        let (_, gradient, _) = evaluate(&s, &s.domain(), &stepping(&s, [0.0; 3]));
+        let (_, gradient, _) = evaluate(&s, &s.domain(), &stepping(&s, Vec3::zeros()));
         let size = |c: usize| (6.0 * (UNEVEN[c + 1] - UNEVEN[c])).cbrt();
         let longest = (0..8).map(size).fold(0.0, f64::max);
         for c in 0..8 {
@@ -457,17 +459,17 @@ fn limits_follow_the_way_to_skewed_faces() {
     for q in &mut s.q {
         *q = std::array::from_fn(|_| noise.next());
     }
-    let free = evaluate(&s, &s.domain(), &stepping(&s, [0.0; 3])).1;
+    let free = evaluate(&s, &s.domain(), &stepping(&s, Vec3::zeros())).1;
     s.spatial.limiter = Some(0.8);
-    let found = evaluate(&s, &s.domain(), &stepping(&s, [0.0; 3])).1;
+    let found = evaluate(&s, &s.domain(), &stepping(&s, Vec3::zeros())).1;
     let (t, m) = (&s.topology, &s.metrics);
     let longest = m.size.iter().fold(0.0f64, |a, b| a.max(*b));
     let mut share = vec![[1.0f64; 4]; s.q.len()];
     t.for_each_side(|face, c, _| {
-        let way = sub(m.face_centre(t, face), m.centre[c]);
+        let way = m.face_centre(t, face) - m.centre(c);
         let row = &t.adjacency.cell[t.adjacency.start[c] as usize..t.adjacency.start[c + 1] as usize];
         for v in 0..4 {
-            let b = dot([free[c][0][v], free[c][1][v], free[c][2][v]], way);
+            let b = Vec3::new(free[c][0][v], free[c][1][v], free[c][2][v]).dot(&way);
             let reach = row.iter().map(|&j| s.q[j as usize][v] - s.q[c][v]).filter(|d| d * b > 0.0);
             let y = reach.fold(0.0f64, |m, d| if d.abs() > m.abs() { d } else { m });
             let typical = [1.225, 1.0, 1.0, 1.0][v];
@@ -518,12 +520,13 @@ fn sides<const N: usize>() -> [Linear<N>; 2] {
 fn fill<G: Gas<N>, V: Viscosity, const N: usize>(s: &mut Solver<G, V, N>, fields: &[Linear<N>; 2]) {
     // The area vector of the plate is along z: inside is below.
     for (q, x) in s.q.iter_mut().zip(&s.metrics.centre) {
-        *q = fields[usize::from(x[2] > 0.0)].value(*x);
+        *q = fields[usize::from(x[2] > 0.0)].value(Vec3::from(*x));
     }
 }
 
 /// Cloth between two linear fields: what passes solves the balance of cloth and half cells with the pressures that the
 /// fields have on the two sides of each face, and carries what the side has that it leaves.
+#[expect(clippy::too_many_lines, reason = "one balance, set up and compared")]
 fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
     let (a, b) = (60.0, 9.0);
     let mut grid = divided();
@@ -540,7 +543,7 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
     for f in &mut s.metrics.faces {
         f.grid_flux = 0.05 * noise.next();
     }
-    let frame = [0.3, -0.4, 0.2];
+    let frame = Vec3::new(0.3, -0.4, 0.2);
     let scheme = stepping(&s, frame);
     let n = s.q.len();
     let (mut q, mut gradient, mut residual) = (s.q.clone(), vec![[[0.0; N]; 3]; n], vec![[0.0; N]; n]);
@@ -561,16 +564,16 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
         let (i, o, k) = (pore.inside as usize, pore.outside as usize, pore.face as usize);
         let (f, x) = (&s.metrics.faces[k], s.metrics.border(pore.face));
         let (l, r) = (fields[0].value(x), fields[1].value(x));
-        let unit = scale(1.0 / norm(f.area), f.area);
-        let between = sub(s.metrics.centre[o], s.metrics.centre[i]);
+        let unit = f.area * (1.0 / f.area.norm());
+        let between = s.metrics.centre(o) - s.metrics.centre(i);
         // Skewed cells keep a fifth of their distance.
-        let spacing = dot(between, unit).max(0.2 * norm(between));
-        let mean: Vec3 = std::array::from_fn(|d| 0.5 * (s.q[i][1 + d] + s.q[o][1 + d]));
-        let against: Vec3 = std::array::from_fn(|d| mean[d] - frame[d]);
-        let speed = (dot(against, against) + scheme.floor_squared).sqrt();
+        let spacing = between.dot(&unit).max(0.2 * between.norm());
+        let mean: Vec3 = Vec3::from_fn(|d, _| 0.5 * (s.q[i][1 + d] + s.q[o][1 + d]));
+        let against: Vec3 = Vec3::from_fn(|d, _| mean[d] - frame[d]);
+        let speed = (against.dot(&against) + scheme.floor_squared).sqrt();
         let jump = l[0] - r[0];
         let rho = gas.density(if jump > 0.0 { &l } else { &r });
-        let relative = dot(mean, unit) - f.grid_flux / norm(f.area);
+        let relative = mean.dot(&unit) - f.grid_flux / f.area.norm();
         // delta (t0 e + t1 e' + t2 e'') + 2 (U + 10 floor) e = jump - a v - b |v| v, with e = rho (v - relative).
         let history = scheme.tie[1] * f64::from(past[0]) + scheme.tie[2] * f64::from(past[1]);
         let balance = |v: f64| {
@@ -583,7 +586,7 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
             let middle = 0.5 * (low + high);
             if balance(middle) > 0.0 { high = middle } else { low = middle }
         }
-        let mass = rho * norm(f.area) * low;
+        let mass = rho * f.area.norm() * low;
         assert!(skew != 0.0 || mass * turned > 0.0, "{mass}");
         let found = f64::from(through[k].mass);
         assert!((found - mass).abs() < 2e-5 * mass.abs(), "{found} {mass}");
@@ -629,22 +632,22 @@ fn loads_between_linear_fields_are_those_of_their_pressures_and_shears() {
     let t = &s.topology;
     for (k, &face) in t.canopy_face.iter().enumerate() {
         let (f, x) = (&s.metrics.faces[face as usize], s.metrics.border(face));
-        let unit = scale(1.0 / norm(f.area), f.area);
+        let unit = f.area * (1.0 / f.area.norm());
         let jump = fields[0].value(x)[0] - fields[1].value(x)[0];
         let mut shear = [0.0; 3];
         for side in t.no_slip.iter().filter(|s| s.canopy == k as u32) {
             let c = side.cell as usize;
-            let height = dot(sub(x, s.metrics.centre[c]), unit).abs();
-            let u = [s.q[c][1], s.q[c][2], s.q[c][3]];
+            let height = (x - s.metrics.centre(c)).dot(&unit).abs();
+            let u = physics::velocity(&s.q[c]);
             for d in 0..3 {
-                shear[d] += mu * (u[d] - dot(u, unit) * unit[d]) / height;
+                shear[d] += mu * (u[d] - u.dot(&unit) * unit[d]) / height;
             }
         }
         let load = loads.faces[k];
         assert!((load[0] - jump).abs() < 1e-3, "{} {jump}", load[0]);
         (0..3).for_each(|d| assert!((load[1 + d] - shear[d]).abs() < 1e-9, "{load:?} {shear:?}"));
-        let push: Vec3 = std::array::from_fn(|d| jump * f.area[d] + norm(f.area) * shear[d]);
-        let arm = cross(x, push);
+        let push: Vec3 = Vec3::from_fn(|d, _| jump * f.area[d] + f.area.norm() * shear[d]);
+        let arm = x.cross(&push);
         for d in 0..3 {
             force[d] += push[d];
             moment[d] += arm[d];

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Noise, at_rest, isothermal, settings, solver_with_cloth};
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Viscosity};
 use flow_solver::{Loads, Method, Solver, Step};
@@ -195,10 +196,10 @@ fn infinite_resistance_is_a_wall() {
     let mut tight = isothermal(&grid, viscosity, set);
     let wall = Some(Permeability::new(f64::INFINITY, f64::INFINITY));
     let mut cloth = solver_with_cloth(&grid, Isothermal::new(set.air), viscosity, set, wall);
-    let mut force = [[0.0; 3]; 2];
+    let mut force = [Vec3::zeros(); 2];
     for _ in 0..3 {
         for (s, f) in [&mut tight, &mut cloth].into_iter().zip(&mut force) {
-            let step = Step { frame: [0.0, 0.0, -1.0], ..at_rest(0.02) };
+            let step = Step { frame: Vec3::new(0.0, 0.0, -1.0), ..at_rest(0.02) };
             s.advance(&step).unwrap();
             *f = Loads::new(s).compute(s).force;
             s.accept(0.02, false);

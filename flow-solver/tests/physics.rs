@@ -5,23 +5,23 @@
 mod common;
 
 use common::{Noise, isothermal, settings};
-use flow_solver::geometry::vec3::{Vec3, cross, dot, norm, scale, sub};
+use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::geometry::{FaceMetric, Metrics};
 use flow_solver::physics::{self, Air, Gas, IdealGas, Inviscid, Isothermal, Scheme};
 use flow_solver::shear::{Profile, Sheared};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of};
 
 /// `M x`: a box becomes a parallelepiped.
-const SKEW: [Vec3; 3] = [[1.0, 0.4, -0.2], [0.1, 0.8, 0.3], [0.2, -0.1, 1.3]];
+const SKEW: Mat3 = Mat3::new(1.0, 0.4, -0.2, 0.1, 0.8, 0.3, 0.2, -0.1, 1.3);
 
-fn skew(x: Vec3) -> Vec3 {
-    SKEW.map(|row| dot(row, x))
+fn skew(x: impl Into<Vec3>) -> Vec3 {
+    SKEW * x.into()
 }
 
 /// Two cells that share a slanted face; what the ends are.
 fn pair(patch: Patch) -> FlowGrid {
     let mut grid = box_grid([2, 1, 1], [0.0; 3], [2.0, 1.5, 0.7], [patch; 6]);
-    grid.coords.iter_mut().for_each(|x| *x = skew(*x));
+    grid.coords.iter_mut().for_each(|x| *x = skew(*x).into());
     grid
 }
 
@@ -32,15 +32,15 @@ fn slanted(grid_flux: f64) -> (FaceMetric, f64) {
     let mut face = s.metrics.faces[0];
     face.grid_flux = grid_flux;
     let step = skew([1.0, 0.0, 0.0]);
-    (face, dot(step, face.area) / norm(face.area))
+    (face, step.dot(&face.area) / face.area.norm())
 }
 
 fn scheme() -> Scheme {
     Scheme {
         rate: 100.0,
         tie: [150.0, -200.0, 50.0],
-        frame: [0.5, -1.0, 1.0],
-        wind: [1.0, 2.0, -0.5],
+        frame: Vec3::new(0.5, -1.0, 1.0),
+        wind: Vec3::new(1.0, 2.0, -0.5),
         floor_squared: 0.25,
         velocity_diffusion: 0.5,
         pressure_diffusion: 3.0,
@@ -56,8 +56,8 @@ fn tie(spacing: f64, push: f64, speed: f64) -> f64 {
 }
 
 fn against(u: Vec3) -> f64 {
-    let d = sub(u, scheme().frame);
-    (dot(d, d) + 0.25).sqrt()
+    let d = u - scheme().frame;
+    (d.dot(&d) + 0.25).sqrt()
 }
 
 fn near<const N: usize>(a: &[f64; N], b: &[f64; N]) {
@@ -80,15 +80,15 @@ fn between_two_states<G: Gas<N>, const N: usize>(gas: G) {
             std::mem::swap(&mut l, &mut r);
         }
         let found = physics::interface(&gas, &scheme(), &l, &r, &face, PAST);
-        let unit = scale(1.0 / norm(face.area), face.area);
-        let mean: Vec3 = std::array::from_fn(|d| 0.5 * (l[1 + d] + r[1 + d]));
-        let volume = dot(mean, face.area) - grid_flux;
+        let unit = face.area * (1.0 / face.area.norm());
+        let mean: Vec3 = Vec3::from_fn(|d, _| 0.5 * (l[1 + d] + r[1 + d]));
+        let volume = mean.dot(&face.area) - grid_flux;
         let from = if volume > 0.0 { &l } else { &r };
         let (rho, c) = (gas.density(from), gas.sound_speed_squared(from).sqrt());
         let half = 0.5 * (l[0] - r[0]);
         let e = tie(spacing, 3.0 * half, against(mean));
         assert!((found.tie - e).abs() < 1e-6 * e.abs(), "{} {e}", found.tie);
-        let mass = rho * volume + norm(face.area) * (e + half / c);
+        let mass = rho * volume + face.area.norm() * (e + half / c);
         assert!((found.mass - mass).abs() < 1e-6 * mass.abs(), "{} {mass}", found.mass);
         let jump: f64 = (0..3).map(|d| (r[1 + d] - l[1 + d]) * unit[d]).sum();
         let p = 0.5 * (l[0] + r[0]) - 0.25 * rho * against(mean) * jump;
@@ -115,16 +115,18 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
     let mut seen = [0; 3];
     for sign in [1.0, -1.0] {
         for grid_flux in [0.4, -20.0, 20.0] {
-            for wind in [[9.0, 2.0, -0.5], [-9.0, 2.0, -0.5], [1.4, 2.5, -0.5], [-0.3, -3.5, 1.5]] {
+            for wind in
+                [[9.0, 2.0, -0.5], [-9.0, 2.0, -0.5], [1.4, 2.5, -0.5], [-0.3, -3.5, 1.5]].map(Vec3::from)
+            {
                 let (face, spacing) = slanted(grid_flux);
                 let scheme = Scheme { wind, ..scheme() };
                 let q: [f64; N] = std::array::from_fn(|v| [30.0, 3.0, 1.0, -2.0, 4.0][v]);
                 let cell: [f64; N] = std::array::from_fn(|v| [45.0, 2.0, 1.5, -2.5, 3.0][v]);
                 let found = physics::far_field(&gas, &scheme, &q, &cell, &face, sign, PAST);
-                let area = norm(face.area);
-                let unit = scale(sign / area, face.area);
-                let stream = sub(wind, scheme.frame);
-                let leaving = (2.0 * dot(stream, unit) / (dot(stream, stream) + 0.25).sqrt()).clamp(0.0, 1.0);
+                let area = face.area.norm();
+                let unit = face.area * (sign / area);
+                let stream = wind - scheme.frame;
+                let leaving = (2.0 * stream.dot(&unit) / (stream.dot(&stream) + 0.25).sqrt()).clamp(0.0, 1.0);
                 assert!((physics::leaving(&scheme, &face, sign) - leaving).abs() < 1e-12);
                 seen[if leaving == 0.0 {
                     0
@@ -134,9 +136,9 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                     2
                 }] += 1;
                 let (rho, c) = (gas.density(&q), gas.sound_speed_squared(&q).sqrt());
-                let normal = |q: &[f64; N]| dot([q[1], q[2], q[3]], unit);
+                let normal = |q: &[f64; N]| Vec3::new(q[1], q[2], q[3]).dot(&unit);
                 // p + rho c u = plus, p - rho c u = minus.
-                let (plus, minus) = (cell[0] + rho * c * normal(&cell), -rho * c * dot(wind, unit));
+                let (plus, minus) = (cell[0] + rho * c * normal(&cell), -rho * c * wind.dot(&unit));
                 let (p, u) = (0.5 * (plus + minus), 0.5 * (plus - minus) / (rho * c));
                 let e = tie(spacing, q[0], (u * u + 0.25).sqrt());
                 assert!((found.tie - e).abs() < 1e-6 * e.abs(), "{} {e}", found.tie);
@@ -145,7 +147,7 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 assert!((found.mass - mass).abs() < 1e-6 * mass.abs(), "{} {mass}", found.mass);
                 let far = gas.undisturbed(wind);
                 let carried = gas.carried(if mass > 0.0 { &q } else { &far });
-                let push = gas.pressure_flux((1.0 - leaving) * p, scale(area, unit), sign * grid_flux);
+                let push = gas.pressure_flux((1.0 - leaving) * p, unit * area, sign * grid_flux);
                 near(&found.flux, &std::array::from_fn(|v| mass * carried[v] + push[v]));
 
                 let found = physics::outlet(&gas, &scheme, &q, &cell, &face, sign, PAST);
@@ -154,7 +156,7 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 let mass = (rho * normal(&q) + e + q[0] / c) * area - rho * sign * grid_flux;
                 assert!((found.mass - mass).abs() < 1e-6 * mass.abs(), "{} {mass}", found.mass);
                 let carried = gas.carried(if mass > 0.0 { &q } else { &far });
-                let push = gas.pressure_flux(0.0, scale(area, unit), sign * grid_flux);
+                let push = gas.pressure_flux(0.0, unit * area, sign * grid_flux);
                 near(&found.flux, &std::array::from_fn(|v| mass * carried[v] + push[v]));
             }
         }
@@ -174,45 +176,40 @@ fn open_boundaries_have_their_waves_and_masses() {
 #[test]
 fn parallelepipeds_have_their_metrics() {
     let mut grid = box_grid([3, 2, 4], [0.0; 3], [1.5, 0.8, 1.2], [Patch::FarField; 6]);
-    grid.coords.iter_mut().for_each(|x| *x = skew(*x));
+    grid.coords.iter_mut().for_each(|x| *x = skew(*x).into());
     let s = isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
     let edges = [[0.5, 0.0, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 0.3]].map(skew);
-    let areas: [Vec3; 3] = std::array::from_fn(|d| cross(edges[(d + 1) % 3], edges[(d + 2) % 3]));
-    let volume = dot(edges[0], areas[0]);
-    let middle = |nodes: &[u32]| {
-        let sum = nodes.iter().fold([0.0; 3], |m: Vec3, &n| {
-            let x = s.nodes[n as usize];
-            [m[0] + x[0], m[1] + x[1], m[2] + x[2]]
-        });
-        scale(1.0 / nodes.len() as f64, sum)
-    };
-    let close = |a: Vec3, b: Vec3| assert!(norm(sub(a, b)) < 1e-7, "{a:?} {b:?}");
+    let areas: [Vec3; 3] = std::array::from_fn(|d| edges[(d + 1) % 3].cross(&edges[(d + 2) % 3]));
+    let volume = edges[0].dot(&areas[0]);
+    let middle =
+        |nodes: &[u32]| nodes.iter().map(|&n| s.nodes[n as usize]).sum::<Vec3>() * (1.0 / nodes.len() as f64);
+    let close = |a: Vec3, b: Vec3| assert!((a - b).norm() < 1e-7, "{a:?} {b:?}");
     let (t, m) = (&s.topology, &s.metrics);
     for c in 0..t.n_owned {
         assert!((m.volume[c] - volume).abs() < 1e-14 && (m.size[c] - volume.cbrt()).abs() < 1e-14);
-        close(m.centre[c], middle(&t.cell_nodes[c]));
+        close(m.centre(c), middle(&t.cell_nodes[c]));
     }
     // Which of the three directions a face belongs to, and which way it points.
     let of = |area: Vec3| {
-        let d = (0..3).find(|&d| norm(cross(areas[d], area)) < 1e-12).expect("a face of a parallelepiped");
-        (d, dot(areas[d], area).signum())
+        let d = (0..3).find(|&d| areas[d].cross(&area).norm() < 1e-12).expect("a face of a parallelepiped");
+        (d, areas[d].dot(&area).signum())
     };
     for (k, f) in m.faces.iter().enumerate() {
         let (d, sign) = of(f.area);
-        close(f.area, scale(sign, areas[d]));
+        close(f.area, areas[d] * sign);
         close(m.face_centre(t, k), middle(&t.face_nodes[k]));
-        assert!((f.magnitude() - norm(areas[d])).abs() < 1e-14);
-        let height = volume / norm(areas[d]);
+        assert!((f.magnitude() - areas[d].norm()).abs() < 1e-14);
+        let height = volume / areas[d].norm();
         if let Some(&[i, _]) = t.cells.get(k) {
             assert!((f.spacing() - height).abs() < 1e-7, "{} {height}", f.spacing());
-            close(f.offset(), sub(middle(&t.face_nodes[k]), m.centre[i as usize]));
+            close(f.offset(), middle(&t.face_nodes[k]) - m.centre(i as usize));
         } else {
             close(m.border(k as u32), middle(&t.face_nodes[k]));
             assert!((f.spacing() - 0.5 * height).abs() < 1e-7);
         }
     }
     for side in t.sides() {
-        assert!((m.height(side) - 0.5 * volume / norm(m.faces[side.face as usize].area)).abs() < 1e-14);
+        assert!((m.height(side) - 0.5 * volume / m.faces[side.face as usize].area.norm()).abs() < 1e-14);
     }
 }
 
@@ -242,10 +239,10 @@ fn tetrahedra_have_the_volume_of_their_determinant() {
     let s = isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
     for (c, nodes) in s.topology.cell_nodes.iter().enumerate() {
         let [a, b, c0, d] = [nodes[0], nodes[1], nodes[2], nodes[4]].map(|n| s.nodes[n as usize]);
-        let volume = dot(sub(b, a), cross(sub(c0, a), sub(d, a))).abs() / 6.0;
+        let volume = (b - a).dot(&((c0 - a).cross(&(d - a)))).abs() / 6.0;
         assert!((s.metrics.volume[c] - volume).abs() < 1e-13, "{} {volume}", s.metrics.volume[c]);
-        let mean: Vec3 = std::array::from_fn(|k| 0.25 * (a[k] + b[k] + c0[k] + d[k]));
-        assert!(norm(sub(s.metrics.centre[c], mean)) < 1e-12);
+        let mean: Vec3 = Vec3::from_fn(|k, _| 0.25 * (a[k] + b[k] + c0[k] + d[k]));
+        assert!((s.metrics.centre(c) - mean).norm() < 1e-12);
     }
 }
 
@@ -262,7 +259,8 @@ fn a_roof_that_is_not_plane_has_the_mean_height_of_its_corners() {
     let exact = 6.0 * (1.0 + heights.iter().sum::<f64>() / 4.0);
     assert!((s.metrics.volume[0] - exact).abs() < 1e-14, "{} {exact}", s.metrics.volume[0]);
     let (mut swept, old) = (vec![0.0; 6], s.nodes.clone());
-    let flat: Vec<Vec3> = old.iter().map(|x| [x[0], x[1], if x[2] > 0.5 { 1.0 } else { 0.0 }]).collect();
+    let flat: Vec<Vec3> =
+        old.iter().map(|x| Vec3::new(x[0], x[1], if x[2] > 0.5 { 1.0 } else { 0.0 })).collect();
     Metrics::swept(&s.topology, &flat, &old, &mut swept);
     let sum: f64 = swept.iter().sum();
     assert!((sum - 6.0 * heights.iter().sum::<f64>() / 4.0).abs() < 1e-14, "{swept:?}");
@@ -273,25 +271,25 @@ fn a_roof_that_is_not_plane_has_the_mean_height_of_its_corners() {
 fn sheared_wind_knows_the_height_of_each_face() {
     let profile = Profile::Linear { wind: [6.0, 2.0, 0.0], reference: 10.0, slope: 0.02 };
     let s = isothermal(&pair(Patch::FarField), Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
-    let at = |z: f64| profile.at(z);
+    let at = |z: f64| Vec3::from(profile.at(z));
     let mut sheared = Sheared::new(profile.clone(), 40.0);
-    let close = |a: Vec3, b: Vec3| assert!(norm(sub(a, b)) < 1e-13, "{a:?} {b:?}");
+    let close = |a: Vec3, b: Vec3| assert!((a - b).norm() < 1e-13, "{a:?} {b:?}");
     close(sheared.base(), at(40.0));
-    close(sheared.excess(-7.0), sub(at(33.0), at(40.0)));
-    assert!(norm(sheared.excess(-7.0)) > 0.1);
+    close(sheared.excess(-7.0), at(33.0) - at(40.0));
+    assert!(sheared.excess(-7.0).norm() > 0.1);
     let between = s.topology.cells.len();
-    let mut excess = vec![[0.0; 3]; s.metrics.faces.len() - between];
+    let mut excess = vec![Vec3::zeros(); s.metrics.faces.len() - between];
     for rise in [-2.5, -1.0] {
         let before = sheared.height;
         sheared.advance(rise, &s.topology, &s.metrics, &mut excess);
         for (k, e) in excess.iter().enumerate() {
             let z = s.metrics.border((between + k) as u32)[2];
-            close(*e, sub(at(before + rise + z), at(40.0)));
+            close(*e, at(before + rise + z) - at(40.0));
         }
         assert_eq!(sheared.height, before);
         sheared.accept();
         assert!((sheared.height - (before + rise)).abs() < 1e-13);
     }
     sheared.restore(12.0);
-    close(sheared.excess(1.0), sub(at(13.0), at(40.0)));
+    close(sheared.excess(1.0), at(13.0) - at(40.0));
 }

@@ -4,6 +4,7 @@ mod common;
 
 use common::{isothermal, settings};
 use flow_solver::Step;
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Inviscid;
 use flow_solver::shear::{Profile, Sheared};
 use mesh::{Patch, box_grid};
@@ -17,7 +18,7 @@ fn error(profile: &Profile, n: usize, fall: f64) -> f64 {
     s.set_shear(sheared);
     let (dt, steps) = (0.05, 24);
     for _ in 0..steps {
-        s.advance(&Step { dt, frame: [0.0, 0.0, -fall], again: false, moved: false }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::new(0.0, 0.0, -fall), again: false, moved: false }).unwrap();
         s.accept(dt, false);
     }
     let height = 40.0 - fall * dt * f64::from(steps);

@@ -4,6 +4,7 @@ mod common;
 
 use comm::Comm;
 use common::{Noise, at_rest, isothermal, settings};
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Modelled;
 use flow_solver::shear::{Profile, Sheared};
 use flow_solver::steady::March;
@@ -38,7 +39,7 @@ fn wall_distances_of_a_box_are_exact() {
                 let low = x[0].min(x[2]);
                 let exact =
                     if all { low.min(1.0 - x[0]).min(x[1]).min(2.0 - x[1]).min(3.0 - x[2]) } else { low };
-                let found = walls.distance(*x, f64::INFINITY);
+                let found = walls.distance(Vec3::from(*x), f64::INFINITY);
                 assert!((found - exact).abs() < 1e-14, "{x:?}: {found} {exact}");
             }
         }
@@ -55,9 +56,9 @@ fn a_uniform_free_stream_stays() {
     let mut noise = Noise(5);
     for _ in 0..20 {
         for (x, x0) in s.nodes.iter_mut().zip(&start) {
-            *x = std::array::from_fn(|d| x0[d] + 0.02 * noise.next());
+            *x = Vec3::from_fn(|d, _| x0[d] + 0.02 * noise.next());
         }
-        s.advance(&Step { dt: 0.01, frame: [0.0, 0.0, -2.0], again: false, moved: true }).unwrap();
+        s.advance(&Step { dt: 0.01, frame: Vec3::new(0.0, 0.0, -2.0), again: false, moved: true }).unwrap();
         s.accept(0.01, true);
     }
     let exact = 3.0 * 1e-3 / RHO;
@@ -166,13 +167,13 @@ fn flat_plate(nx: usize, nz: usize, h: f64) -> (f64, Vec<(f64, f64)>) {
     let mut s = turbulent(&plate(nx, nz, h), [SPEED, 0.0, 0.0], RHO * SPEED / 5e6, 1e-2);
     let march = March { residual_drop: 1e-7, force_change: 1e-5, max_steps: 600, max_courant: 1e3 };
     let mut step = 0;
-    let marched = march.run(&mut s, [0.0; 3], |s| {
+    let marched = march.run(&mut s, Vec3::zeros(), |s| {
         step += 1;
         let cf = friction(s).0;
         if step % 5 == 0 {
             println!("step {step}: cf {cf:.6}");
         }
-        [cf, 0.0, 0.0]
+        Vec3::x() * cf
     });
     println!("{nx} x {nz}: {marched:?}");
     marched.unwrap();

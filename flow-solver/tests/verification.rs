@@ -9,6 +9,7 @@ mod plate;
 use std::f64::consts::PI;
 
 use common::{at_rest, isothermal, settings, solver_of};
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Smagorinsky};
 use flow_solver::{Loads, Method, Step};
 use mesh::{Patch, box_grid};
@@ -29,9 +30,9 @@ fn taylor_green(n: usize, sway: f64) -> f64 {
     let start = s.nodes.clone();
     let steps = n;
     let dt = 1.0 / steps as f64;
-    let place = |t: f64, x: &[f64; 3]| {
+    let place = |t: f64, x: &Vec3| {
         let a = sway * (2.0 * x[0]).sin() * (2.0 * x[1]).sin() * (1.0 + (3.0 * t).sin());
-        [x[0] + a, x[1] + 0.7 * a, x[2]]
+        Vec3::new(x[0] + a, x[1] + 0.7 * a, x[2])
     };
     let placed = |t: f64| start.iter().map(|x| place(t, x)).collect::<Vec<_>>();
     // Two exact instants, so that BDF2 starts as BDF2.
@@ -45,7 +46,7 @@ fn taylor_green(n: usize, sway: f64) -> f64 {
     s.restore(past, dt, 0).unwrap();
     for k in 1..=steps {
         s.nodes = placed(k as f64 * dt);
-        s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
     let (mut sum, mut volume) = (0.0, 0.0);
@@ -92,12 +93,12 @@ fn cavity_by(
     let mut s = isothermal(&grid, Laminar { viscosity: 1.225 / reynolds }, settings);
     for (x, v) in s.nodes.iter().zip(&mut s.node_velocity) {
         if x[1] > 1.0 - 1e-9 {
-            *v = [1.0, 0.0, 0.0];
+            *v = Vec3::x();
         }
     }
     let mut iterations = 0;
     for k in 0..(end / dt) as usize {
-        let taken = s.advance(&Step { dt, frame: [0.0; 3], again: false, moved: true });
+        let taken = s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true });
         let taken = taken.inspect_err(|e| println!("cavity, step {k} of {dt} s: {e}"))?;
         iterations += taken.iterations;
         s.accept(dt, true);
@@ -335,7 +336,7 @@ fn repeated_steps_start_warm() {
     let again = s.advance(&Step { again: true, ..at_rest(5e-3) }).unwrap();
     assert_eq!(again.iterations, 0);
     // A slightly different frame speed, then back: the first answer again.
-    let other = Step { again: true, frame: [0.0, 0.0, -0.05], ..at_rest(5e-3) };
+    let other = Step { again: true, frame: Vec3::new(0.0, 0.0, -0.05), ..at_rest(5e-3) };
     let changed = s.advance(&other).unwrap();
     assert!(changed.iterations <= first.iterations, "{changed:?} after {first:?}");
     s.advance(&Step { again: true, ..at_rest(5e-3) }).unwrap();

@@ -1,5 +1,6 @@
 //! The developer's command: a prescribed motion without partners.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -7,7 +8,7 @@ use case::Scene;
 use channel::{Fault, Input, Participant, Window, mesh_stats};
 use clap::Parser;
 use comm::Comm;
-use mesh::StructureMesh;
+use mesh::{Point, StructureMesh};
 
 use crate::motion::Limits;
 use crate::participant::{MeshMover, Setup, owners, regridder};
@@ -83,125 +84,198 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
     let clock = Instant::now();
     let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
     let goal = args.toward.as_ref().map(|path| goal(path, args, &structure)).transpose()?;
-    let mut mover = match (&goal, args.from) {
-        (Some(goal), Some(share)) => {
-            let unstressed = &structure.coords[..structure.n_canopy];
-            let mix = |(x, g): (&[f64; 3], &[f64; 3])| [0, 1, 2].map(|i| x[i] + share * (g[i] - x[i]));
-            let positions: Vec<_> = unstressed.iter().zip(goal).map(mix).collect();
-            let grid = mesh::flow_grid(scene, &structure, &positions).map_err(Fault::new)?;
-            let owner = owners(&grid, comm.size())?;
-            let limits = Limits::from(&scene.mesh);
-            let mover = crate::movers::mover(&scene.mesh);
-            let (outer, regridder) = (scene.mesh.outer, regridder(scene, &structure, &grid));
-            let setup = Setup {
-                grid: &grid,
-                structure: &structure,
-                owner: &owner,
-                mover,
-                limits,
-                state: None,
-                outer,
-                regridder,
-            };
-            MeshMover::on_grid(setup, comm)?
-        }
+    let mover = match (&goal, args.from) {
+        (Some(goal), Some(share)) => on_the_way(scene, &structure, goal, share, comm)?,
         _ => MeshMover::new(scene, args.stage, &args.out, comm)?,
     };
-    let n_cells = mover.motion().grid.n_cells_global;
-    let start = mover.positions().canopy.clone();
-    let shape = mover.motion().shape(&mover.positions().grid);
-    let say = |line: String| {
-        if comm.is_root() {
+    let mut flight = Flight::new(scene, args, comm, &structure, goal, mover);
+    flight.say_start(clock);
+    flight.draw("start")?;
+    for index in 0..args.windows {
+        flight.window(index)?;
+    }
+    flight.draw("end")?;
+    flight.say_end();
+    Ok(())
+}
+
+/// A mover whose grid is built around the shape at `share` of the way to `goal`.
+fn on_the_way(
+    scene: &Scene,
+    structure: &StructureMesh,
+    goal: &[Point],
+    share: f64,
+    comm: &Comm,
+) -> Result<MeshMover, Fault> {
+    let unstressed = &structure.coords[..structure.n_canopy];
+    let mix = |(x, g): (&Point, &Point)| [0, 1, 2].map(|i| x[i] + share * (g[i] - x[i]));
+    let positions: Vec<_> = unstressed.iter().zip(goal).map(mix).collect();
+    let grid = mesh::flow_grid(scene, structure, &positions).map_err(Fault::new)?;
+    let owner = owners(&grid, comm.size())?;
+    let setup = Setup {
+        grid: &grid,
+        structure,
+        owner: &owner,
+        mover: crate::movers::mover(&scene.mesh),
+        limits: Limits::from(&scene.mesh),
+        state: None,
+        outer: scene.mesh.outer,
+        regridder: regridder(scene, structure, &grid),
+    };
+    MeshMover::on_grid(setup, comm)
+}
+
+/// A mover with the motion that it is given, and what it took.
+struct Flight<'a> {
+    args: &'a AloneArgs,
+    comm: &'a Comm,
+    structure: &'a StructureMesh,
+    goal: Option<Vec<Point>>,
+    mover: MeshMover,
+    /// Length of a window, s.
+    dt: f64,
+    /// Canopy at the start.
+    start: Vec<f64>,
+    displacement: Vec<f64>,
+    output: Vec<f64>,
+    seconds: f64,
+    /// Iterations of the linear solver.
+    iterations: f64,
+    /// Least quality so far.
+    worst: f64,
+}
+
+impl<'a> Flight<'a> {
+    fn new(
+        scene: &Scene,
+        args: &'a AloneArgs,
+        comm: &'a Comm,
+        structure: &'a StructureMesh,
+        goal: Option<Vec<Point>>,
+        mover: MeshMover,
+    ) -> Self {
+        let start = mover.positions().canopy.clone();
+        Self {
+            args,
+            comm,
+            structure,
+            goal,
+            dt: scene.stages[args.stage].window_s,
+            displacement: vec![0.0; start.len()],
+            start,
+            output: vec![0.0; 6 * mover.output_rows().len()],
+            mover,
+            seconds: 0.0,
+            iterations: 0.0,
+            worst: f64::INFINITY,
+        }
+    }
+
+    fn say(&self, line: impl Display) {
+        if self.comm.is_root() {
             println!("{line}");
         }
-    };
-    say(format!(
-        "{} grid nodes, {n_cells} cells, {} ranks: start {:.2} s, {:.0} bytes per cell, worst scaled Jacobian {:.4} (cell {})",
-        mover.motion().grid.n_global,
-        comm.size(),
-        clock.elapsed().as_secs_f64(),
-        mover.motion().bytes() as f64 * comm.size() as f64 / n_cells as f64,
-        shape.quality,
-        shape.cell,
-    ));
-    let draw = |mover: &MeshMover, name: &str| -> Result<(), Fault> {
-        let Some(path) = &args.cut else { return Ok(()) };
-        let at = mover.positions();
+    }
+
+    fn cells(&self) -> f64 {
+        self.mover.motion().grid.n_cells_global as f64
+    }
+
+    fn say_start(&self, clock: Instant) {
+        let motion = self.mover.motion();
+        let shape = motion.shape(&self.mover.positions().grid);
+        self.say(format_args!(
+            "{} grid nodes, {} cells, {} ranks: start {:.2} s, {:.0} bytes per cell, worst scaled Jacobian {:.4} (cell {})",
+            motion.grid.n_global,
+            self.cells(),
+            self.comm.size(),
+            clock.elapsed().as_secs_f64(),
+            motion.bytes() as f64 * self.comm.size() as f64 / self.cells(),
+            shape.quality,
+            shape.cell,
+        ));
+    }
+
+    /// Draws a cut through the grid where the command line asks for it.
+    fn draw(&self, name: &str) -> Result<(), Fault> {
+        let Some(path) = &self.args.cut else { return Ok(()) };
+        let at = self.mover.positions();
         let nodes = at.canopy.as_chunks::<3>().0;
         let mean = |i: usize| nodes.iter().map(|p| p[i]).sum::<f64>() / nodes.len() as f64;
         let half = 1.6 * nodes.iter().map(|p| (p[0] - mean(0)).abs()).fold(0.0, f64::max);
         // Not through the middle itself, where a layer of faces may lie.
-        let svg =
-            crate::cut::cut(&mover.motion().grid, &at.grid, mean(1) + 0.03 * half, [mean(0), mean(2)], half);
+        let grid = &self.mover.motion().grid;
+        let svg = crate::cut::cut(grid, &at.grid, mean(1) + 0.03 * half, [mean(0), mean(2)], half);
         let path = format!("{}-{name}.svg", path.display());
         std::fs::write(&path, svg).map_err(|e| Fault::new(format!("{path}: {e}")))
-    };
-    draw(&mover, "start")?;
-    let dt = scene.stages[args.stage].window_s;
-    let mut output = vec![0.0; 6 * mover.output_rows().len()];
-    let mut displacement = vec![0.0; start.len()];
-    let (mut seconds, mut total, mut worst) = (0.0, 0.0, f64::INFINITY);
-    for index in 0..args.windows {
+    }
+
+    /// One window with its coupling iterations, accepted.
+    fn window(&mut self, index: u64) -> Result<(), Fault> {
         let mut line = format!("window {index:4}:");
         let mut last = None;
-        for iteration in 0..args.iterations {
-            // The first guesses of a window miss by a share of the window's motion.
-            let miss =
-                0.3 * 0.1f64.powi(iteration as i32) * if iteration + 1 < args.iterations { 1.0 } else { 0.0 };
-            let now = index as f64 + 1.0 - miss;
-            let phase = std::f64::consts::TAU * now / args.period;
-            match &goal {
-                Some(goal) => {
-                    go(&start, goal, now / args.windows as f64, &structure.coords, &mut displacement);
-                }
-                None => {
-                    let share = args.amplitude * phase.sin();
-                    breathe(&start, &structure.coords, share, phase, &mut displacement);
-                }
-            }
-            let w =
-                Window { index, iteration, substeps: 1, time: index as f64 * dt, dt, ..Window::default() };
-            let input = Input { canopy: &displacement, grid: Default::default() };
-            comm.barrier();
+        for iteration in 0..self.args.iterations {
+            self.place_canopy(index, iteration);
+            let (time, dt) = (index as f64 * self.dt, self.dt);
+            let w = Window { index, iteration, substeps: 1, time, dt, ..Window::default() };
+            let input = Input { canopy: &self.displacement, grid: Default::default() };
+            self.comm.barrier();
             let clock = Instant::now();
-            let stats = mover.advance(&w, &input, &mut output)?;
-            let spent = comm.max(clock.elapsed().as_secs_f64());
-            seconds += spent;
-            total += stats.values[mesh_stats::ITERATIONS];
+            let stats = self.mover.advance(&w, &input, &mut self.output)?;
+            let spent = self.comm.max(clock.elapsed().as_secs_f64());
+            self.seconds += spent;
+            self.iterations += stats.values[mesh_stats::ITERATIONS];
             line += &format!(" {}it {:.1}ms", stats.values[mesh_stats::ITERATIONS], 1e3 * spent);
-            if let Some(fault) = mover.stuck() {
+            if let Some(fault) = self.mover.stuck() {
                 return Err(fault.clone());
             }
             last = Some((w, stats.values));
         }
-        let Some((w, v)) = last else { break };
+        let Some((w, v)) = last else { return Ok(()) };
         let clock = Instant::now();
-        mover.accept(&w)?;
-        worst = f64::min(worst, v[mesh_stats::MIN_QUALITY]);
-        if (index + 1) % args.every.max(1) != 0 {
-            continue;
+        self.mover.accept(&w)?;
+        self.worst = f64::min(self.worst, v[mesh_stats::MIN_QUALITY]);
+        if (index + 1).is_multiple_of(self.args.every.max(1)) {
+            self.say(format_args!(
+                "{line} | quality {:.4} cell {} volume {:.3} increments {} references {} accept {:.1}ms",
+                v[mesh_stats::MIN_QUALITY],
+                v[mesh_stats::WORST_CELL],
+                v[mesh_stats::MIN_VOLUME_RATIO],
+                v[mesh_stats::INCREMENTS],
+                self.mover.motion().rebased(),
+                1e3 * clock.elapsed().as_secs_f64(),
+            ));
         }
-        say(format!(
-            "{line} | quality {:.4} cell {} volume {:.3} increments {} references {} accept {:.1}ms",
-            v[mesh_stats::MIN_QUALITY],
-            v[mesh_stats::WORST_CELL],
-            v[mesh_stats::MIN_VOLUME_RATIO],
-            v[mesh_stats::INCREMENTS],
-            mover.motion().rebased(),
-            1e3 * clock.elapsed().as_secs_f64(),
+        Ok(())
+    }
+
+    /// The displacement that an iteration of a window asks for.
+    fn place_canopy(&mut self, index: u64, iteration: u64) {
+        let args = self.args;
+        // The first guesses of a window miss by a share of the window's motion.
+        let last = iteration + 1 >= args.iterations;
+        let miss = 0.3 * 0.1f64.powi(iteration as i32) * if last { 0.0 } else { 1.0 };
+        let now = index as f64 + 1.0 - miss;
+        let phase = std::f64::consts::TAU * now / args.period;
+        let (unstressed, displacement) = (&self.structure.coords, &mut self.displacement);
+        match &self.goal {
+            Some(goal) => go(&self.start, goal, now / args.windows as f64, unstressed, displacement),
+            None => breathe(&self.start, unstressed, args.amplitude * phase.sin(), phase, displacement),
+        }
+    }
+
+    fn say_end(&self) {
+        let calls = (self.args.windows * self.args.iterations).max(1) as f64;
+        self.say(format_args!(
+            "worst scaled Jacobian {:.4}; {:.2} iterations and {:.2} ms a call, {:.2} us per cell and call; \
+             {:.0} bytes per cell at most",
+            self.worst,
+            self.iterations / calls,
+            1e3 * self.seconds / calls,
+            1e6 * self.seconds / calls / self.cells(),
+            self.comm.sum(peak_bytes()) / self.cells(),
         ));
     }
-    draw(&mover, "end")?;
-    let calls = (args.windows * args.iterations).max(1) as f64;
-    say(format!(
-        "worst scaled Jacobian {worst:.4}; {:.2} iterations and {:.2} ms a call, {:.2} us per cell and call; \
-         {:.0} bytes per cell at most",
-        total / calls,
-        1e3 * seconds / calls,
-        1e6 * seconds / calls / n_cells as f64,
-        comm.sum(peak_bytes()) / n_cells as f64,
-    ));
-    Ok(())
 }
 
 /// Most memory that this process has had, from the kernel's accounts (Linux; else 0).

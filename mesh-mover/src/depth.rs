@@ -1,15 +1,15 @@
 //! How far cells are from the canopy: the pseudo-solid is stiff around it.
 
-use mesh::{FlowGrid, Vec3};
-
-use crate::element::{cross, dot, sub};
+use mesh::FlowGrid;
+use mesh::geometry::{Vec3, at, quad_area_vector};
 
 /// Distance of each of `cells` (centres, in the start grid) from the nearest canopy node, plus
 /// a third of a canopy face's mean width, in shares of the canopy's radius; counted up
 /// to that radius. All ones without a canopy.
 pub fn depths<'a>(grid: &FlowGrid, cells: impl Iterator<Item = &'a [u32; 8]>) -> Vec<f32> {
-    let canopy: Vec<Vec3> = grid.canopy_nodes.iter().map(|&a| grid.coords[a as usize]).collect();
-    let area: f64 = grid.canopy_faces.iter().map(|f| area(&f.map(|a| grid.coords[a as usize]))).sum();
+    let canopy: Vec<Vec3> = grid.canopy_nodes.iter().map(|&a| at(&grid.coords, a)).collect();
+    let area = |f: &[u32; 4]| quad_area_vector(f.map(|a| at(&grid.coords, a))).norm();
+    let area: f64 = grid.canopy_faces.iter().map(area).sum();
     let nearest = Nearest::new(&canopy);
     let radius = ball(&canopy).1;
     if !(radius > 0.0 && area > 0.0) {
@@ -18,31 +18,17 @@ pub fn depths<'a>(grid: &FlowGrid, cells: impl Iterator<Item = &'a [u32; 8]>) ->
     let floor = (area / grid.canopy_faces.len() as f64).sqrt() / 3.0;
     cells
         .map(|cell| {
-            let mut centre = [0.0; 3];
-            for &a in cell {
-                (0..3).for_each(|i| centre[i] += grid.coords[a as usize][i] / 8.0);
-            }
+            let centre = cell.iter().map(|&a| at(&grid.coords, a) / 8.0).fold(Vec3::zeros(), |s, x| s + x);
             ((nearest.distance(&centre, radius) + floor) / radius) as f32
         })
         .collect()
 }
 
-fn area(p: &[Vec3; 4]) -> f64 {
-    let n = cross(sub(p[2], p[0]), sub(p[3], p[1]));
-    0.5 * dot(n, n).sqrt()
-}
-
 /// Mean of some points and the largest distance from it.
 fn ball(points: &[Vec3]) -> (Vec3, f64) {
     let n = points.len().max(1) as f64;
-    let mut centre = [0.0; 3];
-    points.iter().for_each(|p| (0..3).for_each(|i| centre[i] += p[i] / n));
-    (centre, points.iter().map(|p| length(p, &centre)).fold(0.0, f64::max))
-}
-
-fn length(a: &Vec3, b: &Vec3) -> f64 {
-    let d = sub(*a, *b);
-    dot(d, d).sqrt()
+    let centre = points.iter().fold(Vec3::zeros(), |s, p| s + p / n);
+    (centre, points.iter().map(|p| (p - centre).norm()).fold(0.0, f64::max))
 }
 
 /// Points in groups of neighbours (as their order has them), each in a ball.
@@ -63,11 +49,11 @@ impl<'a> Nearest<'a> {
     fn distance(&self, p: &Vec3, most: f64) -> f64 {
         let mut best = most;
         for (centre, radius, _) in &self.groups {
-            best = best.min(length(p, centre) + radius);
+            best = best.min((p - centre).norm() + radius);
         }
         for (centre, radius, points) in &self.groups {
-            if length(p, centre) - radius < best {
-                best = points.iter().map(|q| length(p, q)).fold(best, f64::min);
+            if (p - centre).norm() - radius < best {
+                best = points.iter().map(|q| (p - q).norm()).fold(best, f64::min);
             }
         }
         best
@@ -82,14 +68,13 @@ mod tests {
     fn nearest_of_all_and_capped() {
         let grid = crate::sample::plate_in_box(8, 0.1, 0.8, true);
         let depths = depths(&grid, grid.cells.iter());
-        let canopy: Vec<Vec3> = grid.canopy_nodes.iter().map(|&a| grid.coords[a as usize]).collect();
+        let canopy: Vec<Vec3> = grid.canopy_nodes.iter().map(|&a| at(&grid.coords, a)).collect();
         let radius = 0.5f64.sqrt();
         let floor = (1.0 / grid.canopy_faces.len() as f64).sqrt() / 3.0;
         let mut capped = 0;
         for (cell, depth) in grid.cells.iter().zip(depths) {
-            let at = |i: usize| cell.iter().map(|&a| grid.coords[a as usize][i]).sum::<f64>() / 8.0;
-            let p = [at(0), at(1), at(2)];
-            let d = canopy.iter().map(|q| length(&p, q)).fold(radius, f64::min);
+            let p = cell.iter().map(|&a| at(&grid.coords, a)).sum::<Vec3>() / 8.0;
+            let d = canopy.iter().map(|q| (p - q).norm()).fold(radius, f64::min);
             capped += usize::from(d == radius);
             assert!((f64::from(depth) * radius - d - floor).abs() < 1e-6);
         }

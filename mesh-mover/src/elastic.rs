@@ -1,7 +1,7 @@
 //! The pseudo-solid: linear elasticity, stiffer where cells are small, badly shaped, or near the canopy.
 
 use linalg::{Amg, AmgParams, BlockCsr, Operator};
-use mesh::Vec3;
+use mesh::Point;
 
 use crate::element::stiffness;
 use crate::felt::Felt;
@@ -94,8 +94,8 @@ impl Elastic {
 impl Mover for Elastic {
     fn rebase(&mut self, grid: &LocalGrid, x: &[f64]) -> Result<(), MoverError> {
         let (matrix, canopy) = agree(grid, assemble(grid, x, &self.solid))?;
-        let at = |a: &u32| -> Vec3 { [0, 1, 2].map(|i| x[3 * *a as usize + i]) };
-        let coords: Vec<Vec3> = grid.free_node[..grid.n_free].iter().map(at).collect();
+        let at = |a: &u32| -> Point { [0, 1, 2].map(|i| x[3 * *a as usize + i]) };
+        let coords: Vec<Point> = grid.free_node[..grid.n_free].iter().map(at).collect();
         // Fails on all ranks alike.
         let singular = |e: &dyn std::error::Error| MoverError::Singular { reason: e.to_string() };
         let (n, n_local) = (matrix.n_owned(), matrix.n_local());
@@ -189,6 +189,7 @@ pub(crate) type Coupling = Vec<(u32, u32, [[f64; 3]; 3])>;
 /// Stiffness of the owned free rows at node positions `x`: its free columns, and
 /// the columns of the canopy.
 fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f32>, Coupling), MoverError> {
+    let _part = timing::part("assembly");
     let mut free = Vec::with_capacity(8 * grid.cells.len());
     let mut ends = Vec::with_capacity(grid.cells.len() + 1);
     ends.push(0);
@@ -277,7 +278,7 @@ pub(crate) fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Resul
 }
 
 pub(crate) fn inverted(grid: &LocalGrid, c: usize, x: &[f64], determinant: f64) -> MoverError {
-    let at: Vec3 = grid.centre(c, x);
+    let at: Point = grid.centre(c, x);
     MoverError::Inverted { cell: grid.cell_global[c], at, determinant }
 }
 

@@ -6,7 +6,7 @@
 //! integration leaves no hourglass mode; the dilatation is taken as its mean
 //! over the cell (Hughes' B-bar), so that nearly incompressible settings do not lock.
 
-use mesh::Vec3;
+use mesh::geometry::Vec3;
 
 /// Stiffness of one cell: `[3 * node + component]` squared, symmetric.
 pub type CellMatrix = [[f64; 24]; 24];
@@ -68,9 +68,9 @@ pub struct Inverted {
 /// # Errors
 /// [`Inverted`] when the Jacobian is not positive (or NaN) at a Gauss point.
 pub fn stiffness(coords: &[Vec3; 8], lambda: f64, mu: f64, chi: f64) -> Result<CellMatrix, Inverted> {
-    let mut grads = [[[0.0; 3]; 8]; 8];
+    let mut grads = [[Vec3::zeros(); 8]; 8];
     let mut weights = [0.0; 8];
-    let mut mean = [[0.0; 3]; 8];
+    let mut mean = [Vec3::zeros(); 8];
     let mut total = 0.0;
     for g in 0..8 {
         let det = gradients(coords, &PARENT[g], &mut grads[g]);
@@ -81,12 +81,10 @@ pub fn stiffness(coords: &[Vec3; 8], lambda: f64, mu: f64, chi: f64) -> Result<C
         weights[g] = w;
         total += w;
         for a in 0..8 {
-            for i in 0..3 {
-                mean[a][i] += w * grads[g][a][i];
-            }
+            mean[a] += grads[g][a] * w;
         }
     }
-    for m in mean.iter_mut().flatten() {
+    for m in &mut mean {
         *m /= total;
     }
 
@@ -98,7 +96,7 @@ pub fn stiffness(coords: &[Vec3; 8], lambda: f64, mu: f64, chi: f64) -> Result<C
             for g in 0..8 {
                 let (p, q) = (grads[g][a], grads[g][b]);
                 let w = weights[g] * mu;
-                let dot = w * (p[0] * q[0] + p[1] * q[1] + p[2] * q[2]);
+                let dot = w * p.dot(&q);
                 for i in 0..3 {
                     block[i][i] += dot;
                     for j in 0..3 {
@@ -126,52 +124,37 @@ pub fn stiffness(coords: &[Vec3; 8], lambda: f64, mu: f64, chi: f64) -> Result<C
 pub fn conductance(coords: &[Vec3; 8], chi: f64) -> Result<[[f64; 8]; 8], Inverted> {
     let mut k = [[0.0; 8]; 8];
     for parent in &PARENT {
-        let mut grads = [[0.0; 3]; 8];
+        let mut grads = [Vec3::zeros(); 8];
         let det = gradients(coords, parent, &mut grads);
         if det.is_nan() || det <= 0.0 {
             return Err(Inverted { determinant: det });
         }
         let w = det.powf(1.0 - chi);
         for a in 0..8 {
-            (0..8).for_each(|b| k[a][b] += w * dot(grads[a], grads[b]));
+            (0..8).for_each(|b| k[a][b] += w * grads[a].dot(&grads[b]));
         }
     }
     Ok(k)
 }
 
 /// Gradients of the shape functions in space; returns the determinant of the Jacobian.
-fn gradients(coords: &[Vec3; 8], parent: &[[f64; 3]; 8], out: &mut [[f64; 3]; 8]) -> f64 {
-    let mut j = [[0.0; 3]; 3];
+fn gradients(coords: &[Vec3; 8], parent: &[[f64; 3]; 8], out: &mut [Vec3; 8]) -> f64 {
+    // Rows of the Jacobian, $J_{rc} = \sum_a \partial N_a / \partial \xi_r \, x_{ac}$.
+    let mut j = [Vec3::zeros(); 3];
     for (x, n) in coords.iter().zip(parent) {
         for r in 0..3 {
-            for c in 0..3 {
-                j[r][c] += n[r] * x[c];
-            }
+            j[r] += x * n[r];
         }
     }
-    let c0 = cross(j[1], j[2]);
-    let c1 = cross(j[2], j[0]);
-    let c2 = cross(j[0], j[1]);
-    let det = dot(j[0], c0);
+    let c0 = j[1].cross(&j[2]);
+    let c1 = j[2].cross(&j[0]);
+    let c2 = j[0].cross(&j[1]);
+    let det = j[0].dot(&c0);
     let inv = 1.0 / det;
     for (o, n) in out.iter_mut().zip(parent) {
-        for i in 0..3 {
-            o[i] = inv * (c0[i] * n[0] + c1[i] * n[1] + c2[i] * n[2]);
-        }
+        *o = (c0 * n[0] + c1 * n[1] + c2 * n[2]) * inv;
     }
     det
-}
-
-pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 #[cfg(test)]
@@ -180,7 +163,7 @@ mod tests {
     use nalgebra::{DMatrix, SymmetricEigen};
 
     fn cube() -> [Vec3; 8] {
-        CORNERS.map(|c| [0.5 * c[0], 0.5 * c[1], 0.5 * c[2]])
+        CORNERS.map(|c| Vec3::from(c) * 0.5)
     }
 
     /// Distorted and stretched cells, and the collapsed ones, by corner index.
@@ -189,7 +172,7 @@ mod tests {
         let mut skew = cube();
         for (a, p) in skew.iter_mut().enumerate() {
             let s = a as f64;
-            *p = [p[0] + 0.12 * (3.1 * s).sin(), p[1] + 0.12 * (1.7 * s).cos(), p[2] + 0.1 * (2.3 * s).sin()];
+            *p += Vec3::new(0.12 * (3.1 * s).sin(), 0.12 * (1.7 * s).cos(), 0.1 * (2.3 * s).sin());
         }
         let mut sliver = skew;
         sliver.iter_mut().for_each(|p| p[2] *= 0.01);
@@ -249,8 +232,8 @@ mod tests {
     fn infinitesimal_rotation_costs_nothing() {
         for (name, x, _) in shapes() {
             let k = stiffness(&x, 1.2, 0.8, 1.0).unwrap();
-            let w = [0.3, -0.7, 0.5];
-            let u: Vec<f64> = x.iter().flat_map(|&p| cross(w, p)).collect();
+            let w = Vec3::new(0.3, -0.7, 0.5);
+            let u: Vec<f64> = x.iter().flat_map(|p| <[f64; 3]>::from(w.cross(p))).collect();
             let scale = k.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
             for row in &k {
                 let f: f64 = row.iter().zip(&u).map(|(a, b)| a * b).sum();
@@ -263,10 +246,10 @@ mod tests {
     fn uniform_strain_energy_is_exact() {
         // Without stiffening the energy of a linear field is that of the solid.
         let (lambda, mu) = (1.2, 0.8);
-        let a = [[0.1, 0.3, -0.2], [0.05, -0.2, 0.4], [0.0, 0.1, 0.3]];
+        let a = [[0.1, 0.3, -0.2], [0.05, -0.2, 0.4], [0.0, 0.1, 0.3]].map(Vec3::from);
         for (name, x, _) in shapes() {
             let k = stiffness(&x, lambda, mu, 0.0).unwrap();
-            let u: Vec<f64> = x.iter().flat_map(|&p| [dot(a[0], p), dot(a[1], p), dot(a[2], p)]).collect();
+            let u: Vec<f64> = x.iter().flat_map(|p| a.map(|row| row.dot(p))).collect();
             let energy: f64 =
                 (0..24).map(|i| u[i] * (0..24).map(|j| k[i][j] * u[j]).sum::<f64>()).sum::<f64>() * 0.5;
             let mut density = 0.0;
@@ -284,7 +267,7 @@ mod tests {
 
     #[test]
     fn small_cells_are_stiffer_by_the_power_chi() {
-        let half = cube().map(|p| [0.5 * p[0], 0.5 * p[1], 0.5 * p[2]]);
+        let half = cube().map(|p| p * 0.5);
         for chi in [0.0, 0.5, 1.0, 2.0] {
             let (k1, k2) =
                 (stiffness(&cube(), 1.0, 1.0, chi).unwrap(), stiffness(&half, 1.0, 1.0, chi).unwrap());
@@ -299,13 +282,13 @@ mod tests {
     fn conductance_of_a_linear_field_and_of_small_cells() {
         for (name, x, _) in shapes() {
             let k = conductance(&x, 0.0).unwrap();
-            let slope = [0.3, -0.7, 0.5];
-            let u = x.map(|p| dot(slope, p));
+            let slope = Vec3::new(0.3, -0.7, 0.5);
+            let u = x.map(|p| slope.dot(&p));
             let energy: f64 = (0..8).map(|a| u[a] * dot8(&k[a], &u)).sum();
-            let exact = dot(slope, slope) * mesh::quality::volume(&x);
+            let exact = slope.dot(&slope) * mesh::quality::volume(&x);
             assert!((energy / exact - 1.0).abs() < 1e-12, "{name}: {energy} {exact}");
         }
-        let half = cube().map(|p| [0.5 * p[0], 0.5 * p[1], 0.5 * p[2]]);
+        let half = cube().map(|p| p * 0.5);
         for chi in [0.5, 1.0, 2.0] {
             let (k1, k2) = (conductance(&cube(), chi).unwrap(), conductance(&half, chi).unwrap());
             let ratio = k2[0][0] / k1[0][0];

@@ -1,6 +1,7 @@
 //! What cells feel of an error of their nodes' positions.
 
-use crate::element::{dot, sub};
+use mesh::geometry::Vec3;
+
 use crate::local::{EDGES, Kind, LocalGrid};
 use crate::solve::larger;
 
@@ -34,8 +35,8 @@ impl Felt {
                 let p = grid.corners(c, x);
                 for (i, j) in EDGES {
                     if cell[i] != cell[j] {
-                        let d = sub(p[i], p[j]);
-                        visit(grid.kind[cell[i] as usize], grid.kind[cell[j] as usize], dot(d, d).sqrt());
+                        let d = p[i] - p[j];
+                        visit(grid.kind[cell[i] as usize], grid.kind[cell[j] as usize], d.norm());
                     }
                 }
             }
@@ -70,11 +71,11 @@ impl Felt {
         let z = z.as_chunks::<3>().0;
         let mut most = 0.0f64;
         for (z, h) in z.iter().zip(&self.sizes) {
-            most = larger(most, dot(*z, *z) / (h * h));
+            most = larger(most, Vec3::from(*z).norm_squared() / (h * h));
         }
         for &(a, b, inverse) in &self.edges {
-            let d = sub(z[a as usize], z[b as usize]);
-            most = larger(most, dot(d, d) * f64::from(inverse * inverse));
+            let d = Vec3::from(z[a as usize]) - Vec3::from(z[b as usize]);
+            most = larger(most, d.norm_squared() * f64::from(inverse * inverse));
         }
         most.sqrt()
     }

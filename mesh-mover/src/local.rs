@@ -5,7 +5,8 @@ use std::rc::Rc;
 
 use case::OuterBoundary;
 use comm::{Comm, Halo, Numbering};
-use mesh::{FlowGrid, Vec3};
+use mesh::geometry::Vec3;
+use mesh::{FlowGrid, Point};
 
 use crate::depth::depths;
 use crate::near;
@@ -73,37 +74,8 @@ impl LocalGrid {
 
     /// Cuts this rank's part out of `grid`, `owner` being the rank of each node. Collective.
     pub fn with_outer(grid: &FlowGrid, owner: &[u32], outer: OuterBoundary, comm: &Comm) -> Self {
-        let n = grid.coords.len();
-        let me = comm.rank() as u32;
-        let (mut cells, mut cell_global) = (Vec::new(), Vec::new());
-        let mut seen = vec![false; n];
-        for (c, cell) in grid.cells.iter().enumerate() {
-            if cell.iter().any(|&a| owner[a as usize] == me) {
-                cells.push(*cell);
-                cell_global.push(c as u32);
-                cell.iter().for_each(|&a| seen[a as usize] = true);
-            }
-        }
-        let owned: Vec<u64> = (0..n).filter(|&a| owner[a] == me).map(|a| a as u64).collect();
-        let ghosts = |a: &usize| seen[*a] && owner[*a] != me;
-        let ghost_list: Vec<(u64, u32)> = (0..n).filter(ghosts).map(|a| (a as u64, owner[a])).collect();
-        let nodes = Numbering::new(owned, ghost_list);
-        for cell in &mut cells {
-            *cell = cell.map(|a| nodes.local(u64::from(a)).expect("nodes of local cells are local") as u32);
-        }
-
-        let mut global_kind = vec![Kind::Fixed; n];
-        // Kinds are the same on all ranks, so a ghost is free exactly where its owner has it free.
-        for a in grid.cells.iter().flatten() {
-            global_kind[*a as usize] = Kind::Free(0);
-        }
-        for a in grid.boundary.iter().flat_map(|(_, face)| face) {
-            global_kind[*a as usize] = Kind::Fixed;
-        }
-        for (k, &a) in grid.canopy_nodes.iter().enumerate() {
-            global_kind[a as usize] = Kind::Canopy(k as u32);
-        }
-
+        let (nodes, cells, cell_global) = share(grid, owner, comm.rank() as u32);
+        let mut global_kind = kinds(grid);
         let depth = depths(grid, cell_global.iter().map(|&c| &grid.cells[c as usize]));
         let rings = near::rings(grid, &global_kind);
         let sliding = match outer {
@@ -118,7 +90,6 @@ impl LocalGrid {
         let mut kind = Vec::with_capacity(nodes.n_local());
         let (mut free_owned, mut free_ghosts) = (Vec::new(), Vec::new());
         let (mut free_node, mut canopy) = (Vec::new(), Vec::new());
-        let mut n_free = 0;
         for (local, &g) in nodes.global.iter().enumerate() {
             kind.push(match global_kind[g as usize] {
                 Kind::Free(_) => {
@@ -128,7 +99,6 @@ impl LocalGrid {
                     free_node.push(local as u32);
                     if local < nodes.n_owned {
                         free_owned.push(g);
-                        n_free += 1;
                     } else {
                         free_ghosts.push((g, nodes.ghost_owner[local - nodes.n_owned]));
                     }
@@ -141,42 +111,29 @@ impl LocalGrid {
                 Kind::Fixed => Kind::Fixed,
             });
         }
+        let n_free = free_owned.len();
         // Both numberings order ghosts by owner and global index, so `free_node` fits the halo.
         let free_halo = Rc::new(Halo::new(comm, &Numbering::new(free_owned, free_ghosts)));
-        let total: f64 = (0..grid.cells.len()).map(|c| mesh::quality::cell_volume(grid, c)).sum();
-        let mean_volume = total / grid.cells.len().max(1) as f64;
         let start: Vec<f64> = nodes.global.iter().flat_map(|&g| grid.coords[g as usize]).collect();
-        let shapes = Corners::new(&cells, &start);
-        let mut touched: Vec<bool> = kind.iter().map(|k| matches!(k, Kind::Canopy(_))).collect();
-        near.iter().for_each(|row: &near::Row| touched[free_node[row.free as usize] as usize] = true);
-        let mut near_cells: Vec<std::ops::Range<usize>> = Vec::new();
-        for (c, cell) in cells.iter().enumerate() {
-            if cell.iter().any(|&a| touched[a as usize]) {
-                match near_cells.last_mut() {
-                    Some(run) if run.end == c => run.end = c + 1,
-                    _ => near_cells.push(c..c + 1),
-                }
-            }
-        }
         Self {
+            depth,
+            shapes: Corners::new(&cells, &start),
+            near_owned: near.partition_point(|row: &near::Row| (row.free as usize) < n_free),
+            near_cells: near_runs(&cells, &kind, &near, &free_node),
+            near,
+            slides: slide_rows,
             nodes,
             kind,
             cells,
             cell_global,
-            depth,
-            shapes,
-            near_owned: near.partition_point(|row| (row.free as usize) < n_free),
-            near,
-            near_cells,
-            slides: slide_rows,
             free_node,
             n_free,
             free_halo,
             canopy,
-            n_global: n,
+            n_global: grid.coords.len(),
             n_cells_global: grid.cells.len(),
             n_canopy: grid.canopy_nodes.len(),
-            mean_volume,
+            mean_volume: mean_volume(grid),
         }
     }
 
@@ -202,7 +159,7 @@ impl LocalGrid {
     }
 
     /// Values of local nodes picked from a global field.
-    pub fn gather(&self, global: &[Vec3]) -> Vec<f64> {
+    pub fn gather(&self, global: &[Point]) -> Vec<f64> {
         self.nodes.global.iter().flat_map(|&g| global[g as usize]).collect()
     }
 
@@ -223,7 +180,7 @@ impl LocalGrid {
     }
 
     /// Mean of the distinct corners of local cell `c`.
-    pub fn centre(&self, c: usize, x: &[f64]) -> Vec3 {
+    pub fn centre(&self, c: usize, x: &[f64]) -> Point {
         let mut list = self.cells[c].to_vec();
         list.sort_unstable();
         list.dedup();
@@ -245,8 +202,7 @@ impl LocalGrid {
             let mut shortest = f64::INFINITY;
             for (i, j) in EDGES {
                 if self.cells[c][i] != self.cells[c][j] {
-                    let d = crate::element::sub(p[i], p[j]);
-                    shortest = shortest.min(crate::element::dot(d, d).sqrt());
+                    shortest = shortest.min((p[i] - p[j]).norm());
                 }
             }
             for &a in &self.cells[c] {
@@ -258,6 +214,71 @@ impl LocalGrid {
         self.free_halo.exchange(&mut free, 1);
         free
     }
+}
+
+/// The nodes of rank `me`, its cells in local nodes, and their global indices.
+fn share(grid: &FlowGrid, owner: &[u32], me: u32) -> (Numbering, Vec<[u32; 8]>, Vec<u32>) {
+    let n = grid.coords.len();
+    let (mut cells, mut cell_global) = (Vec::new(), Vec::new());
+    let mut seen = vec![false; n];
+    for (c, cell) in grid.cells.iter().enumerate() {
+        if cell.iter().any(|&a| owner[a as usize] == me) {
+            cells.push(*cell);
+            cell_global.push(c as u32);
+            cell.iter().for_each(|&a| seen[a as usize] = true);
+        }
+    }
+    let owned: Vec<u64> = (0..n).filter(|&a| owner[a] == me).map(|a| a as u64).collect();
+    let ghosts = |a: &usize| seen[*a] && owner[*a] != me;
+    let ghost_list: Vec<(u64, u32)> = (0..n).filter(ghosts).map(|a| (a as u64, owner[a])).collect();
+    let nodes = Numbering::new(owned, ghost_list);
+    for cell in &mut cells {
+        *cell = cell.map(|a| nodes.local(u64::from(a)).expect("nodes of local cells are local") as u32);
+    }
+    (nodes, cells, cell_global)
+}
+
+/// Kind of each global node; free ones are not numbered yet. The same on all ranks, so a ghost is free
+/// exactly where its owner has it free.
+fn kinds(grid: &FlowGrid) -> Vec<Kind> {
+    let mut kind = vec![Kind::Fixed; grid.coords.len()];
+    for a in grid.cells.iter().flatten() {
+        kind[*a as usize] = Kind::Free(0);
+    }
+    for a in grid.boundary.iter().flat_map(|(_, face)| face) {
+        kind[*a as usize] = Kind::Fixed;
+    }
+    for (k, &a) in grid.canopy_nodes.iter().enumerate() {
+        kind[a as usize] = Kind::Canopy(k as u32);
+    }
+    kind
+}
+
+/// Mean volume of the cells, m3.
+fn mean_volume(grid: &FlowGrid) -> f64 {
+    let total: f64 = (0..grid.cells.len()).map(|c| mesh::quality::cell_volume(grid, c)).sum();
+    total / grid.cells.len().max(1) as f64
+}
+
+/// Runs of cells that touch a near node or the canopy.
+fn near_runs(
+    cells: &[[u32; 8]],
+    kind: &[Kind],
+    near: &[near::Row],
+    free_node: &[u32],
+) -> Vec<std::ops::Range<usize>> {
+    let mut touched: Vec<bool> = kind.iter().map(|k| matches!(k, Kind::Canopy(_))).collect();
+    near.iter().for_each(|row| touched[free_node[row.free as usize] as usize] = true);
+    let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
+    for (c, cell) in cells.iter().enumerate() {
+        if cell.iter().any(|&a| touched[a as usize]) {
+            match runs.last_mut() {
+                Some(run) if run.end == c => run.end = c + 1,
+                _ => runs.push(c..c + 1),
+            }
+        }
+    }
+    runs
 }
 
 /// Edges of a hexahedron in VTK order.

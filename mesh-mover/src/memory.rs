@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use case::Role;
-use channel::{Fault, KeptError};
+use channel::Fault;
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
@@ -47,16 +47,16 @@ pub struct MotionMemory {
 ///
 /// # Errors
 /// Trouble with the file.
-pub fn save(memory: &MotionMemory, comm: &Comm, folder: &Path) -> Result<(), KeptError> {
+pub fn save(memory: &MotionMemory, comm: &Comm, folder: &Path) -> Result<(), archive::Error> {
     let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
-    channel::keep(&file, MAGIC, VERSION, memory).map(|_| ())
+    archive::save(&file, MAGIC, VERSION, memory).map(|_| ())
 }
 
 /// Reads what [`save`] wrote; `None` where there is none.
 ///
 /// # Errors
 /// A file that is damaged, or holds what is no number.
-pub fn read(file: &Path) -> Result<Option<MotionMemory>, KeptError> {
+pub fn read(file: &Path) -> Result<Option<MotionMemory>, archive::Error> {
     channel::remembered(file, MAGIC, VERSION, MotionMemory::check)
 }
 
@@ -76,13 +76,13 @@ pub fn load(comm: &Comm, folder: &Path) -> Result<Option<MotionMemory>, Fault> {
     let same = if same {
         Ok(())
     } else {
-        Err(KeptError::unfit(&file, "ranks remember different numbers of vectors"))
+        Err(archive::Error::content(&file, "ranks remember different numbers of vectors"))
     };
     agree(comm, same).map(|()| memory)
 }
 
 /// An error on one rank becomes one on every rank. Collective.
-pub(crate) fn agree<T>(comm: &Comm, result: Result<T, KeptError>) -> Result<T, Fault> {
+pub(crate) fn agree<T>(comm: &Comm, result: Result<T, archive::Error>) -> Result<T, Fault> {
     let all = comm.all(result.is_ok());
     match result {
         Ok(_) if !all => Err(Fault::new("another rank could not use its part of the grid's state")),

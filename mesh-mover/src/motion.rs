@@ -4,7 +4,7 @@
 mod regrid;
 
 use comm::Comm;
-use mesh::Vec3;
+use mesh::Point;
 
 use crate::allocator::release_free_memory;
 use crate::local::{Kind, LocalGrid};
@@ -64,7 +64,7 @@ pub struct Shape {
     /// Global cell that has it.
     pub cell: u32,
     /// Its centre, m.
-    pub at: Vec3,
+    pub at: Point,
     /// Smallest ratio of a cell's volume to its volume at the start.
     pub volume_ratio: f64,
 }
@@ -290,6 +290,7 @@ impl Motion {
     /// # Errors
     /// [`MotionError`]; the accepted state is untouched.
     pub fn follow(&mut self, from: &Positions, to: &mut Positions) -> Result<Moved, MotionError> {
+        let _part = timing::part("motion");
         if let Some(moved) = self.near_anchor(to) {
             return Ok(moved);
         }
@@ -298,43 +299,70 @@ impl Motion {
         let mut iterations = 0;
         match self.total(to) {
             Ok(effort) => {
-                let mut parts = self.near_and_far(&to.grid);
-                // A canopy that outruns the way to a new grid is followed there at once.
-                if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
-                    self.place(to);
-                    parts = self.near_and_far(&to.grid);
-                }
-                let [near, far] = parts;
-                let shape = near.worse(&far);
-                let accepted = self.accepts(&shape);
-                let early = stage == Stage::Fresh && shape.quality < self.limits.soon();
-                // A window that has left the linear form is repaired where it stands.
-                let wanted = if accepted { early } else { stage == Stage::Held };
-                let goal = if early { self.limits.soon() } else { self.limits.min_quality };
-                let mut found = None;
-                if self.is_late(&shape, stage) {
-                    found = self.new_grid_at_once(to, &shape)?;
-                }
-                if found.is_none() && wanted {
-                    found = self.repair(to, goal)?;
-                }
-                if let Some(shape) = found {
-                    self.window = Stage::Held;
-                    return Ok(Moved { effort, increments: 1, shape });
-                }
-                if accepted {
-                    if stage == Stage::Held {
-                        self.window = stage;
-                    }
-                    self.anchor = Some(Anchor { far, effort });
-                    self.anchor_canopy.clone_from(&to.canopy);
-                    return Ok(Moved { effort, increments: 1, shape });
+                if let Some(moved) = self.judge(to, effort, stage)? {
+                    return Ok(moved);
                 }
                 iterations += effort.iterations;
             }
             Err(MoverError::NotConverged { iterations: n, .. }) => iterations += n,
             Err(e) => return Err(e.into()),
         }
+        self.ever_finer_increments(from, to, iterations)
+    }
+
+    /// What becomes of the total form's grid in `to`: taken as it is, repaired, replaced by a new grid, or
+    /// (`None`) not accepted. `stage` is what the window had come to before. Collective.
+    fn judge(
+        &mut self,
+        to: &mut Positions,
+        effort: Effort,
+        stage: Stage,
+    ) -> Result<Option<Moved>, MotionError> {
+        let _part = timing::part("quality");
+        let mut parts = self.near_and_far(&to.grid);
+        // A canopy that outruns the way to a new grid is followed there at once.
+        if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
+            self.place(to);
+            parts = self.near_and_far(&to.grid);
+        }
+        let [near, far] = parts;
+        let shape = near.worse(&far);
+        let accepted = self.accepts(&shape);
+        let early = stage == Stage::Fresh && shape.quality < self.limits.soon();
+        // A window that has left the linear form is repaired where it stands.
+        let wanted = if accepted { early } else { stage == Stage::Held };
+        let goal = if early { self.limits.soon() } else { self.limits.min_quality };
+        let mut found = None;
+        if self.is_late(&shape, stage) {
+            found = self.new_grid_at_once(to, &shape)?;
+        }
+        if found.is_none() && wanted {
+            found = self.repair(to, goal)?;
+        }
+        if let Some(shape) = found {
+            self.window = Stage::Held;
+            return Ok(Some(Moved { effort, increments: 1, shape }));
+        }
+        if !accepted {
+            return Ok(None);
+        }
+        if stage == Stage::Held {
+            self.window = stage;
+        }
+        self.anchor = Some(Anchor { far, effort });
+        self.anchor_canopy.clone_from(&to.canopy);
+        Ok(Some(Moved { effort, increments: 1, shape }))
+    }
+
+    /// From the accepted state in 1, 2, 4 ... increments until a grid is accepted; `iterations` were made before.
+    /// Collective.
+    fn ever_finer_increments(
+        &mut self,
+        from: &Positions,
+        to: &mut Positions,
+        mut iterations: usize,
+    ) -> Result<Moved, MotionError> {
+        let _part = timing::part("increments");
         let mut worst = None;
         let mut count = 1;
         while count <= self.limits.max_increments {
@@ -360,6 +388,7 @@ impl Motion {
     /// window start from the repaired cells; `None`, and `to` as it was, where they do not become
     /// as good as `goal`. Collective.
     fn repair(&mut self, to: &mut Positions, goal: f64) -> Result<Option<Shape>, MotionError> {
+        let _part = timing::part("repair");
         if !self.limits.repair {
             return Ok(None);
         }
@@ -394,6 +423,7 @@ impl Motion {
     /// quality has fallen far and the mover can stand on it. Says what came of a new grid
     /// that was due. Collective.
     pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Option<Result<NewGrid, String>> {
+        let _part = timing::part("settle");
         self.anchor = None;
         self.window = Stage::Fresh;
         self.fall = (self.quality - shape.quality).max(FADING * self.fall);
@@ -460,6 +490,7 @@ impl Motion {
 
     /// The answer for a canopy that is a small motion away from the anchor's.
     fn near_anchor(&mut self, to: &mut Positions) -> Option<Moved> {
+        let _part = timing::part("near the anchor");
         let Anchor { far, effort } = self.anchor?;
         for ((p, c), a) in self.push.iter_mut().zip(&to.canopy).zip(&self.anchor_canopy) {
             *p = c - a;
@@ -512,6 +543,7 @@ impl Motion {
 
     /// One linear solve from the reference grid.
     fn total(&mut self, to: &mut Positions) -> Result<Effort, MoverError> {
+        let _part = timing::part("solve");
         for ((p, c), r) in self.push.iter_mut().zip(&to.canopy).zip(&self.reference.canopy) {
             *p = c - r;
         }
@@ -521,6 +553,7 @@ impl Motion {
     }
 
     fn rebase(&mut self, at: &Positions, quality: f64) -> Result<(), MoverError> {
+        let _part = timing::part("new reference");
         if let Err(error) = self.mover.rebase(&self.grid, &at.grid) {
             if !matches!(error, MoverError::Inverted { .. }) {
                 // Back to where it stood.

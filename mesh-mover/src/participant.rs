@@ -6,7 +6,7 @@ use std::time::Instant;
 use case::{OuterBoundary, Role, Scene};
 use channel::{Announcement, Fault, Input, Participant, Stats, Window, mesh_stats};
 use comm::Comm;
-use mesh::{FaceTable, FlowGrid, StructureMesh, Vec3};
+use mesh::{FaceTable, FlowGrid, Point, StructureMesh};
 
 use crate::allocator::release_free_memory;
 use crate::local::LocalGrid;
@@ -92,7 +92,7 @@ impl MeshMover {
         match memory::load(comm, folder)? {
             Some(memory) => {
                 let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
-                let unfit = |reason: String| channel::KeptError::unfit(&file, &reason);
+                let unfit = |reason: String| archive::Error::content(&file, reason);
                 memory::agree(comm, this.motion.recall(memory).map_err(unfit))?;
             }
             None if comm.is_root() => {
@@ -151,7 +151,7 @@ impl MeshMover {
             face.iter().for_each(|&a| panels[a as usize] = panel);
         }
         let local = LocalGrid::with_outer(grid, owner, outer, comm);
-        let positions = |global: &[Vec3]| Positions {
+        let positions = |global: &[Point]| Positions {
             grid: local.gather(global),
             canopy: grid.canopy_nodes.iter().flat_map(|&a| global[a as usize]).collect(),
         };
@@ -258,7 +258,7 @@ impl MeshMover {
     }
 
     /// The canopy node next to a point, and its distance, m.
-    fn nearest(&self, at: &Vec3) -> Option<(usize, f64)> {
+    fn nearest(&self, at: &Point) -> Option<(usize, f64)> {
         nearest(self.trial.canopy.as_chunks::<3>().0, at)
     }
 
@@ -316,6 +316,7 @@ impl Participant for MeshMover {
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let _part = timing::part("advance");
         let clock = Instant::now();
         (self.answered, self.stuck) = (None, None);
         if !(w.dt.is_finite() && w.dt > 0.0) {
@@ -374,6 +375,7 @@ impl Participant for MeshMover {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        let _part = timing::part("accept");
         let Some((_, moved)) = self.answered.take().filter(|(a, _)| a.index == w.index) else {
             return Err(Fault::new(format!("window {} was accepted before it was answered", w.index)));
         };
@@ -402,6 +404,7 @@ impl Participant for MeshMover {
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("save");
         let now = self.gather(&self.now.grid);
         let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
         let rebased = !self.motion.is_total();
@@ -444,7 +447,7 @@ pub fn regridder(scene: &Scene, structure: &StructureMesh, grid: &FlowGrid) -> O
     let old = blocks(grid);
     let build: Builder = Box::new(move |canopy| {
         let new = mesh::flow_grid(&scene, &structure, canopy).map_err(|e| e.to_string())?;
-        let fits = |(&a, x): (&u32, &Vec3)| new.coords[a as usize] == *x;
+        let fits = |(&a, x): (&u32, &Point)| new.coords[a as usize] == *x;
         if blocks(&new) != old || !new.canopy_nodes.iter().zip(canopy).all(fits) {
             return Err("a new grid of this scene would have other cells".into());
         }
@@ -490,8 +493,8 @@ impl From<&case::MeshMotion> for Limits {
 }
 
 /// The point next to `at`, and its distance.
-fn nearest(points: &[Vec3], at: &Vec3) -> Option<(usize, f64)> {
-    let distance2 = |p: &Vec3| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
+fn nearest(points: &[Point], at: &Point) -> Option<(usize, f64)> {
+    let distance2 = |p: &Point| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
     let distances = points.iter().map(distance2).enumerate();
     distances.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, d)| (k, d.sqrt()))
 }

@@ -1,9 +1,6 @@
 //! Shape of cells: scaled Jacobian at every corner, fast for a grid that moves.
 
-use mesh::Vec3;
-
-use crate::element::{cross, dot, sub};
-
+use mesh::geometry::Vec3;
 use mesh::quality::CORNER_EDGES as BESIDE;
 
 /// Scaled Jacobian of one corner: determinant of its three edges over the
@@ -11,15 +8,15 @@ use mesh::quality::CORNER_EDGES as BESIDE;
 /// an inverted one; NaN for NaN or for edges without length.
 #[inline]
 pub fn corner_quality(p: Vec3, a: Vec3, b: Vec3, c: Vec3) -> f64 {
-    let (a, b, c) = (sub(a, p), sub(b, p), sub(c, p));
-    dot(a, cross(b, c)) / (dot(a, a) * dot(b, b) * dot(c, c)).sqrt()
+    let (a, b, c) = (a - p, b - p, c - p);
+    a.dot(&b.cross(&c)) / (a.dot(&a) * b.dot(&b) * c.dot(&c)).sqrt()
 }
 
 #[inline]
 fn quality_of(quad: &[u32; 4], x: &[f64]) -> f64 {
     let at = |n: u32| -> Vec3 {
         let n = 3 * n as usize;
-        [x[n], x[n + 1], x[n + 2]]
+        Vec3::new(x[n], x[n + 1], x[n + 2])
     };
     corner_quality(at(quad[0]), at(quad[1]), at(quad[2]), at(quad[3]))
 }
@@ -29,14 +26,14 @@ fn quality_of(quad: &[u32; 4], x: &[f64]) -> f64 {
 #[inline]
 fn regular_quality(p: &[Vec3; 8]) -> f64 {
     // Edges along the three parent axes, by the corner at their lower end.
-    let edge = |a: usize, b: usize| sub(p[b], p[a]);
+    let edge = |a: usize, b: usize| p[b] - p[a];
     let x = [edge(0, 1), edge(3, 2), edge(4, 5), edge(7, 6)];
     let y = [edge(0, 3), edge(1, 2), edge(4, 7), edge(5, 6)];
     let z = [edge(0, 4), edge(1, 5), edge(2, 6), edge(3, 7)];
-    let (x2, y2, z2) = (x.map(|e| dot(e, e)), y.map(|e| dot(e, e)), z.map(|e| dot(e, e)));
+    let (x2, y2, z2) = (x.map(|e| e.dot(&e)), y.map(|e| e.dot(&e)), z.map(|e| e.dot(&e)));
     let mut squares = [0.0; 8];
     for (s, [i, j, k]) in squares.iter_mut().zip(EDGES_AT) {
-        let det = dot(x[i], cross(y[j], z[k]));
+        let det = x[i].dot(&y[j].cross(&z[k]));
         *s = det * det.abs() / (x2[i] * y2[j] * z2[k]);
     }
     let mut worst = f64::INFINITY;
@@ -50,11 +47,10 @@ fn regular_quality(p: &[Vec3; 8]) -> f64 {
 /// value of [`mesh::quality::volume`] from three determinants (J. Grandy, UCRL-ID-128886, 1997).
 #[inline]
 pub fn volume(p: &[Vec3; 8]) -> f64 {
-    let sum = |a: Vec3, b: Vec3| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-    let (a, b) = (sub(p[6], p[1]), sub(p[7], p[0]));
-    let (c, d) = (sub(p[6], p[3]), sub(p[2], p[0]));
-    let (e, f) = (sub(p[5], p[0]), sub(p[6], p[4]));
-    (dot(sum(a, b), cross(c, d)) + dot(b, cross(sum(c, e), f)) + dot(a, cross(e, sum(f, d)))) / 12.0
+    let (a, b) = (p[6] - p[1], p[7] - p[0]);
+    let (c, d) = (p[6] - p[3], p[2] - p[0]);
+    let (e, f) = (p[5] - p[0], p[6] - p[4]);
+    ((a + b).dot(&c.cross(&d)) + b.dot(&(c + e).cross(&f)) + a.dot(&e.cross(&(f + d)))) / 12.0
 }
 
 /// Edges (along x, y, z, as numbered in [`regular_quality`]) that meet in each corner.
@@ -172,7 +168,7 @@ impl Corners {
 pub fn corners_at(cell: &[u32; 8], x: &[f64]) -> [Vec3; 8] {
     cell.map(|a| {
         let a = 3 * a as usize;
-        [x[a], x[a + 1], x[a + 2]]
+        Vec3::new(x[a], x[a + 1], x[a + 2])
     })
 }
 
@@ -220,10 +216,11 @@ mod tests {
             [1., 1., 1.],
             [0., 1., 1.],
         ]
+        .map(Vec3::from)
     }
 
     fn flat(x: &[Vec3]) -> Vec<f64> {
-        x.iter().flatten().copied().collect()
+        x.iter().flat_map(|p| <[f64; 3]>::from(*p)).collect()
     }
 
     #[test]
@@ -268,7 +265,9 @@ mod tests {
         let wedge = [[0, 1, 2, 0, 4, 5, 6, 4]];
         let c = Corners::new(&wedge, &thin(0.05));
         let known = |w: f64| c.quality(&wedge, 0, &thin(w));
-        assert!((known(0.05) - mesh::quality::scaled_jacobian(&points(&thin(0.05)), &wedge[0])).abs() < 1e-6);
+        assert!(
+            (known(0.05) - mesh::quality::scaled_jacobian(thin(0.05).as_chunks().0, &wedge[0])).abs() < 1e-6
+        );
         assert!(known(0.01) < 0.25 && known(0.01) > 0.1, "a fifth of its angle: {}", known(0.01));
         // The sine of the sharp angle over that at the start.
         let sine = |w: f64| w / (2.0 * (1.0 + (1.0 - w).powi(2))).sqrt();
@@ -279,10 +278,6 @@ mod tests {
             sine(0.01) / sine(0.05)
         );
         assert!(known(-0.01) < 0.0);
-    }
-
-    fn points(x: &[f64]) -> Vec<Vec3> {
-        x.as_chunks::<3>().0.to_vec()
     }
 
     #[test]
@@ -308,7 +303,7 @@ mod tests {
             let cell = [[0, 1, 2, 3, 4, 5, 6, 7]];
             let c = Corners::new(&cell, &flat(&cube()));
             let q = c.quality(&cell, 0, &flat(&x));
-            let other = mesh::quality::scaled_jacobian(&x, &cell[0]);
+            let other = mesh::quality::scaled_jacobian(flat(&x).as_chunks().0, &cell[0]);
             assert!(q < 0.0 && (q - other).abs() < 1e-12, "corner {a} pushed through: {q} {other}");
             x[a][1] = f64::NAN;
             assert_eq!(c.quality(&cell, 0, &flat(&x)), f64::NEG_INFINITY);

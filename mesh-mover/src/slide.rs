@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use linalg::BlockCsr;
-use mesh::{FlowGrid, Vec3};
+use mesh::FlowGrid;
+use mesh::geometry::{Vec3, at};
 
 use crate::elastic::Coupling;
-use crate::element::{cross, dot, sub};
 
 /// Projection on the ways that a node may go.
 pub type Way = [[f64; 3]; 3];
@@ -31,11 +31,11 @@ pub fn slides(grid: &FlowGrid) -> BTreeMap<u32, Way> {
     // Unit normals, orthonormalised, of the planes that meet in a node; `None`: it stays.
     let mut planes: BTreeMap<u32, Option<Vec<Vec3>>> = BTreeMap::new();
     for (_, face) in &grid.boundary {
-        let p = face.map(|a| grid.coords[a as usize]);
-        let area = cross(sub(p[2], p[0]), sub(p[3], p[1]));
-        let size = dot(area, area).sqrt();
-        let n = area.map(|a| a / size);
-        let flat = size > 0.0 && p.iter().all(|q| dot(n, sub(*q, p[0])).abs() <= FLAT * size.sqrt());
+        let p = face.map(|a| at(&grid.coords, a));
+        let area = (p[2] - p[0]).cross(&(p[3] - p[1]));
+        let size = area.norm();
+        let n = area / size;
+        let flat = size > 0.0 && p.iter().all(|q| n.dot(&(q - p[0])).abs() <= FLAT * size.sqrt());
         for &a in face {
             let known = planes.entry(a).or_insert_with(|| Some(Vec::new()));
             let Some(list) = known.as_mut().filter(|_| flat) else {
@@ -44,12 +44,11 @@ pub fn slides(grid: &FlowGrid) -> BTreeMap<u32, Way> {
             };
             let mut rest = n;
             for m in &*list {
-                let c = dot(rest, *m);
-                (0..3).for_each(|i| rest[i] -= c * m[i]);
+                rest -= m * rest.dot(m);
             }
-            let new = dot(rest, rest).sqrt();
+            let new = rest.norm();
             if new > FLAT {
-                list.push(rest.map(|r| r / new));
+                list.push(rest / new);
             }
         }
     }
@@ -113,7 +112,8 @@ pub(crate) fn keep(slides: &[Slide], u: &mut [f64]) {
     for s in slides {
         // Owned nodes come first.
         let Some(u) = u.get_mut(s.free as usize) else { break };
-        *u = [0, 1, 2].map(|i| dot(s.way[i], *u));
+        let whole = Vec3::from(*u);
+        *u = s.way.map(|row| Vec3::from(row).dot(&whole));
     }
 }
 
@@ -147,7 +147,7 @@ mod tests {
     fn curved_faces_hold_their_nodes() {
         let mut grid = plate_in_box(8, 0.0, 1.0, false);
         for x in &mut grid.coords {
-            let r = dot(*x, *x).sqrt();
+            let r = Vec3::from(*x).norm();
             (0..3).for_each(|i| x[i] *= 1.0 + 0.1 * r * r);
         }
         assert!(slides(&grid).is_empty(), "{:?}", slides(&grid));

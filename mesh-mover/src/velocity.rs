@@ -2,16 +2,11 @@
 //!
 //! Written as differences, so that a grid at rest has velocity zero exactly.
 
-/// Longest window in units of the one before it for which two of them make a second-order difference: the
-/// flow-solver's own bound (steps that grow by more than $1 + \sqrt 2$ from each to the next are not stable).
-pub const LONGEST_RATIO: f64 = 2.4;
-
 /// Weights of the way in a window and of the way in the one before it in the second-order velocity at
-/// its end, $(1 + 2r)/(1 + r)$ and $r^2/(1 + r)$, for a window `ratio` times as long as that.
+/// its end: $c_0$ and $c_2$ of [`channel::bdf2`] for a window `ratio` times as long as that.
 /// `None` where it is too long: first order then.
 pub fn weights(ratio: f64) -> Option<[f64; 2]> {
-    let share = ratio / (1.0 + ratio);
-    (ratio > 0.0 && ratio <= LONGEST_RATIO).then_some([1.0 + share, ratio * share])
+    channel::bdf2(ratio).map(|[c0, _, c2]| [c0, c2])
 }
 
 /// Velocity at the end of a window from positions (m) at its end `x`, its start `x1`,

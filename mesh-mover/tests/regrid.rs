@@ -6,7 +6,7 @@ use std::rc::Rc;
 use case::{MeshMotion, Regrid, Role};
 use channel::{Input, Participant, Window, mesh_stats};
 use comm::Comm;
-use mesh::{FlowGrid, Vec3};
+use mesh::{FlowGrid, Point};
 use mesh_mover::elastic::{Elastic, Solid};
 use mesh_mover::motion::{Limits, Regridder};
 use mesh_mover::participant::{MeshMover, Setup};
@@ -21,8 +21,8 @@ fn plate() -> FlowGrid {
 }
 
 /// A good grid around the plate at height `h`: layers above and below it are pressed together evenly.
-fn around(h: f64) -> Vec<Vec3> {
-    let lift = |p: &Vec3| [p[0], p[1], if p[2] > 0.0 { h + p[2] * (1.0 - h) } else { h + p[2] * (1.0 + h) }];
+fn around(h: f64) -> Vec<Point> {
+    let lift = |p: &Point| [p[0], p[1], if p[2] > 0.0 { h + p[2] * (1.0 - h) } else { h + p[2] * (1.0 + h) }];
     plate().coords.iter().map(lift).collect()
 }
 
@@ -44,7 +44,7 @@ impl Rig {
         let settings = MeshMotion::default();
         let built = Rc::new(Cell::new(0));
         let count = built.clone();
-        let build = Box::new(move |canopy: &[Vec3]| {
+        let build = Box::new(move |canopy: &[Point]| {
             count.set(count.get() + 1);
             Ok(around(canopy[0][2]))
         });
@@ -87,7 +87,7 @@ impl Rig {
         stats.values[mesh_stats::MIN_QUALITY]
     }
 
-    fn nodes(&self) -> Vec<Vec3> {
+    fn nodes(&self) -> Vec<Point> {
         self.output.as_chunks::<6>().0.iter().map(|r| [r[0], r[1], r[2]]).collect()
     }
 
@@ -97,7 +97,7 @@ impl Rig {
     }
 }
 
-fn apart(a: &[Vec3], b: &[Vec3]) -> f64 {
+fn apart(a: &[Point], b: &[Point]) -> f64 {
     a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
@@ -107,7 +107,7 @@ fn a_bad_grid_glides_into_a_new_one() {
     let mut without = Rig::new(0.0, None);
     let height = |index: u64| 0.3 * (index as f64 / 30.0).min(1.0);
     let (mut worst, mut worst_without, mut seen, mut jolt) = (1.0f64, 1.0f64, 0, 0.0f64);
-    let mut history: Vec<Vec<Vec3>> = Vec::new();
+    let mut history: Vec<Vec<Point>> = Vec::new();
     for index in 0..80 {
         worst = worst.min(rig.window(index, height(index)));
         if worst_without > 0.0 {
@@ -172,7 +172,7 @@ fn the_way_ends_on_the_new_grid_and_a_saved_state_goes_on_with_it() {
 }
 
 impl Rig {
-    fn nodes_at_rest(&self) -> Vec<Vec3> {
+    fn nodes_at_rest(&self) -> Vec<Point> {
         self.mover.positions().grid.as_chunks::<3>().0.to_vec()
     }
 }

@@ -175,13 +175,9 @@ fn reefed(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Result<(Vec<[u32
 
 /// Drag of lines and reefing lines, where they are asked for.
 fn air_and_reefing(scene: &Scene, stage: usize, model: &Model, skirt: f64, all: &mut Loops) {
-    let (Some(l), density) = (&scene.lines, scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3)) else {
-        return;
-    };
+    let (Some(l), density) = (&scene.lines, scene.resolved().air.density_kg_m3) else { return };
     if let Some(d) = &l.drag {
-        let round = 2.0 * (l.area_m2 / std::f64::consts::PI).sqrt();
-        let width = d.diameter_m.unwrap_or(round);
-        let cylinder = Cylinder::new(density, width, d.coefficient, d.friction_coefficient);
+        let cylinder = Cylinder::new(density, l.diameter_m(), d.coefficient, d.friction_coefficient);
         all.push(Box::new(LineDrag::new(model, cylinder)));
     }
     for (r, cut) in holding(scene, stage) {

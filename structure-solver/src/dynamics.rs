@@ -20,6 +20,33 @@ pub struct LoadPath<'a> {
     pub traction: [&'a [f64]; 2],
 }
 
+/// A part of a window that one step covers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Interval<'a> {
+    /// Shares of the window at its start and end.
+    pub(crate) span: [f64; 2],
+    /// Length of the window, s.
+    pub(crate) window: f64,
+    /// Load over the window.
+    pub(crate) load: LoadPath<'a>,
+    /// Acceleration on every mass, m/s2.
+    pub(crate) body: [f64; 3],
+}
+
+impl Interval<'_> {
+    /// Length, s.
+    pub(crate) fn dt(&self) -> f64 {
+        (self.span[1] - self.span[0]) * self.window
+    }
+
+    /// Both halves.
+    fn halves(&self) -> [Self; 2] {
+        let [start, end] = self.span;
+        let middle = 0.5 * (start + end);
+        [Self { span: [start, middle], ..*self }, Self { span: [middle, end], ..*self }]
+    }
+}
+
 /// A window that could not be computed.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error(
@@ -244,15 +271,8 @@ impl Dynamics {
         }
         for k in 0..substeps {
             let share = |k: u64| k as f64 / substeps as f64;
-            self.interval(
-                [share(k), share(k + 1)],
-                dt,
-                load,
-                body,
-                known.then_some(k as usize),
-                0,
-                &mut info,
-            )?;
+            let part = Interval { span: [share(k), share(k + 1)], window: dt, load, body };
+            self.interval(part, known.then_some(k as usize), 0, &mut info)?;
             if self.explicit.is_none() {
                 self.path[k as usize].copy_from_slice(&self.current.u);
             }
@@ -267,21 +287,17 @@ impl Dynamics {
     }
 
     /// Advances `current` over a share of the window, halving the step where it fails.
-    #[allow(clippy::too_many_arguments)]
     fn interval(
         &mut self,
-        span: [f64; 2],
-        window: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
+        part: Interval<'_>,
         known: Option<usize>,
         cuts: u32,
         info: &mut WindowInfo,
     ) -> Result<(), StepFailure> {
-        let dt = (span[1] - span[0]) * window;
+        let dt = part.dt();
         let step = match self.explicit {
-            Some(_) => self.explicit_step(span, window, load, body),
-            None => self.step_with_motion(span, window, load, body, known),
+            Some(_) => self.explicit_step(part),
+            None => self.step_with_motion(part, known),
         };
         match step {
             Ok(step) => {
@@ -292,10 +308,10 @@ impl Dynamics {
                     Some(e) => e.applied_impulse,
                     None => dt * self.newton.applied_z,
                 };
-                let (load_work, damping_work) = (self.load_work(span, load), self.damping_work());
+                let (load_work, damping_work) = (self.load_work(part), self.damping_work());
                 info.load_work += load_work;
                 info.damping_work += damping_work;
-                self.add_works(span, window, load, body, [load_work, damping_work], &mut info.works);
+                self.add_works(part, [load_work, damping_work], &mut info.works);
                 std::mem::swap(&mut self.current, &mut self.next);
                 Ok(())
             }
@@ -303,25 +319,25 @@ impl Dynamics {
                 info.cuts += 1;
                 info.newton_steps += u64::from(cause.steps());
                 self.linear.renew();
-                let middle = 0.5 * (span[0] + span[1]);
-                self.interval([span[0], middle], window, load, body, None, cuts + 1, info)?;
-                self.interval([middle, span[1]], window, load, body, None, cuts + 1, info)
+                let [first, second] = part.halves();
+                self.interval(first, None, cuts + 1, info)?;
+                self.interval(second, None, cuts + 1, info)
             }
             Err(cause) => {
                 let element = self.culprit(&cause);
-                Err(StepFailure { time: span[1] * window, dt, cuts, cause, element })
+                Err(StepFailure { time: part.span[1] * part.window, dt, cuts, cause, element })
             }
         }
     }
 
+    /// One implicit step from `current` to `next`; `known`: the substep whose path is a good start.
     pub(crate) fn step(
         &mut self,
-        span: [f64; 2],
-        dt: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
+        part: Interval<'_>,
         known: Option<usize>,
     ) -> Result<NewtonInfo, NewtonError> {
+        let Interval { span, load, body, .. } = part;
+        let dt = part.dt();
         self.system.set_time(self.time + span[1] * self.window);
         if self.system.depends_on_rate() || self.system.finds_pairs() {
             self.system.set_step(dt);
@@ -347,8 +363,8 @@ impl Dynamics {
 
     /// Trapezoidal work of the load on owned nodes from `current` to `next`, J. The
     /// load on `current` is left from the step before.
-    fn load_work(&mut self, span: [f64; 2], load: LoadPath<'_>) -> f64 {
-        self.load_on(span[1], load, true);
+    fn load_work(&mut self, part: Interval<'_>) -> f64 {
+        self.load_on(part.span[1], part.load, true);
         let n = 3 * self.system.model.n_owned();
         let [before, after] = &self.force;
         let work = (0..n).map(|i| 0.5 * (before[i] + after[i]) * (self.next.u[i] - self.current.u[i])).sum();

@@ -18,7 +18,7 @@ use std::path::Path;
 use channel::{Fault, structure_stats as stat};
 use serde::{Deserialize, Serialize};
 
-use crate::dynamics::{Dynamics, LoadPath, blend};
+use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
 use crate::loops::{FaceLoad, Place};
 use crate::measures::Measures;
 use crate::system::System;
@@ -155,16 +155,12 @@ impl EnergyBalance {
 
     /// Writes it beside the state of the nodes; the same on each rank, so one of them does it.
     pub(crate) fn save(&self, folder: &Path) -> Result<(), Fault> {
-        channel::keep(&folder.join(FILE), MAGIC, VERSION, self).map(|_| ()).map_err(Fault::new)
+        archive::save(&folder.join(FILE), MAGIC, VERSION, self).map(|_| ()).map_err(Fault::new)
     }
 
     /// Reads what [`EnergyBalance::save`] wrote in the same stage; `None` where nothing is there.
     pub(crate) fn load(folder: &Path) -> Result<Option<Self>, Fault> {
-        let file = folder.join(FILE);
-        if !file.exists() {
-            return Ok(None);
-        }
-        channel::kept(&file, MAGIC, VERSION).map(Some).map_err(Fault::new)
+        archive::if_present(archive::load(&folder.join(FILE), MAGIC, VERSION)).map_err(Fault::new)
     }
 }
 
@@ -235,20 +231,13 @@ fn remedy(integration: case::Integration) -> &'static str {
 }
 
 impl Dynamics {
-    /// Adds the works of the step from `current` to `next`, which covers the share `span` of the
+    /// Adds the works of the step from `current` to `next`, which covers `part` of the
     /// window, on owned nodes. `known`: trapezoidal work of the load, energy taken by damping.
-    pub(crate) fn add_works(
-        &mut self,
-        span: [f64; 2],
-        window: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
-        known: [f64; 2],
-        works: &mut Works,
-    ) {
+    pub(crate) fn add_works(&mut self, part: Interval<'_>, known: [f64; 2], works: &mut Works) {
+        let body = part.body;
         let averaged = self.explicit.is_none() && self.scheme.alpha_f > 0.0;
         let w = &mut works.0;
-        w[Works::LOAD] += if averaged { self.averaged_load_work(span, load) } else { known[0] };
+        w[Works::LOAD] += if averaged { self.averaged_load_work(part) } else { known[0] };
         w[Works::DAMPING] -= known[1];
         let n = 3 * self.system.model.n_owned();
         let du: Vec<f64> = self.next.u.iter().zip(&self.current.u).map(|(b, a)| b - a).collect();
@@ -263,10 +252,10 @@ impl Dynamics {
             w[Works::RESIDUAL] += self.newton.unbalanced_work(&du[..n]);
         }
         if self.system.depends_on_time() {
-            w[Works::SCHEDULE] += self.schedule_work(span, window);
+            w[Works::SCHEDULE] += self.schedule_work(part);
         }
         if !self.motions.is_empty() {
-            w[Works::MOTION] += self.motion_work(span, window, load, body, averaged, &du);
+            w[Works::MOTION] += self.motion_work(part, averaged, &du);
         }
         if let (Some(p), Some(from), Some(to)) = (&self.payload, &self.current.body, &self.next.body)
             && self.system.comm().is_root()
@@ -284,7 +273,8 @@ impl Dynamics {
     }
 
     /// Work of the load where the scheme applies it, J.
-    fn averaged_load_work(&mut self, span: [f64; 2], load: LoadPath<'_>) -> f64 {
+    fn averaged_load_work(&mut self, part: Interval<'_>) -> f64 {
+        let Interval { span, load, .. } = part;
         let weight = 1.0 - self.scheme.alpha_f;
         blend(load, span[0] + weight * (span[1] - span[0]), &mut self.pressure, &mut self.traction);
         self.place_between(weight);
@@ -295,7 +285,8 @@ impl Dynamics {
     }
 
     /// Change of the energy at the old positions when the clock goes to the end of the step, J.
-    fn schedule_work(&mut self, span: [f64; 2], window: f64) -> f64 {
+    fn schedule_work(&mut self, part: Interval<'_>) -> f64 {
+        let Interval { span, window, .. } = part;
         self.place_between(0.0);
         let at = |share: f64| self.time + share * window;
         let after = self.system.energy(&self.x);
@@ -307,16 +298,9 @@ impl Dynamics {
 
     /// Work of the forces that move nodes as prescribed, J: forces out of balance on their way,
     /// and their change of momentum at their mean velocity.
-    fn motion_work(
-        &mut self,
-        span: [f64; 2],
-        window: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
-        averaged: bool,
-        du: &[f64],
-    ) -> f64 {
-        self.system.set_step((span[1] - span[0]) * window);
+    fn motion_work(&mut self, part: Interval<'_>, averaged: bool, du: &[f64]) -> f64 {
+        let Interval { span, load, body, .. } = part;
+        self.system.set_step(part.dt());
         let weight = 1.0 - self.scheme.alpha_f;
         let mut f = vec![0.0; du.len()];
         if averaged {

@@ -11,7 +11,7 @@
 use crate::culprit::{self, Culprit};
 use crate::dynamics::{Dynamics, place};
 use crate::loops::{FaceLoad, Place};
-use crate::newton::{Balance, NewtonError, Stop};
+use crate::newton::{Balance, NewtonError, NewtonInfo, Stop};
 use crate::scheme::StepForm;
 
 /// When a search for an equilibrium ends.
@@ -125,6 +125,34 @@ pub struct Continuation {
     rounded: u32,
 }
 
+impl Continuation {
+    /// Sets the weight of the mass in the step after `step`, which took `newton_steps` when it
+    /// succeeded.
+    fn proceed(&mut self, step: &PseudoStep, newton_steps: u32) {
+        let ease = match newton_steps {
+            0..=6 => 4.0,
+            7..=12 => 2.0,
+            13..=20 => 1.3,
+            _ => 1.0,
+        };
+        // Near the end the mass falls with the residual: the last steps are Newton's.
+        let ratio = (self.residual / step.residual).clamp(1.0, 100.0);
+        let fall = if step.repeats > 0 { 1.0 } else { f64::max(ease, ratio) };
+        self.mass_factor = Some(step.mass_factor / fall);
+        self.residual = step.residual;
+        self.number = step.number;
+    }
+}
+
+/// What an equilibrium is searched for.
+#[derive(Clone, Copy)]
+struct RestProblem<'a> {
+    load: FaceLoad<'a>,
+    /// Acceleration on every mass, m/s2.
+    body: [f64; 3],
+    params: EquilibriumParams,
+}
+
 /// Share of the structure's size that the first step may move it.
 const FIRST_MOVE: f64 = 0.02;
 /// A displacement of so many times its size is no equilibrium.
@@ -153,6 +181,7 @@ impl Dynamics {
         tell: &mut dyn FnMut(&PseudoStep),
     ) -> Result<EquilibriumInfo, EquilibriumError> {
         let mut continuation = Continuation::default();
+        let problem = RestProblem { load, body, params };
         self.system.prescribed.clear();
         self.system.set_time(f64::INFINITY);
         for (i, u) in self.motions.iter().flat_map(|m| m.values(f64::INFINITY)) {
@@ -160,7 +189,7 @@ impl Dynamics {
         }
         let mut newton_steps = 0;
         loop {
-            let step = self.creep(&mut continuation, load, body, params)?;
+            let step = self.pseudo_transient_step(&mut continuation, problem)?;
             self.accept();
             newton_steps += u64::from(step.newton_steps);
             tell(&step);
@@ -175,13 +204,26 @@ impl Dynamics {
     ///
     /// # Errors
     /// [`EquilibriumError`]: no attempt succeeded, or this would be one step too many.
-    fn creep(
+    fn pseudo_transient_step(
         &mut self,
         c: &mut Continuation,
-        load: FaceLoad<'_>,
-        body: [f64; 3],
-        params: EquilibriumParams,
+        problem: RestProblem<'_>,
     ) -> Result<PseudoStep, EquilibriumError> {
+        let mut step = self.start_pseudo_step(c, problem);
+        if step.balanced.is_some() {
+            return Ok(step);
+        }
+        let solved = self.solve_pseudo_step(c, problem, &mut step)?;
+        self.take_pseudo_step(c, problem, solved.stop, &mut step);
+        self.check_progress(c, problem, &step)?;
+        c.proceed(&step, solved.steps);
+        Ok(step)
+    }
+
+    /// Brings `current` to rest at the accepted positions and measures its residual; the first
+    /// step finds its weight of the mass.
+    fn start_pseudo_step(&mut self, c: &mut Continuation, problem: RestProblem<'_>) -> PseudoStep {
+        let RestProblem { load, body, params } = problem;
         self.current.copy_from(&self.accepted);
         self.current.v.fill(0.0);
         self.current.a.fill(0.0);
@@ -191,38 +233,47 @@ impl Dynamics {
             let balance = Balance { from: &self.current, form, load, body };
             self.newton.load_scale(&self.system, &balance)
         });
-        let scale = c.scale;
-        let (mut factor, rounding) = match c.mass_factor {
+        let (mass_factor, rounding) = match c.mass_factor {
             Some(factor) => (factor, false),
             None => {
-                c.residual = self.out_of_balance(load, body) / scale;
+                c.residual = self.out_of_balance(load, body) / c.scale;
                 self.first_factor(c, load)
             }
         };
-        let mut step = PseudoStep {
+        PseudoStep {
             number: c.number + 1,
             residual: c.residual,
-            mass_factor: factor,
+            mass_factor,
             newton_steps: 0,
             repeats: 0,
             moved: 0.0,
-            balanced: rounding.then_some(Stop::Correction),
-        };
-        if c.residual <= params.tolerance {
-            step.balanced = Some(Stop::Residual);
+            balanced: if c.residual <= params.tolerance {
+                Some(Stop::Residual)
+            } else {
+                rounding.then_some(Stop::Correction)
+            },
         }
-        if step.balanced.is_some() {
-            return Ok(step);
-        }
-        let inner = (INNER * c.residual).clamp(0.3 * params.tolerance, INNER);
-        let info = loop {
-            let form = StepForm::overdamped(factor);
+    }
+
+    /// Solves the step's equations into `next`, with more mass after each attempt that fails.
+    fn solve_pseudo_step(
+        &mut self,
+        c: &Continuation,
+        problem: RestProblem<'_>,
+        step: &mut PseudoStep,
+    ) -> Result<NewtonInfo, EquilibriumError> {
+        let RestProblem { load, body, params } = problem;
+        self.newton.set_static_tolerance((INNER * c.residual).clamp(0.3 * params.tolerance, INNER));
+        loop {
+            let form = StepForm::overdamped(step.mass_factor);
             let balance = Balance { from: &self.current, form, load, body };
-            self.newton.set_static_tolerance(inner);
             let solved =
-                self.newton.step(&mut self.system, &mut self.linear, &balance, &[], scale, &mut self.next);
+                self.newton.step(&mut self.system, &mut self.linear, &balance, &[], c.scale, &mut self.next);
             match solved {
-                Ok(info) => break info,
+                Ok(info) => {
+                    step.newton_steps += info.steps;
+                    return Ok(info);
+                }
                 Err(cause) => {
                     step.newton_steps += cause.steps();
                     step.repeats += 1;
@@ -230,48 +281,55 @@ impl Dynamics {
                         let element = self.culprit(&cause);
                         return Err(EquilibriumError::Stuck { number: step.number, cause, element });
                     }
-                    factor *= HARDER;
+                    step.mass_factor *= HARDER;
                     self.linear.renew();
                 }
             }
-        };
-        step.newton_steps += info.steps;
-        step.mass_factor = factor;
+        }
+    }
+
+    /// Makes `next` the current state, at rest, and measures how far it moved and what is left.
+    fn take_pseudo_step(
+        &mut self,
+        c: &mut Continuation,
+        problem: RestProblem<'_>,
+        stop: Stop,
+        step: &mut PseudoStep,
+    ) {
+        let RestProblem { load, body, params } = problem;
         let n = 3 * self.system.model.n_owned();
         let moved = (0..n).fold(0.0f64, |m, i| m.max((self.next.u[i] - self.current.u[i]).abs()));
         step.moved = self.system.comm().max(moved);
         std::mem::swap(&mut self.current, &mut self.next);
         self.current.v.fill(0.0);
         self.current.a.fill(0.0);
-        step.residual = self.out_of_balance(load, body) / scale;
-        c.rounded = if info.stop == Stop::Correction { c.rounded + 1 } else { 0 };
+        step.residual = self.out_of_balance(load, body) / c.scale;
+        c.rounded = if stop == Stop::Correction { c.rounded + 1 } else { 0 };
         step.balanced = if step.residual <= params.tolerance {
             Some(Stop::Residual)
         } else {
             (c.rounded == 3).then_some(Stop::Correction)
         };
+    }
+
+    /// Refuses a structure that leaves its place, and one step too many.
+    fn check_progress(
+        &self,
+        c: &Continuation,
+        problem: RestProblem<'_>,
+        step: &PseudoStep,
+    ) -> Result<(), EquilibriumError> {
         let (node, distance) = self.worst_node(&self.current.u);
         if distance > SIZES * c.size {
             return Err(EquilibriumError::Runaway { node, distance });
         }
-        if step.balanced.is_none() && step.number >= params.max_steps {
+        if step.balanced.is_none() && step.number >= problem.params.max_steps {
             let (node, _) = self.worst_node(&self.force[0]);
             let (steps, residual, moved) = (step.number, step.residual, step.moved);
             let element = culprit::at_node(&self.system.model, node, &self.x);
             return Err(EquilibriumError::NotConverged { steps, residual, node, moved, element });
         }
-        let ease = match info.steps {
-            0..=6 => 4.0,
-            7..=12 => 2.0,
-            13..=20 => 1.3,
-            _ => 1.0,
-        };
-        // Near the end the mass falls with the residual: the last steps are Newton's.
-        let ratio = (c.residual / step.residual).clamp(1.0, 100.0);
-        c.mass_factor = Some(factor / if step.repeats > 0 { 1.0 } else { f64::max(ease, ratio) });
-        c.residual = step.residual;
-        c.number = step.number;
-        Ok(step)
+        Ok(())
     }
 
     /// Norm of the forces out of balance at `current`, N; leaves them in `force[0]`.
@@ -301,7 +359,9 @@ impl Dynamics {
             low[i % 3] = low[i % 3].min(self.x[i]);
             high[i % 3] = high[i % 3].max(self.x[i]);
             let diagonal = self.system.matrix.values[self.system.matrix.diagonal_slot(i / 3)];
-            force = force.max(self.force[0][i].abs());
+            // NaN counts as infinite: `max` would leave it out, and a structure without a force would be at rest.
+            let own = self.force[0][i].abs();
+            force = force.max(if own.is_nan() { f64::INFINITY } else { own });
             if !self.system.model.fixed[i] {
                 stiffness = stiffness.max(diagonal[i % 3][i % 3].abs());
             }

@@ -21,11 +21,13 @@ use comm::Comm;
 use linalg::Operator;
 
 use crate::culprit::principal;
-use crate::dynamics::{Dynamics, LoadPath, blend};
+use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
 use crate::elements::membrane;
 use crate::loops::{FaceLoad, Place};
 use crate::model::Model;
 use crate::newton::{NewtonError, NewtonInfo, State, Stop, vertical_sum};
+use crate::payload::Payload;
+use crate::rigid::BodyState;
 use crate::system::System;
 use crate::vec3::{at, norm, sub};
 
@@ -202,19 +204,31 @@ fn highest_frequency(system: &mut System, inverse_mass: &[f64]) -> f64 {
     square.sqrt()
 }
 
+/// One of the equal steps of a substep.
+#[derive(Clone, Copy)]
+struct CentralStep {
+    /// Length, s.
+    h: f64,
+    /// `h c / 2` with the mass damping `c`.
+    slowing: f64,
+    /// Share of the window at its end.
+    share: f64,
+    /// Time at its end, s since the start of the stage.
+    time: f64,
+    /// Acceleration on every mass, m/s2.
+    body: [f64; 3],
+}
+
+/// A rigid payload on its way, taken out of the dynamics.
+type Carried = Option<(Payload, BodyState)>;
+
 impl Dynamics {
-    /// Advances `current` by the share `span` of the window into `next`, in as many
-    /// equal explicit steps as stability asks for. Collective.
-    pub(crate) fn explicit_step(
-        &mut self,
-        span: [f64; 2],
-        window: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
-    ) -> Result<NewtonInfo, NewtonError> {
-        let dt = (span[1] - span[0]) * window;
+    /// Advances `current` by `part` of the window into `next`, in as many equal explicit
+    /// steps as stability asks for. Collective.
+    pub(crate) fn explicit_step(&mut self, part: Interval<'_>) -> Result<NewtonInfo, NewtonError> {
+        let _part = timing::part("explicit steps");
         let mut e = self.explicit.take().expect("the caller has seen it");
-        let result = self.explicit_steps(&mut e, span, dt, window, load, body);
+        let result = self.explicit_steps(&mut e, part);
         if result.is_err() {
             e.forget();
         }
@@ -222,102 +236,134 @@ impl Dynamics {
         result
     }
 
-    fn explicit_steps(
-        &mut self,
-        e: &mut Explicit,
-        span: [f64; 2],
-        dt: f64,
-        window: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
-    ) -> Result<NewtonInfo, NewtonError> {
+    fn explicit_steps(&mut self, e: &mut Explicit, part: Interval<'_>) -> Result<NewtonInfo, NewtonError> {
         self.next.copy_from(&self.current);
         let Self { system, x, next, .. } = self;
         for ((x, reference), u) in x.iter_mut().zip(&system.model.reference).zip(&next.u) {
             *x = reference + u;
         }
         if !e.known {
-            let strain = largest_strain(&self.system.model, &self.x);
-            if strain.is_nan() || strain > TORN {
-                // The element is named with the failure, and the first node stands for it.
-                return Err(NewtonError::NotFinite {
-                    steps: 0,
-                    node: most_strained(&self.system.model, &self.x),
-                });
-            }
-            e.stable = e.stable_step() / (1.0 + 3.0 * strain).sqrt();
-            if self.system.depends_on_rate() {
-                // Where the nodes would come from at their velocities.
-                self.system.set_step(dt);
-                for i in 0..self.x.len() {
-                    e.half[i] = self.x[i] - dt * self.next.v[i];
-                }
-                self.system.anchor_rates(&e.half);
-            }
-            self.system.set_time(self.time + span[0] * window);
-            self.system.find_pairs(&self.x);
-            self.explicit_forces(e, span[0], load);
+            self.start_explicit(e, part)?;
         }
-        let count = (dt / (e.safety * e.stable)).ceil().clamp(1.0, 1e9);
-        let h = dt / count;
-        let (owned, slowing) = (e.inverse_mass.len(), 0.5 * h * self.damping);
-        let mut rigid = self.payload.take().zip(self.next.body);
+        let Interval { span, window, load, body } = part;
+        let count = (part.dt() / (e.safety * e.stable)).ceil().clamp(1.0, 1e9);
+        let (owned, h) = (e.inverse_mass.len(), part.dt() / count);
+        let mut carried = self.payload.take().zip(self.next.body);
         self.system.set_step(h);
         e.applied_impulse = 0.0;
         let mut applied = -vertical_sum(&e.force[..owned]);
         for k in 1..=count as u64 {
             let share = span[0] + (span[1] - span[0]) * k as f64 / count;
-            if self.system.depends_on_rate() {
-                self.system.anchor_rates(&self.x);
-            }
-            self.system.set_time(self.time + share * window);
-            self.system.find_pairs(&self.x);
-            let State { u, v, .. } = &mut self.next;
-            for i in 0..owned {
-                e.half[i] = (v[i] + 0.5 * h * e.acceleration(i, body)) / (1.0 + slowing);
-                u[i] += h * e.half[i];
-            }
-            for (i, moved) in self.motions.iter().flat_map(|m| m.values(self.time + share * window)) {
-                let i = i as usize;
-                if i < owned {
-                    e.half[i] = (moved - (self.x[i] - self.system.model.reference[i])) / h;
-                    u[i] = moved;
-                }
-            }
-            if let Some((p, s)) = &mut rigid {
-                p.advance(s, body, h);
-                for (n, x) in p.places(s).filter(|(n, _)| 3 * n < owned) {
-                    for (i, x) in (3 * n..).zip(x) {
-                        e.half[i] = (x - self.x[i]) / h;
-                        u[i] = x - self.system.model.reference[i];
-                    }
-                }
-            }
-            for i in 0..owned {
-                self.x[i] = self.system.model.reference[i] + u[i];
-            }
-            self.system.model.halo.exchange(&mut self.x, 3);
-            self.explicit_forces(e, share, load);
+            let time = self.time + share * window;
+            let step = CentralStep { h, slowing: 0.5 * h * self.damping, share, time, body };
+            self.begin_central_step(&step);
+            self.move_nodes(e, &step, &mut carried);
+            self.explicit_forces(e, step.share, load);
             let before = std::mem::replace(&mut applied, -vertical_sum(&e.force[..owned]));
             e.applied_impulse += 0.5 * h * (before + applied);
-            if let Some((p, s)) = &mut rigid {
-                let system = &self.system;
-                let pull = |n: usize| {
-                    let m = system.diagonal_mass(n);
-                    std::array::from_fn(|c| m * body[c] - e.force[3 * n + c])
-                };
-                p.finish(s, system.comm(), owned / 3, pull, body, h);
+            self.kick_nodes(e, &step, &mut carried);
+        }
+        self.end_explicit(e, part, carried);
+        self.finite(owned, count as u32)?;
+        for field in [&mut self.next.u, &mut self.next.v, &mut self.next.a] {
+            self.system.model.halo.exchange(field, 3);
+        }
+        e.known = true;
+        Ok(NewtonInfo { steps: count as u32, residual: 0.0, stop: Stop::Residual })
+    }
+
+    /// Finds the largest stable step at the strains of the start, and the forces there.
+    fn start_explicit(&mut self, e: &mut Explicit, part: Interval<'_>) -> Result<(), NewtonError> {
+        let strain = largest_strain(&self.system.model, &self.x);
+        if strain.is_nan() || strain > TORN {
+            // The element is named with the failure, and the first node stands for it.
+            let node = most_strained(&self.system.model, &self.x);
+            return Err(NewtonError::NotFinite { steps: 0, node });
+        }
+        e.stable = e.stable_step() / (1.0 + 3.0 * strain).sqrt();
+        if self.system.depends_on_rate() {
+            // Where the nodes would come from at their velocities.
+            let dt = part.dt();
+            self.system.set_step(dt);
+            for i in 0..self.x.len() {
+                e.half[i] = self.x[i] - dt * self.next.v[i];
             }
-            let v = &mut self.next.v;
-            for i in 0..owned {
-                v[i] = (1.0 - slowing) * e.half[i] + 0.5 * h * e.acceleration(i, body);
+            self.system.anchor_rates(&e.half);
+        }
+        self.system.set_time(self.time + part.span[0] * part.window);
+        self.system.find_pairs(&self.x);
+        self.explicit_forces(e, part.span[0], part.load);
+        Ok(())
+    }
+
+    /// Tells the elements where and when a step begins.
+    fn begin_central_step(&mut self, step: &CentralStep) {
+        if self.system.depends_on_rate() {
+            self.system.anchor_rates(&self.x);
+        }
+        self.system.set_time(step.time);
+        self.system.find_pairs(&self.x);
+    }
+
+    /// First half of a step: velocities in its middle into `e.half`, displacements and positions
+    /// at its end; prescribed motions and the payload's attachments go where they must.
+    fn move_nodes(&mut self, e: &mut Explicit, step: &CentralStep, carried: &mut Carried) {
+        let CentralStep { h, slowing, body, .. } = *step;
+        let owned = e.inverse_mass.len();
+        let State { u, v, .. } = &mut self.next;
+        for i in 0..owned {
+            e.half[i] = (v[i] + 0.5 * h * e.acceleration(i, body)) / (1.0 + slowing);
+            u[i] += h * e.half[i];
+        }
+        for (i, moved) in self.motions.iter().flat_map(|m| m.values(step.time)) {
+            let i = i as usize;
+            if i < owned {
+                e.half[i] = (moved - (self.x[i] - self.system.model.reference[i])) / h;
+                u[i] = moved;
             }
         }
+        if let Some((p, s)) = carried {
+            p.advance(s, body, h);
+            for (n, x) in p.places(s).filter(|(n, _)| 3 * n < owned) {
+                for (i, x) in (3 * n..).zip(x) {
+                    e.half[i] = (x - self.x[i]) / h;
+                    u[i] = x - self.system.model.reference[i];
+                }
+            }
+        }
+        for i in 0..owned {
+            self.x[i] = self.system.model.reference[i] + u[i];
+        }
+        self.system.model.halo.exchange(&mut self.x, 3);
+    }
+
+    /// Second half of a step: the forces at its end give the velocities there.
+    fn kick_nodes(&mut self, e: &Explicit, step: &CentralStep, carried: &mut Carried) {
+        let CentralStep { h, slowing, body, .. } = *step;
+        let owned = e.inverse_mass.len();
+        if let Some((p, s)) = carried {
+            let system = &self.system;
+            let pull = |n: usize| {
+                let m = system.diagonal_mass(n);
+                std::array::from_fn(|c| m * body[c] - e.force[3 * n + c])
+            };
+            p.finish(s, system.comm(), owned / 3, pull, body, h);
+        }
+        let v = &mut self.next.v;
+        for i in 0..owned {
+            v[i] = (1.0 - slowing) * e.half[i] + 0.5 * h * e.acceleration(i, body);
+        }
+    }
+
+    /// Velocities of what moves as prescribed, the payload's state, rates over the whole substep
+    /// and accelerations at its end.
+    fn end_explicit(&mut self, e: &mut Explicit, part: Interval<'_>, carried: Carried) {
+        let owned = e.inverse_mass.len();
         // What moves as prescribed has the velocity of its last step.
         for &i in self.motions.iter().flat_map(|m| &m.dofs).filter(|i| (**i as usize) < owned) {
             self.next.v[i as usize] = e.half[i as usize];
         }
-        if let Some((p, s)) = rigid {
+        if let Some((p, s)) = carried {
             for (n, _) in p.places(&s).filter(|(n, _)| 3 * n < owned) {
                 self.next.v[3 * n..3 * n + 3].copy_from_slice(&e.half[3 * n..3 * n + 3]);
             }
@@ -326,21 +372,15 @@ impl Dynamics {
         }
         if self.system.depends_on_rate() {
             // What the whole substep took and felt is that of its mean velocity.
-            self.system.set_step(dt);
+            self.system.set_step(part.dt());
             for i in 0..self.x.len() {
                 e.half[i] = self.system.model.reference[i] + self.current.u[i];
             }
             self.system.anchor_rates(&e.half);
         }
         for i in 0..owned {
-            self.next.a[i] = e.acceleration(i, body) - self.damping * self.next.v[i];
+            self.next.a[i] = e.acceleration(i, part.body) - self.damping * self.next.v[i];
         }
-        self.finite(owned, count as u32)?;
-        for field in [&mut self.next.u, &mut self.next.v, &mut self.next.a] {
-            self.system.model.halo.exchange(field, 3);
-        }
-        e.known = true;
-        Ok(NewtonInfo { steps: count as u32, residual: 0.0, stop: Stop::Residual })
     }
 
     fn explicit_forces(&mut self, e: &mut Explicit, share: f64, load: LoadPath<'_>) {

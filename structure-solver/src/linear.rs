@@ -129,6 +129,7 @@ impl LinearSolver {
         x: &mut [f64],
         tolerance: f64,
     ) -> Result<(), String> {
+        let _part = timing::part("linear solve");
         self.relative = tolerance;
         x.fill(0.0);
         if matches!(self.by, Preconditioned::Jacobi(_)) {
@@ -205,6 +206,7 @@ impl LinearSolver {
         x: &mut [f64],
         limit: usize,
     ) -> Result<usize, KrylovError> {
+        let _part = timing::part("GMRES");
         let start = Instant::now();
         let params =
             KrylovParams { rel_tol: self.relative, max_iterations: limit, restart: 60, ..Default::default() };
@@ -221,6 +223,7 @@ impl LinearSolver {
     }
 
     fn refactor(&mut self, a: &BlockCsr<3>) -> Result<(), String> {
+        let _part = timing::part("factorisation");
         let Preconditioned::Direct(d) = &mut self.by else { return Ok(()) };
         let start = Instant::now();
         let result = d.lu.refactor(a).map_err(|e| e.to_string());

@@ -4,27 +4,28 @@
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
 mod air;
+mod axial;
 mod bent;
+mod cables;
 mod contact;
 mod damping;
+mod membranes;
 mod quads;
 mod reefing;
+mod stencil;
 
 pub use air::{Cylinder, LineDrag};
 pub use bent::BentFaces;
+pub use cables::Cables;
 pub use contact::Contact;
 pub use damping::{CableDamping, MembraneDamping};
+pub use membranes::Membranes;
 pub use quads::Quads;
 pub use reefing::{ReefingLine, Schedule};
 
-use crate::culprit::principal;
-use crate::elements::mass::{self, MassMatrix};
-use crate::elements::membrane::Deformation;
-use crate::elements::{cable, load, membrane};
-use crate::materials::step::{self, StepStart};
-use crate::materials::{Material, Regime};
-use crate::model::{CableElement, Model, Triangle};
-use crate::vec3::{Mat3, Vec3, add, add_at, add_block, at, scale, sub};
+use crate::elements::mass::MassMatrix;
+use crate::materials::{Regime, Stress};
+use crate::vec3::{Mat3, Vec3};
 
 /// Loads on the interface faces at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -165,17 +166,24 @@ pub trait ElementLoop {
     }
 
     /// Adds external forces alone (N) to `out`.
-    fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]);
+    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
 
     /// Strain energy of the elements counted on this rank, J.
-    fn energy(&self, x: &[f64]) -> f64;
+    fn energy(&self, _x: &[f64]) -> f64 {
+        0.0
+    }
 
-    /// Masses of the elements with their local nodes, kg.
-    fn masses(&self) -> Vec<(Vec<u32>, f64)>;
+    /// Masses of the elements with their local nodes, kg; none where others have the mass, and the
+    /// matrix their blocks.
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        Vec::new()
+    }
 
     /// Shares of the mass of element `element` (of [`ElementLoop::masses`]) in the
     /// blocks between its nodes, row by row.
-    fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64>;
+    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
+        Vec::new()
+    }
 
     /// Finds where the blocks of the elements lie in the system matrix.
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32);
@@ -198,388 +206,8 @@ pub trait ElementLoop {
     }
 }
 
-struct Membrane {
-    nodes: [u32; 3],
-    face: u32,
-    gradient: [f64; 4],
-    /// Reference area times thickness, m3.
-    volume: f64,
-    slots: [[u32; 3]; 3],
-    start: StepStart,
-}
-
-/// Membrane elements of one material, with the loads on their faces.
-pub struct Membranes<M> {
-    elements: Vec<Membrane>,
-    n_own: usize,
-    material: M,
-    density: f64,
-}
-
-impl<M: Material> Membranes<M> {
-    /// Of all triangles of `model`: thickness in m, density in kg/m3.
-    pub fn new(model: &Model, material: M, thickness: f64, density: f64) -> Self {
-        let of = |t: &Triangle| Membrane {
-            nodes: t.nodes,
-            face: t.face,
-            gradient: t.reference.gradient,
-            volume: t.reference.area * thickness,
-            slots: [[ELSEWHERE; 3]; 3],
-            start: StepStart::default(),
-        };
-        let elements = model.triangles.iter().map(of).collect();
-        Self { elements, n_own: model.n_own_triangles, material, density }
-    }
-
-    fn forces_with<'e, const TRACTION: bool, const BLEND: bool>(
-        &self,
-        elements: impl Iterator<Item = &'e Membrane>,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
-        out: &mut [f64],
-    ) {
-        for e in elements {
-            let p = e.nodes.map(|n| at(place.at, n as usize));
-            let d = membrane::deformation(&e.gradient, &p);
-            let s = if BLEND {
-                step::stress(&self.material, &e.start, e.at_end(place).strain, place.weight)
-            } else {
-                self.material.stress(d.strain)
-            };
-            let r = membrane::force(&e.gradient, &d, &s, e.volume);
-            let f = face_force::<TRACTION>(e, load, &p);
-            for n in 0..3 {
-                add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
-            }
-        }
-    }
-
-    fn tangent_with<'e, const TRACTION: bool, const BLEND: bool>(
-        &self,
-        elements: impl Iterator<Item = &'e Membrane>,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
-        factor: f64,
-        out: &mut [f64],
-        blocks: &mut [Mat3],
-    ) {
-        for e in elements {
-            let p = e.nodes.map(|n| at(place.at, n as usize));
-            let d = membrane::deformation(&e.gradient, &p);
-            let end = if BLEND { e.at_end(place) } else { d };
-            let (s, c) = if BLEND {
-                step::tangent(&self.material, &e.start, end.strain, place.weight)
-            } else {
-                self.material.tangent(d.strain)
-            };
-            let r = membrane::force(&e.gradient, &d, &s, e.volume);
-            let f = face_force::<TRACTION>(e, load, &p);
-            for n in 0..3 {
-                add_at(out, e.nodes[n] as usize, [r[n][0] - f[0], r[n][1] - f[1], r[n][2] - f[2]]);
-            }
-            let mut k = if BLEND {
-                membrane::stiffness_between(&e.gradient, &d, &end, &s, &c, e.volume * factor)
-            } else {
-                membrane::stiffness(&e.gradient, &d, &s, &c, e.volume * factor)
-            };
-            let face = e.face as usize;
-            let by_column = load::pressure_tangent(-factor * load.pressure[face], &p);
-            let by_traction = if TRACTION {
-                load::traction_tangent(scale(-factor, at(load.traction, face)), &p)
-            } else {
-                [[[0.0; 3]; 3]; 3]
-            };
-            for (n, row) in k.iter_mut().enumerate() {
-                for m in 0..3 {
-                    add_block(&mut row[m], &by_column[m]);
-                    if TRACTION {
-                        add_block(&mut row[m], &by_traction[m]);
-                    }
-                }
-                if e.slots[n][n] != ELSEWHERE {
-                    for m in 0..3 {
-                        add_block(&mut blocks[e.slots[n][m] as usize], &row[m]);
-                    }
-                }
-            }
-        }
-    }
-}
-
-impl<M: Material> Membranes<M> {
-    fn forces_of<'e>(
-        &self,
-        elements: impl Iterator<Item = &'e Membrane>,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
-        out: &mut [f64],
-    ) {
-        match (load.traction.is_empty(), place.weight == 1.0) {
-            (true, true) => self.forces_with::<false, false>(elements, place, load, out),
-            (true, false) => self.forces_with::<false, true>(elements, place, load, out),
-            (false, true) => self.forces_with::<true, false>(elements, place, load, out),
-            (false, false) => self.forces_with::<true, true>(elements, place, load, out),
-        }
-    }
-
-    fn tangent_of<'e>(
-        &self,
-        elements: impl Iterator<Item = &'e Membrane>,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
-        factor: f64,
-        out: &mut [f64],
-        blocks: &mut [Mat3],
-    ) {
-        match (load.traction.is_empty(), place.weight == 1.0) {
-            (true, true) => self.tangent_with::<false, false>(elements, place, load, factor, out, blocks),
-            (true, false) => self.tangent_with::<false, true>(elements, place, load, factor, out, blocks),
-            (false, true) => self.tangent_with::<true, false>(elements, place, load, factor, out, blocks),
-            (false, false) => self.tangent_with::<true, true>(elements, place, load, factor, out, blocks),
-        }
-    }
-}
-
-impl Membrane {
-    #[inline(always)]
-    fn touches(&self, active: &[bool]) -> bool {
-        self.nodes.iter().any(|&n| active[n as usize])
-    }
-
-    /// Deformation at the end of the step.
-    #[inline(always)]
-    fn at_end(&self, place: Place<'_>) -> Deformation {
-        membrane::deformation(&self.gradient, &self.nodes.map(|n| at(place.end, n as usize)))
-    }
-}
-
-#[inline(always)]
-fn face_force<const TRACTION: bool>(e: &Membrane, load: FaceLoad<'_>, p: &[Vec3; 3]) -> Vec3 {
-    let face = e.face as usize;
-    let f = load::pressure_force(load.pressure[face], p);
-    if TRACTION { add(f, load::traction_force(at(load.traction, face), p)) } else { f }
-}
-
-impl<M: Material> ElementLoop for Membranes<M> {
-    fn anchor(&mut self, x: &[f64]) {
-        for e in &mut self.elements {
-            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
-            e.start = StepStart::new(&self.material, d.strain);
-        }
-    }
-
-    fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces_of(self.elements.iter(), place, load, out);
-    }
-
-    fn forces_near(&self, active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces_of(self.elements.iter().filter(|e| e.touches(active)), place, load, out);
-    }
-
-    fn tangent(
-        &self,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
-        factor: f64,
-        out: &mut [f64],
-        blocks: &mut [Mat3],
-    ) {
-        self.tangent_of(self.elements.iter(), place, load, factor, out, blocks);
-    }
-
-    fn tangent_near(
-        &self,
-        active: &[bool],
-        place: Place<'_>,
-        load: FaceLoad<'_>,
-        factor: f64,
-        out: &mut [f64],
-        blocks: &mut [Mat3],
-    ) {
-        let near = self.elements.iter().filter(|e| e.touches(active));
-        self.tangent_of(near, place, load, factor, out, blocks);
-    }
-
-    fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in &self.elements {
-            let p = e.nodes.map(|n| at(x, n as usize));
-            let f = if load.traction.is_empty() {
-                face_force::<false>(e, load, &p)
-            } else {
-                face_force::<true>(e, load, &p)
-            };
-            e.nodes.iter().for_each(|&n| add_at(out, n as usize, f));
-        }
-    }
-
-    fn energy(&self, x: &[f64]) -> f64 {
-        let one = |e: &Membrane| {
-            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
-            let s = self.material.stress(d.strain);
-            e.volume * self.material.energy(&s, &d.strain)
-        };
-        self.elements[..self.n_own].iter().map(one).sum()
-    }
-
-    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        self.elements.iter().map(|e| (e.nodes.to_vec(), self.density * e.volume)).collect()
-    }
-
-    fn mass_shares(&self, _element: usize, kind: MassMatrix) -> Vec<f64> {
-        mass::shares::<3>(kind).as_flattened().to_vec()
-    }
-
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
-    }
-
-    fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
-        let one = |e: &Membrane| {
-            let d = membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize)));
-            let s = self.material.stress(d.strain);
-            let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
-            ([mean + radius, mean - radius], self.material.regime(d.strain))
-        };
-        self.elements.iter().map(one).collect()
-    }
-
-    fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
-        let one = |e: &Membrane| {
-            principal(membrane::deformation(&e.gradient, &e.nodes.map(|n| at(x, n as usize))).strain)
-        };
-        self.elements.iter().map(one).collect()
-    }
-}
-
-struct Line {
-    nodes: [u32; 2],
-    rest_length: f64,
-    slots: [[u32; 2]; 2],
-    /// Strain at the start of the step.
-    start: f64,
-}
-
-impl Line {
-    /// Vectors between the ends at the point of balance and at the end of the step.
-    #[inline(always)]
-    fn between(&self, place: Place<'_>) -> [Vec3; 2] {
-        [place.at, place.end].map(|x| sub(at(x, self.nodes[1] as usize), at(x, self.nodes[0] as usize)))
-    }
-}
-
-/// Cable elements of one law.
-pub struct Cables<L> {
-    elements: Vec<Line>,
-    n_own: usize,
-    law: L,
-    /// Green strain at rest length that makes the pre-stress.
-    offset: f64,
-    area: f64,
-    density: f64,
-}
-
-impl<L: cable::CableLaw> Cables<L> {
-    /// Of all cables of `model`: cross-section in m2, density in kg/m3.
-    pub fn new(model: &Model, law: L, area: f64, density: f64) -> Self {
-        let of = |c: &CableElement| Line {
-            nodes: c.nodes,
-            rest_length: c.rest_length,
-            slots: [[ELSEWHERE; 2]; 2],
-            start: 0.0,
-        };
-        let elements = model.cables.iter().map(of).collect();
-        Self { elements, n_own: model.n_own_cables, law, offset: 0.0, area, density }
-    }
-
-    /// With a Green strain at rest length: the pre-stress over the modulus. It adds to
-    /// the strain, so that energies and steps know of it too.
-    pub fn with_strain_at_rest(self, offset: f64) -> Self {
-        Self { offset, ..self }
-    }
-
-    #[inline(always)]
-    fn strain(&self, e: &Line, d: Vec3) -> f64 {
-        cable::strain(d, e.rest_length) + self.offset
-    }
-}
-
-impl<L: cable::CableLaw> ElementLoop for Cables<L> {
-    fn anchor(&mut self, x: &[f64]) {
-        let offset = self.offset;
-        for e in &mut self.elements {
-            let d = sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
-            e.start = cable::strain(d, e.rest_length) + offset;
-        }
-    }
-
-    fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in &self.elements {
-            let [d, end] = e.between(place);
-            let (s, _) = cable::step(&self.law, e.start, self.strain(e, end), place.weight);
-            let f = cable::force(s, d, e.rest_length, self.area);
-            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
-            add_at(out, e.nodes[1] as usize, f);
-        }
-    }
-
-    fn tangent(
-        &self,
-        place: Place<'_>,
-        _load: FaceLoad<'_>,
-        factor: f64,
-        out: &mut [f64],
-        blocks: &mut [Mat3],
-    ) {
-        for e in &self.elements {
-            let [d, end] = e.between(place);
-            let (s, y) = cable::step(&self.law, e.start, self.strain(e, end), place.weight);
-            let f = cable::force(s, d, e.rest_length, self.area);
-            let k = cable::stiffness(s, y, d, end, e.rest_length, self.area);
-            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
-            add_at(out, e.nodes[1] as usize, f);
-            let plus = k.map(|row| scale(factor, row));
-            let minus = k.map(|row| scale(-factor, row));
-            for n in 0..2 {
-                if e.slots[n][n] != ELSEWHERE {
-                    add_block(&mut blocks[e.slots[n][n] as usize], &plus);
-                    add_block(&mut blocks[e.slots[n][1 - n] as usize], &minus);
-                }
-            }
-        }
-    }
-
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
-
-    fn energy(&self, x: &[f64]) -> f64 {
-        let one = |e: &Line| {
-            let p = e.nodes.map(|n| at(x, n as usize));
-            cable::energy(&self.law, &p, e.rest_length, self.offset, self.area)
-        };
-        self.elements[..self.n_own].iter().map(one).sum()
-    }
-
-    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        let mass = |e: &Line| self.density * self.area * e.rest_length;
-        self.elements.iter().map(|e| (e.nodes.to_vec(), mass(e))).collect()
-    }
-
-    fn mass_shares(&self, _element: usize, kind: MassMatrix) -> Vec<f64> {
-        mass::shares::<2>(kind).as_flattened().to_vec()
-    }
-
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
-    }
-
-    fn tensions(&self, x: &[f64]) -> Vec<f64> {
-        let one = |e: &Line| {
-            let p = e.nodes.map(|n| at(x, n as usize));
-            cable::tension(&self.law, &p, e.rest_length, self.offset, self.area)
-        };
-        self.elements.iter().map(one).collect()
-    }
+/// Principal values of a stress in Voigt order (11, 22, 12), the larger first, Pa.
+fn principal_stresses(s: &Stress) -> [f64; 2] {
+    let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
+    [mean + radius, mean - radius]
 }

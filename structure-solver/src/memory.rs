@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use case::Role;
-use channel::{Fault, KeptError};
+use channel::Fault;
 use comm::Comm;
 use linalg::BlockCsr;
 use serde::{Deserialize, Serialize};
@@ -66,7 +66,7 @@ impl Memory {
     ///
     /// # Errors
     /// A file that is damaged or does not fit, or holds what is no number.
-    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, KeptError> {
+    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, archive::Error> {
         channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(shape))
     }
 
@@ -91,7 +91,7 @@ impl Memory {
 ///
 /// # Errors
 /// Trouble with the file.
-pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), KeptError> {
+pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), archive::Error> {
     let State { u, v, a, .. } = &dynamics.accepted;
     let memory = Memory {
         nodes: [u.clone(), v.clone(), a.clone()],
@@ -100,7 +100,7 @@ pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), KeptError> {
     };
     let comm = dynamics.system.comm();
     let file = channel::memory_file(folder, Role::Structure, comm.rank(), comm.size());
-    channel::keep(&file, MAGIC, VERSION, &memory).map(|_| ())
+    archive::save(&file, MAGIC, VERSION, &memory).map(|_| ())
 }
 
 /// Takes up what [`save`] wrote; `false` where another number of ranks has written it. Collective.
@@ -121,12 +121,15 @@ pub fn recall(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
     }
     let Memory { nodes: [u, v, a], linear, loops } = memory.expect("all ranks have one");
     let recalled = dynamics.system.loops_mut().iter_mut().zip(&loops).try_for_each(|(l, m)| l.recall(m));
-    agree(&comm, recalled.map_err(|reason| KeptError::unfit(&file, &reason)))?;
+    agree(&comm, recalled.map_err(|reason| archive::Error::content(&file, reason)))?;
     let accepted = &mut dynamics.accepted;
     (accepted.u, accepted.v, accepted.a) = (u, v, a);
     let cut = linear.direct.as_ref().map_or(2, |d| u64::from(d.cut));
     if comm.all_gather_u64(cut).iter().any(|c| *c != cut) {
-        return Err(Fault::new(KeptError::unfit(&file, "ranks do not agree on the factors that were kept")));
+        return Err(Fault::new(archive::Error::content(
+            &file,
+            "ranks do not agree on the factors that were kept",
+        )));
     }
     let matrix: &mut BlockCsr<3> = &mut dynamics.system.matrix;
     dynamics.linear.recall(linear, matrix);
@@ -134,7 +137,7 @@ pub fn recall(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
 }
 
 /// An error on one rank becomes one on every rank. Collective.
-fn agree<T>(comm: &Comm, result: Result<T, KeptError>) -> Result<T, Fault> {
+fn agree<T>(comm: &Comm, result: Result<T, archive::Error>) -> Result<T, Fault> {
     let all = comm.all(result.is_ok());
     match result {
         Ok(_) if !all => Err(Fault::new("another rank could not use its part of the structure's state")),

@@ -264,96 +264,38 @@ impl Model {
         ties: &[[u32; 2]],
     ) -> Result<Self, ModelError> {
         check(mesh)?;
-        let rank = comm.rank() as u32;
-        let mine = |n: &u32| owner[*n as usize] == rank;
-        let mut ghosts = Vec::new();
-        let mut touch = |nodes: &[u32]| {
-            let here = nodes.iter().any(mine);
-            if here {
-                ghosts.extend(nodes.iter().filter(|n| !mine(n)).map(|&n| (u64::from(n), owner[n as usize])));
-            }
-            here
-        };
+        let mut reach = Reach { owner, rank: comm.rank() as u32, ghosts: Vec::new() };
         let triangles: Vec<usize> =
-            (0..mesh.triangles.len()).filter(|&t| touch(&mesh.triangles[t])).collect();
-        let cables: Vec<usize> = (0..mesh.cables.len()).filter(|&c| touch(&mesh.cables[c].nodes)).collect();
-        let mut ties: Vec<[u32; 2]> = ties.iter().filter(|t| touch(&t[..])).copied().collect();
+            (0..mesh.triangles.len()).filter(|&t| reach.touches(&mesh.triangles[t])).collect();
+        let cables: Vec<usize> =
+            (0..mesh.cables.len()).filter(|&c| reach.touches(&mesh.cables[c].nodes)).collect();
+        let mut ties: Vec<[u32; 2]> = ties.iter().filter(|t| reach.touches(&t[..])).copied().collect();
         let split = if surface.quadrilaterals { Vec::new() } else { split_faces(mesh) };
         let faces = if surface.quadrilaterals { mesh.faces.len() } else { 0 };
-        let faces: Vec<usize> = (0..faces).filter(|&f| touch(&mesh.faces[f])).collect();
-        let mut split: Vec<SplitFace> = split.into_iter().filter(|f| touch(&f.nodes)).collect();
-        let owned = (0..mesh.coords.len() as u64).filter(|&n| owner[n as usize] == rank).collect();
-        let numbering = Numbering::new(owned, ghosts);
+        let faces: Vec<usize> = (0..faces).filter(|&f| reach.touches(&mesh.faces[f])).collect();
+        let mut split_faces: Vec<SplitFace> = split.into_iter().filter(|f| reach.touches(&f.nodes)).collect();
+        let numbering = reach.numbering(mesh.coords.len());
         let halo = Rc::new(Halo::new(comm, &numbering));
-        let local = |n: u32| numbering.local(u64::from(n)).expect("nodes of local elements are local") as u32;
 
-        split.iter_mut().flat_map(|f| &mut f.nodes).for_each(|n| *n = local(*n));
-        let warp = |face: usize| {
-            let [a, b] = [0, 1].map(|i| mesh.coords[mesh.faces[face][i] as usize]);
-            match surface.warp {
-                None => None,
-                Some(Warp::FirstEdge) => Some(crate::vec3::sub(b, a)),
-                Some(Warp::Vector(v)) => Some(v),
-            }
-        };
-        let mut own = Vec::new();
-        for &t in &triangles {
-            let nodes = mesh.triangles[t];
-            let x = nodes.map(|n| mesh.coords[n as usize]);
-            let mut reference =
-                membrane::Reference::new(x).ok_or(ModelError::FlatTriangle { triangle: t, nodes })?;
-            let face = mesh.triangle_face[t];
-            if let Some(v) = warp(face as usize) {
-                let none = ModelError::NoWarp { face: face as usize };
-                reference = membrane::Reference::along(x, v).ok_or(none)?;
-            }
-            own.push(Triangle { nodes: nodes.map(local), face, reference, global: t as u32 });
-        }
+        let part = Part { mesh, numbering: &numbering, warp: surface.warp };
+        split_faces.iter_mut().flat_map(|f| &mut f.nodes).for_each(|n| *n = part.local(*n));
+        let triangles = part.triangles(&triangles)?;
+        let quads = part.quads(&faces)?;
+        let cables = part.cables(&cables);
+        ties.iter_mut().flatten().for_each(|n| *n = part.local(*n));
+        ties.sort_by_key(|t| part.is_ghost(t[0]));
+        let (fixed, point_masses) = (part.fixed(), part.point_masses());
         let n_owned = numbering.n_owned as u32;
-        own.sort_by_key(|t| t.nodes[0] >= n_owned);
-        let mut quads = Vec::new();
-        for &face in &faces {
-            let nodes = mesh.faces[face];
-            let x = nodes.map(|n| mesh.coords[n as usize]);
-            // One axis for all points of an element, so that their strains have a mean.
-            let axis = warp(face).unwrap_or_else(|| crate::vec3::sub(x[1], x[0]));
-            let reference = quad::Reference::new(x, Some(axis)).ok_or(ModelError::BadQuad { face, nodes })?;
-            quads.push(Quad { nodes: nodes.map(local), face: face as u32, reference });
-        }
-        quads.sort_by_key(|q| q.nodes[0] >= n_owned);
-        let mut own_cables: Vec<_> = cables
-            .iter()
-            .map(|&c| {
-                let mesh::Cable { nodes, rest_length, kind, line } = mesh.cables[c];
-                CableElement { nodes: nodes.map(local), rest_length, kind, line, global: c as u32 }
-            })
-            .collect();
-        own_cables.sort_by_key(|c| c.nodes[0] >= n_owned);
-
-        ties.iter_mut().flatten().for_each(|n| *n = local(*n));
-        ties.sort_by_key(|t| t[0] >= n_owned);
-
-        let mut fixed = vec![false; 3 * numbering.n_local()];
-        for (n, components) in &mesh.fixed {
-            if let Some(i) = numbering.local(u64::from(*n)) {
-                (0..3).for_each(|c| fixed[3 * i + c] |= components[c]);
-            }
-        }
-        let point_masses = mesh
-            .point_masses
-            .iter()
-            .filter_map(|&(n, m)| numbering.local(u64::from(n)).map(|i| (i as u32, m)))
-            .collect();
         Ok(Self {
             comm: comm.clone(),
             reference: numbering.global.iter().flat_map(|&g| mesh.coords[g as usize]).collect(),
-            n_own_triangles: own.partition_point(|t| t.nodes[0] < n_owned),
-            triangles: own,
+            n_own_triangles: triangles.partition_point(|t| t.nodes[0] < n_owned),
+            triangles,
             n_own_quads: quads.partition_point(|q| q.nodes[0] < n_owned),
             quads,
-            split_faces: split,
-            n_own_cables: own_cables.partition_point(|c| c.nodes[0] < n_owned),
-            cables: own_cables,
+            split_faces,
+            n_own_cables: cables.partition_point(|c| c.nodes[0] < n_owned),
+            cables,
             n_own_ties: ties.partition_point(|t| t[0] < n_owned),
             ties,
             fixed,
@@ -372,6 +314,122 @@ impl Model {
     /// Owned and ghost nodes.
     pub fn n_local(&self) -> usize {
         self.numbering.n_local()
+    }
+}
+
+/// Finds what touches the nodes of a rank, and the ghosts that it brings along.
+struct Reach<'a> {
+    /// Rank of each node of the mesh.
+    owner: &'a [u32],
+    rank: u32,
+    /// Nodes of other ranks with their owners.
+    ghosts: Vec<(u64, u32)>,
+}
+
+impl Reach<'_> {
+    /// Whether an element with `nodes` of the mesh is computed here.
+    fn touches(&mut self, nodes: &[u32]) -> bool {
+        let mine = |n: &u32| self.owner[*n as usize] == self.rank;
+        let here = nodes.iter().any(mine);
+        if here {
+            let others = nodes.iter().filter(|n| !mine(n));
+            self.ghosts.extend(others.map(|&n| (u64::from(n), self.owner[n as usize])));
+        }
+        here
+    }
+
+    /// Local numbers of the nodes of this rank and of the ghosts, of a mesh of `n` nodes.
+    fn numbering(self, n: usize) -> Numbering {
+        let owned = (0..n as u64).filter(|&n| self.owner[n as usize] == self.rank).collect();
+        Numbering::new(owned, self.ghosts)
+    }
+}
+
+/// Makes the elements of a rank; those whose first node is owned come first.
+struct Part<'a> {
+    mesh: &'a StructureMesh,
+    numbering: &'a Numbering,
+    warp: Option<Warp>,
+}
+
+impl Part<'_> {
+    /// Local number of a node of a local element.
+    fn local(&self, n: u32) -> u32 {
+        self.numbering.local(u64::from(n)).expect("nodes of local elements are local") as u32
+    }
+
+    /// Whether another rank owns the local node `n`.
+    fn is_ghost(&self, n: u32) -> bool {
+        n >= self.numbering.n_owned as u32
+    }
+
+    /// Direction of the warp on a face of the mesh.
+    fn warp_on(&self, face: usize) -> Option<Vec3> {
+        let [a, b] = [0, 1].map(|i| self.mesh.coords[self.mesh.faces[face][i] as usize]);
+        match self.warp {
+            None => None,
+            Some(Warp::FirstEdge) => Some(crate::vec3::sub(b, a)),
+            Some(Warp::Vector(v)) => Some(v),
+        }
+    }
+
+    fn triangles(&self, numbers: &[usize]) -> Result<Vec<Triangle>, ModelError> {
+        let of = |&t: &usize| {
+            let nodes = self.mesh.triangles[t];
+            let x = nodes.map(|n| self.mesh.coords[n as usize]);
+            let mut reference =
+                membrane::Reference::new(x).ok_or(ModelError::FlatTriangle { triangle: t, nodes })?;
+            let face = self.mesh.triangle_face[t];
+            if let Some(v) = self.warp_on(face as usize) {
+                let none = ModelError::NoWarp { face: face as usize };
+                reference = membrane::Reference::along(x, v).ok_or(none)?;
+            }
+            Ok(Triangle { nodes: nodes.map(|n| self.local(n)), face, reference, global: t as u32 })
+        };
+        let mut all = numbers.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        all.sort_by_key(|t| self.is_ghost(t.nodes[0]));
+        Ok(all)
+    }
+
+    fn quads(&self, faces: &[usize]) -> Result<Vec<Quad>, ModelError> {
+        let of = |&face: &usize| {
+            let nodes = self.mesh.faces[face];
+            let x = nodes.map(|n| self.mesh.coords[n as usize]);
+            // One axis for all points of an element, so that their strains have a mean.
+            let axis = self.warp_on(face).unwrap_or_else(|| crate::vec3::sub(x[1], x[0]));
+            let reference = quad::Reference::new(x, Some(axis)).ok_or(ModelError::BadQuad { face, nodes })?;
+            Ok(Quad { nodes: nodes.map(|n| self.local(n)), face: face as u32, reference })
+        };
+        let mut all = faces.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        all.sort_by_key(|q| self.is_ghost(q.nodes[0]));
+        Ok(all)
+    }
+
+    fn cables(&self, numbers: &[usize]) -> Vec<CableElement> {
+        let of = |&c: &usize| {
+            let mesh::Cable { nodes, rest_length, kind, line } = self.mesh.cables[c];
+            CableElement { nodes: nodes.map(|n| self.local(n)), rest_length, kind, line, global: c as u32 }
+        };
+        let mut all: Vec<_> = numbers.iter().map(of).collect();
+        all.sort_by_key(|c| self.is_ghost(c.nodes[0]));
+        all
+    }
+
+    /// Constrained components of the local nodes, shape `[n_local][3]`.
+    fn fixed(&self) -> Vec<bool> {
+        let mut fixed = vec![false; 3 * self.numbering.n_local()];
+        for (n, components) in &self.mesh.fixed {
+            if let Some(i) = self.numbering.local(u64::from(*n)) {
+                (0..3).for_each(|c| fixed[3 * i + c] |= components[c]);
+            }
+        }
+        fixed
+    }
+
+    /// Point masses of the local nodes, kg.
+    fn point_masses(&self) -> Vec<(u32, f64)> {
+        let local = |&(n, m): &(u32, f64)| self.numbering.local(u64::from(n)).map(|i| (i as u32, m));
+        self.mesh.point_masses.iter().filter_map(local).collect()
     }
 }
 

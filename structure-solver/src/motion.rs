@@ -1,6 +1,6 @@
 //! Prescribed motions of nodes.
 
-use crate::dynamics::{Dynamics, LoadPath, blend};
+use crate::dynamics::{Dynamics, Interval, blend};
 use crate::loops::FaceLoad;
 use crate::newton::{NewtonError, NewtonInfo};
 
@@ -62,16 +62,14 @@ impl Dynamics {
     /// change of velocity as inertia of their neighbours.
     pub(crate) fn step_with_motion(
         &mut self,
-        span: [f64; 2],
-        window: f64,
-        load: LoadPath<'_>,
-        body: [f64; 3],
+        part: Interval<'_>,
         known: Option<usize>,
     ) -> Result<NewtonInfo, NewtonError> {
-        let dt = (span[1] - span[0]) * window;
         if self.motions.is_empty() && self.payload.is_none() {
-            return self.step(span, dt, load, body, known);
+            return self.step(part, known);
         }
+        let Interval { span, window, load, body } = part;
+        let dt = part.dt();
         let end = self.time + span[1] * window;
         self.system.prescribed.clear();
         self.system.prescribed.extend(self.motions.iter().flat_map(|m| m.values(end)));
@@ -95,7 +93,7 @@ impl Dynamics {
             self.current.v[i] = (inertia - form.mass_factor * du) / form.from_v;
             self.current.a[i] = 0.0;
         }
-        let result = self.step(span, dt, load, body, known);
+        let result = self.step(part, known);
         for (i, v0, a0, v1) in before {
             self.current.v[i] = v0;
             self.current.a[i] = a0;

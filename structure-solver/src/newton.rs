@@ -239,9 +239,43 @@ impl Newton {
         scale: f64,
         to: &mut State,
     ) -> Result<NewtonInfo, NewtonError> {
-        let n = 3 * system.model.n_owned();
-        let form = balance.form;
-        let from = balance.from;
+        let _part = timing::part("Newton step");
+        self.start(system, balance);
+        let mut norm = self.predict(system, balance, guesses);
+        self.history.clear();
+        let mut steps = 0;
+        loop {
+            self.history.push(norm / scale);
+            if self.balanced(system, norm / scale, steps)? {
+                self.finish(balance, to);
+                return Ok(NewtonInfo { steps, residual: norm / scale, stop: Stop::Residual });
+            }
+            let rounds = self.elimination.rounds;
+            norm = self.eliminate(system, balance, norm, scale);
+            if norm <= self.params.tolerance * scale {
+                continue;
+            }
+            // Elimination leaves the matrix with its own rows.
+            let spoilt = self.elimination.rounds > rounds;
+            let renew = steps == 0 || spoilt || self.outdated(norm / scale);
+            if renew {
+                self.tangent(system, balance);
+            }
+            if let Err(cause) = self.correct(system, linear, renew, norm / scale) {
+                return Err(NewtonError::Linear { steps, node: self.worst_node(system), cause });
+            }
+            steps += 1;
+            norm = self.search(system, balance, norm);
+            if self.corrected_by_rounding(system) && norm.is_finite() {
+                self.finish(balance, to);
+                return Ok(NewtonInfo { steps, residual: norm / scale, stop: Stop::Correction });
+            }
+        }
+    }
+
+    /// The old state's part of the inertia, and the strains at the start of the step.
+    fn start(&mut self, system: &mut System, balance: &Balance<'_>) {
+        let Balance { from, form, .. } = balance;
         for i in 0..self.w0.len() {
             self.w0[i] = form.from_v * from.v[i] + form.from_a * from.a[i] - balance.body[i % 3];
         }
@@ -251,54 +285,54 @@ impl Newton {
             }
             system.anchor(&self.x);
         }
-        let mut norm = self.predict(system, balance, guesses);
-        self.history.clear();
-        let mut steps = 0;
-        loop {
-            let relative = norm / scale;
-            self.history.push(relative);
-            if !relative.is_finite() {
-                return Err(NewtonError::NotFinite { steps, node: self.worst_node(system) });
-            }
-            if relative <= self.params.tolerance {
-                self.finish(balance, to);
-                return Ok(NewtonInfo { steps, residual: relative, stop: Stop::Residual });
-            }
-            if steps == self.params.max_steps {
-                let node = self.worst_node(system);
-                return Err(NewtonError::NotConverged { steps, residual: relative, node });
-            }
-            let rounds = self.elimination.rounds;
-            norm = self.eliminate(system, balance, norm, scale);
-            if norm <= self.params.tolerance * scale {
-                continue;
-            }
-            let relative = norm / scale;
-            // Elimination leaves the matrix with its own rows.
-            let spoilt = self.elimination.rounds > rounds;
-            // A matrix that took the residual down by `fall` will about do so again:
-            // where that suffices, it serves once more.
-            let fall = self.history.iter().rev().nth(1).map_or(1.0, |before| relative / before);
-            let renew = steps == 0 || spoilt || fall * relative > 0.5 * self.params.tolerance;
-            if renew {
-                self.tangent(system, balance);
-            }
-            let forcing = forcing(self.params.tolerance / relative, linear.tolerance(), self.slack);
-            for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
-                *r = -g;
-            }
-            if let Err(cause) = linear.solve(&system.matrix, renew, &self.rhs, &mut self.du, forcing) {
-                return Err(NewtonError::Linear { steps, node: self.worst_node(system), cause });
-            }
-            system.model.halo.exchange(&mut self.du, 3);
-            steps += 1;
-            norm = self.search(system, balance, norm);
-            let largest = self.du[..n].iter().fold(0.0f64, |m, d| m.max(d.abs()));
-            if system.comm().max(largest) <= self.params.smallest_correction && norm.is_finite() {
-                self.finish(balance, to);
-                return Ok(NewtonInfo { steps, residual: norm / scale, stop: Stop::Correction });
-            }
+    }
+
+    /// Whether the residual `relative` to the load is small enough; an error where it is no
+    /// number, or no step is left.
+    fn balanced(&self, system: &System, relative: f64, steps: u32) -> Result<bool, NewtonError> {
+        if !relative.is_finite() {
+            return Err(NewtonError::NotFinite { steps, node: self.worst_node(system) });
         }
+        if relative <= self.params.tolerance {
+            return Ok(true);
+        }
+        if steps == self.params.max_steps {
+            let node = self.worst_node(system);
+            return Err(NewtonError::NotConverged { steps, residual: relative, node });
+        }
+        Ok(false)
+    }
+
+    /// Whether the matrix of the last step no longer serves. One that took the residual down by
+    /// `fall` will about do so again: where that suffices, it serves once more.
+    fn outdated(&self, relative: f64) -> bool {
+        let fall = self.history.iter().rev().nth(1).map_or(1.0, |before| relative / before);
+        fall * relative > 0.5 * self.params.tolerance
+    }
+
+    /// Solves for the correction `self.du`, with current ghosts.
+    fn correct(
+        &mut self,
+        system: &System,
+        linear: &mut LinearSolver,
+        renew: bool,
+        relative: f64,
+    ) -> Result<(), String> {
+        let n = 3 * system.model.n_owned();
+        let forcing = forcing(self.params.tolerance / relative, linear.tolerance(), self.slack);
+        for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
+            *r = -g;
+        }
+        linear.solve(&system.matrix, renew, &self.rhs, &mut self.du, forcing)?;
+        system.model.halo.exchange(&mut self.du, 3);
+        Ok(())
+    }
+
+    /// Whether no component of the last correction exceeds rounding. Collective.
+    fn corrected_by_rounding(&self, system: &System) -> bool {
+        let n = 3 * system.model.n_owned();
+        let largest = self.du[..n].iter().fold(0.0f64, |m, d| m.max(d.abs()));
+        system.comm().max(largest) <= self.params.smallest_correction
     }
 
     /// Rounds of elimination between two steps for the whole at most; 0: Newton's method
@@ -317,6 +351,7 @@ impl Newton {
     /// [`crate::elimination`]. Leaves the better of old and new displacements, with
     /// their residual in `g`; returns its norm.
     fn eliminate(&mut self, system: &mut System, balance: &Balance<'_>, norm: f64, scale: f64) -> f64 {
+        let _part = timing::part("elimination");
         let n = 3 * system.model.n_owned();
         let form = balance.form;
         let mut now = norm;
@@ -409,6 +444,7 @@ impl Newton {
 
     /// Forces out of balance at `self.u` into `self.g`; returns their norm.
     fn residual(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+        let _part = timing::part("residual");
         let start = Instant::now();
         let n = 3 * system.model.n_owned();
         self.place(system, balance);
@@ -424,6 +460,7 @@ impl Newton {
     /// As [`Newton::residual`] after the displacements moved by `self.du`, which leaves
     /// most nodes where they were.
     fn residual_near(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+        let _part = timing::part("residual");
         let start = Instant::now();
         let n = 3 * system.model.n_owned();
         self.place(system, balance);
@@ -440,6 +477,7 @@ impl Newton {
 
     /// Residual and matrix at `self.u`.
     fn tangent(&mut self, system: &mut System, balance: &Balance<'_>) {
+        let _part = timing::part("tangent");
         let start = Instant::now();
         self.place(system, balance);
         let form = balance.form;
@@ -466,6 +504,7 @@ impl Newton {
     /// gradient of the incremental energy, so this minimises it along the line.
     /// Leaves `u` there; returns the norm of the residual.
     fn search(&mut self, system: &System, balance: &Balance<'_>, before: f64) -> f64 {
+        let _part = timing::part("line search");
         let n = 3 * system.model.n_owned();
         self.base.copy_from_slice(&self.u);
         let phi0 = system.comm().sum(dot(&self.du[..n], &self.g[..n]));

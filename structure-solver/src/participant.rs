@@ -150,7 +150,7 @@ impl StructureSolver {
             dynamics.integrate_explicitly(s.explicit_safety).map_err(Fault::new)?;
         }
         let gauge = Gauge::new(&dynamics.system, &mesh);
-        let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
+        let gravity = scene.resolved().gravity_m_s2;
         let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();
         Ok(Self {
@@ -337,6 +337,7 @@ impl Participant for StructureSolver {
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let _part = timing::part("advance");
         let start = Instant::now();
         let (before, assembly) = (self.linear_cost(), self.assembly_s());
         self.read_load(input.canopy)?;
@@ -376,6 +377,7 @@ impl Participant for StructureSolver {
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        let _part = timing::part("accept");
         if self.computed.is_none_or(|(index, _)| index != w.index) {
             let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
             return Err(self.stuck.take().unwrap_or_else(none));
@@ -399,6 +401,7 @@ impl Participant for StructureSolver {
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("save");
         let model = &self.dynamics.system.model;
         let nodes = self.mesh.coords.len();
         let state = &self.dynamics.accepted;
@@ -431,6 +434,7 @@ impl Participant for StructureSolver {
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("picture");
         let d = &self.dynamics;
         let load = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
         let result = self.pictures.add(&d.system, &self.mesh, &d.accepted, load, time, folder);
@@ -509,6 +513,7 @@ impl StructureSolver {
 
     /// Computes a window in time into the current state.
     fn step_in_time(&mut self, w: &Window, body: [f64; 3]) -> Result<Result<WindowInfo, StepFailure>, Fault> {
+        let _part = timing::part("time steps");
         let load = LoadPath {
             pressure: [&self.pressure[0], &self.pressure[1]],
             traction: [&self.traction[0], &self.traction[1]],
@@ -525,6 +530,7 @@ impl StructureSolver {
     /// Finds the shape at rest under the load at the end of the window, and tells
     /// how it goes.
     fn find_rest(&mut self, tolerance: f64, body: [f64; 3]) -> Result<WindowInfo, Fault> {
+        let _part = timing::part("equilibrium");
         let load = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
         let mut info = WindowInfo::default();
         let root = self.dynamics.system.comm().is_root();

@@ -46,7 +46,7 @@ impl Payload {
     pub fn new(scene: &Scene, mesh: &StructureMesh, dynamics: &Dynamics) -> Option<(Self, BodyState)> {
         let descent = scene.descent.as_ref()?;
         let b = descent.body.as_ref()?;
-        let density = scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3);
+        let density = scene.resolved().air.density_kg_m3;
         let drag = descent.payload_drag.as_ref().map_or(0.0, |d| 0.5 * density * d.drag_area_m2);
         let payload =
             Self::on(dynamics, mesh, descent.payload_mass_kg, b.inertia_kg_m2, &b.attachments_m, drag);
@@ -228,32 +228,27 @@ impl Dynamics {
 }
 
 const FILE: &str = "payload.bin";
+const KIND: [u8; 8] = *b"ripbody\0";
+const VERSION: u32 = 1;
 
 /// Writes the body's state beside those of the nodes. Collective.
 pub(crate) fn save(comm: &comm::Comm, state: &BodyState, folder: &Path) -> Result<(), StateError> {
-    let path = folder.join(FILE);
-    let result = if comm.is_root() {
-        bincode::serde::encode_to_vec(state, bincode::config::standard())
-            .map_err(|e| StateError::Content { path: path.clone(), reason: e.to_string() })
-            .and_then(|bytes| std::fs::write(&path, bytes).map_err(|source| StateError::Io { path, source }))
-    } else {
-        Ok(())
-    };
-    agree(comm, result)
+    let save = || archive::save(&folder.join(FILE), KIND, VERSION, state).map(|_| ());
+    let result = if comm.is_root() { save() } else { Ok(()) };
+    agree(comm, result.map_err(StateError::from))
 }
 
 /// Reads what an earlier stage wrote; `None` where the body was not free in it.
 pub(crate) fn load(folder: &Path) -> Result<Option<BodyState>, StateError> {
     let path = folder.join(FILE);
-    let bytes = match std::fs::read(&path) {
-        Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(StateError::Io { path, source }),
-    };
-    let decoded = bincode::serde::decode_from_slice(&bytes, bincode::config::standard());
-    match decoded {
-        Ok((state, used)) if used == bytes.len() && sound(&state) => Ok(Some(state)),
-        _ => Err(StateError::Content { path, reason: "is damaged".into() }),
+    // Before it was an archive, the file was the state in compact form.
+    let earlier = |bytes: &[u8]| archive::codec::compact::decode(bytes).ok();
+    let state = archive::if_present(archive::load_or_earlier(&path, KIND, VERSION, earlier))?;
+    match state {
+        Some(state) if !sound(&state) => {
+            Err(archive::Error::content(&path, "it holds numbers that are no motion of a body").into())
+        }
+        state => Ok(state),
     }
 }
 

@@ -81,6 +81,33 @@ fn quadrilaterals_inflate_the_air_bag() {
     assert!((d.accepted.u[2] / 0.0769 - 1.0).abs() < 0.01, "{}", d.accepted.u[2]);
 }
 
+/// Stretched before it is pressed, the bag rises less, with both kinds of elements alike to 2 %.
+#[test]
+fn a_prestressed_bag_rises_less() {
+    let top = |prestress: &str, membrane: &str| {
+        let fabric = format!("{prestress}\n[structure]\nmembrane = \"{membrane}\"");
+        let mut s = scene(BAG, &fabric, LAST);
+        s.fabric.youngs_modulus_pa *= 1e-2;
+        let mut d = structure(&s, None).expect("a structure");
+        rest(&mut d, 5.0);
+        d.accepted.u[2]
+    };
+    let [loose, taut] = ["", "prestress_pa = 1e6"].map(|p| ["triangle", "quadrilateral"].map(|m| top(p, m)));
+    assert!(taut.iter().zip(loose).all(|(t, l)| *t > 0.0 && *t < 0.8 * l), "{taut:?} {loose:?}");
+    assert!((taut[0] / taut[1] - 1.0).abs() < 0.02, "{taut:?}");
+}
+
+/// A state that is not a number is no equilibrium.
+#[test]
+fn nan_is_not_at_rest() {
+    let mut d = structure(&scene(BAG, WRINKLING, LAST), None).expect("a structure");
+    d.accepted.u[100] = f64::NAN;
+    let p = vec![0.0; d.system.model.n_faces];
+    let load = FaceLoad { pressure: &p, traction: &[] };
+    let found = d.equilibrium(load, [0.0; 3], EquilibriumParams::default(), &mut |_| ());
+    assert!(found.is_err(), "{found:?}");
+}
+
 /// Twice as stiff along x than along y: the edges move in by different amounts, and
 /// with equal moduli by the same.
 #[test]

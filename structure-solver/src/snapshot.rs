@@ -41,6 +41,39 @@ impl Pictures {
         time: f64,
         folder: &Path,
     ) -> Result<(), MeshError> {
+        let Some(f) = Fields::gather(system, mesh, state) else { return Ok(()) };
+        let [canopy, lines] = self
+            .series
+            .get_or_insert_with(|| ["canopy.pvd", "lines.pvd"].map(|name| Series::new(folder.join(name))));
+        let name = format!("canopy_{:05}.vtu", self.count);
+        f.write_canopy(&folder.join(&name), mesh, load)?;
+        canopy.push(time, &[&name])?;
+        if !mesh.cables.is_empty() {
+            let name = format!("lines_{:05}.vtu", self.count);
+            f.write_lines(&folder.join(&name), mesh)?;
+            lines.push(time, &[&name])?;
+        }
+        self.count += 1;
+        Ok(())
+    }
+}
+
+/// What a picture shows, of the whole mesh.
+struct Fields {
+    /// Displacements (m) and velocities (m/s), `[nodes][3]`.
+    u: Vec<f64>,
+    v: Vec<f64>,
+    /// Principal stresses (Pa) and state, `[triangles][3]`.
+    fabric: Vec<f64>,
+    /// Principal strains, `[triangles][2]`.
+    strain: Vec<f64>,
+    /// Tensions of cables, N.
+    tension: Vec<f64>,
+}
+
+impl Fields {
+    /// Of `state`, on rank 0; `None` on the others. Collective.
+    fn gather(system: &System, mesh: &StructureMesh, state: &State) -> Option<Self> {
         let model = &system.model;
         let (comm, n) = (&model.comm, mesh.coords.len());
         let owned = |v: &[f64]| gather(comm, model.numbering.owned(), &v[..3 * model.n_owned()], 3, n);
@@ -64,25 +97,25 @@ impl Pictures {
         let global: Vec<u64> = own.iter().map(|c| u64::from(c.global)).collect();
         let rows: Vec<f64> = system.loops().iter().flat_map(|l| l.tensions(&x)).take(own.len()).collect();
         let tension = gather(comm, &global, &rows, 1, mesh.cables.len());
-        if !comm.is_root() {
-            return Ok(());
-        }
+        comm.is_root().then_some(Self { u, v, fabric, strain, tension })
+    }
 
-        let (u, v) = (u.as_chunks::<3>().0, v.as_chunks::<3>().0);
-        let points: Vec<_> = mesh.coords.iter().zip(u).map(|(x, u)| crate::vec3::add(*x, *u)).collect();
-        let column = |c: usize| fabric.chunks_exact(3).map(|row| row[c]).collect::<Vec<f64>>();
-        let (first, second) = (column(0), column(1));
-        let strains = [0, 1].map(|c| strain.iter().skip(c).step_by(2).copied().collect::<Vec<f64>>());
-        let regime: Vec<u32> = column(2).iter().map(|r| *r as u32).collect();
-        let pressure: Vec<f64> = mesh.triangle_face.iter().map(|&f| load.pressure[f as usize]).collect();
+    /// Positions of all nodes, m.
+    fn points(&self, mesh: &StructureMesh) -> Vec<mesh::Point> {
+        let u = self.u.as_chunks::<3>().0;
+        mesh.coords.iter().zip(u).map(|(x, u)| std::array::from_fn(|c| x[c] + u[c])).collect()
+    }
+
+    fn write_canopy(&self, path: &Path, mesh: &StructureMesh, load: FaceLoad<'_>) -> Result<(), MeshError> {
         let m = mesh.n_canopy;
-        let [canopy, lines] = self
-            .series
-            .get_or_insert_with(|| ["canopy.pvd", "lines.pvd"].map(|name| Series::new(folder.join(name))));
-        let name = format!("canopy_{:05}.vtu", self.count);
+        let (u, v) = (self.u.as_chunks::<3>().0, self.v.as_chunks::<3>().0);
+        let [first, second, regime] = [0, 1, 2].map(|c| column(&self.fabric, 3, c));
+        let strains = [0, 1].map(|c| column(&self.strain, 2, c));
+        let regime: Vec<u32> = regime.iter().map(|r| *r as u32).collect();
+        let pressure: Vec<f64> = mesh.triangle_face.iter().map(|&f| load.pressure[f as usize]).collect();
         write_surface(
-            &folder.join(&name),
-            &points[..m],
+            path,
+            &self.points(mesh)[..m],
             &mesh.triangles,
             &[("displacement_m", Values::Vector(&u[..m])), ("velocity_m_s", Values::Vector(&v[..m]))],
             &[
@@ -93,24 +126,25 @@ impl Pictures {
                 ("wrinkling_state", Values::U32(&regime)),
                 ("pressure_jump_pa", Values::F64(&pressure)),
             ],
-        )?;
-        canopy.push(time, &[&name])?;
-        if !mesh.cables.is_empty() {
-            let name = format!("lines_{:05}.vtu", self.count);
-            let ends: Vec<[u32; 2]> = mesh.cables.iter().map(|c| c.nodes).collect();
-            let line: Vec<u32> = mesh.cables.iter().map(|c| c.line).collect();
-            let kind: Vec<u32> = mesh.cables.iter().map(|c| c.kind as u32).collect();
-            let fields = [
-                ("tension_n", Values::F64(&tension)),
-                ("line", Values::U32(&line)),
-                ("kind", Values::U32(&kind)),
-            ];
-            write_surface(&folder.join(&name), &points, &ends, &[], &fields)?;
-            lines.push(time, &[&name])?;
-        }
-        self.count += 1;
-        Ok(())
+        )
     }
+
+    fn write_lines(&self, path: &Path, mesh: &StructureMesh) -> Result<(), MeshError> {
+        let ends: Vec<[u32; 2]> = mesh.cables.iter().map(|c| c.nodes).collect();
+        let line: Vec<u32> = mesh.cables.iter().map(|c| c.line).collect();
+        let kind: Vec<u32> = mesh.cables.iter().map(|c| c.kind as u32).collect();
+        let fields = [
+            ("tension_n", Values::F64(&self.tension)),
+            ("line", Values::U32(&line)),
+            ("kind", Values::U32(&kind)),
+        ];
+        write_surface(path, &self.points(mesh), &ends, &[], &fields)
+    }
+}
+
+/// Column `c` of rows of `width` numbers.
+fn column(rows: &[f64], width: usize, c: usize) -> Vec<f64> {
+    rows.iter().skip(c).step_by(width).copied().collect()
 }
 
 fn number(regime: Regime) -> u8 {

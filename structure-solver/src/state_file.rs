@@ -1,58 +1,28 @@
 //! Saved states: the whole structure in global order, so that any rank count
 //! reads what any other wrote. The only place that names the file format.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use archive::codec::compact;
+use archive::hash::fnv1a_of_numbers;
 use comm::Comm;
-use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::newton::State;
 
-const MAGIC: [u8; 8] = *b"ripstruc";
-const VERSION: u32 = 1;
+const KIND: [u8; 8] = *b"ripstruc";
+/// Displacements, velocities and accelerations, `[nodes][9]`.
+const VERSION: u32 = 2;
 
 /// A state file that could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum StateError {
-    /// The operating system refused.
-    #[error("{path}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What it said.
-        source: std::io::Error,
-    },
-    /// The content is not a state of this structure.
-    #[error("{path} {reason}; run the stage that writes it again")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
+    /// Trouble with the file, or what it holds is no state of this structure.
+    #[error(transparent)]
+    File(#[from] archive::Error),
     /// Another rank failed; its message says why.
     #[error("another rank could not write or read the saved state")]
     Elsewhere,
-}
-
-#[derive(Serialize, Deserialize)]
-struct File {
-    magic: [u8; 8],
-    version: u32,
-    nodes: u64,
-    checksum: u64,
-    /// Displacements, velocities and accelerations, `[nodes][9]`.
-    values: Vec<f64>,
-}
-
-/// FNV-1a over the bytes of the values.
-fn checksum(values: &[f64]) -> u64 {
-    values
-        .iter()
-        .flat_map(|v| v.to_le_bytes())
-        .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
 /// Rows of owned entities of all ranks, in global order, on every rank. Collective.
@@ -76,24 +46,13 @@ pub fn save(model: &Model, state: &State, nodes: usize, path: &Path) -> Result<(
         }
     }
     let values = gather(&model.comm, model.numbering.owned(), &rows, 9, nodes);
-    let result = if model.comm.is_root() { write(path, values) } else { Ok(()) };
+    let result = if model.comm.is_root() { write(path, &values) } else { Ok(()) };
     agree(&model.comm, result)
 }
 
-fn write(path: &Path, values: Vec<f64>) -> Result<(), StateError> {
-    let nodes = (values.len() / 9) as u64;
-    let file = File { magic: MAGIC, version: VERSION, nodes, checksum: checksum(&values), values };
-    let bytes = bincode::serde::encode_to_vec(&file, bincode::config::standard())
-        .map_err(|e| StateError::Content { path: path.into(), reason: e.to_string() })?;
-    // Aside first: a reader, or a run that dies here, never sees half a file.
-    let aside = path.with_extension("part");
-    let attempt = || {
-        let mut out = std::fs::File::create(&aside)?;
-        out.write_all(&bytes)?;
-        out.sync_all()?;
-        std::fs::rename(&aside, path)
-    };
-    attempt().map_err(|source| StateError::Io { path: path.into(), source })
+fn write(path: &Path, values: &[f64]) -> Result<(), StateError> {
+    archive::save(path, KIND, VERSION, &values)?;
+    Ok(())
 }
 
 /// Reads the state of a structure with `nodes` nodes in all. Collective.
@@ -110,34 +69,26 @@ pub fn load(model: &Model, nodes: usize, path: &Path) -> Result<State, StateErro
 }
 
 fn read(path: &Path, nodes: usize) -> Result<Vec<f64>, StateError> {
-    let bytes = std::fs::read(path).map_err(|source| StateError::Io { path: path.into(), source })?;
-    let bad = |reason: String| StateError::Content { path: path.into(), reason };
-    if bytes.get(..8) != Some(&MAGIC) {
-        return Err(bad("is not a saved state of the structure-solver".into()));
+    let values = archive::load_or_earlier(path, KIND, VERSION, version_1)?;
+    let unfit = |reason| Err(archive::Error::content(path, reason).into());
+    if values.len() != 9 * nodes {
+        let found = values.len() / 9;
+        return unfit(format!(
+            "it holds a structure of {found} nodes, but the scene's has {nodes}: the canopy was changed since"
+        ));
     }
-    // A damaged length must not reserve memory without end.
-    let config = bincode::config::standard().with_limit::<{ 1 << 32 }>();
-    let (file, used): (File, usize) =
-        bincode::serde::decode_from_slice(&bytes, config).map_err(|e| bad(format!("is damaged ({e})")))?;
-    if file.version != VERSION {
-        return Err(bad(format!("has version {}, this program reads version {VERSION}", file.version)));
+    if values.iter().any(|v| !v.is_finite()) {
+        return unfit("it holds values that are not finite".into());
     }
-    if used != bytes.len()
-        || Some(file.values.len() as u64) != file.nodes.checked_mul(9)
-        || file.checksum != checksum(&file.values)
-    {
-        return Err(bad("is damaged (its checksum does not match)".into()));
-    }
-    if file.nodes != nodes as u64 {
-        return Err(bad(format!(
-            "holds a structure of {} nodes, but the scene's has {nodes}: the canopy was changed since",
-            file.nodes
-        )));
-    }
-    if file.values.iter().any(|v| !v.is_finite()) {
-        return Err(bad("holds values that are not finite".into()));
-    }
-    Ok(file.values)
+    Ok(values)
+}
+
+/// The values of a file of version 1: kind, version, nodes, checksum and values in compact form.
+fn version_1(bytes: &[u8]) -> Option<Vec<f64>> {
+    let (kind, version, nodes, sum, values): ([u8; 8], u32, u64, u64, Vec<f64>) =
+        compact::decode(bytes).ok()?;
+    let whole = Some(values.len() as u64) == nodes.checked_mul(9) && sum == fnv1a_of_numbers(&values);
+    (kind == KIND && version == 1 && whole).then_some(values)
 }
 
 /// An error on one rank becomes an error on every rank.
@@ -161,15 +112,29 @@ mod tests {
     fn what_is_written_is_read() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("structure.bin");
-        write(&path, values()).expect("written");
+        write(&path, &values()).expect("written");
         assert_eq!(read(&path, 2).expect("read"), values());
+    }
+
+    #[test]
+    fn files_of_version_1_are_read() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("structure.bin");
+        let bytes = compact::encode(&(KIND, 1u32, 2u64, fnv1a_of_numbers(&values()), values()));
+        std::fs::write(&path, &bytes).expect("written");
+        assert_eq!(read(&path, 2).expect("read"), values());
+        assert!(read(&path, 3).expect_err("another size").to_string().contains("2 nodes"));
+        let mut bytes = bytes;
+        *bytes.last_mut().expect("bytes") ^= 1;
+        std::fs::write(&path, &bytes).expect("written");
+        assert!(read(&path, 2).is_err());
     }
 
     #[test]
     fn damage_and_other_structures_are_refused() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("structure.bin");
-        write(&path, values()).expect("written");
+        write(&path, &values()).expect("written");
         assert!(read(&path, 3).expect_err("another size").to_string().contains("2 nodes"));
         let mut bytes = std::fs::read(&path).expect("bytes");
         let last = bytes.len() - 3;
@@ -179,7 +144,7 @@ mod tests {
         std::fs::write(&path, &bytes[..40]).expect("written");
         assert!(read(&path, 2).is_err());
         std::fs::write(&path, b"something else").expect("written");
-        assert!(read(&path, 2).expect_err("foreign").to_string().contains("not a saved state"));
+        assert!(read(&path, 2).expect_err("foreign").to_string().contains("not of the kind"));
         assert!(read(&folder.path().join("none.bin"), 2).is_err());
     }
 }

@@ -48,7 +48,7 @@ impl VelocityAverage {
     pub fn of(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Option<Self> {
         let coupled = scene.stages[stage].kind == StageKind::Coupled;
         let weight = scene.coupling.velocity_average.unwrap_or_else(|| {
-            let air = scene.flow.as_ref().map_or(0.0, |f| f.density_kg_m3);
+            let air = scene.resolved().canopy_air.density_kg_m3;
             let fabric = scene.fabric.thickness_m * scene.fabric.density_kg_m3;
             fitting(mass_ratio(air, fabric, mesh.fabric_area(|_| true)))
         });

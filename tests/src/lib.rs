@@ -4,6 +4,7 @@
 
 pub mod browser;
 pub mod harness;
+pub mod imports;
 pub mod load;
 pub mod skip;
 pub mod spoil;
@@ -11,6 +12,26 @@ pub mod tiny;
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+
+/// The head of a scene as text: a square sheet of 2 m, with so many cells across and so many lines, and further keys of its
+/// fabric.
+#[macro_export]
+macro_rules! sheet {
+    ($name:literal, $cells:literal, $lines:literal, $fabric:literal) => {
+        concat!(
+            "name = \"",
+            $name,
+            "\"\n[canopy]\nkind = \"square\"\nwidth_m = 2.0\ncells_across = ",
+            $cells,
+            "\nline_count = ",
+            $lines,
+            "\nline_length_m = 2.4\n[fabric]\nyoungs_modulus_pa = 2e8\npoisson_ratio = 0.3\nthickness_m = 3.048e-5\n\
+             density_kg_m3 = 1223.5093\n",
+            $fabric,
+            "[lines]\nyoungs_modulus_pa = 5.3420e8\narea_m2 = 3.11e-6\ndensity_kg_m3 = 1223.50932\n"
+        )
+    };
+}
 
 /// The repository.
 pub fn root() -> PathBuf {

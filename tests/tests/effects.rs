@@ -4,7 +4,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ripstop_tests::{History, ripstop_run, root, succeed};
+use ripstop_tests::{History, ripstop_run, root, sheet, succeed};
 
 /// Whether and how an answer moves.
 enum Moves {
@@ -75,24 +75,9 @@ fn put(text: &str, table: &str, line: &str) -> String {
     text.replacen(&header, &format!("{header}{line}\n"), 1)
 }
 
-const SHEET: &str = r#"
-name = "family"
-[canopy]
-kind = "square"
-width_m = 2.0
-cells_across = 8
-line_count = 16
-line_length_m = 2.4
-[fabric]
-youngs_modulus_pa = 2e8
-poisson_ratio = 0.3
-thickness_m = 3.048e-5
-density_kg_m3 = 1223.5093
-[lines]
-youngs_modulus_pa = 5.3420e8
-area_m2 = 3.11e-6
-density_kg_m3 = 1223.50932
-[structure]
+const SHEET: &str = concat!(
+    sheet!("family", 8, 16, ""),
+    r#"[structure]
 [flow]
 [flow.solver]
 residual_drop = 1e-3
@@ -107,7 +92,8 @@ volume_every_windows = 0
 payload_mass_kg = 5.0
 initial_speed_m_s = 4.0
 reference_area_m2 = 4.0
-"#;
+"#
+);
 
 /// A shape at rest under 12 Pa.
 fn at_rest() -> String {

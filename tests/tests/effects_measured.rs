@@ -4,27 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use ripstop_tests::{program, succeed};
+use ripstop_tests::{program, sheet, succeed};
 
-const BASE: &str = r#"
-name = "sheet"
-[canopy]
-kind = "square"
-width_m = 2.0
-cells_across = 8
-line_count = 16
-line_length_m = 2.4
-[fabric]
-youngs_modulus_pa = 2e8
-poisson_ratio = 0.3
-thickness_m = 3.048e-5
-density_kg_m3 = 1223.5093
-wrinkling = true
-[lines]
-youngs_modulus_pa = 5.3420e8
-area_m2 = 3.11e-6
-density_kg_m3 = 1223.50932
-[structure]
+const BASE: &str = concat!(
+    sheet!("sheet", 8, 16, "wrinkling = true\n"),
+    r#"[structure]
 spectral_radius = 0.8
 [flow]
 [flow.solver]
@@ -42,7 +26,8 @@ mesh = 1
 payload_mass_kg = 5.0
 initial_speed_m_s = 4.0
 reference_area_m2 = 4.0
-"#;
+"#
+);
 
 const DESCENT: &str = r#"
 [[stage]]

@@ -9,15 +9,13 @@ use case::{Role, Scene};
 use channel::Participant;
 use comm::Comm;
 use ripstop_tests::spoil::{
-    ANYWAY, Measured, Random, SHARE, Seal, fuzz, inputs, kept, measured, slot, spoilt_anywhere,
+    ANYWAY, Measured, Random, SHARE, fuzz, inputs, kept, measured, slot, spoilt_anywhere,
 };
 use ripstop_tests::tiny::SMALLER;
 use ripstop_tests::{changed_scene, ripstop_run, succeed};
 
 #[global_allocator]
 static ALLOCATOR: Measured = Measured;
-
-fn as_is(_: &mut Vec<u8>) {}
 
 #[test]
 fn states_of_the_coupler() {
@@ -41,7 +39,7 @@ fn states_of_the_coupler() {
         assert!(all.chain([&state.velocity, &state.acceleration]).all(|x| x.is_finite()), "NaN enters");
         Ok(())
     };
-    fuzz("coupler state", &[good], as_is, &mut read, "coupler.bin");
+    fuzz("coupler state", &[good], sealed, &mut read, "coupler.bin");
 }
 
 #[test]
@@ -61,58 +59,18 @@ fn states_of_the_mesh() {
         std::fs::write(&file, bytes).expect("written");
         mesh_mover::state::State::load(&file, 10).map(|_| ()).map_err(|e| e.to_string())
     };
-    fuzz("mesh state", &[good], sealed_grid, &mut read, "spoilt");
+    fuzz("mesh state", &[good], sealed, &mut read, "spoilt");
 }
 
-/// Checksum of a mesh-mover's state made right again, where it can be read at all.
-fn sealed_grid(bytes: &mut Vec<u8>) {
-    let config = bincode::config::standard().with_limit::<{ 1 << 20 }>();
-    let Some(rest) = bytes.get(8..) else { return };
-    let Ok(((_, _), head)) = bincode::decode_from_slice::<(u32, u64), _>(rest, config) else { return };
-    let state = bincode::serde::decode_from_slice::<mesh_mover::state::State, _>(&rest[head..], config);
-    let Ok((state, _)) = state else { return };
-    let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
-    let file = folder.path().join("sealed");
-    state.save(&file).expect("saved");
-    *bytes = std::fs::read(file).expect("a file");
-}
-
-/// As [`sealed_grid`], of what [`channel::keep`] writes.
+/// Length and checksum of an archive made right again.
 #[allow(clippy::ptr_arg)] // as all spoilers, which may also shorten
-fn sealed_kept(bytes: &mut Vec<u8>) {
-    if bytes.len() < 28 {
+fn sealed(bytes: &mut Vec<u8>) {
+    if bytes.len() < archive::HEAD {
         return;
     }
-    let (head, body) = bytes.split_at_mut(28);
+    let (head, body) = bytes.split_at_mut(archive::HEAD);
     head[12..20].copy_from_slice(&(body.len() as u64).to_le_bytes());
-    head[20..28].copy_from_slice(&channel::checksum(body).to_le_bytes());
-}
-
-/// FNV-1a, the checksum of the states of flow and structure.
-fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01b3))
-}
-
-/// As [`sealed_grid`], of the flow: the checksum stands last.
-#[allow(clippy::ptr_arg)] // as all spoilers, which may also shorten
-fn sealed_flow(bytes: &mut Vec<u8>) {
-    if let Some((body, tail)) = bytes.split_last_chunk_mut::<8>() {
-        *tail = fnv(body).to_le_bytes();
-    }
-}
-
-/// As [`sealed_grid`], of the structure: magic, version, nodes, checksum, values.
-fn sealed_structure(bytes: &mut Vec<u8>) {
-    let config = bincode::config::standard().with_limit::<{ 1 << 24 }>();
-    type File = ([u8; 8], u32, u64, u64, Vec<f64>);
-    let Ok(((magic, version, nodes, _, values), used)) = bincode::decode_from_slice::<File, _>(bytes, config)
-    else {
-        return;
-    };
-    let sum = fnv(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>());
-    let mut sealed = bincode::encode_to_vec((magic, version, nodes, sum, values), config).expect("encoded");
-    sealed.extend(&bytes[used..]);
-    *bytes = sealed;
+    head[20..28].copy_from_slice(&archive::hash::checksum(body).to_le_bytes());
 }
 
 /// A descent of one rank of each program with all that keeps a memory, flown once.
@@ -179,17 +137,17 @@ impl Flown {
 
 /// Spoils one file of a program's state after the other, checksums made right: it begins from
 /// it or says what is wrong with which file; what is no number does not get in.
-fn states_of(role: Role, seal: Seal, more: &[(&str, Seal)]) {
+fn states_of(role: Role, more: &[&str]) {
     let flown = Flown::once();
     let (_folder, state) = flown.state();
     let memory = channel::memory_file(&state, role, 0, 1);
-    let mut files = vec![(case::state_file(&state, role), seal), (memory, sealed_kept as Seal)];
-    files.extend(more.iter().map(|(name, seal)| (state.join(name), *seal)));
+    let mut files = vec![case::state_file(&state, role), memory];
+    files.extend(more.iter().map(|name| state.join(name)));
     flown.resumed(role, &state).unwrap_or_else(|e| panic!("a good state is refused: {e}"));
     // A program is begun for each: few take as long as all of another format.
     let few = (inputs() / 200).max(20);
     let mut r = Random(0x57a7e ^ role as u64);
-    for (file, seal) in files {
+    for file in files {
         let name = file.file_name().expect("a name").to_string_lossy().into_owned();
         let good = std::fs::read(&file).expect("a file of the state");
         // What beginning takes with good files.
@@ -198,7 +156,7 @@ fn states_of(role: Role, seal: Seal, more: &[(&str, Seal)]) {
         for i in 0..few {
             let mut bytes = spoilt_anywhere(&good, &mut r);
             if r.below(8) > 0 {
-                seal(&mut bytes);
+                sealed(&mut bytes);
             }
             std::fs::write(&file, &bytes).expect("written");
             let (result, largest) = measured(|| flown.resumed(role, &state).map(drop));
@@ -225,17 +183,17 @@ fn states_of(role: Role, seal: Seal, more: &[(&str, Seal)]) {
 
 #[test]
 fn states_of_the_structure_begin_or_are_refused() {
-    states_of(Role::Structure, sealed_structure, &[]);
+    states_of(Role::Structure, &[]);
 }
 
 #[test]
 fn states_of_the_grid_begin_or_are_refused() {
-    states_of(Role::Mesh, sealed_grid, &[]);
+    states_of(Role::Mesh, &[]);
 }
 
 #[test]
 fn states_of_the_flow_begin_or_are_refused() {
-    states_of(Role::Flow, sealed_flow, &[("flow-statistics.bin", sealed_flow)]);
+    states_of(Role::Flow, &["flow-statistics.bin"]);
 }
 
 /// What stands in the files alone: as many inputs as of other formats.
@@ -254,17 +212,17 @@ fn files_of_states_hold_numbers_or_are_refused() {
     let mut flow = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
         let state = flow_solver::state::load::<4>(&file, &topology, totals).map_err(|e| e.message)?;
-        let q = state.past.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.as_flattened()));
+        let q = state.past.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.iter().flatten()));
         assert!(q.chain([&state.last_dt]).all(|x| x.is_finite()), "NaN enters");
         Ok(())
     };
-    fuzz("flow state", &[whole("flow.bin")], sealed_flow, &mut flow, "spoilt");
+    fuzz("flow state", &[whole("flow.bin")], sealed, &mut flow, "spoilt");
 
     let nodes = structure.coords.len();
     let memory = structure_solver::memory::Memory::read;
     let mut shape = structure_solver::memory::Shape { numbers: 3 * nodes, loops: 0, blocks: 0 };
     let good_memory: structure_solver::memory::Memory =
-        channel::kept(&good.join("structure-memory-0-of-1.bin"), *b"ripstmem", 1).expect("a memory");
+        archive::load(&good.join("structure-memory-0-of-1.bin"), *b"ripstmem", 1).expect("a memory");
     shape.loops = good_memory.loops.len();
     shape.blocks = good_memory.linear.direct.as_ref().map_or(0, |d| d.matrix.len());
     assert!(shape.blocks > 0, "no factors were kept: what is tried here?");
@@ -272,13 +230,13 @@ fn files_of_states_hold_numbers_or_are_refused() {
         std::fs::write(&file, bytes).expect("written");
         memory(&file, shape).map(|_| ()).map_err(|e| e.to_string())
     };
-    fuzz("structure memory", &[whole("structure-memory-0-of-1.bin")], sealed_kept, &mut read, "spoilt");
+    fuzz("structure memory", &[whole("structure-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
         mesh_mover::memory::read(&file).map(|_| ()).map_err(|e| e.to_string())
     };
-    fuzz("mesh memory", &[whole("mesh-memory-0-of-1.bin")], sealed_kept, &mut read, "spoilt");
+    fuzz("mesh memory", &[whole("mesh-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 
     let shape = flow_solver::remembered::Shape {
         cells: topology.n_owned,
@@ -290,5 +248,5 @@ fn files_of_states_hold_numbers_or_are_refused() {
         std::fs::write(&file, bytes).expect("written");
         flow_solver::remembered::Memory::read(&file, shape).map(|_| ()).map_err(|e| e.to_string())
     };
-    fuzz("flow memory", &[whole("flow-memory-0-of-1.bin")], sealed_kept, &mut read, "spoilt");
+    fuzz("flow memory", &[whole("flow-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 }

@@ -43,7 +43,9 @@ fn ranks_on_another_host_change_no_number() {
         let log = std::fs::read_to_string(two.join(format!("descent/logs/{role}.log"))).expect("a log");
         for rank in far {
             let says = format!("rank {rank} of ");
-            let line = log.lines().find(|l| l.starts_with(&says) && l.ends_with("rank 0 keeps its post"));
+            let line = log
+                .lines()
+                .find(|l| l.starts_with(&says) && l.ends_with("rank 0 has its place in the session"));
             assert!(line.is_some(), "{role}: {log}");
         }
     }

@@ -28,6 +28,7 @@ fn colours_and_sum(browser: &mut Browser) -> (u64, u64) {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "one visit to a page from top to bottom")]
 fn the_page_of_a_small_run_is_whole_and_works() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("run");

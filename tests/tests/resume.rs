@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ripstop_tests::load::Limit;
 use ripstop_tests::skip::skipped;
-use ripstop_tests::{History, changed_scene, processes_naming, ripstop_run, root, start, succeed};
+use ripstop_tests::{History, changed_scene, processes_naming, ripstop_run, root, sheet, start, succeed};
 
 /// The small descent, cut short: 12 windows of inflation, 3 of flow, 8 coupled, with tables and series
 /// of every kind.
@@ -255,25 +255,9 @@ fn every_scheme_goes_on_as_it_would_have() {
 }
 
 /// A small canopy with lines; tables are added behind it.
-const SHEET: &str = r#"
-name = "family"
-[canopy]
-kind = "square"
-width_m = 2.0
-cells_across = 8
-line_count = 16
-line_length_m = 2.4
-[fabric]
-youngs_modulus_pa = 2e8
-poisson_ratio = 0.3
-thickness_m = 3.048e-5
-density_kg_m3 = 1223.5093
-wrinkling = true
-[lines]
-youngs_modulus_pa = 5.3420e8
-area_m2 = 3.11e-6
-density_kg_m3 = 1223.50932
-[output]
+const SHEET: &str = concat!(
+    sheet!("family", 8, 16, "wrinkling = true\n"),
+    r#"[output]
 surface_every_windows = 2
 volume_every_windows = 2
 [descent]
@@ -291,7 +275,8 @@ first_layer_m = 0.12
 [ranks]
 flow = 2
 mesh = 2
-"#;
+"#
+);
 
 const INFLATE: &str = "[[stage]]\nname = \"inflation\"\nkind = \"pre-inflation\"\npressure_pa = 12.0\n\
                        duration_s = 0.4\nwindow_s = 1e-2\nsubsteps = 4\nmass_damping_per_s = 20.0\n";

@@ -4,27 +4,11 @@ use std::f64::consts::TAU;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ripstop_tests::{program, ripstop_run, succeed};
+use ripstop_tests::{program, ripstop_run, sheet, succeed};
 
-const SHEET: &str = r#"
-name = "windy"
-[canopy]
-kind = "square"
-width_m = 2.0
-cells_across = 4
-line_count = 8
-line_length_m = 2.4
-[fabric]
-youngs_modulus_pa = 2e8
-poisson_ratio = 0.3
-thickness_m = 3.048e-5
-density_kg_m3 = 1223.5093
-wrinkling = true
-[lines]
-youngs_modulus_pa = 5.3420e8
-area_m2 = 3.11e-6
-density_kg_m3 = 1223.50932
-[flow]
+const SHEET: &str = concat!(
+    sheet!("windy", 4, 8, "wrinkling = true\n"),
+    r#"[flow]
 [flow.solver]
 residual_drop = 1e-3
 [flow.grid]
@@ -60,7 +44,8 @@ kind = "coupled"
 duration_s = 0.04
 window_s = 5e-3
 substeps = 4
-"#;
+"#
+);
 
 /// From 0.06 to 0.14 s: the release at 0.1 s is its peak.
 fn gusty(folder: &Path, name: &str, clock: &str) -> PathBuf {

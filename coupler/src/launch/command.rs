@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use case::{Role, Scene};
 use coupling::error::RunError;
+use terminal::shell::{quote, split_words};
 
 /// One program of a stage, ready to be started.
 #[derive(Clone, Debug)]
@@ -94,39 +95,35 @@ impl LaunchPlan<'_> {
     /// As [`LaunchPlan::programs`].
     pub fn program(&self, role: Role) -> Result<Program, RunError> {
         let (name, command) = match self.scene.programs.get(&role) {
-            Some(line) => {
-                let words = split_words(line).filter(|w| !w.is_empty()).ok_or_else(|| {
-                    RunError::Input(format!(
-                        "the command for {}, `{line}`, is empty or has an unclosed quote",
-                        role.name()
-                    ))
-                })?;
-                if !can_be_found(&words[0]) {
-                    return Err(RunError::Input(format!(
-                        "the program `{}` for {} does not exist: check the path of --{} or of `programs` in \
-                         the scene (relative paths count from the folder that ripstop was started in)",
-                        words[0],
-                        role.name(),
-                        role.name()
-                    )));
-                }
-                (format!("{} (`{line}`)", role.name()), words.into_iter().map(OsString::from).collect())
-            }
-            None => {
-                let file = self.programs.join(role.program());
-                if !file.is_file() {
-                    return Err(RunError::Input(format!(
-                        "{} does not exist: build it with `cargo build --release`, or name another program \
-                         for this role with --{} \"COMMAND\"",
-                        file.display(),
-                        role.name()
-                    )));
-                }
-                (role.program().to_owned(), vec![file.into_os_string()])
-            }
+            Some(line) => replaced(role, line)?,
+            None => self.own(role)?,
         };
+        let (mut words, environment) = self.mpirun(role);
+        words.extend(command);
+        words.extend(self.arguments(role));
+        let folder = case::stage_folder(self.out, self.scene, self.stage);
+        let log = folder.join("logs").join(format!("{}.log", role.name()));
+        Ok(Program { role, name, words, environment, log, continues: self.resume.is_some() })
+    }
+
+    /// The project's own program: its name and its command.
+    fn own(&self, role: Role) -> Result<(String, Vec<OsString>), RunError> {
+        let file = self.programs.join(role.program());
+        if !file.is_file() {
+            return Err(RunError::Input(format!(
+                "{} does not exist: build it with `cargo build --release`, or name another program \
+                 for this role with --{} \"COMMAND\"",
+                file.display(),
+                role.name()
+            )));
+        }
+        Ok((role.program().to_owned(), vec![file.into_os_string()]))
+    }
+
+    /// How the ranks of a program are started, up to its own command; their environment.
+    fn mpirun(&self, role: Role) -> (Vec<OsString>, Vec<(&'static str, OsString)>) {
         let ranks = self.scene.ranks.of(role).to_string();
-        let mut words: Vec<OsString> = vec!["mpirun".into(), "-n".into(), ranks.clone().into()];
+        let mut words: Vec<OsString> = vec!["mpirun".into(), "-n".into(), ranks.into()];
         let hosts: Vec<String> = self
             .mpirun
             .iter()
@@ -141,13 +138,18 @@ impl LaunchPlan<'_> {
                 words.extend(["-x".into(), (*name).into()]);
             }
         }
-        words.extend(command);
+        (words, environment)
+    }
+
+    /// What the contract has a program started with.
+    fn arguments(&self, role: Role) -> Vec<OsString> {
+        let mut words = Vec::new();
         let arguments: [(&str, OsString); 5] = [
             ("--scene", self.scene_file.into()),
             ("--stage", self.stage.to_string().into()),
             ("--session", self.session.into()),
             ("--out", self.out.into()),
-            ("--ranks", ranks.into()),
+            ("--ranks", self.scene.ranks.of(role).to_string().into()),
         ];
         for (key, value) in arguments {
             words.extend([OsString::from(key), value]);
@@ -155,10 +157,28 @@ impl LaunchPlan<'_> {
         if let Some(folder) = self.resume {
             words.extend([OsString::from("--resume"), folder.into()]);
         }
-        let folder = case::stage_folder(self.out, self.scene, self.stage);
-        let log = folder.join("logs").join(format!("{}.log", role.name()));
-        Ok(Program { role, name, words, environment, log, continues: self.resume.is_some() })
+        words
     }
+}
+
+/// A program that the user names in the place of the project's own, by its command `line`: its name and its command.
+fn replaced(role: Role, line: &str) -> Result<(String, Vec<OsString>), RunError> {
+    let words = split_words(line).filter(|w| !w.is_empty()).ok_or_else(|| {
+        RunError::Input(format!(
+            "the command for {}, `{line}`, is empty or has an unclosed quote",
+            role.name()
+        ))
+    })?;
+    if !can_be_found(&words[0]) {
+        return Err(RunError::Input(format!(
+            "the program `{}` for {} does not exist: check the path of --{} or of `programs` in \
+             the scene (relative paths count from the folder that ripstop was started in)",
+            words[0],
+            role.name(),
+            role.name()
+        )));
+    }
+    Ok((format!("{} (`{line}`)", role.name()), words.into_iter().map(OsString::from).collect()))
 }
 
 /// Where OpenMPI's own files go: set where all ranks are on this host.
@@ -188,8 +208,7 @@ fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
     if let Ok(me) = std::env::current_exe() {
         set.push(("RIPSTOP", me.into()));
     }
-    // SAFETY: geteuid has no preconditions and cannot fail.
-    if unsafe { libc::geteuid() } == 0 {
+    if rustix::process::geteuid().is_root() {
         set.push(("OMPI_ALLOW_RUN_AS_ROOT", "1".into()));
         set.push(("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1".into()));
     }
@@ -203,58 +222,4 @@ fn can_be_found(program: &str) -> bool {
     }
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
-}
-
-/// Splits a command line into words as a shell does for plain words, single and
-/// double quotes and backslashes. `None` for an unclosed quote.
-pub fn split_words(line: &str) -> Option<Vec<String>> {
-    let mut words = Vec::new();
-    let mut word: Option<String> = None;
-    let mut quote = None;
-    let mut letters = line.chars();
-    while let Some(letter) = letters.next() {
-        match (quote, letter) {
-            (Some(q), l) if l == q => quote = None,
-            (Some('\''), l) => word.get_or_insert_default().push(l),
-            (_, '\\') => word.get_or_insert_default().push(letters.next()?),
-            (Some(_), l) => word.get_or_insert_default().push(l),
-            (None, '\'' | '"') => {
-                quote = Some(letter);
-                word.get_or_insert_default();
-            }
-            (None, l) if l.is_whitespace() => words.extend(word.take()),
-            (None, l) => word.get_or_insert_default().push(l),
-        }
-    }
-    words.extend(word);
-    quote.is_none().then_some(words)
-}
-
-pub(crate) fn quote(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,@%+".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_as_in_a_shell() {
-        let split = |s| split_words(s).unwrap();
-        assert_eq!(split("python3 my_solver.py"), ["python3", "my_solver.py"]);
-        assert_eq!(split(r#" a 'b c'  "d \" e" f\ g '' "#), ["a", "b c", "d \" e", "f g", ""]);
-        assert_eq!(split_words("a 'b"), None);
-    }
-
-    #[test]
-    fn quoted_words_come_back() {
-        for word in ["plain", "with space", "it's", "", "a\"b"] {
-            assert_eq!(split_words(&quote(word)).unwrap(), [word]);
-        }
-    }
 }

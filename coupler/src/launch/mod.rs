@@ -5,13 +5,13 @@
 //! programs say to each other.
 
 mod command;
-pub mod memory;
 mod process;
+mod session;
 mod supervisor;
 mod usage;
 
-pub(crate) use command::quote;
-pub use command::{LaunchPlan, Program, split_words};
+pub use command::{LaunchPlan, Program};
+pub(crate) use session::Session;
 pub use supervisor::{Casualty, Supervisor};
 
 #[cfg(test)]

@@ -4,44 +4,56 @@ use std::fs;
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
+use rustix::process::{self, Pid, Signal, WaitOptions};
+
 /// Lets `command` start in a process group of its own (Ctrl-C reaches the coupler
 /// alone, which then ends all in order) and end when this process ends.
 pub(super) fn tie_to_parent(command: &mut Command) {
     command.process_group(0);
-    let parent = std::process::id();
-    // SAFETY: between fork and exec only async-signal-safe calls are made (prctl,
-    // getppid, raise); the closure touches no memory but its own integer.
-    unsafe {
-        command.pre_exec(move || {
-            if libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGTERM) != 0 {
-                return Err(std::io::Error::last_os_error());
-            }
-            // The parent may have died before the call above.
-            if libc::getppid() as u32 != parent {
-                libc::raise(libc::SIGTERM);
-            }
-            Ok(())
-        });
-    }
+    let parent = process::getpid();
+    let end_with_parent = move || {
+        process::set_parent_process_death_signal(Some(Signal::TERM))?;
+        // The parent may have died before the call above.
+        if process::getppid() != Some(parent) {
+            process::kill_process(process::getpid(), Signal::TERM)?;
+        }
+        Ok(())
+    };
+    // SAFETY: between fork and exec the closure makes plain system calls only (prctl, getppid, getpid, kill),
+    // and touches no memory but its own number.
+    unsafe { command.pre_exec(end_with_parent) };
 }
 
 /// Ranks whose `mpirun` dies become children of this process instead of process 1,
 /// so that they can be found and ended.
 pub(super) fn adopt_orphans() {
-    // SAFETY: a plain flag of this process; failure only loses the convenience.
-    unsafe { libc::prctl(libc::PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) };
+    // A plain flag of this process; failure only loses the convenience.
+    let _ = process::set_child_subreaper(Some(process::getpid()));
 }
 
-/// Sends a signal to a process, or with a negative number to a process group.
-pub(super) fn signal(target: i32, signal: i32) {
-    // SAFETY: kill touches no memory of this process. A process that is gone is fine.
-    unsafe { libc::kill(target, signal) };
+/// Sends a signal to a process. One that is gone is fine.
+pub(super) fn signal(process: u32, signal: Signal) {
+    if let Some(process) = pid(process) {
+        let _ = process::kill_process(process, signal);
+    }
+}
+
+/// Sends a signal to a process group. One that is gone is fine.
+pub(super) fn signal_group(leader: u32, signal: Signal) {
+    if let Some(leader) = pid(leader) {
+        let _ = process::kill_process_group(leader, signal);
+    }
 }
 
 /// Collects the exit of an adopted process so that it does not stay as a zombie.
 pub(super) fn reap(process: u32) {
-    // SAFETY: waitpid accepts a null status; WNOHANG never blocks.
-    unsafe { libc::waitpid(process as i32, std::ptr::null_mut(), libc::WNOHANG) };
+    if let Some(process) = pid(process) {
+        let _ = process::waitpid(Some(process), WaitOptions::NOHANG);
+    }
+}
+
+fn pid(process: u32) -> Option<Pid> {
+    Pid::from_raw(process as i32)
 }
 
 /// A process with its parent and start time (which together with its number

@@ -11,8 +11,10 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use case::Role;
+use channel::Deadline;
 use coupling::error::RunError;
 use coupling::partners::Usage;
+use rustix::process::Signal;
 use terminal::Console;
 
 use super::Program;
@@ -200,7 +202,7 @@ impl Supervisor {
         self.muted.store(true, Ordering::Relaxed);
         self.remember();
         for seen in self.living() {
-            process::signal(seen.process as i32, libc::SIGTERM);
+            process::signal(seen.process, Signal::TERM);
         }
         // A launcher whose ranks have ended ends by itself, and more cleanly so.
         for patience in [RANKS_FIRST, GRACE] {
@@ -211,17 +213,17 @@ impl Supervisor {
             });
             if !done && patience == RANKS_FIRST {
                 for running in self.running.iter().filter(|r| r.status.is_none()) {
-                    process::signal(-(running.child.id() as i32), libc::SIGTERM);
+                    process::signal_group(running.child.id(), Signal::TERM);
                 }
             }
         }
         for running in &self.running {
-            process::signal(-(running.child.id() as i32), libc::SIGKILL);
+            process::signal_group(running.child.id(), Signal::KILL);
         }
         wait_until(Duration::from_millis(1500), || {
             self.remember();
             for seen in self.living() {
-                process::signal(seen.process as i32, libc::SIGKILL);
+                process::signal(seen.process, Signal::KILL);
                 process::reap(seen.process);
             }
             self.poll();
@@ -241,8 +243,8 @@ impl Supervisor {
     }
 
     #[cfg(test)]
-    pub(super) fn first_process(&self) -> i32 {
-        self.running[0].child.id() as i32
+    pub(super) fn first_process(&self) -> u32 {
+        self.running[0].child.id()
     }
 
     fn poll(&mut self) {
@@ -317,14 +319,14 @@ impl Running {
 }
 
 fn signal_name(signal: i32) -> String {
-    let name = match signal {
-        libc::SIGKILL => " SIGKILL: killed, perhaps for want of memory",
-        libc::SIGSEGV => " SIGSEGV: memory fault",
-        libc::SIGABRT => " SIGABRT: aborted",
-        libc::SIGTERM => " SIGTERM: asked to end",
-        libc::SIGINT => " SIGINT: interrupted",
-        libc::SIGBUS => " SIGBUS: memory fault, perhaps /dev/shm is full",
-        libc::SIGFPE => " SIGFPE: arithmetic fault",
+    let name = match Signal::from_named_raw(signal) {
+        Some(Signal::KILL) => " SIGKILL: killed, perhaps for want of memory",
+        Some(Signal::SEGV) => " SIGSEGV: memory fault",
+        Some(Signal::ABORT) => " SIGABRT: aborted",
+        Some(Signal::TERM) => " SIGTERM: asked to end",
+        Some(Signal::INT) => " SIGINT: interrupted",
+        Some(Signal::BUS) => " SIGBUS: memory fault, perhaps /dev/shm is full",
+        Some(Signal::FPE) => " SIGFPE: arithmetic fault",
         _ => "",
     };
     format!("signal {signal}{name}")
@@ -494,17 +496,8 @@ fn blamed_rank(line: &str) -> Option<u64> {
 }
 
 /// Polls every 10 ms until `done` or the time is over; whether it was done.
-fn wait_until(patience: Duration, mut done: impl FnMut() -> bool) -> bool {
-    let start = Instant::now();
-    loop {
-        if done() {
-            return true;
-        }
-        if start.elapsed() >= patience {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
+fn wait_until(patience: Duration, done: impl FnMut() -> bool) -> bool {
+    Deadline::after(patience).poll(Duration::from_millis(10), done)
 }
 
 #[cfg(test)]

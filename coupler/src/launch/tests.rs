@@ -127,7 +127,7 @@ fn ranks_of_a_killed_launcher_are_found_by_their_session() {
             .unwrap();
     wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
     let orphan = std::fs::read_to_string(&note).unwrap();
-    super::process::signal(supervisor.first_process(), libc::SIGKILL);
+    super::process::signal(supervisor.first_process(), rustix::process::Signal::KILL);
     let mut casualty = None;
     wait_for(|| {
         casualty = supervisor.casualty();

@@ -12,8 +12,7 @@ const NOBODY: &str = "\n";
 /// Of the process `root` and all below it that are alive. MPI waits by spinning, so waiting
 /// inside of a program counts as processor time.
 pub(super) fn usage(root: u32) -> Usage {
-    // SAFETY: sysconf touches no memory of this process.
-    let ticks = unsafe { libc::sysconf(libc::_SC_CLK_TCK) }.max(1) as f64;
+    let ticks = rustix::param::clock_ticks_per_second().max(1) as f64;
     let mut all = Usage::default();
     for seen in process::descendants(&[root], NOBODY) {
         let one = of(seen.process, ticks).unwrap_or_default();

@@ -32,7 +32,7 @@ impl WindowClock {
     /// At the start of a stage of planned windows of `window_s` seconds. `adaptive`: `None`
     /// for windows of one length.
     pub(crate) fn new(window_s: f64, adaptive: Option<&AdaptiveWindow>) -> Self {
-        let (most_halvings, grow_after) = adaptive.map_or((0, 1), |a| (a.halvings, a.grow_after.max(1)));
+        let (most_halvings, grow_after) = adaptive.map_or((0, 1), |a| (a.halvings, a.grow_after));
         Self {
             planned_s: window_s,
             most_halvings,

@@ -10,8 +10,8 @@ use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::schemes::{
     AddedMassRelaxation, Air, Criterion, Field, FlowModel, InterfaceState, JacobiRelaxation, Lattice,
-    MEAN_WEIGHTS, Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop, WindowReport,
-    accelerator, needs_model, pack, unpack,
+    MEAN_WEIGHTS, Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop,
+    WindowLoopSetup, WindowReport, accelerator, needs_model, pack, unpack, window_loop,
 };
 
 use super::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
@@ -63,18 +63,18 @@ impl<'a> Coupled<'a> {
         let added = lattice.as_ref().and_then(|lattice| added_mass(context, motion, lattice));
         let modelled = modelled(context, motion, &state, lattice.as_ref(), added.clone());
         let rest = relaxation(context, unknowns, added);
-        let windows = WindowLoop::new(
-            &stage.name,
-            &scene.coupling,
+        let windows = window_loop(WindowLoopSetup {
+            stage: &stage.name,
+            coupling: &scene.coupling,
             unknowns,
             criterion,
-            context.interface.faces.len(),
+            faces: context.interface.faces.len(),
             descent,
-            state,
-            rest,
+            interface: state,
+            relaxation: rest,
             modelled,
-            context.options.accept_unconverged,
-        );
+            accept_unconverged: context.options.accept_unconverged,
+        });
         let windows = if context.structure_was_coupled() { windows } else { windows.from_held() };
         Self {
             interface: context.interface,
@@ -119,7 +119,7 @@ impl<'a> Coupled<'a> {
 }
 
 /// The canopy's positions in `state`, m.
-fn positions(context: &StageContext<'_>, state: &InterfaceState) -> Vec<mesh::Vec3> {
+fn positions(context: &StageContext<'_>, state: &InterfaceState) -> Vec<mesh::Point> {
     let shifted = context.interface.coords.iter().zip(state.displacement.chunks_exact(3));
     shifted.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
 }
@@ -271,13 +271,13 @@ impl Stepper for Coupled<'_> {
     }
 
     fn memory(&self) -> Vec<u8> {
-        pack(&(self.windows.memory(), &self.balance))
+        pack(&(self.windows.save_state(), &self.balance))
     }
 
     fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
         let windows: Vec<u8>;
         (windows, self.balance) = unpack(memory)?;
-        self.windows.recall(&windows)
+        self.windows.restore_state(&windows)
     }
 
     fn warning(&mut self) -> Option<String> {

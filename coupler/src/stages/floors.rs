@@ -35,8 +35,7 @@ pub(super) fn load_scale(
     state: &InterfaceState,
     speed: f64,
 ) -> f64 {
-    let density = scene.flow.as_ref().map_or(0.0, |f| f.density_kg_m3);
-    let sound = scene.flow.as_ref().map_or(0.0, |f| f.sound_speed());
+    let case::CanopyAir { density_kg_m3: density, sound_m_s: sound } = scene.resolved().canopy_air;
     let square = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
     let gust = scene.gust(stage).map_or(0.0, |(gust, _)| square(gust.velocity_m_s));
     let blown = scene.stages[..stage].iter().filter(|s| s.kind == StageKind::PreInflation);
@@ -45,9 +44,9 @@ pub(super) fn load_scale(
     let faces = interface.faces.len().max(1) as f64;
     let carried = (carried.sum::<f64>() / faces).sqrt();
     let area = interface.sizes.fabric_area.max(f64::MIN_POSITIVE);
-    let gravity = scene.descent.as_ref().map_or(9.80665, |d| d.gravity_m_s2);
+    let gravity = scene.resolved().gravity_m_s2;
     let fabric = if scene.fabric_gravity.is_some() { interface.masses.fabric * gravity } else { 0.0 };
-    let falling = scene.descent.as_ref().map_or(0.0, |d| d.payload_mass_kg * gravity);
+    let falling = scene.resolved().payload_mass_kg * gravity;
     let forces: f64 = scene.stages[stage].forces.iter().map(|f| square(f.force_n).sqrt()).sum();
     let greatest = [
         0.5 * density * (speed * speed).max(gust),
@@ -79,7 +78,7 @@ pub(super) fn load_floor(
 /// Floor of the descent speed in a window of `dt` (s), m/s.
 pub(super) fn speed_floor(scene: &Scene, interface: &CanopyInterface, pressure: f64, dt: f64) -> f64 {
     let gravity = scene.descent.as_ref().map_or(0.0, |d| d.gravity_m_s2);
-    let payload = scene.descent.as_ref().map_or(0.0, |d| d.payload_mass_kg);
+    let payload = scene.resolved().payload_mass_kg;
     let mass = payload + interface.masses.fabric + interface.masses.cables;
     let acceleration = if gravity > 0.0 { gravity } else { pressure * interface.sizes.fabric_area / mass };
     SPEED_FLOOR * acceleration * dt

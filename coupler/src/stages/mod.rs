@@ -8,13 +8,14 @@ mod pre_inflation;
 mod prescribed;
 mod release;
 mod saves;
+mod single;
 mod stage_run;
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use case::{DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence};
-use channel::{Window, flow_stats};
+use channel::Window;
 use coupling::balance::SystemBalance;
 use coupling::convergence::Judge;
 use coupling::descent::DescentModel;
@@ -27,6 +28,11 @@ use results::checkpoint;
 use results::summary::StageSummary;
 use terminal::Console;
 
+use self::coupled::Coupled;
+use self::flow_only::FlowOnly;
+use self::pre_inflation::PreInflation;
+use self::prescribed::Prescribed;
+use self::single::SingleSolve;
 use self::stage_run::StageRun;
 
 /// A stage as a person wants it.
@@ -159,7 +165,7 @@ impl StageContext<'_> {
 
     /// What the remedy of an energy warning depends on, at the end of a window of `window_s` seconds.
     fn circumstances(&self, state: &InterfaceState, window_s: f64) -> Circumstances {
-        let wind = self.scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s);
+        let wind = self.scene.resolved().wind_m_s;
         let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
         Circumstances {
             staggered: self.scene.coupling.scheme == Scheme::Staggered,
@@ -257,10 +263,16 @@ fn stepper<'c>(
     state: InterfaceState,
 ) -> Result<Box<dyn Stepper + 'c>, RunError> {
     Ok(match context.description().kind {
-        StageKind::PreInflation => Box::new(pre_inflation::PreInflation::new(context, state)?),
-        StageKind::FlowOnly => Box::new(flow_only::FlowOnly::new(context, state)),
-        StageKind::Coupled => Box::new(coupled::Coupled::new(context, state, context.descent_of(partners))),
-        StageKind::Prescribed => Box::new(prescribed::Prescribed::new(context, state)?),
+        StageKind::PreInflation => {
+            let questions = PreInflation::new(context, &state)?;
+            Box::new(SingleSolve::new(context, state, questions))
+        }
+        StageKind::FlowOnly => Box::new(SingleSolve::in_flow(context, state, FlowOnly)),
+        StageKind::Coupled => Box::new(Coupled::new(context, state, context.descent_of(partners))),
+        StageKind::Prescribed => {
+            let questions = Prescribed::new(context, &state)?;
+            Box::new(SingleSolve::in_flow(context, state, questions))
+        }
     })
 }
 
@@ -289,11 +301,3 @@ fn require_finite(who: Role, place: &Place, w: &Window, values: &[f64]) -> Resul
         }),
     }
 }
-
-/// Force of the air in an answer of the flow, N.
-fn force(stats: &channel::Stats) -> [f64; 3] {
-    std::array::from_fn(|i| stats.values[flow_stats::FORCE + i])
-}
-
-#[cfg(test)]
-mod tests;

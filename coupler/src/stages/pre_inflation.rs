@@ -1,29 +1,26 @@
 //! Pre-inflation: the structure alone under a constant pressure (paper, section 5.1).
 
 use case::Role;
-use channel::{LOAD_WIDTH, Window, structure_stats};
+use channel::{LOAD_WIDTH, structure_stats};
 use checks::AT_REST;
-use coupling::convergence::Judge;
-use coupling::error::{Place, RunError};
-use coupling::partners::{LoadOverWindow, Partners};
-use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
+use coupling::error::RunError;
+use coupling::partners::LoadOverWindow;
+use coupling::schemes::{InterfaceState, WindowReport};
 
-use super::{StageContext, Stepper, require_finite};
+use super::single::{Attempt, Questions};
+use super::{StageContext, require_finite};
 
 pub(super) struct PreInflation {
-    place: Place,
-    judge: Judge,
     /// Answer of the structure that is not accepted yet.
     displacement: Vec<f64>,
     load: Vec<f64>,
     settled_energy_ratio: Option<f64>,
     /// A later stage computes the flow around the shape that this one ends with.
     flow_follows: bool,
-    state: InterfaceState,
 }
 
 impl PreInflation {
-    pub(super) fn new(context: &StageContext<'_>, state: InterfaceState) -> Result<Self, RunError> {
+    pub(super) fn new(context: &StageContext<'_>, state: &InterfaceState) -> Result<Self, RunError> {
         let stage = context.description();
         let pressure = stage.pressure_pa.ok_or_else(|| {
             RunError::Input(format!("stage `{}` is a pre-inflation: give it `pressure_pa`", stage.name))
@@ -31,15 +28,12 @@ impl PreInflation {
         let load = [pressure, 0.0, 0.0, 0.0].repeat(context.interface.faces.len());
         debug_assert_eq!(load.len(), context.interface.faces.len() * LOAD_WIDTH);
         Ok(Self {
-            place: context.place(),
-            judge: context.judge(),
             displacement: state.displacement.clone(),
             load,
             settled_energy_ratio: stage.settled_energy_ratio,
             flow_follows: context.scene.stages[context.stage + 1..]
                 .iter()
                 .any(|s| s.kind.roles().contains(&Role::Flow)),
-            state,
         })
     }
 }
@@ -50,36 +44,17 @@ fn energies(report: &WindowReport) -> (f64, f64) {
     (values[structure_stats::KINETIC_ENERGY], values[structure_stats::STRAIN_ENERGY])
 }
 
-impl Stepper for PreInflation {
-    fn step(
-        &mut self,
-        partners: &mut dyn Partners,
-        mut w: Window,
-        _shorter: bool,
-    ) -> Result<WindowReport, RunError> {
-        // The payload falls at a constant speed: its frame does not accelerate.
-        w.frame_velocity = [0.0, 0.0, self.state.velocity];
+impl Questions for PreInflation {
+    fn ask(&mut self, attempt: &mut Attempt<'_>) -> Result<(), RunError> {
+        let w = attempt.window;
         let load = LoadOverWindow { start: &self.load, end: &self.load };
-        let mut report = WindowReport { iterations: 1, converged: true, ..WindowReport::default() };
-        report.add(Role::Structure, partners.structure(&w, load, &mut self.displacement)?);
-        require_finite(Role::Structure, &self.place, &w, &self.displacement)?;
-        self.judge.require(&w, &report)?;
-        partners.accept(&w)?;
-        self.state.displacement.copy_from_slice(&self.displacement);
-        Ok(report)
+        let answer = attempt.partners.structure(w, load, &mut self.displacement)?;
+        attempt.report.add(Role::Structure, answer);
+        require_finite(Role::Structure, attempt.place, w, &self.displacement)
     }
 
-    fn memory(&self) -> Vec<u8> {
-        pack(&self.state)
-    }
-
-    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
-        self.state = unpack(memory)?;
-        Ok(())
-    }
-
-    fn state(&self) -> &InterfaceState {
-        &self.state
+    fn accepted(&mut self, state: &mut InterfaceState) {
+        state.displacement.copy_from_slice(&self.displacement);
     }
 
     fn warning_at_end(&self, report: &WindowReport) -> Option<String> {
@@ -109,13 +84,10 @@ mod tests {
     #[test]
     fn a_canopy_that_swings_before_a_flow_is_named() {
         let stage = |flow_follows| PreInflation {
-            place: Place { stage: "inflate".into(), window: None },
-            judge: Judge { stage: "inflate".into(), accept_unconverged: false },
             displacement: Vec::new(),
             load: Vec::new(),
             settled_energy_ratio: Some(1e-4),
             flow_follows,
-            state: InterfaceState::default(),
         };
         let ended = |kinetic: f64| {
             let mut report = WindowReport::default();

@@ -102,6 +102,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         state: InterfaceState,
         summary: &'p mut StageSummary,
     ) -> Result<Self, RunError> {
+        let _part = timing::part("open");
         let (stage, resumed) = (context.description(), context.resumed);
         context.compare_pressures(&state);
         let mut stepper = stepper(context, partners, state)?;
@@ -152,6 +153,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
 
     /// Computes and accepts the next window; `None` where it was given back, to be tried again shorter.
     pub fn step(&mut self) -> Result<Option<Stepped>, RunError> {
+        let _part = timing::part("window");
         let window = self.window();
         let before = self.stepper.state().displacement.clone();
         // What half the window did not mend is borne, if it can be.
@@ -171,6 +173,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
 
     /// Enters a window into balances, files and summary; warns of what it gives reason to.
     pub fn record(&mut self, stepped: Stepped) -> Result<Row, RunError> {
+        let _part = timing::part("record");
         let Stepped { window, before, report } = stepped;
         let row = self.row(&window, report);
         self.warn(&row);
@@ -185,6 +188,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
 
     /// Whether the stage ends with the window of `row`; takes the pictures that are due.
     pub fn ends(&mut self, row: &Row) -> Result<bool, RunError> {
+        let _part = timing::part("pictures");
         let (settled, planned) = (self.stepper.settled(&row.report), self.clock.planned());
         let last = settled.is_some() || planned == self.windows;
         // Pictures are of the planned times.
@@ -204,6 +208,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
 
     /// Saves where that is due; goes on to the next window unless the run is to stop.
     pub fn checkpoint(&mut self) -> Result<(), RunError> {
+        let _part = timing::part("checkpoint");
         let stopped = self.context.stop.load(Ordering::Relaxed);
         if stopped || self.saves.due(self.context.options.checkpoint_every, self.done) {
             self.progress.note("saving");
@@ -219,6 +224,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
 
     /// Saves the end of the stage; its values on the interface.
     pub fn close(mut self) -> Result<InterfaceState, RunError> {
+        let _part = timing::part("close");
         self.progress.note("saving");
         self.records.history.sync()?;
         let ended = std::mem::take(&mut self.ended);

@@ -68,7 +68,7 @@ fn wind(scene: &Scene, stage: usize, times: &StageTimes) -> Option<Jump> {
     let wind = scene.wind(stage, times);
     let (end, start) = wind.start()?;
     let size = length(difference(start, end));
-    let fall = scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+    let fall = scene.resolved().initial_speed_m_s;
     let stream = length([end[0], end[1], end[2] + fall]).max(SLOW);
     if size <= WIND_SHARE * stream {
         return None;
@@ -258,7 +258,7 @@ impl Scene {
     /// Stages with the flow that is at rest when the canopy meets it: no earlier stage has developed it. The
     /// speed of the canopy through the air at the start of each, m/s.
     pub fn impulsive_starts(&self, times: &StageTimes) -> Vec<(usize, f64)> {
-        let fall = self.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+        let fall = self.resolved().initial_speed_m_s;
         let starts = |k: &usize| {
             let kind = self.stages[*k].kind;
             matches!(kind, StageKind::Coupled | StageKind::Prescribed)

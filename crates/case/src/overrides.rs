@@ -1,13 +1,12 @@
 //! Scenes with values from the command line: problems cite the user's file, or the option.
 
-use std::ops::Range;
 use std::path::Path;
 
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeTable;
 
 use crate::error::{Problem, SceneError};
-use crate::{Scene, load};
+use crate::place::{path_at, span_of};
+use crate::{Scene, parse};
 
 /// A value that an option of the command line replaces or adds.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,7 +58,7 @@ pub fn parse_overridden(
     text: &str,
     overrides: &[Override],
 ) -> Result<Scene, SceneError> {
-    load::parse(file, text).map_err(|error| {
+    parse(file, text).map_err(|error| {
         let problems = error.problems.into_iter().map(|p| relocate(p, original, text, overrides)).collect();
         SceneError::new(file, original, problems)
     })
@@ -79,7 +78,7 @@ fn relocate(problem: Problem, original: &str, text: &str, overrides: &[Override]
     match overrides.iter().find(concerns) {
         Some(o) => Problem { at: None, what: format!("{}: {}", o.option, problem.what), ..problem },
         None => {
-            let at = DeTable::parse(original).ok().and_then(|document| load::span_of(&document, &path));
+            let at = DeTable::parse(original).ok().and_then(|document| span_of(&document, &path));
             let options: Vec<&str> = overrides.iter().map(|o| o.option.as_str()).collect();
             let help = format!(
                 "{} (the file alone is valid: {} is in conflict)",
@@ -89,29 +88,4 @@ fn relocate(problem: Problem, original: &str, text: &str, overrides: &[Override]
             Problem { at, help, ..problem }
         }
     }
-}
-
-/// Path of the innermost key or value that begins at or around the bytes `at`.
-fn path_at(table: &DeTable<'_>, at: &Range<usize>, above: &str) -> Option<String> {
-    table.iter().find_map(|(key, value)| {
-        let name = key.get_ref();
-        let path = if above.is_empty() { name.to_string() } else { format!("{above}.{name}") };
-        let inner = value_path(value, at, &path);
-        inner.or_else(|| covers(&key.span(), at).then_some(path))
-    })
-}
-
-fn value_path(value: &Spanned<DeValue<'_>>, at: &Range<usize>, path: &str) -> Option<String> {
-    let inner = match value.get_ref() {
-        DeValue::Table(table) => path_at(table, at, path),
-        DeValue::Array(items) => {
-            items.iter().enumerate().find_map(|(i, item)| value_path(item, at, &format!("{path}[{i}]")))
-        }
-        _ => None,
-    };
-    inner.or_else(|| covers(&value.span(), at).then(|| path.to_owned()))
-}
-
-fn covers(span: &Range<usize>, at: &Range<usize>) -> bool {
-    span.start <= at.start && at.start < span.end.max(span.start + 1)
 }

@@ -2,64 +2,9 @@
 //!
 //! [`Scene::wind`] is the only place that evaluates them: flow, structure and coupler use it alike.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use crate::{Role, Scene, StageTimes};
-
-/// What a time in a scene counts from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Clock {
-    /// The start of the stage.
-    Stage,
-    /// The release: the start of the first `coupled` or `prescribed` stage. Stages before it have negative
-    /// times. In a scene without such a stage: the start of the first stage with the flow.
-    Release,
-    /// The start of the first stage.
-    Run,
-}
-
-/// A gust that comes and goes as `1 - cos`: all air is moved alike.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Gust {
-    /// What the gust adds to the wind at its height, m/s.
-    pub velocity_m_s: [f64; 3],
-    /// When it begins, s on its clock.
-    #[serde(default)]
-    pub start_s: f64,
-    /// How long it lasts, s.
-    pub duration_s: f64,
-    /// What `start_s` counts from. Absent: the release in `[flow.gust]`, the start of the stage in
-    /// `[stage.gust]`.
-    pub clock: Option<Clock>,
-}
-
-impl Gust {
-    /// What the gust adds to the wind at `t` (s on its clock), m/s.
-    pub fn at(&self, t: f64) -> [f64; 3] {
-        let phase = (t - self.start_s) / self.duration_s;
-        let share = if (0.0..=1.0).contains(&phase) { 0.5 * (1.0 - (TAU * phase).cos()) } else { 0.0 };
-        self.velocity_m_s.map(|v| share * v)
-    }
-}
-
-/// Steady wind of one stage, in place of `flow.wind_m_s`. It is the same at all heights and so refused beside
-/// `[flow.shear]`, whose law the flow keeps through all stages; a gust changes a sheared wind in time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StageWind {
-    /// Wind in the frame of the ground, m/s.
-    pub velocity_m_s: [f64; 3],
-    /// Time over which the wind changes to this one, s from the start of the stage, along half a cosine. It
-    /// changes from the steady wind at the end of the last stage with the flow; in the first one from
-    /// `flow.wind_m_s`. 0: at once.
-    #[serde(default)]
-    pub ramp_s: f64,
-}
+use crate::{Clock, Gust, Role, Scene, StageTimes};
 
 /// Velocity of the undisturbed air of one stage relative to the ground, over the time of the stage.
 ///
@@ -202,8 +147,8 @@ impl Scene {
 
     /// Whether parts of the structure meet the undisturbed air: lines with drag, a payload that moves.
     pub fn structure_meets_wind(&self) -> bool {
-        let payload = self.descent.as_ref().is_some_and(|d| d.body.is_some() && d.payload_drag.is_some());
-        payload || self.lines.as_ref().is_some_and(|l| l.drag.is_some())
+        let payload = self.payload_body().is_some() && self.payload_drag().is_some();
+        payload || self.line_drag().is_some()
     }
 
     /// Whether the wind belongs to stages or clocks: a gust, or a wind of a stage.

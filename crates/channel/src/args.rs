@@ -7,7 +7,7 @@ use case::Role;
 use clap::Parser;
 
 use crate::ServeOptions;
-use crate::post::Guardian;
+use crate::guardian::Guardian;
 
 /// Environment variable with the deadline of the run in seconds.
 pub const DEADLINE: &str = "RIPSTOP_DEADLINE_S";

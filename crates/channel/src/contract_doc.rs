@@ -8,8 +8,9 @@ use std::mem::{offset_of, size_of};
 
 use case::Role;
 
+use crate::guardian::Guardian;
 use crate::header::{COUPLER, Header, Kind, MAGIC, Unit, role_code};
-use crate::post::{Guardian, LOOK};
+use crate::membership::LOOK;
 use crate::serve::TEXT_WORDS;
 use crate::session::{KEY_DIGITS, LOCK, MEMORY};
 use crate::transport::{ALIGNMENT, BUFFER, ChannelSpec, HEADER_TYPE};

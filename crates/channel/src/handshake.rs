@@ -1,9 +1,10 @@
 //! The coupler's part of the handshake: who has arrived, and do they fit.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use case::Role;
 
+use crate::deadline::Deadline;
 use crate::header::{Kind, Unit, unpack_text};
 use crate::hub::{Hub, OnWait};
 use crate::hub_options::{Arrivals, HubOptions, Interface, RoleOptions};
@@ -21,20 +22,20 @@ impl Hub {
         &mut self,
         on_wait: &mut dyn FnMut(&Arrivals) -> Result<(), Abort>,
     ) -> Result<(), HubError> {
-        let start = Instant::now();
-        self.arrivals(start, on_wait)?;
+        let wait = Deadline::after(self.options.arrival_deadline);
+        self.arrivals(wait, on_wait)?;
         if let Err(message) = self.fit() {
             let roles: Vec<Role> = self.programs.iter().map(|p| p.role).collect();
             // They are told by the end of the session if not by this.
             let _ = self.tell(&roles, Kind::Refuse, &Window::default(), &message);
             return Err(HubError::Refused { message });
         }
-        let all = self.arrived(start);
+        let all = self.arrived(wait);
         self.welcome(&mut || on_wait(&all))
     }
 
-    fn arrived(&self, start: Instant) -> Arrivals {
-        let mut arrivals = Arrivals { seconds: start.elapsed().as_secs_f64(), ..Arrivals::default() };
+    fn arrived(&self, wait: Deadline) -> Arrivals {
+        let mut arrivals = Arrivals { seconds: wait.elapsed().as_secs_f64(), ..Arrivals::default() };
         for rank in self.programs.iter().flat_map(|p| &p.ranks) {
             match &rank.hello {
                 Some(hello) => {
@@ -50,21 +51,20 @@ impl Hub {
     /// Waits for the announcements of all ranks.
     fn arrivals(
         &mut self,
-        start: Instant,
+        wait: Deadline,
         on_wait: &mut dyn FnMut(&Arrivals) -> Result<(), Abort>,
     ) -> Result<(), HubError> {
         loop {
             let dead = self.dead();
             self.greet()?;
-            let arrivals = self.arrived(start);
+            let arrivals = self.arrived(wait);
             on_wait(&arrivals)?;
             let Some(&missing) = arrivals.missing.first() else { return Ok(()) };
             if let Some(who) = dead {
                 return Err(HubError::Died { who, during: "the handshake".into() });
             }
-            if let Some(deadline) = self.options.arrival_deadline.filter(|&d| start.elapsed() >= d) {
-                let seconds = deadline.as_secs_f64();
-                let (who, during) = (missing, "the handshake".into());
+            if wait.is_over() {
+                let (who, during, seconds) = (missing, "the handshake".into(), wait.limit_s());
                 return Err(HubError::Deadline { who, during, seconds, state: "" });
             }
             self.sleep(TICK)?;
@@ -252,66 +252,87 @@ fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, Str
         let spec = options.roles.iter().find(|r| r.role == who.role);
         check_alone(options, spec.ok_or("a program without a role")?, *who, hello)?;
     }
-    let mut known = options.interface.map(|i| ("the coupler (from the scene)".to_string(), i));
-    let mut grid: Option<(Who, u64)> = None;
-    let mut own: Option<(Who, Interface)> = None;
-    for (who, hello) in hellos {
-        let a = &hello.announcement;
-        let here = Interface { nodes: a.canopy_nodes, faces: a.canopy_faces, surface_hash: a.surface_hash };
-        if who.role == Role::Structure && a.effects.iter().any(|e| e == OWN_SURFACE) {
-            match &own {
-                Some((other, expected)) if *expected != here => {
-                    return Err(format!(
-                        "the structure's own surfaces differ: {other} has {}, {who} has {}",
-                        canopy(expected),
-                        canopy(&here)
-                    ));
-                }
-                _ => own = Some((*who, here)),
-            }
-            continue;
-        }
-        match &known {
-            Some((other, expected)) if *expected != here => {
-                return Err(format!(
-                    "the canopies differ: {other} has {}, {who} has {}: give all programs the same scene \
-                     and version",
-                    canopy(expected),
-                    canopy(&here)
-                ));
-            }
-            Some(_) => {}
-            None => known = Some((who.to_string(), here)),
-        }
-        if who.role != Role::Structure && options.roles.iter().any(|r| r.role == Role::Mesh) {
-            match grid {
-                Some((other, nodes)) if nodes != a.grid_nodes => {
-                    return Err(format!(
-                        "the flow grids differ: {other} has {nodes} nodes, {who} has {}: give both programs \
-                         the same scene and version",
-                        a.grid_nodes
-                    ));
-                }
-                Some(_) => {}
-                None => grid = Some((*who, a.grid_nodes)),
-            }
-        }
+    let interface = one_canopy(options, hellos)?;
+    one_own_surface(hellos)?;
+    if options.roles.iter().any(|r| r.role == Role::Mesh) {
+        one_grid(hellos)?;
     }
-    for (who, hello) in hellos {
-        let a = &hello.announcement;
-        let rows = match who.role {
-            Role::Structure => a.canopy_nodes,
-            Role::Flow => a.canopy_faces,
-            Role::Mesh => a.grid_nodes,
-        };
-        if hello.output_rows > rows || hello.grid_rows > a.grid_nodes {
+    hellos.iter().try_for_each(|(who, hello)| check_rows(*who, hello))?;
+    interface.ok_or_else(|| "nobody has arrived".into())
+}
+
+/// Whether a structure couples on a surface of its own, which the scene's canopy says nothing about.
+fn has_own_surface(who: Who, hello: &Hello) -> bool {
+    who.role == Role::Structure && hello.announcement.effects.iter().any(|e| e == OWN_SURFACE)
+}
+
+fn announced(hello: &Hello) -> Interface {
+    let a = &hello.announcement;
+    Interface { nodes: a.canopy_nodes, faces: a.canopy_faces, surface_hash: a.surface_hash }
+}
+
+/// The canopy that the scene and all programs have, but for structures with a surface of their own.
+fn one_canopy(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Option<Interface>, String> {
+    let mut known = options.interface.map(|i| ("the coupler (from the scene)".to_string(), i));
+    for (who, hello) in hellos.iter().filter(|(who, hello)| !has_own_surface(*who, hello)) {
+        let here = announced(hello);
+        let (other, expected) = known.get_or_insert_with(|| (who.to_string(), here));
+        if *expected != here {
             return Err(format!(
-                "{who} announces {} output rows of {rows} and {} grid rows of {}: no rank can have more than all",
-                hello.output_rows, hello.grid_rows, a.grid_nodes
+                "the canopies differ: {other} has {}, {who} has {}: give all programs the same scene \
+                 and version",
+                canopy(expected),
+                canopy(&here)
             ));
         }
     }
-    known.map(|(_, i)| i).ok_or_else(|| "nobody has arrived".into())
+    Ok(known.map(|(_, interface)| interface))
+}
+
+/// All ranks of a structure with a surface of its own have the same.
+fn one_own_surface(hellos: &[(Who, Hello)]) -> Result<(), String> {
+    let mut own = hellos.iter().filter(|(who, hello)| has_own_surface(*who, hello));
+    let Some((other, first)) = own.next() else { return Ok(()) };
+    let expected = announced(first);
+    match own.find(|(_, hello)| announced(hello) != expected) {
+        None => Ok(()),
+        Some((who, hello)) => Err(format!(
+            "the structure's own surfaces differ: {other} has {}, {who} has {}",
+            canopy(&expected),
+            canopy(&announced(hello))
+        )),
+    }
+}
+
+/// Flow and mesh have the same grid; a structure has none.
+fn one_grid(hellos: &[(Who, Hello)]) -> Result<(), String> {
+    let mut grids = hellos.iter().filter(|(who, _)| who.role != Role::Structure);
+    let Some((other, first)) = grids.next() else { return Ok(()) };
+    let nodes = first.announcement.grid_nodes;
+    match grids.find(|(_, hello)| hello.announcement.grid_nodes != nodes) {
+        None => Ok(()),
+        Some((who, hello)) => Err(format!(
+            "the flow grids differ: {other} has {nodes} nodes, {who} has {}: give both programs \
+             the same scene and version",
+            hello.announcement.grid_nodes
+        )),
+    }
+}
+
+fn check_rows(who: Who, hello: &Hello) -> Result<(), String> {
+    let a = &hello.announcement;
+    let rows = match who.role {
+        Role::Structure => a.canopy_nodes,
+        Role::Flow => a.canopy_faces,
+        Role::Mesh => a.grid_nodes,
+    };
+    if hello.output_rows <= rows && hello.grid_rows <= a.grid_nodes {
+        return Ok(());
+    }
+    Err(format!(
+        "{who} announces {} output rows of {rows} and {} grid rows of {}: no rank can have more than all",
+        hello.output_rows, hello.grid_rows, a.grid_nodes
+    ))
 }
 
 fn canopy(i: &Interface) -> String {

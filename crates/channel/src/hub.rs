@@ -3,13 +3,15 @@
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use archive::hash::fnv1a;
 use case::Role;
 
 use crate::culprit::suspect;
+use crate::deadline::Deadline;
 use crate::header::{Kind, unpack_text};
 use crate::hub_options::{Arrivals, HubOptions, Interface};
 use crate::program::{Payload, Program, Rank};
-use crate::session::{Lock, Notice, Place, Watch, cleanup_stale, fnv};
+use crate::session::{Lock, Notice, Place, Watch, cleanup_stale};
 use crate::transport::{Bell, Link, Sleeper};
 use crate::wire::{Roster, during};
 use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, SessionError, Stats, Who, Window};
@@ -59,12 +61,12 @@ impl Hub {
         check_options(&options)?;
         let place = Place::of(&options.session)?;
         cleanup_stale()?;
-        let start = Instant::now();
+        let orphans = Deadline::after(ORPHANS);
         let lock = loop {
             match place.open()? {
                 Ok(lock) => break lock,
                 // Of a session whose coupler died; they end by themselves.
-                Err(owner) if owner != "coupler" && start.elapsed() < ORPHANS => {
+                Err(owner) if owner != "coupler" && !orphans.is_over() => {
                     std::thread::sleep(Duration::from_millis(50));
                 }
                 Err(owner) => return Err(HubError::SessionInUse { session: options.session, owner }),
@@ -80,7 +82,7 @@ impl Hub {
 
     fn open(options: HubOptions, place: Place, lock: Lock) -> Result<Self, HubError> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
-        let id = fnv(format!("{} {} {now}", options.session, std::process::id()).as_bytes());
+        let id = fnv1a(format!("{} {} {now}", options.session, std::process::id()).bytes());
         let link = Link::new(&place, "coupler")?;
         let roster = Roster(options.roles.iter().map(|r| (r.role, r.ranks)).collect());
         let (name, sleepers, ringers) = roster.coupler_bell();
@@ -282,7 +284,7 @@ impl Hub {
     fn wait_for(&mut self, roles: &[Role], on_wait: OnWait<'_>) -> Result<(), HubError> {
         let mut looked = Instant::now();
         loop {
-            self.forgive(looked.elapsed());
+            self.extend_deadlines(looked.elapsed());
             // Looked at first: what a rank sent before it died still counts.
             let dead = self.dead();
             self.drain()?;
@@ -291,15 +293,8 @@ impl Hub {
             if let Some(who) = dead.filter(|&who| self.silent(who)) {
                 return Err(HubError::Died { who, during: self.doing(who.role) });
             }
-            if let (Some(deadline), Some(asked)) = (waiting.deadline, waiting.asked)
-                && asked.at.elapsed() >= deadline
-            {
-                let late: Vec<&Rank> = waiting.ranks.iter().filter(|r| r.answer.is_none()).collect();
-                let pids: Vec<u32> = late.iter().filter_map(|r| Some(r.hello.as_ref()?.pid)).collect();
-                // Ranks that wait for another one in MPI are silent as well.
-                let (i, state) = suspect(&pids).unwrap_or((0, ""));
-                let (who, seconds) = (late[i].who, deadline.as_secs_f64());
-                return Err(HubError::Deadline { who, during: self.doing(who.role), seconds, state });
+            if let Some(asked) = waiting.asked.filter(|a| a.deadline.is_over()) {
+                return Err(self.late(waiting, asked.deadline));
             }
             if looked.elapsed() >= TICK {
                 on_wait()?;
@@ -309,12 +304,22 @@ impl Hub {
         }
     }
 
+    /// A rank of `program` that has not answered in time.
+    fn late(&self, program: &Program, deadline: Deadline) -> HubError {
+        let late: Vec<&Rank> = program.ranks.iter().filter(|r| r.answer.is_none()).collect();
+        let pids: Vec<u32> = late.iter().filter_map(|r| Some(r.hello.as_ref()?.pid)).collect();
+        // Ranks that wait for another one in MPI are silent as well.
+        let (i, state) = suspect(&pids).unwrap_or((0, ""));
+        let who = late[i].who;
+        HubError::Deadline { who, during: self.doing(who.role), seconds: deadline.limit_s(), state }
+    }
+
     /// Time in which this process was stopped (a batch system suspends all processes of a
     /// job, a person the coupler) is nobody's delay: it sleeps `TICK` at a time.
-    fn forgive(&mut self, since: Duration) {
+    fn extend_deadlines(&mut self, since: Duration) {
         if since > STOPPED {
             for asked in self.programs.iter_mut().filter_map(|p| p.asked.as_mut()) {
-                asked.at += since;
+                asked.deadline.extend(since);
             }
         }
     }
@@ -377,10 +382,8 @@ impl Hub {
 
     /// Waits until no participant is in the session any more, or time is up.
     fn await_silence(&self, limit: Duration) {
-        let end = Instant::now() + limit;
-        while self.ranks().any(|r| r.watch.as_ref().is_some_and(Watch::is_held)) && Instant::now() < end {
-            std::thread::sleep(Duration::from_millis(2));
-        }
+        let silent = || !self.ranks().any(|r| r.watch.as_ref().is_some_and(Watch::is_held));
+        Deadline::after(limit).poll(Duration::from_millis(2), silent);
     }
 }
 

@@ -9,22 +9,35 @@
 #[cfg(test)]
 extern crate self as channel;
 #[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;
+#[cfg(test)]
 mod input_tests;
+#[cfg(test)]
+mod order_tests;
+#[cfg(test)]
+mod relay_tests;
 
 mod args;
+mod bdf2;
 mod convergence;
 mod culprit;
+mod deadline;
 mod error;
+mod far_rank;
+mod guardian;
 mod handshake;
 mod header;
 mod hub;
 mod hub_options;
-mod kept;
+mod membership;
 mod message;
 mod participant;
-mod post;
 mod program;
+mod proxied_rank;
+mod rank_server;
 mod relay;
+mod resume;
 mod serve;
 mod session;
 mod transport;
@@ -35,14 +48,16 @@ mod wire;
 mod contract_doc;
 
 pub use args::*;
+pub use bdf2::{LONGEST_RATIO, bdf2};
 pub use convergence::*;
+pub use deadline::Deadline;
 pub use error::*;
 pub use header::{Header, Kind, MAGIC, Unit, role_code};
 pub use hub::*;
 pub use hub_options::*;
-pub use kept::*;
 pub use message::*;
 pub use participant::*;
 pub use relay::Peers;
+pub use resume::*;
 pub use serve::*;
 pub use session::{cleanup, cleanup_stale, session_files};

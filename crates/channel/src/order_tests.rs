@@ -6,8 +6,11 @@ use case::Role::{Flow, Mesh, Structure};
 
 use super::common::*;
 
-use super::*;
-use crate::{Header, Hub, HubError};
+use crate::header::COUPLER;
+use crate::membership::Membership;
+use crate::rank_server::RankServer;
+use crate::serve::Identity;
+use crate::{Header, Hub, HubError, Kind, ServeError, Unit, Window};
 
 type Tamper = fn(&mut Header);
 
@@ -18,18 +21,18 @@ fn rogue(tamper: Tamper, words: usize) -> String {
     let at = at(&session, Structure, 0, 1);
     let thread = thread::spawn(move || {
         let fake = Fake::new(Structure, 0, 1);
-        let mut desk = Desk::open(Post::join(&at, at.deadline)?, Identity::of(&fake))?;
-        desk.welcome()?;
-        desk.lay_out()?;
-        drop(desk.expect(Kind::Advance)?);
-        let mut loan = desk.answers.loan(words)?;
+        let mut server = RankServer::open(Membership::join(&at, at.deadline)?, Identity::of(&fake))?;
+        server.welcome()?;
+        server.lay_out()?;
+        drop(server.expect(Kind::Advance)?);
+        let mut loan = server.answers.loan(words)?;
         loan.payload().fill(1.0);
-        let header = desk.post.header(Kind::Output, desk.sequence);
-        let mut header = header.with_window(desk.step.1).with_payload(Unit::Displacement, words);
+        let header = server.member.header(Kind::Output, server.sequence);
+        let mut header = header.with_window(server.step.1).with_payload(Unit::Displacement, words);
         tamper(&mut header);
         loan.send(header)?;
-        desk.post.coupler_bell.ring();
-        desk.expect(Kind::Stop).map(drop)
+        server.member.coupler_bell.ring();
+        server.expect(Kind::Stop).map(drop)
     });
     let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
     hub.advance(Structure, &window(6, 2), &mut |x| x.fill(0.0)).expect("asked");
@@ -113,18 +116,18 @@ fn the_flow_reads_no_grid_out_of_turn() {
         let at = at(&session, Mesh, 0, 1);
         let mesh = thread::spawn(move || {
             let fake = Fake::new(Mesh, 0, 1);
-            let mut desk = Desk::open(Post::join(&at, at.deadline)?, Identity::of(&fake))?;
-            desk.welcome()?;
-            desk.lay_out()?;
-            drop(desk.expect(Kind::Advance)?);
-            let mut loan = desk.grid_out.as_ref().expect("the mesh has one").loan(words)?;
+            let mut server = RankServer::open(Membership::join(&at, at.deadline)?, Identity::of(&fake))?;
+            server.welcome()?;
+            server.lay_out()?;
+            drop(server.expect(Kind::Advance)?);
+            let mut loan = server.grid_out.as_ref().expect("the mesh has one").loan(words)?;
             loan.payload().fill(fill);
-            let header = desk.post.header(Kind::Grid, desk.sequence);
-            let mut header = header.with_window(desk.step.1).with_payload(Unit::Grid, words);
+            let header = server.member.header(Kind::Grid, server.sequence);
+            let mut header = header.with_window(server.step.1).with_payload(Unit::Grid, words);
             tamper(&mut header);
             loan.send(header)?;
-            desk.post.ring_readers();
-            desk.expect(Kind::Stop).map(drop)
+            server.member.ring_readers();
+            server.expect(Kind::Stop).map(drop)
         });
         let mut hub = open(options(&session, &[(Mesh, 1), (Flow, 1)])).expect("a handshake");
         for role in [Mesh, Flow] {

@@ -132,9 +132,5 @@ impl Fault {
 /// Hash of the interface's faces (FNV-1a over the node indices as little-endian
 /// `u32`), the same in every language.
 pub fn surface_hash(faces: &[[u32; 4]]) -> u64 {
-    faces
-        .iter()
-        .flatten()
-        .flat_map(|n| n.to_le_bytes())
-        .fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
+    archive::hash::fnv1a(faces.iter().flatten().flat_map(|n| n.to_le_bytes()))
 }

@@ -1,10 +1,11 @@
 //! One program of a session, seen from the coupler: commands to all its ranks,
 //! answers from each, checked before they are used.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use case::Role;
 
+use crate::deadline::Deadline;
 use crate::header::{COUPLER, Header, Kind, Unit, role_code, text_words};
 use crate::hub_options::RoleOptions;
 use crate::session::Watch;
@@ -18,7 +19,8 @@ const TEXT_WORDS: usize = 1024;
 /// One program, seen from the coupler.
 pub(crate) struct Program {
     pub role: Role,
-    pub deadline: Option<Duration>,
+    /// Longest time for an answer.
+    limit: Option<Duration>,
     pub input_length: usize,
     pub ranks: Vec<Rank>,
     channel: Channel,
@@ -36,7 +38,7 @@ pub(crate) struct Program {
 pub(crate) struct Asked {
     pub kind: Kind,
     pub window: Window,
-    pub at: Instant,
+    pub deadline: Deadline,
 }
 
 /// One rank, seen from the coupler.
@@ -76,7 +78,7 @@ impl Program {
         let (name, channel) = roster.command(role);
         Ok(Self {
             role,
-            deadline: spec.deadline,
+            limit: spec.deadline,
             input_length: 0,
             ranks: ranks.collect::<Result<_, _>>()?,
             channel: link.create(&name, channel)?,
@@ -119,7 +121,7 @@ impl Program {
         if let Some(rank) = self.ranks.iter().find(|r| r.answer.is_some()) {
             return Err(rank.broken(kind, w, "it sent an answer that nobody asked for".into()));
         }
-        self.asked = Some(Asked { kind, window: *w, at: Instant::now() });
+        self.asked = Some(Asked { kind, window: *w, deadline: Deadline::after(self.limit) });
         let got = self.send(id, kind, w, payload)?;
         if got == self.ranks.len() {
             return Ok(());

@@ -1,22 +1,22 @@
 //! Ranks on other hosts than the coupler's.
 //!
 //! Shared memory ends at a host. A program whose ranks span several has its ranks on the
-//! coupler's host keep the posts of the others: locks, services and answers in their names.
+//! coupler's host proxy the others: locks, services and answers in their names.
 //! So the coupler and the other programs see no difference. A rank far away is asked,
 //! and answers, by message passing inside its program.
 
 use std::io::Write as _;
 use std::os::unix::fs::MetadataExt;
-use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use archive::hash::fnv1a;
+
+use crate::deadline::{Deadline, Reminder};
 use crate::header::{Kind, clipped, pack_text, text_words, unpack_text};
-use crate::serve::{Identity, finite, guarded};
-use crate::session::{MEMORY, Place, Watch, fnv};
-use crate::wire::{decode_rows, during};
-use crate::{
-    Announcement, Fault, Grid, Input, Participant, ServeEnd, ServeError, ServeOptions, Stats, Window,
-};
+use crate::serve::Identity;
+use crate::session::{MEMORY, Place, Watch};
+use crate::wire::decode_rows;
+use crate::{Announcement, Fault, ServeError, ServeOptions, Stats, Window};
 
 /// Message passing between the ranks of one program, as [`crate::serve_across`] needs it.
 #[derive(Clone, Copy)]
@@ -32,14 +32,12 @@ pub struct Peers<'a> {
 /// Where a rank stands.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Standing {
-    /// On the coupler's host. Keeps the posts of these ranks too.
+    /// On the coupler's host. Proxies these ranks too.
     Near(Vec<usize>),
-    /// On another host. This rank keeps its post.
+    /// On another host. This rank proxies it.
     Far(usize),
 }
 
-/// Time after which a search for the coupler's host is told.
-const SEARCH: Duration = Duration::from_secs(10);
 /// Between two looks for the coupler's session.
 const ROUND: Duration = Duration::from_millis(20);
 
@@ -47,7 +45,7 @@ const ROUND: Duration = Duration::from_millis(20);
 pub(crate) fn memory_name() -> u64 {
     let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     let device = std::fs::metadata(MEMORY).map(|m| (m.dev(), m.ino())).unwrap_or_default();
-    fnv(format!("{} {device:?}", boot.trim()).as_bytes())
+    fnv1a(format!("{} {device:?}", boot.trim()).bytes())
 }
 
 /// Whether a live coupler serves `session` in this process's shared memory.
@@ -63,22 +61,21 @@ pub(crate) fn standing(at: &ServeOptions, memory: u64, peers: &Peers<'_>) -> Res
     if memories.iter().all(|&m| m == memory) {
         return Ok(Standing::Near(Vec::new()));
     }
-    let start = Instant::now();
-    let (mut told, here, gone) = (false, 1, 2);
+    let (search, mut reminder) = (Deadline::after(at.deadline), Reminder::default());
+    let (here, gone) = (1, 2);
     loop {
         // All ranks must come to the same end, so rank 0's clock counts.
-        let over = at.rank == 0 && at.deadline.is_some_and(|limit| start.elapsed() >= limit);
+        let over = at.rank == 0 && search.is_over();
         let mine = if coupler_is_here(&at.session) { here } else { u64::from(over) * gone };
         let all = (peers.gather)(mine);
         if let Some(home) = all.iter().position(|&x| x == here) {
             return Ok(stand(at.rank, memories[home], &memories));
         }
         if all.contains(&gone) {
-            let seconds = start.elapsed().as_secs_f64();
+            let seconds = search.elapsed().as_secs_f64();
             return Err(ServeError::NoCoupler { session: at.session.clone(), seconds });
         }
-        if tells(at.rank, told, start.elapsed()) {
-            told = true;
+        if at.rank == 0 && reminder.is_due(search.elapsed()) {
             let _ = writeln!(
                 std::io::stderr(),
                 "no rank of this {} shares {MEMORY} with the coupler of session `{}` yet: at least one must \
@@ -91,25 +88,20 @@ pub(crate) fn standing(at: &ServeOptions, memory: u64, peers: &Peers<'_>) -> Res
     }
 }
 
-/// Whether a rank says now that it still looks for the coupler: the first one, once.
-fn tells(rank: usize, told: bool, searched: Duration) -> bool {
-    rank == 0 && !told && searched > SEARCH
-}
-
 /// Ranks elsewhere are dealt out to those on the coupler's host in turn.
 fn stand(me: usize, home: u64, memories: &[u64]) -> Standing {
     let ranks = |here: bool| (0..memories.len()).filter(move |&r| (memories[r] == home) == here);
     let near: Vec<usize> = ranks(true).collect();
-    let keeper = |i: usize| near[i % near.len()];
+    let proxy = |i: usize| near[i % near.len()];
     match ranks(false).position(|r| r == me) {
-        Some(i) => Standing::Far(keeper(i)),
+        Some(i) => Standing::Far(proxy(i)),
         None => Standing::Near(
-            ranks(false).enumerate().filter(|&(i, _)| keeper(i) == me).map(|(_, r)| r).collect(),
+            ranks(false).enumerate().filter(|&(i, _)| proxy(i) == me).map(|(_, r)| r).collect(),
         ),
     }
 }
 
-/// A message between a rank far away and the one that keeps its post.
+/// A message between a rank far away and its proxy.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Frame {
     pub kind: Kind,
@@ -186,7 +178,7 @@ impl Frame {
         })
     }
 
-    fn fault(window: Window, fault: &Fault) -> Self {
+    pub fn fault(window: Window, fault: &Fault) -> Self {
         let text = clipped(&fault.message, 8 * crate::serve::TEXT_WORDS).to_owned();
         Self { text, ..Self::new(Kind::Fault, window) }
     }
@@ -224,14 +216,14 @@ pub(crate) fn receive(
     from: usize,
     deadline: Option<Duration>,
 ) -> Result<Frame, Option<String>> {
-    let start = Instant::now();
+    let wait = Deadline::after(deadline);
     let mut pause = Duration::from_micros(50);
     loop {
         if let Some(words) = (peers.poll)(from) {
             return Frame::unpack(&words)
                 .ok_or_else(|| Some(format!("a message of rank {from} makes no sense")));
         }
-        if deadline.is_some_and(|limit| start.elapsed() >= limit) {
+        if wait.is_over() {
             return Err(None);
         }
         std::thread::sleep(pause);
@@ -241,84 +233,6 @@ pub(crate) fn receive(
 
 fn longer(pause: Duration) -> Duration {
     (pause * 5 / 4).min(Duration::from_millis(1))
-}
-
-/// Serves a rank on another host; `keeper` keeps its post.
-pub(crate) fn serve_far(
-    participant: &mut dyn Participant,
-    at: &ServeOptions,
-    peers: &Peers<'_>,
-    keeper: usize,
-) -> Result<ServeEnd, ServeError> {
-    println!(
-        "rank {} of {} runs on another host than the coupler: rank {keeper} keeps its post",
-        at.rank, at.ranks
-    );
-    let send = |frame: &Frame| (peers.send)(keeper, &frame.pack());
-    let failed = |kind: Kind, window: Window, fault: Fault| {
-        send(&Frame::fault(window, &fault));
-        // The end of this process ends the others: the message is to come first.
-        std::thread::sleep(Duration::from_millis(500));
-        ServeError::Fault { during: during(kind, &window), fault }
-    };
-    let begin = |fault| failed(Kind::Announce, Window::default(), fault);
-    let identity = guarded(|| Identity::of(participant)).map_err(begin)?;
-    send(&Frame::announce(&identity).map_err(begin)?);
-    let width = identity.announcement.output_width as usize;
-    let index: Vec<(u32, u32)> = (0..identity.grid_rows.len() as u32).map(|row| (0, row)).collect();
-    let mut answer = Frame::new(Kind::Output, Window::default());
-    let mut windows = 0;
-    let (mut last, mut step) = (Kind::Announce, Window::default());
-    loop {
-        let frame = receive(peers, keeper, at.deadline).map_err(|problem| match problem {
-            None => ServeError::Deadline {
-                session: at.session.clone(),
-                seconds: at.deadline.unwrap_or_default().as_secs_f64(),
-                during: during(last, &step),
-            },
-            Some(problem) => ServeError::Contract { during: during(last, &step), problem },
-        })?;
-        let w = frame.window;
-        (last, step) = (frame.kind, w);
-        let done = match frame.kind {
-            Kind::Advance => {
-                let pieces = [&frame.second[..]];
-                // No rows: the grid stands still.
-                let grid = match frame.second.is_empty() {
-                    true => Grid::default(),
-                    false => Grid { pieces: &pieces, index: &index },
-                };
-                let input = Input { canopy: &frame.first, grid };
-                answer.first.clear();
-                answer.first.resize(identity.output_rows.len() * width, f64::NAN);
-                answer.window = w;
-                let start = Instant::now();
-                let output = &mut answer.first;
-                let computed = guarded(|| participant.advance(&w, &input, output))
-                    .and_then(|stats| finite(output, &identity.output_rows, width, &stats).map(|()| stats));
-                answer.stats = computed.map_err(|fault| failed(frame.kind, w, fault))?;
-                answer.stats.busy_s = start.elapsed().as_secs_f64();
-                send(&answer);
-                continue;
-            }
-            Kind::Accept => {
-                windows += 1;
-                guarded(|| participant.accept(&w))
-            }
-            Kind::Save => guarded(|| {
-                crate::kept::bear_size_limit();
-                participant.save(Path::new(&frame.text))
-            }),
-            Kind::Snapshot => guarded(|| participant.snapshot(w.time, Path::new(&frame.text))),
-            Kind::Stop => Ok(()),
-            kind => Err(Fault::new(format!("`{kind:?}` between windows"))),
-        };
-        done.map_err(|fault| failed(frame.kind, w, fault))?;
-        send(&Frame::new(Kind::Done, w));
-        if frame.kind == Kind::Stop {
-            return Ok(ServeEnd { windows });
-        }
-    }
 }
 
 #[cfg(test)]
@@ -361,13 +275,6 @@ mod tests {
             [40, 400, 780, 800, 801, 1000].map(|p| longer(us(p))),
             [50, 500, 975, 1000, 1000, 1000].map(us)
         );
-    }
-
-    #[test]
-    fn the_first_rank_tells_of_a_long_search_once() {
-        let late = SEARCH + Duration::from_nanos(1);
-        assert!(tells(0, false, late));
-        assert!(!tells(0, false, SEARCH) && !tells(0, true, late) && !tells(1, false, late));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use case::Role::{self, Flow, Mesh, Structure};
 
 use super::common::*;
 
-use super::serve_from;
+use crate::serve::serve_from;
 use crate::{Hub, HubError, HubOptions, Peers};
 
 type Letters = VecDeque<Vec<f64>>;

@@ -12,6 +12,7 @@ use std::os::fd::AsRawFd;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use archive::hash::fnv1a;
 use serde::{Deserialize, Serialize};
 
 use crate::{Fault, SessionError};
@@ -47,7 +48,7 @@ impl Place {
             return Err(SessionError::BadName(session.into()));
         }
         // 12 hexadecimal digits keep socket paths short; a clash of two names shows in `session.json`.
-        let key = format!("{:016x}", fnv(session.as_bytes()))[..KEY_DIGITS].to_string();
+        let key = format!("{:016x}", fnv1a(session.bytes()))[..KEY_DIGITS].to_string();
         Ok(Self { session: session.into(), key })
     }
 
@@ -353,11 +354,6 @@ fn private() -> OpenOptions {
 fn at(path: &Path) -> impl FnOnce(io::Error) -> SessionError {
     let path = path.to_path_buf();
     move |source| SessionError::File { path, source }
-}
-
-/// FNV-1a.
-pub(crate) fn fnv(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
 }
 
 /// Text of a caught panic.

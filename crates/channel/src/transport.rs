@@ -5,7 +5,7 @@
 //! processes that sleep in the kernel. Nothing here waits for a partner to make
 //! room: the contract is lock-step, so a message that does not fit is an error.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
@@ -14,6 +14,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 
+use crate::deadline::Deadline;
 use crate::header::{Header, pack_text, text_words};
 use crate::session::{Place, memory_for};
 use crate::{CONTRACT_VERSION, SessionError};
@@ -278,9 +279,9 @@ pub(crate) struct Sleeper(Listener<Ipc>);
 impl Sleeper {
     /// Returns after a ring, or after `limit`. A ring from before the call counts.
     pub fn sleep(&self, limit: Duration) -> Result<(), SessionError> {
-        let end = Instant::now() + limit;
+        let end = Deadline::after(limit);
         loop {
-            let left = end.saturating_duration_since(Instant::now());
+            let left = end.left(limit);
             // A limit below the socket's resolution would mean "for ever" to it.
             if left < Duration::from_micros(100) {
                 return match self.0.try_wait(|_| {}) {

@@ -97,7 +97,7 @@ pub const CHECKS: &[Check] = &[
 
 /// Whether wind, gust or shear move the air past the canopy in stages of the run that `which` names.
 fn air_moves(f: &Facts<'_>, which: impl Fn(&Stage) -> bool) -> bool {
-    let shear = f.scene.flow.as_ref().is_some_and(|f| f.shear.is_some());
+    let shear = f.scene.shear().is_some();
     shear || f.stages().any(|(i, s)| which(s) && f.numbers.stage_speeds[i][1] > 0.0)
 }
 

@@ -131,11 +131,7 @@ fn strain(f: &Facts<'_>) -> Vec<Judged> {
     if p == 0.0 {
         return Vec::new();
     }
-    let softest = fabric
-        .orthotropic
-        .as_ref()
-        .map_or(fabric.youngs_modulus_pa, |o| o.youngs_modulus_2_pa.min(fabric.youngs_modulus_pa));
-    let strain = green_strain(p, 0.5 * f.numbers.width, softest * fabric.thickness_m);
+    let strain = green_strain(p, 0.5 * f.numbers.width, fabric.softest_modulus_pa() * fabric.thickness_m);
     let figure = format!(
         "a Green strain of about {} (stretch {}) under {} Pa, {load}; peaks are about four times it",
         digits(strain),

@@ -172,7 +172,7 @@ fn wall_units(y: f64, speed: f64, viscosity: f64, re: f64) -> f64 {
 
 fn boundary_layer(f: &Facts<'_>) -> Vec<Judged> {
     let n = &f.numbers;
-    let viscous = f.scene.flow.as_ref().and_then(|w| w.viscosity.as_ref());
+    let viscous = f.scene.viscosity();
     let (Some(v), Some((first, key)), true) = (viscous, layer(f), n.reynolds > 0.0 && f.grid.is_some())
     else {
         return Vec::new();

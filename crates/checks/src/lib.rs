@@ -9,11 +9,13 @@
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
+pub mod description;
 pub mod document;
 pub mod facts;
 pub mod finding;
 pub mod inspection;
 pub mod run_time;
+pub mod shared_memory;
 pub mod table;
 
 mod boundaries;

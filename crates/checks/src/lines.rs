@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use mesh::{CableKind, StructureMesh, Vec3};
+use mesh::{CableKind, Point, StructureMesh};
 
 use super::facts::{Facts, digits, percent};
 use super::finding::Judged;
@@ -91,7 +91,7 @@ impl Line {
     }
 }
 
-fn distance(a: Vec3, b: Vec3) -> f64 {
+fn distance(a: Point, b: Point) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
 }
 
@@ -133,11 +133,7 @@ fn initial_tension(f: &Facts<'_>) -> Vec<Judged> {
         (false, true) => Warning,
         _ => Note,
     };
-    let key = if f.scene.descent.as_ref().is_some_and(|d| d.body.is_some()) {
-        "descent.body.attachments_m"
-    } else {
-        "canopy"
-    };
+    let key = if f.scene.payload_body().is_some() { "descent.body.attachments_m" } else { "canopy" };
     let weight =
         if share > 0.0 { format!("; its share of the weight is {} N", digits(share)) } else { String::new() };
     let figure = format!(
@@ -151,8 +147,8 @@ fn initial_tension(f: &Facts<'_>) -> Vec<Judged> {
 }
 
 /// Whether the horizontal projections of two segments cross between their ends.
-fn cross(a: [Vec3; 2], b: [Vec3; 2]) -> bool {
-    let side = |p: Vec3, q: Vec3, r: Vec3| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+fn cross(a: [Point; 2], b: [Point; 2]) -> bool {
+    let side = |p: Point, q: Point, r: Point| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
     // Segments that only touch have a zero side, to round-off.
     let least = 1e-9 * distance(a[0], a[1]) * distance(b[0], b[1]);
     let apart = |s: f64, t: f64| s * t < 0.0 && s.abs() > least && t.abs() > least;
@@ -162,7 +158,7 @@ fn cross(a: [Vec3; 2], b: [Vec3; 2]) -> bool {
 
 fn crossing(f: &Facts<'_>) -> Vec<Judged> {
     let all = lines(&f.mesh, CableKind::SuspensionLine);
-    let chords: Vec<[Vec3; 2]> = all.iter().map(|l| l.ends.map(|n| f.mesh.coords[n as usize])).collect();
+    let chords: Vec<[Point; 2]> = all.iter().map(|l| l.ends.map(|n| f.mesh.coords[n as usize])).collect();
     let mut pairs = 0usize;
     let mut first = None;
     for (i, a) in chords.iter().enumerate() {
@@ -174,7 +170,7 @@ fn crossing(f: &Facts<'_>) -> Vec<Judged> {
         }
     }
     let Some((i, j)) = first else { return Vec::new() };
-    let body = f.scene.descent.as_ref().is_some_and(|d| d.body.is_some());
+    let body = f.scene.payload_body().is_some();
     let key = if body { "descent.body.attachments_m" } else { "canopy" };
     let figure =
         format!("{pairs} pairs of the {} lines cross each other, first lines {i} and {j}", all.len());

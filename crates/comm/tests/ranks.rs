@@ -47,7 +47,14 @@ fn ring(comm: &Comm) -> Numbering {
 }
 
 fn checks(comm: &Comm) {
-    let (rank, size) = (comm.rank(), comm.size());
+    halo_exchanges_and_accumulates(comm);
+    letters_arrive_in_order(comm);
+    reductions(comm);
+    set_up_exchanges(comm);
+    comm.barrier();
+}
+
+fn halo_exchanges_and_accumulates(comm: &Comm) {
     let numbering = ring(comm);
     let halo = Halo::new(comm, &numbering);
 
@@ -74,8 +81,11 @@ fn checks(comm: &Comm) {
     halo.accumulate(&mut y, 1);
     assert!(y[..halo.n_owned()].iter().all(|&v| v == 2.0));
     assert!(y[halo.n_owned()..].iter().all(|&v| v == 0.0));
+}
 
-    // Letters come in order, and only to whom they are sent.
+/// Letters come in order, and only to whom they are sent.
+fn letters_arrive_in_order(comm: &Comm) {
+    let (rank, size) = (comm.rank(), comm.size());
     let (next, last) = ((rank + 1) % size, (rank + size - 1) % size);
     if size > 1 {
         let letters: [Vec<f64>; 3] = [vec![rank as f64; 3], vec![], vec![f64::NEG_INFINITY; 20_000]];
@@ -98,8 +108,11 @@ fn checks(comm: &Comm) {
         comm.barrier();
         assert_eq!(comm.poll(last), None);
     }
+}
 
-    // Reductions, short (on the stack) and long.
+/// Reductions, short (on the stack) and long.
+fn reductions(comm: &Comm) {
+    let (rank, size) = (comm.rank(), comm.size());
     let total = (size * (size + 1) / 2) as f64;
     assert_eq!(comm.sum((rank + 1) as f64), total);
     for n in [1, 64, 65, 1000] {
@@ -111,8 +124,10 @@ fn checks(comm: &Comm) {
     assert_eq!(comm.min(rank as f64), 0.0);
     assert!(comm.all(true));
     assert!(!comm.all(rank != size - 1));
+}
 
-    // Set-up exchanges.
+fn set_up_exchanges(comm: &Comm) {
+    let (rank, size) = (comm.rank(), comm.size());
     let all = comm.all_gather_var(&vec![rank as u64; rank + 1]);
     let wanted: Vec<u64> = (0..size).flat_map(|r| vec![r as u64; r + 1]).collect();
     assert_eq!(all, wanted);
@@ -120,5 +135,4 @@ fn checks(comm: &Comm) {
     for (from, got) in comm.all_to_all_var(&sent).iter().enumerate() {
         assert_eq!(*got, vec![(from * 100 + rank) as u64; rank]);
     }
-    comm.barrier();
 }

@@ -11,7 +11,7 @@ use channel::{STATS, UNCONVERGED_LIMIT, Window, excess, flow_stats, residual_and
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Place, RunError};
-use crate::schemes::WindowReport;
+use crate::schemes::window::report::WindowReport;
 
 /// What can end above its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

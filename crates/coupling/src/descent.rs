@@ -134,15 +134,12 @@ impl DescentModel {
             gravity_m_s2: d.gravity_m_s2,
             reference_area_m2: d.reference_area_m2,
             reference_speed_m_s: d.initial_speed_m_s,
-            air_density_kg_m3: scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3),
+            air_density_kg_m3: scene.resolved().air.density_kg_m3,
             payload_drag: d.payload_drag.as_ref().filter(|_| d.body.is_none()).map(|p| PayloadDrag {
-                half_density_area: 0.5
-                    * scene.flow.as_ref().map_or(1.225, |f| f.density_kg_m3)
-                    * p.drag_area_m2,
-                wind_m_s: scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s),
+                half_density_area: 0.5 * scene.resolved().air.density_kg_m3 * p.drag_area_m2,
+                wind_m_s: scene.resolved().wind_m_s,
             }),
-            drag_in_structure: scene.lines.as_ref().is_some_and(|l| l.drag.is_some())
-                || (d.body.is_some() && d.payload_drag.is_some()),
+            drag_in_structure: scene.structure_meets_wind(),
             support_known: true,
         })
     }

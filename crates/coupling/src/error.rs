@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use case::Role;
 
-use crate::flow_bounds::ImpossibleFlow;
+use crate::impossible_flow::ImpossibleFlow;
 use crate::structure_energy::EnergyCreated;
 
 /// Where in a run something happened.

@@ -2,14 +2,15 @@
 
 use case::Scene;
 use channel::LOAD_WIDTH;
-use mesh::{CableKind, StructureMesh, Vec3};
+use mesh::{CableKind, StructureMesh};
 
 use crate::error::RunError;
+use crate::geometry::{Vec3, at, face_force, quad_area_vector};
 
 /// The interface as the coupler knows it, built from the scene as every program does.
 pub struct CanopyInterface {
     /// Unstressed positions of the interface nodes, m.
-    pub coords: Vec<Vec3>,
+    pub coords: Vec<mesh::Point>,
     /// Interface faces.
     pub faces: Vec<[u32; 4]>,
     /// Panel of each interface node (the last of its faces), for messages.
@@ -81,34 +82,28 @@ impl CanopyInterface {
 
     /// Vertical force (N) of `load` (`[faces][LOAD_WIDTH]`, Pa) on the shape with `displacement` (`[nodes][3]`, m).
     pub fn vertical_force(&self, load: &[f64], displacement: &[f64]) -> f64 {
-        let position = |node: u32| -> Vec3 {
-            let n = node as usize;
-            std::array::from_fn(|i| self.coords[n][i] + displacement[3 * n + i])
-        };
         let faces = self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH));
-        faces.map(|(face, load)| face_force(&face.map(position), load)[2]).sum()
+        faces
+            .map(|(face, load)| face_force(&quad_area_vector(self.corners(face, displacement)), load)[2])
+            .sum()
     }
 
     /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa) does while the canopy moves straight from displacement `start`
     /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps ([`wall_shares`]); traction
     /// on the area at the end, shared equally by the corners.
     pub fn work(&self, load: &[f64], start: &[f64], end: &[f64]) -> f64 {
-        let at = |node: u32, displacement: &[f64]| -> Vec3 {
-            std::array::from_fn(|i| self.coords[node as usize][i] + displacement[3 * node as usize + i])
-        };
         let work = |(face, load): (&[u32; 4], &[f64])| {
-            let [from, to] = [start, end].map(|d| face.map(|n| at(n, d)));
-            let moved: [Vec3; 4] = std::array::from_fn(|n| sub(to[n], from[n]));
-            let middle = std::array::from_fn(|n| std::array::from_fn(|i| 0.5 * (from[n][i] + to[n][i])));
+            let [from, to] = [start, end].map(|d| self.corners(face, d));
+            let moved: [Vec3; 4] = std::array::from_fn(|n| to[n] - from[n]);
+            let middle = std::array::from_fn(|n| 0.5 * (from[n] + to[n]));
             // The area is of degree two in time: Simpson's rule is exact.
             let rate =
-                |x: &[Vec3; 4]| -> f64 { wall_shares(x).iter().zip(&moved).map(|(a, d)| dot(a, d)).sum() };
+                |x: &[Vec3; 4]| -> f64 { wall_shares(x).iter().zip(&moved).map(|(a, d)| a.dot(d)).sum() };
             let swept = (rate(&from) + 4.0 * rate(&middle) + rate(&to)) / 6.0;
             let corners = if face[2] == face[3] { 3 } else { 4 };
-            let mean: Vec3 =
-                std::array::from_fn(|i| moved[..corners].iter().map(|d| d[i]).sum::<f64>() / corners as f64);
-            let area = area_vector(&to);
-            load[0] * swept + dot(&area, &area).sqrt() * dot(&[load[1], load[2], load[3]], &mean)
+            let mean = moved[1..corners].iter().fold(moved[0], |sum, d| sum + d) / corners as f64;
+            let area = quad_area_vector(to);
+            load[0] * swept + area.norm() * Vec3::new(load[1], load[2], load[3]).dot(&mean)
         };
         self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)).map(work).sum()
     }
@@ -116,65 +111,39 @@ impl CanopyInterface {
     /// Mean pressure jump (Pa) of `load` (`[faces][LOAD_WIDTH]`, Pa) over the canopy displaced by
     /// `displacement` (`[nodes][3]`, m), weighted by area; `None` where there is no area.
     pub fn mean_pressure(&self, load: &[f64], displacement: &[f64]) -> Option<f64> {
-        let position = |node: u32| -> Vec3 {
-            let n = node as usize;
-            std::array::from_fn(|i| self.coords[n][i] + displacement[3 * n + i])
-        };
         let (mut force, mut area) = (0.0, 0.0);
         for (face, load) in self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)) {
-            let size = area_vector(&face.map(position)).iter().map(|a| a * a).sum::<f64>().sqrt();
+            let size = quad_area_vector(self.corners(face, displacement)).norm();
             force += load[0] * size;
             area += size;
         }
         (area > 0.0).then(|| force / area)
     }
-}
 
-/// Force (N) of pressure jump and traction on a face: area vector is half the
-/// cross product of the diagonals (exact for triangles that repeat a node).
-fn face_force(corners: &[Vec3; 4], load: &[f64]) -> Vec3 {
-    let area = area_vector(corners);
-    let size = area.iter().map(|a| a * a).sum::<f64>().sqrt();
-    std::array::from_fn(|i| load[0] * area[i] + load[1 + i] * size)
-}
-
-/// Area vector (m2) of a face.
-fn area_vector(corners: &[Vec3; 4]) -> Vec3 {
-    let d1: Vec3 = std::array::from_fn(|i| corners[2][i] - corners[0][i]);
-    let d2: Vec3 = std::array::from_fn(|i| corners[3][i] - corners[1][i]);
-    [
-        0.5 * (d1[1] * d2[2] - d1[2] * d2[1]),
-        0.5 * (d1[2] * d2[0] - d1[0] * d2[2]),
-        0.5 * (d1[0] * d2[1] - d1[1] * d2[0]),
-    ]
+    /// Corners of a face of the canopy with `displacement` (`[nodes][3]`), m.
+    fn corners(&self, face: &[u32; 4], displacement: &[f64]) -> [Vec3; 4] {
+        face.map(|n| Vec3::from(self.coords[n as usize]) + at(displacement, n))
+    }
 }
 
 /// Area vectors (m2) by which the corners of a face carry a pressure on the flow's wall: four triangles around the mean
 /// of the corners, whose third of each goes to them in equal parts; one triangle where a node is repeated.
 fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
     if x[2] == x[3] {
-        let third = area_vector(x).map(|a| a / 3.0);
-        return [third, third, third, [0.0; 3]];
+        let third = quad_area_vector(*x) / 3.0;
+        return [third, third, third, Vec3::zeros()];
     }
-    let mean: Vec3 = std::array::from_fn(|i| 0.25 * x.iter().map(|x| x[i]).sum::<f64>());
-    let mut shares = [[0.0; 3]; 4];
+    let mean = 0.25 * x[1..].iter().fold(x[0], |sum, x| sum + x);
+    let mut shares = [Vec3::zeros(); 4];
     for k in 0..4 {
         let next = (k + 1) % 4;
-        let third = area_vector(&[x[k], x[next], mean, mean]).map(|a| a / 3.0);
+        let third = quad_area_vector([x[k], x[next], mean, mean]) / 3.0;
         for (n, share) in shares.iter_mut().enumerate() {
             let part = if n == k || n == next { 1.25 } else { 0.25 };
-            (0..3).for_each(|i| share[i] += part * third[i]);
+            *share += part * third;
         }
     }
     shares
-}
-
-fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    std::array::from_fn(|i| a[i] - b[i])
-}
-
-fn dot(a: &Vec3, b: &Vec3) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
@@ -254,11 +223,9 @@ mod tests {
         closed.faces = vec![[0, 1, 2, 3], [0, 2, 1, 1], [0, 3, 2, 2]];
         let load = [7.0, 0.0, 0.0, 0.0].repeat(3);
         let volume = |d: &[f64]| {
-            let x: Vec<Vec3> =
-                (0..4).map(|n| std::array::from_fn(|i| closed.coords[n][i] + d[3 * n + i])).collect();
-            let [u, v, w] = [1, 2, 3].map(|n| sub(x[n], x[0]));
-            let cross = [v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]];
-            dot(&u, &cross) / 12.0
+            let x = closed.corners(&[0, 1, 2, 3], d);
+            let [u, v, w] = [1, 2, 3].map(|n| x[n] - x[0]);
+            u.dot(&v.cross(&w)) / 12.0
         };
         let work = closed.work(&load, &from, &to);
         let exact = 7.0 * (volume(&to) - volume(&from));

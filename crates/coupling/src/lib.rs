@@ -12,6 +12,8 @@ pub mod descent_limits;
 pub mod energy;
 pub mod error;
 pub mod flow_bounds;
+mod geometry;
+mod impossible_flow;
 pub mod interface;
 pub mod partners;
 pub mod schemes;

@@ -131,7 +131,7 @@ impl<'a> Scope<'a> {
         match &self.scene().canopy {
             Canopy::Panel(_) => Err("a panel in a box is no bluff body in a free stream".into()),
             Canopy::AirBag(_) => Err("a closed bag stands in no stream".into()),
-            _ if self.scene().flow.as_ref().is_some_and(|f| f.grid_file.is_some()) => {
+            _ if self.scene().grid_file().is_some() => {
                 Err("the flow grid comes from a file: whether the stream is free is not known".into())
             }
             _ if self.fall.motion == Motion::NoAir => Err("the last stage has no air".into()),

@@ -128,7 +128,7 @@ impl Fall {
             added_mass: ADDED_MASS * n.density * radius.powi(3),
             mass: n.falling_mass,
             gravity: n.gravity,
-            speed: scene.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s),
+            speed: scene.resolved().initial_speed_m_s,
             pressure: s.pressure_pa.map_or(n.pressure, f64::abs),
             wind: Wind::of(scene, stage),
             before: if falls { before.sum() } else { 0.0 },

@@ -4,9 +4,6 @@ use case::{Canopy, GAS_CONSTANT, HEAT_RATIO, Role, Scene, StageKind, StageTimes}
 use coupling::interface::CanopyInterface;
 use mesh::{CableKind, StructureMesh};
 
-/// Dynamic viscosity of air at sea level, Pa s, where the scene is inviscid.
-const AIR_VISCOSITY: f64 = 1.789e-5;
-
 /// Sizes, speeds, loads and masses of a scene before anything is run.
 #[derive(Clone, Debug)]
 pub struct Numbers<'a> {
@@ -64,40 +61,17 @@ pub struct Numbers<'a> {
 impl<'a> Numbers<'a> {
     /// Of `scene` with its canopy.
     pub fn new(scene: &'a Scene, interface: &CanopyInterface, mesh: &StructureMesh) -> Self {
-        let flow = scene.flow.as_ref();
-        let descent = scene.descent.as_ref();
-        let fall = descent.map_or(0.0, |d| d.initial_speed_m_s);
+        let case::Resolved { air, initial_speed_m_s: fall, gravity_m_s2: gravity, .. } = scene.resolved();
         let Speeds { steady: speed, release: release_speed, stages: stage_speeds } = Speeds::of(scene, fall);
         let fastest = stage_speeds.iter().fold(speed, |most, [_, gusty]| most.max(*gusty));
-        let density = flow.map_or(1.225, |f| f.density_kg_m3);
-        let temperature = flow.map_or(288.15, |f| f.temperature_k);
-        let viscosity =
-            flow.and_then(|f| f.viscosity.as_ref()).map_or(AIR_VISCOSITY, |v| v.dynamic_viscosity_pa_s);
-        let extent = |axis: usize| {
-            let (low, high) = mesh.coords[..mesh.n_canopy]
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x[axis]), h.max(x[axis])));
-            high - low
-        };
-        let width = extent(0).max(extent(1));
-        let across = match &scene.canopy {
-            Canopy::Atps(a) => f64::from(a.cells_across),
-            Canopy::Square(f) | Canopy::Circular(f) => f64::from(f.cells_across),
-            Canopy::AirBag(a) => f64::from(a.cells_across),
-            Canopy::Panel(p) => f64::from(p.cells[0]),
-            Canopy::Gmsh(_) => (mesh.faces.len() as f64).sqrt(),
-        };
+        let density = air.density_kg_m3;
+        let width = width(mesh);
         let dynamic_pressure = 0.5 * density * speed * speed;
-        let given = scene
-            .stages
-            .iter()
-            .filter(|s| s.kind == StageKind::PreInflation)
-            .find_map(|s| s.pressure_pa.map(f64::abs));
-        let pressure = given.filter(|p| *p > 0.0).unwrap_or(dynamic_pressure);
+        let pressure = inflation_pressure(scene).unwrap_or(dynamic_pressure);
         let f = &scene.fabric;
-        let gravity = descent.map_or(9.80665, |d| d.gravity_m_s2);
         let (fabric_mass, line_mass) = (interface.masses.fabric, interface.masses.cables);
-        let falling_mass = descent.map_or(0.0, |d| d.payload_mass_kg + fabric_mass + line_mass);
+        let falling_mass =
+            scene.descent.as_ref().map_or(0.0, |d| d.payload_mass_kg + fabric_mass + line_mass);
         let free = [CableKind::SuspensionLine, CableKind::Riser];
         let lowest = |nodes: &[[f64; 3]]| nodes.iter().map(|x| x[2]).fold(f64::INFINITY, f64::min);
         let fabric_area = interface.sizes.fabric_area;
@@ -106,12 +80,12 @@ impl<'a> Numbers<'a> {
             speed,
             release_speed,
             density,
-            mach: fastest / (HEAT_RATIO * GAS_CONSTANT * temperature).sqrt(),
+            mach: fastest / (HEAT_RATIO * GAS_CONSTANT * air.temperature_k).sqrt(),
             stage_speeds,
             width,
-            reynolds: density * speed * width / viscosity,
-            cell: width / across.max(1.0),
-            first_layer: flow.map_or(0.0, |f| f.grid.first_layer_m),
+            reynolds: density * speed * width / air.dynamic_viscosity_pa_s,
+            cell: width / cells_across(scene, mesh).max(1.0),
+            first_layer: scene.flow.as_ref().map_or(0.0, |f| f.grid.first_layer_m),
             dynamic_pressure,
             pressure,
             gravity,
@@ -121,10 +95,7 @@ impl<'a> Numbers<'a> {
             line_mass,
             falling_mass,
             line_length: free.into_iter().map(|k| mesh.cable_length(k)).sum(),
-            line_diameter: scene
-                .lines
-                .as_ref()
-                .map_or(0.0, |l| 2.0 * (l.area_m2 / std::f64::consts::PI).sqrt()),
+            line_diameter: scene.lines.as_ref().map_or(0.0, case::Lines::round_diameter_m),
             suspension: (lowest(&mesh.coords[..mesh.n_canopy]) - lowest(&mesh.coords)).max(0.0),
             strain: pressure * 0.25 * width / (f.youngs_modulus_pa * f.thickness_m),
             drag: if falling_mass > 0.0 { falling_mass * gravity } else { dynamic_pressure * fabric_area },
@@ -169,7 +140,7 @@ impl Speeds {
     /// Of `scene`, whose frame falls with `fall` (m/s), as its winds by stage and its gusts give them.
     fn of(scene: &Scene, fall: f64) -> Self {
         let past = |w: [f64; 3]| (w[0].powi(2) + w[1].powi(2) + (w[2] + fall).powi(2)).sqrt();
-        let common = past(scene.flow.as_ref().map_or([0.0; 3], |f| f.wind_m_s));
+        let common = past(scene.resolved().wind_m_s);
         let times = StageTimes::planned(scene);
         let flows = |k: &usize| scene.flow.is_some() && scene.stages[*k].kind.roles().contains(&Role::Flow);
         let speeds = |k| if flows(&k) { scene.wind(k, &times).fastest(times.of(k), -fall) } else { [0.0; 2] };
@@ -184,6 +155,34 @@ impl Speeds {
 /// Length of a vector.
 pub fn length(v: &[f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Width of the canopy along the wider of the axes x and y, m.
+fn width(mesh: &StructureMesh) -> f64 {
+    let extent = |axis: usize| {
+        let (low, high) = mesh.coords[..mesh.n_canopy]
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x[axis]), h.max(x[axis])));
+        high - low
+    };
+    extent(0).max(extent(1))
+}
+
+/// Cells of the flow across the canopy.
+fn cells_across(scene: &Scene, mesh: &StructureMesh) -> f64 {
+    match &scene.canopy {
+        Canopy::Atps(a) => f64::from(a.cells_across),
+        Canopy::Square(f) | Canopy::Circular(f) => f64::from(f.cells_across),
+        Canopy::AirBag(a) => f64::from(a.cells_across),
+        Canopy::Panel(p) => f64::from(p.cells[0]),
+        Canopy::Gmsh(_) => (mesh.faces.len() as f64).sqrt(),
+    }
+}
+
+/// Size of the pressure that the first pre-inflation with one gives, Pa; `None` without one, or at zero.
+fn inflation_pressure(scene: &Scene) -> Option<f64> {
+    let mut inflations = scene.stages.iter().filter(|s| s.kind == StageKind::PreInflation);
+    inflations.find_map(|s| s.pressure_pa.map(f64::abs)).filter(|p| *p > 0.0)
 }
 
 #[cfg(test)]

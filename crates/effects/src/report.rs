@@ -59,11 +59,7 @@ pub fn table() -> String {
 /// The effects of a scene in the order of what they change in its answer, line by line.
 pub fn ranking(scope: &Scope<'_>) -> Vec<String> {
     let (scene, n) = (scope.scene(), scope.n);
-    let mut lines = vec![if scene.title.is_empty() {
-        scene.name.clone()
-    } else {
-        format!("{}: {}", scene.name, scene.title)
-    }];
+    let mut lines = vec![scene.caption()];
     lines.push(format!(
         "stream {:.3} m/s (Mach {:.4}), Reynolds number {:.2e}, dynamic pressure {:.2} Pa, pressure jump {:.2} Pa",
         n.speed, n.mach, n.reynolds, n.dynamic_pressure, n.pressure

@@ -4,6 +4,7 @@ use case::{Cloth, Integration, Permeability, Role, Scene, StageKind, Turbulence}
 
 use super::criteria::{self as c, any_stage};
 use super::estimate::{Assessment, Scope};
+use super::wind::remove_gusts;
 
 /// An effect: what a scene may ask for.
 pub struct Entry {
@@ -43,7 +44,7 @@ const STRUCTURE: &[&str] = &["structure-solver"];
 const FLOW: &[&str] = &["flow-solver"];
 
 fn viscosity(s: &Scene) -> Option<&case::Viscosity> {
-    s.flow.as_ref().and_then(|f| f.viscosity.as_ref())
+    s.viscosity()
 }
 
 fn turbulence(s: &Scene) -> Option<Turbulence> {
@@ -147,7 +148,7 @@ pub const TABLE: &[Entry] = &[
         programs: &["structure-solver", "coupler"],
         announced_by: Some(Role::Structure),
         criterion: "C d L sin^3(slant) beside the drag area, half of it through the lines, twice of it from the canopy's; within a factor of 5",
-        on: |s| s.lines.as_ref().is_some_and(|l| l.drag.is_some()),
+        on: |s| s.line_drag().is_some(),
         assess: c::line_drag,
         cost: "none that is measurable",
         needs: None,
@@ -333,7 +334,7 @@ pub const TABLE: &[Entry] = &[
         }),
         with: Some(|s| {
             if let Some(f) = &mut s.flow {
-                f.viscosity = Some(case::Viscosity { dynamic_viscosity_pa_s: 1.789e-5, turbulence: None });
+                f.viscosity = Some(case::Viscosity::default());
             }
         }),
     },
@@ -353,7 +354,7 @@ pub const TABLE: &[Entry] = &[
         without: Some(laminar),
         with: Some(|s| {
             if let Some(f) = &mut s.flow {
-                let air = case::Viscosity { dynamic_viscosity_pa_s: 1.789e-5, turbulence: None };
+                let air = case::Viscosity::default();
                 f.viscosity.get_or_insert(air).turbulence = Some(Turbulence::Smagorinsky);
             }
         }),
@@ -470,12 +471,7 @@ pub const TABLE: &[Entry] = &[
         assess: c::gust,
         cost: "none",
         needs: None,
-        without: Some(|s| {
-            s.stages.iter_mut().for_each(|stage| stage.gust = None);
-            if let Some(f) = &mut s.flow {
-                f.gust = None;
-            }
-        }),
+        without: Some(remove_gusts),
         with: None,
     },
     Entry {
@@ -487,7 +483,7 @@ pub const TABLE: &[Entry] = &[
         programs: FLOW,
         announced_by: Some(Role::Flow),
         criterion: "the fall through the profile and through the wind of the reference height; within a factor of 5",
-        on: |s| s.flow.as_ref().is_some_and(|f| f.shear.is_some()),
+        on: |s| s.shear().is_some(),
         assess: c::shear,
         cost: "none that is measurable",
         needs: None,
@@ -539,7 +535,7 @@ pub const TABLE: &[Entry] = &[
         programs: &["coupler"],
         announced_by: None,
         criterion: "drag area of the payload (a cube of its mass at 500 kg/m3 where none is given) beside the canopy's; within a factor of 3",
-        on: |s| s.descent.as_ref().is_some_and(|d| d.payload_drag.is_some()),
+        on: |s| s.payload_drag().is_some(),
         assess: c::payload_drag,
         cost: "none",
         needs: None,
@@ -564,7 +560,7 @@ pub const TABLE: &[Entry] = &[
         programs: STRUCTURE,
         announced_by: Some(Role::Structure),
         criterion: "phi^2 / 2 of drag and line force, phi the angle to which wind or a first velocity swings the payload; within a factor of 10",
-        on: |s| s.descent.as_ref().is_some_and(|d| d.body.is_some()),
+        on: |s| s.payload_body().is_some(),
         assess: c::body,
         cost: "none that is measurable; coupling iterations may rise",
         needs: Some("fabric_gravity"),

@@ -24,6 +24,14 @@ pub struct Wind {
     pub shear: Option<Sheared>,
 }
 
+/// Takes all gusts from a scene.
+pub fn remove_gusts(scene: &mut Scene) {
+    scene.stages.iter_mut().for_each(|stage| stage.gust = None);
+    if let Some(flow) = &mut scene.flow {
+        flow.gust = None;
+    }
+}
+
 impl Wind {
     /// Of stage `stage` of `scene`.
     pub fn of(scene: &Scene, stage: usize) -> Self {

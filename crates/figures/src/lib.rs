@@ -1,7 +1,17 @@
 //! Charts and pictures of runs: plots of a history, views of canopy and flow.
+//!
+//! All text and lines are drawn by `plotters` with one embedded font ([`font`]), so a figure is the same on
+//! every machine. [`chart`] draws curves, bars and maps as SVG and PNG; [`picture`] renders canopy and flow.
 
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
+pub mod chart;
+pub mod colour;
+mod colour_bar;
+mod font;
 pub mod picture;
+mod pixels;
 pub mod plot;
+mod sheet;
+pub mod snapshots;

@@ -8,7 +8,7 @@
 use std::rc::Rc;
 
 use comm::{Comm, Halo, Numbering};
-use linalg::{BlockCsr, Gmres, KrylovParams, Operator, Preconditioner, SchurLu, SchwarzLu};
+use linalg::{BlockCsr, Gmres, KrylovParams, Operator, Preconditioner, SchwarzLu};
 
 /// Seconds of processor time of this process.
 fn cpu_seconds() -> f64 {
@@ -137,7 +137,7 @@ macro_rules! factor {
         }
     )*};
 }
-factor!(SchwarzLu<3, f64>, SchwarzLu<3, f32>, SchurLu<3, f64>);
+factor!(SchwarzLu<3, f64>, SchwarzLu<3, f32>);
 
 /// `first` is what the factor is made from, `a` what it then serves for.
 fn report(
@@ -235,9 +235,6 @@ fn main() {
             }
             report(&comm, "Schwarz f64", &first, &a, &mut SchwarzLu::<3, f64>::plan(&first), 8);
             report(&comm, "Schwarz f32", &first, &a, &mut SchwarzLu::<3, f32>::plan(&first), 4);
-            if courant == 27.0 {
-                report(&comm, "Schur f64", &first, &a, &mut SchurLu::<3, f64>::plan(&first), 8);
-            }
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::{BlockCsr, Preconditioner, SingularBlock};
 /// The factor has the pattern of the matrix. Between ranks it is block Jacobi. For a
 /// symmetric matrix the factor is symmetric, but nothing ensures that it is positive:
 /// prefer GMRES where the matrix is far from an M-matrix.
-pub struct BlockIlu0<const B: usize, T: Real = f64> {
+pub(crate) struct BlockIlu0<const B: usize, T: Real = f64> {
     row_ptr: Vec<usize>,
     cols: Vec<u32>,
     diagonal: Vec<usize>,
@@ -23,16 +23,8 @@ pub struct BlockIlu0<const B: usize, T: Real = f64> {
 }
 
 impl<const B: usize, T: Real> BlockIlu0<B, T> {
-    /// Factorises `a`.
-    pub fn new(a: &BlockCsr<B>) -> Result<Self, SingularBlock> {
-        let mut this = Self::empty();
-        let rows: Vec<u32> = (0..a.n_rows() as u32).collect();
-        this.refit(a, &rows, &rows)?;
-        Ok(this)
-    }
-
     /// Of no matrix yet.
-    pub(crate) fn empty() -> Self {
+    pub fn empty() -> Self {
         Self {
             row_ptr: Vec::new(),
             cols: Vec::new(),
@@ -46,12 +38,7 @@ impl<const B: usize, T: Real> BlockIlu0<B, T> {
 
     /// Factorises the square part of `a` in `rows`; `index` numbers them, and is
     /// `u32::MAX` or missing for other columns. Keeps its memory.
-    pub(crate) fn refit(
-        &mut self,
-        a: &BlockCsr<B>,
-        rows: &[u32],
-        index: &[u32],
-    ) -> Result<(), SingularBlock> {
+    pub fn refit(&mut self, a: &BlockCsr<B>, rows: &[u32], index: &[u32]) -> Result<(), SingularBlock> {
         self.row_ptr.clear();
         self.row_ptr.push(0);
         self.cols.clear();
@@ -78,13 +65,13 @@ impl<const B: usize, T: Real> BlockIlu0<B, T> {
     }
 
     /// Columns and slots in the matrix of the entries of row `i`.
-    pub(crate) fn row(&self, i: usize) -> impl Iterator<Item = (usize, usize)> {
+    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, usize)> {
         let row = self.row_ptr[i]..self.row_ptr[i + 1];
         self.cols[row.clone()].iter().map(|j| *j as usize).zip(self.source[row].iter().copied())
     }
 
-    /// Factorises again, after the values of `a` changed.
-    pub fn refactor(&mut self, a: &BlockCsr<B>) -> Result<(), SingularBlock> {
+    /// Factorises the values of `a` on the pattern at hand.
+    fn refactor(&mut self, a: &BlockCsr<B>) -> Result<(), SingularBlock> {
         for (v, &s) in self.values.iter_mut().zip(&self.source) {
             *v = a.values[s].map(|row| row.map(T::from_f64));
         }
@@ -177,6 +164,13 @@ mod tests {
     use crate::Operator;
     use comm::Halo;
 
+    fn factor<T: Real>(a: &BlockCsr<2>) -> BlockIlu0<2, T> {
+        let mut ilu = BlockIlu0::empty();
+        let rows: Vec<u32> = (0..a.n_rows() as u32).collect();
+        ilu.refit(a, &rows, &rows).unwrap();
+        ilu
+    }
+
     /// A chain has no fill: ILU(0) is its exact factor.
     #[test]
     fn exact_on_a_chain() {
@@ -197,9 +191,9 @@ mod tests {
         let mut b = vec![0.0; 2 * n];
         a.apply(&mut x, &mut b);
         let mut z = vec![0.0; 2 * n];
-        BlockIlu0::<2>::new(&a).unwrap().apply(&b, &mut z);
+        factor::<f64>(&a).apply(&b, &mut z);
         assert!(z.iter().zip(&x).all(|(z, x)| (z - x).abs() < 1e-12));
-        BlockIlu0::<2, f32>::new(&a).unwrap().apply(&b, &mut z);
+        factor::<f32>(&a).apply(&b, &mut z);
         assert!(z.iter().zip(&x).all(|(z, x)| (z - x).abs() < 1e-5));
     }
 }

@@ -4,15 +4,13 @@
 //! followed by ghosts, `B` numbers to a row (block size).
 //!
 //! * [`BlockCsr`]: block rows of a distributed matrix, assembled through precomputed
-//!   slots; [`Lift`] keeps the columns that Dirichlet elimination takes out.
+//!   slots.
 //! * [`SymmetricCsr`]: the same with half of it stored, for products that read less memory.
 //! * [`Gmres`], [`Cg`]: Krylov solvers that own their workspace.
 //! * [`Subsystem`]: solves for some rows across ranks, the others held.
-//! * [`BlockJacobi`], [`BlockIlu0`]: rank-local preconditioners.
-//! * [`SchwarzLu`]: sparse direct factors of subdomains, one or more to a rank;
-//!   [`SchurLu`]: of the whole.
+//! * [`BlockJacobi`]: rank-local preconditioner.
+//! * [`SchwarzLu`]: sparse direct factors of subdomains, one or more to a rank.
 //! * [`Amg`]: smoothed aggregation multigrid for elasticity.
-//! * [`recycle::Projection`]: initial guesses from past solutions.
 
 // Blocks are written in index notation, like the formulas they implement.
 #![allow(clippy::needless_range_loop)]
@@ -21,13 +19,11 @@ mod amg;
 mod block;
 mod block_csr;
 mod direct;
-mod dirichlet;
 mod ghost_rows;
 mod ilu;
 mod jacobi;
 mod krylov;
 mod operator;
-pub mod recycle;
 mod schwarz;
 mod subsystem;
 mod symmetric;
@@ -37,11 +33,9 @@ pub use amg::{Amg, AmgError, AmgParams};
 pub use block::Real;
 pub use block_csr::BlockCsr;
 pub use direct::FactorError;
-pub use dirichlet::Lift;
-pub use ilu::BlockIlu0;
 pub use jacobi::{BlockJacobi, SingularBlock};
 pub use krylov::{Cg, Gmres, History, KrylovError, KrylovInfo, KrylovParams};
 pub use operator::{Identity, Operator, Preconditioner};
-pub use schwarz::{SchurLu, SchwarzLu};
+pub use schwarz::SchwarzLu;
 pub use subsystem::{Subsystem, SubsystemError};
 pub use symmetric::SymmetricCsr;

@@ -5,7 +5,8 @@ use std::rc::Rc;
 
 use comm::Halo;
 
-use crate::{BlockCsr, BlockIlu0, Gmres, KrylovError, KrylovParams, Operator, SingularBlock};
+use crate::ilu::BlockIlu0;
+use crate::{BlockCsr, Gmres, KrylovError, KrylovParams, Operator, SingularBlock};
 
 /// Solver for the square part of a distributed matrix in a set of rows that may change
 /// with each call: GMRES over all ranks, preconditioned by each rank's ILU(0) in single

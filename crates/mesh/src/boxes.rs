@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::{FlowGrid, Patch, Vec3};
+use crate::{FlowGrid, Patch, Point};
 
 /// Shape of the cells of a box grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +19,7 @@ pub enum BoxShape {
 
 /// A box from `lo` to `hi` of `n` hexahedra along x, y, z. Patches: low x, high
 /// x, low y, high y, low z, high z. Nodes and cells run along x first.
-pub fn box_grid(n: [usize; 3], lo: Vec3, hi: Vec3, patches: [Patch; 6]) -> FlowGrid {
+pub fn box_grid(n: [usize; 3], lo: Point, hi: Point, patches: [Patch; 6]) -> FlowGrid {
     let node = |i: usize, j: usize, k: usize| (i + (n[0] + 1) * (j + (n[1] + 1) * k)) as u32;
     let mut grid = FlowGrid::default();
     for k in 0..=n[2] {
@@ -33,6 +33,18 @@ pub fn box_grid(n: [usize; 3], lo: Vec3, hi: Vec3, patches: [Patch; 6]) -> FlowG
             }
         }
     }
+    add_box_cells(&mut grid, n, patches, node);
+    grid
+}
+
+/// Adds `n` hexahedra along x, y, z between the nodes that `node` numbers, and the outer faces with their patches:
+/// low x, high x, low y, high y, low z, high z.
+pub(crate) fn add_box_cells(
+    grid: &mut FlowGrid,
+    n: [usize; 3],
+    patches: [Patch; 6],
+    node: impl Fn(usize, usize, usize) -> u32,
+) {
     for k in 0..n[2] {
         for j in 0..n[1] {
             for i in 0..n[0] {
@@ -57,15 +69,14 @@ pub fn box_grid(n: [usize; 3], lo: Vec3, hi: Vec3, patches: [Patch; 6]) -> FlowG
             }
         }
     }
-    grid
 }
 
 /// A box of hexahedra with a plate of zero thickness: the z-faces at level
 /// `level` whose cells lie in the given ranges of i and j. Normal +z.
 pub fn plate_grid(
     n: [usize; 3],
-    lo: Vec3,
-    hi: Vec3,
+    lo: Point,
+    hi: Point,
     patches: [Patch; 6],
     level: usize,
     ranges: [Range<usize>; 2],
@@ -87,7 +98,7 @@ pub fn plate_grid(
 }
 
 /// A box of cells of another shape, from the same boxes.
-pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Vec3, hi: Vec3, patches: [Patch; 6]) -> FlowGrid {
+pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches: [Patch; 6]) -> FlowGrid {
     let base = box_grid(n, lo, hi, patches);
     let mut grid = FlowGrid { coords: base.coords.clone(), ..Default::default() };
     for cell in &base.cells {

@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use crate::Vec3;
+use crate::Point;
 
 /// Why a mesh could not be made, checked, cut or stored.
 #[derive(Debug, thiserror::Error)]
@@ -49,7 +49,7 @@ pub enum MeshError {
         /// Worst cell.
         cell: usize,
         /// Its centre, m.
-        at: Vec3,
+        at: Point,
         /// Its scaled Jacobian.
         quality: f64,
     },
@@ -95,7 +95,7 @@ pub enum MeshError {
         /// The cell.
         cell: usize,
         /// Its centre, m.
-        at: Vec3,
+        at: Point,
         /// Its volume, m3.
         volume: f64,
     },

@@ -68,18 +68,20 @@ const OPEN: u32 = u32::MAX;
 const NONE: u32 = u32::MAX - 1;
 const TAKEN: u32 = u32::MAX - 2;
 
-impl FaceTable {
-    /// Finds all faces in linear time.
-    ///
-    /// # Errors
-    /// A face that is open without a condition or shared by too many cells, a
-    /// canopy or boundary face that no cell has, a cell without positive volume.
-    pub fn new(grid: &FlowGrid) -> Result<Self, MeshError> {
-        quality::check_volumes(grid)?;
-        let slots = grid.cells.len() * 6;
-        let face = |slot: usize| cell_face(&grid.cells[slot / 6], slot % 6);
-        // Faces by their smallest node: a compressed list of slots, each with the
-        // face's two next larger nodes, which decide nearly every comparison.
+/// The sides of all cells (slot: six times the cell, and its side), by their smallest node.
+struct Sides<'a> {
+    cells: &'a [[u32; 8]],
+    /// First of the list's rows of each node.
+    start: Vec<u32>,
+    /// The two next larger nodes of a side, which decide nearly every comparison, and its slot.
+    list: Vec<(u32, u32, u32)>,
+}
+
+impl<'a> Sides<'a> {
+    fn new(grid: &'a FlowGrid) -> Self {
+        let cells = &grid.cells[..];
+        let slots = cells.len() * 6;
+        let face = |slot: usize| cell_face(&cells[slot / 6], slot % 6);
         let mut start = vec![0u32; grid.coords.len() + 1];
         for slot in 0..slots {
             if let Some(f) = face(slot) {
@@ -99,78 +101,119 @@ impl FaceTable {
                 *at += 1;
             }
         }
-        drop(fill);
-        let around = |f: FaceNodes| {
-            let f = key(f);
-            let node = f[0] as usize;
-            let range =
-                if node + 1 < start.len() { start[node] as usize..start[node + 1] as usize } else { 0..0 };
-            let alike = move |s: u32| face(s as usize).map(key) == Some(f);
-            list[range].iter().filter(move |e| e.0 == f[1] && e.1 == f[2] && alike(e.2)).map(|e| e.2)
+        Self { cells, start, list }
+    }
+
+    /// The side `slot`, out of its cell; `None` where it is collapsed.
+    fn face(&self, slot: usize) -> Option<FaceNodes> {
+        cell_face(&self.cells[slot / 6], slot % 6)
+    }
+
+    /// The same of a slot that is in the list.
+    fn listed(&self, slot: u32) -> FaceNodes {
+        self.face(slot as usize).expect("a listed face is clean")
+    }
+
+    /// Slots of the sides with the nodes of `f`.
+    fn around(&self, f: FaceNodes) -> impl Iterator<Item = u32> + '_ {
+        let f = key(f);
+        let node = f[0] as usize;
+        let rows = match self.start.get(node..node + 2) {
+            Some(ends) => &self.list[ends[0] as usize..ends[1] as usize],
+            None => &[],
         };
+        let alike = move |s: u32| self.face(s as usize).map(key) == Some(f);
+        rows.iter().filter(move |e| e.0 == f[1] && e.1 == f[2] && alike(e.2)).map(|e| e.2)
+    }
+
+    /// The slot on the other side of each slot, [`OPEN`] without one, [`NONE`] where it is collapsed.
+    fn partners(&self) -> Result<Vec<u32>, MeshError> {
         let crowd = |f: FaceNodes| MeshError::CrowdedFace {
             nodes: f,
-            cells: around(f).map(|s| s as usize / 6).collect(),
+            cells: self.around(f).map(|s| s as usize / 6).collect(),
         };
-
-        let mut partner = vec![NONE; slots];
+        let mut partner = vec![NONE; self.cells.len() * 6];
         for (slot, partner) in partner.iter_mut().enumerate() {
-            let Some(f) = face(slot) else { continue };
-            let mut others = around(f).filter(|&s| s as usize != slot);
+            let Some(f) = self.face(slot) else { continue };
+            let mut others = self.around(f).filter(|&s| s as usize != slot);
             *partner = match (others.next(), others.next()) {
                 (None, _) => OPEN,
                 (Some(other), None) => other,
                 _ => return Err(crowd(f)),
             };
-            if *partner != OPEN {
-                let g = face(*partner as usize).expect("a listed face is clean");
-                if same_turn(f, g) {
-                    return Err(crowd(f));
-                }
+            if *partner != OPEN && same_turn(f, self.listed(*partner)) {
+                return Err(crowd(f));
             }
         }
+        Ok(partner)
+    }
+}
 
+impl FaceTable {
+    /// Finds all faces in linear time.
+    ///
+    /// # Errors
+    /// A face that is open without a condition or shared by too many cells, a
+    /// canopy or boundary face that no cell has, a cell without positive volume.
+    pub fn new(grid: &FlowGrid) -> Result<Self, MeshError> {
+        quality::check_volumes(grid)?;
+        let sides = Sides::new(grid);
+        let mut partner = sides.partners()?;
         let mut table = FaceTable::default();
+        table.take_canopy(grid, &sides, &mut partner)?;
+        table.take_boundary(grid, &sides, &mut partner)?;
+        table.take_interior(&sides, &partner)?;
+        Ok(table)
+    }
+
+    fn take_canopy(&mut self, grid: &FlowGrid, sides: &Sides, partner: &mut [u32]) -> Result<(), MeshError> {
         for (index, &nodes) in grid.canopy_faces.iter().enumerate() {
             let loose = MeshError::LooseFace { kind: "canopy", index, nodes };
             let Some(f) = clean_face(nodes) else { return Err(loose) };
-            let Some(first) = around(f).next() else { return Err(loose) };
+            let Some(first) = sides.around(f).next() else { return Err(loose) };
             let second = partner[first as usize];
             if second >= TAKEN {
                 return Err(loose);
             }
-            let own = face(first as usize).expect("a listed face is clean");
             let (a, b) = (first / 6, second / 6);
-            table.canopy.push(if same_turn(own, f) { (a, b) } else { (b, a) });
+            self.canopy.push(if same_turn(sides.listed(first), f) { (a, b) } else { (b, a) });
             partner[first as usize] = TAKEN;
             partner[second as usize] = TAKEN;
         }
+        Ok(())
+    }
+
+    fn take_boundary(
+        &mut self,
+        grid: &FlowGrid,
+        sides: &Sides,
+        partner: &mut [u32],
+    ) -> Result<(), MeshError> {
         for (index, &(patch, nodes)) in grid.boundary.iter().enumerate() {
             let loose = MeshError::LooseFace { kind: "boundary", index, nodes };
             let Some(f) = clean_face(nodes) else { return Err(loose) };
-            let Some(slot) = around(f).next().filter(|&s| partner[s as usize] == OPEN) else {
+            let Some(slot) = sides.around(f).next().filter(|&s| partner[s as usize] == OPEN) else {
                 return Err(loose);
             };
-            let outward = face(slot as usize).expect("a listed face is clean");
-            table.boundary.push((patch, outward, slot / 6));
+            self.boundary.push((patch, sides.listed(slot), slot / 6));
             partner[slot as usize] = TAKEN;
         }
-        for (slot, &other) in partner.iter().enumerate() {
-            let cell = (slot / 6) as u32;
+        Ok(())
+    }
+
+    /// What is left lies between two cells.
+    fn take_interior(&mut self, sides: &Sides, partner: &[u32]) -> Result<(), MeshError> {
+        for (slot, &other) in (0u32..).zip(partner) {
             match other {
                 NONE | TAKEN => {}
                 OPEN => {
-                    let nodes = face(slot).expect("a listed face is clean");
-                    return Err(MeshError::OpenFace { nodes, cell: slot / 6 });
+                    return Err(MeshError::OpenFace { nodes: sides.listed(slot), cell: slot as usize / 6 });
                 }
-                _ if other as usize > slot => {
-                    let nodes = face(slot).expect("a listed face is clean");
-                    table.interior.push((nodes, cell, other / 6));
-                }
+                _ if other > slot => self.interior.push((sides.listed(slot), slot / 6, other / 6)),
                 _ => {}
             }
         }
-        Ok(table)
+        Ok(())
     }
 }
 

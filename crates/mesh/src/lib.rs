@@ -6,6 +6,7 @@
 mod boxes;
 mod error;
 mod faces;
+pub mod geometry;
 mod grid;
 mod msh;
 mod partition;
@@ -19,6 +20,7 @@ pub mod vtk;
 pub use boxes::*;
 pub use error::*;
 pub use faces::*;
+pub use geometry::Point;
 pub use grid::{GridFileError, GridSizes, draft_grid, flow_grid, grid_sizes};
 pub use msh::write_msh;
 pub use partition::*;

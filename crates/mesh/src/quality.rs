@@ -1,29 +1,11 @@
 //! How good cells are: volume, scaled Jacobian, aspect.
 
-use crate::{FlowGrid, HEX_FACES, MeshError, Vec3};
-
-pub(crate) fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-pub(crate) fn add(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-pub(crate) fn scale(a: Vec3, s: f64) -> Vec3 {
-    [a[0] * s, a[1] * s, a[2] * s]
-}
-pub(crate) fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-pub(crate) fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-pub(crate) fn norm(a: Vec3) -> f64 {
-    dot(a, a).sqrt()
-}
+use crate::geometry::{Point, Vec3, at};
+use crate::{FlowGrid, HEX_FACES, MeshError};
 
 /// Corners of a cell.
-pub fn corners(coords: &[Vec3], cell: &[u32; 8]) -> [Vec3; 8] {
-    cell.map(|n| coords[n as usize])
+pub fn corners(coords: &[Point], cell: &[u32; 8]) -> [Vec3; 8] {
+    cell.map(|n| at(coords, n))
 }
 
 /// Volume of a cell, m3: divergence theorem, each quadrilateral as four
@@ -33,10 +15,10 @@ pub fn volume(x: &[Vec3; 8]) -> f64 {
     let o = x[0];
     let mut sum = 0.0;
     for face in HEX_FACES {
-        let p = face.map(|i| sub(x[i], o));
-        let m = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);
+        let p = face.map(|i| x[i] - o);
+        let m = (p[0] + p[1] + (p[2] + p[3])) * 0.25;
         for i in 0..4 {
-            sum += dot(m, cross(p[i], p[(i + 1) % 4]));
+            sum += m.dot(&p[i].cross(&p[(i + 1) % 4]));
         }
     }
     sum / 6.0
@@ -48,17 +30,17 @@ pub fn cell_volume(grid: &FlowGrid, c: usize) -> f64 {
 }
 
 /// Mean of the (distinct) nodes of cell `c`, m.
-pub fn cell_centre(grid: &FlowGrid, c: usize) -> Vec3 {
+pub fn cell_centre(grid: &FlowGrid, c: usize) -> Point {
     let cell = &grid.cells[c];
-    let mut sum = [0.0; 3];
+    let mut sum = Vec3::zeros();
     let mut n = 0.0;
     for i in 0..8 {
         if !cell[..i].contains(&cell[i]) {
-            sum = add(sum, grid.coords[cell[i] as usize]);
+            sum += at(&grid.coords, cell[i]);
             n += 1.0;
         }
     }
-    scale(sum, 1.0 / n)
+    (sum * (1.0 / n)).into()
 }
 
 /// Errs on the first cell without positive (or with unknown) volume.
@@ -80,7 +62,7 @@ pub const CORNER_EDGES: [[usize; 3]; 8] =
 /// corner, 0 for a flat one, negative for an inverted one. Corners with a
 /// collapsed edge are skipped. A cell whose corners are all skipped counts its
 /// volume over its longest edge cubed.
-pub fn scaled_jacobian(coords: &[Vec3], cell: &[u32; 8]) -> f64 {
+pub fn scaled_jacobian(coords: &[Point], cell: &[u32; 8]) -> f64 {
     let mut worst = f64::INFINITY;
     for (corner, edges) in CORNER_EDGES.iter().enumerate() {
         let own = cell[corner];
@@ -90,16 +72,16 @@ pub fn scaled_jacobian(coords: &[Vec3], cell: &[u32; 8]) -> f64 {
         if degenerate {
             continue;
         }
-        let e = ends.map(|n| sub(coords[n as usize], coords[own as usize]));
-        let det = dot(e[0], cross(e[1], e[2]));
-        worst = worst.min(det / (norm(e[0]) * norm(e[1]) * norm(e[2])));
+        let e = ends.map(|n| at(coords, n) - at(coords, own));
+        let det = e[0].dot(&e[1].cross(&e[2]));
+        worst = worst.min(det / (e[0].norm() * e[1].norm() * e[2].norm()));
     }
     if worst == f64::INFINITY {
         let x = corners(coords, cell);
         let mut longest = 0.0f64;
         for i in 0..8 {
             for j in 0..i {
-                longest = longest.max(norm(sub(x[i], x[j])));
+                longest = longest.max((x[i] - x[j]).norm());
             }
         }
         worst = volume(&x) / longest.powi(3);
@@ -108,12 +90,12 @@ pub fn scaled_jacobian(coords: &[Vec3], cell: &[u32; 8]) -> f64 {
 }
 
 /// Longest over shortest (uncollapsed) edge of a cell.
-pub fn aspect(coords: &[Vec3], cell: &[u32; 8]) -> f64 {
+pub fn aspect(coords: &[Point], cell: &[u32; 8]) -> f64 {
     let (mut short, mut long) = (f64::INFINITY, 0.0f64);
     for (corner, edges) in CORNER_EDGES.iter().enumerate() {
         for &e in edges {
             if cell[e] != cell[corner] {
-                let length = norm(sub(coords[cell[e] as usize], coords[cell[corner] as usize]));
+                let length = (at(coords, cell[e]) - at(coords, cell[corner])).norm();
                 short = short.min(length);
                 long = long.max(length);
             }
@@ -132,7 +114,7 @@ pub struct Summary {
     /// Cell with the smallest scaled Jacobian.
     pub worst_cell: usize,
     /// Its centre, m.
-    pub worst_at: Vec3,
+    pub worst_at: Point,
     /// Smallest volume, m3.
     pub min_volume: f64,
     /// Sum of volumes, m3.

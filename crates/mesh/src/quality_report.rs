@@ -2,9 +2,10 @@
 
 use std::fmt;
 
-use crate::quality::{self, add, cross, dot, norm, scale, sub};
+use crate::geometry::{Point, Vec3, at, quad_area_vector, triangle_area_vector};
+use crate::quality;
 use crate::vtk::volume_shape;
-use crate::{FaceTable, FlowGrid, Vec3, msh::Shape};
+use crate::{FaceTable, FlowGrid, msh::Shape};
 
 /// Least, mean and largest of a measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +28,7 @@ pub struct Worst {
     /// The cell.
     pub cell: u32,
     /// Its centre, m.
-    pub at: Vec3,
+    pub at: Point,
 }
 
 /// Sizes and shapes of the cells of a grid.
@@ -111,38 +112,38 @@ impl Measure {
 
 /// Area vector and centre of a face, as the flow sees it.
 fn face_shape(grid: &FlowGrid, nodes: [u32; 4]) -> (Vec3, Vec3) {
-    let p = nodes.map(|n| grid.coords[n as usize]);
+    let p = nodes.map(|n| at(&grid.coords, n));
     if nodes[2] == nodes[3] {
-        let area = scale(cross(sub(p[1], p[0]), sub(p[2], p[0])), 0.5);
-        return (area, scale(add(add(p[0], p[1]), p[2]), 1.0 / 3.0));
+        let area = triangle_area_vector([p[0], p[1], p[2]]);
+        return (area, (p[0] + p[1] + p[2]) * (1.0 / 3.0));
     }
-    let area = scale(cross(sub(p[2], p[0]), sub(p[3], p[1])), 0.5);
-    let middle = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);
-    let (mut moment, mut weight) = ([0.0; 3], 0.0);
+    let area = quad_area_vector(p);
+    let middle = (p[0] + p[1] + (p[2] + p[3])) * 0.25;
+    let (mut moment, mut weight) = (Vec3::zeros(), 0.0);
     for k in 0..4 {
-        let (a, b) = (sub(p[k], middle), sub(p[(k + 1) % 4], middle));
-        let w = dot(cross(a, b), area);
+        let (a, b) = (p[k] - middle, p[(k + 1) % 4] - middle);
+        let w = a.cross(&b).dot(&area);
         weight += w;
-        moment = add(moment, scale(add(a, b), w / 3.0));
+        moment += (a + b) * (w / 3.0);
     }
-    (area, if weight > 0.0 { add(middle, scale(moment, 1.0 / weight)) } else { middle })
+    (area, if weight > 0.0 { middle + moment * (1.0 / weight) } else { middle })
 }
 
 /// Centre of volume of a cell, m: tetrahedra from its first corner to its faces.
 fn centroid(x: &[Vec3; 8]) -> Vec3 {
     let o = x[0];
-    let (mut sum, mut volume) = ([0.0; 3], 0.0);
+    let (mut sum, mut volume) = (Vec3::zeros(), 0.0);
     for face in crate::HEX_FACES {
-        let p = face.map(|i| sub(x[i], o));
-        let m = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);
+        let p = face.map(|i| x[i] - o);
+        let m = (p[0] + p[1] + (p[2] + p[3])) * 0.25;
         for i in 0..4 {
             let (a, b) = (p[i], p[(i + 1) % 4]);
-            let v = dot(m, cross(a, b));
+            let v = m.dot(&a.cross(&b));
             volume += v;
-            sum = add(sum, scale(add(add(a, b), m), 0.25 * v));
+            sum += (a + b + m) * (0.25 * v);
         }
     }
-    add(o, scale(sum, 1.0 / volume))
+    o + sum * (1.0 / volume)
 }
 
 impl QualityReport {
@@ -175,12 +176,12 @@ impl QualityReport {
         for &(nodes, i, j) in &faces.interior {
             let (area, middle) = face_shape(grid, nodes);
             let (a, b) = (centre[i as usize], centre[j as usize]);
-            let d = sub(b, a);
-            let along = dot(d, area);
-            let cosine = along / (norm(d) * norm(area));
+            let d = b - a;
+            let along = d.dot(&area);
+            let cosine = along / (d.norm() * area.norm());
             angle.add(cosine.clamp(-1.0, 1.0).acos().to_degrees(), i);
-            let cross = add(a, scale(d, dot(sub(middle, a), area) / along));
-            let off = norm(sub(middle, cross)) / norm(d);
+            let cross = a + d * ((middle - a).dot(&area) / along);
+            let off = (middle - cross).norm() / d.norm();
             skew.add(if off.is_finite() { off } else { f64::MAX.sqrt() }, i);
             let ratio = size[i as usize] / size[j as usize];
             jump.add(ratio.max(1.0 / ratio), i);
@@ -190,7 +191,7 @@ impl QualityReport {
                 measure: m.name,
                 value: m.sign * bad,
                 cell,
-                at: centre[cell as usize],
+                at: centre[cell as usize].into(),
             };
             m.worst.iter().map(row).collect::<Vec<_>>()
         });

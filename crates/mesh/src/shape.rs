@@ -1,11 +1,14 @@
-//! The canopy's shape in a file: what the structure leaves for the flow grid.
+//! The canopy's shape in a file: what the structure leaves for the flow grid. Its layout is part of the contract
+//! (`docs/contract.md`), because structures of others write it as well.
 
 use std::path::Path;
 
+use archive::codec::compact;
+use archive::hash::fnv1a_of_numbers;
 use serde::{Deserialize, Serialize};
 
 use crate::vtk::write_aside;
-use crate::{MeshError, Vec3};
+use crate::{MeshError, Point};
 
 const MAGIC: [u8; 8] = *b"ripshape";
 const VERSION: u32 = 1;
@@ -16,29 +19,22 @@ struct File {
     version: u32,
     count: u64,
     checksum: u64,
-    positions: Vec<Vec3>,
-}
-
-/// FNV-1a over the bits of all coordinates.
-fn checksum(positions: &[Vec3]) -> u64 {
-    let bytes = positions.as_flattened().iter().flat_map(|v| v.to_bits().to_le_bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
+    positions: Vec<Point>,
 }
 
 /// Saves the positions of the canopy nodes, m, in the order of the interface.
 ///
 /// # Errors
 /// Trouble with the file.
-pub fn save_shape(path: &Path, positions: &[Vec3]) -> Result<(), MeshError> {
+pub fn save_shape(path: &Path, positions: &[Point]) -> Result<(), MeshError> {
     let file = File {
         magic: MAGIC,
         version: VERSION,
         count: positions.len() as u64,
-        checksum: checksum(positions),
+        checksum: fnv1a_of_numbers(positions.as_flattened()),
         positions: positions.to_vec(),
     };
-    let bytes = bincode::serde::encode_to_vec(&file, bincode::config::standard())
-        .map_err(|e| MeshError::File { path: path.into(), reason: e.to_string() })?;
+    let bytes = compact::encode(&file);
     write_aside(path, |out| out.write_all(&bytes).map_err(|e| e.to_string()))
 }
 
@@ -46,21 +42,18 @@ pub fn save_shape(path: &Path, positions: &[Vec3]) -> Result<(), MeshError> {
 ///
 /// # Errors
 /// A missing, foreign or damaged file, one of another version, or of another canopy.
-pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Vec3>, MeshError> {
+pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Point>, MeshError> {
     let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
     let bad = |reason: String| MeshError::File { path: path.into(), reason };
     if bytes.get(..8) != Some(&MAGIC) {
         return Err(bad("is not a canopy shape of ripstop".into()));
     }
-    // A damaged length must not reserve memory without end.
-    let config = bincode::config::standard().with_limit::<{ 1 << 32 }>();
-    let (file, used): (File, usize) =
-        bincode::serde::decode_from_slice(&bytes, config).map_err(|e| bad(format!("is damaged: {e}")))?;
+    let file: File = compact::decode(&bytes).map_err(|e| bad(format!("is damaged: {e}")))?;
     if file.version != VERSION {
         return Err(bad(format!("has format version {}, this program reads {VERSION}", file.version)));
     }
     let count = file.positions.len();
-    if used != bytes.len() || file.count != count as u64 || file.checksum != checksum(&file.positions) {
+    if file.count != count as u64 || file.checksum != fnv1a_of_numbers(file.positions.as_flattened()) {
         return Err(bad("is damaged: its checksum does not match".into()));
     }
     if count != expected {
@@ -82,7 +75,7 @@ mod tests {
     fn comes_back_and_refuses_damage() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("canopy.bin");
-        let shape: Vec<Vec3> = (0..50).map(|i| [f64::from(i), 0.1, -1e-300]).collect();
+        let shape: Vec<Point> = (0..50).map(|i| [f64::from(i), 0.1, -1e-300]).collect();
         save_shape(&path, &shape).unwrap();
         assert_eq!(load_shape(&path, 50).unwrap(), shape);
         let reason = |expected| match load_shape(&path, expected) {

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// A point or vector, m.
-pub type Vec3 = [f64; 3];
+use crate::geometry::Point;
 
 /// Fabric, lines and payload.
 ///
@@ -15,7 +14,7 @@ pub type Vec3 = [f64; 3];
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StructureMesh {
     /// Unstressed positions, m.
-    pub coords: Vec<Vec3>,
+    pub coords: Vec<Point>,
     /// Number of canopy (interface) nodes.
     pub n_canopy: usize,
     /// Interface faces as quadrilaterals of canopy nodes; a triangle repeats its
@@ -66,7 +65,7 @@ pub enum CableKind {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FlowGrid {
     /// Node positions, m.
-    pub coords: Vec<Vec3>,
+    pub coords: Vec<Point>,
     /// Hexahedra in VTK order (0-3 one face, 4-7 the opposite one). Other shapes
     /// repeat nodes: prism `[a,b,c,c, d,e,f,f]`, pyramid `[a,b,c,d, e,e,e,e]`,
     /// tetrahedron `[a,b,c,c, d,d,d,d]`, or any collapsed edge.

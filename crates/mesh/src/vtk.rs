@@ -16,7 +16,7 @@ use vtkio::model::{
 use vtkio::xml::Compressor;
 
 use crate::msh::Shape;
-use crate::{MeshError, Vec3};
+use crate::{MeshError, Point};
 
 /// Values of a named field, one for each point or cell.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +28,7 @@ pub enum Values<'a> {
     /// Whole numbers, such as ranks.
     U32(&'a [u32]),
     /// Vectors.
-    Vector(&'a [Vec3]),
+    Vector(&'a [Point]),
     /// Vectors in single precision.
     Vector32(&'a [[f32; 3]]),
 }
@@ -94,7 +94,7 @@ pub(crate) fn write_aside(
 
 fn write(
     path: &Path,
-    points: &[Vec3],
+    points: &[Point],
     cells: Cells,
     point_data: &[Field],
     cell_data: &[Field],
@@ -125,7 +125,7 @@ const BLOCK: usize = 32_768;
 
 /// LZ4, for a snapshot stops the solvers and zlib would take ten times longer to save little more; nothing
 /// where an array fills its blocks exactly: vtkio then adds an empty block, which VTK takes for a full one.
-fn compressor(points: &[Vec3], cells: &Cells, fields: &[&[Field]]) -> Compressor {
+fn compressor(points: &[Point], cells: &Cells, fields: &[&[Field]]) -> Compressor {
     let field = |values: &Values| match values {
         Values::F64(v) => size_of_val(*v),
         Values::F32(v) => size_of_val(*v),
@@ -156,7 +156,7 @@ fn compressor(points: &[Vec3], cells: &Cells, fields: &[&[Field]]) -> Compressor
 /// Field lengths that do not fit, and trouble with the file.
 pub fn write_surface<P: AsRef<[u32]>>(
     path: &Path,
-    points: &[Vec3],
+    points: &[Point],
     polygons: &[P],
     point_data: &[Field],
     cell_data: &[Field],
@@ -177,7 +177,7 @@ pub fn write_surface<P: AsRef<[u32]>>(
 /// Field lengths that do not fit, and trouble with the file.
 pub fn write_volume(
     path: &Path,
-    points: &[Vec3],
+    points: &[Point],
     cells: &[[u32; 8]],
     point_data: &[Field],
     cell_data: &[Field],
@@ -373,7 +373,7 @@ mod tests {
         let path = folder.path().join("lines.vtu");
         // 4096 values of 8 bytes are one block to the byte, and 4096 points are three.
         for (count, packed) in [(4090, true), (4095, false), (4096, false), (4097, true)] {
-            let points: Vec<Vec3> = (0..count + 1).map(|i| [f64::from(i), 0.5, -1.0]).collect();
+            let points: Vec<Point> = (0..count + 1).map(|i| [f64::from(i), 0.5, -1.0]).collect();
             let lines: Vec<[u32; 2]> = (0..count as u32).map(|i| [i, i + 1]).collect();
             let values: Vec<f64> = (0..count).map(|i| (f64::from(i) * 0.3).sin()).collect();
             write_surface(&path, &points, &lines, &[], &[("v", Values::F64(&values))]).unwrap();

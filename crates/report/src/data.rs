@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use case::{Scene, StageKind};
 use coupling::error::RunError;
-use figures::picture::results::{Kind, Results};
+use figures::snapshots::{Kind, RunSnapshots};
 use results::history;
 use serde_json::Value;
 
@@ -80,7 +80,7 @@ pub(super) struct Run {
     /// Its folder.
     pub(super) folder: PathBuf,
     /// Its snapshots.
-    pub(super) results: Results,
+    pub(super) results: RunSnapshots,
     /// `summary.json`, if the run came to write it.
     pub(super) summary: Option<Value>,
     /// Stages that did something, in their order.
@@ -105,7 +105,7 @@ impl Run {
     /// # Errors
     /// No folder, no scene in it, no window done, files that are damaged.
     pub(super) fn open(folder: &Path) -> Result<Self, RunError> {
-        let results = Results::open(folder)?;
+        let results = RunSnapshots::open(folder)?;
         let mut missing = Vec::new();
         let summary = summary(folder, &mut missing)?;
         let mut stages = Vec::new();

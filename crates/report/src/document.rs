@@ -2,8 +2,8 @@
 
 use case::StageKind;
 use coupling::error::RunError;
-use figures::picture::results::Kind;
 use figures::picture::{canopy_png, flow_png};
+use figures::snapshots::Kind;
 use terminal::clock;
 
 use super::bars::Bars;
@@ -141,7 +141,7 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
         other => format!("The run ended early: {other}"),
     };
     Ok(Document {
-        title: if scene.title.is_empty() { scene.name.clone() } else { scene.title.clone() },
+        title: scene.heading().to_owned(),
         status: format!(
             "{how}. Stage {}: {}, {}.",
             run.stage(main).name,
@@ -273,6 +273,7 @@ fn times(run: &Run) -> Section {
             Block::Bars(Bars {
                 id: "time".into(),
                 title: "Wall seconds of each program in each stage".into(),
+                label: "wall time",
                 unit: "s",
                 note: "Each bar is a stage, cut into shares of its wall time.".into(),
                 parts: parts.to_vec(),

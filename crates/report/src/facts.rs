@@ -7,7 +7,7 @@ use figures::plot;
 use terminal::clock;
 
 use super::chart::digits;
-use super::data::{Run, StageData, number};
+use super::data::{Columns, Run, StageData, number};
 use super::document::Card;
 
 /// Weight of all that falls, N; `None` without descent.
@@ -38,83 +38,107 @@ pub(super) fn wall(stage: &StageData) -> f64 {
 
 /// Numbers of the main stage.
 pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
+    let columns = &run.main().columns;
+    let found = [
+        descent_speed(run),
+        drag(run),
+        projected_area(columns),
+        line_tension(columns),
+        coupling_effort(columns),
+        Some(wall_time(run)),
+    ];
+    let mut cards: Vec<Card> = found.into_iter().flatten().collect();
+    cards.push(Card {
+        label: "Warnings".into(),
+        value: warnings.to_string(),
+        notes: vec![if warnings == 0 { "nothing to say".into() } else { "listed below".into() }],
+        warn: warnings > 0,
+    });
+    cards
+}
+
+fn card(label: &str, value: String, notes: Vec<String>) -> Card {
+    Card { label: label.into(), value, notes, warn: false }
+}
+
+/// Where the main stage falls freely: its late mean beside published values.
+fn descent_speed(run: &Run) -> Option<Card> {
     let stage = run.main();
-    let kind = run.stage(stage).kind;
-    let c = &stage.columns;
-    let mut cards = Vec::new();
-    let mut card = |label: &str, value: String, notes: Vec<String>| {
-        cards.push(Card { label: label.into(), value, notes, warn: false });
-    };
-    if kind == StageKind::Coupled
-        && run.scene().descent.is_some()
-        && let Some((mean, deviation)) = c.late("descent_speed_m_s")
-    {
-        let mut notes = vec![
-            format!("mean of the last half, standard deviation {}", digits(deviation)),
-            format!("{} m/s at the end", digits(c.last("descent_speed_m_s").unwrap_or(f64::NAN))),
-        ];
-        for (value, name) in plot::published(run.scene()) {
-            notes.push(format!("{name} {value}: {:+.1} %", 100.0 * (mean - value) / value));
-        }
-        card("Descent speed", format!("{} m/s", digits(mean)), notes);
+    if run.stage(stage).kind != StageKind::Coupled || run.scene().descent.is_none() {
+        return None;
     }
-    if let Some((mean, deviation)) = c.late("drag_n") {
-        let mut notes = vec![format!("mean of the last half, standard deviation {}", digits(deviation))];
-        if let Some(weight) = weight(run) {
-            notes.push(format!("weight {} N", digits(weight)));
-        }
-        if kind != StageKind::Coupled {
-            notes.push(format!("at {} m/s", digits(c.last("descent_speed_m_s").unwrap_or(f64::NAN))));
-        }
-        card("Drag", format!("{} N", digits(mean)), notes);
+    let (mean, deviation) = stage.columns.late("descent_speed_m_s")?;
+    let last = stage.columns.last("descent_speed_m_s").unwrap_or(f64::NAN);
+    let mut notes = vec![
+        format!("mean of the last half, standard deviation {}", digits(deviation)),
+        format!("{} m/s at the end", digits(last)),
+    ];
+    for (value, name) in plot::published(run.scene()) {
+        notes.push(format!("{name} {value}: {:+.1} %", 100.0 * (mean - value) / value));
     }
-    if let Some((mean, _)) = c.late("projected_area_m2") {
-        let values = c.get("projected_area_m2").unwrap_or_default();
-        let late = &values[values.len() / 2..];
-        let (low, high) = late.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
-        let notes =
-            vec![format!("mean of the last half; between {} and {} there", digits(low), digits(high))];
-        card("Projected area", format!("{} m2", digits(mean)), notes);
+    Some(card("Descent speed", format!("{} m/s", digits(mean)), notes))
+}
+
+fn drag(run: &Run) -> Option<Card> {
+    let stage = run.main();
+    let (mean, deviation) = stage.columns.late("drag_n")?;
+    let mut notes = vec![format!("mean of the last half, standard deviation {}", digits(deviation))];
+    if let Some(weight) = weight(run) {
+        notes.push(format!("weight {} N", digits(weight)));
     }
-    if let Some(most) = c.max("max_line_tension_n").filter(|t| *t > 0.0) {
-        let risers = c.max("riser_force_n").map(|f| format!("risers bear {} N at most", digits(f)));
-        card("Largest line tension", format!("{} N", digits(most)), risers.into_iter().collect());
+    if run.stage(stage).kind != StageKind::Coupled {
+        let speed = stage.columns.last("descent_speed_m_s").unwrap_or(f64::NAN);
+        notes.push(format!("at {} m/s", digits(speed)));
     }
-    if let Some(calls) = c.get("coupling_iterations") {
-        let most = c.max("coupling_iterations").unwrap_or(0.0);
-        let above = c.get("coupling_converged").map_or(0, |v| v.iter().filter(|x| **x == 0.0).count());
-        let mut notes = vec![format!("calls of the flow in a window, {most:.0} at most")];
-        if above > 0 {
-            notes.push(format!("{above} windows above the tolerance"));
-        }
-        if let Some(share) = c.last("interface_energy_error_share") {
-            notes.push(format!("coupling added {:+.1} % of the work", 100.0 * share));
-        }
-        let mean = calls.iter().sum::<f64>() / calls.len().max(1) as f64;
-        card("Coupling", digits(mean), notes);
+    Some(card("Drag", format!("{} N", digits(mean)), notes))
+}
+
+fn projected_area(columns: &Columns) -> Option<Card> {
+    let (mean, _) = columns.late("projected_area_m2")?;
+    let values = columns.get("projected_area_m2").unwrap_or_default();
+    let late = &values[values.len() / 2..];
+    let (low, high) = late.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+    let note = format!("mean of the last half; between {} and {} there", digits(low), digits(high));
+    Some(card("Projected area", format!("{} m2", digits(mean)), vec![note]))
+}
+
+fn line_tension(columns: &Columns) -> Option<Card> {
+    let most = columns.max("max_line_tension_n").filter(|t| *t > 0.0)?;
+    let risers = columns.max("riser_force_n").map(|f| format!("risers bear {} N at most", digits(f)));
+    Some(card("Largest line tension", format!("{} N", digits(most)), risers.into_iter().collect()))
+}
+
+/// Calls of the flow in a window, and what the coupling did to the energy.
+fn coupling_effort(columns: &Columns) -> Option<Card> {
+    let calls = columns.get("coupling_iterations")?;
+    let most = columns.max("coupling_iterations").unwrap_or(0.0);
+    let above = columns.get("coupling_converged").map_or(0, |v| v.iter().filter(|x| **x == 0.0).count());
+    let mut notes = vec![format!("calls of the flow in a window, {most:.0} at most")];
+    if above > 0 {
+        notes.push(format!("{above} windows above the tolerance"));
     }
+    if let Some(share) = columns.last("interface_energy_error_share") {
+        notes.push(format!("coupling added {:+.1} % of the work", 100.0 * share));
+    }
+    let mean = calls.iter().sum::<f64>() / calls.len().max(1) as f64;
+    Some(card("Coupling", digits(mean), notes))
+}
+
+fn wall_time(run: &Run) -> Card {
+    let stage = run.main();
     let total: f64 = run.stages.iter().map(wall).sum();
     let ranks: u32 = Role::ALL.iter().map(|r| run.scene().ranks.of(*r)).sum();
-    let simulated = c.last("time_s").unwrap_or(0.0);
+    let simulated = stage.columns.last("time_s").unwrap_or(0.0);
     let mut notes = vec![];
     if simulated > 0.0 {
-        notes.push(format!(
-            "{} s for each simulated second of the last stage",
-            digits(wall(stage) / simulated)
-        ));
+        let cost = digits(wall(stage) / simulated);
+        notes.push(format!("{cost} s for each simulated second of the last stage"));
     }
     notes.push(match told_ranks(run) {
         Some(ranks) => format!("{ranks} ranks"),
         None => format!("{ranks} ranks in the scene"),
     });
-    card("Wall time", clock(total), notes);
-    cards.push(Card {
-        label: "Warnings".into(),
-        value: warnings.to_string(),
-        notes: vec![if warnings == 0 { "nothing to say".into() } else { "told below".into() }],
-        warn: warnings > 0,
-    });
-    cards
+    card("Wall time", clock(total), notes)
 }
 
 fn told_ranks(run: &Run) -> Option<u64> {

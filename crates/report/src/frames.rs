@@ -1,8 +1,8 @@
 //! The snapshots of a stage's canopy: what is measured on each, and which go into the page.
 
 use coupling::error::RunError;
-use figures::picture::results::Kind;
-use mesh::Vec3;
+use figures::snapshots::Kind;
+use mesh::Point;
 use mesh::vtk::read::Piece;
 
 use super::data::{Run, StageData};
@@ -62,7 +62,7 @@ impl Field {
 pub(super) struct Frame {
     pub(super) time: f64,
     /// Canopy and lines, m.
-    pub(super) points: Vec<Vec3>,
+    pub(super) points: Vec<Point>,
     /// Of each triangle; empty where the snapshot has no such field.
     pub(super) fields: [Vec<f64>; 3],
 }
@@ -178,7 +178,7 @@ fn field(canopy: &Piece, shape: &Shape, field: &Field) -> Vec<f64> {
 }
 
 /// Shares of the area that are in each state.
-fn shares(points: &[Vec3], shape: &Shape, states: &[f64]) -> [f64; 3] {
+fn shares(points: &[Point], shape: &Shape, states: &[f64]) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for (triangle, &state) in shape.triangles.iter().zip(states) {
         sums[(state as usize).min(2)] += area(points, triangle);

@@ -64,15 +64,13 @@ fn section(section: &Section, files: &mut Files<'_>) -> Result<String, RunError>
             Block::Table(table) => out += &self::table(table),
             Block::Charts(charts) => {
                 for c in charts {
-                    let unit = if c.unit.is_empty() { String::new() } else { format!(", {}", c.unit) };
-                    let caption = format!("{}{unit}. {}", c.title, c.note);
-                    out += &files.picture(&format!("{}.svg", c.id), &caption, c.svg(true).as_bytes())?;
+                    let caption = format!("{}. {}", c.heading(), c.note);
+                    out += &files.picture(&format!("{}.svg", c.id), &caption, c.file().as_bytes())?;
                 }
             }
             Block::Bars(bars) => {
                 let caption = format!("{}. {}", bars.title, bars.note);
-                out +=
-                    &files.picture(&format!("{}-bars.svg", bars.id), &caption, bars.svg(true).as_bytes())?;
+                out += &files.picture(&format!("{}-bars.svg", bars.id), &caption, bars.file().as_bytes())?;
             }
             Block::Pictures(pictures) => {
                 for p in pictures {

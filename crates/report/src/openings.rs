@@ -1,32 +1,26 @@
 //! Areas of the openings of a canopy.
 
-use mesh::Vec3;
+use mesh::Point;
+use mesh::geometry::{Vec3, at};
 
 /// Area vector of a closed row of points, m2: half the sum of their cross products. Its size is the area
 /// of a flat opening, and of a bent one the largest that any projection shows.
-pub(super) fn area_vector(points: &[Vec3], row: &[u32]) -> Vec3 {
+pub(super) fn area_vector(points: &[Point], row: &[u32]) -> Vec3 {
     // About the first point, so that a place far from the origin costs no digits.
-    let Some(&origin) = row.first().map(|&n| &points[n as usize]) else { return [0.0; 3] };
-    let from = |n: u32| [0, 1, 2].map(|c| points[n as usize][c] - origin[c]);
-    let mut sum = [0.0; 3];
-    for (&a, &b) in row.iter().zip(row.iter().cycle().skip(1)) {
-        let (a, b) = (from(a), from(b));
-        for (c, s) in sum.iter_mut().enumerate() {
-            let (i, j) = ((c + 1) % 3, (c + 2) % 3);
-            *s += 0.5 * (a[i] * b[j] - a[j] * b[i]);
-        }
-    }
-    sum
+    let Some(origin) = row.first().map(|&n| at(points, n)) else { return Vec3::zeros() };
+    let from = |n: u32| at(points, n) - origin;
+    let pairs = row.iter().zip(row.iter().cycle().skip(1));
+    pairs.map(|(&a, &b)| from(a).cross(&from(b)) * 0.5).sum()
 }
 
 /// Size of [`area_vector`].
-pub(super) fn area(points: &[Vec3], row: &[u32]) -> f64 {
-    area_vector(points, row).iter().map(|x| x * x).sum::<f64>().sqrt()
+pub(super) fn area(points: &[Point], row: &[u32]) -> f64 {
+    area_vector(points, row).norm()
 }
 
 /// The skirt and the vents among the openings: the skirt is the largest in the first shape.
 pub(super) fn skirt_and_vents<'a>(
-    points: &[Vec3],
+    points: &[Point],
     loops: &'a [Vec<u32>],
 ) -> Option<(&'a [u32], Vec<&'a [u32]>)> {
     let skirt =
@@ -35,10 +29,9 @@ pub(super) fn skirt_and_vents<'a>(
     Some((&loops[skirt], vents))
 }
 
-fn length(points: &[Vec3], row: &[u32]) -> f64 {
+fn length(points: &[Point], row: &[u32]) -> f64 {
     let pairs = row.iter().zip(row.iter().cycle().skip(1));
-    let square = |a: Vec3, b: Vec3| (0..3).map(|c| (b[c] - a[c]).powi(2)).sum::<f64>();
-    pairs.map(|(&a, &b)| square(points[a as usize], points[b as usize]).sqrt()).sum()
+    pairs.map(|(&a, &b)| (at(points, b) - at(points, a)).norm()).sum()
 }
 
 #[cfg(test)]
@@ -50,7 +43,7 @@ mod tests {
         // n-gon of radius 2 in a plane tilted by 0.7, far away: n/2 r^2 sin(2 pi / n).
         let n = 9;
         let (s, c) = 0.7f64.sin_cos();
-        let points: Vec<Vec3> = (0..n)
+        let points: Vec<Point> = (0..n)
             .map(|i| {
                 let (y, x) = (std::f64::consts::TAU * f64::from(i) / f64::from(n)).sin_cos();
                 [2.0 * x + 900.0, 2.0 * y * c - 70.0, 2.0 * y * s + 33.0]

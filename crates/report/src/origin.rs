@@ -4,6 +4,7 @@ use case::Role;
 use coupling::interface::CanopyInterface;
 use effects::TABLE;
 use results::finding::Finding;
+use serde_json::Value;
 
 use super::data::{Run, number, text};
 use super::document::{Block, Section, Table};
@@ -13,69 +14,27 @@ use super::facts::progress;
 pub(super) fn section(run: &Run) -> Section {
     let scene = run.scene();
     let summary = run.summary.as_ref();
-    let mut rows = Vec::new();
-    let mut row = |name: &str, value: String| {
-        if !value.is_empty() {
-            rows.push(vec![name.to_owned(), value]);
-        }
-    };
-    row("scene", scene.name.clone());
-    row("began (UTC)", text(summary, "started_utc").into());
-    if let Some(words) = summary.and_then(|s| s.get("command")).and_then(|c| c.as_array()) {
-        let words: Vec<&str> = words.iter().filter_map(|w| w.as_str()).collect();
-        // Where the program lay is nobody's business; what was asked of it is.
-        let program = words.first().map(|p| p.rsplit('/').next().unwrap_or(p));
-        row(
-            "command",
-            program.into_iter().chain(words.iter().skip(1).copied()).collect::<Vec<_>>().join(" "),
-        );
-    }
-    let version = text(summary, "version");
-    if !version.is_empty() {
-        let contract = number(summary, "contract").map(|c| format!(", contract {c:.0}")).unwrap_or_default();
-        row("version", format!("ripstop {version}{contract}"));
-    }
-    let machine = summary.and_then(|s| s.get("machine"));
-    if machine.is_some() {
-        let memory = number(machine, "memory_gib").unwrap_or(0.0);
-        let threads = number(machine, "threads").unwrap_or(0.0);
-        row(
-            "machine",
-            format!(
-                "{}, {threads:.0} threads, {memory} GiB, {}",
-                text(machine, "processor"),
-                text(machine, "system")
-            ),
-        );
-    }
-    let ranks = summary.and_then(|s| s.get("ranks")).and_then(|r| r.as_array());
-    let ranks: Vec<String> = Role::ALL
-        .iter()
-        .enumerate()
-        .map(|(i, role)| {
-            let told = ranks.and_then(|r| r.get(i)).and_then(serde_json::Value::as_u64);
-            format!("{} {}", role.name(), told.unwrap_or(u64::from(scene.ranks.of(*role))))
-        })
-        .collect();
-    row("ranks", ranks.join(", "));
+    let mut rows = vec![("scene".to_owned(), scene.name.clone())];
+    rows.push(("began (UTC)".into(), text(summary, "started_utc").into()));
+    rows.push(("command".into(), command(summary)));
+    rows.push(("version".into(), version(summary)));
+    rows.push(("machine".into(), machine(summary)));
+    rows.push(("ranks".into(), ranks(run)));
     if let Ok(interface) = CanopyInterface::new(scene) {
-        row(
-            "structure",
-            format!(
-                "{} triangles; fabric {:.2} kg, lines {:.2} kg",
-                interface.sizes.triangles, interface.masses.fabric, interface.masses.cables
-            ),
-        );
+        let (sizes, masses) = (&interface.sizes, &interface.masses);
+        let (fabric, lines) = (masses.fabric, masses.cables);
+        let value = format!("{} triangles; fabric {fabric:.2} kg, lines {lines:.2} kg", sizes.triangles);
+        rows.push(("structure".into(), value));
     }
     let on: Vec<&str> = TABLE.iter().filter(|e| (e.on)(scene)).map(|e| e.key).collect();
-    row("effects", if on.is_empty() { "none".into() } else { on.join(", ") });
+    rows.push(("effects".into(), if on.is_empty() { "none".into() } else { on.join(", ") }));
     for stage in &run.stages {
         let described = run.stage(stage);
-        row(
-            &format!("stage {}", described.name),
-            format!("{}, {}", kind(described.kind), progress(run, stage)),
-        );
+        let value = format!("{}, {}", kind(described.kind), progress(run, stage));
+        rows.push((format!("stage {}", described.name), value));
     }
+    let told = rows.into_iter().filter(|(_, value)| !value.is_empty());
+    let rows = told.map(|(name, value)| vec![name, value]).collect();
     let mut blocks = vec![Block::Table(Table { head: Vec::new(), rows })];
     if let Ok(text) = std::fs::read_to_string(run.folder.join("scene.toml")) {
         blocks.push(Block::Code { title: "The scene".into(), text });
@@ -86,6 +45,45 @@ pub(super) fn section(run: &Run) -> Section {
         lead: "Enough to run it again.".into(),
         blocks,
     }
+}
+
+/// The command of the run; empty where the summary does not have it.
+fn command(summary: Option<&Value>) -> String {
+    let words = summary.and_then(|s| s.get("command")).and_then(Value::as_array);
+    let words: Vec<&str> = words.into_iter().flatten().filter_map(Value::as_str).collect();
+    // Where the program lay is nobody's business; what was asked of it is.
+    let program = words.first().map(|p| p.rsplit('/').next().unwrap_or(p));
+    program.into_iter().chain(words.iter().skip(1).copied()).collect::<Vec<_>>().join(" ")
+}
+
+fn version(summary: Option<&Value>) -> String {
+    let version = text(summary, "version");
+    if version.is_empty() {
+        return String::new();
+    }
+    let contract = number(summary, "contract").map(|c| format!(", contract {c:.0}")).unwrap_or_default();
+    format!("ripstop {version}{contract}")
+}
+
+fn machine(summary: Option<&Value>) -> String {
+    let machine = summary.and_then(|s| s.get("machine"));
+    if machine.is_none() {
+        return String::new();
+    }
+    let memory = number(machine, "memory_gib").unwrap_or(0.0);
+    let threads = number(machine, "threads").unwrap_or(0.0);
+    let (processor, system) = (text(machine, "processor"), text(machine, "system"));
+    format!("{processor}, {threads:.0} threads, {memory} GiB, {system}")
+}
+
+/// Ranks of each program: those that ran, or else those of the scene.
+fn ranks(run: &Run) -> String {
+    let ran = run.summary.as_ref().and_then(|s| s.get("ranks")).and_then(Value::as_array);
+    let one = |(i, role): (usize, &Role)| {
+        let ran = ran.and_then(|r| r.get(i)).and_then(Value::as_u64);
+        format!("{} {}", role.name(), ran.unwrap_or(u64::from(run.scene().ranks.of(*role))))
+    };
+    Role::ALL.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
 
 /// A kind of stage in words.
@@ -109,7 +107,7 @@ pub(super) fn warnings(run: &Run) -> Vec<String> {
     // A summary of an earlier version has none.
     let inspected: Vec<Finding> = serde_json::from_value(inspection).unwrap_or_default();
     found.extend(inspected.iter().map(|f| format!("before the run, {}; {}", f.line(), f.remedy)));
-    let told = run.summary.as_ref().and_then(|s| s.get("warnings")).and_then(|w| w.as_array());
+    let told = run.summary.as_ref().and_then(|s| s.get("warnings")).and_then(Value::as_array);
     match told {
         Some(list) => found.extend(list.iter().filter_map(|w| w.as_str()).map(str::to_owned)),
         // A summary without them, or none: the history knows at least these.

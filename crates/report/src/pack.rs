@@ -6,7 +6,7 @@ use std::io::Write;
 use base64::Engine;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
-use mesh::Vec3;
+use mesh::Point;
 use serde_json::{Value, json};
 
 use super::frames::{FIELDS, Frame, StageFrames};
@@ -88,7 +88,7 @@ pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
     Some(Packed { header, data, note })
 }
 
-fn bounds(stages: &[&StageFrames]) -> (Vec3, Vec3) {
+fn bounds(stages: &[&StageFrames]) -> (Point, Point) {
     let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
     for p in stages.iter().flat_map(|s| &s.frames).flat_map(|f| &f.points) {
         for c in 0..3 {
@@ -100,8 +100,8 @@ fn bounds(stages: &[&StageFrames]) -> (Vec3, Vec3) {
     (low, [0, 1, 2].map(|c| (high[c] - low[c]).max(1e-9)))
 }
 
-fn positions(frame: &Frame, origin: Vec3, extent: Vec3) -> Vec<u16> {
-    let place = |p: &Vec3| [0, 1, 2].map(|c| ((p[c] - origin[c]) / extent[c] * 65535.0).round() as u16);
+fn positions(frame: &Frame, origin: Point, extent: Point) -> Vec<u16> {
+    let place = |p: &Point| [0, 1, 2].map(|c| ((p[c] - origin[c]) / extent[c] * 65535.0).round() as u16);
     frame.points.iter().flat_map(place).collect()
 }
 

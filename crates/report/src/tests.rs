@@ -94,6 +94,9 @@ fn the_page_asks_for_nothing_and_closes_what_it_opens() {
         assert!(found.starts_with("data:") || found.starts_with('#'), "{}", &found[..40.min(found.len())]);
     }
     assert!(page.contains("Vent area") && page.contains("State of the fabric"));
+    if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {
+        std::fs::write(Path::new(&keep).join("report.html"), &page).unwrap();
+    }
 }
 
 /// Two shapes of a sheet with a square hole of 1 m2, then of 2 m x 1 m.
@@ -177,18 +180,27 @@ fn charts_bear_odd_numbers() {
     for logarithmic in [false, true] {
         let mut chart = curve(&[(0.0, 1e-9), (0.5, f64::NAN), (1.0, 0.0), (2.0, 1e-9), (3.0, f64::INFINITY)]);
         chart.logarithmic = logarithmic;
-        for svg in [chart.svg(false), chart.svg(true)] {
+        for svg in [chart.element(), chart.file()] {
             assert!(!svg.contains("NaN") && !svg.contains("inf") && !svg.contains("a < b"), "{svg}");
         }
     }
     // Ten thousand points of a rising curve keep their ends and stay few.
     let many: Vec<(f64, f64)> = (0..10_000).map(|i| (f64::from(i), f64::from(i))).collect();
-    let svg = curve(&many).svg(false);
+    let svg = curve(&many).element();
     let kept = svg.split("data-points=\"").nth(1).unwrap().split('"').next().unwrap();
     let kept: Vec<&str> = kept.split(';').collect();
     assert!(kept.len() <= 700 && kept[0] == "0,0" && kept[kept.len() - 1] == "9999,9999", "{}", kept.len());
     let texts = [(4.69392, "4.694"), (0.0123456, "0.01235"), (1045.2, "1045"), (2.5e7, "2.50e7"), (0.0, "0")];
     for (value, text) in texts {
         assert_eq!(digits(value), text);
+    }
+}
+
+#[test]
+fn the_style_knows_every_colour_of_a_chart() {
+    use figures::colour::{BAND, GREY, GRID, INK, SERIES};
+    let of = |c: figures::colour::Colour| format!("[fill=\"#{:02X}{:02X}{:02X}\"]", c.0, c.1, c.2);
+    for colour in SERIES.into_iter().chain([INK, GREY, GRID, BAND]) {
+        assert!(super::chart::STYLE.contains(&of(colour)), "{}", of(colour));
     }
 }

@@ -83,122 +83,173 @@ impl std::fmt::Display for Cell {
     }
 }
 
+/// A statistic of a program as a column.
+struct Column {
+    name: &'static str,
+    /// Place among the program's statistics.
+    at: usize,
+    is_count: bool,
+}
+
+impl Column {
+    const fn count(name: &'static str, at: usize) -> Self {
+        Self { name, at, is_count: true }
+    }
+
+    const fn number(name: &'static str, at: usize) -> Self {
+        Self { name, at, is_count: false }
+    }
+}
+
+/// Statistics of the structure.
+const STRUCTURE_COLUMNS: [Column; 20] = {
+    use structure_stats as s;
+    [
+        Column::number("structure_kinetic_energy_j", s::KINETIC_ENERGY),
+        Column::number("structure_strain_energy_j", s::STRAIN_ENERGY),
+        Column::number("structure_load_work_j", s::LOAD_WORK),
+        Column::number("structure_work_j", s::WORK),
+        Column::number("structure_work_sum_j", s::WORK_SUM),
+        Column::number("structure_energy_created_j", s::ENERGY_CREATED),
+        Column::number("structure_energy_created_sum_j", s::ENERGY_CREATED_SUM),
+        Column::number("structure_energy_throughput_j", s::ENERGY_THROUGHPUT),
+        Column::number("vertical_load_n", s::VERTICAL_LOAD),
+        Column::number("riser_force_n", s::RISER_FORCE),
+        Column::number("support_force_n", s::SUPPORT_FORCE),
+        Column::number("max_line_tension_n", s::MAX_LINE_TENSION),
+        Column::number("projected_area_m2", s::PROJECTED_AREA),
+        Column::number("volume_m3", s::VOLUME),
+        Column::count("structure_newton_steps", s::NEWTON_STEPS),
+        Column::count("structure_gmres_iterations", s::GMRES_ITERATIONS),
+        Column::count("structure_factorisations", s::FACTORISATIONS),
+        Column::count("structure_step_cuts", s::STEP_CUTS),
+        Column::number("structure_residual", s::RESIDUAL),
+        Column::number("structure_residual_target", s::RESIDUAL_TARGET),
+    ]
+};
+
+/// Statistics of the flow.
+const FLOW_COLUMNS: [Column; 10] = {
+    use flow_stats as s;
+    [
+        Column::count("flow_iterations", s::ITERATIONS),
+        Column::count("flow_linear_iterations", s::LINEAR_ITERATIONS),
+        Column::number("flow_residual_start", s::RESIDUAL_START),
+        Column::number("flow_residual_end", s::RESIDUAL_END),
+        Column::number("flow_residual_target", s::RESIDUAL_TARGET),
+        Column::number("flow_max_mach", s::MAX_MACH),
+        Column::number("flow_max_courant", s::MAX_COURANT),
+        Column::number("flow_max_pressure_pa", s::MAX_PRESSURE),
+        Column::number("flow_min_pressure_pa", s::MIN_PRESSURE),
+        Column::number("flow_mass_defect_kg_s", s::MASS_DEFECT),
+    ]
+};
+
+/// Statistics of the mesh.
+const MESH_COLUMNS: [Column; 6] = {
+    use mesh_stats as s;
+    [
+        Column::count("mesh_iterations", s::ITERATIONS),
+        Column::count("mesh_increments", s::INCREMENTS),
+        Column::number("mesh_residual", s::RESIDUAL),
+        Column::number("mesh_residual_target", s::RESIDUAL_TARGET),
+        Column::number("mesh_min_quality", s::MIN_QUALITY),
+        Column::number("mesh_min_volume_ratio", s::MIN_VOLUME_RATIO),
+    ]
+};
+
+/// A row of a stage of `kind`: names and values of its columns, in the order of the file.
 fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
-    use Cell::{Count, Flag, Nothing, Number, Wall};
-    let report = &row.report;
     let has = |role: Role| kind.roles().contains(&role);
-    let mut cells = vec![("window", Count(row.window)), ("time_s", Number(row.time_s))];
+    let mut cells = vec![("window", Cell::Count(row.window)), ("time_s", Cell::Number(row.time_s))];
     if has(Role::Flow) {
-        cells.extend([
-            ("descent_speed_m_s", Number(row.descent_speed_m_s)),
-            ("acceleration_m_s2", Number(row.acceleration_m_s2)),
-            ("drag_n", Number(report.force[2])),
-            ("cd", row.drag_coefficient.map_or(Nothing, Number)),
-            ("force_x_n", Number(report.force[0])),
-            ("force_y_n", Number(report.force[1])),
-        ]);
+        cells.extend(descent_cells(row));
     }
     if kind == StageKind::Coupled {
-        cells.extend([
-            ("coupling_iterations", Count(u64::from(report.iterations))),
-            ("coupling_residual", report.residual.map_or(Nothing, Number)),
-            ("coupling_converged", Flag(report.converged)),
-            ("window_s", Number(row.window_s)),
-            ("rejected_attempts", Count(u64::from(row.rejected))),
-            ("interface_work_j", Number(row.interface_work_j)),
-            ("interface_energy_error_j", Number(row.energy_error_j)),
-            ("interface_energy_error_sum_j", Number(row.books.added_j)),
-            ("interface_energy_error_share", Number(row.books.share())),
-        ]);
-        let of_system =
-            |value: fn(&SystemBalance) -> f64| row.balance.as_ref().map_or(Nothing, |b| Number(value(b)));
-        cells.extend([
-            ("system_missing_impulse_n_s", of_system(|b| b.missing_impulse)),
-            ("system_energy_j", of_system(|b| b.energy_j)),
-            ("system_air_work_j", of_system(|b| b.air_work_j)),
-            ("system_energy_created_j", of_system(SystemBalance::created_j)),
-        ]);
+        cells.extend(coupling_cells(row));
+        cells.extend(system_cells(row));
     }
-    let mut add = |role: Role, columns: &[(&'static str, usize, bool)]| {
-        if has(role) {
-            let values = &report.stats[role as usize].values;
-            cells.extend(columns.iter().map(|&(name, at, count)| {
-                (name, if count { Count(values[at] as u64) } else { Number(values[at]) })
-            }));
-        }
-    };
-    use structure_stats as s;
-    add(
-        Role::Structure,
-        &[
-            ("structure_kinetic_energy_j", s::KINETIC_ENERGY, false),
-            ("structure_strain_energy_j", s::STRAIN_ENERGY, false),
-            ("structure_load_work_j", s::LOAD_WORK, false),
-            ("structure_work_j", s::WORK, false),
-            ("structure_work_sum_j", s::WORK_SUM, false),
-            ("structure_energy_created_j", s::ENERGY_CREATED, false),
-            ("structure_energy_created_sum_j", s::ENERGY_CREATED_SUM, false),
-            ("structure_energy_throughput_j", s::ENERGY_THROUGHPUT, false),
-            ("vertical_load_n", s::VERTICAL_LOAD, false),
-            ("riser_force_n", s::RISER_FORCE, false),
-            ("support_force_n", s::SUPPORT_FORCE, false),
-            ("max_line_tension_n", s::MAX_LINE_TENSION, false),
-            ("projected_area_m2", s::PROJECTED_AREA, false),
-            ("volume_m3", s::VOLUME, false),
-            ("structure_newton_steps", s::NEWTON_STEPS, true),
-            ("structure_gmres_iterations", s::GMRES_ITERATIONS, true),
-            ("structure_factorisations", s::FACTORISATIONS, true),
-            ("structure_step_cuts", s::STEP_CUTS, true),
-            ("structure_residual", s::RESIDUAL, false),
-            ("structure_residual_target", s::RESIDUAL_TARGET, false),
-        ],
-    );
-    use flow_stats as f;
-    add(
-        Role::Flow,
-        &[
-            ("flow_iterations", f::ITERATIONS, true),
-            ("flow_linear_iterations", f::LINEAR_ITERATIONS, true),
-            ("flow_residual_start", f::RESIDUAL_START, false),
-            ("flow_residual_end", f::RESIDUAL_END, false),
-            ("flow_residual_target", f::RESIDUAL_TARGET, false),
-            ("flow_max_mach", f::MAX_MACH, false),
-            ("flow_max_courant", f::MAX_COURANT, false),
-            ("flow_max_pressure_pa", f::MAX_PRESSURE, false),
-            ("flow_min_pressure_pa", f::MIN_PRESSURE, false),
-            ("flow_mass_defect_kg_s", f::MASS_DEFECT, false),
-        ],
-    );
-    use mesh_stats as m;
-    add(
-        Role::Mesh,
-        &[
-            ("mesh_iterations", m::ITERATIONS, true),
-            ("mesh_increments", m::INCREMENTS, true),
-            ("mesh_residual", m::RESIDUAL, false),
-            ("mesh_residual_target", m::RESIDUAL_TARGET, false),
-            ("mesh_min_quality", m::MIN_QUALITY, false),
-            ("mesh_min_volume_ratio", m::MIN_VOLUME_RATIO, false),
-        ],
-    );
+    let columns: [(Role, &[Column]); 3] =
+        [(Role::Structure, &STRUCTURE_COLUMNS), (Role::Flow, &FLOW_COLUMNS), (Role::Mesh, &MESH_COLUMNS)];
+    for (role, columns) in columns.into_iter().filter(|(role, _)| has(*role)) {
+        cells.extend(statistics_cells(&row.report.stats[role as usize].values, columns));
+    }
     for (role, name, at) in [
-        (Role::Structure, "structure_unconverged_solves", s::UNCONVERGED),
-        (Role::Flow, "flow_unconverged_solves", f::UNCONVERGED),
+        (Role::Structure, "structure_unconverged_solves", structure_stats::UNCONVERGED),
+        (Role::Flow, "flow_unconverged_solves", flow_stats::UNCONVERGED),
     ] {
         if has(role) {
-            cells.push((name, Count(report.sums[role as usize][at] as u64)));
+            cells.push((name, Cell::Count(row.report.sums[role as usize][at] as u64)));
         }
     }
-    // Only wall times from here on.
-    cells.extend([
-        (FIRST_WALL_COLUMN, Wall(report.busy_s[Role::Structure as usize])),
-        ("flow_wall_s", Wall(report.busy_s[Role::Flow as usize])),
-        ("mesh_wall_s", Wall(report.busy_s[Role::Mesh as usize])),
+    cells.extend(wall_cells(row));
+    cells
+}
+
+fn descent_cells(row: &Row) -> [(&'static str, Cell); 6] {
+    use Cell::{Nothing, Number};
+    let force = row.report.force;
+    [
+        ("descent_speed_m_s", Number(row.descent_speed_m_s)),
+        ("acceleration_m_s2", Number(row.acceleration_m_s2)),
+        ("drag_n", Number(force[2])),
+        ("cd", row.drag_coefficient.map_or(Nothing, Number)),
+        ("force_x_n", Number(force[0])),
+        ("force_y_n", Number(force[1])),
+    ]
+}
+
+fn coupling_cells(row: &Row) -> [(&'static str, Cell); 9] {
+    use Cell::{Count, Flag, Nothing, Number};
+    let report = &row.report;
+    [
+        ("coupling_iterations", Count(u64::from(report.iterations))),
+        ("coupling_residual", report.residual.map_or(Nothing, Number)),
+        ("coupling_converged", Flag(report.converged)),
+        ("window_s", Number(row.window_s)),
+        ("rejected_attempts", Count(u64::from(row.rejected))),
+        ("interface_work_j", Number(row.interface_work_j)),
+        ("interface_energy_error_j", Number(row.energy_error_j)),
+        ("interface_energy_error_sum_j", Number(row.books.added_j)),
+        ("interface_energy_error_share", Number(row.books.share())),
+    ]
+}
+
+/// Momentum and energy of the falling system.
+fn system_cells(row: &Row) -> [(&'static str, Cell); 4] {
+    let of = |value: fn(&SystemBalance) -> f64| {
+        row.balance.as_ref().map_or(Cell::Nothing, |b| Cell::Number(value(b)))
+    };
+    [
+        ("system_missing_impulse_n_s", of(|b| b.missing_impulse)),
+        ("system_energy_j", of(|b| b.energy_j)),
+        ("system_air_work_j", of(|b| b.air_work_j)),
+        ("system_energy_created_j", of(SystemBalance::created_j)),
+    ]
+}
+
+fn statistics_cells(values: &[f64], columns: &[Column]) -> Vec<(&'static str, Cell)> {
+    columns
+        .iter()
+        .map(|c| {
+            let value = values[c.at];
+            (c.name, if c.is_count { Cell::Count(value as u64) } else { Cell::Number(value) })
+        })
+        .collect()
+}
+
+/// Wall times, which differ from run to run.
+fn wall_cells(row: &Row) -> [(&'static str, Cell); 6] {
+    use Cell::Wall;
+    let busy_s = row.report.busy_s;
+    [
+        (FIRST_WALL_COLUMN, Wall(busy_s[Role::Structure as usize])),
+        ("flow_wall_s", Wall(busy_s[Role::Flow as usize])),
+        ("mesh_wall_s", Wall(busy_s[Role::Mesh as usize])),
         ("coupler_wall_s", Wall(row.coupler_s)),
         ("waiting_wall_s", Wall(row.waiting_s())),
         ("window_wall_s", Wall(row.wall_s)),
-    ]);
-    cells
+    ]
 }
 
 /// The file of a stage, flushed with every row.

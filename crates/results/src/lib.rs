@@ -15,3 +15,4 @@ pub mod provenance;
 pub mod recording;
 pub mod state;
 pub mod summary;
+pub mod timings;

@@ -2,20 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use archive::codec::compact;
 use case::Scene;
 use coupling::error::RunError;
 use coupling::schemes::InterfaceState;
-use serde::{Deserialize, Serialize};
 
-const MAGIC: [u8; 8] = *b"ripcoupl";
-const VERSION: u32 = 1;
+use crate::checkpoint::unusable;
 
-#[derive(Serialize, Deserialize)]
-struct File {
-    magic: [u8; 8],
-    version: u32,
-    state: InterfaceState,
-}
+const KIND: [u8; 8] = *b"ripcoupl";
+const VERSION: u32 = 2;
 
 /// File of the coupler's state in a state folder.
 pub fn coupler_file(folder: &Path) -> PathBuf {
@@ -27,12 +22,7 @@ pub fn coupler_file(folder: &Path) -> PathBuf {
 /// # Errors
 /// Trouble with the file.
 pub fn save(folder: &Path, state: &InterfaceState) -> Result<(), RunError> {
-    let path = coupler_file(folder);
-    let file = File { magic: MAGIC, version: VERSION, state: state.clone() };
-    let bytes = bincode::serde::encode_to_vec(&file, bincode::config::standard())
-        .map_err(|e| RunError::file("write", &path)(std::io::Error::other(e)))?;
-    std::fs::create_dir_all(folder).map_err(RunError::file("create", folder))?;
-    std::fs::write(&path, bytes).map_err(RunError::file("write", &path))
+    archive::save(&coupler_file(folder), KIND, VERSION, state).map(|_| ()).map_err(unusable)
 }
 
 /// Reads what [`save`] wrote, for a canopy of `nodes` nodes and `faces` faces.
@@ -41,31 +31,28 @@ pub fn save(folder: &Path, state: &InterfaceState) -> Result<(), RunError> {
 /// [`RunError::Input`] for a missing, damaged or foreign file.
 pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState, RunError> {
     let path = coupler_file(folder);
-    let refuse = |why: String| RunError::Input(format!("{}: {why}", path.display()));
-    let bytes = std::fs::read(&path).map_err(|e| refuse(format!("cannot read the saved state: {e}")))?;
-    let config = bincode::config::standard().with_limit::<{ 1 << 32 }>();
-    let head: Result<(([u8; 8], u32), usize), _> = bincode::serde::decode_from_slice(&bytes, config);
-    if head.is_ok_and(|((magic, version), _)| magic == MAGIC && version != VERSION) {
-        return Err(refuse("was saved by another version of ripstop: run the earlier stage again".into()));
-    }
-    let (file, _): (File, usize) = bincode::serde::decode_from_slice(&bytes, config)
-        .map_err(|e| refuse(format!("the saved state is damaged: {e}")))?;
-    if file.magic != MAGIC || file.version != VERSION {
-        return Err(refuse("is not a coupler state".into()));
-    }
-    let loads = || [&file.state.load, &file.state.load_before].into_iter().flatten();
-    if file.state.displacement.len() != 3 * nodes || loads().any(|l| l.len() != faces * channel::LOAD_WIDTH) {
+    let refuse = |why: String| RunError::Input(archive::Error::content(&path, why).to_string());
+    let state: InterfaceState =
+        archive::load_or_earlier(&path, KIND, VERSION, version_1).map_err(unusable)?;
+    let loads = || [&state.load, &state.load_before].into_iter().flatten();
+    if state.displacement.len() != 3 * nodes || loads().any(|l| l.len() != faces * channel::LOAD_WIDTH) {
         return Err(refuse(format!(
-            "holds a canopy of {} nodes, the scene makes one of {nodes}: run the earlier stage again",
-            file.state.displacement.len() / 3
+            "it holds a canopy of {} nodes, the scene makes one of {nodes}",
+            state.displacement.len() / 3
         )));
     }
-    let s = &file.state;
+    let s = &state;
     let numbers = s.displacement.iter().chain(loads().flatten()).chain([&s.velocity, &s.acceleration]);
     if let Some(wrong) = numbers.into_iter().find(|x| !x.is_finite()) {
-        return Err(refuse(format!("holds {wrong}: run the earlier stage again")));
+        return Err(refuse(format!("it holds {wrong}")));
     }
-    Ok(file.state)
+    Ok(state)
+}
+
+/// The state in a file of version 1: kind, version and state in compact form.
+fn version_1(bytes: &[u8]) -> Option<InterfaceState> {
+    let (head, state): (([u8; 8], u32), InterfaceState) = compact::decode(bytes).ok()?;
+    (head == (KIND, 1)).then_some(state)
 }
 
 /// States of earlier stages, from which a stage starts, from one folder to another.
@@ -104,7 +91,9 @@ mod tests {
         save(folder.path(), &state).unwrap();
         assert_eq!(load(folder.path(), 2, 1).unwrap(), state);
         assert!(load(folder.path(), 3, 1).unwrap_err().to_string().contains("canopy of 2 nodes"));
+        std::fs::write(coupler_file(folder.path()), compact::encode(&((KIND, 1u32), &state))).unwrap();
+        assert_eq!(load(folder.path(), 2, 1).unwrap(), state);
         std::fs::write(coupler_file(folder.path()), b"x").unwrap();
-        assert!(load(folder.path(), 2, 1).unwrap_err().to_string().contains("damaged"));
+        assert!(load(folder.path(), 2, 1).unwrap_err().to_string().contains("not of the kind"));
     }
 }

@@ -13,6 +13,7 @@ use terminal::clock;
 
 use crate::finding::Finding;
 use crate::history::Row;
+use crate::timings::StageTimings;
 
 /// Where the wall seconds of a stage went: the keys of [`StageSummary`] and their names.
 pub const STAGE_PARTS: [(&str, &str); 5] = [
@@ -211,6 +212,75 @@ impl StageSummary {
     }
 }
 
+impl StageSummary {
+    /// Its row of the table: how long it took, and who spent the time.
+    fn row(&self) -> String {
+        let sum =
+            self.structure_busy_s + self.flow_busy_s + self.mesh_busy_s + self.coupler_s + self.waiting_s;
+        let share = |part: f64| format!("{:.0} %", 100.0 * part / sum.max(f64::MIN_POSITIVE));
+        let iterations = if self.kind == StageKind::Coupled && self.windows > 0 {
+            format!("{:.1} (<= {})", self.iterations as f64 / self.windows as f64, self.most_iterations)
+        } else {
+            "-".into()
+        };
+        format!(
+            "  {:<16} {:>8} {:>9.3} {:>10} | {:>9} {:>6} {:>6} {:>8} {:>8} | {:>11}",
+            self.name,
+            self.windows,
+            self.time_s,
+            clock(self.wall_s),
+            share(self.structure_busy_s),
+            share(self.flow_busy_s),
+            share(self.mesh_busy_s),
+            share(self.coupler_s),
+            share(self.waiting_s),
+            iterations
+        )
+    }
+
+    /// What came of it, in words: loads and areas, speeds, and how it ended.
+    fn outcome(&self) -> String {
+        let s = self;
+        let created = coupling::structure_energy::note(s.structure_energy_created_share);
+        let given_back = if s.rejected > 0 {
+            format!("; {} windows given back, shortest {:.2e} s", s.rejected, s.shortest_window_s)
+        } else {
+            String::new()
+        };
+        match s.kind {
+            StageKind::PreInflation => format!(
+                "  {}: load {:.1} N, projected area {:.2} m2{created}; {}",
+                s.name, s.vertical_load_n, s.projected_area_m2, s.ended
+            ),
+            StageKind::FlowOnly | StageKind::Prescribed => {
+                format!(
+                    "  {}: drag {:.1} N at {:.4} m/s{given_back}; {}",
+                    s.name, s.drag_n, s.descent_speed_m_s, s.ended
+                )
+            }
+            StageKind::Coupled => format!(
+                "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
+                 projected area {:.2} m2{created}; coupling added {:.2e} J ({:+.1} % of the work){}{}{given_back}; {}",
+                s.name,
+                s.descent_speed_m_s,
+                s.mean_descent_speed_m_s,
+                s.drag_n,
+                s.mean_drag_n,
+                s.projected_area_m2,
+                s.interface_energy_error_j,
+                100.0 * s.interface_energy_error_share,
+                if s.interface_energy_error_share > CREATED { "; the coupling creates energy" } else { "" },
+                if s.not_converged > 0 {
+                    format!("; {} windows above the tolerance", s.not_converged)
+                } else {
+                    String::new()
+                },
+                s.ended
+            ),
+        }
+    }
+}
+
 /// What a run came to.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunSummary {
@@ -238,6 +308,8 @@ pub struct RunSummary {
     pub ranks: [u32; 3],
     /// Stages that ran (the last one perhaps in part).
     pub stages: Vec<StageSummary>,
+    /// What the named parts of all programs took in the stages that this command ran.
+    pub timings: Vec<StageTimings>,
 }
 
 impl RunSummary {
@@ -253,8 +325,7 @@ impl RunSummary {
 
     /// The table for people.
     pub fn table(&self, out: &Path) -> String {
-        let mut lines = Vec::new();
-        lines.push(format!("{}: {} in {}", self.scene, self.ended, clock(self.wall_s)));
+        let mut lines = vec![format!("{}: {} in {}", self.scene, self.ended, clock(self.wall_s))];
         lines.push(format!(
             "  {:<16} {:>8} {:>9} {:>10} | {:>9} {:>6} {:>6} {:>8} {:>8} | {:>11}",
             "stage",
@@ -268,71 +339,8 @@ impl RunSummary {
             "waiting",
             "iterations"
         ));
-        for s in &self.stages {
-            let sum = s.structure_busy_s + s.flow_busy_s + s.mesh_busy_s + s.coupler_s + s.waiting_s;
-            let share = |part: f64| format!("{:.0} %", 100.0 * part / sum.max(f64::MIN_POSITIVE));
-            let iterations = if s.kind == StageKind::Coupled && s.windows > 0 {
-                format!("{:.1} (<= {})", s.iterations as f64 / s.windows as f64, s.most_iterations)
-            } else {
-                "-".into()
-            };
-            lines.push(format!(
-                "  {:<16} {:>8} {:>9.3} {:>10} | {:>9} {:>6} {:>6} {:>8} {:>8} | {:>11}",
-                s.name,
-                s.windows,
-                s.time_s,
-                clock(s.wall_s),
-                share(s.structure_busy_s),
-                share(s.flow_busy_s),
-                share(s.mesh_busy_s),
-                share(s.coupler_s),
-                share(s.waiting_s),
-                iterations
-            ));
-        }
-        for s in self.stages.iter().filter(|s| s.windows > 0) {
-            let created = coupling::structure_energy::note(s.structure_energy_created_share);
-            let given_back = if s.rejected > 0 {
-                format!("; {} windows given back, shortest {:.2e} s", s.rejected, s.shortest_window_s)
-            } else {
-                String::new()
-            };
-            lines.push(match s.kind {
-                StageKind::PreInflation => format!(
-                    "  {}: load {:.1} N, projected area {:.2} m2{created}; {}",
-                    s.name, s.vertical_load_n, s.projected_area_m2, s.ended
-                ),
-                StageKind::FlowOnly | StageKind::Prescribed => {
-                    format!(
-                        "  {}: drag {:.1} N at {:.4} m/s{given_back}; {}",
-                        s.name, s.drag_n, s.descent_speed_m_s, s.ended
-                    )
-                }
-                StageKind::Coupled => format!(
-                    "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
-                     projected area {:.2} m2{created}; coupling added {:.2e} J ({:+.1} % of the work){}{}{given_back}; {}",
-                    s.name,
-                    s.descent_speed_m_s,
-                    s.mean_descent_speed_m_s,
-                    s.drag_n,
-                    s.mean_drag_n,
-                    s.projected_area_m2,
-                    s.interface_energy_error_j,
-                    100.0 * s.interface_energy_error_share,
-                    if s.interface_energy_error_share > CREATED {
-                        "; the coupling creates energy"
-                    } else {
-                        ""
-                    },
-                    if s.not_converged > 0 {
-                        format!("; {} windows above the tolerance", s.not_converged)
-                    } else {
-                        String::new()
-                    },
-                    s.ended
-                ),
-            });
-        }
+        lines.extend(self.stages.iter().map(StageSummary::row));
+        lines.extend(self.stages.iter().filter(|s| s.windows > 0).map(StageSummary::outcome));
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {

@@ -1,5 +1,6 @@
 //! Where the lines of all programs meet the terminal.
 
+pub mod shell;
 mod time;
 
 use std::fs::File;

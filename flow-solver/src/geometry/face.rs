@@ -5,7 +5,7 @@
 //! cells that share it agree on its surface and every cell is closed exactly.
 //! A triangle repeats its last corner.
 
-use super::vec3::{Vec3, add, cross, dot, scale, sub};
+use super::vec3::Vec3;
 
 /// What a face looks like at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,23 +22,29 @@ pub struct FaceShape {
 #[inline]
 pub fn shape(p: &[Vec3; 4], triangle: bool) -> FaceShape {
     if triangle {
-        let middle = scale(1.0 / 3.0, add(add(p[0], p[1]), p[2]));
-        let area = scale(0.5, cross(sub(p[1], p[0]), sub(p[2], p[0])));
+        let middle = (p[0] + p[1] + p[2]) * (1.0 / 3.0);
+        let area = (p[1] - p[0]).cross(&(p[2] - p[0])) * 0.5;
         return FaceShape { area, middle, centre: middle };
     }
-    let middle = scale(0.25, add(add(p[0], p[1]), add(p[2], p[3])));
-    let area = scale(0.5, cross(sub(p[2], p[0]), sub(p[3], p[1])));
+    let middle = mean(p);
+    let area = (p[2] - p[0]).cross(&(p[3] - p[1])) * 0.5;
     // Triangles weighted by their area along the mean normal.
-    let mut moment = [0.0; 3];
+    let mut moment = Vec3::zeros();
     let mut weight = 0.0;
     for k in 0..4 {
-        let (a, b) = (sub(p[k], middle), sub(p[(k + 1) % 4], middle));
-        let w = dot(cross(a, b), area);
+        let (a, b) = (p[k] - middle, p[(k + 1) % 4] - middle);
+        let w = a.cross(&b).dot(&area);
         weight += w;
-        moment = add(moment, scale(w / 3.0, add(a, b)));
+        moment += (a + b) * (w / 3.0);
     }
-    let shift = if weight > 0.0 { scale(1.0 / weight, moment) } else { [0.0; 3] };
-    FaceShape { area, middle, centre: add(middle, shift) }
+    let shift = if weight > 0.0 { moment * (1.0 / weight) } else { Vec3::zeros() };
+    FaceShape { area, middle, centre: middle + shift }
+}
+
+/// Mean of four corners.
+#[inline(always)]
+pub(crate) fn mean(p: &[Vec3; 4]) -> Vec3 {
+    ((p[0] + p[1]) + (p[2] + p[3])) * 0.25
 }
 
 /// Volume that a face sweeps along its area vector while its corners move on
@@ -53,8 +59,7 @@ pub fn swept_volume(old: &[Vec3; 4], new: &[Vec3; 4], triangle: bool) -> f64 {
         let (o, n) = ([old[0], old[1], old[2]], [new[0], new[1], new[2]]);
         return swept_by_triangle(&o, &n);
     }
-    let middle = |p: &[Vec3; 4]| scale(0.25, add(add(p[0], p[1]), add(p[2], p[3])));
-    let (om, nm) = (middle(old), middle(new));
+    let (om, nm) = (mean(old), mean(new));
     (0..4)
         .map(|k| {
             let l = (k + 1) % 4;
@@ -65,32 +70,37 @@ pub fn swept_volume(old: &[Vec3; 4], new: &[Vec3; 4], triangle: bool) -> f64 {
 
 #[inline(always)]
 fn swept_by_triangle(old: &[Vec3; 3], new: &[Vec3; 3]) -> f64 {
-    let (a0, b0) = (sub(old[1], old[0]), sub(old[2], old[0]));
-    let (a1, b1) = (sub(new[1], new[0]), sub(new[2], new[0]));
+    let (a0, b0) = (old[1] - old[0], old[2] - old[0]);
+    let (a1, b1) = (new[1] - new[0], new[2] - new[0]);
     // Twice the sum of the area vectors at the ends, and eight times the middle one.
-    let ends = add(cross(a0, b0), cross(a1, b1));
-    let half = cross(add(a0, a1), add(b0, b1));
-    let path = add(add(sub(new[0], old[0]), sub(new[1], old[1])), sub(new[2], old[2]));
+    let ends = a0.cross(&b0) + a1.cross(&b1);
+    let half = (a0 + a1).cross(&(b0 + b1));
+    let path = (new[0] - old[0]) + (new[1] - old[1]) + (new[2] - old[2]);
     // (1/3) path . (A0 + 4 Ah + A1) / 6 with A = cross / 2, Ah = half / 8.
-    dot(path, add(ends, half)) / 36.0
+    path.dot(&(ends + half)) / 36.0
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const SQUARE: [Vec3; 4] = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    const SQUARE: [Vec3; 4] = [
+        Vec3::new(0.0, 0.0, 0.0),
+        Vec3::new(2.0, 0.0, 0.0),
+        Vec3::new(2.0, 1.0, 0.0),
+        Vec3::new(0.0, 1.0, 0.0),
+    ];
 
     #[test]
     fn plane_rectangle() {
         let f = shape(&SQUARE, false);
-        assert_eq!(f.area, [0.0, 0.0, 2.0]);
-        assert_eq!(f.centre, [1.0, 0.5, 0.0]);
+        assert_eq!(f.area, Vec3::new(0.0, 0.0, 2.0));
+        assert_eq!(f.centre, Vec3::new(1.0, 0.5, 0.0));
     }
 
     #[test]
     fn centre_of_a_trapezium() {
-        let p = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let p = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]].map(Vec3::from);
         let f = shape(&p, false);
         // Closed form for parallel sides a = 3, b = 1, h = 1: y = h (a + 2 b) / (3 (a + b)).
         assert!((f.centre[1] - 5.0 / 12.0).abs() < 1e-15);
@@ -98,15 +108,15 @@ mod tests {
 
     #[test]
     fn translation_sweeps_a_prism() {
-        let d = [0.3, -0.2, 0.7];
-        let moved = SQUARE.map(|p| add(p, d));
+        let d = Vec3::new(0.3, -0.2, 0.7);
+        let moved = SQUARE.map(|p| p + d);
         assert!((swept_volume(&SQUARE, &moved, false) - 2.0 * 0.7).abs() < 1e-15);
     }
 
     #[test]
     fn the_polygon_reversed_is_the_same_face() {
-        let p = [[0.0, 0.0, 0.1], [2.0, 0.2, -0.3], [2.1, 1.0, 0.4], [-0.1, 1.2, 0.0]];
-        let q = [[0.1, 0.0, 0.5], [2.2, 0.1, 0.3], [1.9, 1.1, 0.2], [0.1, 1.0, 0.4]];
+        let p = [[0.0, 0.0, 0.1], [2.0, 0.2, -0.3], [2.1, 1.0, 0.4], [-0.1, 1.2, 0.0]].map(Vec3::from);
+        let q = [[0.1, 0.0, 0.5], [2.2, 0.1, 0.3], [1.9, 1.1, 0.2], [0.1, 1.0, 0.4]].map(Vec3::from);
         let turn = |p: [Vec3; 4]| [p[0], p[3], p[2], p[1]];
         let (f, g) = (shape(&p, false), shape(&turn(p), false));
         for c in 0..3 {

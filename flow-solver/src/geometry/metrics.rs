@@ -3,7 +3,7 @@
 use comm::Halo;
 
 use super::face::{self, FaceShape};
-use super::vec3::{Vec3, add, dot, norm, scale, sub};
+use super::vec3::Vec3;
 use crate::topology::{Side, Topology};
 
 /// One face, as read by the flux loop: three quarters of a cache line.
@@ -25,7 +25,7 @@ impl FaceMetric {
     /// Length of the area vector, m2.
     #[inline(always)]
     pub fn magnitude(&self) -> f64 {
-        norm(self.area)
+        self.area.norm()
     }
 
     /// Distance of the two cell centres (on the outer boundary: of cell centre and face)
@@ -38,7 +38,7 @@ impl FaceMetric {
     /// From the centre of the first cell to the centre of a face between two cells, m.
     #[inline(always)]
     pub fn offset(&self) -> Vec3 {
-        self.offset.map(f64::from)
+        self.offset.map(f64::from).into()
     }
 }
 
@@ -60,8 +60,8 @@ pub struct Metrics {
     pub volume: Vec<f64>,
     /// Cube root of the volume, m.
     pub size: Vec<f64>,
-    /// Centre of volume of each local cell, m.
-    pub centre: Vec<Vec3>,
+    /// Centre of volume of each local cell, m; numbers that travel to the ghosts. See [`Metrics::centre`].
+    pub centre: Vec<[f64; 3]>,
 }
 
 impl Metrics {
@@ -71,7 +71,7 @@ impl Metrics {
         let n = topology.n_local();
         let mut metrics = Self {
             faces: vec![FaceMetric::default(); topology.face_nodes.len()],
-            border: vec![[0.0; 3]; topology.face_nodes.len() - topology.cells.len()],
+            border: vec![Vec3::zeros(); topology.face_nodes.len() - topology.cells.len()],
             volume: vec![0.0; n],
             size: vec![0.0; n],
             centre: vec![[0.0; 3]; n],
@@ -82,33 +82,42 @@ impl Metrics {
 
     /// As [`Metrics::new`], in place.
     pub fn update(&mut self, topology: &Topology, halo: &Halo, x: &[Vec3]) {
-        let n_owned = topology.n_owned;
-        // A point inside each cell, near which sums lose no digits.
-        let inside = |c: usize| {
-            let corners = &topology.cell_nodes[c];
-            scale(0.125, corners.iter().fold([0.0; 3], |s, &n| add(s, x[n as usize])))
-        };
-        for (c, r) in self.centre[..n_owned].iter_mut().enumerate() {
-            *r = inside(c);
+        self.start_from_inside(topology, halo, x);
+        let shift = self.add_faces(topology, halo, x);
+        self.shift_centres(&shift);
+        self.measure_spacings(topology, &shift);
+    }
+
+    /// Puts the centres to points inside the cells, near which sums lose no digits. Collective.
+    fn start_from_inside(&mut self, topology: &Topology, halo: &Halo, x: &[Vec3]) {
+        for (r, corners) in self.centre.iter_mut().zip(&topology.cell_nodes) {
+            let sum = corners.iter().fold(Vec3::zeros(), |s, &n| s + x[n as usize]);
+            *r = (sum * 0.125).into();
         }
         // Ghosts as their owners have them: what is rounded to single precision must not
         // depend on the ranks.
         halo.exchange(self.centre.as_flattened_mut(), 3);
+    }
+
+    /// Areas of the faces and volumes of the cells; returns by how much the centres of volume lie from the points
+    /// that the centres are at, m, of all local cells. Collective.
+    fn add_faces(&mut self, topology: &Topology, halo: &Halo, x: &[Vec3]) -> Vec<[f64; 3]> {
+        let n_owned = topology.n_owned;
         self.volume.fill(0.0);
         let mut moment = vec![[0.0; 3]; topology.n_local()];
         let shape_of = |f: usize| {
             let nodes = topology.face_nodes[f];
             face::shape(&nodes.map(|n| x[n as usize]), nodes[2] == nodes[3])
         };
-        let (volume, centre) = (&mut self.volume, &mut self.centre);
-        let mut add_side = |cell: u32, sign: f64, shape: &FaceShape, centre: &[Vec3]| {
+        let (volume, centre) = (&mut self.volume, &self.centre);
+        let mut add_side = |cell: u32, sign: f64, shape: &FaceShape| {
             let c = cell as usize;
             if c < n_owned {
-                let r = centre[c];
+                let r = Vec3::from(centre[c]);
                 // Divergence theorem; on each triangle about the middle, x - middle is normal to dA.
-                let v = sign * dot(sub(shape.middle, r), shape.area) / 3.0;
+                let v = sign * (shape.middle - r).dot(&shape.area) / 3.0;
                 volume[c] += v;
-                moment[c] = add(moment[c], scale(0.75 * v, sub(shape.centre, r)));
+                moment[c] = (Vec3::from(moment[c]) + (shape.centre - r) * (0.75 * v)).into();
             }
         };
         let between = topology.cells.len();
@@ -117,38 +126,53 @@ impl Metrics {
             let f = &mut self.faces[k];
             f.area = shape.area;
             // From a point near the centre, which is not known yet.
-            f.offset = sub(shape.centre, centre[i as usize]).map(|x| x as f32);
-            add_side(i, 1.0, &shape, centre);
-            add_side(j, -1.0, &shape, centre);
+            f.offset = (shape.centre - Vec3::from(centre[i as usize])).map(|x| x as f32).into();
+            add_side(i, 1.0, &shape);
+            add_side(j, -1.0, &shape);
         }
         for side in topology.sides() {
             let shape = shape_of(side.face as usize);
             self.faces[side.face as usize].area = shape.area;
             self.border[side.face as usize - between] = shape.centre;
-            add_side(side.cell, side.sign, &shape, centre);
+            add_side(side.cell, side.sign, &shape);
         }
-        for c in 0..n_owned {
-            let v = volume[c];
-            moment[c] = if v > 0.0 { scale(1.0 / v, moment[c]) } else { [0.0; 3] };
+        for (m, &v) in moment[..n_owned].iter_mut().zip(&*volume) {
+            *m = if v > 0.0 { (Vec3::from(*m) * (1.0 / v)).into() } else { [0.0; 3] };
         }
         halo.exchange(moment.as_flattened_mut(), 3);
         halo.exchange(volume, 1);
-        for (c, shift) in centre.iter_mut().zip(&moment) {
-            *c = add(*c, *shift);
+        moment
+    }
+
+    /// Centres of volume, and the sizes of the cells.
+    fn shift_centres(&mut self, shift: &[[f64; 3]]) {
+        for (c, shift) in self.centre.iter_mut().zip(shift) {
+            *c = (Vec3::from(*c) + Vec3::from(*shift)).into();
         }
-        for (s, v) in self.size.iter_mut().zip(&*volume) {
+        for (s, v) in self.size.iter_mut().zip(&self.volume) {
             *s = cube_root(*v);
         }
-        for (k, f) in self.faces[..between].iter_mut().enumerate() {
-            let [i, j] = topology.cells[k].map(|c| c as usize);
-            f.offset = sub(f.offset(), moment[i]).map(|x| x as f32);
-            let d = sub(centre[j], centre[i]);
+    }
+
+    /// What the faces know of the centres, which have been shifted.
+    fn measure_spacings(&mut self, topology: &Topology, shift: &[[f64; 3]]) {
+        let centre = &self.centre;
+        for (f, &[i, j]) in self.faces.iter_mut().zip(&topology.cells) {
+            let (i, j) = (i as usize, j as usize);
+            f.offset = (f.offset() - Vec3::from(shift[i])).map(|x| x as f32).into();
+            let d = Vec3::from(centre[j]) - Vec3::from(centre[i]);
             // A skewed pair of cells keeps a positive spacing.
-            f.spacing = (dot(d, f.area) / f.magnitude()).max(0.2 * norm(d)) as f32;
+            f.spacing = (d.dot(&f.area) / f.magnitude()).max(0.2 * d.norm()) as f32;
         }
         for side in topology.sides() {
             self.faces[side.face as usize].spacing = self.height(side) as f32;
         }
+    }
+
+    /// Centre of volume of a local cell, m.
+    #[inline(always)]
+    pub fn centre(&self, cell: usize) -> Vec3 {
+        self.centre[cell].into()
     }
 
     /// Distance of the centre of a side's cell from the plane of its face, m. A wall of
@@ -156,8 +180,8 @@ impl Metrics {
     #[inline]
     pub fn height(&self, side: &Side) -> f64 {
         let area = self.faces[side.face as usize].area;
-        let d = sub(self.border(side.face), self.centre[side.cell as usize]);
-        (side.sign * dot(d, area) / norm(area)).max(0.2 * norm(d))
+        let d = self.border(side.face) - self.centre(side.cell as usize);
+        (side.sign * d.dot(&area) / area.norm()).max(0.2 * d.norm())
     }
 
     /// Centre of area of a face that is not between two cells, m.
@@ -169,7 +193,7 @@ impl Metrics {
     /// Centre of area of any face, m.
     pub fn face_centre(&self, topology: &Topology, face: usize) -> Vec3 {
         match topology.cells.get(face) {
-            Some(&[i, _]) => add(self.centre[i as usize], self.faces[face].offset()),
+            Some(&[i, _]) => self.centre(i as usize) + self.faces[face].offset(),
             None => self.border(face as u32),
         }
     }

@@ -8,10 +8,10 @@
 //! one forward sweep over lower and one backward sweep over upper neighbours.
 
 use super::{Correction, SolveReport};
-use crate::geometry::vec3::{dot, norm, scale};
-use crate::gradient::Gradient;
+use crate::gradient::{self, Field};
 use crate::physics::{
     FaceFlow, Gas, Scheme, Viscosity, preconditioner, reference_speed, relative_speed, spectral_radius,
+    velocity,
 };
 use crate::residual::{Domain, Spatial};
 use crate::topology::Topology;
@@ -68,15 +68,15 @@ impl<const N: usize> LuSgs<N> {
             let (f, sign) = self.face[k];
             let face = &on.metrics.faces[f as usize];
             let (qj, dq) = (&q[j], &self.change[j]);
-            let s = scale(sign, face.area);
-            let u = [qj[1], qj[2], qj[3]];
-            let through = dot(u, s) - sign * face.grid_flux;
+            let s = face.area * sign;
+            let volume = velocity(qj).dot(&s);
+            let through = volume - sign * face.grid_flux;
             let rho = gas.density(qj);
-            let inflow = rho * dot([dq[1], dq[2], dq[3]], s);
+            let inflow = rho * velocity(dq).dot(&s);
             let (exact, gamma) = (gas.jacobian(qj), preconditioner(gas, qj, self.reference[j]));
             let carried = gas.carried(qj);
             // Work of the pressure in the energy row, force in the momentum rows.
-            let push = gas.pressure_change(dq[0], s, dot(u, s));
+            let push = gas.pressure_change(dq[0], s, volume);
             for r in 0..N {
                 let mut a = inflow * carried[r] + push[r];
                 for c in 0..N {
@@ -89,41 +89,41 @@ impl<const N: usize> LuSgs<N> {
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
-    fn assemble(
+/// Kinematic viscosity of each local cell, m2/s.
+fn kinematic<'a, G: Gas<N>, V: Viscosity, const N: usize>(
+    spatial: &'a Spatial<G, V>,
+    on: &'a Domain<'_>,
+    field: Field<'a, N>,
+) -> impl Fn(usize) -> f64 + 'a {
+    move |i| {
+        if !V::ACTIVE {
+            return 0.0;
+        }
+        let u = gradient::of_velocity(&field.gradient[i]);
+        let rho = spatial.gas.density(&field.q[i]);
+        let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
+        (spatial.viscosity.dynamic(rho, &u, on.metrics.size[i]) + eddy) / rho
+    }
+}
+
+impl<const N: usize> LuSgs<N> {
+    /// Wave speeds times areas of the faces between cells, and their sums over all faces of each cell.
+    fn sum_waves<G: Gas<N>, V: Viscosity>(
         &mut self,
         spatial: &Spatial<G, V>,
         on: &Domain<'_>,
         scheme: &Scheme,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
-        _: &[FaceFlow],
-        extra: f64,
+        field: Field<'_, N>,
     ) {
-        let (t, m, gas) = (on.topology, on.metrics, &spatial.gas);
-        let velocity = |i: usize| [q[i][1], q[i][2], q[i][3]];
-        let nu = |i: usize| {
-            if !V::ACTIVE {
-                return 0.0;
-            }
-            let g = &gradient[i];
-            let u = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
-            let rho = gas.density(&q[i]);
-            let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
-            (spatial.viscosity.dynamic(rho, &u, m.size[i]) + eddy) / rho
-        };
-        for i in 0..q.len() {
-            let c = gas.sound_speed_squared(&q[i]).sqrt();
-            let speed = relative_speed(scheme, velocity(i));
-            self.reference[i] = reference_speed(speed, m.size[i], scheme.rate, nu(i), c);
-        }
+        let (t, m, gas, q) = (on.topology, on.metrics, &spatial.gas, field.q);
+        let nu = kinematic(spatial, on, field);
+        let sound = |i: usize| gas.sound_speed_squared(&q[i]).sqrt();
         self.wave_sum.fill(0.0);
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let face = &m.faces[f];
             let radius = |k: usize| {
-                let un = (dot(velocity(k), face.area) - face.grid_flux) / face.magnitude();
-                spectral_radius(un, self.reference[k], gas.sound_speed_squared(&q[k]).sqrt())
-                    + 2.0 * nu(k) / face.spacing()
+                let un = (velocity(&q[k]).dot(&face.area) - face.grid_flux) / face.magnitude();
+                spectral_radius(un, self.reference[k], sound(k)) + 2.0 * nu(k) / face.spacing()
             };
             let (i, j) = (i as usize, j as usize);
             let wave = radius(i).max(radius(j)) * face.magnitude();
@@ -134,8 +134,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         for side in t.far_field.iter().chain(&t.outlet) {
             // An open boundary answers with the speed of sound, not the reference speed.
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
-            let c = gas.sound_speed_squared(&q[i]).sqrt();
-            self.wave_sum[i] += (norm(velocity(i)) + c) * face.magnitude();
+            self.wave_sum[i] += (velocity(&q[i]).norm() + sound(i)) * face.magnitude();
         }
         for (pore, p) in spatial.passages(on, scheme, q) {
             for i in [pore.inside as usize, pore.outside as usize] {
@@ -149,8 +148,19 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
                 self.wave_sum[i] += 2.0 * nu(i) * face.magnitude() / m.height(side);
             }
         }
-        for i in 0..t.n_owned {
-            let v = m.volume[i];
+    }
+
+    /// Inverses of the diagonal blocks.
+    fn invert_blocks<G: Gas<N>>(
+        &mut self,
+        gas: &G,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        extra: f64,
+    ) {
+        for i in 0..on.topology.n_owned {
+            let v = on.metrics.volume[i];
             let pseudo = extra * self.wave_sum[i] / self.courant + 0.5 * self.wave_sum[i];
             let (exact, gamma) = (gas.jacobian(&q[i]), preconditioner(gas, &q[i], self.reference[i]));
             let mut d = [[0.0; N]; N];
@@ -165,6 +175,28 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
             self.inverse[i] = inverse(d);
         }
     }
+}
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
+    fn assemble(
+        &mut self,
+        spatial: &Spatial<G, V>,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        field: Field<'_, N>,
+        _: &[FaceFlow],
+        extra: f64,
+    ) {
+        let _part = timing::part("assembly");
+        let nu = kinematic(spatial, on, field);
+        for (i, q) in field.q.iter().enumerate() {
+            let c = spatial.gas.sound_speed_squared(q).sqrt();
+            let speed = relative_speed(scheme, velocity(q));
+            self.reference[i] = reference_speed(speed, on.metrics.size[i], scheme.rate, nu(i), c);
+        }
+        self.sum_waves(spatial, on, scheme, field);
+        self.invert_blocks(&spatial.gas, on, scheme, field.q, extra);
+    }
 
     fn apply(
         &mut self,
@@ -175,6 +207,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport {
+        let _part = timing::part("linear solve");
         let rows = &on.topology.adjacency;
         let n = on.topology.n_owned;
         for i in 0..n {

@@ -14,24 +14,22 @@ pub use simple::PressureCorrection;
 
 use comm::Halo;
 
-use crate::gradient::Gradient;
+use crate::gradient::Field;
 use crate::physics::{FaceFlow, Scheme};
 use crate::residual::{Domain, Spatial};
 use crate::topology::Adjacency;
 
 /// An approximate inverse of the linearised step.
 pub trait Correction<G, V, const N: usize> {
-    /// Prepares for the state `q` with what passes the faces, `through`.
+    /// Prepares for the state of `field` with what passes the faces, `through`.
     /// `extra` of 1 is the method's own pseudo-time step, more a shorter one.
     /// Collective.
-    #[allow(clippy::too_many_arguments)]
     fn assemble(
         &mut self,
         spatial: &Spatial<G, V>,
         on: &Domain<'_>,
         scheme: &Scheme,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
+        field: Field<'_, N>,
         through: &[FaceFlow],
         extra: f64,
     );

@@ -86,6 +86,7 @@ impl PressureSystem {
         tolerance: f64,
         max: usize,
     ) -> SolveReport {
+        let _part = timing::part("pressure");
         let n = self.matrix.own.len();
         let multigrid = self.multigrid.as_mut().expect("prepared");
         let matrix = &self.matrix;

@@ -14,11 +14,11 @@ use comm::Halo;
 
 use super::pressure::{PressureSystem, SolveReport};
 use super::{Correction, MergedCells};
-use crate::geometry::vec3::dot;
-use crate::gradient::Gradient;
-use crate::physics::{FaceFlow, Gas, Scheme, Viscosity};
+use crate::geometry::vec3::Vec3;
+use crate::gradient::{self, Field};
+use crate::physics::{self, FaceFlow, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
-use crate::topology::{Adjacency, Topology};
+use crate::topology::{Adjacency, Side, Topology};
 
 /// Share of the neighbours' coefficients that the response of the velocity to
 /// pressure leaves out: 0 is SIMPLE, where the neighbours stand still, 1 SIMPLEC,
@@ -40,12 +40,8 @@ pub struct PressureCorrection {
     density: Vec<f32>,
     /// Sound speed squared of owned cells.
     sound2: Vec<f32>,
-    /// Cells whose velocity along a far face's normal is held by the acoustic
-    /// condition there: cell, unit normal, share of that component to take away.
-    held: Vec<(u32, [f64; 3], f64)>,
-    /// Passages through the canopy: face, cells inside and outside, share of the mean mass
-    /// flux that passes (kg/m3) and its derivative by the jump of pressure, kg/(s Pa).
-    pores: Vec<(usize, [usize; 2], f64, f64)>,
+    held: Vec<Held>,
+    pores: Vec<Passing>,
     pressure: PressureSystem,
     transported: Vec<[f32; 4]>,
     correction: Vec<f32>,
@@ -53,6 +49,33 @@ pub struct PressureCorrection {
     pub tolerance: f64,
     /// Conjugate-gradient iterations at most.
     pub max_iterations: usize,
+}
+
+/// A cell whose velocity along a far face's normal is held by the acoustic condition there.
+#[derive(Debug)]
+struct Held {
+    cell: u32,
+    /// Unit normal.
+    normal: Vec3,
+    /// Share of the component along it to take away.
+    share: f64,
+}
+
+/// Air that passes a face of the canopy.
+#[derive(Debug)]
+struct Passing {
+    face: usize,
+    /// Inside and outside.
+    cells: [usize; 2],
+    /// Density times the share of the mean volume flux that passes, kg/m3.
+    density: f64,
+    /// Derivative of the mass flux by the jump of pressure, kg/(s Pa).
+    slope: f64,
+}
+
+/// Share of the outflow condition at the far face of `side`.
+fn leaving(on: &Domain<'_>, scheme: &Scheme, side: &Side) -> f64 {
+    physics::leaving(&on.scheme_at(scheme, side), &on.metrics.faces[side.face as usize], side.sign)
 }
 
 impl PressureCorrection {
@@ -92,9 +115,8 @@ impl PressureCorrection {
         }
         // What passes a pore depends on the other side too; left to the outer iterations, as
         // the other side resists no more than a neighbour does.
-        for &(_, [i, o], _, slope) in &self.pores {
-            self.diagonal[i] += slope;
-            self.diagonal[o] += slope;
+        for &Passing { cells, slope, .. } in &self.pores {
+            cells.iter().for_each(|&c| self.diagonal[c] += slope);
         }
         for side in t.outlet.iter() {
             let face = &m.faces[side.face as usize];
@@ -104,7 +126,7 @@ impl PressureCorrection {
         for side in t.far_field.iter() {
             let face = &m.faces[side.face as usize];
             let i = side.cell as usize;
-            let leaving = crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign);
+            let leaving = leaving(on, scheme, side);
             let open = f64::from(self.response[i]) / face.spacing();
             let closed = 0.5 / f64::from(self.sound2[i]).sqrt();
             self.diagonal[i] += face.magnitude() * (leaving * open + (1.0 - leaving) * closed);
@@ -144,33 +166,39 @@ impl PressureCorrection {
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCorrection {
-    fn assemble(
+impl PressureCorrection {
+    /// Density, sound speed and the storage part of the transport operator.
+    fn assemble_storage<G: Gas<N>, const N: usize>(
+        &mut self,
+        gas: &G,
+        on: &Domain<'_>,
+        q: &[[f64; N]],
+        rate: f64,
+    ) {
+        for (i, q) in q.iter().enumerate() {
+            let density = gas.density(q);
+            self.density[i] = density as f32;
+            self.diagonal[i] = rate * density * on.metrics.volume[i];
+        }
+        for (c, q) in self.sound2.iter_mut().zip(q) {
+            *c = gas.sound_speed_squared(q) as f32;
+        }
+    }
+
+    /// Transport between cells, out of open boundaries, and friction on walls.
+    fn assemble_transport<G: Gas<N>, V: Viscosity, const N: usize>(
         &mut self,
         spatial: &Spatial<G, V>,
         on: &Domain<'_>,
         scheme: &Scheme,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
+        field: Field<'_, N>,
         through: &[FaceFlow],
-        extra: f64,
     ) {
-        let (t, m) = (on.topology, on.metrics);
-        let n = t.n_owned;
-        let rate = scheme.rate * extra;
-        for (i, q) in q.iter().enumerate() {
-            let density = spatial.gas.density(q);
-            self.density[i] = density as f32;
-            self.diagonal[i] = rate * density * m.volume[i];
-        }
-        for (c, q) in self.sound2.iter_mut().zip(q) {
-            *c = spatial.gas.sound_speed_squared(q) as f32;
-        }
+        let (t, m, density) = (on.topology, on.metrics, &self.density);
         let viscosity = |i: usize| {
-            let g = &gradient[i];
-            let u = std::array::from_fn(|d| [g[d][1], g[d][2], g[d][3]]);
+            let u = gradient::of_velocity(&field.gradient[i]);
             let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
-            spatial.viscosity.dynamic(f64::from(self.density[i]), &u, m.size[i]) + eddy
+            spatial.viscosity.dynamic(f64::from(density[i]), &u, m.size[i]) + eddy
         };
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
@@ -197,34 +225,152 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
                     viscosity(side.cell as usize) * face.magnitude() / m.height(side);
             }
         }
+    }
+
+    /// Transport through the canopy, and what its pressure equation needs.
+    fn assemble_pores<G: Gas<N>, V: Viscosity, const N: usize>(
+        &mut self,
+        spatial: &Spatial<G, V>,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        through: &[FaceFlow],
+    ) {
         self.pores.clear();
         for (pore, p) in spatial.passages(on, scheme, q) {
-            let (f, i, o) = (pore.face as usize, pore.inside as usize, pore.outside as usize);
-            let density = 0.5 * f64::from(self.density[i] + self.density[o]);
-            self.pores.push((f, [i, o], density * p.share, p.slope));
-            let mass = f64::from(through[f].mass);
+            let (face, i, o) = (pore.face as usize, pore.inside as usize, pore.outside as usize);
+            let density = 0.5 * f64::from(self.density[i] + self.density[o]) * p.share;
+            self.pores.push(Passing { face, cells: [i, o], density, slope: p.slope });
+            let mass = f64::from(through[face].mass);
             self.diagonal[i] += (-mass).max(0.0);
             self.diagonal[o] += mass.max(0.0);
         }
+    }
+
+    /// Finds what the far field holds, once the transport operator is complete.
+    fn assemble_held(&mut self, on: &Domain<'_>, scheme: &Scheme) {
         self.held.clear();
-        for side in &t.far_field {
-            let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
-            let leaving = crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign);
+        for side in &on.topology.far_field {
+            let (face, i) = (&on.metrics.faces[side.face as usize], side.cell as usize);
             // The characteristic pressure there grows by rho c / 2 for each m/s.
-            let stiff =
-                (1.0 - leaving) * 0.5 * f64::from(self.density[i] * self.sound2[i].sqrt()) * face.magnitude();
-            let normal = face.area.map(|a| a / face.magnitude());
-            self.held.push((side.cell, normal, stiff / (stiff + self.diagonal[i])));
+            let stiff = (1.0 - leaving(on, scheme, side))
+                * 0.5
+                * f64::from(self.density[i] * self.sound2[i].sqrt())
+                * face.magnitude();
+            let normal = face.area / face.magnitude();
+            self.held.push(Held { cell: side.cell, normal, share: stiff / (stiff + self.diagonal[i]) });
         }
-        self.held.sort_unstable_by_key(|h| h.0);
-        for i in 0..n {
+        self.held.sort_unstable_by_key(|h| h.cell);
+    }
+
+    /// Inverse diagonal of the transport operator, and how long pressure acts. Collective.
+    fn assemble_response(&mut self, on: &Domain<'_>) {
+        let t = on.topology;
+        for i in 0..t.n_owned {
             self.inverse[i] = (1.0 / self.diagonal[i]) as f32;
             let row = t.adjacency.start[i] as usize..t.adjacency.start[i + 1] as usize;
             let neighbours: f64 = self.off[row].iter().map(|&k| f64::from(k)).sum();
             let free = self.diagonal[i] - FOLLOWING * neighbours;
-            self.response[i] = (f64::from(self.density[i]) * m.volume[i] / free) as f32;
+            self.response[i] = (f64::from(self.density[i]) * on.metrics.volume[i] / free) as f32;
         }
         on.halo.exchange(&mut self.response, 1);
+    }
+
+    /// Velocity (and temperature) by the transport operator alone, on all local cells. Collective.
+    fn predict<const N: usize>(&mut self, on: &Domain<'_>, r: &[[f64; N]]) {
+        let _part = timing::part("momentum");
+        self.transport(on.topology, r);
+        for held in &self.held {
+            let x = &mut self.transported[held.cell as usize];
+            let along = held.share * predicted(x).dot(&held.normal);
+            for d in 0..3 {
+                x[d] -= (along * held.normal[d]) as f32;
+            }
+        }
+        on.halo.exchange(self.transported.as_flattened_mut(), 4);
+    }
+
+    /// Right-hand side of the pressure equation: the defect of mass and what the predicted velocity passes.
+    fn assemble_source<const N: usize>(&mut self, on: &Domain<'_>, scheme: &Scheme, r: &[[f64; N]]) {
+        let _part = timing::part("pressure source");
+        let (t, m) = (on.topology, on.metrics);
+        for (d, r) in self.diagonal[..t.n_owned].iter_mut().zip(r) {
+            *d = -r[0];
+        }
+        let x = &self.transported;
+        let through = |i: usize, s: &Vec3| predicted(&x[i]).dot(s);
+        for (f, &[i, j]) in t.cells.iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            let s = &m.faces[f].area;
+            let rho = 0.5 * f64::from(self.density[i] + self.density[j]);
+            let flux = 0.5 * rho * (through(i, s) + through(j, s));
+            self.diagonal[i] -= flux;
+            self.diagonal[j] += flux;
+        }
+        for &Passing { face, cells: [i, o], density, .. } in &self.pores {
+            let s = &m.faces[face].area;
+            let flux = 0.5 * density * (through(i, s) + through(o, s));
+            self.diagonal[i] -= flux;
+            self.diagonal[o] += flux;
+        }
+        let outlet = t.outlet.iter().map(|side| (side, 1.0));
+        let far = t.far_field.iter().map(|side| (side, 0.5 + 0.5 * leaving(on, scheme, side)));
+        for (side, share) in outlet.chain(far) {
+            let (i, s) = (side.cell as usize, &m.faces[side.face as usize].area);
+            self.diagonal[i] -= share * f64::from(self.density[i]) * side.sign * through(i, s);
+        }
+        for (s, d) in self.pressure.source().iter_mut().zip(&self.diagonal) {
+            *s = *d as f32;
+        }
+    }
+
+    /// Adds this share of the corrections of pressure and velocity to `q`.
+    fn correct<G: Gas<N>, const N: usize>(&self, gas: &G, on: &Domain<'_>, share: f64, q: &mut [[f64; N]]) {
+        let mut held = self.held.iter().peekable();
+        for i in 0..on.topology.n_owned {
+            let dp = share * f64::from(self.correction[i]);
+            let mut g = on.gradients.scalar(on.topology, i, &self.correction);
+            while let Some(h) = held.next_if(|h| h.cell as usize == i) {
+                g -= h.normal * (h.share * g.dot(&h.normal));
+            }
+            let push = f64::from(self.response[i] / self.density[i]);
+            let adiabatic = gas.compression(&q[i]);
+            let x = &self.transported[i];
+            let q = &mut q[i];
+            for d in 0..3 {
+                q[1 + d] += share * (f64::from(x[d]) - push * g[d]);
+            }
+            q[0] += dp;
+            if N > 4 {
+                q[N - 1] += share * f64::from(x[3]) + adiabatic[N - 1] * dp;
+            }
+        }
+    }
+}
+
+/// Velocity of a transported correction, m/s.
+#[inline(always)]
+fn predicted(x: &[f32; 4]) -> Vec3 {
+    Vec3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]))
+}
+
+impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCorrection {
+    fn assemble(
+        &mut self,
+        spatial: &Spatial<G, V>,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        field: Field<'_, N>,
+        through: &[FaceFlow],
+        extra: f64,
+    ) {
+        let _part = timing::part("assembly");
+        let rate = scheme.rate * extra;
+        self.assemble_storage(&spatial.gas, on, field.q, rate);
+        self.assemble_transport(spatial, on, scheme, field, through);
+        self.assemble_pores(spatial, on, scheme, field.q, through);
+        self.assemble_held(on, scheme);
+        self.assemble_response(on);
         self.assemble_pressure(on, scheme, rate);
     }
 
@@ -245,84 +391,13 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport {
-        let (t, m) = (on.topology, on.metrics);
-        let n = t.n_owned;
-        self.transport(t, r);
-        for &(i, normal, share) in &self.held {
-            let x = &mut self.transported[i as usize];
-            let along = share * (0..3).map(|d| f64::from(x[d]) * normal[d]).sum::<f64>();
-            for d in 0..3 {
-                x[d] -= (along * normal[d]) as f32;
-            }
-        }
-        on.halo.exchange(self.transported.as_flattened_mut(), 4);
-        for (d, r) in self.diagonal[..n].iter_mut().zip(r) {
-            *d = -r[0];
-        }
-        let x = &self.transported;
-        let through =
-            |i: usize, s: &[f64; 3]| dot([f64::from(x[i][0]), f64::from(x[i][1]), f64::from(x[i][2])], *s);
-        for (f, &[i, j]) in t.cells.iter().enumerate() {
-            let (i, j) = (i as usize, j as usize);
-            let s = &m.faces[f].area;
-            let rho = 0.5 * f64::from(self.density[i] + self.density[j]);
-            let flux = 0.5 * rho * (through(i, s) + through(j, s));
-            self.diagonal[i] -= flux;
-            self.diagonal[j] += flux;
-        }
-        for &(f, [i, o], density, _) in &self.pores {
-            let s = &m.faces[f].area;
-            let flux = 0.5 * density * (through(i, s) + through(o, s));
-            self.diagonal[i] -= flux;
-            self.diagonal[o] += flux;
-        }
-        for (list, far) in [(&t.outlet, false), (&t.far_field, true)] {
-            for side in list {
-                let face = &m.faces[side.face as usize];
-                let i = side.cell as usize;
-                let share = if far {
-                    0.5 + 0.5 * crate::physics::leaving(&on.scheme_at(scheme, side), face, side.sign)
-                } else {
-                    1.0
-                };
-                self.diagonal[i] -= share * f64::from(self.density[i]) * side.sign * through(i, &face.area);
-            }
-        }
-        for (s, d) in self.pressure.source().iter_mut().zip(&self.diagonal) {
-            *s = *d as f32;
-        }
-        let report = self.pressure.solve(
-            &t.adjacency,
-            on.halo,
-            &mut self.correction,
-            self.tolerance,
-            self.max_iterations,
-        );
-        let mut held = self.held.iter().peekable();
-        for i in 0..n {
-            let dp = share * f64::from(self.correction[i]);
-            let mut g = on.gradients.scalar(t, i, &self.correction);
-            while let Some(&&(cell, normal, share)) = held.peek()
-                && cell as usize == i
-            {
-                let along = share * dot(g, normal);
-                for d in 0..3 {
-                    g[d] -= along * normal[d];
-                }
-                held.next();
-            }
-            let push = f64::from(self.response[i] / self.density[i]);
-            let adiabatic = gas.compression(&q[i]);
-            let x = &self.transported[i];
-            let q = &mut q[i];
-            for d in 0..3 {
-                q[1 + d] += share * (f64::from(x[d]) - push * g[d]);
-            }
-            q[0] += dp;
-            if N > 4 {
-                q[N - 1] += share * f64::from(x[3]) + adiabatic[N - 1] * dp;
-            }
-        }
+        let _part = timing::part("linear solve");
+        self.predict(on, r);
+        self.assemble_source(on, scheme, r);
+        let rows = &on.topology.adjacency;
+        let report =
+            self.pressure.solve(rows, on.halo, &mut self.correction, self.tolerance, self.max_iterations);
+        self.correct(gas, on, share, q);
         report
     }
 }

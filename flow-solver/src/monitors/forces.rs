@@ -5,7 +5,7 @@ use std::path::Path;
 use channel::Fault;
 
 use super::table::Table;
-use crate::geometry::vec3::{Vec3, add, cross, dot, norm, scale, sub};
+use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
 use crate::physics::{Gas, Viscosity};
 use crate::solver::Solver;
@@ -24,10 +24,9 @@ pub struct Forces {
 }
 
 fn put(sum: &mut Sum, pressure: Vec3, shear: Vec3, arm: Vec3) {
-    let moment = cross(arm, add(pressure, shear));
-    for (s, v) in sum.iter_mut().zip([pressure, shear, moment]) {
-        *s = add(*s, v);
-    }
+    sum[0] += pressure;
+    sum[1] += shear;
+    sum[2] += arm.cross(&(pressure + shear));
 }
 
 impl Forces {
@@ -45,9 +44,10 @@ impl Forces {
                 parts.into_iter().flatten().chain([format!("{on}_drag_n")]).collect::<Vec<_>>()
             })
             .collect();
+        let drag = Vec3::from(f.drag_direction);
         Self {
-            point: f.moment_point_m,
-            drag: scale(1.0 / norm(f.drag_direction), f.drag_direction),
+            point: f.moment_point_m.into(),
+            drag: drag * (1.0 / drag.norm()),
             walls,
             table: Table::new("forces.csv", &columns),
         }
@@ -65,35 +65,33 @@ impl Forces {
         folder: &Path,
     ) -> Result<(), Fault> {
         let (on, t) = (solver.domain(), &solver.topology);
-        let mut sums: [Sum; 2] = [[[0.0; 3]; 3]; 2];
+        let mut sums: [Sum; 2] = [[Vec3::zeros(); 3]; 2];
         for (load, &face) in loads.faces[..t.canopy.n_owned].iter().zip(&t.canopy_face) {
             let f = &solver.metrics.faces[face as usize];
-            let shear = scale(f.magnitude(), [load[1], load[2], load[3]]);
-            put(&mut sums[0], scale(load[0], f.area), shear, sub(solver.metrics.border(face), self.point));
+            let shear = Vec3::new(load[1], load[2], load[3]) * f.magnitude();
+            put(&mut sums[0], f.area * load[0], shear, solver.metrics.border(face) - self.point);
         }
         if self.walls {
             for side in t.no_slip.iter().filter(|s| s.canopy == u32::MAX) {
                 let f = &solver.metrics.faces[side.face as usize];
                 let p = solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side);
                 let shear = if V::ACTIVE {
-                    scale(f.magnitude(), solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side))
+                    solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side) * f.magnitude()
                 } else {
-                    [0.0; 3]
+                    Vec3::zeros()
                 };
-                put(
-                    &mut sums[1],
-                    scale(side.sign * p, f.area),
-                    shear,
-                    sub(solver.metrics.border(side.face), self.point),
-                );
+                let arm = solver.metrics.border(side.face) - self.point;
+                put(&mut sums[1], f.area * (side.sign * p), shear, arm);
             }
         }
-        let used = &mut sums[..1 + usize::from(self.walls)];
-        solver.comm().sum_slice(used.as_flattened_mut().as_flattened_mut());
+        let used = &sums[..1 + usize::from(self.walls)];
+        let mut numbers: Vec<f64> = used.as_flattened().iter().flatten().copied().collect();
+        solver.comm().sum_slice(&mut numbers);
         let mut row = Vec::with_capacity(20);
-        for sum in used.iter() {
-            row.extend_from_slice(sum.as_flattened());
-            row.push(dot(self.drag, add(sum[0], sum[1])));
+        for sum in numbers.chunks_exact(9) {
+            row.extend_from_slice(sum);
+            let force = Vec3::from_column_slice(&sum[..3]) + Vec3::from_column_slice(&sum[3..6]);
+            row.push(self.drag.dot(&force));
         }
         self.table.row(solver.comm(), folder, time, &row)
     }

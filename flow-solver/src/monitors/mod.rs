@@ -46,7 +46,7 @@ impl Monitors {
         setup: &Setup,
         solver: &Solver<G, V, N>,
     ) -> Result<Self, Fault> {
-        let flow = setup.scene.flow.as_ref().ok_or_else(|| Fault::new("the scene has no [flow] section"))?;
+        let flow = &setup.flow;
         let probes = match &flow.probes[..] {
             [] => None,
             list => Some(Probes::new(list, solver)?),

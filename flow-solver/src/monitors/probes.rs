@@ -5,8 +5,9 @@ use std::path::Path;
 use channel::Fault;
 
 use super::table::Table;
-use crate::geometry::vec3::{Vec3, dot, sub};
-use crate::physics::{Gas, Viscosity};
+use crate::geometry::vec3::Vec3;
+use crate::gradient;
+use crate::physics::{Gas, Viscosity, velocity};
 use crate::solver::Solver;
 
 /// Numbers of one probe: gauge pressure, Pa, velocity relative to the falling frame,
@@ -71,7 +72,7 @@ impl Probes {
     /// Finds the cell around point `k`: returns how far outside of it the point lies,
     /// in shares of its size. Collective.
     fn find<G: Gas<N>, V: Viscosity, const N: usize>(&mut self, k: usize, s: &Solver<G, V, N>) -> f64 {
-        let (x, n) = (self.list[k].position_m, s.topology.n_owned);
+        let (x, n) = (Vec3::from(self.list[k].position_m), s.topology.n_owned);
         let mut outside = vec![f64::NEG_INFINITY; n];
         s.topology.for_each_side(|f, c, sign| {
             if c < n {
@@ -125,7 +126,7 @@ impl Probes {
             let lost = |k: usize| {
                 let Some(c) = self.home[k] else { return 0 };
                 let reach = GAP * solver.metrics.size[c as usize];
-                let x = self.list[k].position_m;
+                let x = Vec3::from(self.list[k].position_m);
                 u64::from(self.walls[k].iter().any(|&(f, sign)| excess(solver, f as usize, sign, x) > reach))
             };
             let mut lost: Vec<u64> = (0..self.list.len()).map(lost).collect();
@@ -145,11 +146,9 @@ impl Probes {
         let air = &solver.settings.air;
         for (k, home) in self.home.iter().enumerate() {
             let Some(c) = home.map(|c| c as usize) else { continue };
-            let d = sub(self.list[k].position_m, solver.metrics.centre[c]);
-            let g = &solver.gradient[c];
-            let q: [f64; N] =
-                std::array::from_fn(|v| solver.q[c][v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2]);
-            let u = sub([q[1], q[2], q[3]], solver.scheme.frame);
+            let d = Vec3::from(self.list[k].position_m) - solver.metrics.centre(c);
+            let q = gradient::extrapolated(&solver.q[c], &solver.gradient[c], &d);
+            let u = velocity(&q) - solver.scheme.frame;
             let t = (air.pressure() + q[0]) / (air.gas_constant * solver.spatial.gas.density(&q));
             self.values[k * WIDTH..][..WIDTH].copy_from_slice(&[q[0], u[0], u[1], u[2], t]);
         }
@@ -161,5 +160,5 @@ impl Probes {
 /// How far `x` lies beyond face `f`, m, where `sign` turns its area out of the cell.
 fn excess<G: Gas<N>, V: Viscosity, const N: usize>(s: &Solver<G, V, N>, f: usize, sign: f64, x: Vec3) -> f64 {
     let face = &s.metrics.faces[f];
-    sign * dot(face.area, sub(x, s.metrics.face_centre(&s.topology, f))) / face.magnitude()
+    sign * face.area.dot(&(x - s.metrics.face_centre(&s.topology, f))) / face.magnitude()
 }

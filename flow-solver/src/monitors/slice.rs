@@ -7,8 +7,9 @@ use channel::Fault;
 use mesh::vtk::{Values, write_surface};
 
 use super::pieces::Pieces;
-use crate::geometry::vec3::{Vec3, add, cross, dot, norm, scale, sub};
-use crate::physics::{Gas, Viscosity};
+use crate::geometry::vec3::Vec3;
+use crate::gradient;
+use crate::physics::{Gas, Viscosity, velocity};
 use crate::solver::Solver;
 
 /// A plane and its series.
@@ -40,12 +41,12 @@ impl Cut {
     /// `normal`. A node on the plane counts as beyond it, so a plane along faces cuts
     /// the cells behind them.
     pub fn new(x: &[Vec3], cells: &[[u32; 8]], point: Vec3, normal: Vec3) -> Self {
-        let height: Vec<f64> = x.iter().map(|x| dot(normal, sub(*x, point))).collect();
+        let height: Vec<f64> = x.iter().map(|x| normal.dot(&(x - point))).collect();
         // Two directions within the plane.
-        let axis = if normal[0].abs() < 0.7 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-        let e = cross(normal, axis);
-        let e = scale(1.0 / norm(e), e);
-        let f = cross(normal, e);
+        let axis = if normal.x.abs() < 0.7 { Vec3::x() } else { Vec3::y() };
+        let e = normal.cross(&axis);
+        let e = e * (1.0 / e.norm());
+        let f = normal.cross(&e);
         let mut cut = Self::default();
         let mut corner: HashMap<(u32, u32), u32> = HashMap::new();
         let mut around: Vec<(f64, u32)> = Vec::with_capacity(8);
@@ -62,7 +63,7 @@ impl Cut {
                 }
                 let node = *corner.entry((a.min(b), a.max(b))).or_insert_with(|| {
                     let s = ha / (ha - hb);
-                    cut.points.push(add(scale(1.0 - s, x[a as usize]), scale(s, x[b as usize])));
+                    cut.points.push(x[a as usize] * (1.0 - s) + x[b as usize] * s);
                     cut.points.len() as u32 - 1
                 });
                 // An edge that two edges have collapsed onto counts once.
@@ -73,11 +74,11 @@ impl Cut {
             if around.len() < 3 {
                 continue;
             }
-            let sum = around.iter().fold([0.0; 3], |s, p| add(s, cut.points[p.1 as usize]));
-            let middle = scale(1.0 / around.len() as f64, sum);
+            let sum: Vec3 = around.iter().map(|p| cut.points[p.1 as usize]).sum();
+            let middle = sum * (1.0 / around.len() as f64);
             for p in &mut around {
-                let d = sub(cut.points[p.1 as usize], middle);
-                p.0 = dot(d, f).atan2(dot(d, e));
+                let d = cut.points[p.1 as usize] - middle;
+                p.0 = d.dot(&f).atan2(d.dot(&e));
             }
             around.sort_by(|a, b| a.0.total_cmp(&b.0));
             cut.polygons.push(around.iter().map(|p| p.1).collect());
@@ -89,16 +90,17 @@ impl Cut {
     /// Mean of the corners of polygon `k`, m.
     pub fn middle(&self, k: usize) -> Vec3 {
         let p = &self.polygons[k];
-        scale(1.0 / p.len() as f64, p.iter().fold([0.0; 3], |s, &n| add(s, self.points[n as usize])))
+        p.iter().map(|&n| self.points[n as usize]).sum::<Vec3>() * (1.0 / p.len() as f64)
     }
 }
 
 impl Slice {
     /// As the scene says.
     pub fn new(s: &case::Slice) -> Self {
+        let normal = Vec3::from(s.normal);
         Self {
-            point: s.point_m,
-            normal: scale(1.0 / norm(s.normal), s.normal),
+            point: s.point_m.into(),
+            normal: normal * (1.0 / normal.norm()),
             every: u64::from(s.every_windows),
             pieces: Pieces::new(&s.name),
         }
@@ -120,25 +122,24 @@ impl Slice {
         }
         let cut = Cut::new(&solver.nodes, &solver.topology.cell_nodes, self.point, self.normal);
         let n = cut.polygons.len();
-        let (mut pressure, mut velocity, mut vorticity) =
+        let (mut pressure, mut velocities, mut vorticity) =
             (Vec::with_capacity(n), Vec::with_capacity(n), Vec::with_capacity(n));
         for (k, &c) in cut.cells.iter().enumerate() {
             let c = c as usize;
-            let (q, g) = (&solver.q[c], &solver.gradient[c]);
-            let d = sub(cut.middle(k), solver.metrics.centre[c]);
-            let at = |v: usize| q[v] + g[0][v] * d[0] + g[1][v] * d[1] + g[2][v] * d[2];
-            pressure.push(at(0));
-            velocity.push(sub([at(1), at(2), at(3)], solver.scheme.frame));
-            let slope = |u: usize, x: usize| g[x][1 + u];
-            vorticity.push([slope(2, 1) - slope(1, 2), slope(0, 2) - slope(2, 0), slope(1, 0) - slope(0, 1)]);
+            let g = &solver.gradient[c];
+            let q = gradient::extrapolated(&solver.q[c], g, &(cut.middle(k) - solver.metrics.centre(c)));
+            pressure.push(q[0]);
+            velocities.push((velocity(&q) - solver.scheme.frame).into());
+            vorticity.push(gradient::vorticity(g).into());
         }
+        let points: Vec<mesh::Point> = cut.points.iter().map(|x| (*x).into()).collect();
         self.pieces.push(solver.comm(), folder, done, time, n > 0, |file| {
             let fields = [
                 ("pressure_pa", Values::F64(&pressure)),
-                ("velocity_frame_m_s", Values::Vector(&velocity)),
+                ("velocity_frame_m_s", Values::Vector(&velocities)),
                 ("vorticity_1_s", Values::Vector(&vorticity)),
             ];
-            write_surface(file, &cut.points, &cut.polygons, &[], &fields)
+            write_surface(file, &points, &cut.polygons, &[], &fields)
         })
     }
 }
@@ -146,33 +147,35 @@ impl Slice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mesh::{BoxShape, Patch, box_grid_of};
+    use mesh::{BoxShape, FlowGrid, Patch, box_grid_of};
 
     /// Area of a polygon.
     fn area(cut: &Cut, k: usize) -> f64 {
         let at = |n: u32| cut.points[n as usize];
         let p = &cut.polygons[k];
-        let sum = (1..p.len() - 1)
-            .fold([0.0; 3], |s, i| add(s, cross(sub(at(p[i]), at(p[0])), sub(at(p[i + 1]), at(p[0])))));
-        0.5 * norm(sum)
+        let sum: Vec3 =
+            (1..p.len() - 1).map(|i| (at(p[i]) - at(p[0])).cross(&(at(p[i + 1]) - at(p[0])))).sum();
+        0.5 * sum.norm()
     }
 
     #[test]
     fn a_plane_through_a_box_is_cut_without_gap_or_overlap() {
-        let normal = scale(1.0 / 14f64.sqrt(), [1.0, 2.0, 3.0]);
+        let normal = Vec3::new(1.0, 2.0, 3.0) / 14f64.sqrt();
+        let half = Vec3::repeat(0.5);
+        let nodes = |grid: &FlowGrid| grid.coords.iter().map(|x| Vec3::from(*x)).collect::<Vec<_>>();
         for shape in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra] {
             let grid = box_grid_of(shape, [4, 5, 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
-            let cut = Cut::new(&grid.coords, &grid.cells, [0.5; 3], normal);
+            let cut = Cut::new(&nodes(&grid), &grid.cells, half, normal);
             let sum: f64 = (0..cut.polygons.len()).map(|k| area(&cut, k)).sum();
             // Its shadow along z is the strip 0.5 (y) x 3 z between 0 and 1: x + 2y + 3z = 3.
             // Over (x, y): z = (3 - x - 2y) / 3 lies in [0, 1] everywhere, so the shadow is the unit square.
             assert!((sum - 14f64.sqrt() / 3.0).abs() < 1e-12, "{shape:?}: {sum}");
-            assert!(cut.points.iter().all(|p| dot(normal, sub(*p, [0.5; 3])).abs() < 1e-14));
+            assert!(cut.points.iter().all(|p| normal.dot(&(p - half)).abs() < 1e-14));
         }
         // Along the faces of the cells: one layer, no more.
         let grid = box_grid_of(BoxShape::Hexahedra, [4; 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
-        let cut = Cut::new(&grid.coords, &grid.cells, [0.5; 3], [0.0, 0.0, 1.0]);
+        let cut = Cut::new(&nodes(&grid), &grid.cells, half, Vec3::z());
         assert_eq!((cut.polygons.len(), cut.points.len()), (16, 25));
-        assert!(Cut::new(&grid.coords, &grid.cells, [0.0, 0.0, 2.0], [0.0, 0.0, 1.0]).polygons.is_empty());
+        assert!(Cut::new(&nodes(&grid), &grid.cells, Vec3::z() * 2.0, Vec3::z()).polygons.is_empty());
     }
 }

@@ -5,10 +5,9 @@ use std::path::Path;
 use channel::Fault;
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::vec3::sub;
-use crate::physics::{Gas, Viscosity};
+use crate::physics::{Gas, Viscosity, velocity};
 use crate::solver::Solver;
-use crate::state::{checksum, gather};
+use crate::state::{before_archives, gather};
 use crate::topology::Topology;
 use comm::Comm;
 
@@ -25,13 +24,11 @@ pub struct Statistics {
 }
 
 const FILE: &str = "flow-statistics.bin";
-const MAGIC: u64 = u64::from_le_bytes(*b"RIPSTAT\0");
-const VERSION: u32 = 1;
+const KIND: [u8; 8] = *b"RIPSTAT\0";
+const VERSION: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    magic: u64,
-    version: u32,
     cells: u64,
     span: f64,
     /// `[cells][4]` in global order.
@@ -59,8 +56,8 @@ impl Statistics {
         let share = dt / self.span;
         let frame = solver.scheme.frame;
         for ((q, mean), moment) in solver.q.iter().zip(&mut self.mean).zip(&mut self.moment) {
-            let [u, v, w] = sub([q[1], q[2], q[3]], frame);
-            for (k, x) in [q[0], u, v, w].into_iter().enumerate() {
+            let u = velocity(q) - frame;
+            for (k, x) in [q[0], u.x, u.y, u.z].into_iter().enumerate() {
                 let away = x - mean[k];
                 mean[k] += share * away;
                 moment[k] += dt * away * (x - mean[k]);
@@ -85,23 +82,14 @@ impl Statistics {
         let file = folder.join(FILE);
         let mut outcome = Ok(());
         if comm.is_root() {
-            let saved =
-                Saved { magic: MAGIC, version: VERSION, cells: cells as u64, span: self.span, mean, moment };
-            outcome = bincode::serde::encode_to_vec(&saved, bincode::config::standard())
-                .map_err(|e| e.to_string())
-                .and_then(|mut bytes| {
-                    bytes.extend(checksum(&bytes).to_le_bytes());
-                    let aside = file.with_extension("part");
-                    std::fs::write(&aside, &bytes)
-                        .and_then(|()| std::fs::rename(&aside, &file))
-                        .map_err(|e| e.to_string())
-                });
+            let saved = Saved { cells: cells as u64, span: self.span, mean, moment };
+            outcome = archive::save(&file, KIND, VERSION, &saved).map(|_| ());
         }
         if comm.all(outcome.is_ok()) {
             return Ok(());
         }
-        let why = outcome.err().unwrap_or_else(|| "rank 0 failed".into());
-        Err(Fault::new(format!("cannot write the statistics {}: {why}", file.display())))
+        let elsewhere = || Fault::new(format!("rank 0 could not write {}", file.display()));
+        Err(outcome.err().map_or_else(elsewhere, |e| Fault::new(format!("statistics: {e}"))))
     }
 
     /// Goes on with those saved in `folder`; a stage before that gathered none leaves
@@ -111,30 +99,18 @@ impl Statistics {
     /// A file that is damaged or of another grid.
     pub fn load(&mut self, folder: &Path, topology: &Topology, cells: usize) -> Result<(), Fault> {
         let file = folder.join(FILE);
-        let bytes = match std::fs::read(&file) {
-            Ok(bytes) => bytes,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-            Err(e) => return Err(Fault::new(format!("cannot read {}: {e}", file.display()))),
-        };
-        let fail = |what: &str| {
-            Fault::new(format!("statistics {}: {what}; run the stage that writes them again", file.display()))
-        };
-        let (body, tail) = bytes.split_last_chunk::<8>().ok_or_else(|| fail("empty"))?;
-        if checksum(body) != u64::from_le_bytes(*tail) {
-            return Err(fail("damaged (checksum)"));
-        }
-        let (saved, _): (Saved, usize) = bincode::serde::decode_from_slice(body, bincode::config::standard())
-            .map_err(|e| fail(&e.to_string()))?;
-        if saved.magic != MAGIC || saved.version != VERSION {
-            return Err(fail("of another version"));
-        }
+        let fail = |e: archive::Error| Fault::new(format!("statistics: {e}"));
+        let version_1 = |bytes: &[u8]| before_archives(bytes, KIND, 1);
+        let loaded = archive::load_or_earlier(&file, KIND, VERSION, version_1);
+        let Some(saved): Option<Saved> = archive::if_present(loaded).map_err(fail)? else { return Ok(()) };
+        let unfit = |reason: &str| fail(archive::Error::content(&file, reason));
         let rows = [&saved.mean, &saved.moment].iter().all(|v| v.len() == 4 * cells);
         if saved.cells as usize != cells || !rows {
-            return Err(fail(&format!("{} cells, this grid has {cells}", saved.cells)));
+            return Err(unfit(&format!("it is of {} cells, this grid has {cells}", saved.cells)));
         }
         let numbers = saved.mean.iter().chain(&saved.moment).chain([&saved.span]);
         if !numbers.copied().all(f64::is_finite) || saved.span < 0.0 {
-            return Err(fail("values that are not finite"));
+            return Err(unfit("it holds values that are not finite"));
         }
         self.span = saved.span;
         for (k, &g) in topology.numbering.owned().iter().enumerate() {

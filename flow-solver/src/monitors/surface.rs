@@ -8,7 +8,6 @@ use comm::Halo;
 use mesh::vtk::{Values, write_surface};
 
 use super::pieces::Pieces;
-use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
 use crate::physics::{Gas, Viscosity};
 use crate::solver::Solver;
@@ -74,7 +73,7 @@ impl Surface {
             .map(|&f| {
                 t.face_nodes[f as usize].map(|node| {
                     *place.entry(node).or_insert_with(|| {
-                        points.push(solver.nodes[node as usize]);
+                        points.push(solver.nodes[node as usize].into());
                         points.len() as u32 - 1
                     })
                 })
@@ -83,7 +82,7 @@ impl Surface {
         let inside: Vec<f64> = self.sides[..n].iter().map(|s| s[0]).collect();
         let outside: Vec<f64> = self.sides[..n].iter().map(|s| s[1]).collect();
         let jump: Vec<f64> = loads.faces[..n].iter().map(|l| l[0]).collect();
-        let shear: Vec<Vec3> = loads.faces[..n].iter().map(|l| [l[1], l[2], l[3]]).collect();
+        let shear: Vec<mesh::Point> = loads.faces[..n].iter().map(|l| [l[1], l[2], l[3]]).collect();
         self.pieces.push(solver.comm(), folder, done, time, n > 0, |file| {
             let fields = [
                 ("pressure_inside_pa", Values::F64(&inside)),

@@ -18,8 +18,9 @@
 //!   equation whenever the time step is small.
 
 use super::gas::Gas;
+use super::velocity;
 use crate::geometry::FaceMetric;
-use crate::geometry::vec3::{Vec3, dot};
+use crate::geometry::vec3::Vec3;
 
 /// Weight of the velocity diffusion: the interface pressure lacks a quarter of $\rho U [u_n]$, half of what the
 /// upwind flux of Godunov's method has where sound is as fast as $U$.
@@ -107,9 +108,9 @@ pub fn interface<G: Gas<N>, const N: usize>(
     past: [f32; 2],
 ) -> Interface<N> {
     let s = face.area;
-    let velocity = [0.5 * (l[1] + r[1]), 0.5 * (l[2] + r[2]), 0.5 * (l[3] + r[3])];
-    let speed = relative_speed(scheme, velocity);
-    let volume = dot(velocity, s) - face.grid_flux;
+    let mean = (velocity(l) + velocity(r)) * 0.5;
+    let speed = relative_speed(scheme, mean);
+    let volume = mean.dot(&s) - face.grid_flux;
     let upwind = |x: f64| if x > 0.0 { l } else { r };
     let rho = gas.density(upwind(volume));
     let c2 = gas.sound_speed_squared(upwind(volume));
@@ -117,7 +118,7 @@ pub fn interface<G: Gas<N>, const N: usize>(
     let tie = scheme.tie(past, scheme.pressure_diffusion * half, face.spacing(), speed);
     let mass = rho * volume + face.magnitude() * (tie + half / c2.sqrt());
     let carried = gas.carried(upwind(mass));
-    let jump = (r[1] - l[1]) * s[0] + (r[2] - l[2]) * s[1] + (r[3] - l[3]) * s[2];
+    let jump = (velocity(r) - velocity(l)).dot(&s);
     let diffusion = scheme.velocity_diffusion * rho * speed * jump / face.magnitude();
     let p = 0.5 * (l[0] + r[0] - diffusion);
     let mut flux = gas.pressure_flux(p, s, face.grid_flux);
@@ -152,42 +153,25 @@ pub fn far_field<G: Gas<N>, const N: usize>(
     sign: f64,
     past: [f32; 2],
 ) -> Interface<N> {
-    let s = [sign * face.area[0], sign * face.area[1], sign * face.area[2]];
-    let grid_flux = sign * face.grid_flux;
+    let open = OpenFace::new(face, sign);
     let far = gas.undisturbed(scheme.wind);
     let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
-    let through = |q: &[f64; N]| (q[1] * s[0] + q[2] * s[1] + q[3] * s[2]) / face.magnitude();
-    let (inner, outer) = (through(q), through(&far));
+    let (inner, outer, near) = (open.speed(q), open.speed(&far), open.speed(cell));
     let leaving = leaving(scheme, face, sign);
-    let near = through(cell);
     let speed = 0.5 * (near + outer + cell[0] / (rho * c));
     let p = 0.5 * (cell[0] + rho * c * (near - outer));
     // At a leaving stream pressure pulls the mass flux as it does between cells.
     let tie = scheme.tie(past, q[0], face.spacing(), hypot(speed, scheme));
-    let open = inner + (tie + q[0] / c) / rho;
-    boundary(
-        gas,
-        q,
-        &far,
-        rho * (leaving * open + (1.0 - leaving) * speed),
-        (1.0 - leaving) * p,
-        s,
-        grid_flux,
-        face,
-        tie,
-    )
+    let free = inner + (tie + q[0] / c) / rho;
+    let momentum = rho * (leaving * free + (1.0 - leaving) * speed);
+    open.flux(gas, q, &far, Passing { momentum, pressure: (1.0 - leaving) * p, tie })
 }
 
 /// Share of the outflow condition at a far face: 0 where the undisturbed stream
 /// enters or passes along, 1 within 60 degrees of the outward normal.
 #[inline(always)]
 pub fn leaving(scheme: &Scheme, face: &FaceMetric, sign: f64) -> f64 {
-    let w = [
-        scheme.wind[0] - scheme.frame[0],
-        scheme.wind[1] - scheme.frame[1],
-        scheme.wind[2] - scheme.frame[2],
-    ];
-    let relative = sign * dot(w, face.area) / face.magnitude();
+    let relative = sign * (scheme.wind - scheme.frame).dot(&face.area) / face.magnitude();
     (2.0 * relative / relative_speed(scheme, scheme.wind)).clamp(0.0, 1.0)
 }
 
@@ -203,34 +187,63 @@ pub fn outlet<G: Gas<N>, const N: usize>(
     sign: f64,
     past: [f32; 2],
 ) -> Interface<N> {
-    let s = [sign * face.area[0], sign * face.area[1], sign * face.area[2]];
+    let open = OpenFace::new(face, sign);
     let far = gas.undisturbed(scheme.wind);
     let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
-    let inner = (q[1] * s[0] + q[2] * s[1] + q[3] * s[2]) / face.magnitude();
+    let inner = open.speed(q);
     let tie = scheme.tie(past, q[0], face.spacing(), hypot(inner, scheme));
-    boundary(gas, q, &far, rho * inner + tie + q[0] / c, 0.0, s, sign * face.grid_flux, face, tie)
+    open.flux(gas, q, &far, Passing { momentum: rho * inner + tie + q[0] / c, pressure: 0.0, tie })
 }
 
-#[allow(clippy::too_many_arguments)]
-#[inline(always)]
-fn boundary<G: Gas<N>, const N: usize>(
-    gas: &G,
-    q: &[f64; N],
-    far: &[f64; N],
-    momentum: f64,
-    p: f64,
-    s: Vec3,
+/// A face of the outer boundary, seen from inside.
+struct OpenFace {
+    /// Area vector out of the domain, m2, and its length.
+    area: Vec3,
+    magnitude: f64,
+    /// Volume that the face sweeps outwards in unit time, m3/s.
     grid_flux: f64,
-    face: &FaceMetric,
+}
+
+/// What an open boundary lets pass.
+struct Passing {
+    /// Momentum along the outward normal, kg/(m2 s).
+    momentum: f64,
+    /// Gauge pressure on the face, Pa.
+    pressure: f64,
+    /// What pressure adds to the momentum, kg/(m2 s).
     tie: f64,
-) -> Interface<N> {
-    let mass = momentum * face.magnitude() - gas.density(q) * grid_flux;
-    let carried = gas.carried(if mass > 0.0 { q } else { far });
-    let mut flux = gas.pressure_flux(p, s, grid_flux);
-    for (f, c) in flux.iter_mut().zip(carried) {
-        *f += mass * c;
+}
+
+impl OpenFace {
+    /// `face`, whose area vector times `sign` points outwards.
+    #[inline(always)]
+    fn new(face: &FaceMetric, sign: f64) -> Self {
+        Self { area: face.area * sign, magnitude: face.magnitude(), grid_flux: sign * face.grid_flux }
     }
-    Interface { flux, mass, tie }
+
+    /// Velocity of the state `q` along the outward normal, m/s.
+    #[inline(always)]
+    fn speed<const N: usize>(&self, q: &[f64; N]) -> f64 {
+        velocity(q).dot(&self.area) / self.magnitude
+    }
+
+    /// Flux of what passes, carried from the state `q` inside or `far` outside.
+    #[inline(always)]
+    fn flux<G: Gas<N>, const N: usize>(
+        &self,
+        gas: &G,
+        q: &[f64; N],
+        far: &[f64; N],
+        passing: Passing,
+    ) -> Interface<N> {
+        let mass = passing.momentum * self.magnitude - gas.density(q) * self.grid_flux;
+        let carried = gas.carried(if mass > 0.0 { q } else { far });
+        let mut flux = gas.pressure_flux(passing.pressure, self.area, self.grid_flux);
+        for (f, c) in flux.iter_mut().zip(carried) {
+            *f += mass * c;
+        }
+        Interface { flux, mass, tie: passing.tie }
+    }
 }
 
 /// A speed through a boundary, bounded from below.
@@ -242,8 +255,7 @@ fn hypot(speed: f64, scheme: &Scheme) -> f64 {
 /// Speed relative to the frame, bounded from below.
 #[inline(always)]
 pub(crate) fn relative_speed(scheme: &Scheme, u: Vec3) -> f64 {
-    let d = [u[0] - scheme.frame[0], u[1] - scheme.frame[1], u[2] - scheme.frame[2]];
-    (dot(d, d) + scheme.floor_squared).sqrt()
+    ((u - scheme.frame).norm_squared() + scheme.floor_squared).sqrt()
 }
 
 #[cfg(test)]
@@ -255,8 +267,8 @@ mod tests {
         Scheme {
             rate: 100.0,
             tie: [150.0, -200.0, 50.0],
-            frame: [0.0, 0.0, 1.0],
-            wind: [0.0; 3],
+            frame: Vec3::new(0.0, 0.0, 1.0),
+            wind: Vec3::zeros(),
             floor_squared: 0.25,
             velocity_diffusion: VELOCITY_DIFFUSION,
             pressure_diffusion: 3.0,
@@ -267,7 +279,7 @@ mod tests {
     #[allow(clippy::field_reassign_with_default, reason = "its other fields are private")]
     fn face() -> FaceMetric {
         let mut face = FaceMetric::default();
-        face.area = [2.0, 0.0, 0.0];
+        face.area = Vec3::new(2.0, 0.0, 0.0);
         face
     }
 

@@ -18,7 +18,7 @@ pub struct Air {
 impl Air {
     /// Dry air of the given density (kg/m3) and temperature (K).
     pub fn new(density: f64, temperature: f64) -> Self {
-        Self { density, temperature, gas_constant: 287.05, gamma: 1.4 }
+        Self { density, temperature, gas_constant: case::GAS_CONSTANT, gamma: case::HEAT_RATIO }
     }
 
     /// Absolute pressure of the undisturbed air, Pa.
@@ -302,7 +302,7 @@ mod tests {
     /// What is stored moves with the air, pressure pushes at the area and works at the speed of the air: `W (u . s - w)
     /// + (0, p s, p_absolute u . s)`, but for the push of the undisturbed pressure.
     fn check_flux<const N: usize>(gas: &impl Gas<N>, q: [f64; N], air: Air) {
-        let (s, grid_flux) = ([0.7, -1.2, 0.4], 0.9);
+        let (s, grid_flux) = (Vec3::new(0.7, -1.2, 0.4), 0.9);
         let through = q[1] * s[0] + q[2] * s[1] + q[3] * s[2];
         let (found, stored) = (flux(gas, &q, s, grid_flux), conserved(gas, &q));
         for v in 0..N {

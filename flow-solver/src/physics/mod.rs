@@ -6,6 +6,7 @@
 
 mod flux;
 mod gas;
+mod permeability;
 mod precondition;
 mod viscosity;
 
@@ -14,5 +15,14 @@ pub use flux::{
     FaceFlow, Interface, Scheme, VELOCITY_DIFFUSION, far_field, interface, leaving, outlet, wall,
 };
 pub use gas::{Air, Gas, IdealGas, Isothermal};
+pub use permeability::Permeability;
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
 pub use viscosity::{Inviscid, Laminar, Modelled, Smagorinsky, Viscosity, Wale, stress_force, wall_traction};
+
+use crate::geometry::vec3::Vec3;
+
+/// Velocity of the state `q`, m/s.
+#[inline(always)]
+pub fn velocity<const N: usize>(q: &[f64; N]) -> Vec3 {
+    Vec3::new(q[1], q[2], q[3])
+}

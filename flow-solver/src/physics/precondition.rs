@@ -37,7 +37,8 @@ pub fn spectral_radius(un: f64, ur: f64, c: f64) -> f64 {
 mod tests {
     use super::super::gas::{Air, IdealGas, Isothermal};
     use super::*;
-    use crate::geometry::vec3::dot;
+    use crate::geometry::vec3::Vec3;
+    use crate::physics::velocity;
     use nalgebra::SMatrix;
 
     #[test]
@@ -68,13 +69,12 @@ mod tests {
     #[test]
     fn the_spectral_radius_is_the_largest_eigenvalue() {
         let gas = IdealGas::new(Air::new(1.225, 288.15));
-        let n = [0.6, 0.0, 0.8];
-        for (velocity, ur) in
-            [([3.0, -2.0, 5.0], 10.0), ([-90.0, 20.0, -70.0], 120.0), ([200.0, 0.0, 50.0], 250.0)]
+        let n = Vec3::new(0.6, 0.0, 0.8);
+        for (u, ur) in [([3.0, -2.0, 5.0], 10.0), ([-90.0, 20.0, -70.0], 120.0), ([200.0, 0.0, 50.0], 250.0)]
         {
-            let q = [120.0, velocity[0], velocity[1], velocity[2], 1.3];
+            let q = [120.0, u[0], u[1], u[2], 1.3];
             let flux = |q: &[f64; 5]| -> [f64; 5] {
-                let mass = gas.density(q) * dot([q[1], q[2], q[3]], n);
+                let mass = gas.density(q) * velocity(q).dot(&n);
                 let (carried, push) = (gas.carried(q), gas.pressure_flux(q[0], n, 0.0));
                 std::array::from_fn(|v| mass * carried[v] + push[v])
             };
@@ -93,7 +93,7 @@ mod tests {
             let gamma = SMatrix::<f64, 5, 5>::from_fn(|r, c| gamma[r][c]);
             let waves = gamma.lu().solve(&a).expect("regular").complex_eigenvalues();
             let largest = waves.iter().map(|w| w.norm()).fold(0.0, f64::max);
-            let found = spectral_radius(dot(velocity, n), ur, gas.sound_speed_squared(&q).sqrt());
+            let found = spectral_radius(velocity(&q).dot(&n), ur, gas.sound_speed_squared(&q).sqrt());
             assert!((found / largest - 1.0).abs() < 1e-3, "{found} {largest}: {waves}");
         }
         // What friction diffuses over a cell.

@@ -1,6 +1,6 @@
 //! Viscous stress: nothing, laminar, or with Smagorinsky's eddy viscosity.
 
-use crate::geometry::vec3::Vec3;
+use crate::geometry::vec3::{Mat3, Vec3};
 
 /// How the stress at a face follows from the velocity gradient.
 pub trait Viscosity: Copy {
@@ -10,8 +10,8 @@ pub trait Viscosity: Copy {
     /// Whether a transported eddy viscosity is added, see [`crate::turbulence`].
     const TRANSPORTED: bool = false;
     /// Dynamic viscosity (Pa s) at density `rho` (kg/m3), velocity gradient
-    /// `g[direction][component]` (1/s) and cell size `h` (m).
-    fn dynamic(&self, rho: f64, g: &[Vec3; 3], h: f64) -> f64;
+    /// `g` (1/s, row: direction, column: component) and cell size `h` (m).
+    fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64;
 }
 
 /// No viscosity.
@@ -21,7 +21,7 @@ pub struct Inviscid;
 impl Viscosity for Inviscid {
     const ACTIVE: bool = false;
     #[inline(always)]
-    fn dynamic(&self, _: f64, _: &[Vec3; 3], _: f64) -> f64 {
+    fn dynamic(&self, _: f64, _: &Mat3, _: f64) -> f64 {
         0.0
     }
 }
@@ -36,7 +36,7 @@ pub struct Laminar {
 impl Viscosity for Laminar {
     const ACTIVE: bool = true;
     #[inline(always)]
-    fn dynamic(&self, _: f64, _: &[Vec3; 3], _: f64) -> f64 {
+    fn dynamic(&self, _: f64, _: &Mat3, _: f64) -> f64 {
         self.viscosity
     }
 }
@@ -52,7 +52,7 @@ impl Viscosity for Modelled {
     const ACTIVE: bool = true;
     const TRANSPORTED: bool = true;
     #[inline(always)]
-    fn dynamic(&self, _: f64, _: &[Vec3; 3], _: f64) -> f64 {
+    fn dynamic(&self, _: f64, _: &Mat3, _: f64) -> f64 {
         self.viscosity
     }
 }
@@ -67,11 +67,11 @@ pub struct Smagorinsky {
 impl Viscosity for Smagorinsky {
     const ACTIVE: bool = true;
     #[inline(always)]
-    fn dynamic(&self, rho: f64, g: &[Vec3; 3], h: f64) -> f64 {
+    fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64 {
         let mut s2 = 0.0;
         for i in 0..3 {
             for j in 0..3 {
-                let s = 0.5 * (g[i][j] + g[j][i]);
+                let s = 0.5 * (g[(i, j)] + g[(j, i)]);
                 s2 += 2.0 * s * s;
             }
         }
@@ -92,19 +92,14 @@ pub struct Wale {
 impl Viscosity for Wale {
     const ACTIVE: bool = true;
     #[inline(always)]
-    fn dynamic(&self, rho: f64, g: &[Vec3; 3], h: f64) -> f64 {
-        let mut square = [[0.0; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                square[i][j] = (0..3).map(|k| g[i][k] * g[k][j]).sum();
-            }
-        }
-        let third = (square[0][0] + square[1][1] + square[2][2]) / 3.0;
+    fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64 {
+        let square = g * g;
+        let third = square.trace() / 3.0;
         let (mut s2, mut d2) = (0.0, 0.0);
         for i in 0..3 {
             for j in 0..3 {
-                let s: f64 = 0.5 * (g[i][j] + g[j][i]);
-                let d = 0.5 * (square[i][j] + square[j][i]) - if i == j { third } else { 0.0 };
+                let s: f64 = 0.5 * (g[(i, j)] + g[(j, i)]);
+                let d = 0.5 * (square[(i, j)] + square[(j, i)]) - if i == j { third } else { 0.0 };
                 s2 += s * s;
                 d2 += d * d;
             }
@@ -119,20 +114,16 @@ impl Viscosity for Wale {
 /// Force of the air on a face of area vector `area` for viscosity `mu` and
 /// velocity gradient `g`: $\tau\cdot S$ with Stokes' hypothesis, N.
 #[inline(always)]
-pub fn stress_force(mu: f64, g: &[Vec3; 3], area: Vec3) -> Vec3 {
-    let divergence = (g[0][0] + g[1][1] + g[2][2]) * (2.0 / 3.0);
-    std::array::from_fn(|i| {
-        let sum: f64 = (0..3).map(|j| (g[j][i] + g[i][j]) * area[j]).sum();
-        mu * (sum - divergence * area[i])
-    })
+pub fn stress_force(mu: f64, g: &Mat3, area: Vec3) -> Vec3 {
+    let divergence = g.trace() * (2.0 / 3.0);
+    ((g + g.transpose()) * area - area * divergence) * mu
 }
 
 /// Shear stress that a wall feels from air moving at `slip` relative to it at
 /// normal distance `distance`, Pa. `normal` has unit length.
 #[inline(always)]
 pub fn wall_traction(mu: f64, slip: Vec3, normal: Vec3, distance: f64) -> Vec3 {
-    let through = slip[0] * normal[0] + slip[1] * normal[1] + slip[2] * normal[2];
-    std::array::from_fn(|i| mu * (slip[i] - through * normal[i]) / distance)
+    (slip - normal * slip.dot(&normal)) * mu / distance
 }
 
 #[cfg(test)]
@@ -142,22 +133,22 @@ mod tests {
     #[test]
     fn couette_shear() {
         // u = 3 y: stress 3 mu along x on a face with normal y.
-        let mut g = [[0.0; 3]; 3];
-        g[1][0] = 3.0;
-        assert_eq!(stress_force(0.5, &g, [0.0, 2.0, 0.0]), [3.0, 0.0, 0.0]);
-        assert_eq!(wall_traction(0.5, [3.0, 1.0, 0.0], [0.0, 1.0, 0.0], 1.0), [1.5, 0.0, 0.0]);
+        let mut g = Mat3::zeros();
+        g[(1, 0)] = 3.0;
+        assert_eq!(stress_force(0.5, &g, Vec3::y() * 2.0), Vec3::x() * 3.0);
+        assert_eq!(wall_traction(0.5, Vec3::new(3.0, 1.0, 0.0), Vec3::y(), 1.0), Vec3::x() * 1.5);
     }
 
     #[test]
     fn wale_is_silent_in_shear_and_not_in_eddies() {
         let w = Wale { viscosity: 1e-5 };
-        let mut g = [[0.0; 3]; 3];
+        let mut g = Mat3::zeros();
         assert_eq!(w.dynamic(1.2, &g, 0.1), 1e-5);
-        g[1][0] = 30.0;
+        g[(1, 0)] = 30.0;
         assert!((w.dynamic(1.2, &g, 0.1) - 1e-5).abs() < 1e-18);
         // Solid rotation at rate 2: S = 0, S^d has -4/3 - ... : d2 = 16 (2/9 + 4/9), rate = d2^(1/4).
-        let mut g = [[0.0; 3]; 3];
-        (g[0][1], g[1][0]) = (2.0, -2.0);
+        let mut g = Mat3::zeros();
+        (g[(0, 1)], g[(1, 0)]) = (2.0, -2.0);
         let rate = (16.0f64 * 6.0 / 9.0).powf(0.25);
         let exact = 1e-5 + 1.2 * (0.0325 * 0.0325) * rate;
         assert!((w.dynamic(1.2, &g, 0.1) - exact).abs() < 1e-12);
@@ -165,9 +156,9 @@ mod tests {
 
     #[test]
     fn rotation_has_no_stress() {
-        let mut g = [[0.0; 3]; 3];
-        (g[0][1], g[1][0]) = (2.0, -2.0);
-        assert_eq!(stress_force(1.0, &g, [1.0, 2.0, 3.0]), [0.0; 3]);
+        let mut g = Mat3::zeros();
+        (g[(0, 1)], g[(1, 0)]) = (2.0, -2.0);
+        assert_eq!(stress_force(1.0, &g, Vec3::new(1.0, 2.0, 3.0)), Vec3::zeros());
         let s = Smagorinsky { viscosity: 1e-5 };
         assert_eq!(s.dynamic(1.2, &g, 0.1), 1e-5);
     }
@@ -176,11 +167,11 @@ mod tests {
     #[test]
     fn smagorinsky_grows_with_the_rate_of_strain() {
         let s = Smagorinsky { viscosity: 1e-5 };
-        let mut g = [[0.0; 3]; 3];
-        g[1][0] = 3.0;
+        let mut g = Mat3::zeros();
+        g[(1, 0)] = 3.0;
         let exact = |rate: f64| 1e-5 + 1.2 * (0.17 * 0.1) * (0.17 * 0.1) * rate;
         assert!((s.dynamic(1.2, &g, 0.1) - exact(3.0)).abs() < 1e-15);
-        let g = [[2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -3.0]];
+        let g = Mat3::from_diagonal(&Vec3::new(2.0, 1.0, -3.0));
         assert!((s.dynamic(1.2, &g, 0.1) - exact(28f64.sqrt())).abs() < 1e-15);
     }
 
@@ -189,8 +180,8 @@ mod tests {
     #[test]
     fn wale_where_strain_and_rotation_meet() {
         let (a, b) = (5.0, -2.0);
-        let mut g = [[0.0; 3]; 3];
-        (g[0][1], g[1][0]) = (a, b);
+        let mut g = Mat3::zeros();
+        (g[(0, 1)], g[(1, 0)]) = (a, b);
         let (strain, squared): (f64, f64) = (0.5 * (a + b) * (a + b), 6.0 / 9.0 * a * a * b * b);
         let rate = squared.powf(1.5) / (strain.powf(2.5) + squared.powf(1.25));
         let found = Wale { viscosity: 1e-5 }.dynamic(1.2, &g, 0.1);
@@ -201,8 +192,7 @@ mod tests {
     #[test]
     fn wale_in_three_directions() {
         let rates = [3.0, -1.0, 2.0];
-        let g: [Vec3; 3] =
-            std::array::from_fn(|i| std::array::from_fn(|j| if i == j { rates[i] } else { 0.0 }));
+        let g = Mat3::from_diagonal(&rates.into());
         let squares = rates.map(|r: f64| r * r);
         let mean = squares.iter().sum::<f64>() / 3.0;
         let d2: f64 = squares.iter().map(|s| (s - mean) * (s - mean)).sum();
@@ -215,12 +205,12 @@ mod tests {
     /// `mu (2 S - 2/3 div u)` on stretching air, and a wall at an angle.
     #[test]
     fn stress_of_a_stretch_and_traction_on_a_slanted_wall() {
-        let g = [[2.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, -1.0]];
-        let force = stress_force(0.7, &g, [1.0, 2.0, 3.0]);
+        let g = Mat3::from_diagonal(&Vec3::new(2.0, 0.5, -1.0));
+        let force = stress_force(0.7, &g, Vec3::new(1.0, 2.0, 3.0));
         let exact = [2.0, 0.5, -1.0].map(|rate| 0.7 * (2.0 * rate - 2.0 / 3.0 * 1.5));
         (0..3).for_each(|i| assert!((force[i] - exact[i] * (i + 1) as f64).abs() < 1e-14, "{force:?}"));
         // Of the slip (2, 1, 3) the normal (0.6, 0, 0.8) takes 3.6.
-        let traction = wall_traction(0.5, [2.0, 1.0, 3.0], [0.6, 0.0, 0.8], 0.25);
+        let traction = wall_traction(0.5, Vec3::new(2.0, 1.0, 3.0), Vec3::new(0.6, 0.0, 0.8), 0.25);
         let exact = [2.0 * (2.0 - 3.6 * 0.6), 2.0, 2.0 * (3.0 - 3.6 * 0.8)];
         (0..3).for_each(|i| assert!((traction[i] - exact[i]).abs() < 1e-14, "{traction:?}"));
     }

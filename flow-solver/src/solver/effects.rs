@@ -6,7 +6,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Lets the wind change with height, in the far field from now on and in all of the air
     /// as it is. The settings' wind is that of [`Sheared::base`].
     pub fn set_shear(&mut self, shear: Sheared) {
-        self.sheared = vec![[0.0; 3]; self.topology.face_nodes.len() - self.topology.cells.len()];
+        self.sheared = vec![Vec3::zeros(); self.topology.face_nodes.len() - self.topology.cells.len()];
         let [a, b] = &mut self.past;
         for q in [&mut self.q, &mut a.q, &mut b.q] {
             for (q, x) in q.iter_mut().zip(&self.metrics.centre) {
@@ -42,6 +42,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// Transports the turbulence over the step of length `dt` that was computed last. Collective.
     pub(super) fn advance_turbulence(&mut self, dt: f64) {
+        let _part = timing::part("turbulence");
         let Some(mut turbulence) = self.turbulence.take() else { return };
         let (c, gas) = (self.order(dt).c, &self.spatial.gas);
         let mass =

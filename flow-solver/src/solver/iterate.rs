@@ -1,10 +1,86 @@
 //! Corrections until the residual of a step has dropped.
 
 use super::*;
+use crate::error::Finding;
+
+/// Rank and finding (cell, place, density) of a state that is not physical.
+type BadCell = (usize, Finding);
+
+/// Backtracking gives up below this share of a correction.
+const SMALLEST_SHARE: f64 = 1e-3;
+
+/// Residuals that end the iterations of a step, N.
+struct Target {
+    /// At which they end.
+    residual: f64,
+    /// At which the step counts as converged.
+    asked: f64,
+    /// What round-off alone may leave.
+    round_off: f64,
+}
+
+impl Target {
+    fn is_met(&self, norm: f64) -> bool {
+        norm <= self.residual
+    }
+}
+
+/// State of the nonlinear iteration of a step.
+struct Iteration {
+    /// Norms of the residual, N: of the initial guess, of the present state, the smallest so far.
+    first: f64,
+    norm: f64,
+    best: f64,
+    /// Whether the present state is the best one so far.
+    at_best: bool,
+    /// Share of each correction that is taken.
+    share: f64,
+    /// Whether the matrices of the last correction serve again.
+    assembled: bool,
+    /// Corrections, and iterations of the linear solver in them.
+    iterations: usize,
+    linear_iterations: usize,
+}
+
+impl Iteration {
+    fn new(first: f64) -> Self {
+        Self {
+            first,
+            norm: first,
+            best: first,
+            at_best: true,
+            share: 1.0,
+            assembled: false,
+            iterations: 0,
+            linear_iterations: 0,
+        }
+    }
+
+    /// Whether the last correction brought nothing.
+    fn is_no_better(&self) -> bool {
+        self.norm.is_nan() || self.best.is_nan() || self.norm >= self.best
+    }
+
+    /// Whether the last correction must be undone.
+    fn has_diverged(&self) -> bool {
+        !self.norm.is_finite() || self.norm > 10.0 * self.best
+    }
+
+    /// The correction is kept; `before`: residual before it, N.
+    fn accept(&mut self, before: f64) {
+        if self.norm < self.best {
+            (self.best, self.at_best) = (self.norm, true);
+            self.share = (2.0 * self.share).min(1.0);
+        }
+        // What served well serves again.
+        self.assembled = self.norm < 0.5 * before;
+    }
+}
 
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Residual of the step at `q`: primitive, weighted to N. Returns its norm.
     pub(super) fn evaluate(&mut self) -> f64 {
+        let _part = timing::part("residual");
         self.spatial.evaluate(
             &domain!(self),
             &self.scheme,
@@ -14,7 +90,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             &mut self.through,
         );
         let gas = &self.spatial.gas;
-        let push = self.wind_change.map(|a| self.settings.air.density * a);
+        let push = self.wind_change * self.settings.air.density;
         let mut sum = 0.0;
         for i in 0..self.topology.n_owned {
             let (q, r, h) = (&self.q[i], &mut self.residual[i], &self.history[i]);
@@ -36,152 +112,196 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.halo.comm().sum(sum).sqrt()
     }
 
+    /// Corrects the state until the residual of the step has dropped to its target. Collective.
     pub(super) fn iterate(&mut self, step: &Step, order: Backward) -> Result<Report, FlowError> {
-        let n = self.topology.n_owned;
-        let mut norm: f64;
+        let _part = timing::part("iteration");
+        let first = self.initial_guess(step, order);
+        let target = self.target(step, first);
+        let solved = self.solve(step, first, &target)?;
+        self.accept_best(solved, &target)
+    }
+
+    /// The state to start from; returns the norm of its residual, N. Sets [`Solver::start`]. Collective.
+    fn initial_guess(&mut self, step: &Step, order: Backward) -> f64 {
         if step.again {
-            norm = self.evaluate();
+            let norm = self.evaluate();
             // The first call of the window may have brought no motion at all, and so no measure.
             self.start = self.start.max(norm);
-        } else {
-            let ratio = step.dt / self.step_before(step.dt);
-            let inertia = ratio * self.inertia();
-            norm = f64::INFINITY;
-            if order != Backward::FIRST {
-                // A smooth flow goes on as it went.
-                for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
-                    for v in 0..N {
-                        q[v] = (1.0 + ratio) * a[v] - ratio * b[v];
-                    }
-                    for d in 0..3 {
-                        q[1 + d] += self.wind_gain[0][d] - ratio * self.wind_gain[1][d];
-                    }
-                }
-                norm = self.evaluate();
-                self.start = inertia;
-            }
-            // Not a smooth flow: from where it was.
-            if norm.is_nan() || norm > inertia {
-                self.q.copy_from_slice(&self.past[0].q);
-                for q in &mut self.q {
-                    for d in 0..3 {
-                        q[1 + d] += self.wind_gain[0][d];
-                    }
-                }
-                self.start = self.evaluate();
-                norm = self.start;
+            return norm;
+        }
+        let ratio = step.dt / self.step_before(step.dt);
+        let inertia = ratio * self.inertia();
+        if order != Backward::FIRST {
+            self.extrapolate(ratio);
+            let norm = self.evaluate();
+            self.start = inertia;
+            if !(norm.is_nan() || norm > inertia) {
+                return norm;
             }
         }
-        let first = norm;
-        // Below this the residual is round-off of the fluxes themselves.
+        self.start_from_last();
+        self.start = self.evaluate();
+        self.start
+    }
+
+    /// A smooth flow: extrapolated from the last two instants; the step is `ratio` times as long as the one before it.
+    fn extrapolate(&mut self, ratio: f64) {
+        for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
+            for v in 0..N {
+                q[v] = (1.0 + ratio) * a[v] - ratio * b[v];
+            }
+            for d in 0..3 {
+                q[1 + d] += self.wind_gain[0][d] - ratio * self.wind_gain[1][d];
+            }
+        }
+    }
+
+    /// A flow that is not smooth starts from where it was, carried along by the wind.
+    fn start_from_last(&mut self) {
+        self.q.copy_from_slice(&self.past[0].q);
+        for q in &mut self.q {
+            for d in 0..3 {
+                q[1 + d] += self.wind_gain[0][d];
+            }
+        }
+    }
+
+    /// Residuals that the step is to reach from `first`, N. Collective.
+    fn target(&self, step: &Step, first: f64) -> Target {
         let Settings { residual_drop, repeated_drop, .. } = self.settings;
         let drop = if step.again { repeated_drop } else { residual_drop };
         // A coupled step answers changes of its input: what is left over must be small
         // against the change that this call brought, or the coupling iterates on noise.
         let scale =
             if step.moved { (0.1 * first).clamp(1e-3 * self.start, 0.1 * self.start) } else { self.start };
+        // Below this the residual is round-off of the fluxes themselves.
         let round_off = self.round_off();
-        let target = (drop * scale).max(round_off);
+        let residual = (drop * scale).max(round_off);
         // What the scene asks of a step, however little the last of several calls brought.
         let least = if step.moved { 0.1 * self.start } else { self.start };
-        let asked = (residual_drop * least).max(target);
-        let mut report = Report { start: self.start, target: asked, ..Report::default() };
+        Target { residual, asked: (residual_drop * least).max(residual), round_off }
+    }
+
+    /// Corrections from an initial guess with the residual `first`, N, with backtracking, until the target or
+    /// the limit of iterations is reached. Collective.
+    fn solve(&mut self, step: &Step, first: f64, target: &Target) -> Result<Iteration, FlowError> {
         if step.again {
             // The Jacobian is nearly the same: what the last solve has learnt still holds.
             self.acceleration.pause();
         } else {
             self.acceleration.clear();
         }
-        // Share of each correction that is taken.
-        let mut share = 1.0;
-        // Whether the state is the best one so far.
-        let (mut best, mut better) = (norm, true);
-        let mut assembled = false;
-        while report.iterations < self.settings.max_iterations && (norm.is_nan() || norm > target) {
-            if !assembled {
-                self.correction.assemble(
-                    &self.spatial,
-                    &domain!(self),
-                    &self.scheme,
-                    &self.q,
-                    &self.gradient,
-                    &self.through,
-                    1.0,
-                );
-            }
-            self.acceleration.combine(
-                self.halo.comm(),
-                self.q[..n].as_flattened_mut(),
-                self.residual[..n].as_flattened_mut(),
-            );
-            for (r, h) in self.residual[..n].iter_mut().zip(&self.metrics.size) {
-                r[0] /= mass_weight(*h, &self.scheme);
-                if N > 4 {
-                    r[N - 1] /= TEMPERATURE_WEIGHT;
-                }
-            }
-            let linear = self.correction.apply(
-                &self.spatial.gas,
-                &domain!(self),
-                &self.scheme,
-                &self.residual,
-                share,
-                &mut self.q,
-            );
-            report.linear_iterations += linear.iterations;
-            report.iterations += 1;
+        let mut at = Iteration::new(first);
+        while at.iterations < self.settings.max_iterations && !target.is_met(at.norm) {
+            let before = at.norm;
+            self.correct(&mut at);
             let bad = self.bad_cell();
-            let before = norm;
             if bad.is_none() {
-                norm = self.evaluate();
+                at.norm = self.evaluate();
             }
-            if bad.is_some() || norm.is_nan() || best.is_nan() || norm >= best {
-                if better {
-                    self.best.clear();
-                    self.best.extend_from_slice(self.acceleration.last());
-                }
-                better = false;
+            if bad.is_some() || at.is_no_better() {
+                self.keep_best(&mut at);
             }
-            if bad.is_some() || !norm.is_finite() || norm > 10.0 * best {
-                // Back to the best state so far, and on by smaller steps.
-                self.acceleration.clear();
-                self.q[..n].as_flattened_mut().copy_from_slice(&self.best);
-                share *= 0.5;
-                assembled = false;
-                if share < 1e-3 {
-                    if let Some((rank, (cell, at, density))) = bad {
-                        return Err(FlowError::BadState { cell, at, rank, density });
-                    }
-                    return Err(FlowError::Diverged {
-                        start: first,
-                        end: norm,
-                        iterations: report.iterations,
-                    });
-                }
-                norm = self.evaluate();
-                continue;
+            if bad.is_some() || at.has_diverged() {
+                self.backtrack(&mut at, bad)?;
+            } else {
+                at.accept(before);
             }
-            if norm < best {
-                (best, better) = (norm, true);
-                share = (2.0 * share).min(1.0);
-            }
-            // What served well serves again.
-            assembled = norm < 0.5 * before;
         }
-        if norm > best {
-            self.q[..n].as_flattened_mut().copy_from_slice(&self.best);
-            norm = self.evaluate();
+        Ok(at)
+    }
+
+    /// One correction: matrices, the combination of the last corrections, the approximate inverse. Collective.
+    fn correct(&mut self, at: &mut Iteration) {
+        let _part = timing::part("correction");
+        let n = self.topology.n_owned;
+        if !at.assembled {
+            let field = Field { q: &self.q, gradient: &self.gradient };
+            let on = domain!(self);
+            self.correction.assemble(&self.spatial, &on, &self.scheme, field, &self.through, 1.0);
         }
-        report.end = norm;
-        report.met = norm <= target;
-        let halved = norm <= 0.5 * self.start || norm <= 1e3 * round_off;
+        self.acceleration.combine(
+            self.halo.comm(),
+            self.q[..n].as_flattened_mut(),
+            self.residual[..n].as_flattened_mut(),
+        );
+        for (r, h) in self.residual[..n].iter_mut().zip(&self.metrics.size) {
+            r[0] /= mass_weight(*h, &self.scheme);
+            if N > 4 {
+                r[N - 1] /= TEMPERATURE_WEIGHT;
+            }
+        }
+        let linear = self.correction.apply(
+            &self.spatial.gas,
+            &domain!(self),
+            &self.scheme,
+            &self.residual,
+            at.share,
+            &mut self.q,
+        );
+        at.linear_iterations += linear.iterations;
+        at.iterations += 1;
+    }
+
+    /// Keeps the state before the last correction if that was the best one so far.
+    fn keep_best(&mut self, at: &mut Iteration) {
+        if at.at_best {
+            self.best.clear();
+            self.best.extend_from_slice(self.acceleration.last());
+        }
+        at.at_best = false;
+    }
+
+    /// Returns to the best state so far and halves the share of the next corrections;
+    /// an error once it is too small. Collective.
+    fn backtrack(&mut self, at: &mut Iteration, bad: Option<BadCell>) -> Result<(), FlowError> {
+        self.acceleration.clear();
+        self.return_to_best();
+        at.share *= 0.5;
+        at.assembled = false;
+        if at.share < SMALLEST_SHARE {
+            return Err(match bad {
+                Some((rank, (cell, at, density))) => FlowError::BadState { cell, at, rank, density },
+                None => FlowError::Diverged { start: at.first, end: at.norm, iterations: at.iterations },
+            });
+        }
+        at.norm = self.evaluate();
+        Ok(())
+    }
+
+    fn return_to_best(&mut self) {
+        self.q[..self.topology.n_owned].as_flattened_mut().copy_from_slice(&self.best);
+    }
+
+    /// The best state is the answer, where it is solved well enough. Collective.
+    fn accept_best(&mut self, at: Iteration, target: &Target) -> Result<Report, FlowError> {
+        let mut end = at.norm;
+        if end > at.best {
+            self.return_to_best();
+            end = self.evaluate();
+        }
+        let mut report = Report {
+            start: self.start,
+            end,
+            target: target.asked,
+            met: end <= target.residual,
+            iterations: at.iterations,
+            linear_iterations: at.linear_iterations,
+            mass_defect: 0.0,
+        };
+        let halved = end <= 0.5 * self.start || end <= 1e3 * target.round_off;
         if !report.met && !halved {
-            return Err(self.unsolved(first, &report));
+            return Err(self.unsolved(at.first, &report));
         }
-        let cells = self.residual[..n].iter().zip(&self.metrics.size);
-        let defect: f64 = cells.map(|(r, h)| r[0] / mass_weight(*h, &self.scheme)).sum();
-        report.mass_defect = self.halo.comm().sum(defect);
+        report.mass_defect = self.mass_defect();
         Ok(report)
+    }
+
+    /// Sum of the continuity residual over all cells, kg/s. Collective.
+    fn mass_defect(&self) -> f64 {
+        let cells = self.residual[..self.topology.n_owned].iter().zip(&self.metrics.size);
+        let defect: f64 = cells.map(|(r, h)| r[0] / mass_weight(*h, &self.scheme)).sum();
+        self.halo.comm().sum(defect)
     }
 
     /// Why a step has no answer whose iterations began at a residual of `first` (N).
@@ -211,7 +331,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// Norm of what round-off alone may leave in the residual, N.
     pub(super) fn round_off(&self) -> f64 {
-        let speed = 10.0 * self.settings.reference_speed + norm(self.scheme.frame);
+        let speed = 10.0 * self.settings.reference_speed + self.scheme.frame.norm();
         let n = self.topology.n_owned;
         let cells = self.metrics.volume[..n].iter().zip(&self.metrics.size);
         let sum: f64 = cells
@@ -226,7 +346,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     }
 
     /// The first cell whose state is not physical, agreed on by all ranks.
-    pub(super) fn bad_cell(&self) -> Option<(usize, (u64, Vec3, f64))> {
+    pub(super) fn bad_cell(&self) -> Option<BadCell> {
         let floor = 0.1 * self.settings.air.density;
         let ceiling = 10.0 * self.settings.air.density;
         let fine = |q: &[f64; N]| {
@@ -236,7 +356,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         let bad = self.q[..self.topology.n_owned].iter().position(|q| !fine(q));
         let finding = bad.map(|c| {
             let rho = self.spatial.gas.density(&self.q[c]);
-            (self.topology.numbering.global[c], self.metrics.centre[c], rho)
+            (self.topology.numbering.global[c], self.metrics.centre(c), rho)
         });
         agree(self.halo.comm(), finding)
     }

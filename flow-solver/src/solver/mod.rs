@@ -4,8 +4,8 @@ use comm::{Comm, Halo};
 
 use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
-use crate::geometry::vec3::{Vec3, norm, sub};
-use crate::gradient::{Gradient, LeastSquares};
+use crate::geometry::vec3::Vec3;
+use crate::gradient::{Field, Gradient, LeastSquares};
 use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
 use crate::physics::{Air, FaceFlow, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
@@ -204,7 +204,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             if settings.moving { (metrics.volume.clone(), nodes.clone()) } else { (Vec::new(), Vec::new()) };
         let instant = Instant { q: q.clone(), volume, nodes: kept };
         let solver = Self {
-            node_velocity: vec![[0.0; 3]; instant.nodes.len()],
+            node_velocity: vec![Vec3::zeros(); instant.nodes.len()],
             gradient: vec![[[0.0; N]; 3]; n],
             past: [instant.clone(), instant],
             first_order_steps: 2,
@@ -212,14 +212,14 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             scheme: Scheme {
                 rate: 0.0,
                 tie: [0.0; 3],
-                frame: [0.0; 3],
+                frame: Vec3::zeros(),
                 wind: settings.wind,
                 floor_squared: settings.reference_speed * settings.reference_speed,
                 velocity_diffusion: settings.velocity_diffusion,
                 pressure_diffusion: 2.0 / (1.0 - spatial.chi),
             },
-            wind_change: [0.0; 3],
-            wind_gain: [[0.0; 3]; 2],
+            wind_change: Vec3::zeros(),
+            wind_gain: [Vec3::zeros(); 2],
             source: Vec::new(),
             shear: None,
             sheared: Vec::new(),
@@ -228,7 +228,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             turbulence_excess: 0.0,
             eddy: vec![0.0; if V::TRANSPORTED { n } else { 0 }],
             least_squares,
-            wall_velocity: vec![[0.0; 3]; faces - topology.cells.len()],
+            wall_velocity: vec![Vec3::zeros(); faces - topology.cells.len()],
             swept: Vec::new(),
             swept_before: Vec::new(),
             residual: vec![[0.0; N]; n],

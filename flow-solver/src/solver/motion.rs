@@ -5,10 +5,11 @@ use super::*;
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Geometry of the moved grid.
     pub(super) fn move_grid(&mut self) -> Result<(), FlowError> {
+        let _part = timing::part("geometry");
         assert!(self.settings.moving, "a solver made for a grid at rest was given a grid that moves");
         let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
         let bad = self.nodes.iter().zip(&self.node_velocity).position(|(x, v)| !finite(x) || !finite(v));
-        let finding = bad.map(|n| (self.topology.node_global[n], [0.0; 3], 0.0));
+        let finding = bad.map(|n| (self.topology.node_global[n], Vec3::zeros(), 0.0));
         if let Some((rank, (node, ..))) = agree(self.halo.comm(), finding) {
             return Err(FlowError::BadNode { node, rank });
         }
@@ -22,12 +23,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             for side in &self.topology.no_slip {
                 let nodes = self.topology.face_nodes[side.face as usize];
                 let count = if nodes[2] == nodes[3] { 3 } else { 4 };
-                let sum = nodes[..count].iter().fold([0.0; 3], |s: Vec3, &n| {
-                    let v = self.node_velocity[n as usize];
-                    [s[0] + v[0], s[1] + v[1], s[2] + v[2]]
-                });
-                self.wall_velocity[side.face as usize - self.topology.cells.len()] =
-                    sum.map(|s| s / count as f64);
+                let sum =
+                    nodes[..count].iter().fold(Vec3::zeros(), |s, &n| s + self.node_velocity[n as usize]);
+                self.wall_velocity[side.face as usize - self.topology.cells.len()] = sum / count as f64;
             }
         }
         Ok(())
@@ -37,7 +35,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         let n = self.topology.n_owned;
         let bad = self.metrics.volume[..n].iter().position(|v| v.is_nan() || *v <= 0.0);
         let finding =
-            bad.map(|c| (self.topology.numbering.global[c], self.metrics.centre[c], self.metrics.volume[c]));
+            bad.map(|c| (self.topology.numbering.global[c], self.metrics.centre(c), self.metrics.volume[c]));
         match agree(self.halo.comm(), finding) {
             None => Ok(()),
             Some((rank, (cell, at, volume))) => Err(FlowError::InvertedCell { cell, at, rank, volume }),

@@ -23,8 +23,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     pub fn blow(&mut self, wind: [Vec3; 3], dt: f64) {
         let c = self.order(dt).c;
         self.settings.wind = wind[0];
-        self.wind_gain = [sub(wind[0], wind[1]), sub(wind[1], wind[2])];
-        self.wind_change = std::array::from_fn(|d| (0..3).map(|k| c[k] * wind[k][d]).sum::<f64>() / dt);
+        self.wind_gain = [wind[0] - wind[1], wind[1] - wind[2]];
+        self.wind_change = (wind[0] * c[0] + wind[1] * c[1] + wind[2] * c[2]) / dt;
     }
 
     /// Length of the step before one of length `dt`, as its time difference sees it, s.
@@ -39,12 +39,13 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// Constants of the step: grid fluxes, history of the time derivative, weights.
     pub(super) fn prepare(&mut self, step: &Step, order: Backward) {
+        let _part = timing::part("time terms");
         let dt = step.dt;
         let swept = self.swept.iter().zip(&self.swept_before).map(|(now, before)| (*now, *before));
         let swept = swept.chain(std::iter::repeat((0.0, 0.0)));
         for (f, (now, before)) in self.metrics.faces.iter_mut().zip(swept) {
             f.grid_flux = order.grid_flux(now, before, dt);
-            f.grid_flux += f.area[0] * step.frame[0] + f.area[1] * step.frame[1] + f.area[2] * step.frame[2];
+            f.grid_flux += f.area.dot(&step.frame);
         }
         self.scheme.rate = order.c[0] / dt;
         self.scheme.tie = if self.ties_are_new { Backward::FIRST } else { order }.c.map(|c| c / dt);

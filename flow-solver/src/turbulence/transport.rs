@@ -4,8 +4,9 @@ use comm::Comm;
 
 use super::spalart_allmaras::{Around, CB2, Length, SIGMA, diffusivity, eddy_viscosity, source};
 use super::wall_distance::Walls;
-use crate::geometry::vec3::{Vec3, dot, norm, sub};
-use crate::gradient::Gradient;
+use crate::geometry::FaceMetric;
+use crate::geometry::vec3::Vec3;
+use crate::gradient::{self, Gradient};
 use crate::implicit::Acceleration;
 use crate::physics::FaceFlow;
 use crate::remembered::WallMemory;
@@ -109,12 +110,17 @@ impl SpalartAllmaras {
 
     /// The walls as they are known.
     pub fn walls(&self) -> WallMemory {
-        WallMemory { wall: self.wall.clone(), delta: self.delta.clone(), at: self.walls_at.clone() }
+        WallMemory {
+            wall: self.wall.clone(),
+            delta: self.delta.clone(),
+            at: self.walls_at.iter().map(|x| (*x).into()).collect(),
+        }
     }
 
     /// Takes up [`SpalartAllmaras::walls`] of the same cells.
     pub fn recall(&mut self, walls: WallMemory) {
-        (self.wall, self.delta, self.walls_at) = (walls.wall, walls.delta, walls.at);
+        (self.wall, self.delta) = (walls.wall, walls.delta);
+        self.walls_at = walls.at.into_iter().map(Vec3::from).collect();
     }
 
     /// Dynamic eddy viscosity of all local cells, Pa s.
@@ -131,7 +137,7 @@ impl SpalartAllmaras {
             .walls_at
             .iter()
             .zip(nodes)
-            .map(|(a, b)| norm(sub(*a, *b)))
+            .map(|(a, b)| (a - b).norm())
             .fold(if self.wall.is_empty() { f64::INFINITY } else { 0.0 }, f64::max);
         let nearest = self.wall.iter().fold(FAR, |m, d| m.min(*d));
         // A canopy that heaves carries its nearest cells along: what counts is the size of cells.
@@ -144,14 +150,14 @@ impl SpalartAllmaras {
         let farther = 2.0 * comm.max(moved);
         self.wall.resize(on.topology.n_owned, FAR);
         for (d, x) in self.wall.iter_mut().zip(&on.metrics.centre) {
-            *d = walls.distance(*x, *d + farther).min(FAR);
+            *d = walls.distance(Vec3::from(*x), *d + farther).min(FAR);
         }
         self.walls_at = nodes.to_vec();
         self.delta.fill(0.0);
         let delta = &mut self.delta;
         on.topology.for_each_side(|f, c, _| {
             if let Some(d) = delta.get_mut(c) {
-                *d = d.max(2.0 * norm(sub(on.metrics.face_centre(on.topology, f), on.metrics.centre[c])));
+                *d = d.max(2.0 * (on.metrics.face_centre(on.topology, f) - on.metrics.centre(c)).norm());
             }
         });
     }
@@ -163,8 +169,7 @@ impl SpalartAllmaras {
         self.update_walls(on, flow.nodes);
         for i in 0..n {
             let g = &flow.gradient[i];
-            let u = |d: usize, c: usize| g[d][1 + c];
-            self.vorticity[i] = norm([u(1, 2) - u(2, 1), u(2, 0) - u(0, 2), u(0, 1) - u(1, 0)]);
+            self.vorticity[i] = gradient::vorticity(g).norm();
             let gradient = g.iter().map(|g| g[1] * g[1] + g[2] * g[2] + g[3] * g[3]).sum::<f64>().sqrt();
             let nu = self.viscosity / flow.density[i];
             let viscosity = nu + eddy_viscosity(self.past[0][i][0], nu);
@@ -211,22 +216,35 @@ impl SpalartAllmaras {
         flow: &Transported<'_, N>,
         comm: &Comm,
     ) -> (f64, f64) {
-        let (t, m) = (on.topology, on.metrics);
-        let n = t.n_owned;
         on.halo.exchange(self.value.as_flattened_mut(), 1);
-        on.gradients.apply(t, &self.value, &mut self.gradient);
+        on.gradients.apply(on.topology, &self.value, &mut self.gradient);
         on.gradients.shorten(&mut self.gradient);
         on.halo.exchange(self.gradient.as_flattened_mut().as_flattened_mut(), 3);
         self.off.fill(0.0);
-        for i in 0..n {
+        self.storage_and_source(on, flow);
+        self.transport(on, flow);
+        self.boundaries(on, flow);
+        self.pores(on, flow);
+        let (mut sum, mut noise) = (0.0, 0.0);
+        for ((&[r], d), x) in self.residual.iter().zip(&self.diagonal).zip(&self.value) {
+            sum += r * r;
+            noise += (d * x[0]).powi(2);
+        }
+        let mut sums = [sum, noise];
+        comm.sum_slice(&mut sums);
+        (sums[0].sqrt(), 4.0 * f64::EPSILON * sums[1].sqrt())
+    }
+
+    /// Time derivative, production and destruction.
+    fn storage_and_source<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+        for i in 0..on.topology.n_owned {
             let x = self.value[i][0];
             let [now, older] = flow.before[i];
             // In the form that keeps a uniform value whatever is left of the mass defect.
             let r = -now * (x - self.past[0][i][0]) - older * (x - self.past[1][i][0]);
-            let mass = flow.density[i] * m.volume[i];
+            let mass = flow.density[i] * on.metrics.volume[i];
             let nu = self.viscosity / flow.density[i];
-            let g = &self.gradient[i];
-            let squares = g[0][0] * g[0][0] + g[1][0] * g[1][0] + g[2][0] * g[2][0];
+            let squares = slope(&self.gradient[i]).norm_squared();
             let (w, d) = (self.vorticity[i], self.scale[i]);
             let s = source(x, nu, w, d);
             let h = 1e-6 * x.abs().max(nu);
@@ -235,45 +253,43 @@ impl SpalartAllmaras {
             // What grows by itself is left to the right-hand side.
             self.diagonal[i] = -now - older + mass * (-slope).max(0.0);
         }
-        let mut noise: f64 = 0.0;
+    }
+
+    /// Convection and diffusion between cells.
+    fn transport<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+        let (t, m) = (on.topology, on.metrics);
+        let n = t.n_owned;
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let face = &m.faces[f];
             let (a, b) = (self.value[i][0], self.value[j][0]);
             let flux = f64::from(flow.through[f].mass);
-            let (up, step) = if flux > 0.0 { (i, b - a) } else { (j, a - b) };
-            let between = sub(m.centre[j], m.centre[i]);
-            let g = |c: usize| -> Vec3 {
-                let g = &self.gradient[c];
-                [g[0][0], g[1][0], g[2][0]]
-            };
-            let (gi, gj) = (g(i), g(j));
-            // Upwind, with van Albada's mean of the cell's own slope and the one to come.
-            let ahead = if up == i { dot(gi, between) } else { -dot(gj, between) };
-            let own = 2.0 * ahead - step;
-            let more =
-                if own * step > 0.0 { own * step * (own + step) / (own * own + step * step) } else { 0.0 };
-            let carried = self.value[up][0] + 0.5 * more;
+            let way = m.centre(j) - m.centre(i);
+            let slopes = [slope(&self.gradient[i]), slope(&self.gradient[j])];
+            let carried = carried_upwind(flux, [a, b], slopes, &way);
             let rho = 0.5 * (flow.density[i] + flow.density[j]);
             let nu = self.viscosity / rho;
             let diffuse = 0.5 * (diffusivity(a, nu) + diffusivity(b, nu)) * rho / SIGMA;
-            let mean: Vec3 = std::array::from_fn(|d| 0.5 * (gi[d] + gj[d]));
-            let missing = (b - a - dot(mean, between)) / dot(between, between);
-            let slope = dot(mean, face.area) + missing * dot(between, face.area);
+            let along = slope_through(face, [a, b], slopes, &way);
             let k = diffuse * face.magnitude() / face.spacing();
             let (ki, kj) = (k + (-flux).max(0.0), k + flux.max(0.0));
             let [si, sj] = t.adjacency.slot[f];
             self.off[si as usize] = ki;
             self.off[sj as usize] = kj;
             if i < n {
-                self.residual[i][0] += flux * (carried - a) - diffuse * slope;
+                self.residual[i][0] += flux * (carried - a) - diffuse * along;
                 self.diagonal[i] += ki;
             }
             if j < n {
-                self.residual[j][0] -= flux * (carried - b) - diffuse * slope;
+                self.residual[j][0] -= flux * (carried - b) - diffuse * along;
                 self.diagonal[j] += kj;
             }
         }
+    }
+
+    /// Walls and open boundaries.
+    fn boundaries<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+        let (t, m) = (on.topology, on.metrics);
         for side in &t.no_slip {
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             let k = self.viscosity / SIGMA * face.magnitude() / m.height(side);
@@ -287,7 +303,12 @@ impl SpalartAllmaras {
             self.residual[i][0] += inflow * (self.value[i][0] - far);
             self.diagonal[i] += inflow;
         }
-        for pore in &t.pores {
+    }
+
+    /// What the air carries through the canopy.
+    fn pores<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+        let n = on.topology.n_owned;
+        for pore in &on.topology.pores {
             let (i, o) = (pore.inside as usize, pore.outside as usize);
             let flux = f64::from(flow.through[pore.face as usize].mass);
             let step = self.value[i][0] - self.value[o][0];
@@ -299,15 +320,6 @@ impl SpalartAllmaras {
                 self.diagonal[i] -= flux;
             }
         }
-        let mut sum = 0.0;
-        for i in 0..n {
-            let r = self.residual[i][0];
-            sum += r * r;
-            noise += (self.diagonal[i] * self.value[i][0]).powi(2);
-        }
-        let mut sums = [sum, noise];
-        comm.sum_slice(&mut sums);
-        (sums[0].sqrt(), 4.0 * f64::EPSILON * sums[1].sqrt())
     }
 
     /// Symmetric Gauss-Seidel on `-residual`, twice, ghosts fetched in between. Collective.
@@ -336,4 +348,28 @@ impl SpalartAllmaras {
         self.past.swap(0, 1);
         self.past[0].copy_from_slice(&self.value);
     }
+}
+
+/// Gradient of the working variable.
+#[inline(always)]
+fn slope(g: &Gradient<1>) -> Vec3 {
+    Vec3::new(g[0][0], g[1][0], g[2][0])
+}
+
+/// Value that the mass flux from the first of two cells to the second carries, with van Albada's mean of the upwind
+/// cell's own slope and the one to come; `way` leads from centre to centre.
+#[inline(always)]
+fn carried_upwind(flux: f64, [a, b]: [f64; 2], [gi, gj]: [Vec3; 2], way: &Vec3) -> f64 {
+    let (up, step, ahead) = if flux > 0.0 { (a, b - a, gi.dot(way)) } else { (b, a - b, -gj.dot(way)) };
+    let own = 2.0 * ahead - step;
+    let more = if own * step > 0.0 { own * step * (own + step) / (own * own + step * step) } else { 0.0 };
+    up + 0.5 * more
+}
+
+/// Slope through a face times its area: the mean of the cells', its part along `way` replaced by the difference.
+#[inline(always)]
+fn slope_through(face: &FaceMetric, [a, b]: [f64; 2], [gi, gj]: [Vec3; 2], way: &Vec3) -> f64 {
+    let mean = (gi + gj) * 0.5;
+    let missing = (b - a - mean.dot(way)) / way.norm_squared();
+    mean.dot(&face.area) + missing * way.dot(&face.area)
 }

@@ -2,7 +2,8 @@
 
 use comm::Comm;
 
-use crate::geometry::vec3::{Vec3, add, cross, dot, scale, sub};
+use crate::geometry::face;
+use crate::geometry::vec3::Vec3;
 use crate::topology::Topology;
 
 /// Triangles a leaf holds at most.
@@ -29,17 +30,17 @@ impl Walls {
         let mut corners: Vec<f64> = Vec::new();
         for side in topology.no_slip.iter().filter(|s| s.sign > 0.0) {
             for n in topology.face_nodes[side.face as usize] {
-                corners.extend(x[n as usize]);
+                corners.extend(&x[n as usize]);
             }
         }
         let all = comm.all_gather_var(&corners);
         let mut triangles = Vec::new();
         for c in all.chunks_exact(12) {
-            let p: [Vec3; 4] = std::array::from_fn(|k| [c[3 * k], c[3 * k + 1], c[3 * k + 2]]);
+            let p: [Vec3; 4] = std::array::from_fn(|k| Vec3::from_column_slice(&c[3 * k..][..3]));
             if p[2] == p[3] {
                 triangles.push([p[0], p[1], p[2]]);
             } else {
-                let m = scale(0.25, add(add(p[0], p[1]), add(p[2], p[3])));
+                let m = face::mean(&p);
                 triangles.extend((0..4).map(|k| [p[k], p[(k + 1) % 4], m]));
             }
         }
@@ -94,7 +95,7 @@ impl Node {
 /// Adds the nodes of a range of triangles, halved by the middle one along the longest side; a tree
 /// of 2^60 leaves would still fit the stack of a search.
 fn grow(all: &mut [[Vec3; 3]], range: std::ops::Range<usize>, nodes: &mut Vec<Node>) -> usize {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    let (mut low, mut high) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
     for p in all[range.clone()].as_flattened() {
         for d in 0..3 {
             low[d] = low[d].min(p[d]);
@@ -119,22 +120,22 @@ fn grow(all: &mut [[Vec3; 3]], range: std::ops::Range<usize>, nodes: &mut Vec<No
 /// Squared distance of a point to a triangle (Ericson, Real-Time Collision Detection, 5.1.5: by the
 /// region of the plane that the point lies over).
 fn squared(x: Vec3, &[a, b, c]: &[Vec3; 3]) -> f64 {
-    let (ab, ac, n) = (sub(b, a), sub(c, a), cross(sub(b, a), sub(c, a)));
-    let area2 = dot(n, n);
+    let (ab, ac) = (b - a, c - a);
+    let n = ab.cross(&ac);
+    let area2 = n.norm_squared();
     let to = |p: Vec3, q: Vec3| {
         // To the segment from p to q.
-        let (e, d) = (sub(q, p), sub(x, p));
-        let length = dot(e, e);
-        let s = if length > 0.0 { (dot(d, e) / length).clamp(0.0, 1.0) } else { 0.0 };
-        let r = sub(d, scale(s, e));
-        dot(r, r)
+        let (e, d) = (q - p, x - p);
+        let length = e.norm_squared();
+        let s = if length > 0.0 { (d.dot(&e) / length).clamp(0.0, 1.0) } else { 0.0 };
+        (d - e * s).norm_squared()
     };
     if area2 > 0.0 {
-        let d = sub(x, a);
-        let v = dot(cross(d, ac), n);
-        let w = dot(cross(ab, d), n);
+        let d = x - a;
+        let v = d.cross(&ac).dot(&n);
+        let w = ab.cross(&d).dot(&n);
         if v >= 0.0 && w >= 0.0 && v + w <= area2 {
-            let height = dot(d, n);
+            let height = d.dot(&n);
             return height * height / area2;
         }
     }
@@ -147,7 +148,7 @@ mod tests {
 
     #[test]
     fn regions_of_a_triangle() {
-        let t = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+        let t = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]].map(Vec3::from);
         for (x, d2) in [
             ([0.5, 0.5, 3.0], 9.0),
             ([-1.0, -2.0, 2.0], 9.0),
@@ -155,7 +156,7 @@ mod tests {
             ([2.0, 2.0, 1.0], 3.0),
             ([5.0, 0.0, 0.0], 9.0),
         ] {
-            assert!((squared(x, &t) - d2).abs() < 1e-14, "{x:?}");
+            assert!((squared(x.into(), &t) - d2).abs() < 1e-14, "{x:?}");
         }
     }
 
@@ -166,11 +167,11 @@ mod tests {
             seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (seed >> 11) as f64 / (1u64 << 53) as f64
         };
-        let mut point = || [10.0 * next(), next(), 3.0 * next()];
+        let mut point = || Vec3::new(10.0 * next(), next(), 3.0 * next());
         let triangles: Vec<[Vec3; 3]> = (0..500)
             .map(|_| {
                 let (a, b, c) = (point(), point(), point());
-                [a, add(a, scale(0.05, b)), add(a, scale(0.05, c))]
+                [a, a + b * 0.05, a + c * 0.05]
             })
             .collect();
         let walls = Walls::new(triangles.clone());
@@ -179,6 +180,6 @@ mod tests {
             let all = triangles.iter().map(|t| squared(x, t)).fold(f64::INFINITY, f64::min);
             assert_eq!(walls.distance(x, f64::INFINITY), all.sqrt());
         }
-        assert_eq!(Walls::new(Vec::new()).distance([0.0; 3], f64::INFINITY), f64::INFINITY);
+        assert_eq!(Walls::new(Vec::new()).distance(Vec3::zeros(), f64::INFINITY), f64::INFINITY);
     }
 }

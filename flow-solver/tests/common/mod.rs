@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 use comm::Comm;
+use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Air, Gas, Isothermal, VELOCITY_DIFFUSION, Viscosity};
 use flow_solver::residual::Spatial;
@@ -10,8 +11,9 @@ use flow_solver::{Method, Settings, Solver, Step};
 use mesh::{FaceTable, FlowGrid};
 
 /// Air, wind and tolerances of the tests.
-pub fn settings(wind: [f64; 3], drop: f64) -> Settings {
-    let speed = (wind[0] * wind[0] + wind[1] * wind[1] + wind[2] * wind[2]).sqrt();
+pub fn settings(wind: impl Into<Vec3>, drop: f64) -> Settings {
+    let wind = wind.into();
+    let speed = wind.norm();
     Settings {
         air: Air::new(1.225, 288.15),
         wind,
@@ -46,7 +48,7 @@ pub fn solver_on<G: Gas<N>, V: Viscosity, const N: usize>(
     let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
     let part = vec![0; grid.cells.len()];
     let topology = Topology::new(&grid, &faces, &part, &order, 0, V::ACTIVE);
-    let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
+    let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
     drop((grid, faces, order, part));
     let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
@@ -64,7 +66,7 @@ pub fn solver_with_cloth<G: Gas<N>, V: Viscosity, const N: usize>(
     let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
     let part = vec![0; grid.cells.len()];
     let topology = Topology::with_cloth(grid, &faces, &part, &order, 0, V::ACTIVE, cloth);
-    let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize]).collect();
+    let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
     let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
 }
@@ -76,7 +78,7 @@ pub fn isothermal<V: Viscosity>(grid: &FlowGrid, v: V, settings: Settings) -> So
 
 /// A step on a grid at rest.
 pub fn at_rest(dt: f64) -> Step {
-    Step { dt, frame: [0.0; 3], again: false, moved: false }
+    Step { dt, frame: Vec3::zeros(), again: false, moved: false }
 }
 
 /// Small reproducible numbers in -1..1.

@@ -15,12 +15,12 @@
 //! Lagrangian-Eulerian method is that same motion.
 
 use case::Regrid;
-use mesh::Vec3;
+use mesh::Point;
 
 use super::{Motion, MoverError, Positions, Shape, Stage, volume};
 
 /// Builds the nodes of a new grid around canopy positions: the same cells, nodes in global order.
-pub type Builder = Box<dyn Fn(&[Vec3]) -> Result<Vec<Vec3>, String>>;
+pub type Builder = Box<dyn Fn(&[Point]) -> Result<Vec<Point>, String>>;
 
 /// Makes new grids, and knows when.
 pub struct Regridder {
@@ -182,7 +182,8 @@ impl Motion {
     }
 
     /// Takes `nodes` as the reference and the present grid as the start of the way to it. Collective.
-    fn take(&mut self, nodes: &[Vec3], accepted: &Positions, shape: &Shape) -> Result<NewGrid, String> {
+    fn take(&mut self, nodes: &[Point], accepted: &Positions, shape: &Shape) -> Result<NewGrid, String> {
+        let _part = timing::part("new grid");
         let mut target = Positions { grid: self.grid.gather(nodes), canopy: accepted.canopy.clone() };
         self.grid.place_canopy(&accepted.canopy, &mut target.grid);
         let found = self.shape(&target.grid);

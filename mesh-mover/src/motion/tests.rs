@@ -126,7 +126,7 @@ fn after_a_new_grid_that_did_not_help_the_next_is_tried_at_four_fifths_of_the_qu
 #[test]
 fn a_new_grid_is_the_reference_and_the_old_one_the_start_of_the_way() {
     let Trial { at, motion, .. } = trial();
-    let nodes: Vec<Vec3> =
+    let nodes: Vec<Point> =
         at.grid.as_chunks::<3>().0.iter().map(|x| [x[0], x[1], x[2] + 0.01 * (1.0 - x[2] * x[2])]).collect();
     let built = nodes.clone();
     let build: Builder = Box::new(move |_| Ok(built.clone()));

@@ -104,28 +104,38 @@ pub fn energy(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, offset: f64,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::elements::check::tangent_error;
+    use crate::elements::check::{Kernel, conforms};
 
     const X: [Vec3; 2] = [[0.1, 0.2, -0.3], [1.0, 0.7, 0.4]];
 
-    fn error(law: impl CableLaw, rest_length: f64) -> f64 {
-        let minus = |k: Mat3| k.map(|r| r.map(|v| -v));
-        let d = sub(X[1], X[0]);
-        let (s, y) = law.stress(strain(d, rest_length));
-        let k = stiffness(s, y, d, d, rest_length, 0.3);
-        let f = |x: &[Vec3; 2]| {
+    /// A line of a law and a rest length (m).
+    struct Line<L>(L, f64);
+
+    impl<L: CableLaw> Kernel<2> for Line<L> {
+        fn force(&self, x: &[Vec3; 2]) -> [Vec3; 2] {
             let d = sub(x[1], x[0]);
-            let f = force(law.stress(strain(d, rest_length)).0, d, rest_length, 0.3);
+            let f = force(self.0.stress(strain(d, self.1)).0, d, self.1, 0.3);
             [scale(-1.0, f), f]
-        };
-        tangent_error(X, f, &[[k, minus(k)], [minus(k), k]])
+        }
+        fn stiffness(&self, x: &[Vec3; 2]) -> [[Mat3; 2]; 2] {
+            let d = sub(x[1], x[0]);
+            let (s, y) = self.0.stress(strain(d, self.1));
+            let k = stiffness(s, y, d, d, self.1, 0.3);
+            let minus = k.map(|row| scale(-1.0, row));
+            [[k, minus], [minus, k]]
+        }
+        fn energy(&self, x: &[Vec3; 2]) -> f64 {
+            energy(&self.0, x, self.1, 0.0, 0.3)
+        }
     }
 
     #[test]
-    fn tangent_is_the_derivative_of_the_force() {
-        assert!(error(TensionOnly { youngs_modulus: 5.0 }, 1.1) < 1e-8);
-        assert!(error(TwoWay { youngs_modulus: 5.0 }, 1.1) < 1e-8);
-        assert!(error(TwoWay { youngs_modulus: 5.0 }, 1.4) < 1e-8, "compressed");
+    fn lines_conform() {
+        let rest = |length: f64| [[0.1, 0.2, 0.3], [0.1 + length, 0.2, 0.3]];
+        conforms(&Line(TensionOnly { youngs_modulus: 5.0 }, 1.1), rest(1.1), X);
+        conforms(&Line(TwoWay { youngs_modulus: 5.0 }, 1.1), rest(1.1), X);
+        // Compressed.
+        conforms(&Line(TwoWay { youngs_modulus: 5.0 }, 1.4), rest(1.4), X);
     }
 
     #[test]

@@ -9,10 +9,10 @@
 //! turn of the segment is left out, being smaller than the lines' stiffness by the ratio of
 //! drag to tension, times the drag's own smallness.
 
-use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
-use crate::elements::mass::MassMatrix;
+use super::stencil::Stencil;
+use super::{ElementLoop, FaceLoad, Place};
 use crate::model::{CableElement, Model};
-use crate::vec3::{Mat3, Vec3, add, add_at, add_block, at, dot, norm, scale, sub};
+use crate::vec3::{Mat3, Vec3, add, dot, norm, scale, sub};
 
 /// A cylinder in a stream of the air.
 #[derive(Clone, Copy, Debug)]
@@ -76,8 +76,7 @@ impl Parts {
 }
 
 struct Strand {
-    nodes: [u32; 2],
-    slots: [[u32; 2]; 2],
+    stencil: Stencil<2>,
     start: [Vec3; 2],
 }
 
@@ -96,8 +95,7 @@ impl LineDrag {
     /// On the cables of `model` that stand free in the air.
     pub fn new(model: &Model, cylinder: Cylinder) -> Self {
         let free = |c: &&CableElement| c.kind != mesh::CableKind::Reinforcement;
-        let of =
-            |c: &CableElement| Strand { nodes: c.nodes, slots: [[ELSEWHERE; 2]; 2], start: [[0.0; 3]; 2] };
+        let of = |c: &CableElement| Strand { stencil: Stencil::new(c.nodes), start: [[0.0; 3]; 2] };
         let elements = model.cables.iter().filter(free).map(of).collect();
         let n_own = model.cables[..model.n_own_cables].iter().filter(free).count();
         Self { elements, n_own, cylinder, air: [0.0; 3], rate: 0.0 }
@@ -106,11 +104,11 @@ impl LineDrag {
     /// Vector along a segment at `x`, and the air's velocity past it.
     #[inline(always)]
     fn stream(&self, e: &Strand, x: &[f64], end: &[f64]) -> (Vec3, Vec3) {
-        let [a, b] = e.nodes.map(|n| n as usize);
-        let moved = add(sub(at(end, a), e.start[0]), sub(at(end, b), e.start[1]));
+        let [a, b] = e.stencil.gather(end);
+        let moved = add(sub(a, e.start[0]), sub(b, e.start[1]));
         // Rate zero stands for air alone: a step without length.
         let own = if self.rate > 0.0 { scale(0.5 * self.rate, moved) } else { [0.0; 3] };
-        (sub(at(x, b), at(x, a)), sub(self.air, own))
+        (e.stencil.between(x), sub(self.air, own))
     }
 }
 
@@ -140,7 +138,7 @@ impl ElementLoop for LineDrag {
 
     fn anchor(&mut self, x: &[f64]) {
         for e in &mut self.elements {
-            e.start = e.nodes.map(|n| at(x, n as usize));
+            e.start = e.stencil.gather(x);
         }
     }
 
@@ -148,7 +146,7 @@ impl ElementLoop for LineDrag {
         for e in &self.elements {
             let (d, w) = self.stream(e, place.at, place.end);
             let half = scale(-0.5, self.cylinder.force(d, w));
-            e.nodes.iter().for_each(|&n| add_at(out, n as usize, half));
+            e.stencil.scatter(&[half; 2], out);
         }
     }
 
@@ -165,41 +163,22 @@ impl ElementLoop for LineDrag {
         for e in &self.elements {
             let (d, w) = self.stream(e, place.at, place.end);
             let k = self.cylinder.by_velocity(d, w).map(|row| scale(by, row));
-            for n in (0..2).filter(|&n| e.slots[n][n] != ELSEWHERE) {
-                (0..2).for_each(|m| add_block(&mut blocks[e.slots[n][m] as usize], &k));
-            }
+            e.stencil.add_blocks(&[[k; 2]; 2], blocks);
         }
-    }
-
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
-
-    fn energy(&self, _x: &[f64]) -> f64 {
-        0.0
     }
 
     /// Of the motion in the frame: air that drives the lines gives a negative one.
     fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {
         let one = |e: &Strand| {
             let (d, w) = self.stream(e, after, after);
-            let [a, b] = e.nodes.map(|n| sub(at(after, n as usize), at(before, n as usize)));
-            -0.5 * dot(self.cylinder.force(d, w), add(a, b))
+            let ([a1, b1], [a0, b0]) = (e.stencil.gather(after), e.stencil.gather(before));
+            -0.5 * dot(self.cylinder.force(d, w), add(sub(a1, a0), sub(b1, b0)))
         };
         self.elements[..self.n_own].iter().map(one).sum()
     }
 
-    /// None: the cables have it, and the matrix their blocks.
-    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        Vec::new()
-    }
-
-    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
-        Vec::new()
-    }
-
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 }
 

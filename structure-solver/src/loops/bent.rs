@@ -5,19 +5,19 @@
 //! alternate, each node would else have 4/3 or 2/3 of the mass that belongs to its load, and a uniform pressure would
 //! shake it at the length of its faces.
 
-use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use super::stencil::Stencil;
+use super::{ElementLoop, FaceLoad, Place};
 use crate::elements::load;
 use crate::elements::mass::{self, MassMatrix};
 use crate::model::{Model, SplitFace};
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, norm, scale};
+use crate::vec3::{Mat3, norm, scale};
 
 /// The two triangles of a face, and those of the other cut.
 const CUTS: [[[usize; 3]; 2]; 2] = [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]];
 
 struct Face {
-    nodes: [u32; 4],
+    stencil: Stencil<4>,
     face: u32,
-    slots: [[u32; 4]; 4],
     /// Mass, kg.
     mass: f64,
     /// Shares of the face in the triangles of [`CUTS`], unstressed.
@@ -33,27 +33,23 @@ impl BentFaces {
     /// Of all split faces of `model`: thickness in m, density in kg/m3.
     pub fn new(model: &Model, thickness: f64, density: f64) -> Self {
         let of = |f: &SplitFace| {
-            let x = corners(&f.nodes, &model.reference);
+            let stencil = Stencil::new(f.nodes);
+            let x = stencil.gather(&model.reference);
             let areas = CUTS.map(|cut| cut.map(|t| norm(load::area_vector(&t.map(|n| x[n])))));
             let shares = areas.map(|[a, b]| if a + b > 0.0 { [a / (a + b), b / (a + b)] } else { [0.5; 2] });
             let mass = thickness * density * areas[0].iter().sum::<f64>();
-            Face { nodes: f.nodes, face: f.face, slots: [[ELSEWHERE; 4]; 4], mass, shares }
+            Face { stencil, face: f.face, mass, shares }
         };
         Self { faces: model.split_faces.iter().map(of).collect() }
     }
 
     /// Adds `factor` times the further forces on the faces that touch a node for which `active` is true.
     fn add(&self, active: impl Fn(u32) -> bool, factor: f64, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        for f in self.faces.iter().filter(|f| f.nodes.iter().any(|&n| active(n))) {
-            let force = load::bend_force(factor * load.pressure[f.face as usize], &corners(&f.nodes, x));
-            f.nodes.iter().zip(force).for_each(|(&n, f)| add_at(out, n as usize, f));
+        for f in self.faces.iter().filter(|f| f.stencil.nodes.iter().any(|&n| active(n))) {
+            let force = load::bend_force(factor * load.pressure[f.face as usize], &f.stencil.gather(x));
+            f.stencil.scatter(&force, out);
         }
     }
-}
-
-#[inline(always)]
-fn corners(nodes: &[u32; 4], x: &[f64]) -> [Vec3; 4] {
-    nodes.map(|n| at(x, n as usize))
 }
 
 impl ElementLoop for BentFaces {
@@ -72,13 +68,11 @@ impl ElementLoop for BentFaces {
         blocks: &mut [Mat3],
     ) {
         for f in &self.faces {
-            let (p, x) = (load.pressure[f.face as usize], corners(&f.nodes, place.at));
+            let (p, x) = (load.pressure[f.face as usize], f.stencil.gather(place.at));
             let force = load::bend_force(p, &x);
-            f.nodes.iter().zip(force).for_each(|(&n, f)| add_at(out, n as usize, scale(-1.0, f)));
+            f.stencil.scatter(&force.map(|f| scale(-1.0, f)), out);
             let k = load::bend_tangent(-factor * p, &x);
-            for n in (0..4).filter(|&n| f.slots[n][n] != ELSEWHERE) {
-                (0..4).for_each(|m| add_block(&mut blocks[f.slots[n][m] as usize], &k[n][m]));
-            }
+            f.stencil.add_blocks(&k, blocks);
         }
     }
 
@@ -90,12 +84,8 @@ impl ElementLoop for BentFaces {
         self.add(|_| true, 1.0, x, load, out);
     }
 
-    fn energy(&self, _x: &[f64]) -> f64 {
-        0.0
-    }
-
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        self.faces.iter().map(|f| (f.nodes.to_vec(), f.mass)).collect()
+        self.faces.iter().map(|f| (f.stencil.nodes.to_vec(), f.mass)).collect()
     }
 
     /// Half of the other cut's shares less half of the elements' own: their sum is zero.
@@ -115,9 +105,7 @@ impl ElementLoop for BentFaces {
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for f in &mut self.faces {
-            f.slots = f.nodes.map(|n| f.nodes.map(|m| slot(n, m)));
-        }
+        self.faces.iter_mut().for_each(|f| f.stencil.place(slot));
     }
 }
 
@@ -130,7 +118,7 @@ mod tests {
     use crate::loops::Membranes;
     use crate::materials::TensionField;
     use crate::system::System;
-    use crate::vec3::cross;
+    use crate::vec3::{Vec3, at, cross};
 
     /// Two bent faces, cut along different diagonals, and a triangle.
     fn system(material: TensionField, bent: bool) -> System {

@@ -15,7 +15,6 @@
 use std::collections::HashMap;
 
 use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
-use crate::elements::mass::MassMatrix;
 use crate::model::Model;
 use crate::vec3::{Mat3, Vec3, add_at, add_block, at, cross, dot, norm, scale, sub};
 
@@ -235,19 +234,8 @@ impl ElementLoop for Contact {
         }
     }
 
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
-
     fn energy(&self, x: &[f64]) -> f64 {
         self.active(x).map(|(_, _, _, gap)| 0.5 * self.stiffness * gap * gap).sum()
-    }
-
-    /// None: the fabric has it.
-    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        Vec::new()
-    }
-
-    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
-        Vec::new()
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {

@@ -10,19 +10,19 @@
 //!
 //! Loops of their own: a scene without this damping does not run them.
 
-use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use super::axial::{self, Axial};
+use super::stencil::Stencil;
+use super::{ElementLoop, FaceLoad, Place};
 use crate::elements::cable::{self, CableLaw};
-use crate::elements::mass::MassMatrix;
 use crate::elements::membrane;
 use crate::materials::{Material, Stress};
 use crate::model::{CableElement, Model, Triangle};
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, scale, sub};
+use crate::vec3::{Mat3, Vec3};
 
 struct Sheet {
-    nodes: [u32; 3],
+    stencil: Stencil<3>,
     gradient: [f64; 4],
     volume: f64,
-    slots: [[u32; 3]; 3],
     start: Stress,
 }
 
@@ -40,10 +40,9 @@ impl<M: Material> MembraneDamping<M> {
     /// Of all triangles of `model`: thickness in m, damping time in s.
     pub fn new(model: &Model, material: M, thickness: f64, time: f64) -> Self {
         let of = |t: &Triangle| Sheet {
-            nodes: t.nodes,
+            stencil: Stencil::new(t.nodes),
             gradient: t.reference.gradient,
             volume: t.reference.area * thickness,
-            slots: [[ELSEWHERE; 3]; 3],
             start: [0.0; 3],
         };
         let elements = model.triangles.iter().map(of).collect();
@@ -57,7 +56,7 @@ impl<M: Material> MembraneDamping<M> {
 
 impl Sheet {
     fn deformation(&self, x: &[f64]) -> membrane::Deformation {
-        membrane::deformation(&self.gradient, &self.nodes.map(|n| at(x, n as usize)))
+        membrane::deformation(&self.gradient, &self.stencil.gather(x))
     }
 }
 
@@ -80,7 +79,7 @@ impl<M: Material> ElementLoop for MembraneDamping<M> {
         for e in &self.elements {
             let s = self.stress(e, self.material.stress(e.deformation(place.end).strain));
             let r = membrane::force(&e.gradient, &e.deformation(place.at), &s, e.volume);
-            (0..3).for_each(|n| add_at(out, e.nodes[n] as usize, r[n]));
+            e.stencil.scatter(&r, out);
         }
     }
 
@@ -99,16 +98,8 @@ impl<M: Material> ElementLoop for MembraneDamping<M> {
             let (s, c) = self.material.tangent(end.strain);
             let (s, c) = (self.stress(e, s), c.map(|row| row.map(|c| by * c)));
             let k = membrane::stiffness_between(&e.gradient, &d, &end, &s, &c, e.volume * factor);
-            for n in (0..3).filter(|&n| e.slots[n][n] != ELSEWHERE) {
-                (0..3).for_each(|m| add_block(&mut blocks[e.slots[n][m] as usize], &k[n][m]));
-            }
+            e.stencil.add_blocks(&k, blocks);
         }
-    }
-
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
-
-    fn energy(&self, _x: &[f64]) -> f64 {
-        0.0
     }
 
     fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {
@@ -120,33 +111,15 @@ impl<M: Material> ElementLoop for MembraneDamping<M> {
         self.elements[..self.n_own].iter().map(one).sum()
     }
 
-    /// None: the elements that are damped have it, and the matrix their blocks.
-    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        Vec::new()
-    }
-
-    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
-        Vec::new()
-    }
-
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 }
 
 struct Strand {
-    nodes: [u32; 2],
+    stencil: Stencil<2>,
     rest_length: f64,
-    slots: [[u32; 2]; 2],
     start: f64,
-}
-
-impl Strand {
-    fn between(&self, x: &[f64]) -> Vec3 {
-        sub(at(x, self.nodes[1] as usize), at(x, self.nodes[0] as usize))
-    }
 }
 
 /// Damping of cable elements of one law.
@@ -166,9 +139,8 @@ impl<L: CableLaw> CableDamping<L> {
     /// damping time in s.
     pub fn new(model: &Model, law: L, area: f64, offset: f64, time: f64) -> Self {
         let of = |c: &CableElement| Strand {
-            nodes: c.nodes,
+            stencil: Stencil::new(c.nodes),
             rest_length: c.rest_length,
-            slots: [[ELSEWHERE; 2]; 2],
             start: 0.0,
         };
         let elements = model.cables.iter().map(of).collect();
@@ -178,6 +150,17 @@ impl<L: CableLaw> CableDamping<L> {
     /// Elastic stress and its derivative for the vector `d` between the ends.
     fn elastic(&self, e: &Strand, d: Vec3) -> (f64, f64) {
         self.law.stress(cable::strain(d, e.rest_length) + self.offset)
+    }
+
+    /// Each element in a step.
+    #[inline(always)]
+    fn axial<'a>(&'a self, place: Place<'a>) -> impl Iterator<Item = (&'a Stencil<2>, Axial)> {
+        self.elements.iter().map(move |e| {
+            let (d, end) = (e.stencil.between(place.at), e.stencil.between(place.end));
+            let (s, y) = self.elastic(e, end);
+            let (s, y) = (self.rate * (s - e.start), self.rate / place.weight * y);
+            (&e.stencil, Axial { d, end, rest_length: e.rest_length, s, y })
+        })
     }
 }
 
@@ -193,69 +176,36 @@ impl<L: CableLaw> ElementLoop for CableDamping<L> {
     fn anchor(&mut self, x: &[f64]) {
         let (law, offset) = (self.law, self.offset);
         for e in &mut self.elements {
-            e.start = law.stress(cable::strain(e.between(x), e.rest_length) + offset).0;
+            e.start = law.stress(cable::strain(e.stencil.between(x), e.rest_length) + offset).0;
         }
     }
 
     fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in &self.elements {
-            let s = self.rate * (self.elastic(e, e.between(place.end)).0 - e.start);
-            let f = cable::force(s, e.between(place.at), e.rest_length, self.area);
-            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
-            add_at(out, e.nodes[1] as usize, f);
-        }
+        axial::add_forces(self.axial(place), self.area, out);
     }
 
     fn tangent(
         &self,
         place: Place<'_>,
-        load: FaceLoad<'_>,
+        _load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        self.forces(place, load, out);
-        for e in &self.elements {
-            let (d, end) = (e.between(place.at), e.between(place.end));
-            let (s, y) = self.elastic(e, end);
-            let (s, y) = (self.rate * (s - e.start), self.rate / place.weight * y);
-            let k = cable::stiffness(s, y, d, end, e.rest_length, self.area);
-            let (plus, minus) = (k.map(|row| scale(factor, row)), k.map(|row| scale(-factor, row)));
-            for n in (0..2).filter(|&n| e.slots[n][n] != ELSEWHERE) {
-                add_block(&mut blocks[e.slots[n][n] as usize], &plus);
-                add_block(&mut blocks[e.slots[n][1 - n] as usize], &minus);
-            }
-        }
-    }
-
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
-
-    fn energy(&self, _x: &[f64]) -> f64 {
-        0.0
+        axial::add_tangent(self.axial(place), self.area, factor, out, blocks);
     }
 
     fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {
         let one = |e: &Strand| {
-            let [from, to] = [before, after].map(|x| cable::strain(e.between(x), e.rest_length));
-            let s = self.rate * (self.elastic(e, e.between(after)).0 - e.start);
+            let [from, to] = [before, after].map(|x| cable::strain(e.stencil.between(x), e.rest_length));
+            let s = self.rate * (self.elastic(e, e.stencil.between(after)).0 - e.start);
             self.area * e.rest_length * s * (to - from)
         };
         self.elements[..self.n_own].iter().map(one).sum()
     }
 
-    /// None: the elements that are damped have it, and the matrix their blocks.
-    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        Vec::new()
-    }
-
-    fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
-        Vec::new()
-    }
-
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 }
 
@@ -267,6 +217,7 @@ mod tests {
     use super::*;
     use crate::dynamics::{Dynamics, DynamicsParams, LoadPath};
     use crate::elements::cable::{TensionOnly, TwoWay};
+    use crate::elements::mass::MassMatrix;
     use crate::loops::{Cables, Membranes};
     use crate::materials::TensionField;
     use crate::newton::NewtonParams;

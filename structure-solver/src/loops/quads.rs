@@ -2,7 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use super::stencil::Stencil;
+use super::{ElementLoop, FaceLoad, Place, principal_stresses};
 use crate::culprit::principal;
 use crate::elements::mass::MassMatrix;
 use crate::elements::membrane::Deformation;
@@ -10,15 +11,14 @@ use crate::elements::quad::{self, Gradient, POINTS};
 use crate::materials::step::{self, StepStart};
 use crate::materials::{Material, Moduli, Regime, Stress};
 use crate::model::{Model, Quad};
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, scale, sub};
+use crate::vec3::{Mat3, Vec3, add_block, at, scale, sub};
 
 struct Membrane {
-    nodes: [u32; 4],
+    stencil: Stencil<4>,
     face: u32,
     gradient: [Gradient; POINTS],
     /// Reference area times thickness of each point, m3.
     volume: [f64; POINTS],
-    slots: [[u32; 4]; 4],
     start: [StepStart; POINTS],
 }
 
@@ -42,12 +42,12 @@ impl<M: Material> Quads<M> {
     /// time in s (0: none; see [`super::MembraneDamping`]).
     pub fn new(model: &Model, material: M, thickness: f64, density: f64, time: f64) -> Self {
         let of = |q: &Quad| Membrane {
-            nodes: q.nodes,
+            stencil: Stencil::new(q.nodes),
             face: q.face,
             gradient: q.reference.gradient,
             volume: q.reference.area.map(|a| a * thickness),
-            slots: [[ELSEWHERE; 4]; 4],
-            start: [StepStart::default(); POINTS],
+            // A prestressed law stores energy where nothing is strained yet.
+            start: [StepStart::new(&material, [0.0; 3]); POINTS],
         };
         let element: HashMap<u32, u32> =
             model.quads.iter().enumerate().map(|(k, q)| (q.face, k as u32)).collect();
@@ -103,7 +103,7 @@ impl<M: Material> Quads<M> {
     }
 
     fn add_all(&self, e: &Membrane, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        let (x, end) = (e.at(place.at), e.at(place.end));
+        let (x, end) = (e.stencil.gather(place.at), e.stencil.gather(place.end));
         let mut r = [[0.0; 3]; 4];
         for k in 0..POINTS {
             let h = &e.gradient[k];
@@ -111,10 +111,9 @@ impl<M: Material> Quads<M> {
             quad::add_force(h, &quad::deformation(h, &x), &s, e.volume[k], &mut r);
         }
         let f = self.external_of(e, load, &x);
-        (0..4).for_each(|n| add_at(out, e.nodes[n] as usize, sub(r[n], f[n])));
+        e.stencil.scatter(&std::array::from_fn(|n| sub(r[n], f[n])), out);
     }
 
-    #[allow(clippy::too_many_arguments)]
     fn add_tangent(
         &self,
         e: &Membrane,
@@ -125,7 +124,7 @@ impl<M: Material> Quads<M> {
         blocks: &mut [Mat3],
     ) {
         self.add_all(e, place, load, out);
-        let (x, end) = (e.at(place.at), e.at(place.end));
+        let (x, end) = (e.stencil.gather(place.at), e.stencil.gather(place.end));
         let face = e.face as usize;
         let mut k = quad::pressure_tangent(-factor * load.pressure[face], &x);
         if !load.traction.is_empty() {
@@ -140,20 +139,13 @@ impl<M: Material> Quads<M> {
             let (s, c) = self.tangent_of(&e.start[p], &end, place.weight);
             quad::add_stiffness(h, &d, &end, &s, &c, e.volume[p] * factor, &mut k);
         }
-        for n in (0..4).filter(|&n| e.slots[n][n] != ELSEWHERE) {
-            (0..4).for_each(|m| add_block(&mut blocks[e.slots[n][m] as usize], &k[n][m]));
-        }
+        e.stencil.add_blocks(&k, blocks);
     }
 }
 
 impl Membrane {
-    #[inline(always)]
-    fn at(&self, x: &[f64]) -> [Vec3; 4] {
-        self.nodes.map(|n| at(x, n as usize))
-    }
-
     fn strains(&self, x: &[f64]) -> [[f64; 3]; POINTS] {
-        let x = self.at(x);
+        let x = self.stencil.gather(x);
         self.gradient.map(|h| quad::deformation(&h, &x).strain)
     }
 
@@ -203,15 +195,13 @@ impl<M: Material> ElementLoop for Quads<M> {
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        let near = |e: &&Membrane| e.nodes.iter().any(|&n| active[n as usize]);
-        let near = self.elements.iter().filter(near);
+        let near = self.elements.iter().filter(|e| e.stencil.touches(active));
         near.for_each(|e| self.add_tangent(e, place, load, factor, out, blocks));
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
         for e in &self.elements {
-            let f = self.external_of(e, load, &e.at(x));
-            (0..4).for_each(|n| add_at(out, e.nodes[n] as usize, f[n]));
+            e.stencil.scatter(&self.external_of(e, load, &e.stencil.gather(x)), out);
         }
     }
 
@@ -242,7 +232,7 @@ impl<M: Material> ElementLoop for Quads<M> {
 
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
         let factor = self.density * self.thickness;
-        self.elements.iter().map(|e| (e.nodes.to_vec(), factor)).collect()
+        self.elements.iter().map(|e| (e.stencil.nodes.to_vec(), factor)).collect()
     }
 
     fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64> {
@@ -250,18 +240,14 @@ impl<M: Material> ElementLoop for Quads<M> {
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 
     /// Of the mean strain of the points.
     fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
         let one = |&k: &u32| {
             let mean = self.elements[k as usize].mean_strain(x);
-            let s = self.material.stress(mean);
-            let (mean_stress, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
-            ([mean_stress + radius, mean_stress - radius], self.material.regime(mean))
+            (principal_stresses(&self.material.stress(mean)), self.material.regime(mean))
         };
         self.triangles.iter().map(one).collect()
     }

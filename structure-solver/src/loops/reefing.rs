@@ -5,11 +5,13 @@
 //! from the unstressed skirt to the reefed length over the time of drawing in. When the line is
 //! cut, its force fades over a ramp. A line that is cut before the stage has no loop at all.
 
-use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use super::axial::{self, Axial};
+use super::stencil::Stencil;
+use super::{ElementLoop, FaceLoad, Place};
 use crate::elements::cable::{self, TensionOnly};
 use crate::elements::mass::MassMatrix;
 use crate::model::Model;
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, norm, scale, sub};
+use crate::vec3::{Mat3, Vec3, norm};
 
 /// A reefing line in a stage.
 #[derive(Clone, Copy, Debug)]
@@ -46,10 +48,9 @@ impl Schedule {
 }
 
 struct Segment {
-    nodes: [u32; 2],
+    stencil: Stencil<2>,
     /// Its share of the line's length.
     share: f64,
-    slots: [[u32; 2]; 2],
     /// Vector between its ends at the start of the step.
     start: Vec3,
 }
@@ -72,9 +73,9 @@ impl ReefingLine {
     /// Through the ties of `model`; `skirt` is their length in the whole unstressed structure, m.
     pub fn new(model: &Model, law: TensionOnly, area: f64, schedule: Schedule, skirt: f64) -> Self {
         let of = |t: &[u32; 2]| {
-            let d = t.map(|n| at(&model.reference, n as usize));
-            let d = sub(d[1], d[0]);
-            Segment { nodes: *t, share: norm(d) / skirt, slots: [[ELSEWHERE; 2]; 2], start: d }
+            let stencil = Stencil::new(*t);
+            let d = stencil.between(&model.reference);
+            Segment { stencil, share: norm(d) / skirt, start: d }
         };
         let elements = model.ties.iter().map(of).collect();
         let mut line = Self {
@@ -94,19 +95,22 @@ impl ReefingLine {
     /// Largest tension (N) of the segments counted here.
     pub fn tension(&self, x: &[f64]) -> f64 {
         let one = |e: &Segment| {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.stencil.gather(x);
             self.strength * cable::tension(&self.law, &p, e.share * self.length, 0.0, self.area)
         };
         self.elements[..self.n_own].iter().map(one).fold(0.0, f64::max)
     }
 
+    /// Each segment in a step.
     #[inline(always)]
-    fn state(&self, e: &Segment, place: Place<'_>) -> (Vec3, Vec3, f64, f64, f64) {
-        let between = |x: &[f64]| sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
-        let (d, end, rest) = (between(place.at), between(place.end), e.share * self.length);
-        let (from, to) = (cable::strain(e.start, rest), cable::strain(end, rest));
-        let (s, y) = cable::step(&self.law, from, to, place.weight);
-        (d, end, rest, self.strength * s, self.strength * y)
+    fn axial<'a>(&'a self, place: Place<'a>) -> impl Iterator<Item = (&'a Stencil<2>, Axial)> {
+        self.elements.iter().map(move |e| {
+            let (d, end) = (e.stencil.between(place.at), e.stencil.between(place.end));
+            let rest_length = e.share * self.length;
+            let (from, to) = (cable::strain(e.start, rest_length), cable::strain(end, rest_length));
+            let (s, y) = cable::step(&self.law, from, to, place.weight);
+            (&e.stencil, Axial { d, end, rest_length, s: self.strength * s, y: self.strength * y })
+        })
     }
 }
 
@@ -122,44 +126,28 @@ impl ElementLoop for ReefingLine {
 
     fn anchor(&mut self, x: &[f64]) {
         for e in &mut self.elements {
-            e.start = sub(at(x, e.nodes[1] as usize), at(x, e.nodes[0] as usize));
+            e.start = e.stencil.between(x);
         }
     }
 
     fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in &self.elements {
-            let (d, _, rest, s, _) = self.state(e, place);
-            let f = cable::force(s, d, rest, self.area);
-            add_at(out, e.nodes[0] as usize, scale(-1.0, f));
-            add_at(out, e.nodes[1] as usize, f);
-        }
+        axial::add_forces(self.axial(place), self.area, out);
     }
 
     fn tangent(
         &self,
         place: Place<'_>,
-        load: FaceLoad<'_>,
+        _load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Mat3],
     ) {
-        self.forces(place, load, out);
-        for e in &self.elements {
-            let (d, end, rest, s, y) = self.state(e, place);
-            let k = cable::stiffness(s, y, d, end, rest, self.area);
-            let (plus, minus) = (k.map(|row| scale(factor, row)), k.map(|row| scale(-factor, row)));
-            for n in (0..2).filter(|&n| e.slots[n][n] != ELSEWHERE) {
-                add_block(&mut blocks[e.slots[n][n] as usize], &plus);
-                add_block(&mut blocks[e.slots[n][1 - n] as usize], &minus);
-            }
-        }
+        axial::add_tangent(self.axial(place), self.area, factor, out, blocks);
     }
-
-    fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
 
     fn energy(&self, x: &[f64]) -> f64 {
         let one = |e: &Segment| {
-            let p = e.nodes.map(|n| at(x, n as usize));
+            let p = e.stencil.gather(x);
             self.strength * cable::energy(&self.law, &p, e.share * self.length, 0.0, self.area)
         };
         self.elements[..self.n_own].iter().map(one).sum()
@@ -167,7 +155,7 @@ impl ElementLoop for ReefingLine {
 
     /// Massless, but with blocks in the matrix.
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        self.elements.iter().map(|e| (e.nodes.to_vec(), 0.0)).collect()
+        self.elements.iter().map(|e| (e.stencil.nodes.to_vec(), 0.0)).collect()
     }
 
     fn mass_shares(&self, _element: usize, _kind: MassMatrix) -> Vec<f64> {
@@ -175,9 +163,7 @@ impl ElementLoop for ReefingLine {
     }
 
     fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        for e in &mut self.elements {
-            e.slots = e.nodes.map(|n| e.nodes.map(|m| slot(n, m)));
-        }
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
     }
 }
 

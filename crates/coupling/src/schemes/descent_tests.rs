@@ -1,14 +1,13 @@
 //! The equation of the frame on a payload that hangs on one line under a light canopy in heavy air.
 
-use std::path::Path;
-
-use case::{Acceleration, Coupling, DescentEquation, LoadShape, Role, Scheme, Staggered, StaggeredSequence};
+use case::{Acceleration, Coupling, DescentEquation, LoadShape, Scheme, Staggered, StaggeredSequence};
 use channel::{LOAD_WIDTH, Stats, Window, flow_stats, structure_stats};
 
+use super::test_support::ClosedForm;
 use super::*;
 use crate::descent::{DescentModel, Weight};
 use crate::error::RunError;
-use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::partners::LoadOverWindow;
 
 const DT: f64 = 5e-3;
 const STEPS: u32 = 50;
@@ -54,13 +53,8 @@ impl Hanging {
     }
 }
 
-impl Partners for Hanging {
-    fn structure(
-        &mut self,
-        w: &Window,
-        load: LoadOverWindow<'_>,
-        displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
+impl ClosedForm for Hanging {
+    fn solve_structure(&mut self, w: &Window, load: LoadOverWindow<'_>, displacement: &mut [f64]) -> Stats {
         let h = w.dt / f64::from(STEPS);
         let body = if self.weighs { -GRAVITY - w.frame_acceleration[2] } else { 0.0 };
         let pressure =
@@ -80,15 +74,14 @@ impl Partners for Hanging {
         stats.values[structure_stats::SUPPORT_FORCE] = (impulse - own) / w.dt + FABRIC * body;
         (self.fabric[1], self.impulse[0]) = ([x, v], impulse);
         displacement.copy_from_slice(&[0.0, 0.0, x]);
-        Ok(Answer { stats, wall_s: 0.0 })
+        stats
     }
 
-    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn move_mesh(&mut self, displacement: &[f64]) {
         self.wall[1][0] = displacement[2];
-        Ok(Answer::default())
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+    fn solve_flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Stats, RunError> {
         let [x0, v0] = self.wall[0];
         let v = w.frame_velocity[2] + (self.wall[1][0] - x0) / w.dt;
         self.wall[1][1] = v;
@@ -96,22 +89,13 @@ impl Partners for Hanging {
         load.copy_from_slice(&[force, 0.0, 0.0, 0.0]);
         let mut stats = Stats::default();
         stats.values[flow_stats::FORCE + 2] = force;
-        Ok(Answer { stats, wall_s: 0.0 })
+        Ok(stats)
     }
 
-    fn accept(&mut self, _w: &Window) -> Result<(), RunError> {
+    fn accept_window(&mut self, _w: &Window) {
         self.fabric[0] = self.fabric[1];
         self.wall[0] = self.wall[1];
         self.impulse[1] += self.impulse[0];
-        Ok(())
-    }
-
-    fn save(&mut self, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
-    }
-
-    fn snapshot(&mut self, _role: Role, _time: f64, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
     }
 }
 
@@ -148,7 +132,7 @@ fn window_loop(coupling: &Coupling, descent: DescentModel, partners: &Hanging) -
     let unknowns = Unknowns::new(1, DT, true);
     let floor = 1e-9;
     let fields = vec![Field::new(0..3, floor), Field::new(3..4, floor)];
-    let state = InterfaceState {
+    let interface = InterfaceState {
         displacement: vec![0.0, 0.0, height],
         load: Some([load, 0.0, 0.0, 0.0].to_vec()),
         load_before: None,
@@ -156,10 +140,19 @@ fn window_loop(coupling: &Coupling, descent: DescentModel, partners: &Hanging) -
         acceleration: 0.0,
     };
     let criterion = Criterion::new(fields, coupling.tolerance);
-    let rest = Box::new(Uniform(coupling.relaxation));
-    let faces = 1;
     assert_eq!(LOAD_WIDTH, 4);
-    WindowLoop::new("test", coupling, unknowns, criterion, faces, Some(descent), state, rest, None, false)
+    super::window_loop(WindowLoopSetup {
+        stage: "test",
+        coupling,
+        unknowns,
+        criterion,
+        faces: 1,
+        descent: Some(descent),
+        interface,
+        relaxation: Box::new(Uniform(coupling.relaxation)),
+        modelled: None,
+        accept_unconverged: false,
+    })
 }
 
 fn window(index: u64) -> Window {

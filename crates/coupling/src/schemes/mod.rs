@@ -1,52 +1,51 @@
 //! The sequence of the programs in a window, and how its iteration is accelerated.
 //!
-//! One loop ([`window::WindowLoop`]) serves every scheme. A scheme ([`Sequence`]) is a map
-//! from the coupled unknowns to the answer of the programs, an acceleration
-//! ([`Accelerator`]) a function from the iterate `x` and the answer `x_tilde` to the next
-//! iterate.
+//! One loop ([`WindowLoop`]) serves every scheme. A scheme ([`CouplingScheme`]) is a map
+//! from the coupled unknowns to the response of the solvers, an acceleration
+//! ([`Accelerator`]) a function from the iterate `x` and the response `x_tilde` to the next
+//! iterate. [`window_loop`] makes the loop that a scene asks for.
+//!
+//! Files depend on each other in this order: `unknowns`, `least_squares` and `codec`; `flow_model`;
+//! `acceleration`; `window`; `sequences`; `build`.
 
-mod accelerate;
-mod criterion;
-mod extrapolate;
-mod flow_model;
-mod groups;
-mod implicit;
-mod imvj;
-mod inverse;
-mod iqn;
-mod jacobi_relaxation;
-mod lattice;
-mod least_squares;
-mod load_shape;
-mod memory;
-mod model_schemes;
-mod predictor;
-mod relaxation;
-mod sequence;
-mod staggered;
-mod unknowns;
-mod window;
+pub(crate) mod acceleration;
+pub(crate) mod build;
+pub(crate) mod codec;
+pub(crate) mod flow_model;
+pub(crate) mod least_squares;
+pub(crate) mod sequences;
+pub(crate) mod unknowns;
+pub(crate) mod window;
 
-pub use accelerate::{Accelerator, Aitken, Constant, accelerator};
-pub use criterion::{Criterion, Field, LoadFloor};
-pub use extrapolate::{Past, lagrange};
-pub use flow_model::FlowModel;
-pub use implicit::{GaussSeidel, Jacobi};
-pub use imvj::IqnImvj;
-pub use iqn::{IqnIls, IqnOptions};
-pub use jacobi_relaxation::JacobiRelaxation;
-pub use lattice::{Air, Lattice};
+pub use acceleration::accelerator::Accelerator;
+pub use acceleration::added_mass::{AddedMassRelaxation, Weights};
+pub use acceleration::fixed_point::{Aitken, Constant};
+pub use acceleration::jacobi_relaxation::JacobiRelaxation;
+pub use acceleration::jacobian::{Jacobian, LeastSquaresJacobian, MultiVectorJacobian};
+pub use acceleration::quasi_newton::QuasiNewton;
+pub use acceleration::quasi_newton_options::QuasiNewtonOptions;
+pub use acceleration::relaxation::{Relaxation, Uniform};
+pub use build::{Modelled, WindowLoopSetup, accelerator, needs_model, scheme, window_loop};
+pub use codec::{pack, unpack};
+pub use flow_model::lattice::{Air, Lattice};
+pub use flow_model::surrogate::FlowModel;
 pub use least_squares::Columns;
-pub use memory::{pack, unpack};
-
-pub use load_shape::{FlowLoads, MEAN_WEIGHTS, mean_weights, shape_load};
-pub use model_schemes::{AddedMassStaggered, BlockQuasiNewton, SAFE_DENSITY};
-pub use predictor::Predictor;
-pub use relaxation::{AddedMassRelaxation, Relaxation, Uniform, Weights};
-pub use sequence::{End, Modelled, Sequence, Visit, needs_model, sequence};
-pub use staggered::{FlowFirst, HalfStep, StructureFirst};
+pub use sequences::added_mass_staggered::{AddedMassStaggered, SAFE_DENSITY};
+pub use sequences::block_quasi_newton::BlockQuasiNewton;
+pub use sequences::extrapolate::{Past, lagrange};
+pub use sequences::gauss_seidel::GaussSeidel;
+pub use sequences::jacobi::Jacobi;
+pub use sequences::predictor::Predictor;
+pub use sequences::staggered::{FlowFirst, HalfStep, StructureFirst};
 pub use unknowns::Unknowns;
-pub use window::{InterfaceState, WindowLoop, WindowReport};
+pub use window::criterion::{Criterion, Field, LoadFloor};
+pub use window::load_shape::{FlowLoads, MEAN_WEIGHTS, mean_weights, shape_load};
+pub use window::report::WindowReport;
+pub use window::scheme::CouplingScheme;
+pub use window::solvers::Solvers;
+pub use window::state::{Configuration, WindowState};
+pub use window::values::{InterfaceState, InterfaceValues};
+pub use window::window_loop::{WindowLoop, WindowLoopParts};
 
 #[cfg(test)]
 mod descent_tests;
@@ -54,5 +53,7 @@ mod descent_tests;
 mod model_tests;
 #[cfg(test)]
 mod order_tests;
+#[cfg(test)]
+mod test_support;
 #[cfg(test)]
 mod tests;

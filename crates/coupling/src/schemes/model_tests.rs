@@ -1,21 +1,20 @@
 //! Schemes with a model of the flow, on a light plate of nodes on springs in air whose added mass
 //! is not quite what the model says.
 
-use std::path::Path;
-
-use case::{Acceleration, Coupling, Role, Scheme, Staggered, StaggeredSequence};
+use case::{Acceleration, Coupling, Scheme, Staggered, StaggeredSequence};
 use channel::{LOAD_WIDTH, Stats, Window};
-use mesh::Vec3;
+use mesh::Point;
 
+use super::test_support::{ClosedForm, at_rest};
 use super::*;
 use crate::error::RunError;
-use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::partners::LoadOverWindow;
 
 const CELLS: usize = 5;
 const FABRIC: f64 = 0.02;
 const AIR: f64 = 1.0;
 
-fn plate() -> (Vec<Vec3>, Vec<[u32; 4]>) {
+fn plate() -> (Vec<Point>, Vec<[u32; 4]>) {
     let side = CELLS + 1;
     let at = |i: usize, j: usize| (i * side + j) as u32;
     let positions =
@@ -63,13 +62,8 @@ impl Plate {
     }
 }
 
-impl Partners for Plate {
-    fn structure(
-        &mut self,
-        w: &Window,
-        load: LoadOverWindow<'_>,
-        displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
+impl ClosedForm for Plate {
+    fn solve_structure(&mut self, w: &Window, load: LoadOverWindow<'_>, displacement: &mut [f64]) -> Stats {
         let mut pressed = vec![[0.0; 3]; self.accepted.len()];
         for (f, face) in self.faces.iter().enumerate() {
             for &n in face {
@@ -91,15 +85,14 @@ impl Partners for Plate {
             });
             displacement[3 * n..3 * n + 3].copy_from_slice(&[0.0, 0.0, self.trial[n][0]]);
         }
-        Ok(Answer::default())
+        Stats::default()
     }
 
-    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn move_mesh(&mut self, displacement: &[f64]) {
         self.grid.copy_from_slice(displacement);
-        Ok(Answer::default())
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+    fn solve_flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Stats, RunError> {
         self.flows += 1;
         let mut answer = vec![0.0; load.len() + 1];
         self.truth.inertia(&self.grid, w.dt, &mut answer);
@@ -108,21 +101,12 @@ impl Partners for Plate {
             let outer = push * (1.0 + 0.1 * (f % CELLS) as f64);
             row.copy_from_slice(&[answer[f * LOAD_WIDTH] + outer, 0.0, 0.0, 0.0]);
         }
-        Ok(Answer { stats: Stats::default(), wall_s: 0.0 })
+        Ok(Stats::default())
     }
 
-    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
+    fn accept_window(&mut self, w: &Window) {
         self.accepted.copy_from_slice(&self.trial);
         self.truth.accept(&self.grid, w.dt);
-        Ok(())
-    }
-
-    fn save(&mut self, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
-    }
-
-    fn snapshot(&mut self, _role: Role, _time: f64, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
     }
 }
 
@@ -130,13 +114,6 @@ fn fly(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result<Plate, 
     let mut plate = Plate::new();
     let n = plate.accepted.len();
     let unknowns = Unknowns::new(n, dt, false);
-    let state = InterfaceState {
-        displacement: vec![0.0; 3 * n],
-        load: Some(vec![0.0; plate.faces.len() * LOAD_WIDTH]),
-        load_before: None,
-        velocity: 0.0,
-        acceleration: 0.0,
-    };
     let fields = vec![Field::new(0..unknowns.len(), 1e-8)];
     let criterion = Criterion::new(fields, coupling.tolerance);
     let rest = || -> Box<dyn Relaxation> {
@@ -156,8 +133,18 @@ fn fly(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result<Plate, 
         ),
     });
     let faces = plate.faces.len();
-    let mut scheme =
-        WindowLoop::new("test", coupling, unknowns, criterion, faces, None, state, rest(), modelled, false);
+    let mut scheme = window_loop(WindowLoopSetup {
+        stage: "test",
+        coupling,
+        unknowns,
+        criterion,
+        faces,
+        descent: None,
+        interface: at_rest(n, faces, 0.0),
+        relaxation: rest(),
+        modelled,
+        accept_unconverged: false,
+    });
     for index in 0..windows {
         let w = Window { index, substeps: 10, time: index as f64 * dt, dt, ..Window::default() };
         scheme.run(&mut plate, w, false)?;

@@ -1,13 +1,12 @@
 //! Order in time and contraction of each scheme on one mode, against closed forms.
 
-use std::path::Path;
-
 use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme, Staggered, StaggeredSequence};
 use channel::{LOAD_WIDTH, Stats, Window};
 
+use super::test_support::{ClosedForm, at_rest};
 use super::*;
 use crate::error::{Place, RunError};
-use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::partners::LoadOverWindow;
 
 const SUBSTEPS: u64 = 4;
 
@@ -89,24 +88,18 @@ impl Oscillator {
     }
 }
 
-impl Partners for Oscillator {
-    fn structure(
-        &mut self,
-        w: &Window,
-        load: LoadOverWindow<'_>,
-        displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
+impl ClosedForm for Oscillator {
+    fn solve_structure(&mut self, w: &Window, load: LoadOverWindow<'_>, displacement: &mut [f64]) -> Stats {
         self.trial = self.substeps([load.start[0], load.end[0]], w.dt);
         displacement.copy_from_slice(&[0.0, 0.0, self.trial[0]]);
-        Ok(Answer::default())
+        Stats::default()
     }
 
-    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn move_mesh(&mut self, displacement: &[f64]) {
         self.grid = displacement[2];
-        Ok(Answer::default())
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+    fn solve_flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Stats, RunError> {
         if w.dt > self.longest {
             self.refused += 1;
             load.fill(f64::NAN);
@@ -123,23 +116,14 @@ impl Partners for Oscillator {
         let [x, v, b] = if self.driven { motion(w.time + w.dt) } else { [0.0; 3] };
         let f = self.steady + (self.mass + self.added) * b + self.damping * v + self.stiffness * x;
         load.copy_from_slice(&[f - self.damping * u - self.added * a, 0.0, 0.0, 0.0]);
-        Ok(Answer { stats: Stats::default(), wall_s: 0.0 })
+        Ok(Stats::default())
     }
 
-    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
+    fn accept_window(&mut self, w: &Window) {
         self.accepted = self.trial;
         let [u, _] = self.rates(self.grid, w.dt);
         self.wall = [[self.grid, u], self.wall[0]];
         self.last_dt = w.dt;
-        Ok(())
-    }
-
-    fn save(&mut self, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
-    }
-
-    fn snapshot(&mut self, _role: Role, _time: f64, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
     }
 }
 
@@ -149,17 +133,20 @@ fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
     if coupling.scheme == Scheme::Implicit && coupling.order == CouplingOrder::Jacobi {
         unknowns = unknowns.with_loads(LOAD_WIDTH, scale);
     }
-    let state = InterfaceState {
-        displacement: vec![0.0; 3],
-        load: Some(vec![0.0; LOAD_WIDTH]),
-        load_before: None,
-        velocity: 0.0,
-        acceleration: 0.0,
-    };
     let fields = vec![Field::new(0..unknowns.len(), 1e-9)];
     let criterion = Criterion::new(fields, coupling.tolerance);
-    let rest = Box::new(Uniform(coupling.relaxation));
-    WindowLoop::new("test", coupling, unknowns, criterion, 1, None, state, rest, None, false)
+    window_loop(WindowLoopSetup {
+        stage: "test",
+        coupling,
+        unknowns,
+        criterion,
+        faces: 1,
+        descent: None,
+        interface: at_rest(1, 1, 0.0),
+        relaxation: Box::new(Uniform(coupling.relaxation)),
+        modelled: None,
+        accept_unconverged: false,
+    })
 }
 
 /// Error at t = 2 with this number of windows.
@@ -392,7 +379,7 @@ fn the_error_of_a_rate_of_rates_alternates_with_the_windows() {
 fn release(coupling: &Coupling, held: bool, added: f64, dt: f64, windows: u64) -> (Vec<f64>, f64) {
     let mut model = Oscillator { steady: 1.0, driven: false, ..Oscillator::new(added, 0.5, 4.0) };
     let mut scheme = one_mode(coupling, 0.5 * dt * dt);
-    scheme.state.load = Some(vec![1.0, 0.0, 0.0, 0.0]);
+    scheme.state.interface.load = Some(vec![1.0, 0.0, 0.0, 0.0]);
     if held {
         scheme = scheme.from_held();
     }

@@ -1,15 +1,14 @@
 //! Schemes against a closed-form added-mass problem: a tensioned membrane
 //! (modes of a string) on a fluid whose only effect is an added mass per mode.
 
-use std::path::Path;
-
-use case::{Acceleration, Coupling, DescentEquation, Role, Scheme};
+use case::{Acceleration, Coupling, DescentEquation, Scheme};
 use channel::{LOAD_WIDTH, Stats, Window, flow_stats};
 
+use super::test_support::{ClosedForm, at_rest};
 use super::*;
 use crate::descent::{DescentModel, Weight};
 use crate::error::RunError;
-use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::partners::LoadOverWindow;
 
 const NODES: usize = 24;
 const DT: f64 = 5e-3;
@@ -102,13 +101,8 @@ impl AddedMass {
     }
 }
 
-impl Partners for AddedMass {
-    fn structure(
-        &mut self,
-        w: &Window,
-        load: LoadOverWindow<'_>,
-        displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
+impl ClosedForm for AddedMass {
+    fn solve_structure(&mut self, w: &Window, load: LoadOverWindow<'_>, displacement: &mut [f64]) -> Stats {
         let start = Self::modal(|i| load.start[i * LOAD_WIDTH]);
         let end = Self::modal(|i| load.end[i * LOAD_WIDTH]);
         for j in 0..NODES {
@@ -120,15 +114,14 @@ impl Partners for AddedMass {
             // Tangential motion follows and does not move the air.
             node.copy_from_slice(&[0.3 * z, 0.0, z]);
         }
-        Ok(Answer::default())
+        Stats::default()
     }
 
-    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn move_mesh(&mut self, displacement: &[f64]) {
         self.grid = Self::modal(|i| displacement[3 * i + 2]);
-        Ok(Answer::default())
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+    fn solve_flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Stats, RunError> {
         let modes: Vec<f64> = (0..NODES).map(|j| self.pressure(j, self.grid[j], w.dt)).collect();
         for (i, face) in load.chunks_exact_mut(LOAD_WIDTH).enumerate() {
             face.copy_from_slice(&[Self::nodal(&modes, i), 0.0, 0.0, 0.0]);
@@ -138,24 +131,15 @@ impl Partners for AddedMass {
         let mut stats = Stats::default();
         stats.values[flow_stats::FORCE + 2] =
             self.drag * v * v - self.body_added * (v - self.velocity[0]) / w.dt;
-        Ok(Answer { stats, wall_s: 0.0 })
+        Ok(stats)
     }
 
-    fn accept(&mut self, _w: &Window) -> Result<(), RunError> {
+    fn accept_window(&mut self, _w: &Window) {
         self.accepted.copy_from_slice(&self.trial);
         let u: Vec<f64> = (0..NODES).map(|j| self.wall_velocity(j, self.grid[j], DT)).collect();
         self.fluid[3] = std::mem::replace(&mut self.fluid[2], u);
         self.fluid[1] = std::mem::replace(&mut self.fluid[0], self.grid.clone());
         self.velocity[0] = self.velocity[1];
-        Ok(())
-    }
-
-    fn save(&mut self, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
-    }
-
-    fn snapshot(&mut self, _role: Role, _time: f64, _folder: &Path) -> Result<(), RunError> {
-        Ok(())
     }
 }
 
@@ -169,26 +153,19 @@ fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64
     if descent.is_some() {
         fields.push(Field::new(3 * NODES..3 * NODES + 1, 1e-7));
     }
-    let state = InterfaceState {
-        displacement: vec![0.0; 3 * NODES],
-        load: Some(vec![0.0; NODES * LOAD_WIDTH]),
-        load_before: None,
-        velocity,
-        acceleration: 0.0,
-    };
     let criterion = Criterion::new(fields, coupling.tolerance);
-    WindowLoop::new(
-        "test",
+    super::window_loop(WindowLoopSetup {
+        stage: "test",
         coupling,
         unknowns,
         criterion,
-        NODES,
+        faces: NODES,
         descent,
-        state,
-        Box::new(Uniform(coupling.relaxation)),
-        None,
-        false,
-    )
+        interface: at_rest(NODES, NODES, velocity),
+        relaxation: Box::new(Uniform(coupling.relaxation)),
+        modelled: None,
+        accept_unconverged: false,
+    })
 }
 
 fn window(index: u64) -> Window {
@@ -223,7 +200,7 @@ fn fly(mass_ratio: f64, coupling: &Coupling, windows: u64) -> Result<(Vec<u32>, 
             exact.trial[j] = answer(loads[j]);
         }
         exact.grid = positions;
-        exact.accept(&window(index))?;
+        exact.accept_window(&window(index));
     }
     let largest = exact.accepted.iter().fold(0.0f64, |m, s| m.max(s.x.abs()));
     let error = model.accepted.iter().zip(&exact.accepted).fold(0.0f64, |m, (a, b)| m.max((a.x - b.x).abs()));
@@ -345,27 +322,8 @@ fn descent_is_solved_with_the_canopy() {
 fn the_first_flow_answer_stands_for_an_unknown_start_load() {
     let mut model = AddedMass::new(10.0);
     let implicit = coupling(Acceleration::IqnIls, 0.05);
-    let unknowns = Unknowns::new(NODES, DT, false);
-    let criterion = Criterion::new(vec![Field::new(0..3 * NODES, 1e-7)], 1e-6);
-    let state = InterfaceState {
-        displacement: vec![0.0; 3 * NODES],
-        load: None,
-        load_before: None,
-        velocity: 0.0,
-        acceleration: 0.0,
-    };
-    let mut scheme = WindowLoop::new(
-        "test",
-        &implicit,
-        unknowns,
-        criterion,
-        NODES,
-        None,
-        state,
-        Box::new(Uniform(0.05)),
-        None,
-        false,
-    );
+    let mut scheme = window_loop(&implicit, None, 0.0);
+    scheme.state.interface.load = None;
     scheme.run(&mut model, window(0), false).unwrap();
     // The answer to a canopy at rest is the steady push of 200 Pa; under it for the
     // whole first window the membrane has moved further than from zero load.

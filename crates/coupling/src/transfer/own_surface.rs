@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use channel::LOAD_WIDTH;
 
-use super::{Surface, Transfer};
+use super::surface::Surface;
+use super::surface_transfer::Transfer;
+use crate::geometry::Vec3;
 use crate::interface::CanopyInterface;
 use crate::partners::LoadOverWindow;
 
@@ -37,8 +39,8 @@ impl OwnSurface {
             }
             answer.copy_from_slice(&own.displacement);
         }
-        let scene =
-            Surface { nodes: canopy.coords.clone(), faces: canopy.faces.clone(), ..Surface::default() };
+        let nodes = canopy.coords.iter().map(|x| Vec3::from(*x).into()).collect();
+        let scene = Surface { nodes, faces: canopy.faces.clone(), ..Surface::default() };
         let faces = LOAD_WIDTH * own.faces.len();
         let mut moved = vec![0.0; 3 * scene.nodes.len()];
         let transfer = Transfer::new(scene, own).map_err(|e| e.to_string())?;

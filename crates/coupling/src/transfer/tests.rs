@@ -1,6 +1,12 @@
 //! Rigid motion, sums of forces and moments, orders on a sphere.
 
+use channel::LOAD_WIDTH;
+
+use super::near::{blend, nearest, normal};
+use super::surface::{face_area, middle};
+use super::surface_transfer::points;
 use super::*;
+use crate::geometry::{Vec3, face_force};
 
 /// The upper part of a unit sphere above a square of `n` x `n` faces, with diagonals cut where `cut`.
 fn cap(n: usize, cut: bool) -> Surface {
@@ -22,18 +28,22 @@ fn cap(n: usize, cut: bool) -> Surface {
     s
 }
 
-fn displaced(s: &Surface, f: impl Fn(Vec3) -> Vec3) -> Vec<f64> {
-    s.nodes.iter().flat_map(|&x| sub(f(x), x)).collect()
+fn displaced(s: &Surface, f: impl Fn(Vec3) -> [f64; 3]) -> Vec<f64> {
+    positions(s).into_iter().flat_map(|x| <[f64; 3]>::from(Vec3::from(f(x)) - x)).collect()
+}
+
+fn positions(s: &Surface) -> Vec<Vec3> {
+    s.nodes.iter().map(|x| Vec3::from(*x)).collect()
 }
 
 /// Sum and moment about the origin of a load.
 fn sums(s: &Surface, displacement: &[f64], load: &[f64]) -> [f64; 6] {
-    let x = moved(s, displacement);
+    let x = s.moved(displacement);
     let mut all = [0.0; 6];
     for (face, p) in s.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)) {
-        let (area, at) = (area_vector(face, &x), middle(face, &x));
-        let force: Vec3 = std::array::from_fn(|i| p[0] * area[i] + p[1 + i] * norm(area));
-        let moment = cross(at, force);
+        let (area, at) = (face_area(face, &x), middle(face, &x));
+        let force = face_force(&area, p);
+        let moment = at.cross(&force);
         (0..3).for_each(|i| {
             all[i] += force[i];
             all[3 + i] += moment[i];
@@ -44,7 +54,7 @@ fn sums(s: &Surface, displacement: &[f64], load: &[f64]) -> [f64; 6] {
 
 fn smooth(s: &Surface) -> Vec<f64> {
     let load = |f: &[u32; 4]| {
-        let [x, y, _] = middle(f, &s.nodes);
+        let [x, y, _]: [f64; 3] = middle(f, &positions(s)).into();
         [10.0 + 3.0 * x - 2.0 * y * y, 0.3, -0.2 * x, 0.1 * y]
     };
     s.faces.iter().flat_map(load).collect()
@@ -92,8 +102,9 @@ fn errors(n: usize) -> [f64; 2] {
     t.load(&rest[1], &rest[0], &smooth(&canopy), &mut to);
     let (mut square, mut area) = (0.0, 0.0);
     for ((face, a), b) in own.faces.iter().zip(to.chunks_exact(4)).zip(smooth(&own).chunks_exact(4)) {
-        let size = norm(area_vector(face, &own.nodes));
-        let unit = area_vector(face, &own.nodes).map(|n| n / size);
+        let area_vector = face_area(face, &positions(&own));
+        let size = area_vector.norm();
+        let unit = area_vector / size;
         // Force per area: what of a traction is normal to the face comes as pressure.
         let apart = |i: usize| (a[0] - b[0]) * unit[i] + a[1 + i] - b[1 + i];
         square += size * (0..3).map(|i| apart(i).powi(2)).sum::<f64>();
@@ -131,39 +142,38 @@ fn surfaces_that_do_not_fit_are_told() {
 /// Points off the middle, the edges and the corners of a triangle, whose feet are known.
 #[test]
 fn distances_from_a_triangle_are_those_of_known_feet() {
-    let corners = [[0.3, -0.2, 0.1], [1.4, 0.3, 0.4], [0.5, 1.1, -0.6]];
+    let corners = [[0.3, -0.2, 0.1], [1.4, 0.3, 0.4], [0.5, 1.1, -0.6]].map(Vec3::from);
     let [a, b, c] = corners;
-    let unit = |v: Vec3| v.map(|x| x / norm(v));
-    let up = unit(normal(corners));
+    let up = normal(&corners).normalize();
     let away = |foot: Vec3, parts: [(f64, Vec3); 2]| -> Vec3 {
-        std::array::from_fn(|i| foot[i] + parts[0].0 * parts[0].1[i] + parts[1].0 * parts[1].1[i])
+        foot + parts[0].0 * parts[0].1 + parts[1].0 * parts[1].1
     };
     for weights in [[0.2, 0.3, 0.5], [0.6, 0.2, 0.2], [0.05, 0.9, 0.05], [0.01, 0.01, 0.98]] {
-        let p = away(blend(weights, corners), [(0.7, up), (0.0, up)]);
-        assert!((nearest(p, corners) - 0.7).abs() < 1e-14, "{weights:?}");
+        let p = away(blend(weights, &corners), [(0.7, up), (0.0, up)]);
+        assert!((nearest(p, &corners) - 0.7).abs() < 1e-14, "{weights:?}");
     }
     for (k, [from, to]) in [[a, b], [b, c], [c, a]].into_iter().enumerate() {
-        let out = unit(cross(sub(to, from), up));
+        let out = (to - from).cross(&up).normalize();
         for t in [0.03, 0.4, 0.97] {
-            let foot = std::array::from_fn(|i| (1.0 - t) * from[i] + t * to[i]);
+            let foot = (1.0 - t) * from + t * to;
             let p = away(foot, [(0.4, out), (-0.3, up)]);
-            assert!((nearest(p, corners) - 0.5).abs() < 1e-14, "edge {k}, {t}");
+            assert!((nearest(p, &corners) - 0.5).abs() < 1e-14, "edge {k}, {t}");
         }
         // Beyond a corner, away from both other ones.
-        let others = corners.iter().fold([0.0; 3], |s, x| std::array::from_fn(|i| s[i] + (from[i] - x[i])));
-        let p = away(from, [(0.3, unit(others)), (0.4, up)]);
-        assert!((nearest(p, corners) - 0.5).abs() < 1e-14, "corner {k}");
+        let others = corners.iter().fold(Vec3::zeros(), |s, x| s + (from - x));
+        let p = away(from, [(0.3, others.normalize()), (0.4, up)]);
+        assert!((nearest(p, &corners) - 0.5).abs() < 1e-14, "corner {k}");
     }
 }
 
 /// On a parallelogram the bilinear map is affine: the points are thirds of its sides from each other.
 #[test]
 fn points_of_a_parallelogram_are_the_middles_of_its_ninths() {
-    let (a, along, across) = ([1.0, 2.0, 3.0], [3.0, 0.6, -0.3], [0.9, -6.0, 1.5]);
-    let at = |u: f64, v: f64| -> Vec3 { std::array::from_fn(|i| a[i] + u * along[i] + v * across[i]) };
+    let [a, along, across] = [[1.0, 2.0, 3.0], [3.0, 0.6, -0.3], [0.9, -6.0, 1.5]].map(Vec3::from);
+    let at = |u: f64, v: f64| a + u * along + v * across;
     let corners = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
-    for (k, p) in points(&[0, 1, 2, 3], &corners).iter().enumerate() {
+    for (k, p) in points(&corners).iter().enumerate() {
         let wanted = at((k % 3) as f64 / 3.0 + 1.0 / 6.0, (k / 3) as f64 / 3.0 + 1.0 / 6.0);
-        assert!(norm(sub(*p, wanted)) < 1e-14, "{k}: {p:?} {wanted:?}");
+        assert!((p - wanted).norm() < 1e-14, "{k}: {p:?} {wanted:?}");
     }
 }

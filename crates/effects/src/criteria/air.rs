@@ -6,8 +6,7 @@ use super::{signed, unsigned};
 use crate::estimate::{Assessment, Scope, percent};
 use crate::fall::Influence;
 use crate::numbers::length;
-use crate::table::entry;
-use crate::wind::{Sheared, Wind};
+use crate::wind::{Sheared, Wind, remove_gusts};
 
 /// Square of the tangential speed at the canopy over that of the stream, as a mean over both sides.
 const TANGENTIAL: f64 = 0.3;
@@ -133,9 +132,7 @@ pub fn gust(s: &Scope<'_>) -> Assessment {
         return Assessment::not("no gust meets the last stage, as the scene says");
     };
     let mut calm = s.scene().clone();
-    if let Some(remove) = entry("flow.gust").and_then(|e| e.without) {
-        remove(&mut calm);
-    }
+    remove_gusts(&mut calm);
     let without = Wind::of(&calm, s.stage);
     let share = length(&g.velocity_m_s) / s.n.speed;
     let why = format!("{} of the stream over {} s", percent(share), g.duration_s);

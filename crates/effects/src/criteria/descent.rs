@@ -24,9 +24,9 @@ pub fn line_drag(s: &Scope<'_>) -> Assessment {
     if n.line_length == 0.0 || !s.fall.tension {
         return Assessment::not("no lines stand in the stream of the last stage");
     }
-    let own = s.scene().lines.as_ref().and_then(|l| l.drag.clone());
+    let own = s.scene().line_drag().cloned();
     let drag = own.unwrap_or_default();
-    let width = drag.diameter_m.unwrap_or(n.line_diameter);
+    let width = s.scene().resolved().line_diameter_m;
     let slant = (0.5 * n.width).atan2(n.suspension);
     let area = width
         * n.line_length
@@ -87,12 +87,8 @@ pub fn body(s: &Scope<'_>) -> Assessment {
     }
     let period = 2.0 * PI * (n.suspension / n.gravity).sqrt();
     let time = s.fall.before + s.fall.time;
-    let first = s
-        .scene()
-        .descent
-        .as_ref()
-        .and_then(|d| d.body.as_ref())
-        .map_or(0.0, |b| b.initial_velocity_m_s[0].hypot(b.initial_velocity_m_s[1]));
+    let first =
+        s.scene().payload_body().map_or(0.0, |b| b.initial_velocity_m_s[0].hypot(b.initial_velocity_m_s[1]));
     let cross = across(&s.fall.wind, time);
     if cross == 0.0 && first == 0.0 {
         return Assessment::not(format!(

@@ -1,21 +1,14 @@
 //! Triangles with a depth buffer, sampled finer than the picture and averaged.
 
-use tiny_skia::{Pixmap, PremultipliedColorU8};
-
-/// Red, green, blue from 0 to 1.
-pub(super) type Rgb = [f32; 3];
+use crate::colour::{PAPER, Rgb};
+use crate::pixels::{FINE, Samples};
 
 /// A place in the picture: pixels to the right and down, and depth away from the eye.
 pub(super) type Place = [f64; 3];
 
-/// Samples in each direction of a pixel.
-const FINE: usize = 3;
-
 /// What has been drawn so far.
 pub(super) struct Raster {
-    width: usize,
-    height: usize,
-    samples: Vec<[u8; 3]>,
+    samples: Samples,
     depth: Vec<f32>,
 }
 
@@ -30,20 +23,21 @@ fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 
 impl Raster {
     /// An empty picture.
-    pub(super) fn new(width: u32, height: u32, background: Rgb) -> Self {
-        let (width, height) = (width as usize, height as usize);
-        let n = width * height * FINE * FINE;
-        Self { width, height, samples: vec![bytes(background); n], depth: vec![f32::INFINITY; n] }
+    pub(super) fn new(width: u32, height: u32) -> Self {
+        let samples = Samples::new([width, height], PAPER);
+        let depth = vec![f32::INFINITY; samples.rgb.len()];
+        Self { samples, depth }
     }
 
     /// Width and height, pixels.
     pub(super) fn size(&self) -> [f64; 2] {
-        [self.width as f64, self.height as f64]
+        self.samples.size().map(f64::from)
     }
 
     /// A triangle, its corners' colours blended linearly, where nothing nearer is.
     pub(super) fn triangle(&mut self, corners: [Place; 3], colours: [Rgb; 3]) {
-        let fine = FINE as f64;
+        let fine = f64::from(FINE);
+        let [width, height] = self.samples.size().map(|s| (s * FINE) as usize);
         let p = corners.map(|c| [c[0] * fine, c[1] * fine]);
         let area = cross(p[0], p[1], p[2]);
         if !area.is_finite() || area == 0.0 || corners.iter().any(|c| !c[2].is_finite()) {
@@ -52,24 +46,24 @@ impl Raster {
         let range = |axis: usize, limit: usize| {
             let low = p.iter().map(|q| q[axis]).fold(f64::INFINITY, f64::min);
             let high = p.iter().map(|q| q[axis]).fold(f64::NEG_INFINITY, f64::max);
-            let limit = (limit * FINE) as f64;
+            let limit = limit as f64;
             let clip = |x: f64| x.clamp(0.0, limit) as usize;
             clip((low - 0.5).ceil())..clip((high - 0.5).floor() + 1.0)
         };
-        for row in range(1, self.height) {
-            for column in range(0, self.width) {
+        for row in range(1, height) {
+            for column in range(0, width) {
                 let at = [column as f64 + 0.5, row as f64 + 0.5];
                 let w = [cross(p[1], p[2], at) / area, cross(p[2], p[0], at) / area];
                 let w = [w[0], w[1], 1.0 - w[0] - w[1]];
                 if w.iter().any(|&w| w < 0.0) {
                     continue;
                 }
-                let sample = row * self.width * FINE + column;
+                let sample = row * width + column;
                 let depth = (w[0] * corners[0][2] + w[1] * corners[1][2] + w[2] * corners[2][2]) as f32;
                 if depth <= self.depth[sample] {
                     self.depth[sample] = depth;
                     let part = |c: usize| (0..3).map(|i| w[i] as f32 * colours[i][c]).sum();
-                    self.samples[sample] = bytes([part(0), part(1), part(2)]);
+                    self.samples.rgb[sample] = bytes([part(0), part(1), part(2)]);
                 }
             }
         }
@@ -100,39 +94,22 @@ impl Raster {
         self.polygon(&corners, colour);
     }
 
-    /// The picture; `None` only if it has no pixel.
-    pub(super) fn finish(&self) -> Option<Pixmap> {
-        let mut pixmap = Pixmap::new(self.width as u32, self.height as u32)?;
-        let half = FINE * FINE / 2;
-        for (i, pixel) in pixmap.pixels_mut().iter_mut().enumerate() {
-            let (row, column) = (i / self.width, i % self.width);
-            let mut sum = [half; 3];
-            for y in 0..FINE {
-                let from = (row * FINE + y) * self.width * FINE + column * FINE;
-                for sample in &self.samples[from..from + FINE] {
-                    for c in 0..3 {
-                        sum[c] += usize::from(sample[c]);
-                    }
-                }
-            }
-            let [r, g, b] = sum.map(|s| (s / (FINE * FINE)) as u8);
-            if let Some(colour) = PremultipliedColorU8::from_rgba(r, g, b, 255) {
-                *pixel = colour;
-            }
-        }
-        Some(pixmap)
+    /// The samples, to draw on and to average.
+    pub(super) fn finish(self) -> Samples {
+        self.samples
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pixels::Image;
 
     const RED: Rgb = [1.0, 0.0, 0.0];
     const BLUE: Rgb = [0.0, 0.0, 1.0];
 
-    fn red(pixmap: &Pixmap, x: u32, y: u32) -> u8 {
-        pixmap.pixel(x, y).unwrap().red()
+    fn red(image: &Image, x: u32, y: u32) -> u8 {
+        image.pixel(x, y)[0]
     }
 
     #[test]
@@ -140,25 +117,26 @@ mod tests {
         let near = [[0.0, 0.0, 1.0], [20.0, 0.0, 1.0], [0.0, 20.0, 1.0]];
         let far = near.map(|[x, y, _]| [x, y, 2.0]);
         for order in [[(near, RED), (far, BLUE)], [(far, BLUE), (near, RED)]] {
-            let mut raster = Raster::new(10, 8, [1.0; 3]);
+            let mut raster = Raster::new(10, 8);
             for (corners, colour) in order {
                 raster.triangle(corners, [colour; 3]);
             }
-            assert_eq!(red(&raster.finish().unwrap(), 3, 3), 255);
+            assert_eq!(red(&raster.finish().average(), 3, 3), 255);
         }
     }
 
     #[test]
     fn polygons_fill_and_edges_are_smooth() {
-        let mut raster = Raster::new(10, 10, [0.0; 3]);
+        let mut raster = Raster::new(10, 10);
+        raster.polygon(&[[0.0, 0.0, 1.0], [10.0, 0.0, 1.0], [10.0, 10.0, 1.0], [0.0, 10.0, 1.0]], [0.0; 3]);
         // Wider than the picture, and ending in the middle of pixel 5.
         let corners = [[-5.0, -5.0, 0.0], [5.5, -5.0, 0.0], [5.5, 50.0, 0.0], [-5.0, 50.0, 0.0]];
         raster.polygon(&corners, RED);
         raster.polygon(&[[f64::NAN, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], BLUE);
-        let pixmap = raster.finish().unwrap();
+        let image = raster.finish().average();
         for y in 0..10 {
-            assert_eq!((red(&pixmap, 0, y), red(&pixmap, 4, y), red(&pixmap, 7, y)), (255, 255, 0));
-            assert!((60..200).contains(&red(&pixmap, 5, y)));
+            assert_eq!((red(&image, 0, y), red(&image, 4, y), red(&image, 7, y)), (255, 255, 0));
+            assert!((60..200).contains(&red(&image, 5, y)));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A vertical cut through the flow and the canopy.
 
-use mesh::Vec3;
+use mesh::Point;
 use mesh::vtk::read::Piece;
 
 /// The cut: a vertical plane through the axis of the canopy.
@@ -33,12 +33,12 @@ impl Plane {
     }
 
     /// Distance of a point from the plane.
-    fn side(self, p: Vec3) -> f64 {
+    fn side(self, p: Point) -> f64 {
         p[1] * self.along[0] - p[0] * self.along[1] - self.offset
     }
 
     /// A point or vector in the plane's own axes.
-    pub(super) fn flat(self, p: Vec3) -> [f64; 2] {
+    pub(super) fn flat(self, p: Point) -> [f64; 2] {
         [p[0] * self.along[0] + p[1] * self.along[1], p[2]]
     }
 

@@ -23,18 +23,24 @@ fn draw(run: &Path, more: &[&str]) -> Result<(), RunError> {
     picture(&args(run, more), &Console::new(true))
 }
 
-fn decode(run: &Path, name: &str) -> Pixmap {
-    let bytes = std::fs::read(run.join("pictures").join(name)).unwrap();
-    Pixmap::decode_png(&bytes).unwrap()
+fn decode(run: &Path, name: &str) -> Image {
+    crate::pixels::decode(&std::fs::read(run.join("pictures").join(name)).unwrap())
 }
 
-fn light(pixmap: &Pixmap, x: u32, y: u32) -> u32 {
-    let p = pixmap.pixel(x, y).unwrap();
-    2 * u32::from(p.red()) + 7 * u32::from(p.green()) + u32::from(p.blue())
+/// Keeps a picture for people where they ask for it.
+fn keep(run: &Path, name: &str) {
+    if let Some(folder) = std::env::var_os("RIPSTOP_KEEP") {
+        std::fs::copy(run.join("pictures").join(name), Path::new(&folder).join(name)).unwrap();
+    }
 }
 
-fn colours(pixmap: &Pixmap) -> usize {
-    let mut all: Vec<[u8; 3]> = pixmap.pixels().iter().map(|p| [p.red(), p.green(), p.blue()]).collect();
+fn light(image: &Image, x: u32, y: u32) -> u32 {
+    let [red, green, blue] = image.pixel(x, y).map(u32::from);
+    2 * red + 7 * green + blue
+}
+
+fn colours(image: &Image) -> usize {
+    let mut all = image.rgb.as_chunks::<3>().0.to_vec();
     all.sort_unstable();
     all.dedup();
     all.len()
@@ -51,7 +57,7 @@ fn run() -> tempfile::TempDir {
 /// A flat canopy of 4 m at height 0 below two lines' ends, its pressure rising in x.
 fn canopy(stage: &Path, times: &[f64], jump: f64) {
     let n = 4;
-    let points: Vec<Vec3> =
+    let points: Vec<Point> =
         (0..=n).flat_map(|j| (0..=n).map(move |i| [f64::from(i) - 2.0, f64::from(j) - 2.0, 0.0])).collect();
     let corner = |i: i32, j: i32| (j * (n + 1) + i) as u32;
     let quads: Vec<[u32; 4]> = (0..n)
@@ -60,7 +66,7 @@ fn canopy(stage: &Path, times: &[f64], jump: f64) {
         })
         .collect();
     let pressure: Vec<f64> = (0..n * n).map(|c| 10.0 + jump * f64::from(c % n)).collect();
-    let moved: Vec<Vec3> = points.iter().map(|p| [0.0, 0.0, p[1]]).collect();
+    let moved: Vec<Point> = points.iter().map(|p| [0.0, 0.0, p[1]]).collect();
     let mut with_payload = points.clone();
     with_payload.push([0.0, 0.0, -4.0]);
     let payload = points.len() as u32;
@@ -107,9 +113,10 @@ fn a_run_becomes_three_pictures() {
     for more in [&[][..], &["--diagonal", "--time", "0.1"]] {
         draw(run, more).unwrap();
         for name in ["canopy.png", "flow.png", "pre-inflation.png"] {
-            let pixmap = decode(run, name);
-            assert_eq!(pixmap.width(), 300);
-            assert!(colours(&pixmap) > 20, "{name}: {} colours", colours(&pixmap));
+            let image = decode(run, name);
+            assert_eq!(image.width, 300);
+            assert!(colours(&image) > 20, "{name}: {} colours", colours(&image));
+            keep(run, name);
         }
         // Faster, so lighter, upwards; on both ranks' sides; from one paper edge to the other.
         let flow = decode(run, "flow.png");
@@ -121,7 +128,7 @@ fn a_run_becomes_three_pictures() {
     }
     // The canopy's cut is ink in the middle; its fabric covers the axis.
     let flow = decode(run, "flow.png");
-    let ink = (0..flow.height()).filter(|&y| light(&flow, 150, y) < 500).count();
+    let ink = (0..flow.height).filter(|&y| light(&flow, 150, y) < 500).count();
     assert!(ink >= 1, "no canopy in the cut");
     // Where one stage has no flow, the canopy is drawn all the same.
     std::fs::remove_file(run.join("pictures/flow.png")).unwrap();

@@ -1,31 +1,23 @@
 //! The canopy and its lines in perspective.
 
-use mesh::Vec3;
+use mesh::Point;
+use mesh::geometry::{Vec3, at};
 use mesh::vtk::read::Piece;
 
-use super::colour::{INK, Legend};
-use super::raster::{Place, Raster, Rgb};
+use super::legend::Legend;
+use super::raster::{Place, Raster};
+use crate::colour::Rgb;
 
-fn sub(a: Vec3, b: Vec3) -> Vec3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn dot(a: Vec3, b: Vec3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vec3, b: Vec3) -> Vec3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
+/// Lines of the parachute.
+pub(super) const DARK: Rgb = [0.13, 0.15, 0.18];
 
 /// Length 1; a zero vector stays one.
 fn unit(a: Vec3) -> Vec3 {
-    let length = dot(a, a).sqrt();
-    if length > 0.0 { a.map(|x| x / length) } else { a }
+    a.try_normalize(0.0).unwrap_or(a)
 }
 
 /// Smallest and largest coordinates. Infinite without points.
-pub(super) fn bounds(points: impl IntoIterator<Item = Vec3>) -> [Vec3; 2] {
+pub(super) fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
     let mut found = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for p in points {
         for c in 0..3 {
@@ -50,19 +42,19 @@ impl View {
     /// Seen from `azimuth` (from x towards y) and `elevation`, degrees, so that all
     /// `points` lie in the frame from `corner`, `size` pixels wide and high.
     pub(super) fn fit(
-        points: &[Vec3],
+        points: &[Point],
         [azimuth, elevation]: [f64; 2],
         corner: [f64; 2],
         size: [f64; 2],
     ) -> Self {
-        let [low, high] = bounds(points.iter().copied());
-        let centre = [0, 1, 2].map(|c| 0.5 * (low[c] + high[c]));
-        let extent = dot(sub(high, low), sub(high, low)).sqrt().max(1e-9);
+        let [low, high] = bounds(points.iter().copied()).map(Vec3::from);
+        let centre = (low + high) * 0.5;
+        let extent = (high - low).norm().max(1e-9);
         let (a, e) = (azimuth.to_radians(), elevation.to_radians());
-        let back = [e.cos() * a.cos(), e.cos() * a.sin(), e.sin()];
-        let right = [-a.sin(), a.cos(), 0.0];
-        let eye = [0, 1, 2].map(|c| centre[c] + 2.5 * extent * back[c]);
-        let mut view = Self { eye, axes: [right, cross(right, back), back], scale: 1.0, shift: [0.0; 2] };
+        let back = Vec3::new(e.cos() * a.cos(), e.cos() * a.sin(), e.sin());
+        let right = Vec3::new(-a.sin(), a.cos(), 0.0);
+        let eye = centre + back * (2.5 * extent);
+        let mut view = Self { eye, axes: [right, right.cross(&back), back], scale: 1.0, shift: [0.0; 2] };
         let [low, high] = bounds(points.iter().map(|&p| view.place(p)));
         let span = [high[0] - low[0], high[1] - low[1]].map(|s| s.max(1e-9));
         view.scale = (size[0] / span[0]).min(size[1] / span[1]);
@@ -71,11 +63,11 @@ impl View {
     }
 
     /// Where a point is seen.
-    pub(super) fn place(&self, point: Vec3) -> Place {
-        let d = sub(point, self.eye);
-        let depth = -dot(d, self.axes[2]);
-        // `cross(right, back)` points downwards, as pixels do.
-        let slope = [dot(d, self.axes[0]) / depth, dot(d, self.axes[1]) / depth];
+    pub(super) fn place(&self, point: Point) -> Place {
+        let d = Vec3::from(point) - self.eye;
+        let depth = -d.dot(&self.axes[2]);
+        // `right.cross(&back)` points downwards, as pixels do.
+        let slope = [d.dot(&self.axes[0]) / depth, d.dot(&self.axes[1]) / depth];
         [self.shift[0] + self.scale * slope[0], self.shift[1] + self.scale * slope[1], depth]
     }
 }
@@ -83,11 +75,11 @@ impl View {
 /// A colour under light: from the eye's upper left, on both sides of the fabric.
 fn lit(colour: Rgb, normal: Vec3, view: &View) -> Rgb {
     let [right, down, back] = view.axes;
-    let light = unit([0, 1, 2].map(|c| 1.2 * back[c] - 0.5 * right[c] - 0.7 * down[c]));
+    let light = unit(back * 1.2 - right * 0.5 - down * 0.7);
     let normal = unit(normal);
     // Towards the eye.
-    let facing = if dot(normal, back) < 0.0 { -1.0 } else { 1.0 };
-    let diffuse = (facing * dot(normal, light)).max(0.0) as f32;
+    let facing = if normal.dot(&back) < 0.0 { -1.0 } else { 1.0 };
+    let diffuse = (facing * normal.dot(&light)).max(0.0) as f32;
     colour.map(|c| c * (0.5 + 0.54 * diffuse))
 }
 
@@ -103,20 +95,18 @@ pub(super) struct Body<'a> {
 /// normals.
 pub(super) fn at_points(canopy: &Piece, cell_values: &[f64]) -> (Vec<f64>, Vec<Vec3>) {
     let n = canopy.points.len();
-    let (mut sum, mut weight, mut normal) = (vec![0.0; n], vec![0.0; n], vec![[0.0; 3]; n]);
+    let (mut sum, mut weight, mut normal) = (vec![0.0; n], vec![0.0; n], vec![Vec3::zeros(); n]);
     for (cell, &value) in cell_values.iter().enumerate().take(canopy.n_cells()) {
         let nodes = canopy.cell(cell);
         let [a, b, c, ..] = *nodes else { continue };
-        let [a, b, c] = [a, b, c].map(|i| canopy.points[i as usize]);
-        let area = cross(sub(b, a), sub(c, a));
-        let size = dot(area, area).sqrt();
+        let [a, b, c] = [a, b, c].map(|i| at(&canopy.points, i));
+        let area = (b - a).cross(&(c - a));
+        let size = area.norm();
         for &i in nodes {
             let i = i as usize;
             sum[i] += size * value;
             weight[i] += size;
-            for k in 0..3 {
-                normal[i][k] += area[k];
-            }
+            normal[i] += area;
         }
     }
     let values = sum.iter().zip(&weight).map(|(s, w)| if *w > 0.0 { s / w } else { 0.0 }).collect();
@@ -147,7 +137,7 @@ pub(super) fn draw(raster: &mut Raster, view: &View, body: &Body, legend: &Legen
     let places: Vec<Place> = lines.points.iter().map(|&p| view.place(p)).collect();
     for cell in 0..lines.n_cells() {
         for ends in lines.edges(cell) {
-            raster.line(ends.map(|i| near(places[i as usize])), pen, INK);
+            raster.line(ends.map(|i| near(places[i as usize])), pen, DARK);
         }
     }
     if let Some((top, size)) = payload_place(canopy, lines) {
@@ -156,21 +146,21 @@ pub(super) fn draw(raster: &mut Raster, view: &View, body: &Body, legend: &Legen
 }
 
 /// Where the payload hangs, the lowest end of the lines, and how large to draw it.
-pub(super) fn payload_place(canopy: &Piece, lines: &Piece) -> Option<(Vec3, f64)> {
+pub(super) fn payload_place(canopy: &Piece, lines: &Piece) -> Option<(Point, f64)> {
     let ends = (0..lines.n_cells()).flat_map(|c| lines.cell(c)).map(|&i| lines.points[i as usize]);
     let [low, high] = bounds(canopy.points.iter().copied());
     ends.min_by(|a, b| a[2].total_cmp(&b[2])).map(|top| (top, 0.045 * (high[0] - low[0])))
 }
 
 /// Corner 0 to 7 of the box that stands for the payload.
-pub(super) fn payload_corner(top: Vec3, size: f64, corner: usize) -> Vec3 {
+pub(super) fn payload_corner(top: Point, size: f64, corner: usize) -> Point {
     let side = |bit: usize| if corner & bit == 0 { -0.5 } else { 0.5 };
     [top[0] + size * side(1), top[1] + size * side(2), top[2] + size * (side(4) - 0.5)]
 }
 
 /// A box that hangs from `top`: where the payload is, not its shape.
-fn payload(raster: &mut Raster, view: &View, top: Vec3, size: f64) {
-    let faces: [([usize; 4], Vec3); 6] = [
+fn payload(raster: &mut Raster, view: &View, top: Point, size: f64) {
+    let faces: [([usize; 4], Point); 6] = [
         ([0, 1, 3, 2], [0.0, 0.0, -1.0]),
         ([4, 5, 7, 6], [0.0, 0.0, 1.0]),
         ([0, 1, 5, 4], [0.0, -1.0, 0.0]),
@@ -180,7 +170,7 @@ fn payload(raster: &mut Raster, view: &View, top: Vec3, size: f64) {
     ];
     for (corners, normal) in faces {
         let corners = corners.map(|i| view.place(payload_corner(top, size, i)));
-        raster.polygon(&corners, lit([0.45, 0.48, 0.53], normal, view));
+        raster.polygon(&corners, lit([0.45, 0.48, 0.53], normal.into(), view));
     }
 }
 
@@ -200,7 +190,7 @@ mod tests {
 
     #[test]
     fn everything_fits_into_the_frame_and_up_is_up() {
-        let cube: Vec<Vec3> = (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(f64::from)).collect();
+        let cube: Vec<Point> = (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(f64::from)).collect();
         let view = View::fit(&cube, [30.0, -15.0], [10.0, 20.0], [200.0, 100.0]);
         let [low, high] = bounds(cube.iter().map(|&p| view.place(p)));
         assert!(low[0] > 9.9 && high[0] < 210.1 && low[1] > 19.9 && high[1] < 120.1);

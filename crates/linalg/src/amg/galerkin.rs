@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
 
-use comm::{Halo, Numbering};
+use comm::{Comm, Halo, Numbering};
 
 use super::MODES;
 use super::prolongation::Prolongation;
@@ -58,51 +58,101 @@ pub(super) fn galerkin<const F: usize, S: Real>(
     first: &[u64],
 ) -> (BlockCsr<MODES>, Prolongation<F, f64>) {
     let comm = a.halo().comm();
-    let here = first[comm.rank()];
-    let n = a.n_rows();
+    let mut coarse = CoarseNodes::new(first[comm.rank()], count);
+    let rows = LocalRows::new(ghosts, &p, &mut coarse);
+    let mut sums = triple_product(a, &p, &rows, coarse.global.len());
+    exchange_rows(comm, first, &mut coarse, &mut sums);
+    sums.rows.truncate(count);
+    let mut cols = rows.cols;
+    cols.truncate(p.cols.len());
+    finish(a, p, sums, &cols, &coarse.global, first)
+}
 
-    // Prolongation rows of the ghosts, behind those of the owned nodes.
-    let lists = ghosts.fetch_u64(|i, list| {
-        let row = p.row_ptr[i]..p.row_ptr[i + 1];
-        list.push(row.len() as u64);
-        list.extend_from_slice(&p.cols[row]);
-    });
-    let blocks = ghosts.fetch_f64(|i, list| {
-        list.extend(p.values[p.row_ptr[i]..p.row_ptr[i + 1]].iter().flatten().flatten());
-    });
-    // Coarse nodes get temporary local indices: owned ones first.
-    let mut global: Vec<u64> = (here..here + count as u64).collect();
-    let mut index: HashMap<u64, u32> = HashMap::new();
-    let mut local = |g: u64| {
-        if (here..here + count as u64).contains(&g) {
-            return (g - here) as u32;
-        }
-        *index.entry(g).or_insert_with(|| {
-            global.push(g);
-            global.len() as u32 - 1
-        })
-    };
-    let mut row_ptr = p.row_ptr.clone();
-    let mut cols: Vec<u32> = p.cols.iter().map(|&g| local(g)).collect();
-    let mut at = 0;
-    while at < lists.len() {
-        let k = lists[at] as usize;
-        cols.extend(lists[at + 1..at + 1 + k].iter().map(|&g| local(g)));
-        row_ptr.push(cols.len());
-        at += k + 1;
+/// Coarse nodes in the order in which this rank meets them: owned ones first.
+struct CoarseNodes {
+    /// First owned node, and how many.
+    here: u64,
+    count: usize,
+    /// Global index of each node.
+    global: Vec<u64>,
+    /// Local index of the others.
+    index: HashMap<u64, u32>,
+}
+
+impl CoarseNodes {
+    fn new(here: u64, count: usize) -> Self {
+        Self { here, count, global: (here..here + count as u64).collect(), index: HashMap::new() }
     }
-    let fetched = blocks.as_chunks::<MODES>().0.as_chunks::<F>().0;
-    let row_values = |j: usize| {
-        let row = row_ptr[j]..row_ptr[j + 1];
-        let owned = p.values.len();
-        if j < n { &p.values[row] } else { &fetched[row.start - owned..row.end - owned] }
-    };
 
-    let mut sums = Accumulator { rows: vec![Vec::new(); global.len()], blocks: Vec::new() };
-    let mut place = vec![u32::MAX; global.len()];
+    /// Temporary local index of a global node.
+    fn local(&mut self, g: u64) -> u32 {
+        if (self.here..self.here + self.count as u64).contains(&g) {
+            return (g - self.here) as u32;
+        }
+        *self.index.entry(g).or_insert_with(|| {
+            self.global.push(g);
+            self.global.len() as u32 - 1
+        })
+    }
+}
+
+/// Rows of the prolongation of owned nodes and, behind them, of ghosts.
+struct LocalRows<const F: usize> {
+    row_ptr: Vec<usize>,
+    /// Local coarse nodes.
+    cols: Vec<u32>,
+    /// Values of the ghosts' rows, flat.
+    fetched: Vec<f64>,
+}
+
+impl<const F: usize> LocalRows<F> {
+    /// Fetches the rows of the ghosts. Collective.
+    fn new(ghosts: &GhostRows, p: &CoarseRows<F>, coarse: &mut CoarseNodes) -> Self {
+        let lists = ghosts.fetch_u64(|i, list| {
+            let row = p.row_ptr[i]..p.row_ptr[i + 1];
+            list.push(row.len() as u64);
+            list.extend_from_slice(&p.cols[row]);
+        });
+        let fetched = ghosts.fetch_f64(|i, list| {
+            list.extend(p.values[p.row_ptr[i]..p.row_ptr[i + 1]].iter().flatten().flatten());
+        });
+        let mut row_ptr = p.row_ptr.clone();
+        let mut cols: Vec<u32> = p.cols.iter().map(|&g| coarse.local(g)).collect();
+        let mut at = 0;
+        while at < lists.len() {
+            let k = lists[at] as usize;
+            cols.extend(lists[at + 1..at + 1 + k].iter().map(|&g| coarse.local(g)));
+            row_ptr.push(cols.len());
+            at += k + 1;
+        }
+        Self { row_ptr, cols, fetched }
+    }
+
+    /// Coarse nodes and blocks of the row of local node `j`; `p` holds those of owned nodes.
+    fn row<'a>(&'a self, p: &'a CoarseRows<F>, j: usize) -> (&'a [u32], &'a [[[f64; MODES]; F]]) {
+        let row = self.row_ptr[j]..self.row_ptr[j + 1];
+        let owned = p.values.len();
+        let values = if row.start < owned || row.is_empty() {
+            &p.values[row.start.min(owned)..row.end.min(owned)]
+        } else {
+            &self.fetched.as_chunks::<MODES>().0.as_chunks::<F>().0[row.start - owned..row.end - owned]
+        };
+        (&self.cols[row], values)
+    }
+}
+
+/// $P^T A P$ of the owned rows of `a`, on `n_coarse` local coarse nodes.
+fn triple_product<const F: usize, S: Real>(
+    a: &BlockCsr<F, S>,
+    p: &CoarseRows<F>,
+    rows: &LocalRows<F>,
+    n_coarse: usize,
+) -> Accumulator {
+    let mut sums = Accumulator { rows: vec![Vec::new(); n_coarse], blocks: Vec::new() };
+    let mut place = vec![u32::MAX; n_coarse];
     let mut ap: Vec<(u32, [[f64; MODES]; F])> = Vec::new();
-    for i in 0..n {
-        let own = row_ptr[i]..row_ptr[i + 1];
+    for i in 0..a.n_rows() {
+        let (own, own_values) = rows.row(p, i);
         if own.is_empty() {
             continue;
         }
@@ -110,7 +160,8 @@ pub(super) fn galerkin<const F: usize, S: Real>(
         for s in a.row(i) {
             let j = a.cols()[s] as usize;
             let block = &a.values[s];
-            for (&col, pj) in cols[row_ptr[j]..row_ptr[j + 1]].iter().zip(row_values(j)) {
+            let (cols, values) = rows.row(p, j);
+            for (&col, pj) in cols.iter().zip(values) {
                 let at = &mut place[col as usize];
                 if *at == u32::MAX {
                     *at = ap.len() as u32;
@@ -126,7 +177,7 @@ pub(super) fn galerkin<const F: usize, S: Real>(
                 }
             }
         }
-        for (&row, pi) in cols[own.clone()].iter().zip(&p.values[own]) {
+        for (&row, pi) in own.iter().zip(own_values) {
             for (col, product) in &ap {
                 let sum = sums.block(row as usize, *col);
                 for f in 0..F {
@@ -141,10 +192,15 @@ pub(super) fn galerkin<const F: usize, S: Real>(
         ap.iter().for_each(|(col, _)| place[*col as usize] = u32::MAX);
     }
 
-    // Rows that belong to other ranks travel to their owners.
+    sums
+}
+
+/// Rows that belong to other ranks travel to their owners, who add them. Collective.
+fn exchange_rows(comm: &Comm, first: &[u64], coarse: &mut CoarseNodes, sums: &mut Accumulator) {
     let mut ids = vec![Vec::new(); comm.size()];
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); comm.size()];
-    for row in count..global.len() {
+    let global = &coarse.global;
+    for row in coarse.count..global.len() {
         let to = owner(first, global[row]);
         for &(col, at) in &sums.rows[row] {
             ids[to].extend([global[row], global[col as usize]]);
@@ -153,26 +209,14 @@ pub(super) fn galerkin<const F: usize, S: Real>(
     }
     let ids = comm.all_to_all_var(&ids).concat();
     let values = comm.all_to_all_var(&values).concat();
-    let mut local = |g: u64| {
-        if (here..here + count as u64).contains(&g) {
-            return (g - here) as u32;
-        }
-        *index.entry(g).or_insert_with(|| {
-            global.push(g);
-            global.len() as u32 - 1
-        })
-    };
     let incoming = values.as_chunks::<MODES>().0.as_chunks::<MODES>().0;
     for (pair, block) in ids.as_chunks::<2>().0.iter().zip(incoming) {
-        let col = local(pair[1]);
-        let sum = sums.block((pair[0] - here) as usize, col);
+        let col = coarse.local(pair[1]);
+        let sum = sums.block((pair[0] - coarse.here) as usize, col);
         for m in 0..MODES {
             (0..MODES).for_each(|k| sum[m][k] += block[m][k]);
         }
     }
-    sums.rows.truncate(count);
-    cols.truncate(p.cols.len());
-    finish(a, p, sums, &cols, &global, count, first)
 }
 
 /// Numbers the coarse nodes for good and makes the matrix and the prolongation.
@@ -182,9 +226,9 @@ fn finish<const F: usize, S: Real>(
     mut sums: Accumulator,
     p_cols: &[u32],
     global: &[u64],
-    count: usize,
     first: &[u64],
 ) -> (BlockCsr<MODES>, Prolongation<F, f64>) {
+    let count = sums.rows.len();
     let used = sums.rows.iter().flatten().map(|e| e.0).chain(p_cols.iter().copied());
     let ghosts: BTreeSet<u64> = used.filter(|&c| c as usize >= count).map(|c| global[c as usize]).collect();
     let ghosts = ghosts.into_iter().map(|g| (g, owner(first, g) as u32)).collect();

@@ -38,9 +38,6 @@ pub enum FactorError {
     /// This rank's part is fine but another's is not.
     #[error("the part of the matrix on another rank is singular or not finite")]
     OtherRank,
-    /// The subdomains are fine but what couples them is not.
-    #[error("the matrix is singular or not finite where the parts of the ranks meet")]
-    Border,
 }
 
 /// Where the factor of one front lies in the common storage. Rows and columns are filled
@@ -74,7 +71,6 @@ pub(crate) struct BlockLu<const B: usize, T: Real> {
     h: Vec<T>,
     /// Dense parts of the current front and the updates that wait for their parent.
     work: Work<T>,
-    n_kept: usize,
     /// The factor is that of the matrix times this.
     scale: f64,
     scratch: RefCell<Scratch<T>>,
@@ -92,6 +88,65 @@ struct Work<T> {
     stack: MemBuffer,
 }
 
+impl<T: Real> Work<T> {
+    /// Fills the parts of a front with zeros; returns that of its update.
+    fn cleared_front(&mut self, place: &Place) -> Vec<T> {
+        let (n1, n2) = (place.n1, place.n2);
+        let mut update = self.pool.pop().unwrap_or_default();
+        for (part, n) in [
+            (&mut self.f11, n1 * n1),
+            (&mut self.f12, n1 * n2),
+            (&mut self.f21, n1 * n2),
+            (&mut update, n2 * n2),
+        ] {
+            part.resize(n.max(part.len()), T::default());
+            part[..n].fill(T::default());
+        }
+        update
+    }
+
+    /// Eliminates rows 1 of the assembled front: fills `r` and `h` of the factor and leaves the Schur complement
+    /// in `update`. False where the factor is not finite.
+    fn eliminate(&mut self, place: &Place, r: &mut [T], h: &mut [T], update: &mut [T]) -> bool {
+        let (n1, n2) = (place.n1, place.n2);
+        // By rows: the transpose by columns.
+        let by_rows = MatMut::from_column_major_slice_with_stride_mut(&mut *r, n1 + n2, n1, place.row());
+        let (mut w, mut minus_g) = by_rows.transpose_mut().split_at_col_mut(n1);
+        self.invert_pivots(n1, w.as_mut());
+        let mut f21_w = MatMut::from_column_major_slice_with_stride_mut(&mut *h, n2, n1, place.column());
+        let f12 = MatRef::from_column_major_slice(&self.f12[..n1 * n2], n1, n2);
+        let f21 = MatRef::from_column_major_slice(&self.f21[..n1 * n2], n2, n1);
+        let f22 = MatMut::from_column_major_slice_mut(&mut update[..n2 * n2], n2, n2);
+        let one = T::from_f64(1.0);
+        let minus = T::from_f64(-1.0);
+        matmul(minus_g.as_mut(), Accum::Replace, w.as_ref(), f12, minus, Par::Seq);
+        matmul(f21_w.as_mut(), Accum::Replace, f21, w.as_ref(), one, Par::Seq);
+        matmul(f22, Accum::Add, f21_w.as_ref(), f12, minus, Par::Seq);
+        flush(h);
+        flush_finite(r)
+    }
+
+    /// `w` is the inverse of the pivot block `f11`, of size `n1`, which is used up.
+    fn invert_pivots(&mut self, n1: usize, mut w: MatMut<'_, T>) {
+        if n1 <= pivot::SMALL {
+            pivot::invert(&mut self.f11, n1, &mut self.pivots);
+            w.copy_from(MatRef::from_column_major_slice(&self.f11[..n1 * n1], n1, n1));
+            return;
+        }
+        let stack = MemStack::new(&mut self.stack);
+        let mut f11 = MatMut::from_column_major_slice_mut(&mut self.f11[..n1 * n1], n1, n1);
+        let (_, pivots) = pivoted::factor::lu_in_place(
+            f11.as_mut(),
+            &mut self.pivots[..n1],
+            &mut self.pivots_inverse[..n1],
+            Par::Seq,
+            stack,
+            Default::default(),
+        );
+        pivoted::inverse::inverse(w, f11.as_ref(), f11.as_ref(), pivots, Par::Seq, stack);
+    }
+}
+
 struct Scratch<T> {
     x: Vec<T>,
     front: Vec<T>,
@@ -100,7 +155,7 @@ struct Scratch<T> {
 impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Plans the factorisation of matrices with this pattern (`row_ptr`, `cols`).
     pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
-        Self::keeping(row_ptr, cols, &[])
+        Self::of_plan(Symbolic::new(row_ptr, cols))
     }
 
     /// Plans the factorisation of the square part in `rows` of matrices with this pattern,
@@ -126,9 +181,8 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         this
     }
 
-    /// Plans the elimination of all rows but those `kept` (ascending).
-    pub fn keeping(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> Self {
-        let plan = Symbolic::new(row_ptr, cols, kept);
+    /// Lays out the factor and its work space.
+    fn of_plan(plan: Symbolic) -> Self {
         let mut places: Vec<Place> = plan
             .fronts
             .iter()
@@ -164,19 +218,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             x: vec![T::default(); plan.order.len() * B],
             front: vec![T::default(); most(|p| p.n1 + p.row())],
         };
-        Self { plan, places, r, h, work, n_kept: kept.len(), scale: 1.0, scratch: RefCell::new(scratch) }
-    }
-
-    /// Schur complement of the kept rows after a factorisation, `[n_kept B][n_kept B]`
-    /// by columns, times [`BlockLu::scale`].
-    pub fn schur(&self) -> &[T] {
-        let n = self.n_kept * B;
-        self.work.updates.last().map_or(&[], |s| &s[..n * n])
-    }
-
-    /// What the matrix was multiplied by to bring it to unit size.
-    pub fn scale(&self) -> f64 {
-        self.scale
+        Self { plan, places, r, h, work, scale: 1.0, scratch: RefCell::new(scratch) }
     }
 
     /// Bytes of the factor, all read once by a solve.
@@ -199,27 +241,17 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
     pub fn factor_scaled(&mut self, values: &[[[f64; B]; B]], largest: f64) -> Result<(), FactorError> {
         let work = &mut self.work;
         self.scale = if largest > 0.0 && largest.is_finite() { 1.0 / largest } else { 1.0 };
-        // A Schur complement that was handed out, or what a failed attempt left.
+        // What a failed attempt left.
         for update in &mut work.updates {
             if update.capacity() > 0 {
                 work.pool.push(std::mem::take(update));
             }
         }
         for (s, (front, place)) in self.plan.fronts.iter().zip(&self.places).enumerate() {
-            let (n1, n2) = (place.n1, place.n2);
-            let mut update = work.pool.pop().unwrap_or_default();
-            for (part, n) in [
-                (&mut work.f11, n1 * n1),
-                (&mut work.f12, n1 * n2),
-                (&mut work.f21, n1 * n2),
-                (&mut update, n2 * n2),
-            ] {
-                part.resize(n.max(part.len()), T::default());
-                part[..n].fill(T::default());
-            }
+            let mut update = work.cleared_front(place);
             let mut parts = Parts {
-                n1,
-                n2,
+                n1: place.n1,
+                n2: place.n2,
                 f11: &mut work.f11,
                 f12: &mut work.f12,
                 f21: &mut work.f21,
@@ -232,45 +264,8 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 parts.extend_add::<B>(&below.to_parent, below.pattern.len(), &from);
                 work.pool.push(from);
             }
-
-            if n1 == 0 {
-                work.updates[s] = update;
-                continue;
-            }
-            let r_values = &mut self.r[place.r.clone()];
-            let h_values = &mut self.h[place.h.clone()];
-            // By rows: the transpose by columns.
-            let r = MatMut::from_column_major_slice_with_stride_mut(r_values, n1 + n2, n1, place.row());
-            let r = r.transpose_mut();
-            let (mut w, mut minus_g) = r.split_at_col_mut(n1);
-            let mut h = MatMut::from_column_major_slice_with_stride_mut(h_values, n2, n1, place.column());
-            let f12 = MatRef::from_column_major_slice(&work.f12[..n1 * n2], n1, n2);
-            let f21 = MatRef::from_column_major_slice(&work.f21[..n1 * n2], n2, n1);
-            let f22 = MatMut::from_column_major_slice_mut(&mut update[..n2 * n2], n2, n2);
-
-            if n1 <= pivot::SMALL {
-                pivot::invert(&mut work.f11, n1, &mut work.pivots);
-                w.copy_from(MatRef::from_column_major_slice(&work.f11[..n1 * n1], n1, n1));
-            } else {
-                let stack = MemStack::new(&mut work.stack);
-                let mut f11 = MatMut::from_column_major_slice_mut(&mut work.f11[..n1 * n1], n1, n1);
-                let (_, pivots) = pivoted::factor::lu_in_place(
-                    f11.as_mut(),
-                    &mut work.pivots[..n1],
-                    &mut work.pivots_inverse[..n1],
-                    Par::Seq,
-                    stack,
-                    Default::default(),
-                );
-                pivoted::inverse::inverse(w.as_mut(), f11.as_ref(), f11.as_ref(), pivots, Par::Seq, stack);
-            }
-            let one = T::from_f64(1.0);
-            let minus = T::from_f64(-1.0);
-            matmul(minus_g.as_mut(), Accum::Replace, w.as_ref(), f12, minus, Par::Seq);
-            matmul(h.as_mut(), Accum::Replace, f21, w.as_ref(), one, Par::Seq);
-            matmul(f22, Accum::Add, h.as_ref(), f12, minus, Par::Seq);
-            flush(h_values);
-            if !flush_finite(r_values) {
+            let (r, h) = (&mut self.r[place.r.clone()], &mut self.h[place.h.clone()]);
+            if !work.eliminate(place, r, h, &mut update) {
                 return Err(FactorError::Singular { row: self.plan.order[front.start] as usize });
             }
             work.updates[s] = update;
@@ -278,15 +273,8 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         Ok(())
     }
 
-    /// `x = A^-1 x` for the first rows of `x`, as many as the matrix has. No rows are kept.
+    /// `x = A^-1 x` for the first rows of `x`, as many as the matrix has.
     pub fn solve(&self, x: &mut [f64]) {
-        self.solve_around(x, |_, _| ());
-    }
-
-    /// As [`BlockLu::solve`]; `kept` gets the right-hand side of the Schur complement
-    /// system of the kept rows (`[n_kept][B]`, times the number that comes with it) and
-    /// turns it into the solution for [`BlockLu::schur`].
-    pub fn solve_around(&self, x: &mut [f64], kept: impl FnOnce(&mut [T], f64)) {
         let Scratch { x: y, front: gathered } = &mut *self.scratch.borrow_mut();
         let x = &mut x.as_chunks_mut::<B>().0[..self.plan.order.len()];
         // Numbers around one, whatever the units.
@@ -296,7 +284,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         for (y, &i) in blocks.iter_mut().zip(&self.plan.order) {
             *y = x[i as usize].map(|v| T::from_f64(v * unit));
         }
-        let fronts = self.plan.fronts.iter().zip(&self.places).filter(|(_, p)| p.n1 > 0);
+        let fronts = self.plan.fronts.iter().zip(&self.places);
         for (front, place) in fronts.clone() {
             let (n1, n2) = (place.n1, place.n2);
             let (b1, sum) = gathered.split_at_mut(n1);
@@ -314,8 +302,6 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 }
             }
         }
-        let n_eliminated = y.len() - self.n_kept * B;
-        kept(&mut y[n_eliminated..], unit);
         for (front, place) in fronts.rev() {
             let (n1, n2) = (place.n1, place.n2);
             let gathered = &mut gathered[..place.row()];
@@ -479,30 +465,6 @@ mod tests {
         fn solves_random_systems(n in 1usize..60, edges in prop::collection::vec((0usize..60, 0usize..60), 0..150)) {
             prop_assert!(error::<f64>(n, &edges) < 1e-10);
             prop_assert!(error::<f32>(n, &edges) < 1e-3);
-        }
-    }
-
-    /// Eliminating around kept rows and solving their Schur complement densely is the
-    /// same as solving the whole.
-    #[test]
-    fn kept_rows_leave_their_schur_complement() {
-        let edges: Vec<(usize, usize)> =
-            (0..30).flat_map(|i| [(i, (i + 1) % 30), (i, (i * 7 + 3) % 30)]).collect();
-        let (row_ptr, cols, values) = matrix(30, &edges);
-        let kept = [2u32, 11, 29];
-        let mut lu = BlockLu::<3, f64>::keeping(&row_ptr, &cols, &kept);
-        let exact: Vec<f64> = (0..90).map(|i| (i as f64 * 0.7).cos()).collect();
-        let b = multiply(&row_ptr, &cols, &values, &exact);
-        for _ in 0..2 {
-            lu.factor(&values).unwrap();
-            let s = faer::Mat::from_fn(9, 9, |i, j| lu.schur()[j * 9 + i]);
-            let mut x = b.clone();
-            lu.solve_around(&mut x, |kept, _| {
-                let rhs = faer::Mat::from_fn(9, 1, |i, _| kept[i]);
-                let solution = faer::linalg::solvers::Solve::solve(&s.partial_piv_lu(), &rhs);
-                (0..9).for_each(|i| kept[i] = solution[(i, 0)]);
-            });
-            assert!(x.iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-11));
         }
     }
 

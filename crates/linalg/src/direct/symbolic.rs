@@ -3,7 +3,8 @@
 
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::linalg::{SupernodalThreshold, SymbolicSupernodalParams};
 
@@ -45,75 +46,26 @@ const RELAX: &[(usize, f64)] = &[(4, 0.9), (8, 0.5), (24, 0.15), (usize::MAX, 0.
 impl Symbolic {
     /// Analyses the pattern of block rows (`row_ptr`, `cols`), taken as symmetric:
     /// an entry whose transpose is missing is allowed, its transpose counts as zero.
-    /// The rows `kept` (ascending) are not eliminated: they come last, and if there are
-    /// any, the last front eliminates nothing and holds their Schur complement.
-    pub fn new(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> Self {
+    pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
         let n = row_ptr.len() - 1;
         if n == 0 {
             return Self { order: Vec::new(), fronts: Vec::new() };
         }
-        let (col_ptr, row_idx) = upper_triangle(row_ptr, cols, kept);
-        let a = SymbolicSparseColMatRef::new_checked(n, n, &col_ptr, None, &row_idx);
-        let params = CholeskySymbolicParams {
-            // Below zero, so that a diagonal matrix (no flops at all) has supernodes too.
-            supernodal_flop_ratio_threshold: SupernodalThreshold(-1.0),
-            supernodal_params: SymbolicSupernodalParams { relax: Some(RELAX) },
-            ..Default::default()
-        };
-        let analyse = |order| {
-            factorize_symbolic_cholesky(a, faer::Side::Upper, order, params)
-                .expect("indices fit and memory suffices")
-        };
-        let mut plan = analyse(SymmetricOrdering::Amd);
-        if !kept.is_empty() {
-            // AMD sees the kept rows as a clique and leaves most of them to the end by itself.
-            let (amd, _) = plan.perm().expect("an ordering was asked for").arrays();
-            let stays = |i: &usize| kept.binary_search(&(*i as u32)).is_ok();
-            let mut order: Vec<usize> = amd.iter().copied().filter(|i| !stays(i)).collect();
-            order.extend(kept.iter().map(|&i| i as usize));
-            let mut position = vec![0; n];
-            order.iter().enumerate().for_each(|(k, &i)| position[i] = k);
-            let order = faer::perm::PermRef::new_checked(&order, &position, n);
-            plan = analyse(SymmetricOrdering::Custom(order));
-        }
+        let plan = supernodal_plan(row_ptr, cols);
         let (order, position) = plan.perm().expect("an ordering was asked for").arrays();
         let SymbolicCholeskyRaw::Supernodal(plan) = plan.raw() else {
             unreachable!("a supernodal plan was forced");
         };
 
-        let n_eliminated = n - kept.len();
         let mut front_of = vec![0u32; n];
-        let mut fronts: Vec<Front> = Vec::with_capacity(plan.n_supernodes() + 1);
+        let mut fronts: Vec<Front> = Vec::with_capacity(plan.n_supernodes());
         for s in 0..plan.n_supernodes() {
             let (start, end) = (plan.supernode_begin()[s], plan.supernode_end()[s]);
-            let pivots = end.min(n_eliminated);
-            if start >= pivots {
-                break;
-            }
-            front_of[start..pivots].fill(s as u32);
-            let rest = plan.supernode(s).pattern().iter().map(|&i| i as u32);
-            let pattern = (pivots as u32..end as u32).chain(rest).collect();
-            fronts.push(Front::new(start, pivots - start, pattern));
+            front_of[start..end].fill(s as u32);
+            let pattern = plan.supernode(s).pattern().iter().map(|&i| i as u32).collect();
+            fronts.push(Front::new(start, end - start, pattern));
         }
-        if !kept.is_empty() {
-            front_of[n_eliminated..].fill(fronts.len() as u32);
-            fronts.push(Front::new(n_eliminated, 0, (n_eliminated as u32..n as u32).collect()));
-        }
-        for s in 0..fronts.len() {
-            let parent = fronts[s].pattern.first().map(|&first| front_of[first as usize] as usize);
-            if let Some(p) = parent.filter(|&p| p != s) {
-                let mut runs: Vec<Run> = Vec::new();
-                for (from, &i) in fronts[s].pattern.iter().enumerate() {
-                    let to = fronts[p].locate(i) as usize;
-                    match runs.last_mut() {
-                        Some(r) if r.to + r.len == to && to != fronts[p].n_pivot => r.len += 1,
-                        _ => runs.push(Run { from, to, len: 1 }),
-                    }
-                }
-                fronts[s].to_parent = runs;
-                fronts[p].children.push(s as u32);
-            }
-        }
+        link_to_parents(&mut fronts, &front_of);
         for i in 0..n {
             for slot in row_ptr[i]..row_ptr[i + 1] {
                 let (r, c) = (position[i] as u32, position[cols[slot] as usize] as u32);
@@ -123,6 +75,41 @@ impl Symbolic {
             }
         }
         Self { order: order.iter().map(|&i| i as u32).collect(), fronts }
+    }
+}
+
+/// Fill-reducing order (AMD) of the pattern and its supernodes.
+fn supernodal_plan(row_ptr: &[usize], cols: &[u32]) -> SymbolicCholesky<usize> {
+    let n = row_ptr.len() - 1;
+    let (col_ptr, row_idx) = upper_triangle(row_ptr, cols);
+    let a = SymbolicSparseColMatRef::new_checked(n, n, &col_ptr, None, &row_idx);
+    let params = CholeskySymbolicParams {
+        // Below zero, so that a diagonal matrix (no flops at all) has supernodes too.
+        supernodal_flop_ratio_threshold: SupernodalThreshold(-1.0),
+        supernodal_params: SymbolicSupernodalParams { relax: Some(RELAX) },
+        ..Default::default()
+    };
+    factorize_symbolic_cholesky(a, faer::Side::Upper, SymmetricOrdering::Amd, params)
+        .expect("indices fit and memory suffices")
+}
+
+/// Tells each front the parent that receives its update, and where the rows go there;
+/// `front_of` is the front that eliminates each row.
+fn link_to_parents(fronts: &mut [Front], front_of: &[u32]) {
+    for s in 0..fronts.len() {
+        let parent = fronts[s].pattern.first().map(|&first| front_of[first as usize] as usize);
+        if let Some(p) = parent {
+            let mut runs: Vec<Run> = Vec::new();
+            for (from, &i) in fronts[s].pattern.iter().enumerate() {
+                let to = fronts[p].locate(i) as usize;
+                match runs.last_mut() {
+                    Some(r) if r.to + r.len == to && to != fronts[p].n_pivot => r.len += 1,
+                    _ => runs.push(Run { from, to, len: 1 }),
+                }
+            }
+            fronts[s].to_parent = runs;
+            fronts[p].children.push(s as u32);
+        }
     }
 }
 
@@ -142,9 +129,8 @@ impl Front {
     }
 }
 
-/// Upper triangle of the symmetrised pattern by columns, row indices ascending, with all
-/// couplings between `kept` rows.
-fn upper_triangle(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> (Vec<usize>, Vec<usize>) {
+/// Upper triangle of the symmetrised pattern by columns, row indices ascending.
+fn upper_triangle(row_ptr: &[usize], cols: &[u32]) -> (Vec<usize>, Vec<usize>) {
     let n = row_ptr.len() - 1;
     let mut columns: Vec<Vec<usize>> = vec![Vec::new(); n];
     for i in 0..n {
@@ -152,9 +138,6 @@ fn upper_triangle(row_ptr: &[usize], cols: &[u32], kept: &[u32]) -> (Vec<usize>,
             let j = j as usize;
             columns[i.max(j)].push(i.min(j));
         }
-    }
-    for (k, &j) in kept.iter().enumerate() {
-        columns[j as usize].extend(kept[..=k].iter().map(|&i| i as usize));
     }
     let mut col_ptr = vec![0];
     let mut row_idx = Vec::with_capacity(cols.len());

@@ -2,7 +2,6 @@
 
 mod domains;
 mod overlap;
-mod schur;
 
 use std::cell::RefCell;
 
@@ -12,8 +11,6 @@ use crate::direct::largest;
 use crate::{BlockCsr, FactorError, Preconditioner};
 use domains::Domain;
 use overlap::Overlap;
-
-pub use schur::SchurLu;
 
 /// Restricted additive Schwarz (Cai and Sarkis 1999) with a sparse LU factor of each
 /// subdomain, stored in precision `T`. A rank has one subdomain, overlapping those of other

@@ -1,6 +1,6 @@
-use crate::Vec3;
+use crate::Point;
 
-fn at(x: &Vec3) -> String {
+fn at(x: &Point) -> String {
     format!("({:.6}, {:.6}, {:.6})", x[0], x[1], x[2])
 }
 
@@ -42,7 +42,7 @@ pub enum GridFileError {
         /// Tag of its cell.
         element: u64,
         /// Middle of the face, m.
-        place: Vec3,
+        place: Point,
     },
     /// A cell that is inside out or flat.
     #[error(
@@ -57,7 +57,7 @@ pub enum GridFileError {
         /// Its number in the grid, from 0.
         cell: usize,
         /// Its centre, m.
-        place: Vec3,
+        place: Point,
         /// Its volume, m3.
         volume: f64,
     },
@@ -74,7 +74,7 @@ pub enum GridFileError {
         /// Tag of a cell of the second.
         element: u64,
         /// Its centre, m.
-        place: Vec3,
+        place: Point,
     },
     /// A canopy node where the grid has none.
     #[error(
@@ -86,7 +86,7 @@ pub enum GridFileError {
         /// The canopy node.
         node: usize,
         /// Where it is, m.
-        place: Vec3,
+        place: Point,
         /// Distance to the nearest, m.
         distance: f64,
         /// Group of the canopy's faces.
@@ -113,7 +113,7 @@ pub enum GridFileError {
         /// Group of the face.
         name: String,
         /// Its middle, m.
-        place: Vec3,
+        place: Point,
         /// What is wrong with it.
         what: &'static str,
     },

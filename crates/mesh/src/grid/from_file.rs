@@ -9,9 +9,10 @@ use std::collections::{BTreeSet, HashMap};
 use case::{Condition, GridFile};
 
 use super::file_error::GridFileError;
+use crate::geometry::{Point, Vec3, distinct};
 use crate::msh::{Msh, Shape};
-use crate::quality::{self, norm, sub};
-use crate::{FaceTable, FlowGrid, Graph, MeshError, Patch, StructureMesh, Vec3, clean_face};
+use crate::quality;
+use crate::{FaceTable, FlowGrid, Graph, MeshError, Patch, StructureMesh, clean_face};
 
 /// Canopy nodes may be off by this share of the canopy's size: a file has few digits.
 const NEAR: f64 = 1e-5;
@@ -23,7 +24,7 @@ const NEAR: f64 = 1e-5;
 pub(super) fn from_file(
     file: &GridFile,
     canopy: &StructureMesh,
-    positions: &[Vec3],
+    positions: &[Point],
 ) -> Result<FlowGrid, MeshError> {
     let msh = Msh::read(&file.path)?;
     Reader { file, msh }.grid(canopy, positions).map_err(|e| match e {
@@ -48,84 +49,83 @@ struct Reader<'a> {
     msh: Msh,
 }
 
-/// A surface element: its group's place in a list, and its nodes.
-type Skin = (usize, Vec<u64>);
+/// The surface elements of the file, by what the scene says of their groups.
+#[derive(Default)]
+struct Surfaces<'a> {
+    /// Place of the group in the scene's list of patches, and the nodes.
+    patches: Vec<(usize, &'a [u64])>,
+    membrane: Vec<&'a [u64]>,
+    /// Name of a group that the scene says nothing of, and the nodes.
+    others: Vec<(&'a str, &'a [u64])>,
+}
+
+/// Grid nodes of an element of the file: `None` where one of them belongs to no cell.
+fn numbered(number: &HashMap<u64, u32>, nodes: &[u64]) -> Option<[u32; 4]> {
+    let at = |k: usize| nodes.get(k).or(nodes.last()).and_then(|n| number.get(n)).copied();
+    Some([at(0)?, at(1)?, at(2)?, at(3)?])
+}
 
 impl Reader<'_> {
-    fn grid(&self, canopy: &StructureMesh, positions: &[Vec3]) -> Result<FlowGrid, Trouble> {
+    fn grid(&self, canopy: &StructureMesh, positions: &[Point]) -> Result<FlowGrid, Trouble> {
         self.check_names(canopy)?;
-        // Surface elements by what the scene says of their group.
         let conditions: Vec<(&String, &Condition)> = self.file.patches.iter().collect();
-        let (mut skins, mut membrane): (Vec<Skin>, Vec<&[u64]>) = (Vec::new(), Vec::new());
-        let mut others: Vec<(String, &[u64])> = Vec::new();
-        let flat = |s| matches!(s, Shape::Triangle | Shape::Quadrilateral);
-        for block in self.msh.blocks.iter().filter(|b| flat(b.shape)) {
-            let names: Vec<&str> = self.msh.names_of(block.entity).collect();
-            let patch = conditions.iter().position(|(n, _)| names.contains(&n.as_str()));
-            for (_, nodes) in block.elements() {
-                if names.contains(&self.file.membrane.as_str()) {
-                    membrane.push(nodes);
-                } else if let Some(k) = patch {
-                    skins.push((k, nodes.to_vec()));
-                } else if let Some(name) = names.first() {
-                    others.push(((*name).to_owned(), nodes));
-                }
-            }
-        }
+        let surfaces = self.surfaces(&conditions);
         let mut grid = FlowGrid::default();
-        let mut number = self.canopy_nodes(&mut grid, canopy, positions, &membrane)?;
+        let mut number = self.canopy_nodes(&mut grid, canopy, positions, &surfaces.membrane)?;
         let elements = self.cells(&mut grid, &mut number);
-        if grid.cells.is_empty() {
-            return Err(GridFileError::NoVolume.into());
-        }
-        for (cell, &(shape, element)) in elements.iter().enumerate() {
-            let volume = quality::cell_volume(&grid, cell);
-            if volume.is_nan() || volume <= 0.0 {
-                let place = quality::cell_centre(&grid, cell);
-                let shape = shape.name();
-                return Err(GridFileError::Inverted { shape, element, cell, place, volume }.into());
-            }
-        }
-        let face = |nodes: &[u64]| {
-            let at = |k: usize| nodes.get(k).or(nodes.last()).and_then(|n| number.get(n)).copied();
-            Some([at(0)?, at(1)?, at(2)?, at(3)?])
-        };
-        let loose = |name: &str, nodes: &[u64], what| {
-            let place = self.middle(nodes);
-            GridFileError::Misplaced { name: name.into(), place, what }
-        };
-        const NO_CELL: &str = "is a face of no cell";
-        for (k, nodes) in &skins {
+        check_cells(&grid, &elements)?;
+        for (k, nodes) in &surfaces.patches {
             let (name, condition) = conditions[*k];
-            let nodes = face(nodes).ok_or_else(|| loose(name, nodes, NO_CELL))?;
-            grid.boundary.push((patch(*condition), nodes));
+            let face = numbered(&number, nodes).ok_or_else(|| GridFileError::Misplaced {
+                name: name.clone(),
+                place: self.middle(nodes),
+                what: "is a face of no cell",
+            })?;
+            grid.boundary.push((patch(*condition), face));
         }
-        self.canopy_faces(&mut grid, canopy, &membrane, &face)?;
+        self.canopy_faces(&mut grid, canopy, &surfaces.membrane, &number)?;
         let table = FaceTable::new(&grid).map_err(|e| match e {
             MeshError::OpenFace { nodes, cell } => {
                 let open = key(nodes);
-                let named = others.iter().find(|(_, n)| face(n).map(key) == Some(open));
+                let named = surfaces.others.iter().find(|(_, n)| numbered(&number, n).map(key) == Some(open));
                 Trouble::File(match named {
-                    Some((name, _)) => GridFileError::NoCondition { name: name.clone() },
+                    Some((name, _)) => GridFileError::NoCondition { name: (*name).into() },
                     None => GridFileError::NoGroup { element: elements[cell].1, place: middle(&grid, nodes) },
                 })
             }
             MeshError::LooseFace { kind, nodes, index } => {
                 let place = middle(&grid, nodes);
                 let (name, what) = if kind == "canopy" {
-                    (self.file.membrane.clone(), "does not lie between two cells")
+                    (&self.file.membrane, "does not lie between two cells")
                 } else {
-                    (
-                        conditions[skins[index].0].0.clone(),
-                        "is not on the outside of the volume, or is there twice",
-                    )
+                    let name = conditions[surfaces.patches[index].0].0;
+                    (name, "is not on the outside of the volume, or is there twice")
                 };
-                GridFileError::Misplaced { name, place, what }.into()
+                GridFileError::Misplaced { name: name.clone(), place, what }.into()
             }
             e => Trouble::Mesh(e),
         })?;
         connected(&grid, &table, &elements)?;
         Ok(grid)
+    }
+
+    fn surfaces(&self, conditions: &[(&String, &Condition)]) -> Surfaces<'_> {
+        let mut surfaces = Surfaces::default();
+        let flat = |s| matches!(s, Shape::Triangle | Shape::Quadrilateral);
+        for block in self.msh.blocks.iter().filter(|b| flat(b.shape)) {
+            let names: Vec<&str> = self.msh.names_of(block.entity).collect();
+            let patch = conditions.iter().position(|(n, _)| names.contains(&n.as_str()));
+            for (_, nodes) in block.elements() {
+                if names.contains(&self.file.membrane.as_str()) {
+                    surfaces.membrane.push(nodes);
+                } else if let Some(k) = patch {
+                    surfaces.patches.push((k, nodes));
+                } else if let Some(name) = names.first() {
+                    surfaces.others.push((name, nodes));
+                }
+            }
+        }
+        surfaces
     }
 
     fn check_names(&self, canopy: &StructureMesh) -> Result<(), GridFileError> {
@@ -141,8 +141,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn middle(&self, nodes: &[u64]) -> Vec3 {
-        mean(nodes.iter().filter_map(|n| self.msh.nodes.get(n)).copied())
+    fn middle(&self, nodes: &[u64]) -> Point {
+        mean(nodes.iter().filter_map(|n| self.msh.nodes.get(n)))
     }
 
     /// Puts the canopy's nodes first: number of each of the file's nodes among them.
@@ -150,21 +150,21 @@ impl Reader<'_> {
         &self,
         grid: &mut FlowGrid,
         canopy: &StructureMesh,
-        positions: &[Vec3],
+        positions: &[Point],
         membrane: &[&[u64]],
     ) -> Result<HashMap<u64, u32>, GridFileError> {
         let tags: BTreeSet<u64> = membrane.iter().flat_map(|n| n.iter().copied()).collect();
         // In order along x: what is near lies within a window of it.
         let mut sorted: Vec<(f64, u64)> = tags.iter().map(|t| (self.msh.nodes[t][0], *t)).collect();
         sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let middle = mean(positions.iter().copied());
-        let size = positions.iter().map(|x| norm(sub(*x, middle))).fold(0.0, f64::max);
+        let middle = Vec3::from(mean(positions));
+        let size = positions.iter().map(|x| (Vec3::from(*x) - middle).norm()).fold(0.0, f64::max);
         let near = NEAR * size;
         let mut number = HashMap::new();
         for (node, &x) in positions.iter().enumerate() {
             let from = sorted.partition_point(|s| s.0 < x[0] - near);
             let window = sorted[from..].iter().take_while(|s| s.0 <= x[0] + near);
-            let distance = |t: u64| norm(sub(self.msh.nodes[&t], x));
+            let distance = |t: u64| (Vec3::from(self.msh.nodes[&t]) - Vec3::from(x)).norm();
             let free = window.filter(|(_, t)| !number.contains_key(t));
             let best = free.map(|(_, t)| (distance(*t), *t)).min_by(|a, b| a.0.total_cmp(&b.0));
             match best {
@@ -216,10 +216,11 @@ impl Reader<'_> {
         grid: &mut FlowGrid,
         canopy: &StructureMesh,
         membrane: &[&[u64]],
-        face: &impl Fn(&[u64]) -> Option<[u32; 4]>,
+        number: &HashMap<u64, u32>,
     ) -> Result<(), GridFileError> {
         let own: BTreeSet<[u32; 4]> = canopy.faces.iter().map(|f| key(*f)).collect();
-        let found: BTreeSet<[u32; 4]> = membrane.iter().filter_map(|n| face(n)).map(key).collect();
+        let found: BTreeSet<[u32; 4]> =
+            membrane.iter().filter_map(|n| numbered(number, n)).map(key).collect();
         if own != found {
             return Err(GridFileError::OtherFaces {
                 membrane: self.file.membrane.clone(),
@@ -233,14 +234,13 @@ impl Reader<'_> {
     }
 }
 
-fn mean(points: impl Iterator<Item = Vec3>) -> Vec3 {
-    let (sum, n) = points.fold(([0.0; 3], 0.0), |(s, n), x| (quality::add(s, x), n + 1.0));
-    quality::scale(sum, 1.0 / f64::max(n, 1.0))
+fn mean<'a>(points: impl IntoIterator<Item = &'a Point>) -> Point {
+    let (sum, n) = points.into_iter().fold((Vec3::zeros(), 0.0), |(s, n), x| (s + Vec3::from(*x), n + 1.0));
+    (sum * (1.0 / f64::max(n, 1.0))).into()
 }
 
-fn middle(grid: &FlowGrid, nodes: [u32; 4]) -> Vec3 {
-    let n = if nodes[2] == nodes[3] { 3 } else { 4 };
-    mean(nodes[..n].iter().map(|&n| grid.coords[n as usize]))
+fn middle(grid: &FlowGrid, nodes: [u32; 4]) -> Point {
+    mean(distinct(&nodes).iter().map(|&n| &grid.coords[n as usize]))
 }
 
 /// A face in whatever cycle.
@@ -261,6 +261,21 @@ fn patch(condition: Condition) -> Patch {
         Condition::Slip => Patch::Slip,
         Condition::Symmetry => Patch::Symmetry,
     }
+}
+
+/// Errs where there is no cell, and on the first that is inside out.
+fn check_cells(grid: &FlowGrid, elements: &[(Shape, u64)]) -> Result<(), GridFileError> {
+    if grid.cells.is_empty() {
+        return Err(GridFileError::NoVolume);
+    }
+    for (cell, &(shape, element)) in elements.iter().enumerate() {
+        let volume = quality::cell_volume(grid, cell);
+        if volume.is_nan() || volume <= 0.0 {
+            let (shape, place) = (shape.name(), quality::cell_centre(grid, cell));
+            return Err(GridFileError::Inverted { shape, element, cell, place, volume });
+        }
+    }
+    Ok(())
 }
 
 /// Errs where the volume falls apart; the two sides of a canopy count as neighbours.

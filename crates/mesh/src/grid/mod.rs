@@ -14,9 +14,10 @@ mod smooth;
 mod tests;
 mod topology;
 
-use crate::quality::{self, norm, sub};
+use crate::geometry::{Point, at};
+use crate::quality;
 use crate::structure::{AtpsLayout, flat_layout, positive, refuse};
-use crate::{FlowGrid, MeshError, StructureMesh, Vec3};
+use crate::{FlowGrid, MeshError, StructureMesh};
 pub use file_error::GridFileError;
 pub use sizes::{GridSizes, grid_sizes};
 use topology::Blocks;
@@ -33,9 +34,9 @@ const LEAST_VENT: f64 = 0.01;
 /// # Errors
 /// A canopy without flow grid, parameters or positions that make none, closed
 /// vents, and a shape around which no valid grid was found.
-pub fn flow_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> Result<FlowGrid, MeshError> {
+pub fn flow_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Point]) -> Result<FlowGrid, MeshError> {
     let grid = draft_grid(scene, canopy, positions)?;
-    if scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some()) {
+    if scene.grid_file().is_some() {
         // Its volumes are positive; what its corners are like is the user's choice.
         return Ok(grid);
     }
@@ -54,7 +55,7 @@ pub fn flow_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> R
 ///
 /// # Errors
 /// As [`flow_grid`], without a look at the cells.
-pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Vec3]) -> Result<FlowGrid, MeshError> {
+pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Point]) -> Result<FlowGrid, MeshError> {
     let Some(flow) = &scene.flow else {
         return Err(refuse("flow", "absent", "a flow grid needs the section [flow]"));
     };
@@ -149,13 +150,13 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
     Ok((blocks, width))
 }
 
-fn check_vents(blocks: &Blocks, positions: &[Vec3], least_m: f64) -> Result<(), MeshError> {
+fn check_vents(blocks: &Blocks, positions: &[Point], least_m: f64) -> Result<(), MeshError> {
     if blocks.open_levels().next().is_none() {
         return Ok(());
     }
     let opening = |k: usize, b: usize| {
-        let [p, q] = [0, blocks.across].map(|z| positions[blocks.zipper(k, z, b) as usize]);
-        norm(sub(p, q))
+        let [p, q] = [0, blocks.across].map(|z| at(positions, blocks.zipper(k, z, b)));
+        (p - q).norm()
     };
     let widest = |k: usize| blocks.open_levels().map(|b| opening(k, b)).fold(0.0, f64::max);
     let width_m = (0..4).map(widest).fold(f64::INFINITY, f64::min);

@@ -2,8 +2,9 @@
 
 use case::{Condition, FlowBox, PanelCanopy};
 
+use crate::boxes::add_box_cells;
 use crate::structure::{positive, refuse};
-use crate::{FlowGrid, HEX_FACES, MeshError, Patch, StructureMesh, Vec3};
+use crate::{FlowGrid, MeshError, Patch, Point, StructureMesh};
 
 /// The grid around the panel at `positions`, m. What the panel has moved fades linearly
 /// towards the walls.
@@ -11,7 +12,7 @@ pub(super) fn panel_box(
     b: &FlowBox,
     p: &PanelCanopy,
     canopy: &StructureMesh,
-    positions: &[Vec3],
+    positions: &[Point],
 ) -> Result<FlowGrid, MeshError> {
     let [along, ny] = p.cells.map(|n| n as usize);
     let (ahead, behind) = (b.cells_ahead as usize, b.cells_behind as usize);
@@ -62,30 +63,7 @@ pub(super) fn panel_box(
         }
     }
     let node = |i: usize, j: usize, k: usize| number[i + (nx + 1) * (j + (ny + 1) * k)];
-    let patches = b.sides.in_order().map(patch);
-    for k in 0..nz {
-        for j in 0..ny {
-            for i in 0..nx {
-                let quad = |k| [node(i, j, k), node(i + 1, j, k), node(i + 1, j + 1, k), node(i, j + 1, k)];
-                let (low, high) = (quad(k), quad(k + 1));
-                let cell = [low[0], low[1], low[2], low[3], high[0], high[1], high[2], high[3]];
-                let ends = [
-                    (i == 0, 5),
-                    (i + 1 == nx, 3),
-                    (j == 0, 2),
-                    (j + 1 == ny, 4),
-                    (k == 0, 0),
-                    (k + 1 == nz, 1),
-                ];
-                for ((outer, face), patch) in ends.into_iter().zip(patches) {
-                    if outer {
-                        grid.boundary.push((patch, HEX_FACES[face].map(|v| cell[v])));
-                    }
-                }
-                grid.cells.push(cell);
-            }
-        }
-    }
+    add_box_cells(&mut grid, [nx, ny, nz], b.sides.in_order().map(patch), node);
     Ok(grid)
 }
 

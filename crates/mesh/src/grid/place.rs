@@ -2,9 +2,8 @@
 
 use case::Grid;
 
-use super::topology::Blocks;
-use crate::Vec3;
-use crate::quality::{add, cross, norm, scale, sub};
+use super::topology::{Blocks, CubePoint};
+use crate::geometry::{Point, Vec3};
 
 /// The core's size over the surface's, and how round the core is (0: a box).
 const CORE_SIZE: f64 = 0.5;
@@ -19,17 +18,16 @@ const NORMAL_REACH: f64 = 0.3;
 const NORMAL_SHARE: f64 = 0.7;
 
 /// Positions of all grid nodes, m, from those of the canopy.
-pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -> Vec<Vec3> {
-    let mut x = vec![[0.0; 3]; blocks.nodes];
-    x[..canopy.len()].copy_from_slice(canopy);
+pub(super) fn place(blocks: &Blocks, canopy: &[Point], grid: &Grid, width: f64) -> Vec<Point> {
+    let mut x = vec![Vec3::zeros(); blocks.nodes];
+    x.iter_mut().zip(canopy).for_each(|(x, &at)| *x = at.into());
     fill_vents(blocks, &mut x);
     let links = surface_links(blocks);
     fill_mouth(blocks, &links, &mut x);
 
     let surface = &x[..blocks.surface];
     let (lo, hi) = bounds(surface);
-    let centre: Vec3 = std::array::from_fn(|i| 0.5 * (lo[i] + hi[i]));
-    let half: Vec3 = std::array::from_fn(|i| 0.5 * (hi[i] - lo[i]));
+    let (centre, half) = ((lo + hi) * 0.5, (hi - lo) * 0.5);
     let normals = normals(blocks, surface, &links);
 
     let core: Vec<Vec3> = blocks
@@ -37,9 +35,8 @@ pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -
         .map(|c| {
             let ball = ball(c);
             // A box of the same size as the ball has 0.8 of its half-width.
-            let shape: Vec3 =
-                std::array::from_fn(|i| CORE_SIZE * (0.8 * (1.0 - CORE_ROUND) * c[i] + CORE_ROUND * ball[i]));
-            std::array::from_fn(|i| centre[i] + half[i] * shape[i])
+            let shape = (Vec3::from(c) * (0.8 * (1.0 - CORE_ROUND)) + ball * CORE_ROUND) * CORE_SIZE;
+            centre + half.component_mul(&shape)
         })
         .collect();
     x[blocks.core..blocks.core + core.len()].copy_from_slice(&core);
@@ -50,14 +47,11 @@ pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -
     for s in 0..blocks.surface {
         let wall = x[s];
         let sphere = sphere(blocks.cube[s]);
-        let far: Vec3 = [
-            centre[0] + side * sphere[0],
-            centre[1] + side * sphere[1],
-            centre[2] + if sphere[2] > 0.0 { wake } else { side } * sphere[2],
-        ];
+        let size = Vec3::new(side, side, if sphere.z > 0.0 { wake } else { side });
+        let far = centre + size.component_mul(&sphere);
         let line: Vec<u32> = blocks.line(s).collect();
         let [inside, outside] = blocks.layers;
-        let inner = Curve::new(wall, scale(normals[s], -1.0), x[line[0] as usize], reach);
+        let inner = Curve::new(wall, -normals[s], x[line[0] as usize], reach);
         let steps = stretch(first / inner.chord, inside);
         for l in 1..inside {
             x[line[inside - l] as usize] = inner.at(steps[l]);
@@ -68,7 +62,7 @@ pub(super) fn place(blocks: &Blocks, canopy: &[Vec3], grid: &Grid, width: f64) -
             x[line[inside + l] as usize] = outer.at(steps[l]);
         }
     }
-    x
+    x.into_iter().map(Point::from).collect()
 }
 
 /// A line that leaves a wall along a direction and ends in a point.
@@ -83,16 +77,16 @@ struct Curve {
 
 impl Curve {
     fn new(from: Vec3, along: Vec3, to: Vec3, reach: f64) -> Self {
-        let chord = norm(sub(to, from)).max(f64::MIN_POSITIVE);
-        let turn = sub(along, scale(sub(to, from), norm(along) / chord));
+        let chord = (to - from).norm().max(f64::MIN_POSITIVE);
+        let turn = along - (to - from) * (along.norm() / chord);
         Curve { from, to, turn, reach: reach.min(0.4 * chord), chord }
     }
 
     /// The point at the share `t` of the chord.
     fn at(&self, t: f64) -> Vec3 {
-        let straight = add(scale(self.from, 1.0 - t), scale(self.to, t));
+        let straight = self.from * (1.0 - t) + self.to * t;
         let aside = self.reach * (1.0 - (-t * self.chord / self.reach).exp());
-        add(straight, scale(self.turn, NORMAL_SHARE * aside * (1.0 - t) * (1.0 - t)))
+        straight + self.turn * (NORMAL_SHARE * aside * (1.0 - t) * (1.0 - t))
     }
 }
 
@@ -123,20 +117,20 @@ fn stretch(first: f64, layers: usize) -> Vec<f64> {
 }
 
 /// Smooth map of the cube to the ball of radius 1.
-fn ball([x, y, z]: Vec3) -> Vec3 {
+fn ball([x, y, z]: CubePoint) -> Vec3 {
     let f = |x: f64, y: f64, z: f64| x * (1.0 - 0.5 * (y * y + z * z) + y * y * z * z / 3.0).max(0.0).sqrt();
-    [f(x, y, z), f(y, z, x), f(z, x, y)]
+    Vec3::new(f(x, y, z), f(y, z, x), f(z, x, y))
 }
 
 /// The unit sphere's point for a point of the cube's surface, at equal angles.
-fn sphere(cube: Vec3) -> Vec3 {
-    let t = cube.map(|c| (std::f64::consts::FRAC_PI_4 * c).tan());
-    scale(t, 1.0 / norm(t))
+fn sphere(cube: CubePoint) -> Vec3 {
+    let t = Vec3::from(cube).map(|c| (std::f64::consts::FRAC_PI_4 * c).tan());
+    t * (1.0 / t.norm())
 }
 
 fn bounds(x: &[Vec3]) -> (Vec3, Vec3) {
-    let lo = x.iter().fold([f64::MAX; 3], |m, p| std::array::from_fn(|i| m[i].min(p[i])));
-    let hi = x.iter().fold([f64::MIN; 3], |m, p| std::array::from_fn(|i| m[i].max(p[i])));
+    let lo = x.iter().fold(Vec3::repeat(f64::MAX), |m, p| m.inf(p));
+    let hi = x.iter().fold(Vec3::repeat(f64::MIN), |m, p| m.sup(p));
     (lo, hi)
 }
 
@@ -146,7 +140,7 @@ fn fill_vents(blocks: &Blocks, x: &mut [Vec3]) {
             let [p, q] = [0, blocks.across].map(|z| x[blocks.zipper(k, z, b) as usize]);
             for z in 1..blocks.across {
                 let t = z as f64 / blocks.across as f64;
-                x[blocks.zipper(k, z, b) as usize] = add(scale(p, 1.0 - t), scale(q, t));
+                x[blocks.zipper(k, z, b) as usize] = p * (1.0 - t) + q * t;
             }
         }
     }
@@ -162,7 +156,7 @@ fn surface_links(blocks: &Blocks) -> crate::Graph {
 fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
     let n = blocks.n;
     let hem: Vec<u32> = (0..4 * n).map(|i| blocks.side(i / n, i % n, blocks.hem())).collect();
-    let mean = hem.iter().fold([0.0; 3], |m, &s| add(m, scale(x[s as usize], 0.25 / n as f64)));
+    let mean = hem.iter().fold(Vec3::zeros(), |m, &s| m + x[s as usize] * (0.25 / n as f64));
     let radius =
         hem.iter().map(|&s| (x[s as usize][0] - mean[0]).hypot(x[s as usize][1] - mean[1])).sum::<f64>()
             / (4 * n) as f64;
@@ -176,8 +170,8 @@ fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
             let t = (b - blocks.hem()) as f64 / rings;
             // Between two arms that are apart at the hem: half-way.
             let other = if i % n == 0 { blocks.side((i / n + 3) % 4, n, blocks.hem()) } else { rim };
-            let rim = scale(add(x[rim as usize], x[other as usize]), 0.5);
-            x[s as usize] = add(scale(rim, 1.0 - t), scale(mean, t));
+            let rim = (x[rim as usize] + x[other as usize]) * 0.5;
+            x[s as usize] = rim * (1.0 - t) + mean * t;
             bulge[s as usize] = 1.0 - (1.0 - t) * (1.0 - t);
             free.push(s);
         }
@@ -192,22 +186,22 @@ fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
             let (p, q) = (place(u), place(v));
             let at = |p: f64, q: f64| x[blocks.cap(p as usize, q as usize) as usize];
             let share = (p - p.floor()) + (q - q.floor());
-            let rim = add(scale(at(p.floor(), q.floor()), 1.0 - share), scale(at(p.ceil(), q.ceil()), share));
+            let rim = at(p.floor(), q.floor()) * (1.0 - share) + at(p.ceil(), q.ceil()) * share;
             let s = blocks.cap(i, j);
-            x[s as usize] = add(scale(rim, size), scale(mean, 1.0 - size));
+            x[s as usize] = rim * size + mean * (1.0 - size);
             bulge[s as usize] = 1.0 - (edge * size) * (edge * size);
             free.push(s);
         }
     }
     // Jacobi sweeps, which keep the canopy's symmetry; the start is close already.
-    let mut next = vec![([0.0; 3], 0.0); free.len()];
+    let mut next = vec![(Vec3::zeros(), 0.0); free.len()];
     for _ in 0..2 * n {
         for (next, &s) in next.iter_mut().zip(&free) {
             let around = links.of(s as usize);
             let share = 1.0 / around.len() as f64;
-            let sum = around.iter().fold([0.0; 3], |m, &t| add(m, x[t as usize]));
+            let sum = around.iter().fold(Vec3::zeros(), |m, &t| m + x[t as usize]);
             let mean_bulge = around.iter().map(|&t| bulge[t as usize]).sum::<f64>() * share;
-            *next = (scale(sum, share), mean_bulge + 1.0 / (rings * rings));
+            *next = (sum * share, mean_bulge + 1.0 / (rings * rings));
         }
         for (next, &s) in next.iter().zip(&free) {
             (x[s as usize], bulge[s as usize]) = *next;
@@ -224,28 +218,28 @@ fn fill_mouth(blocks: &Blocks, links: &crate::Graph, x: &mut [Vec3]) {
 /// Normals of the surface's nodes, out of the canopy, smoothed: of length 1 where
 /// the surface is nearly flat, down to 0 where it bends sharply.
 fn normals(blocks: &Blocks, x: &[Vec3], links: &crate::Graph) -> Vec<Vec3> {
-    let mut sum = vec![[0.0; 3]; x.len()];
+    let mut sum = vec![Vec3::zeros(); x.len()];
     for q in &blocks.quads {
         let [a, b, c, d] = q.map(|s| x[s as usize]);
-        let area = cross(sub(c, a), sub(d, b));
+        let area = (c - a).cross(&(d - b));
         for (i, &s) in q.iter().enumerate() {
             if !q[..i].contains(&s) {
-                sum[s as usize] = add(sum[s as usize], area);
+                sum[s as usize] += area;
             }
         }
     }
-    let unit = |v: Vec3| if norm(v) > 0.0 { scale(v, 1.0 / norm(v)) } else { v };
+    let unit = |v: Vec3| if v.norm() > 0.0 { v * (1.0 / v.norm()) } else { v };
     let mut own: Vec<Vec3> = sum.into_iter().map(unit).collect();
     // Over the same distance at any resolution: sweeps grow with its square.
     let sweeps = (blocks.n * blocks.n / 160).clamp(2, 400);
     for _ in 0..sweeps {
         own = (0..x.len())
             .map(|s| {
-                let near = links.of(s).iter().fold([0.0; 3], |m, &t| add(m, own[t as usize]));
-                scale(add(own[s], scale(near, 1.0 / links.of(s).len() as f64)), 0.5)
+                let near = links.of(s).iter().fold(Vec3::zeros(), |m, &t| m + own[t as usize]);
+                (own[s] + near * (1.0 / links.of(s).len() as f64)) * 0.5
             })
             .collect();
     }
     let straightness = |m: f64| ((m - 0.85) / 0.1).clamp(0.0, 1.0);
-    own.into_iter().map(|v| scale(unit(v), straightness(norm(v)))).collect()
+    own.into_iter().map(|v| unit(v) * straightness(v.norm())).collect()
 }

@@ -7,8 +7,9 @@
 //! and pushing the right way for inverted corners (Escobar et al., CMAME 192,
 //! 2003). Newton steps node by node on the sum of q^2 of the corners at a node.
 
-use crate::quality::{CORNER_EDGES, add, cross, dot, norm, scale, scaled_jacobian, sub};
-use crate::{FlowGrid, Vec3};
+use crate::FlowGrid;
+use crate::geometry::{Mat3, Point, Vec3, at};
+use crate::quality::{CORNER_EDGES, scaled_jacobian};
 
 /// Cells below this scaled Jacobian are repaired, with this many rings of
 /// neighbours, in at most this many sweeps.
@@ -21,104 +22,54 @@ struct Corner {
     /// The corner's node, then the ends of its edges, right-handed.
     nodes: [u32; 4],
     /// Wanted lengths of the edges, inverted, 1/m.
-    inverse: Vec3,
+    inverse: [f64; 3],
 }
 
 impl Corner {
     /// The measure q and its derivatives by the four nodes, where `delta`
     /// regularises determinants.
-    fn measure(&self, x: &[Vec3], delta: f64) -> (f64, [Vec3; 4]) {
-        let o = x[self.nodes[0] as usize];
-        let t: [Vec3; 3] =
-            std::array::from_fn(|i| scale(sub(x[self.nodes[i + 1] as usize], o), self.inverse[i]));
-        let square = dot(t[0], t[0]) + dot(t[1], t[1]) + dot(t[2], t[2]);
-        let cofactor = [cross(t[1], t[2]), cross(t[2], t[0]), cross(t[0], t[1])];
-        let det = dot(t[0], cofactor[0]);
+    fn measure(&self, x: &[Point], delta: f64) -> (f64, [Vec3; 4]) {
+        let t = self.edges(x);
+        let square = t[0].dot(&t[0]) + t[1].dot(&t[1]) + t[2].dot(&t[2]);
+        let cofactor = [t[1].cross(&t[2]), t[2].cross(&t[0]), t[0].cross(&t[1])];
+        let det = t[0].dot(&cofactor[0]);
         let root = (det * det + 4.0 * delta * delta).sqrt();
         // The plain sum cancels for very negative determinants.
         let h = if det > 0.0 { 0.5 * (det + root) } else { 2.0 * delta * delta / (root - det) };
         let h = h.max(1e-12);
         let shrink = 1.0 / (3.0 * h.cbrt() * h.cbrt());
         let q = square * shrink;
-        let mut d = [[0.0; 3]; 4];
+        let mut d = [Vec3::zeros(); 4];
         for i in 0..3 {
-            let by_t = sub(scale(t[i], 2.0 * shrink), scale(cofactor[i], 2.0 / 3.0 * q / root.max(1e-12)));
-            d[i + 1] = scale(by_t, self.inverse[i]);
-            d[0] = sub(d[0], d[i + 1]);
+            let by_t = t[i] * (2.0 * shrink) - cofactor[i] * (2.0 / 3.0 * q / root.max(1e-12));
+            d[i + 1] = by_t * self.inverse[i];
+            let own = d[i + 1];
+            d[0] -= own;
         }
         (q, d)
     }
 
-    fn determinant(&self, x: &[Vec3]) -> f64 {
-        let o = x[self.nodes[0] as usize];
-        let t: [Vec3; 3] =
-            std::array::from_fn(|i| scale(sub(x[self.nodes[i + 1] as usize], o), self.inverse[i]));
-        dot(t[0], cross(t[1], t[2]))
+    /// The three edges over their wanted lengths.
+    fn edges(&self, x: &[Point]) -> [Vec3; 3] {
+        let o = at(x, self.nodes[0]);
+        std::array::from_fn(|i| (at(x, self.nodes[i + 1]) - o) * self.inverse[i])
+    }
+
+    fn determinant(&self, x: &[Point]) -> f64 {
+        let t = self.edges(x);
+        t[0].dot(&t[1].cross(&t[2]))
     }
 }
 
 /// Repairs `grid` around cells of low quality; nodes for which `fixed` holds stay.
 pub(super) fn smooth(grid: &mut FlowGrid, fixed: impl Fn(usize) -> bool) {
+    let Some(near) = near_bad_cells(grid) else { return };
     let nodes = grid.coords.len();
-    let mut near = vec![false; nodes];
-    let mut any = false;
-    for cell in &grid.cells {
-        if scaled_jacobian(&grid.coords, cell) < WANTED {
-            cell.iter().for_each(|&n| near[n as usize] = true);
-            any = true;
-        }
-    }
-    if !any {
-        return;
-    }
-    for _ in 0..RINGS {
-        let old = near.clone();
-        for cell in &grid.cells {
-            if cell.iter().any(|&n| old[n as usize]) {
-                cell.iter().for_each(|&n| near[n as usize] = true);
-            }
-        }
-    }
     let active: Vec<u32> = (0..nodes).filter(|&n| near[n] && !fixed(n)).map(|n| n as u32).collect();
     let mut place = vec![u32::MAX; nodes];
     active.iter().enumerate().for_each(|(i, &n)| place[n as usize] = i as u32);
-
-    let mut corners = Vec::new();
-    let mut repaired = Vec::new();
-    for (c, cell) in grid.cells.iter().enumerate() {
-        if cell.iter().all(|&n| place[n as usize] == u32::MAX) {
-            continue;
-        }
-        repaired.push(c as u32);
-        for (corner, edges) in CORNER_EDGES.iter().enumerate() {
-            let nodes = [cell[corner], cell[edges[0]], cell[edges[1]], cell[edges[2]]];
-            if (0..4).any(|i| nodes[..i].contains(&nodes[i]))
-                || nodes.iter().all(|&n| place[n as usize] == u32::MAX)
-            {
-                continue;
-            }
-            let x = nodes.map(|n| grid.coords[n as usize]);
-            let inverse = std::array::from_fn(|i| 1.0 / norm(sub(x[i + 1], x[0])).max(f64::MIN_POSITIVE));
-            corners.push(Corner { nodes, inverse });
-        }
-    }
-    // Corners at each active node.
-    let mut start = vec![0usize; active.len() + 1];
-    let places = |c: &Corner| c.nodes.map(|n| place[n as usize]).into_iter().filter(|&p| p != u32::MAX);
-    for c in &corners {
-        places(c).for_each(|p| start[p as usize + 1] += 1);
-    }
-    for i in 0..active.len() {
-        start[i + 1] += start[i];
-    }
-    let mut fill = start.clone();
-    let mut list = vec![0u32; start[active.len()]];
-    for (i, c) in corners.iter().enumerate() {
-        for p in places(c) {
-            list[fill[p as usize]] = i as u32;
-            fill[p as usize] += 1;
-        }
-    }
+    let (corners, repaired) = corners_of(grid, &place);
+    let around = Around::new(&corners, &place, active.len());
 
     let x = &mut grid.coords;
     let mut still = vec![0u32; active.len()];
@@ -142,24 +93,101 @@ pub(super) fn smooth(grid: &mut FlowGrid, fixed: impl Fn(usize) -> bool) {
             if still[i] > 2 && sweep % 4 != 0 {
                 continue;
             }
-            let around = &list[start[i]..start[i + 1]];
-            let step = improve(x, n as usize, &corners, around, delta);
+            let step = improve(x, n as usize, &corners, around.of(i), delta);
             still[i] = if step < 1e-3 { still[i] + 1 } else { 0 };
         }
     }
 }
 
+/// Whether each node is within [`RINGS`] of a bad cell; `None` where no cell is bad.
+fn near_bad_cells(grid: &FlowGrid) -> Option<Vec<bool>> {
+    let mut near = vec![false; grid.coords.len()];
+    let mut any = false;
+    for cell in &grid.cells {
+        if scaled_jacobian(&grid.coords, cell) < WANTED {
+            cell.iter().for_each(|&n| near[n as usize] = true);
+            any = true;
+        }
+    }
+    if !any {
+        return None;
+    }
+    for _ in 0..RINGS {
+        let old = near.clone();
+        for cell in &grid.cells {
+            if cell.iter().any(|&n| old[n as usize]) {
+                cell.iter().for_each(|&n| near[n as usize] = true);
+            }
+        }
+    }
+    Some(near)
+}
+
+/// The corners with a node that moves (with a `place`), and their cells.
+fn corners_of(grid: &FlowGrid, place: &[u32]) -> (Vec<Corner>, Vec<u32>) {
+    let rests = |nodes: &[u32]| nodes.iter().all(|&n| place[n as usize] == u32::MAX);
+    let (mut corners, mut cells) = (Vec::new(), Vec::new());
+    for (c, cell) in grid.cells.iter().enumerate() {
+        if rests(cell) {
+            continue;
+        }
+        cells.push(c as u32);
+        for (corner, edges) in CORNER_EDGES.iter().enumerate() {
+            let nodes = [cell[corner], cell[edges[0]], cell[edges[1]], cell[edges[2]]];
+            if (0..4).any(|i| nodes[..i].contains(&nodes[i])) || rests(&nodes) {
+                continue;
+            }
+            let x = nodes.map(|n| at(&grid.coords, n));
+            let inverse = std::array::from_fn(|i| 1.0 / (x[i + 1] - x[0]).norm().max(f64::MIN_POSITIVE));
+            corners.push(Corner { nodes, inverse });
+        }
+    }
+    (corners, cells)
+}
+
+/// Corners at each node that moves, in one list.
+struct Around {
+    start: Vec<usize>,
+    list: Vec<u32>,
+}
+
+impl Around {
+    fn new(corners: &[Corner], place: &[u32], nodes: usize) -> Self {
+        let places = |c: &Corner| c.nodes.map(|n| place[n as usize]).into_iter().filter(|&p| p != u32::MAX);
+        let mut start = vec![0usize; nodes + 1];
+        for c in corners {
+            places(c).for_each(|p| start[p as usize + 1] += 1);
+        }
+        for i in 0..nodes {
+            start[i + 1] += start[i];
+        }
+        let mut fill = start.clone();
+        let mut list = vec![0u32; start[nodes]];
+        for (i, c) in corners.iter().enumerate() {
+            for p in places(c) {
+                list[fill[p as usize]] = i as u32;
+                fill[p as usize] += 1;
+            }
+        }
+        Self { start, list }
+    }
+
+    fn of(&self, i: usize) -> &[u32] {
+        &self.list[self.start[i]..self.start[i + 1]]
+    }
+}
+
 /// One damped Newton step of a node; how far it went, over its shortest wanted edge.
-fn improve(x: &mut [Vec3], n: usize, corners: &[Corner], around: &[u32], delta: f64) -> f64 {
+fn improve(x: &mut [Point], n: usize, corners: &[Corner], around: &[u32], delta: f64) -> f64 {
     let node = n as u32;
-    let local = |x: &[Vec3]| {
-        let (mut sum, mut slope) = (0.0, [0.0; 3]);
+    let local = |x: &[Point]| {
+        let (mut sum, mut slope) = (0.0, Vec3::zeros());
         for &c in around {
             let c = &corners[c as usize];
             let (q, d) = c.measure(x, delta);
             let own = c.nodes.iter().position(|&m| m == node).expect("listed at its nodes");
             sum += q * q;
-            slope = add(slope, scale(d[own], 2.0 * q));
+            slope += d[own] * (2.0 * q);
         }
         (sum, slope)
     };
@@ -167,12 +195,12 @@ fn improve(x: &mut [Vec3], n: usize, corners: &[Corner], around: &[u32], delta: 
     let size = 1.0 / inverse;
     let start = x[n];
     let (value, slope) = local(x);
-    let steep = norm(slope);
+    let steep = slope.norm();
     if steep * size < 1e-9 * value {
         return 0.0;
     }
     // Second derivatives by differences of the slope.
-    let mut second = nalgebra::Matrix3::zeros();
+    let mut second = Mat3::zeros();
     let h = 1e-4 * size;
     for a in 0..3 {
         x[n][a] = start[a] + h;
@@ -185,21 +213,20 @@ fn improve(x: &mut [Vec3], n: usize, corners: &[Corner], around: &[u32], delta: 
     let second = 0.5 * (second + second.transpose());
     let eigen = second.symmetric_eigen();
     let largest = eigen.eigenvalues.amax().max(f64::MIN_POSITIVE);
-    let g = nalgebra::Vector3::from(slope);
-    let mut direction = nalgebra::Vector3::zeros();
+    let mut direction = Vec3::zeros();
     for a in 0..3 {
         let v = eigen.eigenvectors.column(a);
-        direction -= v * (v.dot(&g) / eigen.eigenvalues[a].abs().max(1e-3 * largest));
+        direction -= v * (v.dot(&slope) / eigen.eigenvalues[a].abs().max(1e-3 * largest));
     }
-    let length = direction.norm();
+    let (start, length) = (Vec3::from(start), direction.norm());
     let mut step = (size / length).min(1.0);
     for _ in 0..8 {
-        x[n] = std::array::from_fn(|a| start[a] + step * direction[a]);
+        x[n] = (start + direction * step).into();
         if local(x).0 < value {
             return step * length * inverse;
         }
         step *= 0.4;
     }
-    x[n] = start;
+    x[n] = start.into();
     0.0
 }

@@ -1,9 +1,10 @@
 use case::{Atps, Canopy, FlatCanopy, Scene, StitchedEnd};
 
 use super::inflate::inflate;
-use crate::quality::{self, norm, sub};
+use crate::geometry::{Point, at, quad_area_vector};
+use crate::quality;
 use crate::structure::tests::scene;
-use crate::{FaceTable, MeshError, StructureMesh, Vec3, flow_grid, structure_mesh};
+use crate::{FaceTable, MeshError, StructureMesh, flow_grid, structure_mesh};
 
 pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
     let mut scene = scene(canopy);
@@ -29,7 +30,7 @@ pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
     scene
 }
 
-fn inflated(canopy: Canopy, pressure: f64) -> (Scene, StructureMesh, Vec<Vec3>) {
+fn inflated(canopy: Canopy, pressure: f64) -> (Scene, StructureMesh, Vec<Point>) {
     let scene = flow_scene(canopy);
     let mesh = structure_mesh(&scene).unwrap();
     let x = inflate(&mesh, pressure, 5e-4, 2000);
@@ -37,7 +38,7 @@ fn inflated(canopy: Canopy, pressure: f64) -> (Scene, StructureMesh, Vec<Vec3>) 
 }
 
 /// What every grid must be: closed, around the canopy exactly, canopy first.
-fn check(mesh: &StructureMesh, x: &[Vec3], grid: &crate::FlowGrid) -> FaceTable {
+fn check(mesh: &StructureMesh, x: &[Point], grid: &crate::FlowGrid) -> FaceTable {
     assert_eq!(&grid.coords[..x.len()], x);
     assert_eq!(grid.canopy_faces, mesh.faces);
     assert!(grid.canopy_nodes.iter().copied().eq(0..x.len() as u32));
@@ -60,8 +61,7 @@ fn atps_default() {
     for &(inside, outside) in &faces.canopy {
         for cell in [inside, outside] {
             let cell = &grid.cells[cell as usize];
-            let length =
-                |i: usize| norm(sub(grid.coords[cell[i] as usize], grid.coords[cell[i + 4] as usize]));
+            let length = |i: usize| (at(&grid.coords, cell[i]) - at(&grid.coords, cell[i + 4])).norm();
             let mean = (0..4).map(length).sum::<f64>() / 4.0;
             assert!((0.06..0.2).contains(&mean), "first layer {mean}");
         }
@@ -84,13 +84,7 @@ fn vents_are_open() {
     let between_arms = |f: &[u32; 4]| f.iter().any(|&n| n as usize >= blocks.surface - 4 * 8);
     let vents: Vec<_> = open.iter().filter(|f| between_arms(&f.0)).collect();
     assert_eq!(vents.len(), 4 * 9 * 2);
-    let area: f64 = vents
-        .iter()
-        .map(|f| {
-            let [a, b, c, d] = f.0.map(|n| grid.coords[n as usize]);
-            0.5 * norm(quality::cross(sub(c, a), sub(d, b)))
-        })
-        .sum();
+    let area: f64 = vents.iter().map(|f| quad_area_vector(f.0.map(|n| at(&grid.coords, n))).norm()).sum();
     // Four lenses about 3 m high and 1 m wide.
     assert!((4.0..10.0).contains(&area), "{area} m2");
 }
@@ -168,7 +162,7 @@ fn flat_sheets_and_domes() {
         for angle in [0.0, 45.0f64, 90.0] {
             // Bent over a sphere along its radii: up to a hemisphere on the disc.
             let ball = 3.0 / angle.to_radians().max(1e-6);
-            let bend = |p: &Vec3| {
+            let bend = |p: &Point| {
                 let r = p[0].hypot(p[1]);
                 let s = if r > 0.0 { ball * (r / ball).sin() / r } else { 1.0 };
                 [s * p[0], s * p[1], ball * ((r / ball).cos() - 1.0)]
@@ -179,7 +173,7 @@ fn flat_sheets_and_domes() {
             if angle_of_corner > 91.0 {
                 continue;
             }
-            let x: Vec<Vec3> = mesh.coords[..mesh.n_canopy].iter().map(bend).collect();
+            let x: Vec<Point> = mesh.coords[..mesh.n_canopy].iter().map(bend).collect();
             let grid = flow_grid(&scene, &mesh, &x).unwrap();
             check(&mesh, &x, &grid);
             let summary = quality::summary(&grid);
@@ -216,6 +210,6 @@ fn what_has_no_grid_is_refused() {
     x[7][1] = f64::NAN;
     assert!(flow_grid(&scene, &mesh, &x).unwrap_err().to_string().contains("node 7"));
     // Turned inside out, no smoothing can help: an error, not a bad grid.
-    let folded: Vec<Vec3> = mesh.coords.iter().map(|p| [p[0].abs(), p[1], p[2]]).collect();
+    let folded: Vec<Point> = mesh.coords.iter().map(|p| [p[0].abs(), p[1], p[2]]).collect();
     assert!(matches!(flow_grid(&scene, &mesh, &folded), Err(MeshError::Tangled { .. })));
 }

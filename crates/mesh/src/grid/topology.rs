@@ -14,7 +14,7 @@
 //! layers lead to the far field.
 
 use crate::structure::AtpsLayout;
-use crate::{FlowGrid, Patch, StructureMesh, Vec3};
+use crate::{FlowGrid, Patch, Point, StructureMesh};
 
 /// Where a surface node lies on the cube [-1, 1]^3, evenly spaced.
 pub(super) type CubePoint = [f64; 3];
@@ -281,7 +281,7 @@ impl Blocks {
     }
 
     /// The grid of these blocks with nodes at `coords`.
-    pub fn grid(&self, coords: Vec<Vec3>, canopy: &StructureMesh) -> FlowGrid {
+    pub fn grid(&self, coords: Vec<Point>, canopy: &StructureMesh) -> FlowGrid {
         let mut grid = FlowGrid {
             coords,
             canopy_nodes: (0..canopy.n_canopy as u32).collect(),

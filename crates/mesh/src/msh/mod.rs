@@ -6,7 +6,7 @@ mod write;
 use std::collections::HashMap;
 use std::path::Path;
 
-use crate::{MeshError, Vec3};
+use crate::{MeshError, Point};
 use source::Source;
 pub use write::write_msh;
 
@@ -85,7 +85,7 @@ pub(crate) struct Msh {
     pub names: HashMap<Tag, String>,
     /// Physical groups of entities.
     pub groups: HashMap<Tag, Vec<i64>>,
-    pub nodes: HashMap<u64, Vec3>,
+    pub nodes: HashMap<u64, Point>,
     /// In the file's order.
     pub blocks: Vec<Block>,
 }
@@ -212,7 +212,7 @@ fn nodes(w: &mut Source, msh: &mut Msh) -> Result<(), MeshError> {
             tags.push(w.size("a node tag")?);
         }
         for tag in tags {
-            let mut x: Vec3 = [0.0; 3];
+            let mut x: Point = [0.0; 3];
             for v in &mut x {
                 *v = w.real("a coordinate")?;
                 if !v.is_finite() {

@@ -27,6 +27,11 @@ impl Sink<'_> {
     fn line(&mut self) -> std::io::Result<()> {
         if self.binary { Ok(()) } else { writeln!(self.out) }
     }
+    /// The end of a section of data.
+    fn end(&mut self, section: &str) -> std::io::Result<()> {
+        let line = if self.binary { "\n" } else { "" };
+        self.text(&format!("{line}$End{section}\n"))
+    }
     fn text(&mut self, x: &str) -> std::io::Result<()> {
         self.out.write_all(x.as_bytes())
     }
@@ -107,6 +112,17 @@ fn put(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)], all: &[Run]
         w.text(&format!("{dimension} {tag} \"{name}\"\n"))?;
     }
     w.text("$EndPhysicalNames\n$Entities\n")?;
+    put_entities(w, grid, groups)?;
+    w.end("Entities")?;
+    w.text("$Nodes\n")?;
+    put_nodes(w, grid)?;
+    w.end("Nodes")?;
+    w.text("$Elements\n")?;
+    put_elements(w, all)?;
+    w.end("Elements")
+}
+
+fn put_entities(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)]) -> std::io::Result<()> {
     let surfaces = groups.len() - 1;
     for n in [0, 0, surfaces, 1] {
         w.size(n)?;
@@ -136,8 +152,10 @@ fn put(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)], all: &[Run]
         }
         w.line()?;
     }
-    let end = if w.binary { "\n" } else { "" };
-    w.text(&format!("{end}$EndEntities\n$Nodes\n"))?;
+    Ok(())
+}
+
+fn put_nodes(w: &mut Sink, grid: &FlowGrid) -> std::io::Result<()> {
     let n = grid.coords.len();
     for x in [1, n, 1, n] {
         w.size(x)?;
@@ -158,7 +176,10 @@ fn put(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)], all: &[Run]
         }
         w.line()?;
     }
-    w.text(&format!("{end}$EndNodes\n$Elements\n"))?;
+    Ok(())
+}
+
+fn put_elements(w: &mut Sink, all: &[Run]) -> std::io::Result<()> {
     let count = all.iter().map(|r| r.elements.len()).sum();
     for x in [all.len(), count, 1, count] {
         w.size(x)?;
@@ -180,5 +201,5 @@ fn put(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)], all: &[Run]
             w.line()?;
         }
     }
-    w.text(&format!("{end}$EndElements\n"))
+    Ok(())
 }

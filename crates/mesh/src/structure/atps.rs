@@ -3,8 +3,8 @@
 use case::{Atps, StitchedEnd};
 
 use super::{even, positive, refuse};
-use crate::quality::{norm, sub};
-use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
+use crate::geometry::{Point, at};
+use crate::{Cable, CableKind, MeshError, StructureMesh};
 
 /// Numbers the canopy nodes of the ATPS by panel position.
 ///
@@ -120,7 +120,7 @@ impl AtpsLayout {
 }
 
 /// Turns by k quarter turns about z, exactly.
-pub(super) fn turn(k: usize, [x, y, z]: Vec3) -> Vec3 {
+pub(super) fn turn(k: usize, [x, y, z]: Point) -> Point {
     match k % 4 {
         0 => [x, y, z],
         1 => [-y, x, z],
@@ -129,91 +129,122 @@ pub(super) fn turn(k: usize, [x, y, z]: Vec3) -> Vec3 {
     }
 }
 
+/// Lengths of the canopy, checked, m.
+struct Cut {
+    top_width: f64,
+    hem_width: f64,
+    /// Of an arm, along the fabric.
+    length: f64,
+    stitch: f64,
+    line_length: f64,
+    riser_length: f64,
+}
+
+impl Cut {
+    fn new(p: &Atps) -> Result<Self, MeshError> {
+        let cut = Self {
+            top_width: positive("canopy.top_width_m", p.top_width_m)?,
+            hem_width: positive("canopy.bottom_edge_width_m", p.bottom_edge_width_m)?,
+            length: positive("canopy.arm_length_m", p.arm_length_m)?,
+            stitch: positive("canopy.stitching_height_m", p.stitching_height_m)?,
+            line_length: positive("canopy.suspension_line_length_m", p.suspension_line_length_m)?,
+            riser_length: positive("canopy.riser_length_m", p.riser_length_m)?,
+        };
+        let (inset, length, half_hem) = (cut.inset(), cut.length, cut.half_hem());
+        if inset.abs() >= length {
+            return Err(refuse(
+                "canopy.arm_length_m",
+                length,
+                format!("must exceed half the difference of top and bottom width, {:.4} m", inset.abs()),
+            ));
+        }
+        if cut.stitch >= length {
+            return Err(refuse(
+                "canopy.stitching_height_m",
+                cut.stitch,
+                format!("must be below arm_length_m, {length} m"),
+            ));
+        }
+        if cut.line_length <= half_hem {
+            return Err(refuse(
+                "canopy.suspension_line_length_m",
+                cut.line_length,
+                format!("must exceed half of bottom_edge_width_m, {half_hem} m, to meet below the arm"),
+            ));
+        }
+        Ok(cut)
+    }
+
+    /// How far the hem lies inside the top's edge, m.
+    fn inset(&self) -> f64 {
+        0.5 * (self.top_width - self.hem_width)
+    }
+
+    fn half_hem(&self) -> f64 {
+        0.5 * self.hem_width
+    }
+
+    /// From the hem up to the top, m.
+    fn height(&self) -> f64 {
+        (self.length * self.length - self.inset() * self.inset()).sqrt()
+    }
+}
+
 /// Builds the mesh; `payload_mass` in kg if the payload falls.
 pub(super) fn atps(p: &Atps, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
     let layout = AtpsLayout::new(p)?;
-    let (n, m) = (layout.n, layout.m);
-    let top_width = positive("canopy.top_width_m", p.top_width_m)?;
-    let hem_width = positive("canopy.bottom_edge_width_m", p.bottom_edge_width_m)?;
-    let length = positive("canopy.arm_length_m", p.arm_length_m)?;
-    let stitch = positive("canopy.stitching_height_m", p.stitching_height_m)?;
-    let line_length = positive("canopy.suspension_line_length_m", p.suspension_line_length_m)?;
-    let riser_length = positive("canopy.riser_length_m", p.riser_length_m)?;
-    let inset = 0.5 * (top_width - hem_width);
-    if inset.abs() >= length {
-        return Err(refuse(
-            "canopy.arm_length_m",
-            length,
-            format!("must exceed half the difference of top and bottom width, {:.4} m", inset.abs()),
-        ));
-    }
-    if stitch >= length {
-        return Err(refuse(
-            "canopy.stitching_height_m",
-            stitch,
-            format!("must be below arm_length_m, {length} m"),
-        ));
-    }
-    let height = (length * length - inset * inset).sqrt();
-    let half_hem = 0.5 * hem_width;
-    if line_length <= half_hem {
-        return Err(refuse(
-            "canopy.suspension_line_length_m",
-            line_length,
-            format!("must exceed half of bottom_edge_width_m, {half_hem} m, to meet below the arm"),
-        ));
-    }
-
+    let cut = Cut::new(p)?;
     let mut mesh = StructureMesh { coords: vec![[0.0; 3]; layout.nodes()], ..Default::default() };
+    place_fabric(p, &cut, &layout, &mut mesh.coords);
+    mesh.n_canopy = mesh.coords.len();
+    layout.push_faces(&mut mesh, |k| k as u32 + 1);
+    let payload = add_lines(p, &cut, &layout, &mut mesh)?;
+    if p.reinforcements {
+        let line = 4 * p.lines_per_arm + 4;
+        reinforce(&mut mesh, &layout, line, p.reinforcement_spacing_cells as usize);
+    }
+    mesh.fixed.push((payload, [true; 3]));
+    mesh.point_masses.extend(payload_mass.map(|mass| (payload, mass)));
+    Ok(mesh)
+}
+
+/// Places the nodes of top and arms, unstressed.
+fn place_fabric(p: &Atps, cut: &Cut, layout: &AtpsLayout, coords: &mut [Point]) {
+    let (n, m) = (layout.n, layout.m);
+    let (inset, length, height) = (cut.inset(), cut.length, cut.height());
     // From -1 to 1, exactly antisymmetric.
     let across = |a: usize| (2.0 * a as f64 - n as f64) / n as f64;
     for j in 0..=n {
         for i in 0..=n {
-            let half = 0.5 * top_width;
-            mesh.coords[layout.top(i, j) as usize] = [across(i) * half, across(j) * half, 0.0];
+            let half = 0.5 * cut.top_width;
+            coords[layout.top(i, j) as usize] = [across(i) * half, across(j) * half, 0.0];
         }
     }
     let (vent_cells, stitch_cells) = (p.cells_along_vent as usize, p.cells_along_stitching as usize);
-    let (above, below, cut) = match p.stitched_end {
-        StitchedEnd::Hem => (vent_cells, stitch_cells, length - stitch),
-        StitchedEnd::Top => (stitch_cells, vent_cells, stitch),
+    let (above, below, end) = match p.stitched_end {
+        StitchedEnd::Hem => (vent_cells, stitch_cells, length - cut.stitch),
+        StitchedEnd::Top => (stitch_cells, vent_cells, cut.stitch),
     };
     for b in 1..=m {
         let s = if b <= above {
-            cut * b as f64 / above as f64
+            end * b as f64 / above as f64
         } else {
-            cut + (length - cut) * (b - above) as f64 / below as f64
+            end + (length - end) * (b - above) as f64 / below as f64
         };
-        let w = 0.5 * top_width - inset * s / length;
+        let w = 0.5 * cut.top_width - inset * s / length;
         for k in 0..4 {
             for a in 0..=n {
-                mesh.coords[layout.arm(k, a, b) as usize] = turn(k, [w, across(a) * w, -height * s / length]);
+                coords[layout.arm(k, a, b) as usize] = turn(k, [w, across(a) * w, -height * s / length]);
             }
         }
     }
-    mesh.n_canopy = mesh.coords.len();
+}
 
-    for j in 0..n {
-        for i in 0..n {
-            let quad =
-                [layout.top(i, j), layout.top(i + 1, j), layout.top(i + 1, j + 1), layout.top(i, j + 1)];
-            mesh.push_quad(quad, 0, (i + j) % 2 == 0);
-        }
-    }
-    for k in 0..4 {
-        for b in 0..m {
-            for a in 0..n {
-                let quad = [
-                    layout.arm(k, a, b),
-                    layout.arm(k, a, b + 1),
-                    layout.arm(k, a + 1, b + 1),
-                    layout.arm(k, a + 1, b),
-                ];
-                mesh.push_quad(quad, k as u32 + 1, (a + b) % 2 == 0);
-            }
-        }
-    }
-
+/// Adds suspension lines, confluence points, risers and the payload's node, which it returns. Risers and the
+/// middles of the outer lines lie in one straight line, all of them taut.
+fn add_lines(p: &Atps, cut: &Cut, layout: &AtpsLayout, mesh: &mut StructureMesh) -> Result<u32, MeshError> {
+    let (n, m) = (layout.n, layout.m);
+    let (half_hem, height) = (cut.half_hem(), cut.height());
     let lines = p.lines_per_arm as usize;
     if lines < 2 || lines > n + 1 {
         return Err(refuse(
@@ -226,11 +257,11 @@ pub(super) fn atps(p: &Atps, payload_mass: Option<f64>) -> Result<StructureMesh,
     if !(1..=10_000).contains(&segments) {
         return Err(refuse("canopy.segments_per_line", segments, "must be from 1 to 10000"));
     }
-    // Riser and middle of the outer lines in one straight line, all of them taut.
-    let line_in_plane = (line_length * line_length - half_hem * half_hem).sqrt();
-    let down_in_plane = line_in_plane + riser_length;
+    let line_in_plane = (cut.line_length * cut.line_length - half_hem * half_hem).sqrt();
+    let down_in_plane = line_in_plane + cut.riser_length;
     if down_in_plane <= half_hem {
-        return Err(refuse("canopy.riser_length_m", riser_length, "lines and risers are too short to meet"));
+        let reason = "lines and risers are too short to meet";
+        return Err(refuse("canopy.riser_length_m", cut.riser_length, reason));
     }
     let drop = (down_in_plane * down_in_plane - half_hem * half_hem).sqrt();
     let share = line_in_plane / down_in_plane;
@@ -243,20 +274,14 @@ pub(super) fn atps(p: &Atps, payload_mass: Option<f64>) -> Result<StructureMesh,
             let near = |l: usize| (l * n + (lines - 1) / 2) / (lines - 1);
             let a = if 2 * l < lines { near(l) } else { n - near(lines - 1 - l) };
             let ends = [layout.arm(k, a, m), confluence];
-            mesh.push_line(ends, line_length, segments, CableKind::SuspensionLine, (k * lines + l) as u32);
+            let line = (k * lines + l) as u32;
+            mesh.push_line(ends, cut.line_length, segments, CableKind::SuspensionLine, line);
         }
     }
-    let mut line = (4 * lines) as u32;
-    for c in confluences {
-        mesh.push_line([c, payload], riser_length, 1, CableKind::Riser, line);
-        line += 1;
+    for (line, c) in (4 * p.lines_per_arm..).zip(confluences) {
+        mesh.push_line([c, payload], cut.riser_length, 1, CableKind::Riser, line);
     }
-    if p.reinforcements {
-        reinforce(&mut mesh, &layout, line, p.reinforcement_spacing_cells as usize);
-    }
-    mesh.fixed.push((payload, [true; 3]));
-    mesh.point_masses.extend(payload_mass.map(|mass| (payload, mass)));
-    Ok(mesh)
+    Ok(payload)
 }
 
 /// Cables along all panel edges, one line number for each edge; with a `spacing`
@@ -268,7 +293,7 @@ fn reinforce(mesh: &mut StructureMesh, layout: &AtpsLayout, first_line: u32, spa
         let nodes: Vec<u32> = nodes.collect();
         for pair in nodes.windows(2) {
             let [a, b] = [pair[0], pair[1]];
-            let rest_length = norm(sub(mesh.coords[a as usize], mesh.coords[b as usize]));
+            let rest_length = (at(&mesh.coords, a) - at(&mesh.coords, b)).norm();
             mesh.cables.push(Cable { nodes: [a, b], rest_length, kind: CableKind::Reinforcement, line });
         }
         line += 1;

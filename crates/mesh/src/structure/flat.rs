@@ -4,7 +4,7 @@ use case::{AirBag, FlatCanopy};
 
 use super::atps::{AtpsLayout, turn};
 use super::{even, positive, refuse};
-use crate::{CableKind, MeshError, StructureMesh, Vec3};
+use crate::{CableKind, MeshError, Point, StructureMesh};
 
 /// Shape of the rim.
 #[derive(Clone, Copy, PartialEq)]
@@ -29,7 +29,7 @@ pub(crate) fn layout(p: &FlatCanopy, round: bool) -> Result<AtpsLayout, MeshErro
 }
 
 /// Places the nodes of a disc of radius 1.
-fn place_disc(layout: &AtpsLayout, coords: &mut [Vec3]) {
+fn place_disc(layout: &AtpsLayout, coords: &mut [Point]) {
     let (n, rings) = (layout.n, layout.m);
     let across = |a: usize| (2.0 * a as f64 - n as f64) / n as f64;
     // Half-way between a square and the disc, whose lines x, y = const become

@@ -11,8 +11,8 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
-use crate::msh::{Msh, Shape, Tag};
-use crate::quality::{norm, sub};
+use crate::geometry::at;
+use crate::msh::{Block, Msh, Shape, Tag};
 use crate::{Cable, CableKind, MeshError, StructureMesh};
 
 /// The physical group that is the fabric of a file which also holds a flow grid.
@@ -25,124 +25,173 @@ pub(super) fn gmsh(path: &Path, payload_mass: Option<f64>) -> Result<StructureMe
 
 fn build(path: &Path, parts: &Msh, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
     let bad = |reason: String| MeshError::File { path: path.into(), reason };
-    // A flow grid's other surfaces are no fabric.
-    let with_grid = parts.blocks.iter().any(|b| b.shape.is_volume());
-    let is_fabric = |b: &&crate::msh::Block| {
-        let flat = matches!(b.shape, Shape::Triangle | Shape::Quadrilateral);
-        flat && (!with_grid || parts.names_of(b.entity).any(|n| n == CANOPY))
-    };
-    let fabric = || {
-        let blocks = parts.blocks.iter().filter(is_fabric);
-        blocks.flat_map(|b| b.elements().map(move |(_, nodes)| (b.entity, nodes)))
-    };
-    let elements = || {
-        // Volumes and their outer surfaces belong to the air.
-        let blocks = parts.blocks.iter().filter(|b| b.entity.0 < 2 || is_fabric(b));
-        blocks.flat_map(|b| b.elements().map(move |(_, nodes)| (b.entity, nodes)))
-    };
-    // Canopy nodes first, each kind in the order of the tags.
-    let canopy: BTreeSet<u64> = fabric().flat_map(|(_, nodes)| nodes.iter().copied()).collect();
-    if canopy.is_empty() {
+    let mut builder = Builder::new(parts);
+    builder.add_fabric();
+    if builder.mesh.n_canopy == 0 {
         return Err(bad("holds no triangle or quadrilateral (in a physical group \"canopy\" where it also holds a flow grid), so there is no fabric".into()));
     }
-    let mut mesh = StructureMesh::default();
-    let mut number: HashMap<u64, u32> = HashMap::new();
-    let mut add = |mesh: &mut StructureMesh, tag: u64| {
-        *number.entry(tag).or_insert_with(|| mesh.push_node(parts.nodes[&tag]))
-    };
-    canopy.iter().for_each(|&tag| {
-        add(&mut mesh, tag);
-    });
-    mesh.n_canopy = mesh.coords.len();
+    builder.add_named(payload_mass);
+    builder.name_sets();
+    judge(&builder.mesh).map_err(bad)?;
+    Ok(builder.mesh)
+}
 
-    let mut panels: Vec<Tag> = Vec::new();
-    for (entity, nodes) in fabric() {
-        let panel = panels.iter().position(|p| *p == entity).unwrap_or_else(|| {
-            panels.push(entity);
-            panels.len() - 1
-        });
-        let nodes: Vec<u32> = nodes.iter().map(|&tag| add(&mut mesh, tag)).collect();
-        if let [a, b, c] = nodes[..] {
-            mesh.triangles.push([a, b, c]);
-            mesh.triangle_face.push(mesh.faces.len() as u32);
-            mesh.faces.push([a, b, c, c]);
-            mesh.face_panel.push(panel as u32);
-        } else {
-            let [a, b, c, d] = [nodes[0], nodes[1], nodes[2], nodes[3]];
-            let diagonal = |p: u32, q: u32| norm(sub(mesh.coords[p as usize], mesh.coords[q as usize]));
-            let straight = diagonal(a, c) <= diagonal(b, d);
-            mesh.push_quad([a, b, c, d], panel as u32, straight);
+/// A structure mesh while elements of a file are added to it.
+struct Builder<'a> {
+    parts: &'a Msh,
+    /// The file also holds a flow grid, whose outer surfaces are no fabric.
+    with_grid: bool,
+    mesh: StructureMesh,
+    /// Node of each of the file's tags.
+    number: HashMap<u64, u32>,
+}
+
+impl<'a> Builder<'a> {
+    fn new(parts: &'a Msh) -> Self {
+        let with_grid = parts.blocks.iter().any(|b| b.shape.is_volume());
+        Self { parts, with_grid, mesh: StructureMesh::default(), number: HashMap::new() }
+    }
+
+    fn is_fabric(&self, b: &Block) -> bool {
+        let flat = matches!(b.shape, Shape::Triangle | Shape::Quadrilateral);
+        flat && (!self.with_grid || self.parts.names_of(b.entity).any(|n| n == CANOPY))
+    }
+
+    /// Entity and nodes of the elements of the blocks that `pick` picks.
+    fn elements(&self, pick: impl Fn(&Block) -> bool) -> Vec<(Tag, &'a [u64])> {
+        let blocks = self.parts.blocks.iter().filter(|b| pick(b));
+        blocks.flat_map(|b| b.elements().map(move |(_, nodes)| (b.entity, nodes))).collect()
+    }
+
+    fn add(&mut self, tag: u64) -> u32 {
+        *self.number.entry(tag).or_insert_with(|| self.mesh.push_node(self.parts.nodes[&tag]))
+    }
+
+    /// Canopy nodes in the order of the tags, then faces and triangles in the order of the file.
+    fn add_fabric(&mut self) {
+        let fabric = self.elements(|b| self.is_fabric(b));
+        let canopy: BTreeSet<u64> = fabric.iter().flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        for tag in canopy {
+            self.add(tag);
+        }
+        self.mesh.n_canopy = self.mesh.coords.len();
+        let mut panels: Vec<Tag> = Vec::new();
+        for (entity, nodes) in fabric {
+            let panel = place_in(&mut panels, entity);
+            let nodes: Vec<u32> = nodes.iter().map(|&tag| self.add(tag)).collect();
+            let mesh = &mut self.mesh;
+            if let [a, b, c] = nodes[..] {
+                mesh.triangles.push([a, b, c]);
+                mesh.triangle_face.push(mesh.faces.len() as u32);
+                mesh.faces.push([a, b, c, c]);
+                mesh.face_panel.push(panel);
+            } else {
+                let [a, b, c, d] = [nodes[0], nodes[1], nodes[2], nodes[3]];
+                let diagonal = |p: u32, q: u32| (at(&mesh.coords, p) - at(&mesh.coords, q)).norm();
+                let straight = diagonal(a, c) <= diagonal(b, d);
+                mesh.push_quad([a, b, c, d], panel, straight);
+            }
         }
     }
 
-    let mut lines: Vec<(Tag, CableKind)> = Vec::new();
-    let mut fixed: BTreeMap<u32, [bool; 3]> = BTreeMap::new();
-    for (entity, nodes) in elements() {
-        for name in parts.names_of(entity) {
-            let kind = match name {
-                "lines" => Some(CableKind::SuspensionLine),
-                "risers" => Some(CableKind::Riser),
-                "reinforcements" => Some(CableKind::Reinforcement),
-                _ => None,
-            };
-            if let (Some(kind), [a, b]) = (kind, nodes) {
-                let line = lines.iter().position(|l| *l == (entity, kind)).unwrap_or_else(|| {
-                    lines.push((entity, kind));
-                    lines.len() - 1
-                }) as u32;
-                let nodes = [add(&mut mesh, *a), add(&mut mesh, *b)];
-                let [p, q] = nodes.map(|n| mesh.coords[n as usize]);
-                mesh.cables.push(Cable { nodes, rest_length: norm(sub(p, q)), kind, line });
-            }
-            let held = match name {
-                "fixed" | "payload" => [true; 3],
-                "fixed-x" => [true, false, false],
-                "fixed-y" => [false, true, false],
-                "fixed-z" => [false, false, true],
-                _ => continue,
-            };
-            for &tag in nodes {
-                let node = add(&mut mesh, tag);
-                let own = fixed.entry(node).or_default();
-                (0..3).for_each(|i| own[i] |= held[i]);
-                if name == "payload" && nodes.len() == 1 {
-                    mesh.point_masses.extend(payload_mass.map(|mass| (node, mass)));
+    /// Cables, held nodes and the payload: what physical groups say by their names.
+    fn add_named(&mut self, payload_mass: Option<f64>) {
+        let mut lines: Vec<(Tag, CableKind)> = Vec::new();
+        let mut fixed: BTreeMap<u32, [bool; 3]> = BTreeMap::new();
+        let parts = self.parts;
+        for (entity, nodes) in self.structure() {
+            for name in parts.names_of(entity) {
+                if let (Some(kind), [a, b]) = (cable_kind(name), nodes) {
+                    let line = place_in(&mut lines, (entity, kind));
+                    let nodes = [self.add(*a), self.add(*b)];
+                    let [p, q] = nodes.map(|n| at(&self.mesh.coords, n));
+                    self.mesh.cables.push(Cable { nodes, rest_length: (p - q).norm(), kind, line });
+                }
+                let Some(held) = held(name) else { continue };
+                for &tag in nodes {
+                    let node = self.add(tag);
+                    let own = fixed.entry(node).or_default();
+                    (0..3).for_each(|i| own[i] |= held[i]);
+                    if name == "payload" && nodes.len() == 1 {
+                        self.mesh.point_masses.extend(payload_mass.map(|mass| (node, mass)));
+                    }
                 }
             }
         }
+        self.mesh.fixed = fixed.into_iter().collect();
     }
-    mesh.fixed = fixed.into_iter().collect();
-    let mut sets: BTreeMap<&str, BTreeSet<u32>> = BTreeMap::new();
-    for (entity, nodes) in elements() {
-        for name in parts.names_of(entity) {
-            sets.entry(name).or_default().extend(nodes.iter().filter_map(|tag| number.get(tag)));
+
+    /// Elements but for volumes and their outer surfaces, which belong to the air.
+    fn structure(&self) -> Vec<(Tag, &'a [u64])> {
+        self.elements(|b| b.entity.0 < 2 || self.is_fabric(b))
+    }
+
+    fn name_sets(&mut self) {
+        let mut sets: BTreeMap<&str, BTreeSet<u32>> = BTreeMap::new();
+        for (entity, nodes) in self.structure() {
+            for name in self.parts.names_of(entity) {
+                sets.entry(name).or_default().extend(nodes.iter().filter_map(|tag| self.number.get(tag)));
+            }
         }
+        self.mesh.node_sets =
+            sets.into_iter().map(|(name, nodes)| (name.into(), nodes.into_iter().collect())).collect();
     }
-    mesh.node_sets =
-        sets.into_iter().map(|(name, nodes)| (name.into(), nodes.into_iter().collect())).collect();
+}
+
+/// Place of `item` in `list`, at whose end it is put where it is new.
+fn place_in<T: PartialEq>(list: &mut Vec<T>, item: T) -> u32 {
+    let place = list.iter().position(|i| *i == item).unwrap_or_else(|| {
+        list.push(item);
+        list.len() - 1
+    });
+    place as u32
+}
+
+fn cable_kind(group: &str) -> Option<CableKind> {
+    match group {
+        "lines" => Some(CableKind::SuspensionLine),
+        "risers" => Some(CableKind::Riser),
+        "reinforcements" => Some(CableKind::Reinforcement),
+        _ => None,
+    }
+}
+
+/// Components that a group holds.
+fn held(group: &str) -> Option<[bool; 3]> {
+    match group {
+        "fixed" | "payload" => Some([true; 3]),
+        "fixed-x" => Some([true, false, false]),
+        "fixed-y" => Some([false, true, false]),
+        "fixed-z" => Some([false, false, true]),
+        _ => None,
+    }
+}
+
+/// Says what makes `mesh` no structure.
+fn judge(mesh: &StructureMesh) -> Result<(), String> {
     if mesh.fixed.is_empty() {
-        return Err(bad("fixes no node: put points or curves into a physical group named \"fixed\"".into()));
+        return Err("fixes no node: put points or curves into a physical group named \"fixed\"".into());
     }
     let flat = mesh.triangles.iter().position(|t| {
-        let [a, b, c] = t.map(|n| mesh.coords[n as usize]);
-        let (u, v) = (sub(b, a), sub(c, a));
-        norm(crate::quality::cross(u, v)) <= 1e-12 * (norm(u) * norm(v)).max(f64::MIN_POSITIVE)
+        let [a, b, c] = t.map(|n| at(&mesh.coords, n));
+        let (u, v) = (b - a, c - a);
+        u.cross(&v).norm() <= 1e-12 * (u.norm() * v.norm()).max(f64::MIN_POSITIVE)
     });
     if let Some(t) = flat {
         let at = mesh.coords[mesh.triangles[t][0] as usize];
-        return Err(bad(format!("a fabric element at {at:?} has no area")));
+        return Err(format!("a fabric element at {at:?} has no area"));
     }
     if let Some(c) = mesh.cables.iter().find(|c| c.rest_length <= 0.0) {
         let at = mesh.coords[c.nodes[0] as usize];
-        return Err(bad(format!("a cable element at {at:?} has no length")));
+        return Err(format!("a cable element at {at:?} has no length"));
     }
     let loose: BTreeSet<u32> = mesh.cables.iter().flat_map(|c| c.nodes).collect();
     let n_canopy = mesh.n_canopy as u32;
     if let Some(&(node, _)) = mesh.fixed.iter().find(|(n, _)| *n >= n_canopy && !loose.contains(n)) {
         let at = mesh.coords[node as usize];
-        return Err(bad(format!("the fixed node at {at:?} belongs to no fabric and no cable")));
+        return Err(format!("the fixed node at {at:?} belongs to no fabric and no cable"));
     }
-    Ok(mesh)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -16,7 +16,8 @@ pub(crate) use flat::layout as flat_layout;
 
 use case::{Canopy, Scene};
 
-use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
+use crate::geometry::{Point, at};
+use crate::{Cable, CableKind, MeshError, StructureMesh};
 
 /// Fabric, lines and payload of a scene, unstressed.
 ///
@@ -24,7 +25,7 @@ use crate::{Cable, CableKind, MeshError, StructureMesh, Vec3};
 /// [`MeshError::Parameter`] if the parameters make no canopy, and what is wrong
 /// with a mesh file.
 pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
-    let body = scene.descent.as_ref().and_then(|d| d.body.as_ref());
+    let body = scene.payload_body();
     // A body has its mass itself, not its nodes.
     let payload_mass = scene.descent.as_ref().filter(|_| body.is_none()).map(|d| d.payload_mass_kg);
     let mut mesh = match &scene.canopy {
@@ -101,20 +102,20 @@ impl StructureMesh {
         }
     }
 
-    fn push_node(&mut self, x: Vec3) -> u32 {
+    fn push_node(&mut self, x: Point) -> u32 {
         self.coords.push(x);
         (self.coords.len() - 1) as u32
     }
 
     /// Area of the fabric, m2, of the panels that `panel` picks.
     pub fn fabric_area(&self, panel: impl Fn(u32) -> bool) -> f64 {
-        use crate::quality::{cross, norm, sub};
         let picked = self.triangles.iter().zip(&self.triangle_face);
         picked
             .filter(|(_, face)| panel(self.face_panel[**face as usize]))
             .map(|(t, _)| {
-                let [a, b, c] = t.map(|n| self.coords[n as usize]);
-                0.5 * norm(cross(sub(b, a), sub(c, a)))
+                let [a, b, c] = t.map(|n| at(&self.coords, n));
+                // Half of the length, not the length of the half: digits of earlier builds.
+                0.5 * (b - a).cross(&(c - a)).norm()
             })
             .sum()
     }

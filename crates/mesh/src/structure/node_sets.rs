@@ -1,7 +1,7 @@
 //! Nodes that a scene speaks of: by the name of a set, or by a point.
 
-use crate::quality::{norm, sub};
-use crate::{MeshError, StructureMesh, Vec3};
+use crate::geometry::{Point, Vec3, at};
+use crate::{MeshError, StructureMesh};
 
 impl StructureMesh {
     /// Adds the sets that every structure has: `held`, `rim` and `canopy`. Physical
@@ -36,9 +36,14 @@ impl StructureMesh {
     ///
     /// # Errors
     /// [`MeshError::NoSuchNodes`] for an unknown or empty set, or neither of both.
-    pub fn nodes_of(&self, key: &str, name: Option<&str>, near: Option<Vec3>) -> Result<Vec<u32>, MeshError> {
-        if let Some(x) = near {
-            let far = |n: &u32| norm(sub(self.coords[*n as usize], x));
+    pub fn nodes_of(
+        &self,
+        key: &str,
+        name: Option<&str>,
+        near: Option<Point>,
+    ) -> Result<Vec<u32>, MeshError> {
+        if let Some(x) = near.map(Vec3::from) {
+            let far = |n: &u32| (at(&self.coords, *n) - x).norm();
             let nearest = (0..self.coords.len() as u32).min_by(|a, b| far(a).total_cmp(&far(b)));
             return Ok(nearest.into_iter().collect());
         }

@@ -3,7 +3,7 @@
 use case::PayloadBody;
 
 use super::refuse;
-use crate::{MeshError, StructureMesh, Vec3};
+use crate::{MeshError, Point, StructureMesh};
 
 impl StructureMesh {
     /// Gives each attachment of the payload a node of its own, held like the payload's point,
@@ -17,7 +17,7 @@ impl StructureMesh {
         };
         let middle = self.coords[payload as usize];
         let mean = mean(&body.attachments_m);
-        let place = |a: &Vec3| std::array::from_fn(|i| middle[i] + a[i] - mean[i]);
+        let place = |a: &Point| std::array::from_fn(|i| middle[i] + a[i] - mean[i]);
         let mut nodes = vec![payload];
         self.coords[payload as usize] = place(&body.attachments_m[0]);
         for a in &body.attachments_m[1..] {
@@ -43,7 +43,7 @@ impl StructureMesh {
     }
 }
 
-fn mean(points: &[Vec3]) -> Vec3 {
+fn mean(points: &[Point]) -> Point {
     std::array::from_fn(|i| points.iter().map(|p| p[i]).sum::<f64>() / points.len() as f64)
 }
 

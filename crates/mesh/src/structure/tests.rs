@@ -2,7 +2,7 @@ use std::collections::HashMap;
 
 use case::*;
 
-use crate::quality::{cross, dot, norm, sub};
+use crate::geometry::{Point, Vec3, at, triangle_area_vector};
 use crate::{CableKind, MeshError, StructureMesh, structure_mesh};
 
 pub(crate) fn scene(canopy: Canopy) -> Scene {
@@ -68,9 +68,9 @@ fn close(value: f64, expected: f64) {
 /// with the field (x/2, y/2, 0) that the two flat planes do not see.
 fn enclosed(mesh: &StructureMesh) -> f64 {
     let flux = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|n| mesh.coords[n as usize]);
-        let area = cross(sub(b, a), sub(c, a));
-        (0..2).map(|i| (a[i] + b[i] + c[i]) / 3.0 * area[i] / 4.0).sum::<f64>()
+        let [a, b, c] = t.map(|n| at(&mesh.coords, n));
+        let area = triangle_area_vector([a, b, c]);
+        (0..2).map(|i| (a[i] + b[i] + c[i]) / 3.0 * area[i] / 2.0).sum::<f64>()
     };
     mesh.triangles.iter().map(flux).sum()
 }
@@ -97,15 +97,16 @@ fn atps_lines() {
     for segments in [1, 4] {
         let mesh = atps(|p| p.segments_per_line = segments);
         let payload = mesh.fixed[0].0 as usize;
-        let near = |x: [f64; 3], y: [f64; 3]| assert!(norm(sub(x, y)) < 1e-5, "{x:?} is not {y:?}");
+        let near =
+            |x: Point, y: Point| assert!((Vec3::from(x) - Vec3::from(y)).norm() < 1e-5, "{x:?} is not {y:?}");
         near(mesh.coords[payload], [0.0, 0.0, -10.06028]);
         near(mesh.coords[payload + 1], [0.54268, 0.0, -8.96852]);
         near(mesh.coords[payload + 2], [0.0, 0.54268, -8.96852]);
         assert_eq!(mesh.cables.len(), 28 * segments as usize + 4);
         let mut slack = [0.0; 32];
         for c in &mesh.cables {
-            let [a, b] = c.nodes.map(|n| mesh.coords[n as usize]);
-            slack[c.line as usize] += c.rest_length - norm(sub(a, b));
+            let [a, b] = c.nodes.map(|n| at(&mesh.coords, n));
+            slack[c.line as usize] += c.rest_length - (a - b).norm();
         }
         for (line, &s) in slack.iter().enumerate() {
             let taut = line >= 28 || line % 7 == 0 || line % 7 == 6;
@@ -138,9 +139,9 @@ fn atps_edges_are_shared_where_stitched() {
         let open = edges.keys().filter(|(a, b)| !edges.contains_key(&(*b, *a))).count() as u32;
         assert_eq!(open, 4 * n + 8 * vent);
         for t in &mesh.triangles {
-            let [a, b, c] = t.map(|n| mesh.coords[n as usize]);
-            let middle = [0, 1, 2].map(|i| (a[i] + b[i] + c[i]) / 3.0 - [0.0, 0.0, -2.0][i]);
-            assert!(dot(cross(sub(b, a), sub(c, a)), middle) > 0.0);
+            let [a, b, c] = t.map(|n| at(&mesh.coords, n));
+            let out = (a + b + c) / 3.0 - Vec3::new(0.0, 0.0, -2.0);
+            assert!(triangle_area_vector([a, b, c]).dot(&out) > 0.0);
         }
     }
 }
@@ -205,9 +206,8 @@ fn flat_canopies() {
     assert!((payload[2] + 8f64.sqrt()).abs() < 1e-12);
     for mesh in [&square, &round] {
         for t in &mesh.triangles {
-            let [a, b, c] = t.map(|n| mesh.coords[n as usize]);
             // Up, and of even size.
-            let area = 0.5 * cross(sub(b, a), sub(c, a))[2];
+            let area = triangle_area_vector(t.map(|n| at(&mesh.coords, n))).z;
             assert!((0.25..2.5).contains(&(area * mesh.triangles.len() as f64 / 4.0)), "{area}");
         }
     }
@@ -278,13 +278,13 @@ proptest::proptest! {
         same(enclosed(&mesh), height / 3.0 * (top * top + top * hem + hem * hem));
         let outer = mesh.cables.iter().filter(|c| c.line == 0);
         for c in outer {
-            let [a, b] = c.nodes.map(|n| mesh.coords[n as usize]);
-            same(norm(sub(a, b)), c.rest_length);
+            let [a, b] = c.nodes.map(|n| at(&mesh.coords, n));
+            same((a - b).norm(), c.rest_length);
         }
         // No line is longer than its chord allows; risers are taut.
         for c in &mesh.cables {
-            let [a, b] = c.nodes.map(|n| mesh.coords[n as usize]);
-            assert!(norm(sub(a, b)) <= c.rest_length * (1.0 + 1e-12));
+            let [a, b] = c.nodes.map(|n| at(&mesh.coords, n));
+            assert!((a - b).norm() <= c.rest_length * (1.0 + 1e-12));
         }
     }
 }

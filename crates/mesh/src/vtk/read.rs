@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use vtkio::model::{Attribute, CellType, DataSet, Vtk};
 
 use super::Series;
-use crate::{MeshError, Vec3};
+use crate::{MeshError, Point};
 
 /// The files of one time of a series, one for each rank.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +50,7 @@ pub struct Column {
 #[derive(Clone, Debug, Default)]
 pub struct Piece {
     /// Positions, m.
-    pub points: Vec<Vec3>,
+    pub points: Vec<Point>,
     nodes: Vec<u32>,
     ends: Vec<usize>,
     kinds: Vec<CellType>,

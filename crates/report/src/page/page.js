@@ -4,6 +4,8 @@ for (const svg of document.querySelectorAll("svg.chart")) {
     const [left, top, width, height] = svg.dataset.box.split(",").map(Number);
     const [x0, x1, y0, y1] = svg.dataset.span.split(",").map(Number);
     const unit = svg.dataset.unit;
+    // Units of the drawing in a pixel.
+    const pixel = Number(svg.dataset.pixel);
     const curves = [...svg.querySelectorAll(".curve[data-points]")].map((path) => ({
         label: path.dataset.label,
         style: path.getAttribute("class").split(" ")[1].replace("c", "f"),
@@ -32,9 +34,10 @@ for (const svg of document.querySelectorAll("svg.chart")) {
         at = Math.min(Math.max(x, x0), x1);
         const px = left + (width * (at - x0)) / (x1 - x0);
         const right = px > left + width * 0.6;
-        marks.replaceChildren(make("path", { class: "guide", d: `M${px} ${top}v${height}` }));
+        marks.replaceChildren(make("path", { class: "guide", "stroke-width": pixel, d: `M${px} ${top}v${height}` }));
         const write = (line, text) => marks.append(make("text", {
-            class: "tip", x: px + (right ? -9 : 9), y: top + 14 + 16 * line, "text-anchor": right ? "end" : "start",
+            class: "tip", x: px + (right ? -9 : 9) * pixel, y: top + (14 + 16 * line) * pixel,
+            "font-size": 12 * pixel, "stroke-width": 4 * pixel, "text-anchor": right ? "end" : "start",
         }, text));
         write(0, `${at.toPrecision(4)} s`);
         curves.forEach((curve, i) => {
@@ -42,7 +45,7 @@ for (const svg of document.querySelectorAll("svg.chart")) {
             const [, y] = curve.points[nearest(curve.points, at)];
             const v = svg.dataset.log ? Math.log10(Math.max(y, 1e-300)) : y;
             const py = top + height * (1 - (v - y0) / (y1 - y0));
-            marks.append(make("circle", { class: `dot ${curve.style}`, cx: px, cy: py, r: 4 }));
+            marks.append(make("circle", { class: `dot ${curve.style}`, cx: px, cy: py, r: 4 * pixel, "stroke-width": 1.5 * pixel }));
             write(i + 1, `${curves.length > 1 ? curve.label + " " : ""}${y} ${unit}`);
         });
     };

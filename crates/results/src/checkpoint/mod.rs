@@ -55,10 +55,10 @@ pub fn remove(folder: &Path) -> Result<(), RunError> {
     }
 }
 
-/// An error of a kept file in words of a run.
-pub(crate) fn unusable(error: channel::KeptError) -> RunError {
+/// An archive's error in words of a run.
+pub(crate) fn unusable(error: archive::Error) -> RunError {
     match error {
-        channel::KeptError::Io { path, source } => RunError::File { action: "read or write", path, source },
+        archive::Error::Io { action, path, source } => RunError::File { action, path, source },
         other => RunError::Input(other.to_string()),
     }
 }

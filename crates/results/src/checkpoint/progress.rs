@@ -12,7 +12,7 @@ use super::unusable;
 use crate::summary::StageSummary;
 
 const FILE: &str = "progress.bin";
-const MAGIC: [u8; 8] = *b"ripprogr";
+const KIND: [u8; 8] = *b"ripprogr";
 const VERSION: u32 = 2;
 
 /// How far a stage has come.
@@ -44,7 +44,7 @@ impl Progress {
     /// # Errors
     /// Trouble with the file.
     pub fn save(&self, folder: &Path) -> Result<(), RunError> {
-        channel::keep(&folder.join(FILE), MAGIC, VERSION, self).map(|_| ()).map_err(unusable)
+        archive::save(&folder.join(FILE), KIND, VERSION, self).map(|_| ()).map_err(unusable)
     }
 
     /// Reads what [`Progress::save`] wrote.
@@ -52,6 +52,6 @@ impl Progress {
     /// # Errors
     /// A file that is missing, damaged or of another version.
     pub fn load(folder: &Path) -> Result<Self, RunError> {
-        channel::kept(&folder.join(FILE), MAGIC, VERSION).map_err(unusable)
+        archive::load(&folder.join(FILE), KIND, VERSION).map_err(unusable)
     }
 }

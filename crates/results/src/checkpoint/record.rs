@@ -1,10 +1,10 @@
 //! `resume.json`: which run the states in a folder belong to, and the scene that it began with.
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use archive::hash::checksum;
 use case::Scene;
 use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,7 @@ impl Record {
     /// Of a run of `scene` that begins now with stage `first`.
     pub fn new(scene: &Scene, file: &Path, first: usize) -> Self {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
-        let run = channel::checksum(format!("{} {now}", std::process::id()).as_bytes());
+        let run = checksum(format!("{} {now}", std::process::id()).as_bytes());
         let scene = serde_json::to_value(scene).unwrap_or_default();
         let files = named_files(&scene, file.parent().unwrap_or(Path::new(".")));
         Self { format: FORMAT, run, first, scene, files }
@@ -46,15 +46,8 @@ impl Record {
     /// Trouble with the file.
     pub fn write(&self, out: &Path) -> Result<(), RunError> {
         let path = out.join(FILE);
-        let aside = path.with_extension("part");
         let text = serde_json::to_string_pretty(self).unwrap_or_default();
-        let write = || {
-            let mut file = std::fs::File::create(&aside)?;
-            file.write_all(text.as_bytes())?;
-            file.sync_all()?;
-            std::fs::rename(&aside, &path)
-        };
-        write().map_err(RunError::file("write", &path))
+        archive::write_whole(&path, &[text.as_bytes()]).map_err(RunError::file("write", &path))
     }
 
     /// The record of the run whose results lie in `out`.
@@ -123,7 +116,7 @@ fn named_files(scene: &Value, folder: &Path) -> BTreeMap<String, u64> {
     let file = |name: &&str| {
         let path = folder.join(name);
         let bytes = path.is_file().then(|| std::fs::read(&path).ok()).flatten()?;
-        Some(((*name).to_owned(), channel::checksum(&bytes)))
+        Some(((*name).to_owned(), checksum(&bytes)))
     };
     all.iter().filter_map(file).collect()
 }

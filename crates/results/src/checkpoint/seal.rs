@@ -3,13 +3,14 @@
 use std::fs::{self, File};
 use std::path::Path;
 
+use archive::hash::checksum;
 use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 
 use super::unusable;
 
 const FILE: &str = "seal.bin";
-const MAGIC: [u8; 8] = *b"ripseal\0";
+const KIND: [u8; 8] = *b"ripseal\0";
 const VERSION: u32 = 1;
 
 /// What a saved state is of.
@@ -57,13 +58,13 @@ impl Seal {
         if !path.exists() {
             return Err("it was not written to its end".into());
         }
-        let seal: Self = channel::kept(&path, MAGIC, VERSION).map_err(|e| e.to_string())?;
+        let seal: Self = archive::load(&path, KIND, VERSION).map_err(|e| e.to_string())?;
         for (name, length, sum) in &seal.files {
             let bytes = fs::read(folder.join(name)).map_err(|e| format!("{name}: {e}"))?;
             if bytes.len() as u64 != *length {
                 return Err(format!("{name} has {} bytes of {length}", bytes.len()));
             }
-            if channel::checksum(&bytes) != *sum {
+            if checksum(&bytes) != *sum {
                 return Err(format!("the checksum of {name} does not match"));
             }
         }
@@ -84,10 +85,10 @@ pub fn seal(folder: &Path, mut seal: Seal) -> Result<u64, RunError> {
         let content = fs::read(&path).map_err(RunError::file("read", &path))?;
         File::open(&path).and_then(|f| f.sync_all()).map_err(RunError::file("write", &path))?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        seal.files.push((name, content.len() as u64, channel::checksum(&content)));
+        seal.files.push((name, content.len() as u64, checksum(&content)));
         bytes += content.len() as u64;
     }
-    bytes += channel::keep(&folder.join(FILE), MAGIC, VERSION, &seal).map_err(unusable)?;
+    bytes += archive::save(&folder.join(FILE), KIND, VERSION, &seal).map_err(unusable)?;
     sync_folder(folder)?;
     Ok(bytes)
 }

@@ -1,29 +1,27 @@
 //! Partners whose answers are compared with a recording as they come.
 
-use std::path::Path;
-
-use case::Role;
 use channel::Window;
 use coupling::error::{Place, RunError};
-use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
+use coupling::partners::Partners;
 use terminal::Console;
 
 use super::compare::Comparison;
-use super::recorder::load_rows;
+use super::observed::{Observed, Observer};
 use super::{Event, Reader};
 
-/// Asks `partners`, and compares with what the recording says.
-pub struct Baseline<'a, P> {
-    partners: P,
+/// Asks partners, and compares with what a recording says.
+pub type Baseline<'a, P> = Observed<P, Reference<'a>>;
+
+/// Compares each exchange with that of a recording.
+pub struct Reference<'a> {
     reader: Reader,
     /// The rest of the recorded window.
     window: Vec<Event<Vec<f64>>>,
     /// What was found so far.
-    pub comparison: &'a mut Comparison,
+    comparison: &'a mut Comparison,
     stage: String,
     stop: bool,
     console: &'a Console,
-    load: Vec<f64>,
     told: bool,
 }
 
@@ -36,27 +34,20 @@ impl<'a, P: Partners> Baseline<'a, P> {
         stop: bool,
         console: &'a Console,
     ) -> Self {
-        let stage = reader.header().stage.0.clone();
-        Self {
-            partners,
-            reader,
-            window: Vec::new(),
-            comparison,
-            stage,
-            stop,
-            console,
-            load: Vec::new(),
-            told: false,
-        }
+        let (stage, window) = (reader.header().stage.0.clone(), Vec::new());
+        Self::around(partners, Reference { reader, window, comparison, stage, stop, console, told: false })
     }
 
     /// The partners.
     pub fn into_partners(self) -> P {
         self.partners
     }
+}
 
-    fn compare(&mut self, w: &Window, event: Event<&[f64]>) -> Result<(), RunError> {
-        if self.window.first().is_none_or(|e| e.at().index != w.index) {
+impl Reference<'_> {
+    /// The recorded window of number `index` is in memory, if there is one.
+    fn turn_to(&mut self, index: u64) -> Result<(), RunError> {
+        if self.window.first().is_none_or(|e| e.at().index != index) {
             self.window.clear();
             // A window that the recording does not have cannot be compared.
             while let Some(event) = self.reader.next_event()? {
@@ -67,6 +58,16 @@ impl<'a, P: Partners> Baseline<'a, P> {
                 }
             }
         }
+        Ok(())
+    }
+}
+
+impl Observer for Reference<'_> {
+    fn see(&mut self, w: &Window, event: Event<&[f64]>) -> Result<(), RunError> {
+        if matches!(event, Event::Accept { .. }) {
+            return Ok(());
+        }
+        self.turn_to(w.index)?;
         let key = (event.kind(), w.index, w.iteration);
         if let Some(known) = self.window.iter().find(|e| (e.kind(), e.at().index, e.at().iteration) == key) {
             self.comparison.add(known, &event);
@@ -87,68 +88,5 @@ impl<'a, P: Partners> Baseline<'a, P> {
             }
             _ => Ok(()),
         }
-    }
-}
-
-impl<P: Partners> Partners for Baseline<'_, P> {
-    fn structure(
-        &mut self,
-        w: &Window,
-        load: LoadOverWindow<'_>,
-        displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
-        let answer = self.partners.structure(w, load, displacement)?;
-        let mut rows = std::mem::take(&mut self.load);
-        load_rows(load, &mut rows);
-        let stats = answer.stats.values;
-        let compared = self.compare(w, Event::Structure { at: w.into(), load: &rows, displacement, stats });
-        self.load = rows;
-        compared.map(|()| answer)
-    }
-
-    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
-        let answer = self.partners.mesh(w, displacement)?;
-        let stats = answer.stats.values;
-        let grid = self.partners.grid().map(<[f64]>::to_vec);
-        self.compare(w, Event::Mesh { at: w.into(), displacement, grid: grid.as_deref(), stats })?;
-        Ok(answer)
-    }
-
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
-        let answer = self.partners.flow(w, load)?;
-        self.compare(w, Event::Flow { at: w.into(), load, stats: answer.stats.values })?;
-        Ok(answer)
-    }
-
-    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
-        self.partners.accept(w)
-    }
-
-    fn save(&mut self, folder: &Path) -> Result<(), RunError> {
-        self.partners.save(folder)
-    }
-
-    fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError> {
-        self.partners.snapshot(role, time, folder)
-    }
-
-    fn cannot_resume(&self) -> Vec<String> {
-        self.partners.cannot_resume()
-    }
-
-    fn used(&self) -> Vec<(Role, Usage)> {
-        self.partners.used()
-    }
-
-    fn grid(&self) -> Option<&[f64]> {
-        self.partners.grid()
-    }
-
-    fn fixed_windows(&self) -> Vec<String> {
-        self.partners.fixed_windows()
-    }
-
-    fn without_support_force(&self) -> Option<String> {
-        self.partners.without_support_force()
     }
 }

@@ -78,72 +78,35 @@ pub struct Field {
     floor: f64,
 }
 
-/// All fields, in the order of reports.
+impl Field {
+    /// A field with the unit of its columns; its floor is far below what matters in that unit.
+    const fn new(
+        channel: Channel,
+        name: &'static str,
+        columns: &'static [usize],
+        scale: &'static [usize],
+    ) -> Self {
+        let (unit, floor) = match channel {
+            Channel::StructureLoad | Channel::FlowLoad => ("Pa", 1e-9),
+            Channel::StructureDisplacement | Channel::MeshDisplacement => ("m", 1e-12),
+            // Positions, then velocities.
+            Channel::Grid if columns[0] < 3 => ("m", 1e-12),
+            Channel::Grid => ("m/s", 1e-9),
+        };
+        Self { channel, name, unit, columns, scale, floor }
+    }
+}
+
+/// All fields, in the order of reports: columns, and the columns whose largest number is the scale.
 pub const FIELDS: [Field; 8] = [
-    Field {
-        channel: Channel::StructureLoad,
-        name: "pressure jump to the structure",
-        unit: "Pa",
-        columns: &[0, 4],
-        scale: &[0, 4],
-        floor: 1e-9,
-    },
-    Field {
-        channel: Channel::StructureLoad,
-        name: "traction to the structure",
-        unit: "Pa",
-        columns: &[1, 2, 3, 5, 6, 7],
-        scale: &[0, 4],
-        floor: 1e-9,
-    },
-    Field {
-        channel: Channel::StructureDisplacement,
-        name: "displacement from the structure",
-        unit: "m",
-        columns: &[0, 1, 2],
-        scale: &[0, 1, 2],
-        floor: 1e-12,
-    },
-    Field {
-        channel: Channel::MeshDisplacement,
-        name: "displacement to the mesh",
-        unit: "m",
-        columns: &[0, 1, 2],
-        scale: &[0, 1, 2],
-        floor: 1e-12,
-    },
-    Field {
-        channel: Channel::Grid,
-        name: "grid positions",
-        unit: "m",
-        columns: &[0, 1, 2],
-        scale: &[0, 1, 2],
-        floor: 1e-12,
-    },
-    Field {
-        channel: Channel::Grid,
-        name: "grid velocities",
-        unit: "m/s",
-        columns: &[3, 4, 5],
-        scale: &[3, 4, 5],
-        floor: 1e-9,
-    },
-    Field {
-        channel: Channel::FlowLoad,
-        name: "pressure jump from the flow",
-        unit: "Pa",
-        columns: &[0],
-        scale: &[0],
-        floor: 1e-9,
-    },
-    Field {
-        channel: Channel::FlowLoad,
-        name: "traction from the flow",
-        unit: "Pa",
-        columns: &[1, 2, 3],
-        scale: &[0],
-        floor: 1e-9,
-    },
+    Field::new(Channel::StructureLoad, "pressure jump to the structure", &[0, 4], &[0, 4]),
+    Field::new(Channel::StructureLoad, "traction to the structure", &[1, 2, 3, 5, 6, 7], &[0, 4]),
+    Field::new(Channel::StructureDisplacement, "displacement from the structure", &[0, 1, 2], &[0, 1, 2]),
+    Field::new(Channel::MeshDisplacement, "displacement to the mesh", &[0, 1, 2], &[0, 1, 2]),
+    Field::new(Channel::Grid, "grid positions", &[0, 1, 2], &[0, 1, 2]),
+    Field::new(Channel::Grid, "grid velocities", &[3, 4, 5], &[3, 4, 5]),
+    Field::new(Channel::FlowLoad, "pressure jump from the flow", &[0], &[0]),
+    Field::new(Channel::FlowLoad, "traction from the flow", &[1, 2, 3], &[0]),
 ];
 
 /// One number that differs.

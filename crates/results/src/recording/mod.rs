@@ -11,7 +11,7 @@
 //! ```
 //!
 //! `exchange.rec` is the eight bytes of [`file::MAGIC`], then frames: length and CRC-32 of what
-//! follows (two little-endian `u32`), then bincode. The first frame is the [`Header`],
+//! follows (two little-endian `u32`), then bincode ([`archive::codec::compact`]). The first frame is the [`Header`],
 //! all others are an [`Event`]. Numbers are kept to the last bit: each array is combined
 //! with the one before it on the same channel by exclusive or, its bytes are sorted by
 //! significance, and the result is compressed (LZ4 blocks).
@@ -19,6 +19,7 @@
 pub mod baseline;
 pub mod compare;
 pub mod file;
+pub mod observed;
 mod pack;
 pub mod recorder;
 pub mod stand_in;

@@ -107,36 +107,50 @@ pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
     if sizes(answers) < 2 {
         return None;
     }
-    let values = || answers.iter().map(|a| a.1);
     let finest = answers.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (range, size) = extent(answers);
+    if range <= EQUAL * size {
+        return Some(without_order(answers, *finest, Behaviour::Equal, range));
+    }
+    let sizes = sizes(answers);
+    if sizes < 3 {
+        return Some(without_order(answers, *finest, Behaviour::TooFew, DISTRUSTED * range));
+    }
+    if sizes == 3 && oscillates(answers) {
+        return Some(without_order(answers, *finest, Behaviour::Oscillating, DISTRUSTED * range));
+    }
+    let free = free_order(answers);
+    let observed = free.as_ref().map(|f| f.order);
+    let (fit, behaviour) = choose_fit(answers, free, promised, size);
+    Some(Convergence { observed, ..with_order(answers, *finest, &fit, behaviour) })
+}
+
+/// Range of the values and the largest of their magnitudes.
+fn extent(answers: &[(f64, f64)]) -> (f64, f64) {
+    let values = || answers.iter().map(|a| a.1);
     let range = values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min);
-    let size = values().map(f64::abs).fold(0.0, f64::max);
-    let flat = |behaviour, factor: f64, half: f64| Convergence {
+    (range, values().map(f64::abs).fold(0.0, f64::max))
+}
+
+/// The result where no order can be fitted: the finest answer with a band of this half width.
+fn without_order(answers: &[(f64, f64)], finest: (f64, f64), behaviour: Behaviour, half: f64) -> Convergence {
+    Convergence {
         limit: finest.1,
         order: None,
         observed: None,
         behaviour,
-        factor,
+        factor: if behaviour == Behaviour::Equal { TRUSTED } else { DISTRUSTED },
         scatter: 0.0,
         uncertainty: answers.iter().map(|a| half + (a.1 - finest.1).abs()).collect(),
         limit_uncertainty: half,
         slope: 0.0,
-    };
-    if range <= EQUAL * size {
-        return Some(flat(Behaviour::Equal, TRUSTED, range));
     }
-    let sizes = sizes(answers);
-    if sizes < 3 {
-        return Some(flat(Behaviour::TooFew, DISTRUSTED, DISTRUSTED * range));
-    }
-    let steady = !oscillates(answers);
-    if sizes == 3 && !steady {
-        return Some(flat(Behaviour::Oscillating, DISTRUSTED, DISTRUSTED * range));
-    }
-    let free = free_order(answers);
-    let observed = free.as_ref().map(|f| f.order);
+}
+
+/// The fit of free order where that is sound, else one of a formal order, with what the sequence does.
+fn choose_fit(answers: &[(f64, f64)], free: Option<Fit>, promised: f64, size: f64) -> (Fit, Behaviour) {
     let sound = |f: &Fit| (LEAST_ORDER..=promised + MARGIN).contains(&f.order);
-    let (fit, behaviour) = match free {
+    match free {
         Some(f) if sound(&f) => (f, Behaviour::Monotone),
         Some(f) if f.order > promised + MARGIN => (fixed_order(answers, promised), Behaviour::TooFast),
         free => {
@@ -146,7 +160,13 @@ pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
             let behaviour = if diverges { Behaviour::Diverging } else { Behaviour::Slow };
             (best.unwrap_or_else(|| fixed_order(answers, 1.0)), behaviour)
         }
-    };
+    }
+}
+
+/// The result of a fit, with the uncertainty of each answer and of the limit.
+fn with_order(answers: &[(f64, f64)], finest: (f64, f64), fit: &Fit, behaviour: Behaviour) -> Convergence {
+    let (range, _) = extent(answers);
+    let steady = !oscillates(answers);
     let delta = range / (answers.len() - 1) as f64;
     let quiet = fit.scatter < delta;
     let factor = if behaviour == Behaviour::Monotone && quiet { TRUSTED } else { DISTRUSTED };
@@ -157,24 +177,23 @@ pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
         let slow = matches!(behaviour, Behaviour::Slow | Behaviour::Diverging);
         if slow && steady { stated.max(range) } else { stated }
     };
-    let uncertainty: Vec<f64> = answers.iter().map(half).collect();
     // The finest answer's band about the limit: what the fit itself accounts for is taken off, but
     // never more than half of it.
-    let last = half(finest);
+    let last = half(&finest);
     let off = (finest.1 - fit.limit).abs();
     let sound = matches!(behaviour, Behaviour::Monotone | Behaviour::TooFast);
     let seen = if sound { 1.0 } else { DISTRUSTED } * last_halving(answers);
-    Some(Convergence {
+    Convergence {
         limit: fit.limit,
         order: Some(fit.order),
-        observed,
+        observed: None,
         behaviour,
         factor,
         scatter: fit.scatter,
+        uncertainty: answers.iter().map(half).collect(),
         limit_uncertainty: (last - off).max(0.5 * last).max(seen),
-        uncertainty,
         slope: fit.slope,
-    })
+    }
 }
 
 /// Largest change from the finest answer over sizes up to twice its own (the next size, where that is larger);

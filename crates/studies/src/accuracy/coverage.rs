@@ -85,7 +85,7 @@ fn from_files(scene: &Scene, add: &mut impl FnMut(&str, &str)) {
         add("mesh of the canopy", "it comes from a file: study a finer file beside this one");
     }
     let runs = scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Flow));
-    if runs && scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some()) {
+    if runs && scene.grid_file().is_some() {
         add("flow grid", "it comes from a file: study a finer file beside this one");
     }
 }

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use coupling::error::RunError;
+use figures::chart::{Axis, Bar, Bars, Figure, Mark, Panel, Panels, Part, Series, Svg, WIDTH, short};
+use figures::colour::{Colour, GREY, INK, pale, series};
 use results::summary::STAGE_PARTS;
 
 use super::answer::Estimate;
-use super::chart::{Axis, Bar, COLOURS, Figure, GREY, INK, Mark, Panel, Series, short};
 use super::fly::Record;
 use super::judge::Outcome;
 use super::study::{SWEEP, Study};
@@ -14,16 +15,18 @@ use super::study::{SWEEP, Study};
 /// Errors below this share are not shown on logarithmic axes.
 const LEAST: f64 = 1e-9;
 const ERROR: &str = "error, percent";
-const FRONT: [f32; 3] = [0.75, 0.10, 0.10];
+/// A panel among others, and one alone: width and height, pixels.
+const PANEL: [f64; 2] = [0.5 * WIDTH, 340.0];
+const WIDE: [f64; 2] = [WIDTH, 440.0];
 
-/// A drawn figure: name of its files, words above it, its SVG text.
+/// A drawn figure: name of its files, words above it, its SVG.
 pub struct Drawn {
     /// `<name>.svg`, `<name>.png`.
     pub name: &'static str,
     /// What it shows.
     pub words: &'static str,
     /// The SVG.
-    pub svg: String,
+    pub svg: Svg,
 }
 
 /// Draws all figures into `out`.
@@ -40,34 +43,39 @@ pub fn draw(
         (
             "cost",
             "Largest error of each sample over all quantities against its cost, with the uncertainty of the quantity \
-             that has it. The red line is the Pareto front: a sample joins it only if it is better than all cheaper ones by \
+             that has it. The dark line is the Pareto front: a sample joins it only if it is better than all cheaper ones by \
              more than the uncertainty. The ring is the base.",
-            Figure::Panels(vec![members_panel(study, outcome)]),
+            panels(vec![members_panel(study, outcome)]),
         ),
         (
             "fronts",
             "Error of each quantity alone against cost, with its own uncertainty and its own Pareto front.",
-            Figure::Panels(quantity_panels(study, outcome)),
+            panels(quantity_panels(study, outcome)),
         ),
         (
             "values",
             "Value of each sample against its cost. Shaded: the extrapolated answer with its uncertainty.",
-            Figure::Panels(value_panels(study, outcome)),
+            panels(value_panels(study, outcome)),
         ),
         (
             "parameters",
             "Each parameter alone: its own error, against its own limit, over the cost of the whole run.",
-            Figure::Panels(dial_panels(study, outcome, false)),
+            panels(dial_panels(study, outcome, false)),
         ),
         (
             "orders",
             "Own error against the parameter, with the fitted order. Finer values are on the left.",
-            Figure::Panels(dial_panels(study, outcome, true)),
+            panels(dial_panels(study, outcome, true)),
         ),
         (
             "time",
             "Where the time goes along the front: wall seconds by stage and program.",
-            Figure::Bars("s".into(), bars(study, outcome, records)),
+            Figure::Bars(Bars {
+                label: "wall time, s".into(),
+                unit: "s".into(),
+                rows: bars(study, outcome, records),
+                shares: false,
+            }),
         ),
     ];
     all.into_iter()
@@ -75,12 +83,14 @@ pub fn draw(
         .collect()
 }
 
-fn percent(share: f64) -> f64 {
-    100.0 * share.max(LEAST)
+/// Panels in rows of two; one alone has the width.
+fn panels(panels: Vec<Panel>) -> Figure {
+    let size = if panels.len() == 1 { WIDE } else { PANEL };
+    Figure::Panels(Panels { panels, columns: 2, size })
 }
 
-fn plain(name: &str, colour: [f32; 3], points: Vec<([f64; 2], f64)>) -> Series {
-    Series { name: name.into(), colour, points, mark: Mark::Dot, line: 0.0, notes: Vec::new() }
+fn percent(share: f64) -> f64 {
+    100.0 * share.max(LEAST)
 }
 
 /// Axes around all points of the series.
@@ -92,79 +102,76 @@ fn panel(
     band: Option<[f64; 2]>,
 ) -> Panel {
     let points = || series.iter().flat_map(|s| &s.points);
-    let across = Axis::around(x.0, x.1, points().map(|p| p.0[0]));
+    let across = Axis::around(x.0, x.1, points().map(|p| p[0]));
     let extra = band.into_iter().flatten();
-    let up = Axis::around(y.0, y.1, points().map(|p| p.0[1]).chain(extra));
-    Panel { title: title.into(), x: across, y: up, series, band }
+    let up = Axis::around(y.0, y.1, points().map(|p| p[1]).chain(extra));
+    Panel { title: title.into(), x: across, y: up, series, band, references: Vec::new() }
 }
 
 type Errors<'a> = &'a dyn Fn(usize) -> Option<Estimate>;
 
-/// Errors of the samples against cost with a Pareto front; with names where `named`.
-fn error_panel(
-    study: &Study,
-    outcome: &Outcome,
-    (title, named): (&str, bool),
-    front: &[usize],
-    error: Errors<'_>,
-) -> Panel {
+/// A series of points with the half of the band about each.
+fn banded(name: &str, colour: Colour, points: Vec<([f64; 2], f64)>) -> Series {
+    let (points, bands) = points.into_iter().unzip();
+    Series { bands, ..Series::dots(name, colour, points) }
+}
+
+/// The ring of the base sample.
+fn base(point: Option<[f64; 2]>) -> Series {
+    Series { mark: Mark::Ring, ..Series::dots("base", INK, point.into_iter().collect()) }
+}
+
+/// Errors of the samples against cost with a Pareto front.
+fn error_panel(study: &Study, outcome: &Outcome, title: &str, front: &[usize], error: Errors<'_>) -> Panel {
     let at = |m: usize| {
         let e = error(m)?;
         Some(([outcome.members[m].cost.0, percent(e.error)], 100.0 * e.band))
     };
-    let name = |text: &str| if named { text.to_owned() } else { String::new() };
-    let mut series = Vec::new();
+    let mut all = Vec::new();
     for (i, line) in study.lines.iter().enumerate() {
         let points = line.members.iter().map(|m| m.0).filter_map(at).collect();
-        series.push(plain(&name(&line.name), COLOURS[i % COLOURS.len()], points));
+        all.push(banded(&line.name, series(i), points));
     }
-    let points: Vec<_> = front.iter().filter_map(|&m| at(m)).map(|p| (p.0, 0.0)).collect();
+    let points = front.iter().filter_map(|&m| at(m)).map(|p| p.0).collect();
     let notes = front.iter().enumerate().map(|(i, &m)| (i, study.members[m].label.clone())).collect();
-    let name_front = name("Pareto front");
-    series.push(Series { name: name_front, colour: FRONT, points, mark: Mark::None, line: 1.6, notes });
-    let base = at(0).into_iter().map(|p| (p.0, 0.0)).collect();
-    series.push(Series { mark: Mark::Ring, ..plain(&name("base"), INK, base) });
-    panel(title, (outcome.measure.label(), true), (ERROR, true), series, None)
+    all.push(Series { line: 1.4, notes, ..Series::curve("Pareto front", INK, points) });
+    all.push(base(at(0).map(|p| p.0)));
+    panel(title, (outcome.measure.label(), true), (ERROR, true), all, None)
 }
 
 fn members_panel(study: &Study, outcome: &Outcome) -> Panel {
     let error = |m: usize| outcome.members[m].largest.map(|l| l.estimate);
-    error_panel(study, outcome, ("largest error of all quantities", true), &outcome.front, &error)
+    error_panel(study, outcome, "largest error of all quantities", &outcome.front, &error)
 }
 
 fn quantity_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
     let one = |(q, quantity): (usize, &case::Quantity)| {
         let error = |m: usize| outcome.members[m].estimates[q];
-        error_panel(study, outcome, (&quantity.name, q == 0), &outcome.fronts[q], &error)
+        error_panel(study, outcome, &quantity.name, &outcome.fronts[q], &error)
     };
     study.quantities.iter().enumerate().map(one).collect()
 }
 
 fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
     let one = |(q, quantity): (usize, &case::Quantity)| {
-        let mut series = Vec::new();
+        let mut all = Vec::new();
         let at = |m: usize| {
             let s = &outcome.members[m];
-            s.values[q].map(|v| ([s.cost.0, v], 0.0))
+            s.values[q].map(|v| [s.cost.0, v])
         };
+        let scale = outcome.answers[q].map_or(0.0, |a| a.scale);
         for (i, line) in study.lines.iter().enumerate() {
-            let points = line
-                .members
-                .iter()
-                .enumerate()
-                .filter_map(|(k, m)| {
-                    // The band of the line itself.
-                    let band = outcome.lines[i][q].errors[k].map_or(0.0, |e| e.1)
-                        * outcome.answers[q].map_or(0.0, |a| a.scale);
-                    let band = if line.name == SWEEP { band } else { 0.0 };
-                    at(m.0).map(|p| (p.0, band))
-                })
-                .collect();
-            series.push(plain(if q == 0 { &line.name } else { "" }, COLOURS[i % COLOURS.len()], points));
+            let point = |(k, m): (usize, &(usize, Option<f64>))| {
+                // The band of the line itself.
+                let band = outcome.lines[i][q].errors[k].map_or(0.0, |e| e.1) * scale;
+                at(m.0).map(|p| (p, if line.name == SWEEP { band } else { 0.0 }))
+            };
+            let points = line.members.iter().enumerate().filter_map(point).collect();
+            all.push(banded(&line.name, series(i), points));
         }
-        series.push(Series { mark: Mark::Ring, ..plain("", INK, at(0).into_iter().collect()) });
+        all.push(base(at(0)));
         let band = outcome.answers[q].map(|a| [a.value - a.uncertainty, a.value + a.uncertainty]);
-        panel(&quantity.name, (outcome.measure.label(), true), (&quantity.name, false), series, band)
+        panel(&quantity.name, (outcome.measure.label(), true), (&quantity.name, false), all, band)
     };
     study.quantities.iter().enumerate().map(one).collect()
 }
@@ -176,40 +183,34 @@ fn dial_panels(study: &Study, outcome: &Outcome, over_dial: bool) -> Vec<Panel> 
         if over_dial && line.members.iter().any(|m| m.1.is_none()) {
             continue;
         }
-        let mut series = Vec::new();
+        let mut all = Vec::new();
         for (q, quantity) in study.quantities.iter().enumerate() {
             let judged = &outcome.lines[i][q];
-            let colour = COLOURS[q % COLOURS.len()];
-            let points: Vec<_> = line
-                .members
-                .iter()
-                .zip(&judged.errors)
-                .filter_map(|(&(m, size), e)| {
-                    let (error, _) = (*e)?;
-                    let x = if over_dial { size? } else { outcome.members[m].cost.0 };
-                    (error > LEAST).then(|| ([x, percent(error)], 0.0))
-                })
-                .collect();
-            let notes = if over_dial || points.is_empty() {
-                Vec::new()
-            } else if q == 0 {
-                let shown =
-                    line.members.iter().zip(&judged.errors).filter(|(_, e)| e.is_some_and(|e| e.0 > LEAST));
-                shown.enumerate().map(|(k, ((m, _), _))| (k, setting(study, line, *m))).collect()
-            } else {
-                Vec::new()
+            let shown = || {
+                let members = line.members.iter().zip(&judged.errors);
+                members.filter_map(|(m, e)| e.map(|e| (*m, e.0))).filter(|(_, error)| *error > LEAST)
             };
-            let joined = if over_dial { 0.0 } else { 1.0 };
-            let name = if panels.is_empty() { &quantity.name } else { "" };
-            series.push(Series { line: joined, notes, ..plain(name, colour, points) });
-            if let Some(fit) =
-                over_dial.then(|| fitted(line, judged, outcome.answers[q].map_or(1.0, |a| a.scale))).flatten()
-            {
-                series.push(Series { colour, ..fit });
+            let place = |((m, size), error): ((usize, Option<f64>), f64)| {
+                let x = if over_dial { size? } else { outcome.members[m].cost.0 };
+                Some([x, percent(error)])
+            };
+            let points = shown().filter_map(place).collect();
+            let mut own = Series::dots(&quantity.name, series(q), points);
+            if !over_dial {
+                own.line = 1.0;
+                if q == 0 {
+                    own.notes =
+                        shown().enumerate().map(|(k, ((m, _), _))| (k, setting(study, line, m))).collect();
+                }
+            }
+            all.push(own);
+            if over_dial {
+                let scale = outcome.answers[q].map_or(1.0, |a| a.scale);
+                all.extend(fitted(line, judged, scale, series(q)));
             }
         }
         let x = if over_dial { format!("{} (size)", line.name) } else { outcome.measure.label().into() };
-        panels.push(panel(&line.name, (&x, true), (ERROR, true), series, None));
+        panels.push(panel(&line.name, (&x, true), (ERROR, true), all, None));
     }
     panels
 }
@@ -218,15 +219,21 @@ fn setting(study: &Study, line: &super::study::Line, member: usize) -> String {
     line.dials.first().map_or_else(String::new, |&d| study.members[member].settings[d].to_string())
 }
 
-fn fitted(line: &super::study::Line, judged: &super::judge::Judged, scale: f64) -> Option<Series> {
+/// The fitted power with its order.
+fn fitted(
+    line: &super::study::Line,
+    judged: &super::judge::Judged,
+    scale: f64,
+    colour: Colour,
+) -> Option<Series> {
     let c = judged.convergence.as_ref()?;
     let order = c.order?;
     let sizes = line.members.iter().filter_map(|m| m.1);
     let (low, high) = sizes.fold((f64::MAX, 0.0f64), |(l, h), s| (l.min(s), h.max(s)));
-    let at = |h: f64| ([h, percent((c.slope * h.powf(order)).abs() / scale)], 0.0);
-    let points: Vec<_> = (0..=12).map(|i| at(low * (high / low).powf(f64::from(i) / 12.0))).collect();
+    let at = |h: f64| [h, percent((c.slope * h.powf(order)).abs() / scale)];
+    let points = (0..=12).map(|i| at(low * (high / low).powf(f64::from(i) / 12.0))).collect();
     let notes = vec![(6, format!("order {}", short(order)))];
-    Some(Series { name: String::new(), colour: GREY, points, mark: Mark::None, line: 1.0, notes })
+    Some(Series { line: 1.0, notes, ..Series::curve("", colour, points) })
 }
 
 /// Along the front, with the base point.
@@ -239,16 +246,16 @@ fn bars(study: &Study, outcome: &Outcome, records: &[Record]) -> Vec<Bar> {
     for m in shown {
         let Some(cost) = records[m].runs.first() else { continue };
         let mut parts = Vec::new();
+        let mut add = |name: String, colour, value| parts.push(Part { name, colour, value });
         for (s, stage) in cost.stages.iter().enumerate() {
             for (p, (_, part)) in STAGE_PARTS.iter().enumerate() {
                 // One hue for a program, paler for earlier stages.
-                let pale = 0.62 * (cost.stages.len() - 1 - s) as f32 / cost.stages.len().max(2) as f32;
-                let colour = COLOURS[p].map(|c| c + pale * (1.0 - c));
-                parts.push((format!("{} {part}", stage.name), colour, stage.parts_s[p]));
+                let white = 0.62 * (cost.stages.len() - 1 - s) as f64 / cost.stages.len().max(2) as f64;
+                add(format!("{} {part}", stage.name), pale(series(p), white), stage.parts_s[p]);
             }
         }
-        let whole: f64 = parts.iter().map(|p| p.2).sum();
-        parts.push(("starting".into(), [0.8, 0.8, 0.8], (cost.wall_s - whole).max(0.0)));
+        let whole: f64 = cost.stages.iter().flat_map(|s| &s.parts_s).sum();
+        add("starting".into(), pale(GREY, 0.6), (cost.wall_s - whole).max(0.0));
         let name = if m == 0 {
             format!("{} (base)", study.members[m].label)
         } else {
@@ -271,11 +278,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let drawn = draw(folder.path(), &study, &outcome, &records).unwrap();
         assert_eq!(drawn.len(), 6);
-        let text = |name: &str| &drawn.iter().find(|d| d.name == name).unwrap().svg;
+        let text = |name: &str| drawn.iter().find(|d| d.name == name).unwrap().svg.file();
         assert!(text("cost").contains("Pareto front") && text("orders").contains("order 2"));
         assert!(text("time").contains("descent flow"));
         for d in &drawn {
-            assert!(!d.svg.contains("NaN") && !d.svg.contains("inf"), "{}", d.name);
+            let svg = d.svg.file();
+            assert!(!svg.contains("NaN") && !svg.contains("inf"), "{}", d.name);
             if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {
                 std::fs::copy(
                     folder.path().join(format!("{}.png", d.name)),

@@ -6,7 +6,6 @@
 
 mod advice;
 mod answer;
-mod chart;
 pub mod convergence;
 pub mod cost;
 mod coverage;

@@ -1,10 +1,10 @@
 //! The report: one page that opens without a network.
 
-use std::fmt::Write as _;
+use figures::chart::short;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::advice::Advice;
 use super::answer::Estimate;
-use super::chart::short;
 use super::coverage::NotAssessed;
 use super::figures::Drawn;
 use super::fly::Record;
@@ -18,11 +18,6 @@ h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:coll
 th,td{padding:3px 9px;border-bottom:1px solid #dde;text-align:right}th:first-child,td:first-child{text-align:left}\
 td.w{text-align:left}tr.front td{background:#fdf1ef}tr.gap td{color:#a33}p.s{color:#556}svg{max-width:100%;height:auto}\
 .scroll{overflow-x:auto}code{background:#f2f4f6;padding:1px 4px}";
-
-/// Text that stands for itself in HTML.
-pub fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
 
 /// A share as percent.
 pub fn percent(share: f64) -> String {
@@ -51,43 +46,34 @@ pub fn page(
     drawn: &[Drawn],
     about: &About<'_>,
 ) -> String {
-    let mut html = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{name}: accuracy and cost</title>\n\
-         <style>{STYLE}</style></head><body>\n<h1>Accuracy and cost: {title}</h1>\n<p class=\"s\">{build}</p>\n",
-        name = escape(&study.name),
-        title = escape(&study.title),
-        build = escape(about.build)
-    );
-    answers(&mut html, study, outcome);
-    for advice in about.advice {
-        let lines: Vec<String> = advice.lines().iter().map(|l| escape(l.trim())).collect();
-        let _ = writeln!(html, "<p>Advice, {}</p>", lines.join("<br>\n"));
-    }
-    unassessed(&mut html, about.not_assessed);
-    verification(&mut html, about.verified);
-    for d in drawn {
-        let _ = writeln!(html, "<h2>{}</h2>\n<p class=\"s\">{}</p>", heading(d.name), escape(d.words));
-        // Without its declaration an SVG is an element.
-        html.push_str(&d.svg);
-    }
-    fronts(&mut html, study, outcome);
-    parameters(&mut html, study, outcome);
-    samples(&mut html, study, outcome, records);
-    let repeats = records.iter().map(|r| r.runs.len()).max().unwrap_or(0);
-    let _ = write!(
-        html,
-        "<h2>Method</h2>\n<p><code>{}</code></p>\n<p class=\"s\">{} samples, each run up to {repeats} times. \
-         Errors are relative to the answers at the top: the sum of the errors of the parameters, each alone, or the distance \
-         from the answer where that is more. Orders and uncertainties follow E&ccedil;a and Hoekstra \
-         (2014), which extends the grid convergence index of Roache. Work is a sum of counts (cell updates, element \
-         evaluations, rows of matrix products), each times a fixed time of one core, and independent of the load of the machine. \
-         Ripstop {}, {}.</p>\n</body></html>\n",
-        escape(about.command),
-        study.members.len(),
-        env!("CARGO_PKG_VERSION"),
-        escape(about.build)
-    );
-    html
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                title { (study.name) ": accuracy and cost" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { "Accuracy and cost: " (study.title) }
+                p.s { (about.build) }
+                (answers(study, outcome))
+                @for advice in about.advice { (self::advice(advice)) }
+                (unassessed(about.not_assessed))
+                @if let Some(verified) = about.verified { (verification(verified)) }
+                @for d in drawn {
+                    h2 { (heading(d.name)) }
+                    p.s { (d.words) }
+                    (PreEscaped(d.svg.element(&[], "")))
+                }
+                (fronts(study, outcome))
+                (parameters(study, outcome))
+                (samples(study, outcome, records))
+                (method(study, records, about))
+            }
+        }
+    };
+    page.into_string() + "\n"
 }
 
 fn heading(name: &str) -> &'static str {
@@ -106,122 +92,137 @@ fn error(e: Option<Estimate>) -> String {
     e.map_or_else(|| "not assessed".into(), |e| format!("{} ± {}", percent(e.error), percent(e.band)))
 }
 
-fn answers(html: &mut String, study: &Study, outcome: &Outcome) {
-    html.push_str("<table><tr><th>quantity</th><th>answer</th><th>uncertainty</th><th>base sample</th><th>its error</th></tr>\n");
-    for (q, quantity) in study.quantities.iter().enumerate() {
-        let base = &outcome.members[0];
-        let (value, band) = match outcome.answers[q] {
-            Some(a) if a.exact => (six(a.value), "exact".into()),
-            Some(a) => {
-                (six(a.value), format!("± {} ({})", short(a.uncertainty), percent(a.uncertainty / a.scale)))
+/// A table with these names of its columns.
+fn table(head: &[&str], rows: &Markup) -> Markup {
+    html! {
+        div.scroll { table { tr { @for name in head { th { (name) } } } (rows) } }
+    }
+}
+
+fn advice(advice: &Advice) -> Markup {
+    html! {
+        p {
+            "Advice, "
+            @for (i, line) in advice.lines().iter().enumerate() {
+                @if i > 0 { br; }
+                (line.trim())
             }
-            None => ("-".into(), "not assessed".into()),
-        };
-        let _ = writeln!(
-            html,
-            "<tr><td>{}</td><td>{value}</td><td>{band}</td><td>{}</td><td>{}</td></tr>",
-            escape(&quantity.name),
-            base.values[q].map_or_else(|| "-".into(), six),
-            error(base.estimates[q])
-        );
-    }
-    html.push_str("</table>\n");
-    if let Some(l) = outcome.members[0].largest {
-        let _ = writeln!(
-            html,
-            "<p>The largest error of the base sample is {} ({}).</p>",
-            error(Some(l.estimate)),
-            escape(&study.quantities[l.quantity].name)
-        );
-    }
-    for (_, sentence) in cheaper(study, outcome) {
-        let _ = writeln!(html, "<p>{}.</p>", escape(&sentence));
-    }
-    let (held, all) = outcome.held();
-    if all > 0 {
-        let _ = writeln!(
-            html,
-            "<p>Runs finer than all that the estimates use: {held} of {all} values lie within the band stated for them.</p>"
-        );
-    }
-}
-
-fn unassessed(html: &mut String, all: &[NotAssessed]) {
-    if all.is_empty() {
-        return;
-    }
-    html.push_str(
-        "<h2>Not assessed</h2>\n<p class=\"s\">The errors above do not contain these.</p>\n<table>\n",
-    );
-    for n in all {
-        let why = n.why.lines().next().unwrap_or_default();
-        let _ = writeln!(
-            html,
-            "<tr><td>{}</td><td class=\"w\">not assessed: {}</td></tr>",
-            escape(&n.name),
-            escape(why)
-        );
-    }
-    html.push_str("</table>\n");
-}
-
-fn verification(html: &mut String, verified: Option<&Result<Vec<Verified>, String>>) {
-    let all = match verified {
-        None => return,
-        Some(Err(why)) => {
-            let _ = writeln!(html, "<h2>Verification</h2>\n<p>{}</p>", escape(why));
-            return;
         }
-        Some(Ok(all)) => all,
-    };
-    html.push_str(
-        "<h2>Verification</h2>\n<p class=\"s\">The advised sample (the base without advice) against a reference that is finer than \
-         all samples in all parameters of the study.</p>\n<table><tr><th>quantity</th><th>value</th><th>reference</th>\
-         <th>true error</th><th>promised</th><th></th></tr>\n",
-    );
-    for v in all {
-        let _ = writeln!(
-            html,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{} ± {}</td><td class=\"w\">{}</td></tr>",
-            escape(&v.quantity),
-            six(v.value),
-            six(v.reference),
-            percent(v.true_error),
-            percent(v.error),
-            percent(v.band),
-            if v.held { "held" } else { "not held" }
-        );
     }
-    html.push_str("</table>\n");
+}
+
+fn answers(study: &Study, outcome: &Outcome) -> Markup {
+    let base = &outcome.members[0];
+    let rows = html! {
+        @for (q, quantity) in study.quantities.iter().enumerate() {
+            @let (value, band) = match outcome.answers[q] {
+                Some(a) if a.exact => (six(a.value), "exact".into()),
+                Some(a) => {
+                    (six(a.value), format!("± {} ({})", short(a.uncertainty), percent(a.uncertainty / a.scale)))
+                }
+                None => ("-".into(), "not assessed".into()),
+            };
+            tr {
+                td { (quantity.name) }
+                td { (value) }
+                td { (band) }
+                td { (base.values[q].map_or_else(|| "-".into(), six)) }
+                td { (error(base.estimates[q])) }
+            }
+        }
+    };
+    let (held, all) = outcome.held();
+    html! {
+        (table(&["quantity", "answer", "uncertainty", "base sample", "its error"], &rows))
+        @if let Some(l) = base.largest {
+            p {
+                "The largest error of the base sample is " (error(Some(l.estimate)))
+                " (" (study.quantities[l.quantity].name) ")."
+            }
+        }
+        @for (_, sentence) in cheaper(study, outcome) { p { (sentence) "." } }
+        @if all > 0 {
+            p {
+                "Runs finer than all that the estimates use: " (held) " of " (all)
+                " values lie within the band stated for them."
+            }
+        }
+    }
+}
+
+fn unassessed(all: &[NotAssessed]) -> Markup {
+    html! {
+        @if !all.is_empty() {
+            h2 { "Not assessed" }
+            p.s { "The errors above do not contain these." }
+            table {
+                @for n in all {
+                    tr {
+                        td { (n.name) }
+                        td.w { "not assessed: " (n.why.lines().next().unwrap_or_default()) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn verification(verified: &Result<Vec<Verified>, String>) -> Markup {
+    let all = match verified {
+        Err(why) => return html! { h2 { "Verification" } p { (why) } },
+        Ok(all) => all,
+    };
+    let rows = html! {
+        @for v in all {
+            tr {
+                td { (v.quantity) }
+                td { (six(v.value)) }
+                td { (six(v.reference)) }
+                td { (percent(v.true_error)) }
+                td { (percent(v.error)) " ± " (percent(v.band)) }
+                td.w { @if v.held { "held" } @else { "not held" } }
+            }
+        }
+    };
+    html! {
+        h2 { "Verification" }
+        p.s {
+            "The advised sample (the base without advice) against a reference that is finer than all samples in all \
+             parameters of the study."
+        }
+        (table(&["quantity", "value", "reference", "true error", "promised", ""], &rows))
+    }
 }
 
 /// The Pareto fronts: of the largest error, and of each quantity.
-fn fronts(html: &mut String, study: &Study, outcome: &Outcome) {
-    html.push_str(
-        "<h2>Pareto fronts</h2>\n<p class=\"s\">A sample joins a front only if its error is below those of all cheaper ones by more \
-         than the uncertainty.</p>\n<table><tr><th>quantity</th><th>sample</th><th>cost, s</th><th>error</th></tr>\n",
-    );
-    let mut row = |name: &str, m: usize, e: Option<Estimate>| {
-        let _ = writeln!(
-            html,
-            "<tr><td>{}</td><td class=\"w\">{}</td><td>{}</td><td>{}</td></tr>",
-            escape(name),
-            escape(&study.members[m].label),
-            short(outcome.members[m].cost.0),
-            error(e)
-        );
-    };
-    for &m in &outcome.front {
-        let largest = outcome.members[m].largest;
-        let name = largest.map_or("", |l| &study.quantities[l.quantity].name);
-        row(&format!("largest: {name}"), m, largest.map(|l| l.estimate));
-    }
-    for (q, front) in outcome.fronts.iter().enumerate() {
-        for &m in front {
-            row(&study.quantities[q].name, m, outcome.members[m].estimates[q]);
+fn fronts(study: &Study, outcome: &Outcome) -> Markup {
+    let row = |name: &str, m: usize, e: Option<Estimate>| {
+        html! {
+            tr {
+                td { (name) }
+                td.w { (study.members[m].label) }
+                td { (short(outcome.members[m].cost.0)) }
+                td { (error(e)) }
+            }
         }
+    };
+    let rows = html! {
+        @for &m in &outcome.front {
+            @let largest = outcome.members[m].largest;
+            @let name = largest.map_or("", |l| &study.quantities[l.quantity].name);
+            (row(&format!("largest: {name}"), m, largest.map(|l| l.estimate)))
+        }
+        @for (q, front) in outcome.fronts.iter().enumerate() {
+            @for &m in front { (row(&study.quantities[q].name, m, outcome.members[m].estimates[q])) }
+        }
+    };
+    html! {
+        h2 { "Pareto fronts" }
+        p.s {
+            "A sample joins a front only if its error is below those of all cheaper ones by more than the uncertainty."
+        }
+        (table(&["quantity", "sample", "cost, s", "error"], &rows))
     }
-    html.push_str("</table>\n");
 }
 
 fn six(x: f64) -> String {
@@ -233,37 +234,52 @@ fn six(x: f64) -> String {
     }
 }
 
-fn parameters(html: &mut String, study: &Study, outcome: &Outcome) {
-    html.push_str(
-        "<h2>The parameters</h2>\n<div class=\"scroll\"><table><tr><th>parameter</th><th>quantity</th><th>observed order</th>\
-         <th>formal order</th><th>error of the coarsest</th><th>error of the finest</th><th>finer run</th><th>behaviour</th></tr>\n",
-    );
-    for (line, judged) in study.lines.iter().zip(&outcome.lines) {
-        for (q, j) in study.quantities.iter().zip(judged) {
-            let (seen, formal, words) = match (&j.convergence, &j.unassessed) {
-                (_, Some(why)) => ("-".into(), "-".into(), format!("not assessed: {why}")),
-                (Some(c), _) => (
-                    c.observed.map_or_else(|| "-".into(), short),
-                    line.promised.to_string(),
-                    c.behaviour.words().into(),
-                ),
-                _ => ("-".into(), "-".into(), "words: the largest change from the base is shown".into()),
-            };
-            let check = j.check.map_or_else(String::new, |(far, band)| {
-                format!("error {}, {}", percent(far), if within(far, band) { "held" } else { "not held" })
-            });
-            let _ = writeln!(
-                html,
-                "<tr><td>{}</td><td class=\"w\">{}</td><td>{seen}</td><td>{formal}</td><td>{}</td><td>{}</td><td>{check}</td><td class=\"w\">{}</td></tr>",
-                escape(&line.name),
-                escape(&q.name),
-                coarsest(j),
-                finest(j),
-                escape(&words)
-            );
+fn parameters(study: &Study, outcome: &Outcome) -> Markup {
+    let row = |line: &super::study::Line, quantity: &case::Quantity, j: &Judged| {
+        let (seen, formal, words) = match (&j.convergence, &j.unassessed) {
+            (_, Some(why)) => ("-".into(), "-".into(), format!("not assessed: {why}")),
+            (Some(c), _) => (
+                c.observed.map_or_else(|| "-".into(), short),
+                line.promised.to_string(),
+                c.behaviour.words().into(),
+            ),
+            _ => ("-".into(), "-".into(), "words: the largest change from the base is shown".into()),
+        };
+        let check = j.check.map_or_else(String::new, |(far, band)| {
+            format!("error {}, {}", percent(far), if within(far, band) { "held" } else { "not held" })
+        });
+        html! {
+            tr {
+                td { (line.name) }
+                td.w { (quantity.name) }
+                td { (seen) }
+                td { (formal) }
+                td { (coarsest(j)) }
+                td { (finest(j)) }
+                td { (check) }
+                td.w { (words) }
+            }
         }
+    };
+    let rows = html! {
+        @for (line, judged) in study.lines.iter().zip(&outcome.lines) {
+            @for (quantity, j) in study.quantities.iter().zip(judged) { (row(line, quantity, j)) }
+        }
+    };
+    let head = [
+        "parameter",
+        "quantity",
+        "observed order",
+        "formal order",
+        "error of the coarsest",
+        "error of the finest",
+        "finer run",
+        "behaviour",
+    ];
+    html! {
+        h2 { "The parameters" }
+        (table(&head, &rows))
     }
-    html.push_str("</table></div>\n");
 }
 
 /// Error of the first sample of a line; for words the largest change.
@@ -276,46 +292,47 @@ fn coarsest(judged: &Judged) -> String {
     }
 }
 
-fn samples(html: &mut String, study: &Study, outcome: &Outcome, records: &[Record]) {
-    html.push_str("<h2>The samples</h2>\n<p class=\"s\">Shaded: on the Pareto front of the largest error. Red: a gap, with its reason.</p>\n<div class=\"scroll\"><table><tr><th>sample</th>");
-    for q in &study.quantities {
-        let _ = write!(html, "<th>{}</th><th>error</th>", escape(&q.name));
-    }
-    html.push_str("<th>wall s</th><th>cpu s</th><th>memory MB</th><th>work s</th><th>cell updates</th><th>element ev.</th><th>matrix rows</th><th>iterations</th><th></th></tr>\n");
+fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> Markup {
     let mut order: Vec<usize> = (0..study.members.len()).collect();
     order.sort_by(|&a, &b| outcome.members[a].cost.0.total_cmp(&outcome.members[b].cost.0));
-    for m in order {
-        let s = &outcome.members[m];
-        let class = if s.gap.is_some() {
-            " class=\"gap\""
-        } else if outcome.front.contains(&m) {
-            " class=\"front\""
-        } else {
-            ""
-        };
-        let _ = write!(html, "<tr{class}><td>{}</td>", escape(&study.members[m].label));
-        for (v, e) in s.values.iter().zip(&s.estimates) {
-            let _ = write!(
-                html,
-                "<td>{}</td><td>{}</td>",
-                v.map_or_else(|| "-".into(), six),
-                if v.is_some() && study.reference != Some(m) { error(*e) } else { "-".into() }
-            );
-        }
-        costs(html, &records[m]);
-        let note = s.gap.as_deref().or(records[m].note.as_deref()).unwrap_or(if study.members[m].check {
-            "tests the bands"
-        } else {
-            ""
-        });
-        let _ =
-            writeln!(html, "<td class=\"w\">{}</td></tr>", escape(note.lines().next().unwrap_or_default()));
+    let mut head = vec!["sample"];
+    for q in &study.quantities {
+        head.extend([q.name.as_str(), "error"]);
     }
-    html.push_str("</table></div>\n");
+    head.extend(["wall s", "cpu s", "memory MB", "work s", "cell updates", "element ev.", "matrix rows"]);
+    head.extend(["iterations", ""]);
+    let rows = html! { @for m in order { (sample(study, outcome, &records[m], m)) } };
+    html! {
+        h2 { "The samples" }
+        p.s { "Shaded: on the Pareto front of the largest error. Red: a gap, with its reason." }
+        (table(&head, &rows))
+    }
+}
+
+fn sample(study: &Study, outcome: &Outcome, record: &Record, m: usize) -> Markup {
+    let s = &outcome.members[m];
+    let class = match &s.gap {
+        Some(_) => Some("gap"),
+        None => outcome.front.contains(&m).then_some("front"),
+    };
+    let checks = if study.members[m].check { "tests the bands" } else { "" };
+    let note = s.gap.as_deref().or(record.note.as_deref()).unwrap_or(checks);
+    let assessed = study.reference != Some(m);
+    html! {
+        tr class=[class] {
+            td { (study.members[m].label) }
+            @for (v, e) in s.values.iter().zip(&s.estimates) {
+                td { (v.map_or_else(|| "-".into(), six)) }
+                td { @if v.is_some() && assessed { (error(*e)) } @else { "-" } }
+            }
+            (costs(record))
+            td.w { (note.lines().next().unwrap_or_default()) }
+        }
+    }
 }
 
 /// Cells of times, memory and counts.
-fn costs(html: &mut String, record: &Record) {
+fn costs(record: &Record) -> Markup {
     let runs = &record.runs;
     let timing = |of: fn(&super::cost::Cost) -> f64| {
         let (middle, half) = super::cost::spread(runs.iter().map(of));
@@ -327,17 +344,32 @@ fn costs(html: &mut String, record: &Record) {
     };
     let counts = runs.first().map(super::cost::Cost::counts).unwrap_or_default();
     let memory = runs.iter().map(|c| c.peak_bytes).fold(0.0, f64::max) / 1e6;
-    let _ = write!(
-        html,
-        "<td>{}</td><td>{}</td><td>{memory:.0}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>",
-        timing(|c| c.wall_s),
-        timing(|c| c.cpu_s),
-        short(counts.work()),
-        short(counts.cell_updates),
-        short(counts.element_evaluations),
-        short(counts.matrix_rows),
-        counts.iterations
-    );
+    html! {
+        td { (timing(|c| c.wall_s)) }
+        td { (timing(|c| c.cpu_s)) }
+        td { (format!("{memory:.0}")) }
+        td { (short(counts.work())) }
+        td { (short(counts.cell_updates)) }
+        td { (short(counts.element_evaluations)) }
+        td { (short(counts.matrix_rows)) }
+        td { (counts.iterations) }
+    }
+}
+
+fn method(study: &Study, records: &[Record], about: &About<'_>) -> Markup {
+    let repeats = records.iter().map(|r| r.runs.len()).max().unwrap_or(0);
+    html! {
+        h2 { "Method" }
+        p { code { (about.command) } }
+        p.s {
+            (study.members.len()) " samples, each run up to " (repeats) " times. Errors are relative to the answers at \
+             the top: the sum of the errors of the parameters, each alone, or the distance from the answer where that is \
+             more. Orders and uncertainties follow Eça and Hoekstra (2014), which extends the grid convergence index of \
+             Roache. Work is a sum of counts (cell updates, element evaluations, rows of matrix products), each times a \
+             fixed time of one core, and independent of the load of the machine. Ripstop "
+            (env!("CARGO_PKG_VERSION")) ", " (about.build) "."
+        }
+    }
 }
 
 #[cfg(test)]
@@ -362,7 +394,7 @@ mod tests {
             build: "commit 0123abc",
         };
         let html = page(&study, &outcome, &records, &drawn, &about);
-        assert_eq!(html.matches("<svg").count(), 6);
+        assert!(html.matches("<svg").count() == 6 && html.ends_with("</html>\n"));
         assert!(html.contains("the coupling &lt;failed&gt;") && html.contains("commit 0123abc"));
         assert!(html.contains("<td>substeps</td><td class=\"w\">not assessed: not varied"), "{html}");
         // Names of namespaces are the only addresses.

@@ -6,7 +6,7 @@ use std::path::Path;
 use case::{Measured, Quantity, Role, Scene, StageKind, Take};
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
-use mesh::Vec3;
+use mesh::Point;
 use results::history;
 
 /// Column of `history.csv`, how it becomes a number by default, the programs that must run.
@@ -127,11 +127,11 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
                 interface.faces.len(),
             )
             .map_err(|e| e.to_string())?;
-            let d = |n: usize| -> Vec3 { std::array::from_fn(|i| state.displacement[3 * n + i]) };
+            let d = |n: usize| -> Point { std::array::from_fn(|i| state.displacement[3 * n + i]) };
             if q.of == Measured::Displacement {
                 displacement(q, &interface.coords, &d)
             } else {
-                let now = |n: u32| -> Vec3 {
+                let now = |n: u32| -> Point {
                     let d = d(n as usize);
                     std::array::from_fn(|i| interface.coords[n as usize][i] + d[i])
                 };
@@ -207,12 +207,12 @@ fn integral(time: &[f64], values: &[f64], from: f64, to: f64, f: impl Fn(f64) ->
     Some(points.windows(2).map(|p| 0.5 * (p[0].1 + p[1].1) * (p[1].0 - p[0].0)).sum::<f64>() / length)
 }
 
-fn displacement(q: &Quantity, coords: &[Vec3], d: &dyn Fn(usize) -> Vec3) -> f64 {
+fn displacement(q: &Quantity, coords: &[Point], d: &dyn Fn(usize) -> Point) -> f64 {
     let point = q.at_m.unwrap_or_default();
-    let far = |x: &Vec3| (0..3).map(|i| (x[i] - point[i]).powi(2)).sum::<f64>();
+    let far = |x: &Point| (0..3).map(|i| (x[i] - point[i]).powi(2)).sum::<f64>();
     let near = (0..coords.len()).min_by(|&a, &b| far(&coords[a]).total_cmp(&far(&coords[b])));
     let moved = near.map(d).unwrap_or([f64::NAN; 3]);
-    let length = |v: &Vec3| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let length = |v: &Point| v.iter().map(|x| x * x).sum::<f64>().sqrt();
     match &q.direction {
         Some(n) => moved.iter().zip(n).map(|(a, b)| a * b).sum::<f64>() / length(n),
         None => length(&moved),
@@ -257,7 +257,7 @@ fn openings(faces: &[[u32; 4]]) -> Vec<Vec<u32>> {
 }
 
 /// Size of the area vector of a closed line.
-fn loop_area(nodes: &[u32], at: &dyn Fn(u32) -> Vec3) -> f64 {
+fn loop_area(nodes: &[u32], at: &dyn Fn(u32) -> Point) -> f64 {
     let mut area = [0.0; 3];
     for (i, &a) in nodes.iter().enumerate() {
         let (p, q) = (at(a), at(nodes[(i + 1) % nodes.len()]));
@@ -339,7 +339,7 @@ mod tests {
 
     #[test]
     fn areas_of_loops() {
-        let square: [Vec3; 4] = [[0.0; 3], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]];
+        let square: [Point; 4] = [[0.0; 3], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]];
         assert!((loop_area(&[0, 1, 2, 3], &|n| square[n as usize]) - 4.0).abs() < 1e-12);
     }
 

@@ -122,34 +122,10 @@ impl Study {
         let mut scene = case::load(file).map_err(|e| RunError::Input(e.to_string()))?;
         absolute(&mut scene)?;
         let wish = scene.accuracy.take().unwrap_or_default();
-        let stage = match &wish.stage {
-            None => scene.stages.len().saturating_sub(1),
-            Some(name) => scene.stages.iter().position(|s| &s.name == name).ok_or_else(|| {
-                let names: Vec<&str> = scene.stages.iter().map(|s| s.name.as_str()).collect();
-                RunError::Input(format!(
-                    "accuracy.stage: the scene has no stage `{name}`; it has: {}",
-                    names.join(", ")
-                ))
-            })?,
-        };
+        let stage = stage_of(&scene, wish.stage.as_deref())?;
         // Later stages do not affect the quantities.
         scene.stages.truncate(stage + 1);
-        let quantities =
-            if wish.quantities.is_empty() { quantities::defaults(&scene, stage) } else { wish.quantities };
-        if quantities.is_empty() {
-            return Err(RunError::Input(
-                "no default quantity fits this scene: name some with [[accuracy.quantity]]".into(),
-            ));
-        }
-        quantities.iter().try_for_each(|q| quantities::check(q, &scene, stage))?;
-        if let Some((i, q)) =
-            quantities.iter().enumerate().find(|(i, q)| quantities[..*i].iter().any(|o| o.name == q.name))
-        {
-            return Err(RunError::Input(format!(
-                "accuracy.quantity[{i}]: two quantities are named `{}`",
-                q.name
-            )));
-        }
+        let quantities = checked_quantities(wish.quantities, &scene, stage)?;
         let mut warnings = Vec::new();
         if !wish.dials.is_empty() {
             warnings
@@ -158,17 +134,11 @@ impl Study {
         let named: Vec<case::Parameter> = wish.parameters.into_iter().chain(wish.dials).collect();
         let own = !named.is_empty();
         let wishes = if own { named } else { defaults(&scene, stage) };
-        let mut dials = Vec::new();
-        for w in &wishes {
-            if dials.iter().any(|d: &Turned| d.dial.name == w.name) {
-                return Err(RunError::Input(format!("accuracy.parameter: `{}` is named twice", w.name)));
-            }
-            dials.push(turned(w, &scene, stage)?);
-        }
+        let dials = checked_parameters(&wishes, &scene, stage)?;
         let sweep = if own { wish.sweep } else { default_sweep(&dials) };
         let mut study = Self {
             name: scene.name.clone(),
-            title: if scene.title.is_empty() { scene.name.clone() } else { scene.title.clone() },
+            title: scene.heading().to_owned(),
             stage,
             quantities,
             dials,
@@ -177,17 +147,28 @@ impl Study {
             reference: None,
             warnings,
         };
-        let base: Vec<Setting> = study.dials.iter().map(|d| d.base.clone()).collect();
-        study.member(&scene, "base".into(), base.clone(), false)?;
-        for at in 0..study.dials.len() {
-            study.line(&scene, &base, at, choice)?;
+        study.fill(&scene, (&sweep, &wish.sweep_check), choice)?;
+        Ok(study)
+    }
+
+    /// Adds the base sample, the lines through it, the sweep and what verifies them.
+    fn fill(
+        &mut self,
+        scene: &Scene,
+        (sweep, sweep_check): (&[String], &[f64]),
+        choice: &Choice,
+    ) -> Result<(), RunError> {
+        let base: Vec<Setting> = self.dials.iter().map(|d| d.base.clone()).collect();
+        self.member(scene, "base".into(), base.clone(), false)?;
+        for at in 0..self.dials.len() {
+            self.line(scene, &base, at, choice)?;
         }
         let wants = |name: &str| choice.dials.is_empty() || choice.dials.iter().any(|d| d == name);
         if !sweep.is_empty() && wants(SWEEP) {
-            study.sweep(&scene, &base, &sweep, &wish.sweep_check, choice)?;
+            self.sweep(scene, &base, sweep, sweep_check, choice)?;
         }
-        if let Some(unknown) = choice.dials.iter().find(|d| !study.lines.iter().any(|l| &l.name == *d)) {
-            let have: Vec<&str> = study.dials.iter().map(|d| d.dial.name.as_str()).collect();
+        if let Some(unknown) = choice.dials.iter().find(|d| !self.lines.iter().any(|l| &l.name == *d)) {
+            let have: Vec<&str> = self.dials.iter().map(|d| d.dial.name.as_str()).collect();
             return Err(RunError::Input(format!(
                 "--parameters: the study has no parameter `{unknown}`; it has: {}{}",
                 have.join(", "),
@@ -195,9 +176,9 @@ impl Study {
             )));
         }
         if choice.verify {
-            study.verify(&scene, &base, choice)?;
+            self.verify(scene, &base, choice)?;
         }
-        Ok(study)
+        Ok(())
     }
 
     /// Adds the sample that verifies the others: each parameter of the study with numbers beyond its finest
@@ -355,6 +336,54 @@ impl Study {
         };
         self.dials.iter().zip(settings).map(one).product()
     }
+}
+
+/// The stage of this name, or the last one.
+fn stage_of(scene: &Scene, name: Option<&str>) -> Result<usize, RunError> {
+    let Some(name) = name else { return Ok(scene.stages.len().saturating_sub(1)) };
+    scene.stages.iter().position(|s| s.name == name).ok_or_else(|| {
+        let names: Vec<&str> = scene.stages.iter().map(|s| s.name.as_str()).collect();
+        RunError::Input(format!(
+            "accuracy.stage: the scene has no stage `{name}`; it has: {}",
+            names.join(", ")
+        ))
+    })
+}
+
+/// The named quantities, or those that fit the scene; each is possible, and no name stands twice.
+fn checked_quantities(named: Vec<Quantity>, scene: &Scene, stage: usize) -> Result<Vec<Quantity>, RunError> {
+    let quantities = if named.is_empty() { quantities::defaults(scene, stage) } else { named };
+    if quantities.is_empty() {
+        return Err(RunError::Input(
+            "no default quantity fits this scene: name some with [[accuracy.quantity]]".into(),
+        ));
+    }
+    quantities.iter().try_for_each(|q| quantities::check(q, scene, stage))?;
+    for (i, q) in quantities.iter().enumerate() {
+        if quantities[..i].iter().any(|o| o.name == q.name) {
+            let name = &q.name;
+            return Err(RunError::Input(format!(
+                "accuracy.quantity[{i}]: two quantities are named `{name}`"
+            )));
+        }
+    }
+    Ok(quantities)
+}
+
+/// The parameters with their values; no name stands twice.
+fn checked_parameters(
+    wishes: &[case::Parameter],
+    scene: &Scene,
+    stage: usize,
+) -> Result<Vec<Turned>, RunError> {
+    let mut dials = Vec::new();
+    for w in wishes {
+        if dials.iter().any(|d: &Turned| d.dial.name == w.name) {
+            return Err(RunError::Input(format!("accuracy.parameter: `{}` is named twice", w.name)));
+        }
+        dials.push(turned(w, scene, stage)?);
+    }
+    Ok(dials)
 }
 
 /// Files that it names lie where the scene of the user lies.

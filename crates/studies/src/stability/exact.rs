@@ -14,7 +14,7 @@
 
 use std::f64::consts::PI;
 
-use case::{Canopy, Condition, PanelEdges, Scene};
+use case::{BoxSides, Canopy, Condition, PanelEdges, Scene};
 
 /// Odd modes that are summed along each direction; the rest carries 1e-5 of the volume.
 const MODES: usize = 8;
@@ -42,6 +42,74 @@ pub struct Exact {
     pub added: f64,
 }
 
+/// Whether a side of the box is closed to the air; others than those with a closed form as an error.
+fn closed(side: Condition) -> Result<bool, String> {
+    match side {
+        Condition::Slip | Condition::Symmetry => Ok(true),
+        Condition::Outlet => Ok(false),
+        _ => Err("sides must be \"slip\", \"symmetry\" or \"outlet\" for a closed form".into()),
+    }
+}
+
+/// The panel's modes are those of the air: held edges lie on open sides, guided ones on closed sides.
+fn check_sides(sides: &BoxSides, held: PanelEdges) -> Result<(), String> {
+    let open = |side| closed(side).map(|closed| !closed);
+    let strip = match held {
+        PanelEdges::All => false,
+        PanelEdges::Ends => true,
+        PanelEdges::Root => return Err("a panel with a free end has no closed form here".into()),
+    };
+    let ends = open(sides.left)? && open(sides.right)?;
+    let flanks = [sides.front, sides.back];
+    let flanks_fit =
+        if strip { closed(flanks[0])? && closed(flanks[1])? } else { open(flanks[0])? && open(flanks[1])? };
+    if ends && flanks_fit {
+        return Ok(());
+    }
+    Err("a panel's modes are those of the air only where its held edges lie on sides that are \"outlet\" and its \
+         guided edges on sides that are \"slip\""
+        .into())
+}
+
+/// A stretched panel that a pressure pushed.
+struct Stretched {
+    size_m: [f64; 2],
+    /// Held at two ends, with modes along x alone.
+    strip: bool,
+    /// N/m.
+    tension: f64,
+    /// Pa.
+    pressure: f64,
+}
+
+impl Stretched {
+    /// Its modes, the first one first; `mass` is that of fabric and air per area (kg/m2) at a wave number (1/m).
+    fn modes(&self, mass: impl Fn(f64) -> f64) -> Vec<Mode> {
+        let [lx, ly] = self.size_m;
+        let odd = || (0..MODES).map(|i| (2 * i + 1) as f64);
+        let mut modes = Vec::new();
+        for m in odd() {
+            for n in odd().take(if self.strip { 1 } else { MODES }) {
+                let a = m * PI / lx;
+                let (k2, shape, mean, mean_square) = if self.strip {
+                    (a * a, 4.0 / (PI * m), 2.0 / (PI * m), 0.5)
+                } else {
+                    let b = n * PI / ly;
+                    (a * a + b * b, 16.0 / (PI * PI * m * n), 4.0 / (PI * PI * m * n), 0.25)
+                };
+                let amplitude = shape * self.pressure / (self.tension * k2);
+                modes.push(Mode {
+                    omega: (self.tension * k2 / mass(k2.sqrt())).sqrt(),
+                    volume: amplitude * mean * lx * ly,
+                    weight: amplitude * amplitude * mean_square * lx * ly,
+                    stiffness: self.tension * k2,
+                });
+            }
+        }
+        modes
+    }
+}
+
 impl Exact {
     /// From a scene with a panel in a box; what is missing as an error.
     ///
@@ -55,31 +123,8 @@ impl Exact {
         if b.ahead_m > 0.0 || b.behind_m > 0.0 {
             return Err("the panel must span its box: remove flow.box.ahead_m and behind_m".into());
         }
-        let closed = |c: Condition| match c {
-            Condition::Slip | Condition::Symmetry => Ok(true),
-            Condition::Outlet => Ok(false),
-            _ => Err("sides must be \"slip\", \"symmetry\" or \"outlet\" for a closed form".to_owned()),
-        };
-        let open = |c| closed(c).map(|closed| !closed);
-        let strip = match p.held {
-            PanelEdges::All => false,
-            PanelEdges::Ends => true,
-            PanelEdges::Root => return Err("a panel with a free end has no closed form here".into()),
-        };
-        let ends = open(b.sides.left)? && open(b.sides.right)?;
-        let flanks = [b.sides.front, b.sides.back];
-        let flanks_fit = if strip {
-            closed(flanks[0])? && closed(flanks[1])?
-        } else {
-            open(flanks[0])? && open(flanks[1])?
-        };
-        if !(ends && flanks_fit) {
-            return Err(
-                "a panel's modes are those of the air only where its held edges lie on sides that are \
-                        \"outlet\" and its guided edges on sides that are \"slip\""
-                    .into(),
-            );
-        }
+        check_sides(&b.sides, p.held)?;
+        let strip = p.held == PanelEdges::Ends;
         let pressure = scene.stages.iter().find_map(|s| s.pressure_pa);
         let Some(pressure) = pressure.filter(|p| *p != 0.0) else {
             return Err("the first stage must push the panel: give it a pressure_pa".into());
@@ -95,27 +140,8 @@ impl Exact {
         };
         let (below, above) = (closed(b.sides.bottom)?, closed(b.sides.top)?);
         let added = |k: f64| one_side(k, b.below_m, below) + one_side(k, b.above_m, above);
-        let [lx, ly] = p.size_m;
-        let odd = || (0..MODES).map(|i| (2 * i + 1) as f64);
-        let mut modes = Vec::new();
-        for m in odd() {
-            for n in odd().take(if strip { 1 } else { MODES }) {
-                let a = m * PI / lx;
-                let (k2, shape, mean, mean_square) = if strip {
-                    (a * a, 4.0 / (PI * m), 2.0 / (PI * m), 0.5)
-                } else {
-                    let b = n * PI / ly;
-                    (a * a + b * b, 16.0 / (PI * PI * m * n), 4.0 / (PI * PI * m * n), 0.25)
-                };
-                let amplitude = shape * pressure / (tension * k2);
-                modes.push(Mode {
-                    omega: (tension * k2 / (fabric + added(k2.sqrt()))).sqrt(),
-                    volume: amplitude * mean * lx * ly,
-                    weight: amplitude * amplitude * mean_square * lx * ly,
-                    stiffness: tension * k2,
-                });
-            }
-        }
+        let panel = Stretched { size_m: p.size_m, strip, tension, pressure };
+        let modes = panel.modes(|k| fabric + added(k));
         let k1 = (modes[0].stiffness / tension).sqrt();
         Ok(Self { modes, fabric, added: added(k1) })
     }

@@ -4,26 +4,16 @@
 use std::path::Path;
 
 use coupling::error::RunError;
-use figures::picture::canvas::{Canvas, Pixels, Svg, shade};
+use figures::chart::{Axis, Field, FieldMark, Figure, HeatMap, HeatMaps};
 
 use super::family::{Axes, SchemeChoice};
 use super::fly::Flown;
 use super::verdict::Class;
 
-const CELL: [f32; 2] = [76.0, 44.0];
-const LEFT: f32 = 92.0;
-const TOP: f32 = 74.0;
-const TITLE: f32 = 30.0;
-const FOOT: f32 = 46.0;
-const GAP: f32 = 52.0;
 /// Iterations at the light end of the scale.
 const MOST: f64 = 30.0;
 /// Letters of a failure in the table; all of it is in the member's folder.
 const FAILURE: usize = 110;
-const INK: [f32; 3] = [0.13, 0.15, 0.18];
-const WHITE: [f32; 3] = [1.0; 3];
-const RED: [f32; 3] = [0.80, 0.11, 0.11];
-const EMPTY: [f32; 3] = [0.90, 0.90, 0.90];
 
 /// Writes `map.csv`, `map.svg` and `map.png` into `out`.
 ///
@@ -32,13 +22,7 @@ const EMPTY: [f32; 3] = [0.90, 0.90, 0.90];
 pub fn write(out: &Path, axes: &Axes, flown: &[Flown], title: &str) -> Result<(), RunError> {
     let path = out.join("map.csv");
     std::fs::write(&path, table(flown)).map_err(RunError::file("write", &path))?;
-    let size = size(axes);
-    let mut svg = Svg::new(size);
-    draw(&mut svg, axes, flown, title);
-    svg.save(&out.join("map.svg"))?;
-    let mut pixels = Pixels::new(size);
-    draw(&mut pixels, axes, flown, title);
-    pixels.save(&out.join("map.png"))
+    figure(axes, flown, title).save(out, "map").map(|_| ())
 }
 
 fn table(flown: &[Flown]) -> String {
@@ -69,112 +53,53 @@ fn table(flown: &[Flown]) -> String {
     text
 }
 
-fn field(axes: &Axes) -> [f32; 2] {
-    [CELL[0] * axes.mass_ratios.len() as f32, CELL[1] * axes.windows.len() as f32]
+/// Place of a number of iterations in a window on the scale of colours.
+fn share(iterations: f64) -> f64 {
+    (iterations.max(1.0).ln() / MOST.ln()).min(1.0)
 }
 
-fn size(axes: &Axes) -> [u32; 2] {
-    let [w, h] = field(axes);
-    let (columns, rows) = (axes.substeps.len() as f32, axes.schemes.len() as f32);
-    let width = LEFT + columns * (w + GAP) + 10.0;
-    [width.max(700.0) as u32, (TOP + rows * (h + TITLE + FOOT)) as u32]
+fn figure(axes: &Axes, flown: &[Flown], title: &str) -> Figure {
+    let one = |scheme| axes.substeps.iter().map(move |substeps| map(axes, flown, scheme, *substeps));
+    let marks = [Class::Stable, Class::Inaccurate, Class::Unstable];
+    Figure::HeatMaps(HeatMaps {
+        title: title.into(),
+        maps: axes.schemes.iter().flat_map(one).collect(),
+        columns: axes.substeps.len(),
+        marks: marks.into_iter().map(|class| (mark(class), class.name().into())).collect(),
+        scale: "coupling iterations in a window".into(),
+        scale_marks: [1.0, 3.0, 10.0, MOST].into_iter().map(|n| (share(n), format!("{n}"))).collect(),
+    })
 }
 
-fn draw(on: &mut dyn Canvas, axes: &Axes, flown: &[Flown], title: &str) {
-    on.label(title, [12.0, 22.0], 11.0, 0.0, INK);
-    legend(on, [12.0, 46.0]);
-    let [w, h] = field(axes);
-    for (row, scheme) in axes.schemes.iter().enumerate() {
-        for (column, &substeps) in axes.substeps.iter().enumerate() {
-            let corner = [LEFT + column as f32 * (w + GAP), TOP + TITLE + row as f32 * (h + TITLE + FOOT)];
-            let name = format!("{}, {substeps} substeps", scheme.0);
-            on.label(&name, [corner[0], corner[1] - 8.0], 9.0, 0.0, INK);
-            panel(on, axes, flown, (scheme, substeps), corner);
-        }
-    }
-}
-
-fn legend(on: &mut dyn Canvas, [x, y]: [f32; 2]) {
-    let mut at = x;
-    for (class, name) in
-        [(Class::Stable, "stable"), (Class::Inaccurate, "inaccurate"), (Class::Unstable, "unstable")]
-    {
-        on.rect([at, y - 12.0], [18.0, 16.0], [0.35, 0.45, 0.55]);
-        mark(on, class, [at + 9.0, y - 4.0]);
-        on.label(name, [at + 23.0, y], 8.0, 0.0, INK);
-        at += 40.0 + 7.5 * name.len() as f32;
-    }
-    let bar = 96;
-    for i in 0..bar {
-        let t = f64::from(i) / f64::from(bar - 1);
-        on.rect([at + i as f32, y - 12.0], [1.5, 16.0], shade(t));
-    }
-    let end = at + bar as f32;
-    on.label(&format!("1 to {MOST:.0} iterations a window"), [end + 8.0, y], 8.0, 0.0, INK);
-}
-
-fn panel(
-    on: &mut dyn Canvas,
-    axes: &Axes,
-    flown: &[Flown],
-    (scheme, substeps): (&SchemeChoice, u32),
-    [x, y]: [f32; 2],
-) {
-    let rows = axes.windows.len();
-    for (i, &mass_ratio) in axes.mass_ratios.iter().enumerate() {
-        for (j, &windows) in axes.windows.iter().enumerate() {
-            let corner = [x + i as f32 * CELL[0], y + (rows - 1 - j) as f32 * CELL[1]];
-            let inner = [CELL[0] - 2.0, CELL[1] - 2.0];
-            let found = flown.iter().find(|f| {
-                let p = &f.point;
-                p.mass_ratio == mass_ratio
-                    && p.windows_per_period == windows
-                    && p.substeps == substeps
-                    && p.scheme == *scheme
-            });
-            let Some(f) = found else {
-                on.rect(corner, inner, EMPTY);
-                continue;
-            };
-            let v = &f.verdict;
-            on.rect(corner, inner, shade((v.iterations.max(1.0).ln() / MOST.ln()).min(1.0)));
-            mark(on, v.class, [corner[0] + 0.30 * CELL[0], corner[1] + 0.5 * inner[1]]);
-            let ink = if v.iterations > 8.0 { INK } else { WHITE };
-            let text = if v.windows == 0 { "-".into() } else { format!("{:.1}", v.iterations) };
-            on.label(&text, [corner[0] + 0.52 * CELL[0], corner[1] + 0.5 * inner[1] + 4.0], 8.0, 0.0, ink);
-        }
-    }
-    let bottom = y + rows as f32 * CELL[1];
-    for (i, m) in axes.mass_ratios.iter().enumerate() {
-        on.label(&m.to_string(), [x + (i as f32 + 0.5) * CELL[0], bottom + 14.0], 8.0, 0.5, INK);
-    }
-    let middle = x + 0.5 * CELL[0] * axes.mass_ratios.len() as f32;
-    on.label("mass of air : mass of fabric", [middle, bottom + 31.0], 8.0, 0.5, INK);
-    for (j, w) in axes.windows.iter().enumerate() {
-        let at = y + (rows as f32 - 0.5 - j as f32) * CELL[1] + 3.0;
-        on.label(&w.to_string(), [x - 8.0, at], 8.0, 1.0, INK);
-    }
-    if x <= LEFT {
-        on.label("windows", [10.0, y - 20.0], 8.0, 0.0, INK);
-        on.label("/ period", [10.0, y - 8.0], 8.0, 0.0, INK);
+/// The map of one scheme and number of substeps.
+fn map(axes: &Axes, flown: &[Flown], scheme: &SchemeChoice, substeps: u32) -> HeatMap {
+    let field = |f: &Flown| {
+        let p = &f.point;
+        let column = axes.mass_ratios.iter().position(|m| *m == p.mass_ratio)?;
+        let row = axes.windows.iter().position(|w| *w == p.windows_per_period)?;
+        let v = &f.verdict;
+        Some(Field {
+            at: [column, row],
+            share: share(v.iterations),
+            mark: mark(v.class),
+            text: if v.windows == 0 { "-".into() } else { format!("{:.1}", v.iterations) },
+        })
+    };
+    let own = flown.iter().filter(|f| f.point.substeps == substeps && f.point.scheme == *scheme);
+    let names = |values: &[f64]| values.iter().map(f64::to_string).collect();
+    HeatMap {
+        title: format!("{}, {substeps} substeps", scheme.0),
+        x: Axis::categories("mass of air : mass of fabric", names(&axes.mass_ratios)),
+        y: Axis::categories("windows per period", names(&axes.windows)),
+        fields: own.filter_map(field).collect(),
     }
 }
 
-/// Filled: stable. A ring: inaccurate. A red cross: unstable.
-fn mark(on: &mut dyn Canvas, class: Class, [x, y]: [f32; 2]) {
+fn mark(class: Class) -> FieldMark {
     match class {
-        Class::Stable => on.circle([x, y], 6.0, None, WHITE),
-        Class::Inaccurate => on.circle([x, y], 5.0, Some(2.2), WHITE),
-        Class::Unstable => {
-            for (from, to) in [([-6.0, -6.0], [6.0, 6.0]), ([-6.0, 6.0], [6.0, -6.0])] {
-                let at = |d: [f32; 2]| [x + d[0], y + d[1]];
-                on.line(at(from), at(to), 5.0, WHITE);
-            }
-            for (from, to) in [([-5.5, -5.5], [5.5, 5.5]), ([-5.5, 5.5], [5.5, -5.5])] {
-                let at = |d: [f32; 2]| [x + d[0], y + d[1]];
-                on.line(at(from), at(to), 2.8, RED);
-            }
-        }
+        Class::Stable => FieldMark::Dot,
+        Class::Inaccurate => FieldMark::Ring,
+        Class::Unstable => FieldMark::Cross,
     }
 }
 
@@ -222,13 +147,14 @@ mod tests {
         assert!(csv.lines().all(|l| l.split(',').count() == 11), "{csv}");
         let svg = std::fs::read_to_string(folder.path().join("map.svg")).unwrap();
         assert_eq!(svg.matches("mass of air").count(), 4);
-        // Each unstable member is a cross of four lines, and there is one in the legend.
-        let crosses = flown.iter().filter(|f| f.verdict.class == Class::Unstable).count() + 1;
-        assert_eq!(svg.matches("<line").count(), 4 * crosses);
+        // Stable members are dots, inaccurate ones rings; there is one of each in the legend.
+        let circles = flown.iter().filter(|f| f.verdict.class != Class::Unstable).count() + 2;
+        assert_eq!(svg.matches("<circle").count(), circles);
+        assert_eq!(svg.matches("mass of fabric").count(), 4);
         let png = std::fs::read(folder.path().join("map.png")).unwrap();
         assert!(png.starts_with(b"\x89PNG") && png.len() > 5000);
         if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {
-            std::fs::copy(folder.path().join("map.png"), keep).unwrap();
+            std::fs::copy(folder.path().join("map.png"), Path::new(&keep).join("map.png")).unwrap();
         }
     }
 }

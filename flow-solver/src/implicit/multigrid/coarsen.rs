@@ -4,7 +4,7 @@ use comm::{Comm, Halo, Numbering};
 use serde::{Deserialize, Serialize};
 
 use super::Matrix;
-use crate::geometry::vec3::{Vec3, add, norm, scale, sub};
+use crate::geometry::vec3::Vec3;
 use crate::topology::Adjacency;
 
 /// Pairings between two levels: each halves the number of cells.
@@ -155,14 +155,14 @@ impl Graph {
 
     /// The graph of the groups.
     fn merged(&self, group: &[u32], count: usize) -> Self {
-        let mut centre = vec![[0.0; 3]; count];
+        let mut centre = vec![Vec3::zeros(); count];
         let mut volume = vec![0.0; count];
         for (i, &g) in group.iter().enumerate() {
-            centre[g as usize] = add(centre[g as usize], scale(self.volume[i], self.centre[i]));
+            centre[g as usize] += self.centre[i] * self.volume[i];
             volume[g as usize] += self.volume[i];
         }
         for (c, v) in centre.iter_mut().zip(&volume) {
-            *c = scale(1.0 / v, *c);
+            *c *= 1.0 / v;
         }
         let (first, member) = members(group, count);
         let (mut start, mut entry) = (vec![0], Vec::with_capacity(self.entry.len() / 2));
@@ -174,7 +174,7 @@ impl Graph {
                 for &(j, k) in &self.entry[self.start[i] as usize..self.start[i + 1] as usize] {
                     let h = group[j as usize];
                     if h as usize != g {
-                        let fine = norm(sub(self.centre[j as usize], self.centre[i]));
+                        let fine = (self.centre[j as usize] - self.centre[i]).norm();
                         row.push((h, k * ratio(fine, centre[g], centre[h as usize])));
                     }
                 }
@@ -193,7 +193,7 @@ impl Graph {
 /// Never below one half: constant transfers bear no more. Merging along a line
 /// only would make the coarse correction too large otherwise.
 fn ratio(fine: f64, a: Vec3, b: Vec3) -> f32 {
-    let coarse = norm(sub(a, b));
+    let coarse = (a - b).norm();
     if coarse > fine { (fine / coarse).max(0.5) as f32 } else { 1.0 }
 }
 
@@ -210,6 +210,114 @@ fn members(group: &[u32], count: usize) -> (Vec<u32>, Vec<u32>) {
         next[g as usize] += 1;
     }
     (first, member)
+}
+
+/// Pairs the owned cells of a level several times: the coarse cell of each, and the graph of the coarse cells.
+fn merge(rows: &Adjacency, matrix: &Matrix, centre: &[[f64; 3]], volume: &[f64]) -> (Vec<u32>, Graph) {
+    let n = matrix.own.len();
+    let (mut start, mut entry) = (vec![0], Vec::new());
+    for i in 0..n {
+        let row = rows.start[i] as usize..rows.ghost[i] as usize;
+        entry.extend(row.map(|k| (rows.cell[k], matrix.off[k])));
+        start.push(entry.len() as u32);
+    }
+    let centre = centre[..n].iter().map(|x| Vec3::from(*x)).collect();
+    let mut graph = Graph { start, entry, centre, volume: volume[..n].to_vec() };
+    let mut parent: Vec<u32> = (0..n as u32).collect();
+    for _ in 0..PAIRINGS {
+        let (group, count) = graph.pairs();
+        parent.iter_mut().for_each(|p| *p = group[*p as usize]);
+        graph = graph.merged(&group, count);
+    }
+    (parent, graph)
+}
+
+/// Numbers of a level's coarse cells.
+struct Numbered {
+    numbering: Numbering,
+    /// Local coarse cell of each local fine cell.
+    coarse_of: Vec<u32>,
+    /// Number of the first owned coarse cell among all ranks, and number and owner of ghosts.
+    offset: u64,
+    ghosts: Vec<(u64, u32)>,
+}
+
+/// Numbers the coarse cells, those that ghosts belong to included; `halo` and `parent` are those of the fine cells. Collective.
+fn number(halo: &Halo, parent: &[u32], n_coarse: usize) -> Numbered {
+    let comm = halo.comm();
+    let sizes = comm.all_gather_u64(n_coarse as u64);
+    let offset: u64 = sizes[..comm.rank()].iter().sum();
+    let mut number = vec![0.0; halo.n_local()];
+    for (x, &p) in number.iter_mut().zip(parent) {
+        *x = (offset + u64::from(p)) as f64;
+    }
+    halo.exchange(&mut number, 1);
+    let ends: Vec<u64> = sizes
+        .iter()
+        .scan(0, |end, s| {
+            *end += s;
+            Some(*end)
+        })
+        .collect();
+    let ghosts: Vec<(u64, u32)> = number[parent.len()..]
+        .iter()
+        .map(|&g| (g as u64, ends.partition_point(|&e| e <= g as u64) as u32))
+        .collect();
+    let numbering = Numbering::new((offset..offset + n_coarse as u64).collect(), ghosts.clone());
+    let coarse_of: Vec<u32> = number
+        .iter()
+        .map(|&g| numbering.local(g as u64).expect("every number was entered above") as u32)
+        .collect();
+    Numbered { numbering, coarse_of, offset, ghosts }
+}
+
+/// Rows of the coarse cells, and the entry of each fine entry in them.
+fn coarse_rows(
+    rows: &Adjacency,
+    parent: &[u32],
+    coarse_of: &[u32],
+    n_coarse: usize,
+) -> (Adjacency, Vec<u16>) {
+    let (first, member) = members(parent, n_coarse);
+    let mut coarse = Adjacency { start: vec![0], ..Adjacency::default() };
+    let mut target = vec![INSIDE; rows.cell.len()];
+    let mut row: Vec<u32> = Vec::new();
+    for c in 0..n_coarse {
+        row.clear();
+        let entries = member[first[c] as usize..first[c + 1] as usize]
+            .iter()
+            .flat_map(|&i| rows.start[i as usize] as usize..rows.start[i as usize + 1] as usize);
+        row.extend(entries.clone().map(|k| coarse_of[rows.cell[k] as usize]).filter(|&d| d as usize != c));
+        row.sort_unstable();
+        row.dedup();
+        let at = coarse.cell.len();
+        for k in entries {
+            if let Ok(place) = row.binary_search(&coarse_of[rows.cell[k] as usize]) {
+                target[k] = place as u16;
+            }
+        }
+        coarse.cell.extend_from_slice(&row);
+        coarse.upper.push((at + row.partition_point(|&d| (d as usize) < c)) as u32);
+        coarse.ghost.push((at + row.partition_point(|&d| (d as usize) < n_coarse)) as u32);
+        coarse.start.push(coarse.cell.len() as u32);
+    }
+    (coarse, target)
+}
+
+/// Distances of the fine cells over those of their coarse cells, of each fine entry, in shares of 255; centres of
+/// the local fine and coarse cells.
+fn ratios(rows: &Adjacency, [fine, coarse]: [&[[f64; 3]]; 2], coarse_of: &[u32]) -> Vec<u8> {
+    let mut ratios = vec![0; rows.cell.len()];
+    let at = |centre: &[[f64; 3]], i: usize| Vec3::from(centre[i]);
+    for i in 0..rows.start.len() - 1 {
+        for k in rows.start[i] as usize..rows.start[i + 1] as usize {
+            let j = rows.cell[k] as usize;
+            let distance = (at(fine, j) - at(fine, i)).norm();
+            let r = ratio(distance, at(coarse, coarse_of[i] as usize), at(coarse, coarse_of[j] as usize));
+            ratios[k] = (255.0 * r).round() as u8;
+        }
+    }
+    ratios
 }
 
 impl Coarse {
@@ -242,98 +350,25 @@ impl Coarse {
         rows: &Adjacency,
         halo: &Halo,
         matrix: &Matrix,
-        centre: &mut Vec<Vec3>,
+        centre: &mut Vec<[f64; 3]>,
         volume: &mut Vec<f64>,
     ) -> (Self, usize) {
-        let n = matrix.own.len();
-        let (mut start, mut entry) = (vec![0], Vec::new());
-        for i in 0..n {
-            let row = rows.start[i] as usize..rows.ghost[i] as usize;
-            entry.extend(row.map(|k| (rows.cell[k], matrix.off[k])));
-            start.push(entry.len() as u32);
-        }
-        let mut graph = Graph { start, entry, centre: centre[..n].to_vec(), volume: volume[..n].to_vec() };
-        let mut parent: Vec<u32> = (0..n as u32).collect();
-        for _ in 0..PAIRINGS {
-            let (group, count) = graph.pairs();
-            parent.iter_mut().for_each(|p| *p = group[*p as usize]);
-            graph = graph.merged(&group, count);
-        }
-        let n_coarse = graph.centre.len();
+        let (parent, graph) = merge(rows, matrix, centre, volume);
+        let Numbered { numbering, coarse_of, offset, ghosts } = number(halo, &parent, graph.centre.len());
+        let (coarse_rows, target) = coarse_rows(rows, &parent, &coarse_of, graph.centre.len());
 
-        // Numbers of the coarse cells that ghosts belong to.
-        let comm = halo.comm();
-        let sizes = comm.all_gather_u64(n_coarse as u64);
-        let offset: u64 = sizes[..comm.rank()].iter().sum();
-        let mut number = vec![0.0; halo.n_local()];
-        for (x, &p) in number.iter_mut().zip(&parent) {
-            *x = (offset + u64::from(p)) as f64;
-        }
-        halo.exchange(&mut number, 1);
-        let ends: Vec<u64> = sizes
-            .iter()
-            .scan(0, |end, s| {
-                *end += s;
-                Some(*end)
-            })
-            .collect();
-        let ghosts: Vec<(u64, u32)> = number[n..]
-            .iter()
-            .map(|&g| (g as u64, ends.partition_point(|&e| e <= g as u64) as u32))
-            .collect();
-        let numbering = Numbering::new((offset..offset + n_coarse as u64).collect(), ghosts.clone());
-        let coarse_of: Vec<u32> = number
-            .iter()
-            .map(|&g| numbering.local(g as u64).expect("every number was entered above") as u32)
-            .collect();
-
-        let (first, member) = members(&parent, n_coarse);
-        let mut coarse_rows = Adjacency { start: vec![0], ..Adjacency::default() };
-        let mut target = vec![INSIDE; rows.cell.len()];
-        let mut row: Vec<u32> = Vec::new();
-        for c in 0..n_coarse {
-            row.clear();
-            let entries = member[first[c] as usize..first[c + 1] as usize]
-                .iter()
-                .flat_map(|&i| rows.start[i as usize] as usize..rows.start[i as usize + 1] as usize);
-            row.extend(
-                entries.clone().map(|k| coarse_of[rows.cell[k] as usize]).filter(|&d| d as usize != c),
-            );
-            row.sort_unstable();
-            row.dedup();
-            let at = coarse_rows.cell.len();
-            for k in entries {
-                if let Ok(place) = row.binary_search(&coarse_of[rows.cell[k] as usize]) {
-                    target[k] = place as u16;
-                }
-            }
-            coarse_rows.cell.extend_from_slice(&row);
-            coarse_rows.upper.push((at + row.partition_point(|&d| (d as usize) < c)) as u32);
-            coarse_rows.ghost.push((at + row.partition_point(|&d| (d as usize) < n_coarse)) as u32);
-            coarse_rows.start.push(coarse_rows.cell.len() as u32);
-        }
-
-        let mut middle = graph.centre;
+        let mut middle: Vec<[f64; 3]> = graph.centre.iter().map(|x| (*x).into()).collect();
         middle.resize(numbering.n_local(), [0.0; 3]);
         let fine_centre = std::mem::replace(centre, middle);
         let mut size = graph.volume;
         size.resize(numbering.n_local(), 0.0);
         *volume = size;
         // Ghost centres of the coarse level are needed for the ratios.
-        let exchange = Halo::new(comm, &numbering);
+        let exchange = Halo::new(halo.comm(), &numbering);
         exchange.exchange(centre.as_flattened_mut(), 3);
         exchange.exchange(volume, 1);
-        let mut ratios = vec![0; rows.cell.len()];
-        for i in 0..n {
-            for k in rows.start[i] as usize..rows.start[i + 1] as usize {
-                let j = rows.cell[k] as usize;
-                let fine = norm(sub(fine_centre[j], fine_centre[i]));
-                let r = ratio(fine, centre[parent[i] as usize], centre[coarse_of[j] as usize]);
-                ratios[k] = (255.0 * r).round() as u8;
-            }
-        }
-        let coarse =
-            Self { rows: coarse_rows, parent, target, ratio: ratios, halo: exchange, offset, ghosts };
+        let ratio = ratios(rows, [&fine_centre, centre], &coarse_of);
+        let coarse = Self { rows: coarse_rows, parent, target, ratio, halo: exchange, offset, ghosts };
         (coarse, numbering.n_local())
     }
 

@@ -14,7 +14,6 @@ mod coarsest;
 use comm::{Comm, Halo};
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::vec3::Vec3;
 use crate::topology::Adjacency;
 use coarsen::{Coarse, MergedLevel};
 use coarsest::Coarsest;
@@ -137,7 +136,7 @@ const LEVELS: usize = 12;
 impl Multigrid {
     /// Merges cells by the couplings of `matrix`; `centre` and `volume` belong to
     /// all local cells of the finest level. Collective.
-    pub fn new(rows: &Adjacency, halo: &Halo, matrix: &Matrix, centre: &[Vec3], volume: &[f64]) -> Self {
+    pub fn new(rows: &Adjacency, halo: &Halo, matrix: &Matrix, centre: &[[f64; 3]], volume: &[f64]) -> Self {
         let mut levels: Vec<Level> = Vec::new();
         let (mut centre, mut volume) = (centre.to_vec(), volume.to_vec());
         let comm = halo.comm().clone();
@@ -274,7 +273,7 @@ mod tests {
                 a.own[i] = 2.0 * (6 - (rows.start[i + 1] - rows.start[i])) as f32;
             }
             a.complete(&rows);
-            let centre: Vec<Vec3> =
+            let centre: Vec<[f64; 3]> =
                 (0..n).map(|c| [c % side, c / side % side, c / side / side].map(|x| x as f64)).collect();
             let halo = Halo::solo(n);
             let mut multigrid = Multigrid::new(&rows, &halo, &a, &centre, &vec![1.0; n]);

@@ -1,0 +1,227 @@
+//! A whole run: stage after stage, each a session of its own.
+
+mod folder;
+mod options;
+mod prepare;
+mod recording;
+mod resume;
+mod session;
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use case::{Role, Scene, StageKind};
+use checks::Inspection;
+use coupling::error::{Place, RunError};
+use coupling::interface::CanopyInterface;
+use coupling::schemes::InterfaceState;
+use figures::plot;
+use results::state;
+use results::summary::{RunSummary, StageSummary};
+use results::timings::StageTimings;
+use terminal::Console;
+
+pub(crate) use self::folder::keep_scene;
+pub use self::options::{BaselineOptions, RecordOptions, RunOptions};
+pub use self::prepare::{Prepared, inspection, prepare};
+pub(crate) use self::session::required_effects;
+
+use self::resume::Resume;
+use crate::launch::Session;
+use crate::stages::{StageContext, StageOptions, initial_state};
+
+/// Runs the stages of a scene; returns what came of it and the folder of the
+/// results. `stop` ends it early when it becomes true.
+///
+/// # Errors
+/// Whatever ended it early; results so far, `summary.json` included, are kept.
+pub fn run(
+    options: &RunOptions,
+    stop: &AtomicBool,
+    console: &Console,
+) -> Result<(RunSummary, PathBuf), RunError> {
+    let prepared = prepare(options)?;
+    let inspection = inspection(&prepared, options)?;
+    inspection.announce(console)?;
+    let resume = options.resume.then(|| Resume::find(&prepared, console)).transpose()?;
+    if let Some(resume) = resume.as_ref().filter(|resume| resume.complete) {
+        return Ok((nothing_left(&prepared.scene, resume, console), prepared.out));
+    }
+    let mut run = Run::open(options, &prepared, &inspection, resume, stop, console)?;
+    let mut state = run.state_at_start()?;
+    let ended = run.stages.clone().try_for_each(|stage| run.stage(stage, &mut state));
+    let summary = run.close(&ended)?;
+    ended.map(|()| (summary, prepared.out))
+}
+
+/// A run whose folder is open.
+struct Run<'a> {
+    options: &'a RunOptions,
+    prepared: &'a Prepared,
+    stop: &'a AtomicBool,
+    console: &'a Console,
+    /// Stages to run, from 0.
+    stages: Range<usize>,
+    resume: Option<Resume>,
+    /// Identity of the run in what it saves.
+    identity: u64,
+    summary: RunSummary,
+    start: Instant,
+    _lock: File,
+}
+
+impl<'a> Run<'a> {
+    /// Checks that all stages can be started, then opens the folder of the results.
+    fn open(
+        options: &'a RunOptions,
+        prepared: &'a Prepared,
+        inspection: &Inspection,
+        mut resume: Option<Resume>,
+        stop: &'a AtomicBool,
+        console: &'a Console,
+    ) -> Result<Self, RunError> {
+        let scene = &prepared.scene;
+        let first = resume.as_ref().map_or(prepared.first, |r| r.stage);
+        let stages = first..if options.only { first + 1 } else { scene.stages.len() };
+        session::require_programs(options, prepared, stages.clone())?;
+        channel::ignore_sigxfsz();
+        checks::shared_memory::require(scene, first, &prepared.interface)?;
+        let start = Instant::now();
+        let lock = folder::open(options, prepared, inspection, console)?;
+        let identity = folder::identify(prepared, first, resume.as_mut())?;
+        if let Some(record) = &options.record {
+            folder::open_recording(record, prepared, first)?;
+        }
+        if let Err(error) = channel::cleanup_stale() {
+            console.warning(&format!("leftovers of earlier runs could not be removed: {error}"));
+        }
+        Session::remove_leftovers();
+        let before = resume.as_mut().map(|r| std::mem::take(&mut r.summaries)).unwrap_or_default();
+        let summary = RunSummary { inspection: inspection.above_notes(), ..summary_of(scene, before) };
+        Ok(Self { options, prepared, stop, console, stages, resume, identity, summary, start, _lock: lock })
+    }
+
+    /// Values on the interface before the first stage to run.
+    fn state_at_start(&self) -> Result<InterfaceState, RunError> {
+        let Prepared { scene, out, interface, .. } = self.prepared;
+        match self.stages.start.checked_sub(1) {
+            None => Ok(initial_state(scene, interface)),
+            Some(before) => earlier_state(scene, out, interface, before),
+        }
+    }
+
+    /// Runs a stage from `state`, which it leaves at its end.
+    fn stage(&mut self, stage: usize, state: &mut InterfaceState) -> Result<(), RunError> {
+        let description = &self.prepared.scene.stages[stage];
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(RunError::Interrupted(Place { stage: description.name.clone(), window: None }));
+        }
+        let mut summary = StageSummary::new(description);
+        let context = self.context(stage);
+        timing::take();
+        let ended = session::run_stage(&context, &self.prepared.file, self.options, state, &mut summary);
+        let said = summary.convergence.closing(&summary.name, summary.windows);
+        said.iter().for_each(|text| self.console.warning(text));
+        let folder = case::stage_folder(context.out, context.scene, stage);
+        let (name, roles) = (&description.name, description.kind.roles());
+        self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));
+        self.summary.stages.push(summary);
+        ended
+    }
+
+    fn context(&self, stage: usize) -> StageContext<'_> {
+        let Prepared { scene, out, interface, .. } = self.prepared;
+        let every = self.options.checkpoint_every.or(scene.output.checkpoint_every_windows);
+        let options = StageOptions {
+            stop_after_windows: self.options.stop_after_windows,
+            accept_unconverged: self.options.accept_unconverged,
+            checkpoint_every: every.map(u64::from),
+            run: self.identity,
+        };
+        let resumed = self.resume.as_ref().filter(|r| r.stage == stage).and_then(|r| r.within.as_ref());
+        StageContext {
+            scene,
+            stage,
+            out,
+            interface,
+            options,
+            console: self.console,
+            stop: self.stop,
+            resumed,
+        }
+    }
+
+    /// Writes the summary and draws what the histories hold, however the stages `ended`.
+    fn close(mut self, ended: &Result<(), RunError>) -> Result<RunSummary, RunError> {
+        let Prepared { scene, out, interface, .. } = self.prepared;
+        if let Err(error) = ended {
+            self.summary.ended = error.to_string();
+        }
+        self.summary.wall_s = self.start.elapsed().as_secs_f64();
+        self.summary.warnings = self.console.warnings();
+        self.summary.write(out)?;
+        if let Err(error) = plots(scene, out, interface) {
+            self.console.warning(&error.to_string());
+        }
+        Ok(self.summary)
+    }
+}
+
+/// The summary of a run that is resumed although it is complete.
+fn nothing_left(scene: &Scene, resume: &Resume, console: &Console) -> RunSummary {
+    console.line(
+        "this run is complete: there is nothing to resume. A longer last stage, or a further one, would be gone on with",
+    );
+    summary_of(scene, resume.summaries.clone())
+}
+
+/// The summary of a run that begins now, `stages` being done.
+fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
+    RunSummary {
+        scene: scene.name.clone(),
+        ended: "complete".into(),
+        version: env!("CARGO_PKG_VERSION"),
+        started_utc: terminal::utc_now(),
+        command: std::env::args().collect(),
+        machine: results::machine::Machine::here(),
+        contract: channel::CONTRACT_VERSION,
+        inspection: Vec::new(),
+        warnings: Vec::new(),
+        wall_s: 0.0,
+        ranks: Role::ALL.map(|role| scene.ranks.of(role)),
+        stages,
+        timings: Vec::new(),
+    }
+}
+
+/// Values on the interface at the end of stage `before`, which was run earlier.
+fn earlier_state(
+    scene: &Scene,
+    out: &Path,
+    interface: &CanopyInterface,
+    before: usize,
+) -> Result<InterfaceState, RunError> {
+    let folder = case::state_folder(out, scene, before);
+    state::load(&folder, interface.nodes(), interface.faces.len()).map_err(|error| {
+        RunError::Input(format!(
+            "{error}\nstage `{}` starts from stage `{}`: run that one first, with the same --out",
+            scene.stages[before + 1].name,
+            scene.stages[before].name
+        ))
+    })
+}
+
+/// Draws what the histories hold.
+fn plots(scene: &Scene, out: &Path, interface: &CanopyInterface) -> Result<(), RunError> {
+    for (at, stage) in scene.stages.iter().enumerate() {
+        let folder = case::stage_folder(out, scene, at);
+        let history = folder.join("history.csv");
+        if stage.kind == StageKind::Coupled && history.exists() {
+            plot::descent(&history, &folder.join("descent.svg"), scene, interface)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,109 @@
+//! Where an interrupted run continues.
+
+use std::path::Path;
+
+use case::Scene;
+use coupling::error::RunError;
+use results::checkpoint::{self, Point, Progress, Record};
+use results::summary::StageSummary;
+use terminal::Console;
+
+use super::prepare::Prepared;
+
+/// What an earlier run left in the folder of the results.
+pub(super) struct Resume {
+    record: Record,
+    point: Option<Point>,
+    /// The stage to continue with, from 0.
+    pub stage: usize,
+    /// How far it had come; `None`: it starts from its beginning.
+    pub within: Option<Progress>,
+    /// Of the stages before it; where all is done, of all.
+    pub summaries: Vec<StageSummary>,
+    /// No stage is left.
+    pub complete: bool,
+}
+
+impl Resume {
+    /// Reads the folder of the results; changes nothing there yet.
+    pub fn find(prepared: &Prepared, console: &Console) -> Result<Self, RunError> {
+        let Prepared { scene, file, out, .. } = prepared;
+        let record = Record::read(out)?;
+        let (point, notes) = checkpoint::find(scene, out, &record);
+        notes.iter().for_each(|note| console.warning(note));
+        let record = record.renewed(scene, file, point.as_ref())?;
+        let stage = record.first;
+        let mut this =
+            Self { record, point: None, stage, within: None, summaries: Vec::new(), complete: false };
+        let Some(point) = point else {
+            console.line("no window was saved: the run begins anew");
+            return Ok(this);
+        };
+        let over = is_over(scene, &point);
+        this.stage = point.stage + usize::from(over);
+        this.complete = this.stage == scene.stages.len();
+        let mut warnings = this.read_summaries(scene, out);
+        if !over {
+            let within = this.within.insert(progress_within(&point, console)?);
+            warnings.clone_from(&within.warnings);
+        } else if !this.complete {
+            console.line(&format!("stage `{}` is done: going on with the next", point.seal.name));
+        }
+        console.remember(warnings);
+        this.point = Some(point);
+        Ok(this)
+    }
+
+    /// Reads the summaries of the stages before the one to continue with; the warnings of the last.
+    fn read_summaries(&mut self, scene: &Scene, out: &Path) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for before in self.record.first..self.stage {
+            if let Ok(progress) = Progress::load(&case::state_folder(out, scene, before)) {
+                warnings = progress.warnings;
+                self.summaries.push(StageSummary { speeds: progress.speeds, ..progress.summary });
+            }
+        }
+        warnings
+    }
+
+    /// Puts the state in its place; returns the identity of the run.
+    pub fn begin(&mut self, scene: &Scene, out: &Path) -> Result<u64, RunError> {
+        if let Some(point) = &mut self.point {
+            point.adopt(scene, out)?;
+        }
+        self.record.write(out)?;
+        Ok(self.record.run)
+    }
+}
+
+/// Whether the stage of a saved state has ended. One that was stopped short, or has become longer, has not.
+fn is_over(scene: &Scene, point: &Point) -> bool {
+    let stage = &scene.stages[point.stage];
+    let planned = stage.planned_s();
+    match point.seal.ended.as_deref() {
+        None => false,
+        Some("complete" | "stopped as asked") => planned <= point.seal.time_s * (1.0 + 1e-9),
+        Some(_) => true,
+    }
+}
+
+/// How far a stage has come that was saved before its end.
+fn progress_within(point: &Point, console: &Console) -> Result<Progress, RunError> {
+    let seal = &point.seal;
+    if !seal.cannot.is_empty() {
+        return Err(RunError::Input(format!(
+            "the run stands within stage `{}`, where {} left nothing to go on from: a program that can be \
+             resumed announces the effect `resume` (docs/contract.md). `--stage {}` without --resume runs \
+             the stage from its start",
+            seal.name,
+            seal.cannot.join(" and "),
+            seal.name
+        )));
+    }
+    let progress = point.progress()?;
+    console.line(&format!(
+        "going on with stage `{}` after {} windows (t = {:.4} s)",
+        seal.name, seal.windows, seal.time_s
+    ));
+    Ok(progress)
+}

@@ -1,0 +1,166 @@
+//! One stage as a session: its programs are launched, exchange window after window, and are ended.
+
+use std::ops::Range;
+use std::path::Path;
+
+use case::{Role, Scene};
+use coupling::error::RunError;
+use coupling::schemes::InterfaceState;
+use effects::effects;
+use results::checkpoint;
+use results::program::program_folder;
+use results::summary::StageSummary;
+
+use super::folder;
+use super::options::RunOptions;
+use super::prepare::Prepared;
+use super::recording::exchange;
+use crate::hub::{HubPartners, SessionOptions};
+use crate::launch::{LaunchPlan, Program, Session};
+use crate::stages::StageContext;
+
+/// Refuses to start when a program of one of the `stages` is missing: one of the last should not cost the first ones.
+pub(super) fn require_programs(
+    options: &RunOptions,
+    prepared: &Prepared,
+    stages: Range<usize>,
+) -> Result<(), RunError> {
+    let programs = &program_folder()?;
+    for stage in stages {
+        let plan = LaunchPlan {
+            scene: &prepared.scene,
+            scene_file: &prepared.file,
+            stage,
+            session: "",
+            out: &prepared.out,
+            programs,
+            scratch: Path::new(""),
+            mpirun: &options.mpirun,
+            resume: None,
+        };
+        plan.programs()?;
+    }
+    Ok(())
+}
+
+/// Runs a stage of the scene in `file` from `state`, which it leaves at its end.
+pub(super) fn run_stage(
+    context: &StageContext<'_>,
+    file: &Path,
+    options: &RunOptions,
+    state: &mut InterfaceState,
+    summary: &mut StageSummary,
+) -> Result<(), RunError> {
+    open_folder(context)?;
+    let session = Session::create(context.scene, context.stage)?;
+    let programs = programs(context, file, options, &session)?;
+    let ended = launch(context, options, &session, programs)
+        .and_then(|partners| exchange(context, options, partners, state, summary))
+        .and_then(|(partners, interrupted)| {
+            summary.used(&partners.finish(context.console)?);
+            interrupted.map_or(Ok(()), Err)
+        });
+    clean_up(context, &session);
+    ended
+}
+
+/// Makes the folder of the stage ready: empty, or with what precedes the state that the stage continues from.
+fn open_folder(context: &StageContext<'_>) -> Result<(), RunError> {
+    let folder = case::stage_folder(context.out, context.scene, context.stage);
+    match context.resumed {
+        // What was written after the state is computed anew.
+        Some(p) => checkpoint::trim(&folder, p.windows, p.time_s),
+        None => folder::clear(&folder),
+    }
+}
+
+/// The programs of the stage with their ranks.
+fn programs(
+    context: &StageContext<'_>,
+    file: &Path,
+    options: &RunOptions,
+    session: &Session,
+) -> Result<Vec<(Program, u32)>, RunError> {
+    let scene = context.scene;
+    let state = context.resumed.map(|_| case::state_folder(context.out, scene, context.stage));
+    let plan = LaunchPlan {
+        scene,
+        scene_file: file,
+        stage: context.stage,
+        session: &session.name,
+        out: context.out,
+        programs: &program_folder()?,
+        scratch: session.scratch(),
+        mpirun: &options.mpirun,
+        resume: state.as_deref(),
+    };
+    let mut programs = plan.programs()?;
+    // Whoever sits at a debugger takes the time that it takes.
+    if let Some(deadline) = options.deadline.filter(|_| options.attach.is_empty()) {
+        let passed = (channel::DEADLINE, deadline.as_secs_f64().to_string().into());
+        programs.iter_mut().for_each(|p| p.environment.push(passed.clone()));
+    }
+    let folder = case::stage_folder(context.out, scene, context.stage);
+    for p in &mut programs {
+        p.environment.push((timing::FILE_VARIABLE, results::timings::file(&folder, p.role).into()));
+    }
+    Ok(programs.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect())
+}
+
+/// Starts the programs and waits until all have joined the session.
+fn launch<'a>(
+    context: &StageContext<'a>,
+    options: &RunOptions,
+    session: &Session,
+    programs: Vec<(Program, u32)>,
+) -> Result<HubPartners<'a>, RunError> {
+    let (scene, stage) = (context.scene, &context.scene.stages[context.stage]);
+    let names: Vec<String> = programs.iter().map(|(p, n)| format!("{} x {n}", p.name)).collect();
+    context.console.line(&format!("stage `{}`: {}", stage.name, names.join(", ")));
+    let recorded = options.record.as_ref().is_some_and(|r| !r.without_grid);
+    let moving = stage.kind.roles().contains(&Role::Mesh);
+    let mut effects = required_effects(scene);
+    if context.resumed.is_some() {
+        effects.extend(Role::ALL.map(|role| (role, channel::RESUME.to_owned())));
+    }
+    let session_options = SessionOptions {
+        session: &session.name,
+        stage: (&stage.name, context.stage),
+        programs,
+        effects,
+        deadline: options.deadline,
+        attached: options.attach.clone(),
+        watch_grid: moving && (recorded || options.baseline.is_some()),
+        folder: case::stage_folder(context.out, scene, context.stage),
+    };
+    let mut partners = HubPartners::start(session_options, context.interface, context.stop, context.console)?;
+    if let Some(now) = &options.now {
+        partners.finish_windows(now.clone());
+    }
+    Ok(partners)
+}
+
+/// Removes what a session leaves behind once its processes are gone, however the stage ended.
+fn clean_up(context: &StageContext<'_>, session: &Session) {
+    // A draft of a state that is still there is half a one.
+    let state = case::state_folder(context.out, context.scene, context.stage);
+    if state.exists()
+        && let Err(error) = checkpoint::remove(&checkpoint::draft(&state))
+    {
+        context.console.warning(&error.to_string());
+    }
+    session.clean_up(context.console);
+}
+
+/// Effects of the scene, with the program that must implement each.
+pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
+    let mut all: Vec<_> =
+        effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect();
+    if scene.has_stage_wind() {
+        all.push((Role::Flow, channel::STAGE_WIND.to_owned()));
+        if scene.structure_meets_wind() {
+            all.push((Role::Structure, channel::STAGE_WIND.to_owned()));
+        }
+    }
+    all
+}

@@ -1,0 +1,109 @@
+//! Values as bytes. Nothing else in the project names bincode.
+
+use bincode::config::standard;
+use bincode::serde::{decode_from_slice, encode_to_vec};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// Bytes that are not the value that was expected.
+#[derive(Debug, thiserror::Error)]
+pub enum DecodeError {
+    /// Not an encoded value of this type, or one that claims more memory than the bytes account for.
+    #[error("its value cannot be decoded: {0}")]
+    Content(#[from] bincode::error::DecodeError),
+    /// Bytes are left over.
+    #[error("it is longer than its content")]
+    Longer,
+}
+
+/// Decodes `$bytes` in `$layout`, with the first of the limits, in bytes of memory, whose length of the encoding is not
+/// exceeded. A length within the bytes is only a claim, for which a string takes memory at once; the limit is a constant
+/// of the layout, hence the steps.
+macro_rules! decode_within {
+    ($bytes:ident, $layout:expr, $($length:literal => $limit:literal,)* else $most:literal) => {{
+        let length = $bytes.len().next_power_of_two().trailing_zeros();
+        let (value, used) = match length {
+            $(..=$length => decode_from_slice($bytes, $layout.with_limit::<{ 1 << $limit }>())?,)*
+            _ => decode_from_slice($bytes, $layout.with_limit::<{ 1 << $most }>())?,
+        };
+        if used == $bytes.len() { Ok(value) } else { Err(DecodeError::Longer) }
+    }};
+}
+
+/// Integers of their full width: fastest for arrays.
+pub mod fixed {
+    use super::*;
+
+    /// `value` as bytes.
+    ///
+    /// # Panics
+    /// A `Serialize` that refuses its own value; plain data do not.
+    pub fn encode(value: &impl Serialize) -> Vec<u8> {
+        encode_to_vec(value, standard().with_fixed_int_encoding()).expect("plain data can be encoded")
+    }
+
+    /// The value that [`encode`] encoded, from all of `bytes`.
+    ///
+    /// # Errors
+    /// [`DecodeError`].
+    pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
+        // A value takes about as much memory as its bytes.
+        decode_within!(bytes, standard().with_fixed_int_encoding(), 21 => 22, 27 => 28, else 40)
+    }
+}
+
+/// Integers in as few bytes as they need: recordings and the canopy's shape (`docs/contract.md`).
+pub mod compact {
+    use super::*;
+
+    /// `value` as bytes.
+    ///
+    /// # Panics
+    /// A `Serialize` that refuses its own value; plain data do not.
+    pub fn encode(value: &impl Serialize) -> Vec<u8> {
+        encode_to_vec(value, standard()).expect("plain data can be encoded")
+    }
+
+    /// The value that [`encode`] encoded, from all of `bytes`.
+    ///
+    /// # Errors
+    /// [`DecodeError`].
+    pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
+        // Integers of eight bytes may take one: a value takes up to eight times the memory of its bytes.
+        decode_within!(bytes, standard(), 18 => 22, 21 => 24, 24 => 27, 27 => 30, else 40)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A million damaged recordings had one whose string claimed 125 MB within 3 kB.
+    #[test]
+    fn a_length_beyond_the_bytes_takes_no_memory() {
+        let mut claim = compact::encode(&(1u64 << 27));
+        claim.resize(3000, b'x');
+        let refused = compact::decode::<String>(&claim).expect_err("a claim");
+        let limit = bincode::error::DecodeError::LimitExceeded;
+        assert!(
+            matches!(&refused, DecodeError::Content(e) if e.to_string() == limit.to_string()),
+            "{refused}"
+        );
+        let mut claim = fixed::encode(&(1u64 << 27));
+        claim.resize(3000, b'x');
+        assert!(fixed::decode::<String>(&claim).is_err());
+        // What is small when encoded is still read: a byte for each of these numbers of eight.
+        for count in [10usize, 200_000, 300_000, 3_000_000] {
+            let zeros = compact::encode(&vec![0u64; count]);
+            assert_eq!(compact::decode::<Vec<u64>>(&zeros).expect("within the limit").len(), count);
+            let zeros = fixed::encode(&vec![0u64; count]);
+            assert_eq!(fixed::decode::<Vec<u64>>(&zeros).expect("within the limit").len(), count);
+        }
+    }
+
+    #[test]
+    fn bytes_left_over_are_refused() {
+        assert!(matches!(fixed::decode::<u64>(&fixed::encode(&(1u64, 2u64))), Err(DecodeError::Longer)));
+        assert!(matches!(compact::decode::<u64>(&compact::encode(&(1u64, 2u64))), Err(DecodeError::Longer)));
+    }
+}

@@ -1,0 +1,20 @@
+//! Files that a run continues from.
+//!
+//! An archive is 28 bytes, then a value:
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 0..8 | kind of the file, eight letters |
+//! | 8..12 | version of the kind, `u32` |
+//! | 12..20 | length of the value, bytes, `u64` |
+//! | 20..28 | [`hash::checksum`] of the value, `u64` |
+//! | 28.. | the value, as [`codec::fixed`] encodes it |
+//!
+//! Numbers are little-endian. [`save`] writes aside, syncs and renames, so a reader finds a whole file or none;
+//! [`load`] returns the value only if kind, version, length and checksum are right.
+
+pub mod codec;
+mod file;
+pub mod hash;
+
+pub use file::{Error, HEAD, if_present, load, load_or_earlier, save, write_whole};

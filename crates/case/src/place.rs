@@ -1,0 +1,67 @@
+//! Where a key of a scene stands in its text, and which key stands at a place.
+
+use std::ops::Range;
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::error::line_and_column;
+
+/// Line and column, both from 1, of the value at a dotted path in the text of a scene, or of the nearest table
+/// above it; `None` where the text has neither, or is not TOML.
+pub fn place_of(text: &str, path: &str) -> Option<(usize, usize)> {
+    let document = DeTable::parse(text).ok()?;
+    let at = span_of(&document, path)?.start;
+    Some(line_and_column(text, at))
+}
+
+/// Bytes of the value at a dotted path (`fabric.thickness_m`, `stage[1].window_s`),
+/// or of the nearest table above it.
+pub(crate) fn span_of(document: &Spanned<DeTable<'_>>, path: &str) -> Option<Range<usize>> {
+    let mut table = document.get_ref();
+    let mut span = None;
+    let mut value: Option<&Spanned<DeValue<'_>>>;
+    for part in path.split('.') {
+        let (name, index) = match part.split_once('[') {
+            Some((name, rest)) => (name, rest.trim_end_matches(']').parse::<usize>().ok()),
+            None => (part, None),
+        };
+        let Some((key, found)) = table.iter().find(|(k, _)| k.get_ref().as_ref() == name) else { break };
+        span = Some(if found.get_ref().is_table() { key.span() } else { found.span() });
+        value = Some(found);
+        if let Some(i) = index {
+            value = found.get_ref().as_array().and_then(|a| a.get(i));
+            span = value.map(Spanned::span).or(span);
+        }
+        match value.and_then(|v| v.get_ref().as_table()) {
+            Some(inner) => table = inner,
+            None => break,
+        }
+    }
+    span
+}
+
+/// Path of the innermost key or value that begins at or around the bytes `at`.
+pub(crate) fn path_at(table: &DeTable<'_>, at: &Range<usize>, above: &str) -> Option<String> {
+    table.iter().find_map(|(key, value)| {
+        let name = key.get_ref();
+        let path = if above.is_empty() { name.to_string() } else { format!("{above}.{name}") };
+        let inner = value_path(value, at, &path);
+        inner.or_else(|| covers(&key.span(), at).then_some(path))
+    })
+}
+
+fn value_path(value: &Spanned<DeValue<'_>>, at: &Range<usize>, path: &str) -> Option<String> {
+    let inner = match value.get_ref() {
+        DeValue::Table(table) => path_at(table, at, path),
+        DeValue::Array(items) => {
+            items.iter().enumerate().find_map(|(i, item)| value_path(item, at, &format!("{path}[{i}]")))
+        }
+        _ => None,
+    };
+    inner.or_else(|| covers(&value.span(), at).then(|| path.to_owned()))
+}
+
+fn covers(span: &Range<usize>, at: &Range<usize>) -> bool {
+    span.start <= at.start && at.start < span.end.max(span.start + 1)
+}

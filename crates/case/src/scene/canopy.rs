@@ -1,0 +1,315 @@
+//! `[canopy]`: geometry of fabric, lines and payload.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::Scene;
+use crate::check::Check;
+
+/// Geometry of fabric, lines and payload. Lengths are of the unstressed state.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Canopy {
+    /// The cross parachute of the paper (Table 2): a square top with four arms.
+    Atps(Atps),
+    /// A flat square canopy with lines from its rim to one confluence point.
+    Square(FlatCanopy),
+    /// A flat circular canopy with lines from its rim to one confluence point.
+    Circular(FlatCanopy),
+    /// The square air bag of the paper, section 1.4: one octant by symmetry.
+    AirBag(AirBag),
+    /// A surface mesh from a file; a flow needs `[flow.grid_file]`.
+    Gmsh(GmshCanopy),
+    /// A flat rectangular panel; a flow needs `[flow.box]`.
+    Panel(PanelCanopy),
+}
+
+/// The ATPS cross parachute. Defaults are Table 2 of the paper.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Atps {
+    /// Width of the square top, m.
+    pub top_width_m: f64,
+    /// Width of an arm at the hem, m.
+    pub bottom_edge_width_m: f64,
+    /// Length of an arm along its middle line, m.
+    pub arm_length_m: f64,
+    /// Length over which adjacent arms are stitched, m.
+    pub stitching_height_m: f64,
+    /// The end of the arms that is stitched.
+    pub stitched_end: StitchedEnd,
+    /// Unstretched length of a suspension line, m.
+    pub suspension_line_length_m: f64,
+    /// Unstretched length of a riser, m.
+    pub riser_length_m: f64,
+    /// Suspension lines for each arm.
+    pub lines_per_arm: u32,
+    /// Cable elements for each suspension line.
+    pub segments_per_line: u32,
+    /// Quadrilaterals across the top and across each arm (even).
+    pub cells_across: u32,
+    /// Quadrilaterals along an arm above the stitching (the vent).
+    pub cells_along_vent: u32,
+    /// Quadrilaterals along the stitched part of an arm.
+    pub cells_along_stitching: u32,
+    /// Line elements along the panel edges (hem, seams, vents), sharing canopy
+    /// nodes, with the section and stiffness of the suspension lines.
+    pub reinforcements: bool,
+    /// With `reinforcements`: quadrilaterals between further line elements that run
+    /// along and across all panels, a grid of tapes. 0: none.
+    pub reinforcement_spacing_cells: u32,
+}
+
+impl Default for Atps {
+    fn default() -> Self {
+        Self {
+            top_width_m: 6.43128,
+            bottom_edge_width_m: 6.09600,
+            arm_length_m: 3.93192,
+            stitching_height_m: 0.73152,
+            stitched_end: StitchedEnd::Hem,
+            suspension_line_length_m: 6.40080,
+            riser_length_m: 1.21920,
+            lines_per_arm: 7,
+            segments_per_line: 1,
+            cells_across: 18,
+            cells_along_vent: 9,
+            cells_along_stitching: 2,
+            reinforcements: false,
+            reinforcement_spacing_cells: 0,
+        }
+    }
+}
+
+/// The end of the arms at which adjacent arms are stitched together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StitchedEnd {
+    /// At the hem: the vents are slits between the stitching and the top.
+    Hem,
+    /// At the top: the slits run down to the hem.
+    Top,
+}
+
+/// A flat canopy cut from one sheet.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlatCanopy {
+    /// Side of the square, or diameter of the circle, m.
+    pub width_m: f64,
+    /// Quadrilaterals across (even).
+    pub cells_across: u32,
+    /// Lines from the rim to the confluence point. 0: the rim is fixed instead.
+    #[serde(default)]
+    pub line_count: u32,
+    /// Unstretched length of a line, m.
+    #[serde(default)]
+    pub line_length_m: f64,
+    /// Cable elements for each line.
+    #[serde(default = "one")]
+    pub segments_per_line: u32,
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// One octant of the square air bag of the paper: a quarter of the upper sheet.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct AirBag {
+    /// Edge of the whole square bag, m.
+    pub edge_m: f64,
+    /// Quadrilaterals along each side of the quarter sheet.
+    pub cells_across: u32,
+}
+
+impl Default for AirBag {
+    fn default() -> Self {
+        Self { edge_m: 0.3048, cells_across: 50 }
+    }
+}
+
+/// A canopy from a Gmsh file (format 4.1, metres). Its triangles and quadrilaterals
+/// are fabric; beside a volume grid, those of the physical group `canopy`. Physical groups named `lines`, `risers` and
+/// `reinforcements` are cables at their rest length; `fixed`, `fixed-x`, `fixed-y`
+/// and `fixed-z` hold nodes; `payload` is the payload's point.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GmshCanopy {
+    /// The file, from the scene's folder.
+    pub file: PathBuf,
+}
+
+/// A flat rectangular panel in the plane z = 0, its middle at the origin. It has no
+/// stiffness across its plane but for `fabric.prestress_pa`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PanelCanopy {
+    /// Lengths along x and y, m.
+    pub size_m: [f64; 2],
+    /// Quadrilaterals along x and y.
+    pub cells: [u32; 2],
+    /// The edges that are held.
+    #[serde(default)]
+    pub held: PanelEdges,
+}
+
+/// Edges of a panel that are held.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PanelEdges {
+    /// All four.
+    #[default]
+    All,
+    /// Both ends along x; the sides slide in their planes y = const.
+    Ends,
+    /// The end at low x; the other end is free, the sides slide in their planes.
+    Root,
+}
+
+impl Scene {
+    /// Whether the canopy has suspension lines or reinforcements.
+    pub fn has_cables(&self) -> bool {
+        match &self.canopy {
+            Canopy::Atps(_) => true,
+            Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
+            // A file may have none; what it has needs [lines], which the structure checks.
+            Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) => false,
+        }
+    }
+
+    /// Whether lines or reinforcements are known or may come with a file.
+    pub(crate) fn may_have_cables(&self) -> bool {
+        self.has_cables() || matches!(self.canopy, Canopy::Gmsh(_))
+    }
+
+    /// Whether the unstressed canopy has slits that open when it inflates.
+    pub(crate) fn has_vents(&self) -> bool {
+        matches!(self.canopy, Canopy::Atps(_))
+    }
+}
+
+const LENGTH: &str = "a length in metres";
+
+/// Refuses geometries that cannot be cut, sewn or meshed, and lines without material.
+pub(crate) fn check(scene: &Scene, c: &mut Check) {
+    match &scene.canopy {
+        Canopy::Atps(a) => {
+            atps_lengths(a, c);
+            atps_cells(a, c);
+        }
+        Canopy::Square(f) | Canopy::Circular(f) => flat(f, c),
+        Canopy::AirBag(a) => {
+            c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
+            c.count("canopy.cells_across", a.cells_across, 2..=2000, "cells along the quarter sheet");
+        }
+        Canopy::Panel(p) => panel(p, c),
+        Canopy::Gmsh(g) => {
+            if !g.file.is_file() {
+                c.refuse(
+                    "canopy.file",
+                    format!("the mesh file {} does not exist", g.file.display()),
+                    "name a Gmsh file (4.1, ASCII) by its path from the scene's folder",
+                );
+            }
+        }
+    }
+    if scene.lines.is_none() && scene.has_cables() {
+        c.refuse(
+            "canopy",
+            "the canopy has lines but the scene has no [lines]",
+            "add [lines] with their material",
+        );
+    }
+}
+
+fn atps_lengths(a: &Atps, c: &mut Check) {
+    for (path, value) in [
+        ("canopy.top_width_m", a.top_width_m),
+        ("canopy.bottom_edge_width_m", a.bottom_edge_width_m),
+        ("canopy.arm_length_m", a.arm_length_m),
+        ("canopy.stitching_height_m", a.stitching_height_m),
+        ("canopy.suspension_line_length_m", a.suspension_line_length_m),
+        ("canopy.riser_length_m", a.riser_length_m),
+    ] {
+        c.positive(path, value, 200.0, LENGTH);
+    }
+    if a.stitching_height_m >= a.arm_length_m {
+        c.refuse(
+            "canopy.stitching_height_m",
+            format!(
+                "the stitching ({} m) is as long as the arm ({} m)",
+                a.stitching_height_m, a.arm_length_m
+            ),
+            "leave a vent: stitch less than the length of the arm",
+        );
+    }
+    if (a.top_width_m - a.bottom_edge_width_m).abs() / 2.0 >= a.arm_length_m {
+        c.refuse(
+            "canopy.arm_length_m",
+            format!("the arm ({} m) cannot reach from the top edge to the hem", a.arm_length_m),
+            "make it longer than half the difference of the two widths",
+        );
+    }
+    if a.suspension_line_length_m <= a.bottom_edge_width_m / 2.0 {
+        c.refuse(
+            "canopy.suspension_line_length_m",
+            format!("lines of {} m cannot reach from the hem to a point", a.suspension_line_length_m),
+            "make them longer than half the bottom edge",
+        );
+    }
+}
+
+fn atps_cells(a: &Atps, c: &mut Check) {
+    even_cells(a.cells_across, c);
+    c.count("canopy.cells_along_vent", a.cells_along_vent, 2..=2000, "cells along the vent");
+    c.count("canopy.cells_along_stitching", a.cells_along_stitching, 1..=2000, "cells along the stitching");
+    c.count("canopy.lines_per_arm", a.lines_per_arm, 2..=1000, "suspension lines for each arm");
+    line_segments(a.segments_per_line, c);
+    if a.lines_per_arm > a.cells_across + 1 {
+        c.refuse(
+            "canopy.lines_per_arm",
+            format!("{} lines do not fit on {} hem nodes", a.lines_per_arm, a.cells_across + 1),
+            "use fewer lines or more cells across",
+        );
+    }
+}
+
+fn flat(f: &FlatCanopy, c: &mut Check) {
+    c.positive("canopy.width_m", f.width_m, 200.0, LENGTH);
+    even_cells(f.cells_across, c);
+    line_segments(f.segments_per_line, c);
+    if f.line_count > 0 && f.line_length_m <= f.width_m / 2.0 {
+        c.refuse(
+            "canopy.line_length_m",
+            format!("lines of {} m cannot reach from the rim to a point below the middle", f.line_length_m),
+            format!("make them longer than half the width ({} m)", f.width_m / 2.0),
+        );
+    }
+}
+
+fn even_cells(cells: u32, c: &mut Check) {
+    let path = "canopy.cells_across";
+    c.count(path, cells, 2..=2000, "cells across a panel");
+    if cells % 2 == 1 {
+        c.refuse(
+            path,
+            format!("`{path}` is {cells}, which is odd"),
+            "an even number keeps the canopy's symmetry",
+        );
+    }
+}
+
+fn line_segments(segments: u32, c: &mut Check) {
+    c.count("canopy.segments_per_line", segments, 1..=1000, "cable elements for each line");
+}
+
+fn panel(p: &PanelCanopy, c: &mut Check) {
+    for (i, (length, cells)) in p.size_m.into_iter().zip(p.cells).enumerate() {
+        c.positive(&format!("canopy.size_m[{i}]"), length, 200.0, LENGTH);
+        c.count(&format!("canopy.cells[{i}]"), cells, 1..=2000, "cells along the panel");
+    }
+}

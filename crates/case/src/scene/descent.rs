@@ -1,0 +1,187 @@
+//! `[descent]`: the falling mass, and what the air does to it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::check::Check;
+use crate::{GAS_CONSTANT, HEAT_RATIO, Scene, StageKind};
+
+/// The falling mass: one degree of freedom (paper, equation 9).
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Descent {
+    /// Mass of the payload, kg. Fabric and lines are added.
+    pub payload_mass_kg: f64,
+    /// Descent speed at the start, m/s, positive downwards.
+    pub initial_speed_m_s: f64,
+    /// Acceleration of gravity, m/s2.
+    #[serde(default = "standard_gravity")]
+    pub gravity_m_s2: f64,
+    /// Area that turns drag into a coefficient, m2.
+    pub reference_area_m2: f64,
+    /// Equation of the falling frame.
+    #[serde(default)]
+    pub equation: DescentEquation,
+    /// Drag of the air on the payload. Absent: none.
+    pub payload_drag: Option<PayloadDrag>,
+    /// The payload as a rigid body on its lines. Absent: a point that falls with the frame.
+    pub body: Option<PayloadBody>,
+}
+
+/// Acceleration of gravity, m/s2 (ISO 80000-3).
+pub(crate) const STANDARD_GRAVITY: f64 = 9.80665;
+
+fn standard_gravity() -> f64 {
+    STANDARD_GRAVITY
+}
+
+/// Equation of the falling frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DescentEquation {
+    /// The momentum of the whole system: the frame is fixed to the payload, which accelerates under the mean force of
+    /// the lines over the window, its drag and its weight.
+    #[default]
+    Momentum,
+    /// The paper's equation 9: the force of the air on the canopy at the end of the window acts on the frame. It is
+    /// the limit in which the canopy has no acceleration of its own in the frame.
+    QuasiSteady,
+}
+
+/// Drag of the air on the payload: `F = 1/2 rho (C A) |w| w` with the velocity `w` of the air
+/// past it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PayloadDrag {
+    /// Drag area: coefficient times area, m2.
+    pub drag_area_m2: f64,
+}
+
+/// The payload as a rigid body with six degrees of freedom, free in coupled stages: the
+/// lines pull at its attachments. In other stages it is held.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PayloadBody {
+    /// Principal moments of inertia about its centre of mass, kg m2; its axes are those of
+    /// the scene at the start.
+    pub inertia_kg_m2: [f64; 3],
+    /// Points where lines are attached, from its centre of mass, m. Lines that end at the payload (risers, where the
+    /// canopy has them) take them in turn, in the order of the rim, and start again at the first one when the list
+    /// ends. List one point for each of those lines in that order, with a point repeated for lines that share it, or a
+    /// single point; more points than lines are refused.
+    pub attachments_m: Vec<[f64; 3]>,
+    /// Velocity of the payload in the frame when it is first free, m/s.
+    #[serde(default)]
+    pub initial_velocity_m_s: [f64; 3],
+    /// Angular velocity of the payload when it is first free, about its axes, rad/s.
+    #[serde(default)]
+    pub initial_spin_rad_s: [f64; 3],
+}
+
+impl Scene {
+    /// The payload as a rigid body, where the scene has one.
+    pub fn payload_body(&self) -> Option<&PayloadBody> {
+        self.descent.as_ref()?.body.as_ref()
+    }
+
+    /// Drag of the air on the payload, where the scene has it.
+    pub fn payload_drag(&self) -> Option<&PayloadDrag> {
+        self.descent.as_ref()?.payload_drag.as_ref()
+    }
+}
+
+/// Refuses masses that are none, streams that the flow is not made for, and payloads that cannot move.
+pub(crate) fn check(scene: &Scene, c: &mut Check) {
+    if let Some(d) = &scene.descent {
+        magnitudes(d, c);
+    }
+    mach(scene, c);
+    let Some(d) = &scene.descent else { return };
+    if let Some(p) = &d.payload_drag {
+        c.positive("descent.payload_drag.drag_area_m2", p.drag_area_m2, 1e4, "an area in m2");
+        if scene.shear().is_some() {
+            c.refuse(
+                "descent.payload_drag",
+                "the drag of the payload knows one wind for all heights, but the wind changes with height",
+                "remove [descent.payload_drag] or [flow.shear]",
+            );
+        }
+    }
+    if let Some(b) = &d.body {
+        shape_of_body(b, c);
+        freedom_of_body(scene, c);
+    }
+}
+
+fn magnitudes(d: &Descent, c: &mut Check) {
+    c.positive("descent.payload_mass_kg", d.payload_mass_kg, 1e6, "a mass in kg");
+    let speed = "positive downwards, m/s";
+    c.range("descent.initial_speed_m_s", d.initial_speed_m_s, 0.0..=1000.0, speed);
+    c.range("descent.gravity_m_s2", d.gravity_m_s2, 0.0..=1000.0, "in m/s2");
+    c.positive("descent.reference_area_m2", d.reference_area_m2, 1e6, "an area in m2");
+}
+
+/// Speeds that the flow is not made for: of the fall, the wind and the gusts of any stage.
+fn mach(scene: &Scene, c: &mut Check) {
+    let Some(flow) = &scene.flow else { return };
+    let length = |v: &[f64; 3]| v.iter().map(|w| w * w).sum::<f64>().sqrt();
+    let sound = (HEAT_RATIO * GAS_CONSTANT * flow.temperature_k).sqrt();
+    let fall = scene.resolved().initial_speed_m_s;
+    let most = |stage: usize| {
+        let steady = scene.stages[stage].wind.as_ref().map_or(flow.wind_m_s, |w| w.velocity_m_s);
+        length(&steady) + scene.gust(stage).map_or(0.0, |(g, _)| length(&g.velocity_m_s))
+    };
+    let speed = fall + (0..scene.stages.len()).map(most).fold(0.0, f64::max);
+    if speed > 0.5 * sound {
+        c.refuse(
+            "descent.initial_speed_m_s",
+            format!("the stream is {speed} m/s, Mach {:.2}", speed / sound),
+            "the flow-solver is made for Mach numbers below 0.5",
+        );
+    }
+}
+
+const BODY: &str = "descent.body";
+
+fn shape_of_body(b: &PayloadBody, c: &mut Check) {
+    let path = format!("{BODY}.inertia_kg_m2");
+    for value in b.inertia_kg_m2 {
+        c.positive(&path, value, 1e9, "a moment of inertia in kg m2");
+    }
+    let [x, y, z] = b.inertia_kg_m2;
+    if x + y < z || y + z < x || z + x < y {
+        c.refuse(
+            &path,
+            format!("no body has the moments of inertia {x}, {y} and {z}"),
+            "each is at most the sum of the other two",
+        );
+    }
+    let finite = b.attachments_m.iter().all(|a| a.iter().all(|v| v.is_finite() && v.abs() < 100.0));
+    if b.attachments_m.is_empty() || !finite {
+        c.refuse(
+            &format!("{BODY}.attachments_m"),
+            format!(
+                "the payload has {} attachments, or one that is not a place on it",
+                b.attachments_m.len()
+            ),
+            "list at least one point in metres from its centre of mass",
+        );
+    }
+}
+
+/// A payload moves on lines, in a frame that all masses feel, in stages that let it.
+fn freedom_of_body(scene: &Scene, c: &mut Check) {
+    if !scene.may_have_cables() {
+        c.refuse(BODY, "no line holds the payload", "give the canopy lines, or remove [descent.body]");
+    }
+    if scene.fabric_gravity.is_none() {
+        c.refuse(
+            BODY,
+            "a payload that moves in the falling frame needs the inertia of fabric and lines in that frame too",
+            "add [fabric_gravity]",
+        );
+    }
+    if !scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {
+        c.refuse(BODY, "the payload is free in coupled stages only, and the scene has none", "remove it");
+    }
+}

@@ -1,0 +1,213 @@
+//! `[flow]`: air, equations and solver of the flow.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{flow_grid, monitors, shear, wind};
+use crate::check::Check;
+use crate::{
+    FlowBox, Forces, Grid, GridFile, Gust, Probe, Scene, Shear, Slice, Statistics, SurfacePressure,
+    UndisturbedAir,
+};
+
+/// Specific gas constant of dry air, J/(kg K).
+pub const GAS_CONSTANT: f64 = 287.05;
+/// Ratio of its specific heats.
+pub const HEAT_RATIO: f64 = 1.4;
+
+/// Air, flow grid and flow solver.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Flow {
+    /// Density of the undisturbed air, kg/m3.
+    #[serde(default = "sea_level_density")]
+    pub density_kg_m3: f64,
+    /// Temperature of the undisturbed air, K.
+    #[serde(default = "sea_level_temperature")]
+    pub temperature_k: f64,
+    /// Wind in the frame of the ground, m/s, in all stages that have no `[stage.wind]`.
+    #[serde(default)]
+    pub wind_m_s: [f64; 3],
+    /// A gust on top of the wind, in all stages that have no `[stage.gust]`. Its times count from the release,
+    /// through all later stages. Absent: steady wind.
+    pub gust: Option<Gust>,
+    /// Wind that changes with height. Absent: the same everywhere.
+    pub shear: Option<Shear>,
+    /// Viscosity. Absent: inviscid.
+    pub viscosity: Option<Viscosity>,
+    /// Solves the energy equation. Absent: isothermal, four equations.
+    pub energy: Option<Energy>,
+    /// Limits gradients (Venkatakrishnan). Absent: unlimited, second order.
+    pub limiter: Option<Limiter>,
+    /// The volume grid around the canopy.
+    #[serde(default)]
+    pub grid: Grid,
+    /// A volume grid from a file in the place of `[flow.grid]`.
+    pub grid_file: Option<GridFile>,
+    /// A box of cells around a panel in the place of `[flow.grid]`.
+    #[serde(rename = "box")]
+    pub box_grid: Option<FlowBox>,
+    /// Pseudo-time iterations.
+    #[serde(default)]
+    pub solver: FlowSolver,
+    /// Points whose values are written after every window.
+    #[serde(default, rename = "probe")]
+    pub probes: Vec<Probe>,
+    /// Time statistics. Absent: none.
+    pub statistics: Option<Statistics>,
+    /// Forces and moments after every window. Absent: those of the history alone.
+    pub forces: Option<Forces>,
+    /// Plane cuts.
+    #[serde(default, rename = "slice")]
+    pub slices: Vec<Slice>,
+    /// Pressure on both sides of the canopy. Absent: none is written.
+    pub surface_pressure: Option<SurfacePressure>,
+}
+
+fn sea_level_density() -> f64 {
+    UndisturbedAir::SEA_LEVEL.density_kg_m3
+}
+fn sea_level_temperature() -> f64 {
+    UndisturbedAir::SEA_LEVEL.temperature_k
+}
+
+impl Flow {
+    /// Speed of sound in the undisturbed air as the scene's equations have it, m/s: isothermal without the
+    /// energy equation.
+    pub fn sound_speed(&self) -> f64 {
+        let ratio = if self.energy.is_some() { HEAT_RATIO } else { 1.0 };
+        (ratio * GAS_CONSTANT * self.temperature_k).sqrt()
+    }
+}
+
+/// Laminar viscosity.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Viscosity {
+    /// Dynamic viscosity, Pa s.
+    #[serde(default = "air_viscosity")]
+    pub dynamic_viscosity_pa_s: f64,
+    /// Model of the unresolved turbulence. Absent: laminar.
+    pub turbulence: Option<Turbulence>,
+}
+
+fn air_viscosity() -> f64 {
+    UndisturbedAir::SEA_LEVEL.dynamic_viscosity_pa_s
+}
+
+/// Models of unresolved turbulence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Turbulence {
+    /// Smagorinsky with a constant of 0.17.
+    Smagorinsky,
+    /// WALE (Nicoud and Ducros 1999) with a constant of 0.325: none in pure shear, so
+    /// that it fades towards walls.
+    Wale,
+    /// Spalart-Allmaras in its negative form (Allmaras, Johnson and Spalart 2012): one
+    /// equation for the eddy viscosity, all turbulence is modelled.
+    SpalartAllmaras,
+    /// Detached eddies (Spalart et al. 1997): Spalart-Allmaras at walls, a sub-grid model
+    /// away from them.
+    Des97,
+    /// Delayed detached eddies (Spalart et al. 2006): as `des97`, but boundary layers stay
+    /// modelled on any grid.
+    Ddes,
+}
+
+/// The energy equation.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Energy {}
+
+/// Gradient limiting.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limiter {
+    /// Venkatakrishnan's K: larger limits less.
+    pub k: f64,
+}
+
+impl Default for Limiter {
+    fn default() -> Self {
+        Self { k: 5.0 }
+    }
+}
+
+/// Pseudo-time iterations of the flow.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FlowSolver {
+    /// How the implicit system of a pseudo-time step is solved.
+    pub method: FlowMethod,
+    /// A time step is converged when the unsteady residual has dropped by this factor. Coupling iterations
+    /// that are to agree more closely than a tenth of it tighten it to 10 times `coupling.tolerance`.
+    pub residual_drop: f64,
+    /// Pseudo-time iterations at most for each time step. Absent: 60 with `gmres`, 2000 with `lu-sgs`.
+    pub max_iterations: Option<u32>,
+}
+
+impl Default for FlowSolver {
+    fn default() -> Self {
+        Self { method: FlowMethod::Gmres, residual_drop: 1e-2, max_iterations: None }
+    }
+}
+
+impl FlowSolver {
+    /// Pseudo-time iterations at most for each time step: the scene's, or what the method needs.
+    pub fn iterations(&self) -> u32 {
+        self.max_iterations.unwrap_or(match self.method {
+            FlowMethod::Gmres => 60,
+            FlowMethod::LuSgs => 2000,
+        })
+    }
+}
+
+/// How the implicit system of a pseudo-time step is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FlowMethod {
+    /// One LU-SGS sweep pair each pseudo-time step, as in the paper.
+    LuSgs,
+    /// Implicit pressure corrections, combined by nonlinear GMRES.
+    Gmres,
+}
+
+impl Scene {
+    /// Viscosity of the flow, where the scene has a viscous one.
+    pub fn viscosity(&self) -> Option<&Viscosity> {
+        self.flow.as_ref()?.viscosity.as_ref()
+    }
+
+    /// Wind by height, where the scene has one.
+    pub fn shear(&self) -> Option<&Shear> {
+        self.flow.as_ref()?.shear.as_ref()
+    }
+
+    /// File of the flow grid, where the scene names one.
+    pub fn grid_file(&self) -> Option<&GridFile> {
+        self.flow.as_ref()?.grid_file.as_ref()
+    }
+}
+
+/// Refuses air that is none, equations that no solver could solve, and what grid, monitors and wind refuse.
+pub(crate) fn check(scene: &Scene, c: &mut Check) {
+    let Some(f) = &scene.flow else { return };
+    c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");
+    c.range("flow.temperature_k", f.temperature_k, 10.0..=5000.0, "a temperature in kelvin");
+    flow_grid::generated(&f.grid, c);
+    c.positive("flow.solver.residual_drop", f.solver.residual_drop, 0.9, "a factor");
+    c.count("flow.solver.max_iterations", f.solver.iterations(), 1..=100_000, "iterations");
+    if let Some(v) = &f.viscosity {
+        c.positive("flow.viscosity.dynamic_viscosity_pa_s", v.dynamic_viscosity_pa_s, 1e4, "in Pa s");
+    }
+    flow_grid::from_file(f, c);
+    monitors::check(f, c);
+    if let Some(s) = &f.shear {
+        shear::check(s, f, c);
+    }
+    if let Some(g) = &f.gust {
+        wind::gust(g, "flow.gust", c);
+    }
+    flow_grid::around_panel(scene, f, c);
+}

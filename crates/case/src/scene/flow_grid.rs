@@ -1,0 +1,214 @@
+//! `[flow.grid]`, `[flow.grid_file]` and `[flow.box]`: the cells around the canopy.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::check::Check;
+use crate::{Canopy, Flow, Scene, StageKind};
+
+/// The volume grid: hexahedra in shells around the canopy.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Grid {
+    /// Cells between the canopy and the core block inside it.
+    pub layers_inside: u32,
+    /// Cells between the canopy and the far field.
+    pub layers_outside: u32,
+    /// Thickness of the cells at the canopy, m.
+    pub first_layer_m: f64,
+    /// Distance of the far field from the canopy's middle, in canopy widths.
+    pub far_field_widths: f64,
+    /// The same, downstream (above the canopy).
+    pub wake_widths: f64,
+    /// Cells across each vent.
+    pub cells_across_vent: u32,
+}
+
+impl Default for Grid {
+    fn default() -> Self {
+        Self {
+            layers_inside: 8,
+            layers_outside: 22,
+            first_layer_m: 0.12,
+            far_field_widths: 6.0,
+            wake_widths: 10.0,
+            cells_across_vent: 2,
+        }
+    }
+}
+
+/// A volume grid from a Gmsh file (format 4.1, ASCII or binary, first-order elements,
+/// metres, falling frame) in the place of the generated one. It must fit around the
+/// canopy as the flow's stages start with it, node by node.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GridFile {
+    /// The file, from the scene's folder.
+    pub path: PathBuf,
+    /// Physical group of the faces that are the canopy: inside the volume, between two
+    /// cells that share their nodes.
+    #[serde(default = "canopy")]
+    pub membrane: String,
+    /// Condition on each physical group of outer faces.
+    pub patches: BTreeMap<String, Condition>,
+}
+
+fn canopy() -> String {
+    "canopy".into()
+}
+
+/// Condition on an outer boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Condition {
+    /// Undisturbed air far away.
+    FarField,
+    /// Gauge pressure of zero, the rest from inside.
+    Outlet,
+    /// No slip, moving with the grid.
+    Wall,
+    /// No flow through, no friction.
+    Slip,
+    /// Mirror plane.
+    Symmetry,
+}
+
+/// Hexahedra in a box around a panel, in the place of `[flow.grid]`: the canopy's own cells
+/// continued to the walls below and above, and beyond its ends where asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlowBox {
+    /// From the panel down to the bottom of the box, m.
+    pub below_m: f64,
+    /// From the panel up to the top of the box, m.
+    pub above_m: f64,
+    /// Cells below the panel.
+    pub layers_below: u32,
+    /// Cells above the panel.
+    pub layers_above: u32,
+    /// Thickness of the cells at the panel, m; they grow by a constant factor from there.
+    /// Absent: all cells of a side are equal.
+    pub first_layer_m: Option<f64>,
+    /// Length of the box before the panel (towards low x), m.
+    #[serde(default)]
+    pub ahead_m: f64,
+    /// Cells along it.
+    #[serde(default)]
+    pub cells_ahead: u32,
+    /// Length of the box behind the panel (towards high x), m.
+    #[serde(default)]
+    pub behind_m: f64,
+    /// Cells along it.
+    #[serde(default)]
+    pub cells_behind: u32,
+    /// Conditions on the sides of the box.
+    #[serde(default)]
+    pub sides: BoxSides,
+}
+
+/// Conditions on the sides of a box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct BoxSides {
+    /// Low x.
+    pub left: Condition,
+    /// High x.
+    pub right: Condition,
+    /// Low y.
+    pub front: Condition,
+    /// High y.
+    pub back: Condition,
+    /// Low z.
+    pub bottom: Condition,
+    /// High z.
+    pub top: Condition,
+}
+
+impl Default for BoxSides {
+    fn default() -> Self {
+        let slip = Condition::Slip;
+        Self { left: slip, right: slip, front: slip, back: slip, bottom: slip, top: slip }
+    }
+}
+
+impl BoxSides {
+    /// Low and high x, low and high y, low and high z.
+    pub fn in_order(&self) -> [Condition; 6] {
+        [self.left, self.right, self.front, self.back, self.bottom, self.top]
+    }
+}
+
+/// Refuses sizes of the generated grid.
+pub(super) fn generated(g: &Grid, c: &mut Check) {
+    c.count("flow.grid.layers_inside", g.layers_inside, 2..=500, "cells");
+    c.count("flow.grid.layers_outside", g.layers_outside, 4..=1000, "cells");
+    c.count("flow.grid.cells_across_vent", g.cells_across_vent, 1..=100, "cells");
+    c.positive("flow.grid.first_layer_m", g.first_layer_m, 10.0, "a length in metres");
+    c.range("flow.grid.far_field_widths", g.far_field_widths, 1.5..=1000.0, "in canopy widths");
+    c.range("flow.grid.wake_widths", g.wake_widths, 1.5..=1000.0, "in canopy widths");
+}
+
+/// Refuses a file that is not there.
+pub(super) fn from_file(f: &Flow, c: &mut Check) {
+    if let Some(g) = f.grid_file.as_ref().filter(|g| !g.path.is_file()) {
+        c.refuse(
+            "flow.grid_file.path",
+            format!("the grid file {} does not exist", g.path.display()),
+            "name a Gmsh file (4.1) by its path from the scene's folder",
+        );
+    }
+}
+
+/// What a box and a panel need of each other.
+pub(super) fn around_panel(scene: &Scene, flow: &Flow, c: &mut Check) {
+    let is_panel = matches!(scene.canopy, Canopy::Panel(_));
+    let Some(b) = &flow.box_grid else {
+        let flows = scene.stages.iter().any(|s| s.kind != StageKind::PreInflation);
+        if is_panel && flow.grid_file.is_none() && flows {
+            c.refuse(
+                "flow",
+                "a panel has no generated grid around it",
+                "add [flow.box], or [flow.grid_file]",
+            );
+        }
+        return;
+    };
+    if !is_panel {
+        c.refuse(
+            "flow.box",
+            "a box fits around a panel only",
+            "remove [flow.box], or set canopy.kind = \"panel\"",
+        );
+    }
+    if flow.grid_file.is_some() {
+        c.refuse("flow.box", "the scene has two grids", "remove [flow.box] or [flow.grid_file]");
+    }
+    box_sizes(b, c);
+}
+
+fn box_sizes(b: &FlowBox, c: &mut Check) {
+    const LENGTH: &str = "a length in metres";
+    c.positive("flow.box.below_m", b.below_m, 1e4, LENGTH);
+    c.positive("flow.box.above_m", b.above_m, 1e4, LENGTH);
+    c.count("flow.box.layers_below", b.layers_below, 2..=1000, "cells");
+    c.count("flow.box.layers_above", b.layers_above, 2..=1000, "cells");
+    if let Some(first) = b.first_layer_m {
+        let equal = (b.below_m / f64::from(b.layers_below)).min(b.above_m / f64::from(b.layers_above));
+        c.positive("flow.box.first_layer_m", first, equal, "at most the height of equal layers");
+    }
+    for (key, length, cells) in [("ahead", b.ahead_m, b.cells_ahead), ("behind", b.behind_m, b.cells_behind)]
+    {
+        c.range(&format!("flow.box.{key}_m"), length, 0.0..=1e4, LENGTH);
+        c.count(&format!("flow.box.cells_{key}"), cells, 0..=2000, "cells");
+        if (length > 0.0) != (cells > 0) {
+            c.refuse(
+                &format!("flow.box.cells_{key}"),
+                format!("{length} m of the box have {cells} cells"),
+                format!("give both `{key}_m` and `cells_{key}`, or none"),
+            );
+        }
+    }
+}

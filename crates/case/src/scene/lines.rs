@@ -1,0 +1,93 @@
+//! `[lines]`: material and drag of suspension lines and risers.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::Scene;
+use crate::check::Check;
+
+/// Material of lines and risers.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lines {
+    /// Young's modulus ("cable stiffness"), Pa.
+    pub youngs_modulus_pa: f64,
+    /// Cross-sectional area, m2.
+    pub area_m2: f64,
+    /// Density, kg/m3.
+    pub density_kg_m3: f64,
+    /// A line that is shorter than its rest length carries nothing.
+    #[serde(default = "yes")]
+    pub tension_only: bool,
+    /// Stress at rest length, Pa: a pulled line has a positive one.
+    #[serde(default)]
+    pub prestress_pa: f64,
+    /// Drag of the air. Absent: none.
+    pub drag: Option<LineDrag>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// Drag of the air on suspension lines and risers, each segment a cylinder in cross flow
+/// (`F/L = 1/2 rho d C |w_n| w_n` with the part `w_n` of the relative air velocity across it).
+/// The air is that of the far field; the canopy's own flow around the lines is left out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LineDrag {
+    /// Drag coefficient of the cylinder across the flow; 1.1 is that of a long round one at
+    /// Reynolds numbers from 1e3 to 1e5 (Hoerner 1965, chapter 3).
+    pub coefficient: f64,
+    /// Friction coefficient along the line, on its wetted surface.
+    pub friction_coefficient: f64,
+    /// Diameter, m. Absent: that of a round line of `lines.area_m2`.
+    pub diameter_m: Option<f64>,
+}
+
+impl Default for LineDrag {
+    fn default() -> Self {
+        Self { coefficient: 1.1, friction_coefficient: 0.0, diameter_m: None }
+    }
+}
+
+impl Scene {
+    /// Drag of the air on lines, where the scene has it.
+    pub fn line_drag(&self) -> Option<&LineDrag> {
+        self.lines.as_ref()?.drag.as_ref()
+    }
+}
+
+/// Refuses materials that are none, and drag without air.
+pub(crate) fn check(scene: &Scene, c: &mut Check) {
+    let Some(l) = &scene.lines else { return };
+    c.positive("lines.youngs_modulus_pa", l.youngs_modulus_pa, 1e13, "a modulus in Pa");
+    c.positive("lines.area_m2", l.area_m2, 0.1, "a cross-section in m2: is the value in square metres?");
+    c.positive("lines.density_kg_m3", l.density_kg_m3, 30_000.0, "a density in kg/m3");
+    let most = 0.5 * l.youngs_modulus_pa;
+    c.range("lines.prestress_pa", l.prestress_pa, -most..=most, "at most half the modulus");
+    if let Some(d) = &l.drag {
+        drag(d, scene, c);
+    }
+}
+
+fn drag(d: &LineDrag, scene: &Scene, c: &mut Check) {
+    c.range("lines.drag.coefficient", d.coefficient, 0.0..=10.0, "1.1 for a cylinder");
+    c.range("lines.drag.friction_coefficient", d.friction_coefficient, 0.0..=1.0, "of a wetted surface");
+    if let Some(w) = d.diameter_m {
+        c.positive("lines.drag.diameter_m", w, 1.0, "a diameter in metres");
+    }
+    match &scene.flow {
+        Some(flow) if flow.shear.is_some() => c.refuse(
+            "lines.drag",
+            "the drag of lines knows one wind for all heights, but the wind changes with height",
+            "remove [lines.drag] or [flow.shear]",
+        ),
+        Some(_) => {}
+        None => c.refuse(
+            "lines.drag",
+            "lines have drag in air, but the scene has none",
+            "remove it, or add a [flow] section with the air",
+        ),
+    }
+}

@@ -1,0 +1,211 @@
+//! What a user writes: one TOML file, typed.
+//!
+//! Every key carries its unit in its name. Unknown keys are refused. Sections
+//! that are absent are effects that are off: they cost nothing.
+//!
+//! One file for each section holds its types, their defaults and the rules about its keys.
+
+mod accuracy;
+mod canopy;
+mod coupling;
+mod descent;
+mod fabric;
+mod flow;
+mod flow_grid;
+mod layout;
+mod lines;
+mod mesh;
+mod monitors;
+mod motions;
+mod nodes;
+mod output;
+mod programs;
+mod reefing;
+mod resolved;
+mod schema;
+mod shear;
+mod stages;
+mod steady;
+mod structure;
+mod times;
+mod wind;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use toml::de::DeTable;
+
+pub use accuracy::{Accuracy, Measured, Parameter, Quantity, Take};
+pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
+pub use coupling::{
+    Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,
+    StaggeredSequence,
+};
+pub(crate) use descent::STANDARD_GRAVITY;
+pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
+pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Orthotropic, Permeability};
+pub use flow::{
+    Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence, Viscosity,
+};
+pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
+pub use layout::*;
+pub use lines::{LineDrag, Lines};
+pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
+pub use monitors::{Forces, Probe, Slice, Statistics, SurfacePressure};
+pub use motions::{Motion, interpolate};
+pub use nodes::{Force, PointMass};
+pub use output::Output;
+use programs::Programs;
+pub use programs::{Ranks, Role};
+pub use reefing::Reefing;
+pub use resolved::{CanopyAir, Resolved, UndisturbedAir};
+pub use schema::schema;
+pub use shear::{Shear, ShearProfile, WindProfile};
+pub use stages::{Solve, Stage, StageKind};
+pub use steady::Steady;
+pub use structure::{Integration, Mass, Membrane, Structure};
+pub use times::{StageTimes, save_time};
+pub use wind::{Clock, Gust, StageWind};
+
+use crate::check::{Check, NAME_OF_FOLDER, Refusal, plain_name};
+use crate::error::{Problem, SceneError};
+use crate::place::span_of;
+
+/// A scene: what is simulated, with which effects, in which stages.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Short name; names the result folder.
+    pub name: String,
+    /// One line for people.
+    #[serde(default)]
+    pub title: String,
+    /// Geometry of fabric, lines and payload.
+    pub canopy: Canopy,
+    /// Material of the fabric.
+    pub fabric: Fabric,
+    /// Material of suspension lines and risers; needed when the canopy has lines.
+    pub lines: Option<Lines>,
+    /// Time integration and solvers of the structure.
+    #[serde(default)]
+    pub structure: Structure,
+    /// Air, flow grid and flow solver; needed when a stage runs the flow.
+    pub flow: Option<Flow>,
+    /// The grid motion solver.
+    #[serde(default)]
+    pub mesh: MeshMotion,
+    /// Staggered or implicit coupling of the fields.
+    #[serde(default)]
+    pub coupling: Coupling,
+    /// The falling mass. Absent: the canopy does not descend.
+    pub descent: Option<Descent>,
+    /// Gravity on fabric and lines, with the acceleration of the falling frame.
+    pub fabric_gravity: Option<FabricGravity>,
+    /// Reefing lines through the skirt.
+    #[serde(default)]
+    pub reefing: Vec<Reefing>,
+    /// Masses on nodes, beside those of fabric, lines and payload.
+    #[serde(default, rename = "point_mass")]
+    pub point_masses: Vec<PointMass>,
+    /// What runs, in this order. Each stage starts from the one before.
+    #[serde(rename = "stage")]
+    pub stages: Vec<Stage>,
+    /// Snapshots and checkpoints.
+    #[serde(default)]
+    pub output: Output,
+    /// Ranks per program.
+    #[serde(default)]
+    pub ranks: Ranks,
+    /// Replaces the program of a role: `structure = "python3 my_solver.py"`.
+    /// The run's arguments are appended.
+    #[serde(default)]
+    #[schemars(with = "Programs")]
+    pub programs: BTreeMap<Role, String>,
+    /// What `ripstop accuracy` studies. Absent: what fits the scene.
+    pub accuracy: Option<Accuracy>,
+}
+
+impl Scene {
+    /// The title; the name where there is none.
+    pub fn heading(&self) -> &str {
+        if self.title.is_empty() { &self.name } else { &self.title }
+    }
+
+    /// Name and title in one line.
+    pub fn caption(&self) -> String {
+        if self.title.is_empty() { self.name.clone() } else { format!("{}: {}", self.name, self.title) }
+    }
+}
+
+/// Reads and validates a scene file.
+pub fn load(file: &Path) -> Result<Scene, SceneError> {
+    let text = std::fs::read_to_string(file).map_err(|e| {
+        SceneError::plain(
+            file,
+            format!("the scene cannot be read: {e}"),
+            "name a scene file, such as cases/atps-descent/scene.toml",
+        )
+    })?;
+    parse(file, &text)
+}
+
+/// Parses and validates the text of a scene; `file` is for messages.
+pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
+    let error = |problems| SceneError::new(file, text, problems);
+    let document = DeTable::parse(text).map_err(|e| {
+        error(vec![Problem::new(
+            e.span(),
+            format!("not TOML: {}", e.message().trim_end()),
+            "see https://toml.io for the syntax",
+        )])
+    })?;
+    let problems = schema::check(&document);
+    if !problems.is_empty() {
+        return Err(error(problems));
+    }
+    let mut scene: Scene = toml::from_str(text).map_err(|e| {
+        error(vec![Problem::new(
+            e.span(),
+            e.message().trim_end(),
+            "`ripstop schema` prints what a scene may contain",
+        )])
+    })?;
+    if let (Canopy::Gmsh(g), Some(folder)) = (&mut scene.canopy, file.parent()) {
+        g.file = folder.join(&g.file);
+    }
+    if let (Some(g), Some(folder)) = (scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()), file.parent()) {
+        g.path = folder.join(&g.path);
+    }
+    let problems = refusals(&scene)
+        .into_iter()
+        .map(|p| Problem::new(span_of(&document, &p.path), p.what, p.help))
+        .collect::<Vec<_>>();
+    if problems.is_empty() { Ok(scene) } else { Err(error(problems)) }
+}
+
+/// Everything about the scene that no solver could work with: magnitudes, and sections that need each other.
+fn refusals(scene: &Scene) -> Vec<Refusal> {
+    let mut c = Check::default();
+    name(scene, &mut c);
+    canopy::check(scene, &mut c);
+    fabric::check(scene, &mut c);
+    lines::check(scene, &mut c);
+    nodes::check(scene, &mut c);
+    structure::check(scene, &mut c);
+    mesh::check(scene, &mut c);
+    coupling::check(scene, &mut c);
+    flow::check(scene, &mut c);
+    descent::check(scene, &mut c);
+    programs::check(scene, &mut c);
+    reefing::check(scene, &mut c);
+    stages::check(scene, &mut c);
+    c.refusals
+}
+
+fn name(scene: &Scene, c: &mut Check) {
+    if !plain_name(&scene.name) {
+        c.refuse("name", format!("`name` is \"{}\"", scene.name), NAME_OF_FOLDER);
+    }
+}

@@ -1,0 +1,303 @@
+//! `[[stage]]`: what runs, for how long, under which loads.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{steady, wind};
+use crate::check::{Check, NAME_OF_FOLDER, plain_name};
+use crate::{Canopy, Clock, Force, Gust, Integration, Motion, Role, Scene, StageWind, Steady};
+
+/// One stage of a run.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// Name of the stage and of its result folder.
+    pub name: String,
+    /// What runs.
+    pub kind: StageKind,
+    /// How the structure of a pre-inflation is solved.
+    #[serde(default)]
+    pub solve: Solve,
+    /// Simulated time, s. Every stage has one but a static one.
+    #[serde(default)]
+    pub duration_s: f64,
+    /// Length of a window (the flow's time step), s. Every stage has one but a
+    /// static one.
+    #[serde(default)]
+    pub window_s: f64,
+    /// Structural steps in a window.
+    #[serde(default = "ten")]
+    pub substeps: u32,
+    /// Marches a flow-only stage to a steady state, in one window without duration.
+    pub steady: Option<Steady>,
+    /// Uniform pressure jump on the canopy, Pa (pre-inflation).
+    pub pressure_pa: Option<f64>,
+    /// Mass-proportional damping of the structure in this stage, 1/s.
+    #[serde(default)]
+    pub mass_damping_per_s: f64,
+    /// Stiffness-proportional damping of the structure in this stage, s: the stress
+    /// that it adds is this time times the rate of the elastic stress.
+    #[serde(default)]
+    pub stiffness_damping_s: f64,
+    /// Ends the stage early once the kinetic energy of the structure is below
+    /// this share of its strain energy.
+    pub settled_energy_ratio: Option<f64>,
+    /// Steady wind of this stage. Absent: `flow.wind_m_s`.
+    pub wind: Option<StageWind>,
+    /// A gust in this stage. Absent: `[flow.gust]`.
+    pub gust: Option<Gust>,
+    /// Prescribed motions of nodes.
+    #[serde(default, rename = "motion")]
+    pub motions: Vec<Motion>,
+    /// Forces on nodes.
+    #[serde(default, rename = "force")]
+    pub forces: Vec<Force>,
+}
+
+fn ten() -> u32 {
+    10
+}
+
+/// How the structure of a pre-inflation is solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Solve {
+    /// In time.
+    #[default]
+    Dynamic,
+    /// For the shape at rest, from any start; in one window without duration.
+    Static,
+}
+
+/// What runs in a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum StageKind {
+    /// Structure alone under constant pressure (paper, section 5.1).
+    PreInflation,
+    /// Flow alone around the canopy held still, at the initial descent speed.
+    FlowOnly,
+    /// Structure, mesh and flow, coupled, with the descent (paper, section 5.2).
+    Coupled,
+    /// Mesh and flow around a canopy that moves by `[[stage.motion]]`, at the initial descent
+    /// speed.
+    Prescribed,
+}
+
+impl StageKind {
+    /// The programs that this stage needs.
+    pub fn roles(self) -> &'static [Role] {
+        match self {
+            StageKind::PreInflation => &[Role::Structure],
+            StageKind::FlowOnly => &[Role::Flow],
+            StageKind::Coupled => &[Role::Structure, Role::Flow, Role::Mesh],
+            StageKind::Prescribed => &[Role::Flow, Role::Mesh],
+        }
+    }
+}
+
+impl Stage {
+    /// Whether the stage runs in time.
+    pub fn in_time(&self) -> bool {
+        self.solve != Solve::Static && self.steady.is_none()
+    }
+
+    /// Windows of the stage: its duration in window lengths, rounded, at least one.
+    pub fn windows(&self) -> u64 {
+        (self.duration_s / self.window_s).round().max(1.0) as u64
+    }
+
+    /// Time that the stage takes as planned, s: whole windows.
+    pub fn planned_s(&self) -> f64 {
+        if self.in_time() { self.windows() as f64 * self.window_s } else { 0.0 }
+    }
+}
+
+/// Refuses stages that contradict themselves, each other or the rest of the scene.
+pub(crate) fn check(scene: &Scene, c: &mut Check) {
+    if scene.stages.is_empty() {
+        c.refuse("stage", "the scene has no stage", "add at least one [[stage]]");
+    }
+    for (k, stage) in scene.stages.iter().enumerate() {
+        let at = |key: &str| format!("stage[{k}].{key}");
+        name(scene, k, &at, c);
+        steady::check(scene, stage, &at, c);
+        wind::of_stage(scene, stage, &at, c);
+        prescribed(scene, k, &at, c);
+        times(stage, &at, c);
+        steps_and_damping(scene, stage, &at, c);
+        nodes(stage, &at, c);
+        pressure(stage, &at, c);
+        flow(scene, stage, &at, c);
+        open_vents(scene, k, &at, c);
+    }
+}
+
+fn name(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    let (path, name) = (at("name"), &scene.stages[k].name);
+    if !plain_name(name) {
+        c.refuse(&path, format!("`{path}` is \"{name}\""), NAME_OF_FOLDER);
+    }
+    if scene.stages[..k].iter().any(|s| &s.name == name) {
+        c.refuse(&path, format!("two stages are named \"{name}\""), "give each stage its own name");
+    }
+}
+
+/// Durations: every stage has them but a static one.
+fn times(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    if !s.in_time() {
+        if s.solve == Solve::Static && s.kind != StageKind::PreInflation {
+            c.refuse(
+                &at("solve"),
+                format!("stage \"{}\" runs the flow, which has no static solution here", s.name),
+                "use solve = \"static\" in a stage of kind \"pre-inflation\", [stage.steady] in one of kind \"flow-only\"",
+            );
+        }
+        for (key, value) in [("duration_s", s.duration_s), ("window_s", s.window_s)] {
+            if value != 0.0 {
+                c.refuse(
+                    &at(key),
+                    format!("`{key}` of a static or steady stage is {value}, but such a stage takes no time"),
+                    "remove it",
+                );
+            }
+        }
+        return;
+    }
+    for (key, value, what) in
+        [("duration_s", s.duration_s, "simulated time, s"), ("window_s", s.window_s, "length of a window, s")]
+    {
+        if value == 0.0 {
+            c.refuse(
+                &at(key),
+                format!("stage \"{}\" has no `{key}`", s.name),
+                format!("add `{key} = ...`: {what}"),
+            );
+        }
+    }
+    if s.duration_s != 0.0 && s.window_s != 0.0 {
+        c.positive(&at("duration_s"), s.duration_s, 1e6, "in seconds");
+        c.positive(
+            &at("window_s"),
+            s.window_s,
+            s.duration_s.max(1e-9),
+            "a window is not longer than its stage",
+        );
+    }
+}
+
+fn steps_and_damping(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    c.count(&at("substeps"), s.substeps, 1..=100_000, "structural steps in a window");
+    c.range(&at("mass_damping_per_s"), s.mass_damping_per_s, 0.0..=1e6, "in 1/s");
+    let path = at("stiffness_damping_s");
+    if scene.structure.integration == Integration::Explicit && s.stiffness_damping_s > 0.0 {
+        c.refuse(
+            &path,
+            "stiffness-proportional damping would shrink the stable step of explicit integration",
+            "leave it out, or set structure.integration = \"generalized-alpha\"",
+        );
+    }
+    c.range(&path, s.stiffness_damping_s, 0.0..=1e3, "in seconds");
+    if let Some(r) = s.settled_energy_ratio {
+        c.positive(&at("settled_energy_ratio"), r, 1.0, "kinetic over strain energy");
+    }
+}
+
+/// Motions and forces of nodes.
+fn nodes(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    if s.kind == StageKind::FlowOnly && !(s.motions.is_empty() && s.forces.is_empty()) {
+        c.refuse(
+            &at("kind"),
+            format!("stage \"{}\" has no structure that could be moved or loaded", s.name),
+            "remove its [[stage.motion]] and [[stage.force]]",
+        );
+    }
+    for (k, force) in s.forces.iter().enumerate() {
+        force.check(&at(&format!("force[{k}]")), c);
+    }
+    for (k, motion) in s.motions.iter().enumerate() {
+        motion.check(&at(&format!("motion[{k}]")), c);
+        if s.solve == Solve::Static && motion.clock.is_some_and(|clock| clock != Clock::Stage) {
+            c.refuse(
+                &at(&format!("motion[{k}].clock")),
+                format!("stage \"{}\" is static: no clock runs in it", s.name),
+                "remove `clock`: the stage ends at the last displacement",
+            );
+        }
+    }
+}
+
+/// A pre-inflation has a pressure, and nothing else has.
+fn pressure(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    match (s.kind, s.pressure_pa) {
+        (StageKind::PreInflation, None) => c.refuse(
+            &at("name"),
+            format!("stage \"{}\" inflates, but with no pressure", s.name),
+            "add `pressure_pa = ...` (the paper: 14.5672)",
+        ),
+        (StageKind::PreInflation, Some(p)) => {
+            c.range(&at("pressure_pa"), p, -1e7..=1e7, "a pressure in Pa");
+        }
+        (_, Some(_)) => c.refuse(
+            &at("pressure_pa"),
+            "`pressure_pa` belongs to a pre-inflation stage",
+            "remove it: here the flow makes the pressure",
+        ),
+        _ => {}
+    }
+}
+
+/// A stage with the flow has air and a grid.
+fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    if s.kind == StageKind::PreInflation {
+        return;
+    }
+    if scene.flow.is_none() {
+        c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
+    }
+    if matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && scene.grid_file().is_none() {
+        c.refuse(
+            &at("kind"),
+            "an air-bag octant or a canopy from a file has no flow grid around it",
+            "use kind = \"pre-inflation\", or give a grid by [flow.grid_file]",
+        );
+    }
+}
+
+/// A grid that moves through vents starts around an inflated canopy.
+fn open_vents(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    let moves = matches!(scene.stages[k].kind, StageKind::Coupled | StageKind::Prescribed);
+    let inflated = scene.stages[..k].iter().any(|s| s.kind == StageKind::PreInflation);
+    if moves && scene.has_vents() && !inflated {
+        c.refuse(
+            &at("kind"),
+            "the vents of the unstressed canopy are closed slits: no flow grid fits them",
+            "put a stage of kind \"pre-inflation\" before this one",
+        );
+    }
+}
+
+/// A stage whose canopy moves as prescribed.
+fn prescribed(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    let s = &scene.stages[k];
+    if s.kind != StageKind::Prescribed {
+        return;
+    }
+    if s.motions.is_empty() {
+        c.refuse(
+            &at("kind"),
+            format!("stage \"{}\" moves the canopy as prescribed, but prescribes nothing", s.name),
+            "add a [[stage.motion]], or use kind = \"flow-only\"",
+        );
+    }
+    if !s.forces.is_empty() {
+        c.refuse(&at("force"), "forces need a structure, and a prescribed motion has none", "remove them");
+    }
+    if scene.stages[k..].iter().any(|s| s.kind.roles().contains(&Role::Structure)) {
+        c.refuse(
+            &at("kind"),
+            "a later stage would start from a structure that has not moved along",
+            "put stages of kind \"prescribed\" last",
+        );
+    }
+}

@@ -1,0 +1,179 @@
+//! What a scene is, in lines for a person: canopy, masses, flow grid, effects, coupling, stages.
+
+use case::{
+    Acceleration, CouplingOrder, LoadShape, Role, Scene, Scheme, Solve, Stage, StageKind, StaggeredSequence,
+};
+use coupling::descent::DescentModel;
+use coupling::interface::CanopyInterface;
+use effects::effects;
+
+use crate::shared_memory;
+
+/// Lines on the scene as a whole; `first`: the first stage to run, from 0.
+pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<String> {
+    let mut lines = vec![scene.caption()];
+    lines.extend(canopy(scene, interface));
+    if scene.flow.is_some() {
+        lines.push(flow_grid(scene, interface));
+    }
+    lines.push(shared_memory::line(scene, first, interface));
+    lines.push("effects:".into());
+    for effect in effects(scene) {
+        let state = if effect.on { "on " } else { "off" };
+        lines.push(format!("  {state} {:<28} {} ({})", effect.key, effect.what, effect.role.program()));
+    }
+    if scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {
+        lines.push(coupling(scene));
+    }
+    lines
+}
+
+/// What stage `at` (from 0) does, and for how long.
+pub fn stage(scene: &Scene, at: usize) -> String {
+    let stage = &scene.stages[at];
+    format!("  {}. {}: {}; {}", at + 1, stage.name, what(scene, stage), time(stage))
+}
+
+/// Sizes and masses of the canopy.
+fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
+    let sizes = interface.sizes;
+    let mesh = format!(
+        "canopy: {} interface nodes, {} faces; mesh of {} nodes, {} triangles, {} cables",
+        interface.nodes(),
+        interface.faces.len(),
+        sizes.nodes,
+        sizes.triangles,
+        sizes.cables
+    );
+    let payload = DescentModel::of(scene, interface).map_or_else(String::new, |m| {
+        let weight = m.mass_kg * m.gravity_m_s2;
+        format!(
+            ", with payload {:.3} kg; drag balances the weight of {weight:.1} N at a coefficient of {:.3}",
+            m.mass_kg,
+            m.drag_coefficient(weight)
+        )
+    });
+    let masses = format!(
+        "masses: fabric {:.4} kg ({:.3} m2), lines {:.4} kg{payload}",
+        interface.masses.fabric, sizes.fabric_area, interface.masses.cables
+    );
+    [mesh, masses]
+}
+
+fn what(scene: &Scene, stage: &Stage) -> String {
+    match stage.kind {
+        StageKind::PreInflation => format!(
+            "structure alone under {} Pa",
+            stage.pressure_pa.map_or_else(|| "?".into(), |p| p.to_string())
+        ),
+        StageKind::FlowOnly => "flow alone around the canopy held still".into(),
+        StageKind::Prescribed => "mesh and flow around the canopy that moves as prescribed".into(),
+        StageKind::Coupled => {
+            "structure, mesh and flow coupled".to_owned()
+                + if scene.descent.is_some() { ", with the descent" } else { "" }
+        }
+    }
+}
+
+fn time(stage: &Stage) -> String {
+    let substeps = if stage.kind.roles().contains(&Role::Structure) {
+        format!(" x {} substeps", stage.substeps)
+    } else {
+        String::new()
+    };
+    match stage.solve {
+        _ if stage.steady.is_some() => "to a steady state".into(),
+        Solve::Static => "at rest".into(),
+        Solve::Dynamic => {
+            format!("{} s in {} windows of {} s{substeps}", stage.duration_s, stage.windows(), stage.window_s)
+        }
+    }
+}
+
+/// How the programs are coupled.
+fn coupling(scene: &Scene) -> String {
+    let c = &scene.coupling;
+    let scheme = match c.scheme {
+        Scheme::Staggered => staggered(c),
+        Scheme::Implicit => implicit(c),
+    };
+    let load = match c.load {
+        LoadShape::Mean => "mean",
+        LoadShape::Constant => "constant",
+        LoadShape::Linear => "linear",
+    };
+    format!("coupling: {scheme}; load over the substeps: {load}")
+}
+
+fn staggered(c: &case::Coupling) -> String {
+    let order = c.staggered.predictor;
+    match c.staggered.sequence {
+        StaggeredSequence::StructureFirst if order == 0 => {
+            "staggered: each program once in a window, with the pressures of the last".to_owned()
+        }
+        StaggeredSequence::StructureFirst => {
+            format!("staggered: structure first, under loads extrapolated with order {order}")
+        }
+        StaggeredSequence::FlowFirst => {
+            format!("staggered: flow first, around a canopy extrapolated with order {order}")
+        }
+        StaggeredSequence::AddedMass => {
+            format!(
+                "staggered: structure first with added mass implicit, the rest extrapolated with order {order}"
+            )
+        }
+        StaggeredSequence::HalfStep => {
+            format!("staggered: flow half a window off, around a canopy extrapolated with order {order}")
+        }
+    }
+}
+
+fn implicit(c: &case::Coupling) -> String {
+    let by = match c.acceleration {
+        Acceleration::Constant => format!("relaxation {}", c.relaxation),
+        Acceleration::Aitken => format!("Aitken's relaxation from {}", c.relaxation),
+        Acceleration::IqnIls => {
+            format!("IQN-ILS with the secants of {} earlier windows", c.reused_windows)
+        }
+        Acceleration::IbqnLs => "block quasi-Newton with secants of the flow".to_owned(),
+        Acceleration::IqnImvj => {
+            format!("IQN-IMVJ with the secants of {} earlier windows", c.reused_windows)
+        }
+    };
+    let order = match c.order {
+        CouplingOrder::GaussSeidel => "implicit",
+        CouplingOrder::Jacobi => "implicit in Jacobi order",
+    };
+    format!(
+        "{order}: at most {} iterations a window to {:.0e}, accelerated by {by}",
+        c.max_iterations, c.tolerance
+    )
+}
+
+/// Sizes of the flow grid: its topology is that around the unstressed canopy.
+fn flow_grid(scene: &Scene, interface: &CanopyInterface) -> String {
+    let made =
+        mesh::structure_mesh(scene).and_then(|canopy| mesh::draft_grid(scene, &canopy, &interface.coords));
+    match made {
+        Ok(grid) => {
+            let sizes = format!(
+                "flow grid: {} cells, {} nodes, far field of {} faces",
+                grid.cells.len(),
+                grid.coords.len(),
+                grid.boundary.len()
+            );
+            match mesh::FaceTable::new(&grid) {
+                Ok(faces) => {
+                    let report = mesh::QualityReport::new(&grid, &faces).to_string();
+                    format!(
+                        "{sizes}; around the unstressed canopy:\n  {}",
+                        report.trim_end().replace('\n', "\n  ")
+                    )
+                }
+                Err(_) => sizes + "; its quality stands in grid.txt of each stage's folder",
+            }
+        }
+        Err(mesh::MeshError::Parameter { .. }) => "flow grid: none, see the inspection".into(),
+        Err(error) => format!("flow grid: made from the inflated shape at the start of a stage ({error})"),
+    }
+}

@@ -1,0 +1,33 @@
+//! Acceleration of the coupling iteration: `(x, x_tilde) -> x`.
+
+use crate::error::RunError;
+use crate::schemes::flow_model::lattice::Lattice;
+
+/// Turns an iterate and its response into the next iterate.
+pub trait Accelerator {
+    /// A new window begins; columns may be kept.
+    fn begin_window(&mut self);
+
+    /// Next iterate into `next`, from the iterate `x` and the response `x_tilde` to it.
+    fn next(&mut self, x: &[f64], x_tilde: &[f64], next: &mut [f64]);
+
+    /// The window is accepted with this last iterate and response.
+    fn end_window(&mut self, x: &[f64], x_tilde: &[f64]);
+
+    /// State that later windows depend on, once a window has ended.
+    fn save_state(&self) -> Vec<u8>;
+
+    /// Restores an [`Accelerator::save_state`] of the same acceleration.
+    ///
+    /// # Errors
+    /// A state of another one.
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError>;
+
+    /// Resets what earlier iterations gave: windows have another length, or one was rejected.
+    fn reset(&mut self);
+
+    /// See [`super::relaxation::Relaxation::reshape`].
+    fn reshape(&mut self, lattice: &Lattice) {
+        let _ = lattice;
+    }
+}

@@ -1,0 +1,277 @@
+//! Relaxation by the added mass of potential flow.
+
+use faer::Mat;
+use faer::prelude::Solve;
+use nalgebra::{DMatrix, DVector};
+
+use super::relaxation::Relaxation;
+use crate::geometry::{Vec3, at, direction, distinct};
+use crate::schemes::flow_model::groups::Groups;
+use crate::schemes::flow_model::inverse::{Inverse, factors};
+use crate::schemes::flow_model::lattice::{Air, Lattice};
+use crate::schemes::unknowns::Unknowns;
+
+/// What the canopy and the air weigh, for [`AddedMassRelaxation::new`].
+#[derive(Clone, Copy, Debug)]
+pub struct Weights {
+    /// Mass of the fabric per area, kg/m2.
+    pub fabric_kg_m2: f64,
+    /// The air.
+    pub air: Air,
+    /// Displacement at the end of a window, in $\Delta t^2/m$, per pressure at its
+    /// end: half the weight of that pressure in the load over the substeps.
+    pub response: f64,
+    /// Falling mass, kg; 0 without descent.
+    pub falling_kg: f64,
+}
+
+/// Relaxation by the added mass of potential flow.
+///
+/// The flow answers a normal displacement of the canopy with the pressure of the
+/// air it accelerates. In potential flow the jump of the potential over a thin
+/// surface is the strength $\Gamma$ of a sheet of vortex rings; with the normal
+/// velocities $A\Gamma$ that rings of unit strength induce at the faces, the
+/// added mass per area is $\rho A^{-1}$ for any wave length and any outline with
+/// its vents. A window turns a change $\delta x$ of the iterate into
+/// $-G\,\delta x$, $G = g A^{-1}$, with
+///
+/// $$ g = \tfrac94\, s\, \rho / m'' $$
+///
+/// ($\tfrac94$: BDF2 of BDF2 velocities; $s$: `response`; $m''$: fabric per
+/// area; stiffness neglected, which only damps). So the residual $r$ asks for
+/// the step $e = (I+G)^{-1} r = (A+gI)^{-1}A\,r$ along the normals. Tangential
+/// motion moves no air: there the full residual is the step.
+///
+/// The frame's vertical motion $V$ (velocity times $\Delta t$) accelerates the
+/// same air, and the air's force the frame: with $b = \rho A^{-T} a_z / M$, $a_z$
+/// the faces' areas upwards, both are solved together,
+///
+/// $$ \delta x + G\,\delta x + \tfrac23 G n_z\,\delta V = r, \qquad
+///    \delta V + b\cdot(\tfrac94\,\delta x + \tfrac32 n_z\,\delta V) = r_V. $$
+///
+/// (Apart, the two would swing against each other: a contraction of 0.9 only.)
+#[derive(Clone)]
+pub struct AddedMassRelaxation {
+    unknowns: Unknowns,
+    weights: Weights,
+    faces: Vec<[u32; 4]>,
+    face_normals: Vec<Vec3>,
+    node_normals: Vec<Vec3>,
+    /// Faces at each node.
+    node_faces: Vec<f64>,
+    groups: Groups,
+    /// g and $(A + gI)^{-1}$, of which $(I + G)^{-1} = I - g (A + gI)^{-1}$.
+    gain: f64,
+    inverse: Inverse,
+    /// Step per residual where the faces are too coarse to see it.
+    fine: f64,
+    /// b, q = (I+G)^-1 G n_z, and the coefficient of V once x is eliminated.
+    force: DVector<f64>,
+    drawn: DVector<f64>,
+    velocity: f64,
+    /// Added mass of the whole canopy in vertical motion, kg.
+    pub vertical_added_mass: f64,
+}
+
+impl AddedMassRelaxation {
+    /// For a canopy with these faces, as the `lattice` has it. `None` where it gives no sensible matrix.
+    pub fn new(unknowns: Unknowns, faces: &[[u32; 4]], weights: &Weights, lattice: &Lattice) -> Option<Self> {
+        if faces.is_empty() || weights.fabric_kg_m2 <= 0.0 {
+            return None;
+        }
+        let Lattice { positions, areas, normals, groups, influence, .. } = lattice;
+        let face_normals = normals.clone();
+        let n = groups.len();
+        let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
+        let gain = 2.25 * weights.response * weights.air.density / weights.fabric_kg_m2;
+        let inverse = Inverse::of(&factors(&(influence + DMatrix::identity(n, n) * gain)))?;
+        let mut node_normals = vec![Vec3::zeros(); positions.len()];
+        let mut node_faces = vec![0.0; positions.len()];
+        for (face, area) in faces.iter().zip(areas) {
+            for &node in distinct(face) {
+                node_faces[node as usize] += 1.0;
+                node_normals[node as usize] += area;
+            }
+        }
+        for normal in &mut node_normals {
+            *normal = direction(normal);
+        }
+        // Vertical force of the air per acceleration of the faces along their normals.
+        let mut upwards = Mat::<f64>::zeros(n, 1);
+        for (area, &g) in areas.iter().zip(&groups.of) {
+            upwards[(g as usize, 0)] += weights.air.density * area[2];
+        }
+        let vertical: Vec<f64> = face_normals.iter().map(|normal| normal[2]).collect();
+        let vertical = DVector::from_vec(groups.means(&vertical));
+        let force = factors(influence).solve_transpose(upwards);
+        let force = DVector::from_fn(n, |i, _| force[(i, 0)]);
+        let vertical_added_mass = force.dot(&vertical);
+        let drawn = &vertical - apply_inverse(gain, &inverse, &vertical);
+        let force = if weights.falling_kg > 0.0 { force / weights.falling_kg } else { DVector::zeros(n) };
+        let velocity = 1.0 + 1.5 * force.dot(&vertical) - 1.5 * force.dot(&drawn);
+        // A zigzag between nodes has twice the face as wave length: A is pi/2 over its edge.
+        let edge = (sizes.iter().sum::<f64>() / faces.len() as f64).sqrt();
+        let zigzag = 0.5 * std::f64::consts::PI / edge;
+        let fine = zigzag / (zigzag + gain);
+        let sound = vertical_added_mass.is_finite() && velocity > 0.1;
+        sound.then_some(Self {
+            unknowns,
+            weights: *weights,
+            faces: faces.to_vec(),
+            face_normals,
+            node_normals,
+            node_faces,
+            groups: groups.clone(),
+            gain,
+            inverse,
+            fine,
+            force,
+            drawn,
+            velocity,
+            vertical_added_mass,
+        })
+    }
+}
+
+impl AddedMassRelaxation {
+    pub(crate) fn faces(&self) -> &[[u32; 4]] {
+        &self.faces
+    }
+
+    pub(crate) fn face_normals(&self) -> &[Vec3] {
+        &self.face_normals
+    }
+
+    /// Faces at a node, at least one.
+    pub(crate) fn faces_at(&self, node: u32) -> f64 {
+        self.node_faces[node as usize].max(1.0)
+    }
+}
+
+impl Relaxation for AddedMassRelaxation {
+    fn reshape(&mut self, lattice: &Lattice) {
+        // The old one still serves where the new shape gives no matrix.
+        if let Some(new) = Self::new(self.unknowns, &self.faces, &self.weights, lattice) {
+            *self = new;
+        }
+    }
+
+    fn apply(&self, residual: &[f64], step: &mut [f64]) {
+        let moved = self.unknowns.displacements();
+        // Normal residual at the faces, and the step it asks for there.
+        let on_faces: Vec<f64> = self
+            .faces
+            .iter()
+            .zip(&self.face_normals)
+            .map(|(face, normal)| {
+                let nodes = distinct(face);
+                nodes.iter().map(|&n| at(residual, n).dot(normal)).sum::<f64>() / nodes.len() as f64
+            })
+            .collect();
+        let means = DVector::from_vec(self.groups.means(&on_faces));
+        let mut asked = apply_inverse(self.gain, &self.inverse, &means);
+        // The frame's motion in the unit of displacements.
+        let scale = (self.unknowns.displacements() as f64 / 3.0).sqrt();
+        if let Some(r) = residual.get(moved) {
+            let frame = (r / scale - 2.25 * self.force.dot(&asked)) / self.velocity;
+            asked.axpy(-2.0 / 3.0 * frame, &self.drawn, 1.0);
+            step[moved] = frame * scale;
+        }
+        // Back to the nodes, as means over their faces: [residual seen, step].
+        let mut nodes = vec![[0.0; 2]; self.node_normals.len()];
+        for ((face, &g), seen) in self.faces.iter().zip(&self.groups.of).zip(&on_faces) {
+            let g = g as usize;
+            // What a face does beside its group asks for the step of a short wave.
+            let step = asked[g] + (seen - means[g]) / (1.0 + self.gain * self.groups.fine[g]);
+            for &node in distinct(face) {
+                nodes[node as usize][0] += seen;
+                nodes[node as usize][1] += step;
+            }
+        }
+        for (node, [seen, asked]) in nodes.iter().enumerate() {
+            let (normal, count) = (self.node_normals[node], self.node_faces[node].max(1.0));
+            let whole = at(residual, node as u32);
+            let along = whole.dot(&normal);
+            let wanted = asked / count + self.fine * (along - seen / count);
+            step[3 * node..3 * node + 3].copy_from_slice((whole + normal * (wanted - along)).as_slice());
+        }
+    }
+}
+
+/// $(I + G)^{-1} r$ with $G = g A^{-1}$.
+fn apply_inverse(gain: f64, inverse: &Inverse, r: &DVector<f64>) -> DVector<f64> {
+    r - DVector::from_vec(inverse.apply(r.as_slice())) * gain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::schemes::test_support::plate;
+
+    fn weights() -> Weights {
+        Weights { fabric_kg_m2: 0.0373, air: Air::incompressible(1.0), response: 0.275, falling_kg: 1.0 }
+    }
+
+    fn model(n: usize) -> (AddedMassRelaxation, Vec<mesh::Point>) {
+        grouped(n, usize::MAX)
+    }
+
+    fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<mesh::Point>) {
+        let (positions, faces) = plate(n);
+        let unknowns = Unknowns::new(positions.len(), 5e-3, true);
+        let lattice = Lattice::new(&positions, &faces, most, 0.0).unwrap();
+        (AddedMassRelaxation::new(unknowns, &faces, &weights(), &lattice).unwrap(), positions)
+    }
+
+    #[test]
+    fn added_mass_of_a_square_plate() {
+        // DNV-RP-C205, table D-2: 0.579 rho pi/4 for a square of side 1 moving along its normal.
+        for (n, most) in [(5, 0.06), (10, 0.02), (20, 0.01), (40, 0.01)] {
+            let error = model(n).0.vertical_added_mass / (0.579 * std::f64::consts::FRAC_PI_4) - 1.0;
+            println!("{n} faces a side: {error:+.4}");
+            assert!(error.abs() < most, "{n} faces a side: {error}");
+        }
+    }
+
+    #[test]
+    fn groups_have_the_added_mass_of_their_faces() {
+        // Two by two faces act as one.
+        let (fine, groups) = (model(20).0, grouped(20, 100).0);
+        let error = groups.vertical_added_mass / fine.vertical_added_mass - 1.0;
+        println!("added mass of groups of four: {error:+.3}");
+        assert!(error.abs() < 0.1, "{error}");
+    }
+
+    #[test]
+    fn leaves_tangents_alone_and_shortens_heavy_plunges() {
+        let (model, positions) = model(16);
+        let mut residual = vec![0.0; 3 * positions.len() + 1];
+        residual.chunks_exact_mut(3).for_each(|r| r.copy_from_slice(&[1.0, 0.0, 1.0]));
+        let mut step = vec![0.0; residual.len()];
+        model.apply(&residual, &mut step);
+        let middle = 3 * (positions.len() / 2);
+        assert!((step[middle] - 1.0).abs() < 1e-12);
+        assert!(step[middle + 2] > 0.01 && step[middle + 2] < 0.2, "{}", step[middle + 2]);
+    }
+
+    #[test]
+    fn solves_its_own_model_of_flow_and_fall() {
+        // Residual of a smooth plunge dx with a change dV of the frame, from the
+        // model's own equations: the step must bring both back.
+        let (model, positions) = model(12);
+        let n = model.faces.len();
+        let influence = Lattice::new(&positions, &model.faces, usize::MAX, 0.0).unwrap().influence;
+        let (dx, dv) = (DVector::from_element(n, 0.3), -0.2);
+        let pressed = influence.lu().solve(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
+        let response = 0.275 / 0.0373;
+        let on_faces = &dx + pressed.unwrap() * response;
+        let frame = dv + model.force.dot(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
+        let mut asked = apply_inverse(model.gain, &model.inverse, &on_faces);
+        let found = (frame - 2.25 * model.force.dot(&asked)) / model.velocity;
+        asked.axpy(-2.0 / 3.0 * found, &model.drawn, 1.0);
+        // The inverse is in single precision: 4e-8 and 2e-6 here.
+        assert!((found - dv).abs() < 1e-6, "{found}");
+        assert!((asked - dx).norm() < 1e-5);
+        assert_eq!(positions.len(), 169);
+    }
+}

@@ -1,0 +1,10 @@
+//! Acceleration of the coupling iteration, and the relaxation of what it has no columns for.
+
+pub mod accelerator;
+pub mod added_mass;
+pub mod fixed_point;
+pub mod jacobi_relaxation;
+pub mod jacobian;
+pub mod quasi_newton;
+pub mod quasi_newton_options;
+pub mod relaxation;

@@ -1,0 +1,138 @@
+//! Interface block quasi-Newton.
+
+use case::LoadShape;
+
+use super::extrapolate::MOST_ORDER;
+use super::gauss_seidel::{AppliedLoad, flow_around_iterate, respond_to_flow};
+use super::inner_solve::InnerSolve;
+use super::predictor::Predictor;
+use crate::error::RunError;
+use crate::schemes::acceleration::accelerator::Accelerator;
+use crate::schemes::codec::{pack, unpack};
+use crate::schemes::flow_model::surrogate::FlowModel;
+use crate::schemes::least_squares::norm;
+use crate::schemes::unknowns::Unknowns;
+use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::solvers::Solvers;
+use crate::schemes::window::state::WindowState;
+use crate::schemes::window::values::InterfaceState;
+
+/// Changes of the surrogate's load below this share of the load add no column, or below the tolerance where that is
+/// smaller: the flow then solves more closely.
+const LEAST_STEP: f64 = 1e-3;
+
+/// Interface block quasi-Newton (IBQN-LS; Vierendeels et al. 2007) with the structure itself in the
+/// place of its Jacobian: the flow at the iterate, then structure and descent solved against the
+/// flow's last response, the surrogate's inertia and the flow's secants. The flow hardly changes its
+/// ways from window to window, as a wrinkling structure does, so its secants serve for long.
+pub struct BlockQuasiNewton {
+    inner: InnerSolve,
+    motions: Predictor,
+    defects: Predictor,
+    defect: Vec<f64>,
+    /// Inertia of the surrogate and defect at the last sweep in this window.
+    last: Option<(Vec<f64>, Vec<f64>)>,
+    known: bool,
+    applied: AppliedLoad,
+}
+
+impl BlockQuasiNewton {
+    /// Starting from `interface`.
+    pub fn new(
+        load: LoadShape,
+        unknowns: Unknowns,
+        interface: &InterfaceState,
+        model: FlowModel,
+        accelerator: Box<dyn Accelerator>,
+    ) -> Self {
+        let defect = vec![0.0; model.answers()];
+        Self {
+            inner: InnerSolve::new(model, load, &unknowns, accelerator),
+            motions: Predictor::from_start(MOST_ORDER, &interface.unknowns(&unknowns)),
+            defects: Predictor::new(MOST_ORDER),
+            defect,
+            last: None,
+            known: false,
+            applied: AppliedLoad::new(load),
+        }
+    }
+
+    /// Adds the secant of the last two sweeps of this window to the surrogate.
+    fn add_secant(&mut self, state: &WindowState, solvers: &Solvers<'_>) {
+        if let Some((inertia, before)) = self.last.take() {
+            let step: Vec<f64> = self.inner.response.iter().zip(&inertia).map(|(a, b)| a - b).collect();
+            let change = self.defect.iter().zip(&before).map(|(a, b)| a - b).collect();
+            let least = LEAST_STEP.min(solvers.criterion.tolerance);
+            self.inner.model.learn(step, change, least, norm(&state.end.load));
+        }
+        self.last = Some((self.inner.response.clone(), self.defect.clone()));
+    }
+}
+
+impl CouplingScheme for BlockQuasiNewton {
+    fn iterates(&self) -> bool {
+        true
+    }
+
+    fn predict(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        let dt = state.window.dt;
+        self.last = None;
+        if let Some(defects) = self.inner.follow(dt) {
+            self.defects = Predictor::new(MOST_ORDER);
+            defects.iter().for_each(|(defect, dt)| self.defects.accept(defect, *dt));
+        }
+        self.motions.predict(dt, &mut state.x);
+        if self.known {
+            self.defects.predict(dt, &mut self.inner.defect);
+            let tolerance = (0.1 * solvers.criterion.tolerance).max(1e-3);
+            self.inner.x.copy_from_slice(&state.x);
+            self.inner.solve(state, solvers, None, tolerance)?;
+            state.x.copy_from_slice(&self.inner.x);
+        }
+        Ok(())
+    }
+
+    fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        flow_around_iterate(state, solvers)?;
+        self.inner.measure_defect(state, &state.x, &mut self.defect);
+        self.add_secant(state, solvers);
+        respond_to_flow(state, solvers, &mut self.applied)
+    }
+
+    fn improve(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<bool, RunError> {
+        let outer = state.report.residual.unwrap_or(1.0);
+        let tolerance = (0.2 * solvers.criterion.tolerance).max(0.02 * outer.min(1.0));
+        self.inner.x.copy_from_slice(&state.x);
+        self.inner.defect.copy_from_slice(&self.defect);
+        let about = self.last.as_ref().map(|(inertia, _)| inertia.as_slice());
+        let reached = self.inner.solve(state, solvers, about, tolerance)?;
+        state.next.copy_from_slice(&self.inner.x);
+        Ok(reached < 0.5 * outer)
+    }
+
+    fn reset(&mut self, rejected: bool) {
+        self.inner.reset_acceleration();
+        if rejected {
+            self.inner.model.forget();
+        }
+    }
+
+    fn accept(&mut self, state: &WindowState) {
+        let dt = state.window.dt;
+        self.known = true;
+        self.defects.accept(&self.defect, dt);
+        // The grid stands at the iterate.
+        self.inner.accept(&state.x, &self.defect, dt);
+        self.motions.accept(&state.x_tilde, dt);
+    }
+
+    fn save_state(&self) -> Vec<u8> {
+        pack(&(&self.motions, &self.defects, self.known, self.inner.save_state()))
+    }
+
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
+        let inner: Vec<u8>;
+        (self.motions, self.defects, self.known, inner) = unpack(saved)?;
+        self.inner.restore_state(&inner)
+    }
+}

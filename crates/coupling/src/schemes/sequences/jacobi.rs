@@ -1,0 +1,76 @@
+//! The implicit scheme in Jacobi order.
+
+use case::LoadShape;
+
+use super::gauss_seidel::{AppliedLoad, flow_around_iterate};
+use super::predictor::Predictor;
+use crate::error::RunError;
+use crate::schemes::codec::{pack, unpack};
+use crate::schemes::unknowns::Unknowns;
+use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::solvers::Solvers;
+use crate::schemes::window::state::WindowState;
+use crate::schemes::window::values::InterfaceState;
+
+/// Jacobi: flow at the displacement of the iterate, structure under its load, neither knowing the
+/// other's response. The unknowns are displacement, descent speed and load.
+pub struct Jacobi {
+    applied: AppliedLoad,
+    predictor: Predictor,
+    /// Load of the iterate, `[faces][LOAD_WIDTH]`, Pa.
+    iterate: Vec<f64>,
+}
+
+impl Jacobi {
+    /// With this shape of the load over the substeps; `unknowns` hold loads.
+    pub fn new(load: LoadShape, unknowns: Unknowns, interface: &InterfaceState) -> Self {
+        let predictor = if interface.load.is_some() {
+            Predictor::from_start(2, &interface.unknowns(&unknowns))
+        } else {
+            Predictor::new(2)
+        };
+        Self { applied: AppliedLoad::new(load), predictor, iterate: vec![0.0; unknowns.loads()] }
+    }
+}
+
+impl CouplingScheme for Jacobi {
+    fn iterates(&self) -> bool {
+        true
+    }
+
+    fn predict(&mut self, state: &mut WindowState, _solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        self.predictor.predict(state.window.dt, &mut state.x);
+        Ok(())
+    }
+
+    fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        let known = state.interface.load.is_some();
+        flow_around_iterate(state, solvers)?;
+        if known {
+            solvers.unknowns.load(&state.x, &mut self.iterate);
+        } else {
+            // Nothing was known to iterate from: this once the structure follows the flow.
+            self.iterate.clone_from(&state.end.load);
+        }
+        state.know_start_load();
+        let load = self.applied.over_window(state, &self.iterate);
+        solvers.structure_under(state, load)?;
+        solvers.descend(state);
+        state.pack_response(solvers.unknowns);
+        solvers.unknowns.pack_load(&state.end.load, &mut state.x_tilde);
+        Ok(())
+    }
+
+    fn accept(&mut self, state: &WindowState) {
+        self.predictor.accept(&state.x_tilde, state.window.dt);
+    }
+
+    fn save_state(&self) -> Vec<u8> {
+        pack(&self.predictor)
+    }
+
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
+        self.predictor = unpack(saved)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,10 @@
+//! Coupling schemes: the order in which a window calls the solvers.
+
+pub mod added_mass_staggered;
+pub mod block_quasi_newton;
+pub mod extrapolate;
+pub mod gauss_seidel;
+pub mod inner_solve;
+pub mod jacobi;
+pub mod predictor;
+pub mod staggered;

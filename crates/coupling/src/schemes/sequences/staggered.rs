@@ -1,0 +1,182 @@
+//! Staggered schemes: each solver once in a window.
+
+use case::{DescentEquation, LoadShape};
+
+use super::extrapolate::Past;
+use super::gauss_seidel::{AppliedLoad, gauss_seidel_sweep};
+use crate::error::RunError;
+use crate::partners::LoadOverWindow;
+use crate::schemes::codec::{pack, unpack};
+use crate::schemes::unknowns::Unknowns;
+use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::solvers::Solvers;
+use crate::schemes::window::state::{Configuration, WindowState};
+use crate::schemes::window::values::InterfaceState;
+
+/// The structure's substeps under a load extrapolated with order $k$, then mesh, flow and
+/// descent. $k = 0$ is the paper's sequence, of first order in time; from $k = 1$ on it is of
+/// second order (load and the frame's velocity are then known to second order).
+pub struct StructureFirst {
+    order: usize,
+    loads: Past,
+    velocities: Past,
+    ahead: Vec<f64>,
+}
+
+impl StructureFirst {
+    /// With this order of extrapolation.
+    pub fn new(order: usize, interface: &InterfaceState) -> Self {
+        // A load known from an earlier stage belongs to windows of another length.
+        let (loads, velocities) = (Past::default(), Past::from_start(&[interface.velocity]));
+        Self { order, loads, velocities, ahead: Vec::new() }
+    }
+}
+
+impl CouplingScheme for StructureFirst {
+    fn iterates(&self) -> bool {
+        false
+    }
+
+    fn predict(&mut self, _state: &mut WindowState, _solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        let mut velocity = [state.interface.velocity];
+        self.velocities.extrapolate(self.order, state.window.dt, &mut velocity);
+        state.set_frame_velocity(velocity[0]);
+        let start = solvers.start_load(state)?;
+        self.ahead.clone_from(&start);
+        self.loads.extrapolate(self.order, state.window.dt, &mut self.ahead);
+        solvers.structure_under(state, LoadOverWindow { start: &start, end: &self.ahead })?;
+        solvers.flow_around(state, Configuration::End)?;
+        solvers.descend(state);
+        state.pack_response(solvers.unknowns);
+        Ok(())
+    }
+
+    fn accept(&mut self, state: &WindowState) {
+        self.loads.push(&state.end.load, state.window.dt);
+        self.velocities.push(&[state.end.velocity], state.window.dt);
+    }
+
+    fn save_state(&self) -> Vec<u8> {
+        pack(&(&self.loads, &self.velocities))
+    }
+
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
+        (self.loads, self.velocities) = unpack(saved)?;
+        Ok(())
+    }
+}
+
+/// One Gauss-Seidel sweep from unknowns extrapolated with order $k$
+/// (Piperno's generalised serial staggered scheme). Order in time $k + 1$, at most two.
+pub struct FlowFirst {
+    order: usize,
+    applied: AppliedLoad,
+    motions: Past,
+}
+
+impl FlowFirst {
+    /// With this order of extrapolation and shape of the load over the substeps.
+    pub fn new(order: usize, load: LoadShape, unknowns: Unknowns, interface: &InterfaceState) -> Self {
+        let motions = Past::from_start(&interface.unknowns(&unknowns));
+        Self { order, applied: AppliedLoad::new(load), motions }
+    }
+}
+
+impl CouplingScheme for FlowFirst {
+    fn iterates(&self) -> bool {
+        false
+    }
+
+    fn predict(&mut self, state: &mut WindowState, _solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        self.motions.extrapolate(self.order, state.window.dt, &mut state.x);
+        Ok(())
+    }
+
+    fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        gauss_seidel_sweep(state, solvers, &mut self.applied)
+    }
+
+    fn accept(&mut self, state: &WindowState) {
+        self.motions.push(&state.x_tilde, state.window.dt);
+    }
+
+    fn save_state(&self) -> Vec<u8> {
+        pack(&self.motions)
+    }
+
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
+        self.motions = unpack(saved)?;
+        Ok(())
+    }
+}
+
+/// Improved serial staggered (Lesoinne and Farhat 1998): the flow's windows end at the middles
+/// of the structure's. The canopy is extrapolated there with order $k$; the flow's response is the
+/// load of the structure's whole window, whose middle it is. Second order in time for $k \ge 1$.
+///
+/// The state that the flow starts from stands half a window before the structure's: nothing
+/// where the flow is developed or at rest.
+pub struct HalfStep {
+    order: usize,
+    motions: Past,
+    load: Vec<f64>,
+}
+
+impl HalfStep {
+    /// With this order of extrapolation.
+    pub fn new(order: usize, unknowns: Unknowns, interface: &InterfaceState) -> Self {
+        Self { order, motions: Past::from_start(&interface.unknowns(&unknowns)), load: Vec::new() }
+    }
+}
+
+impl CouplingScheme for HalfStep {
+    fn iterates(&self) -> bool {
+        false
+    }
+
+    fn predict(&mut self, state: &mut WindowState, _solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        self.motions.extrapolate(self.order, 0.5 * state.window.dt, &mut state.x);
+        Ok(())
+    }
+
+    fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
+        state.set_frame_to_iterate(solvers.unknowns);
+        let mut half = state.window;
+        half.time -= 0.5 * half.dt;
+        solvers.flow_in(&half, state, Configuration::Iterate)?;
+        state.know_start_load();
+        self.load.clone_from(&state.end.load);
+        let load = LoadOverWindow { start: &self.load, end: &self.load };
+        if solvers.descent.is_some_and(|d| d.equation == DescentEquation::QuasiSteady) {
+            // The frame's mean acceleration over the structure's window follows from the same force.
+            solvers.descend(state);
+            state.window.frame_acceleration[2] =
+                (state.end.velocity - state.interface.velocity) / state.window.dt;
+            solvers.structure_under(state, load)?;
+        } else {
+            // It follows from the structure, whose own share of it is small: that of the window before.
+            state.window.frame_acceleration[2] = state.interface.acceleration;
+            solvers.structure_under(state, load)?;
+            solvers.descend(state);
+        }
+        state.pack_response(solvers.unknowns);
+        Ok(())
+    }
+
+    fn accept(&mut self, state: &WindowState) {
+        self.motions.push(&state.x_tilde, state.window.dt);
+    }
+
+    fn save_state(&self) -> Vec<u8> {
+        pack(&self.motions)
+    }
+
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
+        self.motions = unpack(saved)?;
+        Ok(())
+    }
+}

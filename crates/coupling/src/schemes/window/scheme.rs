@@ -1,0 +1,56 @@
+//! The contract of a coupling scheme.
+
+use super::solvers::Solvers;
+use super::state::WindowState;
+use crate::error::RunError;
+
+/// A coupling scheme as a map from the coupled unknowns to the response of the solvers.
+///
+/// One loop ([`super::window_loop::WindowLoop`]) serves all: it predicts, sweeps, and either accepts
+/// the first response or iterates until iterate and response agree.
+pub trait CouplingScheme {
+    /// Whether sweeps are repeated until iterate and response agree.
+    fn iterates(&self) -> bool;
+
+    /// First iterate of the window into [`WindowState::x`], which holds the unknowns at its start.
+    ///
+    /// # Errors
+    /// Those of the solvers, where they are called.
+    fn predict(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError>;
+
+    /// Calls the solvers at the iterate [`WindowState::x`]: fills [`WindowState::end`] and the response
+    /// [`WindowState::x_tilde`].
+    ///
+    /// # Errors
+    /// Those of the solvers, and a response that is not finite.
+    fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError>;
+
+    /// The next iterate into [`WindowState::next`] by means of the scheme's own, after a sweep at
+    /// [`WindowState::x`]; `false` where that is left to the acceleration.
+    ///
+    /// # Errors
+    /// Those of the solvers, where they are called.
+    fn improve(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<bool, RunError> {
+        let _ = (state, solvers);
+        Ok(false)
+    }
+
+    /// Resets what belongs to windows of the last length; where the last window was `rejected`, also what was learnt
+    /// in it.
+    fn reset(&mut self, rejected: bool) {
+        let _ = rejected;
+    }
+
+    /// The window is accepted with the last sweep's iterate [`WindowState::x`], response [`WindowState::x_tilde`]
+    /// and values [`WindowState::end`].
+    fn accept(&mut self, state: &WindowState);
+
+    /// State that later windows depend on.
+    fn save_state(&self) -> Vec<u8>;
+
+    /// Restores a [`CouplingScheme::save_state`] of the same scheme.
+    ///
+    /// # Errors
+    /// A state of another one.
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError>;
+}

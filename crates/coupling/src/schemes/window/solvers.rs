@@ -1,0 +1,123 @@
+//! The solvers of a window, one named call for each line of the coupling iteration.
+
+use case::Role;
+use channel::Window;
+
+use super::criterion::Criterion;
+use super::state::{Configuration, WindowState};
+use crate::descent::{DescentModel, WindowForces};
+use crate::error::{Place, RunError};
+use crate::partners::{LoadOverWindow, Partners};
+use crate::schemes::unknowns::Unknowns;
+
+/// What a coupling scheme solves a window with.
+pub struct Solvers<'a> {
+    /// Structure, mesh and flow.
+    pub partners: &'a mut dyn Partners,
+    /// Layout of the unknowns.
+    pub unknowns: &'a Unknowns,
+    /// The descent equation.
+    pub descent: Option<&'a DescentModel>,
+    /// When iterate and response agree.
+    pub criterion: &'a Criterion,
+    /// Stage, for messages.
+    pub stage: &'a str,
+}
+
+impl Solvers<'_> {
+    /// Moves the grid to a configuration of the canopy and solves the flow around it: its load goes into
+    /// [`WindowState::end`].
+    ///
+    /// # Errors
+    /// Those of the programs; a load that is not finite.
+    pub fn flow_around(
+        &mut self,
+        state: &mut WindowState,
+        configuration: Configuration,
+    ) -> Result<(), RunError> {
+        let w = state.window;
+        self.flow_in(&w, state, configuration)
+    }
+
+    /// The same in a window `w` of the flow's own.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn flow_in(
+        &mut self,
+        w: &Window,
+        state: &mut WindowState,
+        configuration: Configuration,
+    ) -> Result<(), RunError> {
+        let displacement = match configuration {
+            Configuration::Start => &state.interface.displacement,
+            Configuration::Iterate => self.unknowns.displacement(&state.x),
+            Configuration::End => &state.end.displacement,
+        };
+        let answer = self.partners.mesh(w, displacement)?;
+        state.report.add(Role::Mesh, answer);
+        let answer = self.partners.flow(w, &mut state.end.load)?;
+        state.report.add(Role::Flow, answer);
+        finite(self.stage, "answer of the flow", w, &state.end.load)
+    }
+
+    /// Solves the structure under `load`: its displacement goes into [`WindowState::end`].
+    ///
+    /// # Errors
+    /// Those of the program; a displacement that is not finite.
+    pub fn structure_under(
+        &mut self,
+        state: &mut WindowState,
+        load: LoadOverWindow<'_>,
+    ) -> Result<(), RunError> {
+        let w = Window { iteration: state.structure_solves, ..state.window };
+        state.structure_solves += 1;
+        let answer = self.partners.structure(&w, load, &mut state.end.displacement)?;
+        state.report.add(Role::Structure, answer);
+        finite(self.stage, "answer of the structure", &w, &state.end.displacement)
+    }
+
+    /// The descent equation after flow and structure were solved: the frame's velocity goes into
+    /// [`WindowState::end`].
+    pub fn descend(&self, state: &mut WindowState) {
+        self.descend_under(state, state.report.force[2]);
+    }
+
+    /// The same with another vertical force of the air on the canopy at the end of the window, N.
+    pub fn descend_under(&self, state: &mut WindowState, force: f64) {
+        state.end.velocity = match self.descent {
+            Some(model) => {
+                let measured = state.report.forces(state.window.frame_acceleration[2]);
+                let forces = WindowForces { canopy: force, ..measured };
+                model.end_velocity(state.interface.velocity, &forces, state.window.dt)
+            }
+            None => state.interface.velocity,
+        };
+    }
+
+    /// The load at the start of the window, `[faces][LOAD_WIDTH]`, Pa. An unknown one is the response of the
+    /// flow around the canopy there, at the frame's velocity as set; that costs an iteration.
+    ///
+    /// # Errors
+    /// Those of the programs.
+    pub fn start_load(&mut self, state: &mut WindowState) -> Result<Vec<f64>, RunError> {
+        if let Some(load) = &state.interface.load {
+            return Ok(load.clone());
+        }
+        self.flow_around(state, Configuration::Start)?;
+        state.window.iteration += 1;
+        state.know_start_load();
+        Ok(state.end.load.clone())
+    }
+}
+
+/// An error where a value is not finite.
+pub(crate) fn finite(stage: &str, who: &str, w: &Window, values: &[f64]) -> Result<(), RunError> {
+    match values.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(at) => Err(RunError::Coupling {
+            place: Place { stage: stage.to_owned(), window: Some((w.index, w.iteration)) },
+            message: format!("the {who} holds {} at position {at}", values[at]),
+        }),
+    }
+}

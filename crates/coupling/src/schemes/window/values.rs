@@ -1,0 +1,42 @@
+//! Values on the interface between canopy and flow.
+
+use crate::schemes::unknowns::Unknowns;
+
+/// Values on the interface at the end of the last accepted window.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct InterfaceState {
+    /// Displacement of the canopy from the unstressed shape, `[nodes][3]`, m.
+    pub displacement: Vec<f64>,
+    /// Load of the flow, `[faces][LOAD_WIDTH]`, Pa; `None` before the first flow step.
+    pub load: Option<Vec<f64>>,
+    /// The same one window earlier.
+    #[serde(default)]
+    pub load_before: Option<Vec<f64>>,
+    /// Vertical velocity of the frame, m/s, positive up.
+    pub velocity: f64,
+    /// Mean vertical acceleration of the frame over the window, m/s2.
+    pub acceleration: f64,
+}
+
+impl InterfaceState {
+    /// The unknowns of the state; an unknown load counts as zero.
+    pub fn unknowns(&self, layout: &Unknowns) -> Vec<f64> {
+        let mut x = vec![0.0; layout.len()];
+        layout.pack(&self.displacement, self.velocity, &mut x);
+        if let Some(load) = &self.load {
+            layout.pack_load(load, &mut x);
+        }
+        x
+    }
+}
+
+/// Values on the interface at the end of a window, as the programs answered last.
+#[derive(Clone, Debug, Default)]
+pub struct InterfaceValues {
+    /// Displacement from the unstressed shape, `[nodes][3]`, m.
+    pub displacement: Vec<f64>,
+    /// Load of the flow, `[faces][LOAD_WIDTH]`, Pa.
+    pub load: Vec<f64>,
+    /// Vertical velocity of the frame, m/s.
+    pub velocity: f64,
+}

@@ -1,0 +1,258 @@
+//! Charts: curves, bars and maps with axes, legend and labels, as SVG (text stays text) and as PNG.
+//!
+//! A [`Figure`] says what is shown. It is drawn by `plotters` on its SVG or bitmap backend, both by the same
+//! code: the legend stands above the data, names of references beside them, and every axis has its unit.
+
+mod axis;
+mod bars;
+mod curves;
+mod heat_map;
+mod legend;
+mod plot;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use coupling::error::RunError;
+use plotters::coord::Shift;
+use plotters::prelude::{DrawingArea, IntoDrawingArea, SVGBackend};
+
+pub(crate) use self::axis::linear_marks;
+pub use self::axis::{Axis, Division, short};
+pub use self::bars::{Bar, Bars, Columns, Part};
+pub use self::curves::{Mark, Panel, Reference, Series};
+pub use self::heat_map::{Field, FieldMark, HeatMap, HeatMaps};
+use self::legend::Legend;
+use crate::colour::PAPER;
+use crate::pixels::{FINE, Samples};
+use crate::sheet::{Canvas, Drawn, Sheet, fine};
+
+/// Width of a figure that stands alone, pixels.
+pub const WIDTH: f64 = 960.0;
+
+/// Panels in rows with one legend above them.
+#[derive(Clone, Debug)]
+pub struct Panels {
+    /// Row by row.
+    pub panels: Vec<Panel>,
+    /// Panels in a row.
+    pub columns: usize,
+    /// Width and height of each, pixels.
+    pub size: [f64; 2],
+}
+
+/// A figure.
+#[derive(Clone, Debug)]
+pub enum Figure {
+    /// Curves and points.
+    Panels(Panels),
+    /// Bars in rows.
+    Bars(Bars),
+    /// Columns.
+    Columns(Columns),
+    /// Maps.
+    HeatMaps(HeatMaps),
+}
+
+/// Words that a viewer shows while the pointer rests on a part of an SVG.
+pub(crate) struct Hover {
+    /// Upper left corner, pixels.
+    pub(crate) corner: [f64; 2],
+    /// Width and height, pixels.
+    pub(crate) size: [f64; 2],
+    pub(crate) text: String,
+}
+
+/// Where the data of a panel lie in an SVG, in its own units.
+#[derive(Clone, Copy, Debug)]
+pub struct DataBox {
+    /// Left, top, width, height.
+    pub place: [f64; 4],
+    /// Least and largest x, least and largest y.
+    pub span: [f64; 4],
+    /// Units of the SVG for a pixel of its own size.
+    pub pixel: f64,
+}
+
+impl Panels {
+    /// One panel as a figure of its own.
+    pub fn single(panel: Panel, size: [f64; 2]) -> Self {
+        Self { panels: vec![panel], columns: 1, size }
+    }
+
+    fn legend(&self) -> Legend {
+        let columns = self.columns.min(self.panels.len()).max(1);
+        let width = self.size[0] * columns as f64;
+        let left = self.sides()[0].max(12.0);
+        Legend::new(self.panels.iter().flat_map(Panel::legend), [left, width - 12.0])
+    }
+
+    fn whole(&self) -> [f64; 2] {
+        let columns = self.columns.min(self.panels.len()).max(1);
+        let rows = self.panels.len().div_ceil(columns).max(1);
+        [self.size[0] * columns as f64, self.legend().height + self.size[1] * rows as f64]
+    }
+
+    fn corner(&self, panel: usize) -> [f64; 2] {
+        let (column, row) = (panel % self.columns.max(1), panel / self.columns.max(1));
+        [self.size[0] * column as f64, self.legend().height + self.size[1] * row as f64]
+    }
+
+    /// The room beside the data, left and right, that every panel has: their axes stand below each other.
+    fn sides(&self) -> [f64; 2] {
+        let alone = self.panels.iter().map(|p| p.plot(self.size, [0.0; 2]));
+        alone.fold([0.0; 2], |[left, right], plot| {
+            let beside = self.size[0] - plot.corner[0] - plot.size[0];
+            [f64::max(left, plot.corner[0]), f64::max(right, beside)]
+        })
+    }
+
+    /// Where the data of a panel lie.
+    pub fn data_box(&self, panel: usize) -> Option<DataBox> {
+        let drawn = self.panels.get(panel)?;
+        let plot = drawn.plot(self.size, self.sides());
+        let corner = self.corner(panel);
+        let pixel = f64::from(FINE);
+        let [left, top] = [0, 1].map(|c| pixel * (corner[c] + plot.corner[c]));
+        let [width, height] = plot.size.map(|s| pixel * s);
+        let ([x0, x1], [y0, y1]) = (drawn.x.range, drawn.y.range);
+        Some(DataBox { place: [left, top, width, height], span: [x0, x1, y0, y1], pixel })
+    }
+
+    fn draw<DB: Canvas>(&self, area: &DrawingArea<DB, Shift>) -> Drawn<DB> {
+        self.legend().draw(&Sheet(area))?;
+        let sides = self.sides();
+        for (i, panel) in self.panels.iter().enumerate() {
+            panel.draw(&part(area, self.corner(i), self.size), &panel.plot(self.size, sides))?;
+        }
+        Ok(())
+    }
+}
+
+/// The part of an area from a corner on, pixels.
+fn part<DB: Canvas>(
+    area: &DrawingArea<DB, Shift>,
+    [x, y]: [f64; 2],
+    [w, h]: [f64; 2],
+) -> DrawingArea<DB, Shift> {
+    let (width, height) = area.dim_in_pixel();
+    let right = width as i32 - fine(x + w);
+    let bottom = height as i32 - fine(y + h);
+    area.margin(fine(y), bottom.max(0), fine(x), right.max(0))
+}
+
+impl Figure {
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        let size = match self {
+            Self::Panels(panels) => panels.whole(),
+            Self::Bars(bars) => bars.size(),
+            Self::Columns(_) => Columns::SIZE,
+            Self::HeatMaps(maps) => maps.size(),
+        };
+        size.map(|s| s.ceil() as u32)
+    }
+
+    fn draw<DB: Canvas>(&self, area: &DrawingArea<DB, Shift>) -> Drawn<DB> {
+        match self {
+            Self::Panels(panels) => panels.draw(area),
+            Self::Bars(bars) => bars.draw(area),
+            Self::Columns(columns) => columns.draw(area),
+            Self::HeatMaps(maps) => maps.draw(area),
+        }?;
+        area.present()
+    }
+
+    fn hovers(&self) -> Vec<Hover> {
+        match self {
+            Self::Bars(bars) => bars.hovers(),
+            Self::Columns(columns) => columns.hovers(),
+            Self::Panels(_) | Self::HeatMaps(_) => Vec::new(),
+        }
+    }
+
+    /// As SVG.
+    pub fn svg(&self) -> Svg {
+        let size = self.size();
+        let mut text = String::new();
+        let area = SVGBackend::with_string(&mut text, (size[0] * FINE, size[1] * FINE)).into_drawing_area();
+        self.draw(&area).expect("drawing in memory with an embedded font does not fail");
+        drop(area);
+        // The element itself is written by `Svg`, which knows the size to show and who shows it.
+        let inner = text.split_once('>').map_or("", |(_, rest)| rest).trim().trim_end_matches("</svg>");
+        let mut body = inner.to_owned();
+        for hover in self.hovers() {
+            let ([x, y], [w, h]) = (hover.corner.map(fine), hover.size.map(fine));
+            let text = escape(&hover.text);
+            body += &format!(
+                "<rect x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" fill-opacity=\"0\"><title>{text}</title></rect>\n"
+            );
+        }
+        Svg { size, body }
+    }
+
+    /// The bytes of a PNG file.
+    pub fn png(&self) -> Vec<u8> {
+        let mut samples = Samples::new(self.size(), PAPER);
+        self.draw(&samples.area()).expect("drawing in memory with an embedded font does not fail");
+        samples.average().png()
+    }
+
+    /// Writes `<name>.svg` and `<name>.png` into `folder`; the text of the first.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn save(&self, folder: &Path, name: &str) -> Result<Svg, RunError> {
+        let svg = self.svg();
+        svg.save(&folder.join(format!("{name}.svg")))?;
+        let path = folder.join(format!("{name}.png"));
+        std::fs::write(&path, self.png()).map_err(RunError::file("write", &path))?;
+        Ok(svg)
+    }
+}
+
+/// Text for XML.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A drawn SVG.
+#[derive(Clone, Debug)]
+pub struct Svg {
+    size: [u32; 2],
+    body: String,
+}
+
+impl Svg {
+    /// The text of a file of its own, on white paper.
+    pub fn file(&self) -> String {
+        self.wrapped(&[], "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n", "")
+    }
+
+    /// An element of a page, without paper: `attributes` of it with their values, and elements after the drawing.
+    pub fn element(&self, attributes: &[(&str, &str)], more: &str) -> String {
+        self.wrapped(attributes, "", more)
+    }
+
+    fn wrapped(&self, attributes: &[(&str, &str)], before: &str, after: &str) -> String {
+        let [w, h] = self.size;
+        let named: String =
+            attributes.iter().map(|(name, value)| format!(" {name}=\"{}\"", escape(value))).collect();
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {} {}\"{named}>\n\
+             {before}{}{after}</svg>\n",
+            w * FINE,
+            h * FINE,
+            self.body
+        )
+    }
+
+    /// Writes [`Svg::file`].
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), RunError> {
+        std::fs::write(path, self.file()).map_err(RunError::file("write", path))
+    }
+}

@@ -1,0 +1,163 @@
+//! The snapshots of a run: shapes of canopy and lines, fields of the flow.
+
+use std::path::{Path, PathBuf};
+
+use case::Scene;
+use coupling::error::RunError;
+use mesh::vtk::read::{Column, Piece, Snapshot, snapshots};
+
+/// Time (s), canopy, and lines if the snapshot has some.
+pub type Structure = (f64, Piece, Option<Piece>);
+
+/// A run's folder and its scene.
+pub struct RunSnapshots {
+    folder: PathBuf,
+    /// The scene as it ran.
+    pub scene: Scene,
+}
+
+/// What a snapshot shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Fabric, of the structure.
+    Canopy,
+    /// Suspension lines and payload, of the structure.
+    Lines,
+    /// Grid and fields of the flow.
+    Flow,
+}
+
+impl Kind {
+    fn series(self) -> &'static str {
+        match self {
+            Kind::Canopy => "canopy.pvd",
+            Kind::Lines => "lines.pvd",
+            Kind::Flow => "flow.pvd",
+        }
+    }
+}
+
+/// Snapshots of one kind in one stage; at least one.
+#[derive(Clone)]
+pub struct Times(Vec<Snapshot>);
+
+impl Times {
+    /// All of them, in their order.
+    pub fn all(&self) -> &[Snapshot] {
+        &self.0
+    }
+
+    /// The one nearest to `time` (s), or the last.
+    pub fn nearest(&self, time: Option<f64>) -> &Snapshot {
+        let key = |s: &&Snapshot| time.map_or(-s.time, |t| (s.time - t).abs());
+        let found = self.0.iter().min_by(|a, b| key(a).total_cmp(&key(b)));
+        found.expect("a list of snapshots is never empty")
+    }
+}
+
+fn input(error: impl std::fmt::Display) -> RunError {
+    RunError::Input(error.to_string())
+}
+
+impl RunSnapshots {
+    /// Opens the folder of a run.
+    pub fn open(folder: &Path) -> Result<Self, RunError> {
+        let scene = folder.join("scene.toml");
+        if !folder.is_dir() {
+            return Err(RunError::Input(format!(
+                "there is no folder {}: name the folder of a run's results, such as runs/atps-descent, \
+                 which `ripstop run` writes",
+                folder.display()
+            )));
+        }
+        if !scene.is_file() {
+            return Err(RunError::Input(format!(
+                "{} is no folder of results, for {} is missing: name a folder that `ripstop run` wrote",
+                folder.display(),
+                scene.display()
+            )));
+        }
+        Ok(Self { folder: folder.into(), scene: case::load(&scene).map_err(input)? })
+    }
+
+    /// Snapshots of a stage; `None` if there are none.
+    pub fn times(&self, stage: usize, kind: Kind) -> Result<Option<Times>, RunError> {
+        let path = case::stage_folder(&self.folder, &self.scene, stage).join(kind.series());
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let list = snapshots(&path).map_err(input)?;
+        Ok((!list.is_empty()).then_some(Times(list)))
+    }
+
+    /// The stage of this name, or the last one with snapshots of the canopy.
+    pub fn stage(&self, name: Option<&str>) -> Result<usize, RunError> {
+        let stages = &self.scene.stages;
+        if let Some(name) = name {
+            return stages.iter().position(|s| s.name == name).ok_or_else(|| {
+                let names: Vec<_> = stages.iter().map(|s| format!("`{}`", s.name)).collect();
+                RunError::Input(format!("there is no stage `{name}`: --stage is one of {}", names.join(", ")))
+            });
+        }
+        for stage in (0..stages.len()).rev() {
+            if self.times(stage, Kind::Canopy)?.is_some() {
+                return Ok(stage);
+            }
+        }
+        Err(self.none("canopy.pvd", "surface_every_windows"))
+    }
+
+    /// That no stage, or not this one, has what a picture needs.
+    pub fn none(&self, series: &str, key: &str) -> RunError {
+        RunError::Input(format!(
+            "{} holds no snapshots to draw: no stage wrote a {series}; run its scene again with `ripstop run` \
+             and output.{key} above 0 (4 draws every fourth window)",
+            self.folder.display()
+        ))
+    }
+
+    /// Reads one file of a snapshot.
+    pub fn piece(&self, file: &Path) -> Result<Piece, RunError> {
+        Piece::read(file).map_err(|e| {
+            RunError::Input(format!("{e}; `ripstop run` writes the results of this scene again"))
+        })
+    }
+
+    /// Canopy and lines at one time.
+    pub fn structure(&self, stage: usize, time: Option<f64>) -> Result<Option<Structure>, RunError> {
+        let Some(times) = self.times(stage, Kind::Canopy)? else { return Ok(None) };
+        let snapshot = times.nearest(time);
+        let [file] = &snapshot.files[..] else {
+            return Err(RunError::Input("a snapshot of the canopy has more than one file".into()));
+        };
+        let canopy = self.piece(file)?;
+        let lines = match self.times(stage, Kind::Lines)? {
+            Some(lines) => {
+                let lines = lines.nearest(Some(snapshot.time));
+                (lines.time == snapshot.time).then(|| self.piece(&lines.files[0])).transpose()?
+            }
+            None => None,
+        };
+        Ok(Some((snapshot.time, canopy, lines)))
+    }
+
+    /// The canopy's last shape in the stages before this one.
+    pub fn last_before(&self, stage: usize) -> Result<Option<Structure>, RunError> {
+        for earlier in (0..stage).rev() {
+            if let Some(found) = self.structure(earlier, None)? {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// A field that must be there, with numbers in rows of `width`.
+pub fn field<'a>(piece: &'a Piece, name: &str, width: usize, file: &Path) -> Result<&'a Column, RunError> {
+    piece.cell_field(name).filter(|c| c.width == width).ok_or_else(|| {
+        RunError::Input(format!(
+            "{} has no cell field `{name}`: was it written by this version's flow-solver?",
+            file.display()
+        ))
+    })
+}

@@ -1,0 +1,86 @@
+//! Where an element lies: its nodes, and its blocks in the system matrix.
+//!
+//! Gathering from nodes and scattering into them and into the matrix is here alone; the loops
+//! add what their kernels compute, element after element, node after node.
+
+use super::ELSEWHERE;
+use crate::vec3::{Mat3, Vec3, add_at, add_block, at, scale, sub};
+
+/// Nodes of an element and the slots of its blocks. Flat arrays have shape `[n_local][3]`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stencil<const N: usize> {
+    pub(super) nodes: [u32; N],
+    /// Blocks `[row node][column node]`; [`ELSEWHERE`] in rows of other ranks.
+    slots: [[u32; N]; N],
+}
+
+impl<const N: usize> Stencil<N> {
+    /// On local nodes, without a place in a matrix yet.
+    pub(super) fn new(nodes: [u32; N]) -> Self {
+        Self { nodes, slots: [[ELSEWHERE; N]; N] }
+    }
+
+    /// Finds the blocks in the matrix, see [`super::ElementLoop::place`].
+    pub(super) fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        self.slots = self.nodes.map(|n| self.nodes.map(|m| slot(n, m)));
+    }
+
+    /// Whether a node is `active`, shape `[n_local]`.
+    #[inline(always)]
+    pub(super) fn touches(&self, active: &[bool]) -> bool {
+        self.nodes.iter().any(|&n| active[n as usize])
+    }
+
+    /// Values of the nodes.
+    #[inline(always)]
+    pub(super) fn gather(&self, x: &[f64]) -> [Vec3; N] {
+        self.nodes.map(|n| at(x, n as usize))
+    }
+
+    /// Adds a force of each node.
+    #[inline(always)]
+    pub(super) fn scatter(&self, f: &[Vec3; N], out: &mut [f64]) {
+        for n in 0..N {
+            add_at(out, self.nodes[n] as usize, f[n]);
+        }
+    }
+
+    /// Adds blocks in the rows of owned nodes.
+    #[inline(always)]
+    pub(super) fn add_blocks(&self, k: &[[Mat3; N]; N], blocks: &mut [Mat3]) {
+        for (n, row) in k.iter().enumerate() {
+            self.add_row(n, row, blocks);
+        }
+    }
+
+    /// Adds the blocks of row node `n`, if this rank owns it.
+    #[inline(always)]
+    pub(super) fn add_row(&self, n: usize, row: &[Mat3; N], blocks: &mut [Mat3]) {
+        if self.slots[n][n] != ELSEWHERE {
+            for m in 0..N {
+                add_block(&mut blocks[self.slots[n][m] as usize], &row[m]);
+            }
+        }
+    }
+}
+
+impl Stencil<2> {
+    /// Vector from the first to the second end.
+    #[inline(always)]
+    pub(super) fn between(&self, x: &[f64]) -> Vec3 {
+        sub(at(x, self.nodes[1] as usize), at(x, self.nodes[0] as usize))
+    }
+
+    /// Adds `f` to the second end and its reaction to the first.
+    #[inline(always)]
+    pub(super) fn scatter_pull(&self, f: Vec3, out: &mut [f64]) {
+        self.scatter(&[scale(-1.0, f), f], out);
+    }
+
+    /// Adds `factor` times the blocks $[[k,-k],[-k,k]]$.
+    #[inline(always)]
+    pub(super) fn add_spring(&self, k: &Mat3, factor: f64, blocks: &mut [Mat3]) {
+        let [plus, minus] = [factor, -factor].map(|s| k.map(|row| scale(s, row)));
+        self.add_blocks(&[[plus, minus], [minus, plus]], blocks);
+    }
+}
