@@ -4,14 +4,13 @@ use case::StageKind;
 use coupling::error::RunError;
 use figures::picture::{canopy_png, flow_png};
 use figures::snapshots::Kind;
-use terminal::clock;
 
 use super::bars::Bars;
 use super::chart::Chart;
 use super::data::{Run, StageData, text};
 use super::frames::{self, StageFrames};
 use super::pack::{Packed, pack};
-use super::{coupling_quality, facts, origin, stage};
+use super::{coupling_quality, facts, origin, stage, times};
 
 /// Width of pictures, pixels.
 const PICTURE: u32 = 800;
@@ -111,7 +110,7 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
     for earlier in run.stages.iter().filter(|s| s.index != main.index) {
         sections.push(stage::section(run, earlier, of_stage(earlier)));
     }
-    sections.push(times(run));
+    sections.push(times::section(run));
     sections.push(stage::solvers(run, main));
     sections.push(Section {
         id: "warnings".into(),
@@ -243,46 +242,6 @@ fn slices(run: &Run, missing: &mut Vec<String>) -> Result<Option<Section>, RunEr
         }));
     }
     Ok(None)
-}
-
-/// Where the time went.
-fn times(run: &Run) -> Section {
-    let parts = ["structure", "flow", "mesh", "coupler", "waiting", "launch, saving and pictures"];
-    let columns = ["structure_wall_s", "flow_wall_s", "mesh_wall_s", "coupler_wall_s", "waiting_wall_s"];
-    let mut rows = Vec::new();
-    let mut table = Vec::new();
-    for stage in &run.stages {
-        let mut values: Vec<f64> = columns.iter().map(|c| stage.columns.sum(c)).collect();
-        values.push((facts::wall(stage) - stage.columns.sum("window_wall_s")).max(0.0));
-        let total: f64 = values.iter().sum();
-        let mut row = vec![run.stage(stage).name.clone(), clock(total)];
-        row.extend(values.iter().map(|v| format!("{:.0} %", 100.0 * v / total.max(f64::MIN_POSITIVE))));
-        let rows_done = stage.columns.rows().max(1) as f64;
-        row.push(format!("{:.3} s", total / rows_done));
-        table.push(row);
-        rows.push((run.stage(stage).name.clone(), values));
-    }
-    let mut head: Vec<String> = vec!["stage".into(), "wall".into()];
-    head.extend(parts.map(str::to_owned));
-    head.push("a window".into());
-    Section {
-        id: "time".into(),
-        title: "Where the time went".into(),
-        lead: "Wall seconds of each program; waiting is the channel, and other work on the cores.".into(),
-        blocks: vec![
-            Block::Bars(Bars {
-                id: "time".into(),
-                title: "Wall seconds of each program in each stage".into(),
-                label: "wall time",
-                unit: "s",
-                note: "Each bar is a stage, cut into shares of its wall time.".into(),
-                parts: parts.to_vec(),
-                rows,
-                upright: false,
-            }),
-            Block::Table(Table { head, rows: table }),
-        ],
-    }
 }
 
 /// Whether a stage has a flow that moves with a canopy.

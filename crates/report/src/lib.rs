@@ -25,6 +25,7 @@ mod stage;
 mod swings;
 #[cfg(test)]
 mod tests;
+mod times;
 
 use std::path::PathBuf;
 

@@ -1,12 +1,10 @@
 //! What came of a stage: its curves, with what was measured on its snapshots.
 
 use figures::plot;
-use results::timings::StageTimings;
-use serde_json::Value;
 
 use super::bars::Bars;
 use super::chart::{Chart, Series, digits};
-use super::data::{Run, StageData, text};
+use super::data::{Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::frames::{Measure, StageFrames};
 use super::panels::{MOTION, SOLVERS, charts};
@@ -63,8 +61,7 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
 pub(super) fn solvers(run: &Run, stage: &StageData) -> Section {
     let name = &run.stage(stage).name;
     let found = charts(SOLVERS, &stage.columns, &format!("solvers-{}", anchor(name)));
-    let mut blocks = if found.is_empty() { Vec::new() } else { vec![Block::Charts(found)] };
-    blocks.extend(timings(run, name));
+    let blocks = if found.is_empty() { Vec::new() } else { vec![Block::Charts(found)] };
     Section {
         id: "solvers".into(),
         title: "How the solvers went".into(),
@@ -72,35 +69,6 @@ pub(super) fn solvers(run: &Run, stage: &StageData) -> Section {
         blocks,
     }
 }
-
-/// What the named parts of all programs took in the stage `name`; nothing where the run did not say.
-fn timings(run: &Run, name: &str) -> Vec<Block> {
-    let stages = run.summary.as_ref().and_then(|s| s.get("timings")).and_then(Value::as_array);
-    let stage = stages.into_iter().flatten().find(|s| text(Some(s), "stage") == name);
-    let Some(timings) = stage.and_then(|s| serde_json::from_value::<StageTimings>(s.clone()).ok()) else {
-        return Vec::new();
-    };
-    let mut rows = Vec::new();
-    for program in &timings.programs {
-        for (at, row) in program.rows().enumerate() {
-            rows.push(vec![
-                if at == 0 { program.program.clone() } else { String::new() },
-                format!("{}{}", "\u{2003}".repeat(row.depth - 1), row.name),
-                row.calls.to_string(),
-                format!("{:.3} s", row.seconds),
-                format!("{:.1} %", 100.0 * row.share),
-            ]);
-        }
-    }
-    if rows.is_empty() {
-        return Vec::new();
-    }
-    let head = ["program", "part", "calls", "wall time", "share of the program"].map(String::from).to_vec();
-    vec![Block::Text(TIMINGS.into()), Block::Table(Table { head, rows })]
-}
-
-const TIMINGS: &str = "Where the time went: parts of the programs as they lie in each other, on the first rank of each; the \
-    coupler's include waiting for the programs. Since the stage was begun or resumed.";
 
 fn capital(text: &str) -> String {
     let mut letters = text.chars();

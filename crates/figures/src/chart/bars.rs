@@ -176,16 +176,28 @@ impl Columns {
         let sheet = Sheet(area);
         let plot = self.plot();
         plot.axes(&mut plot.begin(area)?, Grid::Level)?;
+        let texts = self.values();
+        // Values stand above all columns or above none.
         let step = plot.size[0] / self.columns.len().max(1) as f64;
+        let room = texts.iter().all(|text| width(text, MARK) + 4.0 < step);
         for (corner, size, i) in self.places(&plot) {
             sheet.rectangle(corner, size, series(0))?;
-            let text = short(self.columns[i].1);
-            // Values stand above where there is room for them.
-            if width(&text, MARK) + 4.0 < step {
+            if room {
                 let middle = [corner[0] + 0.5 * size[0], corner[1] - 9.0];
-                sheet.text(&text, middle, MARK, Anchor::Middle, INK)?;
+                sheet.text(&texts[i], middle, MARK, Anchor::Middle, INK)?;
             }
         }
         Ok(())
+    }
+
+    /// All values with as many decimals as give the largest three digits.
+    fn values(&self) -> Vec<String> {
+        let sizes = self.columns.iter().map(|c| c.1.abs()).filter(|v| v.is_finite());
+        let most = sizes.fold(0.0, f64::max);
+        if !(1e-3..1e5).contains(&most) {
+            return self.columns.iter().map(|c| short(c.1)).collect();
+        }
+        let decimals = (2.0 - most.log10().floor()).max(0.0) as usize;
+        self.columns.iter().map(|c| format!("{:.decimals$}", c.1)).collect()
     }
 }

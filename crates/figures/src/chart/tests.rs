@@ -120,3 +120,18 @@ fn odd_numbers_are_borne() {
     let none = Bars { label: String::new(), unit: "s".into(), rows: Vec::new(), shares: true };
     assert!(!Figure::Bars(none).svg().file().contains("NaN"));
 }
+
+#[test]
+fn columns_show_all_values_alike_or_none() {
+    let texts = |values: &[f64]| {
+        let columns = values.iter().enumerate().map(|(i, v)| (i.to_string(), *v)).collect();
+        let (label, unit, across) = ("tension, N".into(), "N".into(), "line".into());
+        let figure = Figure::Columns(Columns { label, unit, across, columns });
+        let svg = figure.svg().file();
+        let shown = |v: &f64| svg.split(['<', '>']).any(|text| text.trim() == format!("{v:.2}"));
+        values.iter().map(shown).collect::<Vec<_>>()
+    };
+    assert_eq!(texts(&[1.5634, 0.9791, 0.0081, 1.2912]), [true; 4]);
+    // Too narrow for four characters.
+    assert_eq!(texts(&[1.5634; 90]), [false; 90]);
+}
