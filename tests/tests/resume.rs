@@ -184,7 +184,7 @@ fn a_full_disk_leaves_the_state_before() {
     let output = run.wait_with_output().expect("an end");
     let text = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{text}");
-    assert!(text.contains("cannot write flow state") && text.contains("File too large"), "{text}");
+    assert!(text.contains("flow state: cannot write") && text.contains("File too large"), "{text}");
     assert!(
         text.contains(&format!("saved after {before} windows ")) && text.contains("; resume with: "),
         "{text}"
