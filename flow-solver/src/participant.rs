@@ -364,7 +364,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
-        let _part = timing::part("picture");
+        let _part = timing::part("snapshot");
         self.snapshots.write(&self.solver, time, folder, self.monitors.statistics())
     }
 }

@@ -318,7 +318,7 @@ impl Motion {
         effort: Effort,
         stage: Stage,
     ) -> Result<Option<Moved>, MotionError> {
-        let _part = timing::part("quality");
+        let _part = timing::part("cell quality");
         let mut parts = self.near_and_far(&to.grid);
         // A canopy that outruns the way to a new grid is followed there at once.
         if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
@@ -423,7 +423,7 @@ impl Motion {
     /// quality has fallen far and the mover can stand on it. Says what came of a new grid
     /// that was due. Collective.
     pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Option<Result<NewGrid, String>> {
-        let _part = timing::part("settle");
+        let _part = timing::part("grid acceptance");
         self.anchor = None;
         self.window = Stage::Fresh;
         self.fall = (self.quality - shape.quality).max(FADING * self.fall);
@@ -490,7 +490,7 @@ impl Motion {
 
     /// The answer for a canopy that is a small motion away from the anchor's.
     fn near_anchor(&mut self, to: &mut Positions) -> Option<Moved> {
-        let _part = timing::part("near the anchor");
+        let _part = timing::part("linear update");
         let Anchor { far, effort } = self.anchor?;
         for ((p, c), a) in self.push.iter_mut().zip(&to.canopy).zip(&self.anchor_canopy) {
             *p = c - a;
@@ -553,7 +553,7 @@ impl Motion {
     }
 
     fn rebase(&mut self, at: &Positions, quality: f64) -> Result<(), MoverError> {
-        let _part = timing::part("new reference");
+        let _part = timing::part("reference configuration");
         if let Err(error) = self.mover.rebase(&self.grid, &at.grid) {
             if !matches!(error, MoverError::Inverted { .. }) {
                 // Back to where it stood.

@@ -351,7 +351,7 @@ impl Newton {
     /// [`crate::elimination`]. Leaves the better of old and new displacements, with
     /// their residual in `g`; returns its norm.
     fn eliminate(&mut self, system: &mut System, balance: &Balance<'_>, norm: f64, scale: f64) -> f64 {
-        let _part = timing::part("elimination");
+        let _part = timing::part("nonlinear elimination");
         let n = 3 * system.model.n_owned();
         let form = balance.form;
         let mut now = norm;

@@ -434,7 +434,7 @@ impl Participant for StructureSolver {
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
-        let _part = timing::part("picture");
+        let _part = timing::part("snapshot");
         let d = &self.dynamics;
         let load = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
         let result = self.pictures.add(&d.system, &self.mesh, &d.accepted, load, time, folder);

@@ -123,7 +123,7 @@ impl Partners for HubPartners<'_> {
     }
 
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError> {
-        let _part = timing::part("picture");
+        let _part = timing::part("snapshot");
         self.ask(|hub, watch| hub.snapshot(&[role], time, folder, &mut || watch.look()))
     }
 

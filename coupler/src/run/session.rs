@@ -67,6 +67,7 @@ pub(super) fn run_stage(
 /// Makes the folder of the stage ready: empty, or with what precedes the state that the stage continues from.
 fn open_folder(context: &StageContext<'_>) -> Result<(), RunError> {
     let folder = case::stage_folder(context.out, context.scene, context.stage);
+    results::timings::clear(&folder);
     match context.resumed {
         // What was written after the state is computed anew.
         Some(p) => checkpoint::trim(&folder, p.windows, p.time_s),

@@ -188,7 +188,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
 
     /// Whether the stage ends with the window of `row`; takes the pictures that are due.
     pub fn ends(&mut self, row: &Row) -> Result<bool, RunError> {
-        let _part = timing::part("pictures");
+        let _part = timing::part("snapshots");
         let (settled, planned) = (self.stepper.settled(&row.report), self.clock.planned());
         let last = settled.is_some() || planned == self.windows;
         // Pictures are of the planned times.

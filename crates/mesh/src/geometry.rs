@@ -1,6 +1,6 @@
 //! Vectors, and what triangles and quadrilaterals look like.
 //!
-//! Positions are stored and sent as [`Point`]s; a calculation gathers the points that it needs by [`at`] and goes on
+//! Positions are stored and sent as [`Point`]s; a calculation gathers the points that it needs by [`at`] and continues
 //! with vectors.
 
 /// A position as it is stored and sent: x, y, z, m.

@@ -35,6 +35,12 @@ pub fn file(folder: &Path, role: Role) -> PathBuf {
     folder.join(FOLDER).join(format!("{}.json", role.name()))
 }
 
+/// Removes what the programs of a killed run wrote in the stage's `folder`.
+pub fn clear(folder: &Path) {
+    // What is not there need not go, and what stays is at most an old figure.
+    let _ = std::fs::remove_dir_all(folder.join(FOLDER));
+}
+
 impl StageTimings {
     /// Reads what the programs of `roles` wrote in the stage's `folder` and removes their files; `coupler` is the coupler's
     /// own. A program that wrote nothing (one of another make, one that died, one on another host) has no parts.
@@ -45,7 +51,7 @@ impl StageTimings {
             parts: Profile::load(&file(folder, *role)).map(|p| p.parts).unwrap_or_default(),
         });
         let programs = std::iter::once(own).chain(others).collect();
-        let _ = std::fs::remove_dir_all(folder.join(FOLDER));
+        clear(folder);
         Self { stage: stage.into(), programs }
     }
 
@@ -134,6 +140,10 @@ mod tests {
         let roles = [Role::Structure, Role::Flow];
         let timings = StageTimings::collect("descent", folder.path(), &roles, coupler);
         assert!(!folder.path().join(FOLDER).exists(), "their files are gone");
+        flow.save(&file(folder.path(), Role::Flow)).unwrap();
+        clear(folder.path());
+        let timings_of_none = StageTimings::collect("descent", folder.path(), &roles, Profile::default());
+        assert!(timings_of_none.programs.iter().all(|p| p.parts.is_empty()), "those of a killed run as well");
         let names: Vec<_> = timings.programs.iter().map(|p| (p.program.as_str(), p.parts.len())).collect();
         assert_eq!(names, [("coupler", 2), ("structure-solver", 0), ("flow-solver", 3)]);
         let table = timings.table();

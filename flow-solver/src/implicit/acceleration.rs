@@ -78,7 +78,7 @@ impl Acceleration {
     /// Takes in the state `q` with its (weighted) residual `r`, then moves both to
     /// the combination with the smallest residual. Collective.
     pub fn combine(&mut self, comm: &Comm, q: &mut [f64], r: &mut [f64]) {
-        let _part = timing::part("acceleration");
+        let _part = timing::part("nonlinear GMRES");
         if self.depth == 0 {
             self.last_state.copy_from_slice(q);
             return;

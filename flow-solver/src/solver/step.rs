@@ -39,7 +39,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
 
     /// Constants of the step: grid fluxes, history of the time derivative, weights.
     pub(super) fn prepare(&mut self, step: &Step, order: Backward) {
-        let _part = timing::part("time terms");
+        let _part = timing::part("time derivative");
         let dt = step.dt;
         let swept = self.swept.iter().zip(&self.swept_before).map(|(now, before)| (*now, *before));
         let swept = swept.chain(std::iter::repeat((0.0, 0.0)));

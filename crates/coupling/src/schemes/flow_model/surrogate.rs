@@ -155,7 +155,7 @@ impl FlowModel {
 
     /// Makes the lattice for a displacement of the canopy and a length of windows.
     fn remake(&mut self, displacement: Vec<f64>, dt: f64) -> Option<Lattice> {
-        let _part = timing::part("added mass made anew");
+        let _part = timing::part("added mass assembly");
         let at: Vec<mesh::Point> = self.positions(&displacement).into_iter().map(Into::into).collect();
         let lattice = Lattice::new(&at, &self.faces, self.most, self.air.screening(dt))?;
         self.inverse = Inverse::of(&factors(&lattice.influence))?;

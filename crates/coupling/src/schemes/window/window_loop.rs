@@ -259,7 +259,7 @@ impl WindowLoop {
         self.problem.refuse_fall(state)?;
         partners.accept(&state.window)?;
         state.accept();
-        timed("learning", || self.scheme.accept(state));
+        timed("scheme update", || self.scheme.accept(state));
         self.last_dt = state.window.dt;
         Ok(())
     }
