@@ -11,7 +11,7 @@ use crate::error::FlowError;
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
 use crate::physics::{
-    Gas, IdealGas, Inviscid, Isothermal, Laminar, Modelled, Smagorinsky, Viscosity, Wale, velocity,
+    EddyViscosity, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity, velocity,
 };
 use crate::remembered::Memory;
 use crate::residual::Spatial;
@@ -57,24 +57,19 @@ fn with_gas<G: Gas<N> + 'static, const N: usize>(
     comm: &Comm,
     gas: G,
 ) -> Result<Box<dyn Participant>, Fault> {
-    Ok(match &setup.flow.viscosity {
-        None => Box::new(FlowParticipant::new(setup, comm, gas, Inviscid)?),
-        Some(v) => {
-            let viscosity = v.dynamic_viscosity_pa_s;
-            match v.turbulence {
-                None => Box::new(FlowParticipant::new(setup, comm, gas, Laminar { viscosity })?),
-                Some(Turbulence::Smagorinsky) => {
-                    Box::new(FlowParticipant::new(setup, comm, gas, Smagorinsky { viscosity })?)
-                }
-                Some(Turbulence::Wale) => {
-                    Box::new(FlowParticipant::new(setup, comm, gas, Wale { viscosity })?)
-                }
-                Some(Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes) => {
-                    Box::new(FlowParticipant::new(setup, comm, gas, Modelled { viscosity })?)
-                }
-            }
-        }
-    })
+    let Some(v) = &setup.flow.viscosity else {
+        return Ok(Box::new(FlowParticipant::new(setup, comm, gas, Inviscid)?));
+    };
+    let viscosity = v.dynamic_viscosity_pa_s;
+    let Some(turbulence) = v.turbulence else {
+        return Ok(Box::new(FlowParticipant::new(setup, comm, gas, Laminar { viscosity })?));
+    };
+    let eddies = match turbulence {
+        Turbulence::Smagorinsky => EddyViscosity::Smagorinsky,
+        Turbulence::Wale => EddyViscosity::Wale,
+        Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes => EddyViscosity::Transported,
+    };
+    Ok(Box::new(FlowParticipant::new(setup, comm, gas, Turbulent { viscosity, eddies })?))
 }
 
 /// The solver on this rank's part of the grid, in undisturbed air. Collective.
@@ -166,7 +161,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
     pub fn new(setup: &Setup, comm: &Comm, gas: G, viscosity: V) -> Result<Self, Fault> {
         let totals = (setup.grid.cells.len(), setup.grid.coords.len());
         let mut solver = started(setup, comm, gas, viscosity)?;
-        if let Some(v) = setup.flow.viscosity.as_ref().filter(|_| V::TRANSPORTED) {
+        if let Some(v) = setup.flow.viscosity.as_ref().filter(|_| viscosity.transported()) {
             solver.set_turbulence(transported(&solver, v, setup.flow.density_kg_m3));
         }
         if let Some(file) = &setup.source {

@@ -44,7 +44,7 @@ pub struct Domain<'a> {
     /// between two cells, m/s. Empty: nothing.
     pub sheared: &'a [Vec3],
     /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
-    /// [`Viscosity::TRANSPORTED`].
+    /// [`Viscosity::transported`].
     pub eddy: &'a [f64],
 }
 
@@ -201,7 +201,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let u = gradient::of_velocity(&g);
         let h = 0.5 * (on.metrics.size[i] + on.metrics.size[j]);
         let mut mu = self.viscosity.dynamic(self.gas.density(l), &u, h);
-        if V::TRANSPORTED {
+        if self.viscosity.transported() {
             mu += 0.5 * (on.eddy[i] + on.eddy[j]);
         }
         let force = physics::stress_force(mu, &u, face.area);
@@ -247,7 +247,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let cell = side.cell as usize;
         let u = gradient::of_velocity(&field.gradient[cell]);
         let mut mu = self.viscosity.dynamic(self.gas.density(&field.q[cell]), &u, on.metrics.size[cell]);
-        if V::TRANSPORTED {
+        if self.viscosity.transported() {
             mu += on.eddy[cell];
         }
         let force = physics::stress_force(mu, &u, area);

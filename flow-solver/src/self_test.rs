@@ -9,7 +9,7 @@ use mesh::{FaceTable, Patch, plate_grid};
 use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
 use crate::permeable::Permeability;
-use crate::physics::{Air, Isothermal, Laminar, Modelled, Viscosity};
+use crate::physics::{Air, EddyViscosity, Isothermal, Laminar, Turbulent, Viscosity};
 use crate::residual::Spatial;
 use crate::setup::partitioned;
 use crate::solver::{Method, Settings, Solver, Step};
@@ -27,7 +27,7 @@ use crate::turbulence::{SpalartAllmaras, ddes};
 pub fn self_test(comm: &Comm, file: &Path, effect: &str) -> Result<Vec<Vec3>, Fault> {
     let viscosity = 0.02;
     match effect {
-        "turbulent" => run(comm, file, Modelled { viscosity }, None),
+        "turbulent" => run(comm, file, Turbulent { viscosity, eddies: EddyViscosity::Transported }, None),
         "permeable" => run(comm, file, Laminar { viscosity }, Some(Permeability::new(5.0, 1.0))),
         _ => run(comm, file, Laminar { viscosity }, None),
     }
@@ -60,7 +60,7 @@ fn run<V: Viscosity>(
     };
     let spatial = Spatial { gas: Isothermal::new(air), viscosity, chi: 1.0 / 3.0, limiter: None };
     let mut solver = Solver::new(comm, topology, start.clone(), spatial, settings).map_err(Fault::new)?;
-    if V::TRANSPORTED {
+    if viscosity.transported() {
         let model = SpalartAllmaras::new(&solver.topology, 2e-3, air.density, ddes);
         solver.set_turbulence(model);
     }

@@ -22,7 +22,7 @@ use std::f64::consts::PI;
 
 use common::{at_rest, isothermal, settings};
 use flow_solver::Loads;
-use flow_solver::physics::{Laminar, Modelled, Viscosity};
+use flow_solver::physics::{EddyViscosity, Laminar, Turbulent, Viscosity};
 use flow_solver::turbulence::{SpalartAllmaras, ddes};
 use mesh::FlowGrid;
 
@@ -184,7 +184,12 @@ fn drag<V: Viscosity>(grid: &FlowGrid, viscosity: V, eddies: Option<f64>, [dt, f
 /// At a Reynolds number of 1e5, over 50 to 150 U/D.
 fn high(disk: bool, across: usize) -> f64 {
     let viscosity = RHO * SPEED / 1e5;
-    drag(&sheet(disk, across), Modelled { viscosity }, Some(viscosity), [0.16 / across as f64, 50.0, 150.0])
+    drag(
+        &sheet(disk, across),
+        Turbulent { viscosity, eddies: EddyViscosity::Transported },
+        Some(viscosity),
+        [0.16 / across as f64, 50.0, 150.0],
+    )
 }
 
 /// Published: 1.17 both, in an unbounded stream.

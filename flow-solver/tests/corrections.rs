@@ -15,8 +15,8 @@ use flow_solver::gradient::Field;
 use flow_solver::implicit::{Correction, LuSgs, PressureCorrection, PressureSystem};
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
-    self, Air, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Modelled, Scheme, Viscosity, preconditioner,
-    reference_speed, spectral_radius,
+    self, Air, EddyViscosity, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Scheme, Turbulent, Viscosity,
+    preconditioner, reference_speed, spectral_radius,
 };
 use flow_solver::residual::Domain;
 use flow_solver::{Settings, Solver};
@@ -157,7 +157,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     let sound = |c: usize| gas.sound_speed_squared(&s.q[c]).sqrt();
     let nu = |c: usize| {
         if V::ACTIVE {
-            (own + if V::TRANSPORTED { eddy[c] } else { 0.0 }) / gas.density(&s.q[c])
+            (own + if s.spatial.viscosity.transported() { eddy[c] } else { 0.0 }) / gas.density(&s.q[c])
         } else {
             0.0
         }
@@ -230,7 +230,11 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
 #[test]
 fn lu_sgs_applies_its_dense_factors() {
     lu_sgs::<_, _, 4>(Isothermal::new(cold()), Inviscid, 0.0);
-    lu_sgs::<_, _, 5>(IdealGas::new(cold()), Modelled { viscosity: 0.3 }, 0.3);
+    lu_sgs::<_, _, 5>(
+        IdealGas::new(cold()),
+        Turbulent { viscosity: 0.3, eddies: EddyViscosity::Transported },
+        0.3,
+    );
 }
 
 /// Share of the neighbours that follow a correction of the velocity, as the method is published with it.
@@ -269,7 +273,9 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     let rate = extra * scheme.rate;
     let rho: Vec<f64> = s.q.iter().map(|q| gas.density(q)).collect();
     let c2: Vec<f64> = s.q.iter().map(|q| gas.sound_speed_squared(q)).collect();
-    let mu = |c: usize| if V::ACTIVE { own + if V::TRANSPORTED { eddy[c] } else { 0.0 } } else { 0.0 };
+    let mu = |c: usize| {
+        if V::ACTIVE { own + if s.spatial.viscosity.transported() { eddy[c] } else { 0.0 } } else { 0.0 }
+    };
     let mass = |face: usize| f64::from(through[face].mass);
     let area = |face: u32| m.faces[face as usize].area.norm();
     // Transport: storage, what is carried in from upwind, half the velocity diffusion's mean, friction.
@@ -405,7 +411,11 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
 #[test]
 fn the_pressure_correction_applies_its_dense_system() {
     pressure_correction::<_, _, 4>(Isothermal::new(cold()), Inviscid, 0.0);
-    pressure_correction::<_, _, 5>(IdealGas::new(cold()), Modelled { viscosity: 0.3 }, 0.3);
+    pressure_correction::<_, _, 5>(
+        IdealGas::new(cold()),
+        Turbulent { viscosity: 0.3, eddies: EddyViscosity::Transported },
+        0.3,
+    );
 }
 
 /// Conjugate gradients end after as many iterations as there are unknowns, but for single precision, with the solution;

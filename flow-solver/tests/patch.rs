@@ -14,7 +14,7 @@ use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::gradient::Gradient;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
-    self, Air, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Laminar, Modelled, Smagorinsky, Viscosity,
+    self, Air, EddyViscosity, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity,
 };
 use flow_solver::residual::Domain;
 use flow_solver::{Loads, Solver};
@@ -118,7 +118,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
     let (t, m) = (&s.topology, &s.metrics);
     let g = field.velocity_slope();
     let more = |mu: f64, cells: &[usize]| {
-        mu + if V::TRANSPORTED {
+        mu + if s.spatial.viscosity.transported() {
             cells.iter().map(|&c| eddy[c]).sum::<f64>() / cells.len() as f64
         } else {
             0.0
@@ -245,8 +245,16 @@ fn fluxes_of_linear_fields_are_exact_in_isothermal_air() {
     for shape in SHAPES {
         linear_field(shape, Isothermal::new(air), Inviscid);
         linear_field(shape, Isothermal::new(air), Laminar { viscosity: 0.4 });
-        linear_field(shape, Isothermal::new(air), Modelled { viscosity: 0.2 });
-        linear_field(shape, Isothermal::new(air), Smagorinsky { viscosity: 0.1 });
+        linear_field(
+            shape,
+            Isothermal::new(air),
+            Turbulent { viscosity: 0.2, eddies: EddyViscosity::Transported },
+        );
+        linear_field(
+            shape,
+            Isothermal::new(air),
+            Turbulent { viscosity: 0.1, eddies: EddyViscosity::Smagorinsky },
+        );
     }
 }
 
@@ -255,7 +263,11 @@ fn fluxes_of_linear_fields_are_exact_in_ideal_gas() {
     let air = Air::new(1.225, 288.15);
     for shape in SHAPES {
         linear_field(shape, IdealGas::new(air), Inviscid);
-        linear_field(shape, IdealGas::new(air), Modelled { viscosity: 0.4 });
+        linear_field(
+            shape,
+            IdealGas::new(air),
+            Turbulent { viscosity: 0.4, eddies: EddyViscosity::Transported },
+        );
     }
 }
 

@@ -5,7 +5,7 @@ mod common;
 use comm::Comm;
 use common::{Noise, at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
-use flow_solver::physics::Modelled;
+use flow_solver::physics::{EddyViscosity, Turbulent};
 use flow_solver::shear::{Profile, Sheared};
 use flow_solver::steady::March;
 use flow_solver::turbulence::{SpalartAllmaras, Walls, rans};
@@ -14,12 +14,12 @@ use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of};
 
 const RHO: f64 = 1.225;
 
-type Flow = Solver<flow_solver::physics::Isothermal, Modelled, 4>;
+type Flow = Solver<flow_solver::physics::Isothermal, Turbulent, 4>;
 
 fn turbulent(grid: &FlowGrid, wind: [f64; 3], viscosity: f64, drop: f64) -> Flow {
     let mut set = settings(wind, drop);
     set.method = Method::PressureCorrection { depth: 10 };
-    let mut s = isothermal(grid, Modelled { viscosity }, set);
+    let mut s = isothermal(grid, Turbulent { viscosity, eddies: EddyViscosity::Transported }, set);
     let model = SpalartAllmaras::new(&s.topology, viscosity, RHO, rans);
     s.set_turbulence(model);
     s
@@ -33,7 +33,11 @@ fn wall_distances_of_a_box_are_exact() {
     for shape in [BoxShape::Hexahedra, BoxShape::Tetrahedra] {
         for (patches, all) in [([w, f, f, f, w, f], false), ([w; 6], true)] {
             let grid = box_grid_of(shape, [5, 4, 6], [0.0; 3], [1.0, 2.0, 3.0], patches);
-            let s = isothermal(&grid, Modelled { viscosity: 1e-5 }, settings([1.0, 0.0, 0.0], 1e-3));
+            let s = isothermal(
+                &grid,
+                Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Transported },
+                settings([1.0, 0.0, 0.0], 1e-3),
+            );
             let walls = Walls::gather(&Comm::solo(), &s.topology, &s.nodes);
             for x in &s.metrics.centre {
                 let low = x[0].min(x[2]);

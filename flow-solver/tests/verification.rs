@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use common::{at_rest, isothermal, settings, solver_of};
 use flow_solver::geometry::vec3::Vec3;
-use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Smagorinsky};
+use flow_solver::physics::{EddyViscosity, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent};
 use flow_solver::{Loads, Method, Step};
 use mesh::{Patch, box_grid};
 
@@ -316,7 +316,11 @@ fn checkerboards_die() {
 #[test]
 fn still_air_stays_still() {
     let grid = box_grid([5, 4, 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
-    let mut s = isothermal(&grid, Smagorinsky { viscosity: 1.8e-5 }, settings([0.0; 3], 1e-6));
+    let mut s = isothermal(
+        &grid,
+        Turbulent { viscosity: 1.8e-5, eddies: EddyViscosity::Smagorinsky },
+        settings([0.0; 3], 1e-6),
+    );
     s.advance(&at_rest(0.01)).unwrap();
     assert!(s.q.iter().flatten().all(|x| x.abs() < 1e-14));
 }

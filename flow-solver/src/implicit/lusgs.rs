@@ -101,7 +101,7 @@ fn kinematic<'a, G: Gas<N>, V: Viscosity, const N: usize>(
         }
         let u = gradient::of_velocity(&field.gradient[i]);
         let rho = spatial.gas.density(&field.q[i]);
-        let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
+        let eddy = if spatial.viscosity.transported() { on.eddy[i] } else { 0.0 };
         (spatial.viscosity.dynamic(rho, &u, on.metrics.size[i]) + eddy) / rho
     }
 }

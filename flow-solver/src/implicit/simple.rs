@@ -197,7 +197,7 @@ impl PressureCorrection {
         let (t, m, density) = (on.topology, on.metrics, &self.density);
         let viscosity = |i: usize| {
             let u = gradient::of_velocity(&field.gradient[i]);
-            let eddy = if V::TRANSPORTED { on.eddy[i] } else { 0.0 };
+            let eddy = if spatial.viscosity.transported() { on.eddy[i] } else { 0.0 };
             spatial.viscosity.dynamic(f64::from(density[i]), &u, m.size[i]) + eddy
         };
         for (f, &[i, j]) in t.cells.iter().enumerate() {

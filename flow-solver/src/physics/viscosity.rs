@@ -1,4 +1,4 @@
-//! Viscous stress: nothing, laminar, or with Smagorinsky's eddy viscosity.
+//! Viscous stress: none, laminar, or with an eddy viscosity.
 
 use crate::geometry::vec3::{Mat3, Vec3};
 
@@ -8,7 +8,10 @@ pub trait Viscosity: Copy {
     /// flow pays nothing.
     const ACTIVE: bool;
     /// Whether a transported eddy viscosity is added, see [`crate::turbulence`].
-    const TRANSPORTED: bool = false;
+    #[inline(always)]
+    fn transported(&self) -> bool {
+        false
+    }
     /// Dynamic viscosity (Pa s) at density `rho` (kg/m3), velocity gradient
     /// `g` (1/s, row: direction, column: component) and cell size `h` (m).
     fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64;
@@ -41,74 +44,75 @@ impl Viscosity for Laminar {
     }
 }
 
-/// Constant dynamic viscosity, and a transported eddy viscosity on top of it.
+/// A dynamic viscosity of the fluid and an eddy viscosity on top of it.
 #[derive(Clone, Copy, Debug)]
-pub struct Modelled {
+pub struct Turbulent {
     /// Of the fluid, Pa s.
     pub viscosity: f64,
+    /// What the eddies add.
+    pub eddies: EddyViscosity,
 }
 
-impl Viscosity for Modelled {
+/// Where an eddy viscosity comes from. A choice at run time: beside the flux of a face it costs nothing, and all
+/// turbulent flows share one compiled solver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EddyViscosity {
+    /// [`smagorinsky`].
+    Smagorinsky,
+    /// [`wale`].
+    Wale,
+    /// Transported with the flow, see [`crate::turbulence`].
+    Transported,
+}
+
+impl Viscosity for Turbulent {
     const ACTIVE: bool = true;
-    const TRANSPORTED: bool = true;
     #[inline(always)]
-    fn dynamic(&self, _: f64, _: &Mat3, _: f64) -> f64 {
-        self.viscosity
+    fn transported(&self) -> bool {
+        self.eddies == EddyViscosity::Transported
     }
-}
-
-/// Smagorinsky (1963): $\mu_t = \rho (C_s h)^2 |S|$, with $C_s = 0.17$.
-#[derive(Clone, Copy, Debug)]
-pub struct Smagorinsky {
-    /// Of the fluid, Pa s.
-    pub viscosity: f64,
-}
-
-impl Viscosity for Smagorinsky {
-    const ACTIVE: bool = true;
     #[inline(always)]
     fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64 {
-        let mut s2 = 0.0;
-        for i in 0..3 {
-            for j in 0..3 {
-                let s = 0.5 * (g[(i, j)] + g[(j, i)]);
-                s2 += 2.0 * s * s;
-            }
+        match self.eddies {
+            EddyViscosity::Smagorinsky => self.viscosity + smagorinsky(rho, g, h),
+            EddyViscosity::Wale => self.viscosity + wale(rho, g, h),
+            EddyViscosity::Transported => self.viscosity,
         }
-        self.viscosity + rho * (0.17 * h) * (0.17 * h) * s2.sqrt()
     }
+}
+
+/// Smagorinsky (1963): $\mu_t = \rho (C_s h)^2 |S|$, with $C_s = 0.17$, Pa s; arguments as in [`Viscosity::dynamic`].
+pub fn smagorinsky(rho: f64, g: &Mat3, h: f64) -> f64 {
+    let mut s2 = 0.0;
+    for i in 0..3 {
+        for j in 0..3 {
+            let s = 0.5 * (g[(i, j)] + g[(j, i)]);
+            s2 += 2.0 * s * s;
+        }
+    }
+    rho * (0.17 * h) * (0.17 * h) * s2.sqrt()
 }
 
 /// WALE (Nicoud and Ducros 1999): $\mu_t = \rho (C_w h)^2
 /// (S^d{:}S^d)^{3/2} / ((S{:}S)^{5/2} + (S^d{:}S^d)^{5/4})$ with $C_w = 0.325$ and $S^d$ the
-/// traceless symmetric part of the squared velocity gradient. Zero in pure shear, and
-/// falling with the cube of the distance to a wall.
-#[derive(Clone, Copy, Debug)]
-pub struct Wale {
-    /// Of the fluid, Pa s.
-    pub viscosity: f64,
-}
-
-impl Viscosity for Wale {
-    const ACTIVE: bool = true;
-    #[inline(always)]
-    fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64 {
-        let square = g * g;
-        let third = square.trace() / 3.0;
-        let (mut s2, mut d2) = (0.0, 0.0);
-        for i in 0..3 {
-            for j in 0..3 {
-                let s: f64 = 0.5 * (g[(i, j)] + g[(j, i)]);
-                let d = 0.5 * (square[(i, j)] + square[(j, i)]) - if i == j { third } else { 0.0 };
-                s2 += s * s;
-                d2 += d * d;
-            }
+/// traceless symmetric part of the squared velocity gradient, Pa s; arguments as in [`Viscosity::dynamic`]. Zero in
+/// pure shear, and falling with the cube of the distance to a wall.
+pub fn wale(rho: f64, g: &Mat3, h: f64) -> f64 {
+    let square = g * g;
+    let third = square.trace() / 3.0;
+    let (mut s2, mut d2) = (0.0, 0.0);
+    for i in 0..3 {
+        for j in 0..3 {
+            let s: f64 = 0.5 * (g[(i, j)] + g[(j, i)]);
+            let d = 0.5 * (square[(i, j)] + square[(j, i)]) - if i == j { third } else { 0.0 };
+            s2 += s * s;
+            d2 += d * d;
         }
-        let bottom = s2 * s2 * s2.sqrt() + d2 * d2.sqrt().sqrt();
-        // Where nothing turns or stretches both are zero.
-        let rate = if bottom > f64::MIN_POSITIVE { d2 * d2.sqrt() / bottom } else { 0.0 };
-        self.viscosity + rho * (0.325 * h) * (0.325 * h) * rate
     }
+    let bottom = s2 * s2 * s2.sqrt() + d2 * d2.sqrt().sqrt();
+    // Where nothing turns or stretches both are zero.
+    let rate = if bottom > f64::MIN_POSITIVE { d2 * d2.sqrt() / bottom } else { 0.0 };
+    rho * (0.325 * h) * (0.325 * h) * rate
 }
 
 /// Force of the air on a face of area vector `area` for viscosity `mu` and
@@ -141,7 +145,7 @@ mod tests {
 
     #[test]
     fn wale_is_silent_in_shear_and_not_in_eddies() {
-        let w = Wale { viscosity: 1e-5 };
+        let w = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale };
         let mut g = Mat3::zeros();
         assert_eq!(w.dynamic(1.2, &g, 0.1), 1e-5);
         g[(1, 0)] = 30.0;
@@ -159,14 +163,14 @@ mod tests {
         let mut g = Mat3::zeros();
         (g[(0, 1)], g[(1, 0)]) = (2.0, -2.0);
         assert_eq!(stress_force(1.0, &g, Vec3::new(1.0, 2.0, 3.0)), Vec3::zeros());
-        let s = Smagorinsky { viscosity: 1e-5 };
+        let s = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Smagorinsky };
         assert_eq!(s.dynamic(1.2, &g, 0.1), 1e-5);
     }
 
     /// `|S|^2 = 2 S:S`: the shear rate in shear, and twice the squares of the rates in plain strain.
     #[test]
     fn smagorinsky_grows_with_the_rate_of_strain() {
-        let s = Smagorinsky { viscosity: 1e-5 };
+        let s = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Smagorinsky };
         let mut g = Mat3::zeros();
         g[(1, 0)] = 3.0;
         let exact = |rate: f64| 1e-5 + 1.2 * (0.17 * 0.1) * (0.17 * 0.1) * rate;
@@ -184,7 +188,7 @@ mod tests {
         (g[(0, 1)], g[(1, 0)]) = (a, b);
         let (strain, squared): (f64, f64) = (0.5 * (a + b) * (a + b), 6.0 / 9.0 * a * a * b * b);
         let rate = squared.powf(1.5) / (strain.powf(2.5) + squared.powf(1.25));
-        let found = Wale { viscosity: 1e-5 }.dynamic(1.2, &g, 0.1);
+        let found = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale }.dynamic(1.2, &g, 0.1);
         assert!((found - (1e-5 + 1.2 * 0.0325 * 0.0325 * rate)).abs() < 1e-14, "{found}");
     }
 
@@ -198,7 +202,7 @@ mod tests {
         let d2: f64 = squares.iter().map(|s| (s - mean) * (s - mean)).sum();
         let s2: f64 = squares.iter().sum();
         let rate = d2.powf(1.5) / (s2.powf(2.5) + d2.powf(1.25));
-        let found = Wale { viscosity: 1e-5 }.dynamic(1.2, &g, 0.1);
+        let found = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale }.dynamic(1.2, &g, 0.1);
         assert!((found - (1e-5 + 1.2 * 0.0325 * 0.0325 * rate)).abs() < 1e-14, "{found}");
     }
 

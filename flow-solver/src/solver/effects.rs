@@ -19,9 +19,9 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.shear = Some(shear);
     }
 
-    /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::Modelled`].
+    /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::EddyViscosity::Transported`].
     pub fn set_turbulence(&mut self, turbulence: SpalartAllmaras) {
-        assert!(V::TRANSPORTED, "this stress knows no transported eddy viscosity");
+        assert!(self.spatial.viscosity.transported(), "this stress knows no transported eddy viscosity");
         turbulence.eddy(&self.densities(), &mut self.eddy);
         self.turbulence = Some(Box::new(turbulence));
     }

@@ -226,7 +226,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
             turbulence: None,
             turbulence_lost: false,
             turbulence_excess: 0.0,
-            eddy: vec![0.0; if V::TRANSPORTED { n } else { 0 }],
+            eddy: vec![0.0; if spatial.viscosity.transported() { n } else { 0 }],
             least_squares,
             wall_velocity: vec![Vec3::zeros(); faces - topology.cells.len()],
             swept: Vec::new(),
