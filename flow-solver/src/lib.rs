@@ -44,4 +44,4 @@ pub use memory::return_large_blocks;
 pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;
-pub use solver::{Instant, Method, Report, Settings, Solver, Step};
+pub use solver::{Method, Report, Settings, Solver, Step, WarmStart};

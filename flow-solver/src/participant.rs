@@ -189,12 +189,12 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
 
     /// Takes up what this rank saved in `folder` beside its share of the state. Collective.
     fn recall(&mut self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
-        match Memory::load(comm, folder, self.solver.shape())? {
-            Some(mut memory) => {
-                self.monitors.recall(std::mem::take(&mut memory.probes));
+        match Memory::load(comm, folder, &self.solver.topology)? {
+            Some(memory) => {
+                self.monitors.recall(memory.probes);
                 let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
                 let unfit = |reason: String| Fault::new(archive::Error::content(&file, reason));
-                self.solver.recall(memory).map_err(unfit)?;
+                self.solver.restore_warm_start(memory.solver).map_err(unfit)?;
             }
             None if comm.is_root() => {
                 println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
@@ -354,8 +354,8 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G,
         if let Some(statistics) = self.monitors.statistics() {
             statistics.save(folder, s.comm(), &s.topology, self.totals.0)?;
         }
-        Memory { probes: self.monitors.probes(), ..s.memory() }.save(s.comm(), folder)?;
-        state::save(&file, s, self.totals)
+        Memory { solver: s.warm_start(), probes: self.monitors.probes() }.save(s.comm(), folder)?;
+        s.save(&file, self.totals)
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {

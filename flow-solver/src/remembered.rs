@@ -9,45 +9,18 @@ use channel::Fault;
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
-use crate::implicit::MergedCells;
 use crate::monitors::Home;
+use crate::solver::WarmStart;
+use crate::topology::Topology;
 
 const MAGIC: [u8; 8] = *b"ripflmem";
 const VERSION: u32 = 1;
 
-/// Walls as transported turbulence knows them.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct WallMemory {
-    /// Distance of owned cells to the nearest wall, m.
-    pub wall: Vec<f64>,
-    /// Largest extent of owned cells, m.
-    pub delta: Vec<f64>,
-    /// Node positions at which both were computed, m.
-    pub at: Vec<[f64; 3]>,
-}
-
-/// What a memory must fit: numbers of a rank's part of the grid.
-#[derive(Clone, Copy, Debug)]
-pub struct Shape {
-    /// Owned cells.
-    pub cells: usize,
-    /// Faces, boundaries included.
-    pub faces: usize,
-    /// Faces with a flow through them.
-    pub flows: usize,
-    /// Nodes.
-    pub nodes: usize,
-}
-
 /// A rank's memory.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Memory {
-    /// What pressure added to the mean momentum through local faces, newest first.
-    pub ties: Vec<[f32; 2]>,
-    /// Coarse cells of the pressure equation; none before they are merged.
-    pub merged: Option<MergedCells>,
-    /// Of transported turbulence.
-    pub walls: Option<WallMemory>,
+    /// Of the solver.
+    pub solver: WarmStart,
     /// Cell around each probe and its faces.
     pub probes: Vec<Home>,
 }
@@ -69,21 +42,21 @@ impl Memory {
         })
     }
 
-    /// Reads what [`Memory::save`] wrote; `None` where there is none.
+    /// Reads what [`Memory::save`] wrote for this part of the grid; `None` where there is none.
     ///
     /// # Errors
     /// A file that is damaged or does not fit, or holds what is no number.
-    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, archive::Error> {
-        channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(shape).map_err(Into::into))
+    pub fn read(file: &Path, part: &Topology) -> Result<Option<Self>, archive::Error> {
+        channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(part).map_err(Into::into))
     }
 
     /// What [`Memory::save`] wrote; `None` where another number of ranks has written it. Collective.
     ///
     /// # Errors
     /// On every rank: a file of one of them that cannot be used.
-    pub fn load(comm: &Comm, folder: &Path, shape: Shape) -> Result<Option<Self>, Fault> {
+    pub fn load(comm: &Comm, folder: &Path, part: &Topology) -> Result<Option<Self>, Fault> {
         let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
-        let memory = Self::read(&file, shape);
+        let memory = Self::read(&file, part);
         if !comm.all(memory.is_ok()) {
             let elsewhere = || Fault::new("another rank could not use its part of the flow state");
             return Err(memory.err().map_or_else(elsewhere, Fault::new));
@@ -92,28 +65,12 @@ impl Memory {
         Ok(if comm.all(memory.is_some()) { memory } else { None })
     }
 
-    fn check(&self, shape: Shape) -> Result<(), &'static str> {
-        if self.ties.len() != shape.flows {
-            return Err("it is of another part of the grid");
-        }
-        if !self.ties.as_flattened().iter().all(|x| x.is_finite()) {
-            return Err("what passed the faces is not finite");
-        }
-        if let Some(w) = &self.walls {
-            // Before the first step of transported turbulence nothing is known of walls.
-            let known = w.wall.len() == shape.cells && w.at.len() == shape.nodes;
-            let unknown = w.wall.is_empty() && w.at.is_empty();
-            if w.delta.len() != shape.cells || !(known || unknown) {
-                return Err("its walls are of another part of the grid");
-            }
-            let numbers = w.wall.iter().chain(&w.delta).chain(w.at.as_flattened());
-            if !numbers.copied().all(f64::is_finite) {
-                return Err("its walls are not finite");
-            }
-        }
-        let face = |&(f, sign): &(u32, f64)| (f as usize) < shape.faces && sign.abs() == 1.0;
+    fn check(&self, part: &Topology) -> Result<(), &'static str> {
+        self.solver.check(part)?;
+        let faces = part.face_nodes.len();
+        let face = |&(f, sign): &(u32, f64)| (f as usize) < faces && sign.abs() == 1.0;
         let home =
-            |(cell, faces): &Home| cell.is_none_or(|c| (c as usize) < shape.cells) && faces.iter().all(face);
+            |(cell, faces): &Home| cell.is_none_or(|c| (c as usize) < part.n_owned) && faces.iter().all(face);
         if self.probes.iter().all(home) { Ok(()) } else { Err("a probe is in no cell") }
     }
 }

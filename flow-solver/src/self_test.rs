@@ -91,7 +91,7 @@ fn run<V: Viscosity>(
         forces.push(loads.compute(&solver).force);
         solver.accept(dt, true);
         if k == 1 {
-            state::save(file, &solver, totals)?;
+            solver.save(file, totals)?;
         }
     }
     Ok(forces)

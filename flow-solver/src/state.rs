@@ -1,4 +1,4 @@
-//! The saved state: independent of the number of ranks.
+//! The state of a step, and the file that keeps it: independent of the number of ranks.
 
 use std::path::Path;
 
@@ -10,12 +10,21 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::vec3::Vec3;
-use crate::physics::{Gas, Viscosity};
-use crate::solver::{Instant, Solver};
 use crate::topology::Topology;
 
 const KIND: [u8; 8] = *b"RIPFLOW\0";
 const VERSION: u32 = 3;
+
+/// State at an accepted instant.
+#[derive(Clone, Debug)]
+pub struct Instant<const N: usize> {
+    /// Unknowns of local cells.
+    pub q: Vec<[f64; N]>,
+    /// Volumes of local cells, m3. Empty on a grid at rest.
+    pub volume: Vec<f64>,
+    /// Node positions, m. Empty on a grid at rest.
+    pub nodes: Vec<Vec3>,
+}
 
 /// What effects keep from step to step.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -100,40 +109,58 @@ pub(crate) fn gather<const W: usize>(
     all
 }
 
-/// Writes the last two accepted instants. `totals`: cells and nodes of the whole grid. Collective.
+/// What a rank holds of the state, to be saved.
+#[derive(Clone, Copy, Debug)]
+pub struct Share<'a, const N: usize> {
+    /// Cells, faces and nodes of the rank.
+    pub topology: &'a Topology,
+    /// Unknowns of local cells at the last two accepted instants, newest first.
+    pub q: [&'a [[f64; N]]; 2],
+    /// Positions of local nodes at the same instants, m.
+    pub nodes: [&'a [Vec3]; 2],
+    /// Length of the last step, s (0: none).
+    pub last_dt: f64,
+    /// First-order steps still to take.
+    pub first_order_steps: u32,
+    /// What pressure added to the mean momentum through each local face, kg/(m2 s).
+    pub ties: &'a [[f64; 2]],
+    /// What effects keep, of all ranks.
+    pub extras: &'a Extras,
+}
+
+/// Writes the shares of all ranks. `totals`: cells and nodes of the whole grid. Collective.
 ///
 /// # Errors
 /// Trouble with the file, on every rank.
-pub fn save<G: Gas<N>, V: Viscosity, const N: usize>(
+pub fn save<const N: usize>(
     file: &Path,
-    solver: &Solver<G, V, N>,
+    comm: &Comm,
+    share: &Share<'_, N>,
     totals: (usize, usize),
 ) -> Result<(), Fault> {
     let (cells, nodes) = totals;
-    let (comm, topology) = (solver.comm(), &solver.topology);
+    let topology = share.topology;
     let n = topology.n_owned;
-    let q = [0, 1].map(|k| gather(comm, topology.numbering.owned(), &solver.past[k].q[..n], cells));
-    let x = [0, 1].map(|k| {
-        let x: Vec<[f64; 3]> = solver.past_nodes(k).iter().map(|x| (*x).into()).collect();
+    let q = share.q.map(|q| gather(comm, topology.numbering.owned(), &q[..n], cells));
+    let x = share.nodes.map(|x| {
+        let x: Vec<[f64; 3]> = x.iter().map(|x| (*x).into()).collect();
         gather(comm, &topology.node_global, &x, nodes)
     });
     let faces: Vec<u64> = topology.face_global.iter().map(|&f| u64::from(f)).collect();
     let count = comm.max(faces.iter().fold(0.0, |m, &f| (f as f64 + 1.0).max(m))) as usize;
-    let ties: Vec<[f64; 2]> = solver.through().iter().map(|t| t.past.map(f64::from)).collect();
-    let ties = gather(comm, &faces, &ties, count);
-    let extras = solver.extras();
+    let ties = gather(comm, &faces, share.ties, count);
     let mut outcome = Ok(());
     if comm.is_root() {
         let saved = Saved {
             equations: N as u32,
             cells: cells as u64,
             nodes: nodes as u64,
-            last_dt: solver.last_dt,
-            first_order_steps: solver.first_order_steps,
+            last_dt: share.last_dt,
+            first_order_steps: share.first_order_steps,
             q,
             x,
             ties,
-            extras,
+            extras: share.extras.clone(),
         };
         outcome = write(file, &saved);
     }

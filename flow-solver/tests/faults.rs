@@ -50,7 +50,7 @@ fn a_damaged_or_foreign_state_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("flow.bin");
     let totals = (27, 64);
-    state::save(&file, &s, totals).unwrap();
+    s.save(&file, totals).unwrap();
     let back = state::load::<4>(&file, &s.topology, totals).unwrap();
     assert_eq!(back.past[0].q, s.past[0].q);
     assert_eq!(back.past[1].nodes, s.past[1].nodes);

@@ -238,15 +238,9 @@ fn files_of_states_hold_numbers_or_are_refused() {
     };
     fuzz("mesh memory", &[whole("mesh-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 
-    let shape = flow_solver::remembered::Shape {
-        cells: topology.n_owned,
-        faces: topology.face_nodes.len(),
-        flows: topology.face_nodes.len(),
-        nodes: topology.node_global.len(),
-    };
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
-        flow_solver::remembered::Memory::read(&file, shape).map(|_| ()).map_err(|e| e.to_string())
+        flow_solver::remembered::Memory::read(&file, &topology).map(|_| ()).map_err(|e| e.to_string())
     };
     fuzz("flow memory", &[whole("flow-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 }

@@ -10,7 +10,7 @@ use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
 use crate::physics::{Air, FaceFlow, Gas, Scheme, Viscosity};
 use crate::residual::{Domain, Spatial};
 use crate::shear::Sheared;
-use crate::state::{self, Extras};
+use crate::state::Instant;
 use crate::time::Backward;
 use crate::topology::Topology;
 use crate::turbulence::{SpalartAllmaras, Transported};
@@ -85,17 +85,6 @@ pub struct Report {
     pub linear_iterations: usize,
     /// Sum of the continuity residual over all cells, kg/s.
     pub mass_defect: f64,
-}
-
-/// State at an accepted instant.
-#[derive(Clone, Debug)]
-pub struct Instant<const N: usize> {
-    /// Unknowns of local cells.
-    pub q: Vec<[f64; N]>,
-    /// Volumes of local cells, m3. Empty on a grid at rest.
-    pub volume: Vec<f64>,
-    /// Node positions, m. Empty on a grid at rest.
-    pub nodes: Vec<Vec3>,
 }
 
 /// The flow on one rank's part of the grid.
@@ -181,6 +170,8 @@ mod iterate;
 mod motion;
 mod resume;
 mod step;
+
+pub use resume::WarmStart;
 
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
     /// Undisturbed air everywhere, on a grid with node positions `nodes` (local). Collective.

@@ -1,9 +1,59 @@
 //! What a saved state holds and how a run continues from it.
 
+use std::path::Path;
+
+use channel::Fault;
+use serde::{Deserialize, Serialize};
+
 use super::*;
-use crate::remembered::{Memory, Shape};
+use crate::implicit::MergedCells;
+use crate::state::{self, Extras, Share};
+use crate::turbulence::WallMemory;
+
+/// What the solver of a rank keeps beside its share of the state, so that a run which is resumed on the same ranks
+/// computes the same digits.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct WarmStart {
+    /// What pressure added to the mean momentum through local faces, newest first.
+    pub ties: Vec<[f32; 2]>,
+    /// Coarse cells of the pressure equation; none before they are merged.
+    pub merged: Option<MergedCells>,
+    /// Of transported turbulence.
+    pub walls: Option<WallMemory>,
+}
+
+impl WarmStart {
+    /// Whether it is of this part of the grid, and of numbers only.
+    pub(crate) fn check(&self, part: &Topology) -> Result<(), &'static str> {
+        if self.ties.len() != part.face_nodes.len() {
+            return Err("it is of another part of the grid");
+        }
+        if !self.ties.as_flattened().iter().all(|x| x.is_finite()) {
+            return Err("what passed the faces is not finite");
+        }
+        self.walls.as_ref().map_or(Ok(()), |walls| walls.check(part.n_owned, part.node_global.len()))
+    }
+}
 
 impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+    /// Writes the last two accepted instants. `totals`: cells and nodes of the whole grid. Collective.
+    ///
+    /// # Errors
+    /// Trouble with the file, on every rank.
+    pub fn save(&self, file: &Path, totals: (usize, usize)) -> Result<(), Fault> {
+        let ties: Vec<[f64; 2]> = self.through.iter().map(|t| t.past.map(f64::from)).collect();
+        let share = Share {
+            topology: &self.topology,
+            q: [0, 1].map(|k| &self.past[k].q[..]),
+            nodes: [0, 1].map(|k| self.past_nodes(k)),
+            last_dt: self.last_dt,
+            first_order_steps: self.first_order_steps,
+            ties: &ties,
+            extras: &self.extras(),
+        };
+        state::save(file, self.comm(), &share, totals)
+    }
+
     /// What else the state holds. Collective.
     pub fn extras(&self) -> Extras {
         let gather = |t: &SpalartAllmaras| {
@@ -20,40 +70,29 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         Extras { height: self.shear.as_ref().map(|s| s.height), turbulence: self.turbulence().map(gather) }
     }
 
-    /// What this rank remembers beside its share of the state.
-    pub fn memory(&self) -> Memory {
-        Memory {
+    /// What this rank keeps beside its share of the state.
+    pub fn warm_start(&self) -> WarmStart {
+        WarmStart {
             ties: self.through.iter().map(|t| t.past).collect(),
             merged: self.correction.merged(),
             walls: self.turbulence().map(SpalartAllmaras::walls),
-            probes: Vec::new(),
         }
     }
 
-    /// What a memory of this part of the grid must fit.
-    pub fn shape(&self) -> Shape {
-        Shape {
-            cells: self.topology.n_owned,
-            faces: self.metrics.faces.len(),
-            flows: self.through.len(),
-            nodes: self.topology.node_global.len(),
-        }
-    }
-
-    /// Takes up a [`Solver::memory`] that fits [`Solver::shape`], after the state. Collective.
+    /// Continues with a [`Solver::warm_start`] of the same part of the grid, after the state. Collective.
     ///
     /// # Errors
     /// On every rank, what does not fit on one of them.
-    pub fn recall(&mut self, memory: Memory) -> Result<(), String> {
-        let merged = u64::from(memory.merged.is_some());
+    pub fn restore_warm_start(&mut self, warm: WarmStart) -> Result<(), String> {
+        let merged = u64::from(warm.merged.is_some());
         if self.comm().all_gather_u64(merged).iter().any(|m| *m != merged) {
             return Err("not all ranks have merged cells".into());
         }
-        if let Some(merged) = memory.merged {
+        if let Some(merged) = warm.merged {
             self.correction.recall(merged, &self.topology.adjacency, &self.halo)?;
         }
-        self.restore_ties(&memory.ties);
-        if let (Some(turbulence), Some(walls)) = (&mut self.turbulence, memory.walls) {
+        self.restore_ties(&warm.ties);
+        if let (Some(turbulence), Some(walls)) = (&mut self.turbulence, warm.walls) {
             turbulence.recall(walls);
         }
         Ok(())

@@ -1,6 +1,7 @@
 //! The transport equation of the working variable on the grid of the flow.
 
 use comm::Comm;
+use serde::{Deserialize, Serialize};
 
 use super::spalart_allmaras::{Around, CB2, Length, SIGMA, diffusivity, eddy_viscosity, source};
 use super::wall_distance::Walls;
@@ -9,7 +10,6 @@ use crate::geometry::vec3::Vec3;
 use crate::gradient::{self, Gradient};
 use crate::implicit::Acceleration;
 use crate::physics::FaceFlow;
-use crate::remembered::WallMemory;
 use crate::residual::Domain;
 use crate::topology::Topology;
 
@@ -38,6 +38,31 @@ pub struct Transported<'a, const N: usize> {
     pub nodes: &'a [Vec3],
     /// The residual must fall by this factor.
     pub drop: f64,
+}
+
+/// Walls as transported turbulence knows them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct WallMemory {
+    /// Distance of owned cells to the nearest wall, m.
+    pub wall: Vec<f64>,
+    /// Largest extent of owned cells, m.
+    pub delta: Vec<f64>,
+    /// Node positions at which both were computed, m.
+    pub at: Vec<[f64; 3]>,
+}
+
+impl WallMemory {
+    /// Whether it is of `cells` owned cells and `nodes`, and of numbers only. Before the first step of transported
+    /// turbulence the distances are not known.
+    pub(crate) fn check(&self, cells: usize, nodes: usize) -> Result<(), &'static str> {
+        let known = self.wall.len() == cells && self.at.len() == nodes;
+        let unknown = self.wall.is_empty() && self.at.is_empty();
+        if self.delta.len() != cells || !(known || unknown) {
+            return Err("its walls are of another part of the grid");
+        }
+        let numbers = self.wall.iter().chain(&self.delta).chain(self.at.as_flattened());
+        if numbers.copied().all(f64::is_finite) { Ok(()) } else { Err("its walls are not finite") }
+    }
 }
 
 /// What a step of it took.
