@@ -1,9 +1,9 @@
 //! Order in time and contraction of each scheme on one mode, against closed forms.
 
 use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme, Staggered, StaggeredSequence};
-use channel::{LOAD_WIDTH, Stats, Window};
+use channel::{Stats, Window};
 
-use super::test_support::{ClosedForm, at_rest};
+use super::test_support::{ClosedForm, one_mode};
 use super::*;
 use crate::error::{Place, RunError};
 use crate::partners::LoadOverWindow;
@@ -125,28 +125,6 @@ impl ClosedForm for Oscillator {
         self.wall = [[self.grid, u], self.wall[0]];
         self.last_dt = w.dt;
     }
-}
-
-/// The loop over one node with one face, at rest; `scale` of the load in Jacobi order.
-fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
-    let mut unknowns = Unknowns::new(1, 1.0, false);
-    if coupling.scheme == Scheme::Implicit && coupling.order == CouplingOrder::Jacobi {
-        unknowns = unknowns.with_loads(LOAD_WIDTH, scale);
-    }
-    let fields = vec![Field::new(0..unknowns.len(), 1e-9)];
-    let criterion = Criterion::new(fields, coupling.tolerance);
-    window_loop(WindowLoopSetup {
-        stage: "test",
-        coupling,
-        unknowns,
-        criterion,
-        faces: 1,
-        descent: None,
-        interface: at_rest(1, 1, 0.0),
-        relaxation: Box::new(Uniform(coupling.relaxation)),
-        modelled: None,
-        accept_unconverged: false,
-    })
 }
 
 /// Error at t = 2 with this number of windows.
