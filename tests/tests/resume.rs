@@ -213,6 +213,7 @@ fn every_scheme_goes_on_as_it_would_have() {
         "scheme = \"staggered\"",
         "scheme = \"staggered\"\nstaggered = { sequence = \"flow-first\", predictor = 1 }",
         "scheme = \"staggered\"\nstaggered = { sequence = \"half-step\", predictor = 1 }",
+        "scheme = \"staggered\"\nstaggered = { sequence = \"relaxed-load\", predictor = 1 }\nrelaxation = 0.4",
         "scheme = \"staggered\"\nstaggered = { sequence = \"added-mass\", predictor = 1 }",
     ];
     for (at, scheme) in schemes.iter().enumerate() {

@@ -31,6 +31,7 @@ fn staggered(named: StaggeredSequence) -> SchemeRow {
         StaggeredSequence::StructureFirst => plain::<sequences::staggered::StructureFirst>(),
         StaggeredSequence::FlowFirst => plain::<sequences::staggered::FlowFirst>(),
         StaggeredSequence::HalfStep => plain::<sequences::staggered::HalfStep>(),
+        StaggeredSequence::RelaxedLoad => plain::<sequences::relaxed_load::RelaxedLoad>(),
         StaggeredSequence::AddedMass => surrogate::<sequences::added_mass_staggered::AddedMassStaggered>(),
     }
 }

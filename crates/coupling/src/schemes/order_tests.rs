@@ -148,6 +148,10 @@ fn staggered(sequence: StaggeredSequence, predictor: u32) -> Coupling {
     }
 }
 
+fn relaxed_load(predictor: u32) -> Coupling {
+    Coupling { relaxation: 0.5, ..staggered(StaggeredSequence::RelaxedLoad, predictor) }
+}
+
 fn implicit(acceleration: Acceleration, order: CouplingOrder, load: LoadShape) -> Coupling {
     Coupling { acceleration, order, load, tolerance: 1e-10, max_iterations: 400, ..Coupling::default() }
 }
@@ -166,6 +170,8 @@ fn each_scheme_has_the_order_that_it_promises() {
         (1, staggered(HalfStep, 0)),
         (2, staggered(HalfStep, 1)),
         (2, staggered(HalfStep, 2)),
+        (1, relaxed_load(0)),
+        (2, relaxed_load(1)),
         (1, implicit(Acceleration::IqnIls, gauss_seidel, LoadShape::Constant)),
         (2, implicit(Acceleration::IqnIls, gauss_seidel, LoadShape::Mean)),
         (2, implicit(Acceleration::IqnImvj, gauss_seidel, LoadShape::Linear)),
@@ -277,6 +283,21 @@ fn predictors_narrow_the_added_mass_that_staggered_schemes_bear() {
     let limits = [0, 1, 2].map(limit);
     println!("largest added mass per mass: {limits:.3?}");
     assert!(limits[0] > limits[1] && limits[1] > limits[2], "{limits:?}");
+}
+
+#[test]
+fn a_relaxed_load_is_stable_for_any_added_mass() {
+    for added in [0.01, 0.3, 3.0, 30.0, 300.0] {
+        let share = |of: f64| Coupling { relaxation: of / (1.0 + added), ..relaxed_load(1) };
+        let (stable, plain) =
+            (growth(&share(0.4), added), growth(&staggered(StaggeredSequence::StructureFirst, 1), added));
+        println!("added mass {added}: growth {stable} with a relaxed load, {plain} without");
+        assert!(stable < 1.0005, "added mass {added}: {stable}");
+        if added > 1.0 {
+            assert!(plain > 1.05, "added mass {added}: {plain}");
+            assert!(growth(&share(1.6), added) > 1.05, "added mass {added}");
+        }
+    }
 }
 
 /// Largest error up to t = 2 with windows that alternate between one and two parts.
