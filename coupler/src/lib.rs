@@ -14,7 +14,6 @@ pub mod effects_command;
 pub mod hub;
 pub mod launch;
 pub mod mesh_command;
-pub mod progress;
 pub mod replay;
 pub mod run;
 pub mod settings;

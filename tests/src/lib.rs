@@ -13,6 +13,8 @@ pub mod tiny;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
+pub use rustix::process::Signal;
+
 /// The head of a scene as text: a square sheet of 2 m, with so many cells across and so many lines, and further keys of its
 /// fabric.
 #[macro_export]
@@ -132,6 +134,12 @@ impl History {
             .map(|r| r[..wall].iter().map(String::as_str).collect())
             .collect()
     }
+}
+
+/// Sends a signal to a process of a test; nothing where it has ended.
+pub fn signal(pid: u32, signal: Signal) {
+    let pid = i32::try_from(pid).ok().and_then(rustix::process::Pid::from_raw);
+    let _ = rustix::process::kill_process(pid.expect("a process"), signal);
 }
 
 /// Processes of the project's programs that name `mark` on their command line.

@@ -5,7 +5,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
 use ripstop_tests::load::Limit;
-use ripstop_tests::{program, root, succeed};
+use ripstop_tests::{Signal, program, root, signal, succeed};
 
 fn short(study: &str) -> PathBuf {
     root().join("studies").join(study).join("short.toml")
@@ -227,8 +227,7 @@ fn gaps_are_shown_and_an_interrupted_study_resumes() {
     while (results() == 0 || running().is_empty()) && !limit.passed() {
         std::thread::sleep(Duration::from_millis(5));
     }
-    // SAFETY: a signal to a child that has not been waited for.
-    unsafe { libc::kill(first.id() as i32, libc::SIGTERM) };
+    signal(first.id(), Signal::TERM);
     assert_eq!(first.wait().expect("it ends").code(), Some(130));
     let (before, open) = (results(), running());
     assert!(before >= 1 && open.len() == 1, "{before} {open:?}");

@@ -2,6 +2,7 @@
 //!
 //! `cargo deny` reads the same file; the nightly command runs it for known vulnerabilities and for platforms other than this one.
 
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ripstop_tests::root;
@@ -155,4 +156,98 @@ fn no_dependency_leaves_its_version_open() {
             assert!(!open, "{} takes any version of {}", package["name"], dependency["name"]);
         }
     }
+}
+
+/// Dependencies that no source of their kind names, with the reason for each.
+const UNNAMED: [(&str, &str, &str); 1] =
+    [("coupler", "rustix", "tests include tests/src/load.rs by its path, which needs the feature `time`")];
+
+/// Rust files below `folder`.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
+    entries.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
+}
+
+/// Whether a file below `src` is one of unit tests.
+fn is_of_tests(file: &Path) -> bool {
+    let name = file.file_stem().unwrap_or_default().to_string_lossy();
+    name.ends_with("tests") || name == "test_support"
+}
+
+/// Code and unit tests of a file below `src`: a module of tests ends its file.
+fn parts(text: &str) -> (String, String) {
+    let lines = text.lines().map(|l| l.split("//").next().unwrap_or(""));
+    let text = lines.collect::<Vec<_>>().join("\n");
+    let start = text.match_indices("#[cfg(test)]\nmod ").find(|(at, _)| {
+        let rest = &text[at + "#[cfg(test)]\n".len()..];
+        rest.lines().next().is_some_and(|line| line.ends_with('{'))
+    });
+    match start {
+        Some((at, _)) => (text[..at].to_owned(), text[at..].to_owned()),
+        None => (text, String::new()),
+    }
+}
+
+/// What the code of the package in `folder`, its tests (with benches and examples) and its build script say.
+fn sources(folder: &Path) -> [String; 3] {
+    let [mut code, mut tests] = [String::new(), String::new()];
+    for file in files(&folder.join("src")) {
+        let (own, unit) = parts(&std::fs::read_to_string(&file).expect("text"));
+        let kind = if is_of_tests(&file) { &mut tests } else { &mut code };
+        *kind += &own;
+        tests += &unit;
+    }
+    for file in ["tests", "benches", "examples"].iter().flat_map(|f| files(&folder.join(f))) {
+        if file.extension().is_some_and(|e| e == "rs") {
+            tests += &parts(&std::fs::read_to_string(&file).expect("text")).0;
+        }
+    }
+    [code, tests, std::fs::read_to_string(folder.join("build.rs")).unwrap_or_default()]
+}
+
+/// Whether `text` uses the crate `name`: `name::...`, `use name;` or `use name as ...`.
+fn uses(text: &str, name: &str) -> bool {
+    let path = format!("{name}::");
+    let begins =
+        |at: usize| !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':' || c == '.');
+    text.match_indices(&path).any(|(at, _)| begins(at))
+        || [";", " as "].iter().any(|end| text.contains(&format!("use {name}{end}")))
+}
+
+#[test]
+fn every_dependency_is_named_by_a_source_of_its_kind() {
+    let mut unnamed = Vec::new();
+    for package in packages().iter().filter(|p| p["source"].is_null()) {
+        let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
+        let sources = sources(manifest.parent().expect("a folder"));
+        for dependency in package["dependencies"].as_array().expect("dependencies") {
+            let kind = dependency["kind"].as_str().unwrap_or("normal");
+            let source = ["normal", "dev", "build"].iter().position(|k| *k == kind).expect("a kind");
+            let name = dependency["rename"].as_str().or(dependency["name"].as_str()).expect("a name");
+            if !uses(&sources[source], &name.replace('-', "_")) {
+                let package = package["name"].as_str().expect("a name");
+                unnamed.push((package.to_owned(), name.to_owned(), kind.to_owned()));
+            }
+        }
+    }
+    let known = |(package, name, _): &(String, String, String)| {
+        UNNAMED.iter().any(|(p, n, _)| (p, n) == (&package.as_str(), &name.as_str()))
+    };
+    let (allowed, wrong): (Vec<_>, Vec<_>) = unnamed.into_iter().partition(known);
+    assert!(wrong.is_empty(), "no source of its kind names (package, dependency, kind): {wrong:?}");
+    assert_eq!(allowed.len(), UNNAMED.len(), "of {UNNAMED:?} only {allowed:?} are still unnamed");
+}
+
+#[test]
+fn a_use_of_a_crate_is_recognised() {
+    for text in ["use rustix::fs;", "rustix::fs::open()", "use rustix;", "use rustix as r;", "(rustix::x)"] {
+        assert!(uses(text, "rustix"), "{text}");
+    }
+    for text in ["use my_rustix::fs;", "crate::rustix::fs()", "rustix.fs", "let rustix = 1;", ""] {
+        assert!(!uses(text, "rustix"), "{text}");
+    }
+    let (code, tests) = parts(
+        "use a::b; // use c::d\n#[cfg(test)]\nmod far;\nfn f() {}\n#[cfg(test)]\nmod tests {\nuse e::f;\n}",
+    );
+    assert!(uses(&code, "a") && !uses(&code, "c") && !uses(&code, "e") && uses(&tests, "e"));
 }

@@ -11,7 +11,11 @@ use std::time::{Duration, Instant};
 use ripstop_tests::load::Limit;
 use ripstop_tests::skip::skipped;
 use ripstop_tests::tiny::{Base, RANKS, WINDOWS};
-use ripstop_tests::{History, processes_naming, program, ripstop_run, session_memory, start, succeed};
+use ripstop_tests::{
+    History, Signal, processes_naming, program, ripstop_run, session_memory, signal, start, succeed,
+};
+use rustix::fs::Mode;
+use rustix::process::umask;
 
 /// These tests look at the machine's shared memory: one at a time.
 static ALONE: Mutex<()> = Mutex::new(());
@@ -50,8 +54,7 @@ fn kill_all(times: u32) {
         // From the first line of the launcher to the windows: spread evenly, in no order.
         std::thread::sleep(Duration::from_millis(u64::from(i * 37 % 100) * 15));
         for (pid, _) in processes_naming(&mark) {
-            // SAFETY: sends a signal to a process of this test; no memory is involved.
-            unsafe { libc::kill(pid as i32, libc::SIGKILL) };
+            signal(pid, Signal::KILL);
         }
         let status = run.wait().expect("it can be waited for");
         assert!(!status.success() || History::read(&out, "descent").len() == WINDOWS, "{i}: {status}");
@@ -113,17 +116,11 @@ fn shared_memory_is_closed_to_other_users() {
     let base = Base::new();
     let out = base.folder.path().join("watched");
     base.copy(&out);
-    let mut command = ripstop_run(&base.scene, &out, &["--stage", "descent", "--ranks", RANKS, "--quiet"]);
-    // The most open mask that there is.
-    use std::os::unix::process::CommandExt;
-    // SAFETY: umask touches no memory and cannot fail.
-    unsafe {
-        command.pre_exec(|| {
-            libc::umask(0);
-            Ok(())
-        })
-    };
+    let command = ripstop_run(&base.scene, &out, &["--stage", "descent", "--ranks", RANKS, "--quiet"]);
+    // The run inherits the most open mask that there is.
+    let mask = umask(Mode::empty());
     let mut run = start(command);
+    umask(mask);
     let begun = || out.join("descent/history.csv").exists();
     Limit::new(Duration::from_secs(120)).until(Duration::from_millis(20), begun).expect("the run begins");
     let left = left_of(run.id());
@@ -142,8 +139,7 @@ fn shared_memory_is_closed_to_other_users() {
     assert!(open.is_empty(), "open to others: {open:?}");
 
     // As another user, if this one may become one.
-    // SAFETY: no arguments, cannot fail.
-    let root = unsafe { libc::geteuid() } == 0;
+    let root = rustix::process::geteuid().is_root();
     if root && Command::new("setpriv").arg("--version").output().is_ok_and(|o| o.status.success()) {
         let nobody = |line: &str| {
             let words = ["--reuid=65534", "--regid=65534", "--clear-groups", "sh", "-c", line];

@@ -11,7 +11,9 @@ use std::time::{Duration, Instant};
 
 use ripstop_tests::load::{Limit, deadline_s};
 use ripstop_tests::tiny::{Base, RANKS, WINDOWS, contents};
-use ripstop_tests::{History, processes_naming, program, ripstop_run, session_memory, succeed};
+use ripstop_tests::{
+    History, Signal, processes_naming, program, ripstop_run, session_memory, signal, succeed,
+};
 
 /// Everybody else is gone after this time (a stall: after the deadline and this time).
 const GONE: Duration = Duration::from_secs(5);
@@ -71,11 +73,6 @@ fn cells() -> Vec<Cell> {
         all.extend(MOMENTS.into_iter().map(|moment| Cell { victim: None, fault, moment }));
     }
     all
-}
-
-fn signal(pid: u32, signal: i32) {
-    // SAFETY: sends a signal to a process of this test; no memory is involved.
-    unsafe { libc::kill(pid as i32, signal) };
 }
 
 macro_rules! demand {
@@ -155,7 +152,7 @@ impl<'a> Try<'a> {
     /// Ends a run that did not end by itself; the message.
     fn give_up(&mut self, why: &str) -> String {
         let (rows, left) = (self.rows(), self.processes());
-        signal(self.run.id(), libc::SIGKILL);
+        signal(self.run.id(), Signal::KILL);
         let _ = self.run.wait();
         format!("{why}: {rows} lines of history, {left:?}\n{}", self.text())
     }
@@ -179,9 +176,9 @@ impl<'a> Try<'a> {
         }
         if self.cell.victim.is_none() {
             let harm = match self.cell.fault {
-                "kill" => libc::SIGKILL,
-                "stop" => libc::SIGSTOP,
-                _ => libc::SIGTERM,
+                "kill" => Signal::KILL,
+                "stop" => Signal::STOP,
+                _ => Signal::TERM,
             };
             signal(self.run.id(), harm);
         }
@@ -199,7 +196,7 @@ impl<'a> Try<'a> {
             let took = Limit::new(deadline + GONE).until(LOOK, || !others());
             let took =
                 took.map_err(|e| format!("programs of a stopped coupler: {e}: {:?}", self.processes()))?;
-            signal(self.run.id(), libc::SIGCONT);
+            signal(self.run.id(), Signal::CONT);
             let (status, _) = self.gone(Limit::new(GONE))?;
             return Ok((status, took));
         }

@@ -7,7 +7,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use ripstop_tests::load::Limit;
-use ripstop_tests::{History, changed_scene, processes_naming, ripstop_run, session_memory, start};
+use ripstop_tests::{
+    History, Signal, changed_scene, processes_naming, ripstop_run, session_memory, signal, start,
+};
 
 /// These tests look at the machine's shared memory: one at a time.
 static ALONE: Mutex<()> = Mutex::new(());
@@ -42,11 +44,6 @@ fn ranks_of(program: &str, out: &Path) -> Vec<u32> {
         first.ends_with(program)
     });
     found.map(|(pid, _)| pid).collect()
-}
-
-fn signal(pid: u32, signal: i32) {
-    // SAFETY: sends a signal to a process of this test; no memory is involved.
-    unsafe { libc::kill(pid as i32, signal) };
 }
 
 /// Waits for the end of the run, at most for `limit`; its exit code and message.
@@ -85,7 +82,7 @@ fn each_program_killed_ends_the_run_and_is_named() {
         let ranks = ranks_of(program, &out);
         assert!(ranks.len() > rank, "{program}: {ranks:?}");
         let limit = Limit::new(GONE);
-        signal(ranks[rank], libc::SIGKILL);
+        signal(ranks[rank], Signal::KILL);
         let (code, text) = end_of(run, &limit);
         assert_eq!(code, Some(1), "{program}: {text}");
         assert!(text.contains(program), "{program} is not named: {text}");
@@ -103,7 +100,7 @@ fn an_interrupt_ends_everything() {
     let coupler = run.id();
     wait_for_windows(&out, 1);
     let limit = Limit::new(GONE);
-    signal(run.id(), libc::SIGINT);
+    signal(run.id(), Signal::INT);
     let (code, text) = end_of(run, &limit);
     assert_eq!(code, Some(130), "{text}");
     nothing_left(&out, coupler);
@@ -115,7 +112,7 @@ fn a_killed_coupler_takes_its_programs_along_and_the_next_run_works() {
     let folder = tempfile::tempdir().expect("a folder");
     let (mut run, out) = long_run(folder.path());
     wait_for_windows(&out, 1);
-    signal(run.id(), libc::SIGKILL);
+    signal(run.id(), Signal::KILL);
     let _ = run.wait();
     let mark = out.display().to_string();
     let gone = Limit::new(GONE).until(PAUSE, || processes_naming(&mark).is_empty());
@@ -132,12 +129,12 @@ fn a_waiting_program_sleeps_on_all_its_ranks() {
     wait_for_windows(&out, 2);
     // With the structure stopped, everyone else soon waits for it.
     let stopped = ranks_of("structure-solver", &out);
-    stopped.iter().for_each(|&pid| signal(pid, libc::SIGSTOP));
+    stopped.iter().for_each(|&pid| signal(pid, Signal::STOP));
     let waiting: Vec<u32> = [ranks_of("flow-solver", &out), ranks_of("mesh-mover", &out)].concat();
     assert_eq!(waiting.len(), 4, "two ranks each");
     // 50 wake-ups a second for a look at the coupler take some milliseconds.
     ripstop_tests::load::asleep(&waiting, 0.02, Duration::from_secs(30));
-    stopped.iter().for_each(|&pid| signal(pid, libc::SIGCONT));
-    signal(run.id(), libc::SIGINT);
+    stopped.iter().for_each(|&pid| signal(pid, Signal::CONT));
+    signal(run.id(), Signal::INT);
     end_of(run, &Limit::new(Duration::from_secs(30)));
 }

@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use ripstop_tests::load::{Limit, asleep};
 use ripstop_tests::skip::skipped;
-use ripstop_tests::{History, changed_scene, processes_naming, program, ripstop_run, root, start, succeed};
+use ripstop_tests::{
+    History, Signal, changed_scene, processes_naming, program, ripstop_run, root, signal, start, succeed,
+};
 
 const RANKS: [&str; 2] = ["--ranks", "structure=2,mesh=2,flow=3"];
 
@@ -86,11 +88,6 @@ fn the_batch_script_for_slurm_spreads_the_ranks() {
     }
 }
 
-fn signal(pid: u32, signal: i32) {
-    // SAFETY: sends a signal to a process of this test; no memory is involved.
-    unsafe { libc::kill(pid as i32, signal) };
-}
-
 /// A rank elsewhere sleeps while the others work, and its death ends the run.
 #[test]
 fn a_rank_on_another_host_waits_asleep_and_is_missed() {
@@ -126,13 +123,13 @@ fn a_rank_on_another_host_waits_asleep_and_is_missed() {
     assert_eq!(elsewhere.len(), 2, "one rank of each");
     // With the structure stopped, everyone else soon waits for it.
     let stopped = ranks("structure-solver");
-    stopped.iter().for_each(|&pid| signal(pid, libc::SIGSTOP));
+    stopped.iter().for_each(|&pid| signal(pid, Signal::STOP));
     // A thousand looks a second at MPI's queues.
     asleep(&elsewhere, 0.05, Duration::from_secs(30));
-    stopped.iter().for_each(|&pid| signal(pid, libc::SIGCONT));
+    stopped.iter().for_each(|&pid| signal(pid, Signal::CONT));
 
     let killed = elsewhere[0];
-    signal(killed, libc::SIGKILL);
+    signal(killed, Signal::KILL);
     let limit = Limit::new(Duration::from_secs(30));
     let status = loop {
         if let Some(status) = run.try_wait().expect("it can be waited for") {

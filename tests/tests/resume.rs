@@ -6,7 +6,10 @@ use std::time::Duration;
 
 use ripstop_tests::load::Limit;
 use ripstop_tests::skip::skipped;
-use ripstop_tests::{History, changed_scene, processes_naming, ripstop_run, root, sheet, start, succeed};
+use ripstop_tests::{
+    History, Signal, changed_scene, processes_naming, ripstop_run, root, sheet, start, succeed,
+};
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
 
 /// The small descent, cut short: 12 windows of inflation, 3 of flow, 8 coupled, with tables and series
 /// of every kind.
@@ -29,7 +32,7 @@ fn short(folder: &Path, more: &[(&str, &str)]) -> PathBuf {
 }
 
 /// Ends a run with `signal` once `stage` has `rows` rows; returns its exit code and what it said.
-fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: i32) -> (Option<i32>, String) {
+fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: Signal) -> (Option<i32>, String) {
     let limit = Limit::new(Duration::from_secs(120));
     let file = out.join(stage).join("history.csv");
     while std::fs::read_to_string(&file).map_or(0, |t| t.lines().count()) <= rows {
@@ -39,8 +42,7 @@ fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: i32) -> (Op
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    // SAFETY: sends a signal to a process of this test; no memory is involved.
-    unsafe { libc::kill(run.id() as i32, signal) };
+    ripstop_tests::signal(run.id(), signal);
     let output = run.wait_with_output().expect("an end");
     let mark = out.display().to_string();
     let gone = Limit::new(Duration::from_secs(30))
@@ -97,11 +99,9 @@ fn a_run_that_is_interrupted_in_every_stage_and_killed_ends_as_one_that_was_not(
 
     // Each part is resumed by the command that the part before it printed, run as printed.
     let mut next = ripstop_run(&scene, &parts, &["--set", "output.checkpoint_every_windows=1000"]);
-    for (stage, rows, signal) in [
-        ("pre-inflation", 4, libc::SIGINT),
-        ("developed-flow", 1, libc::SIGTERM),
-        ("descent", 2, libc::SIGTERM),
-    ] {
+    for (stage, rows, signal) in
+        [("pre-inflation", 4, Signal::INT), ("developed-flow", 1, Signal::TERM), ("descent", 2, Signal::TERM)]
+    {
         let (code, text) = cut(start(next), &parts, stage, rows, signal);
         assert_eq!(code, Some(130), "{text}");
         assert!(text.contains(&format!("of stage `{stage}`; resume with: ")), "{text}");
@@ -114,7 +114,7 @@ fn a_run_that_is_interrupted_in_every_stage_and_killed_ends_as_one_that_was_not(
     }
     // Killed without warning: the last saved state serves, and a torn row does no harm.
     let run = start(ripstop_run(&scene, &parts, &["--resume", "--checkpoint-every", "2"]));
-    let (code, text) = cut(run, &parts, "descent", 5, libc::SIGKILL);
+    let (code, text) = cut(run, &parts, "descent", 5, Signal::KILL);
     assert_eq!(code, None, "{text}");
     let history = parts.join("descent/history.csv");
     let torn = std::fs::read_to_string(&history).expect("rows") + "7,4.0000";
@@ -140,7 +140,7 @@ fn a_damaged_state_gives_way_to_the_one_before_it() {
     let (whole, out) = (folder.path().join("whole"), folder.path().join("out"));
     succeed(ripstop_run(&scene, &whole, &[]));
     let run = start(ripstop_run(&scene, &out, &["--checkpoint-every", "1"]));
-    let (code, text) = cut(run, &out, "descent", 4, libc::SIGINT);
+    let (code, text) = cut(run, &out, "descent", 4, Signal::INT);
     assert_eq!(code, Some(130), "{text}");
     let file = out.join("descent/state/flow.bin");
     let bytes = std::fs::read(&file).expect("a state");
@@ -162,7 +162,7 @@ fn a_full_disk_leaves_the_state_before() {
     let (whole, out) = (folder.path().join("whole"), folder.path().join("out"));
     succeed(ripstop_run(&scene, &whole, &[]));
     let run = start(ripstop_run(&scene, &out, &[]));
-    let (_, text) = cut(run, &out, "descent", 2, libc::SIGINT);
+    let (_, text) = cut(run, &out, "descent", 2, Signal::INT);
     assert!(text.contains("saved after"), "{text}");
     // From its next window on, files of the flow-solver may not grow beyond a megabyte: its state does.
     let rows = |out: &Path| History::read(out, "descent").len();
@@ -173,12 +173,12 @@ fn a_full_disk_leaves_the_state_before() {
         limit.demand("the resumed run computes nothing");
         std::thread::sleep(Duration::from_millis(1));
     }
-    let most = libc::rlimit { rlim_cur: 1_000_000, rlim_max: 1_000_000 };
+    let most = || Rlimit { current: Some(1_000_000), maximum: Some(1_000_000) };
     let mark = out.display().to_string();
     for (pid, line) in processes_naming(&mark) {
         if line.split(' ').next().is_some_and(|w| w.ends_with("flow-solver")) {
-            // SAFETY: a valid limit for the length of the call; the old one is not asked for.
-            unsafe { libc::prlimit(pid as i32, libc::RLIMIT_FSIZE, &raw const most, std::ptr::null_mut()) };
+            prlimit(Pid::from_raw(pid as i32), Resource::Fsize, most())
+                .expect("a limit of a process of ours");
         }
     }
     let output = run.wait_with_output().expect("an end");
@@ -213,6 +213,7 @@ fn every_scheme_goes_on_as_it_would_have() {
         "scheme = \"staggered\"",
         "scheme = \"staggered\"\nstaggered = { sequence = \"flow-first\", predictor = 1 }",
         "scheme = \"staggered\"\nstaggered = { sequence = \"half-step\", predictor = 1 }",
+        "scheme = \"staggered\"\nstaggered = { sequence = \"relaxed-load\", predictor = 1 }\nrelaxation = 0.4",
         "scheme = \"staggered\"\nstaggered = { sequence = \"added-mass\", predictor = 1 }",
     ];
     for (at, scheme) in schemes.iter().enumerate() {
@@ -294,7 +295,7 @@ fn same_in_parts(folder: &Path, name: &str, text: &str, cuts: &[(&str, usize)]) 
         let options: &[&str] =
             if at > 0 { &["--resume", "--accept-unconverged"] } else { &["--accept-unconverged"] };
         let (code, text) =
-            cut(start(ripstop_run(&scene, &parts, options)), &parts, stage, *rows, libc::SIGINT);
+            cut(start(ripstop_run(&scene, &parts, options)), &parts, stage, *rows, Signal::INT);
         assert_eq!(code, Some(130), "{name}: {text}");
     }
     succeed(ripstop_run(&scene, &parts, &["--resume", "--accept-unconverged"]));
@@ -359,7 +360,7 @@ fn other_rank_counts_go_on_to_the_solvers_tolerance() {
     let first = ["--ranks", "structure=1,flow=2,mesh=2"];
     succeed(ripstop_run(&scene, &whole, &first));
     let run = start(ripstop_run(&scene, &parts, &first));
-    cut(run, &parts, "descent", 2, libc::SIGINT);
+    cut(run, &parts, "descent", 2, Signal::INT);
     succeed(ripstop_run(&scene, &parts, &["--resume", "--ranks", "structure=2,flow=1,mesh=3"]));
     let (a, b) = (History::read(&whole, "descent"), History::read(&parts, "descent"));
     assert_eq!((a.len(), b.len()), (5, 5));
@@ -435,7 +436,7 @@ fn a_program_that_cannot_go_on_is_named_and_one_in_python_that_can_goes_on() {
     let cannot = format!("{} '{}'", command(&plain), examples.display());
     let options = ["--structure", cannot.as_str(), "--checkpoint-every", "2"];
     let run = start(ripstop_run(&scene, &out, &options));
-    let (code, text) = cut(run, &out, "pre-inflation", 4, libc::SIGINT);
+    let (code, text) = cut(run, &out, "pre-inflation", 4, Signal::INT);
     assert_eq!(code, Some(130), "{text}");
     assert!(text.contains("the run goes on, but could not be resumed"), "{text}");
     let (code, text) = fails(ripstop_run(&scene, &out, &[&options[..], &["--resume"]].concat()));

@@ -31,7 +31,7 @@ pub(crate) use self::session::required_effects;
 
 use self::resume::Resume;
 use crate::launch::Session;
-use crate::stages::{StageContext, StageOptions, initial_state};
+use crate::stages::{StageContext, StageOptions};
 
 /// Runs the stages of a scene; returns what came of it and the folder of the
 /// results. `stop` ends it early when it becomes true.
@@ -108,7 +108,7 @@ impl<'a> Run<'a> {
     fn state_at_start(&self) -> Result<InterfaceState, RunError> {
         let Prepared { scene, out, interface, .. } = self.prepared;
         match self.stages.start.checked_sub(1) {
-            None => Ok(initial_state(scene, interface)),
+            None => Ok(InterfaceState::at_start(scene, interface)),
             Some(before) => earlier_state(scene, out, interface, before),
         }
     }

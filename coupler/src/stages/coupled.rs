@@ -1,20 +1,16 @@
 //! Structure, mesh, flow and descent together (paper, section 5.2).
 
-use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme, Wind};
-use channel::{LOAD_WIDTH, Window, structure_stats};
+use case::{Role, Wind};
+use channel::{Window, structure_stats};
+use coupling::assembly::CoupledStage;
 use coupling::balance::{SystemBalance, WindowTerms};
 use coupling::descent::{DescentModel, Weight};
 use coupling::descent_limits::Limits;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
-use coupling::schemes::{
-    AddedMassRelaxation, Air, Criterion, Field, FlowModel, InterfaceState, JacobiRelaxation, Lattice,
-    MEAN_WEIGHTS, Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop,
-    WindowLoopSetup, WindowReport, accelerator, needs_model, pack, unpack, window_loop,
-};
+use coupling::schemes::{InterfaceState, WindowLoop, WindowReport, pack, unpack};
 
-use super::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
 use super::{StageContext, Stepper};
 
 pub(super) struct Coupled<'a> {
@@ -38,43 +34,18 @@ impl<'a> Coupled<'a> {
         state: InterfaceState,
         descent: Option<DescentModel>,
     ) -> Self {
-        let scene = context.scene;
-        let stage = context.description();
-        let dt = stage.window_s;
-        let unknowns = Unknowns::new(context.interface.nodes(), dt, descent.is_some());
-        let air = scene.wind(context.stage, &context.times());
-        let wind = air.steady();
-        let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
-        let moved = unknowns.displacements();
-        let root = (context.interface.nodes() as f64).sqrt();
-        let interface = context.interface;
-        let pressure = load_scale(scene, context.stage, interface, &state, speed);
-        let load = load_floor(scene, interface, &state, [pressure, dt, response(&scene.coupling)]);
-        let mut fields = vec![Field { load, ..Field::new(0..moved, SHAPE_FLOOR * speed * dt * root) }];
-        if descent.is_some() {
-            let floor = speed_floor(scene, interface, pressure, dt) * unknowns.velocity_scale();
-            fields.push(Field::new(moved..moved + 1, floor));
-        }
-        let motion = unknowns;
-        let unknowns = with_loads(context, unknowns, &mut fields);
-        let criterion = Criterion::new(fields, scene.coupling.tolerance);
+        let air = context.scene.wind(context.stage, &context.times());
         let start = state.displacement.clone();
-        let lattice = lattice(context, &state);
-        let added = lattice.as_ref().and_then(|lattice| added_mass(context, motion, lattice));
-        let modelled = modelled(context, motion, &state, lattice.as_ref(), added.clone());
-        let rest = relaxation(context, unknowns, added);
-        let windows = window_loop(WindowLoopSetup {
-            stage: &stage.name,
-            coupling: &scene.coupling,
-            unknowns,
-            criterion,
-            faces: context.interface.faces.len(),
+        let stage = CoupledStage {
+            scene: context.scene,
+            stage: context.stage,
+            interface: context.interface,
             descent,
-            interface: state,
-            relaxation: rest,
-            modelled,
+            wind_m_s: air.steady(),
             accept_unconverged: context.options.accept_unconverged,
-        });
+        };
+        let (windows, lines) = stage.window_loop(state);
+        lines.iter().for_each(|line| context.console.line(line));
         let windows = if context.structure_was_coupled() { windows } else { windows.from_held() };
         Self {
             interface: context.interface,
@@ -115,135 +86,6 @@ impl<'a> Coupled<'a> {
             ],
         };
         self.balance.enter(&model, &terms);
-    }
-}
-
-/// The canopy's positions in `state`, m.
-fn positions(context: &StageContext<'_>, state: &InterfaceState) -> Vec<mesh::Point> {
-    let shifted = context.interface.coords.iter().zip(state.displacement.chunks_exact(3));
-    shifted.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
-}
-
-/// The air of the scene.
-fn air(context: &StageContext<'_>) -> Air {
-    let flow = context.scene.flow.as_ref();
-    flow.map_or(Air::incompressible(0.0), |f| Air { density: f.density_kg_m3, sound: f.sound_speed() })
-}
-
-/// The canopy in `state` as a lattice of vortex rings; `None` where it has too many faces to make groups.
-fn lattice(context: &StageContext<'_>, state: &InterfaceState) -> Option<Lattice> {
-    let (faces, coupling) = (&context.interface.faces, &context.scene.coupling);
-    let most = coupling.model_faces as usize;
-    // Relaxation alone does better with too much air than with as much as there is: on the ATPS descent 7.5
-    // against 7.8 iterations of IQN-ILS.
-    let screening =
-        if needs_model(coupling) { air(context).screening(context.description().window_s) } else { 0.0 };
-    Lattice::new(&positions(context, state), faces, most, screening)
-}
-
-/// The model of the flow for schemes that use one.
-fn modelled(
-    context: &StageContext<'_>,
-    unknowns: Unknowns,
-    state: &InterfaceState,
-    lattice: Option<&Lattice>,
-    added: Option<AddedMassRelaxation>,
-) -> Option<Modelled> {
-    let coupling = &context.scene.coupling;
-    if !needs_model(coupling) {
-        return None;
-    }
-    let mut air = air(context);
-    if coupling.scheme == Scheme::Staggered {
-        air.density *= SAFE_DENSITY;
-    }
-    let faces = &context.interface.faces;
-    let most = coupling.model_faces as usize;
-    let model = lattice.and_then(|lattice| {
-        FlowModel::new(unknowns, lattice, &state.displacement, state.velocity, faces, air, most)
-    });
-    let name = &context.description().name;
-    if model.is_none() {
-        context.console.line(&format!(
-            "stage `{name}`: {} faces make no {most} groups for a dense model of the flow: coupling by iqn-ils",
-            faces.len()
-        ));
-    } else if faces.len() > most {
-        context.console.line(&format!(
-            "stage `{name}`: {} faces act in {most} groups in the model of the air's inertia",
-            faces.len()
-        ));
-    }
-    // Several solves against the model make a window: few of them are enough to learn from.
-    let iqn = Coupling { acceleration: Acceleration::IqnIls, reused_windows: 4, ..coupling.clone() };
-    let rest = relaxation(context, unknowns, added);
-    model.map(|model| Modelled { model, accelerator: accelerator(&iqn, unknowns.len(), rest) })
-}
-
-/// In Jacobi order the load is one of the coupled unknowns, in the unit of what it moves
-/// the fabric within a window.
-fn with_loads(context: &StageContext<'_>, unknowns: Unknowns, fields: &mut Vec<Field>) -> Unknowns {
-    let coupling = &context.scene.coupling;
-    if coupling.scheme != Scheme::Implicit || coupling.order != CouplingOrder::Jacobi {
-        return unknowns;
-    }
-    let (nodes, faces) = (context.interface.nodes() as f64, context.interface.faces.len());
-    let fabric = &context.scene.fabric;
-    let dt = context.description().window_s;
-    let moved = response(coupling) * dt * dt / (fabric.thickness_m * fabric.density_kg_m3);
-    let before = unknowns.len();
-    let unknowns = unknowns.with_loads(faces * LOAD_WIDTH, moved * (nodes / faces as f64).sqrt());
-    fields.push(Field { range: before..unknowns.len(), ..fields[0].clone() });
-    unknowns
-}
-
-/// Displacement at the end of a window, in dt^2/m, per pressure at its end.
-fn response(coupling: &Coupling) -> f64 {
-    0.5 * if coupling.load == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 }
-}
-
-/// What the canopy and the air weigh.
-fn weights(context: &StageContext<'_>) -> Weights {
-    let fabric = &context.scene.fabric;
-    Weights {
-        fabric_kg_m2: fabric.thickness_m * fabric.density_kg_m3,
-        air: air(context),
-        response: response(&context.scene.coupling),
-        falling_kg: context.descent().map_or(0.0, |d| d.mass_kg),
-    }
-}
-
-/// Relaxation by the canopy's added mass.
-fn added_mass(
-    context: &StageContext<'_>,
-    motion: Unknowns,
-    lattice: &Lattice,
-) -> Option<AddedMassRelaxation> {
-    let interface = context.interface;
-    let model = AddedMassRelaxation::new(motion, &interface.faces, &weights(context), lattice)?;
-    context.console.line(&format!(
-        "stage `{}`: {:.2} kg of fabric move {:.0} kg of air in vertical motion{}",
-        context.description().name,
-        interface.masses.fabric,
-        model.vertical_added_mass,
-        if lattice.screening > 0.0 { " within a window" } else { "" },
-    ));
-    Some(model)
-}
-
-/// What is done with what no secant spans; the same factor for all where the added mass is not to be had.
-fn relaxation(
-    context: &StageContext<'_>,
-    unknowns: Unknowns,
-    added: Option<AddedMassRelaxation>,
-) -> Box<dyn Relaxation> {
-    match added {
-        Some(model) if unknowns.loads() > 0 => {
-            let dt = context.description().window_s;
-            Box::new(JacobiRelaxation::new(model, unknowns, &weights(context), dt))
-        }
-        Some(model) => Box::new(model),
-        None => Box::new(Uniform(context.scene.coupling.relaxation)),
     }
 }
 

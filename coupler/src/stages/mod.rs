@@ -1,12 +1,9 @@
 //! The stages of a run: window after window ([`stage_run`]), whatever runs in them.
 
-mod clock;
 mod coupled;
-mod floors;
 mod flow_only;
 mod pre_inflation;
 mod prescribed;
-mod release;
 mod saves;
 mod single;
 mod stage_run;
@@ -23,6 +20,7 @@ use coupling::energy::Circumstances;
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
+use coupling::release::pressure_at_release;
 use coupling::schemes::{InterfaceState, WindowReport};
 use results::checkpoint;
 use results::summary::StageSummary;
@@ -218,7 +216,7 @@ impl StageContext<'_> {
 
     /// Says what the pressure on the canopy changes by at the release.
     fn compare_pressures(&self, state: &InterfaceState) {
-        let compared = release::pressure_at_release(self.scene, self.stage, self.interface, state);
+        let compared = pressure_at_release(self.scene, self.stage, self.interface, state);
         match compared.filter(|_| self.resumed.is_none()) {
             Some((text, true)) => self.console.warning(&text),
             Some((text, false)) => self.console.line(&text),
@@ -274,17 +272,6 @@ fn stepper<'c>(
             Box::new(SingleSolve::in_flow(context, state, questions))
         }
     })
-}
-
-/// State before the first stage: unstressed canopy, initial speed, no load known.
-pub fn initial_state(scene: &Scene, interface: &CanopyInterface) -> InterfaceState {
-    InterfaceState {
-        load_before: None,
-        displacement: vec![0.0; 3 * interface.nodes()],
-        load: None,
-        velocity: scene.descent.as_ref().map_or(0.0, |d| -d.initial_speed_m_s),
-        acceleration: 0.0,
-    }
 }
 
 /// An answer must hold numbers only: NaN never leaves a program, but a replaced

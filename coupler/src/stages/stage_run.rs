@@ -13,14 +13,14 @@ use coupling::flow_bounds::{self, FlowBounds};
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 use coupling::structure_energy;
+use coupling::window_clock::WindowClock;
 use results::checkpoint::{self, Seal};
 use results::history::{History, Iterations, Row};
+use results::progress::Progress;
 use results::summary::StageSummary;
 
-use super::clock::WindowClock;
 use super::saves::Saves;
 use super::{StageContext, Stepper, stepper};
-use crate::progress::Progress;
 
 /// Windows given back that are told one by one.
 const TOLD: u64 = 5;

@@ -172,6 +172,21 @@ fn wrong_types_and_names_say_what_is_allowed() {
 }
 
 #[test]
+fn a_relaxed_load_takes_no_unstable_extrapolation() {
+    let scene = |predictor: u32| {
+        let staggered = format!("staggered = {{ sequence = \"relaxed-load\", predictor = {predictor} }}");
+        read(&ATPS.replacen("[coupling]\n", &format!("[coupling]\nscheme = \"staggered\"\n{staggered}\n"), 1))
+    };
+    let named = scene(1).expect("a scene").coupling.staggered.sequence;
+    assert_eq!(named, case::StaggeredSequence::RelaxedLoad);
+    let text = scene(2).expect_err("unstable").to_string();
+    assert!(
+        text.contains("`coupling.staggered.predictor` is 2") && text.contains("allowed: 0 to 1"),
+        "{text}"
+    );
+}
+
+#[test]
 fn sections_that_need_each_other() {
     let text = refused("pressure_pa = 14.5672\n", "");
     assert!(text.contains("inflates, but with no pressure"), "{text}");

@@ -13,6 +13,7 @@ use std::time::Duration;
 use case::Role::{self, Flow, Mesh, Structure};
 use channel::{Hub, HubError, Who};
 use common::*;
+use rustix::process::{Pid, Signal, kill_process};
 
 const TELL: &str = "RIPSTOP_TEST_CHILD";
 
@@ -88,14 +89,13 @@ impl Process {
         Self::start(&format!("{session} {} {rank} {ranks} {trouble}", role.name()))
     }
 
-    fn signal(&self, signal: i32) {
-        // SAFETY: a plain system call on a child that has not been waited for.
-        assert_eq!(unsafe { libc::kill(self.0.id() as i32, signal) }, 0);
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.0), signal).expect("a child that has not been waited for");
     }
 
     /// Stops it in its tracks, and waits until it has stopped.
     fn freeze(&self) {
-        self.signal(libc::SIGSTOP);
+        self.signal(Signal::STOP);
         while self.stat()[0] != "T" {
             sleep(Duration::from_millis(1));
         }
@@ -211,7 +211,7 @@ fn a_killed_participant_is_named_and_all_others_end() {
         if how == "kill" {
             processes[1].freeze();
             hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("asked");
-            processes[1].signal(libc::SIGKILL);
+            processes[1].signal(Signal::KILL);
         } else {
             hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("asked");
         }
@@ -242,7 +242,7 @@ fn a_participant_that_dies_while_others_are_awaited_is_named() {
     let error = hub.await_participants(&mut |arrivals| {
         if let [(who, program)] = &arrivals.arrived[..] {
             assert_eq!((who.role, program.as_str()), (Structure, "fake-structure 0.0.1"));
-            process.signal(libc::SIGKILL);
+            process.signal(Signal::KILL);
         }
         patience()
     });
@@ -278,7 +278,7 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
     let mut building = Process::start(&format!("{session} builder"));
     building.says("watching");
     computing.says("stalled");
-    coupler.signal(libc::SIGKILL);
+    coupler.signal(Signal::KILL);
     coupler.end(SECONDS);
     let limit = Limit::new(Duration::from_secs(1));
     // A new run of the same name waits for the orphans to go.
@@ -319,7 +319,7 @@ fn all_killed_at_once_any_number_of_times() {
         processes.push(Process::participant(&session, Flow, 0, 1, "none"));
         // Also in the middle of the handshake.
         sleep(Duration::from_millis(5 + 40 * round));
-        processes.iter().for_each(|p| p.signal(libc::SIGKILL));
+        processes.iter().for_each(|p| p.signal(Signal::KILL));
         processes.iter_mut().for_each(|p| drop(p.end(SECONDS)));
     }
     // On a busy machine none of them may have got as far as the session: one more that certainly has.
@@ -328,7 +328,7 @@ fn all_killed_at_once_any_number_of_times() {
     coupler.says("ready");
     // Seen while it lives: once it is dead, any other session that opens beside this test may tidy up after it.
     assert!(!leftovers(&session).is_empty(), "a session without a trace");
-    [&coupler, &others[0], &others[1]].into_iter().for_each(|p| p.signal(libc::SIGKILL));
+    [&coupler, &others[0], &others[1]].into_iter().for_each(|p| p.signal(Signal::KILL));
     coupler.end(SECONDS);
     others.iter_mut().for_each(|p| drop(p.end(SECONDS)));
     // An unrelated live session is left alone by the sweep.

@@ -1,10 +1,9 @@
 //! What a scene is, in lines for a person: canopy, masses, flow grid, effects, coupling, stages.
 
-use case::{
-    Acceleration, CouplingOrder, LoadShape, Role, Scene, Scheme, Solve, Stage, StageKind, StaggeredSequence,
-};
+use case::{LoadShape, Role, Scene, Solve, Stage, StageKind};
 use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
+use coupling::schemes::describe;
 use effects::effects;
 
 use crate::shared_memory;
@@ -93,61 +92,12 @@ fn time(stage: &Stage) -> String {
 /// How the programs are coupled.
 fn coupling(scene: &Scene) -> String {
     let c = &scene.coupling;
-    let scheme = match c.scheme {
-        Scheme::Staggered => staggered(c),
-        Scheme::Implicit => implicit(c),
-    };
     let load = match c.load {
         LoadShape::Mean => "mean",
         LoadShape::Constant => "constant",
         LoadShape::Linear => "linear",
     };
-    format!("coupling: {scheme}; load over the substeps: {load}")
-}
-
-fn staggered(c: &case::Coupling) -> String {
-    let order = c.staggered.predictor;
-    match c.staggered.sequence {
-        StaggeredSequence::StructureFirst if order == 0 => {
-            "staggered: each program once in a window, with the pressures of the last".to_owned()
-        }
-        StaggeredSequence::StructureFirst => {
-            format!("staggered: structure first, under loads extrapolated with order {order}")
-        }
-        StaggeredSequence::FlowFirst => {
-            format!("staggered: flow first, around a canopy extrapolated with order {order}")
-        }
-        StaggeredSequence::AddedMass => {
-            format!(
-                "staggered: structure first with added mass implicit, the rest extrapolated with order {order}"
-            )
-        }
-        StaggeredSequence::HalfStep => {
-            format!("staggered: flow half a window off, around a canopy extrapolated with order {order}")
-        }
-    }
-}
-
-fn implicit(c: &case::Coupling) -> String {
-    let by = match c.acceleration {
-        Acceleration::Constant => format!("relaxation {}", c.relaxation),
-        Acceleration::Aitken => format!("Aitken's relaxation from {}", c.relaxation),
-        Acceleration::IqnIls => {
-            format!("IQN-ILS with the secants of {} earlier windows", c.reused_windows)
-        }
-        Acceleration::IbqnLs => "block quasi-Newton with secants of the flow".to_owned(),
-        Acceleration::IqnImvj => {
-            format!("IQN-IMVJ with the secants of {} earlier windows", c.reused_windows)
-        }
-    };
-    let order = match c.order {
-        CouplingOrder::GaussSeidel => "implicit",
-        CouplingOrder::Jacobi => "implicit in Jacobi order",
-    };
-    format!(
-        "{order}: at most {} iterations a window to {:.0e}, accelerated by {by}",
-        c.max_iterations, c.tolerance
-    )
+    format!("coupling: {}; load over the substeps: {load}", describe(c))
 }
 
 /// Sizes of the flow grid: its topology is that around the unstressed canopy.

@@ -5,17 +5,21 @@
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
+pub mod assembly;
 pub mod balance;
 pub mod convergence;
 pub mod descent;
 pub mod descent_limits;
 pub mod energy;
 pub mod error;
+mod floors;
 pub mod flow_bounds;
 mod geometry;
 mod impossible_flow;
 pub mod interface;
 pub mod partners;
+pub mod release;
 pub mod schemes;
 pub mod structure_energy;
 pub mod transfer;
+pub mod window_clock;

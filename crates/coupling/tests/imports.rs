@@ -67,6 +67,19 @@ fn named(code: &str) -> Vec<String> {
         }
         rest = tail;
     }
+    // Paths from a module that is imported.
+    let modules: Vec<String> = all.iter().filter(|path| path.contains("::")).cloned().collect();
+    for import in modules {
+        let name = import.rsplit("::").next().unwrap_or_default();
+        for at in code.match_indices(&format!("{name}::")).map(|(at, _)| at) {
+            let before = code[..at].chars().next_back();
+            if before.is_none_or(|c| !c.is_alphanumeric() && c != '_' && c != ':') {
+                let end = code[at..].find(|c: char| !c.is_alphanumeric() && c != '_' && c != ':');
+                let path = &code[at + name.len()..at + end.unwrap_or(code.len() - at)];
+                all.push(format!("{import}{}", path.trim_end_matches(':')));
+            }
+        }
+    }
     for start in ["crate::", "super::"] {
         let mut rest = code;
         while let Some(at) = rest.find(start) {

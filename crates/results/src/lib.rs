@@ -11,6 +11,7 @@ pub mod history;
 pub mod lock;
 pub mod machine;
 pub mod program;
+pub mod progress;
 pub mod provenance;
 pub mod recording;
 pub mod state;

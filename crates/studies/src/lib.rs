@@ -6,4 +6,5 @@
 
 pub mod accuracy;
 pub mod effects;
+mod process;
 pub mod stability;

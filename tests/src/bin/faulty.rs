@@ -11,6 +11,7 @@ use channel::{Announcement, Fault, Input, Participant, ProgramArgs, Stats, Windo
 use comm::Comm;
 use flow_solver::setup::Setup;
 use mesh_mover::participant::MeshMover;
+use ripstop_tests::Signal;
 use structure_solver::participant::StructureSolver;
 
 /// Window (from 0) in which the harm is done: the first ones are accepted.
@@ -42,13 +43,11 @@ impl Harm {
         if let Ok(note) = std::env::var("FAULTY_NOTE") {
             std::fs::write(note, std::process::id().to_string()).expect("a note can be written");
         }
-        let me = std::process::id() as i32;
-        // SAFETY: sends a signal to this very process; no memory is involved.
-        let signal = |signal| unsafe { libc::kill(me, signal) };
+        let signal = |signal| ripstop_tests::signal(std::process::id(), signal);
         match self.plan.fault.as_str() {
-            "kill" => drop(signal(libc::SIGKILL)),
-            "stop" => drop(signal(libc::SIGSTOP)),
-            "term" => drop(signal(libc::SIGTERM)),
+            "kill" => signal(Signal::KILL),
+            "stop" => signal(Signal::STOP),
+            "term" => signal(Signal::TERM),
             "exit0" => std::process::exit(0),
             "exit1" => std::process::exit(1),
             "panic" => panic!("harm was asked for"),

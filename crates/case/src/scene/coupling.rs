@@ -23,7 +23,8 @@ pub struct Coupling {
     pub tolerance: f64,
     /// Coupling iterations at most in a window.
     pub max_iterations: u32,
-    /// Relaxation of the first iteration, and of all with `constant`.
+    /// Relaxation of the first iteration, of all with `constant`, and of the load with
+    /// `staggered.sequence = "relaxed-load"`.
     pub relaxation: f64,
     /// Acceleration of the iterations.
     pub acceleration: Acceleration,
@@ -148,6 +149,12 @@ pub enum StaggeredSequence {
     /// canopy) implicit, then the flow around its answer: stands for light fabric at one call
     /// of the flow in a window. Wants predictor 1.
     AddedMass,
+    /// The structure under an extrapolated load, then the flow around it; the share `coupling.relaxation` of the
+    /// flow's load corrects the extrapolation (Dettmer and Peric 2013), at one flow solve in a window. One linear mode
+    /// is stable for any added mass at a share below 0.4 / (1 + added mass / mass). Second order in time with
+    /// predictor 1; the error grows as 1 / share, so that fabric far lighter than the air needs an implicit scheme.
+    /// Predictor 2 is unstable and refused.
+    RelaxedLoad,
 }
 
 /// Highest order of extrapolation in a staggered window.
@@ -185,6 +192,10 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     c.positive("coupling.relaxation", k.relaxation, 1.0, "a relaxation factor");
     c.count("coupling.model_faces", k.model_faces, 1..=20_000, "faces of a dense matrix");
     c.count("coupling.staggered.predictor", k.staggered.predictor, 0..=MOST_PREDICTOR, "an order");
+    if k.staggered.sequence == StaggeredSequence::RelaxedLoad {
+        let why = "an order: a relaxed load extrapolated with order 2 is unstable";
+        c.count("coupling.staggered.predictor", k.staggered.predictor, 0..=1, why);
+    }
     c.count("coupling.adaptive.halvings", k.adaptive.halvings, 0..=20, "halvings of window_s");
     c.count("coupling.adaptive.grow_after", k.adaptive.grow_after, 1..=10_000, "windows that go well");
     if let Some(share) = k.velocity_average {

@@ -1,32 +1,51 @@
-//! Construction of the loop that a scene asks for: scheme, acceleration, criterion.
+//! The tables of schemes and accelerations, and the loop that a scene asks for.
 
 use case::{Acceleration, Coupling, CouplingOrder, Scheme, StaggeredSequence};
 
-use super::acceleration::accelerator::Accelerator;
-use super::acceleration::fixed_point::{Aitken, Constant};
-use super::acceleration::jacobian::{LeastSquaresJacobian, MultiVectorJacobian};
-use super::acceleration::quasi_newton::QuasiNewton;
-use super::acceleration::quasi_newton_options::QuasiNewtonOptions;
+use super::acceleration::accelerator::{Accelerator, FromCoupling};
 use super::acceleration::relaxation::Relaxation;
-use super::flow_model::surrogate::FlowModel;
-use super::sequences::added_mass_staggered::AddedMassStaggered;
-use super::sequences::block_quasi_newton::BlockQuasiNewton;
-use super::sequences::gauss_seidel::GaussSeidel;
-use super::sequences::jacobi::Jacobi;
-use super::sequences::staggered::{FlowFirst, HalfStep, StructureFirst};
+use super::acceleration::{fixed_point, jacobian, quasi_newton};
+use super::sequences;
 use super::unknowns::Unknowns;
 use super::window::criterion::Criterion;
-use super::window::scheme::CouplingScheme;
+use super::window::scheme::{CouplingScheme, FromScene, FromSurrogate, Modelled, SchemeSettings};
 use super::window::values::InterfaceState;
 use super::window::window_loop::{WindowLoop, WindowLoopParts};
 use crate::descent::DescentModel;
 
-/// What schemes with a surrogate of the flow need.
-pub struct Modelled {
-    /// The surrogate.
-    pub model: FlowModel,
-    /// Acceleration of the structure's iterations against it.
-    pub accelerator: Box<dyn Accelerator>,
+/// Accelerations by their names in a scene, one line each.
+fn acceleration(named: Acceleration) -> AccelerationRow {
+    match named {
+        Acceleration::Constant => accelerated::<fixed_point::Constant>(),
+        Acceleration::Aitken => accelerated::<fixed_point::Aitken>(),
+        Acceleration::IqnIls => accelerated::<quasi_newton::QuasiNewton<jacobian::LeastSquaresJacobian>>(),
+        Acceleration::IqnImvj => accelerated::<quasi_newton::QuasiNewton<jacobian::MultiVectorJacobian>>(),
+        // Its scheme is a row of `implicit`. Where that has no surrogate of the flow, IQN-ILS takes its place.
+        Acceleration::IbqnLs => acceleration(Acceleration::IqnIls),
+    }
+}
+
+/// Staggered schemes by their names in a scene, one line each.
+fn staggered(named: StaggeredSequence) -> SchemeRow {
+    match named {
+        StaggeredSequence::StructureFirst => plain::<sequences::staggered::StructureFirst>(),
+        StaggeredSequence::FlowFirst => plain::<sequences::staggered::FlowFirst>(),
+        StaggeredSequence::HalfStep => plain::<sequences::staggered::HalfStep>(),
+        StaggeredSequence::RelaxedLoad => plain::<sequences::relaxed_load::RelaxedLoad>(),
+        StaggeredSequence::AddedMass => surrogate::<sequences::added_mass_staggered::AddedMassStaggered>(),
+    }
+}
+
+/// Implicit schemes by their names in a scene, one line each.
+fn implicit(named: CouplingOrder, by: Acceleration) -> SchemeRow {
+    use CouplingOrder as Order;
+    match (named, by) {
+        (Order::GaussSeidel, Acceleration::IbqnLs) => {
+            surrogate::<sequences::block_quasi_newton::BlockQuasiNewton>()
+        }
+        (Order::GaussSeidel, _) => plain::<sequences::gauss_seidel::GaussSeidel>(),
+        (Order::Jacobi, _) => plain::<sequences::jacobi::Jacobi>(),
+    }
 }
 
 /// A stage whose windows are coupled.
@@ -58,7 +77,7 @@ pub fn window_loop(setup: WindowLoopSetup<'_>) -> WindowLoop {
     let WindowLoopSetup { coupling, unknowns, interface, .. } = setup;
     let parts = WindowLoopParts {
         stage: setup.stage.to_owned(),
-        scheme: scheme(coupling, unknowns, &interface, setup.modelled),
+        scheme: scheme(SchemeSettings { coupling, unknowns, interface: &interface }, setup.modelled),
         accelerator: accelerator(coupling, unknowns.len(), setup.relaxation),
         unknowns,
         criterion: setup.criterion,
@@ -69,67 +88,85 @@ pub fn window_loop(setup: WindowLoopSetup<'_>) -> WindowLoop {
     WindowLoop::new(parts, interface, setup.faces)
 }
 
-/// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what
-/// quasi-Newton does with what no column spans.
-pub fn accelerator(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Box<dyn Accelerator> {
-    let options = QuasiNewtonOptions {
-        relaxation: coupling.relaxation,
-        reused_windows: coupling.reused_windows,
-        noise: 0.1 * coupling.tolerance,
-        ..QuasiNewtonOptions::default()
-    };
-    match coupling.acceleration {
-        Acceleration::Constant => Box::new(Constant::new(coupling.relaxation)),
-        Acceleration::Aitken => Box::new(Aitken::new(coupling.relaxation)),
-        Acceleration::IqnIls | Acceleration::IbqnLs => {
-            Box::new(QuasiNewton::<LeastSquaresJacobian>::new(unknowns, options, rest))
-        }
-        Acceleration::IqnImvj => Box::new(QuasiNewton::<MultiVectorJacobian>::new(unknowns, options, rest)),
+type ConstructAcceleration = fn(&Coupling, usize, Box<dyn Relaxation>) -> Box<dyn Accelerator>;
+type ConstructScheme = fn(SchemeSettings<'_>) -> Box<dyn CouplingScheme>;
+type ConstructWithSurrogate = fn(SchemeSettings<'_>, Modelled) -> Box<dyn CouplingScheme>;
+
+/// How an acceleration is constructed and described.
+struct AccelerationRow {
+    construct: ConstructAcceleration,
+    describe: fn(&Coupling) -> String,
+}
+
+fn accelerated<A: FromCoupling>() -> AccelerationRow {
+    AccelerationRow {
+        construct: |coupling, unknowns, rest| Box::new(A::from_coupling(coupling, unknowns, rest)),
+        describe: A::describe,
+    }
+}
+
+/// How a scheme is constructed and described.
+struct SchemeRow {
+    construct: ConstructScheme,
+    /// The same with the surrogate that the scheme needs; without one `construct` takes its place.
+    construct_with: Option<ConstructWithSurrogate>,
+    describe: fn(&Coupling) -> String,
+}
+
+fn plain<S: FromScene>() -> SchemeRow {
+    SchemeRow {
+        construct: |settings| Box::new(S::from_scene(settings)),
+        construct_with: None,
+        describe: S::describe,
+    }
+}
+
+fn surrogate<S: FromSurrogate>() -> SchemeRow {
+    SchemeRow {
+        construct_with: Some(|settings, surrogate| Box::new(S::from_surrogate(settings, surrogate))),
+        describe: S::describe,
+        ..plain::<S::Fallback>()
+    }
+}
+
+fn scheme_row(coupling: &Coupling) -> SchemeRow {
+    match coupling.scheme {
+        Scheme::Staggered => staggered(coupling.staggered.sequence),
+        Scheme::Implicit => implicit(coupling.order, coupling.acceleration),
     }
 }
 
 /// Whether a scene's scheme needs a surrogate of the flow.
 pub fn needs_model(coupling: &Coupling) -> bool {
-    match coupling.scheme {
-        Scheme::Staggered => coupling.staggered.sequence == StaggeredSequence::AddedMass,
-        Scheme::Implicit => {
-            coupling.order == CouplingOrder::GaussSeidel && coupling.acceleration == Acceleration::IbqnLs
-        }
+    scheme_row(coupling).construct_with.is_some()
+}
+
+/// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what
+/// quasi-Newton does with what no column spans.
+pub fn accelerator(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Box<dyn Accelerator> {
+    (acceleration(coupling.acceleration).construct)(coupling, unknowns, rest)
+}
+
+/// The scheme that a scene asks for; its fallback without the surrogate that it needs.
+fn scheme(settings: SchemeSettings<'_>, modelled: Option<Modelled>) -> Box<dyn CouplingScheme> {
+    let row = scheme_row(settings.coupling);
+    match (row.construct_with, modelled) {
+        (Some(construct), Some(modelled)) => construct(settings, modelled),
+        _ => (row.construct)(settings),
     }
 }
 
-/// The scheme that a scene asks for, starting from `interface`. Without the surrogate that it needs an
-/// implicit scheme falls back to IQN-ILS, a staggered one to extrapolated loads.
-pub fn scheme(
-    coupling: &Coupling,
-    unknowns: Unknowns,
-    interface: &InterfaceState,
-    modelled: Option<Modelled>,
-) -> Box<dyn CouplingScheme> {
-    let (order, load) = (coupling.staggered.predictor as usize, coupling.load);
-    if let Some(Modelled { model, accelerator }) = modelled.filter(|_| needs_model(coupling)) {
-        return match coupling.scheme {
-            Scheme::Staggered => {
-                Box::new(AddedMassStaggered::new(order, load, unknowns, interface, model, accelerator))
-            }
-            Scheme::Implicit => {
-                Box::new(BlockQuasiNewton::new(load, unknowns, interface, model, accelerator))
-            }
-        };
-    }
-    match (coupling.scheme, coupling.staggered.sequence, coupling.order) {
-        (Scheme::Staggered, StaggeredSequence::StructureFirst | StaggeredSequence::AddedMass, _) => {
-            Box::new(StructureFirst::new(order, interface))
-        }
-        (Scheme::Staggered, StaggeredSequence::FlowFirst, _) => {
-            Box::new(FlowFirst::new(order, load, unknowns, interface))
-        }
-        (Scheme::Staggered, StaggeredSequence::HalfStep, _) => {
-            Box::new(HalfStep::new(order, unknowns, interface))
-        }
-        (Scheme::Implicit, _, CouplingOrder::GaussSeidel) => {
-            Box::new(GaussSeidel::new(load, unknowns, interface))
-        }
-        (Scheme::Implicit, _, CouplingOrder::Jacobi) => Box::new(Jacobi::new(load, unknowns, interface)),
-    }
+/// Scheme and acceleration of a scene in words, for the log.
+pub fn describe(coupling: &Coupling) -> String {
+    let row = scheme_row(coupling);
+    let scheme = (row.describe)(coupling);
+    let (order, by) = match coupling.scheme {
+        Scheme::Staggered => return format!("staggered: {scheme}"),
+        Scheme::Implicit if row.construct_with.is_some() => ("implicit".into(), scheme),
+        Scheme::Implicit => (scheme, (acceleration(coupling.acceleration).describe)(coupling)),
+    };
+    format!(
+        "{order}: at most {} iterations a window to {:.0e}, accelerated by {by}",
+        coupling.max_iterations, coupling.tolerance
+    )
 }

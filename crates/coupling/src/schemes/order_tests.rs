@@ -1,9 +1,9 @@
 //! Order in time and contraction of each scheme on one mode, against closed forms.
 
 use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Role, Scheme, Staggered, StaggeredSequence};
-use channel::{LOAD_WIDTH, Stats, Window};
+use channel::{Stats, Window};
 
-use super::test_support::{ClosedForm, at_rest};
+use super::test_support::{ClosedForm, one_mode};
 use super::*;
 use crate::error::{Place, RunError};
 use crate::partners::LoadOverWindow;
@@ -127,28 +127,6 @@ impl ClosedForm for Oscillator {
     }
 }
 
-/// The loop over one node with one face, at rest; `scale` of the load in Jacobi order.
-fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
-    let mut unknowns = Unknowns::new(1, 1.0, false);
-    if coupling.scheme == Scheme::Implicit && coupling.order == CouplingOrder::Jacobi {
-        unknowns = unknowns.with_loads(LOAD_WIDTH, scale);
-    }
-    let fields = vec![Field::new(0..unknowns.len(), 1e-9)];
-    let criterion = Criterion::new(fields, coupling.tolerance);
-    window_loop(WindowLoopSetup {
-        stage: "test",
-        coupling,
-        unknowns,
-        criterion,
-        faces: 1,
-        descent: None,
-        interface: at_rest(1, 1, 0.0),
-        relaxation: Box::new(Uniform(coupling.relaxation)),
-        modelled: None,
-        accept_unconverged: false,
-    })
-}
-
 /// Error at t = 2 with this number of windows.
 fn error(coupling: &Coupling, windows: u64) -> f64 {
     let dt = 2.0 / windows as f64;
@@ -170,6 +148,10 @@ fn staggered(sequence: StaggeredSequence, predictor: u32) -> Coupling {
     }
 }
 
+fn relaxed_load(predictor: u32) -> Coupling {
+    Coupling { relaxation: 0.5, ..staggered(StaggeredSequence::RelaxedLoad, predictor) }
+}
+
 fn implicit(acceleration: Acceleration, order: CouplingOrder, load: LoadShape) -> Coupling {
     Coupling { acceleration, order, load, tolerance: 1e-10, max_iterations: 400, ..Coupling::default() }
 }
@@ -188,6 +170,8 @@ fn each_scheme_has_the_order_that_it_promises() {
         (1, staggered(HalfStep, 0)),
         (2, staggered(HalfStep, 1)),
         (2, staggered(HalfStep, 2)),
+        (1, relaxed_load(0)),
+        (2, relaxed_load(1)),
         (1, implicit(Acceleration::IqnIls, gauss_seidel, LoadShape::Constant)),
         (2, implicit(Acceleration::IqnIls, gauss_seidel, LoadShape::Mean)),
         (2, implicit(Acceleration::IqnImvj, gauss_seidel, LoadShape::Linear)),
@@ -299,6 +283,21 @@ fn predictors_narrow_the_added_mass_that_staggered_schemes_bear() {
     let limits = [0, 1, 2].map(limit);
     println!("largest added mass per mass: {limits:.3?}");
     assert!(limits[0] > limits[1] && limits[1] > limits[2], "{limits:?}");
+}
+
+#[test]
+fn a_relaxed_load_is_stable_for_any_added_mass() {
+    for added in [0.01, 0.3, 3.0, 30.0, 300.0] {
+        let share = |of: f64| Coupling { relaxation: of / (1.0 + added), ..relaxed_load(1) };
+        let (stable, plain) =
+            (growth(&share(0.4), added), growth(&staggered(StaggeredSequence::StructureFirst, 1), added));
+        println!("added mass {added}: growth {stable} with a relaxed load, {plain} without");
+        assert!(stable < 1.0005, "added mass {added}: {stable}");
+        if added > 1.0 {
+            assert!(plain > 1.05, "added mass {added}: {plain}");
+            assert!(growth(&share(1.6), added) > 1.05, "added mass {added}");
+        }
+    }
 }
 
 /// Largest error up to t = 2 with windows that alternate between one and two parts.

@@ -2,11 +2,16 @@
 
 use std::path::Path;
 
-use case::Role;
+use case::{Coupling, CouplingOrder, Role, Scheme};
 use channel::{LOAD_WIDTH, Stats, Window};
 use mesh::Point;
 
+use super::acceleration::relaxation::Uniform;
+use super::build::{WindowLoopSetup, window_loop};
+use super::unknowns::Unknowns;
+use super::window::criterion::{Criterion, Field};
 use super::window::values::InterfaceState;
+use super::window::window_loop::WindowLoop;
 use crate::error::RunError;
 use crate::partners::{Answer, LoadOverWindow, Partners};
 
@@ -80,4 +85,26 @@ pub fn at_rest(nodes: usize, faces: usize, velocity: f64) -> InterfaceState {
         velocity,
         ..InterfaceState::default()
     }
+}
+
+/// The loop over one node with one face, at rest; `scale` of the load in Jacobi order.
+pub fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
+    let mut unknowns = Unknowns::new(1, 1.0, false);
+    if coupling.scheme == Scheme::Implicit && coupling.order == CouplingOrder::Jacobi {
+        unknowns = unknowns.with_loads(LOAD_WIDTH, scale);
+    }
+    let fields = vec![Field::new(0..unknowns.len(), 1e-9)];
+    let criterion = Criterion::new(fields, coupling.tolerance);
+    window_loop(WindowLoopSetup {
+        stage: "test",
+        coupling,
+        unknowns,
+        criterion,
+        faces: 1,
+        descent: None,
+        interface: at_rest(1, 1, 0.0),
+        relaxation: Box::new(Uniform(coupling.relaxation)),
+        modelled: None,
+        accept_unconverged: false,
+    })
 }

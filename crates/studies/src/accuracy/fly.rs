@@ -1,10 +1,9 @@
 //! Runs the samples that have no result yet, some at a time, each as a `ripstop run` of its own.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use coupling::error::{Place, RunError};
 use coupling::interface::CanopyInterface;
@@ -16,6 +15,7 @@ use super::cost::{self, Cost, Sizes};
 use super::estimate;
 use super::running::Progress;
 use super::study::{Member, Study};
+use crate::process::run_scene;
 
 const RESULT: &str = "result.json";
 /// Which programs run a sample, in the folder of its run.
@@ -343,35 +343,13 @@ fn run(
         std::fs::write(&by, build).map_err(RunError::file("write", &by))?;
     }
     let log = scene.with_file_name("errors.txt");
-    let file = std::fs::File::create(&log).map_err(RunError::file("create", &log))?;
-    let begun = Instant::now();
-    let mut child = Command::new(&program)
-        .arg("run")
-        .arg(scene)
-        .arg("--out")
-        .arg(out)
-        .arg("--quiet")
-        .args(resumes.then_some("--resume"))
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(file)
-        .spawn()
-        .map_err(RunError::file("start", &program))?;
-    let (mut signalled, mut late) = (false, false);
-    let status = loop {
-        if let Some(status) = child.try_wait().map_err(RunError::file("wait for", &program))? {
-            break status;
-        }
+    let (begun, mut late) = (Instant::now(), false);
+    let options: &[&str] = if resumes { &["--resume"] } else { &[] };
+    let status = run_scene(&program, [scene, out], options, &log, &mut || {
         late |= limit_s.is_some_and(|l| begun.elapsed().as_secs_f64() > l);
-        if (late || stop.load(Ordering::Relaxed)) && !signalled {
-            // It ends its programs by itself.
-            // SAFETY: a signal to a child that has not been waited for.
-            unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
-            signalled = true;
-        }
         tick();
-        std::thread::sleep(Duration::from_millis(20));
-    };
+        late || stop.load(Ordering::Relaxed)
+    })?;
     if stop.load(Ordering::Relaxed) {
         return Err(interrupted());
     }

@@ -1,10 +1,8 @@
 //! Flies the members, some at a time, each as a `ripstop run` of its own.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Duration;
 
 use coupling::error::{Place, RunError};
 use results::history;
@@ -13,6 +11,7 @@ use terminal::Console;
 
 use super::family::{Member, Point};
 use super::verdict::{Seen, Verdict};
+use crate::process::run_scene;
 
 /// What is kept of a member that was flown.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -125,31 +124,7 @@ fn one(member: &Member, stop: &AtomicBool) -> Result<Flown, RunError> {
 fn run(scene: &Path, folder: &Path, stop: &AtomicBool) -> Result<Option<String>, RunError> {
     let program = results::program::this_program()?;
     let log = folder.join("errors.txt");
-    let file = std::fs::File::create(&log).map_err(RunError::file("create", &log))?;
-    let mut child = Command::new(&program)
-        .arg("run")
-        .arg(scene)
-        .arg("--out")
-        .arg(folder)
-        .arg("--quiet")
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(file)
-        .spawn()
-        .map_err(RunError::file("start", &program))?;
-    let mut told = false;
-    let status = loop {
-        if let Some(status) = child.try_wait().map_err(RunError::file("wait for", &program))? {
-            break status;
-        }
-        if stop.load(Ordering::Relaxed) && !told {
-            // It ends its programs by itself.
-            // SAFETY: a signal to a child that has not been waited for.
-            unsafe { libc::kill(child.id() as libc::pid_t, libc::SIGTERM) };
-            told = true;
-        }
-        std::thread::sleep(Duration::from_millis(20));
-    };
+    let status = run_scene(&program, [scene, folder], &[], &log, &mut || stop.load(Ordering::Relaxed))?;
     let words = std::fs::read_to_string(&log).unwrap_or_default();
     let words = words.trim().trim_start_matches("error: ");
     match status.code() {

@@ -1,5 +1,8 @@
 //! Acceleration of the coupling iteration: `(x, x_tilde) -> x`.
 
+use case::Coupling;
+
+use super::relaxation::Relaxation;
 use crate::error::RunError;
 use crate::schemes::flow_model::lattice::Lattice;
 
@@ -30,4 +33,13 @@ pub trait Accelerator {
     fn reshape(&mut self, lattice: &Lattice) {
         let _ = lattice;
     }
+}
+
+/// An acceleration that a scene may name.
+pub trait FromCoupling: Accelerator + Sized + 'static {
+    /// For `unknowns` numbers; `rest` relaxes what no column spans.
+    fn from_coupling(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Self;
+
+    /// The acceleration in a few words, for the log.
+    fn describe(coupling: &Coupling) -> String;
 }

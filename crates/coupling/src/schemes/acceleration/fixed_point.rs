@@ -1,6 +1,9 @@
 //! Relaxed fixed-point iteration: with a constant factor, and Aitken's.
 
-use super::accelerator::Accelerator;
+use case::Coupling;
+
+use super::accelerator::{Accelerator, FromCoupling};
+use super::relaxation::Relaxation;
 use crate::error::RunError;
 use crate::schemes::codec::{pack, unpack};
 
@@ -9,10 +12,13 @@ pub struct Constant {
     omega: f64,
 }
 
-impl Constant {
-    /// With a fixed factor.
-    pub fn new(omega: f64) -> Self {
-        Self { omega }
+impl FromCoupling for Constant {
+    fn from_coupling(coupling: &Coupling, _unknowns: usize, _rest: Box<dyn Relaxation>) -> Self {
+        Self { omega: coupling.relaxation }
+    }
+
+    fn describe(coupling: &Coupling) -> String {
+        format!("relaxation {}", coupling.relaxation)
     }
 }
 
@@ -71,6 +77,16 @@ impl Aitken {
         self.residual.extend(x.iter().zip(x_tilde).map(|(x, t)| t - x));
         self.iteration += 1;
         self.omega
+    }
+}
+
+impl FromCoupling for Aitken {
+    fn from_coupling(coupling: &Coupling, _unknowns: usize, _rest: Box<dyn Relaxation>) -> Self {
+        Self::new(coupling.relaxation)
+    }
+
+    fn describe(coupling: &Coupling) -> String {
+        format!("Aitken's relaxation from {}", coupling.relaxation)
     }
 }
 

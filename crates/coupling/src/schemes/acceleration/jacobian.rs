@@ -10,7 +10,10 @@ use super::relaxation::Relaxation;
 use crate::schemes::least_squares::{Columns, axpy};
 
 /// An inverse Jacobian as a value: its columns are all it knows.
-pub trait Jacobian: Default + Serialize + DeserializeOwned {
+pub trait Jacobian: Default + Serialize + DeserializeOwned + 'static {
+    /// Name of the method.
+    const NAME: &'static str;
+
     /// A new window begins.
     fn begin_window(&mut self, options: &QuasiNewtonOptions) {
         let _ = options;
@@ -57,6 +60,8 @@ pub struct LeastSquaresJacobian {
 }
 
 impl Jacobian for LeastSquaresJacobian {
+    const NAME: &'static str = "IQN-ILS";
+
     fn end_window(&mut self, options: &QuasiNewtonOptions) {
         self.window += 1;
         let oldest = self.window.saturating_sub(u64::from(options.reused_windows));
@@ -124,6 +129,8 @@ impl Default for MultiVectorJacobian {
 }
 
 impl Jacobian for MultiVectorJacobian {
+    const NAME: &'static str = "IQN-IMVJ";
+
     fn begin_window(&mut self, options: &QuasiNewtonOptions) {
         if !self.windows[0].steps.is_empty() {
             self.windows.push_front(Secants::default());

@@ -14,7 +14,9 @@
 //!
 //! Which columns serve is the [`Jacobian`]'s: IQN-ILS and IQN-IMVJ differ in nothing else.
 
-use super::accelerator::Accelerator;
+use case::Coupling;
+
+use super::accelerator::{Accelerator, FromCoupling};
 use super::fixed_point::{Aitken, relax};
 use super::jacobian::Jacobian;
 use super::quasi_newton_options::QuasiNewtonOptions;
@@ -36,10 +38,9 @@ pub struct QuasiNewton<J> {
     rest: Box<dyn Relaxation>,
 }
 
-impl<J: Jacobian> QuasiNewton<J> {
-    /// For vectors of `unknowns` numbers; `rest` relaxes what no column spans.
-    pub fn new(unknowns: usize, options: QuasiNewtonOptions, rest: Box<dyn Relaxation>) -> Self {
-        let options = QuasiNewtonOptions { max_columns: options.max_columns.min(unknowns.max(1)), ..options };
+impl<J: Jacobian> FromCoupling for QuasiNewton<J> {
+    fn from_coupling(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Self {
+        let options = QuasiNewtonOptions::for_unknowns(coupling, unknowns);
         Self {
             options,
             jacobian: J::default(),
@@ -51,6 +52,12 @@ impl<J: Jacobian> QuasiNewton<J> {
         }
     }
 
+    fn describe(coupling: &Coupling) -> String {
+        format!("{} with the secants of {} earlier windows", J::NAME, coupling.reused_windows)
+    }
+}
+
+impl<J: Jacobian> QuasiNewton<J> {
     /// Adds the column of the last step to `x`, whose residual is `r`.
     fn learn(&mut self, x: &[f64], r: &[f64]) {
         if let Some((old_x, old_r)) = self.previous.take() {

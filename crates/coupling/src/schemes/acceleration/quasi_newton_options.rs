@@ -1,5 +1,7 @@
 //! Settings of the interface quasi-Newton iteration.
 
+use case::Coupling;
+
 /// Settings of [`super::quasi_newton::QuasiNewton`] and its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub struct QuasiNewtonOptions {
@@ -20,8 +22,16 @@ pub struct QuasiNewtonOptions {
     pub max_step: f64,
 }
 
-impl Default for QuasiNewtonOptions {
-    fn default() -> Self {
-        Self { relaxation: 0.1, reused_windows: 8, filter: 1e-2, noise: 0.0, max_columns: 100, max_step: 3.0 }
+impl QuasiNewtonOptions {
+    /// Those of a scene, for vectors of `unknowns` numbers.
+    pub fn for_unknowns(coupling: &Coupling, unknowns: usize) -> Self {
+        Self {
+            relaxation: coupling.relaxation,
+            reused_windows: coupling.reused_windows,
+            filter: 1e-2,
+            noise: 0.1 * coupling.tolerance,
+            max_columns: unknowns.clamp(1, 100),
+            max_step: 3.0,
+        }
     }
 }

@@ -1,19 +1,16 @@
 //! The staggered scheme with an implicit added mass.
 
-use case::LoadShape;
+use case::Coupling;
 
 use super::extrapolate::{MOST_ORDER, Past};
 use super::inner_solve::InnerSolve;
 use super::predictor::Predictor;
+use super::staggered::StructureFirst;
 use crate::error::RunError;
-use crate::schemes::acceleration::accelerator::Accelerator;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::flow_model::surrogate::FlowModel;
-use crate::schemes::unknowns::Unknowns;
-use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::scheme::{CouplingScheme, FromSurrogate, Modelled, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
-use crate::schemes::window::values::InterfaceState;
 
 /// Staggered, but with the added mass implicit: the structure's substeps under the surrogate's load,
 /// whose defect is extrapolated with order $k$, then mesh and flow around the result. One flow solve
@@ -35,22 +32,23 @@ pub struct AddedMassStaggered {
 /// The surrogate's density over the air's in [`AddedMassStaggered`]: the middle of what is stable.
 pub const SAFE_DENSITY: f64 = 1.1;
 
-impl AddedMassStaggered {
-    /// With this order of extrapolation, starting from `interface`.
-    pub fn new(
-        order: usize,
-        load: LoadShape,
-        unknowns: Unknowns,
-        interface: &InterfaceState,
-        model: FlowModel,
-        accelerator: Box<dyn Accelerator>,
-    ) -> Self {
-        let defect = vec![0.0; model.answers()];
-        let motions = Predictor::from_start(MOST_ORDER, &interface.unknowns(&unknowns));
-        let inner = InnerSolve::new(model, load, &unknowns, accelerator);
-        Self { order, inner, motions, defects: Past::default(), defect }
+impl FromSurrogate for AddedMassStaggered {
+    type Fallback = StructureFirst;
+
+    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self {
+        let defect = vec![0.0; surrogate.model.answers()];
+        let motions = Predictor::from_start(MOST_ORDER, &settings.start());
+        let inner = InnerSolve::new(surrogate, settings.coupling.load, &settings.unknowns);
+        Self { order: settings.predictor(), inner, motions, defects: Past::default(), defect }
     }
 
+    fn describe(coupling: &Coupling) -> String {
+        let order = coupling.staggered.predictor;
+        format!("structure first with added mass implicit, the rest extrapolated with order {order}")
+    }
+}
+
+impl AddedMassStaggered {
     /// The first defect, from the flow around the canopy at rest.
     fn measure_first_defect(
         &mut self,

@@ -1,21 +1,17 @@
 //! Interface block quasi-Newton.
 
-use case::LoadShape;
+use case::Coupling;
 
 use super::extrapolate::MOST_ORDER;
-use super::gauss_seidel::{AppliedLoad, flow_around_iterate, respond_to_flow};
+use super::gauss_seidel::{AppliedLoad, GaussSeidel, flow_around_iterate, respond_to_flow};
 use super::inner_solve::InnerSolve;
 use super::predictor::Predictor;
 use crate::error::RunError;
-use crate::schemes::acceleration::accelerator::Accelerator;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::flow_model::surrogate::FlowModel;
 use crate::schemes::least_squares::norm;
-use crate::schemes::unknowns::Unknowns;
-use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::scheme::{CouplingScheme, FromSurrogate, Modelled, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::WindowState;
-use crate::schemes::window::values::InterfaceState;
 
 /// Changes of the surrogate's load below this share of the load add no column, or below the tolerance where that is
 /// smaller: the flow then solves more closely.
@@ -36,19 +32,15 @@ pub struct BlockQuasiNewton {
     applied: AppliedLoad,
 }
 
-impl BlockQuasiNewton {
-    /// Starting from `interface`.
-    pub fn new(
-        load: LoadShape,
-        unknowns: Unknowns,
-        interface: &InterfaceState,
-        model: FlowModel,
-        accelerator: Box<dyn Accelerator>,
-    ) -> Self {
-        let defect = vec![0.0; model.answers()];
+impl FromSurrogate for BlockQuasiNewton {
+    type Fallback = GaussSeidel;
+
+    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self {
+        let defect = vec![0.0; surrogate.model.answers()];
+        let load = settings.coupling.load;
         Self {
-            inner: InnerSolve::new(model, load, &unknowns, accelerator),
-            motions: Predictor::from_start(MOST_ORDER, &interface.unknowns(&unknowns)),
+            inner: InnerSolve::new(surrogate, load, &settings.unknowns),
+            motions: Predictor::from_start(MOST_ORDER, &settings.start()),
             defects: Predictor::new(MOST_ORDER),
             defect,
             last: None,
@@ -57,6 +49,12 @@ impl BlockQuasiNewton {
         }
     }
 
+    fn describe(_coupling: &Coupling) -> String {
+        "block quasi-Newton with secants of the flow".into()
+    }
+}
+
+impl BlockQuasiNewton {
     /// Adds the secant of the last two sweeps of this window to the surrogate.
     fn add_secant(&mut self, state: &WindowState, solvers: &Solvers<'_>) {
         if let Some((inertia, before)) = self.last.take() {

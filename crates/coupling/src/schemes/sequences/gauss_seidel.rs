@@ -1,17 +1,15 @@
 //! The Gauss-Seidel sweep, and the implicit scheme that repeats it.
 
-use case::LoadShape;
+use case::{Coupling, LoadShape};
 
 use super::predictor::Predictor;
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::unknowns::Unknowns;
 use crate::schemes::window::load_shape::shape_load;
-use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::scheme::{CouplingScheme, FromScene, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
-use crate::schemes::window::values::InterfaceState;
 
 /// The load on the structure over the substeps of a window, each `[faces][LOAD_WIDTH]`, Pa.
 pub struct AppliedLoad {
@@ -82,13 +80,16 @@ pub struct GaussSeidel {
     predictor: Predictor,
 }
 
-impl GaussSeidel {
-    /// With this shape of the load over the substeps.
-    pub fn new(load: LoadShape, unknowns: Unknowns, interface: &InterfaceState) -> Self {
+impl FromScene for GaussSeidel {
+    fn from_scene(settings: SchemeSettings<'_>) -> Self {
         Self {
-            applied: AppliedLoad::new(load),
-            predictor: Predictor::from_start(2, &interface.unknowns(&unknowns)),
+            applied: AppliedLoad::new(settings.coupling.load),
+            predictor: Predictor::from_start(2, &settings.start()),
         }
+    }
+
+    fn describe(_coupling: &Coupling) -> String {
+        "implicit".into()
     }
 }
 

@@ -16,6 +16,7 @@ use crate::schemes::acceleration::accelerator::Accelerator;
 use crate::schemes::codec::{pack, unpack};
 use crate::schemes::flow_model::surrogate::FlowModel;
 use crate::schemes::unknowns::Unknowns;
+use crate::schemes::window::scheme::Modelled;
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::WindowState;
 
@@ -55,13 +56,9 @@ pub struct InnerSolve {
 }
 
 impl InnerSolve {
-    /// Against `model`, with this shape of the load over the substeps.
-    pub fn new(
-        model: FlowModel,
-        load: LoadShape,
-        unknowns: &Unknowns,
-        accelerator: Box<dyn Accelerator>,
-    ) -> Self {
+    /// Against `surrogate`, with this shape of the load over the substeps.
+    pub fn new(surrogate: Modelled, load: LoadShape, unknowns: &Unknowns) -> Self {
+        let Modelled { model, accelerator } = surrogate;
         let (n, m) = (unknowns.len(), model.answers());
         Self {
             model,

@@ -1,16 +1,14 @@
 //! The implicit scheme in Jacobi order.
 
-use case::LoadShape;
+use case::Coupling;
 
 use super::gauss_seidel::{AppliedLoad, flow_around_iterate};
 use super::predictor::Predictor;
 use crate::error::RunError;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::unknowns::Unknowns;
-use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::scheme::{CouplingScheme, FromScene, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::WindowState;
-use crate::schemes::window::values::InterfaceState;
 
 /// Jacobi: flow at the displacement of the iterate, structure under its load, neither knowing the
 /// other's response. The unknowns are displacement, descent speed and load.
@@ -21,15 +19,20 @@ pub struct Jacobi {
     iterate: Vec<f64>,
 }
 
-impl Jacobi {
-    /// With this shape of the load over the substeps; `unknowns` hold loads.
-    pub fn new(load: LoadShape, unknowns: Unknowns, interface: &InterfaceState) -> Self {
-        let predictor = if interface.load.is_some() {
-            Predictor::from_start(2, &interface.unknowns(&unknowns))
+impl FromScene for Jacobi {
+    /// The unknowns of the `settings` hold loads.
+    fn from_scene(settings: SchemeSettings<'_>) -> Self {
+        let predictor = if settings.interface.load.is_some() {
+            Predictor::from_start(2, &settings.start())
         } else {
             Predictor::new(2)
         };
-        Self { applied: AppliedLoad::new(load), predictor, iterate: vec![0.0; unknowns.loads()] }
+        let iterate = vec![0.0; settings.unknowns.loads()];
+        Self { applied: AppliedLoad::new(settings.coupling.load), predictor, iterate }
+    }
+
+    fn describe(_coupling: &Coupling) -> String {
+        "implicit in Jacobi order".into()
     }
 }
 

@@ -7,4 +7,5 @@ pub mod gauss_seidel;
 pub mod inner_solve;
 pub mod jacobi;
 pub mod predictor;
+pub mod relaxed_load;
 pub mod staggered;

@@ -1,17 +1,15 @@
 //! Staggered schemes: each solver once in a window.
 
-use case::{DescentEquation, LoadShape};
+use case::{Coupling, DescentEquation};
 
 use super::extrapolate::Past;
 use super::gauss_seidel::{AppliedLoad, gauss_seidel_sweep};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::unknowns::Unknowns;
-use crate::schemes::window::scheme::CouplingScheme;
+use crate::schemes::window::scheme::{CouplingScheme, FromScene, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
-use crate::schemes::window::values::InterfaceState;
 
 /// The structure's substeps under a load extrapolated with order $k$, then mesh, flow and
 /// descent. $k = 0$ is the paper's sequence, of first order in time; from $k = 1$ on it is of
@@ -23,12 +21,18 @@ pub struct StructureFirst {
     ahead: Vec<f64>,
 }
 
-impl StructureFirst {
-    /// With this order of extrapolation.
-    pub fn new(order: usize, interface: &InterfaceState) -> Self {
+impl FromScene for StructureFirst {
+    fn from_scene(settings: SchemeSettings<'_>) -> Self {
         // A load known from an earlier stage belongs to windows of another length.
-        let (loads, velocities) = (Past::default(), Past::from_start(&[interface.velocity]));
-        Self { order, loads, velocities, ahead: Vec::new() }
+        let (loads, velocities) = (Past::default(), Past::from_start(&[settings.interface.velocity]));
+        Self { order: settings.predictor(), loads, velocities, ahead: Vec::new() }
+    }
+
+    fn describe(coupling: &Coupling) -> String {
+        match coupling.staggered.predictor {
+            0 => "each program once in a window, with the pressures of the last".into(),
+            order => format!("structure first, under loads extrapolated with order {order}"),
+        }
     }
 }
 
@@ -78,11 +82,14 @@ pub struct FlowFirst {
     motions: Past,
 }
 
-impl FlowFirst {
-    /// With this order of extrapolation and shape of the load over the substeps.
-    pub fn new(order: usize, load: LoadShape, unknowns: Unknowns, interface: &InterfaceState) -> Self {
-        let motions = Past::from_start(&interface.unknowns(&unknowns));
-        Self { order, applied: AppliedLoad::new(load), motions }
+impl FromScene for FlowFirst {
+    fn from_scene(settings: SchemeSettings<'_>) -> Self {
+        let applied = AppliedLoad::new(settings.coupling.load);
+        Self { order: settings.predictor(), applied, motions: Past::from_start(&settings.start()) }
+    }
+
+    fn describe(coupling: &Coupling) -> String {
+        format!("flow first, around a canopy extrapolated with order {}", coupling.staggered.predictor)
     }
 }
 
@@ -126,10 +133,15 @@ pub struct HalfStep {
     load: Vec<f64>,
 }
 
-impl HalfStep {
-    /// With this order of extrapolation.
-    pub fn new(order: usize, unknowns: Unknowns, interface: &InterfaceState) -> Self {
-        Self { order, motions: Past::from_start(&interface.unknowns(&unknowns)), load: Vec::new() }
+impl FromScene for HalfStep {
+    fn from_scene(settings: SchemeSettings<'_>) -> Self {
+        let motions = Past::from_start(&settings.start());
+        Self { order: settings.predictor(), motions, load: Vec::new() }
+    }
+
+    fn describe(coupling: &Coupling) -> String {
+        let order = coupling.staggered.predictor;
+        format!("flow half a window off, around a canopy extrapolated with order {order}")
     }
 }
 

@@ -1,8 +1,14 @@
 //! The contract of a coupling scheme.
 
+use case::Coupling;
+
 use super::solvers::Solvers;
 use super::state::WindowState;
+use super::values::InterfaceState;
 use crate::error::RunError;
+use crate::schemes::acceleration::accelerator::Accelerator;
+use crate::schemes::flow_model::surrogate::FlowModel;
+use crate::schemes::unknowns::Unknowns;
 
 /// A coupling scheme as a map from the coupled unknowns to the response of the solvers.
 ///
@@ -53,4 +59,56 @@ pub trait CouplingScheme {
     /// # Errors
     /// A state of another one.
     fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError>;
+}
+
+/// What a scheme is constructed from.
+#[derive(Clone, Copy)]
+pub struct SchemeSettings<'a> {
+    /// Settings of the scene.
+    pub coupling: &'a Coupling,
+    /// Layout of the unknowns.
+    pub unknowns: Unknowns,
+    /// Values on the interface at the start of the stage.
+    pub interface: &'a InterfaceState,
+}
+
+impl SchemeSettings<'_> {
+    /// The coupled unknowns at the start of the stage.
+    pub fn start(&self) -> Vec<f64> {
+        self.interface.unknowns(&self.unknowns)
+    }
+
+    /// Order of the extrapolation in a staggered window.
+    pub fn predictor(&self) -> usize {
+        self.coupling.staggered.predictor as usize
+    }
+}
+
+/// A surrogate of the flow, for schemes that need one.
+pub struct Modelled {
+    /// The surrogate.
+    pub model: FlowModel,
+    /// Acceleration of the structure's iterations against it.
+    pub accelerator: Box<dyn Accelerator>,
+}
+
+/// A scheme that a scene may name.
+pub trait FromScene: CouplingScheme + Sized + 'static {
+    /// The scheme at the start of a stage.
+    fn from_scene(settings: SchemeSettings<'_>) -> Self;
+
+    /// The scheme in a few words, for the log.
+    fn describe(coupling: &Coupling) -> String;
+}
+
+/// A scheme that a scene may name and that needs a surrogate of the flow.
+pub trait FromSurrogate: CouplingScheme + Sized + 'static {
+    /// Takes its place where the surrogate cannot be constructed.
+    type Fallback: FromScene;
+
+    /// The scheme at the start of a stage.
+    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self;
+
+    /// The scheme in a few words, for the log.
+    fn describe(coupling: &Coupling) -> String;
 }

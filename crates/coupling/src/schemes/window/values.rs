@@ -1,5 +1,8 @@
 //! Values on the interface between canopy and flow.
 
+use case::Scene;
+
+use crate::interface::CanopyInterface;
 use crate::schemes::unknowns::Unknowns;
 
 /// Values on the interface at the end of the last accepted window.
@@ -19,6 +22,15 @@ pub struct InterfaceState {
 }
 
 impl InterfaceState {
+    /// Before the first stage: unstressed canopy, initial speed, no load known.
+    pub fn at_start(scene: &Scene, interface: &CanopyInterface) -> Self {
+        Self {
+            displacement: vec![0.0; 3 * interface.nodes()],
+            velocity: scene.descent.as_ref().map_or(0.0, |d| -d.initial_speed_m_s),
+            ..Self::default()
+        }
+    }
+
     /// The unknowns of the state; an unknown load counts as zero.
     pub fn unknowns(&self, layout: &Unknowns) -> Vec<f64> {
         let mut x = vec![0.0; layout.len()];

@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 use case::StageKind;
 use channel::structure_stats;
 use indicatif::{ProgressBar, ProgressStyle};
-use results::history::Row;
 use terminal::Console;
 use terminal::clock;
+
+use crate::history::Row;
 
 /// Time between plain lines where there is no terminal.
 const EVERY: Duration = Duration::from_secs(5);

@@ -1,8 +1,9 @@
 //! The pressure that inflated the canopy beside that of the flow.
 
 use case::{Role, Scene, StageKind};
-use coupling::interface::CanopyInterface;
-use coupling::schemes::InterfaceState;
+
+use crate::interface::CanopyInterface;
+use crate::schemes::InterfaceState;
 
 /// Most of the larger pressure that may be missing in the smaller one at the release without a warning: a
 /// canopy carries about 0.7 to 1.8 times the dynamic pressure, so that an estimate of it lies within a half.

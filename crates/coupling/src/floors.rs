@@ -10,12 +10,13 @@
 //! - descent speed: what gravity gives, or the scale of the load where there is no gravity.
 
 use case::{Scene, StageKind};
-use coupling::interface::CanopyInterface;
-use coupling::schemes::{InterfaceState, LoadFloor};
+
+use crate::interface::CanopyInterface;
+use crate::schemes::{InterfaceState, LoadFloor};
 
 /// Share of the way that the air moves past the canopy in a window, and of the way that the load's scale
 /// moves the fabric, below which a change of shape over the window is no measure for convergence any more.
-pub(super) const SHAPE_FLOOR: f64 = 0.05;
+pub(crate) const SHAPE_FLOOR: f64 = 0.05;
 /// Likewise for the descent speed: the share of what gravity gives in a window.
 /// At a tolerance of 1e-3 the drag is then exact to 1e-4 of the weight.
 const SPEED_FLOOR: f64 = 0.1;
@@ -28,7 +29,7 @@ const SPEED_FLOOR: f64 = 0.1;
 ///   the fabric.
 ///
 /// A scene with none of these has nothing that could move: the rounding of the air's own pressure is left.
-pub(super) fn load_scale(
+pub(crate) fn load_scale(
     scene: &Scene,
     stage: usize,
     interface: &CanopyInterface,
@@ -60,7 +61,7 @@ pub(super) fn load_scale(
 
 /// What the scale `pressure` (Pa) of the load changes the shape by in a window of `dt` (s): `response` is the
 /// displacement at its end in units of `dt` squared times the acceleration.
-pub(super) fn load_floor(
+pub(crate) fn load_floor(
     scene: &Scene,
     interface: &CanopyInterface,
     state: &InterfaceState,
@@ -76,7 +77,7 @@ pub(super) fn load_floor(
 }
 
 /// Floor of the descent speed in a window of `dt` (s), m/s.
-pub(super) fn speed_floor(scene: &Scene, interface: &CanopyInterface, pressure: f64, dt: f64) -> f64 {
+pub(crate) fn speed_floor(scene: &Scene, interface: &CanopyInterface, pressure: f64, dt: f64) -> f64 {
     let gravity = scene.descent.as_ref().map_or(0.0, |d| d.gravity_m_s2);
     let payload = scene.resolved().payload_mass_kg;
     let mass = payload + interface.masses.fabric + interface.masses.cables;
@@ -125,7 +126,7 @@ mod tests {
         );
         let scene = case::parse(Path::new("scene.toml"), &text).expect("a good scene");
         let interface = CanopyInterface::new(&scene).expect("a panel");
-        let state = super::super::initial_state(&scene, &interface);
+        let state = InterfaceState::at_start(&scene, &interface);
         let scale = load_scale(&scene, 1, &interface, &state, 0.0);
         (scale, load_floor(&scene, &interface, &state, [scale, 0.04, 0.5]))
     }

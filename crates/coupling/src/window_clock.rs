@@ -12,7 +12,7 @@ const MOST_PATIENCE: u32 = 64;
 /// are written. Times are products of an integer and one tick: a stage without rejections has the
 /// times of equal windows to the bit.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub(crate) struct WindowClock {
+pub struct WindowClock {
     planned_s: f64,
     most_halvings: u32,
     grow_after: u32,
@@ -31,7 +31,7 @@ pub(crate) struct WindowClock {
 impl WindowClock {
     /// At the start of a stage of planned windows of `window_s` seconds. `adaptive`: `None`
     /// for windows of one length.
-    pub(crate) fn new(window_s: f64, adaptive: Option<&AdaptiveWindow>) -> Self {
+    pub fn new(window_s: f64, adaptive: Option<&AdaptiveWindow>) -> Self {
         let (most_halvings, grow_after) = adaptive.map_or((0, 1), |a| (a.halvings, a.grow_after));
         Self {
             planned_s: window_s,
@@ -58,37 +58,37 @@ impl WindowClock {
     }
 
     /// Start of the next window, s.
-    pub(crate) fn time(&self) -> f64 {
+    pub fn time(&self) -> f64 {
         self.seconds(self.ticks)
     }
 
     /// Length of the next window, s.
-    pub(crate) fn dt(&self) -> f64 {
+    pub fn dt(&self) -> f64 {
         self.seconds(self.length())
     }
 
     /// Planned windows that are over.
-    pub(crate) fn planned(&self) -> u64 {
+    pub fn planned(&self) -> u64 {
         self.ticks / self.planned_ticks()
     }
 
     /// Whether a planned window ends here.
-    pub(crate) fn at_planned(&self) -> bool {
+    pub fn at_planned(&self) -> bool {
         self.ticks.is_multiple_of(self.planned_ticks())
     }
 
     /// Whether the next window is shorter than planned.
-    pub(crate) fn is_short(&self) -> bool {
+    pub fn is_short(&self) -> bool {
         self.halvings > 0
     }
 
     /// Whether the next window may be shorter still.
-    pub(crate) fn can_shrink(&self) -> bool {
+    pub fn can_shrink(&self) -> bool {
         self.halvings < self.most_halvings
     }
 
     /// Halves the next window, which was tried and given back; `false` where it is the shortest.
-    pub(crate) fn shrink(&mut self) -> bool {
+    pub fn shrink(&mut self) -> bool {
         if !self.can_shrink() {
             return false;
         }
@@ -100,7 +100,7 @@ impl WindowClock {
     }
 
     /// The window is over; `well`: it converged.
-    pub(crate) fn advance(&mut self, well: bool) {
+    pub fn advance(&mut self, well: bool) {
         self.ticks += self.length();
         self.good = if well { self.good + 1 } else { 0 };
         self.grown = false;

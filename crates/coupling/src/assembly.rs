@@ -1,0 +1,207 @@
+//! The loop over the windows of a coupled stage, put together from a scene.
+
+use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Scene, Scheme};
+use channel::LOAD_WIDTH;
+
+use crate::descent::DescentModel;
+use crate::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
+use crate::interface::CanopyInterface;
+use crate::schemes::{
+    AddedMassRelaxation, Air, Criterion, Field, FlowModel, InterfaceState, JacobiRelaxation, Lattice,
+    MEAN_WEIGHTS, Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop,
+    WindowLoopSetup, accelerator, needs_model, window_loop,
+};
+
+/// A coupled stage of a scene.
+#[derive(Clone, Copy)]
+pub struct CoupledStage<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Number of the stage.
+    pub stage: usize,
+    /// The canopy.
+    pub interface: &'a CanopyInterface,
+    /// The descent equation.
+    pub descent: Option<DescentModel>,
+    /// The undisturbed air without gusts, m/s.
+    pub wind_m_s: [f64; 3],
+    /// Accepts windows that do not converge as long as they are finite.
+    pub accept_unconverged: bool,
+}
+
+impl CoupledStage<'_> {
+    /// The loop from `state`, and lines about it for the log.
+    pub fn window_loop(&self, state: InterfaceState) -> (WindowLoop, Vec<String>) {
+        let (coupling, interface, mut lines) = (&self.scene.coupling, self.interface, Vec::new());
+        let motion = Unknowns::new(interface.nodes(), self.window_s(), self.descent.is_some());
+        let mut fields = self.fields(&state, motion);
+        let unknowns = self.with_loads(motion, &mut fields);
+        let criterion = Criterion::new(fields, coupling.tolerance);
+        let lattice = self.lattice(&state);
+        let added = lattice.as_ref().and_then(|lattice| self.added_mass(motion, lattice, &mut lines));
+        let modelled = self.modelled(motion, &state, lattice.as_ref(), added.clone(), &mut lines);
+        let windows = window_loop(WindowLoopSetup {
+            stage: self.name(),
+            coupling,
+            unknowns,
+            criterion,
+            faces: interface.faces.len(),
+            descent: self.descent,
+            interface: state,
+            relaxation: self.relaxation(unknowns, added),
+            modelled,
+            accept_unconverged: self.accept_unconverged,
+        });
+        (windows, lines)
+    }
+
+    fn name(&self) -> &str {
+        &self.scene.stages[self.stage].name
+    }
+
+    fn window_s(&self) -> f64 {
+        self.scene.stages[self.stage].window_s
+    }
+
+    /// Fields of the criterion: the shape, and the descent speed where there is one.
+    fn fields(&self, state: &InterfaceState, motion: Unknowns) -> Vec<Field> {
+        let (scene, interface, dt) = (self.scene, self.interface, self.window_s());
+        let wind = self.wind_m_s;
+        let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
+        let moved = motion.displacements();
+        let root = (interface.nodes() as f64).sqrt();
+        let pressure = load_scale(scene, self.stage, interface, state, speed);
+        let load = load_floor(scene, interface, state, [pressure, dt, response(&scene.coupling)]);
+        let mut fields = vec![Field { load, ..Field::new(0..moved, SHAPE_FLOOR * speed * dt * root) }];
+        if self.descent.is_some() {
+            let floor = speed_floor(scene, interface, pressure, dt) * motion.velocity_scale();
+            fields.push(Field::new(moved..moved + 1, floor));
+        }
+        fields
+    }
+
+    /// The canopy's positions in `state`, m.
+    fn positions(&self, state: &InterfaceState) -> Vec<mesh::Point> {
+        let shifted = self.interface.coords.iter().zip(state.displacement.chunks_exact(3));
+        shifted.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
+    }
+
+    /// The air of the scene.
+    fn air(&self) -> Air {
+        let flow = self.scene.flow.as_ref();
+        flow.map_or(Air::incompressible(0.0), |f| Air { density: f.density_kg_m3, sound: f.sound_speed() })
+    }
+
+    /// The canopy in `state` as a lattice of vortex rings; `None` where it has too many faces to make groups.
+    fn lattice(&self, state: &InterfaceState) -> Option<Lattice> {
+        let coupling = &self.scene.coupling;
+        // Relaxation alone does better with too much air than with as much as there is: on the ATPS descent 7.5
+        // against 7.8 iterations of IQN-ILS.
+        let screening = if needs_model(coupling) { self.air().screening(self.window_s()) } else { 0.0 };
+        let most = coupling.model_faces as usize;
+        Lattice::new(&self.positions(state), &self.interface.faces, most, screening)
+    }
+
+    /// The model of the flow for schemes that use one.
+    fn modelled(
+        &self,
+        unknowns: Unknowns,
+        state: &InterfaceState,
+        lattice: Option<&Lattice>,
+        added: Option<AddedMassRelaxation>,
+        lines: &mut Vec<String>,
+    ) -> Option<Modelled> {
+        let coupling = &self.scene.coupling;
+        if !needs_model(coupling) {
+            return None;
+        }
+        let mut air = self.air();
+        if coupling.scheme == Scheme::Staggered {
+            air.density *= SAFE_DENSITY;
+        }
+        let faces = &self.interface.faces;
+        let most = coupling.model_faces as usize;
+        let model = lattice.and_then(|lattice| {
+            FlowModel::new(unknowns, lattice, &state.displacement, state.velocity, faces, air, most)
+        });
+        let name = self.name();
+        if model.is_none() {
+            lines.push(format!(
+                "stage `{name}`: {} faces make no {most} groups for a dense model of the flow: coupling by iqn-ils",
+                faces.len()
+            ));
+        } else if faces.len() > most {
+            lines.push(format!(
+                "stage `{name}`: {} faces act in {most} groups in the model of the air's inertia",
+                faces.len()
+            ));
+        }
+        // Several solves against the model make a window: few of them are enough to learn from.
+        let iqn = Coupling { acceleration: Acceleration::IqnIls, reused_windows: 4, ..coupling.clone() };
+        let rest = self.relaxation(unknowns, added);
+        model.map(|model| Modelled { model, accelerator: accelerator(&iqn, unknowns.len(), rest) })
+    }
+
+    /// In Jacobi order the load is one of the coupled unknowns, in the unit of what it moves
+    /// the fabric within a window.
+    fn with_loads(&self, unknowns: Unknowns, fields: &mut Vec<Field>) -> Unknowns {
+        let coupling = &self.scene.coupling;
+        if coupling.scheme != Scheme::Implicit || coupling.order != CouplingOrder::Jacobi {
+            return unknowns;
+        }
+        let (nodes, faces) = (self.interface.nodes() as f64, self.interface.faces.len());
+        let fabric = &self.scene.fabric;
+        let dt = self.window_s();
+        let moved = response(coupling) * dt * dt / (fabric.thickness_m * fabric.density_kg_m3);
+        let before = unknowns.len();
+        let unknowns = unknowns.with_loads(faces * LOAD_WIDTH, moved * (nodes / faces as f64).sqrt());
+        fields.push(Field { range: before..unknowns.len(), ..fields[0].clone() });
+        unknowns
+    }
+
+    /// What the canopy and the air weigh.
+    fn weights(&self) -> Weights {
+        let fabric = &self.scene.fabric;
+        Weights {
+            fabric_kg_m2: fabric.thickness_m * fabric.density_kg_m3,
+            air: self.air(),
+            response: response(&self.scene.coupling),
+            falling_kg: self.descent.map_or(0.0, |d| d.mass_kg),
+        }
+    }
+
+    /// Relaxation by the canopy's added mass.
+    fn added_mass(
+        &self,
+        motion: Unknowns,
+        lattice: &Lattice,
+        lines: &mut Vec<String>,
+    ) -> Option<AddedMassRelaxation> {
+        let interface = self.interface;
+        let model = AddedMassRelaxation::new(motion, &interface.faces, &self.weights(), lattice)?;
+        lines.push(format!(
+            "stage `{}`: {:.2} kg of fabric move {:.0} kg of air in vertical motion{}",
+            self.name(),
+            interface.masses.fabric,
+            model.vertical_added_mass,
+            if lattice.screening > 0.0 { " within a window" } else { "" },
+        ));
+        Some(model)
+    }
+
+    /// What is done with what no secant spans; the same factor for all where the added mass is not to be had.
+    fn relaxation(&self, unknowns: Unknowns, added: Option<AddedMassRelaxation>) -> Box<dyn Relaxation> {
+        match added {
+            Some(model) if unknowns.loads() > 0 => {
+                Box::new(JacobiRelaxation::new(model, unknowns, &self.weights(), self.window_s()))
+            }
+            Some(model) => Box::new(model),
+            None => Box::new(Uniform(self.scene.coupling.relaxation)),
+        }
+    }
+}
+
+/// Displacement at the end of a window, in dt^2/m, per pressure at its end.
+fn response(coupling: &Coupling) -> f64 {
+    0.5 * if coupling.load == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 }
+}
