@@ -146,7 +146,7 @@ const DURING: &[(&str, &str, &str)] = &[
     ),
     (
         "stages.release-pressure",
-        "coupler/src/stages/release.rs",
+        "crates/coupling/src/release.rs",
         "the_pressure_at_the_release_is_compared_where_a_flow_was_developed",
     ),
     ("stages.at-rest", "coupler/src/stages/pre_inflation.rs", "a_canopy_that_swings_before_a_flow_is_named"),

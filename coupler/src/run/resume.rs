@@ -6,7 +6,7 @@ use case::Scene;
 use coupling::error::RunError;
 use results::checkpoint::{self, Point, Progress, Record};
 use results::summary::StageSummary;
-use terminal::Console;
+use terminal::{Console, counted};
 
 use super::prepare::Prepared;
 
@@ -102,8 +102,10 @@ fn progress_within(point: &Point, console: &Console) -> Result<Progress, RunErro
     }
     let progress = point.progress()?;
     console.line(&format!(
-        "going on with stage `{}` after {} windows (t = {:.4} s)",
-        seal.name, seal.windows, seal.time_s
+        "going on with stage `{}` after {} (t = {:.4} s)",
+        seal.name,
+        counted(seal.windows, "window"),
+        seal.time_s
     ));
     Ok(progress)
 }

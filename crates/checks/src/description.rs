@@ -5,6 +5,7 @@ use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
 use coupling::schemes::describe;
 use effects::effects;
+use terminal::counted;
 
 use crate::shared_memory;
 
@@ -84,7 +85,8 @@ fn time(stage: &Stage) -> String {
         _ if stage.steady.is_some() => "to a steady state".into(),
         Solve::Static => "at rest".into(),
         Solve::Dynamic => {
-            format!("{} s in {} windows of {} s{substeps}", stage.duration_s, stage.windows(), stage.window_s)
+            let windows = counted(stage.windows(), "window");
+            format!("{} s in {windows} of {} s{substeps}", stage.duration_s, stage.window_s)
         }
     }
 }

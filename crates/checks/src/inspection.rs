@@ -5,7 +5,7 @@ use std::path::Path;
 use case::Scene;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
-use terminal::Console;
+use terminal::{Console, counted};
 
 use super::facts::{Facts, Machine};
 use super::finding::{Finding, Judged, Severity};
@@ -81,14 +81,14 @@ impl Inspection {
             0 => Ok(()),
             n => Err(RunError::Input(format!(
                 "the inspection found {}, see above: this scene would not run",
-                counted(n, "error")
+                counted(n as u64, "error")
             ))),
         }
     }
 
     /// The section of `ripstop check`.
     pub fn text(&self) -> String {
-        let count = |s: Severity| self.of_severity(s).count();
+        let count = |s: Severity| self.of_severity(s).count() as u64;
         let mut lines = vec![format!(
             "inspection: {}, {}, {} (docs/checks.md)",
             counted(count(Severity::Error), "error"),
@@ -100,10 +100,6 @@ impl Inspection {
         }
         lines.join("\n")
     }
-}
-
-fn counted(n: usize, what: &str) -> String {
-    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
 }
 
 fn complete(check: &Check, judged: Judged, place: impl Fn(&str) -> String) -> Finding {

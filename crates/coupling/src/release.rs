@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     fn scene(change: impl Fn(&mut Scene)) -> Scene {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/square-drop/scene.toml");
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/square-drop/scene.toml");
         let mut scene = case::load(&file).expect("a scene of the repository");
         change(&mut scene);
         scene

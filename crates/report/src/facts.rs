@@ -4,7 +4,7 @@ use case::{Role, StageKind};
 use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
 use figures::plot;
-use terminal::clock;
+use terminal::{clock, counted};
 
 use super::chart::digits;
 use super::data::{Columns, Run, StageData, number};
@@ -23,11 +23,11 @@ pub(super) fn progress(run: &Run, stage: &StageData) -> String {
     let time = digits(stage.columns.last("time_s").unwrap_or(0.0));
     let told = super::data::text(stage.summary.as_ref(), "ended");
     if done >= planned || told == "complete" {
-        format!("{time} s in {done} windows")
+        format!("{time} s in {}", counted(done, "window"))
     } else if told.is_empty() || told == "failed" {
-        format!("{time} s, ended after {done} of {planned} windows")
+        format!("{time} s, ended after {done} of {}", counted(planned, "window"))
     } else {
-        format!("{time} s in {done} of {planned} windows: {told}")
+        format!("{time} s in {done} of {}: {told}", counted(planned, "window"))
     }
 }
 
@@ -115,7 +115,7 @@ fn coupling_effort(columns: &Columns) -> Option<Card> {
     let above = columns.get("coupling_converged").map_or(0, |v| v.iter().filter(|x| **x == 0.0).count());
     let mut notes = vec![format!("calls of the flow in a window, {most:.0} at most")];
     if above > 0 {
-        notes.push(format!("{above} windows above the tolerance"));
+        notes.push(format!("{} above the tolerance", counted(above as u64, "window")));
     }
     if let Some(share) = columns.last("interface_energy_error_share") {
         notes.push(format!("coupling added {:+.1} % of the work", 100.0 * share));

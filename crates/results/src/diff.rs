@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use coupling::error::RunError;
+use terminal::counted;
 
 use crate::history;
 use crate::recording::compare::Comparison;
@@ -107,7 +108,9 @@ pub fn histories(a: &Path, b: &Path, tolerance: f64) -> Result<(bool, String), R
         }
     }
     Ok(match first {
-        None => (true, format!("histories are the same to {tolerance:.0e} in {rows} windows")),
+        None => {
+            (true, format!("histories are the same to {tolerance:.0e} in {}", counted(rows as u64, "window")))
+        }
         Some((i, name, x, y, d)) => (
             false,
             format!(

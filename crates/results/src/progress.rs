@@ -5,8 +5,7 @@ use std::time::{Duration, Instant};
 use case::StageKind;
 use channel::structure_stats;
 use indicatif::{ProgressBar, ProgressStyle};
-use terminal::Console;
-use terminal::clock;
+use terminal::{Console, clock, counted};
 
 use crate::history::Row;
 
@@ -65,9 +64,9 @@ impl Progress {
         let rest =
             wall / done.saturating_sub(self.first).max(1) as f64 * self.windows.saturating_sub(done) as f64;
         let mut text = format!(
-            "t {:.3} s | {done} of {} windows{} | wall {} | rest about {}",
+            "t {:.3} s | {done} of {}{} | wall {} | rest about {}",
             row.time_s,
-            self.windows,
+            counted(self.windows, "window"),
             if row.rejected > 0 { format!(" (given back {} x)", row.rejected) } else { String::new() },
             clock(wall),
             clock(rest)
@@ -110,10 +109,10 @@ fn state(kind: StageKind, row: &Row) -> String {
         ),
         StageKind::FlowOnly | StageKind::Prescribed => format!(" | drag {:.0} N", row.report.force[2]),
         StageKind::Coupled => format!(
-            " | descent {:.3} m/s | drag {:.0} N | {} iterations{}",
+            " | descent {:.3} m/s | drag {:.0} N | {}{}",
             row.descent_speed_m_s,
             row.report.force[2],
-            row.report.iterations,
+            counted(u64::from(row.report.iterations), "iteration"),
             if row.report.converged { "" } else { " (not converged)" }
         ),
     }

@@ -39,10 +39,13 @@ fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
+/// Files that tell this repository from others.
+const MARKS: [&str; 2] = ["structure-solver/Cargo.toml", "coupler/src/run/mod.rs"];
+
 fn commit_of(folder: &Path) -> Option<String> {
     let root = PathBuf::from(git(folder, &["rev-parse", "--show-toplevel"])?);
     // Programs may lie within the repository of another project.
-    if !root.join("structure-solver/Cargo.toml").exists() || !root.join("coupler/src/run.rs").exists() {
+    if !MARKS.iter().all(|mark| root.join(mark).exists()) {
         return None;
     }
     let head = git(&root, &["rev-parse", "--short=10", "HEAD"])?;
@@ -80,6 +83,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn this_repository_is_recognised() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        MARKS.iter().for_each(|mark| assert!(root.join(mark).is_file(), "{mark}"));
+    }
+
+    #[test]
     fn commit_changes_and_newer_sources_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path();
@@ -94,7 +103,7 @@ mod tests {
             git(root, &all).unwrap()
         };
         write("structure-solver/Cargo.toml", "");
-        write("coupler/src/run.rs", "// one");
+        write("coupler/src/run/mod.rs", "// one");
         write(".gitignore", "target/\n");
         git(&["init", "--quiet"]);
         git(&["add", "."]);
@@ -104,11 +113,11 @@ mod tests {
         let built = || commit_of(&root.join("target/release")).unwrap();
         assert_eq!(built(), head);
         let past = SystemTime::now() - std::time::Duration::from_secs(60);
-        write("coupler/src/run.rs", "// two");
-        let file = std::fs::File::options().write(true).open(root.join("coupler/src/run.rs")).unwrap();
+        write("coupler/src/run/mod.rs", "// two");
+        let file = std::fs::File::options().write(true).open(root.join("coupler/src/run/mod.rs")).unwrap();
         file.set_modified(past).unwrap();
         assert_eq!(built(), format!("{head} with changed sources"));
         file.set_modified(SystemTime::now() + std::time::Duration::from_secs(60)).unwrap();
-        assert!(built().contains("run.rs is newer than the programs"));
+        assert!(built().contains("run/mod.rs is newer than the programs"));
     }
 }

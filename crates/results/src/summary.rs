@@ -9,7 +9,7 @@ use coupling::energy::CREATED;
 use coupling::error::RunError;
 use coupling::partners::Usage;
 use serde::{Deserialize, Serialize};
-use terminal::clock;
+use terminal::{clock, counted};
 
 use crate::finding::Finding;
 use crate::history::Row;
@@ -243,7 +243,7 @@ impl StageSummary {
         let s = self;
         let created = coupling::structure_energy::note(s.structure_energy_created_share);
         let given_back = if s.rejected > 0 {
-            format!("; {} windows given back, shortest {:.2e} s", s.rejected, s.shortest_window_s)
+            format!("; {} given back, shortest {:.2e} s", counted(s.rejected, "window"), s.shortest_window_s)
         } else {
             String::new()
         };
@@ -271,7 +271,7 @@ impl StageSummary {
                 100.0 * s.interface_energy_error_share,
                 if s.interface_energy_error_share > CREATED { "; the coupling creates energy" } else { "" },
                 if s.not_converged > 0 {
-                    format!("; {} windows above the tolerance", s.not_converged)
+                    format!("; {} above the tolerance", counted(s.not_converged, "window"))
                 } else {
                     String::new()
                 },

@@ -1,5 +1,6 @@
 //! Where the lines of all programs meet the terminal.
 
+mod count;
 pub mod shell;
 mod time;
 
@@ -11,6 +12,7 @@ use std::sync::{Arc, Mutex};
 use case::Role;
 use indicatif::ProgressBar;
 
+pub use count::counted;
 pub use time::{clock, utc_now};
 
 /// Prints lines without tearing the progress line apart.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use case::Scene;
 use coupling::error::RunError;
+use terminal::counted;
 
 use super::progress::Progress;
 use super::record::Record;
@@ -83,7 +84,7 @@ pub fn hint(scene: &Scene, command: &str, out: &Path) -> Option<String> {
     let record = Record::read(out).ok()?;
     let (point, notes) = find(scene, out, &record);
     let Point { seal, .. } = point?;
-    let place = format!("after {} windows of stage `{}`", seal.windows, seal.name);
+    let place = format!("after {} of stage `{}`", counted(seal.windows, "window"), seal.name);
     let mut text: String = notes.iter().map(|n| format!("{n}\n")).collect();
     if seal.cannot.is_empty() {
         text += &format!("saved {place}; resume with: {command}");

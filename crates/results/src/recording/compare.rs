@@ -12,6 +12,7 @@
 
 use case::Role;
 use channel::{STATS, flow_stats, mesh_stats, structure_stats};
+use terminal::counted;
 
 use super::{Channel, Event, Moment};
 
@@ -269,15 +270,15 @@ impl Comparison {
     pub fn report(&self) -> String {
         let mut text = match &self.first {
             None => format!(
-                "the same to {:.0e}: {} numbers in {} windows",
+                "the same to {:.0e}: {} in {}",
                 self.tolerance,
-                self.numbers,
-                self.windows.len()
+                counted(self.numbers, "number"),
+                counted(self.windows.len() as u64, "window")
             ),
             Some(d) => format!("first departure: {d} (tolerance {:.0e})", self.tolerance),
         };
         if let Some((window, [a, b])) = self.other_iterations {
-            text.push_str(&format!("\nwindow {window} took {a} iterations, then {b}"));
+            text.push_str(&format!("\nwindow {window} took {}, then {b}", counted(a, "iteration")));
         }
         if let Some(count) = &self.first_count {
             let judged = match self.count_slack {

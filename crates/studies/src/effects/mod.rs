@@ -13,7 +13,7 @@ use effects::fall::QUANTITIES;
 use effects::numbers::Numbers;
 use effects::report::change;
 use effects::table::{Entry, TABLE};
-use terminal::Console;
+use terminal::{Console, counted};
 
 pub use self::bench::Runner;
 use self::bench::{Bench, Outcome};
@@ -235,9 +235,9 @@ impl Measurements {
     /// The measurements as tables for people.
     pub fn text(&self) -> String {
         let mut text = format!(
-            "measured: stage `{}`, {} windows; means over {} to {} s; noise: twice what tighter tolerances change\n",
+            "measured: stage `{}`, {}; means over {} to {} s; noise: twice what tighter tolerances change\n",
             self.stage,
-            self.windows,
+            counted(self.windows, "window"),
             0.5 * self.time_s,
             self.time_s
         );
