@@ -44,10 +44,7 @@ fn cold() -> Air {
 }
 
 /// A solver, its constants of a step, and the eddy viscosity of its cells.
-fn case<G: Gas<N>, V: Viscosity, const N: usize>(
-    gas: G,
-    viscosity: V,
-) -> (Solver<G, V, N>, Scheme, Vec<f64>) {
+fn case<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V) -> (Solver<G, N>, Scheme, Vec<f64>) {
     let set = Settings { air: cold(), ..settings(WIND, 1e-3) };
     let cloth = Permeability::new(CLOTH.0, CLOTH.1);
     let mut s = solver_with_cloth(&grid(), gas, viscosity, set, Some(cloth));
@@ -104,7 +101,7 @@ fn to_primitive<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N]) -> DMatrix<f64
 /// and the derivative of the mass flux by the pressure jump.
 fn pore<G: Gas<N>, const N: usize>(
     gas: &G,
-    s: &Solver<G, impl Viscosity, N>,
+    s: &Solver<G, N>,
     scheme: &Scheme,
     cells: [usize; 2],
     face: &FaceMetric,
@@ -131,7 +128,7 @@ fn pore<G: Gas<N>, const N: usize>(
     (resistance / stiffness, rho * area / stiffness)
 }
 
-fn pores<G: Gas<N>, V: Viscosity, const N: usize>(s: &Solver<G, V, N>) -> Vec<([usize; 2], usize)> {
+fn pores<G: Gas<N>, const N: usize>(s: &Solver<G, N>) -> Vec<([usize; 2], usize)> {
     s.topology.pores.iter().map(|p| ([p.inside as usize, p.outside as usize], p.face as usize)).collect()
 }
 
@@ -149,7 +146,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     let r: Vec<[f64; N]> =
         s.q.iter().map(|_| std::array::from_fn(|v| [1.0, 1.0, 1.0, 1.0, 0.01][v] * noise.next())).collect();
     let mut q = s.q.clone();
-    Correction::<G, V, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
+    Correction::<G, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
 
     let (t, m) = (&s.topology, &s.metrics);
     let n = s.q.len();
@@ -266,7 +263,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     (solver.tolerance, solver.max_iterations) = (1e-6, 60);
     solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, &through, extra);
     let mut q = s.q.clone();
-    let report = Correction::<G, V, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
+    let report = Correction::<G, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
     assert!(report.drop <= 1e-6, "{report:?}");
 
     let (t, m) = (&s.topology, &s.metrics);

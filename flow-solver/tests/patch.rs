@@ -73,8 +73,8 @@ fn convective<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N], s: Vec3, grid_fl
 }
 
 /// Residual, limited and shortened gradients, and what passes, at the solver's state.
-fn evaluate<G: Gas<N>, V: Viscosity, const N: usize>(
-    s: &Solver<G, V, N>,
+fn evaluate<G: Gas<N>, const N: usize>(
+    s: &Solver<G, N>,
     on: &Domain<'_>,
     scheme: &physics::Scheme,
 ) -> (Vec<[f64; N]>, Vec<Gradient<N>>, Vec<FaceFlow>) {
@@ -86,7 +86,7 @@ fn evaluate<G: Gas<N>, V: Viscosity, const N: usize>(
 }
 
 /// Constants of a step of a hundredth of a second.
-fn stepping<G, V, const N: usize>(s: &Solver<G, V, N>, frame: Vec3) -> physics::Scheme {
+fn stepping<G, const N: usize>(s: &Solver<G, N>, frame: Vec3) -> physics::Scheme {
     physics::Scheme { rate: 150.0, tie: [150.0, -200.0, 50.0], frame, ..s.scheme }
 }
 
@@ -529,7 +529,7 @@ fn sides<const N: usize>() -> [Linear<N>; 2] {
     [Linear::new(), outside]
 }
 
-fn fill<G: Gas<N>, V: Viscosity, const N: usize>(s: &mut Solver<G, V, N>, fields: &[Linear<N>; 2]) {
+fn fill<G: Gas<N>, const N: usize>(s: &mut Solver<G, N>, fields: &[Linear<N>; 2]) {
     // The area vector of the plate is along z: inside is below.
     for (q, x) in s.q.iter_mut().zip(&s.metrics.centre) {
         *q = fields[usize::from(x[2] > 0.0)].value(Vec3::from(*x));

@@ -13,7 +13,7 @@ use crate::physics::{
     FaceFlow, Gas, Scheme, Viscosity, preconditioner, reference_speed, relative_speed, spectral_radius,
     velocity,
 };
-use crate::residual::{Domain, Spatial};
+use crate::residual::{Domain, Spatial, for_viscosity};
 use crate::topology::Topology;
 
 /// Workspace of LU-SGS sweeps.
@@ -150,6 +150,23 @@ impl<const N: usize> LuSgs<N> {
         }
     }
 
+    /// Reference speeds of the local cells, and the waves of their faces.
+    fn set_speeds<G: Gas<N>, V: Viscosity>(
+        &mut self,
+        spatial: &Spatial<G, V>,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        field: Field<'_, N>,
+    ) {
+        let nu = kinematic(spatial, on, field);
+        for (i, q) in field.q.iter().enumerate() {
+            let c = spatial.gas.sound_speed_squared(q).sqrt();
+            let speed = relative_speed(scheme, velocity(q));
+            self.reference[i] = reference_speed(speed, on.metrics.size[i], scheme.rate, nu(i), c);
+        }
+        self.sum_waves(spatial, on, scheme, field);
+    }
+
     /// Inverses of the diagonal blocks.
     fn invert_blocks<G: Gas<N>>(
         &mut self,
@@ -177,10 +194,10 @@ impl<const N: usize> LuSgs<N> {
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
+impl<G: Gas<N>, const N: usize> Correction<G, N> for LuSgs<N> {
     fn assemble(
         &mut self,
-        spatial: &Spatial<G, V>,
+        spatial: &Spatial<G>,
         on: &Domain<'_>,
         scheme: &Scheme,
         field: Field<'_, N>,
@@ -188,13 +205,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         extra: f64,
     ) {
         let _part = timing::part("assembly");
-        let nu = kinematic(spatial, on, field);
-        for (i, q) in field.q.iter().enumerate() {
-            let c = spatial.gas.sound_speed_squared(q).sqrt();
-            let speed = relative_speed(scheme, velocity(q));
-            self.reference[i] = reference_speed(speed, on.metrics.size[i], scheme.rate, nu(i), c);
-        }
-        self.sum_waves(spatial, on, scheme, field);
+        for_viscosity!(spatial, s => self.set_speeds(&s, on, scheme, field));
         self.invert_blocks(&spatial.gas, on, scheme, field.q, extra);
     }
 

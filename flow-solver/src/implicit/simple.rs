@@ -17,7 +17,7 @@ use super::{Correction, MergedCells};
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{self, Field};
 use crate::physics::{self, FaceFlow, Gas, Scheme, Viscosity};
-use crate::residual::{Domain, Spatial};
+use crate::residual::{Domain, Spatial, for_viscosity};
 use crate::topology::{Adjacency, Side, Topology};
 
 /// Share of the neighbours' coefficients that the response of the velocity to
@@ -228,9 +228,9 @@ impl PressureCorrection {
     }
 
     /// Transport through the canopy, and what its pressure equation needs.
-    fn assemble_pores<G: Gas<N>, V: Viscosity, const N: usize>(
+    fn assemble_pores<G: Gas<N>, const N: usize>(
         &mut self,
-        spatial: &Spatial<G, V>,
+        spatial: &Spatial<G>,
         on: &Domain<'_>,
         scheme: &Scheme,
         q: &[[f64; N]],
@@ -354,10 +354,10 @@ fn predicted(x: &[f32; 4]) -> Vec3 {
     Vec3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]))
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCorrection {
+impl<G: Gas<N>, const N: usize> Correction<G, N> for PressureCorrection {
     fn assemble(
         &mut self,
-        spatial: &Spatial<G, V>,
+        spatial: &Spatial<G>,
         on: &Domain<'_>,
         scheme: &Scheme,
         field: Field<'_, N>,
@@ -367,7 +367,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         let _part = timing::part("assembly");
         let rate = scheme.rate * extra;
         self.assemble_storage(&spatial.gas, on, field.q, rate);
-        self.assemble_transport(spatial, on, scheme, field, through);
+        for_viscosity!(spatial, s => self.assemble_transport(&s, on, scheme, field, through));
         self.assemble_pores(spatial, on, scheme, field.q, through);
         self.assemble_held(on, scheme);
         self.assemble_response(on);

@@ -17,7 +17,9 @@ pub use flux::{
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use permeability::Permeability;
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
-pub use viscosity::{EddyViscosity, Inviscid, Laminar, Turbulent, Viscosity, stress_force, wall_traction};
+pub use viscosity::{
+    EddyViscosity, Inviscid, Laminar, Turbulent, Viscosity, ViscosityModel, stress_force, wall_traction,
+};
 
 use crate::geometry::vec3::Vec3;
 
