@@ -6,8 +6,10 @@ use crate::geometry::vec3::Vec3;
 use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
-use crate::physics::{self, FaceFlow, Gas, Interface, Scheme, Viscosity, ViscosityModel, velocity};
-use crate::topology::{Side, Topology};
+use crate::physics::{
+    self, BoundaryFace, FaceFlow, Gas, Interface, Scheme, Viscosity, ViscosityModel, velocity,
+};
+use crate::topology::{OpenSides, Side, Topology};
 
 /// Models and constants of the spatial scheme. Loops over faces take it with the type of its viscosity, see
 /// [`for_viscosity`].
@@ -45,10 +47,6 @@ macro_rules! for_viscosity {
 }
 pub(crate) use for_viscosity;
 
-/// Flux out of an open boundary.
-type Condition<G, const N: usize> =
-    fn(&G, &Scheme, &[f64; N], &[f64; N], &FaceMetric, f64, [f32; 2]) -> Interface<N>;
-
 /// What the residual works on: the grid of one rank at one instant.
 pub struct Domain<'a> {
     /// Cells and faces.
@@ -81,6 +79,11 @@ impl Domain<'_> {
     pub fn scheme_at(&self, scheme: &Scheme, side: &Side) -> Scheme {
         let excess = self.sheared.get(side.face as usize - self.topology.cells.len());
         Scheme { wind: scheme.wind + excess.copied().unwrap_or_default(), ..*scheme }
+    }
+
+    /// The face of an open `side`; `scheme` is that of [`Domain::scheme_at`].
+    pub fn boundary_face<'a>(&'a self, scheme: &'a Scheme, side: &Side) -> BoundaryFace<'a> {
+        BoundaryFace { scheme, metric: self.face(side), sign: side.sign }
     }
 }
 
@@ -144,7 +147,7 @@ impl<G: Copy> Spatial<G> {
         self.pores(on, scheme, field, residual, through);
     }
 
-    /// Far field and outlets.
+    /// Sides that air passes.
     fn open_boundaries<const N: usize>(
         &self,
         on: &Domain<'_>,
@@ -155,18 +158,16 @@ impl<G: Copy> Spatial<G> {
     ) where
         G: Gas<N>,
     {
-        for (list, condition) in [
-            (&on.topology.far_field, physics::far_field::<G, N> as Condition<G, N>),
-            (&on.topology.outlet, physics::outlet::<G, N>),
-        ] {
-            for side in list {
+        for OpenSides { patch, sides } in &on.topology.open {
+            let Some(condition) = physics::open_boundary::<G, N>(*patch) else { continue };
+            for side in sides {
                 let cell = side.cell as usize;
                 let d = on.metrics.border(side.face) - on.metrics.centre(cell);
                 let inside = gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d);
                 let kept = &mut through[side.face as usize];
                 let scheme = on.scheme_at(scheme, side);
-                let (q, face) = (&field.q[cell], on.face(side));
-                let f = condition(&self.gas, &scheme, &inside, q, face, side.sign, kept.past);
+                let at = on.boundary_face(&scheme, side);
+                let f = condition.flux(&self.gas, &at, &inside, &field.q[cell], kept.past);
                 (kept.mass, kept.tie) = (f.mass as f32, f.tie as f32);
                 gain(residual, side, &f.flux);
             }

@@ -17,6 +17,7 @@ use flow_solver::physics::{
     self, Air, EddyViscosity, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity,
 };
 use flow_solver::residual::Domain;
+use flow_solver::topology::OpenSides;
 use flow_solver::{Loads, Solver};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of, plate_grid};
 
@@ -200,15 +201,16 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
             );
         }
     }
-    for (list, far) in [(&t.far_field, true), (&t.outlet, false)] {
-        for side in list {
+    for OpenSides { patch, sides } in &t.open {
+        for side in sides {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let more = sheared[side.face as usize - t.cells.len()];
             let wind = WIND + more;
             let at = physics::Scheme { wind, ..scheme };
             let inside = field.value(m.border(side.face));
-            let condition = if far { physics::far_field } else { physics::outlet };
-            let passing = condition(&gas, &at, &inside, &s.q[c], f, side.sign, [0.0; 2]);
+            let at = physics::BoundaryFace { scheme: &at, metric: f, sign: side.sign };
+            let condition = physics::open_boundary::<G, N>(*patch).expect("air passes");
+            let passing = condition.flux(&gas, &at, &inside, &s.q[c], [0.0; 2]);
             let kept = &through[side.face as usize];
             if straight(c) {
                 assert!((f64::from(kept.mass) - passing.mass).abs() < 1e-5 * passing.mass.abs().max(1.0));

@@ -131,7 +131,7 @@ impl<const N: usize> LuSgs<N> {
             self.wave_sum[i] += wave;
             self.wave_sum[j] += wave;
         }
-        for side in t.far_field.iter().chain(&t.outlet) {
+        for side in t.open_sides() {
             // An open boundary answers with the speed of sound, not the reference speed.
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             self.wave_sum[i] += (velocity(&q[i]).norm() + sound(i)) * face.magnitude();

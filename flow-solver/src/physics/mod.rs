@@ -6,15 +6,15 @@
 
 mod flux;
 mod gas;
+mod open_boundary;
 mod permeability;
 mod precondition;
 mod viscosity;
 
 pub(crate) use flux::relative_speed;
-pub use flux::{
-    FaceFlow, Interface, Scheme, VELOCITY_DIFFUSION, far_field, interface, leaving, outlet, wall,
-};
+pub use flux::{FaceFlow, Interface, Scheme, VELOCITY_DIFFUSION, interface, wall};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
+pub use open_boundary::{BoundaryFace, FarField, OpenBoundary, Outlet, open_boundary};
 pub use permeability::Permeability;
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
 pub use viscosity::{
