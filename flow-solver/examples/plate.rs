@@ -12,7 +12,7 @@ mod common;
 mod plate;
 
 use flow_solver::geometry::vec3::Vec3;
-use flow_solver::physics::{EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent, Viscosity};
+use flow_solver::physics::{EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent};
 use flow_solver::turbulence::{SpalartAllmaras, ddes};
 use flow_solver::{Loads, Method, Solver, Step};
 
@@ -58,8 +58,8 @@ fn main() {
     }
 }
 
-fn run<G: Gas<N>, V: Viscosity, const N: usize>(
-    mut solver: Solver<G, V, N>,
+fn run<G: Gas<N>, const N: usize>(
+    mut solver: Solver<G, N>,
     steps: usize,
     dt: f64,
     speed: f64,

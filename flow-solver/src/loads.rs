@@ -3,7 +3,7 @@
 use comm::Halo;
 
 use crate::geometry::vec3::Vec3;
-use crate::physics::{Gas, Viscosity};
+use crate::physics::Gas;
 use crate::solver::Solver;
 
 /// Numbers of one canopy face: pressure jump (inside minus outside), Pa, and
@@ -28,14 +28,14 @@ pub struct Total {
 
 impl Loads {
     /// For the canopy faces of `solver`. Collective.
-    pub fn new<G: Gas<N>, V: Viscosity, const N: usize>(solver: &Solver<G, V, N>) -> Self {
+    pub fn new<G: Gas<N>, const N: usize>(solver: &Solver<G, N>) -> Self {
         let canopy = &solver.topology.canopy;
         Self { halo: Halo::new(solver.comm(), canopy), faces: vec![[0.0; 4]; canopy.n_local()] }
     }
 
     /// Loads of the solver's last step; afterwards the owned part of `faces` is
     /// complete. The canopy's normal points from inside to outside. Collective.
-    pub fn compute<G: Gas<N>, V: Viscosity, const N: usize>(&mut self, solver: &Solver<G, V, N>) -> Total {
+    pub fn compute<G: Gas<N>, const N: usize>(&mut self, solver: &Solver<G, N>) -> Total {
         let _part = timing::part("loads");
         let on = solver.domain();
         self.faces.fill([0.0; 4]);
@@ -44,7 +44,7 @@ impl Loads {
             let p = solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side);
             self.faces[side.canopy as usize][0] += side.sign * p;
         }
-        if V::ACTIVE {
+        if solver.spatial.viscosity.is_active() {
             for side in t.no_slip.iter().filter(|s| s.canopy != u32::MAX) {
                 let shear = solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side);
                 for (l, s) in self.faces[side.canopy as usize][1..].iter_mut().zip(&shear) {

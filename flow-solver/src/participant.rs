@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant as Clock;
 
-use case::{Role, Turbulence, Wind};
+use case::{Flow, Role, Turbulence, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
 
@@ -11,7 +11,7 @@ use crate::error::FlowError;
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
 use crate::physics::{
-    EddyViscosity, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity, velocity,
+    EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent, ViscosityModel, velocity,
 };
 use crate::remembered::Memory;
 use crate::residual::Spatial;
@@ -23,8 +23,8 @@ use crate::steady::{self, March};
 use crate::turbulence::{self, SpalartAllmaras};
 
 /// One rank of the flow-solver.
-pub struct FlowParticipant<G, V, const N: usize> {
-    solver: Solver<G, V, N>,
+pub struct FlowParticipant<G, const N: usize> {
+    solver: Solver<G, N>,
     loads: Loads,
     snapshots: Snapshots,
     monitors: Monitors,
@@ -46,40 +46,36 @@ pub struct FlowParticipant<G, V, const N: usize> {
 pub fn participant(setup: &Setup, comm: &Comm) -> Result<Box<dyn Participant>, Fault> {
     let flow = &setup.flow;
     let air = setup.settings.air;
-    match flow.energy {
-        None => with_gas(setup, comm, Isothermal::new(air)),
-        Some(_) => with_gas(setup, comm, IdealGas::new(air)),
-    }
+    let viscosity = viscosity(flow);
+    Ok(match flow.energy {
+        None => Box::new(FlowParticipant::new(setup, comm, Isothermal::new(air), viscosity)?),
+        Some(_) => Box::new(FlowParticipant::new(setup, comm, IdealGas::new(air), viscosity)?),
+    })
 }
 
-fn with_gas<G: Gas<N> + 'static, const N: usize>(
-    setup: &Setup,
-    comm: &Comm,
-    gas: G,
-) -> Result<Box<dyn Participant>, Fault> {
-    let Some(v) = &setup.flow.viscosity else {
-        return Ok(Box::new(FlowParticipant::new(setup, comm, gas, Inviscid)?));
-    };
+/// The viscosity that a scene asks for.
+fn viscosity(flow: &Flow) -> ViscosityModel {
+    let Some(v) = &flow.viscosity else { return ViscosityModel::Inviscid };
     let viscosity = v.dynamic_viscosity_pa_s;
-    let Some(turbulence) = v.turbulence else {
-        return Ok(Box::new(FlowParticipant::new(setup, comm, gas, Laminar { viscosity })?));
+    let eddies = match v.turbulence {
+        None => return Laminar { viscosity }.into(),
+        Some(Turbulence::Smagorinsky) => EddyViscosity::Smagorinsky,
+        Some(Turbulence::Wale) => EddyViscosity::Wale,
+        Some(Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes) => {
+            EddyViscosity::Transported
+        }
     };
-    let eddies = match turbulence {
-        Turbulence::Smagorinsky => EddyViscosity::Smagorinsky,
-        Turbulence::Wale => EddyViscosity::Wale,
-        Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes => EddyViscosity::Transported,
-    };
-    Ok(Box::new(FlowParticipant::new(setup, comm, gas, Turbulent { viscosity, eddies })?))
+    Turbulent { viscosity, eddies }.into()
 }
 
 /// The solver on this rank's part of the grid, in undisturbed air. Collective.
-fn started<G: Gas<N>, V: Viscosity, const N: usize>(
+fn started<G: Gas<N>, const N: usize>(
     setup: &Setup,
     comm: &Comm,
     gas: G,
-    viscosity: V,
-) -> Result<Solver<G, V, N>, Fault> {
-    let topology = setup.topology(comm, V::ACTIVE)?;
+    viscosity: ViscosityModel,
+) -> Result<Solver<G, N>, Fault> {
+    let topology = setup.topology(comm, viscosity.is_active())?;
     let nodes = topology.node_global.iter().map(|&n| setup.grid.coords[n as usize].into()).collect();
     let limiter = setup.flow.limiter.as_ref().map(|l| l.k);
     let spatial = Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
@@ -91,8 +87,8 @@ fn started<G: Gas<N>, V: Viscosity, const N: usize>(
 }
 
 /// The transported turbulence that a scene asks for; `density` is that of the undisturbed air, kg/m3.
-fn transported<G: Gas<N>, V: Viscosity, const N: usize>(
-    solver: &Solver<G, V, N>,
+fn transported<G: Gas<N>, const N: usize>(
+    solver: &Solver<G, N>,
     viscosity: &case::Viscosity,
     density: f64,
 ) -> SpalartAllmaras {
@@ -105,8 +101,8 @@ fn transported<G: Gas<N>, V: Viscosity, const N: usize>(
 }
 
 /// Continues from the state in `file`. Collective.
-fn restore<G: Gas<N>, V: Viscosity, const N: usize>(
-    solver: &mut Solver<G, V, N>,
+fn restore<G: Gas<N>, const N: usize>(
+    solver: &mut Solver<G, N>,
     setup: &Setup,
     file: &Path,
     totals: (usize, usize),
@@ -153,12 +149,12 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
+impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
     /// From a set-up scene. Collective.
     ///
     /// # Errors
     /// A grid that cannot be used, a saved state that does not fit.
-    pub fn new(setup: &Setup, comm: &Comm, gas: G, viscosity: V) -> Result<Self, Fault> {
+    pub fn new(setup: &Setup, comm: &Comm, gas: G, viscosity: ViscosityModel) -> Result<Self, Fault> {
         let totals = (setup.grid.cells.len(), setup.grid.coords.len());
         let mut solver = started(setup, comm, gas, viscosity)?;
         if let Some(v) = setup.flow.viscosity.as_ref().filter(|_| viscosity.transported()) {
@@ -276,7 +272,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> FlowParticipant<G, V, N> {
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Participant for FlowParticipant<G, V, N> {
+impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
     fn announce(&self) -> Announcement {
         self.announcement.clone()
     }

@@ -18,7 +18,7 @@
 pub use crate::physics::Permeability;
 
 use crate::gradient::{self, Field};
-use crate::physics::{FaceFlow, Gas, Scheme, Viscosity, relative_speed, velocity};
+use crate::physics::{FaceFlow, Gas, Scheme, relative_speed, velocity};
 use crate::residual::{Domain, Spatial};
 use crate::topology::Pore;
 
@@ -68,7 +68,7 @@ fn passage<G: Gas<N>, const N: usize>(
     Passage { mass: mass * v, slope: mass * slope, share, tie: rho * (v - relative) }
 }
 
-impl<G, V: Viscosity> Spatial<G, V> {
+impl<G, V> Spatial<G, V> {
     /// Adds what passes the pores to the residuals of both sides and writes what passes.
     pub(crate) fn pores<const N: usize>(
         &self,

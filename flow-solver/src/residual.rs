@@ -2,16 +2,19 @@
 
 use comm::Halo;
 
-use crate::geometry::vec3::{Mat3, Vec3};
+use crate::geometry::vec3::Vec3;
 use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
-use crate::physics::{self, FaceFlow, Gas, Interface, Scheme, Viscosity, velocity};
-use crate::topology::{Side, Topology};
+use crate::physics::{
+    self, BoundaryFace, FaceFlow, Gas, Interface, Scheme, Viscosity, ViscosityModel, velocity,
+};
+use crate::topology::{OpenSides, Side, Topology};
 
-/// Models and constants of the spatial scheme.
+/// Models and constants of the spatial scheme. Loops over faces take it with the type of its viscosity, see
+/// [`for_viscosity`].
 #[derive(Clone, Copy, Debug)]
-pub struct Spatial<G, V> {
+pub struct Spatial<G, V = ViscosityModel> {
     /// Equations of state.
     pub gas: G,
     /// Stress.
@@ -23,9 +26,26 @@ pub struct Spatial<G, V> {
     pub limiter: Option<f64>,
 }
 
-/// Flux out of an open boundary.
-type Condition<G, const N: usize> =
-    fn(&G, &Scheme, &[f64; N], &[f64; N], &FaceMetric, f64, [f32; 2]) -> Interface<N>;
+/// Evaluates `$body` with `$typed`, the scheme `$spatial` with the type of its viscosity.
+macro_rules! for_viscosity {
+    ($spatial:expr, $typed:ident => $body:expr) => {
+        match $spatial.viscosity {
+            $crate::physics::ViscosityModel::Inviscid => {
+                let $typed = $spatial.with($crate::physics::Inviscid);
+                $body
+            }
+            $crate::physics::ViscosityModel::Laminar(viscosity) => {
+                let $typed = $spatial.with(viscosity);
+                $body
+            }
+            $crate::physics::ViscosityModel::Turbulent(viscosity) => {
+                let $typed = $spatial.with(viscosity);
+                $body
+            }
+        }
+    };
+}
+pub(crate) use for_viscosity;
 
 /// What the residual works on: the grid of one rank at one instant.
 pub struct Domain<'a> {
@@ -44,7 +64,7 @@ pub struct Domain<'a> {
     /// between two cells, m/s. Empty: nothing.
     pub sheared: &'a [Vec3],
     /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
-    /// [`Viscosity::transported`].
+    /// [`ViscosityModel::transported`].
     pub eddy: &'a [f64],
 }
 
@@ -60,6 +80,11 @@ impl Domain<'_> {
         let excess = self.sheared.get(side.face as usize - self.topology.cells.len());
         Scheme { wind: scheme.wind + excess.copied().unwrap_or_default(), ..*scheme }
     }
+
+    /// The face of an open `side`; `scheme` is that of [`Domain::scheme_at`].
+    pub fn boundary_face<'a>(&'a self, scheme: &'a Scheme, side: &Side) -> BoundaryFace<'a> {
+        BoundaryFace { scheme, metric: self.face(side), sign: side.sign }
+    }
 }
 
 /// A face between two cells.
@@ -71,7 +96,13 @@ struct Between<'a> {
     way: Vec3,
 }
 
-impl<G, V: Viscosity> Spatial<G, V> {
+impl<G: Copy> Spatial<G> {
+    /// The same scheme with this viscosity.
+    pub(crate) fn with<V>(&self, viscosity: V) -> Spatial<G, V> {
+        let Self { gas, chi, limiter, .. } = *self;
+        Spatial { gas, viscosity, chi, limiter }
+    }
+
     /// Net outflow of each owned cell for the state `q`.
     ///
     /// Fills the ghosts of `q`, `gradient` on all local cells, and what
@@ -104,15 +135,73 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let n = on.topology.n_inside;
         on.halo.overlap(gradient.as_flattened_mut().as_flattened_mut(), 3 * N, |gradient| {
             let field = Field { q, gradient: gradient.as_chunks::<N>().0.as_chunks().0 };
-            self.interior(on, scheme, field, residual, through, 0..n);
+            for_viscosity!(self, s => s.interior(on, scheme, field, residual, through, 0..n));
         });
         let field = Field { q, gradient };
-        self.interior(on, scheme, field, residual, through, n..on.topology.cells.len());
-        self.walls(on, scheme, field, residual);
+        let border = n..on.topology.cells.len();
+        for_viscosity!(self, s => {
+            s.interior(on, scheme, field, residual, through, border);
+            s.walls(on, scheme, field, residual);
+        });
         self.open_boundaries(on, scheme, field, residual, through);
         self.pores(on, scheme, field, residual, through);
     }
 
+    /// Sides that air passes.
+    fn open_boundaries<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        field: Field<'_, N>,
+        residual: &mut [[f64; N]],
+        through: &mut [FaceFlow],
+    ) where
+        G: Gas<N>,
+    {
+        for OpenSides { patch, sides } in &on.topology.open {
+            let Some(condition) = physics::open_boundary::<G, N>(*patch) else { continue };
+            for side in sides {
+                let cell = side.cell as usize;
+                let d = on.metrics.border(side.face) - on.metrics.centre(cell);
+                let inside = gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d);
+                let kept = &mut through[side.face as usize];
+                let scheme = on.scheme_at(scheme, side);
+                let at = on.boundary_face(&scheme, side);
+                let f = condition.flux(&self.gas, &at, &inside, &field.q[cell], kept.past);
+                (kept.mass, kept.tie) = (f.mass as f32, f.tie as f32);
+                gain(residual, side, &f.flux);
+            }
+        }
+    }
+
+    /// Shear stress of the air on a no-slip wall, Pa: on the wall, so the cell
+    /// feels the opposite.
+    pub fn wall_traction<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        q: &[[f64; N]],
+        side: &Side,
+    ) -> Vec3 {
+        traction(self.viscosity.molecular(), on, scheme, q, side)
+    }
+}
+
+/// The same for a fluid of dynamic viscosity `mu`, Pa s. The sub-grid model is silent at a wall: no eddy is smaller
+/// than it.
+fn traction<const N: usize>(mu: f64, on: &Domain<'_>, scheme: &Scheme, q: &[[f64; N]], side: &Side) -> Vec3 {
+    let face = on.face(side);
+    let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side);
+    // Its own distance: a wall of zero thickness has another cell behind it.
+    let height = on.metrics.height(side);
+    physics::wall_traction(mu, slip, face.area * (1.0 / face.magnitude()), height)
+}
+
+fn wall_velocity(on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {
+    on.wall_velocity[side.face as usize - on.topology.cells.len()] + scheme.frame
+}
+
+impl<G, V: Viscosity> Spatial<G, V> {
     /// Faces between two cells.
     fn interior<const N: usize>(
         &self,
@@ -270,8 +359,9 @@ impl<G, V: Viscosity> Spatial<G, V> {
     where
         G: Gas<N>,
     {
-        let force = self.wall_traction(on, scheme, field.q, side) * on.face(side).magnitude();
-        let wall = self.wall_velocity(on, scheme, side);
+        let mu = self.viscosity.into().molecular();
+        let force = traction(mu, on, scheme, field.q, side) * on.face(side).magnitude();
+        let wall = wall_velocity(on, scheme, side);
         let heat = self.gas.conduction(0.0, |_| 0.0, -force.dot(&wall));
         let mut flux = heat.map(|h| -h);
         for d in 0..3 {
@@ -279,36 +369,9 @@ impl<G, V: Viscosity> Spatial<G, V> {
         }
         flux
     }
+}
 
-    /// Far field and outlets.
-    fn open_boundaries<const N: usize>(
-        &self,
-        on: &Domain<'_>,
-        scheme: &Scheme,
-        field: Field<'_, N>,
-        residual: &mut [[f64; N]],
-        through: &mut [FaceFlow],
-    ) where
-        G: Gas<N>,
-    {
-        for (list, condition) in [
-            (&on.topology.far_field, physics::far_field::<G, N> as Condition<G, N>),
-            (&on.topology.outlet, physics::outlet::<G, N>),
-        ] {
-            for side in list {
-                let cell = side.cell as usize;
-                let d = on.metrics.border(side.face) - on.metrics.centre(cell);
-                let inside = gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d);
-                let kept = &mut through[side.face as usize];
-                let scheme = on.scheme_at(scheme, side);
-                let (q, face) = (&field.q[cell], on.face(side));
-                let f = condition(&self.gas, &scheme, &inside, q, face, side.sign, kept.past);
-                (kept.mass, kept.tie) = (f.mass as f32, f.tie as f32);
-                gain(residual, side, &f.flux);
-            }
-        }
-    }
-
+impl<G, V> Spatial<G, V> {
     /// Gauge pressure at a wall, Pa: linear from the cell.
     pub fn wall_pressure<const N: usize>(
         &self,
@@ -321,32 +384,6 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let d = on.metrics.border(side.face) - on.metrics.centre(cell);
         let g = &gradient[cell];
         q[cell][0] + g[0][0] * d.x + g[1][0] * d.y + g[2][0] * d.z
-    }
-
-    /// Shear stress of the air on a no-slip wall, Pa: on the wall, so the cell
-    /// feels the opposite.
-    pub fn wall_traction<const N: usize>(
-        &self,
-        on: &Domain<'_>,
-        scheme: &Scheme,
-        q: &[[f64; N]],
-        side: &Side,
-    ) -> Vec3
-    where
-        G: Gas<N>,
-    {
-        let face = on.face(side);
-        let cell = &q[side.cell as usize];
-        let slip = velocity(cell) - self.wall_velocity(on, scheme, side);
-        // The sub-grid model is silent at a wall: no eddy is smaller than it.
-        let mu = self.viscosity.dynamic(self.gas.density(cell), &Mat3::zeros(), 0.0);
-        // Its own distance: a wall of zero thickness has another cell behind it.
-        let height = on.metrics.height(side);
-        physics::wall_traction(mu, slip, face.area * (1.0 / face.magnitude()), height)
-    }
-
-    fn wall_velocity(&self, on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {
-        on.wall_velocity[side.face as usize - on.topology.cells.len()] + scheme.frame
     }
 }
 

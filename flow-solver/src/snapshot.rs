@@ -8,7 +8,7 @@ use mesh::vtk::{Series, Values, write_volume};
 use crate::geometry::vec3::Vec3;
 use crate::gradient;
 use crate::monitors::Statistics;
-use crate::physics::{Gas, Viscosity, velocity};
+use crate::physics::{Gas, velocity};
 use crate::solver::Solver;
 
 /// The series of one stage.
@@ -30,9 +30,9 @@ impl Snapshots {
     ///
     /// # Errors
     /// Trouble with the files, on every rank.
-    pub fn write<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn write<G: Gas<N>, const N: usize>(
         &mut self,
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
         time: f64,
         folder: &Path,
         statistics: Option<&Statistics>,
@@ -52,9 +52,9 @@ impl Snapshots {
         Err(outcome.err().unwrap_or_else(|| Fault::new("another rank could not write its snapshot")))
     }
 
-    fn piece<G: Gas<N>, V: Viscosity, const N: usize>(
+    fn piece<G: Gas<N>, const N: usize>(
         &self,
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
         file: &Path,
         statistics: Option<&Statistics>,
     ) -> Result<(), Fault> {
@@ -96,7 +96,7 @@ struct State {
 }
 
 impl State {
-    fn of<G: Gas<N>, V: Viscosity, const N: usize>(solver: &Solver<G, V, N>) -> Self {
+    fn of<G: Gas<N>, const N: usize>(solver: &Solver<G, N>) -> Self {
         let n = solver.topology.n_owned;
         let (q, g) = (&solver.q[..n], &solver.gradient[..n]);
         let relative = |q: &[f64; N]| velocity(q) - solver.scheme.frame;

@@ -7,7 +7,7 @@
 use crate::error::FlowError;
 use crate::geometry::vec3::Vec3;
 use crate::loads::{Loads, Total};
-use crate::physics::{Gas, Viscosity};
+use crate::physics::Gas;
 use crate::solver::{Report, Solver, Step};
 
 /// When a march ends.
@@ -57,11 +57,11 @@ impl March {
     ///
     /// # Errors
     /// A step that fails though short, or no steady state within the steps allowed.
-    pub fn run<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn run<G: Gas<N>, const N: usize>(
         &self,
-        solver: &mut Solver<G, V, N>,
+        solver: &mut Solver<G, N>,
         frame: Vec3,
-        mut watch: impl FnMut(&Solver<G, V, N>) -> Vec3,
+        mut watch: impl FnMut(&Solver<G, N>) -> Vec3,
     ) -> Result<Marched, FlowError> {
         let drop = std::mem::replace(&mut solver.settings.residual_drop, STEP_DROP);
         let outcome = self.steps(solver, frame, &mut watch);
@@ -70,11 +70,11 @@ impl March {
         outcome
     }
 
-    fn steps<G: Gas<N>, V: Viscosity, const N: usize>(
+    fn steps<G: Gas<N>, const N: usize>(
         &self,
-        solver: &mut Solver<G, V, N>,
+        solver: &mut Solver<G, N>,
         frame: Vec3,
-        watch: &mut dyn FnMut(&Solver<G, V, N>) -> Vec3,
+        watch: &mut dyn FnMut(&Solver<G, N>) -> Vec3,
     ) -> Result<Marched, FlowError> {
         let n = solver.topology.n_owned;
         let mut sums = [solver.metrics.volume[..n].iter().sum::<f64>(), n as f64];
@@ -127,7 +127,7 @@ impl March {
 }
 
 /// Norm of what the momentum equations without their time derivative have left, N. Collective.
-fn left_over<G: Gas<N>, V: Viscosity, const N: usize>(solver: &Solver<G, V, N>, dt: f64) -> f64 {
+fn left_over<G: Gas<N>, const N: usize>(solver: &Solver<G, N>, dt: f64) -> f64 {
     let cells = solver.q.iter().zip(&solver.past[0].q).zip(&solver.metrics.volume);
     let sum: f64 = cells
         .take(solver.topology.n_owned)
@@ -147,9 +147,9 @@ fn change(last: &[(f64, Vec3)]) -> f64 {
 }
 
 /// What a march answers a window with.
-pub(crate) fn answer<G: Gas<N>, V: Viscosity, const N: usize>(
+pub(crate) fn answer<G: Gas<N>, const N: usize>(
     march: &March,
-    solver: &mut Solver<G, V, N>,
+    solver: &mut Solver<G, N>,
     loads: &mut Loads,
     frame: Vec3,
 ) -> Result<(Total, Report), FlowError> {

@@ -25,6 +25,15 @@ pub struct Side {
     pub canopy: u32,
 }
 
+/// Sides of one open boundary condition.
+#[derive(Clone, Debug)]
+pub struct OpenSides {
+    /// The condition, see [`crate::physics::open_boundary`].
+    pub patch: Patch,
+    /// At least one.
+    pub sides: Vec<Side>,
+}
+
 /// A canopy face that lets air through.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pore {
@@ -62,10 +71,8 @@ pub struct Topology {
     pub slip: Vec<Side>,
     /// Sides where air sticks to the wall.
     pub no_slip: Vec<Side>,
-    /// Sides towards undisturbed air.
-    pub far_field: Vec<Side>,
-    /// Sides at zero gauge pressure.
-    pub outlet: Vec<Side>,
+    /// Sides that air passes, by their condition, in the order of [`Patch`].
+    pub open: Vec<OpenSides>,
     /// Canopy faces: owned ones (owner: the rank of the inside cell), then those
     /// of which only the outside cell is owned here.
     pub canopy: Numbering,
@@ -183,9 +190,19 @@ impl Topology {
         self.wide.as_ref().unwrap_or(&self.adjacency)
     }
 
+    /// All sides that air passes.
+    pub fn open_sides(&self) -> impl Iterator<Item = &Side> {
+        self.open.iter().flat_map(|o| &o.sides)
+    }
+
+    /// The open sides of the condition `patch`.
+    pub fn sides_of(&self, patch: Patch) -> impl Iterator<Item = &Side> + Clone {
+        self.open.iter().filter(move |o| o.patch == patch).flat_map(|o| &o.sides)
+    }
+
     /// All sides of boundary and canopy faces.
     pub fn sides(&self) -> impl Iterator<Item = &Side> {
-        self.slip.iter().chain(&self.no_slip).chain(&self.far_field).chain(&self.outlet)
+        self.slip.iter().chain(&self.no_slip).chain(self.open_sides())
     }
 
     /// Calls `visit(face, cell, sign)` for each side of each face; `sign` is +1
@@ -319,12 +336,15 @@ impl Builder<'_> {
             let side = Side { face, cell: self.local(c).expect("owned"), sign: 1.0, canopy: u32::MAX };
             let t = &mut self.t;
             match patch {
-                Patch::FarField => t.far_field.push(side),
-                Patch::Outlet => t.outlet.push(side),
                 Patch::Wall => t.no_slip.push(side),
                 Patch::Slip | Patch::Symmetry => t.slip.push(side),
+                open => match t.open.iter_mut().find(|o| o.patch == open) {
+                    Some(of_patch) => of_patch.sides.push(side),
+                    None => t.open.push(OpenSides { patch: open, sides: vec![side] }),
+                },
             }
         }
+        self.t.open.sort_by_key(|o| o.patch);
     }
 
     fn add_canopy(&mut self, viscous: bool, cloth: Option<Permeability>) {

@@ -13,10 +13,7 @@ use flow_solver::{FlowError, Loads, Method};
 const LU_SGS: Method = Method::LuSgs { courant: 1e3 };
 
 /// The plate in a stream (Reynolds number 200), by LU-SGS with this many iterations a step.
-fn plate(
-    max_iterations: usize,
-    drop: f64,
-) -> flow_solver::Solver<flow_solver::physics::Isothermal, Laminar, 4> {
+fn plate(max_iterations: usize, drop: f64) -> flow_solver::Solver<flow_solver::physics::Isothermal, 4> {
     let mut settings = settings([0.0, 0.0, 4.88], drop);
     settings.method = LU_SGS;
     settings.max_iterations = max_iterations;

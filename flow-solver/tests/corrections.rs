@@ -15,8 +15,8 @@ use flow_solver::gradient::Field;
 use flow_solver::implicit::{Correction, LuSgs, PressureCorrection, PressureSystem};
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
-    self, Air, EddyViscosity, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Scheme, Turbulent, Viscosity,
-    preconditioner, reference_speed, spectral_radius,
+    self, Air, BoundaryFace, EddyViscosity, FaceFlow, FarField, Gas, IdealGas, Inviscid, Isothermal, Scheme,
+    Turbulent, Viscosity, preconditioner, reference_speed, spectral_radius,
 };
 use flow_solver::residual::Domain;
 use flow_solver::{Settings, Solver};
@@ -44,10 +44,7 @@ fn cold() -> Air {
 }
 
 /// A solver, its constants of a step, and the eddy viscosity of its cells.
-fn case<G: Gas<N>, V: Viscosity, const N: usize>(
-    gas: G,
-    viscosity: V,
-) -> (Solver<G, V, N>, Scheme, Vec<f64>) {
+fn case<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V) -> (Solver<G, N>, Scheme, Vec<f64>) {
     let set = Settings { air: cold(), ..settings(WIND, 1e-3) };
     let cloth = Permeability::new(CLOTH.0, CLOTH.1);
     let mut s = solver_with_cloth(&grid(), gas, viscosity, set, Some(cloth));
@@ -104,7 +101,7 @@ fn to_primitive<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N]) -> DMatrix<f64
 /// and the derivative of the mass flux by the pressure jump.
 fn pore<G: Gas<N>, const N: usize>(
     gas: &G,
-    s: &Solver<G, impl Viscosity, N>,
+    s: &Solver<G, N>,
     scheme: &Scheme,
     cells: [usize; 2],
     face: &FaceMetric,
@@ -131,7 +128,7 @@ fn pore<G: Gas<N>, const N: usize>(
     (resistance / stiffness, rho * area / stiffness)
 }
 
-fn pores<G: Gas<N>, V: Viscosity, const N: usize>(s: &Solver<G, V, N>) -> Vec<([usize; 2], usize)> {
+fn pores<G: Gas<N>, const N: usize>(s: &Solver<G, N>) -> Vec<([usize; 2], usize)> {
     s.topology.pores.iter().map(|p| ([p.inside as usize, p.outside as usize], p.face as usize)).collect()
 }
 
@@ -149,7 +146,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     let r: Vec<[f64; N]> =
         s.q.iter().map(|_| std::array::from_fn(|v| [1.0, 1.0, 1.0, 1.0, 0.01][v] * noise.next())).collect();
     let mut q = s.q.clone();
-    Correction::<G, V, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
+    Correction::<G, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
 
     let (t, m) = (&s.topology, &s.metrics);
     let n = s.q.len();
@@ -191,7 +188,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
             a.view_mut((row * N, column * N), (N, N)).copy_from(&block);
         }
     }
-    for side in t.far_field.iter().chain(&t.outlet) {
+    for side in t.open_sides() {
         let c = side.cell as usize;
         waves[c] += (velocity(c).norm() + sound(c)) * m.faces[side.face as usize].area.norm();
     }
@@ -266,7 +263,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     (solver.tolerance, solver.max_iterations) = (1e-6, 60);
     solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, &through, extra);
     let mut q = s.q.clone();
-    let report = Correction::<G, V, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
+    let report = Correction::<G, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
     assert!(report.drop <= 1e-6, "{report:?}");
 
     let (t, m) = (&s.topology, &s.metrics);
@@ -294,7 +291,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     }
     let neighbours: Vec<f64> =
         (0..n).map(|i| -(0..n).filter(|j| *j != i).map(|j| a[(i, j)]).sum::<f64>()).collect();
-    for side in t.far_field.iter().chain(&t.outlet) {
+    for side in t.open_sides() {
         let c = side.cell as usize;
         a[(c, c)] += (-mass(side.face as usize)).max(0.0);
     }
@@ -326,11 +323,11 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     }
     // The velocity through a far face that is not left is held by the stiffness of sound against that of the transport.
     let leaving = |side: &flow_solver::topology::Side| {
-        physics::leaving(&scheme, &m.faces[side.face as usize], side.sign)
+        let metric = &m.faces[side.face as usize];
+        FarField.leaving(&BoundaryFace { scheme: &scheme, metric, sign: side.sign })
     };
     let held: Vec<(usize, Vec3, f64)> = t
-        .far_field
-        .iter()
+        .sides_of(Patch::FarField)
         .map(|side| {
             let c = side.cell as usize;
             let stiff = (1.0 - leaving(side)) * 0.5 * rho[c] * c2[c].sqrt() * area(side.face);
@@ -338,7 +335,10 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
             (c, unit, stiff / (stiff + a[(c, c)]))
         })
         .collect();
-    assert!(t.far_field.iter().any(|s| leaving(s) > 0.1 && leaving(s) < 0.9), "a face that is left in part");
+    assert!(
+        t.sides_of(Patch::FarField).any(|s| leaving(s) > 0.1 && leaving(s) < 0.9),
+        "a face that is left in part"
+    );
     for &(c, unit, part) in &held {
         let along = part * Vec3::new(x[c][0], x[c][1], x[c][2]).dot(&unit);
         (0..3).for_each(|d| x[c][d] -= along * unit[d]);
@@ -370,8 +370,8 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
         b[i] -= moved;
         b[o] += moved;
     }
-    for (list, far) in [(&t.outlet, false), (&t.far_field, true)] {
-        for side in list {
+    for (patch, far) in [(Patch::Outlet, false), (Patch::FarField, true)] {
+        for side in t.sides_of(patch) {
             let (c, f) = (side.cell as usize, &m.faces[side.face as usize]);
             let left = if far { leaving(side) } else { 1.0 };
             let (open, closed) = (response[c] / f.spacing(), 0.5 / c2[c].sqrt());

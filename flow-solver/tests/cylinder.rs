@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use common::{at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
-use flow_solver::physics::{Inviscid, Isothermal, Laminar, Viscosity};
+use flow_solver::physics::{Inviscid, Isothermal, Laminar};
 use flow_solver::steady::March;
 use flow_solver::{Method, Solver};
 use mesh::{FlowGrid, Patch, box_grid};
@@ -32,7 +32,7 @@ fn half_ring(nr: usize, na: usize, far: f64, wall: Patch) -> FlowGrid {
 
 /// Drag coefficient (of the diameter, both halves), and the pressure coefficient on the
 /// wall by angle from the front, degrees.
-fn on_wall<V: Viscosity>(s: &Solver<Isothermal, V, 4>) -> (f64, Vec<(f64, f64)>) {
+fn on_wall(s: &Solver<Isothermal, 4>) -> (f64, Vec<(f64, f64)>) {
     let on = s.domain();
     let t = on.topology;
     let dynamic = 0.5 * RHO * SPEED * SPEED;
@@ -45,7 +45,7 @@ fn on_wall<V: Viscosity>(s: &Solver<Isothermal, V, 4>) -> (f64, Vec<(f64, f64)>)
         }
         let p = s.spatial.wall_pressure(&on, &s.q, &s.gradient, side);
         force += p * f.area[0];
-        if V::ACTIVE {
+        if s.spatial.viscosity.is_active() {
             force += f.magnitude() * s.spatial.wall_traction(&on, &s.scheme, &s.q, side)[0];
         }
         coefficients.push((180.0 - y.atan2(x).to_degrees(), p / dynamic));

@@ -8,7 +8,7 @@ use flow_solver::physics::Inviscid;
 use flow_solver::{FlowError, Step, state};
 use mesh::{Patch, box_grid};
 
-fn small() -> flow_solver::Solver<flow_solver::physics::Isothermal, Inviscid, 4> {
+fn small() -> flow_solver::Solver<flow_solver::physics::Isothermal, 4> {
     let grid = box_grid([3, 3, 3], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
     isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3))
 }

@@ -312,7 +312,7 @@ fn vortex(n: usize) -> f64 {
     let wind = [100.0, 0.0, 0.0];
     let settings = settings(wind, 1e-4);
     let air = settings.air;
-    let mut s: Solver<IdealGas, Inviscid, 5> = solver_of(&grid, IdealGas::new(air), Inviscid, settings);
+    let mut s: Solver<IdealGas, 5> = solver_of(&grid, IdealGas::new(air), Inviscid, settings);
     let cp = air.gas_constant * air.gamma / (air.gamma - 1.0);
     let strength = 40.0;
     // Crocco: T falls by u^2 / (2 cp) where u = strength r exp((1 - r^2) / 2).
@@ -368,7 +368,7 @@ fn piston() {
         p.q.iter_mut().for_each(|q| *q = [0.0; 5]);
     }
     let start = s.nodes.clone();
-    let mass = |s: &Solver<IdealGas, Inviscid, 5>| -> f64 {
+    let mass = |s: &Solver<IdealGas, 5>| -> f64 {
         s.q.iter().zip(&s.metrics.volume).map(|(q, v)| gas.density(q) * v).sum()
     };
     let before = mass(&s);

@@ -17,6 +17,7 @@ use flow_solver::physics::{
     self, Air, EddyViscosity, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity,
 };
 use flow_solver::residual::Domain;
+use flow_solver::topology::OpenSides;
 use flow_solver::{Loads, Solver};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of, plate_grid};
 
@@ -73,8 +74,8 @@ fn convective<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N], s: Vec3, grid_fl
 }
 
 /// Residual, limited and shortened gradients, and what passes, at the solver's state.
-fn evaluate<G: Gas<N>, V: Viscosity, const N: usize>(
-    s: &Solver<G, V, N>,
+fn evaluate<G: Gas<N>, const N: usize>(
+    s: &Solver<G, N>,
     on: &Domain<'_>,
     scheme: &physics::Scheme,
 ) -> (Vec<[f64; N]>, Vec<Gradient<N>>, Vec<FaceFlow>) {
@@ -86,7 +87,7 @@ fn evaluate<G: Gas<N>, V: Viscosity, const N: usize>(
 }
 
 /// Constants of a step of a hundredth of a second.
-fn stepping<G, V, const N: usize>(s: &Solver<G, V, N>, frame: Vec3) -> physics::Scheme {
+fn stepping<G, const N: usize>(s: &Solver<G, N>, frame: Vec3) -> physics::Scheme {
     physics::Scheme { rate: 150.0, tie: [150.0, -200.0, 50.0], frame, ..s.scheme }
 }
 
@@ -200,15 +201,16 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
             );
         }
     }
-    for (list, far) in [(&t.far_field, true), (&t.outlet, false)] {
-        for side in list {
+    for OpenSides { patch, sides } in &t.open {
+        for side in sides {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let more = sheared[side.face as usize - t.cells.len()];
             let wind = WIND + more;
             let at = physics::Scheme { wind, ..scheme };
             let inside = field.value(m.border(side.face));
-            let condition = if far { physics::far_field } else { physics::outlet };
-            let passing = condition(&gas, &at, &inside, &s.q[c], f, side.sign, [0.0; 2]);
+            let at = physics::BoundaryFace { scheme: &at, metric: f, sign: side.sign };
+            let condition = physics::open_boundary::<G, N>(*patch).expect("air passes");
+            let passing = condition.flux(&gas, &at, &inside, &s.q[c], [0.0; 2]);
             let kept = &through[side.face as usize];
             if straight(c) {
                 assert!((f64::from(kept.mass) - passing.mass).abs() < 1e-5 * passing.mass.abs().max(1.0));
@@ -529,7 +531,7 @@ fn sides<const N: usize>() -> [Linear<N>; 2] {
     [Linear::new(), outside]
 }
 
-fn fill<G: Gas<N>, V: Viscosity, const N: usize>(s: &mut Solver<G, V, N>, fields: &[Linear<N>; 2]) {
+fn fill<G: Gas<N>, const N: usize>(s: &mut Solver<G, N>, fields: &[Linear<N>; 2]) {
     // The area vector of the plate is along z: inside is below.
     for (q, x) in s.q.iter_mut().zip(&s.metrics.centre) {
         *q = fields[usize::from(x[2] > 0.0)].value(Vec3::from(*x));

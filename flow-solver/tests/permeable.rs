@@ -5,7 +5,7 @@ mod common;
 use common::{Noise, at_rest, isothermal, settings, solver_with_cloth};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
-use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar, Viscosity};
+use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar};
 use flow_solver::{Loads, Method, Solver, Step};
 use mesh::{FlowGrid, Patch, plate_grid};
 
@@ -116,7 +116,7 @@ fn without_resistance_there_is_no_membrane() {
 }
 
 /// What leaves one side enters the other, to the round-off of a sum over the cells.
-fn conserves<G: Gas<N>, V: Viscosity, const N: usize>(mut s: Solver<G, V, N>) {
+fn conserves<G: Gas<N>, const N: usize>(mut s: Solver<G, N>) {
     let mut noise = Noise(7);
     for q in &mut s.q {
         let scale = [300.0, 3.0, 3.0, 3.0, 2.0];
@@ -163,7 +163,7 @@ fn two_chambers_even_out_as_they_should() {
         let q = [side, 0.0, 0.0, 0.0];
         (s.q[k], s.past[0].q[k], s.past[1].q[k]) = (q, q, q);
     }
-    let gain = |s: &Solver<Isothermal, Inviscid, 4>| -> [f64; 2] {
+    let gain = |s: &Solver<Isothermal, 4>| -> [f64; 2] {
         let mut m = [0.0; 2];
         for (q, (x, v)) in s.q.iter().zip(s.metrics.centre.iter().zip(&s.metrics.volume)) {
             m[usize::from(x[2] > 2.0)] += v * s.spatial.gas.density(q);

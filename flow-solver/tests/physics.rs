@@ -7,7 +7,9 @@ mod common;
 use common::{Noise, isothermal, settings};
 use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::geometry::{FaceMetric, Metrics};
-use flow_solver::physics::{self, Air, Gas, IdealGas, Inviscid, Isothermal, Scheme};
+use flow_solver::physics::{
+    self, Air, BoundaryFace, FarField, Gas, IdealGas, Inviscid, Isothermal, OpenBoundary, Outlet, Scheme,
+};
 use flow_solver::shear::{Profile, Sheared};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of};
 
@@ -122,12 +124,13 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 let scheme = Scheme { wind, ..scheme() };
                 let q: [f64; N] = std::array::from_fn(|v| [30.0, 3.0, 1.0, -2.0, 4.0][v]);
                 let cell: [f64; N] = std::array::from_fn(|v| [45.0, 2.0, 1.5, -2.5, 3.0][v]);
-                let found = physics::far_field(&gas, &scheme, &q, &cell, &face, sign, PAST);
+                let at = BoundaryFace { scheme: &scheme, metric: &face, sign };
+                let found = FarField.flux(&gas, &at, &q, &cell, PAST);
                 let area = face.area.norm();
                 let unit = face.area * (sign / area);
                 let stream = wind - scheme.frame;
                 let leaving = (2.0 * stream.dot(&unit) / (stream.dot(&stream) + 0.25).sqrt()).clamp(0.0, 1.0);
-                assert!((physics::leaving(&scheme, &face, sign) - leaving).abs() < 1e-12);
+                assert!((FarField.leaving(&at) - leaving).abs() < 1e-12);
                 seen[if leaving == 0.0 {
                     0
                 } else if leaving < 1.0 {
@@ -150,7 +153,7 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 let push = gas.pressure_flux((1.0 - leaving) * p, unit * area, sign * grid_flux);
                 near(&found.flux, &std::array::from_fn(|v| mass * carried[v] + push[v]));
 
-                let found = physics::outlet(&gas, &scheme, &q, &cell, &face, sign, PAST);
+                let found = Outlet.flux(&gas, &at, &q, &cell, PAST);
                 let e = tie(spacing, q[0], (normal(&q).powi(2) + 0.25).sqrt());
                 assert!((found.tie - e).abs() < 1e-6 * e.abs(), "{} {e}", found.tie);
                 let mass = (rho * normal(&q) + e + q[0] / c) * area - rho * sign * grid_flux;
@@ -223,7 +226,8 @@ fn skewed_cells_keep_a_positive_spacing() {
     let far = 401.0f64.sqrt();
     assert!((s.metrics.faces[0].spacing() - 0.2 * far).abs() < 1e-6);
     let across = |area: Vec3| area[0].abs() > 0.5 && area[1].abs() < 1e-12;
-    let ends = s.topology.far_field.iter().filter(|side| across(s.metrics.faces[side.face as usize].area));
+    let ends =
+        s.topology.sides_of(Patch::FarField).filter(|side| across(s.metrics.faces[side.face as usize].area));
     for side in ends.clone() {
         assert!((s.metrics.height(side) - 0.1 * far).abs() < 1e-12);
     }

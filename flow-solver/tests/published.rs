@@ -18,7 +18,7 @@ use mesh::Patch;
 
 const RHO: f64 = 1.225;
 
-type Flow = Solver<Isothermal, Laminar, 4>;
+type Flow = Solver<Isothermal, 4>;
 
 /// Force on the no-slip walls whose middles `on` picks: by pressure, by shear.
 fn wall_force(s: &Flow, on: impl Fn(&[f64; 3]) -> bool) -> [[f64; 3]; 2] {

@@ -14,7 +14,7 @@ use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of};
 
 const RHO: f64 = 1.225;
 
-type Flow = Solver<flow_solver::physics::Isothermal, Turbulent, 4>;
+type Flow = Solver<flow_solver::physics::Isothermal, 4>;
 
 fn turbulent(grid: &FlowGrid, wind: [f64; 3], viscosity: f64, drop: f64) -> Flow {
     let mut set = settings(wind, drop);

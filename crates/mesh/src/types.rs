@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+/// Condition on an outer boundary face, as scenes name it.
+pub use case::Condition as Patch;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Point;
@@ -78,21 +80,6 @@ pub struct FlowGrid {
     pub canopy_faces: Vec<[u32; 4]>,
     /// Outer boundary faces with their condition.
     pub boundary: Vec<(Patch, [u32; 4])>,
-}
-
-/// Condition on an outer boundary face.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Patch {
-    /// Undisturbed air (the wind) far away.
-    FarField,
-    /// Given gauge pressure of zero, the rest from inside.
-    Outlet,
-    /// No slip, moving with the grid.
-    Wall,
-    /// No flow through, no friction.
-    Slip,
-    /// Mirror plane.
-    Symmetry,
 }
 
 /// The six faces of a hexahedron in VTK order, each turned outwards.

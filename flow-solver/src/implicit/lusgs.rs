@@ -13,7 +13,7 @@ use crate::physics::{
     FaceFlow, Gas, Scheme, Viscosity, preconditioner, reference_speed, relative_speed, spectral_radius,
     velocity,
 };
-use crate::residual::{Domain, Spatial};
+use crate::residual::{Domain, Spatial, for_viscosity};
 use crate::topology::Topology;
 
 /// Workspace of LU-SGS sweeps.
@@ -131,7 +131,7 @@ impl<const N: usize> LuSgs<N> {
             self.wave_sum[i] += wave;
             self.wave_sum[j] += wave;
         }
-        for side in t.far_field.iter().chain(&t.outlet) {
+        for side in t.open_sides() {
             // An open boundary answers with the speed of sound, not the reference speed.
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             self.wave_sum[i] += (velocity(&q[i]).norm() + sound(i)) * face.magnitude();
@@ -148,6 +148,23 @@ impl<const N: usize> LuSgs<N> {
                 self.wave_sum[i] += 2.0 * nu(i) * face.magnitude() / m.height(side);
             }
         }
+    }
+
+    /// Reference speeds of the local cells, and the waves of their faces.
+    fn set_speeds<G: Gas<N>, V: Viscosity>(
+        &mut self,
+        spatial: &Spatial<G, V>,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        field: Field<'_, N>,
+    ) {
+        let nu = kinematic(spatial, on, field);
+        for (i, q) in field.q.iter().enumerate() {
+            let c = spatial.gas.sound_speed_squared(q).sqrt();
+            let speed = relative_speed(scheme, velocity(q));
+            self.reference[i] = reference_speed(speed, on.metrics.size[i], scheme.rate, nu(i), c);
+        }
+        self.sum_waves(spatial, on, scheme, field);
     }
 
     /// Inverses of the diagonal blocks.
@@ -177,10 +194,10 @@ impl<const N: usize> LuSgs<N> {
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
+impl<G: Gas<N>, const N: usize> Correction<G, N> for LuSgs<N> {
     fn assemble(
         &mut self,
-        spatial: &Spatial<G, V>,
+        spatial: &Spatial<G>,
         on: &Domain<'_>,
         scheme: &Scheme,
         field: Field<'_, N>,
@@ -188,13 +205,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for LuSgs<N> {
         extra: f64,
     ) {
         let _part = timing::part("assembly");
-        let nu = kinematic(spatial, on, field);
-        for (i, q) in field.q.iter().enumerate() {
-            let c = spatial.gas.sound_speed_squared(q).sqrt();
-            let speed = relative_speed(scheme, velocity(q));
-            self.reference[i] = reference_speed(speed, on.metrics.size[i], scheme.rate, nu(i), c);
-        }
-        self.sum_waves(spatial, on, scheme, field);
+        for_viscosity!(spatial, s => self.set_speeds(&s, on, scheme, field));
         self.invert_blocks(&spatial.gas, on, scheme, field.q, extra);
     }
 

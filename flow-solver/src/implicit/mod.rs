@@ -20,13 +20,13 @@ use crate::residual::{Domain, Spatial};
 use crate::topology::Adjacency;
 
 /// An approximate inverse of the linearised step.
-pub trait Correction<G, V, const N: usize> {
+pub trait Correction<G, const N: usize> {
     /// Prepares for the state of `field` with what passes the faces, `through`.
     /// `extra` of 1 is the method's own pseudo-time step, more a shorter one.
     /// Collective.
     fn assemble(
         &mut self,
-        spatial: &Spatial<G, V>,
+        spatial: &Spatial<G>,
         on: &Domain<'_>,
         scheme: &Scheme,
         field: Field<'_, N>,

@@ -16,9 +16,9 @@ use super::pressure::{PressureSystem, SolveReport};
 use super::{Correction, MergedCells};
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{self, Field};
-use crate::physics::{self, FaceFlow, Gas, Scheme, Viscosity};
-use crate::residual::{Domain, Spatial};
-use crate::topology::{Adjacency, Side, Topology};
+use crate::physics::{self, BoundaryFace, FaceFlow, Gas, OpenBoundary, Scheme, Viscosity};
+use crate::residual::{Domain, Spatial, for_viscosity};
+use crate::topology::{Adjacency, OpenSides, Side, Topology};
 
 /// Share of the neighbours' coefficients that the response of the velocity to
 /// pressure leaves out: 0 is SIMPLE, where the neighbours stand still, 1 SIMPLEC,
@@ -73,9 +73,19 @@ struct Passing {
     slope: f64,
 }
 
-/// Share of the outflow condition at the far face of `side`.
-fn leaving(on: &Domain<'_>, scheme: &Scheme, side: &Side) -> f64 {
-    physics::leaving(&on.scheme_at(scheme, side), &on.metrics.faces[side.face as usize], side.sign)
+/// Calls `visit` for each side that air passes, with its condition; those of the last condition come first, to keep
+/// the order of sums.
+fn for_each_open<G: Gas<N>, const N: usize>(
+    on: &Domain<'_>,
+    scheme: &Scheme,
+    mut visit: impl FnMut(&Side, &BoundaryFace<'_>, &dyn OpenBoundary<G, N>),
+) {
+    for OpenSides { patch, sides } in on.topology.open.iter().rev() {
+        let Some(condition) = physics::open_boundary::<G, N>(*patch) else { continue };
+        for side in sides {
+            visit(side, &on.boundary_face(&on.scheme_at(scheme, side), side), condition);
+        }
+    }
 }
 
 impl PressureCorrection {
@@ -89,7 +99,7 @@ impl PressureCorrection {
             diagonal: vec![0.0; all],
             density: vec![0.0; all],
             sound2: vec![0.0; n],
-            held: Vec::with_capacity(topology.far_field.len()),
+            held: Vec::new(),
             pores: Vec::with_capacity(topology.pores.len()),
             pressure: PressureSystem::new(&topology.adjacency, all),
             transported: vec![[0.0; 4]; all],
@@ -99,7 +109,7 @@ impl PressureCorrection {
         }
     }
 
-    fn assemble_pressure(&mut self, on: &Domain<'_>, scheme: &Scheme, rate: f64) {
+    fn assemble_pressure<G: Gas<N>, const N: usize>(&mut self, on: &Domain<'_>, scheme: &Scheme, rate: f64) {
         let (t, m) = (on.topology, on.metrics);
         // Sums in double precision: reuse the transport diagonal's storage.
         for i in 0..t.n_owned {
@@ -118,19 +128,13 @@ impl PressureCorrection {
         for &Passing { cells, slope, .. } in &self.pores {
             cells.iter().for_each(|&c| self.diagonal[c] += slope);
         }
-        for side in t.outlet.iter() {
-            let face = &m.faces[side.face as usize];
+        let diagonal = &mut self.diagonal;
+        let (response, sound2) = (&self.response, &self.sound2);
+        for_each_open::<G, N>(on, scheme, |side, at, condition| {
             let i = side.cell as usize;
-            self.diagonal[i] += f64::from(self.response[i]) * face.magnitude() / face.spacing();
-        }
-        for side in t.far_field.iter() {
-            let face = &m.faces[side.face as usize];
-            let i = side.cell as usize;
-            let leaving = leaving(on, scheme, side);
-            let open = f64::from(self.response[i]) / face.spacing();
-            let closed = 0.5 / f64::from(self.sound2[i]).sqrt();
-            self.diagonal[i] += face.magnitude() * (leaving * open + (1.0 - leaving) * closed);
-        }
+            let sound = f64::from(sound2[i]).sqrt();
+            diagonal[i] += condition.mass_by_pressure(at, f64::from(response[i]), sound);
+        });
         for (p, d) in self.pressure.matrix.own.iter_mut().zip(&self.diagonal) {
             *p = *d as f32;
         }
@@ -215,7 +219,7 @@ impl PressureCorrection {
             self.diagonal[i] += ki;
             self.diagonal[j] += kj;
         }
-        for side in t.far_field.iter().chain(&t.outlet) {
+        for side in t.open_sides() {
             self.diagonal[side.cell as usize] += f64::from(-through[side.face as usize].mass).max(0.0);
         }
         if V::ACTIVE {
@@ -228,9 +232,9 @@ impl PressureCorrection {
     }
 
     /// Transport through the canopy, and what its pressure equation needs.
-    fn assemble_pores<G: Gas<N>, V: Viscosity, const N: usize>(
+    fn assemble_pores<G: Gas<N>, const N: usize>(
         &mut self,
-        spatial: &Spatial<G, V>,
+        spatial: &Spatial<G>,
         on: &Domain<'_>,
         scheme: &Scheme,
         q: &[[f64; N]],
@@ -247,19 +251,18 @@ impl PressureCorrection {
         }
     }
 
-    /// Finds what the far field holds, once the transport operator is complete.
-    fn assemble_held(&mut self, on: &Domain<'_>, scheme: &Scheme) {
+    /// Finds what open boundaries hold, once the transport operator is complete.
+    fn assemble_held<G: Gas<N>, const N: usize>(&mut self, on: &Domain<'_>, scheme: &Scheme) {
         self.held.clear();
-        for side in &on.topology.far_field {
-            let (face, i) = (&on.metrics.faces[side.face as usize], side.cell as usize);
-            // The characteristic pressure there grows by rho c / 2 for each m/s.
-            let stiff = (1.0 - leaving(on, scheme, side))
-                * 0.5
-                * f64::from(self.density[i] * self.sound2[i].sqrt())
-                * face.magnitude();
-            let normal = face.area / face.magnitude();
-            self.held.push(Held { cell: side.cell, normal, share: stiff / (stiff + self.diagonal[i]) });
-        }
+        for_each_open::<G, N>(on, scheme, |side, at, condition| {
+            let i = side.cell as usize;
+            let stiff = condition.force_by_velocity(at, f64::from(self.density[i] * self.sound2[i].sqrt()));
+            if let Some(stiff) = stiff {
+                let normal = at.metric.area / at.metric.magnitude();
+                let share = stiff / (stiff + self.diagonal[i]);
+                self.held.push(Held { cell: side.cell, normal, share });
+            }
+        });
         self.held.sort_unstable_by_key(|h| h.cell);
     }
 
@@ -291,7 +294,12 @@ impl PressureCorrection {
     }
 
     /// Right-hand side of the pressure equation: the defect of mass and what the predicted velocity passes.
-    fn assemble_source<const N: usize>(&mut self, on: &Domain<'_>, scheme: &Scheme, r: &[[f64; N]]) {
+    fn assemble_source<G: Gas<N>, const N: usize>(
+        &mut self,
+        on: &Domain<'_>,
+        scheme: &Scheme,
+        r: &[[f64; N]],
+    ) {
         let _part = timing::part("pressure source");
         let (t, m) = (on.topology, on.metrics);
         for (d, r) in self.diagonal[..t.n_owned].iter_mut().zip(r) {
@@ -313,12 +321,12 @@ impl PressureCorrection {
             self.diagonal[i] -= flux;
             self.diagonal[o] += flux;
         }
-        let outlet = t.outlet.iter().map(|side| (side, 1.0));
-        let far = t.far_field.iter().map(|side| (side, 0.5 + 0.5 * leaving(on, scheme, side)));
-        for (side, share) in outlet.chain(far) {
-            let (i, s) = (side.cell as usize, &m.faces[side.face as usize].area);
-            self.diagonal[i] -= share * f64::from(self.density[i]) * side.sign * through(i, s);
-        }
+        let (diagonal, density) = (&mut self.diagonal, &self.density);
+        for_each_open::<G, N>(on, scheme, |side, at, condition| {
+            let i = side.cell as usize;
+            let share = condition.mass_by_velocity(at);
+            diagonal[i] -= share * f64::from(density[i]) * side.sign * through(i, &at.metric.area);
+        });
         for (s, d) in self.pressure.source().iter_mut().zip(&self.diagonal) {
             *s = *d as f32;
         }
@@ -354,10 +362,10 @@ fn predicted(x: &[f32; 4]) -> Vec3 {
     Vec3::new(f64::from(x[0]), f64::from(x[1]), f64::from(x[2]))
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCorrection {
+impl<G: Gas<N>, const N: usize> Correction<G, N> for PressureCorrection {
     fn assemble(
         &mut self,
-        spatial: &Spatial<G, V>,
+        spatial: &Spatial<G>,
         on: &Domain<'_>,
         scheme: &Scheme,
         field: Field<'_, N>,
@@ -367,11 +375,11 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
         let _part = timing::part("assembly");
         let rate = scheme.rate * extra;
         self.assemble_storage(&spatial.gas, on, field.q, rate);
-        self.assemble_transport(spatial, on, scheme, field, through);
+        for_viscosity!(spatial, s => self.assemble_transport(&s, on, scheme, field, through));
         self.assemble_pores(spatial, on, scheme, field.q, through);
-        self.assemble_held(on, scheme);
+        self.assemble_held::<G, N>(on, scheme);
         self.assemble_response(on);
-        self.assemble_pressure(on, scheme, rate);
+        self.assemble_pressure::<G, N>(on, scheme, rate);
     }
 
     fn merged(&self) -> Option<MergedCells> {
@@ -393,7 +401,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Correction<G, V, N> for PressureCo
     ) -> SolveReport {
         let _part = timing::part("linear solve");
         self.predict(on, r);
-        self.assemble_source(on, scheme, r);
+        self.assemble_source::<G, N>(on, scheme, r);
         let rows = &on.topology.adjacency;
         let report =
             self.pressure.solve(rows, on.halo, &mut self.correction, self.tolerance, self.max_iterations);

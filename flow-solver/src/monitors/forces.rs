@@ -7,7 +7,7 @@ use channel::Fault;
 use super::table::Table;
 use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
-use crate::physics::{Gas, Viscosity};
+use crate::physics::Gas;
 use crate::solver::Solver;
 
 /// Force by pressure, force by shear, moment of both.
@@ -31,7 +31,7 @@ fn put(sum: &mut Sum, pressure: Vec3, shear: Vec3, arm: Vec3) {
 
 impl Forces {
     /// About the point of `f`. Collective.
-    pub fn new<G: Gas<N>, V: Viscosity, const N: usize>(f: &case::Forces, solver: &Solver<G, V, N>) -> Self {
+    pub fn new<G: Gas<N>, const N: usize>(f: &case::Forces, solver: &Solver<G, N>) -> Self {
         let own = solver.topology.no_slip.iter().any(|s| s.canopy == u32::MAX);
         let walls = !solver.comm().all(!own);
         let columns: Vec<String> = ["canopy", "wall"][..1 + usize::from(walls)]
@@ -57,9 +57,9 @@ impl Forces {
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn record<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
         loads: &Loads,
         time: f64,
         folder: &Path,
@@ -75,7 +75,7 @@ impl Forces {
             for side in t.no_slip.iter().filter(|s| s.canopy == u32::MAX) {
                 let f = &solver.metrics.faces[side.face as usize];
                 let p = solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side);
-                let shear = if V::ACTIVE {
+                let shear = if solver.spatial.viscosity.is_active() {
                     solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side) * f.magnitude()
                 } else {
                     Vec3::zeros()

@@ -22,7 +22,7 @@ pub use statistics::Statistics;
 pub use surface::Surface;
 
 use crate::loads::Loads;
-use crate::physics::{Gas, Viscosity};
+use crate::physics::Gas;
 use crate::setup::Setup;
 use crate::solver::Solver;
 
@@ -42,10 +42,7 @@ impl Monitors {
     ///
     /// # Errors
     /// A probe outside of the grid, saved statistics that do not fit.
-    pub fn new<G: Gas<N>, V: Viscosity, const N: usize>(
-        setup: &Setup,
-        solver: &Solver<G, V, N>,
-    ) -> Result<Self, Fault> {
+    pub fn new<G: Gas<N>, const N: usize>(setup: &Setup, solver: &Solver<G, N>) -> Result<Self, Fault> {
         let flow = &setup.flow;
         let probes = match &flow.probes[..] {
             [] => None,
@@ -78,9 +75,9 @@ impl Monitors {
     ///
     /// # Errors
     /// Trouble with a file, on every rank.
-    pub fn record<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
         loads: &Loads,
         w: &Window,
         moved: bool,

@@ -7,7 +7,7 @@ use channel::Fault;
 use super::table::Table;
 use crate::geometry::vec3::Vec3;
 use crate::gradient;
-use crate::physics::{Gas, Viscosity, velocity};
+use crate::physics::{Gas, velocity};
 use crate::solver::Solver;
 
 /// Numbers of one probe: gauge pressure, Pa, velocity relative to the falling frame,
@@ -40,9 +40,9 @@ impl Probes {
     ///
     /// # Errors
     /// A point outside of the grid.
-    pub fn new<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn new<G: Gas<N>, const N: usize>(
         list: &[case::Probe],
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
     ) -> Result<Self, Fault> {
         let columns: Vec<String> = list
             .iter()
@@ -71,7 +71,7 @@ impl Probes {
 
     /// Finds the cell around point `k`: returns how far outside of it the point lies,
     /// in shares of its size. Collective.
-    fn find<G: Gas<N>, V: Viscosity, const N: usize>(&mut self, k: usize, s: &Solver<G, V, N>) -> f64 {
+    fn find<G: Gas<N>, const N: usize>(&mut self, k: usize, s: &Solver<G, N>) -> f64 {
         let (x, n) = (Vec3::from(self.list[k].position_m), s.topology.n_owned);
         let mut outside = vec![f64::NEG_INFINITY; n];
         s.topology.for_each_side(|f, c, sign| {
@@ -115,9 +115,9 @@ impl Probes {
     ///
     /// # Errors
     /// Trouble with the file.
-    pub fn record<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
         time: f64,
         moved: bool,
         folder: &Path,
@@ -141,7 +141,7 @@ impl Probes {
     }
 
     /// The values of all probes, on every rank: `[probes][5]`. Collective.
-    pub fn sample<G: Gas<N>, V: Viscosity, const N: usize>(&mut self, solver: &Solver<G, V, N>) -> &[f64] {
+    pub fn sample<G: Gas<N>, const N: usize>(&mut self, solver: &Solver<G, N>) -> &[f64] {
         self.values.fill(0.0);
         let air = &solver.settings.air;
         for (k, home) in self.home.iter().enumerate() {
@@ -158,7 +158,7 @@ impl Probes {
 }
 
 /// How far `x` lies beyond face `f`, m, where `sign` turns its area out of the cell.
-fn excess<G: Gas<N>, V: Viscosity, const N: usize>(s: &Solver<G, V, N>, f: usize, sign: f64, x: Vec3) -> f64 {
+fn excess<G: Gas<N>, const N: usize>(s: &Solver<G, N>, f: usize, sign: f64, x: Vec3) -> f64 {
     let face = &s.metrics.faces[f];
     sign * face.area.dot(&(x - s.metrics.face_centre(&s.topology, f))) / face.magnitude()
 }

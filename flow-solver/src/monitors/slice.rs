@@ -9,7 +9,7 @@ use mesh::vtk::{Values, write_surface};
 use super::pieces::Pieces;
 use crate::geometry::vec3::Vec3;
 use crate::gradient;
-use crate::physics::{Gas, Viscosity, velocity};
+use crate::physics::{Gas, velocity};
 use crate::solver::Solver;
 
 /// A plane and its series.
@@ -110,9 +110,9 @@ impl Slice {
     ///
     /// # Errors
     /// Trouble with a file.
-    pub fn record<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
         done: u64,
         time: f64,
         folder: &Path,

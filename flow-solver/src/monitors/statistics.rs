@@ -5,7 +5,7 @@ use std::path::Path;
 use channel::Fault;
 use serde::{Deserialize, Serialize};
 
-use crate::physics::{Gas, Viscosity, velocity};
+use crate::physics::{Gas, velocity};
 use crate::solver::Solver;
 use crate::state::{before_archives, gather};
 use crate::topology::Topology;
@@ -43,12 +43,7 @@ impl Statistics {
     }
 
     /// Adds the end of a window that began at `time` and took `dt`, s.
-    pub fn record<G: Gas<N>, V: Viscosity, const N: usize>(
-        &mut self,
-        solver: &Solver<G, V, N>,
-        time: f64,
-        dt: f64,
-    ) {
+    pub fn record<G: Gas<N>, const N: usize>(&mut self, solver: &Solver<G, N>, time: f64, dt: f64) {
         if time < self.start - 1e-6 * dt {
             return;
         }

@@ -9,7 +9,7 @@ use mesh::vtk::{Values, write_surface};
 
 use super::pieces::Pieces;
 use crate::loads::Loads;
-use crate::physics::{Gas, Viscosity};
+use crate::physics::Gas;
 use crate::solver::Solver;
 
 /// The series `canopy_air.pvd`.
@@ -23,7 +23,7 @@ pub struct Surface {
 
 impl Surface {
     /// A picture every so many windows. Collective.
-    pub fn new<G: Gas<N>, V: Viscosity, const N: usize>(every: u32, solver: &Solver<G, V, N>) -> Self {
+    pub fn new<G: Gas<N>, const N: usize>(every: u32, solver: &Solver<G, N>) -> Self {
         let canopy = &solver.topology.canopy;
         Self {
             every: u64::from(every),
@@ -34,10 +34,7 @@ impl Surface {
     }
 
     /// Gauge pressure inside and outside of each owned canopy face, Pa. Collective.
-    pub fn sides<G: Gas<N>, V: Viscosity, const N: usize>(
-        &mut self,
-        solver: &Solver<G, V, N>,
-    ) -> &[[f64; 2]] {
+    pub fn sides<G: Gas<N>, const N: usize>(&mut self, solver: &Solver<G, N>) -> &[[f64; 2]] {
         let (on, t) = (solver.domain(), &solver.topology);
         self.sides.fill([0.0; 2]);
         for side in t.sides().filter(|s| s.canopy != u32::MAX) {
@@ -53,9 +50,9 @@ impl Surface {
     ///
     /// # Errors
     /// Trouble with a file.
-    pub fn record<G: Gas<N>, V: Viscosity, const N: usize>(
+    pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
-        solver: &Solver<G, V, N>,
+        solver: &Solver<G, N>,
         loads: &Loads,
         done: u64,
         time: f64,

@@ -52,7 +52,7 @@ impl Scheme {
     /// it did at the two instants before and `push`, Pa, over `spacing`, m, where air
     /// passes at `speed`, m/s.
     #[inline(always)]
-    fn tie(&self, past: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
+    pub(super) fn tie(&self, past: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
         let (held, resistance) = self.resistance(past, spacing, speed);
         (push - held) / resistance
     }
@@ -132,124 +132,6 @@ pub fn interface<G: Gas<N>, const N: usize>(
 #[inline(always)]
 pub fn wall<G: Gas<N>, const N: usize>(gas: &G, p: f64, area: Vec3, grid_flux: f64) -> Interface<N> {
     Interface { flux: gas.pressure_flux(p, area, grid_flux), mass: 0.0, tie: 0.0 }
-}
-
-/// Flux out of the domain into undisturbed air, with `q` just inside the face
-/// and `cell` at the centre of the cell.
-///
-/// Where the undisturbed stream enters or passes by, the acoustic
-/// characteristics set velocity and pressure (waves leave, the stream is held);
-/// where it leaves, gauge pressure is zero, so that a wake may pass. In between
-/// the two are blended by direction. The characteristics take the cell's own
-/// state: at low Mach numbers they are so stiff in the velocity that an
-/// extrapolated one would couple cells which no local correction couples.
-#[inline(always)]
-pub fn far_field<G: Gas<N>, const N: usize>(
-    gas: &G,
-    scheme: &Scheme,
-    q: &[f64; N],
-    cell: &[f64; N],
-    face: &FaceMetric,
-    sign: f64,
-    past: [f32; 2],
-) -> Interface<N> {
-    let open = OpenFace::new(face, sign);
-    let far = gas.undisturbed(scheme.wind);
-    let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
-    let (inner, outer, near) = (open.speed(q), open.speed(&far), open.speed(cell));
-    let leaving = leaving(scheme, face, sign);
-    let speed = 0.5 * (near + outer + cell[0] / (rho * c));
-    let p = 0.5 * (cell[0] + rho * c * (near - outer));
-    // At a leaving stream pressure pulls the mass flux as it does between cells.
-    let tie = scheme.tie(past, q[0], face.spacing(), hypot(speed, scheme));
-    let free = inner + (tie + q[0] / c) / rho;
-    let momentum = rho * (leaving * free + (1.0 - leaving) * speed);
-    open.flux(gas, q, &far, Passing { momentum, pressure: (1.0 - leaving) * p, tie })
-}
-
-/// Share of the outflow condition at a far face: 0 where the undisturbed stream
-/// enters or passes along, 1 within 60 degrees of the outward normal.
-#[inline(always)]
-pub fn leaving(scheme: &Scheme, face: &FaceMetric, sign: f64) -> f64 {
-    let relative = sign * (scheme.wind - scheme.frame).dot(&face.area) / face.magnitude();
-    (2.0 * relative / relative_speed(scheme, scheme.wind)).clamp(0.0, 1.0)
-}
-
-/// Flux through a boundary at zero gauge pressure, with `q` just inside. What
-/// comes in is undisturbed air.
-#[inline(always)]
-pub fn outlet<G: Gas<N>, const N: usize>(
-    gas: &G,
-    scheme: &Scheme,
-    q: &[f64; N],
-    _: &[f64; N],
-    face: &FaceMetric,
-    sign: f64,
-    past: [f32; 2],
-) -> Interface<N> {
-    let open = OpenFace::new(face, sign);
-    let far = gas.undisturbed(scheme.wind);
-    let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
-    let inner = open.speed(q);
-    let tie = scheme.tie(past, q[0], face.spacing(), hypot(inner, scheme));
-    open.flux(gas, q, &far, Passing { momentum: rho * inner + tie + q[0] / c, pressure: 0.0, tie })
-}
-
-/// A face of the outer boundary, seen from inside.
-struct OpenFace {
-    /// Area vector out of the domain, m2, and its length.
-    area: Vec3,
-    magnitude: f64,
-    /// Volume that the face sweeps outwards in unit time, m3/s.
-    grid_flux: f64,
-}
-
-/// What an open boundary lets pass.
-struct Passing {
-    /// Momentum along the outward normal, kg/(m2 s).
-    momentum: f64,
-    /// Gauge pressure on the face, Pa.
-    pressure: f64,
-    /// What pressure adds to the momentum, kg/(m2 s).
-    tie: f64,
-}
-
-impl OpenFace {
-    /// `face`, whose area vector times `sign` points outwards.
-    #[inline(always)]
-    fn new(face: &FaceMetric, sign: f64) -> Self {
-        Self { area: face.area * sign, magnitude: face.magnitude(), grid_flux: sign * face.grid_flux }
-    }
-
-    /// Velocity of the state `q` along the outward normal, m/s.
-    #[inline(always)]
-    fn speed<const N: usize>(&self, q: &[f64; N]) -> f64 {
-        velocity(q).dot(&self.area) / self.magnitude
-    }
-
-    /// Flux of what passes, carried from the state `q` inside or `far` outside.
-    #[inline(always)]
-    fn flux<G: Gas<N>, const N: usize>(
-        &self,
-        gas: &G,
-        q: &[f64; N],
-        far: &[f64; N],
-        passing: Passing,
-    ) -> Interface<N> {
-        let mass = passing.momentum * self.magnitude - gas.density(q) * self.grid_flux;
-        let carried = gas.carried(if mass > 0.0 { q } else { far });
-        let mut flux = gas.pressure_flux(passing.pressure, self.area, self.grid_flux);
-        for (f, c) in flux.iter_mut().zip(carried) {
-            *f += mass * c;
-        }
-        Interface { flux, mass, tie: passing.tie }
-    }
-}
-
-/// A speed through a boundary, bounded from below.
-#[inline(always)]
-fn hypot(speed: f64, scheme: &Scheme) -> f64 {
-    (speed * speed + scheme.floor_squared).sqrt()
 }
 
 /// Speed relative to the frame, bounded from below.

@@ -28,7 +28,7 @@ impl Air {
 }
 
 /// Equations of state and the conserved quantities of a model with `N` equations.
-pub trait Gas<const N: usize>: Copy {
+pub trait Gas<const N: usize>: Copy + 'static {
     /// Undisturbed air moving at `wind`, m/s.
     fn undisturbed(&self, wind: Vec3) -> [f64; N];
     /// Density, kg/m3.

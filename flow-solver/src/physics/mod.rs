@@ -6,18 +6,20 @@
 
 mod flux;
 mod gas;
+mod open_boundary;
 mod permeability;
 mod precondition;
 mod viscosity;
 
 pub(crate) use flux::relative_speed;
-pub use flux::{
-    FaceFlow, Interface, Scheme, VELOCITY_DIFFUSION, far_field, interface, leaving, outlet, wall,
-};
+pub use flux::{FaceFlow, Interface, Scheme, VELOCITY_DIFFUSION, interface, wall};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
+pub use open_boundary::{BoundaryFace, FarField, OpenBoundary, Outlet, open_boundary};
 pub use permeability::Permeability;
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
-pub use viscosity::{EddyViscosity, Inviscid, Laminar, Turbulent, Viscosity, stress_force, wall_traction};
+pub use viscosity::{
+    EddyViscosity, Inviscid, Laminar, Turbulent, Viscosity, ViscosityModel, stress_force, wall_traction,
+};
 
 use crate::geometry::vec3::Vec3;
 

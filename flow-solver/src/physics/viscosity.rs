@@ -2,8 +2,9 @@
 
 use crate::geometry::vec3::{Mat3, Vec3};
 
-/// How the stress at a face follows from the velocity gradient.
-pub trait Viscosity: Copy {
+/// How the stress at a face follows from the velocity gradient. Loops over faces are compiled for each; what calls
+/// them holds a [`ViscosityModel`].
+pub trait Viscosity: Copy + Into<ViscosityModel> {
     /// Whether there is any. Decided when the program is compiled: an inviscid
     /// flow pays nothing.
     const ACTIVE: bool;
@@ -78,6 +79,56 @@ impl Viscosity for Turbulent {
             EddyViscosity::Wale => self.viscosity + wale(rho, g, h),
             EddyViscosity::Transported => self.viscosity,
         }
+    }
+}
+
+/// The viscosity of a flow, as a choice at run time: one for each loop, none for each face.
+#[derive(Clone, Copy, Debug)]
+pub enum ViscosityModel {
+    /// [`Inviscid`].
+    Inviscid,
+    /// [`Laminar`].
+    Laminar(Laminar),
+    /// [`Turbulent`].
+    Turbulent(Turbulent),
+}
+
+impl ViscosityModel {
+    /// Whether there is any.
+    pub fn is_active(&self) -> bool {
+        !matches!(self, Self::Inviscid)
+    }
+
+    /// Whether a transported eddy viscosity is added, see [`crate::turbulence`].
+    pub fn transported(&self) -> bool {
+        matches!(self, Self::Turbulent(turbulent) if turbulent.transported())
+    }
+
+    /// Dynamic viscosity of the fluid itself, Pa s.
+    pub fn molecular(&self) -> f64 {
+        match self {
+            Self::Inviscid => 0.0,
+            Self::Laminar(laminar) => laminar.viscosity,
+            Self::Turbulent(turbulent) => turbulent.viscosity,
+        }
+    }
+}
+
+impl From<Inviscid> for ViscosityModel {
+    fn from(_: Inviscid) -> Self {
+        Self::Inviscid
+    }
+}
+
+impl From<Laminar> for ViscosityModel {
+    fn from(laminar: Laminar) -> Self {
+        Self::Laminar(laminar)
+    }
+}
+
+impl From<Turbulent> for ViscosityModel {
+    fn from(turbulent: Turbulent) -> Self {
+        Self::Turbulent(turbulent)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Lets the wind change with height, in the far field from now on and in all of the air
     /// as it is. The settings' wind is that of [`Sheared::base`].
     pub fn set_shear(&mut self, shear: Sheared) {

@@ -77,7 +77,7 @@ impl Iteration {
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Residual of the step at `q`: primitive, weighted to N. Returns its norm.
     pub(super) fn evaluate(&mut self) -> f64 {
         let _part = timing::part("residual");

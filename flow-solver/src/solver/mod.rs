@@ -7,7 +7,7 @@ use crate::geometry::Metrics;
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{Field, Gradient, LeastSquares};
 use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
-use crate::physics::{Air, FaceFlow, Gas, Scheme, Viscosity};
+use crate::physics::{Air, FaceFlow, Gas, Scheme};
 use crate::residual::{Domain, Spatial};
 use crate::shear::Sheared;
 use crate::state::Instant;
@@ -88,13 +88,13 @@ pub struct Report {
 }
 
 /// The flow on one rank's part of the grid.
-pub struct Solver<G, V, const N: usize> {
+pub struct Solver<G, const N: usize> {
     /// Cells and faces.
     pub topology: Topology,
     /// Exchange of cell values.
     pub halo: Halo,
     /// Gas, viscosity, reconstruction.
-    pub spatial: Spatial<G, V>,
+    pub spatial: Spatial<G>,
     /// Tolerances.
     pub settings: Settings,
     /// Node positions at the end of the step, m.
@@ -147,7 +147,7 @@ pub struct Solver<G, V, const N: usize> {
     /// State of owned cells with the smallest residual of the step, where a correction made
     /// it worse; empty until that happens for the first time.
     best: Vec<f64>,
-    correction: Box<dyn Correction<G, V, N>>,
+    correction: Box<dyn Correction<G, N>>,
     acceleration: Acceleration,
 }
 
@@ -173,13 +173,13 @@ mod step;
 
 pub use resume::WarmStart;
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Undisturbed air everywhere, on a grid with node positions `nodes` (local). Collective.
     pub fn new(
         comm: &Comm,
         topology: Topology,
         nodes: Vec<Vec3>,
-        spatial: Spatial<G, V>,
+        spatial: Spatial<G>,
         settings: Settings,
     ) -> Result<Self, FlowError> {
         let halo = Halo::new(comm, &topology.numbering);
@@ -187,7 +187,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         let least_squares = LeastSquares::new(&topology, &metrics);
         let (n, faces) = (topology.n_local(), topology.face_nodes.len());
         let q = vec![spatial.gas.undisturbed(settings.wind); n];
-        let (correction, depth): (Box<dyn Correction<G, V, N>>, usize) = match settings.method {
+        let (correction, depth): (Box<dyn Correction<G, N>>, usize) = match settings.method {
             Method::PressureCorrection { depth } => (Box::new(PressureCorrection::new(&topology)), depth),
             Method::LuSgs { courant } => (Box::new(LuSgs::new(&topology, courant)), 0),
         };

@@ -2,7 +2,7 @@
 
 use super::*;
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Geometry of the moved grid.
     pub(super) fn move_grid(&mut self) -> Result<(), FlowError> {
         let _part = timing::part("geometry");
@@ -19,7 +19,7 @@ impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
         self.swept.resize(self.topology.face_nodes.len(), 0.0);
         self.swept_before.resize(self.topology.face_nodes.len(), 0.0);
         Metrics::swept(&self.topology, &self.past[0].nodes, &self.nodes, &mut self.swept);
-        if V::ACTIVE {
+        if self.spatial.viscosity.is_active() {
             for side in &self.topology.no_slip {
                 let nodes = self.topology.face_nodes[side.face as usize];
                 let count = if nodes[2] == nodes[3] { 3 } else { 4 };

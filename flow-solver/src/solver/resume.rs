@@ -35,7 +35,7 @@ impl WarmStart {
     }
 }
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Writes the last two accepted instants. `totals`: cells and nodes of the whole grid. Collective.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use super::*;
 
-impl<G: Gas<N>, V: Viscosity, const N: usize> Solver<G, V, N> {
+impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Computes the step from the last accepted instant. Collective.
     pub fn advance(&mut self, step: &Step) -> Result<Report, FlowError> {
         if self.turbulence_lost {

@@ -321,7 +321,7 @@ impl SpalartAllmaras {
             self.residual[i][0] += k * self.value[i][0];
             self.diagonal[i] += k;
         }
-        for side in t.far_field.iter().chain(&t.outlet) {
+        for side in t.open_sides() {
             let i = side.cell as usize;
             let inflow = f64::from(-flow.through[side.face as usize].mass).max(0.0);
             let far = FREE_STREAM * self.viscosity / flow.density[i];

@@ -33,7 +33,7 @@ pub fn solver_of<G: Gas<N>, V: Viscosity, const N: usize>(
     gas: G,
     viscosity: V,
     settings: Settings,
-) -> Solver<G, V, N> {
+) -> Solver<G, N> {
     solver_with_cloth(grid, gas, viscosity, settings, None)
 }
 
@@ -43,14 +43,14 @@ pub fn solver_on<G: Gas<N>, V: Viscosity, const N: usize>(
     gas: G,
     viscosity: V,
     settings: Settings,
-) -> Solver<G, V, N> {
+) -> Solver<G, N> {
     let faces = FaceTable::new(&grid).unwrap();
     let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
     let part = vec![0; grid.cells.len()];
     let topology = Topology::new(&grid, &faces, &part, &order, 0, V::ACTIVE);
     let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
     drop((grid, faces, order, part));
-    let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None };
+    let spatial = Spatial { gas, viscosity: viscosity.into(), chi: 1.0 / 3.0, limiter: None };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
 }
 
@@ -61,18 +61,18 @@ pub fn solver_with_cloth<G: Gas<N>, V: Viscosity, const N: usize>(
     viscosity: V,
     settings: Settings,
     cloth: Option<Permeability>,
-) -> Solver<G, V, N> {
+) -> Solver<G, N> {
     let faces = FaceTable::new(grid).unwrap();
     let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
     let part = vec![0; grid.cells.len()];
     let topology = Topology::with_cloth(grid, &faces, &part, &order, 0, V::ACTIVE, cloth);
     let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
-    let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None };
+    let spatial = Spatial { gas, viscosity: viscosity.into(), chi: 1.0 / 3.0, limiter: None };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
 }
 
 /// Isothermal.
-pub fn isothermal<V: Viscosity>(grid: &FlowGrid, v: V, settings: Settings) -> Solver<Isothermal, V, 4> {
+pub fn isothermal<V: Viscosity>(grid: &FlowGrid, v: V, settings: Settings) -> Solver<Isothermal, 4> {
     solver_of(grid, Isothermal::new(settings.air), v, settings)
 }
 

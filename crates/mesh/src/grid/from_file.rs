@@ -12,7 +12,7 @@ use super::file_error::GridFileError;
 use crate::geometry::{Point, Vec3, distinct};
 use crate::msh::{Msh, Shape};
 use crate::quality;
-use crate::{FaceTable, FlowGrid, Graph, MeshError, Patch, StructureMesh, clean_face};
+use crate::{FaceTable, FlowGrid, Graph, MeshError, StructureMesh, clean_face};
 
 /// Canopy nodes may be off by this share of the canopy's size: a file has few digits.
 const NEAR: f64 = 1e-5;
@@ -81,7 +81,7 @@ impl Reader<'_> {
                 place: self.middle(nodes),
                 what: "is a face of no cell",
             })?;
-            grid.boundary.push((patch(*condition), face));
+            grid.boundary.push((*condition, face));
         }
         self.canopy_faces(&mut grid, canopy, &surfaces.membrane, &number)?;
         let table = FaceTable::new(&grid).map_err(|e| match e {
@@ -251,16 +251,6 @@ fn key(face: [u32; 4]) -> [u32; 4] {
     }
     f.sort_unstable();
     f
-}
-
-fn patch(condition: Condition) -> Patch {
-    match condition {
-        Condition::FarField => Patch::FarField,
-        Condition::Outlet => Patch::Outlet,
-        Condition::Wall => Patch::Wall,
-        Condition::Slip => Patch::Slip,
-        Condition::Symmetry => Patch::Symmetry,
-    }
 }
 
 /// Errs where there is no cell, and on the first that is inside out.

@@ -1,10 +1,10 @@
 //! Hexahedra in a box around a panel: columns of cells below and above it.
 
-use case::{Condition, FlowBox, PanelCanopy};
+use case::{FlowBox, PanelCanopy};
 
 use crate::boxes::add_box_cells;
 use crate::structure::{positive, refuse};
-use crate::{FlowGrid, MeshError, Patch, Point, StructureMesh};
+use crate::{FlowGrid, MeshError, Point, StructureMesh};
 
 /// The grid around the panel at `positions`, m. What the panel has moved fades linearly
 /// towards the walls.
@@ -63,7 +63,7 @@ pub(super) fn panel_box(
         }
     }
     let node = |i: usize, j: usize, k: usize| number[i + (nx + 1) * (j + (ny + 1) * k)];
-    add_box_cells(&mut grid, [nx, ny, nz], b.sides.in_order().map(patch), node);
+    add_box_cells(&mut grid, [nx, ny, nz], b.sides.in_order(), node);
     Ok(grid)
 }
 
@@ -93,19 +93,9 @@ fn heights(key: &'static str, height: f64, layers: u32, first: Option<f64>) -> R
     Ok(levels)
 }
 
-fn patch(condition: Condition) -> Patch {
-    match condition {
-        Condition::FarField => Patch::FarField,
-        Condition::Outlet => Patch::Outlet,
-        Condition::Wall => Patch::Wall,
-        Condition::Slip => Patch::Slip,
-        Condition::Symmetry => Patch::Symmetry,
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use case::{Canopy, PanelEdges, Scene};
+    use case::{Canopy, Condition, PanelEdges, Scene};
 
     use super::*;
     use crate::grid::tests::flow_scene;
@@ -169,7 +159,7 @@ mod tests {
         let grid = flow_grid(&scene, &canopy, &x).unwrap();
         assert_eq!(grid.cells.len(), 15 * 2 * 10);
         assert!((volume(&grid) - 5.0 * 0.5 * 1.5).abs() < 1e-12);
-        let far = grid.boundary.iter().filter(|b| b.0 == Patch::FarField);
+        let far = grid.boundary.iter().filter(|b| b.0 == Condition::FarField);
         assert!(
             far.clone().count() == 20 && far.flat_map(|b| b.1).all(|n| grid.coords[n as usize][0] == -2.0)
         );

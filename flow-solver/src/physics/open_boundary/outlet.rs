@@ -1,0 +1,28 @@
+//! Zero gauge pressure.
+
+use super::{BoundaryFace, OpenBoundary, OpenFace, Passing, hypot};
+use crate::physics::flux::Interface;
+use crate::physics::gas::Gas;
+
+/// Zero gauge pressure; the velocity comes from inside. What comes in is undisturbed air.
+#[derive(Clone, Copy, Debug)]
+pub struct Outlet;
+
+impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for Outlet {
+    fn flux(
+        &self,
+        gas: &G,
+        at: &BoundaryFace<'_>,
+        q: &[f64; N],
+        _: &[f64; N],
+        past: [f32; 2],
+    ) -> Interface<N> {
+        let scheme = at.scheme;
+        let open = OpenFace::new(at);
+        let far = gas.undisturbed(scheme.wind);
+        let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
+        let inner = open.speed(q);
+        let tie = scheme.tie(past, q[0], at.metric.spacing(), hypot(inner, scheme));
+        open.flux(gas, q, &far, Passing { momentum: rho * inner + tie + q[0] / c, pressure: 0.0, tie })
+    }
+}
