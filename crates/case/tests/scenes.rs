@@ -260,6 +260,10 @@ fn a_panel_needs_its_box_and_a_box_its_panel() {
     assert!(refused("prestress_pa = 730.0", "prestress_pa = 7300.0").contains("half the modulus"));
     assert!(refused("cells = [12, 12]", "cells = [12, 0]").contains("canopy.cells[1]"));
     assert!(refused("top = \"outlet\"", "top = \"hole\"").contains("hole"));
+    let closed = panel.replace("\"outlet\"", "\"inlet\"");
+    let message = read(&closed).expect_err("no air leaves").to_string();
+    assert!(message.contains("flow.box.sides") && message.contains("lets it leave"), "{message}");
+    assert!(read(&closed.replacen("\"inlet\"", "\"far-field\"", 1)).is_ok());
     let start = panel.find("[flow.box]").unwrap();
     let end = panel.find("[flow.solver]").unwrap();
     let text = read(&[&panel[..start], &panel[end..]].concat()).unwrap_err().to_string();

@@ -74,6 +74,8 @@ pub enum Condition {
     Slip,
     /// Mirror plane.
     Symmetry,
+    /// Velocity of the undisturbed air, pressure from inside: the fan of a wind tunnel.
+    Inlet,
 }
 
 /// Hexahedra in a box around a panel, in the place of `[flow.grid]`: the canopy's own cells
@@ -151,8 +153,27 @@ pub(super) fn generated(g: &Grid, c: &mut Check) {
     c.range("flow.grid.wake_widths", g.wake_widths, 1.5..=1000.0, "in canopy widths");
 }
 
-/// Refuses a file that is not there.
+/// Refuses inlets where no other boundary lets the pressure adjust.
+fn has_an_exit(key: &str, conditions: impl IntoIterator<Item = Condition>, c: &mut Check) {
+    let (mut inlet, mut exit) = (false, false);
+    for condition in conditions {
+        inlet |= condition == Condition::Inlet;
+        exit |= matches!(condition, Condition::Outlet | Condition::FarField);
+    }
+    if inlet && !exit {
+        c.refuse(
+            key,
+            "an \"inlet\" prescribes the mass that enters, but no boundary lets it leave",
+            "set at least one of them to \"outlet\" or \"far-field\"",
+        );
+    }
+}
+
+/// Refuses a file that is not there, and conditions that do not fit together.
 pub(super) fn from_file(f: &Flow, c: &mut Check) {
+    if let Some(g) = &f.grid_file {
+        has_an_exit("flow.grid_file.patches", g.patches.values().copied(), c);
+    }
     if let Some(g) = f.grid_file.as_ref().filter(|g| !g.path.is_file()) {
         c.refuse(
             "flow.grid_file.path",
@@ -186,6 +207,7 @@ pub(super) fn around_panel(scene: &Scene, flow: &Flow, c: &mut Check) {
     if flow.grid_file.is_some() {
         c.refuse("flow.box", "the scene has two grids", "remove [flow.box] or [flow.grid_file]");
     }
+    has_an_exit("flow.box.sides", b.sides.in_order(), c);
     box_sizes(b, c);
 }
 

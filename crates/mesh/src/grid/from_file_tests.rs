@@ -23,6 +23,7 @@ fn name(patch: Patch) -> String {
         Patch::Wall => "wall",
         Patch::Slip => "sides",
         Patch::Symmetry => "mirror",
+        Patch::Inlet => "inlet",
     }
     .into()
 }

@@ -1,6 +1,7 @@
 //! Conditions on boundaries that air passes: a file for each.
 
 mod far_field;
+mod inlet;
 mod outlet;
 
 pub use far_field::FarField;
@@ -19,6 +20,7 @@ pub fn open_boundary<G: Gas<N>, const N: usize>(patch: Patch) -> Option<&'static
     match patch {
         Patch::FarField => Some(&FarField),
         Patch::Outlet => Some(&Outlet),
+        Patch::Inlet => Some(&inlet::Inlet),
         Patch::Wall | Patch::Slip | Patch::Symmetry => None,
     }
 }
