@@ -7,13 +7,15 @@ use comm::Comm;
 use mesh::{MeshError, StructureMesh};
 
 use crate::dynamics::{Dynamics, DynamicsParams};
-use crate::elements::cable::{CableLaw, TensionOnly, TwoWay};
+use crate::elements::air::Cylinder;
+use crate::elements::cable::{self, CableLaw, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
-use crate::loops::{
-    BentFaces, CableDamping, Cables, Contact, Cylinder, ElementLoop, LineDrag, MembraneDamping, Membranes,
-    Quads, ReefingLine, Schedule,
+use crate::elements::reefing::Schedule;
+use crate::loops::{Contact, ElementLoop, Elements};
+use crate::materials::{
+    Elastic, KelvinVoigt, Material, OrthotropicTensionField, Prestressed, StVenantKirchhoff, TensionField,
+    Viscous,
 };
-use crate::materials::{Material, OrthotropicTensionField, Prestressed, StVenantKirchhoff, TensionField};
 use crate::model::{Model, ModelError, Surface, Warp};
 use crate::newton::NewtonParams;
 use crate::scheme::Scheme;
@@ -71,25 +73,35 @@ fn fabric(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &
 }
 
 fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
-    let f = &scene.fabric;
-    if scene.structure.membrane == Membrane::Quadrilateral {
-        all.push(Box::new(Quads::new(model, law, f.thickness_m, f.density_kg_m3, damping)));
-        return;
-    }
-    all.push(Box::new(Membranes::new(model, law, f.thickness_m, f.density_kg_m3)));
-    if !model.split_faces.is_empty() {
-        all.push(Box::new(BentFaces::new(model, f.thickness_m, f.density_kg_m3)));
-    }
-    if damping > 0.0 {
-        all.push(Box::new(MembraneDamping::new(model, law, f.thickness_m, damping)));
+    let (thickness, density) = (scene.fabric.thickness_m, scene.fabric.density_kg_m3);
+    match (scene.structure.membrane == Membrane::Quadrilateral, damping > 0.0) {
+        (true, false) => all.push(Box::new(Elements::quads(model, Elastic(law), thickness, density))),
+        (true, true) => {
+            all.push(Box::new(Elements::quads(model, KelvinVoigt::new(law, damping), thickness, density)));
+        }
+        (false, damped) => {
+            all.push(Box::new(Elements::triangles(model, Elastic(law), thickness, density)));
+            if !model.split_faces.is_empty() {
+                all.push(Box::new(Elements::bent_faces(model, thickness, density)));
+            }
+            if damped {
+                all.push(Box::new(Elements::triangles(
+                    model,
+                    Viscous::new(law, damping),
+                    thickness,
+                    density,
+                )));
+            }
+        }
     }
 }
 
 fn lines(l: &case::Lines, damping: f64, model: &Model, law: impl CableLaw, all: &mut Loops) {
-    let offset = l.prestress_pa / l.youngs_modulus_pa;
-    all.push(Box::new(Cables::new(model, law, l.area_m2, l.density_kg_m3).with_strain_at_rest(offset)));
+    let elastic = || cable::Elastic { law, offset: l.prestress_pa / l.youngs_modulus_pa };
+    all.push(Box::new(Elements::cables(model, elastic(), l.area_m2, l.density_kg_m3)));
     if damping > 0.0 {
-        all.push(Box::new(CableDamping::new(model, law, l.area_m2, offset, damping)));
+        let viscous = cable::Viscous::new(elastic(), damping);
+        all.push(Box::new(Elements::cables(model, viscous, l.area_m2, l.density_kg_m3)));
     }
 }
 
@@ -178,7 +190,7 @@ fn air_and_reefing(scene: &Scene, stage: usize, model: &Model, skirt: f64, all: 
     let (Some(l), density) = (&scene.lines, scene.resolved().air.density_kg_m3) else { return };
     if let Some(d) = &l.drag {
         let cylinder = Cylinder::new(density, l.diameter_m(), d.coefficient, d.friction_coefficient);
-        all.push(Box::new(LineDrag::new(model, cylinder)));
+        all.push(Box::new(Elements::line_drag(model, cylinder)));
     }
     for (r, cut) in holding(scene, stage) {
         let schedule = Schedule {
@@ -187,8 +199,7 @@ fn air_and_reefing(scene: &Scene, stage: usize, model: &Model, skirt: f64, all: 
             release: if cut { r.release_s } else { f64::INFINITY },
             ramp: r.release_ramp_s,
         };
-        let law = TensionOnly { youngs_modulus: l.youngs_modulus_pa };
-        all.push(Box::new(ReefingLine::new(model, law, l.area_m2, schedule, skirt)));
+        all.push(Box::new(Elements::reefing(model, l.youngs_modulus_pa, l.area_m2, schedule, skirt)));
     }
 }
 

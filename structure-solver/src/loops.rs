@@ -3,25 +3,13 @@
 //! A loop is written for concrete materials and laws, so the compiler sees
 //! straight arithmetic; which loops there are is chosen once, at construction.
 
-mod air;
-mod axial;
-mod bent;
-mod cables;
 mod contact;
-mod damping;
-mod membranes;
-mod quads;
-mod reefing;
+mod elements;
+mod kinds;
 mod stencil;
 
-pub use air::{Cylinder, LineDrag};
-pub use bent::BentFaces;
-pub use cables::Cables;
 pub use contact::Contact;
-pub use damping::{CableDamping, MembraneDamping};
-pub use membranes::Membranes;
-pub use quads::Quads;
-pub use reefing::{ReefingLine, Schedule};
+pub use elements::Elements;
 
 use crate::elements::mass::MassMatrix;
 use crate::materials::{Regime, Stress};

@@ -145,9 +145,9 @@ mod tests {
     /// way to the mean over the window, and that in its plane stays. The line's far end keeps its own.
     #[test]
     fn a_sheet_is_drawn_along_its_normal() {
-        use crate::elements::{cable::TwoWay, mass::MassMatrix};
-        use crate::loops::{Cables, ElementLoop, Membranes};
-        use crate::materials::StVenantKirchhoff;
+        use crate::elements::{cable, mass::MassMatrix};
+        use crate::loops::{ElementLoop, Elements};
+        use crate::materials::{Elastic, StVenantKirchhoff};
         let normal = [0.0, -0.6, 0.8];
         let mesh = StructureMesh {
             coords: vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.8, 0.6], [0.0, 0.8, 0.6], [0.0, 0.0, 1.0]],
@@ -165,8 +165,9 @@ mod tests {
             ..Default::default()
         };
         let model = crate::model::Model::new(&comm::Comm::solo(), &mesh, &[0; 5]).expect("a good mesh");
-        let fabric = Membranes::new(&model, StVenantKirchhoff::isotropic(1.0, 0.3), 0.1, 1.0);
-        let line = Cables::new(&model, TwoWay { youngs_modulus: 1.0 }, 0.1, 1.0);
+        let fabric = Elements::triangles(&model, Elastic(StVenantKirchhoff::isotropic(1.0, 0.3)), 0.1, 1.0);
+        let law = cable::TwoWay { youngs_modulus: 1.0 };
+        let line = Elements::cables(&model, cable::Elastic { law, offset: 0.0 }, 0.1, 1.0);
         let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(fabric), Box::new(line)];
         let system = System::new(model, loops, MassMatrix::Consistent);
         let (mut from, mut to) = (State::rest(5), State::rest(5));

@@ -4,6 +4,7 @@
 //! the initial distance: $E = (l^2 - L^2) / (2 L^2)$. The axial force is
 //! $N = A S l / L$ with $S = Y E$.
 
+use super::{Kernel, Load, Step};
 use crate::vec3::{Mat3, Vec3, dot, scale, sub};
 
 /// Stiffness of a cable element under axial strain.
@@ -101,41 +102,245 @@ pub fn energy(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, offset: f64,
     0.5 * law.stress(e).0 * e * area * rest_length
 }
 
+/// Axial stress of two-node elements over a step.
+pub trait AxialStress: 'static {
+    /// State at the start of the step.
+    type Start: Copy;
+    /// See [`Kernel::RATE`].
+    const RATE: bool = false;
+    /// See [`Kernel::TIMED`].
+    const TIMED: bool = false;
+    /// Whether it adds to the stress of other elements, which have the mass.
+    const ADDS: bool = false;
+
+    /// Rest length (m) now of an element made with `length`.
+    #[inline(always)]
+    fn rest_length(&self, length: f64) -> f64 {
+        length
+    }
+    /// State with the vector `d` between the ends (m).
+    fn start(&self, d: Vec3, rest_length: f64) -> Self::Start;
+    /// Stress (Pa) of a step to the vector `end` (m), and its derivative by the strain there divided by the weight `w`.
+    fn stress(&self, start: &Self::Start, end: Vec3, rest_length: f64, w: f64) -> (f64, f64);
+    /// Strain energy, J.
+    fn energy(&self, _x: &[Vec3; 2], _rest_length: f64, _area: f64) -> f64 {
+        0.0
+    }
+    /// Tension, N, where it is reported.
+    fn tension(&self, _x: &[Vec3; 2], _rest_length: f64, _area: f64) -> Option<f64> {
+        None
+    }
+    /// See [`Kernel::dissipation`]; `by`: vectors between the ends before and after.
+    fn dissipation(&self, _start: &Self::Start, _by: [Vec3; 2], _rest_length: f64, _area: f64) -> f64 {
+        0.0
+    }
+    /// See [`Kernel::set_step`].
+    fn set_step(&mut self, _dt: f64) {}
+    /// See [`Kernel::set_time`].
+    fn set_time(&mut self, _t: f64) {}
+}
+
+/// Stress of a law about a pre-stress.
+pub struct Elastic<L> {
+    /// The law.
+    pub law: L,
+    /// Green strain at rest length: the pre-stress over the modulus. It adds to the strain, so
+    /// that energies and steps know of it too.
+    pub offset: f64,
+}
+
+impl<L: CableLaw> AxialStress for Elastic<L> {
+    /// Strain.
+    type Start = f64;
+
+    fn start(&self, d: Vec3, rest_length: f64) -> f64 {
+        strain(d, rest_length) + self.offset
+    }
+
+    #[inline(always)]
+    fn stress(&self, start: &f64, end: Vec3, rest_length: f64, w: f64) -> (f64, f64) {
+        step(&self.law, *start, strain(end, rest_length) + self.offset, w)
+    }
+
+    fn energy(&self, x: &[Vec3; 2], rest_length: f64, area: f64) -> f64 {
+        energy(&self.law, x, rest_length, self.offset, area)
+    }
+
+    fn tension(&self, x: &[Vec3; 2], rest_length: f64, area: f64) -> Option<f64> {
+        Some(tension(&self.law, x, rest_length, self.offset, area))
+    }
+}
+
+/// Stiffness-proportional damping of [`Elastic`]: see [`crate::materials::Viscous`].
+pub struct Viscous<L> {
+    elastic: Elastic<L>,
+    /// Damping time, s.
+    time: f64,
+    /// Time over the step, 1.
+    rate: f64,
+}
+
+impl<L: CableLaw> Viscous<L> {
+    /// With the damping time in s.
+    pub fn new(elastic: Elastic<L>, time: f64) -> Self {
+        Self { elastic, time, rate: 0.0 }
+    }
+
+    /// Elastic stress and its derivative.
+    #[inline(always)]
+    fn law(&self, d: Vec3, rest_length: f64) -> (f64, f64) {
+        self.elastic.law.stress(strain(d, rest_length) + self.elastic.offset)
+    }
+}
+
+impl<L: CableLaw> AxialStress for Viscous<L> {
+    /// Elastic stress.
+    type Start = f64;
+    const RATE: bool = true;
+    const ADDS: bool = true;
+
+    fn start(&self, d: Vec3, rest_length: f64) -> f64 {
+        self.law(d, rest_length).0
+    }
+
+    #[inline(always)]
+    fn stress(&self, start: &f64, end: Vec3, rest_length: f64, w: f64) -> (f64, f64) {
+        let (s, y) = self.law(end, rest_length);
+        (self.rate * (s - start), self.rate / w * y)
+    }
+
+    fn dissipation(&self, start: &f64, by: [Vec3; 2], rest_length: f64, area: f64) -> f64 {
+        let [from, to] = by.map(|d| strain(d, rest_length));
+        let s = self.rate * (self.law(by[1], rest_length).0 - start);
+        area * rest_length * s * (to - from)
+    }
+
+    fn set_step(&mut self, dt: f64) {
+        self.rate = self.time / dt;
+    }
+}
+
+/// Two-node elements of one axial stress.
+pub struct Cable<S> {
+    /// Its stress.
+    pub stress: S,
+    /// Cross-section, m2.
+    pub area: f64,
+    /// Density, kg/m3.
+    pub density: f64,
+}
+
+/// A two-node element.
+pub struct Line<T> {
+    /// Rest length (m), or what [`AxialStress::rest_length`] makes it of.
+    length: f64,
+    start: T,
+}
+
+impl<S: AxialStress> Cable<S> {
+    /// An element made with `length`; a step starts with the vector `d` between its ends (m).
+    pub fn element(&self, length: f64, d: Vec3) -> Line<S::Start> {
+        Line { length, start: self.stress.start(d, self.stress.rest_length(length)) }
+    }
+
+    /// Vectors between the ends in a step, rest length, stress and its derivative.
+    #[inline(always)]
+    fn state(&self, e: &Line<S::Start>, step: &Step<2>) -> ([Vec3; 2], f64, (f64, f64)) {
+        let (d, end) = (between(&step.at), between(&step.end));
+        let rest_length = self.stress.rest_length(e.length);
+        ([d, end], rest_length, self.stress.stress(&e.start, end, rest_length, step.weight))
+    }
+}
+
+/// Vector from the first to the second end.
+#[inline(always)]
+fn between(x: &[Vec3; 2]) -> Vec3 {
+    sub(x[1], x[0])
+}
+
+impl<S: AxialStress> Kernel<2> for Cable<S> {
+    type Element = Line<S::Start>;
+    const RATE: bool = S::RATE;
+    const TIMED: bool = S::TIMED;
+
+    fn anchor(&self, e: &mut Self::Element, x: &[Vec3; 2]) {
+        e.start = self.stress.start(between(x), self.stress.rest_length(e.length));
+    }
+
+    #[inline(always)]
+    fn force<const TRACTION: bool, const BLEND: bool>(
+        &self,
+        e: &Self::Element,
+        step: &Step<2>,
+        _load: &Load,
+    ) -> [Vec3; 2] {
+        let ([d, _], rest_length, (s, _)) = self.state(e, step);
+        let f = force(s, d, rest_length, self.area);
+        [scale(-1.0, f), f]
+    }
+
+    #[inline(always)]
+    fn tangent<const TRACTION: bool, const BLEND: bool>(
+        &self,
+        e: &Self::Element,
+        step: &Step<2>,
+        _load: &Load,
+        factor: f64,
+    ) -> ([Vec3; 2], [[Mat3; 2]; 2]) {
+        let ([d, end], rest_length, (s, y)) = self.state(e, step);
+        let f = force(s, d, rest_length, self.area);
+        let k = stiffness(s, y, d, end, rest_length, self.area);
+        let [plus, minus] = [factor, -factor].map(|s| k.map(|row| scale(s, row)));
+        ([scale(-1.0, f), f], [[plus, minus], [minus, plus]])
+    }
+
+    fn energy(&self, e: &Self::Element, x: &[Vec3; 2]) -> f64 {
+        self.stress.energy(x, self.stress.rest_length(e.length), self.area)
+    }
+
+    fn dissipation(&self, e: &Self::Element, before: &[Vec3; 2], after: &[Vec3; 2]) -> f64 {
+        let by = [between(before), between(after)];
+        self.stress.dissipation(&e.start, by, self.stress.rest_length(e.length), self.area)
+    }
+
+    fn mass(&self, e: &Self::Element) -> Option<f64> {
+        (!S::ADDS).then(|| self.density * self.area * self.stress.rest_length(e.length))
+    }
+
+    fn tension(&self, e: &Self::Element, x: &[Vec3; 2]) -> Option<f64> {
+        self.stress.tension(x, self.stress.rest_length(e.length), self.area)
+    }
+
+    fn set_step(&mut self, dt: f64) {
+        self.stress.set_step(dt);
+    }
+
+    fn set_time(&mut self, t: f64) {
+        self.stress.set_time(t);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::elements::check::{Kernel, conforms};
+    use crate::elements::check::{conforms, conforms_in_a_step};
 
     const X: [Vec3; 2] = [[0.1, 0.2, -0.3], [1.0, 0.7, 0.4]];
 
-    /// A line of a law and a rest length (m).
-    struct Line<L>(L, f64);
-
-    impl<L: CableLaw> Kernel<2> for Line<L> {
-        fn force(&self, x: &[Vec3; 2]) -> [Vec3; 2] {
-            let d = sub(x[1], x[0]);
-            let f = force(self.0.stress(strain(d, self.1)).0, d, self.1, 0.3);
-            [scale(-1.0, f), f]
-        }
-        fn stiffness(&self, x: &[Vec3; 2]) -> [[Mat3; 2]; 2] {
-            let d = sub(x[1], x[0]);
-            let (s, y) = self.0.stress(strain(d, self.1));
-            let k = stiffness(s, y, d, d, self.1, 0.3);
-            let minus = k.map(|row| scale(-1.0, row));
-            [[k, minus], [minus, k]]
-        }
-        fn energy(&self, x: &[Vec3; 2]) -> f64 {
-            energy(&self.0, x, self.1, 0.0, 0.3)
-        }
-    }
-
     #[test]
     fn lines_conform() {
-        let rest = |length: f64| [[0.1, 0.2, 0.3], [0.1 + length, 0.2, 0.3]];
-        conforms(&Line(TensionOnly { youngs_modulus: 5.0 }, 1.1), rest(1.1), X);
-        conforms(&Line(TwoWay { youngs_modulus: 5.0 }, 1.1), rest(1.1), X);
+        fn check(law: impl CableLaw, length: f64) {
+            let kernel = Cable { stress: Elastic { law, offset: 0.0 }, area: 0.3, density: 2.0 };
+            let rest = [[0.1, 0.2, 0.3], [0.1 + length, 0.2, 0.3]];
+            conforms(&kernel, || kernel.element(length, between(&rest)), rest, X);
+            let mut damping = Cable { stress: Viscous::new(kernel.stress, 0.4), area: 0.3, density: 2.0 };
+            damping.set_step(0.2);
+            conforms_in_a_step(&damping, || damping.element(length, between(&rest)), rest, X);
+        }
+        check(TensionOnly { youngs_modulus: 5.0 }, 1.1);
+        check(TwoWay { youngs_modulus: 5.0 }, 1.1);
         // Compressed.
-        conforms(&Line(TwoWay { youngs_modulus: 5.0 }, 1.4), rest(1.4), X);
+        check(TwoWay { youngs_modulus: 5.0 }, 1.4);
     }
 
     #[test]

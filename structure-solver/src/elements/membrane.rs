@@ -6,7 +6,9 @@
 //! strain is $E_{\alpha\beta} = \tfrac12 (f_\alpha\cdot f_\beta - \delta_{\alpha\beta})$.
 //! Strains and stresses are in Voigt order: 11, 22, 12 with $\gamma = 2E_{12}$.
 
-use crate::vec3::{Mat3, Vec3, add, cross, dot, norm, scale, sub};
+use super::{Kernel, Load, Sheet, Step, load};
+use crate::materials::StepLaw;
+use crate::vec3::{Mat3, Vec3, add, add_block, cross, dot, norm, scale, sub};
 
 /// What a membrane element keeps of its reference state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -197,41 +199,160 @@ fn blocks<const BETWEEN: bool>(
     k
 }
 
+/// Triangles of one law.
+pub struct Triangle<L> {
+    law: L,
+    /// kg/m3.
+    density: f64,
+}
+
+/// A triangle.
+pub struct Element<T> {
+    gradient: [f64; 4],
+    /// Reference area times thickness, m3.
+    volume: f64,
+    start: T,
+}
+
+impl<L: StepLaw> Triangle<L> {
+    /// Density in kg/m3.
+    pub fn new(law: L, density: f64) -> Self {
+        Self { law, density }
+    }
+
+    /// An element of `thickness` (m); a step starts without strain.
+    pub fn element(&self, reference: &Reference, thickness: f64) -> Element<L::Start> {
+        Element {
+            gradient: reference.gradient,
+            volume: reference.area * thickness,
+            start: self.law.start([0.0; 3]),
+        }
+    }
+}
+
+/// Internal less external forces: each node has the same share of the load.
+#[inline(always)]
+fn net<L: StepLaw, const TRACTION: bool>(r: [Vec3; 3], load: &Load, x: &[Vec3; 3]) -> [Vec3; 3] {
+    if L::ADDS {
+        return r;
+    }
+    let f = share::<TRACTION>(load, x);
+    r.map(|r| sub(r, f))
+}
+
+/// Load on each node, N.
+#[inline(always)]
+fn share<const TRACTION: bool>(load: &Load, x: &[Vec3; 3]) -> Vec3 {
+    let f = load::pressure_force(load.pressure, x);
+    if TRACTION { add(f, load::traction_force(load.traction, x)) } else { f }
+}
+
+impl<L: StepLaw> Kernel<3> for Triangle<L> {
+    type Element = Element<L::Start>;
+    const RATE: bool = L::RATE;
+    const LOADED: bool = !L::ADDS;
+
+    fn anchor(&self, e: &mut Self::Element, x: &[Vec3; 3]) {
+        e.start = self.law.start(deformation(&e.gradient, x).strain);
+    }
+
+    #[inline(always)]
+    fn force<const TRACTION: bool, const BLEND: bool>(
+        &self,
+        e: &Self::Element,
+        step: &Step<3>,
+        load: &Load,
+    ) -> [Vec3; 3] {
+        let d = deformation(&e.gradient, &step.at);
+        let end = if BLEND { deformation(&e.gradient, &step.end) } else { d };
+        let s = self.law.stress::<BLEND>(&e.start, end.strain, step.weight);
+        net::<L, TRACTION>(force(&e.gradient, &d, &s, e.volume), load, &step.at)
+    }
+
+    #[inline(always)]
+    fn tangent<const TRACTION: bool, const BLEND: bool>(
+        &self,
+        e: &Self::Element,
+        step: &Step<3>,
+        load: &Load,
+        factor: f64,
+    ) -> ([Vec3; 3], [[Mat3; 3]; 3]) {
+        let d = deformation(&e.gradient, &step.at);
+        let end = if BLEND { deformation(&e.gradient, &step.end) } else { d };
+        let (s, c) = self.law.tangent::<BLEND>(&e.start, end.strain, step.weight);
+        let f = net::<L, TRACTION>(force(&e.gradient, &d, &s, e.volume), load, &step.at);
+        let mut k = if BLEND {
+            stiffness_between(&e.gradient, &d, &end, &s, &c, e.volume * factor)
+        } else {
+            stiffness(&e.gradient, &d, &s, &c, e.volume * factor)
+        };
+        if L::ADDS {
+            return (f, k);
+        }
+        let by_pressure = load::pressure_tangent(-factor * load.pressure, &step.at);
+        let by_traction = if TRACTION {
+            load::traction_tangent(scale(-factor, load.traction), &step.at)
+        } else {
+            [[[0.0; 3]; 3]; 3]
+        };
+        for row in &mut k {
+            for m in 0..3 {
+                add_block(&mut row[m], &by_pressure[m]);
+                if TRACTION {
+                    add_block(&mut row[m], &by_traction[m]);
+                }
+            }
+        }
+        (f, k)
+    }
+
+    #[inline(always)]
+    fn external<const TRACTION: bool>(&self, _e: &Self::Element, x: &[Vec3; 3], load: &Load) -> [Vec3; 3] {
+        [share::<TRACTION>(load, x); 3]
+    }
+
+    fn energy(&self, e: &Self::Element, x: &[Vec3; 3]) -> f64 {
+        e.volume * self.law.energy(deformation(&e.gradient, x).strain)
+    }
+
+    fn dissipation(&self, e: &Self::Element, before: &[Vec3; 3], after: &[Vec3; 3]) -> f64 {
+        let [from, to] = [before, after].map(|x| deformation(&e.gradient, x).strain);
+        self.law.dissipation(&e.start, from, to, e.volume)
+    }
+
+    fn mass(&self, e: &Self::Element) -> Option<f64> {
+        (!L::ADDS).then_some(self.density * e.volume)
+    }
+
+    fn sheet(&self, e: &Self::Element, x: &[Vec3; 3]) -> Option<Sheet> {
+        self.law.sheet(deformation(&e.gradient, x).strain)
+    }
+
+    fn set_step(&mut self, dt: f64) {
+        self.law.set_step(dt);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::elements::check::{Kernel, conforms};
-    use crate::materials::{Material, StVenantKirchhoff, TensionField};
+    use crate::elements::check::{conforms, conforms_in_a_step};
+    use crate::materials::{Elastic, Material, StVenantKirchhoff, TensionField, Viscous};
 
     const SHEET: [Vec3; 3] = [[0.1, -0.2, 0.3], [1.2, 0.1, 0.2], [0.3, 0.9, 0.6]];
-    const VOLUME: f64 = 0.01;
+    const THICKNESS: f64 = 0.02;
 
     fn deformed(map: impl Fn(Vec3) -> Vec3) -> [Vec3; 3] {
         SHEET.map(map)
     }
 
-    /// [`SHEET`] of a law.
-    struct Sheet<M>(M, [f64; 4]);
-
-    impl<M: Material> Kernel<3> for Sheet<M> {
-        fn force(&self, x: &[Vec3; 3]) -> [Vec3; 3] {
-            let d = deformation(&self.1, x);
-            force(&self.1, &d, &self.0.stress(d.strain), VOLUME)
-        }
-        fn stiffness(&self, x: &[Vec3; 3]) -> [[Mat3; 3]; 3] {
-            let d = deformation(&self.1, x);
-            let (s, c) = self.0.tangent(d.strain);
-            stiffness(&self.1, &d, &s, &c, VOLUME)
-        }
-        fn energy(&self, x: &[Vec3; 3]) -> f64 {
-            let e = deformation(&self.1, x).strain;
-            VOLUME * self.0.energy(&self.0.stress(e), &e)
-        }
-    }
-
-    fn check(material: impl Material, x: [Vec3; 3]) {
+    fn check<M: Material>(material: M, x: [Vec3; 3]) {
         let r = Reference::new(SHEET).expect("a proper triangle");
-        conforms(&Sheet(material, r.gradient), SHEET, x);
+        let kernel = Triangle::new(Elastic(material), 2.0);
+        conforms(&kernel, || kernel.element(&r, THICKNESS), SHEET, x);
+        let mut damping = Triangle::new(Viscous::new(material, 0.4), 2.0);
+        damping.set_step(0.2);
+        conforms_in_a_step(&damping, || damping.element(&r, THICKNESS), SHEET, x);
     }
 
     #[test]

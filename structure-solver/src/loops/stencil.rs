@@ -4,7 +4,7 @@
 //! add what their kernels compute, element after element, node after node.
 
 use super::ELSEWHERE;
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, scale, sub};
+use crate::vec3::{Mat3, Vec3, add_at, add_block, at};
 
 /// Nodes of an element and the slots of its blocks. Flat arrays have shape `[n_local][3]`.
 #[derive(Clone, Copy, Debug)]
@@ -49,38 +49,11 @@ impl<const N: usize> Stencil<N> {
     #[inline(always)]
     pub(super) fn add_blocks(&self, k: &[[Mat3; N]; N], blocks: &mut [Mat3]) {
         for (n, row) in k.iter().enumerate() {
-            self.add_row(n, row, blocks);
-        }
-    }
-
-    /// Adds the blocks of row node `n`, if this rank owns it.
-    #[inline(always)]
-    pub(super) fn add_row(&self, n: usize, row: &[Mat3; N], blocks: &mut [Mat3]) {
-        if self.slots[n][n] != ELSEWHERE {
-            for m in 0..N {
-                add_block(&mut blocks[self.slots[n][m] as usize], &row[m]);
+            if self.slots[n][n] != ELSEWHERE {
+                for m in 0..N {
+                    add_block(&mut blocks[self.slots[n][m] as usize], &row[m]);
+                }
             }
         }
-    }
-}
-
-impl Stencil<2> {
-    /// Vector from the first to the second end.
-    #[inline(always)]
-    pub(super) fn between(&self, x: &[f64]) -> Vec3 {
-        sub(at(x, self.nodes[1] as usize), at(x, self.nodes[0] as usize))
-    }
-
-    /// Adds `f` to the second end and its reaction to the first.
-    #[inline(always)]
-    pub(super) fn scatter_pull(&self, f: Vec3, out: &mut [f64]) {
-        self.scatter(&[scale(-1.0, f), f], out);
-    }
-
-    /// Adds `factor` times the blocks $[[k,-k],[-k,k]]$.
-    #[inline(always)]
-    pub(super) fn add_spring(&self, k: &Mat3, factor: f64, blocks: &mut [Mat3]) {
-        let [plus, minus] = [factor, -factor].map(|s| k.map(|row| scale(s, row)));
-        self.add_blocks(&[[plus, minus], [minus, plus]], blocks);
     }
 }

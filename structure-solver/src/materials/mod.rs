@@ -10,11 +10,14 @@ mod prestressed;
 pub mod step;
 mod svk;
 mod tension_field;
+mod viscous;
 
 pub use orthotropic_field::OrthotropicTensionField;
 pub use prestressed::Prestressed;
+pub use step::{Elastic, StepLaw};
 pub use svk::StVenantKirchhoff;
 pub use tension_field::TensionField;
+pub use viscous::{KelvinVoigt, Viscous};
 
 /// Stress (Pa) in Voigt order 11, 22, 12.
 pub type Stress = [f64; 3];

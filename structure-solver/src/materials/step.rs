@@ -2,6 +2,68 @@
 //! creates strain energy.
 
 use super::{Material, Moduli, Strain, Stress};
+use crate::elements::Sheet;
+
+/// Stress of a sheet over a step. `BLEND`: the step has a start; otherwise the weight is 1 and
+/// the strain that of `end` alone. Laws with a [`StepLaw::RATE`] always see `BLEND`.
+pub trait StepLaw: 'static {
+    /// State at the start of the step.
+    type Start: Copy;
+    /// Whether the stress depends on the rate of the strain.
+    const RATE: bool = false;
+    /// Whether it adds to the stress of other elements, which have mass, load and energy.
+    const ADDS: bool = false;
+
+    /// State at strain `e`.
+    fn start(&self, e: Strain) -> Self::Start;
+    /// Stress of a step from `start` to strain `end` of weight `w`.
+    fn stress<const BLEND: bool>(&self, start: &Self::Start, end: Strain, w: f64) -> Stress;
+    /// As [`StepLaw::stress`], with its derivative by `end` divided by `w`.
+    fn tangent<const BLEND: bool>(&self, start: &Self::Start, end: Strain, w: f64) -> (Stress, Moduli);
+    /// Strain energy per volume, J/m3.
+    fn energy(&self, _e: Strain) -> f64 {
+        0.0
+    }
+    /// Stress and regime at strain `e`, where they are reported.
+    fn sheet(&self, _e: Strain) -> Option<Sheet> {
+        None
+    }
+    /// Energy (J) that `volume` (m3) takes out of the motion in a step between two strains.
+    fn dissipation(&self, _start: &Self::Start, _from: Strain, _to: Strain, _volume: f64) -> f64 {
+        0.0
+    }
+    /// Length of the next step, s.
+    fn set_step(&mut self, _dt: f64) {}
+}
+
+/// A material alone.
+pub struct Elastic<M>(pub M);
+
+impl<M: Material> StepLaw for Elastic<M> {
+    type Start = StepStart;
+
+    fn start(&self, e: Strain) -> StepStart {
+        StepStart::new(&self.0, e)
+    }
+
+    #[inline(always)]
+    fn stress<const BLEND: bool>(&self, start: &StepStart, end: Strain, w: f64) -> Stress {
+        if BLEND { stress(&self.0, start, end, w) } else { self.0.stress(end) }
+    }
+
+    #[inline(always)]
+    fn tangent<const BLEND: bool>(&self, start: &StepStart, end: Strain, w: f64) -> (Stress, Moduli) {
+        if BLEND { tangent(&self.0, start, end, w) } else { self.0.tangent(end) }
+    }
+
+    fn energy(&self, e: Strain) -> f64 {
+        self.0.energy(&self.0.stress(e), &e)
+    }
+
+    fn sheet(&self, e: Strain) -> Option<Sheet> {
+        Some(Sheet { strain: e, stress: self.0.stress(e), regime: self.0.regime(e) })
+    }
+}
 
 /// Strain at the start of a step, and the energy stored there.
 #[derive(Clone, Copy, Debug, Default)]
@@ -15,11 +77,6 @@ impl StepStart {
     /// At strain `e`.
     pub fn new(material: &impl Material, e: Strain) -> Self {
         Self { strain: e, energy: material.energy(&material.stress(e), &e) }
-    }
-
-    /// The strain.
-    pub fn strain(&self) -> Strain {
-        self.strain
     }
 }
 

@@ -2,8 +2,9 @@
 
 use structure_solver::dynamics::Dynamics;
 use structure_solver::elements::mass::MassMatrix;
-use structure_solver::loops::Membranes;
-use structure_solver::materials::TensionField;
+use structure_solver::loops::Elements;
+
+use structure_solver::materials::{Elastic, TensionField};
 use structure_solver::scheme::Scheme;
 use structure_solver::system::System;
 
@@ -24,7 +25,8 @@ fn the_air_bag_rests_where_its_energy_is_least() {
         let mut m = grid([n, n], true, |s, t| [half * s, half * t, 0.0]);
         fix(&mut m, |x| [x[0] == 0.0, x[1] == 0.0, x[0] == half || x[1] == half]);
         let model = model(&m);
-        let fabric = Membranes::new(&model, TensionField::new(206.8e6, 0.3), 3.048e-5, 1223.5093);
+        let fabric =
+            Elements::triangles(&model, Elastic(TensionField::new(206.8e6, 0.3)), 3.048e-5, 1223.5093);
         let system = System::new(model, vec![Box::new(fabric)], MassMatrix::Consistent);
         let mut d = Dynamics::new(system, params(Scheme::newmark(), 0.0));
         rest_under(&mut d, 23.94);

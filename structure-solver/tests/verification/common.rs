@@ -3,11 +3,13 @@
 use comm::Comm;
 use mesh::StructureMesh;
 use structure_solver::dynamics::{Dynamics, DynamicsParams, LoadPath};
-use structure_solver::elements::cable::CableLaw;
+
+use structure_solver::elements::cable::{self, CableLaw};
 use structure_solver::elements::mass::MassMatrix;
 use structure_solver::equilibrium::EquilibriumParams;
-use structure_solver::loops::{Cables, ElementLoop, FaceLoad, Membranes, Quads};
-use structure_solver::materials::Material;
+use structure_solver::loops::{ElementLoop, Elements, FaceLoad};
+
+use structure_solver::materials::{Elastic, Material};
 use structure_solver::model::{Model, Surface, Warp};
 use structure_solver::newton::NewtonParams;
 use structure_solver::scheme::Scheme;
@@ -57,15 +59,15 @@ pub fn fabric(mesh: &StructureMesh, material: impl Material, element: Element, w
     let owner = vec![0; mesh.coords.len()];
     let model = Model::with(&Comm::solo(), mesh, &owner, surface).expect("a good mesh");
     let loops: Vec<Box<dyn ElementLoop>> = vec![match element {
-        Element::Triangle => Box::new(Membranes::new(&model, material, SHEET[0], SHEET[1])),
-        Element::Quad => Box::new(Quads::new(&model, material, SHEET[0], SHEET[1], 0.0)),
+        Element::Triangle => Box::new(Elements::triangles(&model, Elastic(material), SHEET[0], SHEET[1])),
+        Element::Quad => Box::new(Elements::quads(&model, Elastic(material), SHEET[0], SHEET[1])),
     }];
     System::new(model, loops, MassMatrix::Consistent)
 }
 
 pub fn lines(mesh: &StructureMesh, law: impl CableLaw, area: f64, density: f64) -> System {
     let model = model(mesh);
-    let cables = Cables::new(&model, law, area, density);
+    let cables = Elements::cables(&model, cable::Elastic { law, offset: 0.0 }, area, density);
     let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(cables)];
     System::new(model, loops, MassMatrix::Consistent)
 }
@@ -85,8 +87,8 @@ pub fn both_of_mass(
 ) -> System {
     let model = model(mesh);
     let loops: Vec<Box<dyn ElementLoop>> = vec![
-        Box::new(Membranes::new(&model, material, SHEET[0], SHEET[1])),
-        Box::new(Cables::new(&model, law, area, SHEET[1])),
+        Box::new(Elements::triangles(&model, Elastic(material), SHEET[0], SHEET[1])),
+        Box::new(Elements::cables(&model, cable::Elastic { law, offset: 0.0 }, area, SHEET[1])),
     ];
     System::new(model, loops, mass)
 }

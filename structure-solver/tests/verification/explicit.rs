@@ -2,10 +2,11 @@
 
 use mesh::StructureMesh;
 use structure_solver::dynamics::{Dynamics, LoadPath};
-use structure_solver::elements::cable::{TensionOnly, TwoWay};
+
+use structure_solver::elements::cable::{self, TensionOnly, TwoWay};
 use structure_solver::elements::mass::MassMatrix;
 use structure_solver::explicit::ExplicitError;
-use structure_solver::loops::{Cables, ElementLoop};
+use structure_solver::loops::{ElementLoop, Elements};
 use structure_solver::materials::TensionField;
 use structure_solver::scheme::Scheme;
 use structure_solver::system::System;
@@ -16,7 +17,12 @@ use crate::shapes::*;
 
 fn lumped_chain(mesh: &StructureMesh, density: f64) -> Dynamics {
     let model = model(mesh);
-    let cables = Cables::new(&model, TwoWay { youngs_modulus: 1e6 }, 1e-4, density);
+    let cables = Elements::cables(
+        &model,
+        cable::Elastic { law: TwoWay { youngs_modulus: 1e6 }, offset: 0.0 },
+        1e-4,
+        density,
+    );
     let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(cables)];
     Dynamics::new(System::new(model, loops, MassMatrix::Lumped), params(Scheme::newmark(), 0.0))
 }
@@ -165,7 +171,12 @@ fn a_foot_that_moves_drives_explicit_steps() {
         ..Default::default()
     };
     let model = model(&mesh);
-    let cables = Cables::new(&model, TwoWay { youngs_modulus: 8e4 }, 1e-4, 1e-9);
+    let cables = Elements::cables(
+        &model,
+        cable::Elastic { law: TwoWay { youngs_modulus: 8e4 }, offset: 0.0 },
+        1e-4,
+        1e-9,
+    );
     let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(cables)];
     let mut d = Dynamics::new(System::new(model, loops, MassMatrix::Lumped), params(Scheme::newmark(), 0.0));
     // So slow that the spring stays linear: its strain is V / w.
@@ -193,7 +204,7 @@ fn a_foot_that_moves_drives_explicit_steps() {
 /// `F (t - (t - 0.5)^2 / 4)` of the force, which trapezoids find exactly from instants that hold the kink.
 #[test]
 fn a_line_that_is_cut_fades_in_explicit_steps() {
-    use structure_solver::loops::{ReefingLine, Schedule};
+    use structure_solver::elements::reefing::Schedule;
     let mesh = StructureMesh {
         coords: vec![[0.0; 3], [1.0, 0.0, 0.0]],
         point_masses: vec![(1, 1e6)],
@@ -209,7 +220,7 @@ fn a_line_that_is_cut_fades_in_explicit_steps() {
     )
     .expect("a good mesh");
     let schedule = Schedule { length: 0.8, draw_in: 0.0, release: 0.5, ramp: 2.0 };
-    let line = ReefingLine::new(&model, TensionOnly { youngs_modulus: 1.0 }, 1.0, schedule, 1.0);
+    let line = Elements::reefing(&model, 1.0, 1.0, schedule, 1.0);
     let loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(line)];
     let mut d = Dynamics::new(System::new(model, loops, MassMatrix::Lumped), params(Scheme::newmark(), 0.0));
     let stable = d.integrate_explicitly(1.0).expect("a mass on a line").stable_step();

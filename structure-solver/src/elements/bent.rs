@@ -5,94 +5,73 @@
 //! alternate, each node would else have 4/3 or 2/3 of the mass that belongs to its load, and a uniform pressure would
 //! shake it at the length of its faces.
 
-use super::stencil::Stencil;
-use super::{ElementLoop, FaceLoad, Place};
-use crate::elements::load;
-use crate::elements::mass::{self, MassMatrix};
-use crate::model::{Model, SplitFace};
-use crate::vec3::{Mat3, norm, scale};
+use super::mass::{self, MassMatrix};
+use super::{Kernel, Load, Step, load};
+use crate::vec3::{Mat3, Vec3, norm};
 
 /// The two triangles of a face, and those of the other cut.
 const CUTS: [[[usize; 3]; 2]; 2] = [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]];
 
-struct Face {
-    stencil: Stencil<4>,
-    face: u32,
+/// A split face.
+pub struct Face {
     /// Mass, kg.
     mass: f64,
     /// Shares of the face in the triangles of [`CUTS`], unstressed.
     shares: [[f64; 2]; 2],
 }
 
-/// What the elements of all split faces lack in load and mass to the mean of both cuts. They add no mass and no strain energy.
-pub struct BentFaces {
-    faces: Vec<Face>,
-}
+/// What the triangles of split faces lack in load and mass to the mean of both cuts. It adds no mass and no strain energy.
+pub struct BentFace;
 
-impl BentFaces {
-    /// Of all split faces of `model`: thickness in m, density in kg/m3.
-    pub fn new(model: &Model, thickness: f64, density: f64) -> Self {
-        let of = |f: &SplitFace| {
-            let stencil = Stencil::new(f.nodes);
-            let x = stencil.gather(&model.reference);
-            let areas = CUTS.map(|cut| cut.map(|t| norm(load::area_vector(&t.map(|n| x[n])))));
-            let shares = areas.map(|[a, b]| if a + b > 0.0 { [a / (a + b), b / (a + b)] } else { [0.5; 2] });
-            let mass = thickness * density * areas[0].iter().sum::<f64>();
-            Face { stencil, face: f.face, mass, shares }
-        };
-        Self { faces: model.split_faces.iter().map(of).collect() }
-    }
-
-    /// Adds `factor` times the further forces on the faces that touch a node for which `active` is true.
-    fn add(&self, active: impl Fn(u32) -> bool, factor: f64, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        for f in self.faces.iter().filter(|f| f.stencil.nodes.iter().any(|&n| active(n))) {
-            let force = load::bend_force(factor * load.pressure[f.face as usize], &f.stencil.gather(x));
-            f.stencil.scatter(&force, out);
-        }
+impl BentFace {
+    /// Of the unstressed corners `x` (m) and the mass per area (kg/m2).
+    pub fn element(x: &[Vec3; 4], mass_per_area: f64) -> Face {
+        let areas = CUTS.map(|cut| cut.map(|t| norm(load::area_vector(&t.map(|n| x[n])))));
+        let shares = areas.map(|[a, b]| if a + b > 0.0 { [a / (a + b), b / (a + b)] } else { [0.5; 2] });
+        Face { mass: mass_per_area * areas[0].iter().sum::<f64>(), shares }
     }
 }
 
-impl ElementLoop for BentFaces {
-    fn anchor(&mut self, _x: &[f64]) {}
+impl Kernel<4> for BentFace {
+    type Element = Face;
+    const LOADED: bool = true;
 
-    fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.add(|_| true, -1.0, place.at, load, out);
-    }
-
-    fn tangent(
+    #[inline(always)]
+    fn force<const TRACTION: bool, const BLEND: bool>(
         &self,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
+        _e: &Face,
+        step: &Step<4>,
+        load: &Load,
+    ) -> [Vec3; 4] {
+        load::bend_force(-load.pressure, &step.at)
+    }
+
+    #[inline(always)]
+    fn tangent<const TRACTION: bool, const BLEND: bool>(
+        &self,
+        e: &Face,
+        step: &Step<4>,
+        load: &Load,
         factor: f64,
-        out: &mut [f64],
-        blocks: &mut [Mat3],
-    ) {
-        for f in &self.faces {
-            let (p, x) = (load.pressure[f.face as usize], f.stencil.gather(place.at));
-            let force = load::bend_force(p, &x);
-            f.stencil.scatter(&force.map(|f| scale(-1.0, f)), out);
-            let k = load::bend_tangent(-factor * p, &x);
-            f.stencil.add_blocks(&k, blocks);
-        }
+    ) -> ([Vec3; 4], [[Mat3; 4]; 4]) {
+        let k = load::bend_tangent(-factor * load.pressure, &step.at);
+        (self.force::<TRACTION, BLEND>(e, step, load), k)
     }
 
-    fn forces_near(&self, active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.add(|n| active[n as usize], -1.0, place.at, load, out);
+    #[inline(always)]
+    fn external<const TRACTION: bool>(&self, _e: &Face, x: &[Vec3; 4], load: &Load) -> [Vec3; 4] {
+        load::bend_force(load.pressure, x)
     }
 
-    fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        self.add(|_| true, 1.0, x, load, out);
-    }
-
-    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        self.faces.iter().map(|f| (f.stencil.nodes.to_vec(), f.mass)).collect()
+    fn mass(&self, e: &Face) -> Option<f64> {
+        Some(e.mass)
     }
 
     /// Half of the other cut's shares less half of the elements' own: their sum is zero.
-    fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64> {
+    fn mass_shares(&self, e: &Face, kind: MassMatrix) -> [[f64; 4]; 4] {
         let mut all = [[0.0; 4]; 4];
         let triangle = mass::shares::<3>(kind);
-        for ((cut, shares), half) in CUTS.iter().zip(self.faces[element].shares).zip([-0.5, 0.5]) {
+        for ((cut, shares), half) in CUTS.iter().zip(e.shares).zip([-0.5, 0.5]) {
             for (nodes, share) in cut.iter().zip(shares) {
                 for (i, &n) in nodes.iter().enumerate() {
                     for (j, &m) in nodes.iter().enumerate() {
@@ -101,11 +80,7 @@ impl ElementLoop for BentFaces {
                 }
             }
         }
-        all.as_flattened().to_vec()
-    }
-
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        self.faces.iter_mut().for_each(|f| f.stencil.place(slot));
+        all
     }
 }
 
@@ -115,10 +90,11 @@ mod tests {
     use mesh::StructureMesh;
 
     use super::*;
-    use crate::loops::Membranes;
-    use crate::materials::TensionField;
+    use crate::loops::{ElementLoop, Elements, FaceLoad, Place};
+    use crate::materials::{Elastic, TensionField};
+    use crate::model::Model;
     use crate::system::System;
-    use crate::vec3::{Vec3, at, cross};
+    use crate::vec3::{at, cross};
 
     /// Two bent faces, cut along different diagonals, and a triangle.
     fn system(material: TensionField, bent: bool) -> System {
@@ -144,9 +120,10 @@ mod tests {
             model.split_faces.iter().map(|f| f.nodes).collect::<Vec<_>>(),
             [[0, 1, 2, 3], [4, 5, 2, 1]]
         );
-        let mut loops: Vec<Box<dyn ElementLoop>> = vec![Box::new(Membranes::new(&model, material, 0.1, 2.0))];
+        let mut loops: Vec<Box<dyn ElementLoop>> =
+            vec![Box::new(Elements::triangles(&model, Elastic(material), 0.1, 2.0))];
         if bent {
-            loops.push(Box::new(BentFaces::new(&model, 0.1, 2.0)));
+            loops.push(Box::new(Elements::bent_faces(&model, 0.1, 2.0)));
         }
         System::new(model, loops, MassMatrix::Consistent)
     }
@@ -203,9 +180,9 @@ mod tests {
                 let model = Model::new(&Comm::solo(), &mesh, &[0; 16]).expect("a good mesh");
                 let law = TensionField::new(7.0, 0.3);
                 let mut loops: Vec<Box<dyn ElementLoop>> =
-                    vec![Box::new(Membranes::new(&model, law, 0.1, 2.0))];
+                    vec![Box::new(Elements::triangles(&model, Elastic(law), 0.1, 2.0))];
                 if bent {
-                    loops.push(Box::new(BentFaces::new(&model, 0.1, 2.0)));
+                    loops.push(Box::new(Elements::bent_faces(&model, 0.1, 2.0)));
                 }
                 let system = System::new(model, loops, kind);
                 let x = system.model.reference.clone();

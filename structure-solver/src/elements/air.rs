@@ -9,9 +9,7 @@
 //! turn of the segment is left out, being smaller than the lines' stiffness by the ratio of
 //! drag to tension, times the drag's own smallness.
 
-use super::stencil::Stencil;
-use super::{ElementLoop, FaceLoad, Place};
-use crate::model::{CableElement, Model};
+use super::{Kernel, Load, Step};
 use crate::vec3::{Mat3, Vec3, add, dot, norm, scale, sub};
 
 /// A cylinder in a stream of the air.
@@ -75,15 +73,14 @@ impl Parts {
     }
 }
 
-struct Strand {
-    stencil: Stencil<2>,
+/// A segment: where its ends were at the start of the step, m.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Strand {
     start: [Vec3; 2],
 }
 
-/// Drag on all cables of a rank.
+/// Drag on segments of lines.
 pub struct LineDrag {
-    elements: Vec<Strand>,
-    n_own: usize,
     cylinder: Cylinder,
     /// Velocity of the air in the falling frame, m/s.
     air: Vec3,
@@ -92,93 +89,73 @@ pub struct LineDrag {
 }
 
 impl LineDrag {
-    /// On the cables of `model` that stand free in the air.
-    pub fn new(model: &Model, cylinder: Cylinder) -> Self {
-        let free = |c: &&CableElement| c.kind != mesh::CableKind::Reinforcement;
-        let of = |c: &CableElement| Strand { stencil: Stencil::new(c.nodes), start: [[0.0; 3]; 2] };
-        let elements = model.cables.iter().filter(free).map(of).collect();
-        let n_own = model.cables[..model.n_own_cables].iter().filter(free).count();
-        Self { elements, n_own, cylinder, air: [0.0; 3], rate: 0.0 }
+    /// In air that moves with the frame.
+    pub fn new(cylinder: Cylinder) -> Self {
+        Self { cylinder, air: [0.0; 3], rate: 0.0 }
     }
 
     /// Vector along a segment at `x`, and the air's velocity past it.
     #[inline(always)]
-    fn stream(&self, e: &Strand, x: &[f64], end: &[f64]) -> (Vec3, Vec3) {
-        let [a, b] = e.stencil.gather(end);
-        let moved = add(sub(a, e.start[0]), sub(b, e.start[1]));
+    fn stream(&self, e: &Strand, x: &[Vec3; 2], [a, b]: &[Vec3; 2]) -> (Vec3, Vec3) {
+        let moved = add(sub(*a, e.start[0]), sub(*b, e.start[1]));
         // Rate zero stands for air alone: a step without length.
         let own = if self.rate > 0.0 { scale(0.5 * self.rate, moved) } else { [0.0; 3] };
-        (e.stencil.between(x), sub(self.air, own))
+        (sub(x[1], x[0]), sub(self.air, own))
     }
 }
 
-impl ElementLoop for LineDrag {
-    fn depends_on_rate(&self) -> bool {
-        true
-    }
-
-    fn feels_air(&self) -> bool {
-        true
-    }
+impl Kernel<2> for LineDrag {
+    type Element = Strand;
+    const RATE: bool = true;
+    const AIR: bool = true;
 
     fn set_air(&mut self, velocity: Vec3) {
         self.air = velocity;
     }
 
-    fn air_force(&self, x: &[f64]) -> Vec3 {
-        self.elements[..self.n_own].iter().fold([0.0; 3], |sum, e| {
-            let (d, w) = self.stream(e, x, x);
-            add(sum, self.cylinder.force(d, w))
-        })
+    fn air_force(&self, e: &Strand, x: &[Vec3; 2]) -> Vec3 {
+        let (d, w) = self.stream(e, x, x);
+        self.cylinder.force(d, w)
     }
 
     fn set_step(&mut self, dt: f64) {
         self.rate = 1.0 / dt;
     }
 
-    fn anchor(&mut self, x: &[f64]) {
-        for e in &mut self.elements {
-            e.start = e.stencil.gather(x);
-        }
+    fn anchor(&self, e: &mut Strand, x: &[Vec3; 2]) {
+        e.start = *x;
     }
 
-    fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in &self.elements {
-            let (d, w) = self.stream(e, place.at, place.end);
-            let half = scale(-0.5, self.cylinder.force(d, w));
-            e.stencil.scatter(&[half; 2], out);
-        }
-    }
-
-    fn tangent(
+    #[inline(always)]
+    fn force<const TRACTION: bool, const BLEND: bool>(
         &self,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
+        e: &Strand,
+        step: &Step<2>,
+        _load: &Load,
+    ) -> [Vec3; 2] {
+        let (d, w) = self.stream(e, &step.at, &step.end);
+        [scale(-0.5, self.cylinder.force(d, w)); 2]
+    }
+
+    #[inline(always)]
+    fn tangent<const TRACTION: bool, const BLEND: bool>(
+        &self,
+        e: &Strand,
+        step: &Step<2>,
+        load: &Load,
         factor: f64,
-        out: &mut [f64],
-        blocks: &mut [Mat3],
-    ) {
-        self.forces(place, load, out);
-        let by = 0.25 * factor * self.rate / place.weight;
-        for e in &self.elements {
-            let (d, w) = self.stream(e, place.at, place.end);
-            let k = self.cylinder.by_velocity(d, w).map(|row| scale(by, row));
-            e.stencil.add_blocks(&[[k; 2]; 2], blocks);
-        }
+    ) -> ([Vec3; 2], [[Mat3; 2]; 2]) {
+        let by = 0.25 * factor * self.rate / step.weight;
+        let (d, w) = self.stream(e, &step.at, &step.end);
+        let k = self.cylinder.by_velocity(d, w).map(|row| scale(by, row));
+        (self.force::<TRACTION, BLEND>(e, step, load), [[k; 2]; 2])
     }
 
     /// Of the motion in the frame: air that drives the lines gives a negative one.
-    fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {
-        let one = |e: &Strand| {
-            let (d, w) = self.stream(e, after, after);
-            let ([a1, b1], [a0, b0]) = (e.stencil.gather(after), e.stencil.gather(before));
-            -0.5 * dot(self.cylinder.force(d, w), add(sub(a1, a0), sub(b1, b0)))
-        };
-        self.elements[..self.n_own].iter().map(one).sum()
-    }
-
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
+    fn dissipation(&self, e: &Strand, before: &[Vec3; 2], after: &[Vec3; 2]) -> f64 {
+        let (d, w) = self.stream(e, after, after);
+        let moved = add(sub(after[0], before[0]), sub(after[1], before[1]));
+        -0.5 * dot(self.cylinder.force(d, w), moved)
     }
 }
 

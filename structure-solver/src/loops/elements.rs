@@ -1,0 +1,256 @@
+//! Elements of one kernel on a rank: gathering, scattering and assembly, once for all kernels.
+
+use super::stencil::Stencil;
+use super::{ElementLoop, FaceLoad, Place, principal_stresses};
+use crate::culprit::principal;
+use crate::elements::mass::MassMatrix;
+use crate::elements::{Kernel, Load, Sheet, Step};
+use crate::materials::Regime;
+use crate::vec3::{Mat3, Vec3, add, at};
+
+struct Element<D, const N: usize> {
+    stencil: Stencil<N>,
+    face: u32,
+    data: D,
+}
+
+/// Elements of one kernel.
+pub struct Elements<K: Kernel<N>, const N: usize> {
+    kernel: K,
+    elements: Vec<Element<K::Element, N>>,
+    n_own: usize,
+    /// Elements whose states are reported, one for each row; all in their order where `None`.
+    rows: Option<Vec<u32>>,
+}
+
+/// An element of the mesh: its local nodes, the face that loads it, and what its kernel keeps.
+pub(super) type Part<D, const N: usize> = ([u32; N], u32, D);
+
+impl<K: Kernel<N>, const N: usize> Elements<K, N> {
+    /// Of `parts`, the first `n_own` of which are counted on this rank.
+    pub(super) fn new(
+        kernel: K,
+        parts: impl Iterator<Item = Part<K::Element, N>>,
+        n_own: usize,
+        rows: Option<Vec<u32>>,
+    ) -> Self {
+        let elements =
+            parts.map(|(nodes, face, data)| Element { stencil: Stencil::new(nodes), face, data }).collect();
+        Self { kernel, elements, n_own, rows }
+    }
+
+    fn forces_with<'e, const TRACTION: bool, const BLEND: bool>(
+        &self,
+        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        out: &mut [f64],
+    ) {
+        for e in elements {
+            let (step, load) = (e.step::<BLEND>(place), e.load::<K, TRACTION>(load));
+            e.stencil.scatter(&self.kernel.force::<TRACTION, BLEND>(&e.data, &step, &load), out);
+        }
+    }
+
+    fn tangent_with<'e, const TRACTION: bool, const BLEND: bool>(
+        &self,
+        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        for e in elements {
+            let (step, load) = (e.step::<BLEND>(place), e.load::<K, TRACTION>(load));
+            let (force, k) = self.kernel.tangent::<TRACTION, BLEND>(&e.data, &step, &load, factor);
+            e.stencil.scatter(&force, out);
+            e.stencil.add_blocks(&k, blocks);
+        }
+    }
+
+    fn forces_of<'e>(
+        &self,
+        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        out: &mut [f64],
+    ) {
+        match (K::LOADED && !load.traction.is_empty(), K::RATE || place.weight != 1.0) {
+            (false, false) => self.forces_with::<false, false>(elements, place, load, out),
+            (false, true) => self.forces_with::<false, true>(elements, place, load, out),
+            (true, false) => self.forces_with::<true, false>(elements, place, load, out),
+            (true, true) => self.forces_with::<true, true>(elements, place, load, out),
+        }
+    }
+
+    fn tangent_of<'e>(
+        &self,
+        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        match (K::LOADED && !load.traction.is_empty(), K::RATE || place.weight != 1.0) {
+            (false, false) => self.tangent_with::<false, false>(elements, place, load, factor, out, blocks),
+            (false, true) => self.tangent_with::<false, true>(elements, place, load, factor, out, blocks),
+            (true, false) => self.tangent_with::<true, false>(elements, place, load, factor, out, blocks),
+            (true, true) => self.tangent_with::<true, true>(elements, place, load, factor, out, blocks),
+        }
+    }
+
+    /// Sum over the elements counted on this rank.
+    fn sum(&self, one: impl Fn(&Element<K::Element, N>) -> f64) -> f64 {
+        self.elements[..self.n_own].iter().map(one).sum()
+    }
+
+    /// States of membrane elements, row by row.
+    fn sheets<T>(&self, x: &[f64], of: impl Fn(Sheet) -> T) -> Vec<T> {
+        let one = |e: &Element<K::Element, N>| self.kernel.sheet(&e.data, &e.stencil.gather(x)).map(&of);
+        match &self.rows {
+            Some(rows) => rows.iter().filter_map(|&k| one(&self.elements[k as usize])).collect(),
+            None => self.elements.iter().filter_map(one).collect(),
+        }
+    }
+}
+
+impl<D, const N: usize> Element<D, N> {
+    #[inline(always)]
+    fn step<const BLEND: bool>(&self, place: Place<'_>) -> Step<N> {
+        let at = self.stencil.gather(place.at);
+        if BLEND {
+            Step { at, end: self.stencil.gather(place.end), weight: place.weight }
+        } else {
+            Step::only(at)
+        }
+    }
+
+    #[inline(always)]
+    fn load<K: Kernel<N>, const TRACTION: bool>(&self, load: FaceLoad<'_>) -> Load {
+        if !K::LOADED {
+            return Load::ZERO;
+        }
+        let face = self.face as usize;
+        let traction = if TRACTION { at(load.traction, face) } else { [0.0; 3] };
+        Load { pressure: load.pressure[face], traction }
+    }
+}
+
+impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
+    fn anchor(&mut self, x: &[f64]) {
+        for e in &mut self.elements {
+            self.kernel.anchor(&mut e.data, &e.stencil.gather(x));
+        }
+    }
+
+    fn depends_on_rate(&self) -> bool {
+        K::RATE
+    }
+
+    fn set_step(&mut self, dt: f64) {
+        self.kernel.set_step(dt);
+    }
+
+    fn depends_on_time(&self) -> bool {
+        K::TIMED
+    }
+
+    fn set_time(&mut self, t: f64) {
+        self.kernel.set_time(t);
+    }
+
+    fn feels_air(&self) -> bool {
+        K::AIR
+    }
+
+    fn set_air(&mut self, velocity: Vec3) {
+        self.kernel.set_air(velocity);
+    }
+
+    fn air_force(&self, x: &[f64]) -> Vec3 {
+        let one = |e: &Element<K::Element, N>| self.kernel.air_force(&e.data, &e.stencil.gather(x));
+        self.elements[..self.n_own].iter().filter(|_| K::AIR).fold([0.0; 3], |sum, e| add(sum, one(e)))
+    }
+
+    fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {
+        if !K::RATE {
+            return 0.0;
+        }
+        self.sum(|e| self.kernel.dissipation(&e.data, &e.stencil.gather(before), &e.stencil.gather(after)))
+    }
+
+    fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
+        self.forces_of(self.elements.iter(), place, load, out);
+    }
+
+    fn tangent(
+        &self,
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        self.tangent_of(self.elements.iter(), place, load, factor, out, blocks);
+    }
+
+    fn forces_near(&self, active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
+        self.forces_of(self.elements.iter().filter(|e| e.stencil.touches(active)), place, load, out);
+    }
+
+    fn tangent_near(
+        &self,
+        active: &[bool],
+        place: Place<'_>,
+        load: FaceLoad<'_>,
+        factor: f64,
+        out: &mut [f64],
+        blocks: &mut [Mat3],
+    ) {
+        let near = self.elements.iter().filter(|e| e.stencil.touches(active));
+        self.tangent_of(near, place, load, factor, out, blocks);
+    }
+
+    fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        for e in self.elements.iter().filter(|_| K::LOADED) {
+            let p = e.stencil.gather(x);
+            let f = if load.traction.is_empty() {
+                self.kernel.external::<false>(&e.data, &p, &e.load::<K, false>(load))
+            } else {
+                self.kernel.external::<true>(&e.data, &p, &e.load::<K, true>(load))
+            };
+            e.stencil.scatter(&f, out);
+        }
+    }
+
+    fn energy(&self, x: &[f64]) -> f64 {
+        self.sum(|e| self.kernel.energy(&e.data, &e.stencil.gather(x)))
+    }
+
+    fn masses(&self) -> Vec<(Vec<u32>, f64)> {
+        let one = |e: &Element<K::Element, N>| Some((e.stencil.nodes.to_vec(), self.kernel.mass(&e.data)?));
+        self.elements.iter().filter_map(one).collect()
+    }
+
+    fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64> {
+        self.kernel.mass_shares(&self.elements[element].data, kind).as_flattened().to_vec()
+    }
+
+    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
+    }
+
+    fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
+        self.sheets(x, |s| (principal_stresses(&s.stress), s.regime))
+    }
+
+    fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
+        self.sheets(x, |s| principal(s.strain))
+    }
+
+    fn tensions(&self, x: &[f64]) -> Vec<f64> {
+        self.elements.iter().filter_map(|e| self.kernel.tension(&e.data, &e.stencil.gather(x))).collect()
+    }
+}

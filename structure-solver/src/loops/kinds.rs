@@ -1,0 +1,97 @@
+//! Which elements of a model are made with which kernel.
+
+use std::collections::HashMap;
+
+use super::Elements;
+use crate::elements::air::{self, Cylinder, LineDrag};
+use crate::elements::bent::BentFace;
+use crate::elements::cable::{AxialStress, Cable};
+use crate::elements::membrane::Triangle;
+use crate::elements::quad::Quad;
+use crate::elements::reefing::{Reefing, Schedule};
+use crate::materials::StepLaw;
+use crate::model::{CableElement, Model};
+use crate::vec3::{Vec3, at, norm, sub};
+
+/// A two-node element has no face.
+const NO_FACE: u32 = u32::MAX;
+
+fn between(model: &Model, [a, b]: [u32; 2]) -> Vec3 {
+    sub(at(&model.reference, b as usize), at(&model.reference, a as usize))
+}
+
+impl<L: StepLaw> Elements<Triangle<L>, 3> {
+    /// All triangles of `model`: thickness in m, density in kg/m3.
+    pub fn triangles(model: &Model, law: L, thickness: f64, density: f64) -> Self {
+        let kernel = Triangle::new(law, density);
+        let parts: Vec<_> = model
+            .triangles
+            .iter()
+            .map(|t| (t.nodes, t.face, kernel.element(&t.reference, thickness)))
+            .collect();
+        Self::new(kernel, parts.into_iter(), model.n_own_triangles, None)
+    }
+}
+
+impl<L: StepLaw> Elements<Quad<L>, 4> {
+    /// All quadrilaterals of `model`: thickness in m, density in kg/m3. Their states are reported
+    /// for the triangles of each face, in the order of [`Model::triangles`].
+    pub fn quads(model: &Model, law: L, thickness: f64, density: f64) -> Self {
+        let kernel = Quad::new(law, thickness, density);
+        let element: HashMap<u32, u32> =
+            model.quads.iter().enumerate().map(|(k, q)| (q.face, k as u32)).collect();
+        // A triangle that touches this rank has its whole face here.
+        let rows = model.triangles.iter().map(|t| element[&t.face]).collect();
+        let parts: Vec<_> =
+            model.quads.iter().map(|q| (q.nodes, q.face, kernel.element(q.reference))).collect();
+        Self::new(kernel, parts.into_iter(), model.n_own_quads, Some(rows))
+    }
+}
+
+impl Elements<BentFace, 4> {
+    /// All split faces of `model`: thickness in m, density in kg/m3.
+    pub fn bent_faces(model: &Model, thickness: f64, density: f64) -> Self {
+        let of = |f: &crate::model::SplitFace| {
+            let x = f.nodes.map(|n| at(&model.reference, n as usize));
+            (f.nodes, f.face, BentFace::element(&x, thickness * density))
+        };
+        // No energy is counted.
+        Self::new(BentFace, model.split_faces.iter().map(of), 0, None)
+    }
+}
+
+impl<S: AxialStress> Elements<Cable<S>, 2> {
+    /// All cables of `model`: cross-section in m2, density in kg/m3.
+    pub fn cables(model: &Model, stress: S, area: f64, density: f64) -> Self {
+        let kernel = Cable { stress, area, density };
+        let of =
+            |c: &CableElement| (c.nodes, NO_FACE, kernel.element(c.rest_length, between(model, c.nodes)));
+        let parts: Vec<_> = model.cables.iter().map(of).collect();
+        Self::new(kernel, parts.into_iter(), model.n_own_cables, None)
+    }
+}
+
+impl Elements<Cable<Reefing>, 2> {
+    /// The segments of one reefing line of cross-section `area` (m2) through the ties of `model`;
+    /// `skirt` is their length in the whole unstressed structure, m.
+    pub fn reefing(model: &Model, youngs_modulus: f64, area: f64, schedule: Schedule, skirt: f64) -> Self {
+        // Massless, but with blocks in the matrix.
+        let kernel = Cable { stress: Reefing::new(youngs_modulus, schedule, skirt), area, density: 0.0 };
+        let of = |t: &[u32; 2]| {
+            let d = between(model, *t);
+            (*t, NO_FACE, kernel.element(norm(d) / skirt, d))
+        };
+        let parts: Vec<_> = model.ties.iter().map(of).collect();
+        Self::new(kernel, parts.into_iter(), model.n_own_ties, None)
+    }
+}
+
+impl Elements<LineDrag, 2> {
+    /// The cables of `model` that stand free in the air.
+    pub fn line_drag(model: &Model, cylinder: Cylinder) -> Self {
+        let free = |c: &&CableElement| c.kind != mesh::CableKind::Reinforcement;
+        let of = |c: &CableElement| (c.nodes, NO_FACE, air::Strand::default());
+        let n_own = model.cables[..model.n_own_cables].iter().filter(free).count();
+        Self::new(LineDrag::new(cylinder), model.cables.iter().filter(free).map(of), n_own, None)
+    }
+}
