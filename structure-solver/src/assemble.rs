@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use case::{Integration, Membrane, Scene, Solve};
+use case::{Integration, Law, Membrane, Scene, Solve};
 use comm::Comm;
 use mesh::{MeshError, StructureMesh};
 
@@ -13,8 +13,8 @@ use crate::elements::mass::MassMatrix;
 use crate::elements::reefing::Schedule;
 use crate::loops::{Contact, ElementLoop, Elements};
 use crate::materials::{
-    Elastic, KelvinVoigt, Material, OrthotropicTensionField, Prestressed, StVenantKirchhoff, TensionField,
-    Viscous,
+    Elastic, KelvinVoigt, Material, NeoHookean, NeoHookeanTensionField, OrthotropicTensionField, Prestressed,
+    StVenantKirchhoff, TensionField, Viscous,
 };
 use crate::model::{Model, ModelError, Surface, Warp};
 use crate::newton::NewtonParams;
@@ -32,22 +32,9 @@ type Loops = Vec<Box<dyn ElementLoop>>;
 
 /// The element loops that the scene's effects call for in a stage.
 fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError> {
-    let f = &scene.fabric;
     let damping = scene.stages[stage].stiffness_damping_s;
     let mut all = Loops::new();
-    let (y, nu) = (f.youngs_modulus_pa, f.poisson_ratio);
-    match (&f.orthotropic, f.wrinkling) {
-        (None, true) => fabric(scene, damping, model, TensionField::new(y, nu), &mut all),
-        (None, false) => fabric(scene, damping, model, StVenantKirchhoff::isotropic(y, nu), &mut all),
-        (Some(o), true) => {
-            let law = OrthotropicTensionField::new(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
-            fabric(scene, damping, model, law, &mut all);
-        }
-        (Some(o), false) => {
-            let law = StVenantKirchhoff::orthotropic(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
-            fabric(scene, damping, model, law, &mut all);
-        }
-    }
+    membranes(scene, damping, model, &mut all);
     match (&scene.lines, model.cables.first()) {
         (_, None) => {}
         (None, Some(c)) => return Err(ModelError::NoMaterial { cable: c.global as usize }),
@@ -63,6 +50,29 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     Ok(all)
 }
 
+/// The fabric's material: one line for each law.
+fn membranes(scene: &Scene, damping: f64, model: &Model, all: &mut Loops) {
+    let f = &scene.fabric;
+    let (y, nu) = (f.youngs_modulus_pa, f.poisson_ratio);
+    match (f.law, &f.orthotropic, f.wrinkling) {
+        (Law::NeoHookean, _, true) => elements(scene, damping, model, NeoHookeanTensionField::new(y), all),
+        (Law::NeoHookean, _, false) => elements(scene, damping, model, NeoHookean::new(y), all),
+        (Law::StVenantKirchhoff, None, true) => fabric(scene, damping, model, TensionField::new(y, nu), all),
+        (Law::StVenantKirchhoff, None, false) => {
+            fabric(scene, damping, model, StVenantKirchhoff::isotropic(y, nu), all);
+        }
+        (Law::StVenantKirchhoff, Some(o), true) => {
+            let law = OrthotropicTensionField::new(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
+            fabric(scene, damping, model, law, all);
+        }
+        (Law::StVenantKirchhoff, Some(o), false) => {
+            let law = StVenantKirchhoff::orthotropic(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
+            fabric(scene, damping, model, law, all);
+        }
+    }
+}
+
+/// A law that is linear where it is taut, about the fabric's prestress.
 fn fabric(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
     let prestress = scene.fabric.prestress_pa;
     if prestress > 0.0 {

@@ -81,7 +81,9 @@ fn quadrilaterals_inflate_the_air_bag() {
     assert!((d.accepted.u[2] / 0.0769 - 1.0).abs() < 0.01, "{}", d.accepted.u[2]);
 }
 
-/// Stretched before it is pressed, the bag rises less, with both kinds of elements alike to 2 %.
+/// Stretched before it is pressed, the bag rises less, with both kinds of elements. They differ by 0.1 % on 6 cells across, 1.9 % on 12,
+/// 2.1 % on 24: this is no error of discretisation. The fabric carries compression, so the bag buckles along its rim, and each kind
+/// of element has folds of its own; 3 % holds them together.
 #[test]
 fn a_prestressed_bag_rises_less() {
     let top = |prestress: &str, membrane: &str| {
@@ -94,7 +96,44 @@ fn a_prestressed_bag_rises_less() {
     };
     let [loose, taut] = ["", "prestress_pa = 1e6"].map(|p| ["triangle", "quadrilateral"].map(|m| top(p, m)));
     assert!(taut.iter().zip(loose).all(|(t, l)| *t > 0.0 && *t < 0.8 * l), "{taut:?} {loose:?}");
-    assert!((taut[0] / taut[1] - 1.0).abs() < 0.02, "{taut:?}");
+    assert!((taut[0] / taut[1] - 1.0).abs() < 0.03, "{taut:?}");
+}
+
+/// The key chooses the law: a sheet stretched by 1.3 both ways stores `mu / 2 (2 l^2 + l^-4 - 3)` in each volume, with `mu` a third
+/// of the modulus, with both kinds of elements, wrinkling or not.
+#[test]
+fn a_neo_hookean_sheet_has_the_energy_of_its_stretch() {
+    for rest in ["", "wrinkling = true", "[structure]\nmembrane = \"quadrilateral\"", WRINKLING] {
+        let mut s = scene(BAG, rest, LAST);
+        s.fabric.poisson_ratio = 0.5;
+        s.fabric.law = case::Law::NeoHookean;
+        let d = structure(&s, None).expect("a structure");
+        let l = 1.3f64;
+        let x: Vec<f64> = d.system.model.reference.iter().map(|x| l * x).collect();
+        let volume = d.system.total_mass() / s.fabric.density_kg_m3;
+        let exact = volume * s.fabric.youngs_modulus_pa / 6.0 * (2.0 * l * l + l.powi(-4) - 3.0);
+        assert!((d.system.energy(&x) / exact - 1.0).abs() < 1e-12, "{rest}: {} {exact}", d.system.energy(&x));
+    }
+}
+
+/// Where fabric wrinkles at no cost, triangles and quadrilaterals of a prestressed bag have one answer: they differ by 0.19 % on 12 cells
+/// across and by 0.03 % on 24.
+#[test]
+fn both_kinds_of_elements_raise_a_wrinkling_prestressed_bag_alike() {
+    let difference = |cells: u32| {
+        let [t, q] = ["triangle", "quadrilateral"].map(|membrane| {
+            let fabric =
+                format!("wrinkling = true\nprestress_pa = 1e6\n[structure]\nmembrane = \"{membrane}\"");
+            let mut s = scene(&BAG.replace("12", &cells.to_string()), &fabric, LAST);
+            s.fabric.youngs_modulus_pa *= 1e-2;
+            let mut d = structure(&s, None).expect("a structure");
+            rest(&mut d, 5.0);
+            d.accepted.u[2]
+        });
+        (t / q - 1.0).abs()
+    };
+    let [coarse, fine] = [12, 24].map(difference);
+    assert!(coarse < 3e-3 && fine < 0.25 * coarse, "{coarse} {fine}");
 }
 
 /// A state that is not a number is no equilibrium.

@@ -67,6 +67,20 @@ fn a_static_stage_takes_no_time_and_all_others_do() {
 }
 
 #[test]
+fn a_neo_hookean_film_is_incompressible_isotropic_and_without_prestress() {
+    let law = "law = \"neo-hookean\"\n";
+    let text = refused("poisson_ratio = 0.3", &format!("{law}poisson_ratio = 0.3"));
+    assert!(text.contains("`fabric.poisson_ratio` is 0.3") && text.contains("keeps its volume"), "{text}");
+    let text = refused("poisson_ratio = 0.3", &format!("{law}prestress_pa = 1e3\npoisson_ratio = 0.5"));
+    assert!(text.contains("prestress is that of a linear law"), "{text}");
+    let warp = "poisson_ratio = 0.5\northotropic = { youngs_modulus_2_pa = 1e6, shear_modulus_pa = 1e6 }";
+    let text = refused("poisson_ratio = 0.3", &format!("{law}{warp}"));
+    assert!(text.contains("no warp"), "{text}");
+    let scene = read(&ATPS.replacen("poisson_ratio = 0.3", &format!("{law}poisson_ratio = 0.5"), 1)).unwrap();
+    assert_eq!(scene.fabric.law, case::Law::NeoHookean);
+}
+
+#[test]
 fn a_missing_key_is_named_with_its_meaning() {
     let text = refused("thickness_m = 3.048e-5\n", "");
     assert!(text.contains("missing key `thickness_m` in [fabric]"), "{text}");

@@ -1,10 +1,11 @@
 //! Fabric laws in plane stress, between Green strain and second
 //! Piola-Kirchhoff stress.
 //!
-//! A law is two functions. The strain energy follows from the stress: that of each law here is
-//! homogeneous of degree one in the strain (a prestress counts as one), so the energy per
-//! volume is `S:E/2`.
+//! A law is two functions. The strain energy follows from the stress where that is
+//! homogeneous of degree one in the strain (a prestress counts as one): the energy per
+//! volume is `S:E/2`. Other laws give their own. How to add one: `docs/how-to/add-a-membrane-material.md`.
 
+mod neo_hookean;
 mod orthotropic_field;
 mod prestressed;
 pub mod step;
@@ -12,6 +13,10 @@ mod svk;
 mod tension_field;
 mod viscous;
 
+#[cfg(test)]
+pub(crate) mod check;
+
+pub use neo_hookean::{NeoHookean, NeoHookeanTensionField};
 pub use orthotropic_field::OrthotropicTensionField;
 pub use prestressed::Prestressed;
 pub use step::{Elastic, StepLaw};

@@ -111,15 +111,19 @@ impl Material for TensionField {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::materials::check::{conforms, turned};
     use proptest::prelude::*;
 
     const Y: f64 = 7.0;
     const NU: f64 = 0.3;
 
-    /// Strain with principal values `e1`, `e2`, the first turned by `angle`.
-    fn turned(e1: f64, e2: f64, angle: f64) -> Strain {
-        let (c, s) = (angle.cos(), angle.sin());
-        [e1 * c * c + e2 * s * s, e1 * s * s + e2 * c * c, 2.0 * (e1 - e2) * c * s]
+    #[test]
+    fn fields_conform() {
+        for angle in [0.0, 0.4, 1.3] {
+            for (e1, e2) in [(0.3, 0.1), (0.2, -0.15), (-0.1, -0.2)] {
+                conforms(&TensionField::new(Y, NU), turned(e1, e2, angle));
+            }
+        }
     }
 
     #[test]

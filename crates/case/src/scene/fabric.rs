@@ -6,10 +6,13 @@ use serde::{Deserialize, Serialize};
 use crate::Scene;
 use crate::check::Check;
 
-/// Material of the fabric: St. Venant-Kirchhoff in plane stress.
+/// Material of the fabric, in plane stress.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fabric {
+    /// Law between strain and stress.
+    #[serde(default)]
+    pub law: Law,
     /// Young's modulus ("membrane stiffness"), Pa.
     pub youngs_modulus_pa: f64,
     /// Poisson's ratio.
@@ -31,6 +34,18 @@ pub struct Fabric {
     pub permeability: Option<Permeability>,
     /// Contact with itself. Absent: fabric passes through fabric.
     pub contact: Option<Contact>,
+}
+
+/// Laws of the fabric.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Law {
+    /// Linear between Green strain and second Piola-Kirchhoff stress: woven fabric.
+    #[default]
+    StVenantKirchhoff,
+    /// Incompressible neo-Hookean: rubber, latex, soft polymer films at large strain. The modulus is
+    /// that at small strains.
+    NeoHookean,
 }
 
 /// A fabric that is stiffer one way: the modulus and the ratio of `[fabric]` are then
@@ -150,6 +165,9 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         0.0..=0.5 * f.softest_modulus_pa(),
         "at most half the modulus",
     );
+    if f.law == Law::NeoHookean {
+        neo_hookean(f, c);
+    }
     if let Some(o) = &f.orthotropic {
         orthotropic(o, f, c);
     }
@@ -158,6 +176,31 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     if let Some(k) = &f.contact {
         contact(k, scene, c);
+    }
+}
+
+fn neo_hookean(f: &Fabric, c: &mut Check) {
+    let law = "`fabric.law = \"neo-hookean\"`";
+    if f.poisson_ratio != 0.5 {
+        c.refuse(
+            "fabric.poisson_ratio",
+            format!("`fabric.poisson_ratio` is {}", f.poisson_ratio),
+            format!("{law} keeps its volume: 0.5"),
+        );
+    }
+    if f.orthotropic.is_some() {
+        c.refuse(
+            "fabric.orthotropic",
+            "a neo-Hookean film has no warp",
+            format!("leave out this table or {law}"),
+        );
+    }
+    if f.prestress_pa > 0.0 {
+        c.refuse(
+            "fabric.prestress_pa",
+            "the prestress is that of a linear law",
+            format!("leave out the prestress or {law}"),
+        );
     }
 }
 

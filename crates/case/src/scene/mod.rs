@@ -45,7 +45,7 @@ pub use coupling::{
 };
 pub(crate) use descent::STANDARD_GRAVITY;
 pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
-pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Orthotropic, Permeability};
+pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
 pub use flow::{
     Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence, Viscosity,
 };

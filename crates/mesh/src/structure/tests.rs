@@ -11,6 +11,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
         title: String::new(),
         canopy,
         fabric: Fabric {
+            law: case::Law::default(),
             youngs_modulus_pa: 9.5648e6,
             poisson_ratio: 0.3,
             thickness_m: 3.048e-5,
