@@ -26,12 +26,13 @@ use crate::state_file;
 use crate::velocity_average::VelocityAverage;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 21] = [
+const EFFECTS: [&str; 22] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
     "fabric.wrinkling",
     "fabric.orthotropic",
+    "fabric.law",
     "fabric.prestress_pa",
     "point_mass",
     "stage.stiffness_damping_s",

@@ -81,9 +81,9 @@ fn quadrilaterals_inflate_the_air_bag() {
     assert!((d.accepted.u[2] / 0.0769 - 1.0).abs() < 0.01, "{}", d.accepted.u[2]);
 }
 
-/// Stretched before it is pressed, the bag rises less, with both kinds of elements. They differ by 0.1 % on 6 cells across, 1.9 % on 12,
-/// 2.1 % on 24: this is no error of discretisation. The fabric carries compression, so the bag buckles along its rim, and each kind
-/// of element has folds of its own; 3 % holds them together.
+/// Stretched before it is pressed, the bag rises less, with both kinds of elements. This fabric carries compression and buckles
+/// along its rim into folds that each kind of element has of its own (2 % of the rise, not less on a finer mesh): the kinds
+/// are compared where fabric wrinkles.
 #[test]
 fn a_prestressed_bag_rises_less() {
     let top = |prestress: &str, membrane: &str| {
@@ -96,7 +96,6 @@ fn a_prestressed_bag_rises_less() {
     };
     let [loose, taut] = ["", "prestress_pa = 1e6"].map(|p| ["triangle", "quadrilateral"].map(|m| top(p, m)));
     assert!(taut.iter().zip(loose).all(|(t, l)| *t > 0.0 && *t < 0.8 * l), "{taut:?} {loose:?}");
-    assert!((taut[0] / taut[1] - 1.0).abs() < 0.03, "{taut:?}");
 }
 
 /// The key chooses the law: a sheet stretched by 1.3 both ways stores `mu / 2 (2 l^2 + l^-4 - 3)` in each volume, with `mu` a third
@@ -113,6 +112,30 @@ fn a_neo_hookean_sheet_has_the_energy_of_its_stretch() {
         let volume = d.system.total_mass() / s.fabric.density_kg_m3;
         let exact = volume * s.fabric.youngs_modulus_pa / 6.0 * (2.0 * l * l + l.powi(-4) - 3.0);
         assert!((d.system.energy(&x) / exact - 1.0).abs() < 1e-12, "{rest}: {} {exact}", d.system.energy(&x));
+    }
+}
+
+/// At the strain `e` of a bag its law is linear but for `5/2 e`, and the rise (with the cube root of the stress) for a
+/// third of that; a softer bag departs from the linear one.
+#[test]
+fn a_neo_hookean_bag_rises_as_a_linear_one_while_strains_are_small() {
+    let top = |law: case::Law, membrane: &str, modulus: f64| {
+        let text = format!("wrinkling = true\n[structure]\nmembrane = \"{membrane}\"");
+        let mut s = scene(BAG, &text, LAST);
+        (s.fabric.poisson_ratio, s.fabric.law) = (0.5, law);
+        s.fabric.youngs_modulus_pa *= modulus;
+        let mut d = structure(&s, None).expect("a structure");
+        rest(&mut d, 23.94);
+        d.accepted.u[2]
+    };
+    for membrane in ["triangle", "quadrilateral"] {
+        let departure = |modulus: f64| {
+            let [linear, film] =
+                [case::Law::StVenantKirchhoff, case::Law::NeoHookean].map(|law| top(law, membrane, modulus));
+            film / linear - 1.0
+        };
+        let [stiff, soft] = [1.0, 1e-2].map(departure);
+        assert!(stiff.abs() < 1e-3 && soft > 3e-3, "{membrane}: {stiff} {soft}");
     }
 }
 

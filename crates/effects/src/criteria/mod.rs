@@ -12,7 +12,7 @@ pub use air::{energy, gust, limiter, permeability, shear, steady, turbulence, vi
 use case::Scene;
 pub use descent::{body, descent, line_drag, payload_drag, typical_drag_area};
 pub use structure::{
-    contact, fabric_gravity, integration, lines, mass_damping, moving_grid, orthotropic, prescribed,
+    contact, fabric_gravity, integration, law, lines, mass_damping, moving_grid, orthotropic, prescribed,
     prestress, reefing, reinforcements, stiffness_damping, wrinkling,
 };
 

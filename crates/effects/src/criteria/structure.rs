@@ -64,6 +64,22 @@ pub fn orthotropic(s: &Scope<'_>) -> Assessment {
     )
 }
 
+/// Pulled by the strain $e$, a neo-Hookean film carries $S = \mu (1 - (1 + 2 e)^{-3/2}) \approx E e (1 - \tfrac52 e)$: for the
+/// same stress it stretches by $\tfrac52 e^2$ more than a linear one, and its area by twice that. Within a factor of 5.
+pub fn law(s: &Scope<'_>) -> Assessment {
+    if s.scene().fabric.law == case::Law::StVenantKirchhoff {
+        return Assessment::not(
+            "woven fabric is linear at its strains; a film of rubber is for the scene to say",
+        );
+    }
+    let strain = s.n.strain;
+    s.of(
+        &Influence::of_canopy(5.0 * strain * strain),
+        &unsigned(5.0),
+        format!("the modulus falls by {} at a strain of {}", percent(2.5 * strain), percent(strain)),
+    )
+}
+
 /// Fabric stretched by $\sigma_0$ in its cut shape is shorter by the strain $\sigma_0 (1 - \nu) / E$ both ways once it
 /// is free: the area falls by twice that (plane stress, equal in all directions). Within a factor of 5.
 pub fn prestress(s: &Scope<'_>) -> Assessment {
