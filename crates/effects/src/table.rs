@@ -269,7 +269,7 @@ pub const TABLE: &[Entry] = &[
         what: "stresses by the rate of strains, in fabric and lines",
         model: "Kelvin-Voigt with one relaxation time for fabric and lines; implicit steps only",
         equation: "S_v = beta (S(E_1) - S(E_0)) / dt",
-        reference: "Rayleigh damping; derivation in structure-solver/src/loops/damping.rs",
+        reference: "Rayleigh damping; derivation in structure-solver/src/materials/viscous.rs",
         programs: STRUCTURE,
         announced_by: Some(Role::Structure),
         criterion: "not assessed: damps oscillations, not the mean",
