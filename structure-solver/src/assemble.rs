@@ -189,7 +189,7 @@ fn reefed(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Result<(Vec<[u32
     }
     let ties: Vec<[u32; 2]> = (0..ring.len()).map(|k| [ring[k], ring[(k + 1) % ring.len()]]).collect();
     let length = |[a, b]: &[u32; 2]| {
-        crate::vec3::norm(crate::vec3::sub(mesh.coords[*a as usize], mesh.coords[*b as usize]))
+        (mesh::geometry::at(&mesh.coords, *a) - mesh::geometry::at(&mesh.coords, *b)).norm()
     };
     let skirt = ties.iter().map(length).sum();
     Ok((ties, skirt))

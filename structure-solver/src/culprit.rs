@@ -3,8 +3,8 @@
 use std::fmt;
 
 use crate::elements::membrane;
+use crate::flat::at;
 use crate::model::Model;
-use crate::vec3::{at, norm, sub};
 
 /// An element of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub(crate) fn at_node(model: &Model, node: u64, x: &[f64]) -> Option<Culprit> {
             see(element, principal(membrane::deformation(&t.reference.gradient, &p).strain)[0]);
         }
         for c in model.cables.iter().filter(|c| c.nodes.contains(&i)) {
-            let l = norm(sub(at(x, c.nodes[1] as usize), at(x, c.nodes[0] as usize))) / c.rest_length;
+            let l = (at(x, c.nodes[1] as usize) - at(x, c.nodes[0] as usize)).norm() / c.rest_length;
             see(Element::Cable(c.global.into()), 0.5 * (l * l - 1.0));
         }
     }

@@ -267,7 +267,7 @@ impl Dynamics {
         self.load_on(0.0, load, false);
         if self.payload.is_some() {
             let first = FaceLoad { pressure: load.pressure[0], traction: load.traction[0] };
-            self.balance_payload(first, body);
+            self.balance_payload(first, body.into());
         }
         for k in 0..substeps {
             let share = |k: u64| k as f64 / substeps as f64;

@@ -10,10 +10,11 @@ use mesh::{Cable, CableKind, StructureMesh};
 use crate::assemble;
 use crate::dynamics::{Dynamics, LoadPath};
 use crate::equilibrium::EquilibriumParams;
+use crate::flat::at;
 use crate::loops::FaceLoad;
 use crate::payload::Payload;
 use crate::rigid::BodyState;
-use crate::vec3::{Vec3, add, at, cross, dot, norm, scale, sub};
+use mesh::geometry::{Point, Vec3};
 
 pub(crate) const NONE: FaceLoad<'_> = FaceLoad { pressure: &[], traction: &[] };
 pub(crate) const FREE: LoadPath<'_> = LoadPath { pressure: [&[]; 2], traction: [&[]; 2] };
@@ -60,11 +61,12 @@ pub(crate) fn of_mesh(scene: &Scene, mesh: StructureMesh) -> Dynamics {
 }
 
 /// Cables between neighbours of `points`, each as long as the distance.
-pub(crate) fn chain(points: Vec<Vec3>, fixed: Vec<u32>) -> StructureMesh {
+pub(crate) fn chain(points: Vec<Point>, fixed: Vec<u32>) -> StructureMesh {
     let kind = CableKind::SuspensionLine;
     let cables = (0..points.len() as u32 - 1)
         .map(|i| {
-            let rest_length = norm(sub(points[i as usize + 1], points[i as usize]));
+            let ends = [i, i + 1].map(|n| mesh::geometry::at(&points, n));
+            let rest_length = (ends[1] - ends[0]).norm();
             Cable { nodes: [i, i + 1], rest_length, kind, line: 0 }
         })
         .collect();
@@ -161,8 +163,8 @@ fn a_reefing_line_holds_the_skirt_and_lets_it_go() {
         let load = LoadPath { pressure: [&p; 2], traction: [&[]; 2] };
         d.balance_start(FaceLoad { pressure: &p, traction: &[] }, [0.0; 3]).expect("a mass");
         let around = |d: &Dynamics| -> f64 {
-            let x = |n: u32| add(mesh.coords[n as usize], at(&d.accepted.u, n as usize));
-            (0..ring.len()).map(|k| norm(sub(x(ring[k]), x(ring[(k + 1) % ring.len()])))).sum()
+            let x = |n: u32| mesh::geometry::at(&mesh.coords, n) + at(&d.accepted.u, n as usize);
+            (0..ring.len()).map(|k| (x(ring[k]) - x(ring[(k + 1) % ring.len()])).norm()).sum()
         };
         let mut lengths = Vec::new();
         for k in 0..100 {
@@ -214,12 +216,12 @@ fn a_payload_on_a_line_swings_as_two_pendulums() {
         let phi = (k1 - w2 * a11) / (w2 * a12);
         let mut d = of_mesh(&s, mesh.clone());
         let arms = [[0.0, 0.0, b]];
-        let payload = Payload::on(&d, &mesh, m, [inertia; 3], &arms, 0.0);
+        let payload = Payload::on(&d, &mesh, m, Vec3::repeat(inertia), &arms, 0.0);
         let amplitude = 1e-3;
         let state = BodyState::start(
             &payload.body,
-            [amplitude * (l + b * phi), 0.0, 0.0],
-            [0.0, -amplitude * phi, 0.0],
+            Vec3::new(amplitude * (l + b * phi), 0.0, 0.0),
+            Vec3::new(0.0, -amplitude * phi, 0.0),
         );
         d.carry(payload, state);
         let (dt, w) = (2e-3, w2.sqrt());
@@ -245,7 +247,7 @@ fn a_payload_on_a_line_swings_as_two_pendulums() {
 #[test]
 fn a_tumbling_payload_and_its_line_keep_momentum_and_energy() {
     let run = |dt: f64| {
-        let points: Vec<Vec3> = (0..4).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        let points = (0..4).map(|i| [f64::from(i), 0.0, 0.0]).collect();
         let mut mesh = chain(points, vec![3]);
         mesh.point_masses = vec![(0, 0.2), (1, 0.3), (2, 0.2)];
         mesh.node_sets.insert("payload".into(), vec![3]);
@@ -253,43 +255,43 @@ fn a_tumbling_payload_and_its_line_keep_momentum_and_energy() {
         let lines = "density_kg_m3 = 1e-6\ntension_only = false\nprestress_pa = 2e7";
         let mut d = of_mesh(&scene(BAG, lines, &stage), mesh.clone());
         d.integrate_explicitly(0.9).unwrap_or_else(|e| panic!("{e}"));
-        let arm = [-0.3, 0.1, 0.2];
-        let payload = Payload::on(&d, &mesh, 2.0, [0.5, 0.8, 1.0], &[arm], 0.0);
+        let arm = Vec3::new(-0.3, 0.1, 0.2);
+        let payload = Payload::on(&d, &mesh, 2.0, Vec3::new(0.5, 0.8, 1.0), &[arm.into()], 0.0);
         let body = payload.body;
-        let state = BodyState::start(&body, [0.4, 0.1, -0.2], [0.3, 1.0, 0.5]);
+        let state = BodyState::start(&body, Vec3::new(0.4, 0.1, -0.2), Vec3::new(0.3, 1.0, 0.5));
         d.carry(payload, state);
         d.balance_start(NONE, [0.0; 3]).expect("masses");
         let sums = |d: &Dynamics| {
             let s = d.accepted.body.expect("a body");
-            let (mut p, mut l) = (scale(body.mass, s.v), s.turn(s.spin));
+            let (mut p, mut l) = (s.v * body.mass, s.turn(s.spin));
             let place = d.payload().expect("a payload").position(&s);
-            l = add(l, cross(place, scale(body.mass, s.v)));
+            l += place.cross(&(s.v * body.mass));
             let x: Vec<f64> =
                 d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect();
             let mut energy = body.kinetic(&s) + d.system.loops().iter().map(|l| l.energy(&x)).sum::<f64>();
             for n in 0..3 {
                 let (m, v) = (d.system.lumped_mass(n), at(&d.accepted.v, n));
-                p = add(p, scale(m, v));
-                l = add(l, cross(at(&x, n), scale(m, v)));
-                energy += 0.5 * m * dot(v, v);
+                p += v * m;
+                l += at(&x, n).cross(&(v * m));
+                energy += 0.5 * m * v.dot(&v);
             }
             (p, l, energy)
         };
         // The attachment moves with the body from the start.
         let v = body.velocity_of(&state, arm);
-        d.accepted.v[9..12].copy_from_slice(&v);
+        d.accepted.v[9..12].copy_from_slice(v.as_slice());
         let (p0, l0, e0) = sums(&d);
         let mut lost = 0.0f64;
         for _ in 0..(4.0 / dt).round() as u64 {
             d.window(dt, 1, FREE, [0.0; 3], false).expect("a step");
             d.accept();
             let (p, l, e) = sums(&d);
-            assert!(norm(sub(p, p0)) < 1e-9, "{p:?} {p0:?}");
-            assert!(norm(sub(l, l0)) < 1e-9, "{l:?} {l0:?}");
+            assert!((p - p0).norm() < 1e-9, "{p:?} {p0:?}");
+            assert!((l - l0).norm() < 1e-9, "{l:?} {l0:?}");
             lost = lost.max((e / e0 - 1.0).abs());
             // The attachment has the mean velocity of the last step; accelerations are some m/s2.
-            let held = sub(at(&d.accepted.v, 3), body.velocity_of(&d.accepted.body.expect("a body"), arm));
-            assert!(norm(held) < 20.0 * dt, "{held:?}");
+            let held = at(&d.accepted.v, 3) - body.velocity_of(&d.accepted.body.expect("a body"), arm);
+            assert!(held.norm() < 20.0 * dt, "{held:?}");
         }
         lost
     };

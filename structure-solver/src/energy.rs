@@ -260,7 +260,7 @@ impl Dynamics {
         if let (Some(p), Some(from), Some(to)) = (&self.payload, &self.current.body, &self.next.body)
             && self.system.comm().is_root()
         {
-            w[Works::PAYLOAD] += p.work(from, to, body);
+            w[Works::PAYLOAD] += p.work(from, to, body.into());
         }
     }
 

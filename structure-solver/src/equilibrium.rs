@@ -381,7 +381,7 @@ impl Dynamics {
     /// Node (global) with the largest vector in `rows`, and its length.
     fn worst_node(&self, rows: &[f64]) -> (u64, f64) {
         let model = &self.system.model;
-        let size = |i: usize| crate::vec3::norm(crate::vec3::at(rows, i));
+        let size = |i: usize| crate::flat::at(rows, i).norm();
         let worst = (0..model.n_owned()).max_by(|&i, &j| size(i).total_cmp(&size(j)));
         let value = worst.map_or(-1.0, size);
         let largest = model.comm.max(value);
@@ -401,7 +401,8 @@ mod tests {
     use super::*;
     use crate::assemble;
     use crate::elements::load::area_vector;
-    use crate::vec3::{Vec3, at};
+    use crate::flat::at;
+    use mesh::geometry::Vec3;
 
     const FABRIC: &str = r#"
         [fabric]
@@ -429,7 +430,7 @@ mod tests {
         assemble::dynamics(&Comm::solo(), &scene, 0, &Rc::new(mesh)).expect("a structure")
     }
 
-    fn rest(d: &mut Dynamics, pressure: f64, body: Vec3) -> Result<EquilibriumInfo, EquilibriumError> {
+    fn rest(d: &mut Dynamics, pressure: f64, body: [f64; 3]) -> Result<EquilibriumInfo, EquilibriumError> {
         let p = vec![pressure; d.system.model.n_faces];
         let load = FaceLoad { pressure: &p, traction: &[] };
         d.equilibrium(load, body, EquilibriumParams::default(), &mut |_| ())
@@ -451,15 +452,15 @@ mod tests {
         let mut d = structure("kind = \"air-bag\"\ncells_across = 20", None);
         let info = rest(&mut d, 23.94, [0.0; 3]).expect("an equilibrium");
         assert!(info.residual <= 1e-8 && info.stop == Stop::Residual, "{info:?}");
-        let (centre, edge) = (moved(&d, [0.0; 3]), moved(&d, [0.1524, 0.0, 0.0]));
-        let corner = moved(&d, [0.1524, 0.1524, 0.0]);
+        let (centre, edge) = (moved(&d, Vec3::zeros()), moved(&d, Vec3::new(0.1524, 0.0, 0.0)));
+        let corner = moved(&d, Vec3::new(0.1524, 0.1524, 0.0));
         assert!((centre[2] - 0.07689).abs() < 1e-5, "{centre:?}");
         assert!((edge[0] + 0.04602).abs() < 1e-5, "{edge:?}");
         assert!((corner[0].hypot(corner[1]) - 0.01836).abs() < 1e-5, "{corner:?}");
         let x: Vec<f64> = d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect();
         let under = |p: [Vec3; 3]| area_vector(&p)[2] * (p[0][2] + p[1][2] + p[2][2]) / 3.0;
         let under_wall = |p: [Vec3; 4]| {
-            let mean: Vec3 = std::array::from_fn(|i| 0.25 * p.iter().map(|x| x[i]).sum::<f64>());
+            let mean: Vec3 = Vec3::from_fn(|i, _| 0.25 * p.iter().map(|x| x[i]).sum::<f64>());
             (0..4).map(|k| under([p[k], p[(k + 1) % 4], mean])).sum::<f64>()
         };
         let faces = &d.system.model.split_faces;
@@ -497,7 +498,7 @@ mod tests {
             c -= g / slope;
         }
         let sag = c * ((0.5 * span / c).cosh() - 1.0);
-        let found = -moved(&d, [0.5, 0.0, 0.0])[2];
+        let found = -moved(&d, Vec3::new(0.5, 0.0, 0.0))[2];
         assert!((found / sag - 1.0).abs() < 2e-3, "{found} beside {sag}");
     }
 

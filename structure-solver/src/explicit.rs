@@ -19,17 +19,18 @@
 
 use comm::Comm;
 use linalg::Operator;
+use mesh::geometry::Vec3;
 
 use crate::culprit::principal;
 use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
 use crate::elements::membrane;
+use crate::flat::at;
 use crate::loops::{FaceLoad, Place};
 use crate::model::Model;
 use crate::newton::{NewtonError, NewtonInfo, State, Stop, vertical_sum};
 use crate::payload::Payload;
 use crate::rigid::BodyState;
 use crate::system::System;
-use crate::vec3::{at, norm, sub};
 
 /// Expansion of the structure whose stiffness bounds the step.
 const EXPANSION: f64 = 1e-6;
@@ -158,7 +159,7 @@ fn strains(model: &Model, x: &[f64]) -> impl Iterator<Item = (u32, f64)> {
         (t.nodes[0], principal(membrane::deformation(&t.reference.gradient, &p).strain)[0])
     });
     let lines = model.cables.iter().map(|c| {
-        let l = norm(sub(at(x, c.nodes[1] as usize), at(x, c.nodes[0] as usize))) / c.rest_length;
+        let l = (at(x, c.nodes[1] as usize) - at(x, c.nodes[0] as usize)).norm() / c.rest_length;
         (c.nodes[0], 0.5 * (l * l - 1.0))
     });
     fabric.chain(lines)
@@ -323,9 +324,9 @@ impl Dynamics {
             }
         }
         if let Some((p, s)) = carried {
-            p.advance(s, body, h);
+            p.advance(s, body.into(), h);
             for (n, x) in p.places(s).filter(|(n, _)| 3 * n < owned) {
-                for (i, x) in (3 * n..).zip(x) {
+                for (i, x) in (3 * n..).zip(&x) {
                     e.half[i] = (x - self.x[i]) / h;
                     u[i] = x - self.system.model.reference[i];
                 }
@@ -345,9 +346,9 @@ impl Dynamics {
             let system = &self.system;
             let pull = |n: usize| {
                 let m = system.diagonal_mass(n);
-                std::array::from_fn(|c| m * body[c] - e.force[3 * n + c])
+                Vec3::from_fn(|c, _| m * body[c] - e.force[3 * n + c])
             };
-            p.finish(s, system.comm(), owned / 3, pull, body, h);
+            p.finish(s, system.comm(), owned / 3, pull, body.into(), h);
         }
         let v = &mut self.next.v;
         for i in 0..owned {

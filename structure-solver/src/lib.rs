@@ -17,6 +17,7 @@ mod elimination;
 pub mod energy;
 pub mod equilibrium;
 pub mod explicit;
+pub mod flat;
 pub mod linear;
 pub mod loops;
 pub mod materials;
@@ -33,7 +34,6 @@ pub mod snapshot;
 pub mod state_file;
 mod support;
 pub mod system;
-pub mod vec3;
 pub mod velocity_average;
 
 #[cfg(test)]

@@ -12,8 +12,9 @@ pub use contact::Contact;
 pub use elements::Elements;
 
 use crate::elements::mass::MassMatrix;
+use crate::flat::Block;
 use crate::materials::{Regime, Stress};
-use crate::vec3::{Mat3, Vec3};
+use mesh::geometry::Vec3;
 
 /// Loads on the interface faces at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -87,7 +88,7 @@ pub trait ElementLoop {
     /// Force of that air (N) on the elements counted on this rank in the last step, which
     /// ended at positions `x` (m).
     fn air_force(&self, _x: &[f64]) -> Vec3 {
-        [0.0; 3]
+        Vec3::zeros()
     }
 
     /// Whether forces act between nodes that no element joins: then [`ElementLoop::find_pairs`]
@@ -130,7 +131,7 @@ pub trait ElementLoop {
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
-        blocks: &mut [Mat3],
+        blocks: &mut [Block],
     );
 
     /// As [`ElementLoop::forces`] for the elements that touch an `active` node, shape
@@ -148,7 +149,7 @@ pub trait ElementLoop {
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
-        blocks: &mut [Mat3],
+        blocks: &mut [Block],
     ) {
         self.tangent(place, load, factor, out, blocks);
     }

@@ -3,10 +3,10 @@
 use mesh::{CableKind, StructureMesh};
 
 use crate::elements::load::area_vector;
+use crate::flat::at;
 use crate::loops::FaceLoad;
 use crate::newton::State;
 use crate::system::System;
-use crate::vec3::at;
 
 /// Global values of a state, the same on each rank.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -119,15 +119,15 @@ impl Gauge {
             // and vertical gaps add nothing.
             volume += ((p[0][2] + p[1][2] + p[2][2]) / 3.0 - hem_z) * a[2];
             if !load.traction.is_empty() {
-                lift += load.traction[3 * face + 2] * crate::vec3::norm(a);
+                lift += load.traction[3 * face + 2] * a.norm();
             }
         }
         let tensions: Vec<f64> = system.loops().iter().flat_map(|l| l.tensions(x)).collect();
         let pull = |&(k, end): &(u32, usize)| {
             let c = &model.cables[k as usize];
             let [from, to] = [c.nodes[end], c.nodes[1 - end]].map(|n| at(x, n as usize));
-            let d = crate::vec3::sub(to, from);
-            tensions[k as usize] * d[2] / crate::vec3::norm(d)
+            let d = to - from;
+            tensions[k as usize] * d[2] / d.norm()
         };
         let riser: f64 = self.held.iter().map(pull).sum();
         let mut sums = [kinetic, strain, lift, area, volume, riser];

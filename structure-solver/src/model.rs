@@ -11,7 +11,7 @@ use comm::{Comm, Halo, Numbering};
 use mesh::{CableKind, StructureMesh};
 
 use crate::elements::{membrane, quad};
-use crate::vec3::Vec3;
+use mesh::geometry::{Point, Vec3, at};
 
 /// A structure that cannot be computed: what, where, and what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -82,7 +82,7 @@ pub enum ModelError {
         /// Node of the mesh.
         node: usize,
         /// Its position, m.
-        position: Vec3,
+        position: Point,
     },
     /// Two parts that touch without being joined.
     #[error(
@@ -95,7 +95,7 @@ pub enum ModelError {
         /// Node of another part.
         there: u32,
         /// Where both are, m.
-        position: Vec3,
+        position: Point,
     },
     /// A part that nothing holds.
     #[error(
@@ -108,7 +108,7 @@ pub enum ModelError {
         /// Its number of nodes.
         nodes: usize,
         /// Position of `node`, m.
-        position: Vec3,
+        position: Point,
         /// Axes along which it may drift.
         axes: String,
     },
@@ -173,7 +173,7 @@ pub enum Warp {
     /// Along the first edge of each face.
     FirstEdge,
     /// Along a vector laid onto the fabric.
-    Vector(Vec3),
+    Vector(Point),
 }
 
 /// How faces become elements.
@@ -365,18 +365,18 @@ impl Part<'_> {
 
     /// Direction of the warp on a face of the mesh.
     fn warp_on(&self, face: usize) -> Option<Vec3> {
-        let [a, b] = [0, 1].map(|i| self.mesh.coords[self.mesh.faces[face][i] as usize]);
+        let [a, b] = [0, 1].map(|i| at(&self.mesh.coords, self.mesh.faces[face][i]));
         match self.warp {
             None => None,
-            Some(Warp::FirstEdge) => Some(crate::vec3::sub(b, a)),
-            Some(Warp::Vector(v)) => Some(v),
+            Some(Warp::FirstEdge) => Some(b - a),
+            Some(Warp::Vector(v)) => Some(v.into()),
         }
     }
 
     fn triangles(&self, numbers: &[usize]) -> Result<Vec<Triangle>, ModelError> {
         let of = |&t: &usize| {
             let nodes = self.mesh.triangles[t];
-            let x = nodes.map(|n| self.mesh.coords[n as usize]);
+            let x = nodes.map(|n| at(&self.mesh.coords, n));
             let mut reference =
                 membrane::Reference::new(x).ok_or(ModelError::FlatTriangle { triangle: t, nodes })?;
             let face = self.mesh.triangle_face[t];
@@ -394,9 +394,9 @@ impl Part<'_> {
     fn quads(&self, faces: &[usize]) -> Result<Vec<Quad>, ModelError> {
         let of = |&face: &usize| {
             let nodes = self.mesh.faces[face];
-            let x = nodes.map(|n| self.mesh.coords[n as usize]);
+            let x = nodes.map(|n| at(&self.mesh.coords, n));
             // One axis for all points of an element, so that their strains have a mean.
-            let axis = self.warp_on(face).unwrap_or_else(|| crate::vec3::sub(x[1], x[0]));
+            let axis = self.warp_on(face).unwrap_or_else(|| x[1] - x[0]);
             let reference = quad::Reference::new(x, Some(axis)).ok_or(ModelError::BadQuad { face, nodes })?;
             Ok(Quad { nodes: nodes.map(|n| self.local(n)), face: face as u32, reference })
         };

@@ -75,7 +75,7 @@ impl Dynamics {
         self.system.prescribed.extend(self.motions.iter().flat_map(|m| m.values(end)));
         let mut body_state = self.current.body;
         if let (Some(p), Some(s)) = (&self.payload, &mut body_state) {
-            p.advance(s, body, dt);
+            p.advance(s, body.into(), dt);
             for (n, x) in p.places(s) {
                 let reference = &self.system.model.reference[3 * n..3 * n + 3];
                 self.system.prescribed.extend((0..3).map(|c| ((3 * n + c) as u32, x[c] - reference[c])));
@@ -106,7 +106,7 @@ impl Dynamics {
             blend(load, span[1], &mut self.pressure, &mut self.traction);
             let (pressure, traction) =
                 (std::mem::take(&mut self.pressure), std::mem::take(&mut self.traction));
-            self.finish_payload(s, FaceLoad { pressure: &pressure, traction: &traction }, body, dt);
+            self.finish_payload(s, FaceLoad { pressure: &pressure, traction: &traction }, body.into(), dt);
             (self.pressure, self.traction) = (pressure, traction);
         }
         result

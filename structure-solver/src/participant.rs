@@ -10,6 +10,7 @@ use channel::{
 };
 use comm::Comm;
 use mesh::StructureMesh;
+use mesh::geometry::{Point, Vec3};
 
 use crate::dynamics::{Dynamics, LoadPath, StepFailure, WindowInfo};
 use crate::energy::{self, EnergyBalance, EnergyCreated, WindowEnergy};
@@ -425,7 +426,7 @@ impl Participant for StructureSolver {
             let shape: Vec<_> = self.mesh.coords[..self.mesh.n_canopy]
                 .iter()
                 .zip(u.as_chunks::<3>().0)
-                .map(|(x, u)| crate::vec3::add(*x, *u))
+                .map(|(x, u)| Point::from(Vec3::from(*x) + Vec3::from(*u)))
                 .collect();
             mesh::save_shape(&case::canopy_file(folder), &shape).map_err(Fault::new)
         } else {
@@ -472,7 +473,7 @@ impl StructureSolver {
         let air = std::array::from_fn(|i| wind[i] - w.frame_velocity[i]);
         dynamics.system.set_air(air);
         if let Some(p) = &mut dynamics.payload {
-            p.air = air;
+            p.air = air.into();
         }
     }
 

@@ -13,11 +13,12 @@ use case::Scene;
 use mesh::StructureMesh;
 
 use crate::dynamics::Dynamics;
+use crate::flat::at;
 use crate::loops::{FaceLoad, Place};
 use crate::newton::State;
 use crate::rigid::{BodyState, RigidBody};
 use crate::state_file::{StateError, agree};
-use crate::vec3::{Vec3, add, at, cross, dot, norm, scale, sub};
+use mesh::geometry::{Point, Vec3};
 
 /// A rigid body that carries nodes.
 pub struct Payload {
@@ -49,8 +50,9 @@ impl Payload {
         let density = scene.resolved().air.density_kg_m3;
         let drag = descent.payload_drag.as_ref().map_or(0.0, |d| 0.5 * density * d.drag_area_m2);
         let payload =
-            Self::on(dynamics, mesh, descent.payload_mass_kg, b.inertia_kg_m2, &b.attachments_m, drag);
-        let start = BodyState::start(&payload.body, b.initial_velocity_m_s, b.initial_spin_rad_s);
+            Self::on(dynamics, mesh, descent.payload_mass_kg, b.inertia_kg_m2.into(), &b.attachments_m, drag);
+        let start =
+            BodyState::start(&payload.body, b.initial_velocity_m_s.into(), b.initial_spin_rad_s.into());
         Some((payload, start))
     }
 
@@ -61,7 +63,7 @@ impl Payload {
         mesh: &StructureMesh,
         mass: f64,
         inertia: Vec3,
-        arms: &[Vec3],
+        arms: &[Point],
         drag: f64,
     ) -> Self {
         let system = &dynamics.system;
@@ -69,21 +71,22 @@ impl Payload {
         let nodes = mesh.node_sets.get("payload").map_or(&[][..], Vec::as_slice);
         debug_assert_eq!(nodes.len(), arms.len());
         let first = nodes.first().zip(arms.first());
-        let middle = first.map_or([0.0; 3], |(n, a)| sub(mesh.coords[*n as usize], *a));
+        let middle =
+            first.map_or(Vec3::zeros(), |(n, a)| mesh::geometry::at(&mesh.coords, *n) - Vec3::from(*a));
         let local = |n: &u32| model.numbering.local(u64::from(*n)).map(|i| i as u32);
-        let arms: Vec<_> = arms.iter().zip(nodes).map(|(a, n)| (*a, local(n))).collect();
+        let arms: Vec<_> = arms.iter().zip(nodes).map(|(a, n)| (Vec3::from(*a), local(n))).collect();
         // Mass of the attachments' own nodes: on the diagonal, whatever the mass matrix.
         let mut added = [0.0; 4];
         for (a, node) in &arms {
             if let Some(n) = node.filter(|n| (*n as usize) < model.n_owned()) {
                 let m = system.diagonal_mass(n as usize);
                 added[0] += m;
-                (0..3).for_each(|i| added[i + 1] += m * (norm(*a).powi(2) - a[i] * a[i]));
+                (0..3).for_each(|i| added[i + 1] += m * (a.norm().powi(2) - a[i] * a[i]));
             }
         }
         model.comm.sum_slice(&mut added);
         let [m, x, y, z] = added;
-        let body = RigidBody { mass: mass + m, inertia: add(inertia, [x, y, z]) };
+        let body = RigidBody { mass: mass + m, inertia: inertia + Vec3::new(x, y, z) };
         let n = 3 * model.n_local();
         let zero = || vec![0.0; n];
         Self {
@@ -93,7 +96,7 @@ impl Payload {
             arms,
             middle,
             drag,
-            air: [0.0; 3],
+            air: Vec3::zeros(),
             f: zero(),
             w: zero(),
         }
@@ -101,41 +104,39 @@ impl Payload {
 
     /// Centre of mass, m.
     pub fn position(&self, s: &BodyState) -> Vec3 {
-        add(self.middle, s.x)
+        self.middle + s.x
     }
 
     /// Local nodes that it carries, with their places, m.
     pub(crate) fn places<'a>(&'a self, s: &'a BodyState) -> impl Iterator<Item = (usize, Vec3)> + 'a {
         let middle = self.position(s);
-        self.arms
-            .iter()
-            .filter_map(move |(a, n)| Some((n.as_ref().copied()? as usize, add(middle, s.turn(*a)))))
+        self.arms.iter().filter_map(move |(a, n)| Some((n.as_ref().copied()? as usize, middle + s.turn(*a))))
     }
 
     /// Drag of the air on it, N.
     pub fn drag(&self, s: &BodyState) -> Vec3 {
-        let w = sub(self.air, s.v);
-        scale(self.drag * norm(w), w)
+        let w = self.air - s.v;
+        w * (self.drag * w.norm())
     }
 
     /// Kinetic energy without that of its nodes, J.
     pub fn own_kinetic(&self, s: &BodyState) -> f64 {
         let own = RigidBody { mass: self.own_mass, inertia: self.own_inertia };
         let rate = self.body.rate(s);
-        let spin = std::array::from_fn(|i| self.own_inertia[i] * rate[i]);
+        let spin = self.own_inertia.component_mul(&rate);
         own.kinetic(&BodyState { spin, ..*s })
     }
 
     /// Work of gravity (m/s2) and of the air's drag on its own mass from one state to the next, J.
     pub(crate) fn work(&self, from: &BodyState, to: &BodyState, gravity: Vec3) -> f64 {
-        let drag = scale(0.5, add(self.drag(from), self.drag(to)));
-        dot(add(scale(self.own_mass, gravity), drag), sub(to.x, from.x))
+        let drag = (self.drag(from) + self.drag(to)) * 0.5;
+        (gravity * self.own_mass + drag).dot(&(to.x - from.x))
     }
 
     /// First half of a step of `h` seconds: velocities, then places. `gravity` is the
     /// acceleration of free fall in the frame, m/s2.
     pub(crate) fn advance(&self, s: &mut BodyState, gravity: Vec3, h: f64) {
-        let own = scale(self.own_mass / self.body.mass, gravity);
+        let own = gravity * (self.own_mass / self.body.mass);
         self.body.kick(s, own, 0.5 * h);
         self.body.drift(s, h);
     }
@@ -155,7 +156,7 @@ impl Payload {
         for (a, node) in &self.arms {
             if let Some(n) = node.map(|n| n as usize).filter(|n| *n < owned) {
                 let f = pull(n);
-                let t = cross(s.turn(*a), f);
+                let t = s.turn(*a).cross(&f);
                 (0..3).for_each(|i| {
                     sums[i] += f[i];
                     sums[3 + i] += t[i];
@@ -163,13 +164,13 @@ impl Payload {
             }
         }
         comm.sum_slice(&mut sums);
-        s.force = [sums[0], sums[1], sums[2]];
-        s.torque = [sums[3], sums[4], sums[5]];
+        s.force = Vec3::new(sums[0], sums[1], sums[2]);
+        s.torque = Vec3::new(sums[3], sums[4], sums[5]);
         if self.drag > 0.0 {
-            s.force = add(s.force, self.drag(s));
+            s.force += self.drag(s);
         }
         s.known = true;
-        let own = scale(self.own_mass / self.body.mass, gravity);
+        let own = gravity * (self.own_mass / self.body.mass);
         self.body.kick(s, own, 0.5 * h);
     }
 }
@@ -193,7 +194,7 @@ impl Dynamics {
             self.system.set_step(f64::INFINITY);
             self.pulls(&mut p, false, load, gravity);
             let (owned, comm) = (self.system.model.n_owned(), self.system.comm().clone());
-            p.finish(&mut s, &comm, owned, |n| scale(-1.0, at(&p.f, n)), gravity, 0.0);
+            p.finish(&mut s, &comm, owned, |n| -at(&p.f, n), gravity, 0.0);
             self.current.body = Some(s);
         }
         self.payload = Some(p);
@@ -204,7 +205,7 @@ impl Dynamics {
         let mut p = self.payload.take().expect("the caller advanced it");
         self.pulls(&mut p, true, load, gravity);
         let (owned, comm) = (self.system.model.n_owned(), self.system.comm().clone());
-        p.finish(&mut s, &comm, owned, |n| scale(-1.0, at(&p.f, n)), gravity, h);
+        p.finish(&mut s, &comm, owned, |n| -at(&p.f, n), gravity, h);
         self.next.body = Some(s);
         self.payload = Some(p);
     }
@@ -256,7 +257,7 @@ pub(crate) fn load(folder: &Path) -> Result<Option<BodyState>, StateError> {
 fn sound(s: &BodyState) -> bool {
     let vectors = [s.x, s.v, s.spin, s.force, s.torque];
     let length: f64 = s.q.iter().map(|q| q * q).sum();
-    vectors.as_flattened().iter().all(|x| x.is_finite()) && (length - 1.0).abs() < 1e-6
+    vectors.iter().flatten().all(|x| x.is_finite()) && (length - 1.0).abs() < 1e-6
 }
 
 /// `payload.csv` of a stage: a row for each accepted window.
@@ -282,8 +283,9 @@ impl Log {
     }
 
     pub(crate) fn push(&mut self, time: f64, p: &Payload, s: &BodyState) -> std::io::Result<()> {
-        let rate = p.body.rate(s);
-        let parts: [&[f64]; 6] = [&p.position(s), &s.v, &s.q, &rate, &[s.tilt()], &s.force];
+        let (position, rate) = (p.position(s), p.body.rate(s));
+        let parts: [&[f64]; 6] =
+            [position.as_slice(), s.v.as_slice(), &s.q, rate.as_slice(), &[s.tilt()], s.force.as_slice()];
         let cells: Vec<String> = parts.iter().flat_map(|p| p.iter()).map(|v| format!("{v:.8e}")).collect();
         writeln!(self.0, "{time:.8e},{}", cells.join(","))
     }
@@ -294,25 +296,25 @@ mod tests {
     use super::*;
     use crate::effect_tests::{BAG, STAGE, chain, of_mesh, scene as scene_of};
 
-    const ARMS: [Vec3; 2] = [[0.3, -0.2, 0.5], [-0.1, 0.4, 0.2]];
+    const ARMS: [Vec3; 2] = [Vec3::new(0.3, -0.2, 0.5), Vec3::new(-0.1, 0.4, 0.2)];
     const MASS: f64 = 2.0;
-    const INERTIA: Vec3 = [0.5, 0.8, 1.1];
+    const INERTIA: Vec3 = Vec3::new(0.5, 0.8, 1.1);
     const NODES: [f64; 2] = [0.2, 0.3];
     const DRAG: f64 = 0.6;
 
     /// A body on two masses between which there is hardly a line; its centre of mass is at (1, 2, 3).
     fn body() -> (Payload, BodyState) {
-        let mut mesh = chain(ARMS.map(|a| add([1.0, 2.0, 3.0], a)).to_vec(), vec![0, 1]);
+        let mut mesh = chain(ARMS.map(|a| (Vec3::new(1.0, 2.0, 3.0) + a).into()).to_vec(), vec![0, 1]);
         mesh.point_masses = vec![(0, NODES[0]), (1, NODES[1])];
         mesh.node_sets.insert("payload".into(), vec![0, 1]);
         let d = of_mesh(&scene_of(BAG, "density_kg_m3 = 1e-12", STAGE), mesh.clone());
-        let mut payload = Payload::on(&d, &mesh, MASS, INERTIA, &ARMS, DRAG);
-        payload.air = [0.5, 0.1, -0.3];
-        let mut state = BodyState::start(&payload.body, [0.4, -0.7, 1.1], [0.6, -0.9, 0.4]);
+        let mut payload = Payload::on(&d, &mesh, MASS, INERTIA, &ARMS.map(Into::into), DRAG);
+        payload.air = Vec3::new(0.5, 0.1, -0.3);
+        let mut state = BodyState::start(&payload.body, Vec3::new(0.4, -0.7, 1.1), Vec3::new(0.6, -0.9, 0.4));
         // A turn by 1 rad about (2, 1, 2)/3.
         let (s, c) = 0.5f64.sin_cos();
         state.q = [c, s * 2.0 / 3.0, s / 3.0, s * 2.0 / 3.0];
-        state.x = [0.1, 0.2, -0.1];
+        state.x = Vec3::new(0.1, 0.2, -0.1);
         (payload, state)
     }
 
@@ -322,22 +324,22 @@ mod tests {
         let (p, s) = body();
         assert!((p.body.mass - 2.5).abs() < 1e-9);
         for i in 0..3 {
-            let more: f64 = ARMS.iter().zip(NODES).map(|(a, m)| m * (dot(*a, *a) - a[i] * a[i])).sum();
+            let more: f64 = ARMS.iter().zip(NODES).map(|(a, m)| m * ((*a).dot(a) - a[i] * a[i])).sum();
             assert!((p.body.inertia[i] - INERTIA[i] - more).abs() < 1e-9, "{i}");
         }
         // Rodrigues' formula gives their places.
-        let axis = [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0];
+        let axis = Vec3::new(2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0);
         let (sin, cos) = 1f64.sin_cos();
         let turned = |a: Vec3| {
-            let across = add(scale(cos, a), scale(sin, cross(axis, a)));
-            add(across, scale((1.0 - cos) * dot(axis, a), axis))
+            let across = a * cos + axis.cross(&a) * sin;
+            across + axis * ((1.0 - cos) * axis.dot(&a))
         };
         for (arm, (_, place)) in ARMS.iter().zip(p.places(&s)) {
-            let exact = add([1.1, 2.2, 2.9], turned(*arm));
-            assert!(norm(sub(place, exact)) < 1e-14, "{place:?} {exact:?}");
-            assert!(norm(sub(s.turn_back(turned(*arm)), *arm)) < 1e-14);
+            let exact = Vec3::new(1.1, 2.2, 2.9) + turned(*arm);
+            assert!((place - exact).norm() < 1e-14, "{place:?} {exact:?}");
+            assert!((s.turn_back(turned(*arm)) - *arm).norm() < 1e-14);
         }
-        assert!((s.tilt() - turned([0.0, 0.0, 1.0])[2].acos()).abs() < 1e-14);
+        assert!((s.tilt() - turned(Vec3::new(0.0, 0.0, 1.0))[2].acos()).abs() < 1e-14);
     }
 
     /// The body's kinetic energy is its own and that of its attachments, which move as points of it. Their
@@ -346,16 +348,16 @@ mod tests {
     fn kinetic_energies_add_up() {
         let (p, mut s) = body();
         for axis in 0..3 {
-            s.spin = [0.0; 3];
+            s.spin = Vec3::zeros();
             s.spin[axis] = p.body.inertia[axis] * 0.7;
-            let own = 0.5 * MASS * dot(s.v, s.v) + 0.5 * INERTIA[axis] * 0.49;
+            let own = 0.5 * MASS * s.v.dot(&s.v) + 0.5 * INERTIA[axis] * 0.49;
             assert!((p.own_kinetic(&s) - own).abs() < 1e-14, "{axis}");
             // At rest but for the turn: the attachments' share of the translation has a mixed term.
-            let still = BodyState { v: [0.0; 3], ..s };
+            let still = BodyState { v: Vec3::zeros(), ..s };
             let points: f64 = ARMS
                 .iter()
                 .zip(NODES)
-                .map(|(a, m)| 0.5 * m * norm(p.body.velocity_of(&still, *a)).powi(2))
+                .map(|(a, m)| 0.5 * m * p.body.velocity_of(&still, *a).norm().powi(2))
                 .sum();
             let whole = p.body.kinetic(&still);
             assert!((p.own_kinetic(&still) + points - whole).abs() < 1e-9, "{axis}: {whole}");
@@ -366,14 +368,14 @@ mod tests {
     #[test]
     fn drag_and_weight_do_their_work() {
         let (p, from) = body();
-        let w = [0.1, 0.8, -1.4];
+        let w = Vec3::new(0.1, 0.8, -1.4);
         let exact = w.map(|c| DRAG * (0.01f64 + 0.64 + 1.96).sqrt() * c);
-        assert!(norm(sub(p.drag(&from), exact)) < 1e-14, "{:?}", p.drag(&from));
-        let to = BodyState { x: [0.4, 0.1, 0.2], v: [0.5, 0.1, -2.3], ..from };
+        assert!((p.drag(&from) - exact).norm() < 1e-14, "{:?}", p.drag(&from));
+        let to = BodyState { x: Vec3::new(0.4, 0.1, 0.2), v: Vec3::new(0.5, 0.1, -2.3), ..from };
         // There the air passes with (0, 0, 2): 2.4 N.
         let mean = [0.5 * exact[0], 0.5 * exact[1], 0.5 * (exact[2] + 2.4)];
         let moved = [0.3, -0.1, 0.3];
-        let gravity = [0.2, 0.0, -9.81];
+        let gravity = Vec3::new(0.2, 0.0, -9.81);
         let work: f64 = (0..3).map(|i| (MASS * gravity[i] + mean[i]) * moved[i]).sum();
         assert!((p.work(&from, &to, gravity) - work).abs() < 1e-13);
     }
@@ -383,25 +385,25 @@ mod tests {
     #[test]
     fn a_step_has_the_impulses_of_its_forces() {
         let (p, start) = body();
-        let (h, gravity) = (0.1, [0.2, 0.0, -9.81]);
-        let own = scale(MASS / p.body.mass, gravity);
-        let mut s = BodyState { spin: [0.0; 3], ..start };
+        let (h, gravity) = (0.1, Vec3::new(0.2, 0.0, -9.81));
+        let own = gravity * (MASS / p.body.mass);
+        let mut s = BodyState { spin: Vec3::zeros(), ..start };
         p.advance(&mut s, gravity, h);
-        let v = add(start.v, scale(0.5 * h, own));
-        assert!(norm(sub(s.v, v)) < 1e-14);
-        assert!(norm(sub(s.x, add(start.x, scale(h, v)))) < 1e-14);
-        let pulls = [[1.0, -2.0, 3.0], [0.5, 0.7, -1.1]];
+        let v = start.v + (own * (0.5 * h));
+        assert!((s.v - v).norm() < 1e-14);
+        assert!((s.x - (start.x + (v * h))).norm() < 1e-14);
+        let pulls = [Vec3::new(1.0, -2.0, 3.0), Vec3::new(0.5, 0.7, -1.1)];
         let still = BodyState { v: p.air, ..s };
         for mut s in [s, still] {
             let (before, air) = (s, p.drag(&s));
             p.finish(&mut s, &comm::Comm::solo(), 2, |n| pulls[n], gravity, h);
-            let force = add(air, add(pulls[0], pulls[1]));
-            assert!(norm(sub(s.force, force)) < 1e-13, "{:?} {force:?}", s.force);
-            let torque = add(cross(s.turn(ARMS[0]), pulls[0]), cross(s.turn(ARMS[1]), pulls[1]));
-            assert!(norm(sub(s.torque, torque)) < 1e-13, "{:?} {torque:?}", s.torque);
-            let v = add(before.v, scale(0.5 * h, add(own, scale(1.0 / p.body.mass, force))));
-            assert!(norm(sub(s.v, v)) < 1e-13);
-            assert!(norm(sub(s.turn(s.spin), scale(0.5 * h, torque))) < 1e-13);
+            let force = air + (pulls[0] + pulls[1]);
+            assert!((s.force - force).norm() < 1e-13, "{:?} {force:?}", s.force);
+            let torque = s.turn(ARMS[0]).cross(&pulls[0]) + s.turn(ARMS[1]).cross(&pulls[1]);
+            assert!((s.torque - torque).norm() < 1e-13, "{:?} {torque:?}", s.torque);
+            let v = before.v + ((own + (force * (1.0 / p.body.mass))) * (0.5 * h));
+            assert!((s.v - v).norm() < 1e-13);
+            assert!((s.turn(s.spin) - (torque * (0.5 * h))).norm() < 1e-13);
         }
     }
 
@@ -414,7 +416,7 @@ mod tests {
         for (by, right) in [(0.9e-6, true), (-0.9e-6, true), (1.1e-6, false), (-1.1e-6, false)] {
             assert_eq!(sound(&of_length(1.0 + by)), right, "{by}");
         }
-        assert!(!sound(&BodyState { torque: [0.0, f64::NAN, 0.0], ..good }));
-        assert!(!sound(&BodyState { x: [f64::INFINITY, 0.0, 0.0], ..good }));
+        assert!(!sound(&BodyState { torque: Vec3::new(0.0, f64::NAN, 0.0), ..good }));
+        assert!(!sound(&BodyState { x: Vec3::new(f64::INFINITY, 0.0, 0.0), ..good }));
     }
 }

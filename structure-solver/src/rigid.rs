@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::vec3::{Vec3, add, cross, dot, scale};
+use mesh::geometry::Vec3;
 
 /// Mass and inertia.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,20 +19,39 @@ pub struct RigidBody {
     pub inertia: Vec3,
 }
 
+/// Vectors in files are three numbers.
+mod point {
+    use mesh::geometry::Vec3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(v: &Vec3, to: S) -> Result<S::Ok, S::Error> {
+        <[f64; 3]>::from(*v).serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec3, D::Error> {
+        <[f64; 3]>::deserialize(from).map(Vec3::from)
+    }
+}
+
 /// Where a body is and how it moves.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BodyState {
     /// Displacement of the centre of mass from its start, m.
+    #[serde(with = "point")]
     pub x: Vec3,
     /// Velocity, m/s.
+    #[serde(with = "point")]
     pub v: Vec3,
     /// Turn from the body's axes to those of the frame, a unit quaternion (scalar first).
     pub q: [f64; 4],
     /// Angular momentum in the body's axes, kg m2/s.
+    #[serde(with = "point")]
     pub spin: Vec3,
     /// Force (N) and torque (N m) in the frame's axes at this state.
+    #[serde(with = "point")]
     pub force: Vec3,
     /// Torque about the centre of mass, N m.
+    #[serde(with = "point")]
     pub torque: Vec3,
     /// Force and torque are known.
     pub known: bool,
@@ -42,12 +61,12 @@ impl BodyState {
     /// Not turned, not displaced.
     pub fn start(body: &RigidBody, velocity: Vec3, spin_rate: Vec3) -> Self {
         Self {
-            x: [0.0; 3],
+            x: Vec3::zeros(),
             v: velocity,
             q: [1.0, 0.0, 0.0, 0.0],
-            spin: std::array::from_fn(|i| body.inertia[i] * spin_rate[i]),
-            force: [0.0; 3],
-            torque: [0.0; 3],
+            spin: body.inertia.component_mul(&spin_rate),
+            force: Vec3::zeros(),
+            torque: Vec3::zeros(),
             known: false,
         }
     }
@@ -56,8 +75,9 @@ impl BodyState {
     #[inline]
     pub fn turn(&self, a: Vec3) -> Vec3 {
         let [w, x, y, z] = self.q;
-        let t = scale(2.0, cross([x, y, z], a));
-        add(add(a, scale(w, t)), cross([x, y, z], t))
+        let u = Vec3::new(x, y, z);
+        let t = u.cross(&a) * 2.0;
+        a + t * w + u.cross(&t)
     }
 
     /// A vector of the frame's axes in the body's.
@@ -69,36 +89,36 @@ impl BodyState {
 
     /// Angle between the body's third axis and the vertical, rad.
     pub fn tilt(&self) -> f64 {
-        self.turn([0.0, 0.0, 1.0])[2].clamp(-1.0, 1.0).acos()
+        self.turn(Vec3::z())[2].clamp(-1.0, 1.0).acos()
     }
 }
 
 impl RigidBody {
     /// Angular velocity in the body's axes, rad/s.
     pub fn rate(&self, s: &BodyState) -> Vec3 {
-        std::array::from_fn(|i| s.spin[i] / self.inertia[i])
+        s.spin.component_div(&self.inertia)
     }
 
     /// Velocity of a point of the body at `arm` (m, in its axes) from the centre of mass, m/s.
     pub fn velocity_of(&self, s: &BodyState, arm: Vec3) -> Vec3 {
-        add(s.v, s.turn(cross(self.rate(s), arm)))
+        s.v + s.turn(self.rate(s).cross(&arm))
     }
 
     /// Kinetic energy, J.
     pub fn kinetic(&self, s: &BodyState) -> f64 {
-        0.5 * self.mass * dot(s.v, s.v) + 0.5 * dot(s.spin, self.rate(s))
+        0.5 * self.mass * s.v.dot(&s.v) + 0.5 * s.spin.dot(&self.rate(s))
     }
 
     /// Velocities after `h` seconds of the state's force, torque and the acceleration of free
     /// fall `gravity` (m/s2).
     pub fn kick(&self, s: &mut BodyState, gravity: Vec3, h: f64) {
-        s.v = add(s.v, scale(h, add(gravity, scale(1.0 / self.mass, s.force))));
-        s.spin = add(s.spin, scale(h, s.turn_back(s.torque)));
+        s.v += (gravity + s.force * (1.0 / self.mass)) * h;
+        s.spin += s.turn_back(s.torque) * h;
     }
 
     /// Place after `h` seconds without force.
     pub fn drift(&self, s: &mut BodyState, h: f64) {
-        s.x = add(s.x, scale(h, s.v));
+        s.x += s.v * h;
         for (axis, share) in [(0, 0.5), (1, 0.5), (2, 1.0), (1, 0.5), (0, 0.5)] {
             self.spin_about(s, axis, share * h);
         }
@@ -117,32 +137,31 @@ impl RigidBody {
         s.spin[k] = cos * b - sin * a;
         let (sin, cos) = (0.5 * angle).sin_cos();
         let [w, x, y, z] = s.q;
-        let mut own = [0.0; 3];
+        let mut own = Vec3::zeros();
         own[axis] = sin;
-        let v = [x, y, z];
-        let turned = add(add(scale(cos, v), scale(w, own)), cross(v, own));
-        s.q = [w * cos - dot(v, own), turned[0], turned[1], turned[2]];
+        let v = Vec3::new(x, y, z);
+        let turned = v * cos + own * w + v.cross(&own);
+        s.q = [w * cos - v.dot(&own), turned[0], turned[1], turned[2]];
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vec3::{norm, sub};
 
     /// A top without torque, spun about its middle axis, which is unstable: it tumbles.
     #[test]
     fn a_free_top_keeps_momentum_and_energy() {
-        let body = RigidBody { mass: 2.0, inertia: [1.0, 2.0, 3.0] };
+        let body = RigidBody { mass: 2.0, inertia: Vec3::new(1.0, 2.0, 3.0) };
         let run = |h: f64, steps: usize| {
-            let mut s = BodyState::start(&body, [0.3, 0.0, -0.1], [0.02, 2.0, 0.01]);
+            let mut s = BodyState::start(&body, Vec3::new(0.3, 0.0, -0.1), Vec3::new(0.02, 2.0, 0.01));
             let (spin, energy) = (s.turn(s.spin), body.kinetic(&s));
             let (mut lost, mut turned) = (0.0f64, 0.0f64);
             for _ in 0..steps {
-                body.kick(&mut s, [0.0; 3], 0.5 * h);
+                body.kick(&mut s, Vec3::zeros(), 0.5 * h);
                 body.drift(&mut s, h);
-                body.kick(&mut s, [0.0; 3], 0.5 * h);
-                assert!(norm(sub(s.turn(s.spin), spin)) < 1e-11 * norm(spin));
+                body.kick(&mut s, Vec3::zeros(), 0.5 * h);
+                assert!((s.turn(s.spin) - spin).norm() < 1e-11 * spin.norm());
                 lost = lost.max((body.kinetic(&s) / energy - 1.0).abs());
                 turned = turned.max(s.tilt());
             }
@@ -158,18 +177,22 @@ mod tests {
     /// A symmetric top precesses at L / I_1.
     #[test]
     fn a_symmetric_top_precesses() {
-        let body = RigidBody { mass: 1.0, inertia: [2.0, 2.0, 1.0] };
-        let mut s = BodyState::start(&body, [0.0; 3], [0.5, 0.0, 4.0]);
+        let body = RigidBody { mass: 1.0, inertia: Vec3::new(2.0, 2.0, 1.0) };
+        let mut s = BodyState::start(&body, Vec3::zeros(), Vec3::new(0.5, 0.0, 4.0));
         let momentum = s.turn(s.spin);
         let h = 1e-3;
-        let period = 2.0 * std::f64::consts::PI * 2.0 / norm(momentum);
+        let period = 2.0 * std::f64::consts::PI * 2.0 / momentum.norm();
         let steps = (period / h).round() as usize;
-        let axis = s.turn([0.0, 0.0, 1.0]);
+        let axis = s.turn(Vec3::new(0.0, 0.0, 1.0));
         for _ in 0..steps {
             body.drift(&mut s, period / steps as f64);
         }
         // The figure axis is back after one turn about the momentum.
-        assert!(norm(sub(s.turn([0.0, 0.0, 1.0]), axis)) < 1e-5, "{:?}", s.turn([0.0, 0.0, 1.0]));
+        assert!(
+            (s.turn(Vec3::new(0.0, 0.0, 1.0)) - axis).norm() < 1e-5,
+            "{:?}",
+            s.turn(Vec3::new(0.0, 0.0, 1.0))
+        );
     }
 
     /// A compound pendulum: the body held at a pivot by a stiff spring is that of the
@@ -177,22 +200,22 @@ mod tests {
     #[test]
     fn a_rigid_pendulum_has_its_frequency() {
         // About the pivot: inertia 5, m g d = 3, small swings.
-        let body = RigidBody { mass: 1.0, inertia: [5.0, 6.0, 4.0] };
+        let body = RigidBody { mass: 1.0, inertia: Vec3::new(5.0, 6.0, 4.0) };
         let moment = 3.0;
-        let mut s = BodyState::start(&body, [0.0; 3], [1e-3, 0.0, 0.0]);
+        let mut s = BodyState::start(&body, Vec3::zeros(), Vec3::new(1e-3, 0.0, 0.0));
         let h = 1e-2;
         let torque = |s: &BodyState| {
             // Weight hangs below: the torque turns the third axis back up.
-            let up = s.turn([0.0, 0.0, 1.0]);
-            scale(moment, cross(up, [0.0, 0.0, 1.0]))
+            let up = s.turn(Vec3::new(0.0, 0.0, 1.0));
+            up.cross(&Vec3::z()) * moment
         };
         s.torque = torque(&s);
         let (mut crossings, mut last, mut t) = (Vec::new(), s.spin[0], 0.0);
         while crossings.len() < 21 {
-            body.kick(&mut s, [0.0; 3], 0.5 * h);
+            body.kick(&mut s, Vec3::zeros(), 0.5 * h);
             body.drift(&mut s, h);
             s.torque = torque(&s);
-            body.kick(&mut s, [0.0; 3], 0.5 * h);
+            body.kick(&mut s, Vec3::zeros(), 0.5 * h);
             t += h;
             if s.spin[0] * last < 0.0 {
                 crossings.push(t - h * s.spin[0] / (s.spin[0] - last));

@@ -11,9 +11,10 @@ use crate::alone;
 use crate::assemble;
 use crate::dynamics::{Dynamics, LoadPath};
 use crate::equilibrium::EquilibriumParams;
+use crate::flat::at;
 use crate::loops::FaceLoad;
-use crate::vec3::at;
 use crate::velocity_average::VelocityAverage;
+use mesh::geometry::Vec3;
 
 const LAST: &str = r#"
     [[stage]]
@@ -62,7 +63,7 @@ fn rest(d: &mut Dynamics, pressure: f64) {
 fn volume(d: &Dynamics) -> f64 {
     let x: Vec<f64> = d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect();
     let under =
-        |p: [[f64; 3]; 3]| crate::elements::load::area_vector(&p)[2] * (p[0][2] + p[1][2] + p[2][2]) / 3.0;
+        |p: [Vec3; 3]| crate::elements::load::area_vector(&p)[2] * (p[0][2] + p[1][2] + p[2][2]) / 3.0;
     d.system.model.triangles.iter().map(|t| under(t.nodes.map(|n| at(&x, n as usize)))).sum()
 }
 

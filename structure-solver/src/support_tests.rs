@@ -1,6 +1,7 @@
 //! The force on what holds the structure against the tension of a line.
 
 use mesh::StructureMesh;
+use mesh::geometry::Vec3;
 
 use crate::dynamics::Dynamics;
 use crate::effect_tests::{BAG, FREE, NONE, STAGE, chain, of_mesh, scene};
@@ -13,7 +14,7 @@ const DT: f64 = 1e-3;
 
 /// A mass below the end of a line of 1 m that holds it, on a spring of 1000 N/m: w = 22.4 /s.
 fn hanging(structure: &str, damping: f64) -> (Dynamics, StructureMesh) {
-    let mut mesh = chain(vec![[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]], vec![0]);
+    let mut mesh = chain(vec![[0.0, 0.0, 1.0], [0.0; 3]], vec![0]);
     mesh.point_masses = vec![(1, MASS)];
     let stage = STAGE.replace("spectral_radius = 1.0", structure);
     let stage = format!("{stage}\nmass_damping_per_s = {damping}\n");
@@ -94,12 +95,12 @@ fn a_holder_that_is_moved_adds_no_inertia_of_its_own() {
 /// A payload that is a body on the line: the force on it is that of the line, up to the line's own mass.
 #[test]
 fn the_force_on_a_free_payload_is_the_pull_of_the_line() {
-    let mut mesh = chain(vec![[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], vec![0, 1]);
+    let mut mesh = chain(vec![[0.0; 3], [0.0, 0.0, 1.0]], vec![0, 1]);
     mesh.node_sets.insert("payload".into(), vec![0]);
     let lines = "density_kg_m3 = 1e-6\ntension_only = false";
     let mut d = of_mesh(&scene(BAG, lines, STAGE), mesh.clone());
-    let payload = Payload::on(&d, &mesh, MASS, [0.1; 3], &[[0.0; 3]], 0.0);
-    let state = BodyState::start(&payload.body, [0.0; 3], [0.0; 3]);
+    let payload = Payload::on(&d, &mesh, MASS, Vec3::repeat(0.1), &[[0.0; 3]], 0.0);
+    let state = BodyState::start(&payload.body, Vec3::zeros(), Vec3::zeros());
     d.carry(payload, state);
     let mut before = 0.0;
     for window in 0..600 {

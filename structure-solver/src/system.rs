@@ -5,9 +5,10 @@ use comm::Comm;
 use linalg::{BlockCsr, Cg, KrylovError, KrylovParams, Operator, Preconditioner};
 
 use crate::elements::mass::MassMatrix;
+use crate::flat::Block;
 use crate::loops::{ELSEWHERE, ElementLoop, FaceLoad, Place};
 use crate::model::Model;
-use crate::vec3::Mat3;
+use mesh::geometry::Vec3;
 
 /// A block in a constrained row or column.
 struct Masked {
@@ -181,7 +182,7 @@ impl System {
     /// See [`ElementLoop::set_air`].
     pub fn set_air(&mut self, velocity: [f64; 3]) {
         if self.air {
-            self.loops.iter_mut().for_each(|l| l.set_air(velocity));
+            self.loops.iter_mut().for_each(|l| l.set_air(velocity.into()));
         }
     }
 
@@ -198,8 +199,8 @@ impl System {
     }
 
     /// See [`ElementLoop::air_force`]; of this rank.
-    pub fn air_force(&self, x: &[f64]) -> [f64; 3] {
-        self.loops.iter().fold([0.0; 3], |sum, l| crate::vec3::add(sum, l.air_force(x)))
+    pub fn air_force(&self, x: &[f64]) -> Vec3 {
+        self.loops.iter().fold(Vec3::zeros(), |sum, l| sum + l.air_force(x))
     }
 
     /// See [`ElementLoop::dissipation`]; of this rank.
@@ -385,7 +386,7 @@ impl System {
     }
 }
 
-fn scaled_identity(d: f64) -> Mat3 {
+fn scaled_identity(d: f64) -> Block {
     [[d, 0.0, 0.0], [0.0, d, 0.0], [0.0, 0.0, d]]
 }
 

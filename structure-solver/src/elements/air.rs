@@ -10,7 +10,7 @@
 //! drag to tension, times the drag's own smallness.
 
 use super::{Kernel, Load, Step};
-use crate::vec3::{Mat3, Vec3, add, dot, norm, scale, sub};
+use mesh::geometry::{Mat3, Vec3};
 
 /// A cylinder in a stream of the air.
 #[derive(Clone, Copy, Debug)]
@@ -32,26 +32,22 @@ impl Cylinder {
     #[inline(always)]
     pub fn force(&self, d: Vec3, w: Vec3) -> Vec3 {
         let Parts { length, across, along, .. } = Parts::new(d, w);
-        let f = scale(self.across * norm(across), across);
-        scale(length, add(f, scale(self.along * norm(along), along)))
+        let f = across * (self.across * across.norm());
+        (f + along * (self.along * along.norm())) * length
     }
 
     /// Derivative of [`Cylinder::force`] by the velocity, N s/m.
     #[inline(always)]
     pub fn by_velocity(&self, d: Vec3, w: Vec3) -> Mat3 {
         let Parts { length, direction, across, along } = Parts::new(d, w);
-        let size = norm(across);
-        let (a, b) = (length * self.across, 2.0 * length * self.along * norm(along));
+        let size = across.norm();
+        let (a, b) = (length * self.across, 2.0 * length * self.along * along.norm());
         let inverse = if size > 0.0 { 1.0 / size } else { 0.0 };
-        let mut k = [[0.0; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
-                let turn = direction[i] * direction[j];
-                let unit = if i == j { 1.0 } else { 0.0 };
-                k[i][j] = a * (size * (unit - turn) + across[i] * across[j] * inverse) + b * turn;
-            }
-        }
-        k
+        Mat3::from_fn(|i, j| {
+            let turn = direction[i] * direction[j];
+            let unit = if i == j { 1.0 } else { 0.0 };
+            a * (size * (unit - turn) + across[i] * across[j] * inverse) + b * turn
+        })
     }
 }
 
@@ -66,10 +62,10 @@ struct Parts {
 impl Parts {
     #[inline(always)]
     fn new(d: Vec3, w: Vec3) -> Self {
-        let length = norm(d);
-        let direction = if length > 0.0 { scale(1.0 / length, d) } else { [0.0; 3] };
-        let along = scale(dot(w, direction), direction);
-        Self { length, direction, across: sub(w, along), along }
+        let length = d.norm();
+        let direction = if length > 0.0 { d * (1.0 / length) } else { Vec3::zeros() };
+        let along = direction * w.dot(&direction);
+        Self { length, direction, across: w - along, along }
     }
 }
 
@@ -91,16 +87,16 @@ pub struct LineDrag {
 impl LineDrag {
     /// In air that moves with the frame.
     pub fn new(cylinder: Cylinder) -> Self {
-        Self { cylinder, air: [0.0; 3], rate: 0.0 }
+        Self { cylinder, air: Vec3::zeros(), rate: 0.0 }
     }
 
     /// Vector along a segment at `x`, and the air's velocity past it.
     #[inline(always)]
     fn stream(&self, e: &Strand, x: &[Vec3; 2], [a, b]: &[Vec3; 2]) -> (Vec3, Vec3) {
-        let moved = add(sub(*a, e.start[0]), sub(*b, e.start[1]));
+        let moved = *a - e.start[0] + (*b - e.start[1]);
         // Rate zero stands for air alone: a step without length.
-        let own = if self.rate > 0.0 { scale(0.5 * self.rate, moved) } else { [0.0; 3] };
-        (sub(x[1], x[0]), sub(self.air, own))
+        let own = if self.rate > 0.0 { moved * (0.5 * self.rate) } else { Vec3::zeros() };
+        (x[1] - x[0], self.air - own)
     }
 }
 
@@ -134,7 +130,7 @@ impl Kernel<2> for LineDrag {
         _load: &Load,
     ) -> [Vec3; 2] {
         let (d, w) = self.stream(e, &step.at, &step.end);
-        [scale(-0.5, self.cylinder.force(d, w)); 2]
+        [self.cylinder.force(d, w) * (-0.5); 2]
     }
 
     #[inline(always)]
@@ -147,15 +143,15 @@ impl Kernel<2> for LineDrag {
     ) -> ([Vec3; 2], [[Mat3; 2]; 2]) {
         let by = 0.25 * factor * self.rate / step.weight;
         let (d, w) = self.stream(e, &step.at, &step.end);
-        let k = self.cylinder.by_velocity(d, w).map(|row| scale(by, row));
+        let k = self.cylinder.by_velocity(d, w).map(|row| row * by);
         (self.force::<TRACTION, BLEND>(e, step, load), [[k; 2]; 2])
     }
 
     /// Of the motion in the frame: air that drives the lines gives a negative one.
     fn dissipation(&self, e: &Strand, before: &[Vec3; 2], after: &[Vec3; 2]) -> f64 {
         let (d, w) = self.stream(e, after, after);
-        let moved = add(sub(after[0], before[0]), sub(after[1], before[1]));
-        -0.5 * dot(self.cylinder.force(d, w), moved)
+        let moved = after[0] - before[0] + (after[1] - before[1]);
+        -0.5 * self.cylinder.force(d, w).dot(&moved)
     }
 }
 
@@ -170,14 +166,14 @@ mod tests {
         let (rho, width, length, speed, c, cf) = (1.225, 0.02, 3.0, 7.0, 1.1, 0.004);
         let cylinder = Cylinder::new(rho, width, c, cf);
         let full = 0.5 * rho * c * width * length * speed * speed;
-        let f = cylinder.force([0.0, 0.0, length], [speed, 0.0, 0.0]);
+        let f = cylinder.force(Vec3::new(0.0, 0.0, length), Vec3::new(speed, 0.0, 0.0));
         assert!((f[0] / full - 1.0).abs() < 1e-14 && f[1] == 0.0 && f[2] == 0.0, "{f:?}");
         let angle = std::f64::consts::FRAC_PI_6;
         let smooth = Cylinder::new(rho, width, c, 0.0);
-        let f = smooth.force(scale(length, [angle.cos(), 0.0, angle.sin()]), [speed, 0.0, 0.0]);
-        assert!((norm(f) / full - 0.25).abs() < 1e-14, "{f:?}");
+        let f = smooth.force(Vec3::new(angle.cos(), 0.0, angle.sin()) * length, Vec3::new(speed, 0.0, 0.0));
+        assert!((f.norm() / full - 0.25).abs() < 1e-14, "{f:?}");
         assert!((f[0] * angle.cos() + f[2] * angle.sin()).abs() < 1e-14 * full);
-        let f = cylinder.force([length, 0.0, 0.0], [speed, 0.0, 0.0]);
+        let f = cylinder.force(Vec3::new(length, 0.0, 0.0), Vec3::new(speed, 0.0, 0.0));
         let skin = 0.5 * rho * cf * std::f64::consts::PI * width * length * speed * speed;
         assert!((f[0] / skin - 1.0).abs() < 1e-14, "{f:?}");
     }
@@ -185,17 +181,17 @@ mod tests {
     #[test]
     fn the_derivative_by_velocity() {
         let c = Cylinder::new(1.2, 0.5, 1.1, 0.3);
-        let (d, w) = ([0.3, 1.2, -0.7], [2.0, -1.0, 0.5]);
+        let (d, w) = (Vec3::new(0.3, 1.2, -0.7), Vec3::new(2.0, -1.0, 0.5));
         let k = c.by_velocity(d, w);
         for j in 0..3 {
             let h = 1e-6;
-            let shifted = |s: f64| c.force(d, std::array::from_fn(|i| w[i] + if i == j { s } else { 0.0 }));
+            let shifted = |s: f64| c.force(d, Vec3::from_fn(|i, _| w[i] + if i == j { s } else { 0.0 }));
             let (up, down) = (shifted(h), shifted(-h));
             for i in 0..3 {
                 let slope = (up[i] - down[i]) / (2.0 * h);
-                assert!((slope - k[i][j]).abs() < 1e-8, "{i} {j}: {slope} {}", k[i][j]);
+                assert!((slope - k[(i, j)]).abs() < 1e-8, "{i} {j}: {slope} {}", k[(i, j)]);
             }
         }
-        assert_eq!(c.by_velocity(d, [0.0; 3]), [[0.0; 3]; 3]);
+        assert_eq!(c.by_velocity(d, Vec3::zeros()), Mat3::zeros());
     }
 }

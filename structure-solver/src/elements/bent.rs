@@ -7,7 +7,7 @@
 
 use super::mass::{self, MassMatrix};
 use super::{Kernel, Load, Step, load};
-use crate::vec3::{Mat3, Vec3, norm};
+use mesh::geometry::{Mat3, Vec3};
 
 /// The two triangles of a face, and those of the other cut.
 const CUTS: [[[usize; 3]; 2]; 2] = [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]];
@@ -26,7 +26,7 @@ pub struct BentFace;
 impl BentFace {
     /// Of the unstressed corners `x` (m) and the mass per area (kg/m2).
     pub fn element(x: &[Vec3; 4], mass_per_area: f64) -> Face {
-        let areas = CUTS.map(|cut| cut.map(|t| norm(load::area_vector(&t.map(|n| x[n])))));
+        let areas = CUTS.map(|cut| cut.map(|t| load::area_vector(&t.map(|n| x[n])).norm()));
         let shares = areas.map(|[a, b]| if a + b > 0.0 { [a / (a + b), b / (a + b)] } else { [0.5; 2] });
         Face { mass: mass_per_area * areas[0].iter().sum::<f64>(), shares }
     }
@@ -90,11 +90,11 @@ mod tests {
     use mesh::StructureMesh;
 
     use super::*;
+    use crate::flat::at;
     use crate::loops::{ElementLoop, Elements, FaceLoad, Place};
     use crate::materials::{Elastic, TensionField};
     use crate::model::Model;
     use crate::system::System;
-    use crate::vec3::{at, cross};
 
     /// Two bent faces, cut along different diagonals, and a triangle.
     fn system(material: TensionField, bent: bool) -> System {
@@ -213,8 +213,8 @@ mod tests {
         let (mut force, mut moment, mut work) = ([0.0; 3], [0.0; 3], [0.0; 2]);
         for i in 0..x.len() / 3 {
             let [a, b] = [0, 1].map(|k| at(&loads[k], i));
-            let more: Vec3 = std::array::from_fn(|c| b[c] - a[c]);
-            let m = cross(at(x, i), more);
+            let more: Vec3 = Vec3::from_fn(|c, _| b[c] - a[c]);
+            let m = at(x, i).cross(&more);
             for c in 0..3 {
                 force[c] += more[c];
                 moment[c] += m[c];

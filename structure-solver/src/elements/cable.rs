@@ -5,7 +5,7 @@
 //! $N = A S l / L$ with $S = Y E$.
 
 use super::{Kernel, Load, Step};
-use crate::vec3::{Mat3, Vec3, dot, scale, sub};
+use mesh::geometry::{Mat3, Vec3};
 
 /// Stiffness of a cable element under axial strain.
 pub trait CableLaw: Copy + 'static {
@@ -45,7 +45,7 @@ impl CableLaw for TensionOnly {
 /// Green strain against the rest length for the vector `d` between the ends (m).
 #[inline(always)]
 pub fn strain(d: Vec3, rest_length: f64) -> f64 {
-    0.5 * (dot(d, d) / (rest_length * rest_length) - 1.0)
+    0.5 * (d.dot(&d) / (rest_length * rest_length) - 1.0)
 }
 
 /// Stress of a step from Green strain `start` to `end`, and its derivative by `end`
@@ -70,7 +70,7 @@ pub fn step(law: &impl CableLaw, start: f64, end: f64, w: f64) -> (f64, f64) {
 /// ends: the internal force vector is `[-f, f]`.
 #[inline(always)]
 pub fn force(s: f64, d: Vec3, rest_length: f64, area: f64) -> Vec3 {
-    scale(area * s / rest_length, d)
+    d * (area * s / rest_length)
 }
 
 /// The block $k$ of the tangent $[[k,-k],[-k,k]]$ of [`force`] (N/m), `y` the
@@ -79,26 +79,21 @@ pub fn force(s: f64, d: Vec3, rest_length: f64, area: f64) -> Vec3 {
 #[inline(always)]
 pub fn stiffness(s: f64, y: f64, d: Vec3, by: Vec3, rest_length: f64, area: f64) -> Mat3 {
     let (geometric, material) = (area * s / rest_length, area * y / rest_length.powi(3));
-    let mut k = [[0.0; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            k[i][j] = material * d[i] * by[j];
-        }
-        k[i][i] += geometric;
-    }
+    let mut k = d * material * by.transpose();
+    (0..3).for_each(|i| k[(i, i)] += geometric);
     k
 }
 
 /// Axial force (N), positive in tension. `offset`: strain at rest length that makes
 /// the pre-stress.
 pub fn tension(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, offset: f64, area: f64) -> f64 {
-    let d = sub(x[1], x[0]);
-    area * law.stress(strain(d, rest_length) + offset).0 * dot(d, d).sqrt() / rest_length
+    let d = x[1] - x[0];
+    area * law.stress(strain(d, rest_length) + offset).0 * d.dot(&d).sqrt() / rest_length
 }
 
 /// Strain energy (J), that of the pre-stress included.
 pub fn energy(law: &impl CableLaw, x: &[Vec3; 2], rest_length: f64, offset: f64, area: f64) -> f64 {
-    let e = strain(sub(x[1], x[0]), rest_length) + offset;
+    let e = strain(x[1] - x[0], rest_length) + offset;
     0.5 * law.stress(e).0 * e * area * rest_length
 }
 
@@ -255,7 +250,7 @@ impl<S: AxialStress> Cable<S> {
 /// Vector from the first to the second end.
 #[inline(always)]
 fn between(x: &[Vec3; 2]) -> Vec3 {
-    sub(x[1], x[0])
+    x[1] - x[0]
 }
 
 impl<S: AxialStress> Kernel<2> for Cable<S> {
@@ -276,7 +271,7 @@ impl<S: AxialStress> Kernel<2> for Cable<S> {
     ) -> [Vec3; 2] {
         let ([d, _], rest_length, (s, _)) = self.state(e, step);
         let f = force(s, d, rest_length, self.area);
-        [scale(-1.0, f), f]
+        [-f, f]
     }
 
     #[inline(always)]
@@ -290,8 +285,8 @@ impl<S: AxialStress> Kernel<2> for Cable<S> {
         let ([d, end], rest_length, (s, y)) = self.state(e, step);
         let f = force(s, d, rest_length, self.area);
         let k = stiffness(s, y, d, end, rest_length, self.area);
-        let [plus, minus] = [factor, -factor].map(|s| k.map(|row| scale(s, row)));
-        ([scale(-1.0, f), f], [[plus, minus], [minus, plus]])
+        let [plus, minus] = [factor, -factor].map(|s| k.map(|row| row * s));
+        ([-f, f], [[plus, minus], [minus, plus]])
     }
 
     fn energy(&self, e: &Self::Element, x: &[Vec3; 2]) -> f64 {
@@ -325,13 +320,13 @@ mod tests {
     use super::*;
     use crate::elements::check::{conforms, conforms_in_a_step};
 
-    const X: [Vec3; 2] = [[0.1, 0.2, -0.3], [1.0, 0.7, 0.4]];
+    const X: [Vec3; 2] = [Vec3::new(0.1, 0.2, -0.3), Vec3::new(1.0, 0.7, 0.4)];
 
     #[test]
     fn lines_conform() {
         fn check(law: impl CableLaw, length: f64) {
             let kernel = Cable { stress: Elastic { law, offset: 0.0 }, area: 0.3, density: 2.0 };
-            let rest = [[0.1, 0.2, 0.3], [0.1 + length, 0.2, 0.3]];
+            let rest = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.1 + length, 0.2, 0.3)];
             conforms(&kernel, || kernel.element(length, between(&rest)), rest, X);
             let mut damping = Cable { stress: Viscous::new(kernel.stress, 0.4), area: 0.3, density: 2.0 };
             damping.set_step(0.2);
@@ -346,9 +341,9 @@ mod tests {
     #[test]
     fn a_slack_line_carries_nothing() {
         let law = TensionOnly { youngs_modulus: 5.0 };
-        let d = sub(X[1], X[0]);
+        let d = X[1] - X[0];
         assert_eq!(law.stress(strain(d, 1.4)), (0.0, 0.0));
-        assert_eq!(stiffness(0.0, 0.0, d, d, 1.4, 0.3), [[0.0; 3]; 3]);
+        assert_eq!(stiffness(0.0, 0.0, d, d, 1.4, 0.3), Mat3::zeros());
         assert_eq!(energy(&law, &X, 1.4, 0.0, 0.3), 0.0);
     }
 
@@ -392,7 +387,7 @@ mod tests {
     fn a_prestressed_line_pulls_at_its_rest_length() {
         let (y, s0) = (7.0, 0.7);
         let law = TensionOnly { youngs_modulus: y };
-        let at = |l: f64| tension(&law, &[[0.0; 3], [l, 0.0, 0.0]], 2.0, s0 / y, 0.5);
+        let at = |l: f64| tension(&law, &[Vec3::zeros(), Vec3::new(l, 0.0, 0.0)], 2.0, s0 / y, 0.5);
         assert!((at(2.0) - 0.5 * s0).abs() < 1e-15);
         let free = 2.0 * (1.0f64 - 2.0 * s0 / y).sqrt();
         assert_eq!(at(free - 1e-6), 0.0);
@@ -400,14 +395,14 @@ mod tests {
         // The energy is the work of pulling from there: Simpson's rule, exact for the
         // cubic tension.
         let work = (2.0 - free) / 6.0 * (at(free) + 4.0 * at(0.5 * (2.0 + free)) + at(2.0));
-        let stored = energy(&law, &[[0.0; 3], [2.0, 0.0, 0.0]], 2.0, s0 / y, 0.5);
+        let stored = energy(&law, &[Vec3::zeros(), Vec3::new(2.0, 0.0, 0.0)], 2.0, s0 / y, 0.5);
         assert!((work - stored).abs() < 1e-15, "{work} {stored}");
     }
 
     #[test]
     fn tension_is_measured_against_the_rest_length() {
         // Stretch 1.1: E = 0.105, N = A Y E l/L.
-        let x = [[0.0; 3], [2.2, 0.0, 0.0]];
+        let x = [Vec3::zeros(), Vec3::new(2.2, 0.0, 0.0)];
         let law = TensionOnly { youngs_modulus: 7.0 };
         assert!((tension(&law, &x, 2.0, 0.0, 0.5) - 0.5 * 7.0 * 0.105 * 1.1).abs() < 1e-14);
         assert!((energy(&law, &x, 2.0, 0.0, 0.5) - 0.5 * 7.0 * 0.105f64.powi(2)).abs() < 1e-14);

@@ -2,17 +2,17 @@
 
 use super::mass::MassMatrix;
 use super::{Kernel, Load, Step};
-use crate::vec3::{Mat3, Vec3, add, cross, dot, norm, scale, sub};
+use mesh::geometry::{Mat3, Vec3};
 
 /// Rigid motion: a turn by 1.1 about (1, 2, 2)/3, by Rodrigues' formula.
 fn turn(x: Vec3) -> Vec3 {
-    let k = [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0];
+    let k = Vec3::new(1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0);
     let (c, s) = (1.1f64.cos(), 1.1f64.sin());
-    add(scale(c, x), add(scale(s, cross(k, x)), scale((1.0 - c) * dot(k, x), k)))
+    x * c + (k.cross(&x) * s + k * ((1.0 - c) * k.dot(&x)))
 }
 
 fn moved<const N: usize>(x: [Vec3; N]) -> [Vec3; N] {
-    x.map(|x| add(turn(x), [3.0, -7.0, 2.0]))
+    x.map(|x| turn(x) + Vec3::new(3.0, -7.0, 2.0))
 }
 
 /// Holds the elastic `kernel` to what mechanics asks of any element, unstressed at `rest`, where its nodes are at
@@ -28,7 +28,7 @@ pub(crate) fn conforms<K: Kernel<N>, const N: usize>(
     let e = &element();
     let (_, k) = kernel.tangent::<false, false>(e, &Step::only(x), &Load::ZERO, 1.0);
     let size = largest(&k);
-    let small = |f: Vec3, share: f64, what: &str| assert!(norm(f) <= share * size, "{what}: {f:?}");
+    let small = |f: Vec3, share: f64, what: &str| assert!(f.norm() <= share * size, "{what}: {f:?}");
     let forces = |x: &[Vec3; N]| kernel.force::<false, false>(e, &Step::only(*x), &Load::ZERO);
 
     let tangent = tangent_error(x, forces, &k);
@@ -37,14 +37,14 @@ pub(crate) fn conforms<K: Kernel<N>, const N: usize>(
     assert!(kernel.energy(e, &moved(rest)).abs() <= 1e-13 * size, "energy of a rigid motion");
     let force = forces(&x);
     for (f, turned) in force.iter().zip(forces(&moved(x))) {
-        small(sub(turned, turn(*f)), 1e-12, "force that turns along");
+        small(turned - turn(*f), 1e-12, "force that turns along");
     }
-    small(force.into_iter().fold([0.0; 3], add), 1e-13, "sum of the forces");
-    let moment = x.iter().zip(force).fold([0.0; 3], |m, (x, f)| add(m, cross(*x, f)));
+    small(force.into_iter().sum(), 1e-13, "sum of the forces");
+    let moment = x.iter().zip(force).fold(Vec3::zeros(), |m, (x, f)| m + (*x).cross(&f));
     small(moment, 1e-13, "moment of the forces");
     let h = 5e-6;
     for n in 0..N {
-        let slope: Vec3 = std::array::from_fn(|i| {
+        let slope: Vec3 = Vec3::from_fn(|i, _| {
             let at = |by: f64| {
                 let mut x = x;
                 x[n][i] += by;
@@ -52,7 +52,7 @@ pub(crate) fn conforms<K: Kernel<N>, const N: usize>(
             };
             (at(h) - at(-h)) / (2.0 * h)
         });
-        small(sub(slope, force[n]), 1e-8, "gradient of the energy less the force");
+        small(slope - force[n], 1e-8, "gradient of the energy less the force");
     }
     conforms_in_a_step(kernel, &element, rest, x);
     for (x0, x1) in [(rest, x), (x, rest), (shaken(x, 0.2), x)] {
@@ -72,13 +72,13 @@ pub(crate) fn conforms_in_a_step<K: Kernel<N>, const N: usize>(
     rest: [Vec3; N],
     x: [Vec3; N],
 ) {
-    let load = Load { pressure: 0.3, traction: [0.1, -0.2, 0.4] };
+    let load = Load { pressure: 0.3, traction: Vec3::new(0.1, -0.2, 0.4) };
     let mut e = element();
     let x0 = shaken(x, 0.03);
     kernel.anchor(&mut e, &x0);
     for weight in [0.5, 0.6, 1.0] {
         let step = |end: &[Vec3; N]| {
-            let at = std::array::from_fn(|n| add(scale(1.0 - weight, x0[n]), scale(weight, end[n])));
+            let at = std::array::from_fn(|n| x0[n] * (1.0 - weight) + (end[n] * weight));
             Step { at, end: *end, weight }
         };
         let force = |x: &[Vec3; N]| kernel.force::<true, true>(&e, &step(x), &load);
@@ -87,18 +87,18 @@ pub(crate) fn conforms_in_a_step<K: Kernel<N>, const N: usize>(
         let tangent = tangent_error(x, force, &k);
         assert!(tangent < 1e-7, "tangent in a step of weight {weight} differs by {tangent}");
         let (_, half) = kernel.tangent::<true, true>(&e, &step(&x), &load, 0.5 * weight);
-        let same =
-            |(a, b): (&Mat3, &Mat3)| (0..3).all(|i| norm(sub(scale(2.0, a[i]), b[i])) < 1e-14 * largest(&k));
+        let same = |(a, b): (&Mat3, &Mat3)| (a * 2.0 - b).norm() < 1e-14 * largest(&k);
         assert!(
             half.iter().flatten().zip(k.iter().flatten()).all(same),
             "tangent in proportion to its factor"
         );
         let unloaded = kernel.force::<false, true>(&e, &step(&x), &Load::ZERO);
-        let external =
-            kernel.external::<true>(&e, &step(&x).at, &load).map(|f| if K::LOADED { f } else { [0.0; 3] });
+        let external = kernel
+            .external::<true>(&e, &step(&x).at, &load)
+            .map(|f| if K::LOADED { f } else { Vec3::zeros() });
         for (n, f) in external.into_iter().enumerate() {
-            let more = sub(unloaded[n], force(&x)[n]);
-            assert!(norm(sub(more, f)) < 1e-14 * (1.0 + norm(unloaded[n])), "load {n}: {more:?} {f:?}");
+            let more = unloaded[n] - force(&x)[n];
+            assert!((more - f).norm() < 1e-14 * (1.0 + unloaded[n].norm()), "load {n}: {more:?} {f:?}");
         }
     }
     if K::RATE {
@@ -122,18 +122,18 @@ pub(crate) fn conforms_in_a_step<K: Kernel<N>, const N: usize>(
 /// Work (J) of the forces in a step of weight 1/2 from `x0` to `x1`.
 fn work<K: Kernel<N>, const N: usize>(kernel: &K, mut e: K::Element, x0: [Vec3; N], x1: [Vec3; N]) -> f64 {
     kernel.anchor(&mut e, &x0);
-    let at = std::array::from_fn(|n| scale(0.5, add(x0[n], x1[n])));
+    let at = std::array::from_fn(|n| (x0[n] + x1[n]) * 0.5);
     let f = kernel.force::<false, true>(&e, &Step { at, end: x1, weight: 0.5 }, &Load::ZERO);
-    (0..N).map(|n| dot(f[n], sub(x1[n], x0[n]))).sum()
+    (0..N).map(|n| f[n].dot(&(x1[n] - x0[n]))).sum()
 }
 
 /// `x`, each component moved by up to `size`.
 fn shaken<const N: usize>(x: [Vec3; N], size: f64) -> [Vec3; N] {
-    std::array::from_fn(|n| std::array::from_fn(|i| x[n][i] + size * ((3 * n + i) as f64 * 2.1 + 0.4).sin()))
+    std::array::from_fn(|n| Vec3::from_fn(|i, _| x[n][i] + size * ((3 * n + i) as f64 * 2.1 + 0.4).sin()))
 }
 
 fn largest<const N: usize>(stiffness: &[[Mat3; N]; N]) -> f64 {
-    stiffness.iter().flatten().flatten().flatten().fold(0.0f64, |m, v| m.max(v.abs()))
+    stiffness.iter().flatten().flatten().fold(0.0f64, |m, v| m.max(v.abs()))
 }
 
 /// Largest difference between `stiffness` and central differences of `force`,
@@ -155,7 +155,7 @@ pub(crate) fn tangent_error<const N: usize>(
             for n in 0..N {
                 for i in 0..3 {
                     let difference = (fu[n][i] - fd[n][i]) / (2.0 * h);
-                    worst = worst.max((difference - stiffness[n][m][i][j]).abs());
+                    worst = worst.max((difference - stiffness[n][m][(i, j)]).abs());
                 }
             }
         }

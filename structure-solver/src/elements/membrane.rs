@@ -8,7 +8,7 @@
 
 use super::{Kernel, Load, Sheet, Step, load};
 use crate::materials::StepLaw;
-use crate::vec3::{Mat3, Vec3, add, add_block, cross, dot, norm, scale, sub};
+use mesh::geometry::{Mat3, Vec3};
 
 /// What a membrane element keeps of its reference state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,19 +24,19 @@ impl Reference {
     /// Of an unstressed triangle (m). `None` if its area vanishes beside its
     /// longest edge squared, so that no gradient exists.
     pub fn new(x: [Vec3; 3]) -> Option<Self> {
-        let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
-        let normal = cross(a, b);
-        let twice_area = norm(normal);
-        let longest = dot(a, a).max(dot(b, b)).max(dot(sub(b, a), sub(b, a)));
+        let (a, b) = (x[1] - x[0], x[2] - x[0]);
+        let normal = a.cross(&b);
+        let twice_area = normal.norm();
+        let longest = a.dot(&a).max(b.dot(&b)).max((b - a).dot(&(b - a)));
         // Rounding of the coordinates alone spoils flatter triangles.
         if twice_area.is_nan() || twice_area <= 1e-10 * longest {
             return None;
         }
-        let length = norm(a);
-        let e1 = scale(1.0 / length, a);
-        let e2 = cross(scale(1.0 / twice_area, normal), e1);
+        let length = a.norm();
+        let e1 = a * (1.0 / length);
+        let e2 = (normal * (1.0 / twice_area)).cross(&e1);
         // Plane coordinates: node 1 (length, 0), node 2 (p, q).
-        let (p, q) = (dot(b, e1), dot(b, e2));
+        let (p, q) = (b.dot(&e1), b.dot(&e2));
         let gradient = [1.0 / length, -p / (length * q), 0.0, 1.0 / q];
         Some(Self { gradient, area: 0.5 * twice_area })
     }
@@ -47,16 +47,16 @@ impl Reference {
     /// onto the triangle. `None` also where `direction` stands on it.
     pub fn along(x: [Vec3; 3], direction: Vec3) -> Option<Self> {
         let Self { area, .. } = Self::new(x)?;
-        let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
-        let normal = scale(0.5 / area, cross(a, b));
-        let along = sub(direction, scale(dot(direction, normal), normal));
-        let length = norm(along);
-        if length.is_nan() || length <= 1e-6 * norm(direction) {
+        let (a, b) = (x[1] - x[0], x[2] - x[0]);
+        let normal = a.cross(&b) * (0.5 / area);
+        let along = direction - normal * direction.dot(&normal);
+        let length = along.norm();
+        if length.is_nan() || length <= 1e-6 * direction.norm() {
             return None;
         }
-        let e1 = scale(1.0 / length, along);
-        let e2 = cross(normal, e1);
-        let (a, b) = ([dot(a, e1), dot(a, e2)], [dot(b, e1), dot(b, e2)]);
+        let e1 = along * (1.0 / length);
+        let e2 = normal.cross(&e1);
+        let (a, b) = ([a.dot(&e1), a.dot(&e2)], [b.dot(&e1), b.dot(&e2)]);
         let inverse = 0.5 / area;
         let gradient = [inverse * b[1], -inverse * b[0], -inverse * a[1], inverse * a[0]];
         Some(Self { gradient, area })
@@ -75,10 +75,10 @@ pub struct Deformation {
 /// Deformation of the triangle with nodes now at `x` (m).
 #[inline(always)]
 pub fn deformation(h: &[f64; 4], x: &[Vec3; 3]) -> Deformation {
-    let (a, b) = (sub(x[1], x[0]), sub(x[2], x[0]));
-    let f1 = add(scale(h[0], a), scale(h[2], b));
-    let f2 = add(scale(h[1], a), scale(h[3], b));
-    Deformation { f: [f1, f2], strain: [0.5 * (dot(f1, f1) - 1.0), 0.5 * (dot(f2, f2) - 1.0), dot(f1, f2)] }
+    let (a, b) = (x[1] - x[0], x[2] - x[0]);
+    let f1 = a * h[0] + b * h[2];
+    let f2 = a * h[1] + b * h[3];
+    Deformation { f: [f1, f2], strain: [0.5 * (f1.dot(&f1) - 1.0), 0.5 * (f2.dot(&f2) - 1.0), f1.dot(&f2)] }
 }
 
 /// Internal nodal forces (N) for second Piola-Kirchhoff stress `s` (Pa) and
@@ -88,10 +88,10 @@ pub fn force(h: &[f64; 4], d: &Deformation, s: &[f64; 3], volume: f64) -> [Vec3;
     let one = |h1: f64, h2: f64| {
         let c1 = volume * (s[0] * h1 + s[2] * h2);
         let c2 = volume * (s[2] * h1 + s[1] * h2);
-        add(scale(c1, d.f[0]), scale(c2, d.f[1]))
+        d.f[0] * c1 + d.f[1] * c2
     };
     let (r1, r2) = (one(h[0], h[1]), one(h[2], h[3]));
-    [scale(-1.0, add(r1, r2)), r1, r2]
+    [-(r1 + r2), r1, r2]
 }
 
 /// Tangent of [`force`], blocks `[row node][column node]` (N/m), with the
@@ -149,15 +149,10 @@ pub(crate) fn block(
     let d21 = r[1][0] * m[0] + r[1][2] * m[1];
     let d22 = r[1][2] * m[0] + r[1][1] * m[1];
     // f1 (d11 g1 + d12 g2)^T + f2 (d21 g1 + d22 g2)^T
-    let u = add(scale(d11, *g1), scale(d12, *g2));
-    let v = add(scale(d21, *g1), scale(d22, *g2));
-    let mut k = [[0.0; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            k[i][j] = f1[i] * u[j] + f2[i] * v[j];
-        }
-        k[i][i] += g;
-    }
+    let u = *g1 * d11 + *g2 * d12;
+    let v = *g1 * d21 + *g2 * d22;
+    let mut k = *f1 * u.transpose() + *f2 * v.transpose();
+    (0..3).for_each(|i| k[(i, i)] += g);
     k
 }
 
@@ -176,27 +171,8 @@ fn blocks<const BETWEEN: bool>(
         block(h1, h2, rows, cols, s, c, volume),
         block(h2, h2, rows, cols, s, c, volume),
     );
-    let k21 = if BETWEEN {
-        block(h2, h1, rows, cols, s, c, volume)
-    } else {
-        [0, 1, 2].map(|i| [k12[0][i], k12[1][i], k12[2][i]])
-    };
-    let mut k = [[[[0.0; 3]; 3]; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            let (a, b, c, e) = (k11[i][j], k12[i][j], k21[i][j], k22[i][j]);
-            k[1][1][i][j] = a;
-            k[1][2][i][j] = b;
-            k[2][1][i][j] = c;
-            k[2][2][i][j] = e;
-            k[0][1][i][j] = -(a + c);
-            k[0][2][i][j] = -(b + e);
-            k[1][0][i][j] = -(a + b);
-            k[2][0][i][j] = -(c + e);
-            k[0][0][i][j] = a + b + c + e;
-        }
-    }
-    k
+    let k21 = if BETWEEN { block(h2, h1, rows, cols, s, c, volume) } else { k12.transpose() };
+    [[k11 + k12 + k21 + k22, -(k11 + k21), -(k12 + k22)], [-(k11 + k12), k11, k12], [-(k21 + k22), k21, k22]]
 }
 
 /// Triangles of one law.
@@ -237,14 +213,14 @@ fn net<L: StepLaw, const TRACTION: bool>(r: [Vec3; 3], load: &Load, x: &[Vec3; 3
         return r;
     }
     let f = share::<TRACTION>(load, x);
-    r.map(|r| sub(r, f))
+    r.map(|r| r - f)
 }
 
 /// Load on each node, N.
 #[inline(always)]
 fn share<const TRACTION: bool>(load: &Load, x: &[Vec3; 3]) -> Vec3 {
     let f = load::pressure_force(load.pressure, x);
-    if TRACTION { add(f, load::traction_force(load.traction, x)) } else { f }
+    if TRACTION { f + load::traction_force(load.traction, x) } else { f }
 }
 
 impl<L: StepLaw> Kernel<3> for Triangle<L> {
@@ -291,15 +267,15 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
         }
         let by_pressure = load::pressure_tangent(-factor * load.pressure, &step.at);
         let by_traction = if TRACTION {
-            load::traction_tangent(scale(-factor, load.traction), &step.at)
+            load::traction_tangent(load.traction * (-factor), &step.at)
         } else {
-            [[[0.0; 3]; 3]; 3]
+            [Mat3::zeros(); 3]
         };
         for row in &mut k {
             for m in 0..3 {
-                add_block(&mut row[m], &by_pressure[m]);
+                row[m] += by_pressure[m];
                 if TRACTION {
-                    add_block(&mut row[m], &by_traction[m]);
+                    row[m] += by_traction[m];
                 }
             }
         }
@@ -339,7 +315,7 @@ mod tests {
     use crate::elements::check::{conforms, conforms_in_a_step};
     use crate::materials::{Elastic, Material, StVenantKirchhoff, TensionField, Viscous};
 
-    const SHEET: [Vec3; 3] = [[0.1, -0.2, 0.3], [1.2, 0.1, 0.2], [0.3, 0.9, 0.6]];
+    const SHEET: [Vec3; 3] = [Vec3::new(0.1, -0.2, 0.3), Vec3::new(1.2, 0.1, 0.2), Vec3::new(0.3, 0.9, 0.6)];
     const THICKNESS: f64 = 0.02;
 
     fn deformed(map: impl Fn(Vec3) -> Vec3) -> [Vec3; 3] {
@@ -362,9 +338,11 @@ mod tests {
         {
             check(
                 m,
-                deformed(|x| [1.2 * x[0] + 0.1 * x[1], 1.1 * x[1] - 0.2 * x[2], x[2] + 0.3 * x[0] * x[1]]),
+                deformed(|x| {
+                    Vec3::new(1.2 * x[0] + 0.1 * x[1], 1.1 * x[1] - 0.2 * x[2], x[2] + 0.3 * x[0] * x[1])
+                }),
             );
-            check(m, deformed(|x| [0.8 * x[0], 0.9 * x[1], 1.1 * x[2]]));
+            check(m, deformed(|x| Vec3::new(0.8 * x[0], 0.9 * x[1], 1.1 * x[2])));
         }
     }
 
@@ -375,13 +353,13 @@ mod tests {
         let r = Reference::new(SHEET).expect("a proper triangle");
         // Stretch the edge direction of the element's own frame, so that the
         // state is known; then add a skew part to exercise the rotation.
-        let e1 = scale(1.0 / norm(sub(SHEET[1], SHEET[0])), sub(SHEET[1], SHEET[0]));
+        let e1 = (SHEET[1] - SHEET[0]) * (1.0 / (SHEET[1] - SHEET[0]).norm());
         let stretch = |s1: f64, s2: f64| {
             deformed(|x| {
-                let y = sub(x, SHEET[0]);
-                let along = dot(y, e1);
-                let across = sub(y, scale(along, e1));
-                add(scale(s1 * along + 0.05 * across[0], e1), scale(s2, across))
+                let y = x - SHEET[0];
+                let along = y.dot(&e1);
+                let across = y - (e1 * along);
+                e1 * (s1 * along + 0.05 * across[0]) + (across * s2)
             })
         };
         for (x, regime) in
@@ -399,8 +377,9 @@ mod tests {
 
     #[test]
     fn homogeneous_stretch_gives_its_strain() {
-        let r = Reference::new([[0.0; 3], [2.0, 0.0, 0.0], [0.5, 1.5, 0.0]]).expect("a proper triangle");
-        let x = [[0.0; 3], [2.4, 0.0, 0.0], [0.6, 1.35, 0.0]];
+        let r = Reference::new([Vec3::zeros(), Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.5, 1.5, 0.0)])
+            .expect("a proper triangle");
+        let x = [[0.0; 3], [2.4, 0.0, 0.0], [0.6, 1.35, 0.0]].map(Vec3::from);
         let d = deformation(&r.gradient, &x);
         let exact = [0.5 * (1.44 - 1.0), 0.5 * (0.81 - 1.0), 0.0];
         assert!(d.strain.iter().zip(exact).all(|(e, x)| (e - x).abs() < 1e-14));
@@ -409,8 +388,8 @@ mod tests {
 
     #[test]
     fn collinear_nodes_have_no_reference() {
-        assert_eq!(Reference::new([[0.0; 3], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]), None);
-        assert_eq!(Reference::new([[1.0; 3]; 3]), None);
-        assert_eq!(Reference::new([[f64::NAN; 3]; 3]), None);
+        assert_eq!(Reference::new([Vec3::zeros(), Vec3::new(1.0, 1.0, 1.0), Vec3::new(2.0, 2.0, 2.0)]), None);
+        assert_eq!(Reference::new([Vec3::repeat(1.0); 3]), None);
+        assert_eq!(Reference::new([Vec3::repeat(f64::NAN); 3]), None);
     }
 }

@@ -19,8 +19,8 @@ pub(crate) mod check;
 mod step_tests;
 
 use crate::materials::{Regime, Strain, Stress};
-use crate::vec3::{Mat3, Vec3};
 use mass::MassMatrix;
+use mesh::geometry::{Mat3, Vec3};
 
 /// Positions of an element's nodes in a step, m; see [`crate::loops::Place`].
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +51,7 @@ pub struct Load {
 
 impl Load {
     /// None.
-    pub const ZERO: Self = Self { pressure: 0.0, traction: [0.0; 3] };
+    pub const ZERO: Self = Self { pressure: 0.0, traction: Vec3::new(0.0, 0.0, 0.0) };
 }
 
 /// State of a membrane element: Green strain, second Piola-Kirchhoff stress (Pa), regime.
@@ -106,7 +106,7 @@ pub trait Kernel<const N: usize>: 'static {
 
     /// External nodal forces alone, N; of [`Kernel::LOADED`] kernels.
     fn external<const TRACTION: bool>(&self, _e: &Self::Element, _x: &[Vec3; N], _load: &Load) -> [Vec3; N] {
-        [[0.0; 3]; N]
+        [Vec3::zeros(); N]
     }
 
     /// Strain energy, J.
@@ -150,6 +150,6 @@ pub trait Kernel<const N: usize>: 'static {
 
     /// Force of that air (N) in the last step, which ended at positions `x` (m).
     fn air_force(&self, _e: &Self::Element, _x: &[Vec3; N]) -> Vec3 {
-        [0.0; 3]
+        Vec3::zeros()
     }
 }

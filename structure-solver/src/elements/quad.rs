@@ -5,11 +5,12 @@
 //! the triangle ([`super::membrane`]). The element passes the patch test in any
 //! shape, and two nodes in one place make it the triangle of the other three.
 
+use super::load::skew;
 use super::mass::MassMatrix;
 use super::membrane::{Deformation, block};
 use super::{Kernel, Load, Sheet, Step};
 use crate::materials::{StepLaw, Strain};
-use crate::vec3::{Mat3, Vec3, add, add_block, cross, dot, norm, scale, sub};
+use mesh::geometry::{Mat3, Vec3};
 
 /// Points of quadrature.
 pub const POINTS: usize = 4;
@@ -43,10 +44,10 @@ fn slopes(k: usize) -> [[f64; 2]; 4] {
 /// Tangent vectors of the surface at point `k`.
 #[inline(always)]
 fn tangents(x: &[Vec3; 4], k: usize) -> [Vec3; 2] {
-    let mut t = [[0.0; 3]; 2];
+    let mut t = [Vec3::zeros(); 2];
     for (s, x) in slopes(k).iter().zip(x) {
-        t[0] = add(t[0], scale(s[0], *x));
-        t[1] = add(t[1], scale(s[1], *x));
+        t[0] += x * s[0];
+        t[1] += x * s[1];
     }
     t
 }
@@ -66,30 +67,30 @@ impl Reference {
     /// `None` where a point has no tangent plane (collapsed, or folded over itself),
     /// or where `direction` stands on the surface.
     pub fn new(x: [Vec3; 4], direction: Option<Vec3>) -> Option<Self> {
-        let diagonals = [sub(x[2], x[0]), sub(x[3], x[1])];
-        let middle = cross(diagonals[0], diagonals[1]);
-        let size = (0..4).map(|i| sub(x[(i + 1) % 4], x[i])).map(|e| dot(e, e)).fold(0.0, f64::max);
+        let diagonals = [x[2] - x[0], x[3] - x[1]];
+        let middle = diagonals[0].cross(&diagonals[1]);
+        let size = (0..4).map(|i| x[(i + 1) % 4] - x[i]).map(|e| e.dot(&e)).fold(0.0, f64::max);
         let mut reference = Self { gradient: [[[0.0; 2]; 4]; POINTS], area: [0.0; POINTS] };
         for k in 0..POINTS {
             let [g1, g2] = tangents(&x, k);
-            let normal = cross(g1, g2);
-            let area = norm(normal);
+            let normal = g1.cross(&g2);
+            let area = normal.norm();
             // Rounding of the coordinates alone spoils flatter elements; a point
             // whose normal looks back lies in a fold.
-            if area.is_nan() || area <= 1e-10 * size || dot(normal, middle) <= 0.0 {
+            if area.is_nan() || area <= 1e-10 * size || normal.dot(&middle) <= 0.0 {
                 return None;
             }
-            let normal = scale(1.0 / area, normal);
+            let normal = normal * (1.0 / area);
             let along = direction.unwrap_or(g1);
-            let along = sub(along, scale(dot(along, normal), normal));
-            let length = norm(along);
-            if direction.is_some_and(|d| length <= 1e-6 * norm(d)) {
+            let along = along - normal * along.dot(&normal);
+            let length = along.norm();
+            if direction.is_some_and(|d| length <= 1e-6 * d.norm()) {
                 return None;
             }
-            let e1 = scale(1.0 / length, along);
-            let e2 = cross(normal, e1);
+            let e1 = along * (1.0 / length);
+            let e2 = normal.cross(&e1);
             // Inverse of the 2x2 Jacobian [[g1.e1, g1.e2], [g2.e1, g2.e2]].
-            let (a, b, c, d) = (dot(g1, e1), dot(g1, e2), dot(g2, e1), dot(g2, e2));
+            let (a, b, c, d) = (g1.dot(&e1), g1.dot(&e2), g2.dot(&e1), g2.dot(&e2));
             let inverse = 1.0 / (a * d - b * c);
             reference.gradient[k] =
                 slopes(k).map(|[s, t]| [inverse * (d * s - b * t), inverse * (a * t - c * s)]);
@@ -120,13 +121,13 @@ impl Reference {
 /// Deformation at a point with gradients `h` of the element with nodes now at `x` (m).
 #[inline(always)]
 pub fn deformation(h: &Gradient, x: &[Vec3; 4]) -> Deformation {
-    let mut f = [[0.0; 3]; 2];
+    let mut f = [Vec3::zeros(); 2];
     for (h, x) in h.iter().zip(x) {
-        f[0] = add(f[0], scale(h[0], *x));
-        f[1] = add(f[1], scale(h[1], *x));
+        f[0] += x * h[0];
+        f[1] += x * h[1];
     }
     let [f1, f2] = f;
-    Deformation { f, strain: [0.5 * (dot(f1, f1) - 1.0), 0.5 * (dot(f2, f2) - 1.0), dot(f1, f2)] }
+    Deformation { f, strain: [0.5 * (f1.dot(&f1) - 1.0), 0.5 * (f2.dot(&f2) - 1.0), f1.dot(&f2)] }
 }
 
 /// Adds the internal nodal forces (N) of one point to `r`, for second
@@ -136,7 +137,7 @@ pub fn add_force(h: &Gradient, d: &Deformation, s: &[f64; 3], volume: f64, r: &m
     for (h, r) in h.iter().zip(r) {
         let c1 = volume * (s[0] * h[0] + s[2] * h[1]);
         let c2 = volume * (s[2] * h[0] + s[1] * h[1]);
-        *r = add(*r, add(scale(c1, d.f[0]), scale(c2, d.f[1])));
+        *r += d.f[0] * c1 + d.f[1] * c2;
     }
 }
 
@@ -155,7 +156,7 @@ pub fn add_stiffness(
 ) {
     for n in 0..4 {
         for m in 0..4 {
-            add_block(&mut k[n][m], &block(h[n], h[m], &forces.f, &strains.f, s, c, volume));
+            k[n][m] += block(h[n], h[m], &forces.f, &strains.f, s, c, volume);
         }
     }
 }
@@ -164,12 +165,12 @@ pub fn add_stiffness(
 /// integrand is of degree two in each coordinate.
 #[inline(always)]
 pub fn pressure_force(p: f64, x: &[Vec3; 4]) -> [Vec3; 4] {
-    let mut f = [[0.0; 3]; 4];
+    let mut f = [Vec3::zeros(); 4];
     for k in 0..POINTS {
         let [g1, g2] = tangents(x, k);
-        let a = scale(p, cross(g1, g2));
+        let a = g1.cross(&g2) * p;
         for (f, n) in f.iter_mut().zip(shapes(k)) {
-            *f = add(*f, scale(n, a));
+            *f += a * n;
         }
     }
     f
@@ -178,16 +179,16 @@ pub fn pressure_force(p: f64, x: &[Vec3; 4]) -> [Vec3; 4] {
 /// Derivative of [`pressure_force`], blocks `[row node][column node]`.
 #[inline(always)]
 pub fn pressure_tangent(p: f64, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
-    let mut all = [[[[0.0; 3]; 3]; 4]; 4];
+    let mut all = [[Mat3::zeros(); 4]; 4];
     for k in 0..POINTS {
         let [g1, g2] = tangents(x, k);
         let (n, s) = (shapes(k), slopes(k));
         for m in 0..4 {
             // d (g1 x g2) = s1 (d x g2) + s2 (g1 x d) = (s2 g1 - s1 g2) x d
-            let v = sub(scale(s[m][1], g1), scale(s[m][0], g2));
-            let skew = [[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]];
+            let v = g1 * s[m][1] - g2 * s[m][0];
+            let turn = skew(v);
             for i in 0..4 {
-                add_block(&mut all[i][m], &skew.map(|row| scale(p * n[i], row)));
+                all[i][m] += turn * (p * n[i]);
             }
         }
     }
@@ -200,30 +201,30 @@ pub fn traction_force(t: Vec3, x: &[Vec3; 4]) -> [Vec3; 4] {
     let mut share = [0.0; 4];
     for k in 0..POINTS {
         let [g1, g2] = tangents(x, k);
-        let area = norm(cross(g1, g2));
+        let area = g1.cross(&g2).norm();
         for (f, n) in share.iter_mut().zip(shapes(k)) {
             *f += n * area;
         }
     }
-    share.map(|s| scale(s, t))
+    share.map(|s| t * s)
 }
 
 /// Derivative of [`traction_force`], blocks `[row node][column node]`.
 #[inline(always)]
 pub fn traction_tangent(t: Vec3, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
-    let mut all = [[[[0.0; 3]; 3]; 4]; 4];
+    let mut all = [[Mat3::zeros(); 4]; 4];
     for k in 0..POINTS {
         let [g1, g2] = tangents(x, k);
-        let a = cross(g1, g2);
-        let size = norm(a);
-        let normal = if size > 0.0 { scale(1.0 / size, a) } else { [0.0; 3] };
+        let a = g1.cross(&g2);
+        let size = a.norm();
+        let normal = if size > 0.0 { a * (1.0 / size) } else { Vec3::zeros() };
         let (n, s) = (shapes(k), slopes(k));
         for m in 0..4 {
             // n . ((s2 g1 - s1 g2) x d) = d . (n x (s2 g1 - s1 g2))
-            let v = sub(scale(s[m][1], g1), scale(s[m][0], g2));
-            let g = cross(normal, v);
+            let v = g1 * s[m][1] - g2 * s[m][0];
+            let g = normal.cross(&v);
             for i in 0..4 {
-                add_block(&mut all[i][m], &t.map(|ti| scale(n[i] * ti, g)));
+                all[i][m] += t * n[i] * g.transpose();
             }
         }
     }
@@ -291,7 +292,7 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
         step: &Step<4>,
         load: &Load,
     ) -> [Vec3; 4] {
-        let mut r = [[0.0; 3]; 4];
+        let mut r = [Vec3::zeros(); 4];
         for k in 0..POINTS {
             let h = &e.reference.gradient[k];
             let d = deformation(h, &step.at);
@@ -300,7 +301,7 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
             add_force(h, &d, &s, self.volume(e, k), &mut r);
         }
         let f = self.external::<TRACTION>(e, &step.at, load);
-        std::array::from_fn(|n| sub(r[n], f[n]))
+        std::array::from_fn(|n| r[n] - f[n])
     }
 
     #[inline(always)]
@@ -311,12 +312,12 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
         load: &Load,
         factor: f64,
     ) -> ([Vec3; 4], [[Mat3; 4]; 4]) {
-        let mut r = [[0.0; 3]; 4];
+        let mut r = [Vec3::zeros(); 4];
         let mut all = pressure_tangent(-factor * load.pressure, &step.at);
         if TRACTION {
-            let t = traction_tangent(scale(-factor, load.traction), &step.at);
+            let t = traction_tangent(load.traction * (-factor), &step.at);
             for (row, t) in all.iter_mut().flatten().zip(t.iter().flatten()) {
-                add_block(row, t);
+                *row += t;
             }
         }
         for k in 0..POINTS {
@@ -328,7 +329,7 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
             add_stiffness(h, &d, &end, &s, &c, self.volume(e, k) * factor, &mut all);
         }
         let f = self.external::<TRACTION>(e, &step.at, load);
-        (std::array::from_fn(|n| sub(r[n], f[n])), all)
+        (std::array::from_fn(|n| r[n] - f[n]), all)
     }
 
     #[inline(always)]
@@ -336,7 +337,7 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
         let mut f = pressure_force(load.pressure, x);
         if TRACTION {
             let t = traction_force(load.traction, x);
-            (0..4).for_each(|n| f[n] = add(f[n], t[n]));
+            (0..4).for_each(|n| f[n] += t[n]);
         }
         f
     }
@@ -381,11 +382,21 @@ mod tests {
     use crate::materials::{Elastic, KelvinVoigt, Material, StVenantKirchhoff, TensionField};
 
     /// Distorted and warped.
-    const X: [Vec3; 4] = [[0.0, 0.1, 0.0], [1.2, -0.1, 0.1], [1.0, 0.9, 0.3], [-0.2, 1.3, 0.1]];
-    const NOW: [Vec3; 4] = [[0.1, 0.0, 0.2], [1.4, 0.1, -0.1], [1.1, 1.1, 0.5], [-0.3, 1.2, 0.3]];
+    const X: [Vec3; 4] = [
+        Vec3::new(0.0, 0.1, 0.0),
+        Vec3::new(1.2, -0.1, 0.1),
+        Vec3::new(1.0, 0.9, 0.3),
+        Vec3::new(-0.2, 1.3, 0.1),
+    ];
+    const NOW: [Vec3; 4] = [
+        Vec3::new(0.1, 0.0, 0.2),
+        Vec3::new(1.4, 0.1, -0.1),
+        Vec3::new(1.1, 1.1, 0.5),
+        Vec3::new(-0.3, 1.2, 0.3),
+    ];
 
     fn force(r: &Reference, law: &impl Material, x: &[Vec3; 4]) -> [Vec3; 4] {
-        let mut f = [[0.0; 3]; 4];
+        let mut f = [Vec3::zeros(); 4];
         for k in 0..POINTS {
             let d = deformation(&r.gradient[k], x);
             add_force(&r.gradient[k], &d, &law.stress(d.strain), r.area[k], &mut f);
@@ -407,7 +418,7 @@ mod tests {
         check(StVenantKirchhoff::isotropic(3.0, 0.3), NOW);
         let law = TensionField::new(3.0, 0.3);
         let r = Reference::new(X, None).expect("a good element");
-        let wrinkled = NOW.map(|x| [1.1 * x[0], 0.6 * x[1], x[2]]);
+        let wrinkled = NOW.map(|x| Vec3::new(1.1 * x[0], 0.6 * x[1], x[2]));
         let regimes: Vec<_> =
             r.gradient.iter().map(|h| law.regime(deformation(h, &wrinkled).strain)).collect();
         assert!(regimes.contains(&crate::materials::Regime::Wrinkled), "{regimes:?}");
@@ -417,7 +428,7 @@ mod tests {
     #[test]
     fn tangents_of_loads_are_the_derivatives_of_their_forces() {
         assert!(tangent_error(NOW, |x| pressure_force(2.0, x), &pressure_tangent(2.0, &NOW)) < 1e-8);
-        let t = [0.4, -0.7, 1.1];
+        let t = Vec3::new(0.4, -0.7, 1.1);
         assert!(tangent_error(NOW, |x| traction_force(t, x), &traction_tangent(t, &NOW)) < 1e-8);
     }
 
@@ -425,9 +436,10 @@ mod tests {
     /// the forces are those of the stress on its edges.
     #[test]
     fn a_distorted_element_passes_the_patch_test() {
-        let flat = X.map(|[x, y, _]| [x, y, 0.0]);
-        let r = Reference::new(flat, Some([1.0, 0.0, 0.0])).expect("a good element");
-        let map = |[x, y, _]: Vec3| [1.2 * x + 0.1 * y, 1.1 * y - 0.05 * x, 0.3 * x - 0.2 * y];
+        let flat = X.map(|x| Vec3::new(x[0], x[1], 0.0));
+        let r = Reference::new(flat, Some(Vec3::new(1.0, 0.0, 0.0))).expect("a good element");
+        let map =
+            |x: Vec3| Vec3::new(1.2 * x[0] + 0.1 * x[1], 1.1 * x[1] - 0.05 * x[0], 0.3 * x[0] - 0.2 * x[1]);
         let now = flat.map(map);
         let law = StVenantKirchhoff::orthotropic(3.0, 1.0, 0.2, 0.7);
         let strain = deformation(&r.gradient[0], &now).strain;
@@ -480,12 +492,12 @@ mod tests {
             assert!((r.shares(kind).iter().flatten().sum::<f64>() - total).abs() < 1e-14);
         }
         // The total pressure force is that on half the cross product of the diagonals.
-        let sum = pressure_force(2.0, &NOW).into_iter().fold([0.0; 3], add);
-        let exact = cross(sub(NOW[2], NOW[0]), sub(NOW[3], NOW[1]));
+        let sum: Vec3 = pressure_force(2.0, &NOW).into_iter().sum();
+        let exact = (NOW[2] - NOW[0]).cross(&(NOW[3] - NOW[1]));
         (0..3).for_each(|i| assert!((sum[i] - exact[i]).abs() < 1e-14));
         assert!(Reference::new([X[0], X[2], X[1], X[3]], None).is_none(), "folded");
         assert!(Reference::new([X[0], X[1], X[0], X[1]], None).is_none(), "no area");
-        let flat = X.map(|[x, y, _]| [x, y, 0.0]);
-        assert!(Reference::new(flat, Some([0.0, 0.0, 1.0])).is_none(), "no direction");
+        let flat = X.map(|x| Vec3::new(x[0], x[1], 0.0));
+        assert!(Reference::new(flat, Some(Vec3::new(0.0, 0.0, 1.0))).is_none(), "no direction");
     }
 }

@@ -6,7 +6,7 @@
 //! cut, its force fades over a ramp. A line that is cut before the stage has no elements at all.
 
 use super::cable::{self, AxialStress, TensionOnly};
-use crate::vec3::Vec3;
+use mesh::geometry::Vec3;
 
 /// A reefing line in a stage.
 #[derive(Clone, Copy, Debug)]

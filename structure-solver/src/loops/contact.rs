@@ -15,8 +15,9 @@
 use std::collections::HashMap;
 
 use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use crate::flat::{Block, add_at, add_block, at};
 use crate::model::Model;
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at, cross, dot, norm, scale, sub};
+use mesh::geometry::{Mat3, Vec3};
 
 /// A node near a triangle.
 #[derive(Clone, Copy, Debug)]
@@ -53,21 +54,21 @@ fn index(x: f64, end: usize) -> Option<usize> {
 
 /// Distance of a node from a triangle, and its foot's barycentric coordinates; `None` beside it.
 #[inline(always)]
-fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, Vec3)> {
-    let (e1, e2) = (sub(t[1], t[0]), sub(t[2], t[0]));
-    let area = cross(e1, e2);
-    let size = norm(area);
+fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, [f64; 3])> {
+    let (e1, e2) = (t[1] - t[0], t[2] - t[0]);
+    let area = e1.cross(&e2);
+    let size = area.norm();
     if size == 0.0 {
         return None;
     }
-    let n = scale(1.0 / size, area);
-    let r = sub(p, t[0]);
-    let b = dot(cross(r, e2), n) / size;
-    let c = dot(cross(e1, r), n) / size;
+    let n = area * (1.0 / size);
+    let r = p - t[0];
+    let b = r.cross(&e2).dot(&n) / size;
+    let c = e1.cross(&r).dot(&n) / size;
     let a = 1.0 - b - c;
     // A little beyond the edges, so that no node slips between two triangles.
     let within = |x: f64| x > -0.02;
-    (within(a) && within(b) && within(c)).then(|| (dot(r, n), n, [a, b, c]))
+    (within(a) && within(b) && within(c)).then(|| (r.dot(&n), n, [a, b, c]))
 }
 
 impl Contact {
@@ -81,7 +82,7 @@ impl Contact {
         let edge = triangles
             .iter()
             .flat_map(|t| (0..3).map(move |i| [t[i], t[(i + 1) % 3]]))
-            .map(|[a, b]| norm(sub(at(&model.reference, a as usize), at(&model.reference, b as usize))))
+            .map(|[a, b]| (at(&model.reference, a as usize) - at(&model.reference, b as usize)).norm())
             .fold(0.0, f64::max);
         Self {
             triangles,
@@ -103,15 +104,15 @@ impl Contact {
     }
 
     fn cell(&self, x: Vec3) -> [i32; 3] {
-        x.map(|v| (v / self.edge).floor() as i32)
+        x.map(|v| (v / self.edge).floor() as i32).into()
     }
 
     /// Pairs in contact, each with its force on the node, normal, weights and penetration.
-    fn active<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (Pair, Vec3, Vec3, f64)> + 'a {
+    fn active<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (Pair, Vec3, [f64; 3], f64)> + 'a {
         self.pairs.iter().filter_map(move |p| {
             let (d, n, w) = project(at(x, p.node as usize), &self.corners(p.triangle as usize, x))?;
             let gap = self.thickness - p.side * d;
-            (gap > 0.0).then(|| (*p, scale(p.side, n), w, gap))
+            (gap > 0.0).then(|| (*p, n * p.side, w, gap))
         })
     }
 
@@ -149,10 +150,9 @@ impl ElementLoop for Contact {
         for t in 0..self.triangles.len() {
             let corners = self.corners(t, x);
             let low =
-                std::array::from_fn(|i| corners.iter().map(|c| c[i]).fold(f64::INFINITY, f64::min) - reach);
-            let high = std::array::from_fn(|i| {
-                corners.iter().map(|c| c[i]).fold(f64::NEG_INFINITY, f64::max) + reach
-            });
+                Vec3::from_fn(|i, _| corners.iter().map(|c| c[i]).fold(f64::INFINITY, f64::min) - reach);
+            let high =
+                Vec3::from_fn(|i, _| corners.iter().map(|c| c[i]).fold(f64::NEG_INFINITY, f64::max) + reach);
             let (low, high) = (self.cell(low), self.cell(high));
             for i in low[0]..=high[0] {
                 for j in low[1]..=high[1] {
@@ -206,10 +206,10 @@ impl ElementLoop for Contact {
 
     fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
         for (p, n, w, gap) in self.active(place.at) {
-            let f = scale(-self.stiffness * gap, n);
+            let f = n * (-self.stiffness * gap);
             add_at(out, p.node as usize, f);
             for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
-                add_at(out, *corner as usize, scale(-w, f));
+                add_at(out, *corner as usize, f * (-w));
             }
         }
     }
@@ -220,16 +220,14 @@ impl ElementLoop for Contact {
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
-        blocks: &mut [Mat3],
+        blocks: &mut [Block],
     ) {
         self.forces(place, load, out);
         for (p, n, w, _) in self.active(place.at) {
-            let k: Mat3 =
-                std::array::from_fn(|i| std::array::from_fn(|j| factor * self.stiffness * n[i] * n[j]));
+            let k: Mat3 = n * (factor * self.stiffness) * n.transpose();
             add_block(&mut blocks[self.slots[p.node as usize] as usize], &k);
             for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
-                let share = k.map(|row| scale(w * w, row));
-                add_block(&mut blocks[self.slots[*corner as usize] as usize], &share);
+                add_block(&mut blocks[self.slots[*corner as usize] as usize], &(k * (w * w)));
             }
         }
     }
@@ -251,13 +249,13 @@ mod tests {
 
     /// A triangle and a node near it, none of whose directions is an axis.
     fn pressed(distance: f64) -> (Contact, Vec<f64>) {
-        let corners = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]];
-        let area = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
-        let n = scale(1.0 / norm(area), area);
+        let corners = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]].map(Vec3::from);
+        let area = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+        let n = area * (1.0 / area.norm());
         let foot: Vec3 =
-            std::array::from_fn(|i| 0.5 * corners[0][i] + 0.3 * corners[1][i] + 0.2 * corners[2][i]);
-        let node: Vec3 = std::array::from_fn(|i| foot[i] + distance * n[i]);
-        let x = [corners[0], corners[1], corners[2], node].concat();
+            Vec3::from_fn(|i, _| 0.5 * corners[0][i] + 0.3 * corners[1][i] + 0.2 * corners[2][i]);
+        let node: Vec3 = Vec3::from_fn(|i, _| foot[i] + distance * n[i]);
+        let x = [corners[0], corners[1], corners[2], node].map(<[f64; 3]>::from).concat();
         let mut contact = Contact {
             triangles: vec![[0, 1, 2]],
             nodes: (0..4).collect(),
@@ -366,8 +364,8 @@ mod tests {
     /// The foot of a node lies on the triangle up to two per cent beyond its edges.
     #[test]
     fn feet_have_their_weights_and_a_margin() {
-        let t = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]];
-        let at = |w: [f64; 3]| -> Vec3 { std::array::from_fn(|i| (0..3).map(|k| w[k] * t[k][i]).sum()) };
+        let t = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]].map(Vec3::from);
+        let at = |w: [f64; 3]| -> Vec3 { Vec3::from_fn(|i, _| (0..3).map(|k| w[k] * t[k][i]).sum()) };
         for k in 0..3 {
             for (beyond, found) in [(-0.019, true), (-0.021, false)] {
                 let mut w = [0.5 * (1.0 - beyond); 3];

@@ -5,8 +5,9 @@ use super::{ElementLoop, FaceLoad, Place, principal_stresses};
 use crate::culprit::principal;
 use crate::elements::mass::MassMatrix;
 use crate::elements::{Kernel, Load, Sheet, Step};
+use crate::flat::{Block, at};
 use crate::materials::Regime;
-use crate::vec3::{Mat3, Vec3, add, at};
+use mesh::geometry::Vec3;
 
 struct Element<D, const N: usize> {
     stencil: Stencil<N>,
@@ -59,7 +60,7 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
-        blocks: &mut [Mat3],
+        blocks: &mut [Block],
     ) {
         for e in elements {
             let (step, load) = (e.step::<BLEND>(place), e.load::<K, TRACTION>(load));
@@ -91,7 +92,7 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
-        blocks: &mut [Mat3],
+        blocks: &mut [Block],
     ) {
         match (K::LOADED && !load.traction.is_empty(), K::RATE || place.weight != 1.0) {
             (false, false) => self.tangent_with::<false, false>(elements, place, load, factor, out, blocks),
@@ -133,7 +134,7 @@ impl<D, const N: usize> Element<D, N> {
             return Load::ZERO;
         }
         let face = self.face as usize;
-        let traction = if TRACTION { at(load.traction, face) } else { [0.0; 3] };
+        let traction = if TRACTION { at(load.traction, face) } else { Vec3::zeros() };
         Load { pressure: load.pressure[face], traction }
     }
 }
@@ -171,7 +172,7 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
 
     fn air_force(&self, x: &[f64]) -> Vec3 {
         let one = |e: &Element<K::Element, N>| self.kernel.air_force(&e.data, &e.stencil.gather(x));
-        self.elements[..self.n_own].iter().filter(|_| K::AIR).fold([0.0; 3], |sum, e| add(sum, one(e)))
+        self.elements[..self.n_own].iter().filter(|_| K::AIR).fold(Vec3::zeros(), |sum, e| sum + one(e))
     }
 
     fn dissipation(&self, before: &[f64], after: &[f64]) -> f64 {
@@ -191,7 +192,7 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
-        blocks: &mut [Mat3],
+        blocks: &mut [Block],
     ) {
         self.tangent_of(self.elements.iter(), place, load, factor, out, blocks);
     }
@@ -207,7 +208,7 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
-        blocks: &mut [Mat3],
+        blocks: &mut [Block],
     ) {
         let near = self.elements.iter().filter(|e| e.stencil.touches(active));
         self.tangent_of(near, place, load, factor, out, blocks);

@@ -9,15 +9,16 @@ use crate::elements::cable::{AxialStress, Cable};
 use crate::elements::membrane::Triangle;
 use crate::elements::quad::Quad;
 use crate::elements::reefing::{Reefing, Schedule};
+use crate::flat::at;
 use crate::materials::StepLaw;
 use crate::model::{CableElement, Model};
-use crate::vec3::{Vec3, at, norm, sub};
+use mesh::geometry::Vec3;
 
 /// A two-node element has no face.
 const NO_FACE: u32 = u32::MAX;
 
 fn between(model: &Model, [a, b]: [u32; 2]) -> Vec3 {
-    sub(at(&model.reference, b as usize), at(&model.reference, a as usize))
+    at(&model.reference, b as usize) - at(&model.reference, a as usize)
 }
 
 impl<L: StepLaw> Elements<Triangle<L>, 3> {
@@ -79,7 +80,7 @@ impl Elements<Cable<Reefing>, 2> {
         let kernel = Cable { stress: Reefing::new(youngs_modulus, schedule, skirt), area, density: 0.0 };
         let of = |t: &[u32; 2]| {
             let d = between(model, *t);
-            (*t, NO_FACE, kernel.element(norm(d) / skirt, d))
+            (*t, NO_FACE, kernel.element(d.norm() / skirt, d))
         };
         let parts: Vec<_> = model.ties.iter().map(of).collect();
         Self::new(kernel, parts.into_iter(), model.n_own_ties, None)

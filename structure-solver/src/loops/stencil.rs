@@ -4,7 +4,8 @@
 //! add what their kernels compute, element after element, node after node.
 
 use super::ELSEWHERE;
-use crate::vec3::{Mat3, Vec3, add_at, add_block, at};
+use crate::flat::{Block, add_at, add_block, at};
+use mesh::geometry::{Mat3, Vec3};
 
 /// Nodes of an element and the slots of its blocks. Flat arrays have shape `[n_local][3]`.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +48,7 @@ impl<const N: usize> Stencil<N> {
 
     /// Adds blocks in the rows of owned nodes.
     #[inline(always)]
-    pub(super) fn add_blocks(&self, k: &[[Mat3; N]; N], blocks: &mut [Mat3]) {
+    pub(super) fn add_blocks(&self, k: &[[Mat3; N]; N], blocks: &mut [Block]) {
         for (n, row) in k.iter().enumerate() {
             if self.slots[n][n] != ELSEWHERE {
                 for m in 0..N {
