@@ -40,29 +40,34 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         Self { kernel, elements, n_own, rows }
     }
 
-    fn forces_with<'e, const TRACTION: bool, const BLEND: bool>(
+    /// All elements, or those that touch an `active` node. Asked element by element, so that both are one compiled loop.
+    fn chosen<'e>(&'e self, active: Option<&'e [bool]>) -> impl Iterator<Item = &'e Element<K::Element, N>> {
+        self.elements.iter().filter(move |e| active.is_none_or(|active| e.stencil.touches(active)))
+    }
+
+    fn forces_with<const TRACTION: bool, const BLEND: bool>(
         &self,
-        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
+        active: Option<&[bool]>,
         place: Place<'_>,
         load: FaceLoad<'_>,
         out: &mut [f64],
     ) {
-        for e in elements {
+        for e in self.chosen(active) {
             let (step, load) = (e.step::<BLEND>(place), e.load::<K, TRACTION>(load));
             e.stencil.scatter(&self.kernel.force::<TRACTION, BLEND>(&e.data, &step, &load), out);
         }
     }
 
-    fn tangent_with<'e, const TRACTION: bool, const BLEND: bool>(
+    fn tangent_with<const TRACTION: bool, const BLEND: bool>(
         &self,
-        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
+        active: Option<&[bool]>,
         place: Place<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        for e in elements {
+        for e in self.chosen(active) {
             let (step, load) = (e.step::<BLEND>(place), e.load::<K, TRACTION>(load));
             let (force, k) = self.kernel.tangent::<TRACTION, BLEND>(&e.data, &step, &load, factor);
             e.stencil.scatter(&force, out);
@@ -70,24 +75,18 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         }
     }
 
-    fn forces_of<'e>(
-        &self,
-        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
-        place: Place<'_>,
-        load: FaceLoad<'_>,
-        out: &mut [f64],
-    ) {
+    fn forces_of(&self, active: Option<&[bool]>, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
         match (K::LOADED && !load.traction.is_empty(), K::RATE || place.weight != 1.0) {
-            (false, false) => self.forces_with::<false, false>(elements, place, load, out),
-            (false, true) => self.forces_with::<false, true>(elements, place, load, out),
-            (true, false) => self.forces_with::<true, false>(elements, place, load, out),
-            (true, true) => self.forces_with::<true, true>(elements, place, load, out),
+            (false, false) => self.forces_with::<false, false>(active, place, load, out),
+            (false, true) => self.forces_with::<false, true>(active, place, load, out),
+            (true, false) => self.forces_with::<true, false>(active, place, load, out),
+            (true, true) => self.forces_with::<true, true>(active, place, load, out),
         }
     }
 
-    fn tangent_of<'e>(
+    fn tangent_of(
         &self,
-        elements: impl Iterator<Item = &'e Element<K::Element, N>>,
+        active: Option<&[bool]>,
         place: Place<'_>,
         load: FaceLoad<'_>,
         factor: f64,
@@ -95,10 +94,10 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         blocks: &mut [Block],
     ) {
         match (K::LOADED && !load.traction.is_empty(), K::RATE || place.weight != 1.0) {
-            (false, false) => self.tangent_with::<false, false>(elements, place, load, factor, out, blocks),
-            (false, true) => self.tangent_with::<false, true>(elements, place, load, factor, out, blocks),
-            (true, false) => self.tangent_with::<true, false>(elements, place, load, factor, out, blocks),
-            (true, true) => self.tangent_with::<true, true>(elements, place, load, factor, out, blocks),
+            (false, false) => self.tangent_with::<false, false>(active, place, load, factor, out, blocks),
+            (false, true) => self.tangent_with::<false, true>(active, place, load, factor, out, blocks),
+            (true, false) => self.tangent_with::<true, false>(active, place, load, factor, out, blocks),
+            (true, true) => self.tangent_with::<true, true>(active, place, load, factor, out, blocks),
         }
     }
 
@@ -183,7 +182,7 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces_of(self.elements.iter(), place, load, out);
+        self.forces_of(None, place, load, out);
     }
 
     fn tangent(
@@ -194,11 +193,11 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        self.tangent_of(self.elements.iter(), place, load, factor, out, blocks);
+        self.tangent_of(None, place, load, factor, out, blocks);
     }
 
     fn forces_near(&self, active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces_of(self.elements.iter().filter(|e| e.stencil.touches(active)), place, load, out);
+        self.forces_of(Some(active), place, load, out);
     }
 
     fn tangent_near(
@@ -210,8 +209,7 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        let near = self.elements.iter().filter(|e| e.stencil.touches(active));
-        self.tangent_of(near, place, load, factor, out, blocks);
+        self.tangent_of(Some(active), place, load, factor, out, blocks);
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
