@@ -88,6 +88,13 @@ fn the_batch_script_for_slurm_spreads_the_ranks() {
     }
 }
 
+/// What a run that ended wrote to its standard error.
+fn errors_of(run: &mut std::process::Child) -> String {
+    let mut text = String::new();
+    std::io::Read::read_to_string(&mut run.stderr.take().expect("captured"), &mut text).expect("text");
+    text
+}
+
 /// A rank elsewhere sleeps while the others work, and its death ends the run.
 #[test]
 fn a_rank_on_another_host_waits_asleep_and_is_missed() {
@@ -100,7 +107,9 @@ fn a_rank_on_another_host_waits_asleep_and_is_missed() {
     let history = out.join("descent/history.csv");
     while !std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() > 2) {
         limit.demand("the run did not reach the descent");
-        assert!(run.try_wait().expect("it can be waited for").is_none(), "the run ended before the descent");
+        if let Some(status) = run.try_wait().expect("it can be waited for") {
+            panic!("the run ended before the descent with {status}: {}", errors_of(&mut run));
+        }
         std::thread::sleep(Duration::from_millis(50));
     }
     let mark = out.display().to_string();
@@ -138,8 +147,7 @@ fn a_rank_on_another_host_waits_asleep_and_is_missed() {
         limit.demand("the run continues");
         std::thread::sleep(Duration::from_millis(20));
     };
-    let mut text = String::new();
-    std::io::Read::read_to_string(&mut run.stderr.take().expect("captured"), &mut text).expect("text");
+    let text = errors_of(&mut run);
     assert_eq!(status.code(), Some(1), "{text}");
     assert!(text.contains("flow"), "{text}");
     assert!(!text.contains("left on host far"), "{text}");

@@ -30,6 +30,7 @@ enum Kind {
     Membranes,
     Field,
     Quads,
+    FieldQuads,
     Cables,
     Reefing,
     Bent,
@@ -38,6 +39,12 @@ enum Kind {
     QuadDamping,
     LineDamping,
 }
+
+/// Kinds whose forces come from strains alone.
+const ELASTIC: [Kind; 6] =
+    [Kind::Membranes, Kind::Field, Kind::Quads, Kind::FieldQuads, Kind::Cables, Kind::Reefing];
+/// Kinds whose forces come from the rates of strains, alone or beside the strains.
+const DAMPING: [Kind; 3] = [Kind::SheetDamping, Kind::QuadDamping, Kind::LineDamping];
 
 /// Two quadrilaterals and a triangle, all warped, two lines and a reinforcement.
 fn patch() -> StructureMesh {
@@ -67,7 +74,7 @@ fn patch() -> StructureMesh {
 
 /// Elements of one kind alone, and their system with the pattern of all others, which carry nothing.
 fn system_of(mesh: &StructureMesh, kind: Kind) -> System {
-    let quads = matches!(kind, Kind::Quads | Kind::QuadDamping);
+    let quads = matches!(kind, Kind::Quads | Kind::FieldQuads | Kind::QuadDamping);
     let surface = Surface { quadrilaterals: quads, warp: None };
     let owner = vec![0; mesh.coords.len()];
     let ties = [[0, 4], [4, 5], [5, 6]];
@@ -85,6 +92,9 @@ fn system_of(mesh: &StructureMesh, kind: Kind) -> System {
                 Box::new(Elements::triangles(&model, Elastic(TensionField::new(y, nu)), thickness, 2.0))
             }
             Kind::Quads => Box::new(Elements::quads(&model, Elastic(elastic), thickness, 2.0)),
+            Kind::FieldQuads => {
+                Box::new(Elements::quads(&model, Elastic(TensionField::new(y, nu)), thickness, 2.0))
+            }
             Kind::QuadDamping => {
                 Box::new(Elements::quads(&model, KelvinVoigt::new(elastic, time), thickness, 2.0))
             }
@@ -163,7 +173,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Forces without load are the gradient of the energy, component by component.
 #[test]
 fn forces_are_the_gradients_of_the_energies() {
-    for kind in [Kind::Membranes, Kind::Field, Kind::Quads, Kind::Cables, Kind::Reefing] {
+    for kind in ELASTIC {
         let system = system_of(&patch(), kind);
         let x = waved(&system.model.reference, 1.1, 0.05, 2.1);
         let f = forces(&system, Place::only(&x), UNLOADED);
@@ -181,10 +191,111 @@ fn forces_are_the_gradients_of_the_energies() {
     }
 }
 
+/// Rotation by 1.1 rad about (1, 2, 2)/3, by Rodrigues' formula.
+fn turned(x: &[f64]) -> Vec<f64> {
+    let k = [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0];
+    let (s, c) = 1.1f64.sin_cos();
+    let one = |x: &[f64; 3]| -> [f64; 3] {
+        let across = [k[1] * x[2] - k[2] * x[1], k[2] * x[0] - k[0] * x[2], k[0] * x[1] - k[1] * x[0]];
+        std::array::from_fn(|i| c * x[i] + s * across[i] + (1.0 - c) * dot(&k, x) * k[i])
+    };
+    x.as_chunks::<3>().0.iter().flat_map(one).collect()
+}
+
+fn shifted(x: &[f64]) -> Vec<f64> {
+    x.iter().enumerate().map(|(i, x)| x + [3.0, -7.0, 2.0][i % 3]).collect()
+}
+
+/// A rigid motion rotates the forces of a step and changes neither the energy nor the dissipation; internal
+/// forces have zero sum and zero moment.
+#[test]
+fn forces_rotate_with_the_body_and_balance() {
+    for kind in ELASTIC.into_iter().chain(DAMPING).chain([Kind::Bent]) {
+        let mut system = system_of(&patch(), kind);
+        let load =
+            if kind == Kind::Bent { FaceLoad { pressure: LOADED.pressure, traction: &[] } } else { UNLOADED };
+        let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
+        let x1 = waved(&x0, 1.02, 0.08, 1.3);
+        for weight in [0.5, 1.0] {
+            let mut step = |moved: &dyn Fn(&[f64]) -> Vec<f64>| {
+                let (x0, x1) = (moved(&x0), moved(&x1));
+                system.anchor(&x0);
+                let at = mix(&x0, &x1, weight);
+                let f = forces(&system, Place { at: &at, end: &x1, weight }, load);
+                (f, at, system.energy(&x1), system.dissipation(&x0, &x1))
+            };
+            let (f, at, energy, taken) = step(&|x| x.to_vec());
+            let (g, _, energy_there, taken_there) = step(&|x| shifted(&turned(x)));
+            assert!(largest_difference(&turned(&f), &g) < 1e-13 && norm(&f) > 1e-3, "{kind:?} {weight}");
+            assert!((energy - energy_there).abs() < 1e-13, "{kind:?}: {energy} {energy_there}");
+            assert!((taken - taken_there).abs() < 1e-13, "{kind:?}: {taken} {taken_there}");
+            let (f, at) = (f.as_chunks::<3>().0, at.as_chunks::<3>().0);
+            for c in 0..3 {
+                let (a, b) = ((c + 1) % 3, (c + 2) % 3);
+                let sum: f64 = f.iter().map(|f| f[c]).sum();
+                let moment: f64 = f.iter().zip(at).map(|(f, x)| x[a] * f[b] - x[b] * f[a]).sum();
+                assert!(sum.abs() < 1e-13 && moment.abs() < 1e-13, "{kind:?} {c}: {sum} {moment}");
+            }
+        }
+    }
+}
+
+/// A rigid motion from the unstressed shape causes no force, no strain energy and no dissipation.
+#[test]
+fn rigid_motion_causes_no_force() {
+    // A reefing line is drawn in: it is never unstressed at the reference.
+    for kind in ELASTIC.into_iter().chain(DAMPING).filter(|k| *k != Kind::Reefing) {
+        let mut m = patch();
+        let offset = if kind == Kind::Cables { LINE[2] } else { 0.0 };
+        for c in &mut m.cables {
+            let [a, b] = c.nodes.map(|n| m.coords[n as usize]);
+            let length = (0..3).map(|i| (b[i] - a[i]).powi(2)).sum::<f64>().sqrt();
+            c.rest_length = length / (1.0 - 2.0 * offset).sqrt();
+        }
+        let mut system = system_of(&m, kind);
+        let x = system.model.reference.clone();
+        let there = shifted(&turned(&x));
+        system.anchor(&x);
+        let f = forces(&system, Place::only(&there), UNLOADED);
+        assert!(norm(&f) < 1e-13, "{kind:?}: {f:?}");
+        assert!(system.energy(&there).abs() < 1e-14 && system.dissipation(&x, &there).abs() < 1e-14);
+    }
+}
+
+/// Nodes on no edge of a single triangle.
+fn inner_nodes(m: &StructureMesh) -> Vec<usize> {
+    let edges = || m.triangles.iter().flat_map(|t| (0..3).map(|i| [t[i], t[(i + 1) % 3]]));
+    let single = |[a, b]: [u32; 2]| edges().all(|e| e != [b, a]);
+    (0..m.coords.len()).filter(|&n| !edges().any(|e| e.contains(&(n as u32)) && single(e))).collect()
+}
+
+/// Patch test: an affine map of the fabric leaves no force on an inner node, whatever the shapes of its elements.
+#[test]
+fn affine_map_leaves_inner_nodes_in_balance() {
+    let m = irregular();
+    for kind in [Kind::Membranes, Kind::Field, Kind::Quads, Kind::FieldQuads] {
+        let mut free = m.clone();
+        free.fixed.clear();
+        let system = system_of(&free, kind);
+        let x: Vec<f64> = m
+            .coords
+            .iter()
+            .flat_map(|p| [1.2 * p[0] + 0.1 * p[1], 1.1 * p[1] - 0.05 * p[0], 0.3 * p[0] - 0.2 * p[1]])
+            .collect();
+        let pressure = vec![0.0; m.faces.len()];
+        let f = forces(&system, Place::only(&x), FaceLoad { pressure: &pressure, traction: &[] });
+        let inner = inner_nodes(&m);
+        assert!(!inner.is_empty() && norm(&f) > 1e-3, "{kind:?}");
+        for n in inner {
+            assert!(norm(&f[3 * n..3 * n + 3]) < 1e-14, "{kind:?} {n}: {:?}", &f[3 * n..3 * n + 3]);
+        }
+    }
+}
+
 /// All kinds of forces that depend on places: the blocks of the tangent, where the new places count with any weight.
 #[test]
 fn tangents_are_the_derivatives_of_the_forces() {
-    for kind in [Kind::Membranes, Kind::Quads, Kind::Cables, Kind::Reefing, Kind::Bent, Kind::QuadDamping] {
+    for kind in ELASTIC.into_iter().chain(DAMPING).chain([Kind::Bent]) {
         let mut system = system_of(&patch(), kind);
         let n = system.model.reference.len();
         let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
@@ -218,7 +329,7 @@ fn tangents_are_the_derivatives_of_the_forces() {
 /// What is computed near some nodes alone is in their rows what is computed for all, also when it is done twice.
 #[test]
 fn rows_of_some_nodes_are_those_of_all() {
-    for kind in [Kind::Membranes, Kind::Quads, Kind::Cables, Kind::Reefing, Kind::Bent] {
+    for kind in ELASTIC.into_iter().chain(DAMPING).chain([Kind::Bent, Kind::Drag]) {
         let mut system = system_of(&patch(), kind);
         let n = system.model.reference.len();
         let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
