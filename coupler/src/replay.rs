@@ -46,7 +46,7 @@ pub struct ReplayArgs {
     /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the recorded
     /// count, rounded up, is no difference [default: other counts are told, not judged]
     #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
-    count_slack: Option<f64>,
+    iteration_tolerance: Option<f64>,
     /// Folder for the program's logs and the differences [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -284,7 +284,7 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         deadline: Duration::from_secs_f64(args.deadline),
     };
     let rehearsal = Rehearsal::new(&args.recording, &trial)?;
-    let mut comparison = Comparison::new(args.tolerance).judging_counts(args.count_slack);
+    let mut comparison = Comparison::new(args.tolerance).judging_counts(args.iteration_tolerance);
     let reader = Reader::open(&rehearsal.file)?;
     let canopy = &rehearsal.prepared.interface;
     rehearsal.fly(stop, console, |partners| {

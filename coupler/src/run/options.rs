@@ -65,8 +65,8 @@ pub struct BaselineOptions {
     pub folder: PathBuf,
     /// Largest relative difference that is none.
     pub tolerance: f64,
-    /// Judges counts of iterations, as [`Comparison::count_slack`].
-    pub count_slack: Option<f64>,
+    /// Judges counts of iterations, as [`results::recording::Comparison`].
+    pub iteration_tolerance: Option<f64>,
     /// Ends the run where it departs.
     pub stop: bool,
 }

@@ -229,7 +229,7 @@ impl StageContext<'_> {
         let (stage, coupling) = (self.description(), &self.scene.coupling);
         let staggered = coupling.scheme == Scheme::Staggered;
         // Its flow lives between the ends of windows.
-        let offset = staggered && coupling.staggered.sequence == StaggeredSequence::HalfStep;
+        let offset = staggered && coupling.staggered.sequence == StaggeredSequence::ImprovedSerial;
         let in_time = stage.solve != Solve::Static && stage.steady.is_none();
         let flows = stage.kind.roles().contains(&Role::Flow);
         if !(coupling.adaptive.enabled && in_time && flows) || (offset && stage.kind == StageKind::Coupled) {

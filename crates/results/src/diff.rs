@@ -37,7 +37,7 @@ pub fn recordings(
     a: &Path,
     b: &Path,
     tolerance: f64,
-    count_slack: Option<f64>,
+    iteration_tolerance: Option<f64>,
 ) -> Result<Comparison, RunError> {
     let mut both = [Windows { reader: Reader::open(a)? }, Windows { reader: Reader::open(b)? }];
     let canopies = [0, 1].map(|i| both[i].reader.header().canopy);
@@ -52,7 +52,7 @@ pub fn recordings(
             canopies[1].1
         )));
     }
-    let mut comparison = Comparison::new(tolerance).judging_counts(count_slack);
+    let mut comparison = Comparison::new(tolerance).judging_counts(iteration_tolerance);
     loop {
         let [a, b] = &mut both;
         let (Some(x), Some(y)) = (a.next()?, b.next()?) else { return Ok(comparison) };

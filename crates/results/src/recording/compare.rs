@@ -175,7 +175,7 @@ pub struct Comparison {
     pub other_iterations: Option<(u64, [u64; 2])>,
     /// Share of a reference's count, rounded up, by which another may differ. `None`: counts
     /// are told, not judged.
-    pub count_slack: Option<f64>,
+    pub iteration_tolerance: Option<f64>,
     /// The first count beyond the slack (where there is none: that differs at all).
     pub first_count: Option<OtherCount>,
 }
@@ -188,7 +188,7 @@ impl Comparison {
 
     /// Counts may differ by no more than this share of the reference's, rounded up.
     pub fn judging_counts(mut self, slack: Option<f64>) -> Self {
-        self.count_slack = slack;
+        self.iteration_tolerance = slack;
         self
     }
 
@@ -217,7 +217,7 @@ impl Comparison {
         if self.first_count.is_some() {
             return;
         }
-        let slack = self.count_slack.unwrap_or(0.0);
+        let slack = self.iteration_tolerance.unwrap_or(0.0);
         let beyond = |(_, count): &(usize, &Count)| {
             let (a, b) = (reference[count.index], other[count.index]);
             count.role == role && (a - b).abs() > (slack * a).ceil()
@@ -257,7 +257,7 @@ impl Comparison {
 
     /// The first count that is not what it may be.
     pub fn judged_count(&self) -> Option<&OtherCount> {
-        self.first_count.as_ref().filter(|_| self.count_slack.is_some())
+        self.first_count.as_ref().filter(|_| self.iteration_tolerance.is_some())
     }
 
     /// What ends a run that is to stop where it departs.
@@ -281,9 +281,9 @@ impl Comparison {
             text.push_str(&format!("\nwindow {window} took {}, then {b}", counted(a, "iteration")));
         }
         if let Some(count) = &self.first_count {
-            let judged = match self.count_slack {
+            let judged = match self.iteration_tolerance {
                 Some(slack) => format!("slack {:.0} %", 100.0 * slack),
-                None => "not judged: see --count-slack".into(),
+                None => "not judged: see --iteration-tolerance".into(),
             };
             text.push_str(&format!("\nfirst other count: {count} ({judged})"));
         }

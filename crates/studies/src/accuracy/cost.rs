@@ -1,4 +1,4 @@
-//! What a member cost: seconds, memory, and counts that a busy machine does not disturb.
+//! What a sample cost: seconds, memory, and counts that a busy machine does not disturb.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub struct Counts {
 pub const COUNTS: [&str; 5] = ["windows", "iterations", "cell_updates", "element_evaluations", "matrix_rows"];
 
 /// Seconds of one core for a cell update, an element evaluation and a row of a matrix product:
-/// the scale that makes counts one number, the work. From least squares over the members of
+/// the scale that makes counts one number, the work. From least squares over the samples of
 /// `studies/square-drop` and `studies/air-bag` (processor seconds of a busy 2-core machine: cell updates 1.5e-6;
 /// explicit steps of elements 4e-8, Newton's 2.6e-7; rows 6e-8). They are fixed, so that work can be
 /// compared between versions; what they are for is the ratio.
