@@ -1,5 +1,5 @@
-//! What a rank remembers beside the positions of the grid, so that a run which goes on in the middle of
-//! a stage computes the same digits. Positions serve any number of ranks; this the same number only.
+//! Warm-start data of a rank, in addition to the positions of the grid, so that a resumed run is bitwise identical.
+//! Positions are valid for any number of ranks, these data for the same number only.
 
 use std::path::Path;
 
@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 const MAGIC: [u8; 8] = *b"ripgrmem";
 const VERSION: u32 = 1;
 
-/// What a mover has learnt on its reference grid; empty where it learns nothing.
+/// Warm-start data of a mover on its reference grid; empty for movers without any.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct MoverMemory {
+pub struct MoverWarmStart {
     /// Vectors in single precision.
     pub singles: Vec<Vec<f32>>,
     /// Vectors in double precision.
@@ -22,78 +22,78 @@ pub struct MoverMemory {
     pub numbers: Vec<f64>,
 }
 
-/// What the motion of the grid has come through.
+/// History of the grid motion.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct MotionMemory {
+pub struct MotionWarmStart {
     /// Quality of the start grid, of the reference, of the last accepted grid.
     pub qualities: [f64; 3],
-    /// Distance of the canopy from its start where that was given up as reference, m.
-    pub left: f64,
-    /// What a window takes from the quality at most.
-    pub fall: f64,
-    /// The next new grid is made below this quality.
+    /// Distance of the canopy from its start when the start grid was replaced as reference, m.
+    pub rebase_distance: f64,
+    /// Largest recent loss of quality per window.
+    pub quality_loss: f64,
+    /// Quality below which the next new grid is built.
     pub next_grid: Option<f64>,
-    /// References so far.
+    /// Number of reference changes.
     pub rebased: u32,
-    /// New grids so far.
+    /// Number of new grids.
     pub new_grids: u32,
     /// The reference is the start grid.
     pub at_start: bool,
-    /// Of the mover.
-    pub mover: MoverMemory,
+    /// Data of the mover.
+    pub mover: MoverWarmStart,
 }
 
-/// Writes this rank's memory below `folder`.
+/// Writes this rank's warm-start data below `folder`.
 ///
 /// # Errors
-/// Trouble with the file.
-pub fn save(memory: &MotionMemory, comm: &Comm, folder: &Path) -> Result<(), archive::Error> {
+/// An error of the file system.
+pub fn save(saved: &MotionWarmStart, comm: &Comm, folder: &Path) -> Result<(), archive::Error> {
     let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
-    archive::save(&file, MAGIC, VERSION, memory).map(|_| ())
+    archive::save(&file, MAGIC, VERSION, saved).map(|_| ())
 }
 
-/// Reads what [`save`] wrote; `None` where there is none.
+/// Reads a file written by [`save`]; `None` where there is none.
 ///
 /// # Errors
-/// A file that is damaged, or holds what is no number.
-pub fn read(file: &Path) -> Result<Option<MotionMemory>, archive::Error> {
-    channel::remembered(file, MAGIC, VERSION, MotionMemory::check)
+/// A file that is damaged, or contains values that are not finite.
+pub fn read(file: &Path) -> Result<Option<MotionWarmStart>, archive::Error> {
+    channel::remembered(file, MAGIC, VERSION, MotionWarmStart::check)
 }
 
-/// What [`save`] wrote; `None` where another number of ranks has written it. Collective.
+/// Reads the data written by [`save`]; `None` where another number of ranks wrote them. Collective.
 ///
 /// # Errors
-/// On every rank: a file of one of them that cannot be used.
-pub fn load(comm: &Comm, folder: &Path) -> Result<Option<MotionMemory>, Fault> {
+/// On every rank, if the file of any of them cannot be used.
+pub fn load(comm: &Comm, folder: &Path) -> Result<Option<MotionWarmStart>, Fault> {
     let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
-    let memory = agree(comm, read(&file))?;
-    if !comm.all(memory.is_some()) {
+    let saved = agree(comm, read(&file))?;
+    if !comm.all(saved.is_some()) {
         return Ok(None);
     }
-    // Each vector that is remembered is one of sums over all ranks.
-    let vectors = memory.as_ref().map_or(0, |m| m.mover.singles.len() as u64);
+    // Each vector is distributed over all ranks.
+    let vectors = saved.as_ref().map_or(0, |m| m.mover.singles.len() as u64);
     let same = comm.all_gather_u64(vectors).iter().all(|n| *n == vectors);
     let same = if same {
         Ok(())
     } else {
-        Err(archive::Error::content(&file, "ranks remember different numbers of vectors"))
+        Err(archive::Error::content(&file, "ranks have different numbers of saved vectors"))
     };
-    agree(comm, same).map(|()| memory)
+    agree(comm, same).map(|()| saved)
 }
 
-/// An error on one rank becomes one on every rank. Collective.
+/// Turns an error on one rank into one on every rank. Collective.
 pub(crate) fn agree<T>(comm: &Comm, result: Result<T, archive::Error>) -> Result<T, Fault> {
     let all = comm.all(result.is_ok());
     match result {
-        Ok(_) if !all => Err(Fault::new("another rank could not use its part of the grid's state")),
+        Ok(_) if !all => Err(Fault::new("another rank could not read its part of the grid's saved state")),
         other => other.map_err(Fault::new),
     }
 }
 
-impl MotionMemory {
+impl MotionWarmStart {
     fn check(&self) -> Result<(), String> {
         let mover = &self.mover;
-        let single = [self.left, self.fall, self.next_grid.unwrap_or_default()];
+        let single = [self.rebase_distance, self.quality_loss, self.next_grid.unwrap_or_default()];
         let doubles = self.qualities.iter().chain(&single).chain(&mover.numbers);
         let finite = doubles.chain(mover.doubles.iter().flatten()).all(|x| x.is_finite())
             && mover.singles.iter().flatten().all(|x| x.is_finite());

@@ -219,9 +219,9 @@ fn files_of_states_hold_numbers_or_are_refused() {
     fuzz("flow state", &[whole("flow.bin")], sealed, &mut flow, "spoilt");
 
     let nodes = structure.coords.len();
-    let memory = structure_solver::memory::Memory::read;
-    let mut shape = structure_solver::memory::Shape { numbers: 3 * nodes, loops: 0, blocks: 0 };
-    let good_memory: structure_solver::memory::Memory =
+    let memory = structure_solver::warm_start::Memory::read;
+    let mut shape = structure_solver::warm_start::Shape { numbers: 3 * nodes, loops: 0, blocks: 0 };
+    let good_memory: structure_solver::warm_start::Memory =
         archive::load(&good.join("structure-memory-0-of-1.bin"), *b"ripstmem", 1).expect("a memory");
     shape.loops = good_memory.loops.len();
     shape.blocks = good_memory.linear.direct.as_ref().map_or(0, |d| d.matrix.len());
@@ -240,7 +240,7 @@ fn files_of_states_hold_numbers_or_are_refused() {
 
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
-        flow_solver::remembered::Memory::read(&file, &topology).map(|_| ()).map_err(|e| e.to_string())
+        flow_solver::warm_start::RankWarmStart::read(&file, &topology).map(|_| ()).map_err(|e| e.to_string())
     };
     fuzz("flow memory", &[whole("flow-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 }

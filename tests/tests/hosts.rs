@@ -47,7 +47,7 @@ fn ranks_on_another_host_change_no_number() {
             let says = format!("rank {rank} of ");
             let line = log
                 .lines()
-                .find(|l| l.starts_with(&says) && l.ends_with("rank 0 has its place in the session"));
+                .find(|l| l.starts_with(&says) && l.ends_with("rank 0 represents it in the session"));
             assert!(line.is_some(), "{role}: {log}");
         }
     }

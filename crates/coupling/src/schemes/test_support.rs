@@ -1,4 +1,4 @@
-//! What tests of several files share.
+//! Shared test fixtures.
 
 use std::path::Path;
 
@@ -29,7 +29,7 @@ pub fn plate(n: usize) -> (Vec<Point>, Vec<[u32; 4]>) {
     (positions, faces)
 }
 
-/// Closed-form solvers in the place of the programs.
+/// Closed-form solvers instead of the programs.
 pub trait ClosedForm {
     /// Structure: its displacement, `[nodes][3]`, under a load over the window.
     fn solve_structure(&mut self, w: &Window, load: LoadOverWindow<'_>, displacement: &mut [f64]) -> Stats;
@@ -40,7 +40,7 @@ pub trait ClosedForm {
     /// Flow: its load, `[faces][LOAD_WIDTH]`.
     fn solve_flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Stats, RunError>;
 
-    /// The last responses are final.
+    /// The last responses become the accepted state.
     fn accept_window(&mut self, w: &Window);
 }
 
@@ -104,7 +104,7 @@ pub fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
         descent: None,
         interface: at_rest(1, 1, 0.0),
         relaxation: Box::new(Uniform(coupling.relaxation)),
-        modelled: None,
+        surrogate: None,
         accept_unconverged: false,
     })
 }

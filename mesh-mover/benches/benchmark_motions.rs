@@ -1,18 +1,19 @@
-//! Movers compared on large motions: `cargo bench -p mesh-mover --bench torture [-- cells_per_side] [bare] [Elastic ...]`
+//! Movers compared on large motions: `cargo bench -p mesh-mover --bench benchmark_motions [-- cells_per_side] [bare]
+//! [Elastic ...]`
 //!
-//! Each motion goes on in windows of a twentieth, to twice its nominal size at most. Printed: the share
-//! survived, the worst scaled Jacobian up to the nominal size (or to the end), new reference
-//! grids, and processor time for each cell and window; then 1000 oscillations and their drift.
+//! Each motion continues in windows of a twentieth, at most to twice its nominal size. Printed: the share that was
+//! reached, the worst scaled Jacobian up to the nominal size (or to the end), the number of reference grids, and
+//! processor time for each cell and window; then 1000 oscillations and their drift.
 
 use std::f64::consts::TAU;
 
 use case::{MeshMotion, MoverKind};
 use mesh::FlowGrid;
+use mesh_mover::benchmark_motions::{MOTIONS, MotionTrial, Path, plate};
 use mesh_mover::motion::Limits;
 use mesh_mover::movers::mover;
-use mesh_mover::torture::{MOTIONS, Path, Trial, plate};
 
-/// Seconds that this thread has run, from the kernel's accounts.
+/// Processor seconds of this thread, from the kernel's statistics.
 fn seconds_run() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux keeps accounts");
     let nanoseconds = text.split(' ').next().and_then(|w| w.parse::<f64>().ok());
@@ -27,16 +28,16 @@ const KINDS: [MoverKind; 5] = [
     MoverKind::InverseDistance,
 ];
 
-/// Without the word `bare`, bad cells are optimised, whatever the mover.
+/// Repair of bad cells, unless the argument `bare` is given.
 fn repair() -> bool {
     std::env::args().all(|a| a != "bare")
 }
 
 fn main() {
     let n = std::env::args().find_map(|a| a.parse().ok()).unwrap_or(16);
-    let asked = |kind: &MoverKind| std::env::args().any(|a| a == format!("{kind:?}"));
-    let some = KINDS.iter().any(asked);
-    let kinds: Vec<MoverKind> = KINDS.into_iter().filter(|k| !some || asked(k)).collect();
+    let selected = |kind: &MoverKind| std::env::args().any(|a| a == format!("{kind:?}"));
+    let some = KINDS.iter().any(selected);
+    let kinds: Vec<MoverKind> = KINDS.into_iter().filter(|k| !some || selected(k)).collect();
     let grid = plate(n);
     println!("{} cells", grid.cells.len());
     for (name, path) in MOTIONS {
@@ -51,7 +52,7 @@ fn large_motion(grid: &FlowGrid, kind: MoverKind, path: Path) {
     let cells = grid.cells.len() as f64;
     let settings = MeshMotion { mover: kind, ..MeshMotion::default() };
     let limits = Limits { repair: repair(), ..Limits::from(&settings) };
-    let mut trial = Trial::new(grid, mover(&settings), limits).expect("a sound start grid");
+    let mut trial = MotionTrial::new(grid, mover(&settings), limits).expect("a sound start grid");
     let (mut worst, mut survived, mut iterations, mut failed) = (f64::INFINITY, 0, 0, String::new());
     let clock = seconds_run();
     for step in 1..=40 {
@@ -83,7 +84,8 @@ fn large_motion(grid: &FlowGrid, kind: MoverKind, path: Path) {
 fn oscillations(kind: MoverKind) {
     let settings = MeshMotion { mover: kind, ..MeshMotion::default() };
     let grid = plate(16);
-    let mut trial = Trial::new(&grid, mover(&settings), Limits::from(&settings)).expect("a sound start grid");
+    let mut trial =
+        MotionTrial::new(&grid, mover(&settings), Limits::from(&settings)).expect("a sound start grid");
     let (mut iterations, mut worst) = (0, f64::INFINITY);
     let cycles = if kind == MoverKind::Elastic { 1000 } else { 20 };
     for window in 0..8 * cycles {

@@ -1,20 +1,21 @@
-//! The triangle nearest to a point, by a tree of boxes.
+//! The triangle nearest to a point, by a tree of bounding boxes.
 
 use crate::geometry::Vec3;
 
-/// Triangles in a box that is not divided any more.
+/// Triangles in a leaf of the tree.
 const LEAF: usize = 8;
 
-/// Triangles to be searched.
-pub(super) struct Near {
+/// Search tree over triangles.
+pub(super) struct NearestTriangle {
     triangles: Vec<[Vec3; 3]>,
-    /// Triangles in the order of the tree: a box holds a range of them, its halves the halves.
+    /// Triangles in the order of the tree: a box contains a range of them, its children the halves.
     order: Vec<u32>,
-    /// Lower and upper corners, as [`Near::search`] visits them: a box, its first half with all below, its second.
+    /// Lower and upper corners in the order of [`NearestTriangle::search`]: a box, its first child with all
+    /// descendants, its second.
     boxes: Vec<[Vec3; 2]>,
 }
 
-impl Near {
+impl NearestTriangle {
     pub fn new(triangles: Vec<[Vec3; 3]>) -> Self {
         let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
         let mut boxes = Vec::new();
@@ -24,7 +25,8 @@ impl Near {
         Self { triangles, order, boxes }
     }
 
-    /// Triangle nearest to `p` (of equally near ones the first) and its distance; `None` where none has one.
+    /// Triangle nearest to `p` (the first one of equally near ones) and its distance; `None` where there is none or
+    /// `p` is NaN.
     pub fn to(&self, p: Vec3) -> Option<(usize, f64)> {
         let mut best = (f64::INFINITY, u32::MAX);
         if !self.order.is_empty() {
@@ -51,7 +53,7 @@ impl Near {
             halves.swap(0, 1);
         }
         for (away, at, range) in halves {
-            // A box is at most as far away as what it holds, but for round-off.
+            // A box is at most as far away as its content, up to round-off.
             if away <= best.0 * (1.0 + 1e-9) {
                 self.search(p, at, range, best);
             }
@@ -59,7 +61,7 @@ impl Near {
     }
 }
 
-/// Boxes of a tree of `n` triangles.
+/// Number of boxes of a tree of `n` triangles.
 fn count(n: usize) -> usize {
     if n <= LEAF { 1 } else { 1 + count(n / 2) + count(n - n / 2) }
 }
@@ -121,7 +123,7 @@ pub(super) fn nearest(p: Vec3, corners: &[Vec3; 3]) -> f64 {
     (p - blend(weights, corners)).norm()
 }
 
-/// Normal of a triangle, with twice its area.
+/// Normal of a triangle, with the length of twice its area.
 pub(super) fn normal([a, b, c]: &[Vec3; 3]) -> Vec3 {
     (b - a).cross(&(c - a))
 }
@@ -136,8 +138,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_what_looking_at_all_finds() {
-        // Scattered triangles of all sizes, some of them equal, and points inside and far outside.
+    fn search_agrees_with_exhaustive_search() {
+        // Random triangles of all sizes, some of them equal, and points inside and far outside.
         let mut state = 7u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -152,7 +154,7 @@ mod tests {
             })
             .collect();
         triangles.extend_from_within(..100);
-        let near = Near::new(triangles.clone());
+        let near = NearestTriangle::new(triangles.clone());
         assert_eq!(near.boxes.len(), count(triangles.len()));
         for k in 0..500 {
             let p = point(if k % 5 == 0 { 40.0 } else { 5.0 });
@@ -161,6 +163,6 @@ mod tests {
             assert_eq!(near.to(p), Some(first));
         }
         assert_eq!(near.to(Vec3::repeat(f64::NAN)), None);
-        assert_eq!(Near::new(Vec::new()).to(Vec3::zeros()), None);
+        assert_eq!(NearestTriangle::new(Vec::new()).to(Vec3::zeros()), None);
     }
 }

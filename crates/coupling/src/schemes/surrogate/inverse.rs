@@ -1,14 +1,14 @@
-//! Inverse of a dense matrix for models that a few digits serve.
+//! Inverse of a dense matrix for models that need few digits.
 
 use faer::MatRef;
 use faer::linalg::solvers::{DenseSolveCore, PartialPivLu};
 use nalgebra::DMatrix;
 
-/// Numbers that are summed side by side.
+/// Partial sums in parallel (vector lanes).
 const LANES: usize = 16;
 
-/// $A^{-1}$ in single precision, by rows: a product reads it once, where two triangular
-/// solves would read twice as many bytes and wait for each other's results.
+/// $A^{-1}$ in single precision, by rows: a product reads it once, while two triangular solves would read twice as
+/// many bytes with dependent operations.
 #[derive(Clone)]
 pub(crate) struct Inverse {
     n: usize,
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn undoes_the_matrix() {
+    fn inverse_times_matrix_is_identity() {
         let n = 37;
         let matrix =
             DMatrix::from_fn(n, n, |i, j| if i == j { 4.0 } else { (i as f64 - 0.3 * j as f64).sin() });
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_singular_matrix_has_none() {
+    fn singular_matrix_has_no_inverse() {
         assert!(Inverse::of(&factors(&DMatrix::from_element(3, 3, 0.0))).is_none());
     }
 }

@@ -1,33 +1,32 @@
-//! Warm starts: what past solutions know about the next one.
+//! Initial guesses by projection on past solutions (warm start).
 
 use comm::Comm;
 
-/// A basis of past solutions, orthonormal in the energy of one fixed matrix A
-/// (P. F. Fischer, Comput. Methods Appl. Mech. Engrg. 163, 1998).
+/// A basis of past solutions, orthonormal in the energy norm of one fixed matrix A (P. F. Fischer, Comput. Methods
+/// Appl. Mech. Engrg. 163, 1998).
 ///
-/// The guess for a right-hand side b is its Galerkin solution in the basis,
-/// $\sum_i (v_i \cdot b)\, v_i$: a linear function of b alone, so a motion that
-/// returns gets the same guess again, and no motion gets none. Past solutions
-/// contain their own extrapolations in time.
+/// The guess for a right-hand side b is its Galerkin solution in the basis, $\sum_i (v_i \cdot b)\, v_i$: a linear
+/// function of b alone, so the same motion gets the same guess, and no motion gets zero. Extrapolations of past
+/// solutions in time are in their span.
 ///
-/// Vectors are kept in `f32`: what a guess lacks, the iterations find.
-pub struct Warm {
-    /// The basis, and behind it vectors for later ones: nothing is allocated while windows are solved.
+/// Vectors are stored in `f32`: the iterations correct the error of the guess.
+pub struct SolutionProjection {
+    /// The basis, followed by vectors allocated for later ones: no allocation during the solves.
     basis: Vec<Vec<f32>>,
-    /// Motion of the canopy that each basis vector answers.
+    /// Motion of the canopy of each basis vector.
     canopies: Vec<Vec<f64>>,
-    /// Vectors of the basis.
+    /// Number of basis vectors.
     known: usize,
-    /// Share of each basis vector in the latest solution.
+    /// Coefficient of each basis vector in the latest solution.
     shares: Vec<f64>,
 }
 
-/// Basis vectors kept: reading them costs about as much as a product with the matrix.
-/// Twice as many saved no iteration in a coupled ATPS descent (about 13 in the 11 to 17
-/// calls of a window, most of them in the first five).
+/// Largest number of basis vectors: reading them costs about as much as a product with the matrix. Twice as many
+/// saved no iteration in a coupled ATPS descent (about 13 in the 11 to 17 solves of a window, most of them in the
+/// first five).
 const CAPACITY: usize = 24;
 
-impl Warm {
+impl SolutionProjection {
     /// An empty basis for vectors of `n` numbers and motions of `n_canopy` numbers.
     pub fn new(n: usize, n_canopy: usize) -> Self {
         Self {
@@ -38,20 +37,20 @@ impl Warm {
         }
     }
 
-    /// Basis, and the motion of the canopy that each vector answers.
-    pub fn memory(&self) -> (Vec<Vec<f32>>, Vec<Vec<f64>>) {
+    /// Basis, and the motion of the canopy of each vector.
+    pub fn save_state(&self) -> (Vec<Vec<f32>>, Vec<Vec<f64>>) {
         (self.basis[..self.known].to_vec(), self.canopies[..self.known].to_vec())
     }
 
-    /// Takes up a [`Warm::memory`] of the same matrix, into an empty basis.
+    /// Restores a [`SolutionProjection::save_state`] of the same matrix, into an empty basis.
     ///
     /// # Errors
-    /// What does not fit; nothing is taken up then.
-    pub fn recall(&mut self, basis: &[Vec<f32>], canopies: &[Vec<f64>]) -> Result<(), String> {
+    /// Data that do not match; the basis is unchanged then.
+    pub fn restore_state(&mut self, basis: &[Vec<f32>], canopies: &[Vec<f64>]) -> Result<(), String> {
         let (n, n_canopy) = (self.basis[0].len(), self.canopies[0].len());
         let fits = basis.iter().all(|v| v.len() == n) && canopies.iter().all(|k| k.len() == n_canopy);
         if basis.len() > CAPACITY || basis.len() != canopies.len() || !fits {
-            return Err("its past solutions are of another grid or canopy".into());
+            return Err("its past solutions belong to another grid or canopy".into());
         }
         self.known = basis.len();
         self.basis.iter_mut().zip(basis).for_each(|(v, kept)| v.copy_from_slice(kept));
@@ -59,8 +58,8 @@ impl Warm {
         Ok(())
     }
 
-    /// Sets `x` to the guess for `b` (owned parts), and takes from `canopy`, the motion that
-    /// makes `b`, the part that the guess answers. Collective.
+    /// Sets `x` to the guess for `b` (owned parts), and subtracts from `canopy`, the motion that causes `b`, the part
+    /// in the span of the basis. Collective.
     pub fn guess(&mut self, comm: &Comm, b: &[f64], x: &mut [f64], canopy: &mut [f64]) {
         let mut c = [0.0; CAPACITY];
         let c = &mut c[..self.known];
@@ -77,9 +76,9 @@ impl Warm {
         self.shares.extend_from_slice(c);
     }
 
-    /// Learns the correction `d` that was added to the last guess; `ad` is A d, `canopy` the
-    /// motion that it answers. Both `d` and `canopy` are used up. Collective.
-    pub fn learn(&mut self, comm: &Comm, d: &mut [f64], ad: &[f64], canopy: &mut [f64]) {
+    /// Adds the correction `d` to the last guess to the basis; `ad` is A d, `canopy` its motion of the canopy. Both
+    /// `d` and `canopy` are overwritten. Collective.
+    pub fn add_solution(&mut self, comm: &Comm, d: &mut [f64], ad: &[f64], canopy: &mut [f64]) {
         let m = self.known;
         let mut c = [0.0; CAPACITY + 1];
         for (c, v) in c[..m].iter_mut().zip(&self.basis) {
@@ -92,7 +91,7 @@ impl Warm {
         for (s, c) in self.shares.iter_mut().zip(&c[..m]) {
             *s += c;
         }
-        // Below this share of its energy the new direction is rounding of `f32`.
+        // Below this fraction of its energy the new direction is round-off of `f32`.
         if rest.is_nan() || rest <= 1e-10 * energy {
             return;
         }
@@ -111,8 +110,8 @@ impl Warm {
         self.known += 1;
     }
 
-    /// Replaces the older half by the one combination of it that the latest
-    /// solution uses, which keeps the basis orthonormal and that solution in it.
+    /// Replaces the older half by its linear combination in the latest solution, which keeps the basis orthonormal
+    /// and that solution in its span.
     fn merge(&mut self) {
         let old = CAPACITY / 2;
         let norm = self.shares[..old].iter().map(|s| s * s).sum::<f64>().sqrt();
@@ -171,43 +170,43 @@ mod tests {
 
     /// A diagonal matrix, motions in a space of 8 dimensions.
     #[test]
-    fn guesses_what_it_has_seen_through_merges() {
+    fn guess_is_accurate_after_all_motions_were_added() {
         let comm = Comm::solo();
         let n = 50;
         let a: Vec<f64> = (0..n).map(|i| 1.0 + i as f64).collect();
         let wave = |k: usize, i: usize| ((k + 1) as f64 * 0.37 * i as f64).sin();
-        let mut warm = Warm::new(n, n);
+        let mut warm_start_basis = SolutionProjection::new(n, n);
         let (mut x, mut first, mut late) = (vec![0.0; n], 0.0f64, 0.0f64);
         for step in 0..100 {
             let b: Vec<f64> = (0..n)
                 .map(|i| (0..8).map(|k| wave(k, i) * (0.3 * step as f64 + k as f64).sin()).sum())
                 .collect();
-            let mut push = b.clone();
-            warm.guess(&comm, &b, &mut x, &mut push);
+            let mut displacement = b.clone();
+            warm_start_basis.guess(&comm, &b, &mut x, &mut displacement);
             let exact: Vec<f64> = b.iter().zip(&a).map(|(b, a)| b / a).collect();
             let mut d: Vec<f64> = exact.iter().zip(&x).map(|(e, x)| e - x).collect();
-            let miss = d.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let max_error = d.iter().map(|v| v * v).sum::<f64>().sqrt();
             let size = exact.iter().map(|v| v * v).sum::<f64>().sqrt();
             if step == 0 {
-                first = miss / size;
+                first = max_error / size;
             } else if step >= 8 {
-                late = late.max(miss / size);
+                late = late.max(max_error / size);
             }
             let ad: Vec<f64> = d.iter().zip(&a).map(|(d, a)| d * a).collect();
-            warm.learn(&comm, &mut d, &ad, &mut push);
-            assert!(warm.known <= CAPACITY);
+            warm_start_basis.add_solution(&comm, &mut d, &ad, &mut displacement);
+            assert!(warm_start_basis.known <= CAPACITY);
         }
         assert_eq!(first, 1.0);
         assert!(late < 1e-5, "all motions are known after 8 steps: {late}");
-        warm.guess(&comm, &vec![0.0; n], &mut x, &mut []);
+        warm_start_basis.guess(&comm, &vec![0.0; n], &mut x, &mut []);
         assert!(x.iter().all(|&v| v == 0.0));
     }
 
     #[test]
-    fn a_merge_keeps_the_latest_solution() {
+    fn merge_keeps_the_latest_solution_in_the_span() {
         let comm = Comm::solo();
         let n = 200;
-        let mut warm = Warm::new(n, n);
+        let mut warm_start_basis = SolutionProjection::new(n, n);
         let mut x = vec![0.0; n];
         // Unit matrix; each step adds one new direction to all earlier ones.
         let b = |step: usize| -> Vec<f64> {
@@ -215,18 +214,19 @@ mod tests {
         };
         for step in 0..60 {
             let b = b(step);
-            let mut push = b.clone();
-            warm.guess(&comm, &b, &mut x, &mut push);
+            let mut displacement = b.clone();
+            warm_start_basis.guess(&comm, &b, &mut x, &mut displacement);
             let mut d: Vec<f64> = b.iter().zip(&x).map(|(b, x)| b - x).collect();
             let ad = d.clone();
-            warm.learn(&comm, &mut d, &ad, &mut push);
-            let mut push = b.clone();
-            warm.guess(&comm, &b, &mut x, &mut push);
-            // With the unit matrix the motion answered is the guess itself.
-            let apart = b.iter().zip(&x).zip(&push).map(|((b, x), p)| (b - x - p).abs()).fold(0.0, f64::max);
-            assert!(apart < 1e-4, "step {step}: {apart}");
-            let miss: f64 = b.iter().zip(&x).map(|(b, x)| (b - x).abs()).fold(0.0, f64::max);
-            assert!(miss < 1e-4, "step {step}: {miss}");
+            warm_start_basis.add_solution(&comm, &mut d, &ad, &mut displacement);
+            let mut displacement = b.clone();
+            warm_start_basis.guess(&comm, &b, &mut x, &mut displacement);
+            // With the unit matrix the motion of the canopy equals the guess.
+            let max_difference =
+                b.iter().zip(&x).zip(&displacement).map(|((b, x), p)| (b - x - p).abs()).fold(0.0, f64::max);
+            assert!(max_difference < 1e-4, "step {step}: {max_difference}");
+            let max_error: f64 = b.iter().zip(&x).map(|(b, x)| (b - x).abs()).fold(0.0, f64::max);
+            assert!(max_error < 1e-4, "step {step}: {max_error}");
         }
     }
 }

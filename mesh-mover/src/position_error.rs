@@ -1,28 +1,28 @@
-//! What cells feel of an error of their nodes' positions.
+//! Norm of errors of node positions, relative to the sizes of cells.
 
 use mesh::geometry::Vec3;
 
 use crate::local::{EDGES, Kind, LocalGrid};
 use crate::solve::larger;
 
-/// Lengths that errors are measured by.
+/// Lengths that scale position errors.
 ///
-/// A cell feels how its nodes move apart. Between thin cells that are stiff together
-/// an error of all their nodes alike is not felt, and is what an iteration finds last. So a node's own error is measured by the longest
-/// edge around it, and the difference of two nodes by the edge between them.
-pub struct Felt {
-    /// Of each owned free node: the longest edge around it, or a shorter one that ends in a
-    /// node which does not move with the solution, m.
+/// A cell deforms by the relative motion of its nodes. An error common to all nodes of thin, mutually stiff cells
+/// does not deform them, and an iteration removes it last. So a node's own error is scaled by the longest edge around
+/// it, and the difference of two nodes by the edge between them.
+pub struct PositionErrorNorm {
+    /// For each owned free node: the longest edge around it, or a shorter one to a node that does not move with the
+    /// solution, m.
     pub sizes: Vec<f64>,
-    /// Shorter edges: owned free nodes at their ends, one over the length (1/m).
+    /// Shorter edges: the owned free nodes at their ends, and the inverse length (1/m).
     edges: Vec<(u32, u32, f32)>,
 }
 
-/// Edges longer than this share of both ends' sizes are left to the ends.
+/// Edges longer than this fraction of both ends' sizes are covered by the ends.
 const SHORT: f64 = 0.5;
 
-impl Felt {
-    /// Of the grid at `x` (all local nodes, flat, m).
+impl PositionErrorNorm {
+    /// For the grid at `x` (all local nodes, flat, m).
     pub fn new(grid: &LocalGrid, x: &[f64]) -> Self {
         let n = grid.n_free;
         let owned = |kind: Kind| match kind {
@@ -65,8 +65,7 @@ impl Felt {
         Self { sizes, edges }
     }
 
-    /// The largest share of an edge that `z` (errors of owned free nodes, m) is felt as; NaN becomes
-    /// infinity.
+    /// The largest error `z` (of owned free nodes, m) relative to an edge; NaN becomes infinity.
     pub fn largest(&self, z: &[f64]) -> f64 {
         let z = z.as_chunks::<3>().0;
         let mut most = 0.0f64;
@@ -89,30 +88,30 @@ impl Felt {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::plate_in_box;
+    use crate::example_grid::plate_in_box;
 
     #[test]
-    fn moving_alike_is_felt_less_than_moving_apart() {
+    fn common_displacement_has_a_smaller_norm_than_relative_displacement() {
         // Layers at the plate are a tenth as high as cells are wide.
         let grid = plate_in_box(16, 0.0, 0.7, false);
         let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &comm::Comm::solo());
         let x = local.gather(&grid.coords);
-        let felt = Felt::new(&local, &x);
+        let position_error = PositionErrorNorm::new(&local, &x);
         let z_of = |f: &dyn Fn(f64) -> f64| -> Vec<f64> {
             local.free_node.iter().flat_map(|&a| [0.0, 0.0, f(x[3 * a as usize + 2])]).collect()
         };
         let width = 2.0 / 16.0;
         let thin = 0.3 * 0.7f64.powi(7) / (1.0 - 0.7f64.powi(8));
-        // All alike: as a share of the distance to the nodes that stay.
-        let alike = felt.largest(&z_of(&|_| 1e-3));
-        assert!((alike - 1e-3 / thin).abs() < 1e-9, "{alike} {}", 1e-3 / thin);
-        // Away from the plate the longest edge counts, and the strain of the short ones.
-        let strain = felt.largest(&z_of(&|z| 1e-3 * z));
-        let own = local.free_node.iter().zip(&felt.sizes);
+        // Common displacement: relative to the distance to the fixed nodes.
+        let common = position_error.largest(&z_of(&|_| 1e-3));
+        assert!((common - 1e-3 / thin).abs() < 1e-9, "{common} {}", 1e-3 / thin);
+        // Away from the plate: the longest edge, and the strain of the short ones.
+        let strain = position_error.largest(&z_of(&|z| 1e-3 * z));
+        let own = local.free_node.iter().zip(&position_error.sizes);
         let most = own.map(|(&a, h)| 1e-3 * x[3 * a as usize + 2].abs() / h).fold(0.0, f64::max);
         assert!((strain - most.max(1e-3)).abs() < 1e-9, "{strain} {most}");
-        assert!(felt.sizes.iter().all(|h| *h <= 3.0 * width) && !felt.edges.is_empty());
-        let bad = felt.largest(&z_of(&|z| if z > 0.5 { f64::NAN } else { 0.0 }));
+        assert!(position_error.sizes.iter().all(|h| *h <= 3.0 * width) && !position_error.edges.is_empty());
+        let bad = position_error.largest(&z_of(&|z| if z > 0.5 { f64::NAN } else { 0.0 }));
         assert_eq!(bad, f64::INFINITY);
     }
 }

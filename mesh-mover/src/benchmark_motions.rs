@@ -4,21 +4,21 @@ use comm::Comm;
 use mesh::FlowGrid;
 
 use crate::local::LocalGrid;
-use crate::motion::{Limits, Motion, MotionError, Moved, Positions};
+use crate::motion::{Limits, Motion, MotionError, MotionResult, Positions};
 use crate::mover::Mover;
 
-/// Where a point of the plate is at share `s` of a motion.
+/// Position of a point of the plate at fraction `s` of a motion.
 pub type Path = fn([f64; 3], f64) -> [f64; 3];
 
 /// The motions, for a plate `[-w, w]^2` in the plane z = 0 with w = 0.375 (see [`plate`]).
 pub const MOTIONS: [(&str, Path); 6] = [
     ("translated normally by half its width", |p, s| [p[0], p[1], p[2] + HALF * s]),
     ("translated in its plane by half its width", |p, s| [p[0] + HALF * s, p[1], p[2]]),
-    ("turned by 60 degrees", turn),
-    ("squeezed to half", |p, s| [p[0] * (1.0 - 0.5 * s), p[1] * (1.0 - 0.5 * s), p[2]]),
+    ("rotated by 60 degrees", rotate),
+    ("compressed to half", |p, s| [p[0] * (1.0 - 0.5 * s), p[1] * (1.0 - 0.5 * s), p[2]]),
     ("a flap bent to 90 degrees", flap),
-    ("all at once: lifted, turned, squeezed by half as much", |p, s| {
-        let q = turn([p[0] * (1.0 - 0.25 * s), p[1] * (1.0 - 0.25 * s), p[2]], 0.5 * s);
+    ("combined: lifted, rotated, compressed by half as much", |p, s| {
+        let q = rotate([p[0] * (1.0 - 0.25 * s), p[1] * (1.0 - 0.25 * s), p[2]], 0.5 * s);
         [q[0], q[1], q[2] + 0.5 * HALF * s]
     }),
 ];
@@ -29,35 +29,35 @@ const HALF: f64 = 0.375;
 /// The grid of [`MOTIONS`]: `n` cells a side (a multiple of 16).
 pub fn plate(n: usize) -> FlowGrid {
     assert!(n.is_multiple_of(16), "the plate ends on nodes");
-    crate::sample::plate_with_margin(n, 5 * n / 16, 0.1, 0.85f64.powf(16.0 / n as f64), false)
+    crate::example_grid::plate_with_margin(n, 5 * n / 16, 0.1, 0.85f64.powf(16.0 / n as f64), false)
 }
 
-fn turn(p: [f64; 3], s: f64) -> [f64; 3] {
+fn rotate(p: [f64; 3], s: f64) -> [f64; 3] {
     let (sin, cos) = (s * std::f64::consts::FRAC_PI_3).sin_cos();
     [cos * p[0] - sin * p[2], p[1], sin * p[0] + cos * p[2]]
 }
 
-/// The half at x > 0 rolls up on a circle until its end stands upright.
+/// The half at x > 0 rolls up on a circle until its end is vertical.
 fn flap(p: [f64; 3], s: f64) -> [f64; 3] {
     let k = s * std::f64::consts::FRAC_PI_2 / HALF;
     if p[0] <= 0.0 || k == 0.0 { p } else { [(k * p[0]).sin() / k, p[1], (1.0 - (k * p[0]).cos()) / k] }
 }
 
-/// A grid with its canopy moved window by window, on one rank.
-pub struct Trial {
-    /// Before the first window.
+/// A grid whose canopy is moved window by window, on one rank.
+pub struct MotionTrial {
+    /// Positions before the first window.
     pub start: Positions,
-    /// Now.
+    /// Present positions.
     pub at: Positions,
     /// The moving grid.
     pub motion: Motion,
 }
 
-impl Trial {
+impl MotionTrial {
     /// On a grid at rest.
     ///
     /// # Errors
-    /// A bad start grid.
+    /// An invalid start grid.
     pub fn new(grid: &FlowGrid, mover: Box<dyn Mover>, limits: Limits) -> Result<Self, MotionError> {
         let local = LocalGrid::new(grid, &vec![0; grid.coords.len()], &Comm::solo());
         let x = local.gather(&grid.coords);
@@ -67,18 +67,18 @@ impl Trial {
         Ok(Self { at: start.clone(), start, motion })
     }
 
-    /// One window: the canopy goes to `shape` of its start position.
+    /// One window: the canopy moves to `shape` of its start position.
     ///
     /// # Errors
-    /// The grid cannot follow; it stays where it was.
-    pub fn window(&mut self, shape: impl Fn([f64; 3]) -> [f64; 3]) -> Result<Moved, MotionError> {
+    /// The grid motion failed; its state is unchanged.
+    pub fn window(&mut self, shape: impl Fn([f64; 3]) -> [f64; 3]) -> Result<MotionResult, MotionError> {
         let mut to = self.at.clone();
         for (c, s) in to.canopy.as_chunks_mut::<3>().0.iter_mut().zip(self.start.canopy.as_chunks::<3>().0) {
             *c = shape(*s);
         }
         let moved = self.motion.follow(&self.at, &mut to)?;
         self.at = to;
-        self.motion.settle(&self.at, &moved.shape);
+        self.motion.accept(&self.at, &moved.shape);
         Ok(moved)
     }
 }

@@ -1,31 +1,31 @@
-//! Faces in groups, for models whose matrix is dense.
+//! Groups of interface faces (panels), for surrogates with a dense matrix.
 
 use std::collections::{BTreeMap, HashMap};
 
 use crate::geometry::{Vec3, distinct};
 
-/// Normals of two groups that become one point the same way to this cosine at least.
-const ALIKE: f64 = 0.5;
+/// Smallest cosine between the normals of two groups that are merged.
+const MIN_COSINE: f64 = 0.5;
 
-/// Which faces act as one. A group per face is no grouping: then all means are the faces' own values.
+/// Partition of the faces into groups. With one face per group all means are the faces' own values.
 #[derive(Clone, Debug)]
-pub(crate) struct Groups {
+pub(crate) struct PanelGroups {
     /// Group of each face.
     pub of: Vec<u32>,
-    /// Share of each face in the area of its group.
+    /// Area of each face relative to its group.
     pub share: Vec<f64>,
-    /// Added length of what a group does not see of its faces' motion, m: see [`Groups::new`].
-    pub fine: Vec<f64>,
-    /// Edges of each group's outline, as nodes in the sense of its faces.
+    /// Added length of the motion of faces relative to their group, m: see [`PanelGroups::new`].
+    pub short_wave_length: Vec<f64>,
+    /// Edges of each group's outline, oriented like its faces.
     pub outlines: Vec<Vec<[u32; 2]>>,
 }
 
-impl Groups {
-    /// At most `most` groups of neighbours, as round and as even as pairwise merging makes them. `None` where
-    /// creases and gaps leave more.
+impl PanelGroups {
+    /// At most `most` groups of neighbours, compact and of even size, by pairwise merging. `None` where creases and
+    /// gaps leave more.
     ///
     /// A smooth motion sampled in groups of size $H$ leaves a sawtooth of period $H$. Its first wave,
-    /// $k = 2\pi/H$, adds the mass $2\rho/k$ to both sides of the surface: `fine` is $H/\pi$.
+    /// $k = 2\pi/H$, adds the mass $2\rho/k$ to both sides of the surface: `short_wave_length` is $H/\pi$.
     pub fn new(
         positions: &[Vec3],
         faces: &[[u32; 4]],
@@ -46,13 +46,13 @@ impl Groups {
         let mut whole = vec![0.0; count];
         of.iter().zip(areas).for_each(|(&g, a)| whole[g as usize] += a.norm());
         let share = of.iter().zip(areas).map(|(&g, a)| part(a.norm(), whole[g as usize])).collect();
-        let fine = whole.iter().map(|a| a.sqrt() / std::f64::consts::PI).collect();
-        Some(Self { outlines: outlines(faces, &of, count), of, share, fine })
+        let short_wave_length = whole.iter().map(|a| a.sqrt() / std::f64::consts::PI).collect();
+        Some(Self { outlines: outlines(faces, &of, count), of, share, short_wave_length })
     }
 
     /// Groups.
     pub fn len(&self) -> usize {
-        self.fine.len()
+        self.short_wave_length.len()
     }
 
     /// Means over the groups, by area.
@@ -65,18 +65,18 @@ impl Groups {
     }
 }
 
-/// Share of `a` in `whole`, which may be nothing.
+/// `a` relative to `whole`, which may be zero.
 fn part(a: f64, whole: f64) -> f64 {
     if a == whole { 1.0 } else { a / whole.max(f64::MIN_POSITIVE) }
 }
 
-/// Edges of a face, in its sense.
+/// Edges of a face, in its orientation.
 fn edges(face: &[u32; 4]) -> impl Iterator<Item = [u32; 2]> {
     let nodes = distinct(face);
     (0..nodes.len()).map(move |k| [nodes[k], nodes[(k + 1) % nodes.len()]])
 }
 
-/// Edges that a group does not share with itself.
+/// Outline of each group: edges that it does not share with itself.
 fn outlines(faces: &[[u32; 4]], of: &[u32], count: usize) -> Vec<Vec<[u32; 2]>> {
     let mut owner: HashMap<[u32; 2], u32> = HashMap::new();
     for (face, &g) in faces.iter().zip(of) {
@@ -92,7 +92,7 @@ fn outlines(faces: &[[u32; 4]], of: &[u32], count: usize) -> Vec<Vec<[u32; 2]>> 
     outlines
 }
 
-/// What merging reads of the canopy.
+/// Geometry of the canopy for merging.
 struct Canopy<'a> {
     positions: &'a [Vec3],
     faces: &'a [[u32; 4]],
@@ -107,13 +107,13 @@ struct Round {
     around: Vec<f64>,
     /// Sum of the normals by area.
     normal: Vec<Vec3>,
-    /// Length that two groups share, each pair under both.
+    /// Length of the common outline of two groups, stored under both.
     shared: Vec<BTreeMap<u32, f64>>,
 }
 
 impl Canopy<'_> {
-    /// Joins pairs of neighbours until there are `most` groups or none is left without a partner; groups are
-    /// numbered anew. Returns how many there are.
+    /// Merges pairs of neighbours until `most` groups are left or no pair remains; renumbers the groups. Returns
+    /// their number.
     fn merge(&self, of: &mut [u32], count: usize, most: usize) -> usize {
         let partner = self.measure(of, count).partners(most);
         renumber(of, &partner)
@@ -148,12 +148,12 @@ impl Canopy<'_> {
 }
 
 impl Round {
-    /// Partners until `most` groups would be left: small ones choose first, the partner with which they are
-    /// roundest: the largest area over the square of the outline.
+    /// Partners until `most` groups would be left: small groups choose first, and take the partner with which they
+    /// are most compact, that is with the largest ratio of area to squared outline.
     fn partners(&self, most: usize) -> Vec<Option<usize>> {
         let count = self.area.len();
         let mut order: Vec<usize> = (0..count).collect();
-        // Sizes by steps of a half: the order of equal ones must not hang on round-off.
+        // Sizes in steps of a factor of sqrt 2, so that round-off does not decide the order of equal ones.
         let step = |g: usize| (2.0 * self.area[g].max(f64::MIN_POSITIVE).log2()).round();
         order.sort_by(|&a, &b| step(a).total_cmp(&step(b)).then(a.cmp(&b)));
         let mut partner: Vec<Option<usize>> = vec![None; count];
@@ -173,14 +173,14 @@ impl Round {
         partner
     }
 
-    /// The neighbour without a partner with which group `g` is roundest.
+    /// The unpaired neighbour with which group `g` is most compact.
     fn roundest(&self, g: usize, partner: &[Option<usize>]) -> Option<usize> {
         let mut best: Option<(f64, usize)> = None;
         for (&other, length) in &self.shared[g] {
             let o = other as usize;
             let area = self.area[g] * self.area[o];
             let cosine = self.normal[g].dot(&self.normal[o]) / area.max(f64::MIN_POSITIVE);
-            if partner[o].is_some() || cosine < ALIKE {
+            if partner[o].is_some() || cosine < MIN_COSINE {
                 continue;
             }
             let outline = self.around[g] + self.around[o] - 2.0 * length;
@@ -193,7 +193,7 @@ impl Round {
     }
 }
 
-/// Numbers groups and their partners anew; returns how many there are.
+/// Renumbers groups and their partners; returns the number of groups.
 fn renumber(of: &mut [u32], partner: &[Option<usize>]) -> usize {
     let mut number = vec![u32::MAX; partner.len()];
     let mut next = 0;
@@ -212,30 +212,34 @@ fn renumber(of: &mut [u32], partner: &[Option<usize>]) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use crate::schemes::flow_model::lattice::Lattice;
+    use crate::schemes::surrogate::vortex_lattice::VortexLattice;
     use crate::schemes::test_support::plate;
 
     #[test]
-    fn a_square_grid_falls_into_blocks() {
+    fn square_grid_is_merged_into_blocks() {
         let (positions, faces) = plate(16);
-        let lattice = Lattice::new(&positions, &faces, 64, 0.0).expect("enough neighbours");
+        let lattice = VortexLattice::new(&positions, &faces, 64, 0.0).expect("enough neighbours");
         let groups = &lattice.groups;
         assert_eq!(groups.len(), 64);
-        // Four faces each, nearly all of them blocks of two by two with eight edges around them.
+        // Four faces each, nearly all in blocks of two by two with eight outline edges.
         let mut faces_of = vec![0; 64];
         groups.of.iter().for_each(|&g| faces_of[g as usize] += 1);
         assert!(faces_of.iter().all(|&n| n == 4), "{faces_of:?}");
         let blocks = groups.outlines.iter().filter(|o| o.len() == 8).count();
         assert!(blocks >= 60, "{blocks}");
-        // Four faces with a side of 1/16: the side of a group over pi.
+        // Four faces of side 1/16: the side of a group over pi.
         let side = 2.0 / 16.0 / std::f64::consts::PI;
-        assert!(groups.fine.iter().all(|f| (f - side).abs() < 1e-14), "{:?}", groups.fine);
+        assert!(
+            groups.short_wave_length.iter().all(|f| (f - side).abs() < 1e-14),
+            "{:?}",
+            groups.short_wave_length
+        );
         let means = groups.means(&vec![0.7; faces.len()]);
         assert!(means.iter().all(|m| (m - 0.7).abs() < 1e-14));
     }
 
     #[test]
-    fn creases_and_gaps_keep_groups_apart() {
+    fn creases_and_gaps_are_not_merged() {
         // Two squares that share an edge at a right angle, and one by itself.
         let positions = [
             [0.0, 0.0, 0.0],
@@ -250,7 +254,7 @@ mod tests {
             [5.0, 1.0, 0.0],
         ];
         let faces = [[0, 1, 2, 3], [1, 4, 5, 2], [6, 7, 8, 9]];
-        assert!(Lattice::new(&positions, &faces, 2, 0.0).is_none());
-        assert!(Lattice::new(&positions, &faces, 3, 0.0).is_some_and(|l| l.groups.len() == 3));
+        assert!(VortexLattice::new(&positions, &faces, 2, 0.0).is_none());
+        assert!(VortexLattice::new(&positions, &faces, 3, 0.0).is_some_and(|l| l.groups.len() == 3));
     }
 }

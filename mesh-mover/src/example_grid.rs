@@ -1,20 +1,19 @@
-//! A small grid for tests, benchmarks and trials without a scene: a box of
-//! mixed cells with a plate of zero thickness inside.
+//! A small grid for tests and benchmarks without a scene: a box of mixed cells with a plate of zero thickness inside.
 
 use mesh::{FlowGrid, Patch, StructureMesh};
 
 /// A box `[-1, 1]^3` with `n^3` hexahedra (`n` even, at least 4) and a square plate
 /// of half the width in its middle plane `z = 0`, whose nodes are the canopy.
 ///
-/// `wiggle` moves interior nodes off the plate by that share of a cell;
-/// `stretch` below 1 thins the layers towards the plate by that ratio each;
-/// with `mixed`, every third column of cells is cut into prisms and every
+/// `wiggle` moves interior nodes off the plate by that fraction of a cell; `stretch` below 1 reduces the height of
+/// the layers towards the plate by that ratio each; with `mixed`, every third column of cells is cut into prisms and
+/// every seventh cell elsewhere into six pyramids, so that faces match.
 /// seventh cell elsewhere into six pyramids, so faces still match.
 pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGrid {
     plate_with_margin(n, n.div_ceil(4), wiggle, stretch, mixed)
 }
 
-/// As [`plate_in_box`], the plate's edge being `margin` cells from the sides of the box.
+/// As [`plate_in_box`], with the plate's edge `margin` cells from the sides of the box.
 pub fn plate_with_margin(n: usize, margin: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGrid {
     assert!(n >= 4 && n.is_multiple_of(2), "the plate needs a middle plane");
     let plan = Plan { n, margin, wiggle, stretch, mixed };
@@ -32,7 +31,7 @@ pub fn plate_with_margin(n: usize, margin: usize, wiggle: f64, stretch: f64, mix
     grid
 }
 
-/// What [`plate_with_margin`] is asked for.
+/// Parameters of [`plate_with_margin`].
 struct Plan {
     n: usize,
     margin: usize,
@@ -130,7 +129,7 @@ impl Plan {
             let o = grid.coords.len() as u32;
             grid.coords.push(centre);
             for face in mesh::HEX_FACES {
-                // Turned inwards, the face is a base that looks at the apex.
+                // Reversed, the face is a base oriented towards the apex.
                 let q = [face[0], face[3], face[2], face[1]].map(|v| cell[v]);
                 grid.cells.push([q[0], q[1], q[2], q[3], o, o, o, o]);
             }
@@ -160,7 +159,7 @@ fn halves([a, b, c, d]: [u32; 4]) -> [[u32; 4]; 2] {
     [[a, b, c, c], [a, c, d, d]]
 }
 
-/// The plate as the canopy of a structure, unstressed where the grid has it.
+/// The plate as the canopy of a structure, unstressed in the grid's position.
 pub fn plate_structure(grid: &FlowGrid) -> StructureMesh {
     let of_grid = |a: u32| {
         grid.canopy_nodes.iter().position(|&b| a == b).expect("canopy faces have canopy nodes") as u32

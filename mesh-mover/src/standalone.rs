@@ -1,4 +1,4 @@
-//! The developer's command: a prescribed motion without partners.
+//! The developer's command `alone`: a prescribed motion without partners.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -14,19 +14,18 @@ use crate::motion::Limits;
 use crate::participant::{MeshMover, Setup, owners, regridder};
 use crate::resample::resample;
 
-/// Moves the grid of a scene without structure and flow: the canopy breathes about
-/// its start shape, each window is asked for several times with a shrinking
-/// error, as a coupled run does. Prints quality, iterations and seconds.
+/// Moves the grid of a scene without structure and flow: the canopy oscillates about its start shape, and each window
+/// is solved several times with a decreasing error, as in a coupled run. Prints quality, iterations and seconds.
 ///
 /// Example: mpirun -n 2 mesh-mover alone --scene cases/atps-descent/scene.toml
 /// --out runs/atps-descent --stage 2
 #[derive(Clone, Debug, Parser)]
 #[command(name = "mesh-mover alone")]
-pub struct AloneArgs {
+pub struct StandaloneArgs {
     /// Scene file.
     #[arg(long, value_name = "PATH")]
     pub scene: PathBuf,
-    /// Stage to start: its grid is built around the shape an earlier stage left in `--out`.
+    /// Stage to start: its grid is built around the shape that an earlier stage wrote to `--out`.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub stage: usize,
     /// Folder of the run's results.
@@ -35,39 +34,39 @@ pub struct AloneArgs {
     /// Ranks, as passed to `mpirun -n` (checked where given).
     #[arg(long, value_name = "N")]
     pub ranks: Option<usize>,
-    /// Windows to move through.
+    /// Number of windows.
     #[arg(long, value_name = "N", default_value_t = 40)]
     pub windows: u64,
-    /// Coupling iterations of a window.
+    /// Coupling iterations per window.
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub iterations: u64,
-    /// Share by which the canopy grows and shrinks about its axis.
+    /// Relative amplitude of the canopy's oscillation about its axis.
     #[arg(long, value_name = "SHARE", default_value_t = 0.1)]
     pub amplitude: f64,
-    /// Canopy shape (a `canopy.bin`) to move to in a straight line, instead of breathing.
+    /// Canopy shape (a `canopy.bin`) to move to in a straight line, instead of oscillating.
     #[arg(long, value_name = "PATH")]
     pub toward: Option<PathBuf>,
-    /// Scene whose canopy mesh `--toward` belongs to, where it is another one.
+    /// Scene of the canopy mesh of `--toward`, where it is another one.
     #[arg(long, value_name = "PATH", requires = "toward")]
     pub toward_scene: Option<PathBuf>,
-    /// Build the start grid around the shape at this share of the way from the unstressed canopy
-    /// to `--toward`, not around that of an earlier stage.
+    /// Build the start grid around the shape at this fraction of the distance from the unstressed canopy to
+    /// `--toward`, instead of the shape of an earlier stage.
     #[arg(long, value_name = "SHARE", requires = "toward")]
     pub from: Option<f64>,
-    /// Draw cuts through the middle of the grid at the start and at the end: PATH-start.svg, PATH-end.svg
+    /// Draw cross-sections through the middle of the grid at the start and at the end: PATH-start.svg, PATH-end.svg
     /// (on one rank).
     #[arg(long, value_name = "PATH")]
     pub cut: Option<PathBuf>,
-    /// Print every that many windows.
+    /// Print every N-th window.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub every: u64,
-    /// Windows of one breath.
+    /// Windows per period of the oscillation.
     #[arg(long, value_name = "N", default_value_t = 40.0)]
     pub period: f64,
 }
 
-impl AloneArgs {
-    /// The arguments of this process behind the word `alone`; ends the process where they are wrong.
+impl StandaloneArgs {
+    /// Parses the arguments after the word `alone`; ends the process where they are invalid.
     pub fn parse_after_verb() -> Self {
         Self::parse_from(std::env::args_os().take(1).chain(std::env::args_os().skip(2)))
     }
@@ -76,8 +75,8 @@ impl AloneArgs {
 /// Runs the command. Collective.
 ///
 /// # Errors
-/// What the mesh-mover says.
-pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
+/// Errors of the mesh-mover.
+pub fn run(scene: &Scene, args: &StandaloneArgs, comm: &Comm) -> Result<(), Fault> {
     if args.stage >= scene.stages.len() {
         return Err(Fault::new(format!("the scene has {} stages, counted from 0", scene.stages.len())));
     }
@@ -88,18 +87,18 @@ pub fn run(scene: &Scene, args: &AloneArgs, comm: &Comm) -> Result<(), Fault> {
         (Some(goal), Some(share)) => on_the_way(scene, &structure, goal, share, comm)?,
         _ => MeshMover::new(scene, args.stage, &args.out, comm)?,
     };
-    let mut flight = Flight::new(scene, args, comm, &structure, goal, mover);
-    flight.say_start(clock);
-    flight.draw("start")?;
+    let mut run = PrescribedMotionRun::new(scene, args, comm, &structure, goal, mover);
+    run.say_start(clock);
+    run.draw("start")?;
     for index in 0..args.windows {
-        flight.window(index)?;
+        run.window(index)?;
     }
-    flight.draw("end")?;
-    flight.say_end();
+    run.draw("end")?;
+    run.say_end();
     Ok(())
 }
 
-/// A mover whose grid is built around the shape at `share` of the way to `goal`.
+/// A mover whose grid is built around the shape at fraction `share` of the distance to `goal`.
 fn on_the_way(
     scene: &Scene,
     structure: &StructureMesh,
@@ -125,9 +124,9 @@ fn on_the_way(
     MeshMover::on_grid(setup, comm)
 }
 
-/// A mover with the motion that it is given, and what it took.
-struct Flight<'a> {
-    args: &'a AloneArgs,
+/// A mover with its prescribed motion and the cost so far.
+struct PrescribedMotionRun<'a> {
+    args: &'a StandaloneArgs,
     comm: &'a Comm,
     structure: &'a StructureMesh,
     goal: Option<Vec<Point>>,
@@ -141,14 +140,14 @@ struct Flight<'a> {
     seconds: f64,
     /// Iterations of the linear solver.
     iterations: f64,
-    /// Least quality so far.
+    /// Smallest quality so far.
     worst: f64,
 }
 
-impl<'a> Flight<'a> {
+impl<'a> PrescribedMotionRun<'a> {
     fn new(
         scene: &Scene,
-        args: &'a AloneArgs,
+        args: &'a StandaloneArgs,
         comm: &'a Comm,
         structure: &'a StructureMesh,
         goal: Option<Vec<Point>>,
@@ -196,16 +195,22 @@ impl<'a> Flight<'a> {
         ));
     }
 
-    /// Draws a cut through the grid where the command line asks for it.
+    /// Draws a cross-section through the grid where the command line requests it.
     fn draw(&self, name: &str) -> Result<(), Fault> {
         let Some(path) = &self.args.cut else { return Ok(()) };
         let at = self.mover.positions();
         let nodes = at.canopy.as_chunks::<3>().0;
         let mean = |i: usize| nodes.iter().map(|p| p[i]).sum::<f64>() / nodes.len() as f64;
         let half = 1.6 * nodes.iter().map(|p| (p[0] - mean(0)).abs()).fold(0.0, f64::max);
-        // Not through the middle itself, where a layer of faces may lie.
+        // Slightly off the centre, where a layer of faces may lie.
         let grid = &self.mover.motion().grid;
-        let svg = crate::cut::cut(grid, &at.grid, mean(1) + 0.03 * half, [mean(0), mean(2)], half);
+        let svg = crate::cross_section::cross_section(
+            grid,
+            &at.grid,
+            mean(1) + 0.03 * half,
+            [mean(0), mean(2)],
+            half,
+        );
         let path = format!("{}-{name}.svg", path.display());
         std::fs::write(&path, svg).map_err(|e| Fault::new(format!("{path}: {e}")))
     }
@@ -215,7 +220,7 @@ impl<'a> Flight<'a> {
         let mut line = format!("window {index:4}:");
         let mut last = None;
         for iteration in 0..self.args.iterations {
-            self.place_canopy(index, iteration);
+            self.set_canopy_positions(index, iteration);
             let (time, dt) = (index as f64 * self.dt, self.dt);
             let w = Window { index, iteration, substeps: 1, time, dt, ..Window::default() };
             let input = Input { canopy: &self.displacement, grid: Default::default() };
@@ -226,7 +231,7 @@ impl<'a> Flight<'a> {
             self.seconds += spent;
             self.iterations += stats.values[mesh_stats::ITERATIONS];
             line += &format!(" {}it {:.1}ms", stats.values[mesh_stats::ITERATIONS], 1e3 * spent);
-            if let Some(fault) = self.mover.stuck() {
+            if let Some(fault) = self.mover.failure() {
                 return Err(fault.clone());
             }
             last = Some((w, stats.values));
@@ -249,13 +254,13 @@ impl<'a> Flight<'a> {
         Ok(())
     }
 
-    /// The displacement that an iteration of a window asks for.
-    fn place_canopy(&mut self, index: u64, iteration: u64) {
+    /// Sets the displacement of an iteration of a window.
+    fn set_canopy_positions(&mut self, index: u64, iteration: u64) {
         let args = self.args;
-        // The first guesses of a window miss by a share of the window's motion.
+        // The first iterates of a window have an error relative to the window's motion.
         let last = iteration + 1 >= args.iterations;
-        let miss = 0.3 * 0.1f64.powi(iteration as i32) * if last { 0.0 } else { 1.0 };
-        let now = index as f64 + 1.0 - miss;
+        let max_error = 0.3 * 0.1f64.powi(iteration as i32) * if last { 0.0 } else { 1.0 };
+        let now = index as f64 + 1.0 - max_error;
         let phase = std::f64::consts::TAU * now / args.period;
         let (unstressed, displacement) = (&self.structure.coords, &mut self.displacement);
         match &self.goal {
@@ -267,8 +272,8 @@ impl<'a> Flight<'a> {
     fn say_end(&self) {
         let calls = (self.args.windows * self.args.iterations).max(1) as f64;
         self.say(format_args!(
-            "worst scaled Jacobian {:.4}; {:.2} iterations and {:.2} ms a call, {:.2} us per cell and call; \
-             {:.0} bytes per cell at most",
+            "worst scaled Jacobian {:.4}; {:.2} iterations and {:.2} ms per solve, {:.2} us per cell and solve; \
+             {:.0} bytes per cell at peak",
             self.worst,
             self.iterations / calls,
             1e3 * self.seconds / calls,
@@ -278,15 +283,15 @@ impl<'a> Flight<'a> {
     }
 }
 
-/// Most memory that this process has had, from the kernel's accounts (Linux; else 0).
+/// Peak memory of this process, from the kernel's statistics (Linux; else 0).
 fn peak_bytes() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
     1024.0 * line.and_then(|l| l.trim().split(' ').next()?.parse::<f64>().ok()).unwrap_or(0.0)
 }
 
-/// The shape to go to, on this scene's canopy mesh.
-fn goal(path: &Path, args: &AloneArgs, structure: &StructureMesh) -> Result<Vec<[f64; 3]>, Fault> {
+/// The target shape on this scene's canopy mesh.
+fn goal(path: &Path, args: &StandaloneArgs, structure: &StructureMesh) -> Result<Vec<[f64; 3]>, Fault> {
     let Some(other) = &args.toward_scene else {
         return mesh::load_shape(path, structure.n_canopy).map_err(Fault::new);
     };
@@ -297,7 +302,7 @@ fn goal(path: &Path, args: &AloneArgs, structure: &StructureMesh) -> Result<Vec<
         .ok_or_else(|| Fault::new(format!("{} is the shape of another canopy", path.display())))
 }
 
-/// The shape at share `s` of the way from the start to `goal`, as displacement from the unstressed shape.
+/// The shape at fraction `s` of the distance from the start to `goal`, as displacement from the unstressed shape.
 fn go(start: &[f64], goal: &[[f64; 3]], s: f64, unstressed: &[[f64; 3]], displacement: &mut [f64]) {
     let rows = displacement.as_chunks_mut::<3>().0.iter_mut().zip(start.as_chunks::<3>().0);
     for (((d, a), b), x) in rows.zip(goal).zip(unstressed) {
@@ -305,8 +310,7 @@ fn go(start: &[f64], goal: &[[f64; 3]], s: f64, unstressed: &[[f64; 3]], displac
     }
 }
 
-/// The start shape, wider by `share` about its axis and waved a little, as
-/// displacement from the unstressed shape.
+/// The start shape, scaled by `share` about its axis with a small wave, as displacement from the unstressed shape.
 fn breathe(start: &[f64], unstressed: &[[f64; 3]], share: f64, phase: f64, displacement: &mut [f64]) {
     let rows = displacement.as_chunks_mut::<3>().0.iter_mut().zip(start.as_chunks::<3>().0);
     for ((d, s), x) in rows.zip(unstressed) {

@@ -1,27 +1,25 @@
-//! Small motions of the canopy between the calls of one window: the nodes around it follow
-//! directly, without equations.
+//! Small motions of the canopy between the solves of one window: the nodes near the canopy follow explicitly, without
+//! a linear solve.
 //!
-//! The calls of a coupled window differ by a few per cent of a cell. Any smooth extension of
-//! such a difference keeps all cells in shape, so the grid of the window's first call stays
-//! as it is, and the nearest rings of nodes follow the canopy node that they belong to,
-//! less with each ring. Within a window the grid is then a fixed linear function of the
-//! canopy, to the bit: the coupling sees no noise of a solver. Nothing accumulates, as the first
-//! call of the next window starts from the canopy's position alone.
+//! The solves of a coupled window differ by a few per cent of a cell. Any smooth extension of such a difference keeps
+//! all cells valid. So the grid of the window's first solve is kept, and the nearest rings of nodes follow their
+//! canopy node, each ring by a smaller share. Within a window the grid is then a fixed linear function of the canopy,
+//! exact bitwise: the coupling sees no solver noise. No error accumulates, because the first solve of the next window
+//! depends on the canopy's position alone.
 
 use mesh::FlowGrid;
 
 use crate::local::{EDGES, Kind, LocalGrid};
 
-/// Rings that follow. (A coupled ATPS descent moves the canopy by up to 2 % of a cell between
-/// calls; with four rings each takes a fifth of that off the next.)
+/// Number of rings that follow. (A coupled ATPS descent moves the canopy by up to 2 % of a cell between solves; with
+/// four rings each loses a fifth of that to the next.)
 const RINGS: u8 = 4;
 
-/// A motion is small while each canopy node moves by less than this share of the shortest
-/// edge around the nodes that follow it: cells between two rings then lose at most a
-/// twentieth of an edge.
+/// A motion is small while each canopy node moves by less than this fraction of the shortest edge around the nodes
+/// that follow it: cells between two rings then change by at most a twentieth of an edge.
 pub const SMALL: f64 = 0.25;
 
-/// The ring of a node, and the canopy node that it follows.
+/// Ring of a node, and the canopy node that it follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ring {
     canopy: u32,
@@ -35,19 +33,19 @@ impl Ring {
     }
 }
 
-/// One free node that follows the canopy.
+/// A free node that follows the canopy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
     /// Local free node.
     pub free: u32,
     /// Interface node that it follows.
     pub canopy: u32,
-    /// By this share of its motion.
+    /// Fraction of the canopy node's motion.
     pub share: f32,
 }
 
-/// Ring of each node of the whole grid: breadth first along edges from the canopy through
-/// free nodes, so that in a structured layer each column follows its own canopy node.
+/// Ring of each node of the whole grid: breadth-first search along edges from the canopy through free nodes, so that
+/// in a structured layer each column follows its own canopy node.
 pub fn rings(grid: &FlowGrid, kind: &[Kind]) -> Vec<Option<Ring>> {
     let mut rings = vec![None; grid.coords.len()];
     for (k, &a) in grid.canopy_nodes.iter().enumerate() {
@@ -69,7 +67,7 @@ pub fn rings(grid: &FlowGrid, kind: &[Kind]) -> Vec<Option<Ring>> {
                 }
             }
         }
-        // Among several, the lowest canopy node: the same on every rank.
+        // Of several canopy nodes the lowest: the same on every rank.
         found.sort_unstable();
         for (b, canopy) in found {
             rings[b as usize].get_or_insert(Ring { canopy, ring });
@@ -81,7 +79,7 @@ pub fn rings(grid: &FlowGrid, kind: &[Kind]) -> Vec<Option<Ring>> {
     rings
 }
 
-/// Adds to the displacements `u` of the owned free nodes what the near ones take of `canopy`.
+/// Adds to the displacements `u` of the owned free nodes the share of `canopy` that the near ones follow.
 pub fn follow(grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) {
     let u = u.as_chunks_mut::<3>().0;
     for row in &grid.near[..grid.near_owned] {
@@ -91,17 +89,17 @@ pub fn follow(grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) {
     }
 }
 
-/// Largest small motion of each canopy node, m: by [`SMALL`] and `sizes`, the shortest edges
-/// around the local free nodes. Collective.
-pub fn reach(grid: &LocalGrid, sizes: &[f64]) -> Vec<f64> {
-    let mut reach = vec![f64::INFINITY; grid.n_canopy];
+/// Largest small motion of each canopy node, m: [`SMALL`] times the shortest edge `sizes` around the local free
+/// nodes. Collective.
+pub fn follow_limit(grid: &LocalGrid, sizes: &[f64]) -> Vec<f64> {
+    let mut follow_limit = vec![f64::INFINITY; grid.n_canopy];
     for row in &grid.near {
-        let r = &mut reach[row.canopy as usize];
+        let r = &mut follow_limit[row.canopy as usize];
         *r = r.min(SMALL * sizes[row.free as usize]);
     }
-    let all = grid.comm().all_gather_var(&reach);
-    for (k, r) in reach.iter_mut().enumerate() {
+    let all = grid.comm().all_gather_var(&follow_limit);
+    for (k, r) in follow_limit.iter_mut().enumerate() {
         *r = all.iter().skip(k).step_by(grid.n_canopy).copied().fold(*r, f64::min);
     }
-    reach
+    follow_limit
 }

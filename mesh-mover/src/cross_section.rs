@@ -1,13 +1,12 @@
-//! A picture of a cut through the grid, coloured by the shape of the cells.
+//! Picture of a cross-section of the grid, coloured by the quality of the cells.
 
 use std::fmt::Write;
 
 use crate::local::{EDGES, LocalGrid};
 
-/// An SVG picture of this rank's cells where the plane y = `y` cuts them, within `half` of
-/// (`centre` x, `centre` z), m: red where the scaled Jacobian is 0, over yellow (1/3), to
-/// light blue (1). The canopy's faces are drawn by their cells' outlines.
-pub fn cut(grid: &LocalGrid, x: &[f64], y: f64, centre: [f64; 2], half: f64) -> String {
+/// An SVG picture of this rank's cells in the plane y = `y`, within `half` of (`centre` x, `centre` z), m: red at a
+/// scaled Jacobian of 0, yellow at 1/3, light blue at 1. The canopy's faces appear as outlines of their cells.
+pub fn cross_section(grid: &LocalGrid, x: &[f64], y: f64, centre: [f64; 2], half: f64) -> String {
     const SIZE: f64 = 900.0;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {SIZE} {SIZE}\" stroke=\"#333\" \
@@ -54,13 +53,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_cut_cell_is_there_once() {
+    fn every_intersected_cell_is_drawn_once() {
         let n = 8;
-        let grid = crate::sample::plate_in_box(n, 0.0, 1.0, false);
+        let grid = crate::example_grid::plate_in_box(n, 0.0, 1.0, false);
         let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &comm::Comm::solo());
-        let svg = cut(&local, &local.gather(&grid.coords), 0.1, [0.0, 0.0], 1.01);
+        let svg = cross_section(&local, &local.gather(&grid.coords), 0.1, [0.0, 0.0], 1.01);
         assert_eq!(svg.matches("<path").count(), n * n);
-        // Squares: right angles, the colour of one.
+        // Squares: right angles, the colour of 1.
         assert_eq!(svg.matches("#e1eefa").count(), n * n);
         assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n"));
     }

@@ -1,12 +1,11 @@
-//! How far cells are from the canopy: the pseudo-solid is stiff around it.
+//! Distance of cells from the canopy: the pseudo-solid is stiffer near it.
 
 use mesh::FlowGrid;
 use mesh::geometry::{Vec3, at, quad_area_vector};
 
-/// Distance of each of `cells` (centres, in the start grid) from the nearest canopy node, plus
-/// a third of a canopy face's mean width, in shares of the canopy's radius; counted up
-/// to that radius. All ones without a canopy.
-pub fn depths<'a>(grid: &FlowGrid, cells: impl Iterator<Item = &'a [u32; 8]>) -> Vec<f32> {
+/// Distance of each of `cells` (centres, in the start grid) from the nearest canopy node, plus a third of a canopy
+/// face's mean width, relative to the canopy's radius and limited to that radius. All ones without a canopy.
+pub fn canopy_distances<'a>(grid: &FlowGrid, cells: impl Iterator<Item = &'a [u32; 8]>) -> Vec<f32> {
     let canopy: Vec<Vec3> = grid.canopy_nodes.iter().map(|&a| at(&grid.coords, a)).collect();
     let area = |f: &[u32; 4]| quad_area_vector(f.map(|a| at(&grid.coords, a))).norm();
     let area: f64 = grid.canopy_faces.iter().map(area).sum();
@@ -31,7 +30,7 @@ fn ball(points: &[Vec3]) -> (Vec3, f64) {
     (centre, points.iter().map(|p| (p - centre).norm()).fold(0.0, f64::max))
 }
 
-/// Points in groups of neighbours (as their order has them), each in a ball.
+/// Points in groups of neighbours (in their order), each in a bounding sphere.
 struct Nearest<'a> {
     groups: Vec<(Vec3, f64, &'a [Vec3])>,
 }
@@ -65,14 +64,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nearest_of_all_and_capped() {
-        let grid = crate::sample::plate_in_box(8, 0.1, 0.8, true);
-        let depths = depths(&grid, grid.cells.iter());
+    fn distance_is_to_the_nearest_node_and_limited() {
+        let grid = crate::example_grid::plate_in_box(8, 0.1, 0.8, true);
+        let canopy_distances = canopy_distances(&grid, grid.cells.iter());
         let canopy: Vec<Vec3> = grid.canopy_nodes.iter().map(|&a| at(&grid.coords, a)).collect();
         let radius = 0.5f64.sqrt();
         let floor = (1.0 / grid.canopy_faces.len() as f64).sqrt() / 3.0;
         let mut capped = 0;
-        for (cell, depth) in grid.cells.iter().zip(depths) {
+        for (cell, depth) in grid.cells.iter().zip(canopy_distances) {
             let p = cell.iter().map(|&a| at(&grid.coords, a)).sum::<Vec3>() / 8.0;
             let d = canopy.iter().map(|q| (p - q).norm()).fold(radius, f64::min);
             capped += usize::from(d == radius);
