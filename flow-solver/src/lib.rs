@@ -19,7 +19,7 @@ pub mod gradient;
 pub mod implicit;
 pub mod limiter;
 mod loads;
-mod memory;
+mod allocator;
 pub mod monitors;
 mod participant;
 pub mod permeable;
@@ -40,7 +40,7 @@ pub mod turbulence;
 
 pub use error::FlowError;
 pub use loads::{FaceLoad, Loads, Total};
-pub use memory::return_large_blocks;
+pub use allocator::return_large_blocks;
 pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;

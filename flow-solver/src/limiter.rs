@@ -67,7 +67,7 @@ mod tests {
 
     /// With `y = a / b`: `(y^2 + 2 y) / (y^2 + y + 2)`.
     #[test]
-    fn the_share_is_the_rational_function_of_the_paper() {
+    fn limiter_is_the_published_rational_function() {
         for y in [0.0, 0.25, 1.0, 2.0, 7.0f64] {
             let exact = (y * y + 2.0 * y) / (y * y + y + 2.0);
             for b in [3.0, -0.2] {

@@ -12,7 +12,7 @@ pub use case::WindProfile as Profile;
 
 /// A profile and where the falling frame is in it.
 #[derive(Clone, Debug)]
-pub struct Sheared {
+pub struct WindShear {
     profile: Profile,
     /// Height of the frame's origin at the last accepted instant, m.
     pub height: f64,
@@ -22,7 +22,7 @@ pub struct Sheared {
     base: Vec3,
 }
 
-impl Sheared {
+impl WindShear {
     /// A frame whose origin starts at `height`.
     pub fn new(profile: Profile, height: f64) -> Self {
         Self { base: profile.at(height).into(), profile, height, next: height }

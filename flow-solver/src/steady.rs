@@ -26,7 +26,7 @@ pub struct March {
 
 /// What a march took.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Marched {
+pub struct MarchReport {
     /// Steps.
     pub steps: usize,
     /// Corrections in all steps.
@@ -40,7 +40,7 @@ pub struct Marched {
     /// Steps whose iterations ran out before the residual had dropped by [`STEP_DROP`].
     pub unsolved: usize,
     /// The force ended the march.
-    pub calm: bool,
+    pub force_converged: bool,
 }
 
 /// Each step solves its residual down by this factor. Deeper drops and faster growth
@@ -62,7 +62,7 @@ impl March {
         solver: &mut Solver<G, N>,
         frame: Vec3,
         mut watch: impl FnMut(&Solver<G, N>) -> Vec3,
-    ) -> Result<Marched, FlowError> {
+    ) -> Result<MarchReport, FlowError> {
         let drop = std::mem::replace(&mut solver.settings.residual_drop, STEP_DROP);
         let outcome = self.steps(solver, frame, &mut watch);
         solver.settings.residual_drop = drop;
@@ -75,7 +75,7 @@ impl March {
         solver: &mut Solver<G, N>,
         frame: Vec3,
         watch: &mut dyn FnMut(&Solver<G, N>) -> Vec3,
-    ) -> Result<Marched, FlowError> {
+    ) -> Result<MarchReport, FlowError> {
         let n = solver.topology.n_owned;
         let mut sums = [solver.metrics.volume[..n].iter().sum::<f64>(), n as f64];
         solver.comm().sum_slice(&mut sums);
@@ -84,12 +84,12 @@ impl March {
         let speed = 10.0 * solver.settings.reference_speed;
         let longest = self.max_courant * cell / speed;
         let mut dt = (cell / speed).min(longest);
-        let mut marched = Marched::default();
+        let mut marched = MarchReport::default();
         let mut largest: f64 = 0.0;
         let mut last: Vec<(f64, Vec3)> = Vec::new();
         while marched.steps < self.max_steps {
             solver.first_order_steps = 2;
-            let report = match solver.advance(&Step { dt, frame, again: false, moved: false }) {
+            let report = match solver.advance(&Step { dt, frame, repeat: false, moved: false }) {
                 Ok(report) => report,
                 Err(error) if dt < 1e-3 * cell / speed => return Err(error),
                 Err(_) => {
@@ -101,7 +101,7 @@ impl March {
             marched.iterations += report.iterations;
             marched.linear_iterations += report.linear_iterations;
             marched.unsolved += usize::from(!report.met);
-            let left = left_over(solver, dt);
+            let left = steady_residual(solver, dt);
             largest = largest.max(left);
             marched.drop = left / largest.max(f64::MIN_POSITIVE);
             if last.len() == WATCHED {
@@ -112,23 +112,23 @@ impl March {
             solver.accept(dt, false);
             // The air has crossed the grid while the force was watched, or short steps hide it.
             let crossed = last.len() == WATCHED && last.iter().map(|l| l.0).sum::<f64>() * speed > extent;
-            let calm = crossed && marched.change < self.force_change;
+            let force_converged = crossed && marched.change < self.force_change;
             // A step that is not solved hardly moves: what it moved by says nothing of the steady residual.
-            if report.met && (marched.drop < self.residual_drop || calm) {
-                marched.calm = calm;
+            if report.met && (marched.drop < self.residual_drop || force_converged) {
+                marched.force_converged = force_converged;
                 return Ok(marched);
             }
             let factor = if report.iterations < solver.settings.max_iterations { GROWTH } else { 0.5 };
             dt = (factor * dt).min(longest);
         }
-        let Marched { steps, drop, change, unsolved, .. } = marched;
+        let MarchReport { steps, drop, change, unsolved, .. } = marched;
         Err(FlowError::Unsteady { steps, drop, change, unsolved })
     }
 }
 
 /// Norm of what the momentum equations without their time derivative have left, N. Collective.
-fn left_over<G: Gas<N>, const N: usize>(solver: &Solver<G, N>, dt: f64) -> f64 {
-    let cells = solver.q.iter().zip(&solver.past[0].q).zip(&solver.metrics.volume);
+fn steady_residual<G: Gas<N>, const N: usize>(solver: &Solver<G, N>, dt: f64) -> f64 {
+    let cells = solver.q.iter().zip(&solver.previous[0].q).zip(&solver.metrics.volume);
     let sum: f64 = cells
         .take(solver.topology.n_owned)
         .map(|((q, p), v)| {
@@ -147,7 +147,7 @@ fn change(last: &[(f64, Vec3)]) -> f64 {
 }
 
 /// What a march answers a window with.
-pub(crate) fn answer<G: Gas<N>, const N: usize>(
+pub(crate) fn solve_window<G: Gas<N>, const N: usize>(
     march: &March,
     solver: &mut Solver<G, N>,
     loads: &mut Loads,
@@ -159,7 +159,7 @@ pub(crate) fn answer<G: Gas<N>, const N: usize>(
         total.force
     })?;
     // Either of the scene's criteria ends a march; else it has no answer.
-    let target = if marched.calm { march.residual_drop.max(marched.drop) } else { march.residual_drop };
+    let target = if marched.force_converged { march.residual_drop.max(marched.drop) } else { march.residual_drop };
     let report = Report {
         start: 1.0,
         end: marched.drop,

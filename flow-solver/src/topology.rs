@@ -36,7 +36,7 @@ pub struct OpenSides {
 
 /// A canopy face that lets air through.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pore {
+pub struct PorousFace {
     /// Local face; its area vector points from inside to outside.
     pub face: u32,
     /// Local cell inside; one of the two cells is owned.
@@ -80,7 +80,7 @@ pub struct Topology {
     pub canopy_face: Vec<u32>,
     /// Canopy faces that let air through, where at least one side is owned; their sides
     /// are listed as walls too. Empty where the canopy is airtight.
-    pub pores: Vec<Pore>,
+    pub porous_faces: Vec<PorousFace>,
     /// Neighbours of owned cells.
     pub adjacency: Adjacency,
     /// Cells that gradients are taken over, where these are not the neighbours.
@@ -368,7 +368,7 @@ impl Builder<'_> {
             if let (Some(cloth), Some(inside), Some(outside)) =
                 (cloth, self.local(inside), self.local(outside))
             {
-                self.t.pores.push(Pore { face, inside, outside, cloth });
+                self.t.porous_faces.push(PorousFace { face, inside, outside, cloth });
             }
             for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
                 if self.of.is_mine(cell) {

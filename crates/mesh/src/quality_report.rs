@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_are_counted_and_even_boxes_are_perfect() {
+    fn cell_types_are_counted_and_uniform_boxes_have_ideal_quality() {
         for (k, shape) in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra]
             .into_iter()
             .enumerate()
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shear_a_stretch_and_a_step_are_measured() {
+    fn skewness_aspect_ratio_and_size_jump_are_measured() {
         // x += z / 2: faces normal to z are crossed at atan(1/2), without being off their middles.
         let mut grid = box_grid_of(BoxShape::Hexahedra, [4; 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         grid.coords.iter_mut().for_each(|x| x[0] += 0.5 * x[2]);

@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn volumes_come_back_with_types_and_fields() {
+    fn volume_round_trip_keeps_types_and_fields() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/flow.vtu");
         for (shape, kind, nodes) in [
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn a_collapsed_edge_anywhere_is_a_wedge() {
+    fn hexahedron_with_a_collapsed_edge_is_a_wedge() {
         // The unit cube squeezed along one edge in x: nodes 0-1 and 4-5.
         let (kind, nodes) = volume_cell(&[0, 0, 2, 3, 4, 4, 6, 7]);
         assert_eq!((kind, nodes.len()), (CellType::Wedge, 6));
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_compressed_but_for_arrays_that_fill_their_blocks() {
+    fn files_are_compressed_except_arrays_of_whole_blocks() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lines.vtu");
         // 4096 values of 8 bytes are one block to the byte, and 4096 points are three.
@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_and_wrong_fields() {
+    fn surfaces_are_written_and_wrong_field_lengths_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("canopy.vtu");
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn series_grow_and_resume() {
+    fn series_are_extended_after_a_restart() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flow.pvd");
         let mut series = Series::new(&path);

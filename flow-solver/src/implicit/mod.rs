@@ -1,12 +1,12 @@
 //! From a residual to a correction.
 
-mod acceleration;
+mod nonlinear_gmres;
 mod lusgs;
 mod multigrid;
 mod pressure;
 mod simple;
 
-pub use acceleration::Acceleration;
+pub use nonlinear_gmres::NonlinearGmres;
 pub use lusgs::LuSgs;
 pub use multigrid::MergedCells;
 pub use pressure::{PressureSystem, SolveReport};
@@ -15,22 +15,22 @@ pub use simple::PressureCorrection;
 use comm::Halo;
 
 use crate::gradient::Field;
-use crate::physics::{FaceFlow, Scheme};
+use crate::physics::{FaceFlux, FluxParameters};
 use crate::residual::{Domain, Spatial};
 use crate::topology::Adjacency;
 
 /// An approximate inverse of the linearised step.
 pub trait Correction<G, const N: usize> {
-    /// Prepares for the state of `field` with what passes the faces, `through`.
+    /// Prepares for the state of `field` with what passes the faces, `face_flux`.
     /// `extra` of 1 is the method's own pseudo-time step, more a shorter one.
     /// Collective.
     fn assemble(
         &mut self,
         spatial: &Spatial<G>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
-        through: &[FaceFlow],
+        face_flux: &[FaceFlux],
         extra: f64,
     );
 
@@ -39,7 +39,7 @@ pub trait Correction<G, const N: usize> {
         &mut self,
         gas: &G,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         r: &[[f64; N]],
         share: f64,
         q: &mut [[f64; N]],
@@ -54,7 +54,7 @@ pub trait Correction<G, const N: usize> {
     ///
     /// # Errors
     /// On every rank, what does not fit on one of them.
-    fn recall(&mut self, _merged: MergedCells, _rows: &Adjacency, _halo: &Halo) -> Result<(), String> {
+    fn restore_state(&mut self, _merged: MergedCells, _rows: &Adjacency, _halo: &Halo) -> Result<(), String> {
         Ok(())
     }
 }

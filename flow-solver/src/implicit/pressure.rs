@@ -62,7 +62,7 @@ impl PressureSystem {
     ///
     /// # Errors
     /// On every rank, what does not fit on one of them.
-    pub fn recall(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
+    pub fn restore_state(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
         self.multigrid = Some(Multigrid::of_merged(merged, rows, halo)?);
         Ok(())
     }
@@ -171,7 +171,7 @@ mod tests {
 
     /// Runs of 256, sixteen lanes, and what is left over, in whole numbers that single precision holds.
     #[test]
-    fn inner_products_of_any_length() {
+    fn inner_products_are_exact_for_any_length() {
         for n in [0, 1, 15, 16, 17, 255, 256, 257, 300, 600] {
             let a: Vec<f32> = (0..n).map(|i| (i % 7) as f32 - 2.0).collect();
             let b: Vec<f32> = (0..n).map(|i| 3.0 - (i % 5) as f32).collect();
@@ -182,7 +182,7 @@ mod tests {
 
     /// A ring of five cells against its dense matrix, in whole numbers.
     #[test]
-    fn products_are_those_of_the_dense_matrix() {
+    fn products_match_the_dense_matrix() {
         let cells: Vec<[u32; 2]> = (0..5).map(|i| [i, (i + 1) % 5]).collect();
         let rows = Adjacency::new(5, &cells);
         let mut off = vec![0.0; rows.cell.len() + 1];

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use channel::{Fault, Window};
 
 pub use forces::Forces;
-pub use probes::{Home, Probes};
+pub use probes::{ProbeLocation, Probes};
 pub use slice::Slice;
 pub use statistics::Statistics;
 pub use surface::Surface;
@@ -103,14 +103,14 @@ impl Monitors {
     }
 
     /// What is known of the probes, for a run that goes on in the middle of a stage.
-    pub fn probes(&self) -> Vec<Home> {
+    pub fn probes(&self) -> Vec<ProbeLocation> {
         self.probes.as_ref().map(Probes::memory).unwrap_or_default()
     }
 
     /// Takes up [`Monitors::probes`].
-    pub fn recall(&mut self, probes: Vec<Home>) {
+    pub fn restore_state(&mut self, probes: Vec<ProbeLocation>) {
         if let Some(p) = &mut self.probes {
-            p.recall(probes);
+            p.restore_state(probes);
         }
     }
 

@@ -28,12 +28,12 @@ pub const VELOCITY_DIFFUSION: f64 = 0.5;
 
 /// Constants of the flux, the same for all faces of a time step.
 #[derive(Clone, Copy, Debug)]
-pub struct Scheme {
+pub struct FluxParameters {
     /// Leading coefficient of the time derivative over the step, 1/s.
     pub rate: f64,
     /// Coefficients over the step of the time derivative of what ties the mass
     /// fluxes to pressure, 1/s.
-    pub tie: [f64; 3],
+    pub rhie_chow: [f64; 3],
     /// Velocity of the frame that the grid is given in, m/s.
     pub frame: Vec3,
     /// Undisturbed velocity, m/s.
@@ -47,23 +47,23 @@ pub struct Scheme {
     pub pressure_diffusion: f64,
 }
 
-impl Scheme {
+impl FluxParameters {
     /// What pressure adds to the mean momentum through a face, kg/(m2 s), given what
     /// it did at the two instants before and `push`, Pa, over `spacing`, m, where air
     /// passes at `speed`, m/s.
     #[inline(always)]
-    pub(super) fn tie(&self, past: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
-        let (held, resistance) = self.resistance(past, spacing, speed);
+    pub(super) fn rhie_chow(&self, previous: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
+        let (held, resistance) = self.resistance(previous, spacing, speed);
         (push - held) / resistance
     }
 
     /// What history takes of the pressure that drives a face, Pa, and the resistance that the
-    /// rest meets, m/s: see [`Scheme::tie`].
+    /// rest meets, m/s: see [`FluxParameters::rhie_chow`].
     #[inline(always)]
-    pub(crate) fn resistance(&self, past: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
-        let held = self.tie[1] * f64::from(past[0]) + self.tie[2] * f64::from(past[1]);
+    pub(crate) fn resistance(&self, previous: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
+        let held = self.rhie_chow[1] * f64::from(previous[0]) + self.rhie_chow[2] * f64::from(previous[1]);
         let fade = FADING * (speed + 10.0 * self.floor_squared.sqrt());
-        (spacing * held, spacing * self.tie[0] + fade)
+        (spacing * held, spacing * self.rhie_chow[0] + fade)
     }
 }
 
@@ -77,13 +77,13 @@ const FADING: f64 = 2.0;
 /// What a face keeps of its flux. Single precision: one part is read by
 /// preconditioners only, the other is small beside the flux.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FaceFlow {
+pub struct FaceFlux {
     /// Mass flux, kg/s (outward at the outer boundary).
     pub mass: f32,
     /// What pressure adds to the mean momentum, kg/(m2 s).
-    pub tie: f32,
+    pub rhie_chow: f32,
     /// The same at the last two accepted instants, newest first.
-    pub past: [f32; 2],
+    pub previous: [f32; 2],
 }
 
 /// What passes a face.
@@ -94,18 +94,18 @@ pub struct Interface<const N: usize> {
     /// Mass flux, kg/s.
     pub mass: f64,
     /// What pressure adds to the mean momentum, kg/(m2 s).
-    pub tie: f64,
+    pub rhie_chow: f64,
 }
 
 /// Flux through a face between the states `l` and `r` on its two sides.
 #[inline(always)]
 pub fn interface<G: Gas<N>, const N: usize>(
     gas: &G,
-    scheme: &Scheme,
+    scheme: &FluxParameters,
     l: &[f64; N],
     r: &[f64; N],
     face: &FaceMetric,
-    past: [f32; 2],
+    previous: [f32; 2],
 ) -> Interface<N> {
     let s = face.area;
     let mean = (velocity(l) + velocity(r)) * 0.5;
@@ -115,8 +115,8 @@ pub fn interface<G: Gas<N>, const N: usize>(
     let rho = gas.density(upwind(volume));
     let c2 = gas.sound_speed_squared(upwind(volume));
     let half = 0.5 * (l[0] - r[0]);
-    let tie = scheme.tie(past, scheme.pressure_diffusion * half, face.spacing(), speed);
-    let mass = rho * volume + face.magnitude() * (tie + half / c2.sqrt());
+    let rhie_chow = scheme.rhie_chow(previous, scheme.pressure_diffusion * half, face.spacing(), speed);
+    let mass = rho * volume + face.magnitude() * (rhie_chow + half / c2.sqrt());
     let carried = gas.carried(upwind(mass));
     let jump = (velocity(r) - velocity(l)).dot(&s);
     let diffusion = scheme.velocity_diffusion * rho * speed * jump / face.magnitude();
@@ -125,18 +125,18 @@ pub fn interface<G: Gas<N>, const N: usize>(
     for (f, c) in flux.iter_mut().zip(carried) {
         *f += mass * c;
     }
-    Interface { flux, mass, tie }
+    Interface { flux, mass, rhie_chow }
 }
 
 /// Flux through a wall at gauge pressure `p`: no mass.
 #[inline(always)]
 pub fn wall<G: Gas<N>, const N: usize>(gas: &G, p: f64, area: Vec3, grid_flux: f64) -> Interface<N> {
-    Interface { flux: gas.pressure_flux(p, area, grid_flux), mass: 0.0, tie: 0.0 }
+    Interface { flux: gas.pressure_flux(p, area, grid_flux), mass: 0.0, rhie_chow: 0.0 }
 }
 
 /// Speed relative to the frame, bounded from below.
 #[inline(always)]
-pub(crate) fn relative_speed(scheme: &Scheme, u: Vec3) -> f64 {
+pub(crate) fn relative_speed(scheme: &FluxParameters, u: Vec3) -> f64 {
     ((u - scheme.frame).norm_squared() + scheme.floor_squared).sqrt()
 }
 
@@ -145,10 +145,10 @@ mod tests {
     use super::*;
     use crate::physics::{Air, Isothermal};
 
-    fn scheme() -> Scheme {
-        Scheme {
+    fn scheme() -> FluxParameters {
+        FluxParameters {
             rate: 100.0,
-            tie: [150.0, -200.0, 50.0],
+            rhie_chow: [150.0, -200.0, 50.0],
             frame: Vec3::new(0.0, 0.0, 1.0),
             wind: Vec3::zeros(),
             floor_squared: 0.25,
@@ -169,14 +169,14 @@ mod tests {
     /// mean velocity, momentum carried upwind, and a pressure that lacks rho U [u] / 4 with
     /// U = sqrt(2.5^2 + 1 + 0.25), by hand.
     #[test]
-    fn the_interface_pressure_lacks_a_quarter_of_the_velocity_jump() {
+    fn interface_pressure_has_velocity_diffusion_of_one_quarter() {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([7.0, 3.0, 0.0, 0.0], [7.0, 2.0, 0.0, 0.0]);
         let found = interface(&gas, &scheme(), &l, &r, &face, [0.0; 2]);
         let rho = gas.density(&l);
         let mass = rho * 2.5 * 2.0;
-        assert!((found.mass - mass).abs() < 1e-12 * mass && found.tie == 0.0, "{found:?}");
+        assert!((found.mass - mass).abs() < 1e-12 * mass && found.rhie_chow == 0.0, "{found:?}");
         let speed = (2.5f64 * 2.5 + 1.0 + 0.25).sqrt();
         let pressure = 7.0 + 0.25 * rho * speed * 1.0;
         let momentum = mass * 3.0 + 2.0 * pressure;
@@ -186,15 +186,15 @@ mod tests {
     /// The same pressure jump at equal velocities: the mass flux gains pressure_diffusion [p] / 2 over the
     /// resistance of the face, and the acoustic [p] / 2c.
     #[test]
-    fn a_pressure_jump_drives_mass_as_the_resistance_allows() {
+    fn rhie_chow_flux_is_pressure_jump_over_resistance() {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([10.0, 0.0, 0.0, 1.0], [4.0, 0.0, 0.0, 1.0]);
         let found = interface(&gas, &scheme(), &l, &r, &face, [0.0; 2]);
         // A spacing of zero leaves what fades: 2 (U + 10 floor), U = 0.5, floor = 0.5.
-        let tie = 3.0 * 3.0 / (2.0 * (0.5 + 5.0));
+        let rhie_chow = 3.0 * 3.0 / (2.0 * (0.5 + 5.0));
         let sound = gas.sound_speed_squared(&r).sqrt();
-        let mass = 2.0 * (tie + 3.0 / sound);
+        let mass = 2.0 * (rhie_chow + 3.0 / sound);
         assert!((found.mass - mass).abs() < 1e-12 * mass, "{} {mass}", found.mass);
     }
 }

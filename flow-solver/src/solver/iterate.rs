@@ -14,7 +14,7 @@ struct Target {
     /// At which they end.
     residual: f64,
     /// At which the step counts as converged.
-    asked: f64,
+    tolerance: f64,
     /// What round-off alone may leave.
     round_off: f64,
 }
@@ -57,7 +57,7 @@ impl Iteration {
     }
 
     /// Whether the last correction brought nothing.
-    fn is_no_better(&self) -> bool {
+    fn has_stalled(&self) -> bool {
         self.norm.is_nan() || self.best.is_nan() || self.norm >= self.best
     }
 
@@ -87,7 +87,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             &mut self.q,
             &mut self.gradient,
             &mut self.residual,
-            &mut self.through,
+            &mut self.face_flux,
         );
         let gas = &self.spatial.gas;
         let push = self.wind_change * self.settings.air.density;
@@ -123,7 +123,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// The state to start from; returns the norm of its residual, N. Sets [`Solver::start`]. Collective.
     fn initial_guess(&mut self, step: &Step, order: Backward) -> f64 {
-        if step.again {
+        if step.repeat {
             let norm = self.evaluate();
             // The first call of the window may have brought no motion at all, and so no measure.
             self.start = self.start.max(norm);
@@ -146,7 +146,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// A smooth flow: extrapolated from the last two instants; the step is `ratio` times as long as the one before it.
     fn extrapolate(&mut self, ratio: f64) {
-        for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
+        for ((q, a), b) in self.q.iter_mut().zip(&self.previous[0].q).zip(&self.previous[1].q) {
             for v in 0..N {
                 q[v] = (1.0 + ratio) * a[v] - ratio * b[v];
             }
@@ -158,7 +158,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// A flow that is not smooth starts from where it was, carried along by the wind.
     fn start_from_last(&mut self) {
-        self.q.copy_from_slice(&self.past[0].q);
+        self.q.copy_from_slice(&self.previous[0].q);
         for q in &mut self.q {
             for d in 0..3 {
                 q[1 + d] += self.wind_gain[0][d];
@@ -169,7 +169,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Residuals that the step is to reach from `first`, N. Collective.
     fn target(&self, step: &Step, first: f64) -> Target {
         let Settings { residual_drop, repeated_drop, .. } = self.settings;
-        let drop = if step.again { repeated_drop } else { residual_drop };
+        let drop = if step.repeat { repeated_drop } else { residual_drop };
         // A coupled step answers changes of its input: what is left over must be small
         // against the change that this call brought, or the coupling iterates on noise.
         let scale =
@@ -179,17 +179,17 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let residual = (drop * scale).max(round_off);
         // What the scene asks of a step, however little the last of several calls brought.
         let least = if step.moved { 0.1 * self.start } else { self.start };
-        Target { residual, asked: (residual_drop * least).max(residual), round_off }
+        Target { residual, tolerance: (residual_drop * least).max(residual), round_off }
     }
 
     /// Corrections from an initial guess with the residual `first`, N, with backtracking, until the target or
     /// the limit of iterations is reached. Collective.
     fn solve(&mut self, step: &Step, first: f64, target: &Target) -> Result<Iteration, FlowError> {
-        if step.again {
+        if step.repeat {
             // The Jacobian is nearly the same: what the last solve has learnt still holds.
-            self.acceleration.pause();
+            self.nonlinear_gmres.pause();
         } else {
-            self.acceleration.clear();
+            self.nonlinear_gmres.clear();
         }
         let mut at = Iteration::new(first);
         while at.iterations < self.settings.max_iterations && !target.is_met(at.norm) {
@@ -199,7 +199,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             if bad.is_none() {
                 at.norm = self.evaluate();
             }
-            if bad.is_some() || at.is_no_better() {
+            if bad.is_some() || at.has_stalled() {
                 self.keep_best(&mut at);
             }
             if bad.is_some() || at.has_diverged() {
@@ -218,9 +218,9 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         if !at.assembled {
             let field = Field { q: &self.q, gradient: &self.gradient };
             let on = domain!(self);
-            self.correction.assemble(&self.spatial, &on, &self.scheme, field, &self.through, 1.0);
+            self.correction.assemble(&self.spatial, &on, &self.scheme, field, &self.face_flux, 1.0);
         }
-        self.acceleration.combine(
+        self.nonlinear_gmres.combine(
             self.halo.comm(),
             self.q[..n].as_flattened_mut(),
             self.residual[..n].as_flattened_mut(),
@@ -247,7 +247,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     fn keep_best(&mut self, at: &mut Iteration) {
         if at.at_best {
             self.best.clear();
-            self.best.extend_from_slice(self.acceleration.last());
+            self.best.extend_from_slice(self.nonlinear_gmres.last());
         }
         at.at_best = false;
     }
@@ -255,7 +255,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Returns to the best state so far and halves the share of the next corrections;
     /// an error once it is too small. Collective.
     fn backtrack(&mut self, at: &mut Iteration, bad: Option<BadCell>) -> Result<(), FlowError> {
-        self.acceleration.clear();
+        self.nonlinear_gmres.clear();
         self.return_to_best();
         at.share *= 0.5;
         at.assembled = false;
@@ -283,7 +283,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let mut report = Report {
             start: self.start,
             end,
-            target: target.asked,
+            target: target.tolerance,
             met: end <= target.residual,
             iterations: at.iterations,
             linear_iterations: at.linear_iterations,
@@ -318,8 +318,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// the flow kept its state relative to the undisturbed air, N. Collective.
     pub(super) fn inertia(&self) -> f64 {
         let (gas, still) = (&self.spatial.gas, self.wind_gain[1]);
-        let past = self.past[0].q.iter().zip(&self.past[1].q).zip(&self.metrics.volume);
-        let sum: f64 = past
+        let previous = self.previous[0].q.iter().zip(&self.previous[1].q).zip(&self.metrics.volume);
+        let sum: f64 = previous
             .take(self.topology.n_owned)
             .map(|((a, b), v)| {
                 let m = self.scheme.rate * v * gas.density(a);
@@ -365,7 +365,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 /// A defect of mass acts like the force that would have to undo it: m/s, for a cell of
 /// size `h`.
 #[inline(always)]
-fn mass_weight(h: f64, scheme: &Scheme) -> f64 {
+fn mass_weight(h: f64, scheme: &FluxParameters) -> f64 {
     h * scheme.rate + scheme.floor_squared.sqrt()
 }
 

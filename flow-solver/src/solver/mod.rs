@@ -6,14 +6,14 @@ use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{Field, Gradient, LeastSquares};
-use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
-use crate::physics::{Air, FaceFlow, Gas, Scheme};
+use crate::implicit::{NonlinearGmres, Correction, LuSgs, PressureCorrection};
+use crate::physics::{Air, FaceFlux, Gas, FluxParameters};
 use crate::residual::{Domain, Spatial};
-use crate::shear::Sheared;
-use crate::state::Instant;
+use crate::shear::WindShear;
+use crate::state::TimeLevel;
 use crate::time::Backward;
 use crate::topology::Topology;
-use crate::turbulence::{SpalartAllmaras, Transported};
+use crate::turbulence::{SpalartAllmaras, TransportInput};
 
 /// What corrects the state in each iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +62,7 @@ pub struct Step {
     pub frame: Vec3,
     /// Whether the same step was computed before (and is now repeated with
     /// slightly other data): starts from that result.
-    pub again: bool,
+    pub repeat: bool,
     /// Whether [`Solver::nodes`] were changed.
     pub moved: bool,
 }
@@ -109,13 +109,13 @@ pub struct Solver<G, const N: usize> {
     /// Geometry at the end of the step.
     pub metrics: Metrics,
     /// Last accepted instant and the one before it.
-    pub past: [Instant<N>; 2],
+    pub previous: [TimeLevel<N>; 2],
     /// First-order steps still to take before BDF2.
     pub first_order_steps: u32,
     /// Length of the last accepted step, s (0: none).
     pub last_dt: f64,
     /// Constants of the last step's flux.
-    pub scheme: Scheme,
+    pub scheme: FluxParameters,
     /// What moves the undisturbed air, m/s2: its momentum is supplied everywhere, so
     /// that a wind which changes needs no pressure from the boundary.
     pub wind_change: Vec3,
@@ -125,7 +125,7 @@ pub struct Solver<G, const N: usize> {
     /// volume (kg/(m3 s), N/m3[, W/m3]) at the end of the step. Empty: nothing.
     pub source: Vec<[f64; N]>,
     /// Wind by height. `None`: the same everywhere.
-    shear: Option<Sheared>,
+    shear: Option<WindShear>,
     sheared: Vec<Vec3>,
     turbulence: Option<Box<SpalartAllmaras>>,
     turbulence_lost: bool,
@@ -140,15 +140,15 @@ pub struct Solver<G, const N: usize> {
     swept_before: Vec<f64>,
     residual: Vec<[f64; N]>,
     history: Vec<[f64; N]>,
-    through: Vec<FaceFlow>,
+    face_flux: Vec<FaceFlux>,
     /// Whether the faces know the last accepted instant only.
-    ties_are_new: bool,
+    rhie_chow_is_reset: bool,
     start: f64,
     /// State of owned cells with the smallest residual of the step, where a correction made
     /// it worse; empty until that happens for the first time.
     best: Vec<f64>,
     correction: Box<dyn Correction<G, N>>,
-    acceleration: Acceleration,
+    nonlinear_gmres: NonlinearGmres,
 }
 
 macro_rules! domain {
@@ -168,10 +168,10 @@ macro_rules! domain {
 mod effects;
 mod iterate;
 mod motion;
-mod resume;
+mod restart;
 mod step;
 
-pub use resume::WarmStart;
+pub use restart::WarmStart;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Undisturbed air everywhere, on a grid with node positions `nodes` (local). Collective.
@@ -193,16 +193,16 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         };
         let (volume, kept) =
             if settings.moving { (metrics.volume.clone(), nodes.clone()) } else { (Vec::new(), Vec::new()) };
-        let instant = Instant { q: q.clone(), volume, nodes: kept };
+        let instant = TimeLevel { q: q.clone(), volume, nodes: kept };
         let solver = Self {
             node_velocity: vec![Vec3::zeros(); instant.nodes.len()],
             gradient: vec![[[0.0; N]; 3]; n],
-            past: [instant.clone(), instant],
+            previous: [instant.clone(), instant],
             first_order_steps: 2,
             last_dt: 0.0,
-            scheme: Scheme {
+            scheme: FluxParameters {
                 rate: 0.0,
-                tie: [0.0; 3],
+                rhie_chow: [0.0; 3],
                 frame: Vec3::zeros(),
                 wind: settings.wind,
                 floor_squared: settings.reference_speed * settings.reference_speed,
@@ -224,12 +224,12 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             swept_before: Vec::new(),
             residual: vec![[0.0; N]; n],
             history: vec![[0.0; N]; topology.n_owned],
-            through: vec![FaceFlow::default(); faces],
-            ties_are_new: true,
+            face_flux: vec![FaceFlux::default(); faces],
+            rhie_chow_is_reset: true,
             start: 0.0,
             best: Vec::new(),
             correction,
-            acceleration: Acceleration::new(depth, topology.n_owned * N),
+            nonlinear_gmres: NonlinearGmres::new(depth, topology.n_owned * N),
             nodes,
             q,
             metrics,
@@ -248,13 +248,13 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     }
 
     /// Volumes of local cells at the accepted instant `k` (0: the newest), m3.
-    pub(crate) fn past_volume(&self, k: usize) -> &[f64] {
-        if self.settings.moving { &self.past[k].volume } else { &self.metrics.volume }
+    pub(crate) fn previous_volume(&self, k: usize) -> &[f64] {
+        if self.settings.moving { &self.previous[k].volume } else { &self.metrics.volume }
     }
 
     /// Node positions at the accepted instant `k` (0: the newest), m.
-    pub fn past_nodes(&self, k: usize) -> &[Vec3] {
-        if self.settings.moving { &self.past[k].nodes } else { &self.nodes }
+    pub fn previous_nodes(&self, k: usize) -> &[Vec3] {
+        if self.settings.moving { &self.previous[k].nodes } else { &self.nodes }
     }
 
     /// Residual of the turbulence equation over its target in the step that was accepted last; 0: not solved.
@@ -263,8 +263,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     }
 
     /// What passed the faces.
-    pub fn through(&self) -> &[FaceFlow] {
-        &self.through
+    pub fn face_flux(&self) -> &[FaceFlux] {
+        &self.face_flux
     }
 
     /// What the kernels work on.

@@ -8,6 +8,6 @@ mod spalart_allmaras;
 mod transport;
 mod wall_distance;
 
-pub use spalart_allmaras::{Around, Length, ddes, des97, diffusivity, eddy_viscosity, rans, source};
-pub use transport::{SpalartAllmaras, Transported, WallMemory};
+pub use spalart_allmaras::{LengthScaleInput, Length, ddes, des97, diffusivity, eddy_viscosity, rans, source};
+pub use transport::{SpalartAllmaras, TransportInput, WallDistances};
 pub use wall_distance::Walls;

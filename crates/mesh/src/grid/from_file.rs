@@ -79,7 +79,7 @@ impl Reader<'_> {
             let face = numbered(&number, nodes).ok_or_else(|| GridFileError::Misplaced {
                 name: name.clone(),
                 place: self.middle(nodes),
-                what: "is a face of no cell",
+                what: "is not a face of any cell",
             })?;
             grid.boundary.push((*condition, face));
         }
@@ -93,13 +93,13 @@ impl Reader<'_> {
                     None => GridFileError::NoGroup { element: elements[cell].1, place: middle(&grid, nodes) },
                 })
             }
-            MeshError::LooseFace { kind, nodes, index } => {
+            MeshError::UnmatchedFace { kind, nodes, index } => {
                 let place = middle(&grid, nodes);
                 let (name, what) = if kind == "canopy" {
-                    (&self.file.membrane, "does not lie between two cells")
+                    (&self.file.membrane, "is not between two cells")
                 } else {
                     let name = conditions[surfaces.patches[index].0].0;
-                    (name, "is not on the outside of the volume, or is there twice")
+                    (name, "is not on the outer boundary of the volume, or occurs twice")
                 };
                 GridFileError::Misplaced { name: name.clone(), place, what }.into()
             }
@@ -225,7 +225,7 @@ impl Reader<'_> {
             return Err(GridFileError::OtherFaces {
                 membrane: self.file.membrane.clone(),
                 found: membrane.len(),
-                alike: own.intersection(&found).count(),
+                common: own.intersection(&found).count(),
                 expected: canopy.faces.len(),
             });
         }

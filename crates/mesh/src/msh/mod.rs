@@ -126,7 +126,7 @@ fn parse(w: &mut Source) -> Result<Msh, MeshError> {
                 let binary: u32 = w.number("the file type")?;
                 let size: u32 = w.number("the data size")?;
                 if version != "4.1" || binary > 1 || size != 8 {
-                    return Err(w.error("not Gmsh format 4.1: write it with `gmsh -format msh41`"));
+                    return Err(w.error("the file is not in Gmsh format 4.1; convert it with `gmsh -format msh41`"));
                 }
                 if binary == 1 {
                     w.turn_binary()?;
@@ -157,7 +157,7 @@ fn parse(w: &mut Source) -> Result<Msh, MeshError> {
                 elements(w, &mut msh)?;
             }
             "$PartitionedEntities" => {
-                return Err(w.error("a partitioned mesh: save it whole, without partitions"));
+                return Err(w.error("the mesh is partitioned; save it without partitions"));
             }
             // Of no concern here.
             _ => {

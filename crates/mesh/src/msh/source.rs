@@ -77,11 +77,11 @@ impl<'a> Source<'a> {
     pub fn turn_binary(&mut self) -> Result<(), MeshError> {
         self.kind = Kind::Little;
         self.start_data();
-        let one: [u8; 4] = self.take("the order of bytes")?;
+        let one: [u8; 4] = self.take("the byte-order mark")?;
         self.kind = match (i32::from_le_bytes(one), i32::from_be_bytes(one)) {
             (1, _) => Kind::Little,
             (_, 1) => Kind::Big,
-            _ => return Err(self.error("the order of bytes is not told by a 1")),
+            _ => return Err(self.error("the byte-order mark of the binary file is not 1")),
         };
         Ok(())
     }

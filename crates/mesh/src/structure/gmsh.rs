@@ -28,7 +28,7 @@ fn build(path: &Path, parts: &Msh, payload_mass: Option<f64>) -> Result<Structur
     let mut builder = Builder::new(parts);
     builder.add_fabric();
     if builder.mesh.n_canopy == 0 {
-        return Err(bad("holds no triangle or quadrilateral (in a physical group \"canopy\" where it also holds a flow grid), so there is no fabric".into()));
+        return Err(bad("has no fabric: no triangles or quadrilaterals (in the physical group \"canopy\" if the file also has a flow grid)".into()));
     }
     builder.add_named(payload_mass);
     builder.name_sets();
@@ -261,7 +261,7 @@ $EndElements
     }
 
     #[test]
-    fn everything_is_found() {
+    fn gmsh_canopy_is_read_completely() {
         let mesh = read(FILE).unwrap();
         assert_eq!((mesh.n_canopy, mesh.coords.len()), (6, 7));
         assert_eq!(mesh.faces, [[0, 1, 4, 3], [1, 2, 5, 5], [1, 5, 4, 4]]);
@@ -275,7 +275,7 @@ $EndElements
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn errors_report_the_line() {
         let reason = |from: &str, to: &str| match read(&FILE.replacen(from, to, 1)) {
             Err(MeshError::File { reason, .. }) => reason,
             other => panic!("{other:?}"),
