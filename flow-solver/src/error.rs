@@ -61,7 +61,7 @@ pub enum FlowError {
         steps: usize,
         /// Residual at the end over its largest.
         drop: f64,
-        /// Change of the force as a share of it.
+        /// Relative change of the force over the last ten steps.
         change: f64,
         /// Steps whose iterations ran out.
         unsolved: usize,
@@ -100,7 +100,7 @@ pub enum FlowError {
     },
 }
 
-/// What a rank has found wrong: entity, place, value.
+/// A failure found by a rank: entity, location, value.
 pub(crate) type Finding = (u64, Vec3, f64);
 
 /// The finding of the lowest rank that has one, the same on every rank.

@@ -13,13 +13,13 @@
 // Kernels walk several arrays with one index; that reads better than nested zips.
 #![allow(clippy::needless_range_loop)]
 
+mod allocator;
 mod error;
 pub mod geometry;
 pub mod gradient;
 pub mod implicit;
 pub mod limiter;
 mod loads;
-mod allocator;
 pub mod monitors;
 mod participant;
 pub mod permeable;
@@ -38,9 +38,9 @@ pub mod time;
 pub mod topology;
 pub mod turbulence;
 
+pub use allocator::return_large_blocks;
 pub use error::FlowError;
 pub use loads::{FaceLoad, Loads, Total};
-pub use allocator::return_large_blocks;
 pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;

@@ -74,7 +74,7 @@ mod tests {
                 assert!((share(y * b, b, 0.0) - exact).abs() < 1e-15, "{y} {b}");
             }
         }
-        // What is small beside eps passes; at a change of eps and neighbours at rest a third does.
+        // Differences much smaller than eps are not limited; at a change of eps and neighbours at rest a third does.
         assert!((share(0.0, 1e-6, 1.0) - 1.0).abs() < 1e-11);
         assert!((share(0.0, 2.0, 4.0) - 1.0 / 3.0).abs() < 1e-15);
         assert_eq!(share(0.0, 0.0, 0.0), 1.0);

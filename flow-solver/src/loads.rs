@@ -1,4 +1,4 @@
-//! What the air does to the canopy.
+//! Loads of the air on the canopy: pressure jump and shear.
 
 use comm::Halo;
 

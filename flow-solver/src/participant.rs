@@ -53,7 +53,7 @@ pub fn participant(setup: &Setup, comm: &Comm) -> Result<Box<dyn Participant>, F
     })
 }
 
-/// The viscosity that a scene asks for.
+/// Viscosity model of a scene.
 fn viscosity(flow: &Flow) -> ViscosityModel {
     let Some(v) = &flow.viscosity else { return ViscosityModel::Inviscid };
     let viscosity = v.dynamic_viscosity_pa_s;
@@ -86,7 +86,7 @@ fn started<G: Gas<N>, const N: usize>(
     Ok(solver)
 }
 
-/// The transported turbulence that a scene asks for; `density` is that of the undisturbed air, kg/m3.
+/// Transported turbulence model of a scene, if any; `density` is that of the undisturbed air, kg/m3.
 fn transported<G: Gas<N>, const N: usize>(
     solver: &Solver<G, N>,
     viscosity: &case::Viscosity,
@@ -193,7 +193,9 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
                 self.solver.restore_warm_start(memory.solver).map_err(unfit)?;
             }
             None if comm.is_root() => {
-                println!("warm-start data is from a run with another number of ranks: not used; results agree within the solver tolerances");
+                println!(
+                    "warm-start data is from a run with another number of ranks: not used; results agree within the solver tolerances"
+                );
             }
             None => {}
         }

@@ -1,9 +1,9 @@
-//! Fabric that lets air through.
+//! Permeable fabric.
 //!
 //! Across the fabric the pressure falls by
 //! $$\Delta p = a\,v + b\,|v|\,v,$$
 //! with $v$ the velocity of the air relative to the fabric, from inside to outside. The two half
-//! cells beside the fabric hold their mass flux as any two cells do (see
+//! cells next to the fabric resist their mass flux as any two cells do (see
 //! [`crate::physics::interface`]): what it has more than the mean of the cells, $e = \rho (v - \bar
 //! v)$, needs a pressure
 //! $$\delta\,\partial_t e + 2 (U + U_\infty)\, e = (p^- - p^+) - a\,v - b\,|v|\,v,$$
@@ -13,35 +13,40 @@
 //! smaller step.
 //!
 //! What leaves one side enters the other: mass, and with it the velocity and the enthalpy
-//! that it had. The fabric thus feels exactly the jump of pressure.
+//! that it had. The load on the fabric is thus exactly the pressure jump.
 
 pub use crate::physics::Permeability;
 
 use crate::gradient::{self, Field};
-use crate::physics::{FaceFlux, Gas, FluxParameters, relative_speed, velocity};
+use crate::physics::{FaceFlux, FluxParameters, Gas, relative_speed, velocity};
 use crate::residual::{Domain, Spatial};
 use crate::topology::PorousFace;
 
-/// Air that passes one pore.
+/// Flux through one porous face.
 #[derive(Clone, Copy, Debug)]
 pub struct PorousFlux {
     /// Mass flux from inside to outside, kg/s.
     pub mass: f64,
     /// Its derivative by the pressure on the inside, kg/(s Pa).
     pub slope: f64,
-    /// Share of the cells' mean velocity that passes: 1 for no cloth, 0 for a wall.
+    /// Fraction of the mean velocity of the two cells that passes: 1 without fabric, 0 at a wall.
     pub share: f64,
-    /// What passes more than the mean of the cells, kg/(m2 s).
+    /// Rhie-Chow flux: difference from the mean momentum of the cells, kg/(m2 s).
     pub rhie_chow: f64,
 }
 
 /// State on the fabric as `cell` has it.
-fn extrapolated_to_face<const N: usize>(on: &Domain<'_>, porous_face: &PorousFace, cell: usize, field: Field<'_, N>) -> [f64; N] {
+fn extrapolated_to_face<const N: usize>(
+    on: &Domain<'_>,
+    porous_face: &PorousFace,
+    cell: usize,
+    field: Field<'_, N>,
+) -> [f64; N] {
     let d = on.metrics.border(porous_face.face) - on.metrics.centre(cell);
     gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d)
 }
 
-/// Air that passes `porous_face`, with the states `l` inside and `r` outside, on the fabric.
+/// Flux through `porous_face`, with the states `l` inside and `r` outside, on the fabric.
 #[inline]
 fn porous_flux<G: Gas<N>, const N: usize>(
     gas: &G,
@@ -53,7 +58,8 @@ fn porous_flux<G: Gas<N>, const N: usize>(
     [l, r]: [&[f64; N]; 2],
 ) -> PorousFlux {
     let face = &on.metrics.faces[porous_face.face as usize];
-    let way = on.metrics.centre(porous_face.outside as usize) - on.metrics.centre(porous_face.inside as usize);
+    let way =
+        on.metrics.centre(porous_face.outside as usize) - on.metrics.centre(porous_face.inside as usize);
     let spacing = (way.dot(&face.area) / face.magnitude()).max(0.2 * way.norm());
     let mean = (velocity(cells[0]) + velocity(cells[1])) * 0.5;
     let relative = (mean.dot(&face.area) - face.grid_flux) / face.magnitude();
@@ -69,7 +75,7 @@ fn porous_flux<G: Gas<N>, const N: usize>(
 }
 
 impl<G, V> Spatial<G, V> {
-    /// Adds what passes the pores to the residuals of both sides and writes what passes.
+    /// Adds the fluxes of the porous faces to the residuals of both sides, and stores them.
     pub(crate) fn porous_fluxes<const N: usize>(
         &self,
         on: &Domain<'_>,
@@ -82,9 +88,20 @@ impl<G, V> Spatial<G, V> {
     {
         for porous_face in &on.topology.porous_faces {
             let (i, o) = (porous_face.inside as usize, porous_face.outside as usize);
-            let (l, r) = (extrapolated_to_face(on, porous_face, i, field), extrapolated_to_face(on, porous_face, o, field));
+            let (l, r) = (
+                extrapolated_to_face(on, porous_face, i, field),
+                extrapolated_to_face(on, porous_face, o, field),
+            );
             let kept = &mut face_flux[porous_face.face as usize];
-            let p = porous_flux(&self.gas, on, scheme, porous_face, kept.previous, [&field.q[i], &field.q[o]], [&l, &r]);
+            let p = porous_flux(
+                &self.gas,
+                on,
+                scheme,
+                porous_face,
+                kept.previous,
+                [&field.q[i], &field.q[o]],
+                [&l, &r],
+            );
             (kept.mass, kept.rhie_chow) = (p.mass as f32, p.rhie_chow as f32);
             let carried = self.gas.carried(if p.mass > 0.0 { &l } else { &r });
             for v in 0..N {
@@ -94,7 +111,7 @@ impl<G, V> Spatial<G, V> {
         }
     }
 
-    /// Air that passes each pore, for the implicit part. Without gradients: the derivatives
+    /// Fluxes of the porous faces, for the implicit part. Without gradients: the derivatives
     /// need not be exact.
     pub(crate) fn passages<'a, const N: usize>(
         &'a self,

@@ -41,7 +41,7 @@ impl Memory {
         })
     }
 
-    /// Reads what [`Memory::save`] wrote for this part of the grid; `None` where there is none.
+    /// Reads the file of [`Memory::save`] for this part of the grid; `None` if there is no file.
     ///
     /// # Errors
     /// A damaged file, one of another part of the grid, or values that are not finite.
@@ -49,7 +49,7 @@ impl Memory {
         channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(part).map_err(Into::into))
     }
 
-    /// What [`Memory::save`] wrote; `None` where another number of ranks has written it. Collective.
+    /// Loads the data of [`Memory::save`]; `None` if it is from another number of ranks. Collective.
     ///
     /// # Errors
     /// On every rank: a file of one of them that cannot be used.
@@ -68,8 +68,9 @@ impl Memory {
         self.solver.check(part)?;
         let faces = part.face_nodes.len();
         let face = |&(f, sign): &(u32, f64)| (f as usize) < faces && sign.abs() == 1.0;
-        let home =
-            |(cell, faces): &ProbeLocation| cell.is_none_or(|c| (c as usize) < part.n_owned) && faces.iter().all(face);
+        let home = |(cell, faces): &ProbeLocation| {
+            cell.is_none_or(|c| (c as usize) < part.n_owned) && faces.iter().all(face)
+        };
         if self.probes.iter().all(home) { Ok(()) } else { Err("the cell of a probe does not exist") }
     }
 }

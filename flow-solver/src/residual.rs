@@ -1,4 +1,4 @@
-//! The spatial residual: what leaves each cell, to second order.
+//! The spatial residual: net outflow of each cell, second order.
 
 use comm::Halo;
 
@@ -7,7 +7,7 @@ use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
 use crate::physics::{
-    self, BoundaryFace, FaceFlux, Gas, Interface, FluxParameters, Viscosity, ViscosityModel, velocity,
+    self, BoundaryFace, FaceFlux, FluxParameters, Gas, Interface, Viscosity, ViscosityModel, velocity,
 };
 use crate::topology::{OpenSides, Side, Topology};
 
@@ -47,7 +47,7 @@ macro_rules! for_viscosity {
 }
 pub(crate) use for_viscosity;
 
-/// What the residual works on: the grid of one rank at one instant.
+/// What the residual works on: the grid of one rank at one time level.
 pub struct Domain<'a> {
     /// Cells and faces.
     pub topology: &'a Topology,
@@ -60,7 +60,7 @@ pub struct Domain<'a> {
     /// Velocity of the middle of each face that is not between two cells, in the
     /// falling frame, m/s (walls need it).
     pub wall_velocity: &'a [Vec3],
-    /// What the undisturbed wind has more than [`FluxParameters::wind`] on each face that is not
+    /// Difference of the undisturbed wind from [`FluxParameters::wind`] on each face that is not
     /// between two cells, m/s. Empty: nothing.
     pub sheared: &'a [Vec3],
     /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
@@ -119,7 +119,7 @@ impl<G: Copy> Spatial<G> {
     ) where
         G: Gas<N>,
     {
-        // What needs no ghosts is done while they travel.
+        // Faces without ghosts are evaluated during the halo exchange.
         on.halo.overlap(q.as_flattened_mut(), N, |q| {
             on.gradients.inside(on.topology, q.as_chunks().0, gradient);
         });
@@ -189,7 +189,13 @@ impl<G: Copy> Spatial<G> {
 
 /// The same for a fluid of dynamic viscosity `mu`, Pa s. The sub-grid model is silent at a wall: no eddy is smaller
 /// than it.
-fn traction<const N: usize>(mu: f64, on: &Domain<'_>, scheme: &FluxParameters, q: &[[f64; N]], side: &Side) -> Vec3 {
+fn traction<const N: usize>(
+    mu: f64,
+    on: &Domain<'_>,
+    scheme: &FluxParameters,
+    q: &[[f64; N]],
+    side: &Side,
+) -> Vec3 {
     let face = on.face(side);
     let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side);
     // Its own distance: a wall of zero thickness has another cell behind it.
@@ -247,7 +253,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let (qi, qj, gi, gj) = (&field.q[i], &field.q[j], &field.gradient[i], &field.gradient[j]);
         let (mut l, mut r) = (*qi, *qj);
         // The plain difference counts by where the face lies between the centres:
-        // a thin cell beside a thick one takes little of it.
+        // a thin cell next to a thick one takes little of it.
         let near = (di.dot(&face.area) / (face.magnitude() * face.spacing())).clamp(0.0, 1.0);
         let (chi_i, chi_j) = (self.chi * near, self.chi * (1.0 - near));
         for v in 0..N {

@@ -15,7 +15,7 @@ use crate::solver::{Method, Settings};
 use crate::steady::March;
 use crate::topology::Topology;
 
-/// What a stage of a scene asks of the flow.
+/// Flow settings of one stage of a scene.
 pub struct Setup {
     /// The scene.
     pub scene: Scene,

@@ -14,7 +14,7 @@ pub use case::WindProfile as Profile;
 #[derive(Clone, Debug)]
 pub struct WindShear {
     profile: Profile,
-    /// Height of the frame's origin at the last accepted instant, m.
+    /// Height of the frame's origin at the last accepted time level, m.
     pub height: f64,
     /// Height at the end of the step, m.
     next: f64,
@@ -28,17 +28,17 @@ impl WindShear {
         Self { base: profile.at(height).into(), profile, height, next: height }
     }
 
-    /// What a scene asks for; `wind` is its wind at the reference height.
+    /// The wind shear of a scene; `wind` is its wind at the reference height.
     pub fn of_scene(s: &case::Shear, wind: Vec3) -> Self {
         Self::new(s.profile_of(wind.into()), s.start_height_m)
     }
 
-    /// Wind at the start at the frame's origin, m/s: the wind that the solver is told.
+    /// Wind at the start at the frame's origin, m/s. It is the value of [`crate::Settings::wind`].
     pub fn base(&self) -> Vec3 {
         self.base
     }
 
-    /// What the wind at `z` (m, in the frame, at the last accepted instant) has more than the base.
+    /// Difference of the wind at `z` (m, in the frame, at the last accepted time level) from the base wind, m/s.
     pub fn excess(&self, z: f64) -> Vec3 {
         Vec3::from(self.profile.at(self.height + z)) - self.base
     }

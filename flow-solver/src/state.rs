@@ -15,7 +15,7 @@ use crate::topology::Topology;
 const KIND: [u8; 8] = *b"RIPFLOW\0";
 const VERSION: u32 = 3;
 
-/// State at an accepted instant.
+/// State at an accepted time level.
 #[derive(Clone, Debug)]
 pub struct TimeLevel<const N: usize> {
     /// Unknowns of local cells.
@@ -26,16 +26,16 @@ pub struct TimeLevel<const N: usize> {
     pub nodes: Vec<Vec3>,
 }
 
-/// What effects keep from step to step.
+/// State of optional effects (wind shear, transported turbulence).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Extras {
     /// Height of the falling frame's origin above ground, m, where wind changes with height.
     pub height: Option<f64>,
-    /// Working variable of transported turbulence `[cells]`, m2/s, newest instant first.
+    /// Working variable of transported turbulence `[cells]`, m2/s, newest time level first.
     pub turbulence: Option<[Vec<f64>; 2]>,
 }
 
-/// Two instants in global order.
+/// Saved state: two time levels, in global order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Saved {
     equations: u32,
@@ -43,11 +43,11 @@ pub struct Saved {
     nodes: u64,
     last_dt: f64,
     first_order_steps: u32,
-    /// Unknowns `[cells][equations]`, newest instant first.
+    /// Unknowns `[cells][equations]`, newest time level first.
     q: [Vec<f64>; 2],
     /// Node positions `[nodes][3]`, m.
     x: [Vec<f64>; 2],
-    /// What pressure added to the mean momentum through each face `[faces][2]`, kg/(m2 s).
+    /// Rhie-Chow flux of each face at two time levels `[faces][2]`, kg/(m2 s).
     rhie_chow_fluxes: Vec<f64>,
     extras: Extras,
 }
@@ -109,29 +109,29 @@ pub(crate) fn gather<const W: usize>(
     all
 }
 
-/// What a rank holds of the state, to be saved.
+/// Part of the state on one rank, for [`save`].
 #[derive(Clone, Copy, Debug)]
 pub struct RankState<'a, const N: usize> {
     /// Cells, faces and nodes of the rank.
     pub topology: &'a Topology,
-    /// Unknowns of local cells at the last two accepted instants, newest first.
+    /// Unknowns of local cells at the last two accepted time levels, newest first.
     pub q: [&'a [[f64; N]]; 2],
-    /// Positions of local nodes at the same instants, m.
+    /// Positions of local nodes at the same time levels, m.
     pub nodes: [&'a [Vec3]; 2],
     /// Length of the last step, s (0: none).
     pub last_dt: f64,
     /// First-order steps still to take.
     pub first_order_steps: u32,
-    /// What pressure added to the mean momentum through each local face, kg/(m2 s).
+    /// Rhie-Chow flux of each local face at two time levels, newest first, kg/(m2 s).
     pub rhie_chow_fluxes: &'a [[f64; 2]],
-    /// What effects keep, of all ranks.
+    /// State of optional effects on all ranks.
     pub extras: &'a Extras,
 }
 
 /// Writes the shares of all ranks. `totals`: cells and nodes of the whole grid. Collective.
 ///
 /// # Errors
-/// Trouble with the file, on every rank.
+/// The file cannot be written; the same error on every rank.
 pub fn save<const N: usize>(
     file: &Path,
     comm: &Comm,
@@ -174,7 +174,7 @@ fn write(file: &Path, saved: &Saved) -> Result<(), Fault> {
     archive::save(file, KIND, VERSION, saved).map(|_| ()).map_err(|e| Fault::new(format!("flow state: {e}")))
 }
 
-/// Two instants as saved.
+/// The part of a saved state on one rank.
 pub struct Restored<const N: usize> {
     /// Newest first; ghosts are included, volumes are not set.
     pub past: [TimeLevel<N>; 2],
@@ -182,9 +182,9 @@ pub struct Restored<const N: usize> {
     pub last_dt: f64,
     /// First-order steps still to take.
     pub first_order_steps: u32,
-    /// What pressure added to the mean momentum through each local face.
+    /// Rhie-Chow flux of each local face at two time levels, newest first, kg/(m2 s).
     pub rhie_chow_fluxes: Vec<[f32; 2]>,
-    /// What effects keep.
+    /// State of optional effects.
     pub extras: Extras,
 }
 
@@ -199,8 +199,7 @@ fn unknowns<const N: usize>(saved: &[f64]) -> [f64; N] {
 /// energy equation.
 ///
 /// # Errors
-/// A file that is missing, damaged, of another version or of another grid, or holds what is no
-/// number.
+/// A file that is missing, damaged, of another version or of another grid, or that holds values that are not finite.
 pub fn read(file: &Path, totals: (usize, usize)) -> Result<Saved, Fault> {
     let fail = |e: archive::Error| Fault::new(format!("flow state: {e}"));
     let version_2 = |bytes: &[u8]| load_legacy(bytes, KIND, 2);
@@ -225,7 +224,8 @@ pub fn load<const N: usize>(
         let unfit = archive::Error::content(file, "it has fewer faces than this stage's grid");
         return Err(Fault::new(format!("flow state: {unfit}")));
     }
-    let rhie_chow_fluxes = faces.map(|f| [saved.rhie_chow_fluxes[f] as f32, saved.rhie_chow_fluxes[f + 1] as f32]).collect();
+    let rhie_chow_fluxes =
+        faces.map(|f| [saved.rhie_chow_fluxes[f] as f32, saved.rhie_chow_fluxes[f + 1] as f32]).collect();
     let row = |g: u64, k: usize| unknowns(&saved.q[k][g as usize * equations..][..equations]);
     let node = |g: u64, k: usize| Vec3::from_column_slice(&saved.x[k][g as usize * 3..][..3]);
     let past = [0, 1].map(|k| TimeLevel {

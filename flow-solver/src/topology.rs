@@ -34,7 +34,7 @@ pub struct OpenSides {
     pub sides: Vec<Side>,
 }
 
-/// A canopy face that lets air through.
+/// A permeable canopy face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PorousFace {
     /// Local face; its area vector points from inside to outside.
@@ -43,7 +43,7 @@ pub struct PorousFace {
     pub inside: u32,
     /// Local cell outside.
     pub outside: u32,
-    /// What it resists with.
+    /// Its resistance.
     pub cloth: Permeability,
 }
 
@@ -149,8 +149,8 @@ impl Topology {
         Self::with_cloth(grid, faces, part, order, rank, viscous, None)
     }
 
-    /// As [`Topology::new`], with a canopy that lets air through where there is a `cloth`:
-    /// then each rank knows both cells of its canopy faces.
+    /// As [`Topology::new`], with a permeable canopy if `cloth` is given:
+    /// then each rank has both cells of its canopy faces.
     pub fn with_cloth(
         grid: &FlowGrid,
         faces: &FaceTable,

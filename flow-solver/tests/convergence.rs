@@ -51,7 +51,7 @@ fn lu_sgs_needs_more_iterations_than_pressure_corrections() {
     }
 }
 
-/// Repetitions of a step that bring little have a target of their own; what the window asks for stays that of
+/// Repeated solves of a step with small changes have their own target; the tolerance of the window is that of
 /// the scene.
 #[test]
 fn repeated_step_uses_the_tolerance_of_its_window() {

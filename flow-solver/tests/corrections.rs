@@ -15,8 +15,8 @@ use flow_solver::gradient::Field;
 use flow_solver::implicit::{Correction, LuSgs, PressureCorrection, PressureSystem};
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
-    self, Air, BoundaryFace, EddyViscosity, FaceFlux, FarField, Gas, IdealGas, Inviscid, Isothermal, FluxParameters,
-    Turbulent, Viscosity, preconditioner, reference_speed, spectral_radius,
+    self, Air, BoundaryFace, EddyViscosity, FaceFlux, FarField, FluxParameters, Gas, IdealGas, Inviscid,
+    Isothermal, Turbulent, Viscosity, preconditioner, reference_speed, spectral_radius,
 };
 use flow_solver::residual::Domain;
 use flow_solver::{Settings, Solver};
@@ -44,7 +44,10 @@ fn cold() -> Air {
 }
 
 /// A solver, its constants of a step, and the eddy viscosity of its cells.
-fn case<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V) -> (Solver<G, N>, FluxParameters, Vec<f64>) {
+fn case<G: Gas<N>, V: Viscosity, const N: usize>(
+    gas: G,
+    viscosity: V,
+) -> (Solver<G, N>, FluxParameters, Vec<f64>) {
     let set = Settings { air: cold(), ..settings(WIND, 1e-3) };
     let cloth = Permeability::new(CLOTH.0, CLOTH.1);
     let mut s = solver_with_cloth(&grid(), gas, viscosity, set, Some(cloth));
@@ -116,7 +119,8 @@ fn porous_face<G: Gas<N>, const N: usize>(
     let spacing = (s.metrics.centre(o) - s.metrics.centre(i)).dot(&unit);
     let jump = l[0] - r[0];
     let rho = gas.density(if jump > 0.0 { l } else { r });
-    let resistance = rho * (spacing * scheme.rhie_chow[0] + 2.0 * (speed + 10.0 * scheme.floor_squared.sqrt()));
+    let resistance =
+        rho * (spacing * scheme.rhie_chow[0] + 2.0 * (speed + 10.0 * scheme.floor_squared.sqrt()));
     let relative = mean.dot(&unit) - face.grid_flux / area;
     let balance = |v: f64| resistance * (v - relative) - jump + CLOTH.0 * v + CLOTH.1 * v.abs() * v;
     let (mut low, mut high) = (-100.0, 100.0);
@@ -129,7 +133,11 @@ fn porous_face<G: Gas<N>, const N: usize>(
 }
 
 fn porous_faces<G: Gas<N>, const N: usize>(s: &Solver<G, N>) -> Vec<([usize; 2], usize)> {
-    s.topology.porous_faces.iter().map(|p| ([p.inside as usize, p.outside as usize], p.face as usize)).collect()
+    s.topology
+        .porous_faces
+        .iter()
+        .map(|p| ([p.inside as usize, p.outside as usize], p.face as usize))
+        .collect()
 }
 
 /// `(D + L) D^-1 (D + U) x = -r` of LU-SGS: `D` of pseudo time, time and half the waves, off-diagonal blocks

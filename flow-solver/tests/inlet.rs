@@ -33,7 +33,11 @@ fn flux_of<G: Gas<N>, const N: usize>(gas: G) {
         from[0] = q[0];
         seen[usize::from(volume > 0.0)] += 1;
         let mass = gas.density(&from) * volume;
-        assert!((found.mass - mass).abs() < 1e-12 * mass.abs() && found.rhie_chow == 0.0, "{} {mass}", found.mass);
+        assert!(
+            (found.mass - mass).abs() < 1e-12 * mass.abs() && found.rhie_chow == 0.0,
+            "{} {mass}",
+            found.mass
+        );
         let (carried, push) =
             (gas.carried(&from), gas.pressure_flux(q[0], area, side.sign * metric.grid_flux));
         for v in 0..N {

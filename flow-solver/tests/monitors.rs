@@ -232,7 +232,7 @@ fn probes_are_exact_for_linear_fields() {
     }
 }
 
-/// Statistics are those of the definition, and go on after they were saved.
+/// Statistics are those of the definition, and continue after a restart.
 #[test]
 fn statistics_continue_after_a_restart() {
     let grid = box_grid_of(BoxShape::Hexahedra, [3, 2, 2], [0.0; 3], [1.0; 3], [Patch::Slip; 6]);
@@ -327,7 +327,7 @@ fn drag_on_a_gmsh_grid_matches_the_generated_grid() {
         let read = force(run_alone(&path, 0, &out, if binary { 2 } else { 1 }).unwrap());
         assert_close(&read, &generated, 1e-6, "drag on the grid from a file");
     }
-    // A condition that is missing is told by the program.
+    // A missing condition is reported by the program.
     std::fs::write(
         &path,
         [SCENE, "[flow.grid_file]\npath = \"grid.msh\"\nmembrane = \"sheet\"\n[flow.grid_file.patches]\n"]

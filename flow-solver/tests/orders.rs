@@ -432,7 +432,7 @@ fn vortex_after(n: usize, steps: usize, sway: f64, ratio: f64) -> Vec<[f64; 4]> 
     s.q[..s.topology.n_owned].to_vec()
 }
 
-/// Without a history of what ties the mass fluxes to pressure the orders were 0.56 to 0.8.
+/// Without history of the Rhie-Chow fluxes the orders were 0.56 to 0.8.
 #[test]
 fn vortex_flow_is_second_order_in_time() {
     for (sway, ratio) in [(0.0, 1.0), (0.06, 1.0), (0.06, 2.0)] {

@@ -214,7 +214,10 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
             let kept = &face_flux[side.face as usize];
             if straight(c) {
                 assert!((f64::from(kept.mass) - passing.mass).abs() < 1e-5 * passing.mass.abs().max(1.0));
-                assert!((f64::from(kept.rhie_chow) - passing.rhie_chow).abs() < 1e-5 * passing.rhie_chow.abs().max(1.0));
+                assert!(
+                    (f64::from(kept.rhie_chow) - passing.rhie_chow).abs()
+                        < 1e-5 * passing.rhie_chow.abs().max(1.0)
+                );
             }
             gain(c, passing.flux);
         }
@@ -575,7 +578,8 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
     tight.spatial.evaluate(&tight.domain(), &scheme, &mut q, &mut gradient, &mut closed, &mut kept);
     assert_eq!(s.topology.porous_faces.len(), 9);
     for porous_face in &s.topology.porous_faces {
-        let (i, o, k) = (porous_face.inside as usize, porous_face.outside as usize, porous_face.face as usize);
+        let (i, o, k) =
+            (porous_face.inside as usize, porous_face.outside as usize, porous_face.face as usize);
         let (f, x) = (&s.metrics.faces[k], s.metrics.border(porous_face.face));
         let (l, r) = (fields[0].value(x), fields[1].value(x));
         let unit = f.area * (1.0 / f.area.norm());
@@ -589,7 +593,8 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
         let rho = gas.density(if jump > 0.0 { &l } else { &r });
         let relative = mean.dot(&unit) - f.grid_flux / f.area.norm();
         // delta (t0 e + t1 e' + t2 e'') + 2 (U + 10 floor) e = jump - a v - b |v| v, with e = rho (v - relative).
-        let history = scheme.rhie_chow[1] * f64::from(previous[0]) + scheme.rhie_chow[2] * f64::from(previous[1]);
+        let history =
+            scheme.rhie_chow[1] * f64::from(previous[0]) + scheme.rhie_chow[2] * f64::from(previous[1]);
         let balance = |v: f64| {
             let e = rho * (v - relative);
             let fade = 2.0 * (speed + 10.0 * scheme.floor_squared.sqrt());
@@ -605,7 +610,11 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
         let found = f64::from(face_flux[k].mass);
         assert!((found - mass).abs() < 2e-5 * mass.abs(), "{found} {mass}");
         let rhie_chow = rho * (low - relative);
-        assert!((f64::from(face_flux[k].rhie_chow) - rhie_chow).abs() < 2e-5 * rhie_chow.abs(), "{} {rhie_chow}", face_flux[k].rhie_chow);
+        assert!(
+            (f64::from(face_flux[k].rhie_chow) - rhie_chow).abs() < 2e-5 * rhie_chow.abs(),
+            "{} {rhie_chow}",
+            face_flux[k].rhie_chow
+        );
         let carried = gas.carried(if mass > 0.0 { &l } else { &r });
         for v in 0..N {
             let exact = mass * carried[v];

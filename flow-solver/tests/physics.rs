@@ -8,7 +8,8 @@ use common::{Noise, isothermal, settings};
 use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::geometry::{FaceMetric, Metrics};
 use flow_solver::physics::{
-    self, Air, BoundaryFace, FarField, Gas, IdealGas, Inviscid, Isothermal, OpenBoundary, Outlet, FluxParameters,
+    self, Air, BoundaryFace, FarField, FluxParameters, Gas, IdealGas, Inviscid, Isothermal, OpenBoundary,
+    Outlet,
 };
 use flow_solver::shear::{Profile, WindShear};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of};

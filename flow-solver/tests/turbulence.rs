@@ -81,7 +81,8 @@ fn homogeneous_shear_growth_matches_the_exact_solution() {
     });
     let viscosity = 1e-6 * RHO;
     let mut s = turbulent(&grid, [1.0, 0.0, 0.0], viscosity, 1e-7);
-    let sheared = WindShear::new(Profile::Linear { wind: [1.0, 0.0, 0.0], reference: 10.0, slope: 1.0 }, 10.0);
+    let sheared =
+        WindShear::new(Profile::Linear { wind: [1.0, 0.0, 0.0], reference: 10.0, slope: 1.0 }, 10.0);
     // Still air at the middle: the frame goes with the wind there.
     let frame = sheared.base();
     s.set_shear(sheared);

@@ -10,7 +10,7 @@ pub enum MeshError {
     Parameter {
         /// Key of the scene.
         key: &'static str,
-        /// What the scene says.
+        /// Value in the scene.
         value: String,
         /// Why it cannot be, and what can.
         reason: String,
@@ -56,7 +56,7 @@ pub enum MeshError {
     /// An array of a wrong length for this mesh.
     #[error("{what}: {found} given, {expected} expected")]
     Count {
-        /// What was counted.
+        /// Quantity that was counted.
         what: &'static str,
         /// Number given.
         found: usize,
@@ -72,7 +72,9 @@ pub enum MeshError {
         cell: usize,
     },
     /// More than two cells share a face, or two on the same side.
-    #[error("face {nodes:?} is shared by cells {cells:?}, but at most two cells on opposite sides can share a face")]
+    #[error(
+        "face {nodes:?} is shared by cells {cells:?}, but at most two cells on opposite sides can share a face"
+    )]
     NonManifoldFace {
         /// Nodes of the face.
         nodes: [u32; 4],
@@ -110,7 +112,7 @@ pub enum MeshError {
     /// More ranks than elements.
     #[error("{parts} ranks for {elements} elements: use at most {elements} ranks")]
     TooManyParts {
-        /// Parts asked for.
+        /// Requested number of parts.
         parts: usize,
         /// Elements to share out.
         elements: usize,

@@ -37,7 +37,7 @@ pub fn clean_face(face: FaceNodes) -> Option<FaceNodes> {
     }
 }
 
-/// The four nodes of a face of a cell, turned out of the cell.
+/// The four nodes of a face of a cell, oriented out of the cell.
 pub fn cell_face(cell: &[u32; 8], side: usize) -> Option<FaceNodes> {
     clean_face(HEX_FACES[side].map(|i| cell[i]))
 }
@@ -63,7 +63,7 @@ fn same_turn(a: FaceNodes, b: FaceNodes) -> bool {
     after(a, start) == after(b, start)
 }
 
-/// What a face of a cell meets.
+/// Neighbour of a face of a cell.
 const OPEN: u32 = u32::MAX;
 const NONE: u32 = u32::MAX - 1;
 const TAKEN: u32 = u32::MAX - 2;

@@ -1,4 +1,4 @@
-//! What a flow grid is like, before it is used.
+//! Quality report of a flow grid before the run.
 
 use std::fmt;
 

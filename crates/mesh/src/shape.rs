@@ -50,7 +50,10 @@ pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Point>, MeshError>
     }
     let file: File = compact::decode(&bytes).map_err(|e| bad(format!("is damaged: {e}")))?;
     if file.version != VERSION {
-        return Err(bad(format!("has format version {}, but this program reads version {VERSION}", file.version)));
+        return Err(bad(format!(
+            "has format version {}, but this program reads version {VERSION}",
+            file.version
+        )));
     }
     let count = file.positions.len();
     if file.count != count as u64 || file.checksum != fnv1a_of_numbers(file.positions.as_flattened()) {

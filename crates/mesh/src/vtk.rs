@@ -72,7 +72,7 @@ fn attributes(fields: &[Field], expected: usize, what: &'static str) -> Result<V
         .collect()
 }
 
-/// Writes `bytes` beside `path` and renames.
+/// Writes `bytes` to a temporary file next to `path`, then renames it.
 pub(crate) fn write_aside(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), String>,

@@ -7,7 +7,7 @@
 
 use super::vec3::Vec3;
 
-/// What a face looks like at one instant.
+/// Area vector and centre of a face at one time level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaceShape {
     /// Area vector, m2: exactly that of the boundary polygon.

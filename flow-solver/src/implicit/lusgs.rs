@@ -10,8 +10,8 @@
 use super::{Correction, SolveReport};
 use crate::gradient::{self, Field};
 use crate::physics::{
-    FaceFlux, Gas, FluxParameters, Viscosity, preconditioner, reference_speed, relative_speed, spectral_radius,
-    velocity,
+    FaceFlux, FluxParameters, Gas, Viscosity, preconditioner, reference_speed, relative_speed,
+    spectral_radius, velocity,
 };
 use crate::residual::{Domain, Spatial, for_viscosity};
 use crate::topology::Topology;

@@ -8,7 +8,7 @@ use comm::Comm;
 
 /// Corrections after which a problem counts as hard: from then on more of them are kept.
 const HARD: usize = 12;
-/// Corrections kept at most. An impulsive start in a duct that cloth closes took 301 iterations
+/// Maximum number of stored corrections. An impulsive start in a duct that fabric closes took 301 iterations
 /// with 5, 83 with 10.
 const MOST: usize = 20;
 
@@ -53,7 +53,7 @@ impl NonlinearGmres {
         }
     }
 
-    /// Forgets all corrections.
+    /// Removes all corrections.
     pub fn clear(&mut self) {
         self.states.truncate(self.depth);
         self.residuals.truncate(self.depth);

@@ -19,7 +19,7 @@ pub struct PressureSystem {
     relaxed: Vec<f32>,
 }
 
-/// What a linear solve did.
+/// Report of a linear solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SolveReport {
     /// Iterations.
@@ -62,7 +62,12 @@ impl PressureSystem {
     ///
     /// # Errors
     /// On every rank, what does not fit on one of them.
-    pub fn restore_state(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
+    pub fn restore_state(
+        &mut self,
+        merged: MergedCells,
+        rows: &Adjacency,
+        halo: &Halo,
+    ) -> Result<(), String> {
         self.multigrid = Some(Multigrid::of_merged(merged, rows, halo)?);
         Ok(())
     }

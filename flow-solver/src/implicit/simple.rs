@@ -16,7 +16,7 @@ use super::pressure::{PressureSystem, SolveReport};
 use super::{Correction, MergedCells};
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{self, Field};
-use crate::physics::{self, BoundaryFace, FaceFlux, Gas, OpenBoundary, FluxParameters, Viscosity};
+use crate::physics::{self, BoundaryFace, FaceFlux, FluxParameters, Gas, OpenBoundary, Viscosity};
 use crate::residual::{Domain, Spatial, for_viscosity};
 use crate::topology::{Adjacency, OpenSides, Side, Topology};
 
@@ -109,7 +109,12 @@ impl PressureCorrection {
         }
     }
 
-    fn assemble_pressure<G: Gas<N>, const N: usize>(&mut self, on: &Domain<'_>, scheme: &FluxParameters, rate: f64) {
+    fn assemble_pressure<G: Gas<N>, const N: usize>(
+        &mut self,
+        on: &Domain<'_>,
+        scheme: &FluxParameters,
+        rate: f64,
+    ) {
         let (t, m) = (on.topology, on.metrics);
         // Sums in double precision: reuse the transport diagonal's storage.
         for i in 0..t.n_owned {
@@ -242,7 +247,8 @@ impl PressureCorrection {
     ) {
         self.porous_faces.clear();
         for (porous_face, p) in spatial.passages(on, scheme, q) {
-            let (face, i, o) = (porous_face.face as usize, porous_face.inside as usize, porous_face.outside as usize);
+            let (face, i, o) =
+                (porous_face.face as usize, porous_face.inside as usize, porous_face.outside as usize);
             let density = 0.5 * f64::from(self.density[i] + self.density[o]) * p.share;
             self.porous_faces.push(Passing { face, cells: [i, o], density, slope: p.slope });
             let mass = f64::from(face_flux[face].mass);

@@ -1,4 +1,4 @@
-//! What a scene wants to have written down as the flow runs.
+//! Output during the run: probes, forces, surfaces, slices, statistics.
 //!
 //! Each part exists only where the scene asks for it, and looks at the accepted
 //! state of a window; all calls are collective.
@@ -102,7 +102,7 @@ impl Monitors {
         Ok(())
     }
 
-    /// What is known of the probes, for a run that goes on in the middle of a stage.
+    /// Warm-start data of the probes, for a restart within a stage.
     pub fn probes(&self) -> Vec<ProbeLocation> {
         self.probes.as_ref().map(Probes::memory).unwrap_or_default()
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::physics::{Gas, velocity};
 use crate::solver::Solver;
-use crate::state::{load_legacy, gather};
+use crate::state::{gather, load_legacy};
 use crate::topology::Topology;
 use comm::Comm;
 
@@ -87,7 +87,7 @@ impl Statistics {
         Err(outcome.err().map_or_else(elsewhere, |e| Fault::new(format!("statistics: {e}"))))
     }
 
-    /// Goes on with those saved in `folder`; a stage before that gathered none leaves
+    /// Continues with those saved in `folder`; a stage before that gathered none leaves
     /// none.
     ///
     /// # Errors

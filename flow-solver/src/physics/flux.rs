@@ -1,18 +1,18 @@
 //! Convective fluxes of low dissipation at any Mach number below one.
 //!
-//! A simple member of the AUSM family (Liou 2006, AUSM+-up; Sachdev et al. 2012
+//! A simple scheme of the AUSM family (Liou 2006, AUSM+-up; Sachdev et al. 2012
 //! for its scaling in unsteady flow): one mass flux with a pressure-diffusion
 //! term, everything carried upwind by it, one interface pressure with a
 //! velocity-diffusion term. Two reference speeds scale the two terms:
 //!
 //! * pressure diffusion in the mass flux is the momentum interpolation of
-//!   pressure-based methods. What it adds to the interpolated momentum, $e$, is an
-//!   unknown of the face with a history of its own (Cubero and Fueyo 2007),
+//!   pressure-based methods (Rhie-Chow). The flux that it adds to the interpolated
+//!   momentum, $e$, is an unknown of the face with its own history (Cubero and Fueyo 2007),
 //!   $$\partial_t e + \frac{2(U + U_\infty)}{\delta} e = -\frac{k}{2\delta}[p],$$
 //!   by the backward difference of the step: strong enough against odd-even
-//!   decoupling, never stronger than a step lets pressure act, and what it leaves
-//!   in the end does not depend on the step (without the history it is of first
-//!   order in time). Sound feels the acoustic $[p]/2c$ besides;
+//!   decoupling, limited by the time that pressure acts in a step, and independent of
+//!   the step in the steady limit (without the history the scheme is first
+//!   order in time). The acoustic term $[p]/2c$ is added for sound waves;
 //! * velocity diffusion in the interface pressure uses the *steady* limit
 //!   $U_u = \min(c, U)$. With the unsteady one it would swamp the momentum
 //!   equation whenever the time step is small.
@@ -26,13 +26,12 @@ use crate::geometry::vec3::Vec3;
 /// upwind flux of Godunov's method has where sound is as fast as $U$.
 pub const VELOCITY_DIFFUSION: f64 = 0.5;
 
-/// Constants of the flux, the same for all faces of a time step.
+/// Parameters of the flux, the same for all faces in a time step.
 #[derive(Clone, Copy, Debug)]
 pub struct FluxParameters {
     /// Leading coefficient of the time derivative over the step, 1/s.
     pub rate: f64,
-    /// Coefficients over the step of the time derivative of what ties the mass
-    /// fluxes to pressure, 1/s.
+    /// Coefficients of the time derivative of the Rhie-Chow flux, divided by the step, 1/s.
     pub rhie_chow: [f64; 3],
     /// Velocity of the frame that the grid is given in, m/s.
     pub frame: Vec3,
@@ -48,17 +47,16 @@ pub struct FluxParameters {
 }
 
 impl FluxParameters {
-    /// What pressure adds to the mean momentum through a face, kg/(m2 s), given what
-    /// it did at the two instants before and `push`, Pa, over `spacing`, m, where air
-    /// passes at `speed`, m/s.
+    /// Rhie-Chow flux of a face, kg/(m2 s): the difference of its mass flux per area from the mean momentum.
+    /// `previous`: the same at the last two time levels; `push`: driving pressure, Pa; `spacing`: distance of the
+    /// cell centres along the normal, m; `speed`: speed of the air relative to the frame, m/s.
     #[inline(always)]
     pub(super) fn rhie_chow(&self, previous: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
         let (held, resistance) = self.resistance(previous, spacing, speed);
         (push - held) / resistance
     }
 
-    /// What history takes of the pressure that drives a face, Pa, and the resistance that the
-    /// rest meets, m/s: see [`FluxParameters::rhie_chow`].
+    /// History term of the Rhie-Chow equation, Pa, and its resistance (the coefficient of the new value), m/s: see [`FluxParameters::rhie_chow`].
     #[inline(always)]
     pub(crate) fn resistance(&self, previous: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
         let held = self.rhie_chow[1] * f64::from(previous[0]) + self.rhie_chow[2] * f64::from(previous[1]);
@@ -74,26 +72,26 @@ impl FluxParameters {
 /// 3.1, 3.25, 3.5 iterations a step.
 const FADING: f64 = 2.0;
 
-/// What a face keeps of its flux. Single precision: one part is read by
-/// preconditioners only, the other is small beside the flux.
+/// Stored flux of a face, in single precision: the mass flux is read by preconditioners only, the Rhie-Chow flux is
+/// small against the mass flux.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaceFlux {
     /// Mass flux, kg/s (outward at the outer boundary).
     pub mass: f32,
-    /// What pressure adds to the mean momentum, kg/(m2 s).
+    /// Rhie-Chow flux, kg/(m2 s).
     pub rhie_chow: f32,
-    /// The same at the last two accepted instants, newest first.
+    /// Rhie-Chow flux at the last two accepted time levels, newest first, kg/(m2 s).
     pub previous: [f32; 2],
 }
 
-/// What passes a face.
+/// Numerical flux through a face.
 #[derive(Clone, Copy, Debug)]
 pub struct Interface<const N: usize> {
     /// Fluxes of the conserved quantities along the area vector.
     pub flux: [f64; N],
     /// Mass flux, kg/s.
     pub mass: f64,
-    /// What pressure adds to the mean momentum, kg/(m2 s).
+    /// Rhie-Chow flux, kg/(m2 s).
     pub rhie_chow: f64,
 }
 

@@ -1,6 +1,6 @@
-//! The law of a cloth that lets air through.
+//! Pressure-velocity law of permeable fabric.
 
-/// Resistance of a cloth.
+/// Resistance of permeable fabric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Permeability {
     viscous: f64,

@@ -50,11 +50,11 @@ impl Viscosity for Laminar {
 pub struct Turbulent {
     /// Of the fluid, Pa s.
     pub viscosity: f64,
-    /// What the eddies add.
+    /// Model of the eddy viscosity.
     pub eddies: EddyViscosity,
 }
 
-/// Where an eddy viscosity comes from. A choice at run time: beside the flux of a face it costs nothing, and all
+/// Where an eddy viscosity comes from. A choice at run time: its cost is negligible against the flux of a face, and all
 /// turbulent flows share one compiled solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EddyViscosity {
@@ -174,7 +174,7 @@ pub fn stress_force(mu: f64, g: &Mat3, area: Vec3) -> Vec3 {
     ((g + g.transpose()) * area - area * divergence) * mu
 }
 
-/// Shear stress that a wall feels from air moving at `slip` relative to it at
+/// Shear stress on a wall from air moving at `slip` relative to it at
 /// normal distance `distance`, Pa. `normal` has unit length.
 #[inline(always)]
 pub fn wall_traction(mu: f64, slip: Vec3, normal: Vec3, distance: f64) -> Vec3 {

@@ -21,7 +21,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::EddyViscosity::TransportInput`].
     pub fn set_turbulence(&mut self, turbulence: SpalartAllmaras) {
-        assert!(self.spatial.viscosity.transported(), "this viscosity model has no transported eddy viscosity");
+        assert!(
+            self.spatial.viscosity.transported(),
+            "this viscosity model has no transported eddy viscosity"
+        );
         turbulence.eddy(&self.densities(), &mut self.eddy);
         self.turbulence = Some(Box::new(turbulence));
     }
@@ -45,8 +48,9 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let _part = timing::part("turbulence");
         let Some(mut turbulence) = self.turbulence.take() else { return };
         let (c, gas) = (self.order(dt).c, &self.spatial.gas);
-        let mass =
-            |k: usize, i: usize| c[k + 1] / dt * self.previous_volume(k)[i] * gas.density(&self.previous[k].q[i]);
+        let mass = |k: usize, i: usize| {
+            c[k + 1] / dt * self.previous_volume(k)[i] * gas.density(&self.previous[k].q[i])
+        };
         let before: Vec<[f64; 2]> = (0..self.topology.n_owned)
             .map(|i| [mass(0, i), if c[2] == 0.0 { 0.0 } else { mass(1, i) }])
             .collect();

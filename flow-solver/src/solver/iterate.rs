@@ -9,13 +9,13 @@ type BadCell = (usize, Finding);
 /// Backtracking gives up below this share of a correction.
 const SMALLEST_SHARE: f64 = 1e-3;
 
-/// Residuals that end the iterations of a step, N.
+/// Residual targets of a step, N.
 struct Target {
     /// At which they end.
     residual: f64,
     /// At which the step counts as converged.
     tolerance: f64,
-    /// What round-off alone may leave.
+    /// Residual level of round-off.
     round_off: f64,
 }
 
@@ -35,7 +35,7 @@ struct Iteration {
     at_best: bool,
     /// Share of each correction that is taken.
     share: f64,
-    /// Whether the matrices of the last correction serve again.
+    /// Whether the matrices of the last correction are reused.
     assembled: bool,
     /// Corrections, and iterations of the linear solver in them.
     iterations: usize,
@@ -72,7 +72,7 @@ impl Iteration {
             (self.best, self.at_best) = (self.norm, true);
             self.share = (2.0 * self.share).min(1.0);
         }
-        // What served well serves again.
+        // Keep the matrices while an iteration halves the residual.
         self.assembled = self.norm < 0.5 * before;
     }
 }
@@ -125,7 +125,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     fn initial_guess(&mut self, step: &Step, order: Backward) -> f64 {
         if step.repeat {
             let norm = self.evaluate();
-            // The first call of the window may have brought no motion at all, and so no measure.
+            // The first solve of the window may have had no grid motion, hence no reference residual.
             self.start = self.start.max(norm);
             return norm;
         }
@@ -144,7 +144,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.start
     }
 
-    /// A smooth flow: extrapolated from the last two instants; the step is `ratio` times as long as the one before it.
+    /// A smooth flow: extrapolated from the last two time levels; the step is `ratio` times as long as the one before it.
     fn extrapolate(&mut self, ratio: f64) {
         for ((q, a), b) in self.q.iter_mut().zip(&self.previous[0].q).zip(&self.previous[1].q) {
             for v in 0..N {
@@ -170,14 +170,14 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     fn target(&self, step: &Step, first: f64) -> Target {
         let Settings { residual_drop, repeated_drop, .. } = self.settings;
         let drop = if step.repeat { repeated_drop } else { residual_drop };
-        // A coupled step answers changes of its input: what is left over must be small
-        // against the change that this call brought, or the coupling iterates on noise.
+        // In a coupled step the residual must be small against the effect of the last change of the
+        // input; otherwise solver noise dominates the coupling iterations.
         let scale =
             if step.moved { (0.1 * first).clamp(1e-3 * self.start, 0.1 * self.start) } else { self.start };
         // Below this the residual is round-off of the fluxes themselves.
         let round_off = self.round_off();
         let residual = (drop * scale).max(round_off);
-        // What the scene asks of a step, however little the last of several calls brought.
+        // Tolerance of the scene for the step, independent of the size of the last change.
         let least = if step.moved { 0.1 * self.start } else { self.start };
         Target { residual, tolerance: (residual_drop * least).max(residual), round_off }
     }
@@ -186,7 +186,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// the limit of iterations is reached. Collective.
     fn solve(&mut self, step: &Step, first: f64, target: &Target) -> Result<Iteration, FlowError> {
         if step.repeat {
-            // The Jacobian is nearly the same: what the last solve has learnt still holds.
+            // The Jacobian is nearly the same: reuse the differences of the last solve.
             self.nonlinear_gmres.pause();
         } else {
             self.nonlinear_gmres.clear();
@@ -273,7 +273,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.q[..self.topology.n_owned].as_flattened_mut().copy_from_slice(&self.best);
     }
 
-    /// The best state is the answer, where it is solved well enough. Collective.
+    /// Returns the best state if its residual is acceptable. Collective.
     fn accept_best(&mut self, at: Iteration, target: &Target) -> Result<Report, FlowError> {
         let mut end = at.norm;
         if end > at.best {
@@ -304,7 +304,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.halo.comm().sum(defect)
     }
 
-    /// Why a step has no answer whose iterations began at a residual of `first` (N).
+    /// Error of a failed step; `first`: residual of the initial guess, N.
     fn unsolved(&self, first: f64, report: &Report) -> FlowError {
         let Report { end, target, iterations, .. } = *report;
         if end <= first.max(self.start) {
@@ -329,7 +329,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.halo.comm().sum(sum).sqrt()
     }
 
-    /// Norm of what round-off alone may leave in the residual, N.
+    /// Round-off level of the residual norm, N.
     pub(super) fn round_off(&self) -> f64 {
         let speed = 10.0 * self.settings.reference_speed + self.scheme.frame.norm();
         let n = self.topology.n_owned;

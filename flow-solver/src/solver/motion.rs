@@ -6,7 +6,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Geometry of the moved grid.
     pub(super) fn move_grid(&mut self) -> Result<(), FlowError> {
         let _part = timing::part("geometry");
-        assert!(self.settings.moving, "the solver was set up for a fixed grid (`Settings::moving` is false), but the grid moved");
+        assert!(
+            self.settings.moving,
+            "the solver was set up for a fixed grid (`Settings::moving` is false), but the grid moved"
+        );
         let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
         let bad = self.nodes.iter().zip(&self.node_velocity).position(|(x, v)| !finite(x) || !finite(v));
         let finding = bad.map(|n| (self.topology.node_global[n], Vec3::zeros(), 0.0));

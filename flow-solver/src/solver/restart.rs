@@ -41,7 +41,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// # Errors
     /// Trouble with the file, on every rank.
     pub fn save(&self, file: &Path, totals: (usize, usize)) -> Result<(), Fault> {
-        let rhie_chow_fluxes: Vec<[f64; 2]> = self.face_flux.iter().map(|t| t.previous.map(f64::from)).collect();
+        let rhie_chow_fluxes: Vec<[f64; 2]> =
+            self.face_flux.iter().map(|t| t.previous.map(f64::from)).collect();
         let share = RankState {
             topology: &self.topology,
             q: [0, 1].map(|k| &self.previous[k].q[..]),

@@ -1,9 +1,9 @@
-//! From one accepted instant to the next.
+//! One time step: from an accepted time level to the next.
 
 use super::*;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
-    /// Computes the step from the last accepted instant. Collective.
+    /// Computes the step from the last accepted time level. Collective.
     pub fn advance(&mut self, step: &Step) -> Result<Report, FlowError> {
         if self.turbulence_lost {
             return Err(FlowError::Turbulence);
@@ -17,7 +17,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         Ok(report)
     }
 
-    /// The undisturbed velocity at the end of the next step of length `dt`, at its start, and
+    /// Sets the far-field velocity: at the end of the next step of length `dt`, at its start, and
     /// [`Solver::step_before`] earlier, m/s. The air is accelerated as the time
     /// differences see it: a stream without obstacle follows to round-off.
     pub fn set_far_field_velocity(&mut self, wind: [Vec3; 3], dt: f64) {
@@ -48,7 +48,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             f.grid_flux += f.area.dot(&step.frame);
         }
         self.scheme.rate = order.c[0] / dt;
-        self.scheme.rhie_chow = if self.rhie_chow_is_reset { Backward::FIRST } else { order }.c.map(|c| c / dt);
+        self.scheme.rhie_chow =
+            if self.rhie_chow_is_reset { Backward::FIRST } else { order }.c.map(|c| c / dt);
         self.scheme.frame = step.frame;
         self.scheme.wind = self.settings.wind;
         if let Some(shear) = &mut self.shear {

@@ -36,7 +36,7 @@ pub fn eddy_viscosity(x: f64, nu: f64) -> f64 {
     if x > 0.0 { x * fv1(x / nu) } else { 0.0 }
 }
 
-/// What diffuses the working variable, $\nu + f_n\tilde\nu$, m2/s: positive for any `x`.
+/// Diffusivity of the working variable, $\nu + f_n\tilde\nu$, m2/s: positive for any `x`.
 pub fn diffusivity(x: f64, nu: f64) -> f64 {
     if x >= 0.0 {
         return nu + x;
@@ -71,7 +71,7 @@ pub fn source(x: f64, nu: f64, w: f64, d: f64) -> f64 {
     production - destruction
 }
 
-/// What a hybrid model knows of a cell.
+/// Cell data for the length scale of a hybrid RANS-LES model.
 #[derive(Clone, Copy, Debug)]
 pub struct LengthScaleInput {
     /// Distance to the nearest wall, m.

@@ -3,7 +3,7 @@
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
-use super::spalart_allmaras::{LengthScaleInput, CB2, Length, SIGMA, diffusivity, eddy_viscosity, source};
+use super::spalart_allmaras::{CB2, Length, LengthScaleInput, SIGMA, diffusivity, eddy_viscosity, source};
 use super::wall_distance::Walls;
 use crate::geometry::FaceMetric;
 use crate::geometry::vec3::Vec3;
@@ -31,7 +31,7 @@ pub struct TransportInput<'a, const N: usize> {
     pub gradient: &'a [Gradient<N>],
     /// Mass flux of each face.
     pub face_flux: &'a [FaceFlux],
-    /// Mass of owned cells at the last two instants times the backward difference's coefficient
+    /// Mass of owned cells at the last two time levels times the backward difference's coefficient
     /// over the step, kg/s: negative, and then positive or zero.
     pub before: &'a [[f64; 2]],
     /// Node positions, m.
@@ -61,7 +61,11 @@ impl WallDistances {
             return Err("its wall distances are of another part of the grid");
         }
         let numbers = self.wall.iter().chain(&self.delta).chain(self.at.as_flattened());
-        if numbers.copied().all(f64::is_finite) { Ok(()) } else { Err("its wall distances are not finite numbers") }
+        if numbers.copied().all(f64::is_finite) {
+            Ok(())
+        } else {
+            Err("its wall distances are not finite numbers")
+        }
     }
 }
 
@@ -188,7 +192,11 @@ impl SpalartAllmaras {
     }
 
     /// The working variable at the end of the step. Collective.
-    pub fn advance<const N: usize>(&mut self, on: &Domain<'_>, flow: &TransportInput<'_, N>) -> TransportReport {
+    pub fn advance<const N: usize>(
+        &mut self,
+        on: &Domain<'_>,
+        flow: &TransportInput<'_, N>,
+    ) -> TransportReport {
         let comm = on.halo.comm();
         let n = on.topology.n_owned;
         self.update_walls(on, flow.nodes);
@@ -275,7 +283,7 @@ impl SpalartAllmaras {
             let h = 1e-6 * x.abs().max(nu);
             let slope = (source(x + h, nu, w, d) - s) / h;
             self.residual[i] = [r - mass * (s + CB2 / SIGMA * squares)];
-            // What grows by itself is left to the right-hand side.
+            // Positive source terms are treated explicitly.
             self.diagonal[i] = -now - older + mass * (-slope).max(0.0);
         }
     }
@@ -330,7 +338,7 @@ impl SpalartAllmaras {
         }
     }
 
-    /// What the air carries through the canopy.
+    /// Adds the convective fluxes through porous canopy faces.
     fn porous_fluxes<const N: usize>(&mut self, on: &Domain<'_>, flow: &TransportInput<'_, N>) {
         let n = on.topology.n_owned;
         for porous_face in &on.topology.porous_faces {

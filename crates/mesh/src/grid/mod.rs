@@ -6,8 +6,8 @@ mod from_file;
 mod from_file_tests;
 #[cfg(test)]
 mod inflate;
-mod panel_box;
 mod node_placement;
+mod panel_box;
 mod sizes;
 mod smooth;
 #[cfg(test)]
@@ -144,7 +144,11 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
     let nodes = surface * (layers[0] + layers[1]) as u64 + (n + 1) * (n + 1) * (m + skirt as u64 + 1);
     // Faces are numbered in 32 bits, six for each cell.
     if nodes > u64::from(u32::MAX) / 7 {
-        return Err(refuse("flow.grid", nodes, "gives more nodes than 32-bit numbering allows; use fewer cells"));
+        return Err(refuse(
+            "flow.grid",
+            nodes,
+            "gives more nodes than 32-bit numbering allows; use fewer cells",
+        ));
     }
     let blocks = Blocks::new(layout, canopy, skirt.max(2), grid.cells_across_vent as usize, layers);
     Ok((blocks, width))

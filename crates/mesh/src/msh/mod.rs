@@ -1,4 +1,4 @@
-//! Gmsh files, format 4.1, ASCII and binary: what they hold, by their own tags.
+//! Gmsh files, format 4.1, ASCII and binary: their entities, by the tags of the file.
 
 mod source;
 mod write;
@@ -78,7 +78,7 @@ impl Shape {
     }
 }
 
-/// What a file holds.
+/// Content of a Gmsh file.
 #[derive(Default)]
 pub(crate) struct Msh {
     /// Names of physical groups.
@@ -94,7 +94,7 @@ impl Msh {
     /// Reads a file.
     ///
     /// # Errors
-    /// Trouble with the file, and what is wrong in it with its place.
+    /// An input error, or invalid content with its location.
     pub fn read(path: &Path) -> Result<Self, MeshError> {
         let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
         parse(&mut Source::new(path, &bytes))
@@ -126,7 +126,9 @@ fn parse(w: &mut Source) -> Result<Msh, MeshError> {
                 let binary: u32 = w.number("the file type")?;
                 let size: u32 = w.number("the data size")?;
                 if version != "4.1" || binary > 1 || size != 8 {
-                    return Err(w.error("the file is not in Gmsh format 4.1; convert it with `gmsh -format msh41`"));
+                    return Err(
+                        w.error("the file is not in Gmsh format 4.1; convert it with `gmsh -format msh41`")
+                    );
                 }
                 if binary == 1 {
                     w.turn_binary()?;

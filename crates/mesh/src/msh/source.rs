@@ -1,4 +1,4 @@
-//! Words or bytes of a Gmsh file, with their place for messages.
+//! Reader of words and bytes of a Gmsh file, with their location for messages.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -73,7 +73,7 @@ impl<'a> Source<'a> {
         word.parse().map_err(|_| self.error(format!("\"{word}\" is not {what}")))
     }
 
-    /// From here on data is binary: reads the 1 that tells the order of bytes.
+    /// From here on data is binary: reads the integer 1 that marks the byte order.
     pub fn turn_binary(&mut self) -> Result<(), MeshError> {
         self.kind = Kind::Little;
         self.start_data();

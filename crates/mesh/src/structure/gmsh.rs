@@ -2,7 +2,7 @@
 //!
 //! All triangles and quadrilaterals are fabric, their normal out of the canopy; in a
 //! file that also holds a flow grid, those of the physical group `canopy`.
-//! What else there is, physical groups say by their names: curves in `lines`,
+//! Names of physical groups mark everything else: curves in `lines`,
 //! `risers` or `reinforcements` are cables (rest length: their length in the
 //! file; each curve is one line); anything in `fixed`, `fixed-x`, `fixed-y` or
 //! `fixed-z` holds its nodes; a point in `payload` carries the payload and is fixed.

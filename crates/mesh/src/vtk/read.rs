@@ -20,7 +20,7 @@ pub struct Snapshot {
 /// The snapshots that the `.pvd` file `path` lists, in its order.
 ///
 /// # Errors
-/// No such file, or one that cannot be read.
+/// A file that is missing or cannot be read.
 pub fn snapshots(path: &Path) -> Result<Vec<Snapshot>, MeshError> {
     std::fs::metadata(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
     let folder = path.parent().unwrap_or(Path::new("."));

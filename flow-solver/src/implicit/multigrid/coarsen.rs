@@ -50,8 +50,8 @@ impl MergedLevel {
         (self.rows[0].len() as u64).saturating_sub(1)
     }
 
-    /// Whether it can stand below the rows `fine` of a rank; `starts`: first cells of the level
-    /// on all ranks, and one more for the end. What came from a file is believed no index.
+    /// Checks that it is a coarse level of the rows `fine` of a rank; `starts`: first cells of the level
+    /// on all ranks, and one more for the end. All indices from a file are checked.
     pub fn check(&self, fine: [&[u32]; 2], rank: usize, starts: &[u64]) -> Result<(), &'static str> {
         let [fine_start, fine_cell] = fine;
         let [start, cell, upper, ghost] = &self.rows;
@@ -190,7 +190,7 @@ impl Graph {
 }
 
 /// How much weaker a coupling over the distance of `a` and `b` is than over `fine`.
-/// Never below one half: constant transfers bear no more. Merging along a line
+/// Never below one half: a larger ratio does not converge with constant transfers. Merging along a line
 /// only would make the coarse correction too large otherwise.
 fn ratio(fine: f64, a: Vec3, b: Vec3) -> f32 {
     let coarse = (a - b).norm();

@@ -9,7 +9,7 @@ pub use outlet::Outlet;
 
 use mesh::Patch;
 
-use super::flux::{Interface, FluxParameters};
+use super::flux::{FluxParameters, Interface};
 use super::gas::Gas;
 use super::velocity;
 use crate::geometry::FaceMetric;
@@ -36,11 +36,11 @@ pub struct BoundaryFace<'a> {
     pub sign: f64,
 }
 
-/// How air passes a face of the outer boundary: the flux, and what a preconditioner needs to know of its derivatives.
+/// Boundary condition of an open outer face: its flux, and the derivatives that a preconditioner needs.
 /// The methods that have a body are those of a face at given pressure.
 pub trait OpenBoundary<G: Gas<N>, const N: usize>: Sync {
     /// Flux out of the domain, with the state `q` just inside the face and `cell` at the centre of the cell; `previous`:
-    /// what pressure added to the mean momentum at the last two instants, kg/(m2 s).
+    /// the Rhie-Chow flux at the last two time levels, kg/(m2 s).
     fn flux(
         &self,
         gas: &G,
@@ -77,13 +77,13 @@ struct OpenFace {
     grid_flux: f64,
 }
 
-/// What an open boundary lets pass.
+/// Flux through an open boundary.
 struct Passing {
     /// Momentum along the outward normal, kg/(m2 s).
     momentum: f64,
     /// Gauge pressure on the face, Pa.
     pressure: f64,
-    /// What pressure adds to the momentum, kg/(m2 s).
+    /// Rhie-Chow flux, kg/(m2 s).
     rhie_chow: f64,
 }
 

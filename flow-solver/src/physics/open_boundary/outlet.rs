@@ -23,6 +23,11 @@ impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for Outlet {
         let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
         let inner = open.speed(q);
         let rhie_chow = scheme.rhie_chow(previous, q[0], at.metric.spacing(), hypot(inner, scheme));
-        open.flux(gas, q, &far, Passing { momentum: rho * inner + rhie_chow + q[0] / c, pressure: 0.0, rhie_chow })
+        open.flux(
+            gas,
+            q,
+            &far,
+            Passing { momentum: rho * inner + rhie_chow + q[0] / c, pressure: 0.0, rhie_chow },
+        )
     }
 }
