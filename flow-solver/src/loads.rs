@@ -6,7 +6,7 @@ use crate::geometry::vec3::Vec3;
 use crate::physics::Gas;
 use crate::solver::Solver;
 
-/// Numbers of one canopy face: pressure jump (inside minus outside), Pa, and
+/// Load on one canopy face: pressure jump (inside minus outside), Pa, and
 /// shear traction x, y, z summed over both sides, Pa.
 pub type FaceLoad = [f64; 4];
 

@@ -16,7 +16,7 @@ use crate::solver::{Method, Settings, Solver, Step};
 use crate::state;
 use crate::turbulence::{SpalartAllmaras, ddes};
 
-/// A plate in a viscous stream on a grid that heaves and twists, airtight, of cloth or with
+/// A plate in a viscous stream on a grid that heaves and twists, airtight, permeable or with
 /// detached eddies, as `effect` names it: the force after each of four steps. The state after
 /// the second step is written to `file`, or,
 /// where `file` exists, the run starts from it. Collective.

@@ -168,7 +168,7 @@ impl Setup {
         })
     }
 
-    /// Goes on in the middle of the stage from what the flow saved in `folder`.
+    /// Restarts within the stage from the state that the flow saved in `folder`.
     pub fn resume(self, folder: &Path) -> Self {
         Self { source: Some(case::state_file(folder, Role::Flow)), resumed: true, ..self }
     }
@@ -198,7 +198,7 @@ impl Setup {
 }
 
 /// This rank's part of `grid`, split by METIS, its cells ordered for the cache, with a canopy
-/// of `cloth` (none: airtight).
+/// of permeability `cloth` (`None`: airtight).
 ///
 /// # Errors
 /// More ranks than cells.

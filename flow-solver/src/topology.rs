@@ -243,7 +243,7 @@ impl Owners<'_> {
     }
 }
 
-/// Owned cells in their order, and the ghosts that faces, cloth and gradients need.
+/// Owned cells in their order, and the ghosts that faces, porous faces and gradients need.
 fn numbered(
     faces: &FaceTable,
     of: Owners<'_>,

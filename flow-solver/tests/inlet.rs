@@ -55,7 +55,7 @@ fn inlet_has_prescribed_velocity_and_interior_pressure() {
     flux_of(IdealGas::new(air));
 }
 
-/// Largest departure from a uniform stream between inlets and outlets, on a grid whose nodes move at random.
+/// Largest deviation from a uniform stream between inlets and outlets, on a grid whose nodes move at random.
 fn drift<G: Gas<N>, const N: usize>(shape: BoxShape, gas: G) -> f64 {
     let (i, o) = (Patch::Inlet, Patch::Outlet);
     let mut grid = box_grid_of(shape, [4, 3, 5], [0.0; 3], [1.0, 0.8, 1.1], [i, o, Patch::FarField, i, i, o]);

@@ -5,7 +5,7 @@ use std::fmt;
 use crate::geometry::{Point, Vec3, at, quad_area_vector, triangle_area_vector};
 use crate::quality;
 use crate::vtk::volume_shape;
-use crate::{FaceTable, FlowGrid, msh::Shape};
+use crate::{FaceTable, FlowGrid, msh::ElementShape};
 
 /// Least, mean and largest of a measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,9 +159,9 @@ impl QualityReport {
             let x = quality::corners(&grid.coords, nodes);
             let v = quality::volume(&x);
             cells[match volume_shape(nodes).0 {
-                Shape::Prism => 1,
-                Shape::Pyramid => 2,
-                Shape::Tetrahedron => 3,
+                ElementShape::Prism => 1,
+                ElementShape::Pyramid => 2,
+                ElementShape::Tetrahedron => 3,
                 _ => 0,
             }] += 1;
             centre.push(centroid(&x));

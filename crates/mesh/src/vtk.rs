@@ -15,7 +15,7 @@ use vtkio::model::{
 
 use vtkio::xml::Compressor;
 
-use crate::msh::Shape;
+use crate::msh::ElementShape;
 use crate::{MeshError, Point};
 
 /// Values of a named field, one for each point or cell.
@@ -198,9 +198,9 @@ fn collect(shapes: impl Iterator<Item = (CellType, Vec<u32>)>) -> Cells {
 fn volume_cell(cell: &[u32; 8]) -> (CellType, Vec<u32>) {
     let (shape, nodes) = volume_shape(cell);
     let kind = match shape {
-        Shape::Pyramid => CellType::Pyramid,
-        Shape::Tetrahedron => CellType::Tetra,
-        Shape::Prism => CellType::Wedge,
+        ElementShape::Pyramid => CellType::Pyramid,
+        ElementShape::Tetrahedron => CellType::Tetra,
+        ElementShape::Prism => CellType::Wedge,
         _ => CellType::Hexahedron,
     };
     (kind, nodes)
@@ -209,17 +209,17 @@ fn volume_cell(cell: &[u32; 8]) -> (CellType, Vec<u32>) {
 /// Shape and nodes (in VTK's order) of a hexahedron with repeated nodes: a prism if one pair of
 /// opposite edges of one of its faces is collapsed, wherever that is. What is no
 /// VTK cell stays a hexahedron with repeated nodes, which ParaView draws.
-pub(crate) fn volume_shape(cell: &[u32; 8]) -> (Shape, Vec<u32>) {
+pub(crate) fn volume_shape(cell: &[u32; 8]) -> (ElementShape, Vec<u32>) {
     let [a, b, c, d, e, f, g, h] = *cell;
     let distinct = (0..8).filter(|&i| !cell[..i].contains(&cell[i])).count();
     if distinct == 8 {
-        return (Shape::Hexahedron, cell.to_vec());
+        return (ElementShape::Hexahedron, cell.to_vec());
     }
     if distinct == 5 && e == f && f == g && g == h {
-        return (Shape::Pyramid, vec![a, b, c, d, e]);
+        return (ElementShape::Pyramid, vec![a, b, c, d, e]);
     }
     if distinct == 4 && c == d && e == f && f == g && g == h {
-        return (Shape::Tetrahedron, vec![a, b, c, e]);
+        return (ElementShape::Tetrahedron, vec![a, b, c, e]);
     }
     if distinct == 6 {
         // Two faces of the hexahedron have become triangles and one an edge: turn
@@ -242,11 +242,11 @@ pub(crate) fn volume_shape(cell: &[u32; 8]) -> (Shape, Vec<u32>) {
             let t = turn.map(|i| cell[i]);
             if t[2] == t[3] && t[6] == t[7] {
                 // VTK's wedge has its first triangle's normal pointing outwards.
-                return (Shape::Prism, vec![t[0], t[2], t[1], t[4], t[6], t[5]]);
+                return (ElementShape::Prism, vec![t[0], t[2], t[1], t[4], t[6], t[5]]);
             }
         }
     }
-    (Shape::Hexahedron, cell.to_vec())
+    (ElementShape::Hexahedron, cell.to_vec())
 }
 
 /// A ParaView time series: `<name>.pvd`, rewritten whole with every snapshot.

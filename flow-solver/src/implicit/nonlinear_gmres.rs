@@ -68,7 +68,7 @@ impl NonlinearGmres {
         &self.last_state
     }
 
-    /// Forgets where the last correction started, but keeps the secants: for a
+    /// Discards the start of the last correction, but keeps the differences: for a
     /// new problem with nearly the same Jacobian.
     pub fn pause(&mut self) {
         self.open = false;

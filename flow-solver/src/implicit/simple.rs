@@ -128,8 +128,8 @@ impl PressureCorrection {
             self.pressure.matrix.off[si as usize] = k as f32;
             self.pressure.matrix.off[sj as usize] = k as f32;
         }
-        // What passes a pore depends on the other side too; left to the outer iterations, as
-        // the other side resists no more than a neighbour does.
+        // The flux of a porous face depends on the other side too; this coupling is left to the outer iterations, as
+        // the resistance of the other side is at most that of a neighbour.
         for &Passing { cells, slope, .. } in &self.porous_faces {
             cells.iter().for_each(|&c| self.diagonal[c] += slope);
         }

@@ -1,7 +1,7 @@
 //! Output during the run: probes, forces, surfaces, slices, statistics.
 //!
-//! Each part exists only where the scene asks for it, and looks at the accepted
-//! state of a window; all calls are collective.
+//! Each monitor exists only if the scene enables it, and samples the accepted
+//! state of a window. All calls are collective.
 
 mod forces;
 mod pieces;
@@ -26,7 +26,7 @@ use crate::physics::Gas;
 use crate::setup::Setup;
 use crate::solver::Solver;
 
-/// Everything that a stage writes down.
+/// All monitors of a stage.
 pub struct Monitors {
     probes: Option<Probes>,
     statistics: Option<Statistics>,

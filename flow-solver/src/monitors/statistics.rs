@@ -19,7 +19,7 @@ pub struct Statistics {
     pub span: f64,
     /// Means of the owned cells.
     mean: Vec<[f64; 4]>,
-    /// Integrals of the squared departures from the mean.
+    /// Integrals of the squared deviations from the mean.
     moment: Vec<[f64; 4]>,
 }
 

@@ -263,7 +263,7 @@ mod tests {
         check_jacobian(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 1.3]);
     }
 
-    /// The primitive residual undoes the Jacobian: dW = M dQ gives back rho dQ
+    /// The primitive residual undoes the Jacobian: dW = M dQ returns rho dQ
     /// apart from the pressure work, which continuity and compression carry.
     #[test]
     fn primitive_residual_decouples_the_unknowns() {

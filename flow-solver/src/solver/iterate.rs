@@ -314,8 +314,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         }
     }
 
-    /// What would remain in the momentum equations of a step on a grid at rest if
-    /// the flow kept its state relative to the undisturbed air, N. Collective.
+    /// Inertia scale of a step, N: norm of the momentum residual on a fixed grid if the state relative to the
+    /// undisturbed air stayed constant. Collective.
     pub(super) fn inertia(&self) -> f64 {
         let (gas, still) = (&self.spatial.gas, self.wind_gain[1]);
         let previous = self.previous[0].q.iter().zip(&self.previous[1].q).zip(&self.metrics.volume);

@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use crate::geometry::at;
-use crate::msh::{Block, Msh, Shape, Tag};
+use crate::msh::{Block, ElementShape, Msh, Tag};
 use crate::{Cable, CableKind, MeshError, StructureMesh};
 
 /// The physical group that is the fabric of a file which also holds a flow grid.
@@ -53,7 +53,7 @@ impl<'a> Builder<'a> {
     }
 
     fn is_fabric(&self, b: &Block) -> bool {
-        let flat = matches!(b.shape, Shape::Triangle | Shape::Quadrilateral);
+        let flat = matches!(b.shape, ElementShape::Triangle | ElementShape::Quadrilateral);
         flat && (!self.with_grid || self.parts.names_of(b.entity).any(|n| n == CANOPY))
     }
 
