@@ -42,7 +42,7 @@ mod tests {
     use nalgebra::SMatrix;
 
     #[test]
-    fn preconditioner_is_the_identity_at_sonic_speed() {
+    fn preconditioner_is_the_physical_jacobian_at_sonic_speed() {
         let gas = IdealGas::new(Air::new(1.225, 288.15));
         let q = [10.0, 1.0, 2.0, 3.0, 0.5];
         let c = gas.sound_speed_squared(&q).sqrt();

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn wale_vanishes_in_pure_shear_only() {
+    fn wale_vanishes_in_pure_shear_but_not_in_rotation() {
         let w = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale };
         let mut g = Mat3::zeros();
         assert_eq!(w.dynamic(1.2, &g, 0.1), 1e-5);

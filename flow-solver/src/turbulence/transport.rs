@@ -159,7 +159,8 @@ impl SpalartAllmaras {
         }
     }
 
-    /// Recomputes the wall distances where nodes have moved by more than [`KEPT`]. Collective.
+    /// Recomputes all wall distances once some node has moved by more than [`KEPT`] times the larger of the smallest
+    /// wall distance and the smallest cell size. Collective.
     fn update_walls(&mut self, on: &Domain<'_>, nodes: &[Vec3]) {
         let comm = on.halo.comm();
         let moved = self
