@@ -38,7 +38,7 @@ const CODES: &str = "Exit codes:
   3    what was compared differs (diff, replay, accuracy), or a point failed (conform)
   2    the scene or the command line is wrong; nothing was started
   130  ended by Ctrl-C or a termination signal: the window was finished and saved (`run --resume`
-       goes on); a second signal ends all at once and saves nothing";
+       continues); a second signal ends all at once and saves nothing";
 
 /// Fluid-structure interaction of parachutes: three solver programs, one command.
 #[derive(Parser)]
@@ -50,10 +50,10 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Fly a scene: start the programs of each stage, couple them, write results
+    /// Run a scene: start the programs of each stage, couple them, write results
     #[command(after_help = CODES)]
     Run(RunCommand),
-    /// Fly a scene with programs that you start yourself, in any order, also under a debugger
+    /// Run a scene with programs that you start yourself, in any order, also under a debugger
     #[command(after_help = CODES)]
     Attach(AttachArgs),
     /// Run one program against the recorded exchanges of a run, and compare its answers
@@ -105,7 +105,7 @@ enum Command {
     /// Show accuracy against cost: vary parameters of a scene, extrapolate, advise the cheapest settings
     #[command(after_help = CODES)]
     Accuracy(studies::accuracy::AccuracyArgs),
-    /// Fly a family of small cases and draw where which scheme is stable
+    /// Run a family of small cases and draw a map of the stability of coupling schemes
     #[command(after_help = CODES)]
     Stability(studies::stability::StabilityArgs),
     /// Plays a recorded mesh-mover for `replay`
@@ -283,10 +283,10 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::Run(RunCommand { run, only }) => fly(run, |o| RunOptions { only, ..o }, console),
+        Command::Run(RunCommand { run, only }) => run_scene(run, |o| RunOptions { only, ..o }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
-            fly(run, |o| RunOptions { attach, ..o }, console)
+            run_scene(run, |o| RunOptions { attach, ..o }, console)
         }
         Command::Replay(args) => {
             let stop = signals::stop_flag()?;
@@ -343,7 +343,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     }
 }
 
-fn fly(
+fn run_scene(
     args: RunArgs,
     change: impl FnOnce(RunOptions) -> RunOptions,
     console: &Console,

@@ -18,8 +18,8 @@ pub struct DiffArgs {
     /// Largest difference that is none, as a share of the largest number of the field (or column)
     #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::arguments::share)]
     tolerance: f64,
-    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the reference's
-    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    /// Relative tolerance of iteration counts (Newton, Krylov, ...), rounded up [default: differences of counts are
+    /// reported, not judged]
     #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
     iteration_tolerance: Option<f64>,
     /// Folder for `<stage>-difference.csv` and `.svg`: how the differences grow

@@ -24,7 +24,6 @@ pub mod monitors;
 mod participant;
 pub mod permeable;
 pub mod physics;
-pub mod remembered;
 pub mod residual;
 mod self_test;
 pub mod setup;
@@ -37,6 +36,7 @@ mod stencil;
 pub mod time;
 pub mod topology;
 pub mod turbulence;
+pub mod warm_start;
 
 pub use allocator::return_large_blocks;
 pub use error::FlowError;

@@ -13,7 +13,6 @@ use crate::monitors::Monitors;
 use crate::physics::{
     EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent, ViscosityModel, velocity,
 };
-use crate::remembered::Memory;
 use crate::residual::Spatial;
 use crate::setup::Setup;
 use crate::snapshot::Snapshots;
@@ -21,6 +20,7 @@ use crate::solver::{Report, Solver, Step};
 use crate::state;
 use crate::steady::{self, March};
 use crate::turbulence::{self, SpalartAllmaras};
+use crate::warm_start::RankWarmStart;
 
 /// One rank of the flow-solver.
 pub struct FlowParticipant<G, const N: usize> {
@@ -352,7 +352,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         if let Some(statistics) = self.monitors.statistics() {
             statistics.save(folder, s.comm(), &s.topology, self.totals.0)?;
         }
-        Memory { solver: s.warm_start(), probes: self.monitors.probes() }.save(s.comm(), folder)?;
+        RankWarmStart { solver: s.warm_start(), probes: self.monitors.probes() }.save(s.comm(), folder)?;
         s.save(&file, self.totals)
     }
 

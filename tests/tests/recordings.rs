@@ -93,7 +93,7 @@ fn a_changed_solver_is_named_by_channel_and_window() {
     let output =
         ripstop(&["diff", path(&reference), path(&other), "--out", path(&out)]).output().expect("it starts");
     assert_eq!(output.status.code(), Some(3), "{}", text(&output));
-    let first = "first departure: window 0, iteration 0, displacement from the structure";
+    let first = "first deviation: window 0, iteration 0, displacement from the structure";
     assert!(text(&output).contains(first), "{}", text(&output));
     for file in ["descent-difference.csv", "descent-difference.svg"] {
         assert!(out.join(file).metadata().is_ok_and(|m| m.len() > 100), "{file}");

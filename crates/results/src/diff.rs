@@ -115,7 +115,7 @@ pub fn histories(a: &Path, b: &Path, tolerance: f64) -> Result<(bool, String), R
             false,
             format!(
                 "histories part at window {i}, column {name}: {x:.9e} and {y:.9e}, {d:.1e} of its largest \
-                 (tolerance {tolerance:.0e}); recordings (`ripstop run --record`) tell the channel and the node"
+                 (tolerance {tolerance:.0e}); recordings (`ripstop run --record`) contain the channel and the node"
             ),
         ),
     })

@@ -19,7 +19,7 @@ pub fn schema() -> Value {
     schemars::schema_for!(Scene).to_value()
 }
 
-/// All departures of `document` from the schema.
+/// All violations of the schema in `document`.
 pub(crate) fn check(document: &Spanned<DeTable<'_>>) -> Vec<Problem> {
     let root = schema();
     let mut walk = Walk { root: &root, problems: Vec::new() };

@@ -152,7 +152,7 @@ pub fn read(out: &Path, structure: Sizes) -> Result<Cost, String> {
         cost.peak_bytes = cost.peak_bytes.max(memory.iter().sum());
         cost.stages.push(StageCost { name, parts_s, cpu_s, counts });
     }
-    // A run that was gone on with has the wall time of its last part only; its stages have all of it.
+    // A resumed run has the wall time of its last part only; its stages have all of it.
     let stages = summary["stages"].as_array().into_iter().flatten();
     cost.wall_s = cost.wall_s.max(stages.filter_map(|s| s["wall_s"].as_f64()).sum());
     Ok(cost)

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use super::exact::Exact;
 
 /// A sample is completed for one period of its first mode, but for no more windows than this and
-/// no fewer than [`LEAST_WINDOWS`]: what is unstable shows within some tens.
+/// at least [`LEAST_WINDOWS`]: what is unstable shows within some tens.
 pub const MOST_WINDOWS: u64 = 160;
 /// See [`MOST_WINDOWS`].
 pub const LEAST_WINDOWS: u64 = 12;
@@ -79,7 +79,7 @@ pub struct Point {
     pub scheme: SchemeChoice,
 }
 
-/// A sample, ready to fly.
+/// A sample, ready to run.
 #[derive(Clone, Debug)]
 pub struct Sample {
     /// Where it stands.

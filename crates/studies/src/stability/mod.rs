@@ -17,7 +17,7 @@ pub use self::exact::Exact;
 use self::family::{Axes, SchemeChoice, samples};
 use self::verdict::Class;
 
-/// Which family to fly.
+/// The family of samples to run.
 #[derive(Args)]
 pub struct StabilityArgs {
     /// Scene of a panel in a box
@@ -44,7 +44,7 @@ pub struct StabilityArgs {
     /// Samples completed at the same time [default: one for each core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
     jobs: Option<u32>,
-    /// Fly samples anew that were completed before
+    /// Run samples again that were completed before
     #[arg(long)]
     rerun: bool,
 }
@@ -84,7 +84,7 @@ impl StabilityArgs {
     }
 }
 
-/// Flies the family and draws its map; the text for people.
+/// Runs the family and draws its map; returns the text for people.
 ///
 /// # Errors
 /// A scene without closed form, an interruption, trouble with files.

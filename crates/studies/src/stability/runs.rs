@@ -1,4 +1,4 @@
-//! Flies the samples, some at a time, each as a `ripstop run` of its own.
+//! Runs the samples, some at a time, each as a `ripstop run` of its own.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -24,7 +24,7 @@ pub struct Completed {
 
 const RESULT: &str = "verdict.json";
 
-/// Flies all samples that have no result yet, `jobs` at a time; results in their order.
+/// Runs all samples that have no result yet, `jobs` at a time; results in their order.
 ///
 /// # Errors
 /// An interruption, and whatever keeps a sample from being started: a sample that fails is

@@ -62,7 +62,7 @@ pub struct Verdict {
     pub windows: usize,
     /// Mean coupling iterations in a window.
     pub iterations: f64,
-    /// Frequency over the exact one, less 1; `None` where it cannot be told.
+    /// Frequency over the exact one, less 1; `None` where it cannot be determined.
     pub frequency_error: Option<f64>,
     /// Amplitude at that frequency over the exact one, less 1.
     pub amplitude_error: Option<f64>,

@@ -24,7 +24,7 @@ pub struct Memory {
     pub probes: Vec<ProbeLocation>,
 }
 
-impl Memory {
+impl RankWarmStart {
     /// Writes it below `folder`. Collective.
     ///
     /// # Errors
