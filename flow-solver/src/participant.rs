@@ -185,7 +185,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
 
     /// Restores the warm-start data that this rank saved in `folder`. Collective.
     fn restore_state(&mut self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
-        match Memory::load(comm, folder, &self.solver.topology)? {
+        match RankWarmStart::load(comm, folder, &self.solver.topology)? {
             Some(memory) => {
                 self.monitors.restore_state(memory.probes);
                 let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
@@ -194,7 +194,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
             }
             None if comm.is_root() => {
                 println!(
-                    "warm-start data is from a run with another number of ranks: not used; results agree within the solver tolerances"
+                    "the saved state is of another number of ranks: the restart is exact to the tolerance of the solvers"
                 );
             }
             None => {}

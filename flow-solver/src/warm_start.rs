@@ -17,7 +17,7 @@ const VERSION: u32 = 1;
 
 /// Warm-start data of one rank.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Memory {
+pub struct RankWarmStart {
     /// Warm-start data of the solver.
     pub solver: WarmStart,
     /// Cell around each probe and its faces.
@@ -41,7 +41,7 @@ impl RankWarmStart {
         })
     }
 
-    /// Reads the file of [`Memory::save`] for this part of the grid; `None` if there is no file.
+    /// Reads the file of [`RankWarmStart::save`] for this part of the grid; `None` if there is no file.
     ///
     /// # Errors
     /// A damaged file, one of another part of the grid, or values that are not finite.
@@ -49,7 +49,7 @@ impl RankWarmStart {
         channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(part).map_err(Into::into))
     }
 
-    /// Loads the data of [`Memory::save`]; `None` if it is from another number of ranks. Collective.
+    /// Loads the data of [`RankWarmStart::save`]; `None` if it is from another number of ranks. Collective.
     ///
     /// # Errors
     /// On every rank: a file of one of them that cannot be used.

@@ -240,7 +240,7 @@ fn files_of_states_hold_numbers_or_are_refused() {
 
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
-        flow_solver::remembered::Memory::read(&file, &topology).map(|_| ()).map_err(|e| e.to_string())
+        flow_solver::warm_start::RankWarmStart::read(&file, &topology).map(|_| ()).map_err(|e| e.to_string())
     };
     fuzz("flow memory", &[whole("flow-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 }

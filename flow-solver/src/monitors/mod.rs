@@ -104,7 +104,7 @@ impl Monitors {
 
     /// Warm-start data of the probes, for a restart within a stage.
     pub fn probes(&self) -> Vec<ProbeLocation> {
-        self.probes.as_ref().map(Probes::memory).unwrap_or_default()
+        self.probes.as_ref().map(Probes::save_state).unwrap_or_default()
     }
 
     /// Takes up [`Monitors::probes`].
