@@ -134,7 +134,7 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/convergence.rs",
         "ten_times_the_target_is_an_error_unless_accepted",
     ),
-    ("flow.steady", "flow-solver/tests/convergence.rs", "a_march_never_ends_in_a_step_that_is_not_solved"),
+    ("flow.steady", "flow-solver/tests/convergence.rs", "steady_march_does_not_end_on_an_unconverged_step"),
     ("mesh.convergence", "mesh-mover/tests/motion.rs", "a_jump_over_several_layers_is_cut_into_increments"),
     (
         "structure.energy",

@@ -65,7 +65,7 @@ pub(super) fn place(blocks: &Blocks, canopy: &[Point], grid: &Grid, width: f64) 
     x.into_iter().map(Point::from).collect()
 }
 
-/// A line that leaves a wall along a direction and ends in a point.
+/// A grid line that starts from a wall along a direction and ends in a point.
 struct Curve {
     from: Vec3,
     to: Vec3,

@@ -8,13 +8,13 @@ use comm::Comm;
 
 /// Corrections after which a problem counts as hard: from then on more of them are kept.
 const HARD: usize = 12;
-/// Corrections kept at most. An impulsive start in a duct that cloth closes took 301 iterations
+/// Maximum number of stored corrections. An impulsive start in a duct that fabric closes took 301 iterations
 /// with 5, 83 with 10.
 const MOST: usize = 20;
 
 /// Differences of states and residuals of the last corrections.
 #[derive(Clone, Debug)]
-pub struct Acceleration {
+pub struct NonlinearGmres {
     /// Corrections kept of an easy problem.
     depth: usize,
     /// Corrections of the present problem.
@@ -33,7 +33,7 @@ pub struct Acceleration {
     gram: Vec<f64>,
 }
 
-impl Acceleration {
+impl NonlinearGmres {
     /// Combines up to `depth` corrections of vectors of length `n`, in hard problems up to [`MOST`].
     pub fn new(depth: usize, n: usize) -> Self {
         let depth = depth.min(MOST);
@@ -63,12 +63,12 @@ impl Acceleration {
         self.open = false;
     }
 
-    /// The last state that [`Acceleration::combine`] took in.
+    /// The last state that [`NonlinearGmres::combine`] took in.
     pub fn last(&self) -> &[f64] {
         &self.last_state
     }
 
-    /// Drops the start of the last correction, but keeps the columns: for a
+    /// Discards the start of the last correction, but keeps the differences: for a
     /// new problem with nearly the same Jacobian.
     pub fn pause(&mut self) {
         self.open = false;
@@ -235,31 +235,31 @@ mod tests {
     /// On a linear system with an identity "preconditioner" it must be GMRES:
     /// the residual is zero after as many corrections as there are unknowns.
     #[test]
-    fn linear_problem_ends_in_n_steps() {
+    fn linear_problem_converges_in_n_steps() {
         let a = [[4.0, 1.0, 0.0], [-1.0, 3.0, 0.5], [0.3, 0.2, 2.0]];
         let b = [1.0, -2.0, 0.5];
         let residual = |q: &[f64]| -> Vec<f64> {
             (0..3).map(|i| (0..3).map(|j| a[i][j] * q[j]).sum::<f64>() - b[i]).collect()
         };
         let comm = Comm::solo();
-        let mut acceleration = Acceleration::new(4, 3);
+        let mut nonlinear_gmres = NonlinearGmres::new(4, 3);
         let mut q = vec![0.0; 3];
         for _ in 0..4 {
             let mut r = residual(&q);
-            acceleration.combine(&comm, &mut q, &mut r);
+            nonlinear_gmres.combine(&comm, &mut q, &mut r);
             for i in 0..3 {
                 q[i] -= 0.3 * r[i];
             }
         }
         let mut r = residual(&q);
-        acceleration.combine(&comm, &mut q, &mut r);
+        nonlinear_gmres.combine(&comm, &mut q, &mut r);
         let end = residual(&q).iter().map(|x| x.abs()).fold(0.0, f64::max);
         assert!(end < 1e-6, "{end}");
     }
 
     /// Eight lanes and what is left over.
     #[test]
-    fn inner_products_of_any_length() {
+    fn inner_products_are_exact_for_any_length() {
         for n in [0, 1, 7, 8, 9, 16, 29] {
             let a: Vec<f32> = (0..n).map(|i| 1.0 + i as f32).collect();
             let b: Vec<f32> = (0..n).map(|i| 2.0 - 0.5 * i as f32).collect();
@@ -272,7 +272,7 @@ mod tests {
     /// What it leaves is the smallest residual that the kept corrections can make: orthogonal to each difference
     /// of residuals. State and residual stay those of one linear problem.
     #[test]
-    fn the_residual_it_leaves_is_orthogonal_to_all_differences() {
+    fn residual_is_orthogonal_to_all_differences() {
         let n = 40;
         let (comm, mut seed) = (Comm::solo(), 1u64);
         let mut noise = || {
@@ -284,17 +284,17 @@ mod tests {
         let residual = |q: &[f64]| -> Vec<f64> {
             (0..n).map(|i| (0..n).map(|j| a[i * n + j] * q[j]).sum::<f64>() - b[i]).collect()
         };
-        let mut acceleration = Acceleration::new(5, n);
+        let mut nonlinear_gmres = NonlinearGmres::new(5, n);
         let mut q = vec![0.0; n];
         for step in 0..18 {
             let mut r = residual(&q);
-            acceleration.combine(&comm, &mut q, &mut r);
+            nonlinear_gmres.combine(&comm, &mut q, &mut r);
             let size = r.iter().map(|x| x * x).sum::<f64>().sqrt();
             let exact = residual(&q);
             let off = r.iter().zip(&exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
             assert!(off < 1e-5 * size.max(1e-3), "step {step}: {off} of {size}");
-            assert_eq!(acceleration.used, step.min(if step < HARD { 5 } else { 5 + step + 1 - HARD }));
-            for kept in &acceleration.residuals[..acceleration.used] {
+            assert_eq!(nonlinear_gmres.used, step.min(if step < HARD { 5 } else { 5 + step + 1 - HARD }));
+            for kept in &nonlinear_gmres.residuals[..nonlinear_gmres.used] {
                 let length = dot(kept, kept).sqrt();
                 let along = dot_mixed(kept, &r) / length;
                 assert!(along.abs() < 1e-4 * size, "step {step}: {along} of {size}");
@@ -308,7 +308,7 @@ mod tests {
 
     /// A symmetric system with its solution, in which one direction is twice the same and gets no weight of its own.
     #[test]
-    fn small_systems_are_solved_and_copies_left_out() {
+    fn small_systems_are_solved_and_dependent_columns_filtered() {
         let rows =
             [[4.0, 1.0, -0.5, 0.3], [1.0, 3.0, 0.8, -0.2], [-0.5, 0.8, 50.0, 2.0], [0.3, -0.2, 2.0, 0.4]];
         let exact = [1.5, -2.0, 0.25, 3.0];
