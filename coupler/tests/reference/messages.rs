@@ -186,6 +186,22 @@ fn error_types() -> Vec<(String, String, Vec<Vec<String>>)> {
     types
 }
 
+/// Errors of one kind only: type and message.
+fn single_errors() -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    for path in rust_files() {
+        let source = std::fs::read_to_string(&path).expect("text");
+        for (at, _) in source.match_indices("thiserror::Error)]\n#[error(") {
+            let (attributes, rest) = source[at..].split_once("\npub struct ").expect("a struct");
+            let name = rest.split([' ', '(', ';']).next().expect("a name");
+            let attributes: Vec<&str> = attributes.lines().map(|l| l.trim_end_matches('\\').trim()).collect();
+            let text = template(&attributes.join(" ")).unwrap_or_else(|| panic!("{name}"));
+            rows.push(vec![format!("`{name}`"), inline(&text)]);
+        }
+    }
+    rows
+}
+
 fn page() -> String {
     let mut text = head("Messages", INTRODUCTION);
     text += &format!(
@@ -199,7 +215,7 @@ fn page() -> String {
     for (name, file, rows) in error_types() {
         text += &format!("\n### `{name}`\n\n`{file}`\n\n{}", table(&["error", "meaning", "message"], &rows));
     }
-    text
+    text + "\n### Errors of one kind\n\n" + &table(&["type", "message"], &single_errors())
 }
 
 #[test]
@@ -229,4 +245,7 @@ fn every_error_type_is_on_the_page() {
     let types = error_types();
     assert!(types.len() > 15, "{} types", types.len());
     assert!(types.iter().all(|(_, _, rows)| !rows.is_empty()));
+    let derived = rust_files().into_iter().map(|p| std::fs::read_to_string(p).expect("text"));
+    let derived: usize = derived.map(|text| text.matches("thiserror::Error)]\n").count()).sum();
+    assert_eq!(types.len() + single_errors().len(), derived, "types that derive `thiserror::Error`");
 }
