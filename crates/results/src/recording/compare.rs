@@ -380,7 +380,7 @@ mod tests {
         assert!(!far.same() && far.report().contains(says), "{}", far.report());
         // Without a slack it is told.
         let reported = compared(None, 4.0);
-        assert!(told.same() && told.deviation().is_none() && told.report().contains("3, then 4"));
+        assert!(reported.same() && reported.deviation().is_none() && reported.report().contains("3, then 4"));
     }
 
     #[test]
