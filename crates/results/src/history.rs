@@ -186,6 +186,11 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
     cells
 }
 
+/// Names of the columns of a stage of `kind`, in the order of the file. [`crate::columns::HISTORY`] describes them.
+pub fn names(kind: StageKind) -> Vec<&'static str> {
+    cells(kind, &Row::default()).into_iter().map(|(name, _)| name).collect()
+}
+
 fn descent_cells(row: &Row) -> [(&'static str, Cell); 6] {
     use Cell::{Nothing, Number};
     let force = row.report.force;
@@ -267,8 +272,7 @@ impl History {
     pub fn create(path: &Path, kind: StageKind) -> Result<Self, RunError> {
         let file = File::create(path).map_err(RunError::file("create", path))?;
         let mut history = Self { kind, path: path.into(), file: BufWriter::new(file) };
-        let names: Vec<&str> = cells(kind, &Row::default()).iter().map(|(name, _)| *name).collect();
-        history.line(&names.join(","))?;
+        history.line(&names(kind).join(","))?;
         Ok(history)
     }
 

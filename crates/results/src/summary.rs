@@ -39,11 +39,11 @@ pub struct StageSummary {
     pub ended: String,
     /// Wall seconds of the windows, saves and snapshots (without launch).
     pub wall_s: f64,
-    /// Wall seconds that the structure, flow and mesh computed.
+    /// Wall seconds in which the structure computed.
     pub structure_busy_s: f64,
-    /// Flow.
+    /// Wall seconds in which the flow computed.
     pub flow_busy_s: f64,
-    /// Mesh.
+    /// Wall seconds in which the grid motion was computed.
     pub mesh_busy_s: f64,
     /// Wall seconds of the coupler.
     pub coupler_s: f64,
@@ -51,9 +51,9 @@ pub struct StageSummary {
     pub waiting_s: f64,
     /// Coupling iterations over all windows.
     pub iterations: u64,
-    /// Calls of the structure, the flow and the mesh over all windows.
+    /// Structure solves over all windows.
     pub structure_calls: u64,
-    /// Flow.
+    /// Flow solves over all windows.
     pub flow_calls: u64,
     /// Pseudo-time iterations of the flow over all its calls.
     pub flow_iterations: u64,
@@ -99,7 +99,7 @@ pub struct StageSummary {
     pub interface_energy_error_j: f64,
     /// Work of the air on the canopy, to and fro (the sum of its sizes over the windows), J.
     pub interface_work_j: f64,
-    /// One over the other.
+    /// `interface_energy_error_j` over `interface_work_j`.
     pub interface_energy_error_share: f64,
     /// Energy that time integration of the structure created, J; below zero: it took energy.
     #[serde(default)]
