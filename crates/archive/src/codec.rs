@@ -52,7 +52,7 @@ pub mod fixed {
     }
 }
 
-/// Integers in as few bytes as they need: recordings and the canopy's shape (`docs/contract.md`).
+/// Integers in as few bytes as they need: recordings and the canopy's shape (`docs/reference/contract.md`).
 pub mod compact {
     use super::*;
 

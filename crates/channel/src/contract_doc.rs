@@ -1,4 +1,4 @@
-//! The tables of `docs/contract.md` and of the Python kit are made from the code: tests
+//! The tables of `docs/reference/contract.md` and of the Python kit are made from the code: tests
 //! compare them.
 //!
 //! After a change: `RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc`.
@@ -18,7 +18,7 @@ use crate::wire::Roster;
 use crate::{CONTRACT_VERSION, LOAD_WIDTH, STATS, Stats, Window};
 
 const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../python/ripstop/table.py");
-const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/contract.md");
+const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/contract.md");
 
 /// Rows of a struct: offset, bytes, type, name; and the sum of its bytes.
 macro_rules! fields {
@@ -310,7 +310,7 @@ fn the_python_kit_knows_what_the_code_does() {
 
 #[test]
 fn the_contract_document_says_what_the_code_does() {
-    let mut document = std::fs::read_to_string(DOCUMENT).expect("docs/contract.md");
+    let mut document = std::fs::read_to_string(DOCUMENT).expect("docs/reference/contract.md");
     let old = document.clone();
     let tables = [
         ("constants", constants()),
@@ -333,7 +333,7 @@ fn the_contract_document_says_what_the_code_does() {
     } else if old != document {
         let line = old.lines().zip(document.lines()).find(|(a, b)| a != b);
         panic!(
-            "docs/contract.md differs from the code (document, code): {line:?}\n\
+            "docs/reference/contract.md differs from the code (document, code): {line:?}\n\
              a change of the contract needs a new version; then RIPSTOP_WRITE_DOCS=1 cargo test -p channel"
         );
     }

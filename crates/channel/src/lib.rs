@@ -3,7 +3,7 @@
 //! A solver implements [`Participant`]; [`serve`] carries one rank of it through
 //! a run. The coupler drives all participants through a [`Hub`]. Only the
 //! `transport` module names iceoryx2. The whole contract, byte by byte:
-//! `docs/contract.md`.
+//! `docs/reference/contract.md`.
 
 // The fakes of `tests/common` name this crate from outside.
 #[cfg(test)]

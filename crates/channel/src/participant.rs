@@ -45,7 +45,7 @@ pub trait Participant {
 }
 
 /// Effect that a structure announces whose surface is not the scene's canopy: nodes, faces and hash that it announces
-/// are then its own, and it has written the surface by then (docs/contract.md).
+/// are then its own, and it has written the surface by then (docs/reference/contract.md).
 pub const OWN_SURFACE: &str = "surface.own";
 
 /// What a rank announces: the coupler refuses a mismatch by name.

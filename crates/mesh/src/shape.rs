@@ -1,5 +1,5 @@
 //! The canopy's shape in a file: what the structure leaves for the flow grid. Its layout is part of the contract
-//! (`docs/contract.md`), because structures of others write it as well.
+//! (`docs/reference/contract.md`), because structures of others write it as well.
 
 use std::path::Path;
 
