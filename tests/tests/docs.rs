@@ -58,7 +58,8 @@ impl Page {
                 }
                 Event::Html(html) | Event::InlineHtml(html) => {
                     for name in ["href", "src"] {
-                        page.links.extend(attributes(&html, name).into_iter().map(|u| (line(), u.to_owned())));
+                        page.links
+                            .extend(attributes(&html, name).into_iter().map(|u| (line(), u.to_owned())));
                     }
                     for name in ["id", "name"] {
                         page.anchors.extend(attributes(&html, name).into_iter().map(str::to_owned));
@@ -170,7 +171,8 @@ fn summary_names_each_page_of_docs_once() {
             *named.entry(page).or_default() += 1;
         }
     }
-    let written: BTreeSet<_> = pages.keys().filter(|p| p.starts_with(docs) && **p != summary).cloned().collect();
+    let written: BTreeSet<_> =
+        pages.keys().filter(|p| p.starts_with(docs) && **p != summary).cloned().collect();
     let missing: Vec<_> = written.iter().filter(|p| !named.contains_key(*p)).collect();
     assert!(missing.is_empty(), "pages that docs/SUMMARY.md does not name: {missing:?}");
     let extra: Vec<_> = named.keys().filter(|p| !written.contains(*p)).collect();
@@ -189,7 +191,8 @@ fn each_decision_has_a_number_of_its_own_and_four_parts_in_order() {
         if name == "README.md" {
             continue;
         }
-        let number: usize = name[..4].parse().unwrap_or_else(|_| panic!("{name} does not begin with four digits"));
+        let number: usize =
+            name[..4].parse().unwrap_or_else(|_| panic!("{name} does not begin with four digits"));
         assert!(numbers.insert(number), "decision number {number} is given twice");
         let title = page.headings.first().expect("a title");
         assert!(title.starts_with(&format!("{number}. ")), "{name}: the title is {title:?}");
@@ -206,7 +209,8 @@ fn anchors_follow_the_rule_of_hosting_sites() {
     let anchors: Vec<_> = page.anchors.iter().map(String::as_str).collect();
     assert_eq!(anchors, ["ab-and-c-1-", "own", "same", "same-1"]);
     assert_eq!(page.links, [(7, "y.md#z".to_owned())]);
-    let [files, pages] = [BTreeSet::from([PathBuf::from("d/y.md")]), BTreeSet::from([PathBuf::from("d/y.md")])];
+    let [files, pages] =
+        [BTreeSet::from([PathBuf::from("d/y.md")]), BTreeSet::from([PathBuf::from("d/y.md")])];
     let pages = pages.into_iter().map(|p| (p, Page::parse("# Z"))).collect();
     let of = |link| fault(Path::new("d/x.md"), link, &files, &pages);
     assert_eq!(of("y.md#z"), None);
