@@ -23,7 +23,9 @@ def corrected(page, book, docs):
         nonlocal count
         inside = os.path.normpath(page.parent / match[2])
         if os.path.commonpath([inside, book]) == str(book):
-            return match[0]
+            # mdbook writes README.md as index.html.
+            index = re.sub(r"README\.html$", "index.html", match[2])
+            return match[1] + (match[2] if os.path.exists(inside) else index) + match[3]
         file = os.path.normpath(source / match[2])
         markdown = re.sub(r"\.html$", ".md", file)
         if not os.path.exists(file) and os.path.exists(markdown):
