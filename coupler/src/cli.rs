@@ -165,7 +165,7 @@ struct SceneArgs {
     #[arg(long, value_name = "COMMAND")]
     mesh: Option<String>,
     /// Options for every `mpirun`, or with ROLE= for one, such as
-    /// `--mpirun flow="--host a:8,b:8 --map-by node"`: see docs/hosts.md
+    /// `--mpirun flow="--host a:8,b:8 --map-by node"`: see docs/how-to/run-on-a-cluster.md
     #[arg(long, value_name = "[ROLE=]OPTIONS", allow_hyphen_values = true, value_parser = mpirun)]
     mpirun: Vec<(Option<Role>, String)>,
     /// Start at this stage, from the states of an earlier run in --out

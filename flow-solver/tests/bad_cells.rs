@@ -56,7 +56,7 @@ fn energies(shape: BoxShape, shake: f64, thin: f64, steps: usize) -> Vec<f64> {
 fn kinetic_energy_does_not_grow_on_poor_quality_cells() {
     for shape in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra] {
         // Flat tetrahedra of a tenth make the pressure's iterations stall: see the known gaps in
-        // docs/verification.md.
+        // docs/records/verification.md.
         let flat = if shape == BoxShape::Tetrahedra { 0.2 } else { 0.1 };
         for (shake, thin) in [(0.0, 1.0), (0.25, 1.0), (0.2, flat)] {
             let e = energies(shape, shake, thin, 120);

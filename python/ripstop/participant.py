@@ -23,7 +23,7 @@ class Participant:
     role = ""  # "structure", "flow" or "mesh"
     program = ""  # name for messages; the class's if empty
     version = "0"
-    effects = ()  # keys of the scene whose physics this program has, see docs/contract.md
+    effects = ()  # keys of the scene whose physics this program has, see docs/reference/contract.md
     canopy_nodes = 0
     faces = ()  # of the canopy, [faces][4] node numbers in the order of the scene's mesh
     grid_nodes = 0  # of the whole flow grid, for mesh and flow on a moving grid

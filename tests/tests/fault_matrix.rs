@@ -1,5 +1,5 @@
 //! The fault matrix: each program, on its first and its middle rank, and the coupler, come to
-//! harm in each way at each moment. See docs/faults.md, which `scripts/fault-matrix` writes.
+//! harm in each way at each moment. See docs/records/fault-matrix.md, which `scripts/fault-matrix` writes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -416,7 +416,7 @@ fn a_part_of_the_fault_matrix() {
 }
 
 /// Notes a cell that is as documented in the file `FAULT_MATRIX_CELLS`, of which `scripts/fault-matrix`
-/// makes the table of docs/faults.md.
+/// makes the table of docs/records/fault-matrix.md.
 fn record(cell: &Cell, took: Duration) {
     let Ok(file) = std::env::var("FAULT_MATRIX_CELLS") else { return };
     let who = cell.victim.map_or("coupler".into(), |(role, rank)| format!("{role}, rank {rank}"));

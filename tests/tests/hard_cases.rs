@@ -1,5 +1,5 @@
 //! Cases that partitioned coupling is known to fail on, each with the defaults of its scene.
-//! What the numbers mean and how they were measured: docs/stability.md.
+//! What the numbers mean and how they were measured: docs/records/stability.md.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -141,7 +141,7 @@ fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
 fn slack_lines_snap_taut_in_one_window() {
     // After the snap the fabric rings faster than windows of 5 ms follow: loads of neighbouring windows have nothing to
     // do with each other, and of such a load the mean lets the structure feel 9/16, so that 7/16 of its work appear
-    // as created (docs/stability.md). It falls once windows resolve the ringing.
+    // as created (docs/records/stability.md). It falls once windows resolve the ringing.
     let f = fly("snapping-lines", "descent", 7.0 / 16.0);
     assert!(f.iterations <= 6.5, "{}", f.iterations);
     let tension = f.history.column("max_line_tension_n");
@@ -470,7 +470,7 @@ fn resident(mark: &str) -> Vec<(String, f64)> {
 /// Drift over 10 000 windows: energy books, and memory of the programs.
 /// `cargo test --release --workspace --test hard_cases -- --ignored --nocapture ten_thousand`
 #[test]
-#[ignore = "nightly: 12 minutes; results in docs/stability.md"]
+#[ignore = "nightly: 12 minutes; results in docs/records/stability.md"]
 fn ten_thousand_windows_of_a_small_descent() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");

@@ -69,7 +69,7 @@ fn the_batch_script_for_slurm_spreads_the_ranks() {
     // Says what would run, in the place of running it.
     let check = script("check", &format!("shift; exec '{}' check \"$@\"", program("ripstop").display()));
     let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").expect("a PATH"));
-    let output = Command::new(root().join("docs/slurm.sh"))
+    let output = Command::new(root().join("docs/how-to/slurm.sh"))
         .arg(root().join("cases/square-drop/scene.toml"))
         .envs([("PATH", path.as_str()), ("SLURM_JOB_NODELIST", "n[07-08]"), ("SLURM_JOB_ID", "12")])
         .env("SLURM_SUBMIT_DIR", folder.path())

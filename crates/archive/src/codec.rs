@@ -52,7 +52,7 @@ pub mod fixed {
     }
 }
 
-/// Integers of variable length: recordings and the canopy's shape (`docs/contract.md`).
+/// Integers of variable length: recordings and the canopy's shape (`docs/reference/contract.md`).
 pub mod compact {
     use super::*;
 

@@ -3,7 +3,7 @@
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
 
-/// 64-bit FNV-1a of bytes: names of sessions, faces of the interface, the canopy's shape (`docs/contract.md`).
+/// 64-bit FNV-1a of bytes: names of sessions, faces of the interface, the canopy's shape (`docs/reference/contract.md`).
 pub fn fnv1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
     bytes.into_iter().fold(OFFSET, |h, b| (h ^ u64::from(b)).wrapping_mul(PRIME))
 }

@@ -1,4 +1,4 @@
-//! The tables of `docs/contract.md` and of the Python kit are generated from the code; tests compare them.
+//! The tables of `docs/reference/contract.md` and of the Python kit are generated from the code; tests compare them.
 //!
 //! After a change: `RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc`.
 
@@ -17,7 +17,7 @@ use crate::wire::RankCounts;
 use crate::{CONTRACT_VERSION, LOAD_WIDTH, STATS, Stats, Window};
 
 const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../python/ripstop/table.py");
-const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/contract.md");
+const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/contract.md");
 
 /// Rows of a struct: offset, bytes, type, name.
 macro_rules! fields {
@@ -312,7 +312,7 @@ fn python_table_matches_the_code() {
 
 #[test]
 fn contract_document_matches_the_code() {
-    let mut document = std::fs::read_to_string(DOCUMENT).expect("docs/contract.md");
+    let mut document = std::fs::read_to_string(DOCUMENT).expect("docs/reference/contract.md");
     let old = document.clone();
     let tables = [
         ("constants", constants()),
@@ -335,7 +335,7 @@ fn contract_document_matches_the_code() {
     } else if old != document {
         let line = old.lines().zip(document.lines()).find(|(a, b)| a != b);
         panic!(
-            "docs/contract.md differs from the code (document, code): {line:?}\n\
+            "docs/reference/contract.md differs from the code (document, code): {line:?}\n\
               a change of the contract requires a new version; then run RIPSTOP_WRITE_DOCS=1 cargo test -p channel"
         );
     }

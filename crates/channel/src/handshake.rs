@@ -369,7 +369,12 @@ fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello
     }
     let width = Unit::of_output(who.role).width() as u64;
     if a.output_width != width {
-        return differ("output width", width.to_string(), a.output_width.to_string(), "see docs/contract.md");
+        return differ(
+            "output width",
+            width.to_string(),
+            a.output_width.to_string(),
+            "see docs/reference/contract.md",
+        );
     }
     let lacking: Vec<&str> =
         spec.effects.iter().filter(|e| !a.effects.contains(e)).map(String::as_str).collect();

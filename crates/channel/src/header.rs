@@ -11,7 +11,7 @@ pub const MAGIC: u64 = u64::from_le_bytes(*b"RIPSTOP\0");
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Kind {
-    /// Rank to coupler: its announcement (JSON text, `Hello` in `docs/contract.md`).
+    /// Rank to coupler: its announcement (JSON text, `Hello` in `docs/reference/contract.md`).
     Announce = 1,
     /// Coupler to program: accepted, with its partners (JSON text).
     Welcome = 2,

@@ -1,7 +1,7 @@
 //! The contract between the programs, over zero-copy shared memory.
 //!
 //! A solver implements [`Participant`]; [`serve`] runs one rank of it. The coupler drives all participants through a
-//! [`Hub`]. Only the `transport` module names iceoryx2. The complete contract, byte by byte: `docs/contract.md`.
+//! [`Hub`]. Only the `transport` module names iceoryx2. The complete contract, byte by byte: `docs/reference/contract.md`.
 
 // The test participants of `tests/common` name this crate from outside.
 #[cfg(test)]

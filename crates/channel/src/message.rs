@@ -1,7 +1,7 @@
 //! The window and the statistics in every message.
 
 /// Version of the contract. Bumped by every change to a header, a payload, a
-/// service name or the order of messages; see `docs/contract.md`.
+/// service name or the order of messages; see `docs/reference/contract.md`.
 pub const CONTRACT_VERSION: u32 = 3;
 
 /// One window of the run: from `time` to `time + dt`.

@@ -44,7 +44,7 @@ pub trait Participant {
 }
 
 /// Effect announced by a structure whose surface is not the scene's canopy: the announced numbers of nodes and faces
-/// and the hash are then its own, and it has written the surface before the announcement (docs/contract.md).
+/// and the hash are then its own, and it has written the surface before the announcement (docs/reference/contract.md).
 pub const OWN_SURFACE: &str = "surface.own";
 
 /// Announcement of a rank: the coupler rejects a mismatch with a message.

@@ -96,7 +96,7 @@ fn mismatches_are_rejected_naming_both_sides() {
             |f| f.announcement.grid_nodes = 100,
             &["flow grids differ", "101", "100", "flow-solver (rank 0)", "mesh-mover (rank 0)"],
         ),
-        (|f| f.announcement.output_width = 3, &["output width 3", "expects 4", "docs/contract.md"]),
+        (|f| f.announcement.output_width = 3, &["output width 3", "expects 4", "docs/reference/contract.md"]),
         (|f| f.announcement.role = "mesh".into(), &["role mesh", "expects flow"]),
         (|f| f.announcement.effects.clear(), &["`fabric.wrinkling`", "fake-flow 0.0.1", "none"]),
         (|f| f.announcement.canopy_faces = 1, &["canopies differ", "1 faces"]),

@@ -1,5 +1,5 @@
 //! File with the shape of the canopy: written by the structure solver, read to build the flow grid. Its layout is part of the contract
-//! (`docs/contract.md`), because external structure solvers write it as well.
+//! (`docs/reference/contract.md`), because external structure solvers write it as well.
 
 use std::path::Path;
 
