@@ -1,0 +1,239 @@
+//! `ripstop picture --animate`: canopy and flow side by side over the time of a run, as an animated PNG.
+
+use coupling::error::RunError;
+use mesh::Point;
+use mesh::vtk::read::Piece;
+use results::history;
+
+use super::flow::{Flow, Look, Window};
+use super::legend::{Legend, Range};
+use super::raster::Raster;
+use super::view::{Body, View, at_points, bounds};
+use super::{EYE, FABRIC, IN_MEMORY, all_points, displacement, draw_body};
+use crate::animated_png;
+use crate::colour::{GREY, INK, PAPER, WARM};
+use crate::pixels::{Image, Samples};
+use crate::sheet::{Anchor, Sheet};
+use crate::snapshots::{Kind, RunSnapshots};
+
+/// What an animation shows.
+pub(super) struct Choice<'a> {
+    /// One stage, or all.
+    pub(super) stage: Option<&'a str>,
+    /// Pixels.
+    pub(super) width: u32,
+    /// Most frames: snapshots are thinned evenly.
+    pub(super) frames: usize,
+    /// Frames a second.
+    pub(super) fps: u16,
+    pub(super) diagonal: bool,
+}
+
+/// One frame before it is drawn.
+struct Frame {
+    stage: usize,
+    /// Time in the stage, s.
+    time: f64,
+    canopy: Piece,
+    lines: Option<Piece>,
+    flow: Option<Flow>,
+    /// Descent speed, m/s, and the distance fallen since the release, m.
+    fall: Option<[f64; 2]>,
+}
+
+/// Bytes of the animation, the number of frames, and the first and last stage by name.
+///
+/// # Errors
+/// Results without snapshots of the canopy, or that cannot be read.
+pub(super) fn animate(results: &RunSnapshots, choice: &Choice<'_>) -> Result<(Vec<u8>, usize), RunError> {
+    let frames = frames(results, choice)?;
+    let images = draw(results, &frames, choice);
+    Ok((animated_png::encode(&images, choice.fps), images.len()))
+}
+
+/// Times of the frames: those of the canopy in each stage, or of the flow where the canopy is at rest.
+fn moments(results: &RunSnapshots, choice: &Choice<'_>) -> Result<Vec<(usize, f64)>, RunError> {
+    let stages = match choice.stage {
+        Some(name) => vec![results.stage(Some(name))?],
+        None => (0..results.scene.stages.len()).collect(),
+    };
+    let mut all = Vec::new();
+    for stage in stages {
+        let times = match results.times(stage, Kind::Canopy)? {
+            Some(times) => Some(times),
+            None => results.times(stage, Kind::Flow)?,
+        };
+        all.extend(times.iter().flat_map(|t| t.all()).map(|snapshot| (stage, snapshot.time)));
+    }
+    let (n, most) = (all.len(), choice.frames.max(2));
+    if n <= most {
+        return Ok(all);
+    }
+    Ok((0..most).map(|k| all[k * (n - 1) / (most - 1)]).collect())
+}
+
+fn frames(results: &RunSnapshots, choice: &Choice<'_>) -> Result<Vec<Frame>, RunError> {
+    let moments = moments(results, choice)?;
+    let falls = Falls::read(results, moments.iter().map(|(stage, _)| *stage));
+    let mut frames = Vec::new();
+    for (stage, time) in moments {
+        let structure = match results.structure(stage, Some(time))? {
+            Some(found) => Some(found),
+            None => results.last_before(stage)?,
+        };
+        // A flow around no canopy that was written is left out.
+        let Some((_, canopy, lines)) = structure else { continue };
+        frames.push(Frame { stage, time, canopy, lines, flow: None, fall: falls.at(stage, time) });
+    }
+    if frames.is_empty() {
+        return Err(results.none("canopy.pvd", "surface_every_windows"));
+    }
+    let window = window(frames.iter().map(|f| &f.canopy));
+    for frame in &mut frames {
+        let Some(times) = results.times(frame.stage, Kind::Flow)? else { continue };
+        let files = &times.nearest(Some(frame.time)).files;
+        frame.flow = Some(Flow::read(results, files, Some(frame.canopy.clone()), choice.diagonal, Some(window))?);
+    }
+    Ok(frames)
+}
+
+/// The part of the cut that is shown: a canopy width around all shapes.
+fn window<'a>(canopies: impl Iterator<Item = &'a Piece>) -> Window {
+    let [low, high] = bounds(canopies.flat_map(|c| c.points.iter().copied()));
+    let size = (high[0] - low[0]).max(high[1] - low[1]);
+    let middle = 0.5 * (low[0] + high[0]);
+    [[middle - 1.1 * size, low[2] - 0.55 * size], [middle + 1.1 * size, high[2] + 0.8 * size]]
+}
+
+/// Descent speeds over time, by stage.
+struct Falls(Vec<(usize, Vec<[f64; 3]>)>);
+
+impl Falls {
+    /// Reads the histories that have a descent speed; a history that is missing or has none is no error.
+    fn read(results: &RunSnapshots, stages: impl Iterator<Item = usize>) -> Self {
+        let mut all: Vec<(usize, Vec<[f64; 3]>)> = Vec::new();
+        let mut fallen = 0.0;
+        for stage in stages {
+            if all.iter().any(|(s, _)| *s == stage) {
+                continue;
+            }
+            let Ok(columns) = history::read(&results.stage_folder(stage).join("history.csv")) else { continue };
+            let column = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| values);
+            let (Some(times), Some(speeds)) = (column("time_s"), column("descent_speed_m_s")) else { continue };
+            let mut last: Option<[f64; 2]> = None;
+            let rows = times.iter().zip(speeds).filter(|(t, v)| t.is_finite() && v.is_finite()).map(|(&t, &v)| {
+                let [t0, v0] = last.unwrap_or([0.0, v]);
+                fallen += 0.5 * (v0 + v) * (t - t0);
+                last = Some([t, v]);
+                [t, v, fallen]
+            });
+            let rows: Vec<_> = rows.collect();
+            all.push((stage, rows));
+        }
+        Self(all)
+    }
+
+    /// Speed and distance fallen at the window that ends nearest to `time`.
+    fn at(&self, stage: usize, time: f64) -> Option<[f64; 2]> {
+        let (_, rows) = self.0.iter().find(|(s, _)| *s == stage)?;
+        let nearest = rows.iter().min_by(|a, b| (a[0] - time).abs().total_cmp(&(b[0] - time).abs()))?;
+        Some([nearest[1], nearest[2]])
+    }
+}
+
+/// The colours of the fabric in all frames, and the values at the points of each: the first field that all have and
+/// that varies.
+fn fabric(frames: &[Frame]) -> (Legend, Vec<Vec<f64>>) {
+    let varies = |values: &[Vec<f64>]| {
+        let all = || values.iter().flatten().copied();
+        let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+        high - low > 1e-6 * high.abs().max(low.abs())
+    };
+    let fields = FABRIC.iter().filter_map(|&(name, title, unit)| {
+        let values = frames.iter().map(|f| {
+            let column = f.canopy.cell_field(name).filter(|c| c.width == 1)?;
+            let (mut values, _) = at_points(&f.canopy, &column.values);
+            values.iter_mut().for_each(|v| *v *= unit);
+            Some(values)
+        });
+        Some((title, values.collect::<Option<Vec<_>>>()?))
+    });
+    let (title, values) = fields.into_iter().find(|(_, values)| varies(values)).unwrap_or_else(|| {
+        ("displacement, m", frames.iter().map(|f| displacement(&f.canopy)).collect())
+    });
+    let range = Range::of(values.iter().flatten().copied(), 0.01);
+    (Legend { title: title.into(), scale: WARM, range: Range { low: range.low.min(0.0), ..range } }, values)
+}
+
+/// Draws all frames in one scale of lengths, colours and speeds.
+fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Image> {
+    let w = f64::from(choice.width);
+    let text = (0.0185 * w).max(8.0);
+    let flows = frames.iter().any(|f| f.flow.is_some());
+    let left = if flows { (0.42 * w).round() } else { w };
+    let [low, high] = window(frames.iter().map(|f| &f.canopy));
+    let cut_height = ((w - left) * (high[1] - low[1]) / (high[0] - low[0])).round();
+    let height = if flows { cut_height + 4.25 * text } else { 0.95 * w };
+    let head = (2.6 * text).round();
+
+    let points: Vec<Point> = frames.iter().flat_map(|f| all_points(&f.canopy, f.lines.as_ref())).collect();
+    let view = View::fit(&points, EYE, [text, 0.5 * text], [left - 2.0 * text, height - 5.5 * text]);
+    let (legend, values) = fabric(frames);
+    let fastest = frames.iter().filter_map(|f| f.flow.as_ref()).map(Flow::fastest).fold(0.0, f64::max);
+
+    let canopy = |frame: &Frame, values: &[f64]| {
+        let mut raster = Raster::new(left as u32, height as u32);
+        let body = Body { canopy: &frame.canopy, lines: frame.lines.as_ref(), values };
+        draw_body(&mut raster, &view, &body, &legend, (0.0022 * left).max(0.7));
+        let mut samples = raster.finish();
+        let corner = [1.5 * text, height - 2.55 * text];
+        legend.draw(&Sheet(&samples.area()), corner, [0.62 * left, 0.9 * text], text).expect(IN_MEMORY);
+        samples.average()
+    };
+    let cut = |frame: &Frame| {
+        let fallen = frame.fall.map_or(0.0, |[_, fallen]| fallen);
+        // Heights above the ground, from where the payload is let go: they rise past a canopy that falls.
+        let step = if high[1] - low[1] > 40.0 { 10.0 } else { 2.0 };
+        let first = ((low[1] - fallen) / step).ceil() as i64;
+        let last = ((high[1] - fallen) / step).floor() as i64;
+        let marks: Vec<(f64, String)> = (first..=last)
+            .map(|k| (k as f64 * step + fallen, format!("{} m", k as f64 * step).replace('-', "\u{2212}")))
+            .collect();
+        let flow = frame.flow.as_ref()?;
+        let width = (w - left) as u32;
+        Some(flow.draw(&Look { caption: "", width, text, fastest, arrows: 20, marks: &marks }))
+    };
+    let nothing = || {
+        let mut samples = Samples::new([(w - left) as u32, height as u32], PAPER);
+        let middle = [0.5 * (w - left), 0.5 * cut_height];
+        let sheet = Sheet(&samples.area()).text("no flow in this stage", middle, text, Anchor::Middle, GREY);
+        sheet.expect(IN_MEMORY);
+        samples.average()
+    };
+    let header = |frame: &Frame| {
+        let mut samples = Samples::new([choice.width, (head + height) as u32], PAPER);
+        let area = samples.area();
+        let sheet = Sheet(&area);
+        let stage = results.scene.stages[frame.stage].name.replace(['-', '_'], " ");
+        let speed = frame.fall.map(|[v, _]| format!(",  descent speed {v:.2} m/s")).unwrap_or_default();
+        let middle = 0.5 * head;
+        sheet
+            .text(&format!("{stage}{speed}"), [1.5 * text, middle], 1.15 * text, Anchor::Left, INK)
+            .and_then(|()| {
+                let time = format!("t = {:.2} s", frame.time);
+                sheet.text(&time, [w - 1.5 * text, middle], 1.15 * text, Anchor::Right, INK)
+            })
+            .expect(IN_MEMORY);
+        drop(area);
+        samples.average()
+    };
+    let frame = |(frame, values): (&Frame, &Vec<f64>)| {
+        let mut image = header(frame);
+        image.paste(&canopy(frame, values), (0, head as u32));
+        if flows {
+            image.paste(&cut(frame).unwrap_or_else(nothing), (left as u32, head as u32));
+        }
+        image
+    };
+    frames.iter().zip(&values).map(frame).collect()
+}
