@@ -1,5 +1,6 @@
 //! `ripstop picture --animate`: canopy and flow side by side over the time of a run, as an animated PNG.
 
+use case::StageKind;
 use coupling::error::RunError;
 use mesh::Point;
 use mesh::vtk::read::Piece;
@@ -11,7 +12,7 @@ use super::raster::Raster;
 use super::view::{Body, View, at_points, bounds};
 use super::{EYE, FABRIC, IN_MEMORY, all_points, displacement, draw_body};
 use crate::animated_png;
-use crate::colour::{GREY, INK, PAPER, WARM};
+use crate::colour::{INK, PAPER, WARM};
 use crate::pixels::{Image, Samples};
 use crate::sheet::{Anchor, Sheet};
 use crate::snapshots::{Kind, RunSnapshots};
@@ -22,7 +23,7 @@ pub(super) struct Choice<'a> {
     pub(super) stage: Option<&'a str>,
     /// Pixels.
     pub(super) width: u32,
-    /// Most frames: snapshots are thinned evenly.
+    /// Most frames.
     pub(super) frames: usize,
     /// Frames a second.
     pub(super) fps: u16,
@@ -36,12 +37,15 @@ struct Frame {
     time: f64,
     canopy: Piece,
     lines: Option<Piece>,
-    flow: Option<Flow>,
+    cut: Flow,
     /// Descent speed, m/s, and the distance fallen since the release, m.
     fall: Option<[f64; 2]>,
+    /// Whether the cut has a flow, and whether the canopy falls in it.
+    flow: bool,
+    falls: bool,
 }
 
-/// Bytes of the animation, the number of frames, and the first and last stage by name.
+/// Bytes of the animation, and its number of frames.
 ///
 /// # Errors
 /// Results without snapshots of the canopy, or that cannot be read.
@@ -51,7 +55,8 @@ pub(super) fn animate(results: &RunSnapshots, choice: &Choice<'_>) -> Result<(Ve
     Ok((animated_png::encode(&images, choice.fps), images.len()))
 }
 
-/// Times of the frames: those of the canopy in each stage, or of the flow where the canopy is at rest.
+/// Stage and time of each frame: the times of the canopy, or of the flow where the canopy is at rest. Where there are
+/// more than the animation is to have, a stage gets its share, a coupled stage twice that, thinned evenly.
 fn moments(results: &RunSnapshots, choice: &Choice<'_>) -> Result<Vec<(usize, f64)>, RunError> {
     let stages = match choice.stage {
         Some(name) => vec![results.stage(Some(name))?],
@@ -63,38 +68,57 @@ fn moments(results: &RunSnapshots, choice: &Choice<'_>) -> Result<Vec<(usize, f6
             Some(times) => Some(times),
             None => results.times(stage, Kind::Flow)?,
         };
-        all.extend(times.iter().flat_map(|t| t.all()).map(|snapshot| (stage, snapshot.time)));
+        let Some(times) = times else { continue };
+        let times: Vec<f64> = times.all().iter().map(|snapshot| snapshot.time).collect();
+        all.push((stage, times));
     }
-    let (n, most) = (all.len(), choice.frames.max(2));
-    if n <= most {
-        return Ok(all);
-    }
-    Ok((0..most).map(|k| all[k * (n - 1) / (most - 1)]).collect())
+    let share = |stage: usize| if falls(results, stage) { 2 } else { 1 };
+    let shares = all.iter().map(|(stage, _)| share(*stage)).sum::<usize>().max(1);
+    let total: usize = all.iter().map(|(_, times)| times.len()).sum();
+    let thinned = all.iter().flat_map(|(stage, times)| {
+        let n = times.len();
+        let most = if total <= choice.frames { n } else { choice.frames * share(*stage) / shares };
+        let most = most.clamp(1, n);
+        // The last snapshot always, the first where there are two.
+        (0..most).map(move |k| (*stage, times[n - 1 - (most - 1 - k) * (n - 1) / (most - 1).max(1)]))
+    });
+    Ok(thinned.collect())
+}
+
+/// Whether the canopy falls in a stage.
+fn falls(results: &RunSnapshots, stage: usize) -> bool {
+    results.scene.stages[stage].kind == StageKind::Coupled
 }
 
 fn frames(results: &RunSnapshots, choice: &Choice<'_>) -> Result<Vec<Frame>, RunError> {
-    let moments = moments(results, choice)?;
-    let falls = Falls::read(results, moments.iter().map(|(stage, _)| *stage));
-    let mut frames = Vec::new();
-    for (stage, time) in moments {
+    let mut shapes = Vec::new();
+    for (stage, time) in moments(results, choice)? {
         let structure = match results.structure(stage, Some(time))? {
             Some(found) => Some(found),
             None => results.last_before(stage)?,
         };
         // A flow around no canopy that was written is left out.
         let Some((_, canopy, lines)) = structure else { continue };
-        frames.push(Frame { stage, time, canopy, lines, flow: None, fall: falls.at(stage, time) });
+        shapes.push((stage, time, canopy, lines));
     }
-    if frames.is_empty() {
+    if shapes.is_empty() {
         return Err(results.none("canopy.pvd", "surface_every_windows"));
     }
-    let window = window(frames.iter().map(|f| &f.canopy));
-    for frame in &mut frames {
-        let Some(times) = results.times(frame.stage, Kind::Flow)? else { continue };
-        let files = &times.nearest(Some(frame.time)).files;
-        frame.flow = Some(Flow::read(results, files, Some(frame.canopy.clone()), choice.diagonal, Some(window))?);
-    }
-    Ok(frames)
+    let window = window(shapes.iter().map(|(.., canopy, _)| canopy));
+    let speeds = Falls::read(results, shapes.iter().map(|(stage, ..)| *stage));
+    let frame = |(stage, time, canopy, lines): (usize, f64, Piece, Option<Piece>)| {
+        let flow = results.times(stage, Kind::Flow)?;
+        let cut = match &flow {
+            Some(times) => {
+                let files = &times.nearest(Some(time)).files;
+                Flow::read(results, files, Some(canopy.clone()), choice.diagonal, Some(window))?
+            }
+            None => Flow::none(&canopy, choice.diagonal, window),
+        };
+        let (fall, falls, flow) = (speeds.at(stage, time), falls(results, stage), flow.is_some());
+        Ok(Frame { stage, time, canopy, lines, cut, fall, flow, falls })
+    };
+    shapes.into_iter().map(frame).collect()
 }
 
 /// The part of the cut that is shown: a canopy width around all shapes.
@@ -117,16 +141,22 @@ impl Falls {
             if all.iter().any(|(s, _)| *s == stage) {
                 continue;
             }
-            let Ok(columns) = history::read(&results.stage_folder(stage).join("history.csv")) else { continue };
+            let Ok(columns) = history::read(&results.stage_folder(stage).join("history.csv")) else {
+                continue;
+            };
             let column = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| values);
-            let (Some(times), Some(speeds)) = (column("time_s"), column("descent_speed_m_s")) else { continue };
+            let (Some(times), Some(speeds)) = (column("time_s"), column("descent_speed_m_s")) else {
+                continue;
+            };
+            let moves = if falls(results, stage) { 1.0 } else { 0.0 };
             let mut last: Option<[f64; 2]> = None;
-            let rows = times.iter().zip(speeds).filter(|(t, v)| t.is_finite() && v.is_finite()).map(|(&t, &v)| {
-                let [t0, v0] = last.unwrap_or([0.0, v]);
-                fallen += 0.5 * (v0 + v) * (t - t0);
-                last = Some([t, v]);
-                [t, v, fallen]
-            });
+            let rows =
+                times.iter().zip(speeds).filter(|(t, v)| t.is_finite() && v.is_finite()).map(|(&t, &v)| {
+                    let [t0, v0] = last.unwrap_or([0.0, v]);
+                    fallen += moves * 0.5 * (v0 + v) * (t - t0);
+                    last = Some([t, v]);
+                    [t, v, fallen]
+                });
             let rows: Vec<_> = rows.collect();
             all.push((stage, rows));
         }
@@ -158,9 +188,10 @@ fn fabric(frames: &[Frame]) -> (Legend, Vec<Vec<f64>>) {
         });
         Some((title, values.collect::<Option<Vec<_>>>()?))
     });
-    let (title, values) = fields.into_iter().find(|(_, values)| varies(values)).unwrap_or_else(|| {
-        ("displacement, m", frames.iter().map(|f| displacement(&f.canopy)).collect())
-    });
+    let (title, values) = fields
+        .into_iter()
+        .find(|(_, values)| varies(values))
+        .unwrap_or_else(|| ("displacement, m", frames.iter().map(|f| displacement(&f.canopy)).collect()));
     let range = Range::of(values.iter().flatten().copied(), 0.01);
     (Legend { title: title.into(), scale: WARM, range: Range { low: range.low.min(0.0), ..range } }, values)
 }
@@ -169,7 +200,7 @@ fn fabric(frames: &[Frame]) -> (Legend, Vec<Vec<f64>>) {
 fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Image> {
     let w = f64::from(choice.width);
     let text = (0.0185 * w).max(8.0);
-    let flows = frames.iter().any(|f| f.flow.is_some());
+    let flows = frames.iter().any(|f| f.flow);
     let left = if flows { (0.42 * w).round() } else { w };
     let [low, high] = window(frames.iter().map(|f| &f.canopy));
     let cut_height = ((w - left) * (high[1] - low[1]) / (high[0] - low[0])).round();
@@ -179,7 +210,7 @@ fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Im
     let points: Vec<Point> = frames.iter().flat_map(|f| all_points(&f.canopy, f.lines.as_ref())).collect();
     let view = View::fit(&points, EYE, [text, 0.5 * text], [left - 2.0 * text, height - 5.5 * text]);
     let (legend, values) = fabric(frames);
-    let fastest = frames.iter().filter_map(|f| f.flow.as_ref()).map(Flow::fastest).fold(0.0, f64::max);
+    let fastest = frames.iter().filter(|f| f.flow).map(|f| f.cut.fastest()).fold(0.0, f64::max);
 
     let canopy = |frame: &Frame, values: &[f64]| {
         let mut raster = Raster::new(left as u32, height as u32);
@@ -192,30 +223,22 @@ fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Im
     };
     let cut = |frame: &Frame| {
         let fallen = frame.fall.map_or(0.0, |[_, fallen]| fallen);
-        // Heights above the ground, from where the payload is let go: they rise past a canopy that falls.
+        // Heights above the origin at the release: they rise past a canopy that falls.
         let step = if high[1] - low[1] > 40.0 { 10.0 } else { 2.0 };
         let first = ((low[1] - fallen) / step).ceil() as i64;
         let last = ((high[1] - fallen) / step).floor() as i64;
-        let marks: Vec<(f64, String)> = (first..=last)
-            .map(|k| (k as f64 * step + fallen, format!("{} m", k as f64 * step).replace('-', "\u{2212}")))
-            .collect();
-        let flow = frame.flow.as_ref()?;
-        let width = (w - left) as u32;
-        Some(flow.draw(&Look { caption: "", width, text, fastest, arrows: 20, marks: &marks }))
-    };
-    let nothing = || {
-        let mut samples = Samples::new([(w - left) as u32, height as u32], PAPER);
-        let middle = [0.5 * (w - left), 0.5 * cut_height];
-        let sheet = Sheet(&samples.area()).text("no flow in this stage", middle, text, Anchor::Middle, GREY);
-        sheet.expect(IN_MEMORY);
-        samples.average()
+        let marks = (first..=last).map(|k| k as f64 * step).map(|z| (z + fallen, format!("{z}")));
+        let marks: Vec<(f64, String)> = marks.filter(|_| frame.falls).collect();
+        let caption = if frame.flow { "" } else { "no flow in this stage" };
+        frame.cut.draw(&Look { caption, width: (w - left) as u32, text, fastest, arrows: 20, marks: &marks })
     };
     let header = |frame: &Frame| {
         let mut samples = Samples::new([choice.width, (head + height) as u32], PAPER);
         let area = samples.area();
         let sheet = Sheet(&area);
-        let stage = results.scene.stages[frame.stage].name.replace(['-', '_'], " ");
-        let speed = frame.fall.map(|[v, _]| format!(",  descent speed {v:.2} m/s")).unwrap_or_default();
+        let stage = results.scene.stages[frame.stage].name.replace('_', " ");
+        let what = if frame.falls { "descent speed" } else { "canopy held in a stream of" };
+        let speed = frame.fall.map(|[v, _]| format!(": {what} {v:.2} m/s")).unwrap_or_default();
         let middle = 0.5 * head;
         sheet
             .text(&format!("{stage}{speed}"), [1.5 * text, middle], 1.15 * text, Anchor::Left, INK)
@@ -231,7 +254,7 @@ fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Im
         let mut image = header(frame);
         image.paste(&canopy(frame, values), (0, head as u32));
         if flows {
-            image.paste(&cut(frame).unwrap_or_else(nothing), (left as u32, head as u32));
+            image.paste(&cut(frame), (left as u32, head as u32));
         }
         image
     };

@@ -107,6 +107,12 @@ impl Flow {
         Ok(Self { patches, canopy, window })
     }
 
+    /// The cut through a canopy without a flow.
+    pub(super) fn none(canopy: &Piece, diagonal: bool, window: Window) -> Self {
+        let canopy = Plane::new(diagonal, window[1][0] - window[0][0]).lines(canopy);
+        Self { patches: Vec::new(), canopy, window }
+    }
+
     /// The cut in the colours of its speed, `width` pixels wide.
     pub(super) fn picture(&self, caption: &str, width: u32) -> Image {
         let text = 0.02 * f64::from(width);
@@ -165,10 +171,13 @@ impl Flow {
         let sheet = Sheet(area);
         for (height, label) in look.marks {
             let [_, y, _] = place([self.window[0][0], *height]);
-            if (text..h - text).contains(&y) {
-                sheet.line(&[[0.0, y], [0.7 * text, y]], 0.1 * text, PAPER)?;
-                sheet.text(label, [text, y], 0.85 * text, Anchor::Left, PAPER)?;
+            if (2.4 * text..h - text).contains(&y) {
+                sheet.line(&[[0.0, y], [0.6 * text, y]], 0.12 * text, PAPER)?;
+                sheet.text(label, [0.9 * text, y], 0.85 * text, Anchor::Left, PAPER)?;
             }
+        }
+        if !look.marks.is_empty() {
+            sheet.text("height, m", [0.6 * text, 1.1 * text], 0.85 * text, Anchor::Left, PAPER)?;
         }
         sheet.rectangle([0.0, h], [w, BELOW * text], PAPER)?;
         legend(look.fastest).draw(&sheet, [1.5 * text, h + 1.7 * text], [0.42 * w, 0.9 * text], text)?;
@@ -186,6 +195,10 @@ impl Flow {
         for i in 0..columns as usize * rows {
             let (row, column) = (i / columns as usize, i % columns as usize);
             let at = [low[0] + (column as f64 + 0.5) * spacing, low[1] + (row as f64 + 0.5) * spacing];
+            // The first columns belong to the marks.
+            if column < 2 && !look.marks.is_empty() {
+                continue;
+            }
             let Some(patch) = self.patches.iter().find(|p| p.contains(at)) else { continue };
             let v = patch.velocity.map(|v| 0.85 * spacing * v / fastest.max(1e-9));
             if v[0].hypot(v[1]) < 0.06 * spacing {

@@ -62,7 +62,7 @@ pub struct PictureArgs {
     /// Frames per second of the animation
     #[arg(long, value_name = "N", requires = "animate", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=60))]
     fps: u16,
-    /// Largest number of frames of the animation; more snapshots are thinned evenly
+    /// Largest number of frames of the animation; more snapshots are thinned, coupled stages half as much as others
     #[arg(long, value_name = "N", requires = "animate", default_value_t = 48, value_parser = clap::value_parser!(u16).range(2..=1000))]
     frames: u16,
     /// Cut the flow from corner to corner (plane y = x) instead of across (plane y = 0)

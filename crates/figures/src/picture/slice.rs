@@ -43,7 +43,8 @@ impl NodeSpeeds {
         if let Some(canopy) = canopy {
             // The grid has the canopy of the coupling, which is converged, not equal: compared in boxes.
             let (boxes, size) = boxes_around(canopy);
-            speeds.retain(|key: &Key, _| !boxes.contains(&in_box(key.map(|b| f32::from_bits(b).into()), size)));
+            speeds
+                .retain(|key: &Key, _| !boxes.contains(&in_box(key.map(|b| f32::from_bits(b).into()), size)));
         }
         for (piece, velocity) in pieces {
             let keys: Vec<Option<Key>> =
@@ -237,7 +238,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let piece = |name: &str, low: f64| {
             let file = folder.path().join(name);
-            let grid = box_grid_of(BoxShape::Hexahedra, [1, 1, 1], [low, -1.0, 0.0], [low + 1.0, 1.0, 1.0], [Side::Wall; 6]);
+            let grid = box_grid_of(
+                BoxShape::Hexahedra,
+                [1, 1, 1],
+                [low, -1.0, 0.0],
+                [low + 1.0, 1.0, 1.0],
+                [Side::Wall; 6],
+            );
             write_volume(&file, &grid.coords, &grid.cells, &[], &[]).unwrap();
             Piece::read(&file).unwrap()
         };
@@ -250,7 +257,11 @@ mod tests {
         assert_eq!([-1.0, 0.0, 1.0].map(|x| at(&nodes, x)), [Some(2.0), Some(4.0), Some(6.0)]);
         let patch = &plane.patches(&left, &slow, &nodes)[0];
         let found = patch.outline.iter().zip(&patch.speeds);
-        assert!(found.clone().all(|(p, s)| (s - if p[0] < -0.5 { 2.0 } else { 4.0 }).abs() < 1e-6), "{:?}", patch.speeds);
+        assert!(
+            found.clone().all(|(p, s)| (s - if p[0] < -0.5 { 2.0 } else { 4.0 }).abs() < 1e-6),
+            "{:?}",
+            patch.speeds
+        );
         // A canopy between them has two sides.
         let nodes = NodeSpeeds::new(plane, &pieces, Some(&right));
         assert_eq!([-1.0, 0.0].map(|x| at(&nodes, x)), [Some(2.0), None]);
