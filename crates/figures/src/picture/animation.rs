@@ -224,7 +224,11 @@ fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Im
     let cut = |frame: &Frame| {
         let fallen = frame.fall.map_or(0.0, |[_, fallen]| fallen);
         // Heights above the origin at the release: they rise past a canopy that falls.
-        let step = if high[1] - low[1] > 40.0 { 10.0 } else { 2.0 };
+        let step = match high[1] - low[1] {
+            span if span > 40.0 => 10.0,
+            span if span > 12.0 => 2.0,
+            _ => 1.0,
+        };
         let first = ((low[1] - fallen) / step).ceil() as i64;
         let last = ((high[1] - fallen) / step).floor() as i64;
         let marks = (first..=last).map(|k| k as f64 * step).map(|z| (z + fallen, format!("{z}")));

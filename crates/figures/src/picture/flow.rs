@@ -195,8 +195,9 @@ impl Flow {
         for i in 0..columns as usize * rows {
             let (row, column) = (i / columns as usize, i % columns as usize);
             let at = [low[0] + (column as f64 + 0.5) * spacing, low[1] + (row as f64 + 0.5) * spacing];
-            // The first columns belong to the marks.
-            if column < 2 && !look.marks.is_empty() {
+            // The first columns belong to the marks and their title.
+            let labels = if row + 1 == rows { 4 } else { 2 };
+            if column < labels && !look.marks.is_empty() {
                 continue;
             }
             let Some(patch) = self.patches.iter().find(|p| p.contains(at)) else { continue };
