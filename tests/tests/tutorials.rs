@@ -84,7 +84,9 @@ fn parts(line: &str) -> Vec<(String, Option<f64>)> {
         // The longest number that begins here: digits, fraction, exponent.
         let longest = (1..=rest.len()).rev().filter(|&n| rest.is_char_boundary(n)).find(|&n| {
             let text = &rest[..n];
-            text.ends_with(digit) && text.chars().all(|c| digit(c) || ".eE+-".contains(c)) && text.parse::<f64>().is_ok()
+            text.ends_with(digit)
+                && text.chars().all(|c| digit(c) || ".eE+-".contains(c))
+                && text.parse::<f64>().is_ok()
         });
         if let Some(n) = longest {
             parts.push((rest[..n].to_owned(), rest[..n].parse().ok()));
@@ -110,7 +112,9 @@ fn line_matches(expected: &str, found: &str, tolerance: f64) -> bool {
     let boundaries = (0..=found.len()).filter(|&i| found.is_char_boundary(i));
     boundaries.filter(|&i| same(before, &found[..i], tolerance)).any(|i| {
         let rest = &found[i..];
-        (0..=rest.len()).filter(|&j| rest.is_char_boundary(j)).any(|j| line_matches(after, &rest[j..], tolerance))
+        (0..=rest.len())
+            .filter(|&j| rest.is_char_boundary(j))
+            .any(|j| line_matches(after, &rest[j..], tolerance))
     })
 }
 
@@ -146,7 +150,9 @@ fn compare(block: &Block, output: &str) -> Result<(), String> {
     let (expected, found): (Vec<&str>, Vec<&str>) =
         (expected.iter().map(String::as_str).collect(), found.iter().map(String::as_str).collect());
     match missing(&expected, &found, tolerance) {
-        Some(line) => Err(format!("the output lacks this line, or has it at another place:\n{line}\n--- output\n{output}")),
+        Some(line) => Err(format!(
+            "the output lacks this line, or has it at another place:\n{line}\n--- output\n{output}"
+        )),
         None => Ok(()),
     }
 }
@@ -172,7 +178,8 @@ fn workplace() -> tempfile::TempDir {
         fs::create_dir_all(&bin).expect("a folder");
         let text = format!("#!/bin/sh\nexec '{}' \"$@\"\n", python.display());
         fs::write(bin.join("python3"), text).expect("written");
-        fs::set_permissions(bin.join("python3"), fs::metadata(at("run")).expect("copied").permissions()).expect("set");
+        fs::set_permissions(bin.join("python3"), fs::metadata(at("run")).expect("copied").permissions())
+            .expect("set");
     }
     folder
 }
@@ -286,7 +293,9 @@ fn round_canopy() {
 #[test]
 fn flow_solver_in_python() {
     if python().is_none() {
-        skipped("no Python can import iceoryx2 and numpy; `scripts/setup --python` installs them where there is a network");
+        skipped(
+            "no Python can import iceoryx2 and numpy; `scripts/setup --python` installs them where there is a network",
+        );
         return;
     }
     tutorial("flow-solver-in-python.md");

@@ -6,7 +6,7 @@ use mesh::Point;
 use mesh::vtk::read::Piece;
 use results::history;
 
-use super::flow::{Flow, Look, Window};
+use super::flow::{self, Flow, Look, Window};
 use super::legend::{Legend, Range};
 use super::raster::Raster;
 use super::view::{Body, View, at_points, bounds};
@@ -198,30 +198,87 @@ fn fabric(frames: &[Frame]) -> (Legend, Vec<Vec<f64>>) {
 
 /// Draws all frames in one scale of lengths, colours and speeds.
 fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Image> {
-    let w = f64::from(choice.width);
-    let text = (0.0185 * w).max(8.0);
-    let flows = frames.iter().any(|f| f.flow);
-    let left = if flows { (0.42 * w).round() } else { w };
-    let [low, high] = window(frames.iter().map(|f| &f.canopy));
-    let cut_height = ((w - left) * (high[1] - low[1]) / (high[0] - low[0])).round();
-    let height = if flows { cut_height + 4.25 * text } else { 0.95 * w };
-    let head = (2.6 * text).round();
-
-    let points: Vec<Point> = frames.iter().flat_map(|f| all_points(&f.canopy, f.lines.as_ref())).collect();
-    let view = View::fit(&points, EYE, [text, 0.5 * text], [left - 2.0 * text, height - 5.5 * text]);
     let (legend, values) = fabric(frames);
-    let fastest = frames.iter().filter(|f| f.flow).map(|f| f.cut.fastest()).fold(0.0, f64::max);
+    let layout = Layout::new(frames, choice.width, legend);
+    frames.iter().zip(&values).map(|(frame, values)| layout.image(results, frame, values)).collect()
+}
 
-    let canopy = |frame: &Frame, values: &[f64]| {
-        let mut raster = Raster::new(left as u32, height as u32);
-        let body = Body { canopy: &frame.canopy, lines: frame.lines.as_ref(), values };
-        draw_body(&mut raster, &view, &body, &legend, (0.0022 * left).max(0.7));
-        let mut samples = raster.finish();
-        let corner = [1.5 * text, height - 2.55 * text];
-        legend.draw(&Sheet(&samples.area()), corner, [0.62 * left, 0.9 * text], text).expect(IN_MEMORY);
+/// What all frames have in common; lengths in pixels.
+struct Layout {
+    width: f64,
+    /// Width of the left panel: the canopy.
+    left: f64,
+    /// Height of the panels, and of the header above them.
+    height: f64,
+    head: f64,
+    /// Em of the text.
+    text: f64,
+    view: View,
+    legend: Legend,
+    /// Part of the cut that is shown, m, and the speed at the end of its colour bar, m/s. `None`: no frame has a flow.
+    cut: Option<(Window, f64)>,
+}
+
+impl Layout {
+    fn new(frames: &[Frame], width: u32, legend: Legend) -> Self {
+        let w = f64::from(width);
+        let text = (0.0185 * w).max(8.0);
+        let fastest = frames.iter().filter(|f| f.flow).map(|f| f.cut.fastest()).reduce(f64::max);
+        let cut = fastest.map(|fastest| (window(frames.iter().map(|f| &f.canopy)), fastest));
+        let left = if cut.is_some() { (0.42 * w).round() } else { w };
+        let height = match cut {
+            Some(([low, high], _)) => {
+                ((w - left) * (high[1] - low[1]) / (high[0] - low[0])).round() + flow::BELOW * text
+            }
+            None => 0.95 * w,
+        };
+        let points: Vec<Point> =
+            frames.iter().flat_map(|f| all_points(&f.canopy, f.lines.as_ref())).collect();
+        let view = View::fit(&points, EYE, [text, 0.5 * text], [left - 2.0 * text, height - 5.5 * text]);
+        Self { width: w, left, height, head: (2.6 * text).round(), text, view, legend, cut }
+    }
+
+    /// One frame: the header, the canopy, the cut.
+    fn image(&self, results: &RunSnapshots, frame: &Frame, values: &[f64]) -> Image {
+        let mut image = self.header(results, frame);
+        let head = self.head as u32;
+        image.paste(&self.canopy(frame, values), (0, head));
+        if let Some((window, fastest)) = self.cut {
+            image.paste(&self.section(frame, window, fastest), (self.left as u32, head));
+        }
+        image
+    }
+
+    /// Stage, speed and time on an empty picture.
+    fn header(&self, results: &RunSnapshots, frame: &Frame) -> Image {
+        let mut samples = Samples::new([self.width, self.head + self.height].map(|s| s as u32), PAPER);
+        let area = samples.area();
+        let sheet = Sheet(&area);
+        let stage = results.scene.stages[frame.stage].name.replace('_', " ");
+        let what = if frame.falls { "descent speed" } else { "canopy held in a stream of" };
+        let speed = frame.fall.map(|[v, _]| format!(": {what} {v:.2} m/s")).unwrap_or_default();
+        let time = format!("t = {:.2} s", frame.time);
+        let (text, margin, middle) = (1.15 * self.text, 1.5 * self.text, 0.5 * self.head);
+        sheet
+            .text(&format!("{stage}{speed}"), [margin, middle], text, Anchor::Left, INK)
+            .and_then(|()| sheet.text(&time, [self.width - margin, middle], text, Anchor::Right, INK))
+            .expect(IN_MEMORY);
+        drop(area);
         samples.average()
-    };
-    let cut = |frame: &Frame| {
+    }
+
+    fn canopy(&self, frame: &Frame, values: &[f64]) -> Image {
+        let mut raster = Raster::new(self.left as u32, self.height as u32);
+        let body = Body { canopy: &frame.canopy, lines: frame.lines.as_ref(), values };
+        draw_body(&mut raster, &self.view, &body, &self.legend, (0.0022 * self.left).max(0.7));
+        let mut samples = raster.finish();
+        let (corner, size) =
+            ([1.5 * self.text, self.height - 2.55 * self.text], [0.62 * self.left, 0.9 * self.text]);
+        self.legend.draw(&Sheet(&samples.area()), corner, size, self.text).expect(IN_MEMORY);
+        samples.average()
+    }
+
+    fn section(&self, frame: &Frame, [low, high]: Window, fastest: f64) -> Image {
         let fallen = frame.fall.map_or(0.0, |[_, fallen]| fallen);
         // Heights above the origin at the release: they rise past a canopy that falls.
         let step = match high[1] - low[1] {
@@ -229,38 +286,12 @@ fn draw(results: &RunSnapshots, frames: &[Frame], choice: &Choice<'_>) -> Vec<Im
             span if span > 12.0 => 2.0,
             _ => 1.0,
         };
-        let first = ((low[1] - fallen) / step).ceil() as i64;
-        let last = ((high[1] - fallen) / step).floor() as i64;
-        let marks = (first..=last).map(|k| k as f64 * step).map(|z| (z + fallen, format!("{z}")));
+        let [first, last] = [((low[1] - fallen) / step).ceil(), ((high[1] - fallen) / step).floor()];
+        let marks =
+            (first as i64..=last as i64).map(|k| k as f64 * step).map(|z| (z + fallen, format!("{z}")));
         let marks: Vec<(f64, String)> = marks.filter(|_| frame.falls).collect();
         let caption = if frame.flow { "" } else { "no flow in this stage" };
-        frame.cut.draw(&Look { caption, width: (w - left) as u32, text, fastest, arrows: 20, marks: &marks })
-    };
-    let header = |frame: &Frame| {
-        let mut samples = Samples::new([choice.width, (head + height) as u32], PAPER);
-        let area = samples.area();
-        let sheet = Sheet(&area);
-        let stage = results.scene.stages[frame.stage].name.replace('_', " ");
-        let what = if frame.falls { "descent speed" } else { "canopy held in a stream of" };
-        let speed = frame.fall.map(|[v, _]| format!(": {what} {v:.2} m/s")).unwrap_or_default();
-        let middle = 0.5 * head;
-        sheet
-            .text(&format!("{stage}{speed}"), [1.5 * text, middle], 1.15 * text, Anchor::Left, INK)
-            .and_then(|()| {
-                let time = format!("t = {:.2} s", frame.time);
-                sheet.text(&time, [w - 1.5 * text, middle], 1.15 * text, Anchor::Right, INK)
-            })
-            .expect(IN_MEMORY);
-        drop(area);
-        samples.average()
-    };
-    let frame = |(frame, values): (&Frame, &Vec<f64>)| {
-        let mut image = header(frame);
-        image.paste(&canopy(frame, values), (0, head as u32));
-        if flows {
-            image.paste(&cut(frame), (left as u32, head as u32));
-        }
-        image
-    };
-    frames.iter().zip(&values).map(frame).collect()
+        let width = (self.width - self.left) as u32;
+        frame.cut.draw(&Look { caption, width, text: self.text, fastest, arrows: 20, marks: &marks })
+    }
 }

@@ -18,7 +18,7 @@ use crate::snapshots::{RunSnapshots, field};
 
 const WHITE: Rgb = [1.0; 3];
 /// Height of the strip below the cut, em.
-const BELOW: f64 = 4.25;
+pub(super) const BELOW: f64 = 4.25;
 
 /// A part of the cut: lower left and upper right corner, m.
 pub(super) type Window = [[f64; 2]; 2];
