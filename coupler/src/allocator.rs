@@ -1,6 +1,6 @@
 //! What the program asks of the C library's allocator.
 
-/// Blocks of 256 KiB and more are mapped by themselves, and so given back when they are freed.
+/// Blocks of 256 KiB and more are mapped by themselves, and so returned to the system when they are freed.
 ///
 /// glibc does so only until the first of their size has been freed, and then keeps them in its heap, where smaller blocks come to lie
 /// between them. The model of the flow is remade as the canopy turns, with matrices of a megabyte: on the

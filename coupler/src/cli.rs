@@ -15,6 +15,7 @@ use studies::effects::Runs;
 use terminal::Console;
 
 use crate::arguments::{mpirun, ranks, role, seconds, share};
+use crate::former_options;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
 use crate::signals;
@@ -37,7 +38,7 @@ const CODES: &str = "Exit codes:
   3    what was compared differs (diff, replay, accuracy), or a point failed (conform)
   2    the scene or the command line is wrong; nothing was started
   130  ended by Ctrl-C or a termination signal: the window was finished and saved (`run --resume`
-       goes on); a second signal ends all at once and saves nothing";
+       continues); a second signal ends all at once and saves nothing";
 
 /// Fluid-structure interaction of parachutes: three solver programs, one command.
 #[derive(Parser)]
@@ -49,10 +50,10 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Fly a scene: start the programs of each stage, couple them, write results
+    /// Run a scene: start the programs of each stage, couple them, write results
     #[command(after_help = CODES)]
     Run(RunCommand),
-    /// Fly a scene with programs that you start yourself, in any order, also under a debugger
+    /// Run a scene with programs that you start yourself, in any order, also under a debugger
     #[command(after_help = CODES)]
     Attach(AttachArgs),
     /// Run one program against the recorded exchanges of a run, and compare its answers
@@ -104,7 +105,7 @@ enum Command {
     /// Show accuracy against cost: vary parameters of a scene, extrapolate, advise the cheapest settings
     #[command(after_help = CODES)]
     Accuracy(studies::accuracy::AccuracyArgs),
-    /// Fly a family of small cases and draw where which scheme is stable
+    /// Run a family of small cases and draw a map of the stability of coupling schemes
     #[command(after_help = CODES)]
     Stability(studies::stability::StabilityArgs),
     /// Plays a recorded mesh-mover for `replay`
@@ -150,20 +151,20 @@ struct SceneArgs {
     /// MPI ranks by role, such as `--ranks flow=4,mesh=2`; others as in the scene
     #[arg(long, value_name = "ROLE=N,...", value_delimiter = ',', value_parser = ranks)]
     ranks: Vec<(Role, u32)>,
-    /// Program in the place of structure-solver; the run's arguments are appended
+    /// Program to run instead of structure-solver; the arguments of the run are appended
     #[arg(long, value_name = "COMMAND")]
     structure: Option<String>,
-    /// Program in the place of flow-solver
+    /// Program to run instead of flow-solver
     #[arg(long, value_name = "COMMAND")]
     flow: Option<String>,
-    /// Program in the place of mesh-mover
+    /// Program to run instead of mesh-mover
     #[arg(long, value_name = "COMMAND")]
     mesh: Option<String>,
     /// Options for every `mpirun`, or with ROLE= for one, such as
     /// `--mpirun flow="--host a:8,b:8 --map-by node"`: see docs/hosts.md
     #[arg(long, value_name = "[ROLE=]OPTIONS", allow_hyphen_values = true, value_parser = mpirun)]
     mpirun: Vec<(Option<Role>, String)>,
-    /// Start at this stage, from the states that an earlier run left in --out
+    /// Start at this stage, from the states of an earlier run in --out
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
 }
@@ -178,61 +179,63 @@ struct RunArgs {
     /// Accept windows that are not converged, as long as all numbers are finite
     #[arg(long)]
     accept_unconverged: bool,
-    /// Former name of --accept-unconverged
-    #[arg(long, hide = true)]
-    keep_going: bool,
-    /// Longest time for one answer of a program that ripstop has started, in seconds
+    /// Time limit for one reply of a program that ripstop has started, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = seconds)]
     deadline: f64,
-    /// Go on with the run whose results lie in --out, from the last state that was saved
+    /// Resume the run in --out from its last checkpoint
     #[arg(long, conflicts_with = "stage")]
     resume: bool,
     /// Save every N windows; 0: at the end of stages and at Ctrl-C only [default: the scene's
     /// output.checkpoint_every_windows, or as often as costs 1 % of the time]
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<u32>,
-    /// Print what the named parts of all programs took, by stage (summary.json and the report have it in any case)
+    /// Print the times of the named parts of all programs by stage (always in summary.json and the report)
     #[arg(long)]
     profile: bool,
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
-    /// Print all that the programs print (their logs have it in any case), each line with its role
+    /// Print the output of all programs (always in their logs), each line with its role
     #[arg(long, short, conflicts_with = "quiet")]
     verbose: bool,
-    /// Keep every exchange of the programs in DIR, for `replay`, `diff` and `--baseline`
+    /// Record every exchange of the programs in DIR, for `replay`, `diff` and `--baseline`
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
-    /// Leave the moving grid out of the recording: far smaller, but the flow cannot be replayed
+    /// Omit the moving grid from the recording: far smaller, but the flow cannot be replayed
     #[arg(long, requires = "record")]
     record_without_grid: bool,
-    /// Compare with a recording while flying; the first departure is told
+    /// Compare with a recording during the run; reports the first deviation
     #[arg(long, value_name = "DIR")]
     baseline: Option<PathBuf>,
-    /// Largest difference from the baseline that is none, as a share of the largest of its field
+    /// Relative tolerance of the comparison with the baseline; the scale is the largest value of the field
     #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = share)]
     tolerance: f64,
-    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the baseline's
-    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    /// Relative tolerance of iteration counts (Newton, Krylov, ...), rounded up [default: differences of counts are
+    /// reported, not judged]
     #[arg(long, value_name = "SHARE", requires = "baseline", value_parser = share)]
-    count_slack: Option<f64>,
-    /// End the run where it departs from the baseline
+    iteration_tolerance: Option<f64>,
+    /// End the run at the first deviation from the baseline
     #[arg(long, requires = "baseline")]
-    stop_at_departure: bool,
+    stop_at_deviation: bool,
 }
 
 impl RunArgs {
     fn options(self) -> RunOptions {
-        let (without_grid, stop) = (self.record_without_grid, self.stop_at_departure);
-        let (tolerance, count_slack) = (self.tolerance, self.count_slack);
+        let (without_grid, stop) = (self.record_without_grid, self.stop_at_deviation);
+        let (tolerance, iteration_tolerance) = (self.tolerance, self.iteration_tolerance);
         RunOptions {
             stop_after_windows: self.stop_after_windows,
-            accept_unconverged: self.accept_unconverged || self.keep_going,
+            accept_unconverged: self.accept_unconverged,
             resume: self.resume,
             checkpoint_every: self.checkpoint_every,
             deadline: Some(Duration::from_secs_f64(self.deadline)),
             record: self.record.map(|folder| RecordOptions { folder, without_grid }),
-            baseline: self.baseline.map(|folder| BaselineOptions { folder, tolerance, count_slack, stop }),
+            baseline: self.baseline.map(|folder| BaselineOptions {
+                folder,
+                tolerance,
+                iteration_tolerance,
+                stop,
+            }),
             ..self.scene.options()
         }
     }
@@ -256,7 +259,8 @@ impl SceneArgs {
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let (arguments, former) = former_options::current(std::env::args_os());
+    let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         // clap's own exit would be the same code: 2, or 0 for help.
         Err(error) => error.exit(),
@@ -267,11 +271,7 @@ pub fn main() -> ExitCode {
         _ => (false, false),
     };
     let console = Console::new(quiet).verbose(verbose);
-    if let Command::Run(RunCommand { run, .. }) | Command::Attach(AttachArgs { run, .. }) = &cli.command
-        && run.keep_going
-    {
-        console.warning("--keep-going is the former name of --accept-unconverged: use that one");
-    }
+    former.iter().for_each(|warning| console.warning(warning));
     match execute(cli.command, &console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -283,10 +283,10 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::Run(RunCommand { run, only }) => fly(run, |o| RunOptions { only, ..o }, console),
+        Command::Run(RunCommand { run, only }) => run_scene(run, |o| RunOptions { only, ..o }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
-            fly(run, |o| RunOptions { attach, ..o }, console)
+            run_scene(run, |o| RunOptions { attach, ..o }, console)
         }
         Command::Replay(args) => {
             let stop = signals::stop_flag()?;
@@ -343,7 +343,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     }
 }
 
-fn fly(
+fn run_scene(
     args: RunArgs,
     change: impl FnOnce(RunOptions) -> RunOptions,
     console: &Console,

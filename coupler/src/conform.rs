@@ -16,7 +16,7 @@ use results::recording::{Event, Reader};
 use terminal::Console;
 
 use crate::hub::HubPartners;
-use crate::replay::{Rehearsal, Trial, halves};
+use crate::replay::{ProgramSession, Trial, halves};
 
 /// Which program, and how closely it must repeat itself.
 #[derive(clap::Args)]
@@ -102,10 +102,10 @@ struct Script {
 }
 
 impl Script {
-    fn of(rehearsal: &Rehearsal) -> Result<Self, RunError> {
-        let mut reader = Reader::open(&rehearsal.file)?;
-        let canopy = &rehearsal.prepared.interface;
-        let size = match rehearsal.role {
+    fn of(session: &ProgramSession) -> Result<Self, RunError> {
+        let mut reader = Reader::open(&session.file)?;
+        let canopy = &session.prepared.interface;
+        let size = match session.role {
             Role::Structure => 3 * canopy.nodes(),
             Role::Flow => LOAD_WIDTH * canopy.faces.len(),
             Role::Mesh => 6 * reader.header().grid_nodes as usize,
@@ -115,7 +115,7 @@ impl Script {
         let mut moved = None;
         while let Some(event) = reader.next_event()? {
             let w = Window::from(event.at());
-            match (event, rehearsal.role) {
+            match (event, session.role) {
                 (Event::Structure { load, .. }, Role::Structure) => {
                     asked.push((w, Question::Structure(halves(&load))));
                 }
@@ -137,9 +137,9 @@ impl Script {
         }
         Err(RunError::Input(format!(
             "{} has {} whole windows with the {}; two are needed",
-            rehearsal.file.display(),
+            session.file.display(),
             windows.len(),
-            rehearsal.role.name()
+            session.role.name()
         )))
     }
 }
@@ -178,16 +178,16 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
         out: None,
         deadline: Duration::from_secs_f64(args.deadline),
     };
-    let rehearsal = Rehearsal::new(&args.recording, &trial)?;
-    let script = Script::of(&rehearsal)?;
-    let battery = Battery { rehearsal, script, tolerance: args.tolerance, stop, console };
-    let mut text = format!("{} in stage `{}`", args.role.name(), battery.rehearsal.stage);
+    let session = ProgramSession::new(&args.recording, &trial)?;
+    let script = Script::of(&session)?;
+    let battery = Battery { session, script, tolerance: args.tolerance, stop, console };
+    let mut text = format!("{} in stage `{}`", args.role.name(), battery.session.stage);
     let mut passed = true;
     let mut silent = None;
     for (name, point) in POINTS {
         let verdict = match silent {
             // Further points would say the same again, or cost the deadline again.
-            Some(at) => Verdict::Skipped(format!("nothing to go on after `{at}`")),
+            Some(at) => Verdict::Skipped(format!("no valid reply to start from after `{at}`")),
             None => match point(&battery) {
                 Err(error @ RunError::Interrupted(_)) => return Err(error),
                 Err(error) => {
@@ -223,7 +223,7 @@ const POINTS: [(&str, Point); 11] = [
     ("answers", |b| b.answers()),
     ("repeats", |b| b.repeats()),
     ("rolls back", |b| b.rolls_back()),
-    ("goes on", |b| b.goes_on()),
+    ("restart within a stage", |b| b.continues()),
     ("shorter window", |b| b.shorter()),
     ("substeps", |b| b.substeps()),
     ("restores", |b| b.restores()),
@@ -233,7 +233,7 @@ const POINTS: [(&str, Point); 11] = [
 ];
 
 struct Battery<'a> {
-    rehearsal: Rehearsal,
+    session: ProgramSession,
     script: Script,
     tolerance: f64,
     stop: &'a AtomicBool,
@@ -241,8 +241,8 @@ struct Battery<'a> {
 }
 
 impl Battery<'_> {
-    fn fly<T>(&self, play: impl FnOnce(&mut HubPartners<'_>) -> Result<T, RunError>) -> Result<T, RunError> {
-        self.rehearsal.fly(self.stop, self.console, play)
+    fn run<T>(&self, play: impl FnOnce(&mut HubPartners<'_>) -> Result<T, RunError>) -> Result<T, RunError> {
+        self.session.run(self.stop, self.console, play)
     }
 
     fn ask(&self, p: &mut HubPartners<'_>, q: &Question, w: &Window) -> Result<Vec<f64>, RunError> {
@@ -257,13 +257,13 @@ impl Battery<'_> {
     }
 
     fn handshake(&self) -> Result<Verdict, RunError> {
-        self.fly(|_| Ok(()))?;
-        Ok(Verdict::Passed("joins, fits the canopy, has the scene's effects, ends when told".into()))
+        self.run(|_| Ok(()))?;
+        Ok(Verdict::Passed("joins, fits the canopy, has the scene's effects, ends on request".into()))
     }
 
     fn answers(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
-        let answer = self.fly(|p| self.ask(p, first, w))?;
+        let answer = self.run(|p| self.ask(p, first, w))?;
         Ok(match finite(&answer) {
             Ok(()) => Verdict::Passed(format!("{} finite numbers for window {}", answer.len(), w.index)),
             Err(why) => Verdict::Failed(why),
@@ -272,7 +272,7 @@ impl Battery<'_> {
 
     fn repeats(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
-        let [a, b] = self.fly(|p| Ok([self.ask(p, first, w)?, self.ask(p, first, &again(w, 1))?]))?;
+        let [a, b] = self.run(|p| Ok([self.ask(p, first, w)?, self.ask(p, first, &again(w, 1))?]))?;
         Ok(self.close(&a, &b, "the same question twice"))
     }
 
@@ -283,7 +283,7 @@ impl Battery<'_> {
         if matches!(other, Question::Flow(None)) {
             return Ok(Verdict::Skipped("on a grid at rest all questions of a window are one".into()));
         }
-        let [a, b] = self.fly(|p| {
+        let [a, b] = self.run(|p| {
             let a = self.ask(p, first, w)?;
             for i in 1..4 {
                 self.ask(p, &other, &again(w, i))?;
@@ -293,11 +293,11 @@ impl Battery<'_> {
         Ok(self.close(&a, &b, "a question after three others"))
     }
 
-    fn goes_on(&self) -> Result<Verdict, RunError> {
+    fn continues(&self) -> Result<Verdict, RunError> {
         let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
             return Ok(Verdict::Skipped("one window only".into()));
         };
-        let [a, b] = self.fly(|p| {
+        let [a, b] = self.run(|p| {
             let a = self.ask(p, last0, w0)?;
             p.accept(w0)?;
             let b = self.ask(p, first1, w1)?;
@@ -306,26 +306,26 @@ impl Battery<'_> {
         })?;
         Ok(match finite(&b) {
             Err(why) => Verdict::Failed(why),
-            Ok(()) if a == b && self.rehearsal.role != Role::Flow => {
+            Ok(()) if a == b && self.session.role != Role::Flow => {
                 Verdict::Failed("the second window's answer is the first one's to the bit: stale".into())
             }
             Ok(()) => Verdict::Passed("accepts a window and computes the next".into()),
         })
     }
 
-    /// A window given back and asked again with half its length is that of a program that was asked so
+    /// A rejected window that is retried with half its length gives the results of a program that was asked so
     /// at once.
     fn shorter(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
         let half = Window { dt: 0.5 * w.dt, ..*w };
-        let varies = self.fly(|p| Ok(p.fixed_windows().is_empty()))?;
+        let varies = self.run(|p| Ok(p.fixed_windows().is_empty()))?;
         if !varies {
             return Ok(Verdict::Skipped(
                 "it does not announce `coupling.adaptive`: windows are of one length".into(),
             ));
         }
-        let a = self.fly(|p| self.ask(p, first, &half))?;
-        let b = self.fly(|p| {
+        let a = self.run(|p| self.ask(p, first, &half))?;
+        let b = self.run(|p| {
             self.ask(p, first, w)?;
             self.ask(p, first, &again(&half, 1))
         })?;
@@ -333,12 +333,12 @@ impl Battery<'_> {
     }
 
     fn substeps(&self) -> Result<Verdict, RunError> {
-        if self.rehearsal.role != Role::Structure {
+        if self.session.role != Role::Structure {
             return Ok(Verdict::Skipped("of the structure only".into()));
         }
         let (w, first, _) = &self.script.windows[0];
         let n = w.substeps.max(1);
-        let answers = self.fly(|p| {
+        let answers = self.run(|p| {
             [n, 2 * n, 4 * n]
                 .into_iter()
                 .enumerate()
@@ -357,17 +357,17 @@ impl Battery<'_> {
     }
 
     fn restores(&self) -> Result<Verdict, RunError> {
-        let scene = &self.rehearsal.prepared.scene;
-        let role = self.rehearsal.role;
-        let Some(source) = scene.source_state(&self.rehearsal.out, self.rehearsal.number(), role) else {
+        let scene = &self.session.prepared.scene;
+        let role = self.session.role;
+        let Some(source) = scene.source_state(&self.session.out, self.session.number(), role) else {
             return Ok(Verdict::Skipped("no stage before this one leaves it a state".into()));
         };
         let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
             return Ok(Verdict::Skipped("one window only".into()));
         };
-        let folder = self.rehearsal.out.join("saved");
+        let folder = self.session.out.join("saved");
         std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
-        let a = self.fly(|p| {
+        let a = self.run(|p| {
             self.ask(p, last0, w0)?;
             p.accept(w0)?;
             p.save(&folder)?;
@@ -385,7 +385,7 @@ impl Battery<'_> {
             swap(&source, &before)?;
         }
         swap(&saved, &source)?;
-        let b = self.fly(|p| self.ask(p, first1, w1));
+        let b = self.run(|p| self.ask(p, first1, w1));
         if before.is_file() {
             swap(&before, &source)?;
         }
@@ -393,13 +393,13 @@ impl Battery<'_> {
     }
 
     fn resumes(&self) -> Result<Verdict, RunError> {
-        let role = self.rehearsal.role;
+        let role = self.session.role;
         let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
             return Ok(Verdict::Skipped("one window only".into()));
         };
-        let folder = self.rehearsal.out.join("within");
+        let folder = self.session.out.join("within");
         std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
-        let (can, a) = self.fly(|p| {
+        let (can, a) = self.run(|p| {
             self.ask(p, last0, w0)?;
             p.accept(w0)?;
             p.save(&folder)?;
@@ -408,8 +408,7 @@ impl Battery<'_> {
         if !can {
             return Ok(Verdict::Skipped("it does not announce `resume`: its runs cannot be resumed".into()));
         }
-        let b =
-            self.rehearsal.fly_from(Some(&folder), self.stop, self.console, |p| self.ask(p, first1, w1))?;
+        let b = self.session.run_from(Some(&folder), self.stop, self.console, |p| self.ask(p, first1, w1))?;
         Ok(match self.close(&a, &b, "a window after --resume") {
             Verdict::Passed(_) if a == b => {
                 Verdict::Passed("a window after --resume: the same digits".into())
@@ -423,7 +422,7 @@ impl Battery<'_> {
         let Some(zero) = first.scaled(0.0) else {
             return Ok(Verdict::Skipped("the flow has no input but the grid".into()));
         };
-        let answer = self.fly(|p| self.ask(p, &zero, w))?;
+        let answer = self.run(|p| self.ask(p, &zero, w))?;
         Ok(match finite(&answer) {
             Ok(()) => Verdict::Passed("finite numbers".into()),
             Err(why) => Verdict::Failed(why),
@@ -435,7 +434,7 @@ impl Battery<'_> {
         let Some(absurd) = first.scaled(1e9) else {
             return Ok(Verdict::Skipped("the flow has no input but the grid".into()));
         };
-        match self.fly(|p| self.ask(p, &absurd, w)) {
+        match self.run(|p| self.ask(p, &absurd, w)) {
             Ok(answer) => Ok(match finite(&answer) {
                 Ok(()) => Verdict::Passed("a finite answer to a billion times the input".into()),
                 Err(why) => Verdict::Failed(why),

@@ -18,10 +18,10 @@ pub struct DiffArgs {
     /// Largest difference that is none, as a share of the largest number of the field (or column)
     #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::arguments::share)]
     tolerance: f64,
-    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the reference's
-    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    /// Relative tolerance of iteration counts (Newton, Krylov, ...), rounded up [default: differences of counts are
+    /// reported, not judged]
     #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
-    count_slack: Option<f64>,
+    iteration_tolerance: Option<f64>,
     /// Folder for `<stage>-difference.csv` and `.svg`: how the differences grow
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -40,7 +40,7 @@ pub fn diff(args: &DiffArgs) -> Result<(bool, String), RunError> {
         let files = [&args.a, &args.b].map(|f| stage_file(f, &stage.name));
         if files.iter().all(|f| f.is_file()) {
             let [a, b] = files;
-            let comparison = recordings(&a, &b, args.tolerance, args.count_slack)?;
+            let comparison = recordings(&a, &b, args.tolerance, args.iteration_tolerance)?;
             text.push(format!("stage `{}`: {}", stage.name, comparison.report()));
             same &= comparison.same() && comparison.other_iterations.is_none();
             if let Some(out) = &args.out {

@@ -11,6 +11,7 @@ pub mod command_line;
 pub mod conform;
 pub mod diff_command;
 pub mod effects_command;
+mod former_options;
 pub mod hub;
 pub mod launch;
 pub mod mesh_command;

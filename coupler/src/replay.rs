@@ -43,10 +43,10 @@ pub struct ReplayArgs {
     /// Largest difference that is none, as a share of the largest number of the field
     #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::arguments::share)]
     tolerance: f64,
-    /// Judge how many iterations each answer took (Newton, Krylov, ...): this share of the recorded
-    /// count, rounded up, is no difference [default: other counts are told, not judged]
+    /// Relative tolerance of iteration counts (Newton, Krylov, ...), rounded up [default: differences of counts are
+    /// reported, not judged]
     #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
-    count_slack: Option<f64>,
+    iteration_tolerance: Option<f64>,
     /// Folder for the program's logs and the differences [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -63,7 +63,7 @@ pub(crate) struct Trial<'a> {
     pub command: &'a str,
     /// Its ranks; `None`: as recorded.
     pub ranks: Option<u32>,
-    /// Stage; `None`: the last recorded one in which it takes part.
+    /// Stage; `None`: the last recorded one with its role.
     pub stage: Option<&'a str>,
     /// Folder for logs and results; `None`: a temporary one.
     pub out: Option<&'a Path>,
@@ -72,7 +72,7 @@ pub(crate) struct Trial<'a> {
 }
 
 /// One program, ready to be started beside its recorded partners.
-pub(crate) struct Rehearsal {
+pub(crate) struct ProgramSession {
     pub role: Role,
     /// Name of the stage.
     pub stage: String,
@@ -95,7 +95,7 @@ pub(crate) struct Rehearsal {
     _temporary: Option<Temporary>,
 }
 
-impl Rehearsal {
+impl ProgramSession {
     /// From the recording in `folder`.
     ///
     /// # Errors
@@ -163,20 +163,20 @@ impl Rehearsal {
     ///
     /// # Errors
     /// Whatever the program or `play` makes fail.
-    pub fn fly<T>(
+    pub fn run<T>(
         &self,
         stop: &AtomicBool,
         console: &Console,
         play: impl FnOnce(&mut HubPartners<'_>) -> Result<T, RunError>,
     ) -> Result<T, RunError> {
-        self.fly_from(None, stop, console, play)
+        self.run_from(None, stop, console, play)
     }
 
-    /// As [`Rehearsal::fly`], from a state in the middle of the stage.
+    /// As [`ProgramSession::run`], from a state in the middle of the stage.
     ///
     /// # Errors
     /// As above.
-    pub fn fly_from<T>(
+    pub fn run_from<T>(
         &self,
         resume: Option<&Path>,
         stop: &AtomicBool,
@@ -283,17 +283,17 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         out: args.out.as_deref(),
         deadline: Duration::from_secs_f64(args.deadline),
     };
-    let rehearsal = Rehearsal::new(&args.recording, &trial)?;
-    let mut comparison = Comparison::new(args.tolerance).judging_counts(args.count_slack);
-    let reader = Reader::open(&rehearsal.file)?;
-    let canopy = &rehearsal.prepared.interface;
-    rehearsal.fly(stop, console, |partners| {
-        drive(partners, role, rehearsal.moving, reader, canopy, &mut comparison)
+    let session = ProgramSession::new(&args.recording, &trial)?;
+    let mut comparison = Comparison::new(args.tolerance).judging_counts(args.iteration_tolerance);
+    let reader = Reader::open(&session.file)?;
+    let canopy = &session.prepared.interface;
+    session.run(stop, console, |partners| {
+        drive(partners, role, session.moving, reader, canopy, &mut comparison)
     })?;
     if args.out.is_some() {
-        crate::diff_command::write(&rehearsal.out, &rehearsal.stage, &comparison)?;
+        crate::diff_command::write(&session.out, &session.stage, &comparison)?;
     }
-    let report = format!("stage `{}`, {}: {}", rehearsal.stage, role.program(), comparison.report());
+    let report = format!("stage `{}`, {}: {}", session.stage, role.program(), comparison.report());
     Ok((comparison.same(), report))
 }
 
@@ -354,14 +354,14 @@ pub(crate) fn halves(rows: &[f64]) -> [Vec<f64>; 2] {
     [half(0), half(1)]
 }
 
-/// The first recorded stage in which `role` takes part.
+/// The first recorded stage with `role`.
 fn find_first(scene: &Scene, recording: &Path, role: Role) -> Option<usize> {
     let recorded =
         |s: &case::Stage| s.kind.roles().contains(&role) && stage_file(recording, &s.name).is_file();
     scene.stages.iter().position(recorded)
 }
 
-/// The stage to replay: as named, or the last recorded one in which `role` takes part.
+/// The stage to replay: as named, or the last recorded one with `role`.
 fn find_stage(scene: &Scene, recording: &Path, role: Role, name: Option<&str>) -> Result<usize, RunError> {
     let recorded =
         |s: &case::Stage| s.kind.roles().contains(&role) && stage_file(recording, &s.name).is_file();

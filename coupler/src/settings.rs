@@ -88,7 +88,7 @@ impl Setting {
 /// [`RunError::Input`]: a scene that was wrong before, or is with the settings.
 pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), RunError> {
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
-    // What is wrong with the file itself is told with its lines.
+    // What is wrong with the file itself is reported with its lines.
     case::load(file).map_err(|e| input(&e))?;
     let text = std::fs::read_to_string(file).map_err(RunError::file("read", file))?;
     let mut table: Table = text.parse().map_err(|e| input(&e))?;

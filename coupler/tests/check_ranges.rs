@@ -41,12 +41,14 @@ fn inspect(changes: &[&str], rest: f64) -> Result<Inspection, String> {
     let mut machine = Machine { cores: 64, memory: Some(1e12), disk: Some(1e13), hosts: false };
     let mut name = "square-drop";
     let mut settings = vec![("ranks", "{structure=1,flow=1,mesh=1}")];
+    let mut former_names = Vec::new();
     for change in changes {
         match change.split_once('=').expect("KEY=VALUE") {
             ("case", value) => name = value,
             ("machine.cores", value) => machine.cores = value.parse().expect("a number"),
             ("machine.memory", value) => machine.memory = Some(value.parse().expect("bytes")),
             ("machine.disk", value) => machine.disk = Some(value.parse().expect("bytes")),
+            ("former.names", key) => former_names = checks::names::former("", &[format!("{key}=1")]),
             ("machine.hosts", value) => machine.hosts = value == "true",
             pair => settings.push(pair),
         }
@@ -54,6 +56,7 @@ fn inspect(changes: &[&str], rest: f64) -> Result<Inspection, String> {
     let scene = changes::changed(name, &settings)?;
     let interface = CanopyInterface::new(&scene).map_err(|e| e.to_string())?;
     let mut facts = Facts::new(&scene, &interface, machine, 0).map_err(|e| e.to_string())?;
+    facts.former_names = former_names;
     facts.mesh.cables.iter_mut().for_each(|c| c.rest_length *= rest);
     Ok(Inspection::new(&facts, |_| String::new()))
 }

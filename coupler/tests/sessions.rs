@@ -208,11 +208,11 @@ fn serve_fake(words: &[String]) -> Result<(), String> {
 }
 
 /// A run of `ripstop` in a folder of its own.
-struct Flight {
+struct TestRun {
     folder: tempfile::TempDir,
 }
 
-impl Flight {
+impl TestRun {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/square-drop/scene.toml");
@@ -243,7 +243,7 @@ impl Flight {
     }
 
     /// Exit code, what it said, and how much time was available to it.
-    fn fly(&self, troubled: Option<(Role, &str)>, more: &[&str]) -> (i32, String, Duration) {
+    fn run(&self, troubled: Option<(Role, &str)>, more: &[&str]) -> (i32, String, Duration) {
         let available = Available::new();
         let Output { status, stderr, .. } = self.command(troubled, more).output().expect("ripstop starts");
         let text = String::from_utf8_lossy(&stderr).into_owned();
@@ -259,7 +259,7 @@ impl Flight {
         text.lines().map(|l| l.split(',').take(keep).collect::<Vec<_>>().join(",") + "\n").collect()
     }
 
-    /// Nothing of this flight may be left: no process, no shared memory.
+    /// Nothing of this run may be left: no process, no shared memory.
     fn left_behind(&self) -> Vec<String> {
         let mark = self.folder.path().to_string_lossy().into_owned();
         let mut left = Vec::new();
@@ -275,7 +275,7 @@ impl Flight {
 }
 
 /// Names in shared memory that belong to ripstop.
-fn memory() -> BTreeSet<String> {
+fn shared_memory() -> BTreeSet<String> {
     let names = std::fs::read_dir("/dev/shm").expect("/dev/shm").flatten();
     let ours = |n: &String| n.starts_with("ripstop-mpi-") || n.starts_with("rs");
     names.map(|e| e.file_name().to_string_lossy().into_owned()).filter(ours).collect()
@@ -286,8 +286,8 @@ fn require(condition: bool, what: &str, text: &str) {
 }
 
 fn complete_and_repeatable() {
-    let (a, b) = (Flight::new(), Flight::new());
-    let (code, text, _) = a.fly(None, &[]);
+    let (a, b) = (TestRun::new(), TestRun::new());
+    let (code, text, _) = a.run(None, &[]);
     require(code == 0, "a complete run ends with 0", &text);
     for expected in ["stage `descent`", "descent speed", "results:", "waiting"] {
         require(text.contains(expected), expected, &text);
@@ -300,14 +300,14 @@ fn complete_and_repeatable() {
     for file in ["structure.bin", "flow.bin", "mesh.bin", "coupler.bin"] {
         require(a.out().join("descent/state").join(file).is_file(), file, &text);
     }
-    let (code, text, _) = b.fly(None, &["--quiet"]);
+    let (code, text, _) = b.run(None, &["--quiet"]);
     require(code == 0 && text.is_empty(), "a quiet run says nothing", &text);
     for stage in ["pre-inflation", "developed-flow", "descent"] {
         assert_eq!(a.history(stage), b.history(stage), "stage {stage} repeats byte for byte");
     }
     // A later stage alone, from the states of the first run.
     let whole = a.history("descent");
-    let (code, text, _) = a.fly(None, &["--stage", "descent"]);
+    let (code, text, _) = a.run(None, &["--stage", "descent"]);
     require(code == 0, "the last stage alone", &text);
     assert_eq!(a.history("descent"), whole);
 }
@@ -315,12 +315,12 @@ fn complete_and_repeatable() {
 /// A structure of nine nodes in the place of one on the scene's canopy: all motion is uniform here, so the
 /// histories are the same.
 fn a_structure_with_a_surface_of_its_own() {
-    let (plain, own) = (Flight::new(), Flight::new());
+    let (plain, own) = (TestRun::new(), TestRun::new());
     // Iterates differ by round-off, and end where they meet the tolerance: far below what is compared.
     let tight = ["--set", "coupling.tolerance=1e-8"];
-    let (code, text, _) = plain.fly(None, &tight);
+    let (code, text, _) = plain.run(None, &tight);
     require(code == 0, "a complete run", &text);
-    let (code, text, _) = own.fly(Some((Role::Structure, "coarse")), &tight);
+    let (code, text, _) = own.run(Some((Role::Structure, "coarse")), &tight);
     require(code == 0, "a complete run", &text);
     require(text.contains("9 nodes and 4 faces beside the canopy's"), "the coupler tells of it", &text);
     require(text.contains("windows keep their length"), "fakes do not start a window again", &text);
@@ -336,7 +336,7 @@ fn a_structure_with_a_surface_of_its_own() {
     }
 }
 
-fn each_failure_names_its_culprit() {
+fn each_failure_names_its_cause() {
     let cases = [
         (Role::Mesh, "fault", vec!["mesh", "rank 0", "window 2", "cell 17 is inverted"]),
         (Role::Flow, "exit", vec!["flow", "window 2", "licence has expired"]),
@@ -344,44 +344,43 @@ fn each_failure_names_its_culprit() {
         (Role::Flow, "nan", vec!["flow", "window 2", "NaN"]),
     ];
     for (role, trouble, words) in cases {
-        let flight = Flight::new();
+        let run = TestRun::new();
         // The structure runs in the first stage already, the flow in the second.
-        let (code, text, took) = flight.fly(Some((role, trouble)), &[]);
+        let (code, text, took) = run.run(Some((role, trouble)), &[]);
         require(code == 1, &format!("{trouble} ends with 1"), &text);
         for word in words {
             require(text.contains(word), &format!("{trouble}: the message holds `{word}`"), &text);
         }
         require(text.matches("error: ").count() == 1, "one message", &text);
         require(took < Duration::from_secs(25), &format!("{trouble} took {took:?}"), &text);
-        require(flight.out().join("summary.json").is_file(), "results so far are kept", &text);
-        assert_eq!(flight.left_behind(), Vec::<String>::new(), "{trouble}");
+        require(run.out().join("summary.json").is_file(), "results so far are kept", &text);
+        assert_eq!(run.left_behind(), Vec::<String>::new(), "{trouble}");
     }
 }
 
 fn a_program_that_fails_at_its_start_is_quoted() {
-    let flight = Flight::new();
-    let (code, text, took) = flight.fly(Some((Role::Structure, "start")), &[]);
+    let run = TestRun::new();
+    let (code, text, took) = run.run(Some((Role::Structure, "start")), &[]);
     require(code == 1 && text.contains("the grid file is damaged"), "last words", &text);
     require(text.contains("before its first window"), "place", &text);
     require(took < Duration::from_secs(8), &format!("took {took:?}"), &text);
 }
 
 fn a_hanging_program_ends_by_its_deadline() {
-    let flight = Flight::new();
+    let run = TestRun::new();
     // The first answer needs the program's start too.
     let deadline = load::deadline_s(3);
-    let (code, text, took) =
-        flight.fly(Some((Role::Structure, "hang")), &["--deadline", &deadline.to_string()]);
+    let (code, text, took) = run.run(Some((Role::Structure, "hang")), &["--deadline", &deadline.to_string()]);
     require(code == 1 && text.contains(&format!("no answer for {deadline} s")), "deadline", &text);
     require(took < Duration::from_secs(deadline + 5 + 3), &format!("took {took:?}"), &text);
-    assert_eq!(flight.left_behind(), Vec::<String>::new());
+    assert_eq!(run.left_behind(), Vec::<String>::new());
 }
 
 fn ctrl_c_ends_all_within_five_seconds() {
-    let flight = Flight::new();
-    let child = flight.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::piped()).spawn();
+    let run = TestRun::new();
+    let child = run.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::piped()).spawn();
     let mut child = child.expect("ripstop starts");
-    let history = flight.out().join("pre-inflation/history.csv");
+    let history = run.out().join("pre-inflation/history.csv");
     let limit = Limit::new(Duration::from_secs(30));
     let second = || std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3);
     limit.until(Duration::from_millis(20), second).expect("the run comes to window 2");
@@ -406,27 +405,27 @@ fn ctrl_c_ends_all_within_five_seconds() {
     limit.until(pause, || child.try_wait().is_ok_and(|s| s.is_some())).expect("the end within five seconds");
     let status = child.wait().expect("an end");
     assert_eq!(status.code(), Some(130));
-    assert_eq!(flight.left_behind(), Vec::<String>::new());
+    assert_eq!(run.left_behind(), Vec::<String>::new());
 }
 
 fn a_killed_coupler_leaves_no_program() {
-    let flight = Flight::new();
-    let child = flight.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::null()).spawn();
+    let run = TestRun::new();
+    let child = run.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::null()).spawn();
     let mut child = child.expect("ripstop starts");
-    let history = flight.out().join("pre-inflation/history.csv");
+    let history = run.out().join("pre-inflation/history.csv");
     let limit = Limit::new(Duration::from_secs(30));
     let second = || std::fs::read_to_string(&history).is_ok_and(|t| t.lines().count() == 3);
     limit.until(Duration::from_millis(20), second).expect("the run comes to window 2");
     child.kill().expect("kill -9");
     child.wait().expect("an end");
     let limit = Limit::new(Duration::from_secs(6));
-    let ended = limit.until(Duration::from_millis(50), || flight.left_behind().is_empty());
-    assert!(ended.is_ok(), "still there: {:?}: {ended:?}", flight.left_behind());
+    let ended = limit.until(Duration::from_millis(50), || run.left_behind().is_empty());
+    assert!(ended.is_ok(), "still there: {:?}: {ended:?}", run.left_behind());
 }
 
 fn bad_input_starts_nothing() {
-    let flight = Flight::new();
-    let scene = flight.folder.path().join("scene.toml");
+    let run = TestRun::new();
+    let scene = run.folder.path().join("scene.toml");
     let good = std::fs::read_to_string(&scene).expect("the scene");
     let cases = [
         (good.replace("thickness_m = 3.048e-5", "thickness_m = -1.0"), "thickness_m", vec![]),
@@ -440,7 +439,7 @@ fn bad_input_starts_nothing() {
     for (text, expected, more) in cases {
         std::fs::write(&scene, text).expect("a scene");
         let mut command = Command::new(env!("CARGO_BIN_EXE_ripstop"));
-        command.arg("run").arg(&scene).arg("--out").arg(flight.out());
+        command.arg("run").arg(&scene).arg("--out").arg(run.out());
         let me = std::env::current_exe().expect("this program");
         for role in Role::ALL {
             let key = format!("--{}", role.name());
@@ -452,7 +451,7 @@ fn bad_input_starts_nothing() {
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         require(output.status.code() == Some(2), &format!("{expected}: code 2"), &text);
         require(text.contains(expected), expected, &text);
-        require(!flight.out().join("pre-inflation").exists(), "nothing was started", &text);
+        require(!run.out().join("pre-inflation").exists(), "nothing was started", &text);
     }
 }
 
@@ -467,11 +466,11 @@ fn main() -> ExitCode {
             }
         };
     }
-    let before = memory();
+    let before = shared_memory();
     let code = harness::run(&[
         ("complete_and_repeatable", &complete_and_repeatable),
         ("a_structure_with_a_surface_of_its_own", &a_structure_with_a_surface_of_its_own),
-        ("each_failure_names_its_culprit", &each_failure_names_its_culprit),
+        ("each_failure_names_its_cause", &each_failure_names_its_cause),
         ("a_program_that_fails_at_its_start_is_quoted", &a_program_that_fails_at_its_start_is_quoted),
         ("a_hanging_program_ends_by_its_deadline", &a_hanging_program_ends_by_its_deadline),
         ("ctrl_c_ends_all_within_five_seconds", &ctrl_c_ends_all_within_five_seconds),
@@ -479,7 +478,7 @@ fn main() -> ExitCode {
         ("bad_input_starts_nothing", &bad_input_starts_nothing),
     ]);
     // The killed coupler's folder is swept by the next run on this machine.
-    let after: Vec<String> = memory().difference(&before).cloned().collect();
+    let after: Vec<String> = shared_memory().difference(&before).cloned().collect();
     if !after.is_empty() {
         println!("{} files left in shared memory", after.len());
     }

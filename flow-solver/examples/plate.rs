@@ -22,8 +22,8 @@ fn cpu() -> f64 {
     text.split(' ').next().and_then(|t| t.parse::<f64>().ok()).expect("nanoseconds") * 1e-9
 }
 
-/// Memory of this process, as the kernel words it.
-fn memory(what: &str) -> String {
+/// WarmStart of this process, as the kernel words it.
+fn save_state(what: &str) -> String {
     let text = std::fs::read_to_string("/proc/self/status").expect("Linux");
     text.lines().find_map(|l| l.strip_prefix(what)).unwrap_or("?").trim().to_string()
 }

@@ -127,7 +127,7 @@ impl LeastSquares {
     }
 
     /// Shortens the gradients of needle-like owned cells to what a stable
-    /// reconstruction bears.
+    /// reconstruction allows.
     pub fn shorten<const N: usize>(&self, gradient: &mut [Gradient<N>]) {
         for &(i, s) in &self.shortened {
             gradient[i as usize].as_flattened_mut().iter_mut().for_each(|g| *g *= s);

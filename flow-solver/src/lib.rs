@@ -13,18 +13,17 @@
 // Kernels walk several arrays with one index; that reads better than nested zips.
 #![allow(clippy::needless_range_loop)]
 
+mod allocator;
 mod error;
 pub mod geometry;
 pub mod gradient;
 pub mod implicit;
 pub mod limiter;
 mod loads;
-mod memory;
 pub mod monitors;
 mod participant;
 pub mod permeable;
 pub mod physics;
-pub mod remembered;
 pub mod residual;
 mod self_test;
 pub mod setup;
@@ -37,10 +36,11 @@ mod stencil;
 pub mod time;
 pub mod topology;
 pub mod turbulence;
+pub mod warm_start;
 
+pub use allocator::return_large_blocks;
 pub use error::FlowError;
 pub use loads::{FaceLoad, Loads, Total};
-pub use memory::return_large_blocks;
 pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;

@@ -13,7 +13,6 @@ use crate::monitors::Monitors;
 use crate::physics::{
     EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent, ViscosityModel, velocity,
 };
-use crate::remembered::Memory;
 use crate::residual::Spatial;
 use crate::setup::Setup;
 use crate::snapshot::Snapshots;
@@ -21,6 +20,7 @@ use crate::solver::{Report, Solver, Step};
 use crate::state;
 use crate::steady::{self, March};
 use crate::turbulence::{self, SpalartAllmaras};
+use crate::warm_start::RankWarmStart;
 
 /// One rank of the flow-solver.
 pub struct FlowParticipant<G, const N: usize> {
@@ -177,23 +177,25 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
             stuck: None,
         };
         if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent()).filter(|_| setup.resumed) {
-            participant.recall(comm, folder)?;
+            participant.restore_state(comm, folder)?;
             participant.snapshots = Snapshots::resume(&setup.folder);
         }
         Ok(participant)
     }
 
     /// Takes up what this rank saved in `folder` beside its share of the state. Collective.
-    fn recall(&mut self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
-        match Memory::load(comm, folder, &self.solver.topology)? {
+    fn restore_state(&mut self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
+        match RankWarmStart::load(comm, folder, &self.solver.topology)? {
             Some(memory) => {
-                self.monitors.recall(memory.probes);
+                self.monitors.restore_state(memory.probes);
                 let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
                 let unfit = |reason: String| Fault::new(archive::Error::content(&file, reason));
                 self.solver.restore_warm_start(memory.solver).map_err(unfit)?;
             }
             None if comm.is_root() => {
-                println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
+                println!(
+                    "the saved state is of another number of ranks: the restart is exact to the tolerance of the solvers"
+                );
             }
             None => {}
         }
@@ -350,7 +352,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         if let Some(statistics) = self.monitors.statistics() {
             statistics.save(folder, s.comm(), &s.topology, self.totals.0)?;
         }
-        Memory { solver: s.warm_start(), probes: self.monitors.probes() }.save(s.comm(), folder)?;
+        RankWarmStart { solver: s.warm_start(), probes: self.monitors.probes() }.save(s.comm(), folder)?;
         s.save(&file, self.totals)
     }
 

@@ -8,7 +8,7 @@
 //! v)$, needs a pressure
 //! $$\delta\,\partial_t e + 2 (U + U_\infty)\, e = (p^- - p^+) - a\,v - b\,|v|\,v,$$
 //! with the pressures extrapolated to the two sides and $\delta$ the distance of the centres along
-//! the normal. A cloth that resists without limit is a wall; one that does not is a face between
+//! the normal. A cloth that resists without limit is a wall; a cloth without resistance is a face between
 //! two cells; and the flux never answers pressure more stiffly than air does, so it needs no
 //! smaller step.
 //!

@@ -31,7 +31,7 @@ pub struct Setup {
     pub folder: PathBuf,
     /// State of an earlier stage to start from.
     pub source: Option<PathBuf>,
-    /// It is one of this stage, to go on from in its middle.
+    /// It is one of this stage, to restart from within it.
     pub resumed: bool,
     /// Length of the stage's windows, s.
     pub window_s: f64,
@@ -107,7 +107,7 @@ fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) ->
         method: match flow.solver.method {
             // A long step of a march is worth more corrections.
             FlowMethod::Gmres if plan.steady.is_some() => Method::PressureCorrection { depth: 10 },
-            // Coupling iterations go on with what the last ones have learnt.
+            // Coupling iterations reuse the columns of the last ones.
             FlowMethod::Gmres => Method::PressureCorrection { depth: if moving { 5 } else { 4 } },
             FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
         },
@@ -168,7 +168,7 @@ impl Setup {
         })
     }
 
-    /// Goes on in the middle of the stage from what the flow saved in `folder`.
+    /// Restarts within the stage from what the flow saved in `folder`.
     pub fn resume(self, folder: &Path) -> Self {
         Self { source: Some(case::state_file(folder, Role::Flow)), resumed: true, ..self }
     }

@@ -33,7 +33,7 @@ impl Sheared {
         Self::new(s.profile_of(wind.into()), s.start_height_m)
     }
 
-    /// Wind at the start at the frame's origin, m/s: the wind that the solver is told.
+    /// Wind at the start at the frame's origin, m/s: the wind of the solver's request.
     pub fn base(&self) -> Vec3 {
         self.base
     }

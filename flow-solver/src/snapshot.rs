@@ -19,7 +19,7 @@ pub struct Snapshots {
 }
 
 impl Snapshots {
-    /// Goes on with the series that lies in `folder`.
+    /// Continues the series in `folder`.
     pub fn resume(folder: &Path) -> Self {
         let series = Series::resume(folder.join("flow.pvd"), f64::INFINITY);
         Self { count: series.times(), series: Some(series) }

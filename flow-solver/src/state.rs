@@ -73,7 +73,7 @@ impl Saved {
             return Err("holds values that are not finite".into());
         }
         if self.ties.iter().any(|x| x.abs() > f64::from(f32::MAX)) {
-            return Err("holds flows that no face bears".into());
+            return Err("holds mass fluxes beyond the range of a face".into());
         }
         // A step of second order needs one before it.
         if self.last_dt < 0.0 || (self.last_dt == 0.0 && self.first_order_steps == 0) {

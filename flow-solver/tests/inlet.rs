@@ -51,7 +51,7 @@ fn an_inlet_has_its_velocity_and_the_pressure_of_the_inside() {
     flux_of(IdealGas::new(air));
 }
 
-/// Largest departure from a uniform stream between inlets and outlets, on a grid whose nodes move at random.
+/// Largest deviation from a uniform stream between inlets and outlets, on a grid whose nodes move at random.
 fn drift<G: Gas<N>, const N: usize>(shape: BoxShape, gas: G) -> f64 {
     let (i, o) = (Patch::Inlet, Patch::Outlet);
     let mut grid = box_grid_of(shape, [4, 3, 5], [0.0; 3], [1.0, 0.8, 1.1], [i, o, Patch::FarField, i, i, o]);

@@ -119,7 +119,7 @@ fn on_the_way(
         mover: crate::movers::mover(&scene.mesh),
         limits: Limits::from(&scene.mesh),
         state: None,
-        outer: scene.mesh.outer,
+        outer: scene.mesh.outer_boundary,
         regridder: regridder(scene, structure, &grid),
     };
     MeshMover::on_grid(setup, comm)

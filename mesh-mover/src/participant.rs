@@ -118,7 +118,7 @@ impl MeshMover {
         let mover = crate::movers::mover(&scene.mesh);
         let limits = Limits::from(&scene.mesh);
         let regridder = regridder(scene, &structure, &grid);
-        let outer = scene.mesh.outer;
+        let outer = scene.mesh.outer_boundary;
         let setup = Setup {
             structure: &structure,
             grid: &grid,

@@ -20,7 +20,7 @@ const TOLERANCE: f64 = 1e-7;
 const WINDOWS: u64 = 3;
 
 fn settings() -> MeshMotion {
-    MeshMotion { tolerance: TOLERANCE, outer: case::OuterBoundary::Sliding, ..MeshMotion::default() }
+    MeshMotion { tolerance: TOLERANCE, outer_boundary: case::OuterBoundary::Sliding, ..MeshMotion::default() }
 }
 
 fn main() -> ExitCode {

@@ -61,8 +61,9 @@ impl Rig {
             })),
             limits: Limits { repair: false, min_quality, ..Limits::from(&settings) },
             state,
-            outer: settings.outer,
-            regridder: (below > 0.0).then(|| Regridder::new(Regrid { below, step }, build)),
+            outer: settings.outer_boundary,
+            regridder: (below > 0.0)
+                .then(|| Regridder::new(Regrid { quality_threshold: below, step }, build)),
         };
         let mover = MeshMover::on_grid(setup, &Comm::solo()).unwrap();
         let output = vec![f64::NAN; 6 * grid.coords.len()];

@@ -1,8 +1,8 @@
 //! Windows of time steps: substeps, cuts, and what they cost.
 
-use crate::culprit::{self, Culprit};
 use crate::energy::Works;
 use crate::explicit::{Explicit, ExplicitError};
+use crate::failure_site::{self, FailureSite};
 use crate::linear::LinearSolver;
 use crate::loops::{FaceLoad, Place};
 use crate::motion::Motion;
@@ -64,11 +64,11 @@ pub struct StepFailure {
     /// Why.
     pub cause: NewtonError,
     /// The most strained element at the node that the cause names, in the last attempt.
-    pub element: Option<Culprit>,
+    pub element: Option<FailureSite>,
 }
 
 /// Where a failure is, as the end of a sentence.
-pub(crate) fn place(element: &Option<Culprit>) -> String {
+pub(crate) fn place(element: &Option<FailureSite>) -> String {
     element.map_or_else(String::new, |e| format!(", {e}"))
 }
 
@@ -324,7 +324,7 @@ impl Dynamics {
                 self.interval(second, None, cuts + 1, info)
             }
             Err(cause) => {
-                let element = self.culprit(&cause);
+                let element = self.failure_site(&cause);
                 Err(StepFailure { time: part.span[1] * part.window, dt, cuts, cause, element })
             }
         }
@@ -398,11 +398,11 @@ impl Dynamics {
     }
 
     /// The element that a failed step is about. Collective.
-    pub(crate) fn culprit(&mut self, cause: &NewtonError) -> Option<Culprit> {
+    pub(crate) fn failure_site(&mut self, cause: &NewtonError) -> Option<FailureSite> {
         for (i, u) in self.newton.trial().iter().enumerate() {
             self.x[i] = self.system.model.reference[i] + u;
         }
-        culprit::at_node(&self.system.model, cause.node(), &self.x)
+        failure_site::at_node(&self.system.model, cause.node(), &self.x)
     }
 
     /// External forces at a share of the window: on `next` into `force[1]`, or on

@@ -30,7 +30,7 @@ const ROUNDS: usize = 12;
 
 /// Nodes to eliminate, and the solver for them.
 pub(crate) struct Elimination {
-    /// Whether a node takes part, shape `[n_local]`, with current ghosts.
+    /// Whether a node is part of it, shape `[n_local]`, with current ghosts.
     pub(crate) active: Vec<bool>,
     /// The owned nodes that do.
     rows: Vec<u32>,

@@ -8,8 +8,8 @@
 //! last steps are Newton's for the static equations; a step that fails is taken back
 //! and repeated with a larger $\delta$. Nothing depends on the mass in the end.
 
-use crate::culprit::{self, Culprit};
 use crate::dynamics::{Dynamics, place};
+use crate::failure_site::{self, FailureSite};
 use crate::loops::{FaceLoad, Place};
 use crate::newton::{Balance, NewtonError, NewtonInfo, Stop};
 use crate::scheme::StepForm;
@@ -77,9 +77,9 @@ pub enum EquilibriumError {
         /// Why the last attempt failed.
         cause: NewtonError,
         /// The most strained element at the node that the cause names.
-        element: Option<Culprit>,
+        element: Option<FailureSite>,
     },
-    /// Something flies away.
+    /// A part moves away without limit.
     #[error(
         "node {node} has moved {distance:.2e} m, {SIZES} times the size of the structure: \
          nothing holds it against the load; fix it, or remove the load"
@@ -106,7 +106,7 @@ pub enum EquilibriumError {
         /// Largest motion in the last step, m.
         moved: f64,
         /// The most strained element at the node.
-        element: Option<Culprit>,
+        element: Option<FailureSite>,
     },
 }
 
@@ -168,8 +168,8 @@ const INNER: f64 = 0.3;
 
 impl Dynamics {
     /// Moves the accepted state to where it rests under a constant load and the
-    /// acceleration `body` (m/s2). Velocities and accelerations become zero. `tell`
-    /// hears of each step. Prescribed motions are taken at their last time. Collective.
+    /// acceleration `body` (m/s2). Velocities and accelerations become zero. `report`
+    /// is called for each step. Prescribed motions are taken at their last time. Collective.
     ///
     /// # Errors
     /// [`EquilibriumError`]; the accepted state is then the last one that was reached.
@@ -278,7 +278,7 @@ impl Dynamics {
                     step.newton_steps += cause.steps();
                     step.repeats += 1;
                     if step.repeats == ATTEMPTS {
-                        let element = self.culprit(&cause);
+                        let element = self.failure_site(&cause);
                         return Err(EquilibriumError::Stuck { number: step.number, cause, element });
                     }
                     step.mass_factor *= HARDER;
@@ -326,7 +326,7 @@ impl Dynamics {
         if step.balanced.is_none() && step.number >= problem.params.max_steps {
             let (node, _) = self.worst_node(&self.force[0]);
             let (steps, residual, moved) = (step.number, step.residual, step.moved);
-            let element = culprit::at_node(&self.system.model, node, &self.x);
+            let element = failure_site::at_node(&self.system.model, node, &self.x);
             return Err(EquilibriumError::NotConverged { steps, residual, node, moved, element });
         }
         Ok(())

@@ -12,18 +12,18 @@
 //! $M^{-1}K$ with $K$ the assembled stiffness of the structure blown up a little in all
 //! directions, where every membrane and line is taut. Fabric in wrinkles or slack is no
 //! stiffer: the relaxed energy of a tension field is a minimum over the wrinkling strain of
-//! the taut energy, and a minimum of functions bends no more than the lowest of them.
+//! the taut energy, and a minimum of functions has at most the curvature of the lowest of them.
 //! Strain stiffens: a stretched element has $K \le (1 + 3E)K_0$ for the largest principal
 //! Green strain $E$, as its gradient grows with $1 + 2E$ and its stress adds $E$; so the
-//! step is found anew for each window.
+//! step is estimated again for each window.
 
 use comm::Comm;
 use linalg::Operator;
 use mesh::geometry::Vec3;
 
-use crate::culprit::principal;
 use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
 use crate::elements::membrane;
+use crate::failure_site::principal;
 use crate::flat::at;
 use crate::loops::{FaceLoad, Place};
 use crate::model::Model;
@@ -117,7 +117,7 @@ impl Explicit {
         2.0 / self.frequency
     }
 
-    /// The forces must be computed anew: the load or the state has changed.
+    /// The forces must be recomputed: the load or the state has changed.
     pub(crate) fn forget(&mut self) {
         self.known = false;
     }
@@ -297,7 +297,7 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Tells the elements where and when a step begins.
+    /// Sets place and time of the start of a step in the elements.
     fn begin_central_step(&mut self, step: &CentralStep) {
         if self.system.depends_on_rate() {
             self.system.anchor_rates(&self.x);
@@ -372,7 +372,7 @@ impl Dynamics {
             self.payload = Some(p);
         }
         if self.system.depends_on_rate() {
-            // What the whole substep took and felt is that of its mean velocity.
+            // Dissipation and work of the whole substep are those of its mean velocity.
             self.system.set_step(part.dt());
             for i in 0..self.x.len() {
                 e.half[i] = self.system.model.reference[i] + self.current.u[i];

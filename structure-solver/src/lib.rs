@@ -10,19 +10,18 @@
 pub mod alone;
 pub mod assemble;
 pub mod connected;
-pub mod culprit;
 pub mod dynamics;
 pub mod elements;
 mod elimination;
 pub mod energy;
 pub mod equilibrium;
 pub mod explicit;
+pub mod failure_site;
 pub mod flat;
 pub mod linear;
 pub mod loops;
 pub mod materials;
 pub mod measures;
-pub mod memory;
 pub mod model;
 pub mod motion;
 pub mod newton;
@@ -35,6 +34,7 @@ pub mod state_file;
 mod support;
 pub mod system;
 pub mod velocity_average;
+pub mod warm_start;
 
 #[cfg(test)]
 mod effect_tests;

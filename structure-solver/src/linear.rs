@@ -7,7 +7,7 @@ use std::time::Instant;
 use comm::Comm;
 use linalg::{BlockCsr, BlockJacobi, Gmres, KrylovError, KrylovParams, SchwarzLu};
 
-use crate::memory::{DirectMemory, LinearMemory};
+use crate::warm_start::{DirectWarmStart, LinearWarmStart};
 
 /// What solving has cost so far.
 #[derive(Clone, Copy, Debug, Default)]
@@ -236,22 +236,22 @@ impl LinearSolver {
 
     /// What is kept from step to step. A factor is kept as the matrix that it is of, which is far
     /// smaller.
-    pub fn memory(&self) -> LinearMemory {
+    pub fn save_state(&self) -> LinearWarmStart {
         let direct = match &self.by {
             Preconditioned::Jacobi(_) => None,
-            Preconditioned::Direct(d) => Some(DirectMemory {
+            Preconditioned::Direct(d) => Some(DirectWarmStart {
                 cut: d.cut,
                 fresh: d.fresh as u64,
                 at: d.at,
                 matrix: if self.stale { Vec::new() } else { d.of.clone() },
             }),
         };
-        LinearMemory { direct, stale: self.stale }
+        LinearWarmStart { direct, stale: self.stale }
     }
 
-    /// Takes up a [`LinearSolver::memory`] for matrices with the pattern of `a`, whose values are
+    /// Takes up a [`LinearSolver::save_state`] for matrices with the pattern of `a`, whose values are
     /// lost. Collective.
-    pub fn recall(&mut self, memory: LinearMemory, a: &mut BlockCsr<3>) {
+    pub fn restore_state(&mut self, memory: LinearWarmStart, a: &mut BlockCsr<3>) {
         self.stale = memory.stale;
         let Some(m) = memory.direct else { return };
         let mut direct = Direct::new(a, m.cut);

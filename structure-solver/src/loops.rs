@@ -101,15 +101,15 @@ pub trait ElementLoop {
     fn find_pairs(&mut self, _x: &[f64]) {}
 
     /// What later steps depend on beside positions and velocities: pairs that were found.
-    fn memory(&self) -> Vec<f64> {
+    fn save_state(&self) -> Vec<f64> {
         Vec::new()
     }
 
-    /// Takes up what [`ElementLoop::memory`] gave.
+    /// Takes up what [`ElementLoop::save_state`] gave.
     ///
     /// # Errors
     /// What in it does not fit; nothing is taken up then.
-    fn recall(&mut self, memory: &[f64]) -> Result<(), String> {
+    fn restore_state(&mut self, memory: &[f64]) -> Result<(), String> {
         if memory.is_empty() { Ok(()) } else { Err("elements that keep nothing have kept something".into()) }
     }
 

@@ -559,7 +559,7 @@ impl Newton {
         let value = worst.map_or(-1.0, size);
         let comm = system.comm();
         let largest = comm.max(value);
-        // The rank that holds it tells; others say 0.
+        // The rank that holds it gives the value; others 0.
         let here =
             if value == largest { worst.map_or(0, |i| system.model.numbering.global[i] + 1) } else { 0 };
         comm.max_u64(here).saturating_sub(1)

@@ -19,12 +19,12 @@ use crate::explicit::Explicit;
 use crate::linear::LinearCost;
 use crate::loops::FaceLoad;
 use crate::measures::{Gauge, Measures};
-use crate::memory;
 use crate::newton::State;
 use crate::payload::{self, Log, Payload};
 use crate::snapshot::Pictures;
 use crate::state_file;
 use crate::velocity_average::VelocityAverage;
+use crate::warm_start;
 
 /// Effects of a scene that this program implements.
 const EFFECTS: [&str; 22] = [
@@ -104,7 +104,7 @@ impl StructureSolver {
     }
 
     /// As [`StructureSolver::new`], in the middle of the stage: what [`Participant::save`] wrote to
-    /// `state` is gone on from. Collective.
+    /// `state` is continued from. Collective.
     ///
     /// # Errors
     /// As for the start of the stage, and a state that does not fit.
@@ -197,8 +197,10 @@ impl StructureSolver {
                 self.log = Some(Log::resume(&stage_folder).map_err(bad)?);
             }
         }
-        if !memory::recall(&mut self.dynamics, folder)? && comm.is_root() {
-            println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
+        if !warm_start::restore_state(&mut self.dynamics, folder)? && comm.is_root() {
+            println!(
+                "the saved state is of another number of ranks: the restart is exact to the tolerance of the solvers"
+            );
         }
         self.energy = EnergyBalance::load(folder)?.unwrap_or_default();
         self.pictures = Pictures::resume(&stage_folder);
@@ -307,7 +309,7 @@ impl StructureSolver {
         v[stat::VOLUME] = m.volume;
         v[stat::SUPPORT_FORCE] = m.support_force;
         v[stat::VERTICAL_MOMENTUM] = m.vertical_momentum;
-        // Seconds differ between ranks; the slowest tells.
+        // Seconds differ between ranks; the slowest counts.
         let comm = self.dynamics.system.comm();
         v[stat::ASSEMBLY_S] = comm.max(self.assembly_s() - assembly);
         let linear = cost.factorisation_s - before.factorisation_s + cost.solve_s - before.solve_s;
@@ -412,7 +414,7 @@ impl Participant for StructureSolver {
         if let Some(body) = &state.body {
             payload::save(&model.comm, body, folder).map_err(Fault::new)?;
         }
-        agree(&model.comm, memory::save(&self.dynamics, folder).map_err(Fault::new))?;
+        agree(&model.comm, warm_start::save(&self.dynamics, folder).map_err(Fault::new))?;
         let balance = if model.comm.is_root() { self.energy.save(folder) } else { Ok(()) };
         agree(&model.comm, balance)?;
         let u = state_file::gather(
@@ -463,7 +465,7 @@ impl StructureSolver {
         self.energy.start(energy, energy::floor(&d.system));
     }
 
-    /// Tells those that feel it the velocity of the undisturbed air in the falling frame.
+    /// Passes the velocity of the undisturbed air in the falling frame to the elements with air loads.
     fn air(&mut self, w: &Window) {
         let dynamics = &mut self.dynamics;
         if !(dynamics.system.feels_air() || dynamics.payload.is_some()) {
@@ -529,7 +531,7 @@ impl StructureSolver {
         Ok(self.dynamics.window(w.dt, w.substeps.max(1), load, body, iterated))
     }
 
-    /// Finds the shape at rest under the load at the end of the window, and tells
+    /// Finds the shape at rest under the load at the end of the window, and reports
     /// how it goes.
     fn find_rest(&mut self, tolerance: f64, body: [f64; 3]) -> Result<WindowInfo, Fault> {
         let _part = timing::part("equilibrium");
@@ -544,7 +546,7 @@ impl StructureSolver {
             if root && (s.balanced.is_some() || told.elapsed() >= TELL) {
                 told = Instant::now();
                 eprintln!(
-                    "static: step {}, out of balance {:.1e} of the load, moved {:.1e} m, {} Newton steps so far",
+                    "static: step {}, residual {:.1e} of the load, moved {:.1e} m, {} Newton steps so far",
                     s.number, s.residual, s.moved, info.newton_steps
                 );
             }

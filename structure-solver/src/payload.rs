@@ -274,7 +274,7 @@ impl Log {
         Ok(Self(file))
     }
 
-    /// Goes on with a file that was cut back to what is known.
+    /// Appends to a file that was cut back to what is known.
     pub(crate) fn resume(folder: &Path) -> std::io::Result<Self> {
         match std::fs::File::options().append(true).open(folder.join("payload.csv")) {
             Ok(file) => Ok(Self(file)),

@@ -130,12 +130,12 @@ fn a_neo_hookean_bag_rises_as_a_linear_one_while_strains_are_small() {
         d.accepted.u[2]
     };
     for membrane in ["triangle", "quadrilateral"] {
-        let departure = |modulus: f64| {
+        let deviation = |modulus: f64| {
             let [linear, film] =
                 [case::Law::StVenantKirchhoff, case::Law::NeoHookean].map(|law| top(law, membrane, modulus));
             film / linear - 1.0
         };
-        let [stiff, soft] = [1.0, 1e-2].map(departure);
+        let [stiff, soft] = [1.0, 1e-2].map(deviation);
         assert!(stiff.abs() < 1e-3 && soft > 3e-3, "{membrane}: {stiff} {soft}");
     }
 }

@@ -19,7 +19,7 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// Goes on with the series that lie in `folder`.
+    /// Continues the series in `folder`.
     pub fn resume(folder: &Path) -> Self {
         let series = ["canopy.pvd", "lines.pvd"].map(|name| Series::resume(folder.join(name), f64::INFINITY));
         Self { count: series[0].times(), series: Some(series) }

@@ -36,7 +36,7 @@ pub fn gather(comm: &Comm, global: &[u64], rows: &[f64], width: usize, total: us
     all
 }
 
-/// Writes `state` of `nodes` nodes in all to `path`. Collective: every rank learns
+/// Writes `state` of `nodes` nodes in all to `path`. Collective: every rank gets
 /// whether it went well.
 pub fn save(model: &Model, state: &State, nodes: usize, path: &Path) -> Result<(), StateError> {
     let mut rows = Vec::with_capacity(9 * model.n_owned());

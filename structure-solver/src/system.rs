@@ -134,7 +134,7 @@ impl System {
         &self.loops
     }
 
-    /// The same, to be given back what they remember.
+    /// The same, to restore their saved states.
     pub(crate) fn loops_mut(&mut self) -> &mut [Box<dyn ElementLoop>] {
         &mut self.loops
     }

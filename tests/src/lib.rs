@@ -6,6 +6,7 @@ pub mod browser;
 pub mod harness;
 pub mod imports;
 pub mod load;
+pub mod prose;
 pub mod skip;
 pub mod spoil;
 pub mod tiny;

@@ -88,9 +88,9 @@ fn wishes(out: &Path) {
     assert!(page.contains("<p class=\"s\">commit ") && page.contains("not assessed"));
     // The former option does the same, with a warning.
     let former = accuracy(&scene, out, &["--without-check", "--want", "60%"]).output().expect("it starts");
-    assert!(former.status.success() && out.join("want.toml").exists());
-    assert!(text(&former).1.contains("--want is now --target-error"), "{:?}", text(&former));
-    assert!(!out.join("target-error.toml").exists(), "advice of an earlier study was left");
+    assert!(former.status.success() && out.join("target-error.toml").exists());
+    assert!(text(&former).1.contains("option --want is now --target-error"), "{:?}", text(&former));
+    assert!(!out.join("budget.toml").exists(), "advice of an earlier study was left");
     let poor = accuracy(&scene, out, &["--without-check", "--budget", "1e-9s"]).output().expect("it starts");
     assert_eq!(poor.status.code(), Some(2));
     assert!(text(&poor).1.contains("below one run"), "{:?}", text(&poor));
@@ -187,8 +187,8 @@ fn a_study_stops_at_a_base_that_fails() {
     let (words, errors) = text(&output);
     assert_eq!(output.status.code(), Some(1), "{words}{errors}");
     assert!(errors.contains("the base sample failed") && errors.contains("scaled Jacobian"), "{errors}");
-    assert!(errors.contains("[[accuracy.dial]] is now [[accuracy.parameter]]"), "{errors}");
-    assert!(!words.contains("expected error") && !out.join("want.toml").exists(), "{words}");
+    assert!(errors.contains("key `accuracy.dial` is now `accuracy.parameter`"), "{errors}");
+    assert!(!words.contains("expected error") && !out.join("target-error.toml").exists(), "{words}");
     assert_eq!(std::fs::read_dir(out.join("samples")).expect("samples").count(), 1, "others were run");
     // The same again: a base that failed is run again, not believed.
     let again = accuracy(&file, &out, &[]).output().expect("it starts");

@@ -34,7 +34,7 @@ fn square(folder: &Path) -> PathBuf {
 }
 
 /// Relative difference of the last rows of a column.
-fn departure(a: &History, b: &History, column: &str) -> f64 {
+fn deviation(a: &History, b: &History, column: &str) -> f64 {
     let last = |h: &History| *h.column(column).last().expect("a window");
     (last(a) - last(b)).abs() / last(b).abs()
 }
@@ -61,7 +61,7 @@ fn a_mass_spring_canopy_and_an_inverse_distance_mover_fly() {
     for (column, tolerance) in
         [("structure_kinetic_energy_j", 0.06), ("structure_load_work_j", 0.03), ("vertical_load_n", 0.005)]
     {
-        let found = departure(&a, &b, column);
+        let found = deviation(&a, &b, column);
         assert!(found < tolerance, "{column} differs by {found:.3}");
     }
     // The flow moved with the grid of the Python mover, and each window converged.

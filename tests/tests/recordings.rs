@@ -38,8 +38,15 @@ fn each_program_replays_what_it_said() {
     let folder = tempfile::tempdir().expect("a folder");
     let recording = record(&scene("square-drop"), folder.path(), "a");
     for role in ["--structure", "--mesh", "--flow"] {
-        let output =
-            succeed(ripstop(&["replay", path(&recording), role, "--tolerance", "0", "--count-slack", "0"]));
+        let output = succeed(ripstop(&[
+            "replay",
+            path(&recording),
+            role,
+            "--tolerance",
+            "0",
+            "--iteration-tolerance",
+            "0",
+        ]));
         assert!(text(&output).contains("the same to 0e0"), "{}", text(&output));
         succeed(ripstop(&["conform", role.trim_start_matches('-'), path(&recording)]));
     }
@@ -86,13 +93,13 @@ fn a_changed_solver_is_named_by_channel_and_window() {
     let output =
         ripstop(&["diff", path(&reference), path(&other), "--out", path(&out)]).output().expect("it starts");
     assert_eq!(output.status.code(), Some(3), "{}", text(&output));
-    let first = "first departure: window 0, iteration 0, displacement from the structure";
+    let first = "first deviation: window 0, iteration 0, displacement from the structure";
     assert!(text(&output).contains(first), "{}", text(&output));
     for file in ["descent-difference.csv", "descent-difference.svg"] {
         assert!(out.join(file).metadata().is_ok_and(|m| m.len() > 100), "{file}");
     }
 
-    let words = ["--baseline", path(&reference), "--stop-at-departure", "--stop-after-windows", "2"];
+    let words = ["--baseline", path(&reference), "--stop-at-deviation", "--stop-after-windows", "2"];
     let output = ripstop_run(&changed, &folder.path().join("c"), &words).output().expect("it starts");
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     let says = "stage `pre-inflation`, window 0, coupling iteration 0: the run leaves its baseline";
@@ -103,7 +110,7 @@ fn a_changed_solver_is_named_by_channel_and_window() {
         path(&reference),
         "--tolerance",
         "0",
-        "--stop-at-departure",
+        "--stop-at-deviation",
         "--stop-after-windows",
         "2",
     ];

@@ -211,8 +211,8 @@ fn every_scheme_goes_on_as_it_would_have() {
         "acceleration = \"aitken\"\nmax_iterations = 60",
         "order = \"jacobi\"\nacceleration = \"iqn-ils\"\nmax_iterations = 60",
         "scheme = \"staggered\"",
-        "scheme = \"staggered\"\nstaggered = { sequence = \"flow-first\", predictor = 1 }",
-        "scheme = \"staggered\"\nstaggered = { sequence = \"half-step\", predictor = 1 }",
+        "scheme = \"staggered\"\nstaggered = { sequence = \"conventional-serial\", predictor = 1 }",
+        "scheme = \"staggered\"\nstaggered = { sequence = \"improved-serial\", predictor = 1 }",
         "scheme = \"staggered\"\nstaggered = { sequence = \"relaxed-load\", predictor = 1 }\nrelaxation = 0.4",
         "scheme = \"staggered\"\nstaggered = { sequence = \"added-mass\", predictor = 1 }",
     ];

@@ -61,7 +61,7 @@ fn lu_sgs_converges_with_its_default() {
     let out = folder.path().join("out");
     let done = succeed(ripstop_run(&scene, &out, &["--keep-going"]));
     let words = String::from_utf8_lossy(&done.stderr);
-    assert!(words.contains("--keep-going is the former name of --accept-unconverged"), "{words}");
+    assert!(words.contains("option --keep-going is now --accept-unconverged"), "{words}");
     let history = History::read(&out, "developed-flow");
     let most = history.column("flow_iterations").into_iter().fold(0.0, f64::max);
     let pairs = history.column("flow_residual_end").into_iter().zip(history.column("flow_residual_target"));

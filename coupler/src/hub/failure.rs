@@ -1,4 +1,4 @@
-//! What became of a question that has no answer, told in full.
+//! Errors of requests without a valid reply, with their cause.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -8,14 +8,14 @@ use channel::{HubError, Who, mesh_stats};
 use coupling::error::RunError;
 
 use super::HubPartners;
-use crate::launch::Casualty;
+use crate::launch::ProcessFailure;
 
 /// How long a dead rank's launcher may take to say what happened.
 const FATE: Duration = Duration::from_millis(1500);
 
 impl HubPartners<'_> {
     /// The error of a run that an error of the hub is.
-    pub(super) fn explain(&mut self, error: HubError, casualty: Option<Casualty>) -> RunError {
+    pub(super) fn explain(&mut self, error: HubError, failure: Option<ProcessFailure>) -> RunError {
         let place = self.place.clone();
         // The signal may also have cut a system call short: that is no error of its own.
         let at_once = self.now.as_ref().is_none_or(|now| now.load(Ordering::Relaxed));
@@ -23,17 +23,17 @@ impl HubPartners<'_> {
             return RunError::Interrupted(place);
         }
         // The launcher knows best who was first: it ends the other ranks itself.
-        let died = |casualty: Casualty, rank: Option<u64>| RunError::Died {
-            role: casualty.role,
-            program: casualty.name,
-            rank: casualty.rank.or(rank),
-            how: casualty.how,
+        let died = |failure: ProcessFailure, rank: Option<u64>| RunError::Died {
+            role: failure.role,
+            program: failure.name,
+            rank: failure.rank.or(rank),
+            how: failure.how,
             place: place.clone(),
-            tail: casualty.tail,
+            tail: failure.tail,
         };
         match error {
-            HubError::Aborted(_) => match casualty {
-                Some(casualty) => died(casualty, None),
+            HubError::Aborted(_) => match failure {
+                Some(failure) => died(failure, None),
                 None => RunError::Interrupted(place),
             },
             HubError::Fault { who: Who { role, rank }, fault, .. } => RunError::Fault {
@@ -44,14 +44,14 @@ impl HubPartners<'_> {
                 message: fault.message,
             },
             HubError::Died { who: Who { role, rank }, .. } => {
-                let casualty = self.supervisor.fate(role, FATE).unwrap_or_else(|| Casualty {
+                let failure = self.supervisor.await_exit(role, FATE).unwrap_or_else(|| ProcessFailure {
                     role,
                     name: self.supervisor.name(role),
                     rank: None,
                     how: "killed or crashed".into(),
                     tail: String::new(),
                 });
-                died(casualty, Some(rank as u64))
+                died(failure, Some(rank as u64))
             }
             HubError::Deadline { who, seconds, state, .. } => RunError::Stalled {
                 role: who.role,
@@ -64,7 +64,7 @@ impl HubPartners<'_> {
         }
     }
 
-    /// The error of a solver that found no answer and could go on.
+    /// The error of a solver that found no solution but can retry.
     pub(super) fn no_answer(&self, role: Role, what: &str, remedies: &str) -> RunError {
         let program = self.supervisor.name(role);
         let said =

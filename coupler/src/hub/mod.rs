@@ -21,7 +21,7 @@ use terminal::Console;
 use self::watch::Watch;
 use crate::launch::{Program, Supervisor};
 
-/// How long programs may take to end after they were told to.
+/// Time limit for programs to end after the request to end.
 const FAREWELL: Duration = Duration::from_secs(10);
 
 /// What a session is made of.
@@ -46,7 +46,7 @@ pub struct SessionOptions<'a> {
 
 /// The solver programs of a stage, running.
 pub struct HubPartners<'a> {
-    // Dropped in this order: the hub tells the programs that the run has failed
+    // Dropped in this order: the hub informs the programs that the run has failed
     // and waits a moment; the supervisor ends those that do not listen.
     hub: Hub,
     supervisor: Supervisor,
@@ -128,7 +128,7 @@ impl<'a> HubPartners<'a> {
         self.now = Some(now);
     }
 
-    /// Whether the program of `role` can go on in the middle of a stage.
+    /// Whether the program of `role` supports restart within a stage.
     pub fn resumes(&self, role: Role) -> bool {
         let announced = self.hub.announcement(role);
         announced.is_none_or(|a| a.effects.iter().any(|e| e == channel::RESUME))
@@ -147,11 +147,11 @@ impl<'a> HubPartners<'a> {
             now: now.as_deref(),
             told: &mut told,
             console,
-            casualty: None,
+            failure: None,
         };
-        // Programs may be gone before the hub has seen all goodbyes: that is no casualty.
+        // Programs may be gone before the hub has seen all goodbyes: that is no failure.
         let stopped = hub.stop(&mut || match watch.look() {
-            Err(_) if watch.casualty.is_some() => Ok(()),
+            Err(_) if watch.failure.is_some() => Ok(()),
             other => other,
         });
         stopped.map_err(|e| RunError::Channel { place, message: e.to_string() })?;
@@ -161,7 +161,7 @@ impl<'a> HubPartners<'a> {
         Ok(used)
     }
 
-    /// A question to the hub, with the programs watched and every error told in full.
+    /// A request to the hub, with the programs watched and the cause of every error.
     fn ask<T>(
         &mut self,
         question: impl FnOnce(&mut Hub, &mut Watch<'_>) -> Result<T, HubError>,
@@ -172,11 +172,11 @@ impl<'a> HubPartners<'a> {
             now: self.now.as_deref(),
             told: &mut self.told,
             console: &self.console,
-            casualty: None,
+            failure: None,
         };
         let answer = question(&mut self.hub, &mut watch);
-        let casualty = watch.casualty.take();
-        answer.map_err(|error| self.explain(error, casualty))
+        let failure = watch.failure.take();
+        answer.map_err(|error| self.explain(error, failure))
     }
 
     fn advance(
@@ -200,7 +200,7 @@ impl<'a> HubPartners<'a> {
     }
 }
 
-/// What the hub is told of the programs and of what they exchange.
+/// What the hub needs to know of the programs and of their exchange.
 fn hub_options(options: &SessionOptions<'_>, interface: &CanopyInterface) -> HubOptions {
     let roles = options.programs.iter().map(|(program, ranks)| RoleOptions {
         role: program.role,
@@ -223,7 +223,7 @@ fn hub_options(options: &SessionOptions<'_>, interface: &CanopyInterface) -> Hub
     }
 }
 
-/// Tells a person which programs to start.
+/// Prints the commands of the programs to start.
 fn call_for(attached: &[Program], console: &Console) {
     for program in attached {
         console.line(&format!(

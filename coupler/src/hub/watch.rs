@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use channel::Abort;
 use terminal::Console;
 
-use crate::launch::{Casualty, Supervisor};
+use crate::launch::{ProcessFailure, Supervisor};
 
 /// Looks after the programs while the hub waits.
 pub(super) struct Watch<'a> {
@@ -14,7 +14,7 @@ pub(super) struct Watch<'a> {
     pub now: Option<&'a AtomicBool>,
     pub told: &'a mut bool,
     pub console: &'a Console,
-    pub casualty: Option<Casualty>,
+    pub failure: Option<ProcessFailure>,
 }
 
 impl Watch<'_> {
@@ -29,19 +29,19 @@ impl Watch<'_> {
                     .line("interrupted: this window is finished and saved; once more ends all at once");
             }
         }
-        self.casualty = self.supervisor.casualty();
+        self.failure = self.supervisor.failure();
         self.told_by_casualty()
     }
 
     /// Whether ranks have ended before they joined.
     pub fn count(&mut self) -> Result<(), Abort> {
-        self.casualty = self.supervisor.deserted();
+        self.failure = self.supervisor.missing_ranks();
         self.told_by_casualty()
     }
 
     fn told_by_casualty(&self) -> Result<(), Abort> {
-        match &self.casualty {
-            Some(casualty) => Err(Abort::new(&casualty.how)),
+        match &self.failure {
+            Some(failure) => Err(Abort::new(&failure.how)),
             None => Ok(()),
         }
     }

@@ -20,7 +20,7 @@ pub struct Program {
     pub environment: Vec<(&'static str, OsString)>,
     /// File that keeps everything it prints.
     pub log: PathBuf,
-    /// The log of an earlier part of the stage is gone on with.
+    /// Appends to the log of an earlier part of the stage.
     pub continues: bool,
 }
 
@@ -69,7 +69,7 @@ pub struct LaunchPlan<'a> {
     pub scratch: &'a Path,
     /// Options for `mpirun`, of one program or of all.
     pub mpirun: &'a [(Option<Role>, String)],
-    /// State in the middle of the stage that programs go on from.
+    /// State within the stage that programs restart from.
     pub resume: Option<&'a Path>,
 }
 
@@ -161,7 +161,7 @@ impl LaunchPlan<'_> {
     }
 }
 
-/// A program that the user names in the place of the project's own, by its command `line`: its name and its command.
+/// A program that replaces the project's own, by its command `line`: its name and its command.
 fn replaced(role: Role, line: &str) -> Result<(String, Vec<OsString>), RunError> {
     let words = split_words(line).filter(|w| !w.is_empty()).ok_or_else(|| {
         RunError::Input(format!(
@@ -194,7 +194,7 @@ fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
         ("OMPI_MCA_mpi_yield_when_idle", "1".into()),
         // Cross-memory attach is forbidden in many containers, which costs a warning a rank.
         ("OMPI_MCA_btl_vader_single_copy_mechanism", "none".into()),
-        // Of a rank that dies before it has begun OpenMPI's notice often does not tell the number.
+        // Of a rank that dies before it has begun OpenMPI's notice often lacks the number.
         ("OMPI_MCA_state_base_verbose", "1".into()),
         ("OMP_NUM_THREADS", "1".into()),
         ("RAYON_NUM_THREADS", "1".into()),

@@ -12,7 +12,7 @@ mod usage;
 
 pub use command::{LaunchPlan, Program};
 pub(crate) use session::Session;
-pub use supervisor::{Casualty, Supervisor};
+pub use supervisor::{ProcessFailure, Supervisor};
 
 #[cfg(test)]
 mod tests;

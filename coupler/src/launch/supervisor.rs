@@ -41,7 +41,7 @@ const TAIL: usize = 12;
 
 /// A program that ended although it should not have.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Casualty {
+pub struct ProcessFailure {
     /// Its role.
     pub role: Role,
     /// How messages call it.
@@ -109,16 +109,16 @@ impl Supervisor {
 
     /// The first program that has ended, once its own last words had time to
     /// arrive elsewhere. Never waits.
-    pub fn casualty(&mut self) -> Option<Casualty> {
+    pub fn failure(&mut self) -> Option<ProcessFailure> {
         self.poll();
         let at = self.running.iter().position(|r| r.over(LAST_WORDS))?;
-        Some(self.running[at].casualty())
+        Some(self.running[at].failure())
     }
 
     /// A program one of whose ranks has ended while its launcher waits for the others: OpenMPI
     /// does not mind a rank that ends well before it has begun, for which the others then
     /// wait for ever. For the time in which ranks arrive; never waits.
-    pub fn deserted(&mut self) -> Option<Casualty> {
+    pub fn missing_ranks(&mut self) -> Option<ProcessFailure> {
         if self.counted.is_some_and(|t| t.elapsed() < COUNTS) {
             return None;
         }
@@ -133,20 +133,20 @@ impl Supervisor {
             } else if running.fewer.get_or_insert_with(Instant::now).elapsed() > DESERTED {
                 let how = format!("{} of its {all} ranks ended before they joined", all - now);
                 let rank = running.notices().left;
-                return Some(Casualty { how, rank, ..running.casualty() });
+                return Some(ProcessFailure { how, rank, ..running.failure() });
             }
         }
         None
     }
 
     /// What became of `role` if it ends within `patience`: its exit and last words.
-    pub fn fate(&mut self, role: Role, patience: Duration) -> Option<Casualty> {
+    pub fn await_exit(&mut self, role: Role, patience: Duration) -> Option<ProcessFailure> {
         let at = self.running.iter().position(|r| r.program.role == role)?;
         wait_until(patience, || {
             self.poll();
             self.running[at].over(Duration::ZERO)
         });
-        self.running[at].status.is_some().then(|| self.running[at].casualty())
+        self.running[at].status.is_some().then(|| self.running[at].failure())
     }
 
     /// A question goes to the program of `role`: its last words are what it writes from now on.
@@ -179,7 +179,7 @@ impl Supervisor {
 
     /// Waits for all programs to end by themselves; those that do not within
     /// `patience` are ended. Returns those that did not end well.
-    pub fn finish(mut self, patience: Duration) -> Vec<Casualty> {
+    pub fn finish(mut self, patience: Duration) -> Vec<ProcessFailure> {
         let done = wait_until(patience, || {
             self.poll();
             self.running.iter().all(|r| r.status.is_some())
@@ -188,7 +188,7 @@ impl Supervisor {
             .running
             .iter()
             .filter(|r| !r.status.is_some_and(|(status, _)| status.success()))
-            .map(Running::casualty)
+            .map(Running::failure)
             .collect();
         if !done {
             self.end();
@@ -296,7 +296,7 @@ impl Running {
         self.notices.lock().map(|n| *n).unwrap_or_default()
     }
 
-    fn casualty(&self) -> Casualty {
+    fn failure(&self) -> ProcessFailure {
         let how = match self.status {
             None => "still running".to_owned(),
             Some((status, _)) => match (status.code(), status.signal()) {
@@ -308,7 +308,7 @@ impl Running {
             },
         };
         let tail = self.tail.lock().map(|t| t.words().cloned().collect::<Vec<_>>().join("\n"));
-        Casualty {
+        ProcessFailure {
             role: self.program.role,
             name: self.program.name.clone(),
             rank: self.notices().blamed,

@@ -44,14 +44,14 @@ fn a_death_is_noticed_with_its_cause_and_the_rest_ends() {
     let sleeps = script(dir, "sleeps", &format!("echo $$ > {}; exec sleep 100", note.display()));
     let programs = vec![program(dir, Role::Structure, vec![sleeps]), program(dir, Role::Flow, vec![dies])];
     let mut supervisor = Supervisor::start(programs, "t1", &Console::new(true)).unwrap();
-    let mut casualty = None;
+    let mut failure = None;
     wait_for(|| {
-        casualty = supervisor.casualty();
-        casualty.is_some()
+        failure = supervisor.failure();
+        failure.is_some()
     });
-    let casualty = casualty.unwrap();
-    assert_eq!((casualty.role, casualty.how.as_str()), (Role::Flow, "exit code 3"));
-    assert_eq!(casualty.tail, "grid file is damaged");
+    let failure = failure.unwrap();
+    assert_eq!((failure.role, failure.how.as_str()), (Role::Flow, "exit code 3"));
+    assert_eq!(failure.tail, "grid file is damaged");
     wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
     let sleeper = std::fs::read_to_string(&note).unwrap();
     assert!(alive(&sleeper));
@@ -80,12 +80,12 @@ fn last_words_are_those_since_the_program_was_asked() {
     wait_for(|| supervisor.last_line(Role::Flow).is_some());
     assert_eq!(supervisor.last_line(Role::Flow).as_deref(), Some("late"));
     std::fs::write(&end, "").unwrap();
-    let mut casualty = None;
+    let mut failure = None;
     wait_for(|| {
-        casualty = supervisor.casualty();
-        casualty.is_some()
+        failure = supervisor.failure();
+        failure.is_some()
     });
-    assert_eq!(casualty.unwrap().tail, "late");
+    assert_eq!(failure.unwrap().tail, "late");
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn a_program_that_ignores_the_request_is_forced_with_its_children() {
         Supervisor::start(vec![program(dir, Role::Mesh, vec![stubborn])], "t2", &Console::new(true)).unwrap();
     wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
     let rank = std::fs::read_to_string(&note).unwrap();
-    assert!(supervisor.casualty().is_none() && alive(&rank));
+    assert!(supervisor.failure().is_none() && alive(&rank));
     let limit = Limit::new(Duration::from_secs(5));
     supervisor.end();
     limit.demand("the rank is forced");
@@ -128,12 +128,12 @@ fn ranks_of_a_killed_launcher_are_found_by_their_session() {
     wait_for(|| std::fs::read_to_string(&note).is_ok_and(|t| t.ends_with('\n')));
     let orphan = std::fs::read_to_string(&note).unwrap();
     super::process::signal(supervisor.first_process(), rustix::process::Signal::KILL);
-    let mut casualty = None;
+    let mut failure = None;
     wait_for(|| {
-        casualty = supervisor.casualty();
-        casualty.is_some()
+        failure = supervisor.failure();
+        failure.is_some()
     });
-    assert!(casualty.unwrap().how.starts_with("signal 9"));
+    assert!(failure.unwrap().how.starts_with("signal 9"));
     assert!(alive(&orphan));
     supervisor.end();
     assert!(!alive(&orphan));

@@ -173,7 +173,7 @@ impl<'a> Run<'a> {
 /// The summary of a run that is resumed although it is complete.
 fn nothing_left(scene: &Scene, resume: &Resume, console: &Console) -> RunSummary {
     console.line(
-        "this run is complete: there is nothing to resume. A longer last stage, or a further one, would be gone on with",
+        "this run is complete: there is nothing to resume. To continue, lengthen the last stage or add one",
     );
     summary_of(scene, resume.summaries.clone())
 }

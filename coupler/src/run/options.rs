@@ -36,7 +36,7 @@ pub struct RunOptions {
     pub deadline: Option<Duration>,
     /// Programs that somebody else starts.
     pub attach: Vec<Role>,
-    /// Goes on with the run whose results lie in the folder.
+    /// Resumes the run in the folder.
     pub resume: bool,
     /// Ends all at once when it becomes true; windows are finished first when only the run's flag to
     /// stop is. `None`: that flag already ends all.
@@ -58,15 +58,15 @@ pub struct RecordOptions {
     pub without_grid: bool,
 }
 
-/// How a run is compared while it goes on.
+/// Comparison of a run with a baseline.
 #[derive(Clone, Debug)]
 pub struct BaselineOptions {
     /// Folder of the recording.
     pub folder: PathBuf,
     /// Largest relative difference that is none.
     pub tolerance: f64,
-    /// Judges counts of iterations, as [`Comparison::count_slack`].
-    pub count_slack: Option<f64>,
-    /// Ends the run where it departs.
+    /// Judges counts of iterations, as [`results::recording::Comparison`].
+    pub iteration_tolerance: Option<f64>,
+    /// Ends the run at the first deviation.
     pub stop: bool,
 }

@@ -57,7 +57,7 @@ impl Exchange<'_> {
         if let Some(p) = context.resumed {
             reader.skip_windows(p.windows)?;
         }
-        let mut comparison = Comparison::new(baseline.tolerance).judging_counts(baseline.count_slack);
+        let mut comparison = Comparison::new(baseline.tolerance).judging_counts(baseline.iteration_tolerance);
         let compared = Baseline::new(partners, reader, &mut comparison, baseline.stop, context.console);
         let ended = self.recorded(compared).map(Baseline::into_partners);
         context.console.line(&format!("stage `{name}` beside its baseline: {}", comparison.report()));

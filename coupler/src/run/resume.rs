@@ -36,7 +36,7 @@ impl Resume {
         let mut this =
             Self { record, point: None, stage, within: None, summaries: Vec::new(), complete: false };
         let Some(point) = point else {
-            console.line("no window was saved: the run begins anew");
+            console.line("no window was saved: the run starts from the beginning");
             return Ok(this);
         };
         let over = is_over(scene, &point);
@@ -47,7 +47,7 @@ impl Resume {
             let within = this.within.insert(progress_within(&point, console)?);
             warnings.clone_from(&within.warnings);
         } else if !this.complete {
-            console.line(&format!("stage `{}` is done: going on with the next", point.seal.name));
+            console.line(&format!("stage `{}` is complete: continuing with the next", point.seal.name));
         }
         console.remember(warnings);
         this.point = Some(point);
@@ -92,7 +92,7 @@ fn progress_within(point: &Point, console: &Console) -> Result<Progress, RunErro
     let seal = &point.seal;
     if !seal.cannot.is_empty() {
         return Err(RunError::Input(format!(
-            "the run stands within stage `{}`, where {} left nothing to go on from: a program that can be \
+            "the run stands within stage `{}`, where {} saved no state to restart from: a program that can be \
              resumed announces the effect `resume` (docs/contract.md). `--stage {}` without --resume runs \
              the stage from its start",
             seal.name,
@@ -102,7 +102,7 @@ fn progress_within(point: &Point, console: &Console) -> Result<Progress, RunErro
     }
     let progress = point.progress()?;
     console.line(&format!(
-        "going on with stage `{}` after {} (t = {:.4} s)",
+        "resuming stage `{}` after {} (t = {:.4} s)",
         seal.name,
         counted(seal.windows, "window"),
         seal.time_s

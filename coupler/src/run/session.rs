@@ -69,7 +69,7 @@ fn open_folder(context: &StageContext<'_>) -> Result<(), RunError> {
     let folder = case::stage_folder(context.out, context.scene, context.stage);
     results::timings::clear(&folder);
     match context.resumed {
-        // What was written after the state is computed anew.
+        // What was written after the state is computed again.
         Some(p) => checkpoint::trim(&folder, p.windows, p.time_s),
         None => folder::clear(&folder),
     }

@@ -19,7 +19,7 @@ pub(super) struct Coupled<'a> {
     /// The undisturbed air, which a payload that falls with the frame meets.
     wind: Wind,
     start: Vec<f64>,
-    /// Felt by the structure, given by the flow.
+    /// Received by the structure, given by the flow.
     work: (f64, f64),
     descent: Option<DescentModel>,
     balance: SystemBalance,
@@ -62,7 +62,7 @@ impl<'a> Coupled<'a> {
 
     /// Adds the last window, which began with `velocity` (m/s) and the load `before`, to the balance of the system.
     fn enter_balance(&mut self, report: &WindowReport, dt: f64, velocity: f64, before: Option<f64>) {
-        // A payload that moves in the frame has energy that no statistic tells.
+        // A payload that moves in the frame has energy that no statistic contains.
         let Some(model) = self.descent.filter(|d| d.weight != Weight::Body) else { return };
         let state = self.windows.state();
         let stats = &report.stats[Role::Structure as usize];
@@ -112,11 +112,11 @@ impl Stepper for Coupled<'_> {
         Ok(report)
     }
 
-    fn memory(&self) -> Vec<u8> {
+    fn save_state(&self) -> Vec<u8> {
         pack(&(self.windows.save_state(), &self.balance))
     }
 
-    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+    fn restore_state(&mut self, memory: &[u8]) -> Result<(), RunError> {
         let windows: Vec<u8>;
         (windows, self.balance) = unpack(memory)?;
         self.windows.restore_state(&windows)

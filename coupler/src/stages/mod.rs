@@ -62,7 +62,7 @@ pub struct StageContext<'a> {
     pub console: &'a Console,
     /// Ends the stage at the end of a window when it becomes true.
     pub stop: &'a AtomicBool,
-    /// Where the stage stood when it was saved, if it goes on from there.
+    /// The checkpoint that the stage restarts from, if any.
     pub resumed: Option<&'a checkpoint::Progress>,
 }
 
@@ -87,13 +87,13 @@ trait Stepper {
     }
 
     /// What later windows depend on.
-    fn memory(&self) -> Vec<u8>;
+    fn save_state(&self) -> Vec<u8>;
 
-    /// Goes on from a [`Stepper::memory`] of the same stage.
+    /// Restarts from a [`Stepper::save_state`] of the same stage.
     ///
     /// # Errors
     /// A memory of another one.
-    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError>;
+    fn restore_state(&mut self, memory: &[u8]) -> Result<(), RunError>;
 
     /// What the end of the stage with this window gives reason to warn of.
     fn warning_at_end(&self, _report: &WindowReport) -> Option<String> {
@@ -110,7 +110,7 @@ trait Stepper {
         None
     }
 
-    /// Work in the last window, J: what the structure felt, what the flow gave. `None` where
+    /// Work in the last window, J: received by the structure, given by the flow. `None` where
     /// nothing is coupled.
     fn interface_work(&self) -> Option<(f64, f64)> {
         None
@@ -203,7 +203,7 @@ impl StageContext<'_> {
         summary: &mut StageSummary,
     ) -> Result<InterfaceState, RunError> {
         let mut run = StageRun::open(self, partners, state, summary)?;
-        while run.goes_on() {
+        while run.continues() {
             let Some(stepped) = run.step()? else { continue };
             let row = run.record(stepped)?;
             if run.ends(&row)? {
@@ -229,7 +229,7 @@ impl StageContext<'_> {
         let (stage, coupling) = (self.description(), &self.scene.coupling);
         let staggered = coupling.scheme == Scheme::Staggered;
         // Its flow lives between the ends of windows.
-        let offset = staggered && coupling.staggered.sequence == StaggeredSequence::HalfStep;
+        let offset = staggered && coupling.staggered.sequence == StaggeredSequence::ImprovedSerial;
         let in_time = stage.solve != Solve::Static && stage.steady.is_none();
         let flows = stage.kind.roles().contains(&Role::Flow);
         if !(coupling.adaptive.enabled && in_time && flows) || (offset && stage.kind == StageKind::Coupled) {

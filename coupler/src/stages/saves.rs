@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use terminal::Console;
 
-/// Saves within a stage that nobody has asked for take no more than this share of its time ...
+/// Saves within a stage that nobody has asked for take at most this share of its time ...
 const SHARE: f64 = 0.01;
 /// ... and are at least this far apart.
 const APART: Duration = Duration::from_secs(30);

@@ -99,11 +99,11 @@ impl<Q: Questions> Stepper for SingleSolve<Q> {
         self.questions.settled(report)
     }
 
-    fn memory(&self) -> Vec<u8> {
+    fn save_state(&self) -> Vec<u8> {
         pack(&self.state)
     }
 
-    fn recall(&mut self, memory: &[u8]) -> Result<(), RunError> {
+    fn restore_state(&mut self, memory: &[u8]) -> Result<(), RunError> {
         self.state = unpack(memory)?;
         Ok(())
     }

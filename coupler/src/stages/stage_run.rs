@@ -22,7 +22,7 @@ use results::summary::StageSummary;
 use super::saves::Saves;
 use super::{StageContext, Stepper, stepper};
 
-/// Windows given back that are told one by one.
+/// Rejected windows that are reported one by one.
 const TOLD: u64 = 5;
 
 /// The first sentence of an error.
@@ -39,7 +39,7 @@ struct Records {
 }
 
 impl Records {
-    /// In `folder`; `resumed` goes on with those that are there.
+    /// In `folder`; `resumed` appends to those that are there.
     fn open(folder: &std::path::Path, kind: StageKind, resumed: bool) -> Result<Self, RunError> {
         let (rows, all) = (folder.join("history.csv"), folder.join("iterations.csv"));
         let coupled = kind == StageKind::Coupled;
@@ -82,13 +82,13 @@ pub(super) struct StageRun<'c, 'p> {
     saves: Saves,
     /// Planned windows to run.
     windows: u64,
-    /// Number of the window to come, accepted ones so far, attempts at this one that were given back.
+    /// Number of the window to come, accepted ones so far, rejected attempts at this one.
     index: u64,
     done: u64,
     rejected: u32,
     /// When the first attempt at this window began.
     started: Instant,
-    /// Seconds of the runs that this one goes on with.
+    /// Seconds of the runs that this one continues.
     wall_before: f64,
     /// Why the stage ends, for the summary.
     ended: String,
@@ -107,7 +107,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         context.compare_pressures(&state);
         let mut stepper = stepper(context, partners, state)?;
         if let Some(saved) = resumed {
-            stepper.recall(&saved.stepper)?;
+            stepper.restore_state(&saved.stepper)?;
             *summary = StageSummary { speeds: saved.speeds.clone(), ..saved.summary.clone() };
         }
         let folder = case::stage_folder(context.out, context.scene, context.stage);
@@ -147,16 +147,16 @@ impl<'c, 'p> StageRun<'c, 'p> {
     }
 
     /// Whether there are windows left.
-    pub fn goes_on(&self) -> bool {
+    pub fn continues(&self) -> bool {
         self.clock.planned() < self.windows
     }
 
-    /// Computes and accepts the next window; `None` where it was given back, to be tried again shorter.
+    /// Computes and accepts the next window; `None` where it was rejected, to be retried shorter.
     pub fn step(&mut self) -> Result<Option<Stepped>, RunError> {
         let _part = timing::part("window");
         let window = self.window();
         let before = self.stepper.state().displacement.clone();
-        // What half the window did not mend is borne, if it can be.
+        // What half the window did not improve is accepted, if it is acceptable.
         let shorter = self.clock.can_shrink() && !self.clock.is_short();
         match self.stepper.step(self.partners, window, shorter) {
             Ok(report) => {
@@ -206,7 +206,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(last)
     }
 
-    /// Saves where that is due; goes on to the next window unless the run is to stop.
+    /// Saves where that is due; continues with the next window unless the run is to stop.
     pub fn checkpoint(&mut self) -> Result<(), RunError> {
         let _part = timing::part("checkpoint");
         let stopped = self.context.stop.load(Ordering::Relaxed);
@@ -265,7 +265,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             return;
         }
         self.context.console.line(&format!(
-            "window {} of stage `{}` (t = {:.4} s) is given back and tried again with {:.3e} s: {}{}",
+            "window {} of stage `{}` (t = {:.4} s) rejected; retrying with dt = {:.3e} s: {}{}",
             self.index,
             self.context.description().name,
             window.time,
@@ -418,7 +418,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let progress = checkpoint::Progress {
             windows: self.done,
             time_s,
-            stepper: self.stepper.memory(),
+            stepper: self.stepper.save_state(),
             clock: pack(&self.clock),
             books: self.books,
             flow_bounds: self.flow_bounds,
@@ -432,7 +432,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         seal.cannot = self.partners.cannot_resume();
         if self.saves.count == 0 && !seal.cannot.is_empty() && ended.is_none() {
             self.context.console.warning(&format!(
-                "{} cannot go on in the middle of a stage: the run goes on, but could not be resumed",
+                "{} does not support restart within a stage; the run continues but cannot be resumed within this stage",
                 seal.cannot.join(" and ")
             ));
         }

@@ -10,6 +10,7 @@ mod check;
 mod error;
 mod overrides;
 mod place;
+mod renamed;
 mod scene;
 mod wind;
 
@@ -17,5 +18,6 @@ pub use boundaries::{Jump, jumps};
 pub use error::{Problem, SceneError};
 pub use overrides::{NotATable, Override, parse_overridden, set_value};
 pub use place::place_of;
+pub use renamed::{Renamed, current_path, current_value, renamed};
 pub use scene::*;
 pub use wind::Wind;

@@ -6,12 +6,13 @@ use toml::de::DeTable;
 
 use crate::error::{Problem, SceneError};
 use crate::place::{path_at, span_of};
+use crate::renamed::{current_key, former_keys};
 use crate::{Scene, parse};
 
 /// A value that an option of the command line replaces or adds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Override {
-    /// Dotted path in the scene, such as `fabric.thickness_m` or `stage[2].window_s`.
+    /// Dotted path in the scene with current names, such as `fabric.thickness_m` or `stage[2].window_s`.
     pub path: String,
     /// The option as the user wrote it, such as `--set fabric.thickness_m=1e-4`.
     pub option: String,
@@ -29,7 +30,8 @@ impl std::fmt::Display for NotATable {
 
 impl std::error::Error for NotATable {}
 
-/// Sets `key` in the table at `path` of a scene, which is made where it is missing.
+/// Sets `key` in the table at `path` of a scene, which is created where it is missing. A former name of a key sets the
+/// current key; the value replaces that of former names.
 ///
 /// # Errors
 /// A part of the path that is no table.
@@ -44,6 +46,9 @@ pub fn set_value(
         let inner = at.entry(*part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
         at = inner.as_table_mut().ok_or_else(|| NotATable((*part).into()))?;
     }
+    let section = path.join(".");
+    let key = current_key(&section, key);
+    former_keys(&section, key).for_each(|former| drop(at.remove(former)));
     at.insert(key.into(), value);
     Ok(())
 }

@@ -6,6 +6,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::line_and_column;
+use crate::renamed::current_key;
 
 /// Line and column, both from 1, of the value at a dotted path in the text of a scene, or of the nearest table
 /// above it; `None` where the text has neither, or is not TOML.
@@ -21,12 +22,15 @@ pub(crate) fn span_of(document: &Spanned<DeTable<'_>>, path: &str) -> Option<Ran
     let mut table = document.get_ref();
     let mut span = None;
     let mut value: Option<&Spanned<DeValue<'_>>>;
+    let mut section = String::new();
     for part in path.split('.') {
         let (name, index) = match part.split_once('[') {
             Some((name, rest)) => (name, rest.trim_end_matches(']').parse::<usize>().ok()),
             None => (part, None),
         };
-        let Some((key, found)) = table.iter().find(|(k, _)| k.get_ref().as_ref() == name) else { break };
+        let is = |written: &str| written == name || current_key(&section, written) == name;
+        let Some((key, found)) = table.iter().find(|(k, _)| is(k.get_ref())) else { break };
+        section = if section.is_empty() { name.to_owned() } else { format!("{section}.{name}") };
         span = Some(if found.get_ref().is_table() { key.span() } else { found.span() });
         value = Some(found);
         if let Some(i) = index {
@@ -41,10 +45,10 @@ pub(crate) fn span_of(document: &Spanned<DeTable<'_>>, path: &str) -> Option<Ran
     span
 }
 
-/// Path of the innermost key or value that begins at or around the bytes `at`.
+/// Path, with current names, of the innermost key or value that begins at or around the bytes `at`.
 pub(crate) fn path_at(table: &DeTable<'_>, at: &Range<usize>, above: &str) -> Option<String> {
     table.iter().find_map(|(key, value)| {
-        let name = key.get_ref();
+        let name = current_key(above, key.get_ref());
         let path = if above.is_empty() { name.to_string() } else { format!("{above}.{name}") };
         let inner = value_path(value, at, &path);
         inner.or_else(|| covers(&key.span(), at).then_some(path))

@@ -94,7 +94,7 @@ fn time(stage: &Stage) -> String {
 /// How the programs are coupled.
 fn coupling(scene: &Scene) -> String {
     let c = &scene.coupling;
-    let load = match c.load {
+    let load = match c.load_interpolation {
         LoadShape::Mean => "mean",
         LoadShape::Constant => "constant",
         LoadShape::Linear => "linear",

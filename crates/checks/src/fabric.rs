@@ -64,7 +64,7 @@ pub const CHECKS: &[Check] = &[
         source: "Causin, Gerbeau and Nobile, CMAME 194 (2005): staggered schemes are unstable there; docs/stability.md \
                  for load = \"linear\"",
         severity: Warning,
-        remedy: "set coupling.scheme = \"implicit\" and coupling.load = \"mean\", the defaults",
+        remedy: "set coupling.scheme = \"implicit\" and coupling.load_interpolation = \"mean\", the defaults",
         when: When::Before(mass_ratio),
     },
 ];
@@ -151,12 +151,12 @@ fn mass_ratio(f: &Facts<'_>) -> Vec<Judged> {
     let c = &f.scene.coupling;
     let explicit =
         c.scheme == case::Scheme::Staggered && c.staggered.sequence != case::StaggeredSequence::AddedMass;
-    let linear = c.load == case::LoadShape::Linear
+    let linear = c.load_interpolation == case::LoadShape::Linear
         && f.stages_of(case::StageKind::Coupled).any(|(_, s)| s.substeps > 1);
     let figure = format!("the fabric weighs {} of the air that moves with it", percent(ratio));
     let (severity, key) = match (ratio < 1.0, explicit, linear) {
         (true, true, _) => (Warning, "coupling.scheme"),
-        (true, false, true) => (Warning, "coupling.load"),
+        (true, false, true) => (Warning, "coupling.load_interpolation"),
         _ => (Note, "fabric.density_kg_m3"),
     };
     vec![Judged::new(severity, key, figure)]

@@ -48,6 +48,17 @@ pub struct Facts<'a> {
     pub machine: Machine,
     /// First stage that runs.
     pub first: usize,
+    /// Former names in the file of the scene and in the options of the command line.
+    pub former_names: Vec<FormerName>,
+}
+
+/// A former name of a key or value in a scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FormerName {
+    /// Current dotted key.
+    pub key: String,
+    /// What is written and what it is now, in a sentence without full stop.
+    pub text: String,
 }
 
 impl<'a> Facts<'a> {
@@ -65,7 +76,7 @@ impl<'a> Facts<'a> {
         let numbers = Numbers::new(scene, interface, &mesh);
         let flows = scene.stages.iter().skip(first).any(|s| s.kind.roles().contains(&Role::Flow));
         let grid = (flows && scene.flow.is_some()).then(|| mesh::grid_sizes(scene, &mesh));
-        Ok(Self { scene, numbers, mesh, grid, machine, first })
+        Ok(Self { scene, numbers, mesh, grid, machine, first, former_names: Vec::new() })
     }
 
     /// Stages that run, with their number from 0.

@@ -11,7 +11,7 @@ pub struct Judged {
     pub key: String,
     /// The figure, in a sentence without full stop.
     pub figure: String,
-    /// A remedy for this figure in the place of the one in the table.
+    /// A remedy for this figure instead of the one in the table.
     pub remedy: Option<String>,
 }
 

@@ -9,6 +9,7 @@ use terminal::{Console, counted};
 
 use super::facts::{Facts, Machine};
 use super::finding::{Finding, Judged, Severity};
+use super::names;
 use super::table::{Check, When, all};
 
 /// All findings, errors first.
@@ -45,9 +46,10 @@ impl Inspection {
         file: &Path,
         settings: &[String],
     ) -> Result<Self, RunError> {
-        let facts =
+        let mut facts =
             Facts::new(scene, interface, machine, first).map_err(|e| RunError::Input(e.to_string()))?;
         let text = std::fs::read_to_string(file).unwrap_or_default();
+        facts.former_names = names::former(&text, settings);
         let names: Vec<&str> = scene.stages.iter().map(|s| s.name.as_str()).collect();
         Ok(Self::new(&facts, |key| place(file, &text, settings, &names, key)))
     }
@@ -118,12 +120,14 @@ fn complete(check: &Check, judged: Judged, place: impl Fn(&str) -> String) -> Fi
 
 /// Where the user wrote the value of `key`: an option, or a line of the file.
 fn place(file: &Path, text: &str, settings: &[String], stages: &[&str], key: &str) -> String {
+    let current = |s: &&String| s.split_once('=').is_some_and(|(k, _)| case::current_path(k.trim()) == key);
     let stage = key.strip_prefix("stage[").and_then(|rest| rest.split_once(']'));
     let named = match stage.and_then(|(i, rest)| Some((stages.get(i.parse::<usize>().ok()?)?, rest))) {
         Some((name, rest)) => format!("stage.{name}{rest}"),
         None => key.to_owned(),
     };
-    if let Some(setting) = settings.iter().find(|s| s.starts_with(&format!("{named}="))) {
+    let set = settings.iter().find(|s| s.starts_with(&format!("{named}=")));
+    if let Some(setting) = set.or_else(|| settings.iter().find(current)) {
         return format!("--set {setting}");
     }
     case::place_of(text, key)

@@ -1,5 +1,4 @@
-//! What Ripstop checks for the user: the inspection of a scene before a run, and what the programs watch
-//! during it.
+//! Checks for the user: the inspection of a scene before a run, and the checks of the programs during it.
 //!
 //! [`table::all`] lists every check with its estimate, its range, the source of that range, its severity and
 //! its remedy. `ripstop check`, `ripstop run`, `summary.json`, the report and `docs/checks.md` read this
@@ -14,6 +13,7 @@ pub mod document;
 pub mod facts;
 pub mod finding;
 pub mod inspection;
+pub mod names;
 pub mod run_time;
 pub mod shared_memory;
 pub mod table;

@@ -68,7 +68,7 @@ pub const CHECKS: &[Check] = &[
         id: "machine.memory",
         what: "the run fits into the main memory",
         estimate: "1.4 kB a cell (flow), 2.9 kB a cell (mesh), 1.6 kB an element (structure), 60 MB a rank, and four dense \
-                   matrices of coupling.model_faces in the coupler",
+                   matrices of coupling.added_mass_max_panels in the coupler",
         range: "warning where the estimate exceeds 80 % of the memory; error where half of it exceeds all",
         source: "measured in docs/verification.md; right to a factor of two",
         severity: Error,
@@ -148,7 +148,7 @@ fn model_faces(f: &Facts<'_>) -> f64 {
         Scheme::Staggered => c.staggered.sequence == case::StaggeredSequence::AddedMass,
     };
     if model && f.has(StageKind::Coupled) {
-        (f.mesh.faces.len() as f64).min(f64::from(c.model_faces))
+        (f.mesh.faces.len() as f64).min(f64::from(c.added_mass_max_panels))
     } else {
         0.0
     }

@@ -1,4 +1,4 @@
-//! How much shared memory a stage takes, told before anything is started.
+//! Shared memory of a stage, estimated before a program starts.
 //!
 //! Memory is taken page by page when it is first written: a program that runs out of it
 //! then is killed by SIGBUS without a word.

@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::finding::{Judged, Severity};
-use super::{boundaries, descent, fabric, flow, lines, resources, run_time, time};
+use super::{boundaries, descent, fabric, flow, lines, names, resources, run_time, time};
 
 /// A check: what Ripstop compares with what.
 pub struct Check {
@@ -35,6 +35,7 @@ pub enum When {
 /// All checks, in the order of the document.
 pub fn all() -> impl Iterator<Item = &'static Check> {
     [
+        names::CHECKS,
         fabric::CHECKS,
         lines::CHECKS,
         descent::CHECKS,

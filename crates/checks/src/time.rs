@@ -183,7 +183,7 @@ fn settling(f: &Facts<'_>) -> Vec<Judged> {
             digits(s.duration_s)
         );
         let severity = if left > AT_REST { Warning } else { Note };
-        // No more than half of critical: what is overdamped creeps, and is no nearer to rest.
+        // At most half of critical: what is overdamped creeps, and is no nearer to rest.
         let enough = (-AT_REST.ln() / s.duration_s).clamp(0.5 * omega, omega);
         let long = s.duration_s.max(-AT_REST.ln() / enough);
         let judged = Judged::new(severity, format!("stage[{i}].mass_damping_per_s"), figure);

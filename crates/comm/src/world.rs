@@ -18,7 +18,7 @@ pub enum CommError {
     Init,
     /// The launcher promised another number of ranks than MPI reports.
     #[error(
-        "this program was told it has {expected} ranks but MPI reports {found}: \
+        "`--ranks` is {expected} but MPI reports {found} ranks: \
          is `mpirun` of the MPI library that the program was built with first on the PATH?"
     )]
     WrongLauncher {

@@ -98,7 +98,7 @@ impl CoupledStage<'_> {
         // Relaxation alone does better with too much air than with as much as there is: on the ATPS descent 7.5
         // against 7.8 iterations of IQN-ILS.
         let screening = if needs_model(coupling) { self.air().screening(self.window_s()) } else { 0.0 };
-        let most = coupling.model_faces as usize;
+        let most = coupling.added_mass_max_panels as usize;
         Lattice::new(&self.positions(state), &self.interface.faces, most, screening)
     }
 
@@ -120,7 +120,7 @@ impl CoupledStage<'_> {
             air.density *= SAFE_DENSITY;
         }
         let faces = &self.interface.faces;
-        let most = coupling.model_faces as usize;
+        let most = coupling.added_mass_max_panels as usize;
         let model = lattice.and_then(|lattice| {
             FlowModel::new(unknowns, lattice, &state.displacement, state.velocity, faces, air, most)
         });
@@ -203,5 +203,5 @@ impl CoupledStage<'_> {
 
 /// Displacement at the end of a window, in dt^2/m, per pressure at its end.
 fn response(coupling: &Coupling) -> f64 {
-    0.5 * if coupling.load == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 }
+    0.5 * if coupling.load_interpolation == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 }
 }

@@ -1,4 +1,4 @@
-//! Numbers of a scene that tell which effects matter in it.
+//! Numbers of a scene that decide which effects matter in it.
 
 use case::{Canopy, GAS_CONSTANT, HEAT_RATIO, Role, Scene, StageKind, StageTimes};
 use coupling::interface::CanopyInterface;

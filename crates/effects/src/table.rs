@@ -521,7 +521,7 @@ pub const TABLE: &[Entry] = &[
         criterion: "not assessed: a numerical method",
         on: |s| s.stages.iter().any(|g| g.steady.is_some()),
         assess: c::steady,
-        cost: "steps of the march in the place of windows",
+        cost: "steps of the march instead of windows",
         needs: None,
         without: None,
         with: None,

@@ -13,7 +13,7 @@ pub const GRID: Colour = Colour(0xe0, 0xe4, 0xe8);
 pub const PAPER: Colour = Colour(0xff, 0xff, 0xff);
 /// A band behind curves.
 pub const BAND: Colour = Colour(0xdc, 0xe9, 0xf5);
-/// Colours of series, in order: those of Okabe and Ito (2008), which people with colour blindness tell apart,
+/// Colours of series, in order: those of Okabe and Ito (2008), which people with colour blindness distinguish,
 /// without yellow and black, and two of Tol.
 pub const SERIES: [Colour; 8] = [
     Colour(0x00, 0x72, 0xb2),

@@ -1,4 +1,4 @@
-//! How the coupling went, and its energy books.
+//! Convergence of the coupling, and the interface energy balance.
 
 use coupling::energy::CREATED;
 

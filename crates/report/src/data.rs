@@ -124,7 +124,7 @@ impl Run {
         if stages.is_empty() {
             return Err(RunError::Input(format!(
                 "{} holds a scene but no window of any stage: the run ended before its first one \
-                 (see <stage>/logs/), or its results were removed; fly it with `ripstop run`",
+                 (see <stage>/logs/), or its results were removed; run it with `ripstop run`",
                 folder.display()
             )));
         }
@@ -176,7 +176,7 @@ fn summary(folder: &Path, missing: &mut Vec<String>) -> Result<Option<Value>, Ru
     let path = folder.join("summary.json");
     if !path.is_file() {
         missing.push(
-            "machine, versions, command and warnings: summary.json is not there, so the run is still going on or was killed"
+            "machine, versions, command and warnings: summary.json is not there, so the run has not ended or was killed"
                 .into(),
         );
         return Ok(None);

@@ -90,7 +90,7 @@ pub(super) struct Document {
     pub(super) missing: Vec<String>,
 }
 
-/// Tells a run; the canopy's shapes take at most `canopy_bytes` before compression.
+/// Describes a run; the canopy's shapes take at most `canopy_bytes` before compression.
 pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunError> {
     let scene = run.scene();
     let frames = read_frames(run, canopy_bytes)?;

@@ -31,7 +31,7 @@ pub(super) fn progress(run: &Run, stage: &StageData) -> String {
     }
 }
 
-/// Wall seconds of a stage: told by its summary, or else the sum of its windows.
+/// Wall seconds of a stage: from its summary, or else the sum of its windows.
 pub(super) fn wall(stage: &StageData) -> f64 {
     number(stage.summary.as_ref(), "wall_s").unwrap_or_else(|| stage.columns.sum("window_wall_s"))
 }
@@ -104,16 +104,16 @@ fn projected_area(columns: &Columns) -> Option<Card> {
 
 fn line_tension(columns: &Columns) -> Option<Card> {
     let most = columns.max("max_line_tension_n").filter(|t| *t > 0.0)?;
-    let risers = columns.max("riser_force_n").map(|f| format!("risers bear {} N at most", digits(f)));
+    let risers = columns.max("riser_force_n").map(|f| format!("riser force at most {} N", digits(f)));
     Some(card("Largest line tension", format!("{} N", digits(most)), risers.into_iter().collect()))
 }
 
-/// Calls of the flow in a window, and what the coupling did to the energy.
+/// Flow solves in a window, and what the coupling did to the energy.
 fn coupling_effort(columns: &Columns) -> Option<Card> {
     let calls = columns.get("coupling_iterations")?;
     let most = columns.max("coupling_iterations").unwrap_or(0.0);
     let above = columns.get("coupling_converged").map_or(0, |v| v.iter().filter(|x| **x == 0.0).count());
-    let mut notes = vec![format!("calls of the flow in a window, {most:.0} at most")];
+    let mut notes = vec![format!("flow solves in a window, {most:.0} at most")];
     if above > 0 {
         notes.push(format!("{} above the tolerance", counted(above as u64, "window")));
     }

@@ -1,7 +1,7 @@
 //! `ripstop report`: a page about a run, or the same in Markdown.
 //!
-//! What a run left behind is read ([`data`], [`frames`]) and told as sections of texts, tables, charts and
-//! pictures ([`document`]); [`html`] and [`markdown`] write them down. A run that ended early or wrote less
+//! The results of a run are read (`data`, `frames`) and presented as sections of texts, tables, charts and
+//! pictures (`document`); `html` and `markdown` write them. A run that ended early or wrote less
 //! gives a shorter page, which says what is missing and which key of the scene would write it.
 
 // An error ends the run: its size is no cost.

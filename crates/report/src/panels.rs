@@ -22,7 +22,7 @@ const fn panel(
     Panel { title, unit, note, columns, logarithmic: false }
 }
 
-/// How the parachute moves and what it bears.
+/// Motion and loads of the parachute.
 pub(super) const MOTION: &[Panel] = &[
     panel(
         "Descent speed",
@@ -52,13 +52,13 @@ pub(super) const MOTION: &[Panel] = &[
     panel(
         "Largest line tension",
         "N",
-        "The line that bears most: what it must be made for.",
+        "Largest tension of a line, for which it must be made.",
         &[("max_line_tension_n", "largest line tension")],
     ),
     panel(
         "Energy of fabric and lines",
         "J",
-        "Elastic energy, and kinetic energy that tells how much still moves.",
+        "Elastic energy, and kinetic energy, which measures the remaining motion.",
         &[("structure_strain_energy_j", "elastic"), ("structure_kinetic_energy_j", "kinetic")],
     ),
 ];
@@ -81,7 +81,7 @@ pub(super) const COUPLING: &[Panel] = &[
     panel(
         "Energy that the coupling added",
         "J",
-        "Work that the structure felt less work that the flow gave, summed: ideally zero, below zero it damps.",
+        "Work received by the structure less work given by the flow, summed: ideally zero; a negative sum damps.",
         &[("interface_energy_error_sum_j", "added so far")],
     ),
     panel(

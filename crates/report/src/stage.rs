@@ -193,7 +193,7 @@ const MAIN: [(&str, &str, &str); 8] = [
 ];
 
 const SETTLED: &str = "What it settles to. The start is left out as far as the marginal standard error of the rest falls \
-    (half of the stage at most). The period is the peak of the periodogram, if it bears a quarter of the variance. The \
+    (half of the stage at most). The period is the peak of the periodogram, if it has a quarter of the variance. The \
     interval of 95 % comes from the means of batches of whole periods: four at least, which must not follow one another.";
 
 /// Means with intervals, and periods.

@@ -10,7 +10,7 @@ pub(super) struct Swings {
     /// Half of the mean's 95 % confidence interval, from this many batches; `None` where they are too
     /// few, or follow one another.
     pub(super) margin: Option<(f64, usize)>,
-    /// The main period, s, and the share of the variance that it bears; `None` where none stands out.
+    /// The main period, s, and its share of the variance; `None` where none stands out.
     pub(super) period: Option<(f64, f64)>,
 }
 
@@ -140,7 +140,7 @@ fn main_period(values: &[f64], step: f64) -> Option<(f64, f64)> {
     let peak = (2 * STEPS..all.len() - 1).max_by(|a, b| all[*a].total_cmp(&all[*b]))?;
     let share = 0.5 * all[peak] * all[peak] / variance;
     let [a, b, c] = [all[peak - 1], all[peak], all[peak + 1]];
-    // Of a fall that goes on below two swings this is no peak.
+    // Of a fall that continues below two swings this is no peak.
     if share < STANDS_OUT || a > b || c > b {
         return None;
     }

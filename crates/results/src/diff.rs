@@ -37,7 +37,7 @@ pub fn recordings(
     a: &Path,
     b: &Path,
     tolerance: f64,
-    count_slack: Option<f64>,
+    iteration_tolerance: Option<f64>,
 ) -> Result<Comparison, RunError> {
     let mut both = [Windows { reader: Reader::open(a)? }, Windows { reader: Reader::open(b)? }];
     let canopies = [0, 1].map(|i| both[i].reader.header().canopy);
@@ -52,7 +52,7 @@ pub fn recordings(
             canopies[1].1
         )));
     }
-    let mut comparison = Comparison::new(tolerance).judging_counts(count_slack);
+    let mut comparison = Comparison::new(tolerance).judging_counts(iteration_tolerance);
     loop {
         let [a, b] = &mut both;
         let (Some(x), Some(y)) = (a.next()?, b.next()?) else { return Ok(comparison) };
@@ -115,7 +115,7 @@ pub fn histories(a: &Path, b: &Path, tolerance: f64) -> Result<(bool, String), R
             false,
             format!(
                 "histories part at window {i}, column {name}: {x:.9e} and {y:.9e}, {d:.1e} of its largest \
-                 (tolerance {tolerance:.0e}); recordings (`ripstop run --record`) tell the channel and the node"
+                 (tolerance {tolerance:.0e}); recordings (`ripstop run --record`) contain the channel and the node"
             ),
         ),
     })

@@ -27,7 +27,7 @@ pub struct Row {
     pub time_s: f64,
     /// Its length, s.
     pub window_s: f64,
-    /// Attempts at it that were given back.
+    /// Rejected attempts at it.
     pub rejected: u32,
     /// Planned windows that are over.
     pub done: u64,
@@ -272,7 +272,7 @@ impl History {
         Ok(history)
     }
 
-    /// Goes on with a file that was cut back to the windows before.
+    /// Appends to a file that was cut back to the windows before.
     ///
     /// # Errors
     /// Trouble with the file.
@@ -325,7 +325,7 @@ impl Iterations {
         Ok(all)
     }
 
-    /// Goes on with a file that was cut back to the windows before.
+    /// Appends to a file that was cut back to the windows before.
     ///
     /// # Errors
     /// Trouble with the file.

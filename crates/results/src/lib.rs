@@ -1,4 +1,4 @@
-//! What a run leaves behind, written and read here only: the history of its windows, the summary, checkpoints and states to go
+//! The results of a run, written and read here only: the history of its windows, the summary, checkpoints and states to go
 //! on from, recordings of what the programs exchanged, and how two runs differ.
 
 // An error ends the run: its size is no cost.

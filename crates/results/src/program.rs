@@ -7,7 +7,7 @@ use coupling::error::RunError;
 /// This executable.
 ///
 /// # Errors
-/// It was replaced while it runs, as a build does: the new one would go on with what the old one began.
+/// It was replaced while it runs, as a build does: the new one would continue the work of the old one.
 pub fn this_program() -> Result<PathBuf, RunError> {
     let me = std::env::current_exe().map_err(RunError::file("find", "this executable"))?;
     if me.exists() {

@@ -50,7 +50,7 @@ impl Progress {
         }
     }
 
-    /// What is going on before the first window.
+    /// Work before the first window.
     pub fn note(&self, text: &str) {
         if let Some(bar) = &self.bar {
             bar.set_message(text.to_owned());
@@ -64,10 +64,10 @@ impl Progress {
         let rest =
             wall / done.saturating_sub(self.first).max(1) as f64 * self.windows.saturating_sub(done) as f64;
         let mut text = format!(
-            "t {:.3} s | {done} of {}{} | wall {} | rest about {}",
+            "t {:.3} s | {done} of {}{} | wall {} | ETA {}",
             row.time_s,
             counted(self.windows, "window"),
-            if row.rejected > 0 { format!(" (given back {} x)", row.rejected) } else { String::new() },
+            if row.rejected > 0 { format!(" (rejected {} x)", row.rejected) } else { String::new() },
             clock(wall),
             clock(rest)
         );

@@ -39,7 +39,7 @@ fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// Files that tell this repository from others.
+/// Files that distinguish this repository from others.
 const MARKS: [&str; 2] = ["structure-solver/Cargo.toml", "coupler/src/run/mod.rs"];
 
 fn commit_of(folder: &Path) -> Option<String> {

@@ -83,7 +83,7 @@ pub struct StageSummary {
     /// What was accepted above its target, by part.
     #[serde(default)]
     pub convergence: Convergence,
-    /// Windows that were given back and tried again with half their length.
+    /// Rejected windows, which were retried with half their length.
     pub rejected: u64,
     /// Shortest window, s.
     pub shortest_window_s: f64,
@@ -243,7 +243,7 @@ impl StageSummary {
         let s = self;
         let created = coupling::structure_energy::note(s.structure_energy_created_share);
         let given_back = if s.rejected > 0 {
-            format!("; {} given back, shortest {:.2e} s", counted(s.rejected, "window"), s.shortest_window_s)
+            format!("; {} rejected, shortest {:.2e} s", counted(s.rejected, "window"), s.shortest_window_s)
         } else {
             String::new()
         };

@@ -132,7 +132,7 @@ impl Console {
         self.warnings.lock().map(|kept| kept.clone()).unwrap_or_default()
     }
 
-    /// Warnings of the part of the run before this one, which were told then.
+    /// Warnings of the part of the run before this one, which were printed then.
     pub fn remember(&self, before: Vec<String>) {
         if let Ok(mut kept) = self.warnings.lock() {
             kept.splice(0..0, before);

@@ -53,7 +53,7 @@ impl Acceleration {
         }
     }
 
-    /// Forgets all corrections.
+    /// Removes all corrections.
     pub fn clear(&mut self) {
         self.states.truncate(self.depth);
         self.residuals.truncate(self.depth);
@@ -68,7 +68,7 @@ impl Acceleration {
         &self.last_state
     }
 
-    /// Forgets where the last correction started, but keeps the secants: for a
+    /// Drops the start of the last correction, but keeps the columns: for a
     /// new problem with nearly the same Jacobian.
     pub fn pause(&mut self) {
         self.open = false;

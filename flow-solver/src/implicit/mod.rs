@@ -54,7 +54,7 @@ pub trait Correction<G, const N: usize> {
     ///
     /// # Errors
     /// On every rank, what does not fit on one of them.
-    fn recall(&mut self, _merged: MergedCells, _rows: &Adjacency, _halo: &Halo) -> Result<(), String> {
+    fn restore_state(&mut self, _merged: MergedCells, _rows: &Adjacency, _halo: &Halo) -> Result<(), String> {
         Ok(())
     }
 }

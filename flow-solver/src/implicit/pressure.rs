@@ -62,7 +62,12 @@ impl PressureSystem {
     ///
     /// # Errors
     /// On every rank, what does not fit on one of them.
-    pub fn recall(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
+    pub fn restore_state(
+        &mut self,
+        merged: MergedCells,
+        rows: &Adjacency,
+        halo: &Halo,
+    ) -> Result<(), String> {
         self.multigrid = Some(Multigrid::of_merged(merged, rows, halo)?);
         Ok(())
     }

@@ -124,7 +124,7 @@ impl PressureCorrection {
             self.pressure.matrix.off[sj as usize] = k as f32;
         }
         // What passes a pore depends on the other side too; left to the outer iterations, as
-        // the other side resists no more than a neighbour does.
+        // the other side resists at most as much as a neighbour.
         for &Passing { cells, slope, .. } in &self.pores {
             cells.iter().for_each(|&c| self.diagonal[c] += slope);
         }
@@ -386,8 +386,8 @@ impl<G: Gas<N>, const N: usize> Correction<G, N> for PressureCorrection {
         self.pressure.merged()
     }
 
-    fn recall(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
-        self.pressure.recall(merged, rows, halo)
+    fn restore_state(&mut self, merged: MergedCells, rows: &Adjacency, halo: &Halo) -> Result<(), String> {
+        self.pressure.restore_state(merged, rows, halo)
     }
 
     fn apply(

@@ -102,15 +102,15 @@ impl Monitors {
         Ok(())
     }
 
-    /// What is known of the probes, for a run that goes on in the middle of a stage.
+    /// What is known of the probes, for a run that restarts within a stage.
     pub fn probes(&self) -> Vec<Home> {
-        self.probes.as_ref().map(Probes::memory).unwrap_or_default()
+        self.probes.as_ref().map(Probes::save_state).unwrap_or_default()
     }
 
     /// Takes up [`Monitors::probes`].
-    pub fn recall(&mut self, probes: Vec<Home>) {
+    pub fn restore_state(&mut self, probes: Vec<Home>) {
         if let Some(p) = &mut self.probes {
-            p.recall(probes);
+            p.restore_state(probes);
         }
     }
 

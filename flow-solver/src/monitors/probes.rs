@@ -100,12 +100,12 @@ impl Probes {
     }
 
     /// Cell around each probe and its faces: they stay as long as they serve.
-    pub fn memory(&self) -> Vec<Home> {
+    pub fn save_state(&self) -> Vec<Home> {
         self.home.iter().copied().zip(self.walls.iter().cloned()).collect()
     }
 
-    /// Takes up a [`Probes::memory`] of the same part of the grid.
-    pub fn recall(&mut self, memory: Vec<Home>) {
+    /// Takes up a [`Probes::save_state`] of the same part of the grid.
+    pub fn restore_state(&mut self, memory: Vec<Home>) {
         if memory.len() == self.list.len() {
             (self.home, self.walls) = memory.into_iter().unzip();
         }

@@ -19,7 +19,7 @@ pub struct Statistics {
     pub span: f64,
     /// Means of the owned cells.
     mean: Vec<[f64; 4]>,
-    /// Integrals of the squared departures from the mean.
+    /// Integrals of the squared deviations from the mean.
     moment: Vec<[f64; 4]>,
 }
 
@@ -87,7 +87,7 @@ impl Statistics {
         Err(outcome.err().map_or_else(elsewhere, |e| Fault::new(format!("statistics: {e}"))))
     }
 
-    /// Goes on with those saved in `folder`; a stage before that gathered none leaves
+    /// Continues those saved in `folder`; a stage before that gathered none leaves
     /// none.
     ///
     /// # Errors

@@ -186,7 +186,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// the limit of iterations is reached. Collective.
     fn solve(&mut self, step: &Step, first: f64, target: &Target) -> Result<Iteration, FlowError> {
         if step.again {
-            // The Jacobian is nearly the same: what the last solve has learnt still holds.
+            // The Jacobian is nearly the same: the columns of the last solve still hold.
             self.acceleration.pause();
         } else {
             self.acceleration.clear();

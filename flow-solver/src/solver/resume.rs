@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::*;
 use crate::implicit::MergedCells;
 use crate::state::{self, Extras, Share};
-use crate::turbulence::WallMemory;
+use crate::turbulence::WallWarmStart;
 
 /// What the solver of a rank keeps beside its share of the state, so that a run which is resumed on the same ranks
 /// computes the same digits.
@@ -19,7 +19,7 @@ pub struct WarmStart {
     /// Coarse cells of the pressure equation; none before they are merged.
     pub merged: Option<MergedCells>,
     /// Of transported turbulence.
-    pub walls: Option<WallMemory>,
+    pub walls: Option<WallWarmStart>,
 }
 
 impl WarmStart {
@@ -89,11 +89,11 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             return Err("not all ranks have merged cells".into());
         }
         if let Some(merged) = warm.merged {
-            self.correction.recall(merged, &self.topology.adjacency, &self.halo)?;
+            self.correction.restore_state(merged, &self.topology.adjacency, &self.halo)?;
         }
         self.restore_ties(&warm.ties);
         if let (Some(turbulence), Some(walls)) = (&mut self.turbulence, warm.walls) {
-            turbulence.recall(walls);
+            turbulence.restore_state(walls);
         }
         Ok(())
     }
@@ -138,7 +138,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             Metrics::swept(&self.topology, &before.nodes, &now.nodes, &mut self.swept_before);
             self.swept.fill(0.0);
         } else {
-            // What the grid did before it came to rest is no longer told apart.
+            // The motion of the grid before it came to rest is not distinguished any more.
             (now.nodes, before.nodes) = (Vec::new(), Vec::new());
         }
         self.q.copy_from_slice(&self.past[0].q);

@@ -9,5 +9,5 @@ mod transport;
 mod wall_distance;
 
 pub use spalart_allmaras::{Around, Length, ddes, des97, diffusivity, eddy_viscosity, rans, source};
-pub use transport::{SpalartAllmaras, Transported, WallMemory};
+pub use transport::{SpalartAllmaras, Transported, WallWarmStart};
 pub use wall_distance::Walls;

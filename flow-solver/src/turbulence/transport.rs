@@ -42,7 +42,7 @@ pub struct Transported<'a, const N: usize> {
 
 /// Walls as transported turbulence knows them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct WallMemory {
+pub struct WallWarmStart {
     /// Distance of owned cells to the nearest wall, m.
     pub wall: Vec<f64>,
     /// Largest extent of owned cells, m.
@@ -51,7 +51,7 @@ pub struct WallMemory {
     pub at: Vec<[f64; 3]>,
 }
 
-impl WallMemory {
+impl WallWarmStart {
     /// Whether it is of `cells` owned cells and `nodes`, and of numbers only. Before the first step of transported
     /// turbulence the distances are not known.
     pub(crate) fn check(&self, cells: usize, nodes: usize) -> Result<(), &'static str> {
@@ -134,8 +134,8 @@ impl SpalartAllmaras {
     }
 
     /// The walls as they are known.
-    pub fn walls(&self) -> WallMemory {
-        WallMemory {
+    pub fn walls(&self) -> WallWarmStart {
+        WallWarmStart {
             wall: self.wall.clone(),
             delta: self.delta.clone(),
             at: self.walls_at.iter().map(|x| (*x).into()).collect(),
@@ -143,7 +143,7 @@ impl SpalartAllmaras {
     }
 
     /// Takes up [`SpalartAllmaras::walls`] of the same cells.
-    pub fn recall(&mut self, walls: WallMemory) {
+    pub fn restore_state(&mut self, walls: WallWarmStart) {
         (self.wall, self.delta) = (walls.wall, walls.delta);
         self.walls_at = walls.at.into_iter().map(Vec3::from).collect();
     }
@@ -155,7 +155,7 @@ impl SpalartAllmaras {
         }
     }
 
-    /// Walls may have moved: distances are computed anew where that counts. Collective.
+    /// Walls may have moved: distances are recomputed where that counts. Collective.
     fn update_walls(&mut self, on: &Domain<'_>, nodes: &[Vec3]) {
         let comm = on.halo.comm();
         let moved = self

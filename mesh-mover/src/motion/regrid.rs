@@ -48,7 +48,7 @@ const MOST_STEPS: f64 = 400.0;
 impl Regridder {
     /// Asks `build` for new grids as `when` says.
     pub fn new(when: Regrid, build: Builder) -> Self {
-        Self { build, when, next: when.below }
+        Self { build, when, next: when.quality_threshold }
     }
 
     pub(super) fn next(&self) -> f64 {
@@ -222,7 +222,7 @@ impl Motion {
 
     /// Whether the grid of a call is so bad that a new one cannot wait for the end of the window.
     pub(super) fn is_late(&self, shape: &Shape, stage: Stage) -> bool {
-        let below = self.regridder.as_ref().map_or(0.0, |r| r.when.below);
+        let below = self.regridder.as_ref().map_or(0.0, |r| r.when.quality_threshold);
         !self.accepts(shape) || (stage == Stage::Fresh && cannot_wait(shape.quality, below))
     }
 
@@ -258,7 +258,7 @@ impl Motion {
         (self.at_start, self.left) = (true, 0.0);
         self.new_grids += 1;
         if let Some(r) = &mut self.regridder {
-            r.next = r.when.below;
+            r.next = r.when.quality_threshold;
         }
         Ok(())
     }

@@ -113,7 +113,8 @@ fn after_a_new_grid_that_did_not_help_the_next_is_tried_at_four_fifths_of_the_qu
         Err("none".into())
     });
     let Trial { at, motion, .. } = trial();
-    let mut motion = motion.with_regrid(Some(Regridder::new(Regrid { below: 0.6, step: 1.0 }, build)), None);
+    let mut motion =
+        motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 1.0 }, build)), None);
     let settled = [0.601, 0.5, 0.401, 0.399, 0.32, 0.319].map(|quality| {
         let said = motion.settle(&at, &Shape { quality, cell: 0, at: [0.0; 3], volume_ratio: 1.0 });
         (said, tried.get())
@@ -130,7 +131,8 @@ fn a_new_grid_is_the_reference_and_the_old_one_the_start_of_the_way() {
         at.grid.as_chunks::<3>().0.iter().map(|x| [x[0], x[1], x[2] + 0.01 * (1.0 - x[2] * x[2])]).collect();
     let built = nodes.clone();
     let build: Builder = Box::new(move |_| Ok(built.clone()));
-    let mut motion = motion.with_regrid(Some(Regridder::new(Regrid { below: 0.6, step: 0.1 }, build)), None);
+    let mut motion =
+        motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 0.1 }, build)), None);
     let bad = Shape { quality: 0.5, cell: 0, at: [0.0; 3], volume_ratio: 1.0 };
     motion.quality = 0.5;
     let said = motion.settle(&at, &bad).expect("one is due").expect("one is made");

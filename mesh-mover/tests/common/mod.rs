@@ -33,7 +33,7 @@ impl Rig {
             mover,
             limits,
             state,
-            outer: settings.outer,
+            outer: settings.outer_boundary,
             regridder: None,
         };
         let mover = MeshMover::on_grid(setup, comm).unwrap();

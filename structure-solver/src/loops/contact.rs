@@ -177,12 +177,12 @@ impl ElementLoop for Contact {
     }
 
     /// Pairs in their order, each with node, triangle and side, then the positions at the search.
-    fn memory(&self) -> Vec<f64> {
+    fn save_state(&self) -> Vec<f64> {
         let rows = self.pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side]);
         std::iter::once(self.pairs.len() as f64).chain(rows).chain(self.searched.iter().copied()).collect()
     }
 
-    fn recall(&mut self, memory: &[f64]) -> Result<(), String> {
+    fn restore_state(&mut self, memory: &[f64]) -> Result<(), String> {
         let Some((count, rest)) = memory.split_first() else {
             return Err("contact has kept nothing".into());
         };
@@ -328,7 +328,7 @@ mod tests {
                 let (mut contact, x) = pressed(distance);
                 contact.edge = 0.3;
                 let x: Vec<f64> = x.iter().map(|x| x + shift).collect();
-                contact.recall(&[0.0]).expect("nothing kept");
+                contact.restore_state(&[0.0]).expect("nothing kept");
                 contact.find_pairs(&x);
                 assert_eq!(contact.pairs.len(), usize::from(near), "{shift} {distance}");
                 assert!(contact.pairs.iter().all(|p| p.side == distance.signum() && p.node == 3));

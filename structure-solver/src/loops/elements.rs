@@ -2,9 +2,9 @@
 
 use super::stencil::Stencil;
 use super::{ElementLoop, FaceLoad, Place, principal_stresses};
-use crate::culprit::principal;
 use crate::elements::mass::MassMatrix;
 use crate::elements::{Kernel, Load, Sheet, Step};
+use crate::failure_site::principal;
 use crate::flat::{Block, at};
 use crate::materials::Regime;
 use mesh::geometry::Vec3;

@@ -15,12 +15,8 @@ pub struct Accuracy {
     #[serde(rename = "quantity")]
     pub quantities: Vec<Quantity>,
     /// Numerical parameters that trade accuracy for time.
-    #[serde(rename = "parameter")]
+    #[serde(rename = "parameter", alias = "dial")]
     pub parameters: Vec<Parameter>,
-    /// Former name of `parameter`, still read.
-    #[serde(rename = "dial", skip_serializing_if = "Vec::is_empty")]
-    #[schemars(extend("deprecated" = true))]
-    pub dials: Vec<Parameter>,
     /// Names of parameters with equally many values that are also varied together, first values
     /// with first values: coarse, medium, fine.
     pub sweep: Vec<String>,
@@ -37,9 +33,10 @@ pub struct Quantity {
     pub name: String,
     /// What is measured.
     pub of: Measured,
-    /// How a history becomes a number. Absent: the mean for speeds and forces of the air, the
-    /// maximum for line tension, else the end.
-    pub take: Option<Take>,
+    /// Statistic of the history over time. Absent: the mean for speeds and forces of the air, the maximum for line
+    /// tension, else the last value.
+    #[serde(alias = "take")]
+    pub statistic: Option<Statistic>,
     /// Stage. Absent: that of the study.
     pub stage: Option<String>,
     /// From this time of the stage on, s. Absent: from the middle of the stage.
@@ -102,10 +99,10 @@ pub enum Measured {
     History,
 }
 
-/// How a history becomes a number.
+/// Statistic of a history over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Take {
+pub enum Statistic {
     /// Mean over time.
     Mean,
     /// Largest.

@@ -12,33 +12,35 @@ use crate::check::Check;
 pub struct Coupling {
     /// The sequence of the programs in a window.
     pub scheme: Scheme,
-    /// The order of the programs in a staggered window, and what they know in advance.
+    /// Order of the programs in a staggered window, and the extrapolation of their input.
     pub staggered: Staggered,
     /// The order of structure and flow in the iterations of an implicit window.
     pub order: CouplingOrder,
     /// Load over the substeps of a window.
-    pub load: LoadShape,
+    #[serde(alias = "load")]
+    pub load_interpolation: LoadShape,
     /// An implicit window is converged when interface displacement and descent
     /// speed change by less than this, relative to their change over the window.
     pub tolerance: f64,
-    /// Coupling iterations at most in a window.
+    /// Maximum number of coupling iterations in a window.
     pub max_iterations: u32,
     /// Relaxation of the first iteration, of all with `constant`, and of the load with
     /// `staggered.sequence = "relaxed-load"`.
     pub relaxation: f64,
     /// Acceleration of the iterations.
     pub acceleration: Acceleration,
-    /// Past windows whose secants quasi-Newton reuses.
+    /// Windows before the current one whose columns quasi-Newton reuses.
     pub reused_windows: u32,
-    /// Most faces that the dense model of the air's inertia holds one by one. A canopy of more acts in that many
-    /// groups of neighbours.
-    pub model_faces: u32,
+    /// Most panels of the added-mass surrogate, a dense matrix with one row for each canopy face. The faces of a
+    /// canopy with more are agglomerated to that many groups of neighbours.
+    #[serde(alias = "model_faces")]
+    pub added_mass_max_panels: u32,
     /// Share of the mean velocity over an implicit window in the structure's velocity
     /// at its end, along the fabric's normal, 0 to 1: holds light fabric to the motion that
     /// the flow sees. Absent: 0.5 where the air weighs far more than the fabric, none
     /// where it weighs less.
     pub velocity_average: Option<f64>,
-    /// What happens to a window that has no answer.
+    /// Retries of a rejected window with a shorter one.
     pub adaptive: AdaptiveWindow,
 }
 
@@ -48,13 +50,13 @@ impl Default for Coupling {
             scheme: Scheme::Implicit,
             staggered: Staggered::default(),
             order: CouplingOrder::GaussSeidel,
-            load: LoadShape::Mean,
+            load_interpolation: LoadShape::Mean,
             tolerance: 1e-3,
             max_iterations: 30,
             relaxation: 0.1,
             acceleration: Acceleration::IbqnLs,
             reused_windows: 8,
-            model_faces: 4000,
+            added_mass_max_panels: 4000,
             velocity_average: None,
             adaptive: AdaptiveWindow::default(),
         }
@@ -65,17 +67,17 @@ impl Default for Coupling {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scheme {
-    /// Each program once: the paper's sequence, with pressures of the last flow step, or
-    /// what `coupling.staggered` makes of it.
+    /// Each program once: the paper's sequence with the pressure of the last flow step, or the one of
+    /// `coupling.staggered`.
     Staggered,
-    /// Each window is iterated until structure, flow and descent agree.
+    /// Structure, flow and descent are iterated to convergence in each window.
     Implicit,
 }
 
 /// Load on the structure over the substeps of one window.
 ///
-/// Substeps between two looks at the flow decide the stability of even a fully
-/// converged window: see `coupling::schemes`, module `load_shape`.
+/// It decides the stability of even a fully converged window with several substeps: see `coupling::schemes`, module
+/// `load_shape`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LoadShape {
@@ -100,54 +102,56 @@ pub enum Acceleration {
     Aitken,
     /// Interface quasi-Newton, inverse least squares. For structures that cost more than the flow.
     IqnIls,
-    /// Interface quasi-Newton, multi-vector: each window's secants correct what the windows
-    /// before have learnt.
+    /// Interface quasi-Newton, multi-vector: the columns of each window update the Jacobian of the windows before.
     IqnImvj,
-    /// Interface block quasi-Newton: between two calls of the flow the structure is solved
-    /// against the flow's added mass and secants, so that few windows ask the flow more than
-    /// four times. Above 4000 canopy faces, and in Jacobi order, as iqn-ils.
+    /// Interface block quasi-Newton: between two flow solves the structure is solved with the added-mass surrogate of
+    /// the flow and its columns, so that few windows need more than four flow solves. Same as `iqn-ils` in Jacobi
+    /// order.
     IbqnLs,
 }
 
-/// How an implicit window visits structure and flow in an iteration.
+/// Order of structure and flow in an iteration of an implicit window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CouplingOrder {
-    /// The structure answers the load of the same iteration: fewer iterations.
+    /// Structure and flow are solved one after the other, each with the latest result of the other: fewer iterations.
     #[default]
     GaussSeidel,
-    /// Structure and flow answer each other's last iterate; the load is one of the coupled unknowns.
+    /// Structure and flow are solved at the same time, each with the other's previous iterate; the load is one of the
+    /// coupled unknowns.
     Jacobi,
 }
 
-/// What a staggered window knows in advance.
+/// Sequence and predictor of a staggered window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Staggered {
-    /// Which program is first, on extrapolated values.
+    /// Order of the programs; the first one uses extrapolated values.
     pub sequence: StaggeredSequence,
-    /// Order of the extrapolation from past windows, 0 (the last value) to 2.
+    /// Order of the extrapolation from previous windows, 0 (the last value) to 2.
     pub predictor: u32,
 }
 
-/// Which program is first in a staggered window.
+/// Order of the programs in a staggered window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum StaggeredSequence {
-    /// The structure under the extrapolated load, then the flow around its answer. With
-    /// predictor 0 the paper's sequence.
+    /// The structure under the extrapolated load, then the flow around the displaced canopy. With predictor 0 the
+    /// paper's sequence.
     #[default]
     StructureFirst,
-    /// The flow around the extrapolated canopy, then the structure under its answer, with
-    /// `coupling.load` over the substeps.
-    FlowFirst,
-    /// The flow lives half a window off, at the middles of the structure's windows, around the
-    /// canopy extrapolated there; its answer is the constant load of the structure's window
-    /// (Lesoinne and Farhat 1998, improved serial staggered). Wants predictor 1 or 2.
-    HalfStep,
-    /// The structure under the extrapolated load with the air's added mass (potential flow around the
-    /// canopy) implicit, then the flow around its answer: stands for light fabric at one call
-    /// of the flow in a window. Wants predictor 1.
+    /// Conventional serial staggered (Farhat and Lesoinne 2000): the flow around the extrapolated canopy, then the
+    /// structure under its load, with `coupling.load_interpolation` over the substeps.
+    #[serde(alias = "flow-first")]
+    ConventionalSerial,
+    /// Improved serial staggered (Lesoinne and Farhat 1998): the flow is offset by half a window, at the middle of the
+    /// structure's window, around the canopy extrapolated there; its load is constant over the structure's
+    /// window. Use predictor 1 or 2.
+    #[serde(alias = "half-step")]
+    ImprovedSerial,
+    /// The structure under the extrapolated load, with the added mass of the air (potential flow around the canopy)
+    /// implicit, then the flow around the displaced canopy: stable for light fabric at one flow solve in a window.
+    /// Use predictor 1.
     AddedMass,
     /// The structure under an extrapolated load, then the flow around it; the share `coupling.relaxation` of the
     /// flow's load corrects the extrapolation (Dettmer and Peric 2013), at one flow solve in a window. One linear mode
@@ -160,20 +164,20 @@ pub enum StaggeredSequence {
 /// Highest order of extrapolation in a staggered window.
 pub const MOST_PREDICTOR: u32 = 2;
 
-/// What happens to a window that has no answer: it does not converge, or a program cannot compute it.
+/// Adaptive windows. A window is rejected where it does not converge, or where a program cannot compute it.
 ///
-/// All programs start again from their last accepted state with half the window; after some windows
-/// that go well, windows are doubled again, never beyond `window_s`. Costs nothing where every
-/// window has an answer.
+/// All programs restore the state at the start of a rejected window and retry with half the window; after
+/// `grow_after` accepted windows the window is doubled, up to `window_s`. Costs nothing where every window is
+/// accepted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdaptiveWindow {
-    /// Whether windows adapt; otherwise such a window ends the run.
+    /// Whether windows adapt; otherwise a rejected window ends the run.
     pub enabled: bool,
-    /// Halvings of `window_s` at most, 0 to 20.
+    /// Maximum number of halvings of `window_s`, 0 to 20.
     #[schemars(range(max = 20))]
     pub halvings: u32,
-    /// Windows that must go well before the next one is twice as long.
+    /// Accepted windows before the next one is twice as long.
     #[schemars(range(min = 1))]
     pub grow_after: u32,
 }
@@ -190,14 +194,14 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     c.positive("coupling.tolerance", k.tolerance, 0.5, "a relative change");
     c.count("coupling.max_iterations", k.max_iterations, 1..=10_000, "coupling iterations");
     c.positive("coupling.relaxation", k.relaxation, 1.0, "a relaxation factor");
-    c.count("coupling.model_faces", k.model_faces, 1..=20_000, "faces of a dense matrix");
+    c.count("coupling.added_mass_max_panels", k.added_mass_max_panels, 1..=20_000, "rows of a dense matrix");
     c.count("coupling.staggered.predictor", k.staggered.predictor, 0..=MOST_PREDICTOR, "an order");
     if k.staggered.sequence == StaggeredSequence::RelaxedLoad {
         let why = "an order: a relaxed load extrapolated with order 2 is unstable";
         c.count("coupling.staggered.predictor", k.staggered.predictor, 0..=1, why);
     }
     c.count("coupling.adaptive.halvings", k.adaptive.halvings, 0..=20, "halvings of window_s");
-    c.count("coupling.adaptive.grow_after", k.adaptive.grow_after, 1..=10_000, "windows that go well");
+    c.count("coupling.adaptive.grow_after", k.adaptive.grow_after, 1..=10_000, "accepted windows");
     if let Some(share) = k.velocity_average {
         c.range("coupling.velocity_average", share, 0.0..=1.0, "0 is none");
     }

@@ -161,7 +161,7 @@ fn shape_of_body(b: &PayloadBody, c: &mut Check) {
         c.refuse(
             &format!("{BODY}.attachments_m"),
             format!(
-                "the payload has {} attachments, or one that is not a place on it",
+                "the payload has {} attachments, or one of them is no position on it",
                 b.attachments_m.len()
             ),
             "list at least one point in metres from its centre of mass",

@@ -102,7 +102,7 @@ impl Cloth {
 }
 
 impl Permeability {
-    /// Viscous (Pa s/m) and inertial (Pa s2/m2) coefficients; one that is not given is zero.
+    /// Viscous (Pa s/m) and inertial (Pa s2/m2) coefficients; default 0.
     pub fn coefficients(&self) -> (f64, f64) {
         match self.cloth {
             Some(Cloth::MilC7020Type3) => (254.0, 37.6),

@@ -42,9 +42,9 @@ pub struct Flow {
     /// The volume grid around the canopy.
     #[serde(default)]
     pub grid: Grid,
-    /// A volume grid from a file in the place of `[flow.grid]`.
+    /// A volume grid from a file instead of `[flow.grid]`.
     pub grid_file: Option<GridFile>,
-    /// A box of cells around a panel in the place of `[flow.grid]`.
+    /// A box of cells around a panel instead of `[flow.grid]`.
     #[serde(rename = "box")]
     pub box_grid: Option<FlowBox>,
     /// Pseudo-time iterations.

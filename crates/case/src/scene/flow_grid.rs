@@ -41,7 +41,7 @@ impl Default for Grid {
 }
 
 /// A volume grid from a Gmsh file (format 4.1, ASCII or binary, first-order elements,
-/// metres, falling frame) in the place of the generated one. It must fit around the
+/// metres, falling frame) instead of the generated one. It must fit around the
 /// canopy as the flow's stages start with it, node by node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -78,7 +78,7 @@ pub enum Condition {
     Inlet,
 }
 
-/// Hexahedra in a box around a panel, in the place of `[flow.grid]`: the canopy's own cells
+/// Hexahedra in a box around a panel, instead of `[flow.grid]`: the canopy's own cells
 /// continued to the walls below and above, and beyond its ends where asked for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

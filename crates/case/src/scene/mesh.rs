@@ -10,7 +10,7 @@ use crate::check::Check;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MeshMotion {
-    /// What carries the canopy's motion into the grid.
+    /// Method that extends the motion of the canopy into the grid.
     pub mover: MoverKind,
     /// Exponent of the stiffening by the Jacobian (Stein, Tezduyar, Benney 2003).
     pub stiffening_exponent: f64,
@@ -21,11 +21,12 @@ pub struct MeshMotion {
     pub tolerance: f64,
     /// Smallest scaled Jacobian that is accepted, above 0.
     pub min_quality: f64,
-    /// Most sub-increments for one window.
+    /// Maximum number of sub-increments in a window.
     pub max_increments: u32,
-    /// What the nodes of the outer boundary do.
-    pub outer: OuterBoundary,
-    /// A new grid where the moved one has become bad. Absent: never.
+    /// Motion of the nodes of the outer boundary.
+    #[serde(alias = "outer")]
+    pub outer_boundary: OuterBoundary,
+    /// Regridding where the quality of the moved grid falls. Absent: none.
     pub regrid: Option<Regrid>,
 }
 
@@ -38,13 +39,13 @@ impl Default for MeshMotion {
             tolerance: 3e-3,
             min_quality: 1e-3,
             max_increments: 8,
-            outer: OuterBoundary::Fixed,
+            outer_boundary: OuterBoundary::Fixed,
             regrid: None,
         }
     }
 }
 
-/// What carries the canopy's motion into the grid. All but the first are there to compare.
+/// Method that extends the motion of the canopy into the grid. All but the first exist for comparison.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MoverKind {
@@ -61,15 +62,15 @@ pub enum MoverKind {
     InverseDistance,
 }
 
-/// What the nodes of the outer boundary do.
+/// Motion of the nodes of the outer boundary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum OuterBoundary {
-    /// They stay.
+    /// At rest.
     #[default]
     Fixed,
-    /// They move within the plane of their faces, along the edge between two planes, and not
-    /// at all where three planes meet or faces are no plane.
+    /// Free in the plane of their faces and along the edge between two planes; fixed where three planes meet and
+    /// where faces form no plane.
     Sliding,
 }
 
@@ -78,7 +79,8 @@ pub enum OuterBoundary {
 #[serde(deny_unknown_fields)]
 pub struct Regrid {
     /// A new grid is built around the canopy where the smallest scaled Jacobian is below this.
-    pub below: f64,
+    #[serde(alias = "below")]
+    pub quality_threshold: f64,
     /// Longest way of a node to its place in the new grid in one window, in shares of the
     /// shortest cell edge around it: the flow follows the grid there as it follows any motion.
     #[serde(default = "Regrid::default_step")]
@@ -101,14 +103,16 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     c.count("mesh.max_increments", m.max_increments, 1..=10_000, "sub-increments");
     if let Some(r) = &m.regrid {
         let why = "a scaled Jacobian above mesh.min_quality";
-        c.above("mesh.regrid.below", r.below, m.min_quality..=0.9, why);
+        c.above("mesh.regrid.quality_threshold", r.quality_threshold, m.min_quality..=0.9, why);
         c.positive("mesh.regrid.step", r.step, 1.0, "a share of the shortest edge around a node");
     }
-    if m.outer == OuterBoundary::Sliding && !matches!(m.mover, MoverKind::Elastic | MoverKind::PlainElastic) {
+    if m.outer_boundary == OuterBoundary::Sliding
+        && !matches!(m.mover, MoverKind::Elastic | MoverKind::PlainElastic)
+    {
         c.refuse(
-            "mesh.outer",
-            "`mesh.outer` is sliding with a mover that knows no planes",
-            "allowed: with the movers elastic and plain-elastic; others need outer = \"fixed\"",
+            "mesh.outer_boundary",
+            "`mesh.outer_boundary` is \"sliding\" with a mover that cannot slide nodes in a plane",
+            "allowed: with the movers elastic and plain-elastic; others need outer_boundary = \"fixed\"",
         );
     }
 }

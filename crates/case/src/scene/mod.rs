@@ -37,7 +37,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
-pub use accuracy::{Accuracy, Measured, Parameter, Quantity, Take};
+pub use accuracy::{Accuracy, Measured, Parameter, Quantity, Statistic};
 pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
 pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,

@@ -26,7 +26,7 @@ pub struct Probe {
 pub struct Statistics {
     /// When they begin, s from the start of the stage.
     pub start_s: f64,
-    /// Goes on with what the stage before (or an interrupted run) has gathered. Off:
+    /// Continues the statistics of the stage before (or of an interrupted run). Off:
     /// each stage gathers its own.
     pub across_stages: bool,
 }

@@ -13,7 +13,7 @@ pub struct Output {
     pub surface_every_windows: u32,
     /// Windows between ParaView snapshots of the flow. 0: none.
     pub volume_every_windows: u32,
-    /// Windows between saved states within a stage, which `ripstop run --resume` goes on from. 0: none
+    /// Windows between saved states within a stage, from which `ripstop run --resume` continues. 0: none
     /// but at the end of a stage and at Ctrl-C. Default: as often as costs 1 % of the time, at
     /// most twice a minute.
     pub checkpoint_every_windows: Option<u32>,

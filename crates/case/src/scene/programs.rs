@@ -11,11 +11,11 @@ use crate::check::Check;
 #[schemars(deny_unknown_fields)]
 #[allow(dead_code)]
 pub(super) struct Programs {
-    /// In the place of `structure-solver`.
+    /// Instead of `structure-solver`.
     structure: Option<String>,
-    /// In the place of `flow-solver`.
+    /// Instead of `flow-solver`.
     flow: Option<String>,
-    /// In the place of `mesh-mover`.
+    /// Instead of `mesh-mover`.
     mesh: Option<String>,
 }
 

@@ -12,13 +12,14 @@ use toml::de::{DeTable, DeValue};
 
 use crate::Scene;
 use crate::error::{Problem, nearest};
+use crate::renamed::{current_key, current_value};
 
 /// JSON schema (draft 2020-12) of a scene file, for editors.
 pub fn schema() -> Value {
     schemars::schema_for!(Scene).to_value()
 }
 
-/// All departures of `document` from the schema.
+/// All violations of the schema in `document`.
 pub(crate) fn check(document: &Spanned<DeTable<'_>>) -> Vec<Problem> {
     let root = schema();
     let mut walk = Walk { root: &root, problems: Vec::new() };
@@ -98,7 +99,17 @@ impl<'s> Walk<'s> {
         for (key, value) in table {
             let name: &str = key.get_ref();
             let inner = if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
-            match shape.properties.iter().find(|(k, _)| *k == name) {
+            let current = current_key(path, name);
+            match shape.properties.iter().find(|(k, _)| *k == current) {
+                Some(_) if current != name && table.keys().any(|k| k.get_ref().as_ref() == current) => {
+                    self.problems.push(Problem::new(
+                        Some(key.span()),
+                        format!(
+                            "`{name}` in {section} is the former name of `{current}`, which is set as well"
+                        ),
+                        format!("remove `{name}`"),
+                    ));
+                }
                 Some((_, sub)) => self.value(sub, value, &inner),
                 None if shape.open.is_some() => {}
                 None => {
@@ -121,7 +132,8 @@ impl<'s> Walk<'s> {
         }
         for name in shape.required {
             // A slip of the pen is one problem, not two.
-            if !table.keys().any(|k| k.get_ref().as_ref() == name) && !meant.contains(&name) {
+            let is_set = table.keys().any(|k| current_key(path, k.get_ref()) == name);
+            if !is_set && !meant.contains(&name) {
                 let doc = shape.properties.iter().find(|(k, _)| *k == name).map(|(_, s)| describe(s));
                 self.problems.push(Problem::new(
                     at.clone(),
@@ -194,7 +206,7 @@ impl<'s> Walk<'s> {
         };
         if !names.is_empty() {
             match inner.as_str() {
-                Some(written) if names.contains(&written) => {}
+                Some(written) if names.contains(&current_value(path, written).unwrap_or(written)) => {}
                 Some(written) => {
                     let problem = self.not_one_of(value.span(), path, written, &names);
                     self.problems.push(problem);

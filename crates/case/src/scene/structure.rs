@@ -103,7 +103,7 @@ pub enum Integration {
 /// Share of the largest stable step that explicit integration takes by default.
 const EXPLICIT_SAFETY: f64 = 0.5;
 /// Spectral radius of the generalized-alpha method by default: the energy-momentum method
-/// (Simo and Tarnow 1992), the only member of the family of which it is proven that no step
+/// (Simo and Tarnow 1992), the only one of the family of which it is proven that no step
 /// creates energy, whatever the states that fabric and lines pass through.
 const SPECTRAL_RADIUS: f64 = 1.0;
 

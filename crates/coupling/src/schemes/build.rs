@@ -29,8 +29,8 @@ fn acceleration(named: Acceleration) -> AccelerationRow {
 fn staggered(named: StaggeredSequence) -> SchemeRow {
     match named {
         StaggeredSequence::StructureFirst => plain::<sequences::staggered::StructureFirst>(),
-        StaggeredSequence::FlowFirst => plain::<sequences::staggered::FlowFirst>(),
-        StaggeredSequence::HalfStep => plain::<sequences::staggered::HalfStep>(),
+        StaggeredSequence::ConventionalSerial => plain::<sequences::staggered::FlowFirst>(),
+        StaggeredSequence::ImprovedSerial => plain::<sequences::staggered::HalfStep>(),
         StaggeredSequence::RelaxedLoad => plain::<sequences::relaxed_load::RelaxedLoad>(),
         StaggeredSequence::AddedMass => surrogate::<sequences::added_mass_staggered::AddedMassStaggered>(),
     }

@@ -121,7 +121,7 @@ fn implicit() -> Coupling {
         relaxation: 0.02,
         max_iterations: 60,
         tolerance: 1e-9,
-        load: LoadShape::Mean,
+        load_interpolation: LoadShape::Mean,
         ..Coupling::default()
     }
 }
@@ -240,9 +240,11 @@ fn staggered_sequences_take_the_equation_of_momentum() {
         let model = model(DescentEquation::Momentum, weight);
         let start = || Hanging { drag: 0.05, ..Hanging::new(0.02, -45.0, weighs) }.taut();
         let (_, _, _, exact) = run(&implicit(), model, start(), 100);
-        for sequence in
-            [StaggeredSequence::StructureFirst, StaggeredSequence::FlowFirst, StaggeredSequence::HalfStep]
-        {
+        for sequence in [
+            StaggeredSequence::StructureFirst,
+            StaggeredSequence::ConventionalSerial,
+            StaggeredSequence::ImprovedSerial,
+        ] {
             let staggered = Staggered { sequence, predictor: 1 };
             let coupling = Coupling { scheme: Scheme::Staggered, staggered, ..implicit() };
             let (a, _, _, end) = run(&coupling, model, start(), 100);

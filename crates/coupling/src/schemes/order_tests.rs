@@ -143,7 +143,7 @@ fn staggered(sequence: StaggeredSequence, predictor: u32) -> Coupling {
     Coupling {
         scheme: Scheme::Staggered,
         staggered: Staggered { sequence, predictor },
-        load: LoadShape::Linear,
+        load_interpolation: LoadShape::Linear,
         ..Coupling::default()
     }
 }
@@ -153,23 +153,30 @@ fn relaxed_load(predictor: u32) -> Coupling {
 }
 
 fn implicit(acceleration: Acceleration, order: CouplingOrder, load: LoadShape) -> Coupling {
-    Coupling { acceleration, order, load, tolerance: 1e-10, max_iterations: 400, ..Coupling::default() }
+    Coupling {
+        acceleration,
+        order,
+        load_interpolation: load,
+        tolerance: 1e-10,
+        max_iterations: 400,
+        ..Coupling::default()
+    }
 }
 
 #[test]
 fn each_scheme_has_the_order_that_it_promises() {
-    use StaggeredSequence::{FlowFirst, HalfStep, StructureFirst};
+    use StaggeredSequence::{ConventionalSerial, ImprovedSerial, StructureFirst};
     let (gauss_seidel, jacobi) = (CouplingOrder::GaussSeidel, CouplingOrder::Jacobi);
     let cases = [
         (1, staggered(StructureFirst, 0)),
         (2, staggered(StructureFirst, 1)),
         (2, staggered(StructureFirst, 2)),
-        (1, staggered(FlowFirst, 0)),
-        (2, staggered(FlowFirst, 1)),
-        (2, staggered(FlowFirst, 2)),
-        (1, staggered(HalfStep, 0)),
-        (2, staggered(HalfStep, 1)),
-        (2, staggered(HalfStep, 2)),
+        (1, staggered(ConventionalSerial, 0)),
+        (2, staggered(ConventionalSerial, 1)),
+        (2, staggered(ConventionalSerial, 2)),
+        (1, staggered(ImprovedSerial, 0)),
+        (2, staggered(ImprovedSerial, 1)),
+        (2, staggered(ImprovedSerial, 2)),
         (1, relaxed_load(0)),
         (2, relaxed_load(1)),
         (1, implicit(Acceleration::IqnIls, gauss_seidel, LoadShape::Constant)),
@@ -180,7 +187,7 @@ fn each_scheme_has_the_order_that_it_promises() {
     for (order, coupling) in cases {
         let errors = [100, 200, 400].map(|n| error(&coupling, n));
         let seen = [(errors[0] / errors[1]).log2(), (errors[1] / errors[2]).log2()];
-        let name = (coupling.scheme, coupling.staggered, coupling.order, coupling.load);
+        let name = (coupling.scheme, coupling.staggered, coupling.order, coupling.load_interpolation);
         println!("{name:?}: order {:.2} {:.2}, error {:.1e}", seen[0], seen[1], errors[2]);
         assert!(
             (seen[1] - f64::from(order)).abs() < 0.25,
@@ -262,11 +269,11 @@ fn growth(coupling: &Coupling, added: f64) -> f64 {
 
 #[test]
 fn predictors_narrow_the_added_mass_that_staggered_schemes_bear() {
-    use StaggeredSequence::{HalfStep, StructureFirst};
+    use StaggeredSequence::{ImprovedSerial, StructureFirst};
     // Heavy structures are borne by all, light ones by none (Causin, Gerbeau, Nobile 2005), whatever
     // the order: extrapolation only moves the limit down.
     for predictor in 0..=2 {
-        for sequence in [StructureFirst, HalfStep] {
+        for sequence in [StructureFirst, ImprovedSerial] {
             let coupling = staggered(sequence, predictor);
             let (heavy, light) = (growth(&coupling, 0.01), growth(&coupling, 3.0));
             assert!(heavy < 1.005, "{sequence:?} {predictor}: {heavy}");
@@ -321,19 +328,19 @@ fn alternating(coupling: &Coupling, added: f64, pairs: u64) -> f64 {
 /// loads are extrapolated. Without added mass, extrapolated loads keep the order as well.
 #[test]
 fn windows_that_alternate_keep_the_order_where_no_acceleration_is_extrapolated() {
-    use StaggeredSequence::{FlowFirst, StructureFirst};
+    use StaggeredSequence::{ConventionalSerial, StructureFirst};
     let cases = [
         (2.0, 0.1, implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Mean)),
         (2.0, 0.1, implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Linear)),
         (1.0, 0.1, staggered(StructureFirst, 1)),
-        (1.0, 0.1, staggered(FlowFirst, 1)),
+        (1.0, 0.1, staggered(ConventionalSerial, 1)),
         (2.0, 0.0, staggered(StructureFirst, 1)),
-        (2.0, 0.0, staggered(FlowFirst, 1)),
+        (2.0, 0.0, staggered(ConventionalSerial, 1)),
     ];
     for (order, added, coupling) in cases {
         let errors = [60, 120, 240].map(|n| alternating(&coupling, added, n));
         let seen = (errors[1] / errors[2]).log2();
-        let name = (coupling.scheme, coupling.staggered, coupling.load, added);
+        let name = (coupling.scheme, coupling.staggered, coupling.load_interpolation, added);
         println!("{name:?}, windows of 1 and 2: order {seen:.2}, error {:.1e}", errors[2]);
         assert!((seen - order).abs() < 0.25, "{name:?}: {seen}, {errors:?}");
     }

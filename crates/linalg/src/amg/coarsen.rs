@@ -51,7 +51,7 @@ pub(super) fn coarsen<const F: usize, S: Real>(
 
 /// Orthonormalises the modes of each aggregate (Gram-Schmidt, twice): the tentative block
 /// of each node and the triangular factor, which holds the modes of the coarse node.
-/// Modes that an aggregate cannot tell apart (a lone node has no rotation) become zero.
+/// Modes that an aggregate cannot distinguish (a lone node has no rotation) become zero.
 #[allow(clippy::type_complexity)]
 fn tentative<const F: usize>(
     of_node: &[u32],

@@ -17,7 +17,7 @@ use level::Level;
 /// Unknowns of a coarse node: three translations and three rotations.
 const MODES: usize = 6;
 
-/// Dials of [`Amg`].
+/// Parameters of [`Amg`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AmgParams {
     /// A coupling counts as strong when its norm exceeds this share of the geometric

@@ -372,7 +372,7 @@ impl<T: Real> Parts<'_, T> {
         }
     }
 
-    /// Adds a child's update of `n` block rows; `runs` tell where they go.
+    /// Adds a child's update of `n` block rows; `runs` are their targets.
     fn extend_add<const B: usize>(&mut self, runs: &[Run], n: usize, update: &[T]) {
         let n = n * B;
         let n1 = self.n1;

@@ -93,7 +93,7 @@ fn supernodal_plan(row_ptr: &[usize], cols: &[u32]) -> SymbolicCholesky<usize> {
         .expect("indices fit and memory suffices")
 }
 
-/// Tells each front the parent that receives its update, and where the rows go there;
+/// Assigns each front the parent that receives its update, and where the rows go there;
 /// `front_of` is the front that eliminates each row.
 fn link_to_parents(fronts: &mut [Front], front_of: &[u32]) {
     for s in 0..fronts.len() {

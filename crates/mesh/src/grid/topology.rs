@@ -3,7 +3,7 @@
 //!
 //! The *surface* is a closed box of six panels, topologically: the top, four
 //! sides, and a cap. The canopy covers the top and (ATPS) the upper levels of the
-//! sides; below the hem the sides go on as open fluid (the *skirt*) and close in
+//! sides; below the hem the sides continue as open fluid (the *skirt*) and close in
 //! the cap. Each vent is filled with a *zipper*: a column of
 //! [`Blocks::across`] quadrilaterals between the edges of two arms, which
 //! shrinks to a single node at the vent's ends. Where the vents run down to the

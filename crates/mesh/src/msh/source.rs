@@ -73,7 +73,7 @@ impl<'a> Source<'a> {
         word.parse().map_err(|_| self.error(format!("\"{word}\" is not {what}")))
     }
 
-    /// From here on data is binary: reads the 1 that tells the order of bytes.
+    /// From here on data is binary: reads the 1 that marks the byte order.
     pub fn turn_binary(&mut self) -> Result<(), MeshError> {
         self.kind = Kind::Little;
         self.start_data();
@@ -81,7 +81,7 @@ impl<'a> Source<'a> {
         self.kind = match (i32::from_le_bytes(one), i32::from_be_bytes(one)) {
             (1, _) => Kind::Little,
             (_, 1) => Kind::Big,
-            _ => return Err(self.error("the order of bytes is not told by a 1")),
+            _ => return Err(self.error("the mark of the byte order is not 1")),
         };
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! What differs between the scene that a run began with and the scene that it is to go on with.
+//! Differences between the scene of a run and the scene that it is resumed with.
 
 use case::Scene;
 use serde_json::Value;
@@ -39,7 +39,7 @@ fn list_of_tables(list: &[Value]) -> bool {
     list.first().is_some_and(Value::is_object)
 }
 
-/// Whether a run that began with stage `first` and was saved at `point` may go on with another
+/// Whether a run that began with stage `first` and was saved at `point` may be resumed with another
 /// value of `key`.
 pub(super) fn harmless(key: &str, first: usize, point: Option<&Point>, scene: &Scene) -> bool {
     let section = key.split(['.', '[']).next().unwrap_or(key);

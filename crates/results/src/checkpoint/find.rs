@@ -1,4 +1,4 @@
-//! Which saved state a run goes on from.
+//! The checkpoint that a run resumes from.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use super::record::Record;
 use super::seal::Seal;
 use super::{draft, old, remove};
 
-/// Where a run can go on.
+/// Where a run can be resumed.
 #[derive(Clone, Debug)]
 pub struct Point {
     /// Stage, from 0.

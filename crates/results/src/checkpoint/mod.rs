@@ -1,4 +1,4 @@
-//! What a run goes on from after Ctrl-C, a crash or a full disk.
+//! Checkpoints: a run resumes from them after Ctrl-C, a crash or a full disk.
 //!
 //! A stage's folder `state` holds the last saved state, `state.old` the one before and, while one is
 //! being written, `state.new`. Each is sealed: a list of its files with their checksums is

@@ -26,7 +26,7 @@ pub struct Progress {
     pub stepper: Vec<u8>,
     /// Where the stage stands in time, and the length of its next window, packed.
     pub clock: Vec<u8>,
-    /// Energy books.
+    /// Interface energy balance.
     pub books: EnergyBooks,
     /// What bounds the flow; `None` for a scene without one.
     pub flow_bounds: Option<FlowBounds>,

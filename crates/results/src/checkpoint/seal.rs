@@ -28,7 +28,7 @@ pub struct Seal {
     pub time_s: f64,
     /// Why the stage ended, if it did.
     pub ended: Option<String>,
-    /// Programs, by how messages call them, that have left nothing to go on from.
+    /// Programs, by how messages call them, that have saved no state to restart from.
     pub cannot: Vec<String>,
     /// Name, length and checksum of each file.
     files: Vec<(String, u64, u64)>,

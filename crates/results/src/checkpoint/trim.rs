@@ -1,4 +1,4 @@
-//! Cuts off what a stage wrote after the state that it goes on from: rows of tables, also a torn
+//! Cuts off what a stage wrote after the state that it restarts from: rows of tables, also a torn
 //! last one, and pictures in series.
 
 use std::fs;

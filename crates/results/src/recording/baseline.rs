@@ -22,11 +22,11 @@ pub struct Reference<'a> {
     stage: String,
     stop: bool,
     console: &'a Console,
-    told: bool,
+    reported: bool,
 }
 
 impl<'a, P: Partners> Baseline<'a, P> {
-    /// Around `partners`. `stop`: the first departure ends the run.
+    /// Around `partners`. `stop`: the first deviation ends the run.
     pub fn new(
         partners: P,
         reader: Reader,
@@ -35,7 +35,10 @@ impl<'a, P: Partners> Baseline<'a, P> {
         console: &'a Console,
     ) -> Self {
         let (stage, window) = (reader.header().stage.0.clone(), Vec::new());
-        Self::around(partners, Reference { reader, window, comparison, stage, stop, console, told: false })
+        Self::around(
+            partners,
+            Reference { reader, window, comparison, stage, stop, console, reported: false },
+        )
     }
 
     /// The partners.
@@ -76,14 +79,15 @@ impl Observer for Reference<'_> {
             let index = recorded.at().index;
             self.comparison.other_iterations.get_or_insert((index, [most, w.iteration + 1]));
         }
-        match &self.comparison.departure() {
-            Some(departure) if self.stop => Err(RunError::Coupling {
+        match &self.comparison.deviation() {
+            Some(deviation) if self.stop => Err(RunError::Coupling {
                 place: Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
-                message: format!("the run leaves its baseline: {departure}"),
+                message: format!("the run deviates from its baseline: {deviation}"),
             }),
-            Some(departure) if !self.told => {
-                self.told = true;
-                self.console.warning(&format!("stage `{}` leaves its baseline: {departure}", self.stage));
+            Some(deviation) if !self.reported => {
+                self.reported = true;
+                self.console
+                    .warning(&format!("stage `{}` deviates from its baseline: {deviation}", self.stage));
                 Ok(())
             }
             _ => Ok(()),

@@ -112,7 +112,7 @@ pub const FIELDS: [Field; 8] = [
 
 /// One number that differs.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Departure {
+pub struct Deviation {
     /// When.
     pub at: Moment,
     /// Number in [`FIELDS`].
@@ -127,7 +127,7 @@ pub struct Departure {
     pub relative: f64,
 }
 
-impl std::fmt::Display for Departure {
+impl std::fmt::Display for Deviation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let field = &FIELDS[self.field];
         let row = match field.channel {
@@ -166,7 +166,7 @@ pub struct Comparison {
     /// Largest relative difference that is none.
     pub tolerance: f64,
     /// The first number beyond the tolerance.
-    pub first: Option<Departure>,
+    pub first: Option<Deviation>,
     /// By window.
     pub windows: Vec<WindowDifference>,
     /// Numbers compared.
@@ -174,8 +174,8 @@ pub struct Comparison {
     /// First window in which the two took other numbers of iterations.
     pub other_iterations: Option<(u64, [u64; 2])>,
     /// Share of a reference's count, rounded up, by which another may differ. `None`: counts
-    /// are told, not judged.
-    pub count_slack: Option<f64>,
+    /// are reported, not judged.
+    pub iteration_tolerance: Option<f64>,
     /// The first count beyond the slack (where there is none: that differs at all).
     pub first_count: Option<OtherCount>,
 }
@@ -186,9 +186,9 @@ impl Comparison {
         Self { tolerance, ..Self::default() }
     }
 
-    /// Counts may differ by no more than this share of the reference's, rounded up.
+    /// Counts may differ by at most this share of the reference's, rounded up.
     pub fn judging_counts(mut self, slack: Option<f64>) -> Self {
-        self.count_slack = slack;
+        self.iteration_tolerance = slack;
         self
     }
 
@@ -217,7 +217,7 @@ impl Comparison {
         if self.first_count.is_some() {
             return;
         }
-        let slack = self.count_slack.unwrap_or(0.0);
+        let slack = self.iteration_tolerance.unwrap_or(0.0);
         let beyond = |(_, count): &(usize, &Count)| {
             let (a, b) = (reference[count.index], other[count.index]);
             count.role == role && (a - b).abs() > (slack * a).ceil()
@@ -245,7 +245,7 @@ impl Comparison {
                 && relative > self.tolerance
                 && self.first.is_none()
             {
-                self.first = Some(Departure { at: *at, field: number, row, column, values, relative });
+                self.first = Some(Deviation { at: *at, field: number, row, column, values, relative });
             }
         }
     }
@@ -257,16 +257,16 @@ impl Comparison {
 
     /// The first count that is not what it may be.
     pub fn judged_count(&self) -> Option<&OtherCount> {
-        self.first_count.as_ref().filter(|_| self.count_slack.is_some())
+        self.first_count.as_ref().filter(|_| self.iteration_tolerance.is_some())
     }
 
-    /// What ends a run that is to stop where it departs.
-    pub fn departure(&self) -> Option<String> {
+    /// The message that ends a run which stops at the first deviation.
+    pub fn deviation(&self) -> Option<String> {
         let numbers = self.first.as_ref().map(ToString::to_string);
         numbers.or_else(|| self.judged_count().map(ToString::to_string))
     }
 
-    /// For people: the first departure and, by field, how the difference grows.
+    /// For people: the first deviation and, by field, how the difference grows.
     pub fn report(&self) -> String {
         let mut text = match &self.first {
             None => format!(
@@ -275,15 +275,15 @@ impl Comparison {
                 counted(self.numbers, "number"),
                 counted(self.windows.len() as u64, "window")
             ),
-            Some(d) => format!("first departure: {d} (tolerance {:.0e})", self.tolerance),
+            Some(d) => format!("first deviation: {d} (tolerance {:.0e})", self.tolerance),
         };
         if let Some((window, [a, b])) = self.other_iterations {
             text.push_str(&format!("\nwindow {window} took {}, then {b}", counted(a, "iteration")));
         }
         if let Some(count) = &self.first_count {
-            let judged = match self.count_slack {
+            let judged = match self.iteration_tolerance {
                 Some(slack) => format!("slack {:.0} %", 100.0 * slack),
-                None => "not judged: see --count-slack".into(),
+                None => "not judged: see --iteration-tolerance".into(),
             };
             text.push_str(&format!("\nfirst other count: {count} ({judged})"));
         }
@@ -376,11 +376,11 @@ mod tests {
         assert!(!compared(Some(0.0), 4.0).same());
         let far = compared(Some(0.25), 7.0);
         let says = "window 1, iteration 1, Newton steps of the structure-solver: 3, then 7";
-        assert_eq!(far.departure().as_deref(), Some(says));
+        assert_eq!(far.deviation().as_deref(), Some(says));
         assert!(!far.same() && far.report().contains(says), "{}", far.report());
         // Without a slack it is told.
-        let told = compared(None, 4.0);
-        assert!(told.same() && told.departure().is_none() && told.report().contains("3, then 4"));
+        let reported = compared(None, 4.0);
+        assert!(told.same() && told.deviation().is_none() && told.report().contains("3, then 4"));
     }
 
     #[test]
@@ -395,7 +395,7 @@ mod tests {
         assert!(c.same(), "a traction of 1e-7 Pa beside 20 Pa");
         b[4] = -20.1;
         c.add_array(&at(2), Channel::FlowLoad, &a, &b);
-        let first = c.first.clone().expect("a departure");
+        let first = c.first.clone().expect("a deviation");
         assert_eq!((first.at.index, first.row, first.column, first.field), (2, 1, 0, 6));
         assert!((first.relative - 0.005).abs() < 1e-12);
         assert!(c.report().contains("window 2, iteration 1, pressure jump from the flow"), "{}", c.report());
@@ -410,6 +410,6 @@ mod tests {
         c.add_array(&at(0), Channel::StructureDisplacement, &[f64::NAN, 0.0, 0.0], &[f64::NAN, 0.0, 0.0]);
         assert!(c.same());
         c.add_array(&at(0), Channel::StructureDisplacement, &[1.0, 0.0, 0.0], &[f64::NAN, 0.0, 0.0]);
-        assert_eq!(c.first.expect("a departure").relative, f64::INFINITY);
+        assert_eq!(c.first.expect("a deviation").relative, f64::INFINITY);
     }
 }

@@ -75,7 +75,7 @@ impl Writer {
         Ok(writer)
     }
 
-    /// Goes on with a file after its first `windows` windows; what follows them is cut off.
+    /// Appends to a file after its first `windows` windows; what follows them is cut off.
     ///
     /// # Errors
     /// [`RecordingError`]: a file that does not hold them.

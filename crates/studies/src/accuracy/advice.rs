@@ -68,12 +68,12 @@ pub fn choose(study: &Study, outcome: &Outcome, wish: Wish) -> Result<usize, Run
             outcome.why_not(study, q)
         )));
     }
-    let cost = |m: usize| outcome.members[m].cost.0;
-    let known: Vec<(usize, f64)> = (0..study.members.len())
+    let cost = |m: usize| outcome.samples[m].cost.0;
+    let known: Vec<(usize, f64)> = (0..study.samples.len())
         .filter(|&m| study.reference != Some(m) && cost(m).is_finite())
         .filter_map(|m| Some((m, outcome.bound(m)?.1)))
         .collect();
-    let name = |m: usize| &study.members[m].label;
+    let name = |m: usize| &study.samples[m].label;
     let by_cost = |a: &&(usize, f64), b: &&(usize, f64)| cost(a.0).total_cmp(&cost(b.0));
     let by_bound = |a: &&(usize, f64), b: &&(usize, f64)| a.1.total_cmp(&b.1).then(by_cost(a, b));
     let (Some(cheapest), Some(best)) = (known.iter().min_by(by_cost), known.iter().min_by(by_bound)) else {
@@ -176,12 +176,12 @@ pub fn advise(
     context: &Context<'_>,
 ) -> Result<Advice, RunError> {
     let m = choose(study, outcome, wish)?;
-    let s = &outcome.members[m];
+    let s = &outcome.samples[m];
     let asked = match wish {
         Wish::Error(share) => format!("within {}", percent(share)),
         Wish::Budget(seconds) => format!("within {}", clock(seconds)),
     };
-    let settings = study.dials.iter().zip(&study.members[m].settings);
+    let settings = study.parameters.iter().zip(&study.samples[m].settings);
     let error = |q: usize| {
         let (a, e) = (outcome.answers[q]?, s.estimates[q]?);
         let quantity = study.quantities[q].name.clone();
@@ -190,8 +190,8 @@ pub fn advise(
     };
     let advice = Advice {
         asked,
-        sample: study.members[m].label.clone(),
-        settings: settings.map(|(d, v)| (d.dial.name.clone(), v.to_string())).collect(),
+        sample: study.samples[m].label.clone(),
+        settings: settings.map(|(d, v)| (d.parameter.name.clone(), v.to_string())).collect(),
         cost_s: s.cost.0,
         cost_spread_s: (s.cost.1 > 0.0).then_some(s.cost.1),
         measure: outcome.measure.label(),
@@ -202,7 +202,7 @@ pub fn advise(
         scene: context.out.join(format!("{name}.toml")),
         build: context.build.to_owned(),
     };
-    let mut scene = study.members[m].scene.clone();
+    let mut scene = study.samples[m].scene.clone();
     scene.output = context.output.clone();
     let text = toml::to_string(&scene)
         .map_err(|e| RunError::Input(format!("the scene cannot be written down again: {e}")))?;
@@ -293,15 +293,15 @@ mod tests {
     fn advice_is_the_cheapest_that_is_good_enough() {
         let (study, values, records) = made();
         let o = judge(&study, &values, &records, Measure::Wall);
-        let best = (0..study.members.len()).filter_map(|m| o.bound(m)).map(|b| b.1).fold(f64::MAX, f64::min);
+        let best = (0..study.samples.len()).filter_map(|m| o.bound(m)).map(|b| b.1).fold(f64::MAX, f64::min);
         let wanted = 1.5 * best;
         let m = choose(&study, &o, Wish::Error(wanted)).unwrap();
         assert!(o.bound(m).unwrap().1 <= wanted);
-        for (k, s) in o.members.iter().enumerate() {
-            assert!(o.bound(k).unwrap().1 > wanted || s.cost.0 >= o.members[m].cost.0);
+        for (k, s) in o.samples.iter().enumerate() {
+            assert!(o.bound(k).unwrap().1 > wanted || s.cost.0 >= o.samples[m].cost.0);
         }
         let (out, output, notes) =
-            (tempfile::tempdir().unwrap(), case::Output::default(), vec![None; study.members.len()]);
+            (tempfile::tempdir().unwrap(), case::Output::default(), vec![None; study.samples.len()]);
         let all = coverage::not_assessed(&study, &o);
         let context = Context { not_assessed: &all, ..context(&output, out.path(), &notes) };
         let advice = advise(&study, &o, (Wish::Error(wanted), "target-error"), &context).unwrap();
@@ -323,13 +323,13 @@ mod tests {
     #[test]
     fn a_study_without_answer_advises_nothing() {
         let (study, mut values, mut records) = made();
-        for m in 1..study.members.len() {
+        for m in 1..study.samples.len() {
             values[m][0] = Err("no result".into());
             records[m].failure = Some("diverged".into());
         }
         let o = judge(&study, &values, &records, Measure::Wall);
         let (out, output, notes) =
-            (tempfile::tempdir().unwrap(), case::Output::default(), vec![None; study.members.len()]);
+            (tempfile::tempdir().unwrap(), case::Output::default(), vec![None; study.samples.len()]);
         for wish in [Wish::Error(0.6), Wish::Budget(1e9)] {
             let why = advise(&study, &o, (wish, "x"), &context(&output, out.path(), &notes)).unwrap_err();
             assert!(why.exit_code() == 1 && why.to_string().contains("not assessed"), "{why}");

@@ -80,7 +80,7 @@ pub fn estimate(study: &Study, sample: usize, answer: &Answer, value: Values<'_>
 
 /// Values of the samples of a line with their sizes.
 fn sound(line: &Line, value: Values<'_>) -> Vec<(f64, f64)> {
-    line.members.iter().filter_map(|&(m, size)| Some((size?, value(m)?))).collect()
+    line.samples.iter().filter_map(|&(m, size)| Some((size?, value(m)?))).collect()
 }
 
 /// Convergence of the samples of a line.
@@ -101,13 +101,13 @@ pub fn unassessed(line: &Line, value: Values<'_>) -> Option<String> {
                 .into(),
         );
     }
-    let numeric = line.members.iter().any(|m| m.1.is_some());
+    let numeric = line.samples.iter().any(|m| m.1.is_some());
     let have = if numeric {
         sizes(&sound(line, value))
     } else {
-        line.members.iter().filter(|m| value(m.0).is_some()).count()
+        line.samples.iter().filter(|m| value(m.0).is_some()).count()
     };
-    let all = line.members.len();
+    let all = line.samples.len();
     (have < 2).then(|| match all {
         0 | 1 => "a single value: two or more are needed".into(),
         _ => format!("{have} of {all} samples have a value: two or more are needed"),
@@ -119,20 +119,20 @@ fn counts_once(study: &Study, line: &Line, sweep: Option<&Line>) -> bool {
     if line.name == SWEEP {
         return sweep.is_some();
     }
-    let swept = |at: &usize| sweep.is_some_and(|w| w.dials.contains(at));
-    !line.dials.iter().any(swept) && !covered(study, &line.name)
+    let swept = |at: &usize| sweep.is_some_and(|w| w.parameters.contains(at));
+    !line.parameters.iter().any(swept) && !covered(study, &line.name)
 }
 
 /// Sum of the errors of the parameters at the settings of a sample, each alone, as if no error cancelled
 /// another.
 fn summed(study: &Study, sample: usize, value: Values<'_>) -> Option<f64> {
-    let settings = &study.members[sample].settings;
+    let settings = &study.samples[sample].settings;
     let mut sum = 0.0;
     for line in study.lines.iter().filter(|l| l.name != SWEEP && !covered(study, &l.name)) {
-        let Some(&dial) = line.dials.first() else { continue };
-        let at_base = study.members[0].settings[dial] == settings[dial];
-        let same = |m: &usize| study.members[*m].settings[dial] == settings[dial];
-        let numeric = line.members.iter().any(|m| m.1.is_some());
+        let Some(&parameter) = line.parameters.first() else { continue };
+        let at_base = study.samples[0].settings[parameter] == settings[parameter];
+        let same = |m: &usize| study.samples[*m].settings[parameter] == settings[parameter];
+        let numeric = line.samples.iter().any(|m| m.1.is_some());
         let Some(against) = (if numeric { limit(line, value).map(|c| c.limit) } else { value(0) }) else {
             // Not assessed: reported as such at the base, unknown elsewhere.
             if at_base {
@@ -142,7 +142,7 @@ fn summed(study: &Study, sample: usize, value: Values<'_>) -> Option<f64> {
             };
         };
         // A setting that the line does not have is finer than the base (the check of the sweep).
-        let on = line.members.iter().map(|m| m.0).chain(line.check.map(|c| c.0));
+        let on = line.samples.iter().map(|m| m.0).chain(line.check.map(|c| c.0));
         let at = if at_base { 0 } else { on.into_iter().find(same).unwrap_or(0) };
         sum += (value(at)? - against).abs();
     }

@@ -1,4 +1,4 @@
-//! What a member cost: seconds, memory, and counts that a busy machine does not disturb.
+//! What a sample cost: seconds, memory, and counts that a busy machine does not disturb.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub struct Counts {
 pub const COUNTS: [&str; 5] = ["windows", "iterations", "cell_updates", "element_evaluations", "matrix_rows"];
 
 /// Seconds of one core for a cell update, an element evaluation and a row of a matrix product:
-/// the scale that makes counts one number, the work. From least squares over the members of
+/// the scale that makes counts one number, the work. From least squares over the samples of
 /// `studies/square-drop` and `studies/air-bag` (processor seconds of a busy 2-core machine: cell updates 1.5e-6;
 /// explicit steps of elements 4e-8, Newton's 2.6e-7; rows 6e-8). They are fixed, so that work can be
 /// compared between versions; what they are for is the ratio.
@@ -152,7 +152,7 @@ pub fn read(out: &Path, structure: Sizes) -> Result<Cost, String> {
         cost.peak_bytes = cost.peak_bytes.max(memory.iter().sum());
         cost.stages.push(StageCost { name, parts_s, cpu_s, counts });
     }
-    // A run that was gone on with has the wall time of its last part only; its stages have all of it.
+    // A resumed run has the wall time of its last part only; its stages have all of it.
     let stages = summary["stages"].as_array().into_iter().flatten();
     cost.wall_s = cost.wall_s.max(stages.filter_map(|s| s["wall_s"].as_f64()).sum());
     Ok(cost)

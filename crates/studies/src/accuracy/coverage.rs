@@ -4,8 +4,8 @@ use case::{Canopy, Role, Scene, Solve};
 use effects::table::TABLE;
 
 use super::answer::covered;
-use super::dials::{self, Dial};
 use super::judge::Outcome;
+use super::parameter::{self, Parameter};
 use super::study::{SWEEP, Study};
 
 /// A source of error without an estimate.
@@ -21,14 +21,14 @@ const NOT_VARIED: &str = "not varied in this study";
 
 /// Everything that the errors of the study do not contain.
 pub fn not_assessed(study: &Study, outcome: &Outcome) -> Vec<NotAssessed> {
-    let scene = &study.members[0].scene;
+    let scene = &study.samples[0].scene;
     let mut all = Vec::new();
     let mut add = |name: &str, why: &str| all.push(NotAssessed { name: name.into(), why: why.into() });
     for (name, why) in too_few(study, outcome) {
         add(&name, &why);
     }
     let varied = |name: &str| study.lines.iter().any(|l| l.name == name);
-    for name in dials::names() {
+    for name in parameter::names() {
         let both = ["structure-grid", "flow-grid"];
         let within = both.contains(&name) && varied("grid");
         if name != "grid" && !within && !varied(name) && available(name, scene, study.stage) {
@@ -44,7 +44,9 @@ pub fn not_assessed(study: &Study, outcome: &Outcome) -> Vec<NotAssessed> {
     if !earlier.is_empty() {
         add(&format!("windows and substeps of earlier stages ({})", earlier.join(", ")), NOT_VARIED);
     }
-    if scene.flow.is_some() && !study.dials.iter().any(|d| d.dial.name.starts_with("flow.grid.far_field")) {
+    if scene.flow.is_some()
+        && !study.parameters.iter().any(|d| d.parameter.name.starts_with("flow.grid.far_field"))
+    {
         add("distance of the far field", NOT_VARIED);
     }
     if !study.lines.iter().any(|l| TABLE.iter().any(|e| e.key == l.name)) {
@@ -54,7 +56,7 @@ pub fn not_assessed(study: &Study, outcome: &Outcome) -> Vec<NotAssessed> {
 }
 
 fn available(name: &str, scene: &Scene, stage: usize) -> bool {
-    Dial::fits(name, scene, stage) || Dial::find(name, scene, stage, true).is_ok()
+    Parameter::fits(name, scene, stage) || Parameter::find(name, scene, stage, true).is_ok()
 }
 
 /// Lines with too few values for some quantity, with the reason and the quantities.
@@ -116,7 +118,7 @@ mod tests {
             assert!(!all.iter().any(|n| n == name), "{name}: {all:?}");
         }
         assert!(all.iter().any(|n| n.contains("earlier stages (pre-inflation, developed-flow)")), "{all:?}");
-        for m in 1..study.members.len() {
+        for m in 1..study.samples.len() {
             values[m][0] = Err("no result".into());
             records[m].failure = Some("diverged".into());
         }

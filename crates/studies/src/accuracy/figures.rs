@@ -8,8 +8,8 @@ use figures::colour::{Colour, GREY, INK, pale, series};
 use results::summary::STAGE_PARTS;
 
 use super::answer::Estimate;
-use super::fly::Record;
 use super::judge::Outcome;
+use super::runs::Record;
 use super::study::{SWEEP, Study};
 
 /// Errors below this share are not shown on logarithmic axes.
@@ -125,28 +125,28 @@ fn base(point: Option<[f64; 2]>) -> Series {
 fn error_panel(study: &Study, outcome: &Outcome, title: &str, front: &[usize], error: Errors<'_>) -> Panel {
     let at = |m: usize| {
         let e = error(m)?;
-        Some(([outcome.members[m].cost.0, percent(e.error)], 100.0 * e.band))
+        Some(([outcome.samples[m].cost.0, percent(e.error)], 100.0 * e.band))
     };
     let mut all = Vec::new();
     for (i, line) in study.lines.iter().enumerate() {
-        let points = line.members.iter().map(|m| m.0).filter_map(at).collect();
+        let points = line.samples.iter().map(|m| m.0).filter_map(at).collect();
         all.push(banded(&line.name, series(i), points));
     }
     let points = front.iter().filter_map(|&m| at(m)).map(|p| p.0).collect();
-    let notes = front.iter().enumerate().map(|(i, &m)| (i, study.members[m].label.clone())).collect();
+    let notes = front.iter().enumerate().map(|(i, &m)| (i, study.samples[m].label.clone())).collect();
     all.push(Series { line: 1.4, notes, ..Series::curve("Pareto front", INK, points) });
     all.push(base(at(0).map(|p| p.0)));
     panel(title, (outcome.measure.label(), true), (ERROR, true), all, None)
 }
 
 fn members_panel(study: &Study, outcome: &Outcome) -> Panel {
-    let error = |m: usize| outcome.members[m].largest.map(|l| l.estimate);
+    let error = |m: usize| outcome.samples[m].largest.map(|l| l.estimate);
     error_panel(study, outcome, "largest error of all quantities", &outcome.front, &error)
 }
 
 fn quantity_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
     let one = |(q, quantity): (usize, &case::Quantity)| {
-        let error = |m: usize| outcome.members[m].estimates[q];
+        let error = |m: usize| outcome.samples[m].estimates[q];
         error_panel(study, outcome, &quantity.name, &outcome.fronts[q], &error)
     };
     study.quantities.iter().enumerate().map(one).collect()
@@ -156,7 +156,7 @@ fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
     let one = |(q, quantity): (usize, &case::Quantity)| {
         let mut all = Vec::new();
         let at = |m: usize| {
-            let s = &outcome.members[m];
+            let s = &outcome.samples[m];
             s.values[q].map(|v| [s.cost.0, v])
         };
         let scale = outcome.answers[q].map_or(0.0, |a| a.scale);
@@ -166,7 +166,7 @@ fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
                 let band = outcome.lines[i][q].errors[k].map_or(0.0, |e| e.1) * scale;
                 at(m.0).map(|p| (p, if line.name == SWEEP { band } else { 0.0 }))
             };
-            let points = line.members.iter().enumerate().filter_map(point).collect();
+            let points = line.samples.iter().enumerate().filter_map(point).collect();
             all.push(banded(&line.name, series(i), points));
         }
         all.push(base(at(0)));
@@ -180,18 +180,18 @@ fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
 fn dial_panels(study: &Study, outcome: &Outcome, over_dial: bool) -> Vec<Panel> {
     let mut panels = Vec::new();
     for (i, line) in study.lines.iter().enumerate() {
-        if over_dial && line.members.iter().any(|m| m.1.is_none()) {
+        if over_dial && line.samples.iter().any(|m| m.1.is_none()) {
             continue;
         }
         let mut all = Vec::new();
         for (q, quantity) in study.quantities.iter().enumerate() {
             let judged = &outcome.lines[i][q];
             let shown = || {
-                let members = line.members.iter().zip(&judged.errors);
-                members.filter_map(|(m, e)| e.map(|e| (*m, e.0))).filter(|(_, error)| *error > LEAST)
+                let samples = line.samples.iter().zip(&judged.errors);
+                samples.filter_map(|(m, e)| e.map(|e| (*m, e.0))).filter(|(_, error)| *error > LEAST)
             };
             let place = |((m, size), error): ((usize, Option<f64>), f64)| {
-                let x = if over_dial { size? } else { outcome.members[m].cost.0 };
+                let x = if over_dial { size? } else { outcome.samples[m].cost.0 };
                 Some([x, percent(error)])
             };
             let points = shown().filter_map(place).collect();
@@ -215,8 +215,8 @@ fn dial_panels(study: &Study, outcome: &Outcome, over_dial: bool) -> Vec<Panel> 
     panels
 }
 
-fn setting(study: &Study, line: &super::study::Line, member: usize) -> String {
-    line.dials.first().map_or_else(String::new, |&d| study.members[member].settings[d].to_string())
+fn setting(study: &Study, line: &super::study::Line, sample: usize) -> String {
+    line.parameters.first().map_or_else(String::new, |&d| study.samples[sample].settings[d].to_string())
 }
 
 /// The fitted power with its order.
@@ -228,7 +228,7 @@ fn fitted(
 ) -> Option<Series> {
     let c = judged.convergence.as_ref()?;
     let order = c.order?;
-    let sizes = line.members.iter().filter_map(|m| m.1);
+    let sizes = line.samples.iter().filter_map(|m| m.1);
     let (low, high) = sizes.fold((f64::MAX, 0.0f64), |(l, h), s| (l.min(s), h.max(s)));
     let at = |h: f64| [h, percent((c.slope * h.powf(order)).abs() / scale)];
     let points = (0..=12).map(|i| at(low * (high / low).powf(f64::from(i) / 12.0))).collect();
@@ -257,9 +257,9 @@ fn bars(study: &Study, outcome: &Outcome, records: &[Record]) -> Vec<Bar> {
         let whole: f64 = cost.stages.iter().flat_map(|s| &s.parts_s).sum();
         add("starting".into(), pale(GREY, 0.6), (cost.wall_s - whole).max(0.0));
         let name = if m == 0 {
-            format!("{} (base)", study.members[m].label)
+            format!("{} (base)", study.samples[m].label)
         } else {
-            study.members[m].label.clone()
+            study.samples[m].label.clone()
         };
         bars.push(Bar { label: name.replace("base (base)", "base"), parts });
     }

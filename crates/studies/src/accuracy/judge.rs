@@ -3,8 +3,8 @@
 use super::answer::{Answer, Estimate, Values, answer, estimate, limit, unassessed};
 use super::convergence::Convergence;
 use super::cost::{Cost, spread};
-use super::fly::Record;
 use super::front::front;
+use super::runs::Record;
 use super::study::{Line, Study};
 
 /// A value, or why there is none.
@@ -107,7 +107,7 @@ pub struct Outcome {
     /// Lines by quantity: `[line][quantity]`.
     pub lines: Vec<Vec<Judged>>,
     /// Samples.
-    pub members: Vec<Standing>,
+    pub samples: Vec<Standing>,
     /// Pareto front of cost and largest error, the cheapest sample first.
     pub front: Vec<usize>,
     /// Pareto front of each quantity.
@@ -116,7 +116,7 @@ pub struct Outcome {
 
 /// Judges a study from the values (`[sample][quantity]`, or why there is none) and the records.
 pub fn judge(study: &Study, values: &[Vec<Value>], records: &[Record], measure: Measure) -> Outcome {
-    let value = |member: usize, q: usize| values[member][q].as_ref().ok().copied();
+    let value = |sample: usize, q: usize| values[sample][q].as_ref().ok().copied();
     let quantities = 0..study.quantities.len();
     let answers: Vec<Option<Answer>> =
         quantities.clone().map(|q| answer(study, q, &|m| value(m, q))).collect();
@@ -129,16 +129,16 @@ pub fn judge(study: &Study, values: &[Vec<Value>], records: &[Record], measure: 
         })
         .collect();
     let base: Vec<f64> = records[0].runs.iter().map(|c| measure.of(c)).collect();
-    let members: Vec<Standing> = (0..study.members.len())
+    let samples: Vec<Standing> = (0..study.samples.len())
         .map(|m| standing(study, m, values, &records[m], &answers, (measure, &base)))
         .collect();
     let known = |m: usize, e: Option<Estimate>| (study.reference != Some(m)).then_some(e).flatten();
     let points = |of: &dyn Fn(&Standing) -> Option<Estimate>| -> Vec<Option<(f64, Estimate)>> {
-        members.iter().enumerate().map(|(m, s)| Some((s.cost.0, known(m, of(s))?))).collect()
+        samples.iter().enumerate().map(|(m, s)| Some((s.cost.0, known(m, of(s))?))).collect()
     };
     let front_all = front(&points(&|s| Some(s.largest?.estimate)));
     let fronts = quantities.map(|q| front(&points(&|s| s.estimates[q]))).collect();
-    Outcome { measure, answers, lines, front: front_all, fronts, members }
+    Outcome { measure, answers, lines, front: front_all, fronts, samples }
 }
 
 fn standing(
@@ -179,20 +179,20 @@ fn largest(estimates: &[Option<Estimate>]) -> Option<Largest> {
 
 fn judged(line: &Line, value: Values<'_>, scale: f64) -> Judged {
     let unassessed = unassessed(line, value);
-    let nothing = vec![None; line.members.len()];
+    let nothing = vec![None; line.samples.len()];
     if unassessed.is_some() || !scale.is_finite() {
         return Judged { convergence: None, errors: nothing, check: None, unassessed };
     }
     let Some(c) = limit(line, value) else {
         // Words: the change of each from the base, which is sample 0.
         let change = |m: usize| Some(((value(m)? - value(0)?).abs() / scale, 0.0));
-        let errors = line.members.iter().map(|&(m, _)| change(m)).collect();
+        let errors = line.samples.iter().map(|&(m, _)| change(m)).collect();
         return Judged { convergence: None, errors, check: None, unassessed };
     };
     let mut bands = c.uncertainty.iter();
     let mut finest: Option<(f64, f64, f64)> = None;
     let errors = line
-        .members
+        .samples
         .iter()
         .map(|&(m, size)| {
             let (size, v) = (size?, value(m)?);
@@ -224,17 +224,17 @@ impl Outcome {
 
     /// What the true errors of a sample are promised not to exceed: the largest sum of error and band over
     /// the quantities, with its quantity.
-    pub fn bound(&self, member: usize) -> Option<(usize, f64)> {
-        let all = self.members[member].estimates.iter().map(|e| e.map(Estimate::bound));
+    pub fn bound(&self, sample: usize) -> Option<(usize, f64)> {
+        let all = self.samples[sample].estimates.iter().map(|e| e.map(Estimate::bound));
         let all = all.collect::<Option<Vec<_>>>()?;
         all.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Whether `member` is as accurate as the base for quantity `q`: its error is at most a twentieth
+    /// Whether `sample` is as accurate as the base for quantity `q`: its error is at most a twentieth
     /// larger, and its value differs from the base's by at most a twentieth of the base's error, so that
     /// this holds whatever the answer is within its band.
-    pub fn as_accurate(&self, member: usize, q: usize) -> bool {
-        let (own, base) = (&self.members[member], &self.members[0]);
+    pub fn as_accurate(&self, sample: usize, q: usize) -> bool {
+        let (own, base) = (&self.samples[sample], &self.samples[0]);
         let both = || {
             let scale = self.answers[q]?.scale;
             let apart = (own.values[q]? - base.values[q]?).abs() / scale;
@@ -246,8 +246,8 @@ impl Outcome {
     /// The cheapest sample that is as accurate as the base in all `quantities` and the share of its cost;
     /// `None` where none costs clearly less.
     pub fn cheaper(&self, quantities: &[usize]) -> Option<(usize, f64)> {
-        let share = |m: usize| self.members[m].cost.0 / self.members[0].cost.0;
-        (1..self.members.len())
+        let share = |m: usize| self.samples[m].cost.0 / self.samples[0].cost.0;
+        (1..self.samples.len())
             .filter(|&m| share(m) < CHEAPER && quantities.iter().all(|&q| self.as_accurate(m, q)))
             .map(|m| (m, share(m)))
             .min_by(|a, b| a.1.total_cmp(&b.1))

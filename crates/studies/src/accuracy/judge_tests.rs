@@ -23,9 +23,9 @@ fn study(section: &str, choice: &Choice, formula: impl Fn(&[f64]) -> Vec<f64>) -
     std::fs::write(&copy, std::fs::read_to_string(file).unwrap() + section).unwrap();
     let study = Study::new(&copy, choice).unwrap();
     let (mut values, mut records) = (Vec::new(), Vec::new());
-    for m in &study.members {
+    for m in &study.samples {
         let sizes: Vec<f64> =
-            study.dials.iter().zip(&m.settings).filter_map(|(d, s)| d.dial.size(s)).collect();
+            study.parameters.iter().zip(&m.settings).filter_map(|(d, s)| d.parameter.size(s)).collect();
         let (h, t) = (sizes[0], sizes.get(1).copied().unwrap_or(1.0));
         values.push(formula(&sizes).into_iter().map(Ok).collect());
         let counts = Counts { cell_updates: 1e6 / (h * h * h * t), ..Counts::default() };
@@ -59,7 +59,7 @@ pub fn made() -> Made {
 
 /// Index of the sample with this label.
 fn sample(study: &Study, label: &str) -> usize {
-    study.members.iter().position(|m| m.label == label).unwrap_or_else(|| panic!("no sample {label}"))
+    study.samples.iter().position(|m| m.label == label).unwrap_or_else(|| panic!("no sample {label}"))
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn the_answer_orders_front_and_bands_of_a_made_up_study() {
     // The true error of every sample is within what is promised.
     for (m, v) in values.iter().enumerate() {
         let error = (v[0].clone().unwrap() - 10.0) / 10.0;
-        assert!(error <= o.bound(m).unwrap().1, "{}: {error}", study.members[m].label);
+        assert!(error <= o.bound(m).unwrap().1, "{}: {error}", study.samples[m].label);
     }
     falls(&o, &o.front, |s| s.largest.unwrap().estimate);
     assert!(o.front.len() >= 2, "{:?}", o.front);
@@ -89,9 +89,9 @@ fn the_answer_orders_front_and_bands_of_a_made_up_study() {
 /// that costs less than the next of the front is not better than the one before it by more than that.
 fn falls(o: &Outcome, front: &[usize], of: impl Fn(&Standing) -> Estimate) {
     for w in front.windows(2) {
-        let (a, b) = (of(&o.members[w[0]]), of(&o.members[w[1]]));
+        let (a, b) = (of(&o.samples[w[0]]), of(&o.samples[w[1]]));
         assert!(a.error - b.error > a.band.max(b.band), "{a:?} {b:?}");
-        assert!(o.members[w[0]].cost.0 <= o.members[w[1]].cost.0);
+        assert!(o.samples[w[0]].cost.0 <= o.samples[w[1]].cost.0);
     }
 }
 
@@ -112,12 +112,12 @@ fn the_largest_error_has_the_band_of_its_own_quantity() {
     );
     let (study, values, records) = study(&section, &checked(), formula);
     let o = judge(&study, &values, &records, Measure::Wall);
-    let (speed, drag) = (o.members[0].estimates[0].unwrap(), o.members[0].estimates[1].unwrap());
+    let (speed, drag) = (o.samples[0].estimates[0].unwrap(), o.samples[0].estimates[1].unwrap());
     assert!(speed.error < 1e-12 && speed.band > 0.25, "{speed:?}");
     assert!((drag.error - 0.05).abs() < 1e-3 && drag.band < 0.1, "{drag:?}");
     // By error plus uncertainty the speed would be the largest, and stand at 0 %.
     assert!(speed.bound() > drag.bound());
-    let largest = o.members[0].largest.unwrap();
+    let largest = o.samples[0].largest.unwrap();
     assert_eq!((largest.quantity, largest.estimate), (1, drag));
     // What is promised of the sample as a whole is the largest sum.
     assert_eq!(o.bound(0).unwrap().0, 0);
@@ -150,7 +150,7 @@ fn as_accurate_is_said_only_where_each_quantity_is() {
     let (study, values, records) = study(&section, &checked(), formula);
     let o = judge(&study, &values, &records, Measure::Wall);
     let coarse = sample(&study, "window 0.5");
-    assert!(o.as_accurate(coarse, 0) && !o.as_accurate(coarse, 1), "{:?}", o.members[coarse]);
+    assert!(o.as_accurate(coarse, 0) && !o.as_accurate(coarse, 1), "{:?}", o.samples[coarse]);
     let (m, share) = o.cheaper(&[0]).unwrap();
     assert!(m == coarse && (share - 0.5).abs() < 1e-12);
     assert_eq!(o.cheaper(&[0, 1]), None);
@@ -164,20 +164,20 @@ fn errors_of_opposite_sign_are_not_as_accurate() {
     let (study, values, records) = study(&format!("{SPEED}{GRID}{WINDOW}"), &checked(), formula);
     let mut o = judge(&study, &values, &records, Measure::Wall);
     let coarse = sample(&study, "window 0.5");
-    let base = o.members[0].estimates[0].unwrap();
-    o.members[coarse].estimates[0] = Some(base);
+    let base = o.samples[0].estimates[0].unwrap();
+    o.samples[coarse].estimates[0] = Some(base);
     assert!(!o.as_accurate(coarse, 0));
 }
 
 #[test]
 fn a_gap_stays_a_gap() {
     let (study, mut values, mut records) = made();
-    let lost = study.lines[0].members[0].0;
+    let lost = study.lines[0].samples[0].0;
     values[lost][0] = Err("no result".into());
     records[lost].failure = Some("diverged".into());
     let o = judge(&study, &values, &records, Measure::Wall);
-    assert_eq!(o.members[lost].gap.as_deref(), Some("diverged"));
-    assert!(o.members[lost].largest.is_none() && !o.front.contains(&lost));
+    assert_eq!(o.samples[lost].gap.as_deref(), Some("diverged"));
+    assert!(o.samples[lost].largest.is_none() && !o.front.contains(&lost));
     assert!(o.lines[0][0].errors[0].is_none() && o.lines[0][0].errors[1].is_some());
     assert_eq!(o.lines[0][0].convergence.as_ref().unwrap().behaviour, Behaviour::TooFew);
 }
@@ -186,12 +186,12 @@ fn a_gap_stays_a_gap() {
 fn too_few_samples_are_not_assessed_and_have_no_error_of_zero() {
     let (study, mut values, mut records) = made();
     // All but the base fail.
-    for m in 1..study.members.len() {
+    for m in 1..study.samples.len() {
         values[m][0] = Err("no result".into());
         records[m].failure = Some("diverged".into());
     }
     let o = judge(&study, &values, &records, Measure::Wall);
-    assert!(o.answers[0].is_none() && o.members[0].estimates[0].is_none() && o.front.is_empty());
+    assert!(o.answers[0].is_none() && o.samples[0].estimates[0].is_none() && o.front.is_empty());
     for line in &o.lines {
         let why = line[0].unassessed.as_deref().unwrap();
         assert!(why.contains("1 of") && line[0].errors.iter().all(Option::is_none), "{why}");
@@ -210,19 +210,19 @@ fn a_parameter_that_is_not_assessed_does_not_hide_behind_another() {
     let o = judge(&study, &values, &records, Measure::Wall);
     assert!(o.lines[1][0].unassessed.is_some() && o.lines[0][0].unassessed.is_none());
     // The base has the error of the grid alone; the window is listed as not assessed.
-    assert!(o.answers[0].is_some() && o.members[0].largest.is_some());
+    assert!(o.answers[0].is_some() && o.samples[0].largest.is_some());
     // A sample that stands elsewhere on the window would have an unknown error.
     let mut study = study;
     let grid = sample(&study, "grid 0.5");
-    let moved = study.members[sample(&study, "window 0.5")].settings[1].clone();
-    study.members[grid].settings[1] = moved;
-    assert!(judge(&study, &values, &records, Measure::Wall).members[grid].largest.is_none());
+    let moved = study.samples[sample(&study, "window 0.5")].settings[1].clone();
+    study.samples[grid].settings[1] = moved;
+    assert!(judge(&study, &values, &records, Measure::Wall).samples[grid].largest.is_none());
 }
 
 #[test]
 fn the_reference_is_finer_than_all_samples_and_judges_the_promise() {
     use super::super::advice::{Wish, choose};
-    use super::super::dials::Setting;
+    use super::super::parameter::Setting;
     use super::super::verify::verify;
     let section = format!("{SPEED}{GRID}{WINDOW}");
     let choice = Choice { verify: true, ..Choice::default() };
@@ -235,7 +235,7 @@ fn the_reference_is_finer_than_all_samples_and_judges_the_promise() {
     let (study, values, records) = made(10.0 + 0.4 / 16.0 + 0.025);
     let at = study.reference.unwrap();
     // The grid's `check`, and twice the finest window.
-    assert_eq!(study.members[at].settings, [Setting::Number(4.0), Setting::Number(4.0)]);
+    assert_eq!(study.samples[at].settings, [Setting::Number(4.0), Setting::Number(4.0)]);
     let o = judge(&study, &values, &records, Measure::Wall);
     assert!(!o.front.contains(&at) && o.fronts.iter().all(|f| !f.contains(&at)));
     assert_ne!(choose(&study, &o, Wish::Budget(1e9)).unwrap(), at);

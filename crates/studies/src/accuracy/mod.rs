@@ -9,20 +9,20 @@ mod answer;
 pub mod convergence;
 pub mod cost;
 mod coverage;
-mod dials;
 mod estimate;
 mod figures;
-mod fly;
 mod front;
 mod judge;
 mod page;
-mod parameters;
+mod parameter;
 mod plan;
 pub mod quantities;
 mod reference;
 mod running;
+mod runs;
 mod study;
 mod table;
+mod varied;
 mod verify;
 mod words;
 
@@ -35,8 +35,8 @@ use results::provenance;
 use terminal::Console;
 
 use self::advice::{Advice, Context, Wish};
-use self::fly::{Flight, Record};
 use self::judge::{Measure, Outcome, judge};
+use self::runs::{Execution, Record};
 use self::study::{Choice, Study};
 
 /// What to study, and how.
@@ -51,16 +51,10 @@ pub struct AccuracyArgs {
     /// Only these parameters of the study (and `sweep`)
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     parameters: Vec<String>,
-    /// Former name of --parameters
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', hide = true)]
-    dials: Vec<String>,
     /// Print the cheapest settings whose error is at most this, such as `1%`, and write them as
     /// target-error.toml
     #[arg(long, value_name = "SHARE", value_parser = advice::share)]
     target_error: Option<f64>,
-    /// Former name of --target-error; writes want.toml
-    #[arg(long, value_name = "SHARE", value_parser = advice::share, hide = true, conflicts_with = "target_error")]
-    want: Option<f64>,
     /// Print the most accurate settings within this time, such as `10min`, and write them as budget.toml
     #[arg(long, value_name = "TIME", value_parser = advice::time)]
     budget: Option<f64>,
@@ -101,28 +95,22 @@ pub struct AccuracyArgs {
 }
 
 impl AccuracyArgs {
-    /// The parameters that are named, by either option.
-    fn named(&self) -> Vec<String> {
-        self.parameters.iter().chain(&self.dials).cloned().collect()
-    }
-
     /// What is asked for, with the names of the files of the advice.
     fn wishes(&self) -> Vec<(Wish, &'static str)> {
         let error = self.target_error.map(|e| (Wish::Error(e), "target-error"));
-        let want = self.want.map(|e| (Wish::Error(e), "want"));
         let budget = self.budget.map(|s| (Wish::Budget(s), "budget"));
-        [error, want, budget].into_iter().flatten().collect()
+        [error, budget].into_iter().flatten().collect()
     }
 
-    fn flight(&self, study: &Study) -> Result<Flight, RunError> {
+    fn execution(&self, study: &Study) -> Result<Execution, RunError> {
         let default = || Path::new("runs").join(format!("accuracy-{}", study.name));
         let out = self.out.clone().unwrap_or_else(default);
         let out = std::path::absolute(&out).map_err(RunError::file("resolve", &out))?;
-        let scene = &study.members[0].scene;
+        let scene = &study.samples[0].scene;
         let ranks =
             scene.stages.iter().flat_map(|s| s.kind.roles()).map(|r| scene.ranks.of(*r)).max().unwrap_or(1);
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        Ok(Flight {
+        Ok(Execution {
             out,
             jobs: self.jobs.map_or((cores / ranks as usize).max(1), |n| n as usize),
             repeat: self.repeat as usize,
@@ -143,35 +131,29 @@ pub fn accuracy(
     console: &Console,
 ) -> Result<(bool, String), RunError> {
     let reference = args.reference.as_deref().map(reference::load).transpose()?;
-    let choice = Choice { dials: args.named(), check: !args.without_check, verify: args.verify };
+    let choice =
+        Choice { parameters: args.parameters.clone(), check: !args.without_check, verify: args.verify };
     let study = Study::new(&args.scene, &choice)?;
     study.warnings.iter().for_each(|w| console.line(&format!("warning: {w}")));
-    for (old, new, used) in
-        [("want", "target-error", args.want.is_some()), ("dials", "parameters", !args.dials.is_empty())]
-    {
-        if used {
-            console.line(&format!("warning: --{old} is now --{new}; it is taken as such"));
-        }
-    }
-    let flight = args.flight(&study)?;
-    let queue = fly::queue(&study, &flight)?;
+    let execution = args.execution(&study)?;
+    let queue = runs::queue(&study, &execution)?;
     if args.dry_run {
-        return Ok((true, plan::plan(&study, &flight, &queue)));
+        return Ok((true, plan::plan(&study, &execution, &queue)));
     }
-    let estimate = plan::Estimate::new(&study, &flight, &queue);
+    let estimate = plan::Estimate::new(&study, &execution, &queue);
     console.line(&format!(
         "{} samples in {}; {}",
-        study.members.len(),
-        flight.out.display(),
-        estimate.words(&flight)
+        study.samples.len(),
+        execution.out.display(),
+        estimate.words(&execution)
     ));
     plan::confirm(&estimate, args.yes)?;
-    let out = &flight.out;
+    let out = &execution.out;
     std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
     let _lock = results::lock::lock(out)?;
     clear_results(out)?;
     let base = |record: &Record| values(&study, 0, record, out).into_iter().find_map(Result::err);
-    let records = fly::fly(&study, &flight, queue, &base, stop, console)?;
+    let records = runs::run_samples(&study, &execution, queue, &base, stop, console)?;
     let values: Vec<Vec<judge::Value>> =
         records.iter().enumerate().map(|(m, record)| values(&study, m, record, out)).collect();
     let outcome = judge(&study, &values, &records, args.cost);
@@ -180,10 +162,10 @@ pub fn accuracy(
 
 /// Values of the quantities of a sample, or why there is none.
 fn values(study: &Study, sample: usize, record: &Record, out: &Path) -> Vec<judge::Value> {
-    let member = &study.members[sample];
+    let sample = &study.samples[sample];
     let of = |q: &case::Quantity| match &record.failure {
         Some(why) => Err(why.clone()),
-        None => quantities::value(q, &member.scene, study.stage, &fly::run_folder(out, member)),
+        None => quantities::value(q, &sample.scene, study.stage, &runs::run_folder(out, sample)),
     };
     study.quantities.iter().map(of).collect()
 }
@@ -287,8 +269,8 @@ fn with_text(error: RunError, text: &str) -> RunError {
 /// The command that makes the report again, without the folders of this machine.
 fn command(args: &AccuracyArgs) -> String {
     let mut line = format!("ripstop accuracy {}", args.scene.display());
-    if !args.named().is_empty() {
-        line += &format!(" --parameters {}", args.named().join(","));
+    if !args.parameters.is_empty() {
+        line += &format!(" --parameters {}", args.parameters.join(","));
     }
     if args.cost != Measure::Wall {
         line += &format!(" --cost {:?}", args.cost).to_lowercase();

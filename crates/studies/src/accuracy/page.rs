@@ -7,8 +7,8 @@ use super::advice::Advice;
 use super::answer::Estimate;
 use super::coverage::NotAssessed;
 use super::figures::Drawn;
-use super::fly::Record;
 use super::judge::{Judged, Outcome, within};
+use super::runs::Record;
 use super::study::Study;
 use super::verify::Verified;
 use super::words::{cheaper, finest};
@@ -112,7 +112,7 @@ fn advice(advice: &Advice) -> Markup {
 }
 
 fn answers(study: &Study, outcome: &Outcome) -> Markup {
-    let base = &outcome.members[0];
+    let base = &outcome.samples[0];
     let rows = html! {
         @for (q, quantity) in study.quantities.iter().enumerate() {
             @let (value, band) = match outcome.answers[q] {
@@ -200,20 +200,20 @@ fn fronts(study: &Study, outcome: &Outcome) -> Markup {
         html! {
             tr {
                 td { (name) }
-                td.w { (study.members[m].label) }
-                td { (short(outcome.members[m].cost.0)) }
+                td.w { (study.samples[m].label) }
+                td { (short(outcome.samples[m].cost.0)) }
                 td { (error(e)) }
             }
         }
     };
     let rows = html! {
         @for &m in &outcome.front {
-            @let largest = outcome.members[m].largest;
+            @let largest = outcome.samples[m].largest;
             @let name = largest.map_or("", |l| &study.quantities[l.quantity].name);
             (row(&format!("largest: {name}"), m, largest.map(|l| l.estimate)))
         }
         @for (q, front) in outcome.fronts.iter().enumerate() {
-            @for &m in front { (row(&study.quantities[q].name, m, outcome.members[m].estimates[q])) }
+            @for &m in front { (row(&study.quantities[q].name, m, outcome.samples[m].estimates[q])) }
         }
     };
     html! {
@@ -293,8 +293,8 @@ fn coarsest(judged: &Judged) -> String {
 }
 
 fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> Markup {
-    let mut order: Vec<usize> = (0..study.members.len()).collect();
-    order.sort_by(|&a, &b| outcome.members[a].cost.0.total_cmp(&outcome.members[b].cost.0));
+    let mut order: Vec<usize> = (0..study.samples.len()).collect();
+    order.sort_by(|&a, &b| outcome.samples[a].cost.0.total_cmp(&outcome.samples[b].cost.0));
     let mut head = vec!["sample"];
     for q in &study.quantities {
         head.extend([q.name.as_str(), "error"]);
@@ -310,17 +310,17 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> Markup {
 }
 
 fn sample(study: &Study, outcome: &Outcome, record: &Record, m: usize) -> Markup {
-    let s = &outcome.members[m];
+    let s = &outcome.samples[m];
     let class = match &s.gap {
         Some(_) => Some("gap"),
         None => outcome.front.contains(&m).then_some("front"),
     };
-    let checks = if study.members[m].check { "tests the bands" } else { "" };
+    let checks = if study.samples[m].check { "tests the bands" } else { "" };
     let note = s.gap.as_deref().or(record.note.as_deref()).unwrap_or(checks);
     let assessed = study.reference != Some(m);
     html! {
         tr class=[class] {
-            td { (study.members[m].label) }
+            td { (study.samples[m].label) }
             @for (v, e) in s.values.iter().zip(&s.estimates) {
                 td { (v.map_or_else(|| "-".into(), six)) }
                 td { @if v.is_some() && assessed { (error(*e)) } @else { "-" } }
@@ -362,7 +362,7 @@ fn method(study: &Study, records: &[Record], about: &About<'_>) -> Markup {
         h2 { "Method" }
         p { code { (about.command) } }
         p.s {
-            (study.members.len()) " samples, each run up to " (repeats) " times. Errors are relative to the answers at \
+            (study.samples.len()) " samples, each run up to " (repeats) " times. Errors are relative to the answers at \
              the top: the sum of the errors of the parameters, each alone, or the distance from the answer where that is \
              more. Orders and uncertainties follow Eça and Hoekstra (2014), which extends the grid convergence index of \
              Roache. Work is a sum of counts (cell updates, element evaluations, rows of matrix products), each times a \

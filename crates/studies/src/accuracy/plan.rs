@@ -5,7 +5,7 @@ use std::io::{BufRead, IsTerminal, Write};
 use coupling::error::RunError;
 use terminal::clock;
 
-use super::fly::{Flight, Queue};
+use super::runs::{Execution, Queue};
 use super::study::Study;
 
 /// Estimated cost of the runs that are missing.
@@ -21,21 +21,21 @@ pub struct Estimate {
 
 impl Estimate {
     /// For the runs of `queue`. The base runs alone, before all others.
-    pub fn new(study: &Study, flight: &Flight, queue: &Queue) -> Self {
-        let seconds = |m: usize| queue.base_s.0 * study.members[m].ratio;
+    pub fn new(study: &Study, execution: &Execution, queue: &Queue) -> Self {
+        let seconds = |m: usize| queue.base_s.0 * study.samples[m].ratio;
         let (base, others) = queue.open.split_at(usize::from(queue.open.first() == Some(&0)));
         let sum: f64 = others.iter().map(|&m| seconds(m)).sum();
         let longest = others.iter().map(|&m| seconds(m)).fold(0.0, f64::max);
         let alone: f64 = base.iter().map(|&m| seconds(m)).sum();
         Self {
             runs: queue.open.len(),
-            wall_s: alone + (sum / flight.jobs.max(1) as f64).max(longest),
+            wall_s: alone + (sum / execution.jobs.max(1) as f64).max(longest),
             measured: queue.base_s.1,
         }
     }
 
     /// In one line.
-    pub fn words(&self, flight: &Flight) -> String {
+    pub fn words(&self, execution: &Execution) -> String {
         let source = if self.measured {
             "from the runs that are there"
         } else {
@@ -44,20 +44,20 @@ impl Estimate {
         format!(
             "{} runs, {} at a time: about {} of wall time ({source})",
             self.runs,
-            flight.jobs,
+            execution.jobs,
             clock(self.wall_s)
         )
     }
 }
 
 /// The samples with their cost: measured where one was run, else estimated.
-pub fn plan(study: &Study, flight: &Flight, queue: &Queue) -> String {
-    let mut text = format!("{} samples of {}; quantities:\n", study.members.len(), study.title);
+pub fn plan(study: &Study, execution: &Execution, queue: &Queue) -> String {
+    let mut text = format!("{} samples of {}; quantities:\n", study.samples.len(), study.title);
     for q in &study.quantities {
         text += &format!("  {}\n", q.name);
     }
     text += "samples, cost relative to the base:\n";
-    for (m, record) in study.members.iter().zip(&queue.records) {
+    for (m, record) in study.samples.iter().zip(&queue.records) {
         let estimate = match record.runs.first() {
             Some(c) => format!("{} (measured)", clock(c.wall_s)),
             None => format!("about {}", clock(queue.base_s.0 * m.ratio)),
@@ -65,7 +65,7 @@ pub fn plan(study: &Study, flight: &Flight, queue: &Queue) -> String {
         let check = if m.check { "  (tests the bands)" } else { "" };
         text += &format!("  {:<28} x {:>7.2}  {estimate}{check}\n", m.label, m.ratio);
     }
-    text + "to run: " + &Estimate::new(study, flight, queue).words(flight)
+    text + "to run: " + &Estimate::new(study, execution, queue).words(execution)
 }
 
 /// Asks whether the runs may start, where a person can answer. Without a terminal (batch systems, scripts)
@@ -93,26 +93,28 @@ fn agrees(answer: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fly::Record;
     use super::super::judge::tests::made;
+    use super::super::runs::Record;
     use super::*;
 
     #[test]
     fn the_base_runs_alone_and_the_others_share_the_cores() {
         let (study, _, records) = made();
-        let flight = Flight { out: "out".into(), jobs: 2, repeat: 1, any_build: false, limit_s: None };
+        let execution = Execution { out: "out".into(), jobs: 2, repeat: 1, any_build: false, limit_s: None };
         let queue = |open: Vec<usize>| Queue {
             records: vec![Record::default(); records.len()],
             open,
             base_s: (10.0, true),
         };
-        let of = |open: Vec<usize>| Estimate::new(&study, &flight, &queue(open)).wall_s;
-        let ratio = |m: usize| study.members[m].ratio;
+        let of = |open: Vec<usize>| Estimate::new(&study, &execution, &queue(open)).wall_s;
+        let ratio = |m: usize| study.samples[m].ratio;
         assert!((of(vec![0]) - 10.0).abs() < 1e-9);
         let pair = 10.0 + (5.0 * (ratio(1) + ratio(2))).max(10.0 * ratio(1)).max(10.0 * ratio(2));
         assert!((of(vec![0, 1, 2]) - pair).abs() < 1e-9);
         assert_eq!(of(vec![]), 0.0);
-        assert!(plan(&study, &flight, &queue(vec![0])).contains("to run: 1 runs, 2 at a time: about 10.0 s"));
+        assert!(
+            plan(&study, &execution, &queue(vec![0])).contains("to run: 1 runs, 2 at a time: about 10.0 s")
+        );
     }
 
     #[test]

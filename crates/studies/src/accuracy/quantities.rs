@@ -3,31 +3,31 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use case::{Measured, Quantity, Role, Scene, StageKind, Take};
+use case::{Measured, Quantity, Role, Scene, StageKind, Statistic};
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use mesh::Point;
 use results::history;
 
 /// Column of `history.csv`, how it becomes a number by default, the programs that must run.
-fn column(of: Measured) -> Option<(&'static str, Take, Role)> {
+fn column(of: Measured) -> Option<(&'static str, Statistic, Role)> {
     use Measured as M;
     Some(match of {
-        M::DescentSpeed => ("descent_speed_m_s", Take::Mean, Role::Flow),
-        M::Drag => ("drag_n", Take::Mean, Role::Flow),
-        M::DragCoefficient => ("cd", Take::Mean, Role::Flow),
-        M::LineTension => ("max_line_tension_n", Take::Max, Role::Structure),
-        M::RiserForce => ("riser_force_n", Take::Mean, Role::Structure),
-        M::VerticalLoad => ("vertical_load_n", Take::Mean, Role::Structure),
-        M::ProjectedArea => ("projected_area_m2", Take::End, Role::Structure),
-        M::Volume => ("volume_m3", Take::End, Role::Structure),
-        M::StrainEnergy => ("structure_strain_energy_j", Take::End, Role::Structure),
-        M::KineticEnergy => ("structure_kinetic_energy_j", Take::End, Role::Structure),
-        M::CouplingEnergy => ("interface_energy_error_sum_j", Take::End, Role::Structure),
-        M::GridQuality => ("mesh_min_quality", Take::Min, Role::Mesh),
-        M::GridVolumeRatio => ("mesh_min_volume_ratio", Take::Min, Role::Mesh),
-        M::MaxPressure => ("flow_max_pressure_pa", Take::End, Role::Flow),
-        M::MinPressure => ("flow_min_pressure_pa", Take::End, Role::Flow),
+        M::DescentSpeed => ("descent_speed_m_s", Statistic::Mean, Role::Flow),
+        M::Drag => ("drag_n", Statistic::Mean, Role::Flow),
+        M::DragCoefficient => ("cd", Statistic::Mean, Role::Flow),
+        M::LineTension => ("max_line_tension_n", Statistic::Max, Role::Structure),
+        M::RiserForce => ("riser_force_n", Statistic::Mean, Role::Structure),
+        M::VerticalLoad => ("vertical_load_n", Statistic::Mean, Role::Structure),
+        M::ProjectedArea => ("projected_area_m2", Statistic::End, Role::Structure),
+        M::Volume => ("volume_m3", Statistic::End, Role::Structure),
+        M::StrainEnergy => ("structure_strain_energy_j", Statistic::End, Role::Structure),
+        M::KineticEnergy => ("structure_kinetic_energy_j", Statistic::End, Role::Structure),
+        M::CouplingEnergy => ("interface_energy_error_sum_j", Statistic::End, Role::Structure),
+        M::GridQuality => ("mesh_min_quality", Statistic::Min, Role::Mesh),
+        M::GridVolumeRatio => ("mesh_min_volume_ratio", Statistic::Min, Role::Mesh),
+        M::MaxPressure => ("flow_max_pressure_pa", Statistic::End, Role::Flow),
+        M::MinPressure => ("flow_min_pressure_pa", Statistic::End, Role::Flow),
         M::VentArea | M::Displacement | M::Probe | M::History => return None,
     })
 }
@@ -140,9 +140,9 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
         }
         _ => {
             let (file, name, take) = match (q.of, column(q.of)) {
-                (Measured::Probe, _) => ("probes.csv", q.column.clone().unwrap_or_default(), Take::Mean),
+                (Measured::Probe, _) => ("probes.csv", q.column.clone().unwrap_or_default(), Statistic::Mean),
                 (_, Some((name, take, _))) => ("history.csv", name.into(), take),
-                _ => ("history.csv", q.column.clone().unwrap_or_default(), Take::Mean),
+                _ => ("history.csv", q.column.clone().unwrap_or_default(), Statistic::Mean),
             };
             let path = folder.join(file);
             let columns = history::read(&path).map_err(|e| e.to_string())?;
@@ -152,8 +152,8 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
             };
             let (time, values) = (get("time_s")?, get(&name)?);
             let duration = scene.stages[at].duration_s;
-            let take = q.take.unwrap_or(take);
-            let from = q.from_s.unwrap_or(if matches!(take, Take::End) { 0.0 } else { 0.5 * duration });
+            let take = q.statistic.unwrap_or(take);
+            let from = q.from_s.unwrap_or(if matches!(take, Statistic::End) { 0.0 } else { 0.5 * duration });
             let to = q.to_s.unwrap_or(f64::INFINITY);
             // A stage without time has one window.
             let (from, to) = if duration > 0.0 { (from, to) } else { (f64::NEG_INFINITY, f64::INFINITY) };
@@ -165,7 +165,7 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
 
 /// Values stand at the ends of windows. A mean over time is that of the line through them, the
 /// value at `from` and `to` interpolated, so that it does not jump as windows are shortened.
-pub fn reduce(time: &[f64], values: &[f64], take: Take, from: f64, to: f64) -> Option<f64> {
+pub fn reduce(time: &[f64], values: &[f64], take: Statistic, from: f64, to: f64) -> Option<f64> {
     let slack = 1e-9 * time.last()?.abs().max(1e-300);
     let (from, to) = (from, to.min(*time.last()?));
     let inside: Vec<(f64, f64)> = time
@@ -177,11 +177,11 @@ pub fn reduce(time: &[f64], values: &[f64], take: Take, from: f64, to: f64) -> O
     let end = inside.last()?.1;
     let all = || inside.iter().map(|p| p.1);
     Some(match take {
-        Take::Max => all().fold(f64::MIN, f64::max),
-        Take::Min => all().fold(f64::MAX, f64::min),
-        Take::End => end,
-        Take::Mean => integral(time, values, from, to, |v| v)?,
-        Take::Rms => integral(time, values, from, to, |v| v * v)?.sqrt(),
+        Statistic::Max => all().fold(f64::MIN, f64::max),
+        Statistic::Min => all().fold(f64::MAX, f64::min),
+        Statistic::End => end,
+        Statistic::Mean => integral(time, values, from, to, |v| v)?,
+        Statistic::Rms => integral(time, values, from, to, |v| v * v)?.sqrt(),
     })
 }
 
@@ -275,7 +275,7 @@ pub fn defaults(scene: &Scene, stage: usize) -> Vec<Quantity> {
     let quantity = |name: &str, of| Quantity {
         name: name.into(),
         of,
-        take: None,
+        statistic: None,
         stage: None,
         from_s: None,
         to_s: None,
@@ -315,14 +315,14 @@ mod tests {
         for n in [4usize, 7, 20, 33] {
             let time: Vec<f64> = (1..=n).map(|i| i as f64 / n as f64).collect();
             let values: Vec<f64> = time.iter().map(|t| 2.0 + 3.0 * t).collect();
-            let mean = reduce(&time, &values, Take::Mean, 0.5, 1.0).unwrap();
+            let mean = reduce(&time, &values, Statistic::Mean, 0.5, 1.0).unwrap();
             assert!((mean - 4.25).abs() < 1e-12, "{n}: {mean}");
-            assert_eq!(reduce(&time, &values, Take::Max, 0.5, 1.0), Some(5.0));
-            assert_eq!(reduce(&time, &values, Take::End, 0.0, f64::INFINITY), Some(5.0));
+            assert_eq!(reduce(&time, &values, Statistic::Max, 0.5, 1.0), Some(5.0));
+            assert_eq!(reduce(&time, &values, Statistic::End, 0.0, f64::INFINITY), Some(5.0));
         }
-        assert_eq!(reduce(&[1.0], &[7.0], Take::Mean, f64::NEG_INFINITY, f64::INFINITY), Some(7.0));
-        assert_eq!(reduce(&[], &[], Take::Mean, 0.0, 1.0), None);
-        assert_eq!(reduce(&[0.5, 1.0], &[3.0, -4.0], Take::Max, 2.0, 3.0), None);
+        assert_eq!(reduce(&[1.0], &[7.0], Statistic::Mean, f64::NEG_INFINITY, f64::INFINITY), Some(7.0));
+        assert_eq!(reduce(&[], &[], Statistic::Mean, 0.0, 1.0), None);
+        assert_eq!(reduce(&[0.5, 1.0], &[3.0, -4.0], Statistic::Max, 2.0, 3.0), None);
     }
 
     #[test]

@@ -6,8 +6,8 @@ use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 
 use super::cost::COUNTS;
-use super::fly::Record;
 use super::judge::Outcome;
+use super::runs::Record;
 use super::study::Study;
 
 /// Counts may grow by this share.
@@ -25,7 +25,7 @@ pub struct Reference {
     /// Answers that errors are against, with their scales.
     pub answers: Vec<Kept>,
     /// Samples.
-    pub members: Vec<KeptMember>,
+    pub samples: Vec<KeptMember>,
 }
 
 /// The answer of a quantity.
@@ -62,9 +62,9 @@ pub fn keep(study: &Study, outcome: &Outcome, records: &[Record]) -> Result<Refe
         .ok_or_else(|| {
             RunError::Input("a quantity has no answer: no reference is kept of such a study".into())
         })?;
-    let mut members = Vec::new();
-    for (m, s) in outcome.members.iter().enumerate() {
-        let label = study.members[m].label.clone();
+    let mut samples = Vec::new();
+    for (m, s) in outcome.samples.iter().enumerate() {
+        let label = study.samples[m].label.clone();
         let errors: Option<Vec<f64>> = s.distances.iter().copied().collect();
         let (Some(errors), None, Some(run)) = (errors, &s.gap, records[m].runs.first()) else {
             let why = s.gap.as_deref().unwrap_or("no value");
@@ -72,20 +72,20 @@ pub fn keep(study: &Study, outcome: &Outcome, records: &[Record]) -> Result<Refe
                 "sample `{label}`: {why}; no reference is kept of such a study"
             )));
         };
-        members.push(KeptMember { label, errors, counts: run.counts().array() });
+        samples.push(KeptMember { label, errors, counts: run.counts().array() });
     }
-    Ok(Reference { answers, members })
+    Ok(Reference { answers, samples })
 }
 
 /// Where the study is less accurate or costs more than its reference; empty: nowhere.
 pub fn compare(study: &Study, outcome: &Outcome, records: &[Record], reference: &Reference) -> Vec<String> {
     let mut found = Vec::new();
-    for old in &reference.members {
-        let Some(m) = study.members.iter().position(|m| m.label == old.label) else {
+    for old in &reference.samples {
+        let Some(m) = study.samples.iter().position(|m| m.label == old.label) else {
             found.push(format!("sample `{}` of the reference is not in the study", old.label));
             continue;
         };
-        let s = &outcome.members[m];
+        let s = &outcome.samples[m];
         if let Some(why) = &s.gap {
             found.push(format!("sample `{}`: {why}", old.label));
             continue;
@@ -156,7 +156,7 @@ mod tests {
         save(&file, &reference).unwrap();
         let back = load(&file).unwrap();
         assert!(
-            back.members.len() == reference.members.len()
+            back.samples.len() == reference.samples.len()
                 && compare(&study, &outcome, &records, &back).is_empty()
         );
         let judged = |values: &[Vec<super::super::judge::Value>], records: &[Record]| {

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use terminal::Console;
 use terminal::clock;
 
-use super::fly;
+use super::runs;
 use super::study::Study;
 
 /// Time between two reports where there is no terminal.
@@ -64,7 +64,7 @@ impl<'a> Progress<'a> {
             bar
         });
         console.set_bar(bar.clone());
-        let ratio = open.iter().map(|&m| study.members[m].ratio).sum();
+        let ratio = open.iter().map(|&m| study.samples[m].ratio).sum();
         let state = State {
             running: Vec::new(),
             done: (0.0, 0.0),
@@ -81,7 +81,7 @@ impl<'a> Progress<'a> {
     /// A run of `sample` begins.
     pub fn begin(&self, sample: usize) {
         let mut s = self.state();
-        s.left.0 -= self.study.members[sample].ratio;
+        s.left.0 -= self.study.samples[sample].ratio;
         s.left.1 -= 1;
         s.running.push(Running { sample, since: Instant::now() });
         drop(s);
@@ -95,7 +95,7 @@ impl<'a> Progress<'a> {
             let r = s.running.remove(at);
             if counts {
                 s.done.0 += r.since.elapsed().as_secs_f64();
-                s.done.1 += self.study.members[sample].ratio;
+                s.done.1 += self.study.samples[sample].ratio;
             }
         }
     }
@@ -117,7 +117,7 @@ impl<'a> Progress<'a> {
             s.printed = Instant::now();
         }
         let rate = if s.done.1 > 0.0 { s.done.0 / s.done.1 } else { self.guess_s };
-        let rest = |r: &Running| rate * self.study.members[r.sample].ratio - r.since.elapsed().as_secs_f64();
+        let rest = |r: &Running| rate * self.study.samples[r.sample].ratio - r.since.elapsed().as_secs_f64();
         let running: f64 = s.running.iter().map(|r| rest(r).max(0.0)).sum();
         let longest = s.running.iter().map(rest).fold(0.0, f64::max);
         let all = ((rate * s.left.0.max(0.0) + running) / self.jobs as f64).max(longest);
@@ -135,12 +135,12 @@ impl<'a> Progress<'a> {
     }
 
     fn line(&self, r: &Running, rest: f64) -> String {
-        let member = &self.study.members[r.sample];
-        let at = place(&fly::run_folder(self.out, member), &member.scene);
+        let sample = &self.study.samples[r.sample];
+        let at = place(&runs::run_folder(self.out, sample), &sample.scene);
         let eta = if rest > 0.0 { clock(rest) } else { "later than estimated".into() };
         format!(
             "running `{}`: {}wall {}, ETA {eta}",
-            member.label,
+            sample.label,
             at.map(|p| format!("{p}, ")).unwrap_or_default(),
             clock(r.since.elapsed().as_secs_f64())
         )

@@ -5,16 +5,16 @@ use std::path::Path;
 use case::{Canopy, Quantity, Scene};
 use coupling::error::RunError;
 
-use super::dials::{Dial, Kind, Setting};
-use super::fly::key_of;
-use super::parameters::{default_sweep, defaults, turned};
+use super::parameter::{Kind, Parameter, Setting};
 use super::quantities;
+use super::runs::key_of;
+use super::varied::{default_sweep, defaults, turned};
 
 /// A parameter with its values in the study.
 #[derive(Clone, Debug)]
-pub struct Turned {
+pub struct VariedParameter {
     /// The parameter.
-    pub dial: Dial,
+    pub parameter: Parameter,
     /// Values, coarse to fine where they have an order.
     pub values: Vec<Setting>,
     /// Its value while others are varied.
@@ -25,7 +25,7 @@ pub struct Turned {
 
 /// A run of the study.
 #[derive(Clone, Debug)]
-pub struct Member {
+pub struct Sample {
     /// What differs from the base point.
     pub label: String,
     /// A setting for each parameter.
@@ -48,9 +48,9 @@ pub struct Line {
     /// Name of the parameter, or `sweep`.
     pub name: String,
     /// Which parameters it varies.
-    pub dials: Vec<usize>,
+    pub parameters: Vec<usize>,
     /// Its samples with what errors fall with (`None` for words).
-    pub members: Vec<(usize, Option<f64>)>,
+    pub samples: Vec<(usize, Option<f64>)>,
     /// The sample that is finer than all.
     pub check: Option<(usize, f64)>,
     /// Formal order of the method.
@@ -69,11 +69,11 @@ pub struct Study {
     /// Quantities.
     pub quantities: Vec<Quantity>,
     /// Parameters.
-    pub dials: Vec<Turned>,
+    pub parameters: Vec<VariedParameter>,
     /// Lines through the base point, then the sweep.
     pub lines: Vec<Line>,
     /// All samples; the first is the base.
-    pub members: Vec<Member>,
+    pub samples: Vec<Sample>,
     /// The sample that verifies the others: all parameters finer than in any of them.
     pub reference: Option<usize>,
     /// What the user should know of the scene's section.
@@ -87,14 +87,14 @@ pub const SWEEP: &str = "sweep";
 #[derive(Clone, Debug, Default)]
 pub struct Choice {
     /// Only these parameters.
-    pub dials: Vec<String>,
+    pub parameters: Vec<String>,
     /// With the samples that test the stated uncertainty.
     pub check: bool,
     /// With the sample that verifies the others.
     pub verify: bool,
 }
 
-impl Turned {
+impl VariedParameter {
     /// A value beyond the finest: its `check`, else twice as fine as the finest value, a tenth of the smallest
     /// tolerance. `None` for words.
     fn beyond(&self) -> Option<Setting> {
@@ -105,7 +105,7 @@ impl Turned {
             Setting::Number(x) => Some(*x),
             Setting::Choice(_) => None,
         });
-        match self.dial.kind {
+        match self.parameter.kind {
             Kind::Fineness => finest.reduce(f64::max).map(|x| Setting::Number(2.0 * x)),
             Kind::Size => finest.reduce(f64::min).map(|x| Setting::Number(0.1 * x)),
             Kind::Choice => None,
@@ -120,30 +120,27 @@ impl Study {
     /// Whatever is wrong with the scene or its `[accuracy]`, with place and remedy.
     pub fn new(file: &Path, choice: &Choice) -> Result<Self, RunError> {
         let mut scene = case::load(file).map_err(|e| RunError::Input(e.to_string()))?;
+        let text = std::fs::read_to_string(file).unwrap_or_default();
+        let warnings = case::renamed(&text).iter().map(|r| format!("{}:{r}", file.display())).collect();
         absolute(&mut scene)?;
         let wish = scene.accuracy.take().unwrap_or_default();
         let stage = stage_of(&scene, wish.stage.as_deref())?;
         // Later stages do not affect the quantities.
         scene.stages.truncate(stage + 1);
         let quantities = checked_quantities(wish.quantities, &scene, stage)?;
-        let mut warnings = Vec::new();
-        if !wish.dials.is_empty() {
-            warnings
-                .push("the key [[accuracy.dial]] is now [[accuracy.parameter]]; it is read as such".into());
-        }
-        let named: Vec<case::Parameter> = wish.parameters.into_iter().chain(wish.dials).collect();
+        let named = wish.parameters;
         let own = !named.is_empty();
         let wishes = if own { named } else { defaults(&scene, stage) };
-        let dials = checked_parameters(&wishes, &scene, stage)?;
-        let sweep = if own { wish.sweep } else { default_sweep(&dials) };
+        let parameters = checked_parameters(&wishes, &scene, stage)?;
+        let sweep = if own { wish.sweep } else { default_sweep(&parameters) };
         let mut study = Self {
             name: scene.name.clone(),
             title: scene.heading().to_owned(),
             stage,
             quantities,
-            dials,
+            parameters,
             lines: Vec::new(),
-            members: Vec::new(),
+            samples: Vec::new(),
             reference: None,
             warnings,
         };
@@ -158,17 +155,17 @@ impl Study {
         (sweep, sweep_check): (&[String], &[f64]),
         choice: &Choice,
     ) -> Result<(), RunError> {
-        let base: Vec<Setting> = self.dials.iter().map(|d| d.base.clone()).collect();
-        self.member(scene, "base".into(), base.clone(), false)?;
-        for at in 0..self.dials.len() {
+        let base: Vec<Setting> = self.parameters.iter().map(|d| d.base.clone()).collect();
+        self.sample(scene, "base".into(), base.clone(), false)?;
+        for at in 0..self.parameters.len() {
             self.line(scene, &base, at, choice)?;
         }
-        let wants = |name: &str| choice.dials.is_empty() || choice.dials.iter().any(|d| d == name);
+        let wants = |name: &str| choice.parameters.is_empty() || choice.parameters.iter().any(|d| d == name);
         if !sweep.is_empty() && wants(SWEEP) {
             self.sweep(scene, &base, sweep, sweep_check, choice)?;
         }
-        if let Some(unknown) = choice.dials.iter().find(|d| !self.lines.iter().any(|l| &l.name == *d)) {
-            let have: Vec<&str> = self.dials.iter().map(|d| d.dial.name.as_str()).collect();
+        if let Some(unknown) = choice.parameters.iter().find(|d| !self.lines.iter().any(|l| &l.name == *d)) {
+            let have: Vec<&str> = self.parameters.iter().map(|d| d.parameter.name.as_str()).collect();
             return Err(RunError::Input(format!(
                 "--parameters: the study has no parameter `{unknown}`; it has: {}{}",
                 have.join(", "),
@@ -185,17 +182,17 @@ impl Study {
     /// value, the others as in the base.
     fn verify(&mut self, scene: &Scene, base: &[Setting], choice: &Choice) -> Result<(), RunError> {
         let mut settings = base.to_vec();
-        for (to, d) in settings.iter_mut().zip(&self.dials) {
-            let varied = choice.dials.is_empty() || choice.dials.contains(&d.dial.name);
+        for (to, d) in settings.iter_mut().zip(&self.parameters) {
+            let varied = choice.parameters.is_empty() || choice.parameters.contains(&d.parameter.name);
             if varied && let Some(finer) = d.beyond() {
                 *to = finer;
             }
         }
-        let at = self.member(scene, "reference".into(), settings, true)?;
-        if !self.members[at].check {
+        let at = self.sample(scene, "reference".into(), settings, true)?;
+        if !self.samples[at].check {
             return Err(RunError::Input(format!(
                 "--verify: the study varies no number beyond `{}`: add a parameter with `values`, or a finer `check`",
-                self.members[at].label
+                self.samples[at].label
             )));
         }
         self.reference = Some(at);
@@ -203,34 +200,34 @@ impl Study {
     }
 
     fn line(&mut self, scene: &Scene, base: &[Setting], at: usize, choice: &Choice) -> Result<(), RunError> {
-        let d = self.dials[at].clone();
-        if !choice.dials.is_empty() && !choice.dials.contains(&d.dial.name) {
+        let d = self.parameters[at].clone();
+        if !choice.parameters.is_empty() && !choice.parameters.contains(&d.parameter.name) {
             return Ok(());
         }
         let mut line = Line {
-            name: d.dial.name.clone(),
-            dials: vec![at],
-            members: Vec::new(),
+            name: d.parameter.name.clone(),
+            parameters: vec![at],
+            samples: Vec::new(),
             check: None,
-            promised: d.dial.promised,
+            promised: d.parameter.promised,
         };
         let moved = |value: &Setting| {
             let mut settings = base.to_vec();
             settings[at] = value.clone();
-            (format!("{} {value}", d.dial.name), settings)
+            (format!("{} {value}", d.parameter.name), settings)
         };
         for value in &d.values {
             let (label, settings) = moved(value);
-            let member = self.member(scene, label, settings, false)?;
+            let sample = self.sample(scene, label, settings, false)?;
             // Values that round to the same scene are one sample.
-            if !line.members.iter().any(|m| m.0 == member) {
-                line.members.push((member, d.dial.size(value)));
+            if !line.samples.iter().any(|m| m.0 == sample) {
+                line.samples.push((sample, d.parameter.size(value)));
             }
         }
         if let Some(value) = d.check.as_ref().filter(|_| choice.check) {
             let (label, settings) = moved(value);
-            if let Some(size) = d.dial.size(value) {
-                line.check = Some((self.member(scene, label, settings, true)?, size));
+            if let Some(size) = d.parameter.size(value) {
+                line.check = Some((self.sample(scene, label, settings, true)?, size));
             }
         }
         self.lines.push(line);
@@ -248,48 +245,54 @@ impl Study {
         let refuse = |why: String| Err(RunError::Input(format!("accuracy.sweep: {why}")));
         let mut found = Vec::new();
         for name in names {
-            match self.dials.iter().position(|d| &d.dial.name == name) {
+            match self.parameters.iter().position(|d| &d.parameter.name == name) {
                 Some(at) => found.push(at),
                 None => return refuse(format!("`{name}` is none of the parameters of the study")),
             }
         }
-        let levels = self.dials[found[0]].values.len();
-        if let Some(&odd) = found.iter().find(|&&at| self.dials[at].values.len() != levels) {
+        let levels = self.parameters[found[0]].values.len();
+        if let Some(&odd) = found.iter().find(|&&at| self.parameters[at].values.len() != levels) {
             return refuse(format!(
                 "`{}` has {} values and `{}` {levels}: parameters that are varied together need equally many",
-                self.dials[odd].dial.name,
-                self.dials[odd].values.len(),
-                self.dials[found[0]].dial.name
+                self.parameters[odd].parameter.name,
+                self.parameters[odd].values.len(),
+                self.parameters[found[0]].parameter.name
             ));
         }
         if !check.is_empty() && check.len() != found.len() {
             return refuse(format!("sweep_check has {} numbers for {} parameters", check.len(), found.len()));
         }
-        let promised = found.iter().map(|&at| self.dials[at].dial.promised).fold(f64::MAX, f64::min);
-        let mut line =
-            Line { name: SWEEP.into(), dials: found.clone(), members: Vec::new(), check: None, promised };
+        let promised =
+            found.iter().map(|&at| self.parameters[at].parameter.promised).fold(f64::MAX, f64::min);
+        let mut line = Line {
+            name: SWEEP.into(),
+            parameters: found.clone(),
+            samples: Vec::new(),
+            check: None,
+            promised,
+        };
         for level in 0..levels {
             let mut settings = base.to_vec();
-            found.iter().for_each(|&at| settings[at] = self.dials[at].values[level].clone());
-            let first = &self.dials[found[0]];
-            let size = first.dial.size(&first.values[level]);
-            let member = self.member(scene, format!("sweep {}", first.values[level]), settings, false)?;
-            if !line.members.iter().any(|m| m.0 == member) {
-                line.members.push((member, size));
+            found.iter().for_each(|&at| settings[at] = self.parameters[at].values[level].clone());
+            let first = &self.parameters[found[0]];
+            let size = first.parameter.size(&first.values[level]);
+            let sample = self.sample(scene, format!("sweep {}", first.values[level]), settings, false)?;
+            if !line.samples.iter().any(|m| m.0 == sample) {
+                line.samples.push((sample, size));
             }
         }
         if choice.check && !check.is_empty() {
             let mut settings = base.to_vec();
             found.iter().zip(check).for_each(|(&at, &x)| settings[at] = Setting::Number(x));
-            let size = self.dials[found[0]].dial.size(&Setting::Number(check[0])).unwrap_or(0.0);
-            line.check = Some((self.member(scene, format!("sweep {}", check[0]), settings, true)?, size));
+            let size = self.parameters[found[0]].parameter.size(&Setting::Number(check[0])).unwrap_or(0.0);
+            line.check = Some((self.sample(scene, format!("sweep {}", check[0]), settings, true)?, size));
         }
         self.lines.push(line);
         Ok(())
     }
 
     /// Adds a sample, or finds the one with the same scene.
-    fn member(
+    fn sample(
         &mut self,
         scene: &Scene,
         label: String,
@@ -297,8 +300,8 @@ impl Study {
         check: bool,
     ) -> Result<usize, RunError> {
         let mut made = scene.clone();
-        for (d, to) in self.dials.iter().zip(&settings) {
-            made = d.dial.turn(&made, self.stage, to).map_err(|e| {
+        for (d, to) in self.parameters.iter().zip(&settings) {
+            made = d.parameter.turn(&made, self.stage, to).map_err(|e| {
                 RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}"))
             })?;
         }
@@ -311,12 +314,12 @@ impl Study {
         let key = key_of(&text);
         let made = case::parse(Path::new("scene.toml"), &text)
             .map_err(|e| RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}")))?;
-        if let Some(same) = self.members.iter().position(|m| m.key == key) {
+        if let Some(same) = self.samples.iter().position(|m| m.key == key) {
             return Ok(same);
         }
         let ratio = self.ratio(&settings);
-        self.members.push(Member { label, settings, scene: made, text, key, check, ratio });
-        Ok(self.members.len() - 1)
+        self.samples.push(Sample { label, settings, scene: made, text, key, check, ratio });
+        Ok(self.samples.len() - 1)
     }
 
     /// Cost against the base point, guessed from the settings: cells in space and time, a seventh of a
@@ -330,11 +333,13 @@ impl Study {
             "substeps" => 0.2,
             _ => 0.15,
         };
-        let one = |(d, to): (&Turned, &Setting)| {
-            let (Some(size), Some(base)) = (d.dial.size(to), d.dial.size(&d.base)) else { return 1.0 };
-            (base / size).powf(power(&d.dial.name))
+        let one = |(d, to): (&VariedParameter, &Setting)| {
+            let (Some(size), Some(base)) = (d.parameter.size(to), d.parameter.size(&d.base)) else {
+                return 1.0;
+            };
+            (base / size).powf(power(&d.parameter.name))
         };
-        self.dials.iter().zip(settings).map(one).product()
+        self.parameters.iter().zip(settings).map(one).product()
     }
 }
 
@@ -375,15 +380,15 @@ fn checked_parameters(
     wishes: &[case::Parameter],
     scene: &Scene,
     stage: usize,
-) -> Result<Vec<Turned>, RunError> {
-    let mut dials = Vec::new();
+) -> Result<Vec<VariedParameter>, RunError> {
+    let mut parameters = Vec::new();
     for w in wishes {
-        if dials.iter().any(|d: &Turned| d.dial.name == w.name) {
+        if parameters.iter().any(|d: &VariedParameter| d.parameter.name == w.name) {
             return Err(RunError::Input(format!("accuracy.parameter: `{}` is named twice", w.name)));
         }
-        dials.push(turned(w, scene, stage)?);
+        parameters.push(turned(w, scene, stage)?);
     }
-    Ok(dials)
+    Ok(parameters)
 }
 
 /// Files that it names lie where the scene of the user lies.
@@ -414,14 +419,14 @@ mod tests {
     fn any_scene_has_a_study() {
         for case in ["square-drop", "air-bag", "atps-descent", "hard/membrane-box", "atps-paper-scale"] {
             let s = study(case, "").unwrap();
-            assert!(!s.quantities.is_empty() && s.members.len() > 4, "{case}");
-            let keys: std::collections::BTreeSet<_> = s.members.iter().map(|m| &m.key).collect();
-            assert_eq!(keys.len(), s.members.len(), "a sample twice");
-            assert!(s.members.iter().all(|m| m.ratio > 0.0 && m.scene.accuracy.is_none()));
+            assert!(!s.quantities.is_empty() && s.samples.len() > 4, "{case}");
+            let keys: std::collections::BTreeSet<_> = s.samples.iter().map(|m| &m.key).collect();
+            assert_eq!(keys.len(), s.samples.len(), "a sample twice");
+            assert!(s.samples.iter().all(|m| m.ratio > 0.0 && m.scene.accuracy.is_none()));
             for l in &s.lines {
-                let base = l.members.iter().filter(|(m, _)| *m == 0).count();
+                let base = l.samples.iter().filter(|(m, _)| *m == 0).count();
                 assert!(
-                    base <= 1 && l.members.iter().all(|(m, _)| !s.members[*m].check),
+                    base <= 1 && l.samples.iter().all(|(m, _)| !s.samples[*m].check),
                     "{case} {}",
                     l.name
                 );
@@ -442,11 +447,11 @@ mod tests {
         .unwrap();
         let names: Vec<&str> = s.lines.iter().map(|l| l.name.as_str()).collect();
         assert_eq!(names, ["grid", "window", "scheme", "sweep"]);
-        assert_eq!(s.lines[0].members.iter().map(|m| m.1.unwrap()).collect::<Vec<_>>(), [2.0, 1.0 / 0.67]);
-        assert_eq!(s.members[s.lines[0].check.unwrap().0].label, "grid 1");
+        assert_eq!(s.lines[0].samples.iter().map(|m| m.1.unwrap()).collect::<Vec<_>>(), [2.0, 1.0 / 0.67]);
+        assert_eq!(s.samples[s.lines[0].check.unwrap().0].label, "grid 1");
         // The base, grid .67, grid 1 (check), window .5, aitken, the sweep's check: its levels are
         // window .5 and grid .67.
-        assert_eq!(s.members.len(), 6, "{:?}", s.members.iter().map(|m| &m.label).collect::<Vec<_>>());
+        assert_eq!(s.samples.len(), 6, "{:?}", s.samples.iter().map(|m| &m.label).collect::<Vec<_>>());
     }
 
     #[test]

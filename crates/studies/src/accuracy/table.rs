@@ -5,8 +5,8 @@ use std::path::Path;
 use coupling::error::RunError;
 
 use super::cost::COUNTS;
-use super::fly::Record;
 use super::judge::{Outcome, within};
+use super::runs::Record;
 use super::study::Study;
 
 fn number(x: Option<f64>) -> String {
@@ -35,7 +35,7 @@ pub fn write(out: &Path, study: &Study, outcome: &Outcome, records: &[Record]) -
 /// A row for each sample.
 fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
     let mut names = vec!["sample".to_owned()];
-    names.extend(study.dials.iter().map(|d| cell(&d.dial.name)));
+    names.extend(study.parameters.iter().map(|d| cell(&d.parameter.name)));
     for q in &study.quantities {
         names.push(cell(&q.name));
         names.push(format!("error of {}", cell(&q.name)));
@@ -59,9 +59,9 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
     names.extend(COUNTS.map(str::to_owned));
     names.push("note".into());
     let mut text = names.join(",") + "\n";
-    for (m, (member, s)) in study.members.iter().zip(&outcome.members).enumerate() {
-        let mut row = vec![cell(&member.label)];
-        row.extend(member.settings.iter().map(|v| cell(&v.to_string())));
+    for (m, (sample, s)) in study.samples.iter().zip(&outcome.samples).enumerate() {
+        let mut row = vec![cell(&sample.label)];
+        row.extend(sample.settings.iter().map(|v| cell(&v.to_string())));
         for (v, e) in s.values.iter().zip(&s.estimates) {
             row.extend([number(*v), number(e.map(|e| e.error)), number(e.map(|e| e.band))]);
         }
@@ -69,7 +69,7 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
         row.extend([number(largest.map(|e| e.error)), number(largest.map(|e| e.band))]);
         row.push(s.largest.map_or_else(String::new, |l| cell(&study.quantities[l.quantity].name)));
         row.push(u8::from(outcome.front.contains(&m)).to_string());
-        row.push(u8::from(member.check).to_string());
+        row.push(u8::from(sample.check).to_string());
         let runs = &records[m].runs;
         let wall = super::cost::spread(runs.iter().map(|c| c.wall_s));
         let cpu = super::cost::spread(runs.iter().map(|c| c.cpu_s));
@@ -142,7 +142,7 @@ mod tests {
         outcome.lines[1][0].unassessed = Some("1 of 3 samples".into());
         let folder = tempfile::tempdir().unwrap();
         write(folder.path(), &study, &outcome, &records).unwrap();
-        for (name, rows) in [("samples.csv", study.members.len()), ("parameters.csv", 3)] {
+        for (name, rows) in [("samples.csv", study.samples.len()), ("parameters.csv", 3)] {
             let text = std::fs::read_to_string(folder.path().join(name)).unwrap();
             let widths: Vec<usize> = text.lines().map(|l| l.split(',').count()).collect();
             assert_eq!(widths.len(), rows + 1, "{text}");

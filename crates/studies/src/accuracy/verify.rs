@@ -29,8 +29,8 @@ pub struct Verified {
 /// # Errors
 /// Why the reference or the sample has no value or no estimate.
 pub fn verify(study: &Study, outcome: &Outcome, sample: usize) -> Option<Result<Vec<Verified>, String>> {
-    let reference = &outcome.members[study.reference?];
-    let own = &outcome.members[sample];
+    let reference = &outcome.samples[study.reference?];
+    let own = &outcome.samples[sample];
     let one = |q: usize| {
         let name = &study.quantities[q].name;
         let missing =

@@ -39,10 +39,10 @@ pub fn words(study: &Study, outcome: &Outcome, not_assessed: &[NotAssessed]) -> 
     for (_, sentence) in cheaper(study, outcome) {
         text += &format!("{sentence}\n");
     }
-    for (m, s) in outcome.members.iter().enumerate() {
+    for (m, s) in outcome.samples.iter().enumerate() {
         if let Some(why) = &s.gap {
             text +=
-                &format!("gap: `{}`: {}\n", study.members[m].label, why.lines().next().unwrap_or_default());
+                &format!("gap: `{}`: {}\n", study.samples[m].label, why.lines().next().unwrap_or_default());
         }
     }
     let (held, all) = outcome.held();
@@ -58,11 +58,11 @@ fn pareto(study: &Study, outcome: &Outcome) -> String {
         return text + "  none: no sample has an error for all quantities\n";
     }
     for &m in &outcome.front {
-        let s = &outcome.members[m];
+        let s = &outcome.samples[m];
         let Some(l) = s.largest else { continue };
         text += &format!(
             "  {:<28} {:>10}  error {} +- {} ({})\n",
-            study.members[m].label,
+            study.samples[m].label,
             clock(s.cost.0),
             percent(l.estimate.error),
             percent(l.estimate.band),
@@ -76,7 +76,7 @@ fn pareto(study: &Study, outcome: &Outcome) -> String {
 /// for all together (index `None`) where a single sample is so for every quantity.
 pub fn cheaper(study: &Study, outcome: &Outcome) -> Vec<(Option<usize>, String)> {
     let every: Vec<usize> = (0..study.quantities.len()).collect();
-    let name = |m: usize| &study.members[m].label;
+    let name = |m: usize| &study.samples[m].label;
     if let Some((m, share)) = outcome.cheaper(&every) {
         let all = if every.len() > 1 { "every quantity" } else { "its quantity" };
         return vec![(
@@ -88,7 +88,7 @@ pub fn cheaper(study: &Study, outcome: &Outcome) -> Vec<(Option<usize>, String)>
         .iter()
         .filter_map(|&q| {
             let (m, share) = outcome.cheaper(&[q])?;
-            let error = |m: usize| outcome.members[m].estimates[q].map_or(f64::NAN, |e| e.error);
+            let error = |m: usize| outcome.samples[m].estimates[q].map_or(f64::NAN, |e| e.error);
             Some((
                 Some(q),
                 format!(

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::accuracy::quantities::reduce;
-use case::{Role, Scene, StageKind, Take};
+use case::{Role, Scene, StageKind, Statistic};
 
 use coupling::error::RunError;
 use results::history;
@@ -165,7 +165,7 @@ fn answer<'c>(kind: StageKind, lines: bool, column: impl Fn(&str) -> Option<&'c 
     let mean = |name: &str| {
         let (time, values) = (column("time_s")?, column(name)?);
         let end = *time.last()?;
-        let value = reduce(time, values, Take::Mean, 0.5 * end, end)?;
+        let value = reduce(time, values, Statistic::Mean, 0.5 * end, end)?;
         value.is_finite().then_some(value)
     };
     [

@@ -1,4 +1,4 @@
-//! The members of a family: a base scene at other mass ratios, windows, substeps and schemes.
+//! The samples of a family: a base scene at other mass ratios, windows, substeps and schemes.
 
 use std::path::{Path, PathBuf};
 
@@ -9,8 +9,8 @@ use toml::{Table, Value};
 
 use super::exact::Exact;
 
-/// A member is flown for one period of its first mode, but for no more windows than this and
-/// no fewer than [`LEAST_WINDOWS`]: what is unstable shows within some tens.
+/// A sample is completed for one period of its first mode, but for no more windows than this and
+/// at least [`LEAST_WINDOWS`]: what is unstable shows within some tens.
 pub const MOST_WINDOWS: u64 = 160;
 /// See [`MOST_WINDOWS`].
 pub const LEAST_WINDOWS: u64 = 12;
@@ -30,7 +30,7 @@ pub struct Axes {
 
 /// A scheme as the command line names it: `default` (what the scene says), or
 /// `SCHEME[:ACCELERATION[:LOAD]][+KEY=VALUE...]` with the keys and values of `[coupling]`, as in
-/// `staggered+staggered.sequence=half-step+staggered.predictor=1`.
+/// `staggered+staggered.sequence=improved-serial+staggered.predictor=1`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct SchemeChoice(pub String);
@@ -79,26 +79,26 @@ pub struct Point {
     pub scheme: SchemeChoice,
 }
 
-/// A member, ready to fly.
+/// A sample, ready to run.
 #[derive(Clone, Debug)]
-pub struct Member {
+pub struct Sample {
     /// Where it stands.
     pub point: Point,
     /// Its scene.
     pub scene: Scene,
     /// Its scene as text.
     pub text: String,
-    /// Folder of its results, named by its text: another scene is another member.
+    /// Folder of its results, named by its text: another scene is another sample.
     pub folder: PathBuf,
     /// The exact answer.
     pub exact: Exact,
 }
 
-/// All members, in the order of the axes, below `out`.
+/// All samples, in the order of the axes, below `out`.
 ///
 /// # Errors
-/// A base scene that has no closed form, or members that are no valid scenes.
-pub fn members(base: &Path, axes: &Axes, out: &Path) -> Result<Vec<Member>, RunError> {
+/// A base scene that has no closed form, or samples that are no valid scenes.
+pub fn samples(base: &Path, axes: &Axes, out: &Path) -> Result<Vec<Sample>, RunError> {
     let text = std::fs::read_to_string(base).map_err(RunError::file("read", base))?;
     // Reports what is wrong with the scene itself before it is changed.
     let scene = case::load(base).map_err(|e| RunError::Input(e.to_string()))?;
@@ -110,7 +110,7 @@ pub fn members(base: &Path, axes: &Axes, out: &Path) -> Result<Vec<Member>, RunE
             for &windows_per_period in &axes.windows {
                 for &mass_ratio in &axes.mass_ratios {
                     let point = Point { mass_ratio, windows_per_period, substeps, scheme: scheme.clone() };
-                    all.push(member(&table, &scene, &exact, point, out)?);
+                    all.push(sample(&table, &scene, &exact, point, out)?);
                 }
             }
         }
@@ -118,7 +118,7 @@ pub fn members(base: &Path, axes: &Axes, out: &Path) -> Result<Vec<Member>, RunE
     Ok(all)
 }
 
-fn member(base: &Table, scene: &Scene, exact: &Exact, point: Point, out: &Path) -> Result<Member, RunError> {
+fn sample(base: &Table, scene: &Scene, exact: &Exact, point: Point, out: &Path) -> Result<Sample, RunError> {
     let mut table = base.clone();
     let density = exact.added / (point.mass_ratio * scene.fabric.thickness_m);
     set_value(&mut table, &["fabric"], "density_kg_m3", Value::Float(density))?;
@@ -138,7 +138,7 @@ fn member(base: &Table, scene: &Scene, exact: &Exact, point: Point, out: &Path) 
     let folder = out.join(format!("{:08x}", crc32fast::hash(text.as_bytes())));
     let scene = case::parse(&folder.join("scene.toml"), &text).map_err(|e| RunError::Input(e.to_string()))?;
     let exact = Exact::new(&scene).map_err(RunError::Input)?;
-    Ok(Member { point, scene, text, folder, exact })
+    Ok(Sample { point, scene, text, folder, exact })
 }
 
 #[cfg(test)]
@@ -159,7 +159,7 @@ pub(super) mod tests {
                 .map(|s| SchemeChoice(s.into()))
                 .into(),
         };
-        let all = members(&base(), &axes, Path::new("/tmp/x")).unwrap();
+        let all = samples(&base(), &axes, Path::new("/tmp/x")).unwrap();
         assert_eq!(all.len(), 24);
         let folders: std::collections::BTreeSet<_> = all.iter().map(|m| m.folder.clone()).collect();
         assert_eq!(folders.len(), 24, "a folder twice");
@@ -172,17 +172,17 @@ pub(super) mod tests {
             let windows = stage.windows();
             assert!((LEAST_WINDOWS..=MOST_WINDOWS).contains(&windows), "{windows}");
         }
-        let more = SchemeChoice("staggered+staggered.sequence=half-step+staggered.predictor=1".into());
+        let more = SchemeChoice("staggered+staggered.sequence=improved-serial+staggered.predictor=1".into());
         let axes =
             Axes { mass_ratios: vec![1.0], windows: vec![8.0], substeps: vec![10], schemes: vec![more] };
-        let one = &members(&base(), &axes, Path::new("/tmp/x")).unwrap()[0].scene.coupling.staggered;
-        assert_eq!((one.sequence, one.predictor), (case::StaggeredSequence::HalfStep, 1));
+        let one = &samples(&base(), &axes, Path::new("/tmp/x")).unwrap()[0].scene.coupling.staggered;
+        assert_eq!((one.sequence, one.predictor), (case::StaggeredSequence::ImprovedSerial, 1));
         let last = &all[23].scene.coupling;
         assert_eq!(
-            (last.scheme, last.acceleration, last.load),
+            (last.scheme, last.acceleration, last.load_interpolation),
             (case::Scheme::Implicit, case::Acceleration::Aitken, case::LoadShape::Linear)
         );
         let wrong = Axes { schemes: vec![SchemeChoice("magic".into())], ..axes };
-        assert!(members(&base(), &wrong, Path::new("/tmp/x")).unwrap_err().to_string().contains("magic"));
+        assert!(samples(&base(), &wrong, Path::new("/tmp/x")).unwrap_err().to_string().contains("magic"));
     }
 }

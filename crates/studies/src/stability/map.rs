@@ -7,31 +7,31 @@ use coupling::error::RunError;
 use figures::chart::{Axis, Field, FieldMark, Figure, HeatMap, HeatMaps};
 
 use super::family::{Axes, SchemeChoice};
-use super::fly::Flown;
+use super::runs::Completed;
 use super::verdict::Class;
 
 /// Iterations at the light end of the scale.
 const MOST: f64 = 30.0;
-/// Letters of a failure in the table; all of it is in the member's folder.
+/// Letters of a failure in the table; all of it is in the sample's folder.
 const FAILURE: usize = 110;
 
 /// Writes `map.csv`, `map.svg` and `map.png` into `out`.
 ///
 /// # Errors
 /// Trouble with the files.
-pub fn write(out: &Path, axes: &Axes, flown: &[Flown], title: &str) -> Result<(), RunError> {
+pub fn write(out: &Path, axes: &Axes, completed: &[Completed], title: &str) -> Result<(), RunError> {
     let path = out.join("map.csv");
-    std::fs::write(&path, table(flown)).map_err(RunError::file("write", &path))?;
-    figure(axes, flown, title).save(out, "map").map(|_| ())
+    std::fs::write(&path, table(completed)).map_err(RunError::file("write", &path))?;
+    figure(axes, completed, title).save(out, "map").map(|_| ())
 }
 
-fn table(flown: &[Flown]) -> String {
+fn table(completed: &[Completed]) -> String {
     let mut text = String::from(
         "mass_ratio,windows_per_period,substeps,scheme,class,windows,iterations_per_window,frequency_error,\
          amplitude_error,energy_created,failure\n",
     );
     let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:.5}"));
-    for f in flown {
+    for f in completed {
         let v = &f.verdict;
         // One line, and no comma.
         let failure = v.failure.as_deref().unwrap_or_default().lines().next().unwrap_or_default();
@@ -58,8 +58,8 @@ fn share(iterations: f64) -> f64 {
     (iterations.max(1.0).ln() / MOST.ln()).min(1.0)
 }
 
-fn figure(axes: &Axes, flown: &[Flown], title: &str) -> Figure {
-    let one = |scheme| axes.substeps.iter().map(move |substeps| map(axes, flown, scheme, *substeps));
+fn figure(axes: &Axes, completed: &[Completed], title: &str) -> Figure {
+    let one = |scheme| axes.substeps.iter().map(move |substeps| map(axes, completed, scheme, *substeps));
     let marks = [Class::Stable, Class::Inaccurate, Class::Unstable];
     Figure::HeatMaps(HeatMaps {
         title: title.into(),
@@ -72,8 +72,8 @@ fn figure(axes: &Axes, flown: &[Flown], title: &str) -> Figure {
 }
 
 /// The map of one scheme and number of substeps.
-fn map(axes: &Axes, flown: &[Flown], scheme: &SchemeChoice, substeps: u32) -> HeatMap {
-    let field = |f: &Flown| {
+fn map(axes: &Axes, completed: &[Completed], scheme: &SchemeChoice, substeps: u32) -> HeatMap {
+    let field = |f: &Completed| {
         let p = &f.point;
         let column = axes.mass_ratios.iter().position(|m| *m == p.mass_ratio)?;
         let row = axes.windows.iter().position(|w| *w == p.windows_per_period)?;
@@ -85,7 +85,7 @@ fn map(axes: &Axes, flown: &[Flown], scheme: &SchemeChoice, substeps: u32) -> He
             text: if v.windows == 0 { "-".into() } else { format!("{:.1}", v.iterations) },
         })
     };
-    let own = flown.iter().filter(|f| f.point.substeps == substeps && f.point.scheme == *scheme);
+    let own = completed.iter().filter(|f| f.point.substeps == substeps && f.point.scheme == *scheme);
     let names = |values: &[f64]| values.iter().map(f64::to_string).collect();
     HeatMap {
         title: format!("{}, {substeps} substeps", scheme.0),
@@ -117,14 +117,14 @@ mod tests {
             substeps: vec![1, 10],
             schemes: vec![SchemeChoice("staggered".into()), SchemeChoice("default".into())],
         };
-        let mut flown = Vec::new();
+        let mut completed = Vec::new();
         for scheme in &axes.schemes {
             for &substeps in &axes.substeps {
                 for (j, &windows_per_period) in axes.windows.iter().enumerate() {
                     for (i, &mass_ratio) in axes.mass_ratios.iter().enumerate() {
                         let class = [Class::Stable, Class::Inaccurate, Class::Unstable][(i + j) % 3];
                         let unstable = class == Class::Unstable;
-                        flown.push(Flown {
+                        completed.push(Completed {
                             point: Point { mass_ratio, windows_per_period, substeps, scheme: scheme.clone() },
                             verdict: Verdict {
                                 class,
@@ -141,14 +141,14 @@ mod tests {
             }
         }
         let folder = tempfile::tempdir().unwrap();
-        write(folder.path(), &axes, &flown, "a panel").unwrap();
+        write(folder.path(), &axes, &completed, "a panel").unwrap();
         let csv = std::fs::read_to_string(folder.path().join("map.csv")).unwrap();
         assert_eq!(csv.lines().count(), 1 + 60);
         assert!(csv.lines().all(|l| l.split(',').count() == 11), "{csv}");
         let svg = std::fs::read_to_string(folder.path().join("map.svg")).unwrap();
         assert_eq!(svg.matches("mass of air").count(), 4);
-        // Stable members are dots, inaccurate ones rings; there is one of each in the legend.
-        let circles = flown.iter().filter(|f| f.verdict.class != Class::Unstable).count() + 2;
+        // Stable samples are dots, inaccurate ones rings; there is one of each in the legend.
+        let circles = completed.iter().filter(|f| f.verdict.class != Class::Unstable).count() + 2;
         assert_eq!(svg.matches("<circle").count(), circles);
         assert_eq!(svg.matches("mass of fabric").count(), 4);
         let png = std::fs::read(folder.path().join("map.png")).unwrap();

@@ -2,8 +2,8 @@
 
 mod exact;
 pub(crate) mod family;
-mod fly;
 mod map;
+mod runs;
 mod verdict;
 
 use std::path::PathBuf;
@@ -14,16 +14,16 @@ use coupling::error::RunError;
 use terminal::Console;
 
 pub use self::exact::Exact;
-use self::family::{Axes, SchemeChoice, members};
+use self::family::{Axes, SchemeChoice, samples};
 use self::verdict::Class;
 
-/// Which family to fly.
+/// The family of samples to run.
 #[derive(Args)]
 pub struct StabilityArgs {
     /// Scene of a panel in a box
     #[arg(default_value = "cases/hard/membrane-box/scene.toml")]
     scene: PathBuf,
-    /// Folder of the members and of map.csv, map.svg, map.png
+    /// Folder of the samples and of map.csv, map.svg, map.png
     #[arg(long, value_name = "DIR", default_value = "runs/stability")]
     out: PathBuf,
     /// Mass of the moved air over mass of the fabric [default: 0.1,10,1000; --full: all decades]
@@ -41,12 +41,12 @@ pub struct StabilityArgs {
     /// The whole family: five decades of mass ratio, three of the window
     #[arg(long)]
     full: bool,
-    /// Members flown at the same time [default: one for each core]
+    /// Samples completed at the same time [default: one for each core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
     jobs: Option<u32>,
-    /// Fly members anew that were flown before
+    /// Run samples again that were completed before
     #[arg(long)]
-    again: bool,
+    rerun: bool,
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {
@@ -84,7 +84,7 @@ impl StabilityArgs {
     }
 }
 
-/// Flies the family and draws its map; the text for people.
+/// Runs the family and draws its map; returns the text for people.
 ///
 /// # Errors
 /// A scene without closed form, an interruption, trouble with files.
@@ -93,14 +93,14 @@ pub fn stability(args: &StabilityArgs, stop: &AtomicBool, console: &Console) -> 
     std::fs::create_dir_all(&args.out).map_err(RunError::file("create", &args.out))?;
     let out = std::path::absolute(&args.out).map_err(RunError::file("resolve", &args.out))?;
     let _lock = results::lock::lock(&out)?;
-    let members = members(&args.scene, &axes, &out)?;
+    let samples = samples(&args.scene, &axes, &out)?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = args.jobs.map_or(cores, |n| n as usize);
-    console.line(&format!("{} members, {jobs} at a time", members.len()));
-    let flown = fly::fly(&members, jobs, args.again, stop, console)?;
-    let title = &members[0].scene.title;
-    map::write(&out, &axes, &flown, if title.is_empty() { &members[0].scene.name } else { title })?;
-    let count = |class: Class| flown.iter().filter(|f| f.verdict.class == class).count();
+    console.line(&format!("{} samples, {jobs} at a time", samples.len()));
+    let completed = runs::run_samples(&samples, jobs, args.rerun, stop, console)?;
+    let title = &samples[0].scene.title;
+    map::write(&out, &axes, &completed, if title.is_empty() { &samples[0].scene.name } else { title })?;
+    let count = |class: Class| completed.iter().filter(|f| f.verdict.class == class).count();
     Ok(format!(
         "{} stable, {} stable but inaccurate, {} unstable: {}",
         count(Class::Stable),

@@ -1,10 +1,10 @@
-//! What a member came to: stable, stable but inaccurate, or unstable.
+//! What a sample came to: stable, stable but inaccurate, or unstable.
 
 use serde::{Deserialize, Serialize};
 
 use super::exact::Exact;
 
-/// A stable member is inaccurate where its frequency or amplitude is off by more than this
+/// A stable sample is inaccurate where its frequency or amplitude is off by more than this
 /// share, or where the coupling has created more than this share of its energy.
 pub const ACCURATE: f64 = 0.1;
 /// A volume beyond this many times its start is growth: the exact one never exceeds 1.
@@ -53,7 +53,7 @@ pub struct Seen {
     pub iterations: Vec<f64>,
 }
 
-/// The verdict on a member.
+/// The verdict on a sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Class.
@@ -62,7 +62,7 @@ pub struct Verdict {
     pub windows: usize,
     /// Mean coupling iterations in a window.
     pub iterations: f64,
-    /// Frequency over the exact one, less 1; `None` where it cannot be told.
+    /// Frequency over the exact one, less 1; `None` where it cannot be determined.
     pub frequency_error: Option<f64>,
     /// Amplitude at that frequency over the exact one, less 1.
     pub amplitude_error: Option<f64>,

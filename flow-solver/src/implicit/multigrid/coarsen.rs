@@ -190,7 +190,7 @@ impl Graph {
 }
 
 /// How much weaker a coupling over the distance of `a` and `b` is than over `fine`.
-/// Never below one half: constant transfers bear no more. Merging along a line
+/// Never below one half: constant transfers are unstable below it. Merging along a line
 /// only would make the coarse correction too large otherwise.
 fn ratio(fine: f64, a: Vec3, b: Vec3) -> f32 {
     let coarse = (a - b).norm();

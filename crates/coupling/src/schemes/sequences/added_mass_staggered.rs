@@ -38,7 +38,7 @@ impl FromSurrogate for AddedMassStaggered {
     fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self {
         let defect = vec![0.0; surrogate.model.answers()];
         let motions = Predictor::from_start(MOST_ORDER, &settings.start());
-        let inner = InnerSolve::new(surrogate, settings.coupling.load, &settings.unknowns);
+        let inner = InnerSolve::new(surrogate, settings.coupling.load_interpolation, &settings.unknowns);
         Self { order: settings.predictor(), inner, motions, defects: Past::default(), defect }
     }
 

@@ -37,7 +37,7 @@ impl FromSurrogate for BlockQuasiNewton {
 
     fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self {
         let defect = vec![0.0; surrogate.model.answers()];
-        let load = settings.coupling.load;
+        let load = settings.coupling.load_interpolation;
         Self {
             inner: InnerSolve::new(surrogate, load, &settings.unknowns),
             motions: Predictor::from_start(MOST_ORDER, &settings.start()),

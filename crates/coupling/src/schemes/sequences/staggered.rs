@@ -84,7 +84,7 @@ pub struct FlowFirst {
 
 impl FromScene for FlowFirst {
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
-        let applied = AppliedLoad::new(settings.coupling.load);
+        let applied = AppliedLoad::new(settings.coupling.load_interpolation);
         Self { order: settings.predictor(), applied, motions: Past::from_start(&settings.start()) }
     }
 

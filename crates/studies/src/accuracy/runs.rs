@@ -14,7 +14,7 @@ use terminal::Console;
 use super::cost::{self, Cost, Sizes};
 use super::estimate;
 use super::running::Progress;
-use super::study::{Member, Study};
+use super::study::{Sample, Study};
 use crate::process::run_scene;
 
 const RESULT: &str = "result.json";
@@ -39,7 +39,7 @@ pub struct Record {
 
 /// How samples are run.
 #[derive(Clone, Debug)]
-pub struct Flight {
+pub struct Execution {
     /// Folder of the study.
     pub out: PathBuf,
     /// Samples at the same time.
@@ -59,21 +59,21 @@ pub fn key_of(text: &str) -> String {
 }
 
 /// Folder of a sample.
-pub fn folder(out: &Path, member: &Member) -> PathBuf {
-    out.join("samples").join(&member.key)
+pub fn folder(out: &Path, sample: &Sample) -> PathBuf {
+    out.join("samples").join(&sample.key)
 }
 
 /// Folder of its run.
-pub fn run_folder(out: &Path, member: &Member) -> PathBuf {
-    folder(out, member).join("run")
+pub fn run_folder(out: &Path, sample: &Sample) -> PathBuf {
+    folder(out, sample).join("run")
 }
 
 /// The kept result of a sample; one that was ended at a shorter time limit than today's is none.
-pub fn kept(flight: &Flight, member: &Member, build: &str) -> Option<Record> {
-    let text = std::fs::read_to_string(folder(&flight.out, member).join(RESULT)).ok()?;
+pub fn kept(execution: &Execution, sample: &Sample, build: &str) -> Option<Record> {
+    let text = std::fs::read_to_string(folder(&execution.out, sample).join(RESULT)).ok()?;
     let record: Record = serde_json::from_str(&text).ok()?;
-    let longer = record.limit_s.is_some_and(|then| flight.limit_s.is_none_or(|now| now > then));
-    (!longer && (flight.any_build || record.build == build)).then_some(record)
+    let longer = record.limit_s.is_some_and(|then| execution.limit_s.is_none_or(|now| now > then));
+    (!longer && (execution.any_build || record.build == build)).then_some(record)
 }
 
 /// Results that are there already, and the runs that are missing.
@@ -91,32 +91,32 @@ pub struct Queue {
 ///
 /// # Errors
 /// Programs that are missing.
-pub fn queue(study: &Study, flight: &Flight) -> Result<Queue, RunError> {
+pub fn queue(study: &Study, execution: &Execution) -> Result<Queue, RunError> {
     let build = provenance::build()?;
-    let found = |(i, m): (usize, &Member)| {
-        kept(flight, m, &build)
+    let found = |(i, m): (usize, &Sample)| {
+        kept(execution, m, &build)
             .filter(|r| i > 0 || r.failure.is_none())
             .unwrap_or_else(|| Record { build: build.clone(), ..Record::default() })
     };
-    let records: Vec<Record> = study.members.iter().enumerate().map(found).collect();
+    let records: Vec<Record> = study.samples.iter().enumerate().map(found).collect();
     let missing = |i: usize| match records[i].failure {
         Some(_) => 0,
-        None => flight.repeat.saturating_sub(records[i].runs.len()),
+        None => execution.repeat.saturating_sub(records[i].runs.len()),
     };
     // Long samples first: the last ones then share the cores evenly. The base comes first of all.
-    let mut order: Vec<usize> = (0..study.members.len()).collect();
+    let mut order: Vec<usize> = (0..study.samples.len()).collect();
     order.sort_by(|&a, &b| {
-        (b == 0).cmp(&(a == 0)).then(study.members[b].ratio.total_cmp(&study.members[a].ratio))
+        (b == 0).cmp(&(a == 0)).then(study.samples[b].ratio.total_cmp(&study.samples[a].ratio))
     });
     let mut open = Vec::new();
-    for round in 0..flight.repeat {
+    for round in 0..execution.repeat {
         open.extend(order.iter().copied().filter(|&i| missing(i) > round));
     }
     let known =
-        records.iter().zip(&study.members).filter_map(|(r, m)| Some((r.runs.first()?.wall_s, m.ratio)));
+        records.iter().zip(&study.samples).filter_map(|(r, m)| Some((r.runs.first()?.wall_s, m.ratio)));
     let (wall, ratio) = known.fold((0.0, 0.0), |sum, k| (sum.0 + k.0, sum.1 + k.1));
     let base_s =
-        if ratio > 0.0 { (wall / ratio, true) } else { (estimate::seconds(&study.members[0].scene), false) };
+        if ratio > 0.0 { (wall / ratio, true) } else { (estimate::seconds(&study.samples[0].scene), false) };
     Ok(Queue { records, open, base_s })
 }
 
@@ -126,25 +126,25 @@ pub fn queue(study: &Study, flight: &Flight) -> Result<Queue, RunError> {
 /// # Errors
 /// A base that fails or is of no use (no other sample is run then), an interruption, and whatever
 /// prevents the start of a sample: a sample that fails is a result.
-pub fn fly(
+pub fn run_samples(
     study: &Study,
-    flight: &Flight,
+    execution: &Execution,
     queue: Queue,
     judge: &dyn Fn(&Record) -> Option<String>,
     stop: &AtomicBool,
     console: &Console,
 ) -> Result<Vec<Record>, RunError> {
-    let runs = study.members.len() * flight.repeat;
+    let runs = study.samples.len() * execution.repeat;
     if queue.open.len() < runs {
         console.line(&format!("{} runs are there already", runs - queue.open.len()));
     }
     let team = Team {
         study,
-        flight,
+        execution,
         stop,
         console,
         records: queue.records.into_iter().map(Mutex::new).collect(),
-        progress: Progress::new(study, &flight.out, console, flight.jobs, &queue.open, queue.base_s.0),
+        progress: Progress::new(study, &execution.out, console, execution.jobs, &queue.open, queue.base_s.0),
         ended: AtomicUsize::new(0),
         all: queue.open.len(),
     };
@@ -152,9 +152,9 @@ pub fn fly(
     team.run(base, 1)?;
     let record = team.record(0).clone();
     if let Some(why) = record.failure.clone().or_else(|| judge(&record)) {
-        return Err(no_base(&why, &run_folder(&flight.out, &study.members[0])));
+        return Err(no_base(&why, &run_folder(&execution.out, &study.samples[0])));
     }
-    team.run(others, flight.jobs)?;
+    team.run(others, execution.jobs)?;
     let Team { records, .. } = team;
     Ok(records.into_iter().map(|r| r.into_inner().unwrap_or_else(PoisonError::into_inner)).collect())
 }
@@ -172,7 +172,7 @@ fn no_base(why: &str, run: &Path) -> RunError {
 /// Threads that run samples side by side.
 struct Team<'a> {
     study: &'a Study,
-    flight: &'a Flight,
+    execution: &'a Execution,
     stop: &'a AtomicBool,
     console: &'a Console,
     records: Vec<Mutex<Record>>,
@@ -208,19 +208,19 @@ impl Team<'_> {
 
     /// One run of a sample, unless it has failed before.
     fn sample(&self, at: usize) -> Result<(), RunError> {
-        let member = &self.study.members[at];
+        let sample = &self.study.samples[at];
         // Held while it runs: it has one folder.
         let mut kept = self.record(at);
         self.progress.begin(at);
         let result = if kept.failure.is_some() {
             Ok(kept.clone())
         } else {
-            one(member, self.flight, kept.clone(), self.stop, &|| self.progress.tick())
+            one(sample, self.execution, kept.clone(), self.stop, &|| self.progress.tick())
         };
         self.progress.end(at, result.as_ref().is_ok_and(|r| r.failure.is_none()));
         *kept = result?;
         let ended = self.ended.fetch_add(1, Ordering::Relaxed) + 1;
-        self.console.line(&format!("{ended:>4}/{}  {}", self.all, line(member, &kept)));
+        self.console.line(&format!("{ended:>4}/{}  {}", self.all, line(sample, &kept)));
         Ok(())
     }
 }
@@ -232,36 +232,36 @@ fn interrupted() -> RunError {
     })
 }
 
-fn line(member: &Member, record: &Record) -> String {
+fn line(sample: &Sample, record: &Record) -> String {
     match (&record.failure, record.runs.last()) {
-        (Some(why), _) => format!("{:<28} failed: {}", member.label, why.lines().next().unwrap_or_default()),
+        (Some(why), _) => format!("{:<28} failed: {}", sample.label, why.lines().next().unwrap_or_default()),
         (None, Some(cost)) => {
-            format!("{:<28} {:>9.2} s, work {:.2} s", member.label, cost.wall_s, cost.counts().work())
+            format!("{:<28} {:>9.2} s, work {:.2} s", sample.label, cost.wall_s, cost.counts().work())
         }
-        (None, None) => member.label.clone(),
+        (None, None) => sample.label.clone(),
     }
 }
 
 fn one(
-    member: &Member,
-    flight: &Flight,
+    sample: &Sample,
+    execution: &Execution,
     before: Record,
     stop: &AtomicBool,
     tick: &dyn Fn(),
 ) -> Result<Record, RunError> {
-    let folder = folder(&flight.out, member);
+    let folder = folder(&execution.out, sample);
     std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
     let scene = folder.join("scene.toml");
-    std::fs::write(&scene, &member.text).map_err(RunError::file("write", &scene))?;
-    let run_folder = run_folder(&flight.out, member);
+    std::fs::write(&scene, &sample.text).map_err(RunError::file("write", &scene))?;
+    let run_folder = run_folder(&execution.out, sample);
     let mut record = before;
-    let ended = run(&scene, &run_folder, &record.build, flight.limit_s, stop, tick)?;
-    record.limit_s = flight.limit_s.filter(|_| matches!(ended, End::Late(_)));
+    let ended = run(&scene, &run_folder, &record.build, execution.limit_s, stop, tick)?;
+    record.limit_s = execution.limit_s.filter(|_| matches!(ended, End::Late(_)));
     record.failure = match ended {
         End::Complete => None,
         End::Late(why) | End::Failed(why) => Some(why),
     };
-    let sizes = CanopyInterface::new(&member.scene).map(|i| Sizes {
+    let sizes = CanopyInterface::new(&sample.scene).map(|i| Sizes {
         elements: (i.sizes.triangles + i.sizes.cables) as f64,
         nodes: i.sizes.nodes as f64,
         ..Sizes::default()
@@ -273,7 +273,7 @@ fn one(
         Err(why) => record.failure = Some(why),
     }
     record.note = above_tolerance(&run_folder);
-    prune(&run_folder, &member.scene);
+    prune(&run_folder, &sample.scene);
     let text = serde_json::to_string_pretty(&record).unwrap_or_default();
     // Beside its place first: a result is whole, or it is not there.
     let (draft, place) = (folder.join("result.new"), folder.join(RESULT));

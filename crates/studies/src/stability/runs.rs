@@ -1,4 +1,4 @@
-//! Flies the members, some at a time, each as a `ripstop run` of its own.
+//! Runs the samples, some at a time, each as a `ripstop run` of its own.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -9,13 +9,13 @@ use results::history;
 use serde::{Deserialize, Serialize};
 use terminal::Console;
 
-use super::family::{Member, Point};
+use super::family::{Point, Sample};
 use super::verdict::{Seen, Verdict};
 use crate::process::run_scene;
 
-/// What is kept of a member that was flown.
+/// What is kept of a sample that was completed.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Flown {
+pub struct Completed {
     /// Where it stands.
     pub point: Point,
     /// What it came to.
@@ -24,30 +24,30 @@ pub struct Flown {
 
 const RESULT: &str = "verdict.json";
 
-/// Flies all members that have no result yet, `jobs` at a time; results in their order.
+/// Runs all samples that have no result yet, `jobs` at a time; results in their order.
 ///
 /// # Errors
-/// An interruption, and whatever keeps a member from being started: a member that fails is
+/// An interruption, and whatever keeps a sample from being started: a sample that fails is
 /// a result.
-pub fn fly(
-    members: &[Member],
+pub fn run_samples(
+    samples: &[Sample],
     jobs: usize,
-    again: bool,
+    rerun: bool,
     stop: &AtomicBool,
     console: &Console,
-) -> Result<Vec<Flown>, RunError> {
-    let mut results: Vec<Option<Flown>> =
-        members.iter().map(|m| if again { None } else { kept(m) }).collect();
-    let open: Vec<usize> = (0..members.len()).filter(|&i| results[i].is_none()).collect();
-    if open.len() < members.len() {
+) -> Result<Vec<Completed>, RunError> {
+    let mut results: Vec<Option<Completed>> =
+        samples.iter().map(|m| if rerun { None } else { kept(m) }).collect();
+    let open: Vec<usize> = (0..samples.len()).filter(|&i| results[i].is_none()).collect();
+    if open.len() < samples.len() {
         console.line(&format!(
-            "{} of {} members are there already",
-            members.len() - open.len(),
-            members.len()
+            "{} of {} samples are there already",
+            samples.len() - open.len(),
+            samples.len()
         ));
     }
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let new: Mutex<Vec<(usize, Result<Flown, RunError>)>> = Mutex::new(Vec::new());
+    let new: Mutex<Vec<(usize, Result<Completed, RunError>)>> = Mutex::new(Vec::new());
     let halt = AtomicBool::new(false);
     let work = || {
         loop {
@@ -55,27 +55,27 @@ pub fn fly(
             if stop.load(Ordering::Relaxed) || halt.load(Ordering::Relaxed) {
                 return;
             }
-            let member = &members[at];
-            let flown = one(member, stop);
+            let sample = &samples[at];
+            let completed = one(sample, stop);
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            match &flown {
+            match &completed {
                 Ok(f) => console.line(&format!("{count:>4}/{}  {}", open.len(), line(f))),
                 Err(_) => halt.store(true, Ordering::Relaxed),
             }
             if let Ok(mut new) = new.lock() {
-                new.push((at, flown));
+                new.push((at, completed));
             }
         }
     };
     std::thread::scope(|scope| (0..jobs.max(1)).for_each(|_| drop(scope.spawn(work))));
-    for (at, flown) in new.into_inner().unwrap_or_default() {
-        results[at] = Some(flown?);
+    for (at, completed) in new.into_inner().unwrap_or_default() {
+        results[at] = Some(completed?);
     }
-    let all: Option<Vec<Flown>> = results.into_iter().collect();
+    let all: Option<Vec<Completed>> = results.into_iter().collect();
     all.ok_or_else(|| RunError::Interrupted(Place { stage: "stability".into(), window: None }))
 }
 
-fn line(f: &Flown) -> String {
+fn line(f: &Completed) -> String {
     let percent = |e: Option<f64>| e.map_or_else(|| "-".into(), |e| format!("{:+.1} %", 100.0 * e));
     let v = &f.verdict;
     format!(
@@ -92,35 +92,35 @@ fn line(f: &Flown) -> String {
     )
 }
 
-fn kept(member: &Member) -> Option<Flown> {
-    let text = std::fs::read_to_string(member.folder.join(RESULT)).ok()?;
+fn kept(sample: &Sample) -> Option<Completed> {
+    let text = std::fs::read_to_string(sample.folder.join(RESULT)).ok()?;
     serde_json::from_str(&text).ok()
 }
 
-fn one(member: &Member, stop: &AtomicBool) -> Result<Flown, RunError> {
-    let folder = &member.folder;
+fn one(sample: &Sample, stop: &AtomicBool) -> Result<Completed, RunError> {
+    let folder = &sample.folder;
     std::fs::create_dir_all(folder).map_err(RunError::file("create", folder))?;
     let scene = folder.join("scene.toml");
-    std::fs::write(&scene, &member.text).map_err(RunError::file("write", &scene))?;
+    std::fs::write(&scene, &sample.text).map_err(RunError::file("write", &scene))?;
     let failure = run(&scene, folder, stop)?;
-    let name = &member.scene.stages.last().map(|s| s.name.as_str()).unwrap_or_default();
+    let name = &sample.scene.stages.last().map(|s| s.name.as_str()).unwrap_or_default();
     let seen = read(&folder.join(name).join("history.csv"))?;
-    let first = read(&folder.join(&member.scene.stages[0].name).join("history.csv"));
+    let first = read(&folder.join(&sample.scene.stages[0].name).join("history.csv"));
     let start = first.ok().and_then(|s| s.volume.last().copied()).filter(|v| v.is_finite() && *v != 0.0);
     let exact = match start {
-        Some(volume) => member.exact.clone().from_volume(volume),
-        None => member.exact.clone(),
+        Some(volume) => sample.exact.clone().from_volume(volume),
+        None => sample.exact.clone(),
     };
-    let flown = Flown { point: member.point.clone(), verdict: Verdict::new(&seen, &exact, failure) };
-    let text = serde_json::to_string_pretty(&flown).unwrap_or_default();
+    let completed = Completed { point: sample.point.clone(), verdict: Verdict::new(&seen, &exact, failure) };
+    let text = serde_json::to_string_pretty(&completed).unwrap_or_default();
     // Beside its place first: a result is whole, or it is not there.
     let (draft, place) = (folder.join("verdict.new"), folder.join(RESULT));
     std::fs::write(&draft, text + "\n").map_err(RunError::file("write", &draft))?;
     std::fs::rename(&draft, &place).map_err(RunError::file("rename", &place))?;
-    Ok(flown)
+    Ok(completed)
 }
 
-/// Runs a member to its end; why it failed, if it did.
+/// Runs a sample to its end; why it failed, if it did.
 fn run(scene: &Path, folder: &Path, stop: &AtomicBool) -> Result<Option<String>, RunError> {
     let program = results::program::this_program()?;
     let log = folder.join("errors.txt");

@@ -3,17 +3,17 @@
 use case::{Scene, Solve};
 use coupling::error::RunError;
 
-use super::dials::{Dial, Kind, Setting};
-use super::study::Turned;
+use super::parameter::{Kind, Parameter, Setting};
+use super::study::VariedParameter;
 
 /// A parameter as the scene names it.
 ///
 /// # Errors
 /// Values that the parameter or the scene cannot have.
-pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<Turned, RunError> {
+pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<VariedParameter, RunError> {
     let refuse = |why: String| RunError::Input(format!("accuracy.parameter `{}`: {why}", w.name));
     let words = w.values.is_empty() && !w.choices.is_empty();
-    let mut dial = Dial::find(&w.name, scene, stage, words)?;
+    let mut parameter = Parameter::find(&w.name, scene, stage, words)?;
     if w.values.is_empty() && w.choices.is_empty() {
         return Err(refuse("it has neither `values` nor `choices`".into()));
     }
@@ -24,7 +24,7 @@ pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<Turned
         if !(order > 0.0 && order <= 8.0) {
             return Err(refuse(format!("`order` is {order}: above 0 and at most 8")));
         }
-        dial.promised = order;
+        parameter.promised = order;
     }
     if let Some(bad) = w.values.iter().chain(&w.check).chain(&w.base).find(|v| !(**v > 0.0 && v.is_finite()))
     {
@@ -33,12 +33,12 @@ pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<Turned
     let mut numbers = w.values.clone();
     // Coarse first.
     numbers.sort_by(f64::total_cmp);
-    if dial.kind == Kind::Size {
+    if parameter.kind == Kind::Size {
         numbers.reverse();
     }
     let finest = numbers.last().copied();
     if let (Some(check), Some(finest)) = (w.check, finest) {
-        let finer = if dial.kind == Kind::Fineness { check > finest } else { check < finest };
+        let finer = if parameter.kind == Kind::Fineness { check > finest } else { check < finest };
         if !finer {
             return Err(refuse(format!("`check` is {check}: it must be finer than all values ({finest})")));
         }
@@ -51,17 +51,17 @@ pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<Turned
     let base = match (&w.base, &w.base_choice) {
         (Some(x), _) => Some(Setting::Number(*x)),
         (_, Some(word)) => Some(Setting::Choice(word.clone())),
-        _ => dial.own(scene),
+        _ => parameter.own(scene),
     };
     let base = base.ok_or_else(|| refuse("the scene has no value of its own: name a `base`".into()))?;
-    Ok(Turned { dial, values, base, check: w.check.map(Setting::Number) })
+    Ok(VariedParameter { parameter, values, base, check: w.check.map(Setting::Number) })
 }
 
 /// Parameters for a scene that names none.
 pub fn defaults(scene: &Scene, stage: usize) -> Vec<case::Parameter> {
     let mut all = Vec::new();
     let mut numbers = |name: &str, values: &[f64], check: Option<f64>| {
-        if Dial::fits(name, scene, stage) {
+        if Parameter::fits(name, scene, stage) {
             all.push(case::Parameter {
                 name: name.into(),
                 values: values.to_vec(),
@@ -71,7 +71,7 @@ pub fn defaults(scene: &Scene, stage: usize) -> Vec<case::Parameter> {
         }
     };
     let thirds = [0.5, 2.0 / 3.0, 5.0 / 6.0, 1.0];
-    if Dial::fits("grid", scene, stage) {
+    if Parameter::fits("grid", scene, stage) {
         numbers("grid", &thirds, Some(1.5));
     } else {
         numbers("structure-grid", &thirds, Some(1.5));
@@ -103,11 +103,11 @@ pub fn defaults(scene: &Scene, stage: usize) -> Vec<case::Parameter> {
 }
 
 /// What is varied together where a scene does not say: space and time.
-pub fn default_sweep(dials: &[Turned]) -> Vec<String> {
-    let have = |name: &str| dials.iter().find(|d| d.dial.name == name);
+pub fn default_sweep(parameters: &[VariedParameter]) -> Vec<String> {
+    let have = |name: &str| parameters.iter().find(|d| d.parameter.name == name);
     match (have("grid").or(have("structure-grid")), have("window")) {
         (Some(a), Some(b)) if a.values.len() == b.values.len() => {
-            vec![a.dial.name.clone(), b.dial.name.clone()]
+            vec![a.parameter.name.clone(), b.parameter.name.clone()]
         }
         _ => Vec::new(),
     }

@@ -1,6 +1,5 @@
-//! What a rank remembers beside its share of the flow's state, so that a run which goes on in the middle
-//! of a stage computes the same digits. The state serves any number of ranks; this the same
-//! number only.
+//! Data of a rank besides its part of the state of the flow, so that a run restarts within a stage with the same digits.
+//! The state serves any number of ranks; this data serves the same number only.
 
 use std::path::Path;
 
@@ -16,16 +15,16 @@ use crate::topology::Topology;
 const MAGIC: [u8; 8] = *b"ripflmem";
 const VERSION: u32 = 1;
 
-/// A rank's memory.
+/// Warm-start data of a rank.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Memory {
+pub struct RankWarmStart {
     /// Of the solver.
     pub solver: WarmStart,
     /// Cell around each probe and its faces.
     pub probes: Vec<Home>,
 }
 
-impl Memory {
+impl RankWarmStart {
     /// Writes it below `folder`. Collective.
     ///
     /// # Errors
@@ -42,7 +41,7 @@ impl Memory {
         })
     }
 
-    /// Reads what [`Memory::save`] wrote for this part of the grid; `None` where there is none.
+    /// Reads what [`RankWarmStart::save`] wrote for this part of the grid; `None` where there is none.
     ///
     /// # Errors
     /// A file that is damaged or does not fit, or holds what is no number.
@@ -50,7 +49,7 @@ impl Memory {
         channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(part).map_err(Into::into))
     }
 
-    /// What [`Memory::save`] wrote; `None` where another number of ranks has written it. Collective.
+    /// What [`RankWarmStart::save`] wrote; `None` where another number of ranks has written it. Collective.
     ///
     /// # Errors
     /// On every rank: a file of one of them that cannot be used.

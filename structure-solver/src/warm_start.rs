@@ -1,4 +1,4 @@
-//! What a rank remembers beside the state of the nodes, so that a run which goes on in the middle of a
+//! Data of a rank besides the state of the nodes, so that a run which restarts within a
 //! stage computes the same digits: kept factors, pairs in contact, ghosts.
 //!
 //! The state of the nodes serves any number of ranks; this serves the same number only.
@@ -19,16 +19,16 @@ const VERSION: u32 = 1;
 
 /// What the linear solver keeps from step to step.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct LinearMemory {
+pub struct LinearWarmStart {
     /// Direct factors are kept.
-    pub direct: Option<DirectMemory>,
+    pub direct: Option<DirectWarmStart>,
     /// They are to be renewed before the next solve.
     pub stale: bool,
 }
 
 /// What direct factors were made of, and how they served.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct DirectMemory {
+pub struct DirectWarmStart {
     /// Several subdomains on a rank.
     pub cut: bool,
     /// Iterations of the first solve with the present factor, and its relative tolerance.
@@ -45,7 +45,7 @@ pub struct Memory {
     /// Displacements, velocities and accelerations of local nodes, ghosts included.
     pub nodes: [Vec<f64>; 3],
     /// Of the linear solver.
-    pub linear: LinearMemory,
+    pub linear: LinearWarmStart,
     /// Of each element loop.
     pub loops: Vec<Vec<f64>>,
 }
@@ -95,8 +95,8 @@ pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), archive::Error> {
     let State { u, v, a, .. } = &dynamics.accepted;
     let memory = Memory {
         nodes: [u.clone(), v.clone(), a.clone()],
-        linear: dynamics.linear.memory(),
-        loops: dynamics.system.loops().iter().map(|l| l.memory()).collect(),
+        linear: dynamics.linear.save_state(),
+        loops: dynamics.system.loops().iter().map(|l| l.save_state()).collect(),
     };
     let comm = dynamics.system.comm();
     let file = channel::memory_file(folder, Role::Structure, comm.rank(), comm.size());
@@ -107,7 +107,7 @@ pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), archive::Error> {
 ///
 /// # Errors
 /// On every rank: a file of one of them that cannot be used.
-pub fn recall(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
+pub fn restore_state(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
     let comm = dynamics.system.comm().clone();
     let file = channel::memory_file(folder, Role::Structure, comm.rank(), comm.size());
     let shape = Shape {
@@ -120,8 +120,9 @@ pub fn recall(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
         return Ok(false);
     }
     let Memory { nodes: [u, v, a], linear, loops } = memory.expect("all ranks have one");
-    let recalled = dynamics.system.loops_mut().iter_mut().zip(&loops).try_for_each(|(l, m)| l.recall(m));
-    agree(&comm, recalled.map_err(|reason| archive::Error::content(&file, reason)))?;
+    let restored =
+        dynamics.system.loops_mut().iter_mut().zip(&loops).try_for_each(|(l, m)| l.restore_state(m));
+    agree(&comm, restored.map_err(|reason| archive::Error::content(&file, reason)))?;
     let accepted = &mut dynamics.accepted;
     (accepted.u, accepted.v, accepted.a) = (u, v, a);
     let cut = linear.direct.as_ref().map_or(2, |d| u64::from(d.cut));
@@ -132,7 +133,7 @@ pub fn recall(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
         )));
     }
     let matrix: &mut BlockCsr<3> = &mut dynamics.system.matrix;
-    dynamics.linear.recall(linear, matrix);
+    dynamics.linear.restore_state(linear, matrix);
     Ok(true)
 }
 

@@ -41,7 +41,7 @@ pub enum Kind {
 
 /// A parameter by name.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Dial {
+pub struct Parameter {
     /// Name.
     pub name: String,
     /// Meaning of its values.
@@ -223,24 +223,24 @@ fn refuse(name: &str, why: &str) -> RunError {
     RunError::Input(format!("parameter `{name}`: not available in this scene: {why}"))
 }
 
-impl Dial {
+impl Parameter {
     /// Finds `name`; `words` says that its values are words.
     ///
     /// # Errors
     /// A parameter that does not exist or that `scene` does not have, with the reason.
     pub fn find(name: &str, scene: &Scene, stage: usize, words: bool) -> Result<Self, RunError> {
-        let dial = |kind, promised| Self { name: name.into(), kind, promised };
+        let parameter = |kind, promised| Self { name: name.into(), kind, promised };
         if let Some((_, kind, promised, fits, _)) = NUMBERS.iter().find(|e| e.0 == name) {
             fits(scene, stage).map_err(|why| refuse(name, why))?;
             if words {
                 return Err(refuse(name, "its values are numbers (`values`), not words (`choices`)"));
             }
-            return Ok(dial(*kind, *promised));
+            return Ok(parameter(*kind, *promised));
         }
         if name == SCHEME {
             coupled(scene, stage).map_err(|why| refuse(name, why))?;
             return if words {
-                Ok(dial(Kind::Choice, 0.0))
+                Ok(parameter(Kind::Choice, 0.0))
             } else {
                 Err(refuse(name, "name schemes in `choices`"))
             };
@@ -257,13 +257,13 @@ impl Dial {
                 return Err(refuse(name, "this effect has no scene without it"));
             }
             return if words {
-                Ok(dial(Kind::Choice, 0.0))
+                Ok(parameter(Kind::Choice, 0.0))
             } else {
                 Err(refuse(name, "write choices = [\"on\", \"off\"]"))
             };
         }
         if name.contains('.') {
-            return Ok(dial(if words { Kind::Choice } else { Kind::Size }, 1.0));
+            return Ok(parameter(if words { Kind::Choice } else { Kind::Size }, 1.0));
         }
         Err(RunError::Input(format!(
             "there is no parameter `{name}`; there are {}, the effects that `ripstop effects` lists, and dotted keys of \
@@ -405,7 +405,7 @@ mod tests {
     fn turned(scene: &Scene, name: &str, to: Setting) -> Scene {
         let stage = scene.stages.len() - 1;
         let words = matches!(to, Setting::Choice(_));
-        Dial::find(name, scene, stage, words).unwrap().turn(scene, stage, &to).unwrap()
+        Parameter::find(name, scene, stage, words).unwrap().turn(scene, stage, &to).unwrap()
     }
 
     #[test]
@@ -432,9 +432,9 @@ mod tests {
     #[test]
     fn the_own_setting_leaves_the_scene_alone() {
         let base = scene("atps-descent");
-        for name in names().into_iter().filter(|n| Dial::fits(n, &base, 2)) {
-            let dial = Dial::find(name, &base, 2, false).unwrap();
-            let same = dial.turn(&base, 2, &dial.own(&base).unwrap()).unwrap();
+        for name in names().into_iter().filter(|n| Parameter::fits(n, &base, 2)) {
+            let parameter = Parameter::find(name, &base, 2, false).unwrap();
+            let same = parameter.turn(&base, 2, &parameter.own(&base).unwrap()).unwrap();
             assert_eq!(toml::to_string(&same).unwrap(), toml::to_string(&base).unwrap(), "{name}");
         }
     }
@@ -443,7 +443,7 @@ mod tests {
     fn what_a_scene_does_not_have_is_refused_with_the_reason() {
         let refused = |case: &str, name: &str, words: bool| {
             let s = scene(case);
-            Dial::find(name, &s, s.stages.len() - 1, words).unwrap_err().to_string()
+            Parameter::find(name, &s, s.stages.len() - 1, words).unwrap_err().to_string()
         };
         assert!(refused("air-bag", "coupling-tolerance", false).contains("no stage is coupled"));
         assert!(refused("air-bag", "newton-tolerance", false).contains("explicit"));
@@ -453,7 +453,7 @@ mod tests {
         assert!(refused("square-drop", "preconditioner-precision", true).contains("single"));
         assert!(refused("square-drop", "scheme", false).contains("choices"));
         let s = scene("square-drop");
-        let typo = Dial::find("coupling.tolerence", &s, 2, false).unwrap();
+        let typo = Parameter::find("coupling.tolerence", &s, 2, false).unwrap();
         assert!(typo.turn(&s, 2, &Setting::Number(1.0)).unwrap_err().to_string().contains("did you mean"));
     }
 }

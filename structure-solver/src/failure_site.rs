@@ -29,14 +29,14 @@ impl fmt::Display for Element {
 
 /// The most strained element at a node, for messages.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Culprit {
+pub struct FailureSite {
     /// The element.
     pub element: Element,
     /// Its largest principal Green strain; infinite where positions are not finite.
     pub strain: f64,
 }
 
-impl fmt::Display for Culprit {
+impl fmt::Display for FailureSite {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "in {} (strained by {:.2e})", self.element, self.strain)
     }
@@ -44,14 +44,14 @@ impl fmt::Display for Culprit {
 
 /// The most strained element at node `node` (global) with the nodes at `x` (m). `None`
 /// for a node without elements. Collective; all ranks find the same.
-pub(crate) fn at_node(model: &Model, node: u64, x: &[f64]) -> Option<Culprit> {
+pub(crate) fn at_node(model: &Model, node: u64, x: &[f64]) -> Option<FailureSite> {
     let local = model.numbering.local(node).filter(|&i| i < model.n_owned());
-    let mut worst: Option<Culprit> = None;
+    let mut worst: Option<FailureSite> = None;
     if let Some(i) = local.map(|i| i as u32) {
         let mut see = |element: Element, strain: f64| {
             let strain = if strain.is_finite() { strain } else { f64::INFINITY };
             if worst.is_none_or(|w| strain > w.strain) {
-                worst = Some(Culprit { element, strain });
+                worst = Some(FailureSite { element, strain });
             }
         };
         for t in model.triangles.iter().filter(|t| t.nodes.contains(&i)) {
@@ -77,7 +77,7 @@ pub(crate) fn at_node(model: &Model, node: u64, x: &[f64]) -> Option<Culprit> {
     let code = model.comm.max_u64(code).checked_sub(1)?;
     let strain = model.comm.max(worst.map_or(f64::NEG_INFINITY, |w| w.strain));
     let element = [Element::Triangle, Element::Quadrilateral, Element::Cable][(code % 3) as usize](code / 3);
-    Some(Culprit { element, strain })
+    Some(FailureSite { element, strain })
 }
 
 /// Principal values of a strain in Voigt order (E11, E22, 2 E12), the larger first.

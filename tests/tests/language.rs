@@ -1,0 +1,91 @@
+//! Text for people uses the words of `tests/refused-words.txt` nowhere.
+
+use std::path::Path;
+use std::process::Command;
+
+use ripstop_tests::prose::{Found, public_names, refused, search, texts_of_rust};
+use ripstop_tests::{program, root};
+
+/// Files of the repository with one of these endings that are text for people; tests and their helpers are not.
+fn files(ending: &str) -> Vec<String> {
+    let output =
+        Command::new("git").arg("-C").arg(root()).args(["ls-files", &format!("*.{ending}")]).output();
+    let output = output.expect("git lists the files");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let all = String::from_utf8(output.stdout).expect("UTF-8");
+    let is_test = |f: &str| {
+        let name = Path::new(f).file_stem().and_then(|n| n.to_str()).unwrap_or_default();
+        f.starts_with("tests/") || f.contains("/tests/") || name.ends_with("tests") || f.contains("/benches/")
+    };
+    // Records quote messages of the builds that they are of; the changelog names what was renamed.
+    let is_record =
+        |f: &str| f.starts_with("docs/records/") || f.starts_with("studies/") || f == "CHANGELOG.md";
+    all.lines().filter(|f| !is_test(f) && !is_record(f)).map(str::to_owned).collect()
+}
+
+fn read(file: &str) -> String {
+    std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"))
+}
+
+/// No finding, or all of them.
+fn none(findings: Vec<(String, Found)>) {
+    let lines: Vec<String> = findings
+        .iter()
+        .map(|(file, f)| format!("{file}:{}: \"{}\": write: {}", f.line, f.word, f.replacement))
+        .collect();
+    assert!(lines.is_empty(), "{} refused words:\n{}", lines.len(), lines.join("\n"));
+}
+
+#[test]
+fn sources_use_standard_words() {
+    let words = refused(include_str!("../refused-words.txt"));
+    let files = files("rs");
+    assert!(files.len() > 300, "{} sources", files.len());
+    let mut findings = Vec::new();
+    for file in files {
+        let source = read(&file);
+        for (line, text) in texts_of_rust(&source).into_iter().chain(public_names(&source)) {
+            findings.extend(search(&text, line, &words).into_iter().map(|f| (file.clone(), f)));
+        }
+    }
+    none(findings);
+}
+
+#[test]
+fn documents_scenes_and_scripts_use_standard_words() {
+    let words = refused(include_str!("../refused-words.txt"));
+    let mut findings = Vec::new();
+    for ending in ["md", "toml", "json", "py"] {
+        for file in files(ending) {
+            findings.extend(search(&read(&file), 1, &words).into_iter().map(|f| (file.clone(), f)));
+        }
+    }
+    none(findings);
+}
+
+#[test]
+fn help_texts_use_standard_words() {
+    let words = refused(include_str!("../refused-words.txt"));
+    let help = |name: &str, command: &str| {
+        let mut run = Command::new(program(name));
+        if !command.is_empty() {
+            run.arg(command);
+        }
+        let output = run.arg("--help").output().expect("it starts");
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    let main = help("ripstop", "");
+    let listed = main.split("Commands:").nth(1).and_then(|t| t.split("Options:").next()).expect("commands");
+    let indented = |l: &&str| l.starts_with("  ") && !l.starts_with("   ");
+    let commands: Vec<&str> =
+        listed.lines().filter(indented).filter_map(|l| l.split_whitespace().next()).collect();
+    assert!(commands.len() > 10, "{commands:?}");
+    let mut findings = Vec::new();
+    let programs = ["structure-solver", "flow-solver", "mesh-mover"].map(|p| (p, ""));
+    for (name, command) in commands.into_iter().map(|c| ("ripstop", c)).chain(programs) {
+        let text = help(name, command);
+        findings
+            .extend(search(&text, 1, &words).into_iter().map(|f| (format!("{name} {command} --help"), f)));
+    }
+    none(findings);
+}
