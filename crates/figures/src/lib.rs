@@ -6,6 +6,7 @@
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]
 
+mod animated_png;
 pub mod chart;
 pub mod colour;
 mod colour_bar;
