@@ -381,7 +381,7 @@ fn run_scene(
 /// An error of a run with the command that resumes it.
 fn resumable(error: RunError, options: &RunOptions) -> RunError {
     // What is stuck would be stuck again.
-    if matches!(error, RunError::Input(_) | RunError::Stuck { .. }) {
+    if matches!(error, RunError::Input(_) | RunError::GridMotionFailed { .. }) {
         return error;
     }
     let hint = crate::run::prepare(options)

@@ -113,7 +113,7 @@ fn restore<G: Gas<N>, const N: usize>(
     // there has no step before it, and wall and air must take the same difference.
     let begins = !setup.resumed && (setup.window_s - saved.last_dt).abs() > 1e-9 * setup.window_s;
     let first_order_steps = saved.first_order_steps.max(u32::from(begins));
-    solver.restore(saved.past, saved.last_dt, first_order_steps).map_err(Fault::new)?;
+    solver.restore(saved.previous, saved.last_dt, first_order_steps).map_err(Fault::new)?;
     solver.restore_rhie_chow(&saved.rhie_chow_fluxes);
     Ok(())
 }
@@ -188,7 +188,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         match RankWarmStart::load(comm, folder, &self.solver.topology)? {
             Some(memory) => {
                 self.monitors.restore_state(memory.probes);
-                let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
+                let file = channel::warm_start_file(folder, Role::Flow, comm.rank(), comm.size());
                 let unfit = |reason: String| Fault::new(archive::Error::content(&file, reason));
                 self.solver.restore_warm_start(memory.solver).map_err(unfit)?;
             }

@@ -71,7 +71,7 @@ fn run<V: Viscosity>(
     if resumed {
         let saved = state::load(file, &solver.topology, totals)?;
         solver.restore_extras(&saved.extras);
-        solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
+        solver.restore(saved.previous, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
         solver.restore_rhie_chow(&saved.rhie_chow_fluxes);
     }
     let dt = 0.02;

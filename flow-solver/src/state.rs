@@ -177,7 +177,7 @@ fn write(file: &Path, saved: &Saved) -> Result<(), Fault> {
 /// The part of a saved state on one rank.
 pub struct Restored<const N: usize> {
     /// Newest first; ghosts are included, volumes are not set.
-    pub past: [TimeLevel<N>; 2],
+    pub previous: [TimeLevel<N>; 2],
     /// Length of the last step, s.
     pub last_dt: f64,
     /// First-order steps still to take.
@@ -234,7 +234,7 @@ pub fn load<const N: usize>(
         nodes: topology.node_global.iter().map(|&g| node(g, k)).collect(),
     });
     Ok(Restored {
-        past,
+        previous: past,
         last_dt: saved.last_dt,
         first_order_steps: saved.first_order_steps,
         rhie_chow_fluxes,

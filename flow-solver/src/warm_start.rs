@@ -30,7 +30,7 @@ impl RankWarmStart {
     /// # Errors
     /// Trouble with a file, on every rank.
     pub fn save(&self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
-        let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
+        let file = channel::warm_start_file(folder, Role::Flow, comm.rank(), comm.size());
         let outcome = archive::save(&file, MAGIC, VERSION, self);
         if comm.all(outcome.is_ok()) {
             return Ok(());
@@ -46,7 +46,7 @@ impl RankWarmStart {
     /// # Errors
     /// A damaged file, one of another part of the grid, or values that are not finite.
     pub fn read(file: &Path, part: &Topology) -> Result<Option<Self>, archive::Error> {
-        channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(part).map_err(Into::into))
+        channel::load_warm_start(file, MAGIC, VERSION, |m: &Self| m.check(part).map_err(Into::into))
     }
 
     /// Loads the data of [`RankWarmStart::save`]; `None` if it is from another number of ranks. Collective.
@@ -54,7 +54,7 @@ impl RankWarmStart {
     /// # Errors
     /// On every rank: a file of one of them that cannot be used.
     pub fn load(comm: &Comm, folder: &Path, part: &Topology) -> Result<Option<Self>, Fault> {
-        let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
+        let file = channel::warm_start_file(folder, Role::Flow, comm.rank(), comm.size());
         let memory = Self::read(&file, part);
         if !comm.all(memory.is_ok()) {
             let elsewhere = || Fault::new("another rank could not read its warm-start data of the flow");

@@ -52,8 +52,8 @@ fn damaged_or_mismatched_state_is_rejected() {
     let totals = (27, 64);
     s.save(&file, totals).unwrap();
     let back = state::load::<4>(&file, &s.topology, totals).unwrap();
-    assert_eq!(back.past[0].q, s.previous[0].q);
-    assert_eq!(back.past[1].nodes, s.previous[1].nodes);
+    assert_eq!(back.previous[0].q, s.previous[0].q);
+    assert_eq!(back.previous[1].nodes, s.previous[1].nodes);
     let refused = |text: &str, r: Result<state::Restored<4>, channel::Fault>| {
         let message = r.err().expect("refused").message;
         assert!(message.contains(text), "{message}");
@@ -61,7 +61,7 @@ fn damaged_or_mismatched_state_is_rejected() {
     refused("28 and 64", state::load::<4>(&file, &s.topology, (28, 64)));
     // A stage with energy equation starts from the undisturbed temperature.
     let five = state::load::<5>(&file, &s.topology, totals).unwrap();
-    for (five, four) in five.past[0].q.iter().zip(&s.previous[0].q) {
+    for (five, four) in five.previous[0].q.iter().zip(&s.previous[0].q) {
         assert_eq!((&five[..4], five[4]), (&four[..], 0.0));
     }
     let mut bytes = std::fs::read(&file).unwrap();

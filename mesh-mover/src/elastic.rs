@@ -6,13 +6,13 @@ use mesh::Point;
 use crate::element::stiffness;
 use crate::error_estimate::CheapErrorEstimate;
 use crate::local::{Kind, LocalGrid};
-use crate::memory::MoverWarmStart;
 use crate::mover::{Effort, Mover, MoverError};
 use crate::near_wall_following;
 use crate::position_error::PositionErrorNorm;
 use crate::slide;
 use crate::solution_projection::SolutionProjection;
 use crate::solve::{Scratch, StoppingCriterion, correct};
+use crate::warm_start::MoverWarmStart;
 
 /// Parameters of the pseudo-solid.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,8 +5,8 @@ use linalg::{BlockCsr, BlockJacobi, Cg, KrylovError, KrylovParams};
 use crate::elastic::{agree, inverted};
 use crate::element::conductance;
 use crate::local::{Kind, LocalGrid};
-use crate::memory::MoverWarmStart;
 use crate::mover::{Effort, Mover, MoverError};
+use crate::warm_start::MoverWarmStart;
 
 /// Laplacian smoothing with a conductivity that increases for smaller cells, common in finite-volume codes. One
 /// scalar matrix for the three components.

@@ -8,11 +8,11 @@ use mesh::Point;
 
 use crate::allocator::release_free_memory;
 use crate::local::{Kind, LocalGrid};
-use crate::memory::MotionWarmStart;
 use crate::mover::{Effort, Mover, MoverError};
 use crate::near_wall_following;
 use crate::quality::{lower, volume};
 use crate::untangle::untangle;
+use crate::warm_start::MotionWarmStart;
 pub use regrid::{Builder, GridTransition, NewGrid, Regridder};
 
 /// Requirements on a moved grid.

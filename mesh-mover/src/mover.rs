@@ -1,7 +1,7 @@
 //! The interface of grid movers.
 
 use crate::local::LocalGrid;
-use crate::memory::MoverWarmStart;
+use crate::warm_start::MoverWarmStart;
 
 /// Cost of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -10,13 +10,13 @@ use mesh::{FaceTable, FlowGrid, Point, StructureMesh};
 
 use crate::allocator::release_free_memory;
 use crate::local::LocalGrid;
-use crate::memory;
 use crate::motion::{
     Builder, GridTransition, Limits, Motion, MotionError, MotionResult, Positions, Regridder,
 };
 use crate::mover::Mover;
 use crate::state::State;
 use crate::velocity::{first_order, second_order, weights};
+use crate::warm_start;
 
 /// Numbers in a row of the output: position (m), velocity (m/s).
 const WIDTH: usize = 6;
@@ -91,11 +91,11 @@ impl MeshMover {
     ) -> Result<Self, Fault> {
         let state = case::state_file(folder, Role::Mesh);
         let mut this = Self::from_state(scene, stage, out, Some(state), comm)?;
-        match memory::load(comm, folder)? {
+        match warm_start::load(comm, folder)? {
             Some(saved) => {
-                let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
+                let file = channel::warm_start_file(folder, Role::Mesh, comm.rank(), comm.size());
                 let unfit = |reason: String| archive::Error::content(&file, reason);
-                memory::agree(comm, this.motion.restore_state(saved).map_err(unfit))?;
+                warm_start::agree(comm, this.motion.restore_state(saved).map_err(unfit))?;
             }
             None if comm.is_root() => {
                 println!(
@@ -426,7 +426,7 @@ impl Participant for MeshMover {
             let state = State { now, before, dt: self.dt, reference, start, offset, transition };
             state.save(&case::state_file(folder, Role::Mesh)).map_err(Fault::new)?;
         }
-        memory::save(&self.motion.save_state(), self.motion.grid.comm(), folder).map_err(Fault::new)?;
+        warm_start::save(&self.motion.save_state(), self.motion.grid.comm(), folder).map_err(Fault::new)?;
         // Copies of the whole grid and their encoded form are freed.
         release_free_memory();
         Ok(())

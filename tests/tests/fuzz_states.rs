@@ -140,7 +140,7 @@ impl Flown {
 fn states_of(role: Role, more: &[&str]) {
     let flown = Flown::once();
     let (_folder, state) = flown.state();
-    let memory = channel::memory_file(&state, role, 0, 1);
+    let memory = channel::warm_start_file(&state, role, 0, 1);
     let mut files = vec![case::state_file(&state, role), memory];
     files.extend(more.iter().map(|name| state.join(name)));
     flown.resumed(role, &state).unwrap_or_else(|e| panic!("a good state is refused: {e}"));
@@ -212,7 +212,7 @@ fn files_of_states_hold_numbers_or_are_refused() {
     let mut flow = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
         let state = flow_solver::state::load::<4>(&file, &topology, totals).map_err(|e| e.message)?;
-        let q = state.past.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.iter().flatten()));
+        let q = state.previous.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.iter().flatten()));
         assert!(q.chain([&state.last_dt]).all(|x| x.is_finite()), "NaN enters");
         Ok(())
     };
@@ -234,7 +234,7 @@ fn files_of_states_hold_numbers_or_are_refused() {
 
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
-        mesh_mover::memory::read(&file).map(|_| ()).map_err(|e| e.to_string())
+        mesh_mover::warm_start::read(&file).map(|_| ()).map_err(|e| e.to_string())
     };
     fuzz("mesh memory", &[whole("mesh-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 

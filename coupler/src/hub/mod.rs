@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 
 use case::Role;
 use channel::{Arrivals, Hub, HubError, HubOptions, Interface, RoleOptions, Stats, Window};
-use coupling::error::{Place, RunError};
+use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
-use coupling::partners::{Answer, Usage};
+use coupling::partners::{SolverResponse, Usage};
 use coupling::transfer::OwnSurface;
 use terminal::Console;
 
@@ -55,7 +55,7 @@ pub struct HubPartners<'a> {
     now: Option<Arc<AtomicBool>>,
     told: bool,
     console: Console,
-    place: Place,
+    place: Location,
     /// Panel of each canopy node.
     panels: Vec<u32>,
     /// `[grid nodes][6]`; empty where nobody watches.
@@ -77,7 +77,7 @@ impl<'a> HubPartners<'a> {
         stop: &'a AtomicBool,
         console: &Console,
     ) -> Result<Self, RunError> {
-        let place = Place { stage: options.stage.0.to_owned(), window: None };
+        let place = Location { stage: options.stage.0.to_owned(), window: None };
         let hub = Hub::create(hub_options(&options, interface))
             .map_err(|e| RunError::Channel { place: place.clone(), message: e.to_string() })?;
         let programs = options.programs.into_iter().map(|(program, _)| program);
@@ -185,7 +185,7 @@ impl<'a> HubPartners<'a> {
         w: &Window,
         fill: &mut dyn FnMut(&mut [f64]),
         each: &mut dyn FnMut(&[u64], &[f64]),
-    ) -> Result<Answer, RunError> {
+    ) -> Result<SolverResponse, RunError> {
         self.place.window = Some((w.index, w.iteration));
         self.supervisor.asked(role);
         let start = Instant::now();
@@ -196,7 +196,7 @@ impl<'a> HubPartners<'a> {
         // Values are the same on each rank; the slowest rank decides the time.
         let busy_s = stats.iter().fold(0.0, |most: f64, s| most.max(s.busy_s));
         let stats = Stats { busy_s, ..stats.first().copied().unwrap_or_default() };
-        Ok(Answer { stats, wall_s: start.elapsed().as_secs_f64() })
+        Ok(SolverResponse { stats, wall_s: start.elapsed().as_secs_f64() })
     }
 }
 

@@ -7,8 +7,8 @@ use std::time::Instant;
 use case::{Role, Solve, StageKind};
 use channel::Window;
 use coupling::descent::DescentModel;
-use coupling::energy::EnergyBooks;
-use coupling::error::{Place, RunError};
+use coupling::energy::InterfaceEnergyBalance;
+use coupling::error::{Location, RunError};
 use coupling::flow_bounds::{self, FlowBounds};
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
@@ -75,7 +75,7 @@ pub(super) struct StageRun<'c, 'p> {
     folder: PathBuf,
     records: Records,
     descent: Option<DescentModel>,
-    books: EnergyBooks,
+    books: InterfaceEnergyBalance,
     flow_bounds: Option<FlowBounds>,
     clock: WindowClock,
     progress: Progress,
@@ -123,7 +123,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(Self {
             records,
             descent: context.descent(),
-            books: resumed.map_or_else(EnergyBooks::default, |saved| saved.books),
+            books: resumed.map_or_else(InterfaceEnergyBalance::default, |saved| saved.books),
             flow_bounds: match resumed {
                 Some(saved) => saved.flow_bounds,
                 None => FlowBounds::new(context.scene, context.interface),
@@ -163,7 +163,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
                 self.clock.advance(report.converged);
                 Ok(Some(Stepped { window, before, report }))
             }
-            Err(error) if error.may_pass() && self.clock.shrink() => {
+            Err(error) if error.is_retryable() && self.clock.shrink() => {
                 self.give_back(&window, &error);
                 Ok(None)
             }
@@ -252,8 +252,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
     }
 
     /// A place at the start of the window, for errors.
-    fn place(&self) -> Place {
-        Place { window: Some((self.index, 0)), ..self.context.place() }
+    fn place(&self) -> Location {
+        Location { window: Some((self.index, 0)), ..self.context.place() }
     }
 
     /// Counts a window that is tried again with half its length, and says so.
@@ -280,8 +280,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let error = self.context.advise(error);
         let stand = matches!(
             error,
-            RunError::Stuck { .. }
-                | RunError::NoAnswer { .. }
+            RunError::GridMotionFailed { .. }
+                | RunError::SolveFailed { .. }
                 | RunError::Energy { .. }
                 | RunError::Unconverged { .. }
         );
@@ -289,9 +289,11 @@ impl<'c, 'p> StageRun<'c, 'p> {
             return error;
         }
         match self.save(None) {
-            Ok(()) => {
-                error.saved_in(case::state_folder(self.context.out, self.context.scene, self.context.stage))
-            }
+            Ok(()) => error.with_saved_state(case::state_folder(
+                self.context.out,
+                self.context.scene,
+                self.context.stage,
+            )),
             Err(saving) => saving,
         }
     }
@@ -300,7 +302,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
         let (felt, given) = self.stepper.interface_work().unwrap_or_default();
-        self.books.enter(window.dt, felt, given, report.converged);
+        self.books.add_window(window.dt, felt, given, report.converged);
         let state = self.stepper.state();
         Row {
             window: self.index,
@@ -357,9 +359,9 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let wind = context.scene.wind(context.stage, &context.times());
         let air = flow_bounds::undisturbed_air(&wind, row.time_s, -row.descent_speed_m_s);
         let displacement = [before, &self.stepper.state().displacement];
-        bounds.check(dt, air, displacement, flow_bounds::of_flow(&row.report.stats)).map_err(|flow| {
+        bounds.check(dt, air, displacement, flow_bounds::flow_statistics(&row.report.stats)).map_err(|flow| {
             let place =
-                Place { window: Some((row.window, u64::from(row.report.iterations))), ..context.place() };
+                Location { window: Some((row.window, u64::from(row.report.iterations))), ..context.place() };
             RunError::ImpossibleFlow { place, flow, saved: None }
         })
     }

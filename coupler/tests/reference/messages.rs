@@ -41,12 +41,12 @@ const CLASSES: &[(&str, &str, &str)] = &[
         "Raise `--deadline`, or examine the process that the message names.",
     ),
     (
-        "Stuck",
+        "GridMotionFailed",
         "The canopy moves or folds so far that cells of the moved grid collapse.",
         "Shorten `window_s`, add `[mesh.regrid]`, or refine the grid near the canopy.",
     ),
     (
-        "NoAnswer",
+        "SolveFailed",
         "The iterations of a program diverge, or end in a state that is not physical.",
         "Shorten `window_s`, raise the iteration limits, start from a smoother state.",
     ),

@@ -6,14 +6,14 @@ use crate::Fault;
 
 /// A rank of a program, for messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Who {
+pub struct RankId {
     /// Role of the program.
     pub role: Role,
     /// Rank within the program.
     pub rank: usize,
 }
 
-impl std::fmt::Display for Who {
+impl std::fmt::Display for RankId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} (rank {})", self.role.program(), self.rank)
     }
@@ -57,7 +57,7 @@ pub enum HubError {
     #[error("{who} failed in {during}: {fault}")]
     Fault {
         /// The rank that failed.
-        who: Who,
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
         /// The reported error.
@@ -67,7 +67,7 @@ pub enum HubError {
     #[error("{who} died in {during} without a message: see its log")]
     Died {
         /// The rank that ended.
-        who: Who,
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
     },
@@ -75,7 +75,7 @@ pub enum HubError {
     #[error("{who} did not respond in {during} for {seconds:.1} s (its deadline){}", state_text(.state))]
     Deadline {
         /// The rank that did not respond.
-        who: Who,
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
         /// The deadline, s.
@@ -87,7 +87,7 @@ pub enum HubError {
     #[error("{who} violated the contract in {during}: {problem}")]
     Contract {
         /// The rank that sent it.
-        who: Who,
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
         /// What was expected and what was received.

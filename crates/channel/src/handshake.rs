@@ -10,7 +10,7 @@ use crate::hub::{Hub, OnWait};
 use crate::hub_options::{Arrivals, HubOptions, Interface, RoleOptions};
 use crate::session::LockMonitor;
 use crate::wire::{Hello, Welcome, decode_rows, to_json};
-use crate::{Abort, CONTRACT_VERSION, HubError, OWN_SURFACE, Who, Window};
+use crate::{Abort, CONTRACT_VERSION, HubError, OWN_SURFACE, RankId, Window};
 
 /// Rows by which a total may exceed the received layouts.
 const ROW_MARGIN: u64 = 1 << 20;
@@ -92,7 +92,7 @@ impl Hub {
                         return Err(rank.broken(Kind::Announce, &Window::default(), problem));
                     }
                 }
-                let Who { role, rank: number } = rank.who;
+                let RankId { role, rank: number } = rank.who;
                 rank.watch = LockMonitor::on(&self.place.lock_file(&format!("{}.{number}", role.name())));
             }
         }
@@ -121,7 +121,7 @@ impl Hub {
             let program = self.programs.iter().find(|p| p.role == role);
             program.into_iter().flat_map(|p| &p.ranks).filter_map(|r| Some((r.who, r.hello.clone()?)))
         };
-        let all: Vec<(Who, Hello)> = Role::ALL.into_iter().flat_map(hellos).collect();
+        let all: Vec<(RankId, Hello)> = Role::ALL.into_iter().flat_map(hellos).collect();
         self.interface = check(&self.options, &all)?;
         for program in &mut self.programs {
             let unit = Unit::of_input(program.role);
@@ -247,7 +247,7 @@ impl RowOwners {
 
 /// Checks the announcements of the ranks against the session and each other. Returns the interface that they share,
 /// or a message that names both sides.
-fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, String> {
+fn check(options: &HubOptions, hellos: &[(RankId, Hello)]) -> Result<Interface, String> {
     for (who, hello) in hellos {
         let spec = options.roles.iter().find(|r| r.role == who.role);
         check_alone(options, spec.ok_or("a program without a role")?, *who, hello)?;
@@ -262,7 +262,7 @@ fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, Str
 }
 
 /// Whether a structure couples on a surface of its own, unrelated to the scene's canopy.
-fn has_own_surface(who: Who, hello: &Hello) -> bool {
+fn has_own_surface(who: RankId, hello: &Hello) -> bool {
     who.role == Role::Structure && hello.announcement.effects.iter().any(|e| e == OWN_SURFACE)
 }
 
@@ -272,7 +272,7 @@ fn announced(hello: &Hello) -> Interface {
 }
 
 /// The canopy of the scene and of all programs, except structures with a surface of their own.
-fn one_canopy(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Option<Interface>, String> {
+fn one_canopy(options: &HubOptions, hellos: &[(RankId, Hello)]) -> Result<Option<Interface>, String> {
     let mut known = options.interface.map(|i| ("the coupler (from the scene)".to_string(), i));
     for (who, hello) in hellos.iter().filter(|(who, hello)| !has_own_surface(*who, hello)) {
         let here = announced(hello);
@@ -290,7 +290,7 @@ fn one_canopy(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Option<In
 }
 
 /// All ranks of a structure with a surface of its own must have the same.
-fn one_own_surface(hellos: &[(Who, Hello)]) -> Result<(), String> {
+fn one_own_surface(hellos: &[(RankId, Hello)]) -> Result<(), String> {
     let mut own = hellos.iter().filter(|(who, hello)| has_own_surface(*who, hello));
     let Some((other, first)) = own.next() else { return Ok(()) };
     let expected = announced(first);
@@ -305,7 +305,7 @@ fn one_own_surface(hellos: &[(Who, Hello)]) -> Result<(), String> {
 }
 
 /// Flow and mesh must have the same grid; a structure has none.
-fn one_grid(hellos: &[(Who, Hello)]) -> Result<(), String> {
+fn one_grid(hellos: &[(RankId, Hello)]) -> Result<(), String> {
     let mut grids = hellos.iter().filter(|(who, _)| who.role != Role::Structure);
     let Some((other, first)) = grids.next() else { return Ok(()) };
     let nodes = first.announcement.grid_nodes;
@@ -319,7 +319,7 @@ fn one_grid(hellos: &[(Who, Hello)]) -> Result<(), String> {
     }
 }
 
-fn check_rows(who: Who, hello: &Hello) -> Result<(), String> {
+fn check_rows(who: RankId, hello: &Hello) -> Result<(), String> {
     let a = &hello.announcement;
     let rows = match who.role {
         Role::Structure => a.canopy_nodes,
@@ -339,7 +339,7 @@ fn canopy(i: &Interface) -> String {
     format!("{} nodes and {} faces (hash {:016x})", i.nodes, i.faces, i.surface_hash)
 }
 
-fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello) -> Result<(), String> {
+fn check_alone(options: &HubOptions, spec: &RoleOptions, who: RankId, hello: &Hello) -> Result<(), String> {
     let a = &hello.announcement;
     let name = format!("{who} ({} {})", a.program, a.version);
     let differ = |what: &str, here: String, there: String, remedy: &str| {
@@ -411,7 +411,7 @@ mod tests {
     }
 
     /// Structure, flow and mesh of 7 nodes, 5 faces and 11 grid nodes, each rank with all rows.
-    fn hellos() -> Vec<(Who, Hello)> {
+    fn hellos() -> Vec<(RankId, Hello)> {
         let hello = |(role, width): (Role, u64)| {
             let announcement = Announcement {
                 role: role.name().into(),
@@ -432,7 +432,7 @@ mod tests {
             let grid_rows = if role == Role::Flow { 11 } else { 0 };
             let (contract, stage, rank, ranks, pid) = (CONTRACT_VERSION, 2, 0, 1, 1);
             (
-                Who { role, rank },
+                RankId { role, rank },
                 Hello { contract, stage, rank, ranks, pid, output_rows, grid_rows, announcement },
             )
         };

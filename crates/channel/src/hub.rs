@@ -14,7 +14,7 @@ use crate::session::{Lock, LockMonitor, SessionInfo, SessionPaths, cleanup_stale
 use crate::stalled_rank::find_stalled;
 use crate::transport::{Connection, WakeEvent, WakeListener};
 use crate::wire::{RankCounts, during};
-use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, SessionError, Stats, Who, Window};
+use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, RankId, SessionError, Stats, Window};
 
 /// Called while the hub waits for responses, at least every 50 ms, to check child processes and Ctrl-C. An error ends
 /// the wait.
@@ -353,13 +353,13 @@ impl Hub {
     }
 
     /// A rank that has arrived, has not responded, and whose process has ended.
-    pub(crate) fn dead(&self) -> Option<Who> {
+    pub(crate) fn dead(&self) -> Option<RankId> {
         let silent = self.ranks().filter(|r| r.answer.is_none());
         silent.into_iter().find(|r| r.watch.as_ref().is_some_and(|w| !w.is_held())).map(|r| r.who)
     }
 
     /// Whether a rank has no unread response.
-    fn silent(&self, who: Who) -> bool {
+    fn silent(&self, who: RankId) -> bool {
         self.ranks().any(|r| r.who == who && r.answer.is_none())
     }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use case::Role;
 
-use crate::Who;
+use crate::RankId;
 
 /// Definition of a session.
 #[derive(Clone, Debug)]
@@ -52,9 +52,9 @@ pub struct Interface {
 #[derive(Clone, Debug, Default)]
 pub struct Arrivals {
     /// Ranks that have announced themselves, with the name and version of their program.
-    pub arrived: Vec<(Who, String)>,
+    pub arrived: Vec<(RankId, String)>,
     /// Ranks that have not announced themselves.
-    pub missing: Vec<Who>,
+    pub missing: Vec<RankId>,
     /// Seconds since the wait began.
     pub seconds: f64,
 }

@@ -11,7 +11,7 @@ use crate::hub_options::RoleOptions;
 use crate::session::LockMonitor;
 use crate::transport::{Channel, Connection, Message, Receiver, Sender, WakeNotifier};
 use crate::wire::{Hello, RankCounts, during, first_not_finite};
-use crate::{HubError, SessionError, Stats, Who, Window};
+use crate::{HubError, RankId, SessionError, Stats, Window};
 
 /// Size of the smallest command channel, so that folders and messages fit.
 const TEXT_WORDS: usize = 1024;
@@ -43,7 +43,7 @@ pub(crate) struct PendingCommand {
 
 /// One rank as the coupler sees it.
 pub(crate) struct Rank {
-    pub who: Who,
+    pub who: RankId,
     pub hello: Option<Hello>,
     /// Global rows of its output.
     pub rows: Vec<u64>,
@@ -74,7 +74,8 @@ impl Program {
         watch_grid: bool,
     ) -> Result<Self, SessionError> {
         let role = spec.role;
-        let ranks = (0..spec.ranks).map(|rank| Rank::open(link, rank_counts, Who { role, rank }, watch_grid));
+        let ranks =
+            (0..spec.ranks).map(|rank| Rank::open(link, rank_counts, RankId { role, rank }, watch_grid));
         let (name, channel) = rank_counts.command(role);
         Ok(Self {
             role,
@@ -232,7 +233,7 @@ impl Rank {
     pub fn open(
         link: &Connection,
         rank_counts: &RankCounts,
-        who: Who,
+        who: RankId,
         watch_grid: bool,
     ) -> Result<Self, SessionError> {
         let (name, spec) = rank_counts.answer(who.role, who.rank);

@@ -18,16 +18,16 @@ pub const STAGE_WIND: &str = "stage.wind";
 
 /// File with the warm-start data of a rank, in addition to its part of the program's state: warm starts, factors and
 /// all other data that affect only the last digits and are useless for another number of ranks.
-pub fn memory_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {
+pub fn warm_start_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {
     folder.join(format!("{}-memory-{rank}-of-{ranks}.bin", role.name()))
 }
 
-/// Loads the [`memory_file`] of a rank, an archive of `kind`, and validates it by `check`; `None` where there is no
+/// Loads the [`warm_start_file`] of a rank, an archive of `kind`, and validates it by `check`; `None` where there is no
 /// such file: the state was written by another number of ranks.
 ///
 /// # Errors
 /// [`archive::Error`]: a damaged file, another version, contents that do not match.
-pub fn remembered<T: DeserializeOwned>(
+pub fn load_warm_start<T: DeserializeOwned>(
     path: &Path,
     kind: [u8; 8],
     version: u32,

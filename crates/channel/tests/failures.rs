@@ -5,7 +5,7 @@ mod common;
 use std::time::Duration;
 
 use case::Role::{self, Flow, Mesh, Structure};
-use channel::{Abort, Hub, HubError, HubOptions, Interface, ServeError, Who};
+use channel::{Abort, Hub, HubError, HubOptions, Interface, RankId, ServeError};
 use common::*;
 
 /// Two ranks of the structure, the second with an injected error; returns the errors of both sides.
@@ -38,7 +38,7 @@ fn trouble(trouble: Trouble) -> (HubError, Vec<ServeError>) {
 fn check_trouble(kind: Trouble, iteration: u32, words: &[&str]) {
     let (error, ends) = trouble(kind);
     let HubError::Fault { who, during, .. } = &error else { panic!("{error}") };
-    assert_eq!(*who, Who { role: Structure, rank: 1 });
+    assert_eq!(*who, RankId { role: Structure, rank: 1 });
     assert!(during.contains(&format!("window 7 iteration {iteration} ")), "{during}");
     for word in words {
         assert!(error.to_string().contains(word), "{error} lacks {word}");
@@ -217,7 +217,7 @@ fn waits_are_bounded() {
         assert_eq!((arrivals.arrived.len(), arrivals.missing.len()), (0, 3));
         Ok(())
     });
-    assert!(matches!(error, Err(HubError::Deadline { who: Who { role: Flow, rank: 0 }, .. })));
+    assert!(matches!(error, Err(HubError::Deadline { who: RankId { role: Flow, rank: 0 }, .. })));
     assert!(calls >= 3, "{calls} calls");
     drop(hub);
 
@@ -257,7 +257,7 @@ fn stalled_participant_exceeds_its_deadline_while_the_caller_is_polled() {
         Ok(())
     };
     let error = hub.collect(Structure, &mut |_, _| {}, &mut on_wait).expect_err("a deadline");
-    let HubError::Deadline { who: Who { role: Structure, rank: 1 }, during, .. } = &error else {
+    let HubError::Deadline { who: RankId { role: Structure, rank: 1 }, during, .. } = &error else {
         panic!("{error}")
     };
     assert!(during.contains("window 0 iteration 1"), "{during}");

@@ -11,7 +11,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use case::Role::{self, Flow, Mesh, Structure};
-use channel::{Hub, HubError, Who};
+use channel::{Hub, HubError, RankId};
 use common::*;
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -220,7 +220,7 @@ fn killed_participant_is_named_and_all_others_end() {
         let error = gather(&mut hub, Structure).expect_err("it died");
         limit.demand("its death was noticed late");
         let HubError::Died { who, during } = &error else { panic!("{error}") };
-        assert_eq!(*who, Who { role: Structure, rank: 1 });
+        assert_eq!(*who, RankId { role: Structure, rank: 1 });
         assert!(during.contains("window 0 iteration 2"), "{during}");
         drop(hub);
         for other in [0, 2] {
@@ -248,7 +248,7 @@ fn participant_that_dies_during_the_arrival_of_others_is_named() {
         time_limit()
     });
     let HubError::Died { who, .. } = error.expect_err("it died") else { panic!("another error") };
-    assert_eq!(who, Who { role: Structure, rank: 0 });
+    assert_eq!(who, RankId { role: Structure, rank: 0 });
 }
 
 #[test]

@@ -71,7 +71,7 @@ pub struct SystemBalance {
 
 impl SystemBalance {
     /// Adds a window of the system of `model`.
-    pub fn enter(&mut self, model: &DescentModel, w: &WindowTerms) {
+    pub fn add_window(&mut self, model: &DescentModel, w: &WindowTerms) {
         let [v0, v1] = w.velocity;
         let (mean, g) = (0.5 * (v0 + v1), model.gravity_m_s2);
         let air = 0.5 * (w.air[0] + w.air[1]);
@@ -185,7 +185,7 @@ mod tests {
                 work: air * (slide(t1) - slide(t0)),
                 energy: [0.5 * FABRIC * u * u, line * slide(t1)],
             };
-            balance.enter(&model(weight), &terms);
+            balance.add_window(&model(weight), &terms);
         }
         balance
     }
@@ -234,7 +234,7 @@ mod tests {
     fn impulse_of_a_linear_load_is_exact() {
         let mut balance = SystemBalance::default();
         let terms = WindowTerms { dt: DT, air: [10.0, 30.0], support: 20.0, ..WindowTerms::default() };
-        balance.enter(&model(Weight::Structure), &terms);
+        balance.add_window(&model(Weight::Structure), &terms);
         assert!(balance.missing_impulse.abs() < 1e-15 && (balance.impulse - 20.0 * DT).abs() < 1e-15);
     }
 }

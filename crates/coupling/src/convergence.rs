@@ -10,7 +10,7 @@ use case::Role;
 use channel::{STATS, UNCONVERGED_LIMIT, Window, excess, flow_stats, residual_and_target, structure_stats};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::schemes::window::report::WindowReport;
 
 /// A subproblem of a window, each with its own residual and target.
@@ -140,7 +140,7 @@ impl Convergence {
 
     /// Adds an accepted window. Returns the warnings to print: one at the first occurrence of each subproblem.
     /// `tolerance` is that of the coupling.
-    pub fn add(&mut self, place: &Place, report: &WindowReport, tolerance: f64) -> Vec<String> {
+    pub fn add(&mut self, place: &Location, report: &WindowReport, tolerance: f64) -> Vec<String> {
         let index = place.window.map_or(0, |(index, _)| index);
         let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
         self.structure_solves += sum(Role::Structure, structure_stats::UNCONVERGED);
@@ -166,7 +166,7 @@ impl Convergence {
     }
 
     /// Warnings at the end of a stage of `windows` windows.
-    pub fn closing(&self, stage: &str, windows: u64) -> Vec<String> {
+    pub fn stage_warnings(&self, stage: &str, windows: u64) -> Vec<String> {
         let of = |part: &Subproblem| {
             let t = self.count(*part);
             let solves = match part {
@@ -240,14 +240,14 @@ fn spent(role: Role, values: &[f64; STATS]) -> String {
 
 /// Rejects windows whose last responses exceed their targets by too much.
 #[derive(Clone, Debug, Default)]
-pub struct Judge {
+pub struct AcceptanceCheck {
     /// Stage, for messages.
     pub stage: String,
     /// Accepts them nevertheless.
     pub accept_unconverged: bool,
 }
 
-impl Judge {
+impl AcceptanceCheck {
     /// Whether the last responses in `report` may be accepted as the end of `w`.
     ///
     /// # Errors
@@ -265,7 +265,7 @@ impl Judge {
             None => Ok(()),
             Some(part) => Err(RunError::Unconverged {
                 what: part.name(),
-                place: Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
+                place: Location { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
                 message: format!(
                     "t = {:.4} s, {}; the limit of acceptance is {UNCONVERGED_LIMIT} times. Remedies: {}; \
                      --accept-unconverged accepts the window",
@@ -297,8 +297,8 @@ mod tests {
         report
     }
 
-    fn at(index: u64) -> Place {
-        Place { stage: "descent".into(), window: Some((index, 6)) }
+    fn at(index: u64) -> Location {
+        Location { stage: "descent".into(), window: Some((index, 6)) }
     }
 
     #[test]
@@ -314,7 +314,7 @@ mod tests {
         let coupling = c.add(&at(2), &window(5.0, 3.0), 1e-3);
         assert!(coupling.len() == 1 && coupling[0].contains("the coupling"), "{coupling:?}");
         assert!(c.add(&at(3), &window(2.0, 2.0), 1e-3).is_empty());
-        let closing = c.closing("descent", 4);
+        let closing = c.stage_warnings("descent", 4);
         assert_eq!(closing.len(), 2);
         assert!(
             closing[0].contains("coupling exceeds its target in 2 of 4 windows")
@@ -325,16 +325,16 @@ mod tests {
                 && closing[1].contains("(window 2); 12 solves")
         );
         assert_eq!((c.flow_solves, c.windows()), (12, 5));
-        assert!(Convergence::default().closing("descent", 4).is_empty());
+        assert!(Convergence::default().stage_warnings("descent", 4).is_empty());
     }
 
     #[test]
     fn ten_times_the_target_is_an_error_unless_accepted() {
         let w = Window { index: 12, iteration: 3, time: 0.06, ..Window::default() };
-        let judge = Judge { stage: "descent".into(), accept_unconverged: false };
+        let judge = AcceptanceCheck { stage: "descent".into(), accept_unconverged: false };
         assert!(judge.require(&w, &window(9.9, 50.0)).is_ok(), "the coupling is judged elsewhere");
         let error = judge.require(&w, &window(10.1, 1.0)).expect_err("above the limit");
-        assert!(error.may_pass(), "a shorter window may converge");
+        assert!(error.is_retryable(), "a shorter window may converge");
         let text = error.to_string();
         for word in
             ["flow is not converged", "`descent`, window 12", "0.0600", "2.02e-3", "10.1 times", "gmres"]
@@ -342,12 +342,16 @@ mod tests {
             assert!(text.contains(word), "{word}: {text}");
         }
         assert!(judge.require(&w, &window(f64::NAN, 1.0)).is_err());
-        assert!(Judge { accept_unconverged: true, ..judge.clone() }.require(&w, &window(1e3, 1.0)).is_ok());
+        assert!(
+            AcceptanceCheck { accept_unconverged: true, ..judge.clone() }
+                .require(&w, &window(1e3, 1.0))
+                .is_ok()
+        );
         // No stated target: not judged.
         assert!(judge.require(&w, &WindowReport::default()).is_ok());
         let mut turbulent = window(0.5, 1.0);
         turbulent.stats[Role::Flow as usize].values[flow_stats::TURBULENCE_RESIDUAL] = 40.0;
         let error = judge.require(&w, &turbulent).expect_err("above the limit");
-        assert!(!error.may_pass() && error.to_string().contains("turbulence equation"), "{error}");
+        assert!(!error.is_retryable() && error.to_string().contains("turbulence equation"), "{error}");
     }
 }

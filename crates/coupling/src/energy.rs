@@ -20,7 +20,7 @@ const SHORT_WINDOW: f64 = 5e-3;
 
 /// Settings that determine the remedy of a warning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Circumstances {
+pub struct EnergyWarningContext {
     /// The scheme is staggered.
     pub staggered: bool,
     /// Coupling tolerance.
@@ -33,7 +33,7 @@ pub struct Circumstances {
 
 /// Sums over a stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct EnergyBooks {
+pub struct InterfaceEnergyBalance {
     windows: u64,
     unconverged: u64,
     time_s: f64,
@@ -44,9 +44,9 @@ pub struct EnergyBooks {
     reported: bool,
 }
 
-impl EnergyBooks {
+impl InterfaceEnergyBalance {
     /// Adds a window of `dt` seconds: work done on the structure and by the flow, J, and whether it converged.
-    pub fn enter(&mut self, dt: f64, structure_work: f64, flow_work: f64, converged: bool) {
+    pub fn add_window(&mut self, dt: f64, structure_work: f64, flow_work: f64, converged: bool) {
         self.windows += 1;
         self.time_s += dt;
         self.unconverged += u64::from(!converged);
@@ -60,7 +60,7 @@ impl EnergyBooks {
     }
 
     /// A warning, once, in the first window in which the created energy exceeds [`CREATED`].
-    pub fn warning(&mut self, about: &Circumstances) -> Option<String> {
+    pub fn warning(&mut self, about: &EnergyWarningContext) -> Option<String> {
         let passing = about.passage_s.is_finite() && self.time_s < TRANSIENT * about.passage_s;
         let early = self.windows < MIN_WINDOWS || passing;
         if self.reported || early || self.share() <= CREATED {
@@ -78,8 +78,8 @@ impl EnergyBooks {
     }
 
     /// The likely cause with its remedy.
-    fn cause(&self, about: &Circumstances) -> String {
-        let Circumstances { staggered, tolerance, window_s, passage_s } = *about;
+    fn cause(&self, about: &EnergyWarningContext) -> String {
+        let EnergyWarningContext { staggered, tolerance, window_s, passage_s } = *about;
         if staggered {
             return "a staggered scheme applies a load that does not belong to the structure's own motion. Remedy: \
                     coupling.scheme = \"implicit\""
@@ -113,19 +113,19 @@ impl EnergyBooks {
 mod tests {
     use super::*;
 
-    const LONG: Circumstances =
-        Circumstances { staggered: false, tolerance: 1e-3, window_s: 5e-3, passage_s: 0.5 };
+    const LONG: EnergyWarningContext =
+        EnergyWarningContext { staggered: false, tolerance: 1e-3, window_s: 5e-3, passage_s: 0.5 };
 
     /// An oscillator under a force delayed by `late` windows, as in a staggered scheme.
-    fn balance(late: f64) -> EnergyBooks {
-        let mut balance = EnergyBooks::default();
+    fn balance(late: f64) -> InterfaceEnergyBalance {
+        let mut balance = InterfaceEnergyBalance::default();
         let place = |i: f64| (0.2 * i).sin();
         for i in 0..200 {
             let i = f64::from(i);
             let moved = place(i + 1.0) - place(i);
             // Stiffness and a force in phase with the motion that does net work.
             let force = |i: f64| -place(i) + 0.3 * (0.2 * i).cos();
-            balance.enter(5e-3, force(i + 0.5 - late) * moved, force(i + 0.5) * moved, true);
+            balance.add_window(5e-3, force(i + 0.5 - late) * moved, force(i + 0.5) * moved, true);
         }
         balance
     }
@@ -142,29 +142,29 @@ mod tests {
         // Energy that is removed is damping and gives no warning.
         assert!(balance(-1.0).share() < -2.0 * CREATED);
         assert_eq!(balance(-1.0).warning(&LONG), None);
-        assert_eq!(EnergyBooks::default().share(), 0.0);
+        assert_eq!(InterfaceEnergyBalance::default().share(), 0.0);
     }
 
     #[test]
     fn first_windows_are_not_judged() {
-        let mut balance = EnergyBooks::default();
+        let mut balance = InterfaceEnergyBalance::default();
         for window in 1..=30 {
-            balance.enter(5e-3, 2.0, 1.0, true);
+            balance.add_window(5e-3, 2.0, 1.0, true);
             assert_eq!(balance.warning(&LONG).is_some(), window == MIN_WINDOWS);
         }
     }
 
     /// The remedy after 30 windows of which `unconverged` did not converge.
-    fn remedy(about: Circumstances, unconverged: u32) -> String {
-        let mut balance = EnergyBooks::default();
-        (0..30).for_each(|i| balance.enter(5e-3, 2.0, 1.0, i >= unconverged));
+    fn remedy(about: EnergyWarningContext, unconverged: u32) -> String {
+        let mut balance = InterfaceEnergyBalance::default();
+        (0..30).for_each(|i| balance.add_window(5e-3, 2.0, 1.0, i >= unconverged));
         let text = balance.warning(&about).expect("half of the work is created");
         text.split("%): ").nth(1).expect("a cause").to_owned()
     }
 
     #[test]
     fn remedy_matches_the_cause() {
-        let staggered = remedy(Circumstances { staggered: true, ..LONG }, 0);
+        let staggered = remedy(EnergyWarningContext { staggered: true, ..LONG }, 0);
         assert!(staggered.contains("coupling.scheme = \"implicit\"") && !staggered.contains("window_s"));
         let unconverged = remedy(LONG, 10);
         assert!(
@@ -173,7 +173,7 @@ mod tests {
         );
         assert!(remedy(LONG, 0).contains("a shorter window_s"));
         // An eighth of the default window of 2 m at 4 m/s.
-        let eighth = Circumstances { window_s: 6.25e-4, ..LONG };
+        let eighth = EnergyWarningContext { window_s: 6.25e-4, ..LONG };
         let short = remedy(eighth, 0);
         assert!(short.contains("1/800") && short.contains("coupling.tolerance"), "{short}");
         assert!(!short.contains("window_s"), "{short}");
@@ -181,11 +181,11 @@ mod tests {
 
     #[test]
     fn short_windows_are_judged_after_the_same_physical_time() {
-        let mut balance = EnergyBooks::default();
+        let mut balance = InterfaceEnergyBalance::default();
         let window_s = 6.25e-4;
-        let about = Circumstances { window_s, ..LONG };
+        let about = EnergyWarningContext { window_s, ..LONG };
         let first = (1..=400).find(|_| {
-            balance.enter(window_s, 2.0, 1.0, true);
+            balance.add_window(window_s, 2.0, 1.0, true);
             balance.warning(&about).is_some()
         });
         assert_eq!(first, Some((TRANSIENT * LONG.passage_s / window_s).ceil() as u64));

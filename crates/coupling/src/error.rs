@@ -9,14 +9,14 @@ use crate::structure_energy::EnergyCreated;
 
 /// Location in a run: stage, window and coupling iteration.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// Name of the stage.
     pub stage: String,
     /// Window and coupling iteration; `None` before the first window.
     pub window: Option<(u64, u64)>,
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for Location {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "stage `{}`", self.stage)?;
         match self.window {
@@ -34,7 +34,7 @@ pub enum RunError {
     Input(String),
     /// Ctrl-C or a termination signal.
     #[error("interrupted in {0}")]
-    Interrupted(Place),
+    Interrupted(Location),
     /// A run that ended early and can be resumed.
     #[error("{error}\n{hint}")]
     Resumable {
@@ -53,7 +53,7 @@ pub enum RunError {
         /// Rank that reported, if known.
         rank: Option<u64>,
         /// Where.
-        place: Place,
+        place: Location,
         /// The program's message.
         message: String,
     },
@@ -69,7 +69,7 @@ pub enum RunError {
         /// Exit code or signal.
         how: String,
         /// Where.
-        place: Place,
+        place: Location,
         /// Last lines of its log.
         tail: String,
     },
@@ -89,13 +89,13 @@ pub enum RunError {
         /// State of its process, where the kernel reports it; else empty.
         state: &'static str,
         /// Where.
-        place: Place,
+        place: Location,
     },
     /// The grid motion failed. All programs are alive, in the state of the last accepted window.
     #[error("the grid cannot follow the canopy in {place}: {message}{}", saved_text(.saved.as_deref()))]
-    Stuck {
+    GridMotionFailed {
         /// Where.
-        place: Place,
+        place: Location,
         /// Cell, quality and region.
         message: String,
         /// Folder of the state that was saved.
@@ -103,13 +103,13 @@ pub enum RunError {
     },
     /// A program could not solve a window. All programs are alive, in the state of the last accepted window.
     #[error("{program} could not solve {place}: {message}{}", saved_text(.saved.as_deref()))]
-    NoAnswer {
+    SolveFailed {
         /// Role of the program.
         role: Role,
         /// Name of the program.
         program: String,
         /// Where.
-        place: Place,
+        place: Location,
         /// The program's message.
         message: String,
         /// Folder of the state that was saved.
@@ -122,7 +122,7 @@ pub enum RunError {
         /// Subproblem: flow, structure, grid motion, turbulence equation.
         what: &'static str,
         /// Where.
-        place: Place,
+        place: Location,
         /// Residuals and remedies.
         message: String,
         /// A shorter window may converge.
@@ -135,7 +135,7 @@ pub enum RunError {
     #[error("{energy} in {place}{}", saved_text(.saved.as_deref()))]
     Energy {
         /// Where.
-        place: Place,
+        place: Location,
         /// The energies.
         energy: EnergyCreated,
         /// Folder of the state that was saved.
@@ -145,7 +145,7 @@ pub enum RunError {
     #[error("{flow} in {place}{}", saved_text(.saved.as_deref()))]
     ImpossibleFlow {
         /// Where.
-        place: Place,
+        place: Location,
         /// The values.
         flow: ImpossibleFlow,
         /// Folder of the state that was saved.
@@ -155,7 +155,7 @@ pub enum RunError {
     #[error("the coupling failed in {place}: {message}")]
     Coupling {
         /// Where.
-        place: Place,
+        place: Location,
         /// Residuals and remedies.
         message: String,
     },
@@ -164,7 +164,7 @@ pub enum RunError {
     #[error("the descent is not physical in {place}: {message}")]
     Unphysical {
         /// Where.
-        place: Place,
+        place: Location,
         /// Values and remedies.
         message: String,
     },
@@ -172,7 +172,7 @@ pub enum RunError {
     #[error("{place}: {message}")]
     Channel {
         /// Where.
-        place: Place,
+        place: Location,
         /// The channel's message.
         message: String,
     },
@@ -220,10 +220,10 @@ impl RunError {
     }
 
     /// Whether all programs are in the state of the last accepted window, so that a shorter window may be tried.
-    pub fn may_pass(&self) -> bool {
+    pub fn is_retryable(&self) -> bool {
         match self {
-            Self::Stuck { .. }
-            | Self::NoAnswer { .. }
+            Self::GridMotionFailed { .. }
+            | Self::SolveFailed { .. }
             | Self::Energy { .. }
             | Self::Coupling { .. }
             | Self::Unphysical { .. } => true,
@@ -233,11 +233,13 @@ impl RunError {
     }
 
     /// The same error with the folder in which the last accepted window was saved.
-    pub fn saved_in(self, folder: PathBuf) -> Self {
+    pub fn with_saved_state(self, folder: PathBuf) -> Self {
         match self {
-            Self::Stuck { place, message, .. } => Self::Stuck { place, message, saved: Some(folder) },
-            Self::NoAnswer { role, program, place, message, .. } => {
-                Self::NoAnswer { role, program, place, message, saved: Some(folder) }
+            Self::GridMotionFailed { place, message, .. } => {
+                Self::GridMotionFailed { place, message, saved: Some(folder) }
+            }
+            Self::SolveFailed { role, program, place, message, .. } => {
+                Self::SolveFailed { role, program, place, message, saved: Some(folder) }
             }
             Self::Unconverged { what, place, message, shorter, .. } => {
                 Self::Unconverged { what, place, message, shorter, saved: Some(folder) }
@@ -248,10 +250,10 @@ impl RunError {
     }
 
     /// The same error with a cause and its remedy appended, where it concerns a window.
-    pub fn advised(mut self, advice: &str) -> Self {
+    pub fn with_advice(mut self, advice: &str) -> Self {
         match &mut self {
-            Self::Stuck { message, .. }
-            | Self::NoAnswer { message, .. }
+            Self::GridMotionFailed { message, .. }
+            | Self::SolveFailed { message, .. }
             | Self::Unconverged { message, .. }
             | Self::Coupling { message, .. }
             | Self::Fault { message, .. } => {

@@ -117,7 +117,7 @@ pub fn undisturbed_air(wind: &case::Wind, t: f64, frame_velocity: f64) -> [f64; 
 }
 
 /// Statistics of the flow in a window.
-pub fn of_flow(stats: &[channel::Stats; 3]) -> &[f64; STATS] {
+pub fn flow_statistics(stats: &[channel::Stats; 3]) -> &[f64; STATS] {
     &stats[Role::Flow as usize].values
 }
 

@@ -19,7 +19,7 @@ pub struct LoadOverWindow<'a> {
 
 /// Response of a program to one solve.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Answer {
+pub struct SolverResponse {
     /// Statistics; `busy_s` of the slowest rank.
     pub stats: Stats,
     /// Wall seconds from request to response.
@@ -45,13 +45,13 @@ pub trait Partners {
         w: &Window,
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
-    ) -> Result<Answer, RunError>;
+    ) -> Result<SolverResponse, RunError>;
 
     /// Mesh: moves the flow grid to the canopy's `displacement` `[nodes][3]`.
-    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError>;
+    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError>;
 
     /// Flow: load `[faces][LOAD_WIDTH]` (Pa) at the end of the window.
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError>;
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError>;
 
     /// The last responses become the accepted state.
     fn accept(&mut self, w: &Window) -> Result<(), RunError>;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use case::{Role, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 use coupling::balance::SystemBalance;
-use coupling::energy::EnergyBooks;
+use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::schemes::WindowReport;
 
@@ -44,7 +44,7 @@ pub struct Row {
     /// What the coupling itself adds to the energy of the canopy in this window, J.
     pub energy_error_j: f64,
     /// Both summed over the stage.
-    pub books: EnergyBooks,
+    pub books: InterfaceEnergyBalance,
     /// Momentum and energy of the falling system; `None` where nothing falls.
     pub balance: Option<SystemBalance>,
     /// Wall seconds of the window.

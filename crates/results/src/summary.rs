@@ -183,8 +183,8 @@ impl StageSummary {
         self.coupler_s += row.coupler_s;
         self.waiting_s += row.waiting_s();
         self.iterations += u64::from(report.iterations);
-        self.structure_calls += report.calls[Role::Structure as usize];
-        self.flow_calls += report.calls[Role::Flow as usize];
+        self.structure_calls += report.solves[Role::Structure as usize];
+        self.flow_calls += report.solves[Role::Flow as usize];
         self.flow_iterations += report.flow_iterations as u64;
         let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
         self.structure_steps += sum(Role::Structure, structure_stats::NEWTON_STEPS);

@@ -119,7 +119,8 @@ fn retry_after_a_useless_new_grid_is_at_four_fifths_of_the_quality() {
         Err("none".into())
     });
     let MotionTrial { at, motion, .. } = trial();
-    let mut motion = motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 1.0 }, build)), None);
+    let mut motion =
+        motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 1.0 }, build)), None);
     let reports = [0.601, 0.5, 0.401, 0.399, 0.32, 0.319].map(|quality| {
         let report = motion.accept(&at, &MeshQuality { quality, cell: 0, at: [0.0; 3], volume_ratio: 1.0 });
         (report, tried.get())
@@ -136,7 +137,8 @@ fn new_grid_is_the_reference_and_the_old_one_the_start_of_the_transition() {
         at.grid.as_chunks::<3>().0.iter().map(|x| [x[0], x[1], x[2] + 0.01 * (1.0 - x[2] * x[2])]).collect();
     let built = nodes.clone();
     let build: Builder = Box::new(move |_| Ok(built.clone()));
-    let mut motion = motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 0.1 }, build)), None);
+    let mut motion =
+        motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 0.1 }, build)), None);
     let bad = MeshQuality { quality: 0.5, cell: 0, at: [0.0; 3], volume_ratio: 1.0 };
     motion.quality = 0.5;
     let report = motion.accept(&at, &bad).expect("one is due").expect("one is built");

@@ -5,7 +5,7 @@ use channel::{Stats, Window};
 
 use super::test_support::{ClosedForm, one_mode};
 use super::*;
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::partners::LoadOverWindow;
 
 const SUBSTEPS: u64 = 4;
@@ -102,8 +102,8 @@ impl ClosedForm for Oscillator {
         if w.dt > self.longest {
             self.refused += 1;
             load.fill(f64::NAN);
-            let (place, message) = (Place::default(), "too long".into());
-            return Err(RunError::NoAnswer {
+            let (place, message) = (Location::default(), "too long".into());
+            return Err(RunError::SolveFailed {
                 role: Role::Flow,
                 program: "flow".into(),
                 place,
@@ -458,7 +458,7 @@ fn rejected_window_leaves_the_motion_bitwise_identical() {
                     let dt = if tried { 0.04 } else { 0.02 };
                     model.longest = if tried { 0.03 } else { 0.01 };
                     let refused = scheme.run(&mut model, Window { dt, ..w }, true);
-                    assert!(refused.expect_err("no answer").may_pass());
+                    assert!(refused.expect_err("no answer").is_retryable());
                     model.longest = 0.03;
                 }
                 scheme.run(&mut model, w, false).expect("an answer");

@@ -13,7 +13,7 @@ use super::window::criterion::{Criterion, Field};
 use super::window::values::InterfaceState;
 use super::window::window_loop::WindowLoop;
 use crate::error::RunError;
-use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::partners::{LoadOverWindow, Partners, SolverResponse};
 
 /// Flat square of `n` x `n` faces with side 1.
 pub fn plate(n: usize) -> (Vec<Point>, Vec<[u32; 4]>) {
@@ -50,17 +50,17 @@ impl<T: ClosedForm> Partners for T {
         w: &Window,
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
-        Ok(Answer { stats: self.solve_structure(w, load, displacement), wall_s: 0.0 })
+    ) -> Result<SolverResponse, RunError> {
+        Ok(SolverResponse { stats: self.solve_structure(w, load, displacement), wall_s: 0.0 })
     }
 
-    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError> {
         self.move_mesh(displacement);
-        Ok(Answer::default())
+        Ok(SolverResponse::default())
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
-        Ok(Answer { stats: self.solve_flow(w, load)?, wall_s: 0.0 })
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
+        Ok(SolverResponse { stats: self.solve_flow(w, load)?, wall_s: 0.0 })
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use coupling::energy::EnergyBooks;
+use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::flow_bounds::FlowBounds;
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ pub struct Progress {
     /// Where the stage stands in time, and the length of its next window, packed.
     pub clock: Vec<u8>,
     /// Interface energy balance.
-    pub books: EnergyBooks,
+    pub books: InterfaceEnergyBalance,
     /// What bounds the flow; `None` for a scene without one.
     pub flow_bounds: Option<FlowBounds>,
     /// The summary so far.

@@ -1,7 +1,7 @@
 //! Partners whose answers are compared with a recording as they come.
 
 use channel::Window;
-use coupling::error::{Place, RunError};
+use coupling::error::{Location, RunError};
 use coupling::partners::Partners;
 use terminal::Console;
 
@@ -81,7 +81,7 @@ impl Observer for Reference<'_> {
         }
         match &self.comparison.deviation() {
             Some(deviation) if self.stop => Err(RunError::Coupling {
-                place: Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
+                place: Location { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
                 message: format!("the run deviates from its baseline: {deviation}"),
             }),
             Some(deviation) if !self.reported => {

@@ -4,7 +4,7 @@ use case::Role;
 use channel::{Stats, flow_stats};
 
 use crate::descent::WindowForces;
-use crate::partners::Answer;
+use crate::partners::SolverResponse;
 
 /// Report of one window.
 #[derive(Clone, Debug, Default)]
@@ -23,7 +23,7 @@ pub struct WindowReport {
     /// Last statistics of structure, flow, mesh.
     pub stats: [Stats; 3],
     /// Solves of structure, flow, mesh.
-    pub calls: [u64; 3],
+    pub solves: [u64; 3],
     /// Pseudo-time iterations of the flow over all its solves.
     pub flow_iterations: f64,
     /// Sums of the statistics of structure, flow, mesh over all their solves; meaningful for counts.
@@ -43,10 +43,10 @@ impl WindowReport {
     }
 
     /// Adds the response of the program of `role`.
-    pub fn add(&mut self, role: Role, response: Answer) {
+    pub fn add(&mut self, role: Role, response: SolverResponse) {
         let at = role as usize;
         self.stats[at] = response.stats;
-        self.calls[at] += 1;
+        self.solves[at] += 1;
         self.sums[at].iter_mut().zip(&response.stats.values).for_each(|(sum, value)| *sum += value);
         self.busy_s[at] += response.stats.busy_s;
         self.wall_s[at] += response.wall_s;

@@ -6,7 +6,7 @@ use channel::Window;
 use super::criterion::Criterion;
 use super::state::{Configuration, WindowState};
 use crate::descent::{DescentModel, WindowForces};
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::partners::{LoadOverWindow, Partners};
 use crate::schemes::unknowns::Unknowns;
 
@@ -115,7 +115,7 @@ pub(crate) fn finite(stage: &str, who: &str, w: &Window, values: &[f64]) -> Resu
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
         Some(at) => Err(RunError::Coupling {
-            place: Place { stage: stage.to_owned(), window: Some((w.index, w.iteration)) },
+            place: Location { stage: stage.to_owned(), window: Some((w.index, w.iteration)) },
             message: format!("the {who} holds {} at position {at}", values[at]),
         }),
     }

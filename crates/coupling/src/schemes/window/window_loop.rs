@@ -10,10 +10,10 @@ use super::solvers::{Solvers, finite};
 use super::state::WindowState;
 use super::stopping::{Decision, StoppingCriterion, acceptable};
 use super::values::InterfaceState;
-use crate::convergence::Judge;
+use crate::convergence::AcceptanceCheck;
 use crate::descent::DescentModel;
 use crate::descent_limits::Limits;
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::partners::Partners;
 use crate::schemes::acceleration::accelerator::Accelerator;
 use crate::schemes::codec::{pack, unpack};
@@ -49,7 +49,7 @@ pub struct WindowLoop {
     accelerator: Box<dyn Accelerator>,
     problem: Problem,
     stopping: StoppingCriterion,
-    judge: Judge,
+    judge: AcceptanceCheck,
     pub(crate) state: WindowState,
     /// Length of the last accepted window, s; 0 before it.
     last_dt: f64,
@@ -87,8 +87,8 @@ impl Problem {
         }
     }
 
-    fn place(&self, w: &Window) -> Place {
-        Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) }
+    fn place(&self, w: &Window) -> Location {
+        Location { stage: self.stage.clone(), window: Some((w.index, w.iteration)) }
     }
 
     /// An error where the frame accelerates downwards beyond the measured forces.
@@ -131,7 +131,7 @@ impl WindowLoop {
             scheme,
             accelerator,
             stopping: StoppingCriterion { max_iterations: parts.max_iterations.max(1), accept_unconverged },
-            judge: Judge { stage: stage.clone(), accept_unconverged },
+            judge: AcceptanceCheck { stage: stage.clone(), accept_unconverged },
             state: WindowState::new(interface, &unknowns, faces),
             last_dt: 0.0,
             held_before: false,
@@ -266,11 +266,11 @@ impl WindowLoop {
 
     /// Returns to the last accepted window; the cost of the attempt is added to the next one.
     fn reject(&mut self, report: WindowReport, load_known: bool) {
-        let WindowReport { calls, flow_iterations, busy_s, wall_s, .. } = report;
+        let WindowReport { solves: calls, flow_iterations, busy_s, wall_s, .. } = report;
         self.rejected = RejectedAttempts {
             iterations: self.state.window.iteration + 1,
             structure_solves: self.state.structure_solves,
-            cost: WindowReport { calls, flow_iterations, busy_s, wall_s, ..WindowReport::default() },
+            cost: WindowReport { solves: calls, flow_iterations, busy_s, wall_s, ..WindowReport::default() },
         };
         if !load_known {
             self.state.interface.load = None;

@@ -48,7 +48,7 @@ pub struct MotionWarmStart {
 /// # Errors
 /// An error of the file system.
 pub fn save(saved: &MotionWarmStart, comm: &Comm, folder: &Path) -> Result<(), archive::Error> {
-    let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
+    let file = channel::warm_start_file(folder, Role::Mesh, comm.rank(), comm.size());
     archive::save(&file, MAGIC, VERSION, saved).map(|_| ())
 }
 
@@ -57,7 +57,7 @@ pub fn save(saved: &MotionWarmStart, comm: &Comm, folder: &Path) -> Result<(), a
 /// # Errors
 /// A file that is damaged, or contains values that are not finite.
 pub fn read(file: &Path) -> Result<Option<MotionWarmStart>, archive::Error> {
-    channel::remembered(file, MAGIC, VERSION, MotionWarmStart::check)
+    channel::load_warm_start(file, MAGIC, VERSION, MotionWarmStart::check)
 }
 
 /// Reads the data written by [`save`]; `None` where another number of ranks wrote them. Collective.
@@ -65,7 +65,7 @@ pub fn read(file: &Path) -> Result<Option<MotionWarmStart>, archive::Error> {
 /// # Errors
 /// On every rank, if the file of any of them cannot be used.
 pub fn load(comm: &Comm, folder: &Path) -> Result<Option<MotionWarmStart>, Fault> {
-    let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
+    let file = channel::warm_start_file(folder, Role::Mesh, comm.rank(), comm.size());
     let saved = agree(comm, read(&file))?;
     if !comm.all(saved.is_some()) {
         return Ok(None);
