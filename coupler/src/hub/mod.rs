@@ -53,7 +53,7 @@ pub struct HubPartners<'a> {
     stop: &'a AtomicBool,
     /// Where windows come to their ends before all ends: what ends all at once.
     now: Option<Arc<AtomicBool>>,
-    told: bool,
+    announced: bool,
     console: Console,
     place: Location,
     /// Panel of each canopy node.
@@ -90,7 +90,7 @@ impl<'a> HubPartners<'a> {
             supervisor,
             stop,
             now: None,
-            told: false,
+            announced: false,
             console: console.clone(),
             place,
             panels: interface.panels.clone(),
@@ -109,11 +109,11 @@ impl<'a> HubPartners<'a> {
 
     /// Waits until all ranks have joined; `by_hand`: says who has, for those that a person starts.
     fn await_participants(&mut self, by_hand: bool) -> Result<(), RunError> {
-        let mut told = 0;
+        let mut announced = 0;
         self.ask(|hub, watch| {
             hub.await_participants(&mut |arrivals| {
-                if by_hand && arrivals.arrived.len() > told {
-                    told = arrivals.arrived.len();
+                if by_hand && arrivals.arrived.len() > announced {
+                    announced = arrivals.arrived.len();
                     watch.console.line(&arrived(arrivals));
                 }
                 watch.look()?;
@@ -139,13 +139,13 @@ impl<'a> HubPartners<'a> {
     /// # Errors
     /// A program that fails at the very end.
     pub fn finish(self, console: &Console) -> Result<Vec<(Role, Usage)>, RunError> {
-        let Self { hub, mut supervisor, stop, now, mut told, place, farewell, .. } = self;
+        let Self { hub, mut supervisor, stop, now, mut announced, place, farewell, .. } = self;
         let used = supervisor.usage();
         let mut watch = Watch {
             supervisor: &mut supervisor,
             stop,
             now: now.as_deref(),
-            told: &mut told,
+            announced: &mut announced,
             console,
             failure: None,
         };
@@ -170,7 +170,7 @@ impl<'a> HubPartners<'a> {
             supervisor: &mut self.supervisor,
             stop: self.stop,
             now: self.now.as_deref(),
-            told: &mut self.told,
+            announced: &mut self.announced,
             console: &self.console,
             failure: None,
         };

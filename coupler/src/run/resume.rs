@@ -49,7 +49,7 @@ impl Resume {
         } else if !this.complete {
             console.line(&format!("stage `{}` is complete: continuing with the next", point.seal.name));
         }
-        console.remember(warnings);
+        console.restore_warnings(warnings);
         this.point = Some(point);
         Ok(this)
     }

@@ -75,7 +75,7 @@ pub(super) struct StageRun<'c, 'p> {
     folder: PathBuf,
     records: Records,
     descent: Option<DescentModel>,
-    books: InterfaceEnergyBalance,
+    interface_energy: InterfaceEnergyBalance,
     flow_bounds: Option<FlowBounds>,
     clock: WindowClock,
     progress: Progress,
@@ -123,7 +123,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(Self {
             records,
             descent: context.descent(),
-            books: resumed.map_or_else(InterfaceEnergyBalance::default, |saved| saved.books),
+            interface_energy: resumed
+                .map_or_else(InterfaceEnergyBalance::default, |saved| saved.interface_energy),
             flow_bounds: match resumed {
                 Some(saved) => saved.flow_bounds,
                 None => FlowBounds::new(context.scene, context.interface),
@@ -232,7 +233,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         self.summary.wall_s = self.wall_before + self.progress.seconds();
         self.save(Some(ended))?;
         self.summary.wall_s = self.wall_before + self.progress.seconds();
-        self.saves.tell(self.context.console, &self.context.description().name, self.progress.seconds());
+        self.saves.report(self.context.console, &self.context.description().name, self.progress.seconds());
         Ok(self.stepper.state().clone())
     }
 
@@ -302,7 +303,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
         let (felt, given) = self.stepper.interface_work().unwrap_or_default();
-        self.books.add_window(window.dt, felt, given, report.converged);
+        self.interface_energy.add_window(window.dt, felt, given, report.converged);
         let state = self.stepper.state();
         Row {
             window: self.index,
@@ -315,7 +316,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             drag_coefficient: self.descent.map(|d| d.drag_coefficient(report.force[2])),
             interface_work_j: given,
             energy_error_j: felt - given,
-            books: self.books,
+            interface_energy: self.interface_energy,
             balance: self.stepper.system_balance().copied(),
             coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
             wall_s,
@@ -330,10 +331,10 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let place = self.place();
         let said = self.summary.convergence.add(&place, &row.report, tolerance);
         said.iter().for_each(|text| console.warning(text));
-        let circumstances = context.circumstances(self.stepper.state(), row.window_s);
+        let warning_context = context.circumstances(self.stepper.state(), row.window_s);
         let structure = &row.report.stats[Role::Structure as usize].values;
         let texts = [
-            self.books.warning(&circumstances),
+            self.interface_energy.warning(&warning_context),
             self.stepper.warning(),
             structure_energy::warning(self.summary.structure_energy_created_share, structure),
         ];
@@ -422,7 +423,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             time_s,
             stepper: self.stepper.save_state(),
             clock: pack(&self.clock),
-            books: self.books,
+            interface_energy: self.interface_energy,
             flow_bounds: self.flow_bounds,
             summary: so_far,
             speeds: self.summary.speeds.clone(),
