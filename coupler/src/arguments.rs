@@ -50,7 +50,10 @@ pub(crate) fn seconds(text: &str) -> Result<f64, String> {
 pub(crate) fn ratio(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(s) if (0.0..1.0).contains(&s) => Ok(s),
-        _ => Err("write a number from 0 (bitwise identical, above the floor of each field) to less than 1".into()),
+        _ => {
+            Err("write a number from 0 (bitwise identical, above the floor of each field) to less than 1"
+                .into())
+        }
     }
 }
 

@@ -15,7 +15,7 @@ use results::recording::{Event, Reader};
 use terminal::Console;
 
 use crate::hub::HubPartners;
-use crate::replay::{ProgramSession, ProgramOptions, halves};
+use crate::replay::{ProgramOptions, ProgramSession, halves};
 
 /// The program to test, and the tolerance of its repeatability.
 #[derive(clap::Args)]
@@ -272,7 +272,8 @@ impl ConformanceSuite<'_> {
 
     fn repeatability(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
-        let [a, b] = self.run(|p| Ok([self.send(p, first, w)?, self.send(p, first, &at_iteration(w, 1))?]))?;
+        let [a, b] =
+            self.run(|p| Ok([self.send(p, first, w)?, self.send(p, first, &at_iteration(w, 1))?]))?;
         Ok(self.compare(&a, &b, "the same request twice"))
     }
 
@@ -306,9 +307,10 @@ impl ConformanceSuite<'_> {
         })?;
         Ok(match finite(&b) {
             Err(why) => Verdict::Failed(why),
-            Ok(()) if a == b && self.session.role != Role::Flow => {
-                Verdict::Failed("the reply for the second window is bitwise identical to that for the first: stale data".into())
-            }
+            Ok(()) if a == b && self.session.role != Role::Flow => Verdict::Failed(
+                "the reply for the second window is bitwise identical to that for the first: stale data"
+                    .into(),
+            ),
             Ok(()) => Verdict::Passed("accepts a window and computes the next".into()),
         })
     }
@@ -344,8 +346,13 @@ impl ConformanceSuite<'_> {
                 .map(|(i, substeps)| self.send(p, first, &Window { substeps, ..at_iteration(w, i as u64) }))
                 .collect::<Result<Vec<_>, _>>()
         })?;
-        let [coarse, fine] = [relative_difference(&replies[2], &replies[0]), relative_difference(&replies[2], &replies[1])];
-        let text = format!("{n} and {} substeps: relative difference {coarse:.1e} and {fine:.1e} from {} substeps", 2 * n, 4 * n);
+        let [coarse, fine] =
+            [relative_difference(&replies[2], &replies[0]), relative_difference(&replies[2], &replies[1])];
+        let text = format!(
+            "{n} and {} substeps: relative difference {coarse:.1e} and {fine:.1e} from {} substeps",
+            2 * n,
+            4 * n
+        );
         // Refinement must not diverge. Where substeps do not resolve the shortest waves (a canopy that is released), the
         // difference need not decrease, but it must not grow.
         Ok(if fine <= (2.0 * coarse).max(self.tolerance) {
@@ -405,9 +412,12 @@ impl ConformanceSuite<'_> {
             Ok((p.resumes(role), self.send(p, first1, w1)?))
         })?;
         if !can {
-            return Ok(Verdict::Skipped("the program does not announce `resume`: a run cannot be resumed within a stage".into()));
+            return Ok(Verdict::Skipped(
+                "the program does not announce `resume`: a run cannot be resumed within a stage".into(),
+            ));
         }
-        let b = self.session.run_from(Some(&folder), self.stop, self.console, |p| self.send(p, first1, w1))?;
+        let b =
+            self.session.run_from(Some(&folder), self.stop, self.console, |p| self.send(p, first1, w1))?;
         Ok(match self.compare(&a, &b, "a window after --resume") {
             Verdict::Passed(_) if a == b => {
                 Verdict::Passed("a window after --resume: bitwise identical".into())

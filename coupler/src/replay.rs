@@ -17,7 +17,7 @@ use terminal::Console;
 
 use crate::hub::{HubPartners, SessionOptions};
 use crate::launch::{LaunchPlan, Session};
-use crate::run::{Prepared, RunOptions, keep_scene, prepare, required_effects};
+use crate::run::{Prepared, RunOptions, copy_scene, prepare, required_effects};
 
 /// The recording and the program to replay.
 #[derive(clap::Args)]
@@ -134,7 +134,7 @@ impl ProgramSession {
         };
         std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
         let lock = results::lock::lock(&out)?;
-        keep_scene(&prepared.file, &out)?;
+        copy_scene(&prepared.file, &out)?;
         results::state::copy_states(&prepared.scene, number, folder, &out)?;
         Ok(Self {
             hint: hint(&prepared.scene, folder, options, number, &out),
@@ -250,7 +250,13 @@ fn replace_mesh_mover(scene: &mut Scene, file: &Path) -> Result<(), RunError> {
 }
 
 /// The remedy where a program cannot read the state of another program that stage `number` starts from.
-fn hint(scene: &Scene, folder: &Path, options: &ProgramOptions<'_>, number: usize, out: &Path) -> Option<String> {
+fn hint(
+    scene: &Scene,
+    folder: &Path,
+    options: &ProgramOptions<'_>,
+    number: usize,
+    out: &Path,
+) -> Option<String> {
     let role = options.role;
     let starts = scene.source_state(out, number, role).is_some() && !options.command.is_empty();
     let first = find_first(scene, folder, role).filter(|&first| starts && first < number)?;
