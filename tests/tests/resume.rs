@@ -151,7 +151,7 @@ fn a_damaged_state_gives_way_to_the_one_before_it() {
     let output = succeed(ripstop_run(&scene, &out, &["--resume"]));
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(text.contains("is not whole (flow.bin has") && text.contains("is passed over"), "{text}");
-    assert!(text.contains("going on with stage `descent` after"), "{text}");
+    assert!(text.contains("resuming stage `descent` after"), "{text}");
     assert_same(&whole, &out);
 }
 
@@ -438,10 +438,10 @@ fn a_program_that_cannot_go_on_is_named_and_one_in_python_that_can_goes_on() {
     let run = start(ripstop_run(&scene, &out, &options));
     let (code, text) = cut(run, &out, "pre-inflation", 4, Signal::INT);
     assert_eq!(code, Some(130), "{text}");
-    assert!(text.contains("the run goes on, but could not be resumed"), "{text}");
+    assert!(text.contains("the run continues but cannot be resumed within this stage"), "{text}");
     let (code, text) = fails(ripstop_run(&scene, &out, &[&options[..], &["--resume"]].concat()));
     assert!(
-        code == Some(2) && text.contains("plain.py") && text.contains("left nothing to go on from"),
+        code == Some(2) && text.contains("plain.py") && text.contains("saved no state to restart from"),
         "{text}"
     );
 

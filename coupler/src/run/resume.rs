@@ -92,7 +92,7 @@ fn progress_within(point: &Point, console: &Console) -> Result<Progress, RunErro
     let seal = &point.seal;
     if !seal.cannot.is_empty() {
         return Err(RunError::Input(format!(
-            "the run was interrupted within stage `{}`, where {} saved no restart state: a program that supports it \
+            "the run was interrupted within stage `{}`, where {} saved no state to restart from: a program that supports it \
              announces the effect `resume` (docs/reference/contract.md). `--stage {}` without --resume runs \
              the stage from its start",
             seal.name,

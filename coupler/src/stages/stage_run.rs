@@ -75,7 +75,7 @@ pub(super) struct StageRun<'c, 'p> {
     folder: PathBuf,
     records: Records,
     descent: Option<DescentModel>,
-    books: InterfaceEnergyBalance,
+    interface_energy: InterfaceEnergyBalance,
     flow_bounds: Option<FlowBounds>,
     clock: WindowClock,
     progress: Progress,
@@ -125,7 +125,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(Self {
             records,
             descent: context.descent(),
-            books: resumed.map_or_else(InterfaceEnergyBalance::default, |saved| saved.books),
+            interface_energy: resumed
+                .map_or_else(InterfaceEnergyBalance::default, |saved| saved.interface_energy),
             flow_bounds: match resumed {
                 Some(saved) => saved.flow_bounds,
                 None => FlowBounds::new(context.scene, context.interface),
@@ -307,7 +308,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
         let (on_structure, by_flow) = self.stepper.interface_work().unwrap_or_default();
-        self.books.add_window(window.dt, on_structure, by_flow, report.converged);
+        self.interface_energy.add_window(window.dt, on_structure, by_flow, report.converged);
         let state = self.stepper.state();
         Row {
             window: self.index,
@@ -320,7 +321,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             drag_coefficient: self.descent.map(|d| d.drag_coefficient(report.force[2])),
             interface_work_j: by_flow,
             energy_error_j: on_structure - by_flow,
-            books: self.books,
+            interface_energy: self.interface_energy,
             balance: self.stepper.system_balance().copied(),
             coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
             wall_s,
@@ -338,7 +339,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let warning_context = context.warning_context(self.stepper.state(), row.window_s);
         let structure = &row.report.stats[Role::Structure as usize].values;
         let texts = [
-            self.books.warning(&warning_context),
+            self.interface_energy.warning(&warning_context),
             self.stepper.warning(),
             structure_energy::warning(self.summary.structure_energy_created_share, structure),
         ];
@@ -427,7 +428,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             time_s,
             stepper: self.stepper.save_state(),
             clock: pack(&self.clock),
-            books: self.books,
+            interface_energy: self.interface_energy,
             flow_bounds: self.flow_bounds,
             summary: so_far,
             speeds: self.summary.speeds.clone(),

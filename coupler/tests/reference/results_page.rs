@@ -30,7 +30,7 @@ const STRUCTS: &[(&str, &str)] = &[
     ("RunSummary", "crates/results/src/summary.rs"),
     ("StageSummary", "crates/results/src/summary.rs"),
     ("Convergence", "crates/coupling/src/convergence.rs"),
-    ("Tally", "crates/coupling/src/convergence.rs"),
+    ("UnconvergedCount", "crates/coupling/src/convergence.rs"),
     ("Finding", "crates/results/src/finding.rs"),
     ("Machine", "crates/results/src/machine.rs"),
     ("StageTimings", "crates/results/src/timings.rs"),

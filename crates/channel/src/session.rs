@@ -132,8 +132,8 @@ impl SessionPaths {
     }
 }
 
-/// Removes the remaining files of `session` in shared memory, after all its processes have ended; an error names one
-/// that has not. No effect for an unknown session.
+/// Removes the remaining files of `session` in shared memory, after all its processes have ended; the error names a process that
+/// has not ended. No effect for an unknown session.
 pub fn cleanup(session: &str) -> Result<(), SessionError> {
     SessionPaths::of(session)?.clean()
 }

@@ -43,7 +43,7 @@ pub(crate) struct Connection {
 pub(crate) struct ChannelSpec {
     /// Largest number of receivers.
     pub receivers: usize,
-    /// The newest message replaces one that was not read. Otherwise it is rejected.
+    /// The newest message replaces an unread one. Otherwise it is rejected.
     pub newest_wins: bool,
 }
 

@@ -21,13 +21,13 @@ pub(super) fn progress(run: &Run, stage: &StageData) -> String {
     let planned = run.stage(stage).windows();
     let done = stage.columns.rows() as u64;
     let time = digits(stage.columns.last("time_s").unwrap_or(0.0));
-    let told = super::data::text(stage.summary.as_ref(), "ended");
-    if done >= planned || told == "complete" {
+    let reported = super::data::text(stage.summary.as_ref(), "ended");
+    if done >= planned || reported == "complete" {
         format!("{time} s in {}", counted(done, "window"))
-    } else if told.is_empty() || told == "failed" {
+    } else if reported.is_empty() || reported == "failed" {
         format!("{time} s, ended after {done} of {}", counted(planned, "window"))
     } else {
-        format!("{time} s in {done} of {}: {told}", counted(planned, "window"))
+        format!("{time} s in {done} of {}: {reported}", counted(planned, "window"))
     }
 }
 

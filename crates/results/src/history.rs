@@ -44,7 +44,7 @@ pub struct Row {
     /// What the coupling itself adds to the energy of the canopy in this window, J.
     pub energy_error_j: f64,
     /// Both summed over the stage.
-    pub books: InterfaceEnergyBalance,
+    pub interface_energy: InterfaceEnergyBalance,
     /// Momentum and energy of the falling system; `None` where nothing falls.
     pub balance: Option<SystemBalance>,
     /// Wall seconds of the window.
@@ -215,8 +215,8 @@ fn coupling_cells(row: &Row) -> [(&'static str, Cell); 9] {
         ("rejected_attempts", Count(u64::from(row.rejected))),
         ("interface_work_j", Number(row.interface_work_j)),
         ("interface_energy_error_j", Number(row.energy_error_j)),
-        ("interface_energy_error_sum_j", Number(row.books.added_j)),
-        ("interface_energy_error_share", Number(row.books.share())),
+        ("interface_energy_error_sum_j", Number(row.interface_energy.added_j)),
+        ("interface_energy_error_share", Number(row.interface_energy.share())),
     ]
 }
 

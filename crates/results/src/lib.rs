@@ -1,5 +1,5 @@
-//! The results of a run, written and read here only: the history of its windows, the summary, checkpoints and states to go
-//! on from, recordings of what the programs exchanged, and how two runs differ.
+//! The results of a run, written and read here only: the history of its windows, the summary, checkpoints, states
+//! of stages, recordings of the exchange, and the comparison of two runs.
 
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]

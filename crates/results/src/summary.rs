@@ -196,9 +196,9 @@ impl StageSummary {
         self.shortest_window_s = self.shortest_window_s.min(row.window_s);
         self.descent_speed_m_s = row.descent_speed_m_s;
         self.drag_n = report.force[2];
-        self.interface_energy_error_j = row.books.added_j;
-        self.interface_work_j = row.books.work_j;
-        self.interface_energy_error_share = row.books.share();
+        self.interface_energy_error_j = row.interface_energy.added_j;
+        self.interface_work_j = row.interface_energy.work_j;
+        self.interface_energy_error_share = row.interface_energy.share();
         let structure = &report.stats[Role::Structure as usize].values;
         self.structure_energy_created_j = structure[structure_stats::ENERGY_CREATED_SUM];
         self.structure_energy_created_share = coupling::structure_energy::share(structure);

@@ -27,7 +27,7 @@ pub struct Progress {
     /// Where the stage stands in time, and the length of its next window, packed.
     pub clock: Vec<u8>,
     /// Interface energy balance.
-    pub books: InterfaceEnergyBalance,
+    pub interface_energy: InterfaceEnergyBalance,
     /// What bounds the flow; `None` for a scene without one.
     pub flow_bounds: Option<FlowBounds>,
     /// The summary so far.

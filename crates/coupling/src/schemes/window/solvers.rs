@@ -58,7 +58,7 @@ impl Solvers<'_> {
         state.report.add(Role::Mesh, response);
         let response = self.partners.flow(w, &mut state.end.load)?;
         state.report.add(Role::Flow, response);
-        finite(self.stage, "answer of the flow", w, &state.end.load)
+        finite(self.stage, "flow response", w, &state.end.load)
     }
 
     /// Solves the structure under `load`: its displacement is stored in [`WindowState::end`].
