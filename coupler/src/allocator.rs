@@ -1,10 +1,10 @@
-//! What the program asks of the C library's allocator.
+//! Settings of the C library's allocator.
 
-/// Blocks of 256 KiB and more are mapped by themselves, and so returned to the system when they are freed.
+/// Maps blocks of 256 KiB and more separately, so that they return to the system when they are freed.
 ///
-/// glibc does so only until the first of their size has been freed, and then keeps them in its heap, where smaller blocks come to lie
-/// between them. The model of the flow is remade as the canopy turns, with matrices of a megabyte: on the
-/// 10 000 windows of `cases/hard/long-descent` the process grew from 22 to 27 MiB. Elsewhere than with glibc this does nothing.
+/// By default glibc raises this threshold when such a block is first freed, and then allocates blocks of that size on its heap, which
+/// fragments. The added-mass surrogate is reassembled as the canopy rotates, with matrices of a megabyte: over the
+/// 10 000 windows of `cases/hard/long-descent` the process grew from 22 to 27 MiB. No effect without glibc.
 pub fn map_large_blocks() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     // SAFETY: called once before any other thread starts; it changes no block in use.

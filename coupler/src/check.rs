@@ -1,4 +1,4 @@
-//! `ripstop check`: what would run, and why.
+//! `ripstop check`: the planned stages and programs, and the findings of the inspection.
 
 use checks::{Inspection, description};
 use coupling::error::RunError;
@@ -7,10 +7,10 @@ use results::program::program_folder;
 use crate::launch::LaunchPlan;
 use crate::run::{Prepared, RunOptions, inspection, prepare};
 
-/// Loads and inspects a scene, and describes the run.
+/// Loads and inspects a scene; returns a description of the run and the findings.
 ///
 /// # Errors
-/// Whatever `ripstop run` would refuse before it inspects the scene.
+/// As `ripstop run` before its inspection of the scene.
 pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
     let prepared = prepare(options)?;
     let inspection = inspection(&prepared, options)?;

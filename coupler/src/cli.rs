@@ -14,18 +14,18 @@ use results::recording::stand_in::StandIn;
 use studies::effects::Runs;
 use terminal::Console;
 
-use crate::arguments::{mpirun, ranks, role, seconds, share};
+use crate::arguments::{mpirun, ranks, ratio, role, seconds};
 use crate::exit_codes::HELP as CODES;
 use crate::former_options;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
 use crate::signals;
 
-/// Scene that `ripstop run` runs when none is named, below this folder or the one that the program was built in.
+/// Scene that `ripstop run` runs when none is named: in the current folder, else in a folder above the program.
 const DEFAULT_SCENE: &str = "cases/atps-descent/scene.toml";
 
-/// The default scene: below this folder, else below a folder above this program's own. Where neither has it, the
-/// first, which is then reported.
+/// The path of the default scene: in the current folder, else in a folder above the program. Where neither has it,
+/// the first path, which the error message then names.
 fn default_scene() -> PathBuf {
     let here = PathBuf::from(DEFAULT_SCENE);
     let program = std::env::current_exe().and_then(|path| path.canonicalize()).unwrap_or_default();
@@ -49,27 +49,27 @@ enum Command {
     /// Run a scene with programs that you start yourself, in any order, also under a debugger
     #[command(after_help = CODES)]
     Attach(AttachArgs),
-    /// Run one program against the recorded exchanges of a run, and compare its answers
+    /// Run one program against the recorded messages of a run and compare its replies
     #[command(after_help = CODES)]
     Replay(crate::replay::ReplayArgs),
-    /// Show where two recordings (or the results of two runs) part, and how the difference grows
+    /// Compare two recordings, or the results of two runs: the first deviation and its growth
     #[command(after_help = CODES)]
     Diff(crate::diff_command::DiffArgs),
-    /// Drive one program through a battery of questions: does it keep the contract?
+    /// Test whether one program conforms to the contract
     #[command(after_help = CODES)]
     Conform(crate::conform::ConformArgs),
-    /// Inspect a scene without starting anything: what would run and why, and all that looks wrong
+    /// Check a scene without starting any program: what would run, errors and warnings
     #[command(after_help = CODES)]
     Check {
         #[command(flatten)]
         scene: SceneArgs,
     },
-    /// Print the effects that can be simulated; with a scene, what each is estimated to change in its
-    /// answer, the most important first
+    /// List the effects that can be simulated; with a scene, estimate how much each changes its results,
+    /// the largest change first
     Effects {
         #[command(flatten)]
         scene: SceneArgs,
-        /// Measure what each changes and costs: runs with and without it, beside the estimate
+        /// Measure the change and the cost of each effect by runs with and without it, next to the estimate
         #[arg(long, requires = "scene")]
         measure: bool,
         /// Windows of each measured run [default: the whole stage, at most 20]
@@ -78,27 +78,27 @@ enum Command {
         /// Measure these effects only, such as `--only lines.drag,flow.viscosity`
         #[arg(long, value_name = "KEY,...", value_delimiter = ',', requires = "measure")]
         only: Vec<String>,
-        /// Runs of each, of which the least seconds count
+        /// Runs of each variant; the shortest wall time counts
         #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
         repeat: u64,
-        /// Results of a run of the scene, whose states the measured stage starts from [default: run
-        /// the stages before it, with the effect where it acts in them]
+        /// Results of a run of the scene; the measured stage starts from its saved states [default: run
+        /// the earlier stages first, with the effect where it acts in them]
         #[arg(long, value_name = "DIR", requires = "measure")]
         states: Option<PathBuf>,
     },
-    /// Print what a program in any language starts a stage from, as JSON: the scene with
-    /// its defaults, meshes, files of earlier stages
+    /// Print the initial data of a stage as JSON, for solvers in any language: the scene with
+    /// its defaults, meshes, paths of saved states
     Mesh(crate::mesh_command::MeshArgs),
-    /// Print the JSON schema of scenes, for editors that complete and check TOML
+    /// Print the JSON schema of scenes, for completion and validation in editors
     Schema,
     /// Draw the canopy and the flow around it from the results of a run (PNG)
     Picture(figures::picture::PictureArgs),
-    /// Write a page about a run: what came of it, the canopy in three dimensions, where the time went
+    /// Write an HTML report of a run: results, the canopy in three dimensions, wall times
     Report(report::ReportArgs),
-    /// Show accuracy against cost: vary parameters of a scene, extrapolate, advise the cheapest settings
+    /// Study accuracy against cost: vary parameters of a scene, extrapolate, recommend the cheapest settings
     #[command(after_help = CODES)]
     Accuracy(studies::accuracy::AccuracyArgs),
-    /// Run a family of small cases and draw a map of the stability of coupling schemes
+    /// Map the stability of coupling schemes with a family of small cases
     #[command(after_help = CODES)]
     Stability(studies::stability::StabilityArgs),
     /// Print the completion script of a shell, such as `ripstop completions bash`
@@ -108,14 +108,14 @@ enum Command {
     },
     /// Write manual pages of `ripstop` and its commands (troff)
     Man {
-        /// Folder of the pages; it is created where it is missing
+        /// Folder of the pages; created if it does not exist
         #[arg(value_name = "DIR")]
         folder: PathBuf,
     },
-    /// Plays a recorded mesh-mover for `replay`
+    /// Replaces the mesh-mover by its recorded replies, for `replay`
     #[command(hide = true)]
     StandIn {
-        /// File of a stage's exchanges
+        /// Recording of a stage
         #[arg(long)]
         recording: PathBuf,
         #[command(flatten)]
@@ -127,7 +127,7 @@ enum Command {
 struct RunCommand {
     #[command(flatten)]
     run: RunArgs,
-    /// Run the stage that --stage names, and none after it
+    /// Run only the stage that --stage names
     #[arg(long, requires = "stage")]
     only: bool,
 }
@@ -148,11 +148,11 @@ struct SceneArgs {
     /// Folder of the results [default: the scene's output.folder, or runs/<scene name>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Another value than the scene's, as often as needed: `--set fabric.poisson_ratio=0.4`,
+    /// Override a value of the scene (repeatable): `--set fabric.poisson_ratio=0.4`,
     /// `--set stage.descent.duration_s=2`
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<Setting>,
-    /// MPI ranks by role, such as `--ranks flow=4,mesh=2`; others as in the scene
+    /// MPI ranks by role, such as `--ranks flow=4,mesh=2` [default: the scene's `ranks`]
     #[arg(long, value_name = "ROLE=N,...", value_delimiter = ',', value_parser = ranks)]
     ranks: Vec<(Role, u32)>,
     /// Program to run instead of structure-solver; the arguments of the run are appended
@@ -164,11 +164,11 @@ struct SceneArgs {
     /// Program to run instead of mesh-mover
     #[arg(long, value_name = "COMMAND")]
     mesh: Option<String>,
-    /// Options for every `mpirun`, or with ROLE= for one, such as
+    /// Options of `mpirun`, for all programs or with ROLE= for one, such as
     /// `--mpirun flow="--host a:8,b:8 --map-by node"`: see docs/how-to/run-on-a-cluster.md
     #[arg(long, value_name = "[ROLE=]OPTIONS", allow_hyphen_values = true, value_parser = mpirun)]
     mpirun: Vec<(Option<Role>, String)>,
-    /// Start at this stage, from the states of an earlier run in --out
+    /// Start at this stage, from the saved states of an earlier run in --out
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
 }
@@ -177,46 +177,46 @@ struct SceneArgs {
 struct RunArgs {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Stop each stage after N windows (its state is saved, so that the next stage can start)
+    /// Stop each stage after N windows and save its state; the next stage starts from it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     stop_after_windows: Option<u64>,
-    /// Accept windows that are not converged, as long as all numbers are finite
+    /// Accept windows that do not converge, provided that all values are finite
     #[arg(long)]
     accept_unconverged: bool,
-    /// Time limit for one reply of a program that ripstop has started, in seconds
+    /// Time limit for one reply of a program started by ripstop, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = seconds)]
     deadline: f64,
     /// Resume the run in --out from its last checkpoint
     #[arg(long, conflicts_with = "stage")]
     resume: bool,
-    /// Save every N windows; 0: at the end of stages and at Ctrl-C only [default: the scene's
-    /// output.checkpoint_every_windows, or as often as costs 1 % of the time]
+    /// Save a checkpoint every N windows; 0: only at the end of stages and at Ctrl-C [default: the scene's
+    /// output.checkpoint_every_windows, or an interval that costs at most 1 % of the wall time]
     #[arg(long, value_name = "N")]
     checkpoint_every: Option<u32>,
-    /// Print the times of the named parts of all programs by stage (always in summary.json and the report)
+    /// Print the wall times of all programs by stage and part (always written to summary.json and the report)
     #[arg(long)]
     profile: bool,
     /// Print errors only
     #[arg(long, short)]
     quiet: bool,
-    /// Print the output of all programs (always in their logs), each line with its role
+    /// Print the output of all programs, each line with its role (always written to their logs)
     #[arg(long, short, conflicts_with = "quiet")]
     verbose: bool,
-    /// Record every exchange of the programs in DIR, for `replay`, `diff` and `--baseline`
+    /// Record all messages of the programs in DIR, for `replay`, `diff`, `conform` and `--baseline`
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
-    /// Omit the moving grid from the recording: far smaller, but the flow cannot be replayed
+    /// Omit the moving grid from the recording: much smaller, but the flow cannot be replayed
     #[arg(long, requires = "record")]
     record_without_grid: bool,
     /// Compare with a recording during the run; reports the first deviation
     #[arg(long, value_name = "DIR")]
     baseline: Option<PathBuf>,
     /// Relative tolerance of the comparison with the baseline; the scale is the largest value of the field
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = share)]
+    #[arg(long, value_name = "RATIO", default_value_t = 1e-9, value_parser = ratio)]
     tolerance: f64,
     /// Relative tolerance of iteration counts (Newton, Krylov, ...), rounded up [default: differences of counts are
     /// reported, not judged]
-    #[arg(long, value_name = "SHARE", requires = "baseline", value_parser = share)]
+    #[arg(long, value_name = "RATIO", requires = "baseline", value_parser = ratio)]
     iteration_tolerance: Option<f64>,
     /// End the run at the first deviation from the baseline
     #[arg(long, requires = "baseline")]
@@ -261,7 +261,7 @@ impl SceneArgs {
     }
 }
 
-/// The command line with its commands and options, for what is generated from it.
+/// The definition of the command line, for completions, manual pages and the reference.
 pub fn command() -> clap::Command {
     <Cli as clap::CommandFactory>::command()
 }
@@ -378,9 +378,9 @@ fn run_scene(
     Ok(())
 }
 
-/// An error of a run with the command that resumes it.
+/// Adds the command that resumes the run to its error.
 fn resumable(error: RunError, options: &RunOptions) -> RunError {
-    // What is stuck would be stuck again.
+    // A resumed run would fail again at the same window.
     if matches!(error, RunError::Input(_) | RunError::GridMotionFailed { .. }) {
         return error;
     }
@@ -393,7 +393,7 @@ fn resumable(error: RunError, options: &RunOptions) -> RunError {
     }
 }
 
-/// The result of a comparison: printed, and an error where things differ.
+/// Prints the report of a comparison; an error where it found a difference.
 fn compared((same, report): (bool, String)) -> Result<(), RunError> {
     print(&report);
     if same { Ok(()) } else { Err(RunError::Differs) }
@@ -409,7 +409,7 @@ fn stand_in(recording: &std::path::Path, program: &channel::ProgramArgs) -> Resu
     served.map(|_| ()).map_err(RunError::Input)
 }
 
-/// To standard output; a reader that closes the pipe early is no error.
+/// Prints to standard output. A pipe that the reader has closed is not an error.
 fn print(text: &str) {
     use std::io::Write;
     drop(writeln!(std::io::stdout(), "{text}"));
@@ -420,13 +420,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_line_is_well_formed() {
+    fn command_line_definition_is_valid() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
     }
 
     #[test]
-    fn options_of_mpirun_and_ranks_are_collected() {
+    fn mpirun_options_and_ranks_are_parsed() {
         let words = ["ripstop", "run", "s.toml", "--mpirun", "--map-by node", "--mpirun", "mesh=-host a"];
         let Ok(Cli { command: Command::Run(args) }) =
             Cli::try_parse_from(words.into_iter().chain(["--ranks", "flow=4,mesh=2"]))
@@ -439,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn only_belongs_to_a_stage() {
+    fn only_requires_a_stage() {
         let read = |words: &[&str]| Cli::try_parse_from([&["ripstop", "run", "s.toml"], words].concat());
         let Ok(Cli { command: Command::Run(args) }) = read(&["--stage", "flow", "--only"]) else {
             panic!("refused")
@@ -449,7 +449,7 @@ mod tests {
     }
 
     #[test]
-    fn the_default_scene_is_found_from_any_folder() {
+    fn default_scene_is_found_from_any_folder() {
         // Tests run in the folder of the crate, which has no cases.
         assert!(!std::path::Path::new(DEFAULT_SCENE).exists());
         let found = default_scene();

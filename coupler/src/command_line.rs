@@ -1,4 +1,4 @@
-//! Command lines that are printed for a person, ready to be pasted into a shell.
+//! Command lines to paste into a shell.
 
 use std::path::Path;
 
@@ -7,8 +7,8 @@ use terminal::shell::quote;
 
 use crate::run::RunOptions;
 
-/// The command that resumes a run with `options`, whose results lie in `out`: with every option that the run
-/// depends on, quoted for a POSIX shell.
+/// The command that resumes a run with `options` and the results folder `out`: all options that affect the results,
+/// quoted for a POSIX shell.
 pub fn resume(options: &RunOptions, out: &Path) -> String {
     let mut words = vec![program(), "run".into(), options.scene.display().to_string()];
     let mut option = |name: &str, value: String| words.extend([format!("--{name}"), value]);
@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_resume_command_repeats_all_that_the_run_depends_on() {
+    fn resume_command_repeats_all_options_of_the_run() {
         let options = RunOptions {
             scene: "my scenes/drop.toml".into(),
             settings: vec!["coupling.scheme=staggered".parse().expect("a setting")],

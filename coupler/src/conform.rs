@@ -1,8 +1,7 @@
 //! `ripstop conform`: does a program keep the contract?
 //!
-//! The program is driven alone, by questions from a recording and by some that no run
-//! asks. Each point of the battery is a session of its own where the one before may
-//! have left the program in a bad state.
+//! The program runs alone. It receives requests from a recording, and requests that no
+//! run sends (zero and extreme input). Each test starts the program in a new session.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -16,15 +15,15 @@ use results::recording::{Event, Reader};
 use terminal::Console;
 
 use crate::hub::HubPartners;
-use crate::replay::{ProgramSession, Trial, halves};
+use crate::replay::{ProgramOptions, ProgramSession, halves};
 
-/// Which program, and how closely it must repeat itself.
+/// The program to test, and the tolerance of its repeatability.
 #[derive(clap::Args)]
 pub struct ConformArgs {
     /// Role that the program plays: structure, flow or mesh
     #[arg(value_parser = crate::arguments::role)]
     role: Role,
-    /// Folder that `ripstop run --record` wrote: the scene, and questions to ask
+    /// Folder that `ripstop run --record` wrote: the scene and the requests to send
     recording: PathBuf,
     /// The program [default: the project's own]
     #[arg(long, value_name = "COMMAND", default_value = "")]
@@ -32,19 +31,19 @@ pub struct ConformArgs {
     /// Ranks of the program [default: as recorded]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     ranks: Option<u32>,
-    /// Stage [default: the last one in which the program took part]
+    /// Stage [default: the last one in which the program participated]
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
-    /// How far two answers to one question may lie apart, as a share of the largest number: the
-    /// program's own tolerance, where it starts from its last answer
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-3, value_parser = crate::arguments::share)]
+    /// Relative tolerance of two replies to the same request (scale: the largest value). A program that
+    /// warm-starts from its previous solution needs its own solver tolerance here
+    #[arg(long, value_name = "RATIO", default_value_t = 1e-3, value_parser = crate::arguments::ratio)]
     tolerance: f64,
-    /// Longest time for one answer, in seconds
+    /// Time limit for one reply, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::arguments::seconds)]
     deadline: f64,
 }
 
-/// What became of a point of the battery.
+/// Result of a conformance test.
 #[derive(Clone, Debug, PartialEq)]
 enum Verdict {
     Passed(String),
@@ -52,39 +51,39 @@ enum Verdict {
     Skipped(String),
 }
 
-/// A question to a program.
+/// Input of a program for one window.
 #[derive(Clone)]
-enum Question {
-    /// Load at the start and at the end, each `[faces][LOAD_WIDTH]`.
+enum Request {
+    /// Load at the start and at the end of the window, each `[faces][LOAD_WIDTH]`.
     Structure([Vec<f64>; 2]),
-    /// Displacement.
+    /// Displacement of the canopy, `[nodes][3]`, m.
     Mesh(Vec<f64>),
-    /// Displacement that the stand-in for the mesh is given, where the grid moves.
+    /// Displacement for the recorded mesh-mover. `None`: the grid is at rest.
     Flow(Option<Vec<f64>>),
 }
 
-impl Question {
-    fn ask(&self, partners: &mut HubPartners<'_>, w: &Window, size: usize) -> Result<Vec<f64>, RunError> {
-        let mut answer = vec![0.0; size];
+impl Request {
+    fn send(&self, partners: &mut HubPartners<'_>, w: &Window, size: usize) -> Result<Vec<f64>, RunError> {
+        let mut reply = vec![0.0; size];
         match self {
             Self::Structure([start, end]) => {
-                partners.structure(w, LoadOverWindow { start, end }, &mut answer)?;
+                partners.structure(w, LoadOverWindow { start, end }, &mut reply)?;
             }
             Self::Mesh(displacement) => {
                 partners.mesh(w, displacement)?;
-                answer = partners.grid().unwrap_or(&[]).to_vec();
+                reply = partners.grid().unwrap_or(&[]).to_vec();
             }
             Self::Flow(displacement) => {
                 if let Some(displacement) = displacement {
                     partners.mesh(w, displacement)?;
                 }
-                partners.flow(w, &mut answer)?;
+                partners.flow(w, &mut reply)?;
             }
         }
-        Ok(answer)
+        Ok(reply)
     }
 
-    /// The same with all numbers of the input times `factor`; the flow has none of its own.
+    /// The request with all input values times `factor`. `None` for the flow, whose only input is the grid.
     fn scaled(&self, factor: f64) -> Option<Self> {
         let times = |v: &Vec<f64>| v.iter().map(|x| factor * x).collect::<Vec<f64>>();
         match self {
@@ -95,9 +94,10 @@ impl Question {
     }
 }
 
-/// Two windows of a recording: what was asked first and last in each.
+/// The first two windows of a recording, each with its first and its last request.
 struct Script {
-    windows: Vec<(Window, Question, Question)>,
+    windows: Vec<(Window, Request, Request)>,
+    /// Values of a reply.
     size: usize,
 }
 
@@ -111,23 +111,23 @@ impl Script {
             Role::Mesh => 6 * reader.header().grid_nodes as usize,
         };
         let mut windows = Vec::new();
-        let mut asked: Vec<(Window, Question)> = Vec::new();
+        let mut requests: Vec<(Window, Request)> = Vec::new();
         let mut moved = None;
         while let Some(event) = reader.next_event()? {
             let w = Window::from(event.at());
             match (event, session.role) {
                 (Event::Structure { load, .. }, Role::Structure) => {
-                    asked.push((w, Question::Structure(halves(&load))));
+                    requests.push((w, Request::Structure(halves(&load))));
                 }
                 (Event::Mesh { displacement, .. }, Role::Mesh) => {
-                    asked.push((w, Question::Mesh(displacement)))
+                    requests.push((w, Request::Mesh(displacement)))
                 }
                 (Event::Mesh { displacement, .. }, Role::Flow) => moved = Some(displacement),
-                (Event::Flow { .. }, Role::Flow) => asked.push((w, Question::Flow(moved.clone()))),
-                (Event::Accept { .. }, _) if !asked.is_empty() => {
-                    let (first, last) = (asked[0].clone(), asked[asked.len() - 1].clone());
+                (Event::Flow { .. }, Role::Flow) => requests.push((w, Request::Flow(moved.clone()))),
+                (Event::Accept { .. }, _) if !requests.is_empty() => {
+                    let (first, last) = (requests[0].clone(), requests[requests.len() - 1].clone());
                     windows.push((Window { iteration: 0, ..first.0 }, first.1, last.1));
-                    asked.clear();
+                    requests.clear();
                     if windows.len() == 2 {
                         return Ok(Self { windows, size });
                     }
@@ -136,7 +136,7 @@ impl Script {
             }
         }
         Err(RunError::Input(format!(
-            "{} has {} whole windows with the {}; two are needed",
+            "{} has {} complete windows with the {}; a conformance test needs 2: record a longer run",
             session.file.display(),
             windows.len(),
             session.role.name()
@@ -144,33 +144,33 @@ impl Script {
     }
 }
 
-/// A later question of a window.
-fn again(w: &Window, iteration: u64) -> Window {
+/// The window at a later coupling iteration.
+fn at_iteration(w: &Window, iteration: u64) -> Window {
     Window { iteration, ..*w }
 }
 
-/// Largest difference of two answers over the largest number of the first, or of the second where the first is 0
-/// throughout.
-fn apart(a: &[f64], b: &[f64]) -> f64 {
+/// Relative difference of two replies in the maximum norm. The scale is the largest value of the first, or of the
+/// second where the first is 0 throughout.
+fn relative_difference(a: &[f64], b: &[f64]) -> f64 {
     let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let difference = a.iter().zip(b).fold(0.0f64, |m, (x, y)| m.max((x - y).abs()));
     let scale = if largest(a) > 0.0 { largest(a) } else { largest(b) };
     if difference == 0.0 { 0.0 } else { difference / scale }
 }
 
-fn finite(answer: &[f64]) -> Result<(), String> {
-    match answer.iter().position(|v| !v.is_finite()) {
+fn finite(reply: &[f64]) -> Result<(), String> {
+    match reply.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
-        Some(i) => Err(format!("number {i} of the answer is {}", answer[i])),
+        Some(i) => Err(format!("value {i} of the reply is {}", reply[i])),
     }
 }
 
-/// Drives the program through the battery; whether it passed all, and the table.
+/// Runs all conformance tests: whether the program passed, and the table of results.
 ///
 /// # Errors
-/// A recording that does not serve, an interrupt. What the program does is a verdict.
+/// A recording that cannot be used, or an interrupt. Failures of the program are verdicts, not errors.
 pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Result<(bool, String), RunError> {
-    let trial = Trial {
+    let options = ProgramOptions {
         role: args.role,
         command: &args.command,
         ranks: args.ranks,
@@ -178,21 +178,21 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
         out: None,
         deadline: Duration::from_secs_f64(args.deadline),
     };
-    let session = ProgramSession::new(&args.recording, &trial)?;
+    let session = ProgramSession::new(&args.recording, &options)?;
     let script = Script::of(&session)?;
-    let battery = Battery { session, script, tolerance: args.tolerance, stop, console };
-    let mut text = format!("{} in stage `{}`", args.role.name(), battery.session.stage);
+    let suite = ConformanceSuite { session, script, tolerance: args.tolerance, stop, console };
+    let mut text = format!("{} in stage `{}`", args.role.name(), suite.session.stage);
     let mut passed = true;
-    let mut silent = None;
-    for (name, point) in POINTS {
-        let verdict = match silent {
-            // Further points would say the same again, or cost the deadline again.
-            Some(at) => Verdict::Skipped(format!("no valid reply to start from after `{at}`")),
-            None => match point(&battery) {
+    let mut unusable = None;
+    for (name, test) in TESTS {
+        let verdict = match unusable {
+            // Further tests would repeat this failure, or wait for the deadline again.
+            Some(at) => Verdict::Skipped(format!("requires a valid reply; `{at}` failed")),
+            None => match test(&suite) {
                 Err(error @ RunError::Interrupted(_)) => return Err(error),
                 Err(error) => {
                     if matches!(error, RunError::Stalled { .. }) {
-                        silent = Some(name);
+                        unusable = Some(name);
                     }
                     Verdict::Failed(error.to_string())
                 }
@@ -200,7 +200,7 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
             },
         };
         if BASIC.contains(&name) && matches!(verdict, Verdict::Failed(_)) {
-            silent = Some(name);
+            unusable = Some(name);
         }
         let (mark, why) = match &verdict {
             Verdict::Passed(why) => ("passed ", why),
@@ -208,31 +208,31 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
             Verdict::Skipped(why) => ("skipped", why),
         };
         passed &= !matches!(verdict, Verdict::Failed(_));
-        text.push_str(&format!("\n  {mark}  {name:<16} {why}"));
+        text.push_str(&format!("\n  {mark}  {name:<15} {why}"));
     }
     Ok((passed, text))
 }
 
-type Point = fn(&Battery<'_>) -> Result<Verdict, RunError>;
+type Test = fn(&ConformanceSuite<'_>) -> Result<Verdict, RunError>;
 
-/// Points without which the others mean nothing.
-const BASIC: [&str; 2] = ["handshake", "answers"];
+/// Tests that all others require.
+const BASIC: [&str; 2] = ["handshake", "finite reply"];
 
-const POINTS: [(&str, Point); 11] = [
-    ("handshake", |b| b.handshake()),
-    ("answers", |b| b.answers()),
-    ("repeats", |b| b.repeats()),
-    ("rolls back", |b| b.rolls_back()),
-    ("restart within a stage", |b| b.continues()),
-    ("shorter window", |b| b.shorter()),
-    ("substeps", |b| b.substeps()),
-    ("restores", |b| b.restores()),
-    ("resumes", |b| b.resumes()),
-    ("zero input", |b| b.zero()),
-    ("absurd input", |b| b.absurd()),
+const TESTS: [(&str, Test); 11] = [
+    ("handshake", |s| s.handshake()),
+    ("finite reply", |s| s.finite_reply()),
+    ("repeatability", |s| s.repeatability()),
+    ("rollback", |s| s.rollback()),
+    ("next window", |s| s.next_window()),
+    ("shorter window", |s| s.shorter_window()),
+    ("substeps", |s| s.substeps()),
+    ("stage restart", |s| s.stage_restart()),
+    ("resume", |s| s.resume()),
+    ("zero input", |s| s.zero_input()),
+    ("extreme input", |s| s.extreme_input()),
 ];
 
-struct Battery<'a> {
+struct ConformanceSuite<'a> {
     session: ProgramSession,
     script: Script,
     tolerance: f64,
@@ -240,115 +240,121 @@ struct Battery<'a> {
     console: &'a Console,
 }
 
-impl Battery<'_> {
+impl ConformanceSuite<'_> {
     fn run<T>(&self, play: impl FnOnce(&mut HubPartners<'_>) -> Result<T, RunError>) -> Result<T, RunError> {
         self.session.run(self.stop, self.console, play)
     }
 
-    fn ask(&self, p: &mut HubPartners<'_>, q: &Question, w: &Window) -> Result<Vec<f64>, RunError> {
-        q.ask(p, w, self.script.size)
+    fn send(&self, p: &mut HubPartners<'_>, r: &Request, w: &Window) -> Result<Vec<f64>, RunError> {
+        r.send(p, w, self.script.size)
     }
 
-    /// `a` and `b` answer one question.
-    fn close(&self, a: &[f64], b: &[f64], what: &str) -> Verdict {
-        let d = apart(a, b);
-        let text = format!("{what}: {d:.1e} apart (tolerance {:.0e})", self.tolerance);
+    /// Compares two replies to the same request.
+    fn compare(&self, a: &[f64], b: &[f64], what: &str) -> Verdict {
+        let d = relative_difference(a, b);
+        let text = format!("{what}: relative difference {d:.1e} (tolerance {:.0e})", self.tolerance);
         if d <= self.tolerance { Verdict::Passed(text) } else { Verdict::Failed(text) }
     }
 
     fn handshake(&self) -> Result<Verdict, RunError> {
         self.run(|_| Ok(()))?;
-        Ok(Verdict::Passed("joins, fits the canopy, has the scene's effects, ends on request".into()))
+        Ok(Verdict::Passed("joins, matches the canopy, supports the scene's effects, ends on request".into()))
     }
 
-    fn answers(&self) -> Result<Verdict, RunError> {
+    fn finite_reply(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
-        let answer = self.run(|p| self.ask(p, first, w))?;
-        Ok(match finite(&answer) {
-            Ok(()) => Verdict::Passed(format!("{} finite numbers for window {}", answer.len(), w.index)),
+        let reply = self.run(|p| self.send(p, first, w))?;
+        Ok(match finite(&reply) {
+            Ok(()) => Verdict::Passed(format!("{} finite values for window {}", reply.len(), w.index)),
             Err(why) => Verdict::Failed(why),
         })
     }
 
-    fn repeats(&self) -> Result<Verdict, RunError> {
+    fn repeatability(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
-        let [a, b] = self.run(|p| Ok([self.ask(p, first, w)?, self.ask(p, first, &again(w, 1))?]))?;
-        Ok(self.close(&a, &b, "the same question twice"))
+        let [a, b] =
+            self.run(|p| Ok([self.send(p, first, w)?, self.send(p, first, &at_iteration(w, 1))?]))?;
+        Ok(self.compare(&a, &b, "the same request twice"))
     }
 
-    fn rolls_back(&self) -> Result<Verdict, RunError> {
+    fn rollback(&self) -> Result<Verdict, RunError> {
         let (w, first, last) = &self.script.windows[0];
         let other = first.scaled(1.5).unwrap_or_else(|| last.clone());
-        // The flow's answer to its own question is all that a grid at rest lets one ask.
-        if matches!(other, Question::Flow(None)) {
-            return Ok(Verdict::Skipped("on a grid at rest all questions of a window are one".into()));
+        // On a grid at rest the flow has no other input.
+        if matches!(other, Request::Flow(None)) {
+            return Ok(Verdict::Skipped("on a grid at rest all requests of a window are identical".into()));
         }
         let [a, b] = self.run(|p| {
-            let a = self.ask(p, first, w)?;
+            let a = self.send(p, first, w)?;
             for i in 1..4 {
-                self.ask(p, &other, &again(w, i))?;
+                self.send(p, &other, &at_iteration(w, i))?;
             }
-            Ok([a, self.ask(p, first, &again(w, 4))?])
+            Ok([a, self.send(p, first, &at_iteration(w, 4))?])
         })?;
-        Ok(self.close(&a, &b, "a question after three others"))
+        Ok(self.compare(&a, &b, "a request after three others in the window"))
     }
 
-    fn continues(&self) -> Result<Verdict, RunError> {
+    fn next_window(&self) -> Result<Verdict, RunError> {
         let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
             return Ok(Verdict::Skipped("one window only".into()));
         };
         let [a, b] = self.run(|p| {
-            let a = self.ask(p, last0, w0)?;
+            let a = self.send(p, last0, w0)?;
             p.accept(w0)?;
-            let b = self.ask(p, first1, w1)?;
+            let b = self.send(p, first1, w1)?;
             p.accept(w1)?;
             Ok([a, b])
         })?;
         Ok(match finite(&b) {
             Err(why) => Verdict::Failed(why),
-            Ok(()) if a == b && self.session.role != Role::Flow => {
-                Verdict::Failed("the second window's answer is the first one's to the bit: stale".into())
-            }
+            Ok(()) if a == b && self.session.role != Role::Flow => Verdict::Failed(
+                "the reply for the second window is bitwise identical to that for the first: stale data"
+                    .into(),
+            ),
             Ok(()) => Verdict::Passed("accepts a window and computes the next".into()),
         })
     }
 
-    /// A rejected window that is retried with half its length gives the results of a program that was asked so
-    /// at once.
-    fn shorter(&self) -> Result<Verdict, RunError> {
+    /// A rejected window that is retried with half its length gives the result of a first request with that length.
+    fn shorter_window(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
         let half = Window { dt: 0.5 * w.dt, ..*w };
         let varies = self.run(|p| Ok(p.fixed_windows().is_empty()))?;
         if !varies {
             return Ok(Verdict::Skipped(
-                "it does not announce `coupling.adaptive`: windows are of one length".into(),
+                "the program does not announce `coupling.adaptive`: its windows have a fixed length".into(),
             ));
         }
-        let a = self.run(|p| self.ask(p, first, &half))?;
+        let a = self.run(|p| self.send(p, first, &half))?;
         let b = self.run(|p| {
-            self.ask(p, first, w)?;
-            self.ask(p, first, &again(&half, 1))
+            self.send(p, first, w)?;
+            self.send(p, first, &at_iteration(&half, 1))
         })?;
-        Ok(self.close(&a, &b, "half a window, at once and after a whole one"))
+        Ok(self.compare(&a, &b, "half a window, as the first request and after a full one"))
     }
 
     fn substeps(&self) -> Result<Verdict, RunError> {
         if self.session.role != Role::Structure {
-            return Ok(Verdict::Skipped("of the structure only".into()));
+            return Ok(Verdict::Skipped("applies to the structure only".into()));
         }
         let (w, first, _) = &self.script.windows[0];
         let n = w.substeps.max(1);
-        let answers = self.run(|p| {
+        let replies = self.run(|p| {
             [n, 2 * n, 4 * n]
                 .into_iter()
                 .enumerate()
-                .map(|(i, substeps)| self.ask(p, first, &Window { substeps, ..again(w, i as u64) }))
+                .map(|(i, substeps)| self.send(p, first, &Window { substeps, ..at_iteration(w, i as u64) }))
                 .collect::<Result<Vec<_>, _>>()
         })?;
-        let [coarse, fine] = [apart(&answers[2], &answers[0]), apart(&answers[2], &answers[1])];
-        let text = format!("{n} and {} substeps: {coarse:.1e} and {fine:.1e} from {}", 2 * n, 4 * n);
-        // More substeps must not lead away. Where they do not resolve the shortest waves yet (a canopy that is let go), the
-        // differences need not fall, but nor do they grow.
+        let [coarse, fine] =
+            [relative_difference(&replies[2], &replies[0]), relative_difference(&replies[2], &replies[1])];
+        let text = format!(
+            "{n} and {} substeps: relative difference {coarse:.1e} and {fine:.1e} from {} substeps",
+            2 * n,
+            4 * n
+        );
+        // Refinement must not diverge. Where substeps do not resolve the shortest waves (a canopy that is released), the
+        // difference need not decrease, but it must not grow.
         Ok(if fine <= (2.0 * coarse).max(self.tolerance) {
             Verdict::Passed(text)
         } else {
@@ -356,11 +362,11 @@ impl Battery<'_> {
         })
     }
 
-    fn restores(&self) -> Result<Verdict, RunError> {
+    fn stage_restart(&self) -> Result<Verdict, RunError> {
         let scene = &self.session.prepared.scene;
         let role = self.session.role;
         let Some(source) = scene.source_state(&self.session.out, self.session.number(), role) else {
-            return Ok(Verdict::Skipped("no stage before this one leaves it a state".into()));
+            return Ok(Verdict::Skipped("no earlier stage saves a state for this program".into()));
         };
         let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
             return Ok(Verdict::Skipped("one window only".into()));
@@ -368,14 +374,14 @@ impl Battery<'_> {
         let folder = self.session.out.join("saved");
         std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
         let a = self.run(|p| {
-            self.ask(p, last0, w0)?;
+            self.send(p, last0, w0)?;
             p.accept(w0)?;
             p.save(&folder)?;
-            self.ask(p, first1, w1)
+            self.send(p, first1, w1)
         })?;
         let saved = case::state_file(&folder, role);
         if !saved.is_file() {
-            return Ok(Verdict::Failed(format!("it wrote no {}", saved.display())));
+            return Ok(Verdict::Failed(format!("the program did not write {}", saved.display())));
         }
         let before = source.with_extension("before");
         let swap = |from: &std::path::Path, to: &std::path::Path| {
@@ -385,14 +391,14 @@ impl Battery<'_> {
             swap(&source, &before)?;
         }
         swap(&saved, &source)?;
-        let b = self.run(|p| self.ask(p, first1, w1));
+        let b = self.run(|p| self.send(p, first1, w1));
         if before.is_file() {
             swap(&before, &source)?;
         }
-        Ok(self.close(&a, &b?, "a window from a saved state"))
+        Ok(self.compare(&a, &b?, "a window from a saved state"))
     }
 
-    fn resumes(&self) -> Result<Verdict, RunError> {
+    fn resume(&self) -> Result<Verdict, RunError> {
         let role = self.session.role;
         let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
             return Ok(Verdict::Skipped("one window only".into()));
@@ -400,53 +406,56 @@ impl Battery<'_> {
         let folder = self.session.out.join("within");
         std::fs::create_dir_all(&folder).map_err(RunError::file("create", &folder))?;
         let (can, a) = self.run(|p| {
-            self.ask(p, last0, w0)?;
+            self.send(p, last0, w0)?;
             p.accept(w0)?;
             p.save(&folder)?;
-            Ok((p.resumes(role), self.ask(p, first1, w1)?))
+            Ok((p.resumes(role), self.send(p, first1, w1)?))
         })?;
         if !can {
-            return Ok(Verdict::Skipped("it does not announce `resume`: its runs cannot be resumed".into()));
+            return Ok(Verdict::Skipped(
+                "the program does not announce `resume`: a run cannot be resumed within a stage".into(),
+            ));
         }
-        let b = self.session.run_from(Some(&folder), self.stop, self.console, |p| self.ask(p, first1, w1))?;
-        Ok(match self.close(&a, &b, "a window after --resume") {
+        let b =
+            self.session.run_from(Some(&folder), self.stop, self.console, |p| self.send(p, first1, w1))?;
+        Ok(match self.compare(&a, &b, "a window after --resume") {
             Verdict::Passed(_) if a == b => {
-                Verdict::Passed("a window after --resume: the same digits".into())
+                Verdict::Passed("a window after --resume: bitwise identical".into())
             }
             other => other,
         })
     }
 
-    fn zero(&self) -> Result<Verdict, RunError> {
+    fn zero_input(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
         let Some(zero) = first.scaled(0.0) else {
-            return Ok(Verdict::Skipped("the flow has no input but the grid".into()));
+            return Ok(Verdict::Skipped("the only input of the flow is the grid".into()));
         };
-        let answer = self.run(|p| self.ask(p, &zero, w))?;
-        Ok(match finite(&answer) {
-            Ok(()) => Verdict::Passed("finite numbers".into()),
+        let reply = self.run(|p| self.send(p, &zero, w))?;
+        Ok(match finite(&reply) {
+            Ok(()) => Verdict::Passed("finite values".into()),
             Err(why) => Verdict::Failed(why),
         })
     }
 
-    fn absurd(&self) -> Result<Verdict, RunError> {
+    fn extreme_input(&self) -> Result<Verdict, RunError> {
         let (w, first, _) = &self.script.windows[0];
-        let Some(absurd) = first.scaled(1e9) else {
-            return Ok(Verdict::Skipped("the flow has no input but the grid".into()));
+        let Some(extreme) = first.scaled(1e9) else {
+            return Ok(Verdict::Skipped("the only input of the flow is the grid".into()));
         };
-        match self.run(|p| self.ask(p, &absurd, w)) {
-            Ok(answer) => Ok(match finite(&answer) {
-                Ok(()) => Verdict::Passed("a finite answer to a billion times the input".into()),
+        match self.run(|p| self.send(p, &extreme, w)) {
+            Ok(reply) => Ok(match finite(&reply) {
+                Ok(()) => Verdict::Passed("a finite reply to 1e9 times the input".into()),
                 Err(why) => Verdict::Failed(why),
             }),
-            // A mesh that cannot follow says so in its answer.
+            // A reported failure is a valid response to such input.
             Err(
                 RunError::Fault { message, .. }
                 | RunError::GridMotionFailed { message, .. }
                 | RunError::SolveFailed { message, .. },
             ) => {
                 let short: String = message.chars().take(90).collect();
-                Ok(Verdict::Passed(format!("an error in words: {short}")))
+                Ok(Verdict::Passed(format!("a reported error: {short}")))
             }
             Err(other) => Err(other),
         }

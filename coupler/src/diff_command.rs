@@ -1,4 +1,4 @@
-//! `ripstop diff`: compares two runs or recordings and draws how their differences grow.
+//! `ripstop diff`: compares two runs or recordings and plots the growth of their differences.
 
 use std::path::{Path, PathBuf};
 
@@ -8,29 +8,29 @@ use results::diff::{histories, recordings};
 use results::recording::compare::Comparison;
 use results::recording::stage_file;
 
-/// What to compare, and how closely.
+/// The folders to compare, and tolerances.
 #[derive(clap::Args)]
 pub struct DiffArgs {
     /// The reference: a folder that `ripstop run --record` wrote, or the results of a run
     a: PathBuf,
-    /// The other one, of the same kind
+    /// The folder to compare with it, of the same kind
     b: PathBuf,
-    /// Largest difference that is none, as a share of the largest number of the field (or column)
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::arguments::share)]
+    /// Relative tolerance of the comparison; the scale is the largest value of the field (or column)
+    #[arg(long, value_name = "RATIO", default_value_t = 1e-9, value_parser = crate::arguments::ratio)]
     tolerance: f64,
     /// Relative tolerance of iteration counts (Newton, Krylov, ...), rounded up [default: differences of counts are
     /// reported, not judged]
-    #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
+    #[arg(long, value_name = "RATIO", value_parser = crate::arguments::ratio)]
     iteration_tolerance: Option<f64>,
-    /// Folder for `<stage>-difference.csv` and `.svg`: how the differences grow
+    /// Folder for `<stage>-difference.csv` and `.svg`: differences over time
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-/// Compares stage by stage; whether all are the same, and the report.
+/// Compares stage by stage: whether all agree within the tolerances, and the report.
 ///
 /// # Errors
-/// Folders that cannot be compared.
+/// [`RunError::Input`]: the folders cannot be compared.
 pub fn diff(args: &DiffArgs) -> Result<(bool, String), RunError> {
     let scene = scene_of(&args.a)?;
     scene_of(&args.b)?;
@@ -78,7 +78,7 @@ fn scene_of(folder: &Path) -> Result<Scene, RunError> {
     case::load(&file).map_err(|e| RunError::Input(e.to_string()))
 }
 
-/// Writes how the differences grow.
+/// Writes the differences over time as CSV and SVG.
 pub(crate) fn write(out: &Path, stage: &str, comparison: &Comparison) -> Result<(), RunError> {
     std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
     let path = out.join(format!("{stage}-difference.csv"));

@@ -1,4 +1,4 @@
-//! `ripstop effects SCENE`: the effects of a scene ranked by estimate, and measured by runs with and without each.
+//! `ripstop effects SCENE`: effects ranked by their estimated change of the results, and measured by runs with and without each.
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -13,10 +13,10 @@ use terminal::Console;
 
 use crate::run::{Prepared, RunOptions, prepare, run};
 
-/// The effects of a scene in the order of what they change in its answer.
+/// The effects of a scene, ordered by their estimated change of its results.
 ///
 /// # Errors
-/// Whatever `ripstop run` would refuse before it starts a program.
+/// As `ripstop run` before it starts a program.
 pub fn scene_report(options: &RunOptions) -> Result<String, RunError> {
     let prepared = prepare(options)?;
     let Prepared { scene, interface, .. } = &prepared;
@@ -26,18 +26,18 @@ pub fn scene_report(options: &RunOptions) -> Result<String, RunError> {
     Ok(ranking(&scope).join("\n"))
 }
 
-/// The stage whose answer is judged: the one that the command line names, or the last one.
+/// The stage whose results are compared: as named on the command line, else the last one.
 fn measured_stage(options: &RunOptions, scene: &case::Scene) -> usize {
     let named = options.stage.as_ref().and_then(|name| scene.stages.iter().position(|s| &s.name == name));
     named.unwrap_or(scene.stages.len().saturating_sub(1))
 }
 
-/// Runs in this process, until `stop`.
-struct Here<'a> {
+/// Runs scenes in this process, until `stop`.
+struct LocalRunner<'a> {
     stop: &'a AtomicBool,
 }
 
-impl Runner for Here<'_> {
+impl Runner for LocalRunner<'_> {
     fn run(
         &self,
         file: &Path,
@@ -60,7 +60,7 @@ impl Runner for Here<'_> {
 /// Measures the effects of the scene by runs with and without each.
 ///
 /// # Errors
-/// Trouble with the scene itself; what is wrong with a variant stands in its row.
+/// Errors of the scene itself; the error of a variant is in its row.
 pub fn measure(
     options: &RunOptions,
     runs: &Runs,
@@ -70,5 +70,5 @@ pub fn measure(
 ) -> Result<Measurements, RunError> {
     let Prepared { scene, interface, .. } = prepare(options)?;
     let stage = measured_stage(options, &scene);
-    measurements((&scene, &interface, stage), runs, earlier, &Here { stop }, console)
+    measurements((&scene, &interface, stage), runs, earlier, &LocalRunner { stop }, console)
 }

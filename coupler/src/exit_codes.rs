@@ -1,4 +1,4 @@
-//! Exit codes of `ripstop`: one table for the help texts and the reference.
+//! Exit codes of `ripstop`: the table for the help texts and the reference.
 
 macro_rules! exit_codes {
     ($($code:literal, $meaning:literal;)*) => {
@@ -13,10 +13,10 @@ macro_rules! exit_codes {
 exit_codes! {
     0, "success";
     1, "the run or the study failed; results up to the failure are kept";
-    2, "the scene or the command line is wrong; nothing was started";
-    3, "a comparison found a difference (diff, replay, accuracy), or a point of the contract failed (conform)";
+    2, "the scene or the command line is invalid; no program was started";
+    3, "a comparison found a difference (diff, replay, accuracy), or a conformance test failed (conform)";
     130, "interrupted by Ctrl-C or a termination signal: the current window was completed and saved, and \
-          `ripstop run --resume` continues the run; a second signal ends the run at once without saving";
+          `ripstop run --resume` continues the run; a second signal ends the run immediately without saving";
 }
 
 #[cfg(test)]

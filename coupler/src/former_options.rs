@@ -1,4 +1,4 @@
-//! Former names of options of the command line: still accepted, with a warning.
+//! Former names of command-line options: accepted with a warning.
 
 use std::ffi::OsString;
 
@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn former_options_are_translated_with_a_warning() {
+    fn former_options_are_replaced_with_a_warning() {
         for [old, new] in OPTIONS {
             let (arguments, warnings) = current(["ripstop", "run", old, "1"].map(OsString::from));
             assert_eq!(arguments, ["ripstop", "run", new, "1"]);

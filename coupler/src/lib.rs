@@ -1,6 +1,6 @@
-//! Launches the programs, sequences them stage by stage, and answers the command line.
+//! The coupler: launches the solver programs, runs them stage by stage, and implements the command line.
 
-// An error ends the run: its size is no cost.
+// An error ends the run: its size does not affect performance.
 #![allow(clippy::result_large_err)]
 
 pub mod allocator;

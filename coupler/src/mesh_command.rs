@@ -1,4 +1,4 @@
-//! `ripstop mesh`: what a program in any language needs of a scene, as JSON.
+//! `ripstop mesh`: the initial data of a stage as JSON, for solvers in any language.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -22,21 +22,21 @@ pub struct MeshArgs {
     /// Folder of the results [default: the scene's output.folder, or runs/<scene name>]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// The flow grid that the stage starts from, too
+    /// Include the flow grid at the start of the stage
     #[arg(long)]
     pub grid: bool,
 }
 
-/// A stage as its programs see it at their start.
+/// The initial data of a stage.
 #[derive(Serialize)]
 struct StageStart {
     /// The scene with all defaults.
     scene: Scene,
     stage: usize,
     structure: StructureMesh,
-    /// The file that each role starts from, where an earlier stage wrote one.
+    /// Saved state of each role, where an earlier stage wrote one.
     states: BTreeMap<Role, PathBuf>,
-    /// What each clock of a scene shows at the start of the stage, s.
+    /// Time of each clock of the scene at the start of the stage, s.
     clocks: BTreeMap<&'static str, f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     grid: Option<FlowGrid>,
@@ -45,8 +45,8 @@ struct StageStart {
 /// The stage as JSON.
 ///
 /// # Errors
-/// [`RunError::Input`]: a faulty scene, no such stage, a shape that an earlier
-/// stage should have left.
+/// [`RunError::Input`]: the scene is invalid, the stage does not exist, or the saved canopy
+/// shape of an earlier stage is missing.
 pub fn json(args: &MeshArgs) -> Result<String, RunError> {
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
     let options = RunOptions { scene: args.scene.clone(), out: args.out.clone(), ..RunOptions::default() };
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn meshes_scene_and_states_are_there() {
+    fn stage_data_contain_scene_meshes_and_states() {
         let start = square(0, true).expect("a scene of the repository");
         assert_eq!(start["structure"]["faces"].as_array().map(Vec::len), Some(144));
         assert_eq!(start["structure"]["cables"].as_array().map(Vec::len), Some(24));
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn later_stages_start_from_files() {
+    fn later_stages_name_saved_states() {
         let start = square(2, false).expect("no file is read");
         assert_eq!(start["states"]["structure"], "/nowhere/pre-inflation/state/structure.bin");
         assert_eq!(start["states"]["flow"], "/nowhere/developed-flow/state/flow.bin");

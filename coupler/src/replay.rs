@@ -1,4 +1,4 @@
-//! `ripstop replay`: one program against its recorded partners.
+//! `ripstop replay`: runs one program against recorded messages.
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -17,46 +17,46 @@ use terminal::Console;
 
 use crate::hub::{HubPartners, SessionOptions};
 use crate::launch::{LaunchPlan, Session};
-use crate::run::{Prepared, RunOptions, keep_scene, prepare, required_effects};
+use crate::run::{Prepared, RunOptions, copy_scene, prepare, required_effects};
 
-/// What to replay.
+/// The recording and the program to replay.
 #[derive(clap::Args)]
 pub struct ReplayArgs {
     /// Folder that `ripstop run --record` wrote
     recording: PathBuf,
-    /// Runs the structure: the project's program, or COMMAND
+    /// Run the structure solver: the project's program, or COMMAND
     #[arg(long, value_name = "COMMAND", num_args = 0..=1, default_missing_value = "",
           conflicts_with_all = ["flow", "mesh"], required_unless_present_any = ["flow", "mesh"])]
     structure: Option<String>,
-    /// Runs the flow: the project's program, or COMMAND
+    /// Run the flow solver: the project's program, or COMMAND
     #[arg(long, value_name = "COMMAND", num_args = 0..=1, default_missing_value = "", conflicts_with = "mesh")]
     flow: Option<String>,
-    /// Runs the mesh-mover: the project's program, or COMMAND
+    /// Run the mesh-mover: the project's program, or COMMAND
     #[arg(long, value_name = "COMMAND", num_args = 0..=1, default_missing_value = "")]
     mesh: Option<String>,
     /// Ranks of the program [default: as recorded]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     ranks: Option<u32>,
-    /// Stage to replay [default: the last one in which the program took part]
+    /// Stage to replay [default: the last one in which the program participated]
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
-    /// Largest difference that is none, as a share of the largest number of the field
-    #[arg(long, value_name = "SHARE", default_value_t = 1e-9, value_parser = crate::arguments::share)]
+    /// Relative tolerance of the comparison; the scale is the largest value of the field
+    #[arg(long, value_name = "RATIO", default_value_t = 1e-9, value_parser = crate::arguments::ratio)]
     tolerance: f64,
     /// Relative tolerance of iteration counts (Newton, Krylov, ...), rounded up [default: differences of counts are
     /// reported, not judged]
-    #[arg(long, value_name = "SHARE", value_parser = crate::arguments::share)]
+    #[arg(long, value_name = "RATIO", value_parser = crate::arguments::ratio)]
     iteration_tolerance: Option<f64>,
     /// Folder for the program's logs and the differences [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Longest time for one answer of the program, in seconds
+    /// Time limit for one reply of the program, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600.0, value_parser = crate::arguments::seconds)]
     deadline: f64,
 }
 
-/// Which program is tried, and how it is started.
-pub(crate) struct Trial<'a> {
+/// The program under test and how it is started.
+pub(crate) struct ProgramOptions<'a> {
     /// Its role.
     pub role: Role,
     /// Its command; empty: the project's program.
@@ -67,28 +67,28 @@ pub(crate) struct Trial<'a> {
     pub stage: Option<&'a str>,
     /// Folder for logs and results; `None`: a temporary one.
     pub out: Option<&'a Path>,
-    /// Longest time for one answer.
+    /// Time limit for one reply.
     pub deadline: Duration,
 }
 
-/// One program, ready to be started beside its recorded partners.
+/// One program, to be started with recorded messages instead of the other programs.
 pub(crate) struct ProgramSession {
     pub role: Role,
     /// Name of the stage.
     pub stage: String,
-    /// Its exchanges.
+    /// Recording of the stage.
     pub file: PathBuf,
-    /// Whether the grid moves in it.
+    /// Whether the grid moves in the stage.
     pub moving: bool,
     /// Folder of logs and results.
     pub out: PathBuf,
     pub prepared: Prepared,
-    /// The program, after the stand-in for the mesh where it reads a moving grid.
+    /// The program; before it the recorded mesh-mover, where the program reads a moving grid.
     roles: Vec<Role>,
     number: usize,
     watch_grid: bool,
     deadline: Duration,
-    /// What to do where a program that did not record the state it starts from cannot read it.
+    /// Remedy for a program that cannot read the state of another program, which the stage starts from.
     hint: Option<String>,
     sessions: Cell<usize>,
     _lock: std::fs::File,
@@ -96,14 +96,14 @@ pub(crate) struct ProgramSession {
 }
 
 impl ProgramSession {
-    /// From the recording in `folder`.
+    /// Opens the recording in `folder`.
     ///
     /// # Errors
-    /// A recording that does not serve.
-    pub fn new(folder: &Path, trial: &Trial<'_>) -> Result<Self, RunError> {
-        let role = trial.role;
+    /// [`RunError::Input`]: a recording without the stage, or without the moving grid that the flow reads.
+    pub fn new(folder: &Path, options: &ProgramOptions<'_>) -> Result<Self, RunError> {
+        let role = options.role;
         let mut prepared = scene_of(folder)?;
-        let number = find_stage(&prepared.scene, folder, role, trial.stage)?;
+        let number = find_stage(&prepared.scene, folder, role, options.stage)?;
         let stage = prepared.scene.stages[number].name.clone();
         let file = stage_file(folder, &stage);
         let reader = Reader::open(&file)?;
@@ -111,21 +111,21 @@ impl ProgramSession {
         let moving = prepared.scene.stages[number].kind.roles().contains(&Role::Mesh);
         if role == Role::Flow && moving && !with_grid {
             return Err(RunError::Input(format!(
-                "{} was recorded without the grid (--record-without-grid), which the flow reads: record again",
+                "{} was recorded with --record-without-grid, but the flow reads the moving grid: record the run without that option",
                 file.display()
             )));
         }
         let scene = &mut prepared.scene;
-        if !trial.command.is_empty() {
-            scene.programs.insert(role, trial.command.to_owned());
+        if !options.command.is_empty() {
+            scene.programs.insert(role, options.command.to_owned());
         }
-        *scene.ranks.of_mut(role) = trial.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
+        *scene.ranks.of_mut(role) = options.ranks.unwrap_or(reader.header().ranks[role as usize]).max(1);
         let mut roles = vec![role];
         if role == Role::Flow && moving {
-            play_mesh(scene, &file)?;
+            replace_mesh_mover(scene, &file)?;
             roles.insert(0, Role::Mesh);
         }
-        let (out, temporary) = match trial.out {
+        let (out, temporary) = match options.out {
             Some(out) => (std::path::absolute(out).map_err(RunError::file("resolve", out))?, None),
             None => {
                 let temporary = Temporary::create()?;
@@ -134,10 +134,10 @@ impl ProgramSession {
         };
         std::fs::create_dir_all(&out).map_err(RunError::file("create", &out))?;
         let lock = results::lock::lock(&out)?;
-        keep_scene(&prepared.file, &out)?;
+        copy_scene(&prepared.file, &out)?;
         results::state::copy_states(&prepared.scene, number, folder, &out)?;
         Ok(Self {
-            hint: hint(&prepared.scene, folder, trial, number, &out),
+            hint: hint(&prepared.scene, folder, options, number, &out),
             role,
             stage,
             file,
@@ -147,7 +147,7 @@ impl ProgramSession {
             roles,
             number,
             watch_grid: role == Role::Mesh && with_grid,
-            deadline: trial.deadline,
+            deadline: options.deadline,
             sessions: Cell::new(0),
             _lock: lock,
             _temporary: temporary,
@@ -159,10 +159,10 @@ impl ProgramSession {
         self.number
     }
 
-    /// Starts the program in a session of its own, has `play` ask it, and ends it.
+    /// Starts the program in a new session, sends the requests of `play`, and ends it.
     ///
     /// # Errors
-    /// Whatever the program or `play` makes fail.
+    /// A failure of the program or of `play`.
     pub fn run<T>(
         &self,
         stop: &AtomicBool,
@@ -172,7 +172,7 @@ impl ProgramSession {
         self.run_from(None, stop, console, play)
     }
 
-    /// As [`ProgramSession::run`], from a state in the middle of the stage.
+    /// As [`ProgramSession::run`], from a checkpoint within the stage.
     ///
     /// # Errors
     /// As above.
@@ -232,15 +232,15 @@ fn scene_of(folder: &Path) -> Result<Prepared, RunError> {
     let scene = folder.join("scene.toml");
     if !scene.is_file() {
         return Err(RunError::Input(format!(
-            "{} is no recording, for it holds no scene.toml: make one with `ripstop run SCENE --record DIR`",
+            "{} is not a recording: it contains no scene.toml. Create a recording with `ripstop run SCENE --record DIR`",
             folder.display()
         )));
     }
     prepare(&RunOptions { scene, ..RunOptions::default() })
 }
 
-/// Has the recording `file` play the mesh-mover of `scene`.
-fn play_mesh(scene: &mut Scene, file: &Path) -> Result<(), RunError> {
+/// Replaces the mesh-mover of `scene` by the recording `file`.
+fn replace_mesh_mover(scene: &mut Scene, file: &Path) -> Result<(), RunError> {
     let me = results::program::this_program()?;
     let recorded = std::path::absolute(file).map_err(RunError::file("resolve", file))?;
     let command = format!("'{}' stand-in --recording '{}'", me.display(), recorded.display());
@@ -249,25 +249,31 @@ fn play_mesh(scene: &mut Scene, file: &Path) -> Result<(), RunError> {
     Ok(())
 }
 
-/// What to do where a program that did not record the state it starts stage `number` from cannot read it.
-fn hint(scene: &Scene, folder: &Path, trial: &Trial<'_>, number: usize, out: &Path) -> Option<String> {
-    let role = trial.role;
-    let starts = scene.source_state(out, number, role).is_some() && !trial.command.is_empty();
+/// The remedy where a program cannot read the state of another program that stage `number` starts from.
+fn hint(
+    scene: &Scene,
+    folder: &Path,
+    options: &ProgramOptions<'_>,
+    number: usize,
+    out: &Path,
+) -> Option<String> {
+    let role = options.role;
+    let starts = scene.source_state(out, number, role).is_some() && !options.command.is_empty();
     let first = find_first(scene, folder, role).filter(|&first| starts && first < number)?;
     Some(format!(
-        "; it starts stage `{}` from the state of the program that recorded: if it cannot read \
-         that, take `--stage {}`, or a recording of its own (`ripstop run SCENE --{} COMMAND --record DIR`)",
+        "; stage `{}` starts from a state saved by the recorded program: if this program cannot read it, use \
+         `--stage {}`, or record a run with this program (`ripstop run SCENE --{} COMMAND --record DIR`)",
         scene.stages[number].name,
         scene.stages[first].name,
         role.name()
     ))
 }
 
-/// Runs the program through a recorded stage; whether it answered as recorded, and the
+/// Replays a recorded stage: whether the replies of the program agree with the recorded ones, and the
 /// report.
 ///
 /// # Errors
-/// A recording that does not serve, a program that fails.
+/// A recording that cannot be used, or a failure of the program.
 pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result<(bool, String), RunError> {
     let (role, command) = match (&args.structure, &args.flow, &args.mesh) {
         (Some(c), _, _) => (Role::Structure, c),
@@ -275,7 +281,7 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         (_, _, Some(c)) => (Role::Mesh, c),
         _ => return Err(RunError::Input("name the program: --structure, --flow or --mesh".into())),
     };
-    let trial = Trial {
+    let options = ProgramOptions {
         role,
         command,
         ranks: args.ranks,
@@ -283,12 +289,12 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         out: args.out.as_deref(),
         deadline: Duration::from_secs_f64(args.deadline),
     };
-    let session = ProgramSession::new(&args.recording, &trial)?;
+    let session = ProgramSession::new(&args.recording, &options)?;
     let mut comparison = Comparison::new(args.tolerance).judging_counts(args.iteration_tolerance);
     let reader = Reader::open(&session.file)?;
     let canopy = &session.prepared.interface;
     session.run(stop, console, |partners| {
-        drive(partners, role, session.moving, reader, canopy, &mut comparison)
+        send_requests(partners, role, session.moving, reader, canopy, &mut comparison)
     })?;
     if args.out.is_some() {
         crate::diff_command::write(&session.out, &session.stage, &comparison)?;
@@ -297,8 +303,8 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
     Ok((comparison.same(), report))
 }
 
-/// Asks what was asked, in the recorded order.
-fn drive(
+/// Sends the recorded requests in their order and compares the replies.
+fn send_requests(
     partners: &mut HubPartners<'_>,
     role: Role,
     moving: bool,
@@ -307,7 +313,7 @@ fn drive(
     comparison: &mut Comparison,
 ) -> Result<(), RunError> {
     let mut displacement = vec![0.0; 3 * canopy.nodes()];
-    let mut answer = vec![0.0; LOAD_WIDTH * canopy.faces.len()];
+    let mut load_reply = vec![0.0; LOAD_WIDTH * canopy.faces.len()];
     let mut open = false;
     while let Some(event) = reader.next_event()? {
         let w = Window::from(event.at());
@@ -316,14 +322,14 @@ fn drive(
             (Event::Structure { load, displacement: recorded, stats, .. }, Role::Structure) => {
                 let [start, end] = halves(load);
                 let load = LoadOverWindow { start: &start, end: &end };
-                let answered = partners.structure(&w, load, &mut displacement)?;
+                let response = partners.structure(&w, load, &mut displacement)?;
                 comparison.add_array(&at, Channel::StructureDisplacement, recorded, &displacement);
-                comparison.add_counts(&at, role, stats, &answered.stats.values);
+                comparison.add_counts(&at, role, stats, &response.stats.values);
                 open = true;
             }
             (Event::Mesh { displacement, grid, stats, .. }, Role::Mesh) => {
-                let answered = partners.mesh(&w, displacement)?;
-                comparison.add_counts(&at, role, stats, &answered.stats.values);
+                let response = partners.mesh(&w, displacement)?;
+                comparison.add_counts(&at, role, stats, &response.stats.values);
                 if let (Some(recorded), Some(grid)) = (grid, partners.grid()) {
                     comparison.add_array(&at, Channel::Grid, recorded, grid);
                 }
@@ -333,9 +339,9 @@ fn drive(
                 partners.mesh(&w, displacement)?;
             }
             (Event::Flow { load, stats, .. }, Role::Flow) => {
-                let answered = partners.flow(&w, &mut answer)?;
-                comparison.add_counts(&at, role, stats, &answered.stats.values);
-                comparison.add_array(&at, Channel::FlowLoad, load, &answer);
+                let response = partners.flow(&w, &mut load_reply)?;
+                comparison.add_counts(&at, role, stats, &response.stats.values);
+                comparison.add_array(&at, Channel::FlowLoad, load, &load_reply);
                 open = true;
             }
             (Event::Accept { .. }, _) if open => {
@@ -348,7 +354,7 @@ fn drive(
     Ok(())
 }
 
-/// Loads at the start and the end from the rows of the channel.
+/// Splits the load rows of a message into the loads at the start and at the end of the window.
 pub(crate) fn halves(rows: &[f64]) -> [Vec<f64>; 2] {
     let half = |k: usize| rows.chunks_exact(LOAD_WIDTH).skip(k).step_by(2).flatten().copied().collect();
     [half(0), half(1)]
@@ -371,15 +377,15 @@ fn find_stage(scene: &Scene, recording: &Path, role: Role, name: Option<&str>) -
     };
     found.ok_or_else(|| {
         RunError::Input(format!(
-            "{} holds no {}stage with the {}: record it with `ripstop run --record`",
+            "{} contains no {} that runs the {}: record one with `ripstop run --record`",
             recording.display(),
-            name.map_or_else(String::new, |n| format!("`{n}` that is a ")),
+            name.map_or_else(|| "stage".to_owned(), |n| format!("stage `{n}`")),
             role.name()
         ))
     })
 }
 
-/// A folder that is gone when this is.
+/// A folder that is removed on drop.
 struct Temporary(PathBuf);
 
 impl Temporary {

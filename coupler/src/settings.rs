@@ -27,7 +27,7 @@ impl std::fmt::Display for Setting {
 impl std::str::FromStr for Setting {
     type Err = String;
 
-    /// A value is read as in TOML; what is none there is a word: `fabric.wrinkling=false`,
+    /// Parses the value as TOML; text that is not a TOML value is a string: `fabric.wrinkling=false`,
     /// `coupling.scheme=staggered`, `output={volume_every_windows=0}`.
     fn from_str(text: &str) -> Result<Self, String> {
         let text = text.trim();
@@ -45,7 +45,7 @@ impl std::str::FromStr for Setting {
 }
 
 impl Setting {
-    /// Where the value stands in the scene `table`: stages by number, as in the file.
+    /// The path of the value in the scene `table`, with stages by number as in the file.
     fn location(&self, table: &Table) -> Override {
         let option = format!("--set {self}");
         let Some((name, rest)) = self.key.strip_prefix("stage.").and_then(|k| k.split_once('.')) else {
@@ -82,13 +82,13 @@ impl Setting {
     }
 }
 
-/// The scene of `file` with `settings`, and its text, in which the paths of files are absolute.
+/// The scene of `file` with `settings` applied, and its text, in which paths of files are absolute.
 ///
 /// # Errors
-/// [`RunError::Input`]: a scene that was wrong before, or is with the settings.
+/// [`RunError::Input`]: the scene is invalid without or with the settings.
 pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), RunError> {
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
-    // What is wrong with the file itself is reported with its lines.
+    // Errors of the file itself are reported with their lines.
     case::load(file).map_err(|e| input(&e))?;
     let text = std::fs::read_to_string(file).map_err(RunError::file("read", file))?;
     let mut table: Table = text.parse().map_err(|e| input(&e))?;
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn values_of_the_scene_and_of_its_stages_are_changed() {
+    fn settings_override_values_of_scene_and_stages() {
         let words = [
             "fabric.poisson_ratio=0.4",
             "fabric.wrinkling=false",
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_still_found() {
+    fn paths_of_files_become_absolute() {
         let (scene, text) = changed(&case("plate-gmsh"), &settings(&["title=x"])).expect("a scene");
         let again = case::parse(Path::new("/elsewhere/scene.toml"), &text).expect("its text is a scene");
         assert_eq!(toml::to_string(&again).expect("text"), toml::to_string(&scene).expect("text"));
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_the_setting() {
+    fn errors_name_the_setting() {
         let message =
             |word: &str| changed(&case("atps-descent"), &settings(&[word])).expect_err("refused").to_string();
         for (word, part) in [

@@ -1,4 +1,4 @@
-//! `ripstop completions` and `ripstop man`: what a shell and `man` know about the command line.
+//! `ripstop completions` and `ripstop man`: shell completions and manual pages of the command line.
 
 use std::fs;
 use std::path::Path;

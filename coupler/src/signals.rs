@@ -9,11 +9,11 @@ use coupling::error::RunError;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::{flag, low_level};
 
-/// Exit code of a process that a signal has ended at once.
+/// Exit code of a process that a signal ended immediately.
 const EXIT_CODE: i32 = 130;
 
-/// A flag that a signal to end sets. A second signal ends this process at once; its programs then end by
-/// themselves.
+/// A flag that the first termination signal sets. A second signal ends this process immediately; its programs end
+/// when they detect that.
 ///
 /// # Errors
 /// Signals that cannot be handled.
@@ -23,10 +23,10 @@ pub(crate) fn stop_flag() -> Result<Arc<AtomicBool>, RunError> {
     Ok(stop)
 }
 
-/// Lets each signal to end set the next of `flags`; one more ends this process.
+/// The n-th termination signal sets the n-th of `flags`; one more signal ends this process.
 ///
-/// The first flag is set by the handler itself, so that a system call which the signal cuts short finds it set. The
-/// others are set by a thread that counts the signals.
+/// The signal handler sets the first flag itself, so that it is set when an interrupted system call returns. A thread
+/// that counts the signals sets the others.
 ///
 /// # Errors
 /// Signals that cannot be handled.

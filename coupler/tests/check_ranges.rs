@@ -152,7 +152,11 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/release.rs",
         "release_pressures_are_compared_where_a_flow_was_developed",
     ),
-    ("stages.at-rest", "coupler/src/stages/pre_inflation.rs", "a_canopy_that_swings_before_a_flow_is_named"),
+    (
+        "stages.at-rest",
+        "coupler/src/stages/pre_inflation.rs",
+        "kinetic_energy_before_a_flow_stage_gives_a_warning",
+    ),
     (
         "coupling.convergence",
         "crates/coupling/src/schemes/tests.rs",

@@ -1,7 +1,7 @@
-//! `ripstop conform` against a sound program and against broken ones: each fails its point.
+//! `ripstop conform` against a correct program and against defective ones: each fails its tests.
 //!
-//! This file is also those programs: started with `--session` it serves as a structure
-//! whose `--flaw` its command line names.
+//! This file is also the source of those programs: started with `--session` it serves as a structure
+//! with the defect that `--flaw` names.
 
 #[path = "../../tests/src/harness.rs"]
 mod harness;
@@ -15,7 +15,7 @@ use case::Role;
 use channel::{Announcement, Fault, Input, Participant, ServeOptions, Stats, Window, structure_stats};
 use load::Available;
 
-/// A structure of overdamped nodes, each going its way by itself.
+/// A structure of independent overdamped nodes.
 struct Nodes {
     flaw: String,
     canopy: mesh::StructureMesh,
@@ -50,7 +50,7 @@ impl Participant for Nodes {
         match self.flaw.as_str() {
             "hang" => std::thread::sleep(std::time::Duration::from_secs(1000)),
             "panic" => panic!("index out of bounds"),
-            "absurd" if load.abs() > 1e6 => std::process::exit(9),
+            "extreme" if load.abs() > 1e6 => std::process::exit(9),
             _ => {}
         }
         let from = if self.flaw == "no-rollback" { &self.trial } else { &self.accepted };
@@ -182,8 +182,8 @@ fn main() -> ExitCode {
         };
     }
     harness::run(&[
-        ("each_flaw_fails_its_points", &each_flaw_fails_its_points),
-        ("a_program_that_hangs_ends_at_its_deadline", &a_program_that_hangs_ends_at_its_deadline),
+        ("each_flaw_fails_its_tests", &each_flaw_fails_its_tests),
+        ("unresponsive_program_fails_at_the_deadline", &unresponsive_program_fails_at_the_deadline),
     ])
 }
 
@@ -193,7 +193,7 @@ fn command(flaw: &str) -> String {
     format!("'{}' --flaw {flaw}", me.display())
 }
 
-/// A recording of the sound program, in a folder of its own.
+/// A recording of the correct program, in a folder of its own.
 fn record() -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = folder.path().join("scene.toml");
@@ -207,19 +207,19 @@ fn record() -> (tempfile::TempDir, String) {
     (folder, recording)
 }
 
-fn each_flaw_fails_its_points() {
+fn each_flaw_fails_its_tests() {
     let (_folder, recording) = record();
-    // The points that each flaw fails.
+    // The tests that each flaw fails.
     let flaws: [(&str, &[&str]); 10] = [
         ("none", &[]),
-        ("no-rollback", &["repeats", "rolls back"]),
-        ("stale", &["goes on", "restores", "resumes"]),
-        ("no-restore", &["restores", "resumes"]),
-        ("no-resume", &["resumes"]),
+        ("no-rollback", &["repeatability", "rollback"]),
+        ("stale", &["next window", "stage restart", "resume"]),
+        ("no-restore", &["stage restart", "resume"]),
+        ("no-resume", &["resume"]),
         ("substeps", &["substeps"]),
-        ("absurd", &["absurd input"]),
-        ("nan", &["answers"]),
-        ("panic", &["answers"]),
+        ("extreme", &["extreme input"]),
+        ("nan", &["finite reply"]),
+        ("panic", &["finite reply"]),
         ("wrong-size", &["handshake"]),
     ];
     for (flaw, fails) in flaws {
@@ -242,9 +242,9 @@ fn each_flaw_fails_its_points() {
     }
 }
 
-fn a_program_that_hangs_ends_at_its_deadline() {
+fn unresponsive_program_fails_at_the_deadline() {
     let (_folder, recording) = record();
-    // The first answer needs the program's start too.
+    // The first reply includes the start of the program.
     let deadline = load::deadline_s(1);
     let available = Available::new();
     let seconds = deadline.to_string();

@@ -21,7 +21,7 @@ use channel::{
 };
 use load::{Available, Limit};
 
-/// What goes wrong in a fake, `--trouble` of its command line.
+/// The failure of a fake program: `--trouble` on its command line.
 #[derive(Clone, Copy, PartialEq)]
 enum Trouble {
     None,
@@ -30,11 +30,11 @@ enum Trouble {
     Kill,
     Hang,
     Nan,
-    /// No trouble: a surface of its own.
+    /// No failure: its own surface mesh.
     Coarse,
 }
 
-/// Window in which it goes wrong.
+/// Window of the failure.
 const TROUBLE_WINDOW: u64 = 2;
 
 /// Each node is a mass on a spring; the air is a pressure that falls with speed.
@@ -96,7 +96,7 @@ impl Participant for Fake {
         }
         match self.role {
             Role::Structure => {
-                // Overdamped: each node goes a tenth of its way to where the mean load holds it.
+                // Overdamped: each node moves by 10 % of the distance to equilibrium under the mean load.
                 let faces = self.canopy.faces.len() as f64;
                 let load: f64 =
                     input.canopy.chunks_exact(8).map(|f| 0.5 * (f[0] + f[4])).sum::<f64>() / faces;
@@ -122,7 +122,7 @@ impl Participant for Fake {
                     (0..self.canopy.n_canopy).map(|i| input.grid.row(i)[2]).sum::<f64>()
                         / self.canopy.n_canopy as f64
                 };
-                // Falls with the canopy's own motion: a (strong) added damping.
+                // The pressure decreases with the motion of the canopy: strong added damping.
                 let speed = -w.frame_velocity[2];
                 let jump = 0.6125 * speed * speed - 200.0 * (moved - self.grid[0]);
                 output.chunks_exact_mut(LOAD_WIDTH).for_each(|f| f.copy_from_slice(&[jump, 0.0, 0.0, 0.0]));
@@ -152,7 +152,7 @@ impl Participant for Fake {
     }
 }
 
-/// Three by three nodes across the square, in the place of the scene's, and written for the coupler.
+/// Replaces the canopy mesh by 3 x 3 nodes across the square, and writes it for the coupler.
 fn coarsen(canopy: &mut mesh::StructureMesh, folder: &Path) -> Result<(), String> {
     let nodes = &canopy.coords[..canopy.n_canopy];
     let most = |i: usize| nodes.iter().fold(0.0f64, |m, x| m.max(x[i].abs()));
@@ -242,7 +242,7 @@ impl TestRun {
         command
     }
 
-    /// Exit code, what it said, and how much time was available to it.
+    /// Exit code, standard error, and the processor time that was available.
     fn run(&self, troubled: Option<(Role, &str)>, more: &[&str]) -> (i32, String, Duration) {
         let available = Available::new();
         let Output { status, stderr, .. } = self.command(troubled, more).output().expect("ripstop starts");
@@ -259,7 +259,7 @@ impl TestRun {
         text.lines().map(|l| l.split(',').take(keep).collect::<Vec<_>>().join(",") + "\n").collect()
     }
 
-    /// Nothing of this run may be left: no process, no shared memory.
+    /// Remaining processes of this run.
     fn left_behind(&self) -> Vec<String> {
         let mark = self.folder.path().to_string_lossy().into_owned();
         let mut left = Vec::new();
@@ -285,7 +285,7 @@ fn require(condition: bool, what: &str, text: &str) {
     assert!(condition, "{what}\n--- output ---\n{text}");
 }
 
-fn complete_and_repeatable() {
+fn runs_are_complete_and_bitwise_repeatable() {
     let (a, b) = (TestRun::new(), TestRun::new());
     let (code, text, _) = a.run(None, &[]);
     require(code == 0, "a complete run ends with 0", &text);
@@ -301,7 +301,7 @@ fn complete_and_repeatable() {
         require(a.out().join("descent/state").join(file).is_file(), file, &text);
     }
     let (code, text, _) = b.run(None, &["--quiet"]);
-    require(code == 0 && text.is_empty(), "a quiet run says nothing", &text);
+    require(code == 0 && text.is_empty(), "a quiet run prints nothing", &text);
     for stage in ["pre-inflation", "developed-flow", "descent"] {
         assert_eq!(a.history(stage), b.history(stage), "stage {stage} repeats byte for byte");
     }
@@ -312,18 +312,22 @@ fn complete_and_repeatable() {
     assert_eq!(a.history("descent"), whole);
 }
 
-/// A structure of nine nodes in the place of one on the scene's canopy: all motion is uniform here, so the
-/// histories are the same.
-fn a_structure_with_a_surface_of_its_own() {
+/// A structure with 9 nodes instead of the scene's canopy mesh. All motion is uniform here, so the
+/// histories agree.
+fn structure_with_its_own_surface_gives_the_same_histories() {
     let (plain, own) = (TestRun::new(), TestRun::new());
-    // Iterates differ by round-off, and end where they meet the tolerance: far below what is compared.
+    // Iterates differ by round-off and converge to the tolerance, which is far below that of the comparison.
     let tight = ["--set", "coupling.tolerance=1e-8"];
     let (code, text, _) = plain.run(None, &tight);
     require(code == 0, "a complete run", &text);
     let (code, text, _) = own.run(Some((Role::Structure, "coarse")), &tight);
     require(code == 0, "a complete run", &text);
-    require(text.contains("9 nodes and 4 faces beside the canopy's"), "the coupler tells of it", &text);
-    require(text.contains("windows keep their length"), "fakes do not start a window again", &text);
+    require(text.contains("9 nodes and 4 faces; the canopy has"), "the coupler reports the surface", &text);
+    require(
+        text.contains("fixed window length"),
+        "the fake programs do not retry a window with another length",
+        &text,
+    );
     let (a, b) = (plain.history("descent"), own.history("descent"));
     let names: Vec<&str> = a.lines().next().expect("names").split(',').collect();
     for name in ["descent_speed_m_s", "drag_n", "interface_work_j"] {
@@ -358,7 +362,7 @@ fn each_failure_names_its_cause() {
     }
 }
 
-fn a_program_that_fails_at_its_start_is_quoted() {
+fn error_output_of_a_failed_start_is_reported() {
     let run = TestRun::new();
     let (code, text, took) = run.run(Some((Role::Structure, "start")), &[]);
     require(code == 1 && text.contains("the grid file is damaged"), "last words", &text);
@@ -366,9 +370,9 @@ fn a_program_that_fails_at_its_start_is_quoted() {
     require(took < Duration::from_secs(8), &format!("took {took:?}"), &text);
 }
 
-fn a_hanging_program_ends_by_its_deadline() {
+fn unresponsive_program_fails_at_the_deadline() {
     let run = TestRun::new();
-    // The first answer needs the program's start too.
+    // The first reply includes the start of the program.
     let deadline = load::deadline_s(3);
     let (code, text, took) = run.run(Some((Role::Structure, "hang")), &["--deadline", &deadline.to_string()]);
     require(code == 1 && text.contains(&format!("did not respond for {deadline} s")), "deadline", &text);
@@ -376,7 +380,7 @@ fn a_hanging_program_ends_by_its_deadline() {
     assert_eq!(run.left_behind(), Vec::<String>::new());
 }
 
-fn ctrl_c_ends_all_within_five_seconds() {
+fn second_interrupt_ends_all_processes_within_five_seconds() {
     let run = TestRun::new();
     let child = run.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::piped()).spawn();
     let mut child = child.expect("ripstop starts");
@@ -386,20 +390,20 @@ fn ctrl_c_ends_all_within_five_seconds() {
     limit.until(Duration::from_millis(20), second).expect("the run comes to window 2");
     let id = child.id().to_string();
     let interrupt = || Command::new("kill").args(["-INT", &id]).status().expect("kill");
-    // The first one lets the window come to its end, which this one never does.
+    // The first interrupt waits for the end of the window, which never comes here.
     interrupt();
-    let heard = std::cell::Cell::new(false);
+    let confirmed = std::cell::Cell::new(false);
     let words = child.stderr.take().expect("piped");
     let (sender, lines) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
         BufReader::new(words).lines().map_while(Result::ok).all(|line| sender.send(line).is_ok())
     });
-    let understood = || {
-        heard.set(heard.get() || lines.try_iter().any(|line| line.contains("interrupted")));
-        heard.get()
+    let interrupt_confirmed = || {
+        confirmed.set(confirmed.get() || lines.try_iter().any(|line| line.contains("interrupted")));
+        confirmed.get()
     };
     let pause = Duration::from_millis(20);
-    Limit::new(Duration::from_secs(5)).until(pause, understood).expect("the interrupt is confirmed");
+    Limit::new(Duration::from_secs(5)).until(pause, interrupt_confirmed).expect("the interrupt is confirmed");
     interrupt();
     let limit = Limit::new(Duration::from_secs(5));
     limit.until(pause, || child.try_wait().is_ok_and(|s| s.is_some())).expect("the end within five seconds");
@@ -408,7 +412,7 @@ fn ctrl_c_ends_all_within_five_seconds() {
     assert_eq!(run.left_behind(), Vec::<String>::new());
 }
 
-fn a_killed_coupler_leaves_no_program() {
+fn killed_coupler_leaves_no_processes() {
     let run = TestRun::new();
     let child = run.command(Some((Role::Structure, "hang")), &[]).stderr(Stdio::null()).spawn();
     let mut child = child.expect("ripstop starts");
@@ -423,7 +427,7 @@ fn a_killed_coupler_leaves_no_program() {
     assert!(ended.is_ok(), "still there: {:?}: {ended:?}", run.left_behind());
 }
 
-fn bad_input_starts_nothing() {
+fn invalid_input_starts_no_program() {
     let run = TestRun::new();
     let scene = run.folder.path().join("scene.toml");
     let good = std::fs::read_to_string(&scene).expect("the scene");
@@ -434,7 +438,7 @@ fn bad_input_starts_nothing() {
         (good.clone(), "ranks for the structure", vec!["--ranks", "structure=9999"]),
         (good.clone(), "/nowhere/flow", vec!["--flow", "/nowhere/flow"]),
         (good.clone(), "unclosed quote", vec!["--mesh", "python3 'x"]),
-        (good, "run that one first", vec!["--stage", "descent"]),
+        (good, "run that stage first", vec!["--stage", "descent"]),
     ];
     for (text, expected, more) in cases {
         std::fs::write(&scene, text).expect("a scene");
@@ -451,7 +455,7 @@ fn bad_input_starts_nothing() {
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         require(output.status.code() == Some(2), &format!("{expected}: code 2"), &text);
         require(text.contains(expected), expected, &text);
-        require(!run.out().join("pre-inflation").exists(), "nothing was started", &text);
+        require(!run.out().join("pre-inflation").exists(), "no program was started", &text);
     }
 }
 
@@ -468,16 +472,22 @@ fn main() -> ExitCode {
     }
     let before = shared_memory();
     let code = harness::run(&[
-        ("complete_and_repeatable", &complete_and_repeatable),
-        ("a_structure_with_a_surface_of_its_own", &a_structure_with_a_surface_of_its_own),
+        ("runs_are_complete_and_bitwise_repeatable", &runs_are_complete_and_bitwise_repeatable),
+        (
+            "structure_with_its_own_surface_gives_the_same_histories",
+            &structure_with_its_own_surface_gives_the_same_histories,
+        ),
         ("each_failure_names_its_cause", &each_failure_names_its_cause),
-        ("a_program_that_fails_at_its_start_is_quoted", &a_program_that_fails_at_its_start_is_quoted),
-        ("a_hanging_program_ends_by_its_deadline", &a_hanging_program_ends_by_its_deadline),
-        ("ctrl_c_ends_all_within_five_seconds", &ctrl_c_ends_all_within_five_seconds),
-        ("a_killed_coupler_leaves_no_program", &a_killed_coupler_leaves_no_program),
-        ("bad_input_starts_nothing", &bad_input_starts_nothing),
+        ("error_output_of_a_failed_start_is_reported", &error_output_of_a_failed_start_is_reported),
+        ("unresponsive_program_fails_at_the_deadline", &unresponsive_program_fails_at_the_deadline),
+        (
+            "second_interrupt_ends_all_processes_within_five_seconds",
+            &second_interrupt_ends_all_processes_within_five_seconds,
+        ),
+        ("killed_coupler_leaves_no_processes", &killed_coupler_leaves_no_processes),
+        ("invalid_input_starts_no_program", &invalid_input_starts_no_program),
     ]);
-    // The killed coupler's folder is swept by the next run on this machine.
+    // The next run on this machine removes the folder of the killed coupler.
     let after: Vec<String> = shared_memory().difference(&before).cloned().collect();
     if !after.is_empty() {
         println!("{} files left in shared memory", after.len());

@@ -262,7 +262,7 @@ impl<'a> Try<'a> {
         demand!(rows == WINDOWS + 1, "{} windows of {WINDOWS}", rows.saturating_sub(1));
         if self.cell.moment == "end" && !matches!(self.cell.fault, "late" | "twice") {
             let role = self.cell.victim.map_or("", |(role, _)| role);
-            let said = text.contains("did not end well after its work") && text.contains(role);
+            let said = text.contains("did not exit normally after the stage") && text.contains(role);
             demand!(said, "no word of it: {text}");
         }
         Ok(())

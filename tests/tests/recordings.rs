@@ -135,6 +135,6 @@ fn programs_may_be_started_by_hand() {
     assert!(started.status.success(), "{}", text(&started));
     let rest: Vec<String> = lines.collect();
     assert!(attach.wait().expect("it ends").success(), "{rest:?}");
-    assert!(rest.iter().any(|l| l.contains("arrived: structure rank 0")), "{rest:?}");
+    assert!(rest.iter().any(|l| l.contains("joined: structure rank 0")), "{rest:?}");
     assert!(out.join("inflation/history.csv").is_file());
 }

@@ -1,4 +1,4 @@
-//! Errors of requests without a valid reply, with their cause.
+//! Errors of failed requests, with their cause.
 
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -10,19 +10,19 @@ use coupling::error::RunError;
 use super::HubPartners;
 use crate::launch::ProcessFailure;
 
-/// How long a dead rank's launcher may take to say what happened.
-const FATE: Duration = Duration::from_millis(1500);
+/// Time limit for the exit status of a launcher after the death of one of its ranks.
+const EXIT_STATUS_WAIT: Duration = Duration::from_millis(1500);
 
 impl HubPartners<'_> {
-    /// The error of a run that an error of the hub is.
-    pub(super) fn explain(&mut self, error: HubError, failure: Option<ProcessFailure>) -> RunError {
+    /// Converts an error of the hub to an error of the run, with the process failure that caused it.
+    pub(super) fn run_error(&mut self, error: HubError, failure: Option<ProcessFailure>) -> RunError {
         let place = self.place.clone();
-        // The signal may also have cut a system call short: that is no error of its own.
-        let at_once = self.now.as_ref().is_none_or(|now| now.load(Ordering::Relaxed));
-        if self.stop.load(Ordering::Relaxed) && at_once {
+        // A system call interrupted by the signal is not a separate error.
+        let immediate = self.now.as_ref().is_none_or(|now| now.load(Ordering::Relaxed));
+        if self.stop.load(Ordering::Relaxed) && immediate {
             return RunError::Interrupted(place);
         }
-        // The launcher knows best who was first: it ends the other ranks itself.
+        // The launcher knows which rank failed first: it ends the other ranks itself.
         let died = |failure: ProcessFailure, rank: Option<u64>| RunError::Died {
             role: failure.role,
             program: failure.name,
@@ -44,13 +44,14 @@ impl HubPartners<'_> {
                 message: fault.message,
             },
             HubError::Died { who: RankId { role, rank }, .. } => {
-                let failure = self.supervisor.await_exit(role, FATE).unwrap_or_else(|| ProcessFailure {
-                    role,
-                    name: self.supervisor.name(role),
-                    rank: None,
-                    how: "killed or crashed".into(),
-                    tail: String::new(),
-                });
+                let failure =
+                    self.supervisor.await_exit(role, EXIT_STATUS_WAIT).unwrap_or_else(|| ProcessFailure {
+                        role,
+                        name: self.supervisor.name(role),
+                        rank: None,
+                        how: "killed or crashed".into(),
+                        tail: String::new(),
+                    });
                 died(failure, Some(rank as u64))
             }
             HubError::Deadline { who, seconds, state, .. } => RunError::Stalled {
@@ -64,28 +65,27 @@ impl HubPartners<'_> {
         }
     }
 
-    /// The error of a solver that found no solution but can retry.
-    pub(super) fn no_answer(&self, role: Role, what: &str, remedies: &str) -> RunError {
+    /// The error of a solver that found no solution; the window may be retried.
+    pub(super) fn solve_failed(&self, role: Role, what: &str, remedies: &str) -> RunError {
         let program = self.supervisor.name(role);
-        let said =
-            self.supervisor.last_line(role).map_or_else(String::new, |line| format!("; it wrote `{line}`"));
+        let output = self
+            .supervisor
+            .last_line(role)
+            .map_or_else(String::new, |line| format!("; last output line: `{line}`"));
         let message = format!(
-            "{what}{said}. Remedies: shorter windows (window_s, coupling.adaptive.halvings), {remedies}"
+            "{what}{output}. Remedies: shorter windows (window_s, coupling.adaptive.halvings), {remedies}"
         );
         RunError::SolveFailed { role, program, place: self.place.clone(), message, saved: None }
     }
 }
 
-/// What a grid that cannot follow says: cell, quality, canopy region.
-pub(super) fn stuck(values: &[f64; channel::STATS], panels: &[u32]) -> String {
+/// The message of a failed grid motion: cell, quality, region of the canopy, remedies.
+pub(super) fn grid_motion_failure(values: &[f64; channel::STATS], panels: &[u32]) -> String {
     let cell = match values[mesh_stats::WORST_CELL] {
         cell if cell >= 0.0 => {
-            format!(
-                "cell {cell} has scaled Jacobian {:.3e} in the best attempt",
-                values[mesh_stats::MIN_QUALITY]
-            )
+            format!("cell {cell} has a scaled Jacobian of {:.3e} at best", values[mesh_stats::MIN_QUALITY])
         }
-        _ => "its solver found no answer".into(),
+        _ => "the solver of the grid motion did not converge".into(),
     };
     let region = match values[mesh_stats::NEAREST_NODE] {
         node if node >= 0.0 => {
@@ -95,7 +95,7 @@ pub(super) fn stuck(values: &[f64; channel::STATS], panels: &[u32]) -> String {
         _ => String::new(),
     };
     format!(
-        "{cell}{region}; the log of the mesh-mover says more. Remedies: a start grid around a shape nearer to \
-         this one, mesh.regrid, shorter windows, a lower mesh.min_quality"
+        "{cell}{region}; see the log of the mesh-mover. Remedies: an initial grid around a shape closer to the \
+         current one, mesh.regrid, shorter windows, a lower mesh.min_quality"
     )
 }

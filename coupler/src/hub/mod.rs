@@ -1,4 +1,4 @@
-//! The real programs behind the channel, watched over while they work.
+//! The solver programs of a session as partners of the coupling, with process supervision.
 
 mod failure;
 mod partners;
@@ -22,9 +22,9 @@ use self::watch::Watch;
 use crate::launch::{Program, Supervisor};
 
 /// Time limit for programs to end after the request to end.
-const FAREWELL: Duration = Duration::from_secs(10);
+const END_WAIT: Duration = Duration::from_secs(10);
 
-/// What a session is made of.
+/// Definition of a session.
 pub struct SessionOptions<'a> {
     /// Name of the session.
     pub session: &'a str,
@@ -34,11 +34,11 @@ pub struct SessionOptions<'a> {
     pub programs: Vec<(Program, u32)>,
     /// Effects that each role must implement.
     pub effects: Vec<(Role, String)>,
-    /// Longest time for one answer.
+    /// Time limit for one reply.
     pub deadline: Option<Duration>,
-    /// Roles whose programs somebody else starts.
+    /// Roles whose programs the user starts.
     pub attached: Vec<Role>,
-    /// Keeps the mesh's grid for [`Partners::grid`].
+    /// Stores the moving grid for [`Partners::grid`].
     pub watch_grid: bool,
     /// Folder of the stage.
     pub folder: PathBuf,
@@ -46,31 +46,31 @@ pub struct SessionOptions<'a> {
 
 /// The solver programs of a stage, running.
 pub struct HubPartners<'a> {
-    // Dropped in this order: the hub informs the programs that the run has failed
-    // and waits a moment; the supervisor ends those that do not listen.
+    // Drop order: the hub notifies the programs of the failure and waits briefly;
+    // the supervisor ends those that are still running.
     hub: Hub,
     supervisor: Supervisor,
     stop: &'a AtomicBool,
-    /// Where windows come to their ends before all ends: what ends all at once.
+    /// Ends the session immediately; set where `stop` completes the current window first.
     now: Option<Arc<AtomicBool>>,
-    announced: bool,
+    interrupt_reported: bool,
     console: Console,
     place: Location,
     /// Panel of each canopy node.
     panels: Vec<u32>,
-    /// `[grid nodes][6]`; empty where nobody watches.
+    /// `[grid nodes][6]`: position, m, and velocity, m/s; empty unless `watch_grid`.
     grid: Vec<f64>,
-    /// How long programs may take to end.
-    farewell: Duration,
-    /// Where the structure's surface is not the canopy.
+    /// Time limit for programs to end.
+    end_wait: Duration,
+    /// Transfer to the surface of a structure that does not use the canopy mesh.
     own: Option<OwnSurface>,
 }
 
 impl<'a> HubPartners<'a> {
-    /// Opens the session, starts the programs and waits until all have arrived.
+    /// Opens the session, starts the programs and waits until all ranks have joined.
     ///
     /// # Errors
-    /// A program that cannot be started, dies, does not arrive, or does not fit.
+    /// A program cannot be started, ends early, does not join, or does not match the scene.
     pub fn start(
         options: SessionOptions<'_>,
         interface: &CanopyInterface,
@@ -83,19 +83,19 @@ impl<'a> HubPartners<'a> {
         let programs = options.programs.into_iter().map(|(program, _)| program);
         let (attached, started): (Vec<Program>, Vec<Program>) =
             programs.partition(|program| options.attached.contains(&program.role));
-        call_for(&attached, console);
+        print_start_commands(&attached, console);
         let supervisor = Supervisor::start(started, options.session, console)?;
         let mut all = Self {
             hub,
             supervisor,
             stop,
             now: None,
-            announced: false,
+            interrupt_reported: false,
             console: console.clone(),
             place,
             panels: interface.panels.clone(),
             grid: Vec::new(),
-            farewell: options.deadline.map_or(FAREWELL, |d| d.min(FAREWELL)),
+            end_wait: options.deadline.map_or(END_WAIT, |d| d.min(END_WAIT)),
             own: None,
         };
         all.await_participants(!attached.is_empty())?;
@@ -107,24 +107,24 @@ impl<'a> HubPartners<'a> {
         Ok(all)
     }
 
-    /// Waits until all ranks have joined; `by_hand`: says who has, for those that a person starts.
-    fn await_participants(&mut self, by_hand: bool) -> Result<(), RunError> {
-        let mut announced = 0;
-        self.ask(|hub, watch| {
+    /// Waits until all ranks have joined. `attached`: prints the joined and missing ranks as they change.
+    fn await_participants(&mut self, attached: bool) -> Result<(), RunError> {
+        let mut joined = 0;
+        self.request(|hub, watch| {
             hub.await_participants(&mut |arrivals| {
-                if by_hand && arrivals.arrived.len() > announced {
-                    announced = arrivals.arrived.len();
+                if attached && arrivals.arrived.len() > joined {
+                    joined = arrivals.arrived.len();
                     watch.console.line(&arrived(arrivals));
                 }
-                watch.look()?;
-                watch.count()
+                watch.check()?;
+                watch.check_ranks()
             })
         })
     }
 
-    /// From now on a signal to end lets windows come to their ends: whoever asks for them looks
-    /// at it in between. When `now` becomes true all ends at once.
-    pub fn finish_windows(&mut self, now: Arc<AtomicBool>) {
+    /// From now on `stop` does not interrupt a window: the caller checks it between windows. The session ends
+    /// immediately when `now` becomes true.
+    pub fn complete_windows_on_stop(&mut self, now: Arc<AtomicBool>) {
         self.now = Some(now);
     }
 
@@ -134,49 +134,50 @@ impl<'a> HubPartners<'a> {
         announced.is_none_or(|a| a.effects.iter().any(|e| e == channel::RESUME))
     }
 
-    /// Ends the session in good order; what the programs have used by role.
+    /// Ends the session normally; returns processor time and memory of the programs by role.
     ///
     /// # Errors
-    /// A program that fails at the very end.
+    /// The programs do not confirm the end of the session.
     pub fn finish(self, console: &Console) -> Result<Vec<(Role, Usage)>, RunError> {
-        let Self { hub, mut supervisor, stop, now, mut announced, place, farewell, .. } = self;
+        let Self { hub, mut supervisor, stop, now, mut interrupt_reported, place, end_wait, .. } = self;
         let used = supervisor.usage();
         let mut watch = Watch {
             supervisor: &mut supervisor,
             stop,
             now: now.as_deref(),
-            announced: &mut announced,
+            interrupt_reported: &mut interrupt_reported,
             console,
             failure: None,
         };
-        // Programs may be gone before the hub has seen all goodbyes: that is no failure.
-        let stopped = hub.stop(&mut || match watch.look() {
+        // Programs may end before the hub has received all confirmations: that is not a failure.
+        let stopped = hub.stop(&mut || match watch.check() {
             Err(_) if watch.failure.is_some() => Ok(()),
             other => other,
         });
         stopped.map_err(|e| RunError::Channel { place, message: e.to_string() })?;
-        for bad in supervisor.finish(farewell) {
-            console.warning(&format!("{} did not end well after its work: {}", bad.name, bad.how));
+        for failed in supervisor.finish(end_wait) {
+            console
+                .warning(&format!("{} did not exit normally after the stage: {}", failed.name, failed.how));
         }
         Ok(used)
     }
 
-    /// A request to the hub, with the programs watched and the cause of every error.
-    fn ask<T>(
+    /// Sends a request to the hub, supervises the programs meanwhile, and adds the cause to errors.
+    fn request<T>(
         &mut self,
-        question: impl FnOnce(&mut Hub, &mut Watch<'_>) -> Result<T, HubError>,
+        request: impl FnOnce(&mut Hub, &mut Watch<'_>) -> Result<T, HubError>,
     ) -> Result<T, RunError> {
         let mut watch = Watch {
             supervisor: &mut self.supervisor,
             stop: self.stop,
             now: self.now.as_deref(),
-            announced: &mut self.announced,
+            interrupt_reported: &mut self.interrupt_reported,
             console: &self.console,
             failure: None,
         };
-        let answer = question(&mut self.hub, &mut watch);
+        let response = request(&mut self.hub, &mut watch);
         let failure = watch.failure.take();
-        answer.map_err(|error| self.explain(error, failure))
+        response.map_err(|error| self.run_error(error, failure))
     }
 
     fn advance(
@@ -187,11 +188,11 @@ impl<'a> HubPartners<'a> {
         each: &mut dyn FnMut(&[u64], &[f64]),
     ) -> Result<SolverResponse, RunError> {
         self.place.window = Some((w.index, w.iteration));
-        self.supervisor.asked(role);
+        self.supervisor.mark_request(role);
         let start = Instant::now();
-        let stats = self.ask(|hub, watch| {
+        let stats = self.request(|hub, watch| {
             hub.advance(role, w, fill)?;
-            hub.collect(role, each, &mut || watch.look())
+            hub.collect(role, each, &mut || watch.check())
         })?;
         // Values are the same on each rank; the slowest rank decides the time.
         let busy_s = stats.iter().fold(0.0, |most: f64, s| most.max(s.busy_s));
@@ -200,12 +201,12 @@ impl<'a> HubPartners<'a> {
     }
 }
 
-/// What the hub needs to know of the programs and of their exchange.
+/// Options of the hub for these programs and the interface.
 fn hub_options(options: &SessionOptions<'_>, interface: &CanopyInterface) -> HubOptions {
     let roles = options.programs.iter().map(|(program, ranks)| RoleOptions {
         role: program.role,
         ranks: *ranks as usize,
-        // Whoever sits at a debugger takes the time that it takes.
+        // No deadline for programs that may run under a debugger.
         deadline: options.deadline.filter(|_| !options.attached.contains(&program.role)),
         effects: options.effects.iter().filter(|(r, _)| *r == program.role).map(|(_, e)| e.clone()).collect(),
     });
@@ -224,7 +225,7 @@ fn hub_options(options: &SessionOptions<'_>, interface: &CanopyInterface) -> Hub
 }
 
 /// Prints the commands of the programs to start.
-fn call_for(attached: &[Program], console: &Console) {
+fn print_start_commands(attached: &[Program], console: &Console) {
     for program in attached {
         console.line(&format!(
             "waiting for {}; start it with\n  {}",
@@ -234,17 +235,17 @@ fn call_for(attached: &[Program], console: &Console) {
     }
     if !attached.is_empty() {
         console.line(
-            "(in any order, in other terminals; `gdb --args` goes into the place of `mpirun -n 1`, `valgrind` \
-             behind `mpirun -n N`; there is no deadline for these programs)",
+            "(in any order, in other terminals; for a debugger replace `mpirun -n 1` by `gdb --args`, or insert `valgrind` \
+             after `mpirun -n N`; these programs have no deadline)",
         );
     }
 }
 
-/// Who has arrived and who has not, in a line.
+/// A line with the joined and the missing ranks.
 fn arrived(arrivals: &Arrivals) -> String {
-    let list = |who: Vec<String>| if who.is_empty() { "nobody".into() } else { who.join(", ") };
+    let list = |who: Vec<String>| if who.is_empty() { "none".into() } else { who.join(", ") };
     let here =
         arrivals.arrived.iter().map(|(w, program)| format!("{} rank {} ({program})", w.role.name(), w.rank));
     let missing = arrivals.missing.iter().map(|w| format!("{} rank {}", w.role.name(), w.rank));
-    format!("arrived: {}; missing: {}", list(here.collect()), list(missing.collect()))
+    format!("joined: {}; missing: {}", list(here.collect()), list(missing.collect()))
 }

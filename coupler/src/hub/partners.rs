@@ -1,4 +1,4 @@
-//! The programs as partners of a coupling scheme.
+//! [`Partners`] of a coupling scheme, implemented by the programs of a session.
 
 use std::path::Path;
 
@@ -9,12 +9,12 @@ use coupling::partners::{LoadOverWindow, Partners, SolverResponse, Usage};
 use coupling::structure_energy::EnergyCreated;
 
 use super::HubPartners;
-use super::failure::stuck;
+use super::failure::grid_motion_failure;
 
-/// What a program announces that starts a window again with another length.
-const VARIES: &str = "coupling.adaptive";
+/// Effect of a program that can retry a window with another length.
+const VARIABLE_WINDOWS: &str = "coupling.adaptive";
 
-/// Puts rows of `width` numbers at their places in `all`.
+/// Copies rows of `width` values to their indices in `all`.
 pub(super) fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64]) {
     for (row, values) in rows.iter().zip(data.chunks_exact(width)) {
         all[*row as usize * width..][..width].copy_from_slice(values);
@@ -30,18 +30,18 @@ impl Partners for HubPartners<'_> {
     ) -> Result<SolverResponse, RunError> {
         let _part = timing::part("structure");
         let mut own = self.own.take();
-        let answer = self.structure_on(w, load, displacement, own.as_mut());
+        let response = self.structure_on_surface(w, load, displacement, own.as_mut());
         self.own = own;
-        let answer = answer?;
-        if answer.stats.values[structure_stats::RESIDUAL] >= 0.0 {
-            return match EnergyCreated::check(&answer.stats.values, w.time + w.dt) {
+        let response = response?;
+        if response.stats.values[structure_stats::RESIDUAL] >= 0.0 {
+            return match EnergyCreated::check(&response.stats.values, w.time + w.dt) {
                 Some(energy) => Err(RunError::Energy { place: self.place.clone(), energy, saved: None }),
-                None => Ok(answer),
+                None => Ok(response),
             };
         }
-        let cuts = answer.stats.values[structure_stats::STEP_CUTS];
-        let what = format!("a time step has no solution, also after {cuts} halvings");
-        Err(self.no_answer(Role::Structure, &what, "smaller steps (stage.substeps), more damping"))
+        let cuts = response.stats.values[structure_stats::STEP_CUTS];
+        let what = format!("a time step did not converge after {cuts} halvings");
+        Err(self.solve_failed(Role::Structure, &what, "smaller steps (stage.substeps), more damping"))
     }
 
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError> {
@@ -53,46 +53,46 @@ impl Partners for HubPartners<'_> {
                 scatter(rows, data, 6, &mut grid);
             }
         };
-        let answer = self.advance(Role::Mesh, w, &mut fill, &mut keep);
+        let response = self.advance(Role::Mesh, w, &mut fill, &mut keep);
         self.grid = grid;
-        let answer = answer?;
-        if answer.stats.values[mesh_stats::STUCK] == 0.0 {
-            return Ok(answer);
+        let response = response?;
+        if response.stats.values[mesh_stats::STUCK] == 0.0 {
+            return Ok(response);
         }
-        let message = stuck(&answer.stats.values, &self.panels);
+        let message = grid_motion_failure(&response.stats.values, &self.panels);
         Err(RunError::GridMotionFailed { place: self.place.clone(), message, saved: None })
     }
 
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
         let _part = timing::part("flow");
         let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, LOAD_WIDTH, load);
-        let answer = self.advance(Role::Flow, w, &mut |_| {}, &mut keep)?;
-        let values = &answer.stats.values;
+        let response = self.advance(Role::Flow, w, &mut |_| {}, &mut keep)?;
+        let values = &response.stats.values;
         let what = match values[flow_stats::NO_ANSWER] {
-            0.0 => return Ok(answer),
+            0.0 => return Ok(response),
             1.0 => format!(
-                "its iterations diverged: residual {:.3e} after {} iterations from {:.3e}",
+                "the nonlinear iterations diverged: residual {:.3e} after {} iterations, initially {:.3e}",
                 values[flow_stats::RESIDUAL_END],
                 values[flow_stats::ITERATIONS],
                 values[flow_stats::RESIDUAL_START]
             ),
-            2.0 => "its state left what is physical".into(),
+            2.0 => "its state became unphysical".into(),
             4.0 => format!(
-                "its time step is not solved: residual {:.3e} N after {} iterations from {:.3e} N, {:.3e} N is asked",
+                "the time step did not converge: residual {:.3e} N after {} iterations, initially {:.3e} N, tolerance {:.3e} N",
                 values[flow_stats::RESIDUAL_END],
                 values[flow_stats::ITERATIONS],
                 values[flow_stats::RESIDUAL_START],
                 values[flow_stats::RESIDUAL_TARGET]
             ),
-            _ => "a cell of the moved grid has no volume".into(),
+            _ => "a cell of the moved grid has a volume that is not positive".into(),
         };
-        Err(self.no_answer(Role::Flow, &what, "more flow.solver.max_iterations, a larger first_layer_m"))
+        Err(self.solve_failed(Role::Flow, &what, "more flow.solver.max_iterations, a larger first_layer_m"))
     }
 
     fn fixed_windows(&self) -> Vec<String> {
         let fixed = |role: &Role| {
             let a = self.hub.announcement(*role)?;
-            let varies = a.effects.iter().any(|e| e == VARIES);
+            let varies = a.effects.iter().any(|e| e == VARIABLE_WINDOWS);
             (!varies).then(|| format!("{} ({})", role.program(), a.program))
         };
         Role::ALL.iter().filter_map(fixed).collect()
@@ -106,10 +106,10 @@ impl Partners for HubPartners<'_> {
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {
         let _part = timing::part("accept");
-        self.ask(|hub, watch| {
-            // Short windows never wait long enough for the hub to look by itself.
-            watch.look().map_err(HubError::Aborted)?;
-            hub.accept(w, &mut || watch.look())
+        self.request(|hub, watch| {
+            // In short windows the hub never waits long enough to call the check itself.
+            watch.check().map_err(HubError::Aborted)?;
+            hub.accept(w, &mut || watch.check())
         })?;
         if let Some(own) = &mut self.own {
             own.accept();
@@ -119,12 +119,12 @@ impl Partners for HubPartners<'_> {
 
     fn save(&mut self, folder: &Path) -> Result<(), RunError> {
         let _part = timing::part("save");
-        self.ask(|hub, watch| hub.save(folder, &mut || watch.look()))
+        self.request(|hub, watch| hub.save(folder, &mut || watch.check()))
     }
 
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError> {
         let _part = timing::part("snapshot");
-        self.ask(|hub, watch| hub.snapshot(&[role], time, folder, &mut || watch.look()))
+        self.request(|hub, watch| hub.snapshot(&[role], time, folder, &mut || watch.check()))
     }
 
     fn cannot_resume(&self) -> Vec<String> {

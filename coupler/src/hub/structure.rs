@@ -1,4 +1,4 @@
-//! Questions to the structure, whose surface may be another than the canopy.
+//! Requests to the structure, which may use its own surface mesh instead of the canopy mesh.
 
 use std::path::Path;
 
@@ -14,54 +14,59 @@ use super::HubPartners;
 use super::partners::scatter;
 
 impl HubPartners<'_> {
-    /// The surface of a structure that has its own.
+    /// The transfer to the surface of a structure that announces its own.
+    ///
+    /// # Errors
+    /// The surface file cannot be read, or does not match the announced sizes.
     pub(super) fn own_surface(
         &self,
         folder: &Path,
         interface: &CanopyInterface,
         console: &Console,
     ) -> Result<Option<OwnSurface>, RunError> {
-        let said = self.hub.announcement(Role::Structure);
-        let Some(said) = said.filter(|a| a.effects.iter().any(|e| e == OWN_SURFACE)) else { return Ok(None) };
+        let announced = self.hub.announcement(Role::Structure);
+        let Some(announced) = announced.filter(|a| a.effects.iter().any(|e| e == OWN_SURFACE)) else {
+            return Ok(None);
+        };
         let refuse = |message| RunError::Channel { place: self.place.clone(), message };
         let file = surface_file(folder);
         let text = std::fs::read_to_string(&file).map_err(|e| e.to_string());
         let own = text.and_then(|text| OwnSurface::parse(&text, interface));
-        let bad = |why| refuse(format!("the structure's own surface, {}: {why}", file.display()));
+        let bad = |why| refuse(format!("surface file of the structure, {}: {why}", file.display()));
         let own = own.map_err(bad)?;
         let [nodes, faces] = own.sizes();
-        if (nodes as u64, faces as u64) != (said.canopy_nodes, said.canopy_faces) {
+        if (nodes as u64, faces as u64) != (announced.canopy_nodes, announced.canopy_faces) {
             return Err(refuse(format!(
-                "{} announces a surface of {} nodes and {} faces, its file has {nodes} and {faces}",
-                said.program, said.canopy_nodes, said.canopy_faces
+                "{} announces a surface of {} nodes and {} faces, but its surface file has {nodes} and {faces}",
+                announced.program, announced.canopy_nodes, announced.canopy_faces
             )));
         }
         console.line(&format!(
-            "{} has a surface of its own: {nodes} nodes and {faces} faces beside the canopy's {} and {}",
-            said.program,
+            "{} uses its own surface: {nodes} nodes and {faces} faces; the canopy has {} and {}",
+            announced.program,
             interface.nodes(),
             interface.faces.len()
         ));
         Ok(Some(own))
     }
 
-    /// Asks the structure, on its own surface where it has one.
-    pub(super) fn structure_on(
+    /// Solves the structure, on its own surface where it has one.
+    pub(super) fn structure_on_surface(
         &mut self,
         w: &Window,
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
         own: Option<&mut OwnSurface>,
     ) -> Result<SolverResponse, RunError> {
-        let Some(own) = own else { return self.ask_structure(w, [load.start, load.end], displacement) };
+        let Some(own) = own else { return self.request_structure(w, [load.start, load.end], displacement) };
         own.load(load);
-        let (loads, answer) = own.exchange();
-        let answer = self.ask_structure(w, loads, answer)?;
+        let (loads, response) = own.exchange();
+        let response = self.request_structure(w, loads, response)?;
         own.motion(displacement);
-        Ok(answer)
+        Ok(response)
     }
 
-    fn ask_structure(
+    fn request_structure(
         &mut self,
         w: &Window,
         [start, end]: [&[f64]; 2],

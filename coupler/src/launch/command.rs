@@ -1,4 +1,4 @@
-//! What is started, word by word.
+//! Command lines of the solver programs.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -12,15 +12,15 @@ use terminal::shell::{quote, split_words};
 pub struct Program {
     /// Its role.
     pub role: Role,
-    /// How messages call it.
+    /// Name in messages.
     pub name: String,
     /// Command and arguments.
     pub words: Vec<OsString>,
-    /// Environment on top of the coupler's own.
+    /// Environment variables in addition to those of the coupler.
     pub environment: Vec<(&'static str, OsString)>,
-    /// File that keeps everything it prints.
+    /// File for all its output.
     pub log: PathBuf,
-    /// Appends to the log of an earlier part of the stage.
+    /// Appends to the log, for a resumed stage.
     pub continues: bool,
 }
 
@@ -33,27 +33,27 @@ impl Program {
 }
 
 impl Program {
-    /// Whether all its ranks are this host's.
+    /// Whether all its ranks run on this host.
     pub(super) fn on_this_host(&self) -> bool {
         self.environment.iter().any(|(name, _)| *name == SCRATCH)
     }
 
-    /// Ranks that `mpirun -n N` starts.
+    /// Number of ranks of `mpirun -n N`.
     pub(super) fn ranks(&self) -> usize {
         let of = self.words.get(2).and_then(|n| n.to_str()).and_then(|n| n.parse().ok());
         of.filter(|_| self.words[0] == "mpirun").unwrap_or(1)
     }
 
-    /// As [`Program::line`], with the environment that it is given.
+    /// As [`Program::line`], with its environment variables.
     pub fn shell_line(&self) -> String {
         let set = self.environment.iter().map(|(k, v)| format!("{k}={}", quote(&v.to_string_lossy())));
         format!("env {} {}", set.collect::<Vec<_>>().join(" "), self.line())
     }
 }
 
-/// Everything that the command lines of a stage depend on.
+/// Input of the command lines of a stage.
 pub struct LaunchPlan<'a> {
-    /// The scene, with rank counts and replaced programs as the user wants them.
+    /// The scene, with overridden rank counts and programs.
     pub scene: &'a Scene,
     /// Its file.
     pub scene_file: &'a Path,
@@ -63,13 +63,13 @@ pub struct LaunchPlan<'a> {
     pub session: &'a str,
     /// Folder of the run's results.
     pub out: &'a Path,
-    /// Folder that the project's own programs lie in.
+    /// Folder of the project's programs.
     pub programs: &'a Path,
     /// Folder for MPI's temporary files, removed after the run.
     pub scratch: &'a Path,
     /// Options for `mpirun`, of one program or of all.
     pub mpirun: &'a [(Option<Role>, String)],
-    /// State within the stage that programs restart from.
+    /// Checkpoint within the stage that the programs restart from.
     pub resume: Option<&'a Path>,
 }
 
@@ -77,8 +77,8 @@ impl LaunchPlan<'_> {
     /// The programs of the stage in launch order.
     ///
     /// # Errors
-    /// [`RunError::Input`] for a program that does not exist or a command that
-    /// cannot be read.
+    /// [`RunError::Input`]: a program does not exist, or a command cannot be
+    /// parsed.
     pub fn programs(&self) -> Result<Vec<Program>, RunError> {
         if !can_be_found("mpirun") {
             return Err(RunError::Input(
@@ -120,7 +120,7 @@ impl LaunchPlan<'_> {
         Ok((role.program().to_owned(), vec![file.into_os_string()]))
     }
 
-    /// How the ranks of a program are started, up to its own command; their environment.
+    /// The `mpirun` command before that of the program, and the environment of its ranks.
     fn mpirun(&self, role: Role) -> (Vec<OsString>, Vec<(&'static str, OsString)>) {
         let ranks = self.scene.ranks.of(role).to_string();
         let mut words: Vec<OsString> = vec!["mpirun".into(), "-n".into(), ranks.into()];
@@ -133,7 +133,7 @@ impl LaunchPlan<'_> {
         let environment = environment((hosts.is_empty()).then_some(self.scratch));
         if !hosts.is_empty() {
             words.extend(hosts.into_iter().map(OsString::from));
-            // To other hosts mpirun passes of its own accord only what is its own.
+            // By default mpirun passes only OMPI_ variables to other hosts.
             for (name, _) in environment.iter().filter(|(name, _)| !name.starts_with("OMPI_")) {
                 words.extend(["-x".into(), (*name).into()]);
             }
@@ -141,7 +141,7 @@ impl LaunchPlan<'_> {
         (words, environment)
     }
 
-    /// What the contract has a program started with.
+    /// The arguments that the contract defines.
     fn arguments(&self, role: Role) -> Vec<OsString> {
         let mut words = Vec::new();
         let arguments: [(&str, OsString); 5] = [
@@ -161,7 +161,7 @@ impl LaunchPlan<'_> {
     }
 }
 
-/// A program that replaces the project's own, by its command `line`: its name and its command.
+/// The name and the command of a program that replaces the project's, from its command `line`.
 fn replaced(role: Role, line: &str) -> Result<(String, Vec<OsString>), RunError> {
     let words = split_words(line).filter(|w| !w.is_empty()).ok_or_else(|| {
         RunError::Input(format!(
@@ -172,7 +172,7 @@ fn replaced(role: Role, line: &str) -> Result<(String, Vec<OsString>), RunError>
     if !can_be_found(&words[0]) {
         return Err(RunError::Input(format!(
             "the program `{}` for {} does not exist: check the path of --{} or of `programs` in \
-             the scene (relative paths count from the folder that ripstop was started in)",
+             the scene (relative paths start at the current folder of ripstop)",
             words[0],
             role.name(),
             role.name()
@@ -181,30 +181,30 @@ fn replaced(role: Role, line: &str) -> Result<(String, Vec<OsString>), RunError>
     Ok((format!("{} (`{line}`)", role.name()), words.into_iter().map(OsString::from).collect()))
 }
 
-/// Where OpenMPI's own files go: set where all ranks are on this host.
+/// Folder of OpenMPI's temporary files; set if all ranks run on this host.
 const SCRATCH: &str = "OMPI_MCA_orte_tmpdir_base";
 
-/// Environment of a program under OpenMPI: several programs share the cores, so
-/// ranks are neither bound nor allowed to spin, and keep to one thread each. `scratch`, on
-/// this host alone: where MPI's files go.
+/// Environment variables of a program under OpenMPI. Several programs share the cores, so
+/// ranks are not bound, yield when idle, and use one thread each. `scratch`: folder of
+/// MPI's temporary files, if all ranks run on this host.
 fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
     let mut set: Vec<(&'static str, OsString)> = vec![
         ("OMPI_MCA_rmaps_base_oversubscribe", "1".into()),
         ("OMPI_MCA_hwloc_base_binding_policy", "none".into()),
         ("OMPI_MCA_mpi_yield_when_idle", "1".into()),
-        // Cross-memory attach is forbidden in many containers, which costs a warning a rank.
+        // Many containers forbid cross-memory attach, which gives a warning for each rank.
         ("OMPI_MCA_btl_vader_single_copy_mechanism", "none".into()),
-        // Of a rank that dies before it has begun OpenMPI's notice often lacks the number.
+        // OpenMPI's notice often omits the number of a rank that fails before MPI_Init; state records contain it.
         ("OMPI_MCA_state_base_verbose", "1".into()),
         ("OMP_NUM_THREADS", "1".into()),
         ("RAYON_NUM_THREADS", "1".into()),
     ];
-    // In one place, so that nothing stays when a rank is killed.
+    // In one folder, which is removed even if a rank was killed.
     if let Some(scratch) = scratch {
         set.push((SCRATCH, scratch.into()));
         set.push(("OMPI_MCA_btl_vader_backing_directory", scratch.into()));
     }
-    // For programs in other languages, which ask it for meshes (`ripstop mesh`).
+    // For programs in other languages, which call `ripstop mesh`.
     if let Ok(me) = std::env::current_exe() {
         set.push(("RIPSTOP", me.into()));
     }

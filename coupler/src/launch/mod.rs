@@ -1,8 +1,8 @@
-//! Starting the solver programs, watching over them, and ending them.
+//! Starts, supervises and ends the solver programs.
 //!
-//! Every program is a child of this process: its death is seen at once, and it
-//! dies with this process however that ends. Nothing here knows what the
-//! programs say to each other.
+//! Every program is a child of this process: its exit is detected immediately, and it
+//! ends with this process in all cases. This module does not depend on the
+//! contract.
 
 mod command;
 mod process;

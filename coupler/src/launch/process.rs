@@ -1,4 +1,4 @@
-//! The few system calls around child processes.
+//! System calls for child processes.
 
 use std::fs;
 use std::os::unix::process::CommandExt;
@@ -6,9 +6,9 @@ use std::process::Command;
 
 use rustix::process::{self, Pid, Signal, WaitOptions};
 
-/// Lets `command` start in a process group of its own (Ctrl-C reaches the coupler
-/// alone, which then ends all in order) and end when this process ends.
-pub(super) fn tie_to_parent(command: &mut Command) {
+/// Starts `command` in its own process group (Ctrl-C reaches only the coupler,
+/// which then ends the programs), and ends it when this process ends.
+pub(super) fn bind_to_parent(command: &mut Command) {
     command.process_group(0);
     let parent = process::getpid();
     let end_with_parent = move || {
@@ -19,33 +19,33 @@ pub(super) fn tie_to_parent(command: &mut Command) {
         }
         Ok(())
     };
-    // SAFETY: between fork and exec the closure makes plain system calls only (prctl, getppid, getpid, kill),
-    // and touches no memory but its own number.
+    // SAFETY: between fork and exec the closure only makes async-signal-safe system calls (prctl, getppid, getpid,
+    // kill), and accesses no memory except the captured process number.
     unsafe { command.pre_exec(end_with_parent) };
 }
 
-/// Ranks whose `mpirun` dies become children of this process instead of process 1,
-/// so that they can be found and ended.
+/// Makes orphaned ranks children of this process instead of process 1 when their `mpirun`
+/// ends, so that they can be found and ended.
 pub(super) fn adopt_orphans() {
     // A plain flag of this process; failure only loses the convenience.
     let _ = process::set_child_subreaper(Some(process::getpid()));
 }
 
-/// Sends a signal to a process. One that is gone is fine.
+/// Sends a signal to a process; ignores a process that has ended.
 pub(super) fn signal(process: u32, signal: Signal) {
     if let Some(process) = pid(process) {
         let _ = process::kill_process(process, signal);
     }
 }
 
-/// Sends a signal to a process group. One that is gone is fine.
+/// Sends a signal to a process group; ignores a group that has ended.
 pub(super) fn signal_group(leader: u32, signal: Signal) {
     if let Some(leader) = pid(leader) {
         let _ = process::kill_process_group(leader, signal);
     }
 }
 
-/// Collects the exit of an adopted process so that it does not stay as a zombie.
+/// Collects the exit status of an adopted process, which otherwise remains as a zombie.
 pub(super) fn reap(process: u32) {
     if let Some(process) = pid(process) {
         let _ = process::waitpid(Some(process), WaitOptions::NOHANG);
@@ -56,40 +56,40 @@ fn pid(process: u32) -> Option<Pid> {
     Pid::from_raw(process as i32)
 }
 
-/// A process with its parent and start time (which together with its number
-/// identify it).
+/// A process with its parent and start time. Number and start time
+/// identify it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Seen {
+pub(super) struct ProcessEntry {
     pub process: u32,
     pub parent: u32,
     pub start: u64,
 }
 
-/// One line of `/proc/<process>/stat`; `None` for zombies and processes that are gone.
-pub(super) fn look(process: u32) -> Option<Seen> {
+/// Reads `/proc/<process>/stat`. `None`: a zombie, or a process that has ended.
+pub(super) fn read_stat(process: u32) -> Option<ProcessEntry> {
     let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    // The name in parentheses may hold anything; fields count from behind it.
+    // The name in parentheses may contain any character: count fields from its end.
     let fields: Vec<&str> = text[text.rfind(')')? + 2..].split(' ').collect();
     if fields.first() == Some(&"Z") {
         return None;
     }
-    Some(Seen { process, parent: fields.get(1)?.parse().ok()?, start: fields.get(19)?.parse().ok()? })
+    Some(ProcessEntry { process, parent: fields.get(1)?.parse().ok()?, start: fields.get(19)?.parse().ok()? })
 }
 
-/// All processes below `roots`, and those adopted by this process whose command
-/// line holds `mark` (the session's name).
-pub(super) fn descendants(roots: &[u32], mark: &str) -> Vec<Seen> {
+/// All descendants of `roots`, and processes adopted by this process with the word `session`
+/// on their command line.
+pub(super) fn descendants(roots: &[u32], session: &str) -> Vec<ProcessEntry> {
     let Ok(folder) = fs::read_dir("/proc") else { return Vec::new() };
-    let all: Vec<Seen> =
-        folder.flatten().filter_map(|e| e.file_name().to_str()?.parse().ok()).filter_map(look).collect();
+    let all: Vec<ProcessEntry> =
+        folder.flatten().filter_map(|e| e.file_name().to_str()?.parse().ok()).filter_map(read_stat).collect();
     let me = std::process::id();
-    let adopted = |seen: &&Seen| {
+    let adopted = |seen: &&ProcessEntry| {
         seen.parent == me
             && !roots.contains(&seen.process)
             && fs::read(format!("/proc/{}/cmdline", seen.process))
-                .is_ok_and(|c| c.split(|b| *b == 0).any(|word| word == mark.as_bytes()))
+                .is_ok_and(|c| c.split(|b| *b == 0).any(|word| word == session.as_bytes()))
     };
-    let mut found: Vec<Seen> = all
+    let mut found: Vec<ProcessEntry> = all
         .iter()
         .filter(|s| roots.contains(&s.process))
         .chain(all.iter().filter(adopted))

@@ -1,4 +1,4 @@
-//! A session: its name, and the folder that MPI writes its temporary files to.
+//! A session: its name, and the folder of MPI's temporary files.
 
 use std::fs;
 use std::os::unix::fs::DirBuilderExt;
@@ -11,7 +11,7 @@ use terminal::Console;
 
 /// The session of a stage. Dropping it removes the folder of MPI's temporary files.
 pub(crate) struct Session {
-    /// Its name, which no other run on this machine has.
+    /// Its name, unique on this machine.
     pub name: String,
     scratch: Scratch,
 }
@@ -20,7 +20,7 @@ impl Session {
     /// Session `number` of this process, which runs `scene`.
     ///
     /// # Errors
-    /// A folder that cannot be made.
+    /// The folder cannot be created.
     pub fn create(scene: &Scene, number: usize) -> Result<Self, RunError> {
         let scene: String = scene.name.chars().take(24).collect();
         let name = format!("{scene}-{}-{number}", std::process::id());
@@ -57,7 +57,7 @@ impl Scratch {
         if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() }
     }
 
-    /// Removes folders of runs that were killed: their names hold the process.
+    /// Removes folders of runs that were killed. Their names contain the process number.
     fn sweep() {
         let Ok(entries) = fs::read_dir(Self::base()) else { return };
         for entry in entries.flatten() {
@@ -71,10 +71,10 @@ impl Scratch {
     }
 
     fn create(session: &str) -> Result<Self, RunError> {
-        // MPI puts socket paths below it, which must stay short.
+        // Paths of sockets below it have a maximum length, so this path is short.
         let folder = Self::base().join(format!("{}{session}", Self::PREFIX));
-        // Anybody may write beside it: what is there under this process's number is a leftover
-        // of a dead one of ours, which can be removed, or somebody else's, which cannot.
+        // The parent folder is world-writable. An existing folder with this process number is a leftover
+        // of an earlier process of this user, which is removed, or of another user, which makes `create` fail.
         let _ = fs::remove_dir_all(&folder);
         fs::DirBuilder::new().mode(0o700).create(&folder).map_err(RunError::file("create", &folder))?;
         Ok(Self(folder))
@@ -83,7 +83,7 @@ impl Scratch {
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // A rank that is just being killed may still write: try for a moment.
+        // A rank that is being killed may still write: retry briefly.
         for _ in 0..20 {
             match fs::remove_dir_all(&self.0) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => {

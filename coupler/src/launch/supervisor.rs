@@ -1,4 +1,4 @@
-//! Watching over the programs of a stage.
+//! Supervision of the programs of a stage.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -18,35 +18,35 @@ use rustix::process::Signal;
 use terminal::Console;
 
 use super::Program;
-use super::process::{self, Seen};
+use super::process::{self, ProcessEntry};
 use super::usage::usage;
 
-/// Time that a program's own message is given to arrive over the channel before
-/// its exit alone is reported.
-const LAST_WORDS: Duration = Duration::from_millis(700);
-/// Time after an exit in which what was written before it is waited for: on a busy machine the
-/// launcher's notice, which names the rank, is read later than the exit is seen. A process
-/// that was left behind may hold the pipe open for longer.
-const READ_OUT: Duration = Duration::from_millis(1500);
-/// Time in which a launcher starts all its ranks, or says that one has failed.
-const DESERTED: Duration = Duration::from_millis(2000);
-/// Time between two counts of ranks.
-const COUNTS: Duration = Duration::from_millis(250);
-/// Time between the request to end and the forced end.
-const GRACE: Duration = Duration::from_millis(1500);
-/// The part of it in which only the ranks are asked.
-const RANKS_FIRST: Duration = Duration::from_millis(700);
-/// Lines of a log shown with a death.
-const TAIL: usize = 12;
+/// Time for the error message of a program to arrive over the channel before
+/// its exit is reported without one.
+const FAULT_MESSAGE_WAIT: Duration = Duration::from_millis(700);
+/// Time limit after an exit for reading the remaining output: on a loaded machine the
+/// launcher's notice, which names the rank, arrives after the exit status. An orphaned process
+/// may keep the pipe open for longer.
+const OUTPUT_WAIT: Duration = Duration::from_millis(1500);
+/// Time limit for a launcher to start all its ranks or to report a failed one.
+const MISSING_RANKS_WAIT: Duration = Duration::from_millis(2000);
+/// Interval between counts of ranks.
+const RANK_COUNT_INTERVAL: Duration = Duration::from_millis(250);
+/// Time between SIGTERM and SIGKILL.
+const TERMINATION_WAIT: Duration = Duration::from_millis(1500);
+/// Time between SIGTERM to the ranks and SIGTERM to their launchers.
+const RANK_TERMINATION_WAIT: Duration = Duration::from_millis(700);
+/// Lines of the log in the message of a failed process.
+const TAIL_LINES: usize = 12;
 
-/// A program that ended although it should not have.
+/// A program that ended unexpectedly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProcessFailure {
     /// Its role.
     pub role: Role,
-    /// How messages call it.
+    /// Name in messages.
     pub name: String,
-    /// The rank that ended first, where the launcher has said so.
+    /// The rank that ended first, if the launcher reported it.
     pub rank: Option<u64>,
     /// Exit code or signal.
     pub how: String,
@@ -61,42 +61,42 @@ struct Running {
     readers: Vec<JoinHandle<()>>,
     tail: Arc<Mutex<Tail>>,
     notices: Arc<Mutex<Notices>>,
-    /// Since when it has had fewer ranks than it was started with.
-    fewer: Option<Instant>,
+    /// Time since which ranks are missing.
+    missing_since: Option<Instant>,
 }
 
-/// What the launcher has said of its ranks.
+/// Reports of the launcher about its ranks.
 #[derive(Clone, Copy, Debug, Default)]
 struct Notices {
-    /// The rank that it blames.
-    blamed: Option<u64>,
-    /// The first one that ended well.
-    left: Option<u64>,
+    /// The rank that failed first.
+    failed_rank: Option<u64>,
+    /// The first rank that exited normally.
+    exited_rank: Option<u64>,
 }
 
-/// The running programs of a stage. Dropping it ends them all.
+/// The running programs of a stage. Dropping it ends all of them.
 pub struct Supervisor {
     running: Vec<Running>,
     session: String,
-    known: Vec<Seen>,
-    /// When ranks were counted last.
+    tracked: Vec<ProcessEntry>,
+    /// Time of the last count of ranks.
     counted: Option<Instant>,
-    /// Set while all is being ended: what programs print then is in their logs only.
+    /// Set while the programs are being ended: their output then goes to their logs only.
     muted: Arc<AtomicBool>,
 }
 
 impl Supervisor {
-    /// Starts all `programs`; `session` marks their ranks.
+    /// Starts all `programs`. Their ranks are identified by `session` on their command line.
     ///
     /// # Errors
-    /// A program that cannot be started (those before it are ended), or a log
-    /// that cannot be written.
+    /// A program cannot be started (earlier ones are then ended), or a log
+    /// cannot be written.
     pub fn start(programs: Vec<Program>, session: &str, console: &Console) -> Result<Self, RunError> {
         process::adopt_orphans();
         let mut all = Self {
             running: Vec::new(),
             session: session.to_owned(),
-            known: Vec::new(),
+            tracked: Vec::new(),
             counted: None,
             muted: Arc::default(),
         };
@@ -107,19 +107,19 @@ impl Supervisor {
         Ok(all)
     }
 
-    /// The first program that has ended, once its own last words had time to
-    /// arrive elsewhere. Never waits.
+    /// The first program that has ended, after the time for its error message to
+    /// arrive over the channel. Does not block.
     pub fn failure(&mut self) -> Option<ProcessFailure> {
         self.poll();
-        let at = self.running.iter().position(|r| r.over(LAST_WORDS))?;
+        let at = self.running.iter().position(|r| r.ended_before(FAULT_MESSAGE_WAIT))?;
         Some(self.running[at].failure())
     }
 
-    /// A program one of whose ranks has ended while its launcher waits for the others: OpenMPI
-    /// does not mind a rank that ends well before it has begun, for which the others then
-    /// wait for ever. For the time in which ranks arrive; never waits.
+    /// A program of which a rank has ended while its launcher waits for the others. OpenMPI
+    /// accepts a rank that exits normally before `MPI_Init`; the other ranks then wait for it
+    /// without limit. For use until all ranks have joined. Does not block.
     pub fn missing_ranks(&mut self) -> Option<ProcessFailure> {
-        if self.counted.is_some_and(|t| t.elapsed() < COUNTS) {
+        if self.counted.is_some_and(|t| t.elapsed() < RANK_COUNT_INTERVAL) {
             return None;
         }
         self.counted = Some(Instant::now());
@@ -129,62 +129,62 @@ impl Supervisor {
             let now = found.iter().filter(|s| s.parent == running.child.id()).count();
             let all = running.program.ranks();
             if now == 0 || now >= all {
-                running.fewer = None;
-            } else if running.fewer.get_or_insert_with(Instant::now).elapsed() > DESERTED {
+                running.missing_since = None;
+            } else if running.missing_since.get_or_insert_with(Instant::now).elapsed() > MISSING_RANKS_WAIT {
                 let how = format!("{} of its {all} ranks ended before they joined", all - now);
-                let rank = running.notices().left;
+                let rank = running.notices().exited_rank;
                 return Some(ProcessFailure { how, rank, ..running.failure() });
             }
         }
         None
     }
 
-    /// What became of `role` if it ends within `patience`: its exit and last words.
-    pub fn await_exit(&mut self, role: Role, patience: Duration) -> Option<ProcessFailure> {
+    /// Exit status and last output of `role`, if it ends within `timeout`.
+    pub fn await_exit(&mut self, role: Role, timeout: Duration) -> Option<ProcessFailure> {
         let at = self.running.iter().position(|r| r.program.role == role)?;
-        wait_until(patience, || {
+        wait_until(timeout, || {
             self.poll();
-            self.running[at].over(Duration::ZERO)
+            self.running[at].ended_before(Duration::ZERO)
         });
         self.running[at].status.is_some().then(|| self.running[at].failure())
     }
 
-    /// A question goes to the program of `role`: its last words are what it writes from now on.
-    pub fn asked(&self, role: Role) {
+    /// Marks a request to the program of `role`: its last output is what it writes from now on.
+    pub fn mark_request(&self, role: Role) {
         let running = self.running.iter().find(|r| r.program.role == role);
         if let Some(mut tail) = running.and_then(|r| r.tail.lock().ok()) {
-            tail.since = 0;
+            tail.since_request = 0;
         }
     }
 
-    /// The last line that a role's program wrote since it was asked, waiting for one for a moment: lines come
-    /// another way than answers. `None` where it wrote none.
+    /// The last line that the program of `role` wrote since the last request. Waits briefly for one, since output and
+    /// replies use different channels. `None`: no line.
     pub fn last_line(&self, role: Role) -> Option<String> {
         let running = self.running.iter().find(|r| r.program.role == role)?;
-        let last = || running.tail.lock().ok()?.words().last().cloned();
-        wait_until(LAST_WORDS, || last().is_some());
+        let last = || running.tail.lock().ok()?.lines_since_request().last().cloned();
+        wait_until(FAULT_MESSAGE_WAIT, || last().is_some());
         last()
     }
 
-    /// How messages call the program of `role`.
+    /// The name of the program of `role` in messages.
     pub fn name(&self, role: Role) -> String {
         let found = self.running.iter().find(|r| r.program.role == role);
         found.map_or_else(|| role.program().to_owned(), |r| r.program.name.clone())
     }
 
-    /// What the programs have used so far, by role; ask while they are alive.
+    /// Processor time and memory of the programs so far, by role. Requires that they still run.
     pub fn usage(&self) -> Vec<(Role, Usage)> {
         self.running.iter().map(|r| (r.program.role, usage(r.child.id()))).collect()
     }
 
-    /// Waits for all programs to end by themselves; those that do not within
-    /// `patience` are ended. Returns those that did not end well.
-    pub fn finish(mut self, patience: Duration) -> Vec<ProcessFailure> {
-        let done = wait_until(patience, || {
+    /// Waits for all programs to exit, and ends those that do not within
+    /// `timeout`. Returns those that did not exit normally.
+    pub fn finish(mut self, timeout: Duration) -> Vec<ProcessFailure> {
+        let done = wait_until(timeout, || {
             self.poll();
             self.running.iter().all(|r| r.status.is_some())
         });
-        let bad = self
+        let failed = self
             .running
             .iter()
             .filter(|r| !r.status.is_some_and(|(status, _)| status.success()))
@@ -193,25 +193,25 @@ impl Supervisor {
         if !done {
             self.end();
         }
-        bad
+        failed
     }
 
-    /// Ends everything: asks the ranks, then their launchers, then forces. Ranks
-    /// included, however their launcher ended. Takes under 4 s.
+    /// Ends all processes: SIGTERM to the ranks, SIGTERM to their launchers, then SIGKILL. Includes
+    /// ranks whose launcher has ended. Takes less than 4 s.
     pub fn end(&mut self) {
         self.muted.store(true, Ordering::Relaxed);
-        self.record_processes();
-        for seen in self.living() {
+        self.track_descendants();
+        for seen in self.alive() {
             process::signal(seen.process, Signal::TERM);
         }
-        // A launcher whose ranks have ended ends by itself, and more cleanly so.
-        for patience in [RANKS_FIRST, GRACE] {
-            let done = wait_until(patience, || {
+        // A launcher whose ranks have ended exits by itself and cleans up.
+        for timeout in [RANK_TERMINATION_WAIT, TERMINATION_WAIT] {
+            let done = wait_until(timeout, || {
                 self.poll();
-                self.record_processes();
-                self.running.iter().all(|r| r.status.is_some()) && self.living().is_empty()
+                self.track_descendants();
+                self.running.iter().all(|r| r.status.is_some()) && self.alive().is_empty()
             });
-            if !done && patience == RANKS_FIRST {
+            if !done && timeout == RANK_TERMINATION_WAIT {
                 for running in self.running.iter().filter(|r| r.status.is_none()) {
                     process::signal_group(running.child.id(), Signal::TERM);
                 }
@@ -221,20 +221,20 @@ impl Supervisor {
             process::signal_group(running.child.id(), Signal::KILL);
         }
         wait_until(Duration::from_millis(1500), || {
-            self.record_processes();
-            for seen in self.living() {
+            self.track_descendants();
+            for seen in self.alive() {
                 process::signal(seen.process, Signal::KILL);
                 process::reap(seen.process);
             }
             self.poll();
-            self.running.iter().all(|r| r.status.is_some()) && self.living().is_empty()
+            self.running.iter().all(|r| r.status.is_some()) && self.alive().is_empty()
         });
-        for seen in &self.known {
+        for seen in &self.tracked {
             process::reap(seen.process);
         }
         for running in &mut self.running {
             for reader in running.readers.drain(..) {
-                // A grandchild that holds the pipe open must not hold us.
+                // A grandchild may keep the pipe open: do not wait for it.
                 if reader.is_finished() {
                     let _ = reader.join();
                 }
@@ -257,39 +257,39 @@ impl Supervisor {
         }
     }
 
-    /// Notes all processes below the programs, to find them when their parents are gone.
-    fn record_processes(&mut self) {
+    /// Stores all descendants of the programs, to find them after their parents have ended.
+    fn track_descendants(&mut self) {
         let roots: Vec<u32> = self.running.iter().map(|r| r.child.id()).collect();
         for seen in process::descendants(&roots, &self.session) {
-            if !self.known.iter().any(|k| k.process == seen.process && k.start == seen.start) {
-                self.known.push(seen);
+            if !self.tracked.iter().any(|k| k.process == seen.process && k.start == seen.start) {
+                self.tracked.push(seen);
             }
         }
     }
 
-    /// Processes once seen that are still there (the same, by start time), but
-    /// for the programs themselves, whose exit `poll` collects.
-    fn living(&self) -> Vec<Seen> {
+    /// Tracked processes that are still alive (identified by number and start time), without
+    /// the programs themselves, whose exit `poll` collects.
+    fn alive(&self) -> Vec<ProcessEntry> {
         let root = |p: u32| self.running.iter().any(|r| r.child.id() == p);
-        let alive = |k: &&Seen| process::look(k.process).is_some_and(|now| now.start == k.start);
-        self.known.iter().filter(|k| !root(k.process)).filter(alive).copied().collect()
+        let alive = |k: &&ProcessEntry| process::read_stat(k.process).is_some_and(|now| now.start == k.start);
+        self.tracked.iter().filter(|k| !root(k.process)).filter(alive).copied().collect()
     }
 }
 
 impl Drop for Supervisor {
     fn drop(&mut self) {
-        if self.running.iter().any(|r| r.status.is_none()) || !self.known.is_empty() {
+        if self.running.iter().any(|r| r.status.is_none()) || !self.tracked.is_empty() {
             self.end();
         }
     }
 }
 
 impl Running {
-    /// Whether it ended `ago`, and all that it wrote was read.
-    fn over(&self, ago: Duration) -> bool {
+    /// Whether it ended at least `ago`, and all its output was read.
+    fn ended_before(&self, ago: Duration) -> bool {
         let Some((_, ended)) = self.status else { return false };
         let since = ended.elapsed();
-        since >= ago && (since > READ_OUT || self.readers.iter().all(JoinHandle::is_finished))
+        since >= ago && (since > OUTPUT_WAIT || self.readers.iter().all(JoinHandle::is_finished))
     }
 
     fn notices(&self) -> Notices {
@@ -300,18 +300,18 @@ impl Running {
         let how = match self.status {
             None => "still running".to_owned(),
             Some((status, _)) => match (status.code(), status.signal()) {
-                // A shell's and mpirun's way of passing on a signal.
+                // A shell or mpirun reports signal n as exit code 128 + n.
                 (Some(code), _) if code > 128 && code < 160 => signal_name(code - 128),
                 (Some(code), _) => format!("exit code {code}"),
                 (None, Some(signal)) => signal_name(signal),
                 (None, None) => "unknown".to_owned(),
             },
         };
-        let tail = self.tail.lock().map(|t| t.words().cloned().collect::<Vec<_>>().join("\n"));
+        let tail = self.tail.lock().map(|t| t.lines_since_request().cloned().collect::<Vec<_>>().join("\n"));
         ProcessFailure {
             role: self.program.role,
             name: self.program.name.clone(),
-            rank: self.notices().blamed,
+            rank: self.notices().failed_rank,
             how,
             tail: tail.unwrap_or_default(),
         }
@@ -320,13 +320,13 @@ impl Running {
 
 fn signal_name(signal: i32) -> String {
     let name = match Signal::from_named_raw(signal) {
-        Some(Signal::KILL) => " SIGKILL: killed, perhaps for want of memory",
-        Some(Signal::SEGV) => " SIGSEGV: memory fault",
+        Some(Signal::KILL) => " SIGKILL: killed, possibly out of memory",
+        Some(Signal::SEGV) => " SIGSEGV: invalid memory access",
         Some(Signal::ABORT) => " SIGABRT: aborted",
-        Some(Signal::TERM) => " SIGTERM: asked to end",
+        Some(Signal::TERM) => " SIGTERM: terminated",
         Some(Signal::INT) => " SIGINT: interrupted",
-        Some(Signal::BUS) => " SIGBUS: memory fault, perhaps /dev/shm is full",
-        Some(Signal::FPE) => " SIGFPE: arithmetic fault",
+        Some(Signal::BUS) => " SIGBUS: memory fault, possibly /dev/shm is full",
+        Some(Signal::FPE) => " SIGFPE: arithmetic exception",
         _ => "",
     };
     format!("signal {signal}{name}")
@@ -339,7 +339,7 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
     let mut how = File::options();
     how.create(true).write(true).truncate(!program.continues).append(program.continues);
     let mut log = how.open(&program.log).map_err(RunError::file("create", &program.log))?;
-    // Everything that goes wrong later is in the log; this line makes it repeatable.
+    // The first line of the log is the command, to reproduce a failure.
     let _ = writeln!(log, "$ {}", program.line());
     let log = Arc::new(Mutex::new(log));
     let mut command = Command::new(&program.words[0]);
@@ -349,20 +349,20 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    process::tie_to_parent(&mut command);
+    process::bind_to_parent(&mut command);
     let mut child = command.spawn().map_err(|source| {
         let what = program.words[0].to_string_lossy().into_owned();
         let help = if what == "mpirun" {
             "install OpenMPI (`apt install openmpi-bin`) or put it on the PATH"
         } else {
-            "check the path and that it may be executed"
+            "check the path and the execute permission"
         };
         RunError::Input(format!("cannot start `{what}` for {}: {source}; {help}", program.name))
     })?;
     let tail = Arc::new(Mutex::new(Tail::default()));
     let notices = Arc::default();
     let mut readers = Vec::new();
-    let show = Show { role: program.role, console: console.clone(), muted: muted.clone() };
+    let show = ConsoleOutput { role: program.role, console: console.clone(), muted: muted.clone() };
     if let Some(pipe) = child.stdout.take() {
         let shown = console.shows_all().then(|| show.clone());
         readers.push(read(pipe, log.clone(), tail.clone(), Arc::clone(&notices), shown));
@@ -370,12 +370,12 @@ fn start(program: Program, console: &Console, muted: &Arc<AtomicBool>) -> Result
     if let Some(pipe) = child.stderr.take() {
         readers.push(read(pipe, log, tail.clone(), Arc::clone(&notices), Some(show)));
     }
-    Ok(Running { program, child, status: None, readers, tail, notices, fewer: None })
+    Ok(Running { program, child, status: None, readers, tail, notices, missing_since: None })
 }
 
-/// Where lines are shown, until it is muted.
+/// Console output of a program, until it is muted.
 #[derive(Clone)]
-struct Show {
+struct ConsoleOutput {
     role: Role,
     console: Console,
     muted: Arc<AtomicBool>,
@@ -385,34 +385,34 @@ struct Show {
 #[derive(Default)]
 struct Tail {
     lines: VecDeque<String>,
-    /// How many of them it wrote since it was asked last.
-    since: usize,
+    /// Number of them since the last request.
+    since_request: usize,
 }
 
 impl Tail {
     fn push(&mut self, line: String) {
-        if self.lines.len() == TAIL {
+        if self.lines.len() == TAIL_LINES {
             self.lines.pop_front();
         }
         self.lines.push_back(line);
-        self.since = (self.since + 1).min(TAIL);
+        self.since_request = (self.since_request + 1).min(TAIL_LINES);
     }
 
-    /// What it wrote since it was asked last.
-    fn words(&self) -> impl Iterator<Item = &String> {
-        self.lines.iter().skip(self.lines.len() - self.since)
+    /// Lines since the last request.
+    fn lines_since_request(&self) -> impl Iterator<Item = &String> {
+        self.lines.iter().skip(self.lines.len() - self.since_request)
     }
 }
 
-/// Copies lines to the log, the end of them to `tail`, and those of standard
-/// error to the console, but for MPI's framed notices about a death, which the
-/// coupler reports better. What the launcher records of its ranks is noted only.
+/// Copies lines to the log, the last ones to `tail`, and those of standard
+/// error to the console. Framed MPI notices of a failed process go to the log only: the
+/// coupler reports the failure. State records of the launcher go to `notices` only.
 fn read(
     pipe: impl Read + Send + 'static,
     log: Arc<Mutex<File>>,
     tail: Arc<Mutex<Tail>>,
     notices: Arc<Mutex<Notices>>,
-    show: Option<Show>,
+    show: Option<ConsoleOutput>,
 ) -> JoinHandle<()> {
     std::thread::spawn(move || {
         let mut framed = false;
@@ -425,11 +425,11 @@ fn read(
                 Ok(_) => {}
             }
             let line = String::from_utf8_lossy(&bytes).trim_end().to_owned();
-            if let Some(state) = recorded(&line) {
+            if let Some(state) = parse_state(&line) {
                 if let Some((rank, state)) = state
                     && let Ok(mut notices) = notices.lock()
                 {
-                    notices.take(rank, state);
+                    notices.record(rank, state);
                 }
                 continue;
             }
@@ -439,10 +439,10 @@ fn read(
             let frame = line.len() > 20 && line.bytes().all(|b| b == b'-');
             framed ^= frame;
             if frame || framed || line.is_empty() {
-                if let Some(rank) = blamed_rank(&line)
+                if let Some(rank) = parse_failed_rank(&line)
                     && let Ok(mut notices) = notices.lock()
                 {
-                    notices.blamed.get_or_insert(rank);
+                    notices.failed_rank.get_or_insert(rank);
                 }
                 continue;
             }
@@ -459,23 +459,23 @@ fn read(
 }
 
 impl Notices {
-    /// A rank has come to a state of OpenMPI's.
-    fn take(&mut self, rank: u64, state: &str) {
+    /// Stores the OpenMPI process state of a rank.
+    fn record(&mut self, rank: u64, state: &str) {
         match state {
             "ABORTED BY SIGNAL" | "EXITED WITH NON-ZERO STATUS" | "CALLED ABORT" | "FAILED TO START" => {
-                self.blamed.get_or_insert(rank);
+                self.failed_rank.get_or_insert(rank);
             }
             "NORMALLY TERMINATED" => {
-                self.left.get_or_insert(rank);
+                self.exited_rank.get_or_insert(rank);
             }
             _ => {}
         }
     }
 }
 
-/// A line of OpenMPI's record of states: rank and state, `None` inside where it is not about a
-/// rank; `None` where it is any other line.
-fn recorded(line: &str) -> Option<Option<(u64, &str)>> {
+/// Parses a state record of OpenMPI: rank and state; `Some(None)` for a record of a job;
+/// `None` for any other line.
+fn parse_state(line: &str) -> Option<Option<(u64, &str)>> {
     let (head, rest) = line.split_once("] ACTIVATE ")?;
     let (what, state) = rest.split_once(" STATE ").filter(|_| head.starts_with('['))?;
     let (state, _) = state.split_once(" AT ")?;
@@ -484,9 +484,9 @@ fn recorded(line: &str) -> Option<Option<(u64, &str)>> {
     Some(rank.map(|rank| (rank, state)))
 }
 
-/// The rank that a line of OpenMPI's notice about a death names: it ends the other ranks
-/// itself, so that whoever looks may find all of them gone.
-fn blamed_rank(line: &str) -> Option<u64> {
+/// Parses the rank in OpenMPI's notice of a failed process. OpenMPI ends the other ranks
+/// itself, so the exit of processes does not identify the first one.
+fn parse_failed_rank(line: &str) -> Option<u64> {
     let number = |text: &str| text.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok();
     if let Some((_, rest)) = line.split_once("process rank ") {
         return number(rest);
@@ -495,25 +495,25 @@ fn blamed_rank(line: &str) -> Option<u64> {
     number(rest)
 }
 
-/// Polls every 10 ms until `done` or the time is over; whether it was done.
-fn wait_until(patience: Duration, done: impl FnMut() -> bool) -> bool {
-    Deadline::after(patience).poll(Duration::from_millis(10), done)
+/// Polls `done` every 10 ms until `timeout`; whether it became true.
+fn wait_until(timeout: Duration, done: impl FnMut() -> bool) -> bool {
+    Deadline::after(timeout).poll(Duration::from_millis(10), done)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Notices, blamed_rank, recorded};
+    use super::{Notices, parse_failed_rank, parse_state};
 
     #[test]
-    fn the_launcher_s_notices_name_a_rank() {
+    fn failed_rank_is_parsed_from_notices() {
         let killed = "mpirun noticed that process rank 1 with PID 123 on node n exited on signal 9 (Killed).";
-        assert_eq!(blamed_rank(killed), Some(1));
-        assert_eq!(blamed_rank("  Process name: [[43310,1],12]"), Some(12));
-        assert_eq!(blamed_rank("one or more processes exited with non-zero status"), None);
+        assert_eq!(parse_failed_rank(killed), Some(1));
+        assert_eq!(parse_failed_rank("  Process name: [[43310,1],12]"), Some(12));
+        assert_eq!(parse_failed_rank("one or more processes exited with non-zero status"), None);
     }
 
     #[test]
-    fn the_launcher_s_record_tells_who_was_first() {
+    fn first_failed_and_first_exited_rank_are_recorded() {
         let line = |rank: u64, state: &str| {
             format!("[vm:12] [[320,0],0] ACTIVATE PROC [[320,1],{rank}] STATE {state} AT ../odls_base.c:1746")
         };
@@ -522,14 +522,14 @@ mod tests {
             [(0, "RUNNING"), (2, "NORMALLY TERMINATED"), (1, "ABORTED BY SIGNAL"), (0, "ABORTED BY SIGNAL")]
         {
             let line = line(rank, state);
-            assert_eq!(recorded(&line), Some(Some((rank, state))));
-            notices.take(rank, state);
+            assert_eq!(parse_state(&line), Some(Some((rank, state))));
+            notices.record(rank, state);
         }
-        assert_eq!((notices.blamed, notices.left), (Some(1), Some(2)));
+        assert_eq!((notices.failed_rank, notices.exited_rank), (Some(1), Some(2)));
         assert_eq!(
-            recorded("[vm:12] [[320,0],0] ACTIVATE JOB [320,1] STATE VM READY AT ../x.c:1"),
+            parse_state("[vm:12] [[320,0],0] ACTIVATE JOB [320,1] STATE VM READY AT ../x.c:1"),
             Some(None)
         );
-        assert_eq!(recorded("a program may say: ACTIVATE all"), None);
+        assert_eq!(parse_state("a program may say: ACTIVATE all"), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Supervision of tiny programs that die, hang and refuse to end.
+//! Supervision of small programs that fail, hang and ignore SIGTERM.
 
 use std::ffi::OsString;
 use std::os::unix::fs::PermissionsExt;
@@ -27,16 +27,16 @@ fn program(folder: &Path, role: Role, words: Vec<OsString>) -> Program {
 }
 
 fn alive(process: &str) -> bool {
-    super::process::look(process.trim().parse().unwrap()).is_some()
+    super::process::read_stat(process.trim().parse().unwrap()).is_some()
 }
 
 fn wait_for(condition: impl FnMut() -> bool) {
     let waited = Limit::new(Duration::from_secs(10)).until(Duration::from_millis(10), condition);
-    waited.unwrap_or_else(|told| panic!("waited in vain: {told}"));
+    waited.unwrap_or_else(|report| panic!("time limit: {report}"));
 }
 
 #[test]
-fn a_death_is_noticed_with_its_cause_and_the_rest_ends() {
+fn failure_is_reported_with_its_cause_and_other_programs_end() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     let note = dir.join("sleeper");
@@ -57,14 +57,14 @@ fn a_death_is_noticed_with_its_cause_and_the_rest_ends() {
     assert!(alive(&sleeper));
     let limit = Limit::new(Duration::from_secs(2));
     drop(supervisor);
-    limit.demand("the sleeper ends when asked");
+    limit.demand("the sleeper ends after SIGTERM");
     assert!(!alive(&sleeper));
     let log = std::fs::read_to_string(dir.join("logs/flow.log")).unwrap();
     assert!(log.starts_with("$ ") && log.contains("grid file is damaged"), "{log}");
 }
 
 #[test]
-fn last_words_are_those_since_the_program_was_asked() {
+fn tail_contains_output_since_the_last_request() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     let (go, end) = (dir.join("go"), dir.join("end"));
@@ -74,7 +74,7 @@ fn last_words_are_those_since_the_program_was_asked() {
     let mut supervisor = Supervisor::start(programs, "t7", &Console::new(true)).unwrap();
     wait_for(|| supervisor.last_line(Role::Flow).is_some());
     assert_eq!(supervisor.last_line(Role::Flow).as_deref(), Some("early"));
-    supervisor.asked(Role::Flow);
+    supervisor.mark_request(Role::Flow);
     assert_eq!(supervisor.last_line(Role::Flow), None);
     std::fs::write(&go, "").unwrap();
     wait_for(|| supervisor.last_line(Role::Flow).is_some());
@@ -89,7 +89,7 @@ fn last_words_are_those_since_the_program_was_asked() {
 }
 
 #[test]
-fn a_program_that_ignores_the_request_is_forced_with_its_children() {
+fn program_that_ignores_sigterm_is_killed_with_its_children() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     let note = dir.join("ranks");
@@ -110,12 +110,12 @@ fn a_program_that_ignores_the_request_is_forced_with_its_children() {
     assert!(supervisor.failure().is_none() && alive(&rank));
     let limit = Limit::new(Duration::from_secs(5));
     supervisor.end();
-    limit.demand("the rank is forced");
+    limit.demand("the rank is killed");
     assert!(!alive(&rank));
 }
 
 #[test]
-fn ranks_of_a_killed_launcher_are_found_by_their_session() {
+fn orphaned_ranks_are_found_by_session_name() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     let note = dir.join("rank");
@@ -140,7 +140,7 @@ fn ranks_of_a_killed_launcher_are_found_by_their_session() {
 }
 
 #[test]
-fn a_good_end_is_no_casualty_and_a_late_one_is() {
+fn normal_exit_is_no_failure_and_late_exit_is() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     let good = script(dir, "good", "exit 0");
@@ -155,7 +155,7 @@ fn a_good_end_is_no_casualty_and_a_late_one_is() {
 }
 
 #[test]
-fn a_missing_program_names_itself_and_a_remedy() {
+fn missing_program_gives_its_path_and_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let missing = program(folder.path(), Role::Flow, vec!["/nowhere/flow".into()]);
     let Err(error) = Supervisor::start(vec![missing], "t6", &Console::new(true)) else { panic!("started") };

@@ -1,4 +1,4 @@
-//! What a program and its ranks have used of the machine.
+//! Processor time and memory of a program and its ranks.
 
 use std::fs;
 
@@ -6,15 +6,15 @@ use coupling::partners::Usage;
 
 use super::process;
 
-/// A word of no command line: orphans belong to no program.
-const NOBODY: &str = "\n";
+/// A session name that no command line contains, to exclude orphans.
+const NO_SESSION: &str = "\n";
 
-/// Of the process `root` and all below it that are alive. MPI waits by spinning, so waiting
-/// inside of a program counts as processor time.
+/// Usage of the process `root` and its live descendants. MPI waits by polling, so waiting
+/// within a program counts as processor time.
 pub(super) fn usage(root: u32) -> Usage {
     let ticks = rustix::param::clock_ticks_per_second().max(1) as f64;
     let mut all = Usage::default();
-    for seen in process::descendants(&[root], NOBODY) {
+    for seen in process::descendants(&[root], NO_SESSION) {
         let one = of(seen.process, ticks).unwrap_or_default();
         all.cpu_s += one.cpu_s;
         all.peak_bytes += one.peak_bytes;
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn this_process_uses_something() {
+    fn usage_of_this_process_is_measured() {
         let block = vec![1u8; 64 << 20];
         let mut sum = 0u64;
         let start = std::time::Instant::now();

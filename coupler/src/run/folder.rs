@@ -1,4 +1,4 @@
-//! The folder of a run's results, and that of its recording.
+//! The results folder of a run and the folder of its recording.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -15,10 +15,10 @@ use super::resume::Resume;
 /// Copy of the scene in the folder of results.
 pub(super) const SCENE: &str = "scene.toml";
 
-/// Everything that was printed, in the folder of results.
+/// Log of all console output in the folder of results.
 const LOG: &str = "ripstop.log";
 
-/// Makes and locks the folder, begins its log and keeps the scene in it; the lock.
+/// Creates and locks the results folder, opens its log and copies the scene to it. Returns the lock.
 pub(super) fn open(
     options: &RunOptions,
     prepared: &Prepared,
@@ -34,12 +34,12 @@ pub(super) fn open(
     inspection.above_notes().iter().for_each(|finding| console.note(&finding.line()));
     match text {
         Some(text) => fs::write(file, text).map_err(RunError::file("write", file))?,
-        None => keep_scene(file, out)?,
+        None => copy_scene(file, out)?,
     }
     Ok(lock)
 }
 
-/// Writes what identifies the run; its identity.
+/// Writes the record that identifies the run. Returns its identity.
 pub(super) fn identify(
     prepared: &Prepared,
     first: usize,
@@ -54,18 +54,18 @@ pub(super) fn identify(
     Ok(record.run)
 }
 
-/// Makes the folder of a recording that starts with stage `first`.
+/// Creates the folder of a recording that starts with stage `first`.
 pub(super) fn open_recording(
     record: &RecordOptions,
     prepared: &Prepared,
     first: usize,
 ) -> Result<(), RunError> {
     fs::create_dir_all(&record.folder).map_err(RunError::file("create", &record.folder))?;
-    keep_scene(&prepared.file, &record.folder)?;
+    copy_scene(&prepared.file, &record.folder)?;
     results::state::copy_states(&prepared.scene, first, &prepared.out, &record.folder)
 }
 
-/// Removes what an earlier run left in a stage's folder, and only if it is one.
+/// Clears the folder of a stage if it contains results of an earlier run, and creates it.
 pub(super) fn clear(folder: &Path) -> Result<(), RunError> {
     if folder.join("history.csv").exists() || folder.join("logs").exists() {
         fs::remove_dir_all(folder).map_err(RunError::file("clear", folder))?;
@@ -74,7 +74,7 @@ pub(super) fn clear(folder: &Path) -> Result<(), RunError> {
 }
 
 /// Copies the scene `file` into the folder `out`.
-pub(crate) fn keep_scene(file: &Path, out: &Path) -> Result<(), RunError> {
+pub(crate) fn copy_scene(file: &Path, out: &Path) -> Result<(), RunError> {
     let copy = out.join(SCENE);
     if copy != file {
         fs::copy(file, &copy).map_err(RunError::file("write", &copy))?;

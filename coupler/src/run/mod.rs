@@ -1,4 +1,4 @@
-//! A whole run: stage after stage, each a session of its own.
+//! A run: its stages in order, each in its own session.
 
 mod folder;
 mod options;
@@ -24,7 +24,7 @@ use results::summary::{RunSummary, StageSummary};
 use results::timings::StageTimings;
 use terminal::Console;
 
-pub(crate) use self::folder::keep_scene;
+pub(crate) use self::folder::copy_scene;
 pub use self::options::{BaselineOptions, RecordOptions, RunOptions};
 pub use self::prepare::{Prepared, inspection, prepare};
 pub(crate) use self::session::required_effects;
@@ -33,11 +33,11 @@ use self::resume::Resume;
 use crate::launch::Session;
 use crate::stages::{StageContext, StageOptions};
 
-/// Runs the stages of a scene; returns what came of it and the folder of the
-/// results. `stop` ends it early when it becomes true.
+/// Runs the stages of a scene. Returns its summary and the folder of the
+/// results. The run ends early when `stop` becomes true.
 ///
 /// # Errors
-/// Whatever ended it early; results so far, `summary.json` included, are kept.
+/// The error that ended the run early; results so far, including `summary.json`, are kept.
 pub fn run(
     options: &RunOptions,
     stop: &AtomicBool,
@@ -48,7 +48,7 @@ pub fn run(
     inspection.announce(console)?;
     let resume = options.resume.then(|| Resume::find(&prepared, console)).transpose()?;
     if let Some(resume) = resume.as_ref().filter(|resume| resume.complete) {
-        return Ok((nothing_left(&prepared.scene, resume, console), prepared.out));
+        return Ok((already_complete(&prepared.scene, resume, console), prepared.out));
     }
     let mut run = Run::open(options, &prepared, &inspection, resume, stop, console)?;
     let mut state = run.state_at_start()?;
@@ -57,7 +57,7 @@ pub fn run(
     ended.map(|()| (summary, prepared.out))
 }
 
-/// A run whose folder is open.
+/// A run with an open results folder.
 struct Run<'a> {
     options: &'a RunOptions,
     prepared: &'a Prepared,
@@ -66,7 +66,7 @@ struct Run<'a> {
     /// Stages to run, from 0.
     stages: Range<usize>,
     resume: Option<Resume>,
-    /// Identity of the run in what it saves.
+    /// Identity of the run in its saved states.
     identity: u64,
     summary: RunSummary,
     start: Instant,
@@ -74,7 +74,7 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Checks that all stages can be started, then opens the folder of the results.
+    /// Checks the requirements of all stages, then opens the folder of the results.
     fn open(
         options: &'a RunOptions,
         prepared: &'a Prepared,
@@ -96,7 +96,7 @@ impl<'a> Run<'a> {
             folder::open_recording(record, prepared, first)?;
         }
         if let Err(error) = channel::cleanup_stale() {
-            console.warning(&format!("leftovers of earlier runs could not be removed: {error}"));
+            console.warning(&format!("shared memory of earlier runs could not be removed: {error}"));
         }
         Session::remove_leftovers();
         let before = resume.as_mut().map(|r| std::mem::take(&mut r.summaries)).unwrap_or_default();
@@ -104,7 +104,7 @@ impl<'a> Run<'a> {
         Ok(Self { options, prepared, stop, console, stages, resume, identity, summary, start, _lock: lock })
     }
 
-    /// Values on the interface before the first stage to run.
+    /// Interface values before the first stage to run.
     fn state_at_start(&self) -> Result<InterfaceState, RunError> {
         let Prepared { scene, out, interface, .. } = self.prepared;
         match self.stages.start.checked_sub(1) {
@@ -113,7 +113,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Runs a stage from `state`, which it leaves at its end.
+    /// Runs a stage from `state`, which is updated to the end of the stage.
     fn stage(&mut self, stage: usize, state: &mut InterfaceState) -> Result<(), RunError> {
         let description = &self.prepared.scene.stages[stage];
         if self.stop.load(Ordering::Relaxed) {
@@ -123,8 +123,8 @@ impl<'a> Run<'a> {
         let context = self.context(stage);
         timing::take();
         let ended = session::run_stage(&context, &self.prepared.file, self.options, state, &mut summary);
-        let said = summary.convergence.stage_warnings(&summary.name, summary.windows);
-        said.iter().for_each(|text| self.console.warning(text));
+        let warnings = summary.convergence.stage_warnings(&summary.name, summary.windows);
+        warnings.iter().for_each(|text| self.console.warning(text));
         let folder = case::stage_folder(context.out, context.scene, stage);
         let (name, roles) = (&description.name, description.kind.roles());
         self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));
@@ -154,7 +154,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Writes the summary and draws what the histories hold, however the stages `ended`.
+    /// Writes the summary and plots the histories, also after an error in `ended`.
     fn close(mut self, ended: &Result<(), RunError>) -> Result<RunSummary, RunError> {
         let Prepared { scene, out, interface, .. } = self.prepared;
         if let Err(error) = ended {
@@ -170,15 +170,15 @@ impl<'a> Run<'a> {
     }
 }
 
-/// The summary of a run that is resumed although it is complete.
-fn nothing_left(scene: &Scene, resume: &Resume, console: &Console) -> RunSummary {
+/// The summary of a complete run that was to be resumed.
+fn already_complete(scene: &Scene, resume: &Resume, console: &Console) -> RunSummary {
     console.line(
         "this run is complete: there is nothing to resume. To continue, lengthen the last stage or add one",
     );
     summary_of(scene, resume.summaries.clone())
 }
 
-/// The summary of a run that begins now, `stages` being done.
+/// The summary of a run that starts now after the completed `stages`.
 fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
     RunSummary {
         scene: scene.name.clone(),
@@ -197,7 +197,7 @@ fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
     }
 }
 
-/// Values on the interface at the end of stage `before`, which was run earlier.
+/// Interface values at the end of stage `before` of an earlier run.
 fn earlier_state(
     scene: &Scene,
     out: &Path,
@@ -207,14 +207,14 @@ fn earlier_state(
     let folder = case::state_folder(out, scene, before);
     state::load(&folder, interface.nodes(), interface.faces.len()).map_err(|error| {
         RunError::Input(format!(
-            "{error}\nstage `{}` starts from stage `{}`: run that one first, with the same --out",
+            "{error}\nstage `{}` starts from stage `{}`: run that stage first, with the same --out",
             scene.stages[before + 1].name,
             scene.stages[before].name
         ))
     })
 }
 
-/// Draws what the histories hold.
+/// Plots the histories of the coupled stages.
 fn plots(scene: &Scene, out: &Path, interface: &CanopyInterface) -> Result<(), RunError> {
     for (at, stage) in scene.stages.iter().enumerate() {
         let folder = case::stage_folder(out, scene, at);

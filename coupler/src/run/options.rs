@@ -1,4 +1,4 @@
-//! What a user asks of a run.
+//! Options of a run.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,43 +9,43 @@ use case::Role;
 
 use crate::settings::Setting;
 
-/// What a user asks of a run, beside the scene.
+/// Options of a run in addition to its scene.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
     /// Scene file.
     pub scene: PathBuf,
-    /// Folder of the results; the scene's own, or `runs/<name>`, if absent.
+    /// Folder of the results. `None`: the scene's `output.folder`, or `runs/<name>`.
     pub out: Option<PathBuf>,
-    /// Values instead of the scene's.
+    /// Overridden values of the scene.
     pub settings: Vec<Setting>,
-    /// Ranks instead of the scene's.
+    /// Overridden rank counts.
     pub ranks: Vec<(Role, u32)>,
-    /// Programs instead of the project's.
+    /// Commands that replace the project's programs.
     pub programs: Vec<(Role, String)>,
-    /// Options for `mpirun`, of one program or of all.
+    /// Options of `mpirun`, for one program or for all.
     pub mpirun: Vec<(Option<Role>, String)>,
-    /// Name of the stage to start at; the stages before it were run earlier.
+    /// Name of the first stage to run; earlier stages have saved states.
     pub stage: Option<String>,
-    /// Runs no stage after it.
+    /// Runs only that stage.
     pub only: bool,
-    /// Stops each stage after so many windows.
+    /// Maximum number of windows of each stage.
     pub stop_after_windows: Option<u64>,
     /// Accepts windows that are not converged.
     pub accept_unconverged: bool,
-    /// Longest time for one answer of a program.
+    /// Time limit for one reply of a program.
     pub deadline: Option<Duration>,
-    /// Programs that somebody else starts.
+    /// Programs that the user starts.
     pub attach: Vec<Role>,
     /// Resumes the run in the folder.
     pub resume: bool,
-    /// Ends all at once when it becomes true; windows are finished first when only the run's flag to
-    /// stop is. `None`: that flag already ends all.
+    /// Ends the run immediately when it becomes true; the run's stop flag then completes the current window first.
+    /// `None`: the stop flag itself ends the run immediately.
     pub now: Option<Arc<AtomicBool>>,
-    /// Windows between saves instead of the scene's; 0: none.
+    /// Windows between checkpoints instead of the scene's; 0: none within a stage.
     pub checkpoint_every: Option<u32>,
-    /// Keeps every exchange.
+    /// Records all messages.
     pub record: Option<RecordOptions>,
-    /// Compares every exchange with a recording.
+    /// Compares all messages with a recording.
     pub baseline: Option<BaselineOptions>,
 }
 
@@ -54,7 +54,7 @@ pub struct RunOptions {
 pub struct RecordOptions {
     /// Folder of the recording.
     pub folder: PathBuf,
-    /// Leaves out the moving grid.
+    /// Omits the moving grid.
     pub without_grid: bool,
 }
 
@@ -63,9 +63,9 @@ pub struct RecordOptions {
 pub struct BaselineOptions {
     /// Folder of the recording.
     pub folder: PathBuf,
-    /// Largest relative difference that is none.
+    /// Relative tolerance of fields.
     pub tolerance: f64,
-    /// Judges counts of iterations, as [`results::recording::Comparison`].
+    /// Relative tolerance of iteration counts. `None`: their differences are reported, not judged.
     pub iteration_tolerance: Option<f64>,
     /// Ends the run at the first deviation.
     pub stop: bool,

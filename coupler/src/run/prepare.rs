@@ -1,4 +1,4 @@
-//! A scene made ready for a run: loaded, changed as the command line asks, checked.
+//! Preparation of a scene for a run: loading, overrides of the command line, checks.
 
 use std::path::{Path, PathBuf};
 
@@ -12,13 +12,13 @@ use super::folder::SCENE;
 use super::options::RunOptions;
 use crate::settings::{Setting, changed};
 
-/// A scene made ready: loaded, overridden, checked, with its canopy.
+/// A loaded and checked scene with its overrides and its canopy.
 pub struct Prepared {
-    /// The scene as it will run.
+    /// The scene with all overrides.
     pub scene: Scene,
-    /// Absolute path of its file, which is still to be written where there is a text.
+    /// Absolute path of its file; still to be written if `text` is set.
     pub file: PathBuf,
-    /// Text of the scene where the command line has changed its values.
+    /// Text of the scene, if the command line overrides values.
     pub text: Option<String>,
     /// Absolute folder of the results.
     pub out: PathBuf,
@@ -28,10 +28,10 @@ pub struct Prepared {
     pub first: usize,
 }
 
-/// Findings in the scene that `prepared` holds, before it runs.
+/// Findings of the inspection of a prepared scene.
 ///
 /// # Errors
-/// Parameters that make no canopy.
+/// Parameters from which no canopy mesh can be built.
 pub fn inspection(prepared: &Prepared, options: &RunOptions) -> Result<Inspection, RunError> {
     let Prepared { scene, interface, first, out, .. } = prepared;
     let machine = Machine::here(out, !options.mpirun.is_empty());

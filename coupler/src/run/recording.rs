@@ -1,4 +1,4 @@
-//! A stage whose exchanges are recorded and compared as asked.
+//! A stage with optional recording and comparison of its messages.
 
 use std::sync::atomic::Ordering;
 
@@ -14,8 +14,8 @@ use super::options::{RecordOptions, RunOptions};
 use crate::hub::HubPartners;
 use crate::stages::StageContext;
 
-/// Runs a stage with `partners` from `state`, which it leaves at its end; recorded and compared as asked.
-/// Also says where it was interrupted between two windows.
+/// Runs a stage with `partners` from `state`, which is updated to its end; records and compares it according to
+/// `options`. Also returns the interrupt, if the stage was interrupted between two windows.
 pub(super) fn exchange<'a>(
     context: &StageContext<'_>,
     options: &RunOptions,
@@ -32,20 +32,20 @@ pub(super) fn exchange<'a>(
     Ok((partners, exchange.interrupted))
 }
 
-/// A stage and what is kept of it.
+/// A stage with its recording and comparison.
 struct Exchange<'a> {
     context: &'a StageContext<'a>,
     options: &'a RunOptions,
-    /// Nodes of the moving grid; 0 where nobody watches it.
+    /// Nodes of the moving grid; 0 if it is neither recorded nor compared.
     grid_nodes: u64,
     state: &'a mut InterfaceState,
     summary: &'a mut StageSummary,
-    /// Where the stage was interrupted between two windows.
+    /// The interrupt, if the stage was interrupted between two windows.
     interrupted: Option<RunError>,
 }
 
 impl Exchange<'_> {
-    /// Runs the stage beside its baseline, where there is one.
+    /// Runs the stage and compares it with the baseline, if there is one.
     fn compared<'a>(&mut self, partners: HubPartners<'a>) -> Result<HubPartners<'a>, RunError> {
         let (context, name) = (self.context, &self.context.scene.stages[self.context.stage].name);
         let baseline = self.options.baseline.as_ref().map(|b| (b, stage_file(&b.folder, name)));
@@ -60,12 +60,12 @@ impl Exchange<'_> {
         let mut comparison = Comparison::new(baseline.tolerance).judging_counts(baseline.iteration_tolerance);
         let compared = Baseline::new(partners, reader, &mut comparison, baseline.stop, context.console);
         let ended = self.recorded(compared).map(Baseline::into_partners);
-        context.console.line(&format!("stage `{name}` beside its baseline: {}", comparison.report()));
+        context.console.line(&format!("stage `{name}` compared with its baseline: {}", comparison.report()));
         crate::diff_command::write(context.out, name, &comparison)?;
         ended
     }
 
-    /// Runs the stage and records it, where that is asked.
+    /// Runs the stage and records it if requested.
     fn recorded<P: Partners>(&mut self, mut partners: P) -> Result<P, RunError> {
         let Some(record) = &self.options.record else {
             self.run(&mut partners)?;
@@ -84,7 +84,7 @@ impl Exchange<'_> {
         let now = || self.options.now.as_ref().is_some_and(|now| now.load(Ordering::Relaxed));
         match self.context.run(partners, self.state.clone(), self.summary) {
             Ok(end) => *self.state = end,
-            // All programs stand at the end of a window: the session ends in good order.
+            // All programs are at the end of a window: the session ends normally.
             Err(stop @ RunError::Interrupted(_)) if !now() => self.interrupted = Some(stop),
             Err(other) => return Err(other),
         }
@@ -92,7 +92,7 @@ impl Exchange<'_> {
     }
 }
 
-/// The file that keeps a stage's exchanges.
+/// Opens the recording of a stage.
 fn writer(context: &StageContext<'_>, record: &RecordOptions, grid_nodes: u64) -> Result<Writer, RunError> {
     let (scene, stage) = (context.scene, context.stage);
     let interface = context.interface;
@@ -111,8 +111,8 @@ fn writer(context: &StageContext<'_>, record: &RecordOptions, grid_nodes: u64) -
     match context.resumed {
         None => Ok(Writer::create(&file, &header)?),
         Some(_) if !file.is_file() => Err(RunError::Input(format!(
-            "{} does not exist, and a recording cannot begin in the middle of a stage: name the folder that the \
-             run was recorded in, or leave --record out",
+            "{} does not exist, and a recording cannot start within a stage: name the recording folder of the earlier \
+             run, or omit --record",
             file.display()
         ))),
         Some(p) => Ok(Writer::resume(&file, p.windows)?),

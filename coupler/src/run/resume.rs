@@ -1,4 +1,4 @@
-//! Where an interrupted run continues.
+//! The restart point of an interrupted run.
 
 use std::path::Path;
 
@@ -10,22 +10,22 @@ use terminal::{Console, counted};
 
 use super::prepare::Prepared;
 
-/// What an earlier run left in the folder of the results.
+/// The restart point in the folder of the results.
 pub(super) struct Resume {
     record: Record,
     point: Option<Point>,
     /// The stage to continue with, from 0.
     pub stage: usize,
-    /// How far it had come; `None`: it starts from its beginning.
+    /// Progress within that stage. `None`: it runs from its start.
     pub within: Option<Progress>,
-    /// Of the stages before it; where all is done, of all.
+    /// Summaries of the completed stages.
     pub summaries: Vec<StageSummary>,
-    /// No stage is left.
+    /// All stages are complete.
     pub complete: bool,
 }
 
 impl Resume {
-    /// Reads the folder of the results; changes nothing there yet.
+    /// Reads the folder of the results without changing it.
     pub fn find(prepared: &Prepared, console: &Console) -> Result<Self, RunError> {
         let Prepared { scene, file, out, .. } = prepared;
         let record = Record::read(out)?;
@@ -36,14 +36,14 @@ impl Resume {
         let mut this =
             Self { record, point: None, stage, within: None, summaries: Vec::new(), complete: false };
         let Some(point) = point else {
-            console.line("no window was saved: the run starts from the beginning");
+            console.line("there is no saved window: the run starts from the beginning");
             return Ok(this);
         };
-        let over = is_over(scene, &point);
-        this.stage = point.stage + usize::from(over);
+        let ended = has_ended(scene, &point);
+        this.stage = point.stage + usize::from(ended);
         this.complete = this.stage == scene.stages.len();
         let mut warnings = this.read_summaries(scene, out);
-        if !over {
+        if !ended {
             let within = this.within.insert(progress_within(&point, console)?);
             warnings.clone_from(&within.warnings);
         } else if !this.complete {
@@ -54,7 +54,7 @@ impl Resume {
         Ok(this)
     }
 
-    /// Reads the summaries of the stages before the one to continue with; the warnings of the last.
+    /// Reads the summaries of the completed stages. Returns the warnings of the last one.
     fn read_summaries(&mut self, scene: &Scene, out: &Path) -> Vec<String> {
         let mut warnings = Vec::new();
         for before in self.record.first..self.stage {
@@ -66,7 +66,7 @@ impl Resume {
         warnings
     }
 
-    /// Puts the state in its place; returns the identity of the run.
+    /// Moves the state to its folder. Returns the identity of the run.
     pub fn begin(&mut self, scene: &Scene, out: &Path) -> Result<u64, RunError> {
         if let Some(point) = &mut self.point {
             point.adopt(scene, out)?;
@@ -76,8 +76,8 @@ impl Resume {
     }
 }
 
-/// Whether the stage of a saved state has ended. One that was stopped short, or has become longer, has not.
-fn is_over(scene: &Scene, point: &Point) -> bool {
+/// Whether the stage of a saved state has ended. A stage that was stopped early, or was lengthened since, has not.
+fn has_ended(scene: &Scene, point: &Point) -> bool {
     let stage = &scene.stages[point.stage];
     let planned = stage.planned_s();
     match point.seal.ended.as_deref() {
@@ -87,13 +87,13 @@ fn is_over(scene: &Scene, point: &Point) -> bool {
     }
 }
 
-/// How far a stage has come that was saved before its end.
+/// The progress of a stage that was saved before its end.
 fn progress_within(point: &Point, console: &Console) -> Result<Progress, RunError> {
     let seal = &point.seal;
     if !seal.cannot.is_empty() {
         return Err(RunError::Input(format!(
-            "the run stands within stage `{}`, where {} saved no state to restart from: a program that can be \
-             resumed announces the effect `resume` (docs/reference/contract.md). `--stage {}` without --resume runs \
+            "the run was interrupted within stage `{}`, where {} saved no state to restart from: a program that supports it \
+             announces the effect `resume` (docs/reference/contract.md). `--stage {}` without --resume runs \
              the stage from its start",
             seal.name,
             seal.cannot.join(" and "),

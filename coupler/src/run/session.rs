@@ -1,4 +1,4 @@
-//! One stage as a session: its programs are launched, exchange window after window, and are ended.
+//! The session of one stage: launch of the programs, windows, end of the programs.
 
 use std::ops::Range;
 use std::path::Path;
@@ -19,7 +19,7 @@ use crate::hub::{HubPartners, SessionOptions};
 use crate::launch::{LaunchPlan, Program, Session};
 use crate::stages::StageContext;
 
-/// Refuses to start when a program of one of the `stages` is missing: one of the last should not cost the first ones.
+/// Refuses to start if a program of any of the `stages` is missing, before the first stage runs.
 pub(super) fn require_programs(
     options: &RunOptions,
     prepared: &Prepared,
@@ -43,7 +43,7 @@ pub(super) fn require_programs(
     Ok(())
 }
 
-/// Runs a stage of the scene in `file` from `state`, which it leaves at its end.
+/// Runs a stage of the scene in `file` from `state`, which is updated to the end of the stage.
 pub(super) fn run_stage(
     context: &StageContext<'_>,
     file: &Path,
@@ -64,12 +64,12 @@ pub(super) fn run_stage(
     ended
 }
 
-/// Makes the folder of the stage ready: empty, or with what precedes the state that the stage continues from.
+/// Prepares the folder of the stage: empty, or with the results before the checkpoint that the stage restarts from.
 fn open_folder(context: &StageContext<'_>) -> Result<(), RunError> {
     let folder = case::stage_folder(context.out, context.scene, context.stage);
     results::timings::clear(&folder);
     match context.resumed {
-        // What was written after the state is computed again.
+        // Results after the checkpoint are computed again.
         Some(p) => checkpoint::trim(&folder, p.windows, p.time_s),
         None => folder::clear(&folder),
     }
@@ -96,7 +96,7 @@ fn programs(
         resume: state.as_deref(),
     };
     let mut programs = plan.programs()?;
-    // Whoever sits at a debugger takes the time that it takes.
+    // No deadline for programs that may run under a debugger.
     if let Some(deadline) = options.deadline.filter(|_| options.attach.is_empty()) {
         let passed = (channel::DEADLINE, deadline.as_secs_f64().to_string().into());
         programs.iter_mut().for_each(|p| p.environment.push(passed.clone()));
@@ -136,14 +136,14 @@ fn launch<'a>(
     };
     let mut partners = HubPartners::start(session_options, context.interface, context.stop, context.console)?;
     if let Some(now) = &options.now {
-        partners.finish_windows(now.clone());
+        partners.complete_windows_on_stop(now.clone());
     }
     Ok(partners)
 }
 
-/// Removes what a session leaves behind once its processes are gone, however the stage ended.
+/// Removes temporary files and shared memory of an ended session, also after an error.
 fn clean_up(context: &StageContext<'_>, session: &Session) {
-    // A draft of a state that is still there is half a one.
+    // A remaining draft of a state is incomplete.
     let state = case::state_folder(context.out, context.scene, context.stage);
     if state.exists()
         && let Err(error) = checkpoint::remove(&checkpoint::draft(&state))
@@ -153,7 +153,7 @@ fn clean_up(context: &StageContext<'_>, session: &Session) {
     session.clean_up(context.console);
 }
 
-/// Effects of the scene, with the program that must implement each.
+/// Effects of the scene, each with the role that must implement it.
 pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     let mut all: Vec<_> =
         effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect();

@@ -1,4 +1,4 @@
-//! Structure, mesh, flow and descent together (paper, section 5.2).
+//! Coupled stage: structure, mesh, flow and descent (paper, section 5.2).
 
 use case::{Role, Wind};
 use channel::{Window, structure_stats};
@@ -16,14 +16,14 @@ use super::{StageContext, Stepper};
 pub(super) struct Coupled<'a> {
     interface: &'a CanopyInterface,
     windows: WindowLoop,
-    /// The undisturbed air, which a payload that falls with the frame meets.
+    /// Velocity of the undisturbed air, for the drag of a payload that moves with the frame.
     wind: Wind,
     start: Vec<f64>,
-    /// Received by the structure, given by the flow.
+    /// Interface work of the last window, J: on the structure, by the flow.
     work: (f64, f64),
     descent: Option<DescentModel>,
     balance: SystemBalance,
-    /// What is to be reported once: a frame that rises faster than its lines pull.
+    /// Pending warning of an upward acceleration that the line forces cannot cause.
     rise: Option<String>,
     rise_reported: bool,
 }
@@ -60,9 +60,9 @@ impl<'a> Coupled<'a> {
         }
     }
 
-    /// Adds the last window, which began with `velocity` (m/s) and the load `before`, to the balance of the system.
-    fn enter_balance(&mut self, report: &WindowReport, dt: f64, velocity: f64, before: Option<f64>) {
-        // A payload that moves in the frame has energy that no statistic contains.
+    /// Adds the last window, with initial `velocity` (m/s) and vertical force `before` (N), to the system balance.
+    fn add_to_balance(&mut self, report: &WindowReport, dt: f64, velocity: f64, before: Option<f64>) {
+        // The energy of a payload that moves in the frame is in no statistic.
         let Some(model) = self.descent.filter(|d| d.weight != Weight::Body) else { return };
         let state = self.windows.state();
         let stats = &report.stats[Role::Structure as usize];
@@ -99,16 +99,16 @@ impl Stepper for Coupled<'_> {
         let state = self.windows.state();
         self.start.copy_from_slice(&state.displacement);
         let velocity = state.velocity;
-        // The load of a canopy that was held until now acts on what held it.
+        // The supports carry the load of a canopy that was fixed until now.
         let known = state.load.as_ref().filter(|_| !self.windows.released());
         let before = known.map(|load| self.interface.vertical_force(load, &self.start));
         self.windows.set_wind(self.wind.at(w.time + w.dt));
         let report = self.windows.run(partners, w, shorter)?;
         let state = self.windows.state();
         let load = state.load.as_deref().unwrap_or(&[]);
-        let felt = report.stats[Role::Structure as usize].values[structure_stats::LOAD_WORK];
-        self.work = (felt, self.interface.work(load, &self.start, &state.displacement));
-        self.enter_balance(&report, w.dt, velocity, before);
+        let on_structure = report.stats[Role::Structure as usize].values[structure_stats::LOAD_WORK];
+        self.work = (on_structure, self.interface.work(load, &self.start, &state.displacement));
+        self.add_to_balance(&report, w.dt, velocity, before);
         Ok(report)
     }
 
@@ -116,9 +116,9 @@ impl Stepper for Coupled<'_> {
         pack(&(self.windows.save_state(), &self.balance))
     }
 
-    fn restore_state(&mut self, memory: &[u8]) -> Result<(), RunError> {
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
         let windows: Vec<u8>;
-        (windows, self.balance) = unpack(memory)?;
+        (windows, self.balance) = unpack(saved)?;
         self.windows.restore_state(&windows)
     }
 

@@ -1,13 +1,13 @@
-//! The flow alone around the canopy held still, at the speed the run has so far.
+//! Flow-only stage: the flow around the canopy at rest, at the current descent speed.
 
 use coupling::error::RunError;
 
-use super::single::{Attempt, Questions};
+use super::single::{WindowSolve, WindowSolver};
 
 pub(super) struct FlowOnly;
 
-impl Questions for FlowOnly {
-    fn ask(&mut self, attempt: &mut Attempt<'_>) -> Result<(), RunError> {
-        attempt.flow()
+impl WindowSolver for FlowOnly {
+    fn solve(&mut self, solve: &mut WindowSolve<'_>) -> Result<(), RunError> {
+        solve.flow()
     }
 }

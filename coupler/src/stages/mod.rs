@@ -1,4 +1,4 @@
-//! The stages of a run: window after window ([`stage_run`]), whatever runs in them.
+//! The stages of a run. [`stage_run`] advances the windows; a [`Stepper`] for each kind of stage computes them.
 
 mod coupled;
 mod flow_only;
@@ -33,20 +33,20 @@ use self::prescribed::Prescribed;
 use self::single::SingleSolve;
 use self::stage_run::StageRun;
 
-/// A stage as a person wants it.
+/// Options of a stage.
 #[derive(Clone, Debug, Default)]
 pub struct StageOptions {
-    /// Ends the stage after so many windows.
+    /// Maximum number of windows.
     pub stop_after_windows: Option<u64>,
     /// Accepts windows that are not converged.
     pub accept_unconverged: bool,
-    /// Windows between two saves within the stage; 0: none; `None`: as often as costs little.
+    /// Windows between checkpoints within the stage; 0: none. `None`: an interval of small cost.
     pub checkpoint_every: Option<u64>,
-    /// Identity of the run, for what is saved.
+    /// Identity of the run in its saved states.
     pub run: u64,
 }
 
-/// What a stage works on.
+/// Input of a stage.
 pub struct StageContext<'a> {
     /// The scene.
     pub scene: &'a Scene,
@@ -58,7 +58,7 @@ pub struct StageContext<'a> {
     pub interface: &'a CanopyInterface,
     /// Options.
     pub options: StageOptions,
-    /// Where lines go.
+    /// Output of messages.
     pub console: &'a Console,
     /// Ends the stage at the end of a window when it becomes true.
     pub stop: &'a AtomicBool,
@@ -66,10 +66,10 @@ pub struct StageContext<'a> {
     pub resumed: Option<&'a checkpoint::Progress>,
 }
 
-/// What differs between the kinds of stages: how one window is computed.
+/// Computation of one window, for each kind of stage.
 trait Stepper {
-    /// Computes and accepts a window. After an error that [`RunError::is_retryable`] the same window may be
-    /// tried again with another length; `shorter`: with half of it.
+    /// Computes and accepts a window. After an error that [`RunError::is_retryable`] the window may be
+    /// retried with another length; `shorter`: a retry with half the length is possible.
     fn step(
         &mut self,
         partners: &mut dyn Partners,
@@ -80,38 +80,38 @@ trait Stepper {
     /// Values at the end of the last accepted window.
     fn state(&self) -> &InterfaceState;
 
-    /// Why the stage may end now, before its time.
+    /// The reason to end the stage early, if it has settled.
     fn settled(&self, report: &WindowReport) -> Option<String> {
         let _ = report;
         None
     }
 
-    /// What later windows depend on.
+    /// All data that later windows depend on.
     fn save_state(&self) -> Vec<u8>;
 
-    /// Restarts from a [`Stepper::save_state`] of the same stage.
+    /// Restores the result of [`Stepper::save_state`] of the same stage.
     ///
     /// # Errors
-    /// A memory of another one.
-    fn restore_state(&mut self, memory: &[u8]) -> Result<(), RunError>;
+    /// Data of another stage.
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError>;
 
-    /// What the end of the stage with this window gives reason to warn of.
+    /// A warning at the end of the stage, whose last window is this one.
     fn warning_at_end(&self, _report: &WindowReport) -> Option<String> {
         None
     }
 
-    /// What the last window gives reason to warn of.
+    /// A warning after the last window.
     fn warning(&mut self) -> Option<String> {
         None
     }
 
-    /// Momentum and energy of the falling system. `None` where nothing falls.
+    /// Balance of momentum and energy of the descending system. `None` without descent.
     fn system_balance(&self) -> Option<&SystemBalance> {
         None
     }
 
-    /// Work in the last window, J: received by the structure, given by the flow. `None` where
-    /// nothing is coupled.
+    /// Interface work in the last window, J: on the structure, by the flow. `None` without
+    /// coupling.
     fn interface_work(&self) -> Option<(f64, f64)> {
         None
     }
@@ -127,18 +127,18 @@ impl StageContext<'_> {
         self.description().windows()
     }
 
-    /// How long the stages before this one took.
+    /// Durations of the earlier stages.
     pub fn times(&self) -> StageTimes {
         StageTimes::completed(self.scene, self.out, self.stage)
     }
 
-    /// What refuses windows that are not converged.
-    fn judge(&self) -> AcceptanceCheck {
+    /// The check that refuses windows that are not converged.
+    fn acceptance_check(&self) -> AcceptanceCheck {
         let accept_unconverged = self.options.accept_unconverged;
         AcceptanceCheck { stage: self.description().name.clone(), accept_unconverged }
     }
 
-    /// Whether the structure comes from a coupled stage: else the canopy was held until this stage begins.
+    /// Whether the structure starts from a coupled stage; otherwise the canopy was fixed until this stage.
     fn structure_was_coupled(&self) -> bool {
         let source = self.scene.source_stage(self.stage, Role::Structure);
         source.is_some_and(|k| self.scene.stages[k].kind == StageKind::Coupled)
@@ -149,20 +149,20 @@ impl StageContext<'_> {
         DescentModel::of(self.scene, self.interface)
     }
 
-    /// The error of a window with what is known of its cause: a staggered scheme that blows up.
+    /// Adds advice to the error of a window: a staggered scheme may be unstable.
     fn advise(&self, error: RunError) -> RunError {
         let stage = self.description();
         if stage.kind != StageKind::Coupled || self.scene.coupling.scheme != Scheme::Staggered {
             return error;
         }
         error.with_advice(
-            "The coupling is staggered, which is unstable where the fabric is light beside the air that it moves, at any \
-             window_s. Remedy: coupling.scheme = \"implicit\"",
+            "The coupling is staggered, which is unstable at any window_s where the added mass of the air exceeds the mass \
+             of the fabric. Remedy: coupling.scheme = \"implicit\"",
         )
     }
 
-    /// What the remedy of an energy warning depends on, at the end of a window of `window_s` seconds.
-    fn circumstances(&self, state: &InterfaceState, window_s: f64) -> EnergyWarningContext {
+    /// Quantities that select the remedy of an energy warning, after a window of `window_s` seconds.
+    fn warning_context(&self, state: &InterfaceState, window_s: f64) -> EnergyWarningContext {
         let wind = self.scene.resolved().wind_m_s;
         let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
         EnergyWarningContext {
@@ -173,7 +173,7 @@ impl StageContext<'_> {
         }
     }
 
-    /// The descent equation that the programs of the stage allow.
+    /// The descent equation that the programs of the stage support.
     fn descent_of(&self, partners: &dyn Partners) -> Option<DescentModel> {
         let mut model = self.descent()?;
         let Some(who) = partners.without_support_force() else { return Some(model) };
@@ -182,7 +182,7 @@ impl StageContext<'_> {
             self.console.warning(&format!(
                 "stage `{}`: descent.equation = \"momentum\" is replaced by \"quasi-steady\": {who} does not report the mean \
                  force on the payload (effect `{}`). The frame then accelerates with the force of the air on the \
-                 canopy, which is wrong while the canopy accelerates relative to the payload",
+                 canopy, which is inaccurate while the canopy accelerates relative to the payload",
                 self.description().name,
                 channel::SUPPORT_FORCE
             ));
@@ -191,11 +191,11 @@ impl StageContext<'_> {
         Some(model)
     }
 
-    /// Runs the stage from `state` and saves its end. What was computed before an
-    /// error stays, in files and in `summary`.
+    /// Runs the stage from `state`, saves its final state and returns it. Results before an
+    /// error remain, in files and in `summary`.
     ///
     /// # Errors
-    /// Whatever ends the run early.
+    /// Any error that ends the run early.
     pub fn run(
         &self,
         partners: &mut dyn Partners,
@@ -204,8 +204,8 @@ impl StageContext<'_> {
     ) -> Result<InterfaceState, RunError> {
         let mut run = StageRun::open(self, partners, state, summary)?;
         while run.continues() {
-            let Some(stepped) = run.step()? else { continue };
-            let row = run.record(stepped)?;
+            let Some(accepted) = run.step()? else { continue };
+            let row = run.record(accepted)?;
             if run.ends(&row)? {
                 break;
             }
@@ -214,7 +214,7 @@ impl StageContext<'_> {
         run.close()
     }
 
-    /// Says what the pressure on the canopy changes by at the release.
+    /// Reports the jump of the pressure on the canopy at the release.
     fn compare_pressures(&self, state: &InterfaceState) {
         let compared = pressure_at_release(self.scene, self.stage, self.interface, state);
         match compared.filter(|_| self.resumed.is_none()) {
@@ -224,11 +224,11 @@ impl StageContext<'_> {
         }
     }
 
-    /// How windows may change their length: not at all where a program or the stage cannot.
+    /// Adaptation of the window length. `None` where a program or the stage does not support it.
     fn adaptive(&self, partners: &dyn Partners) -> Option<&case::AdaptiveWindow> {
         let (stage, coupling) = (self.description(), &self.scene.coupling);
         let staggered = coupling.scheme == Scheme::Staggered;
-        // Its flow lives between the ends of windows.
+        // The flow of that scheme is offset by half a window.
         let offset = staggered && coupling.staggered.sequence == StaggeredSequence::ImprovedSerial;
         let in_time = stage.solve != Solve::Static && stage.steady.is_none();
         let flows = stage.kind.roles().contains(&Role::Flow);
@@ -238,8 +238,8 @@ impl StageContext<'_> {
         let fixed = partners.fixed_windows();
         if !fixed.is_empty() {
             self.console.line(&format!(
-                "stage `{}`: windows keep their length, for {} cannot start one again with another (the effect \
-                 `coupling.adaptive` is not announced)",
+                "stage `{}`: fixed window length, since {} cannot retry a window with another length (does not announce \
+                 the effect `coupling.adaptive`)",
                 stage.name,
                 fixed.join(" and ")
             ));
@@ -248,13 +248,13 @@ impl StageContext<'_> {
         Some(&coupling.adaptive)
     }
 
-    /// A place in this stage for errors.
+    /// The location of this stage, for errors.
     pub fn place(&self) -> Location {
         Location { stage: self.description().name.clone(), window: None }
     }
 }
 
-/// What computes the windows of this kind of stage.
+/// The stepper for this kind of stage.
 fn stepper<'c>(
     context: &'c StageContext<'c>,
     partners: &dyn Partners,
@@ -262,20 +262,20 @@ fn stepper<'c>(
 ) -> Result<Box<dyn Stepper + 'c>, RunError> {
     Ok(match context.description().kind {
         StageKind::PreInflation => {
-            let questions = PreInflation::new(context, &state)?;
-            Box::new(SingleSolve::new(context, state, questions))
+            let solver = PreInflation::new(context, &state)?;
+            Box::new(SingleSolve::new(context, state, solver))
         }
         StageKind::FlowOnly => Box::new(SingleSolve::in_flow(context, state, FlowOnly)),
         StageKind::Coupled => Box::new(Coupled::new(context, state, context.descent_of(partners))),
         StageKind::Prescribed => {
-            let questions = Prescribed::new(context, &state)?;
-            Box::new(SingleSolve::in_flow(context, state, questions))
+            let solver = Prescribed::new(context, &state)?;
+            Box::new(SingleSolve::in_flow(context, state, solver))
         }
     })
 }
 
-/// An answer must hold numbers only: NaN never leaves a program, but a replaced
-/// program may not know that.
+/// Checks that a reply is finite. The project's programs never send NaN; a replaced
+/// program may.
 fn require_finite(who: Role, place: &Location, w: &Window, values: &[f64]) -> Result<(), RunError> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
@@ -284,7 +284,7 @@ fn require_finite(who: Role, place: &Location, w: &Window, values: &[f64]) -> Re
             program: who.program().into(),
             rank: None,
             place: Location { stage: place.stage.clone(), window: Some((w.index, w.iteration)) },
-            message: format!("its answer holds {} at position {at}", values[at]),
+            message: format!("value {at} of its reply is {}", values[at]),
         }),
     }
 }

@@ -7,15 +7,16 @@ use coupling::error::RunError;
 use coupling::partners::LoadOverWindow;
 use coupling::schemes::{InterfaceState, WindowReport};
 
-use super::single::{Attempt, Questions};
+use super::single::{WindowSolve, WindowSolver};
 use super::{StageContext, require_finite};
 
 pub(super) struct PreInflation {
-    /// Answer of the structure that is not accepted yet.
+    /// Displacement of the current window, `[nodes][3]`, m; not accepted yet.
     displacement: Vec<f64>,
+    /// Constant pressure, `[faces][LOAD_WIDTH]`.
     load: Vec<f64>,
     settled_energy_ratio: Option<f64>,
-    /// A later stage computes the flow around the shape that this one ends with.
+    /// A later stage computes the flow around the final shape of this stage.
     flow_follows: bool,
 }
 
@@ -23,7 +24,10 @@ impl PreInflation {
     pub(super) fn new(context: &StageContext<'_>, state: &InterfaceState) -> Result<Self, RunError> {
         let stage = context.description();
         let pressure = stage.pressure_pa.ok_or_else(|| {
-            RunError::Input(format!("stage `{}` is a pre-inflation: give it `pressure_pa`", stage.name))
+            RunError::Input(format!(
+                "stage `{}` has the kind `pre-inflation`, which requires `pressure_pa`: add it to the stage",
+                stage.name
+            ))
         })?;
         let load = [pressure, 0.0, 0.0, 0.0].repeat(context.interface.faces.len());
         debug_assert_eq!(load.len(), context.interface.faces.len() * LOAD_WIDTH);
@@ -44,13 +48,13 @@ fn energies(report: &WindowReport) -> (f64, f64) {
     (values[structure_stats::KINETIC_ENERGY], values[structure_stats::STRAIN_ENERGY])
 }
 
-impl Questions for PreInflation {
-    fn ask(&mut self, attempt: &mut Attempt<'_>) -> Result<(), RunError> {
-        let w = attempt.window;
+impl WindowSolver for PreInflation {
+    fn solve(&mut self, solve: &mut WindowSolve<'_>) -> Result<(), RunError> {
+        let w = solve.window;
         let load = LoadOverWindow { start: &self.load, end: &self.load };
-        let answer = attempt.partners.structure(w, load, &mut self.displacement)?;
-        attempt.report.add(Role::Structure, answer);
-        require_finite(Role::Structure, attempt.place, w, &self.displacement)
+        let response = solve.partners.structure(w, load, &mut self.displacement)?;
+        solve.report.add(Role::Structure, response);
+        require_finite(Role::Structure, solve.place, w, &self.displacement)
     }
 
     fn accepted(&mut self, state: &mut InterfaceState) {
@@ -61,8 +65,8 @@ impl Questions for PreInflation {
         let (kinetic, strain) = energies(report);
         (self.flow_follows && kinetic > AT_REST * strain).then(|| {
             format!(
-                "the canopy is not at rest: {kinetic:.3e} J of kinetic energy beside {strain:.3e} J of strain energy; the flow grid \
-                 is built around a shape in motion: set `mass_damping_per_s` or a longer `duration_s` for this stage, or \
+                "the canopy is not at rest: kinetic energy {kinetic:.3e} J, strain energy {strain:.3e} J; the flow grid \
+                 is built around a moving shape: set `mass_damping_per_s` or a longer `duration_s` for this stage, or \
                  `solve = \"static\"` [stages.at-rest]"
             )
         })
@@ -80,9 +84,9 @@ impl Questions for PreInflation {
 mod tests {
     use super::*;
 
-    /// A hundredth of the strain energy before a flow, and the ratio of the scene.
+    /// The limit before a flow is 1 % of the strain energy; `settled_energy_ratio` is the scene's own.
     #[test]
-    fn a_canopy_that_swings_before_a_flow_is_named() {
+    fn kinetic_energy_before_a_flow_stage_gives_a_warning() {
         let stage = |flow_follows| PreInflation {
             displacement: Vec::new(),
             load: Vec::new(),

@@ -1,11 +1,11 @@
-//! Mesh and flow around a canopy that moves as the scene prescribes: no structure is started.
+//! Prescribed stage: mesh and flow around a canopy with the motion of the scene, without a structure solver.
 
 use case::Role;
 use coupling::error::RunError;
 use coupling::schemes::InterfaceState;
 
 use super::StageContext;
-use super::single::{Attempt, Questions};
+use super::single::{WindowSolve, WindowSolver};
 
 pub(super) struct Prescribed {
     motions: Vec<Motion>,
@@ -13,7 +13,7 @@ pub(super) struct Prescribed {
     start: Vec<f64>,
 }
 
-/// A table over the time of the stage for some components of some nodes.
+/// A displacement table over the time of the stage for degrees of freedom of the canopy.
 struct Motion {
     dofs: Vec<usize>,
     table: case::Motion,
@@ -30,7 +30,7 @@ impl Prescribed {
             let key = format!("stage[{}].motion[{k}]", context.stage);
             let nodes = structure.nodes_of(&key, m.nodes.as_deref(), m.at_m).map_err(input)?;
             let components = ['x', 'y', 'z'].map(|c| m.components.contains(c));
-            // Lines and payload are no part of the flow.
+            // Lines and payload are not part of the flow boundary.
             let dofs = nodes
                 .iter()
                 .map(|n| *n as usize)
@@ -43,17 +43,17 @@ impl Prescribed {
     }
 }
 
-impl Questions for Prescribed {
-    fn ask(&mut self, attempt: &mut Attempt<'_>) -> Result<(), RunError> {
-        let w = attempt.window;
-        let displacement = &mut attempt.state.displacement;
+impl WindowSolver for Prescribed {
+    fn solve(&mut self, solve: &mut WindowSolve<'_>) -> Result<(), RunError> {
+        let w = solve.window;
+        let displacement = &mut solve.state.displacement;
         for m in &self.motions {
             let d = m.table.at(w.time + w.dt);
             for &i in &m.dofs {
                 displacement[i] = self.start[i] + d[i % 3];
             }
         }
-        attempt.report.add(Role::Mesh, attempt.partners.mesh(w, displacement)?);
-        attempt.flow()
+        solve.report.add(Role::Mesh, solve.partners.mesh(w, displacement)?);
+        solve.flow()
     }
 }

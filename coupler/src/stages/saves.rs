@@ -1,23 +1,23 @@
-//! When the states of a stage are saved, and what that costs.
+//! Checkpoint intervals within a stage, and the cost of saving.
 
 use std::time::{Duration, Instant};
 
 use terminal::Console;
 
-/// Saves within a stage that nobody has asked for take at most this share of its time ...
-const SHARE: f64 = 0.01;
-/// ... and are at least this far apart.
-const APART: Duration = Duration::from_secs(30);
+/// Largest share of the wall time for checkpoints at the default interval.
+const MAX_COST: f64 = 0.01;
+/// Shortest default interval of checkpoints.
+const MIN_INTERVAL: Duration = Duration::from_secs(30);
 
-/// What saving has cost.
+/// Number and cost of saves.
 pub(super) struct Saves {
-    /// So many.
+    /// Number of saves.
     pub count: u64,
-    /// When the last one ended, or the stage began, and what it took.
+    /// End of the last save (or start of the stage), and its duration.
     pub last: (Instant, Duration),
-    /// Of the last one.
+    /// Size of the last save.
     pub bytes: u64,
-    /// Of all.
+    /// Wall time of all saves, s.
     pub seconds: f64,
 }
 
@@ -28,21 +28,21 @@ impl Default for Saves {
 }
 
 impl Saves {
-    /// Whether to save now that `done` windows are done. What is computed does not depend on it.
+    /// Whether to save after `done` windows. Results do not depend on it.
     pub fn due(&self, every: Option<u64>, done: u64) -> bool {
         let (at, took) = self.last;
         match every {
             Some(0) => false,
             Some(every) => done.is_multiple_of(every),
-            None => at.elapsed() >= APART.max(took.div_f64(SHARE)),
+            None => at.elapsed() >= MIN_INTERVAL.max(took.div_f64(MAX_COST)),
         }
     }
 
-    /// Says so, where the stage was saved within too.
+    /// Prints number and cost of the saves, where there was one within the stage.
     pub fn report(&self, console: &Console, stage: &str, all: f64) {
         if self.count > 1 {
             console.line(&format!(
-                "stage `{stage}`: saved {} times, {:.1} MB in {:.2} s each, {:.1} % of {all:.1} s",
+                "stage `{stage}`: {} checkpoints, {:.1} MB and {:.2} s each, {:.1} % of {all:.1} s",
                 self.count,
                 self.bytes as f64 / 1e6,
                 self.seconds / self.count as f64,

@@ -1,4 +1,4 @@
-//! Windows that are solved once, for no program waits for what another makes of its answer.
+//! Stages without coupling iterations: each program solves a window once (one-way coupling).
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window};
@@ -9,12 +9,12 @@ use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 
 use super::{StageContext, Stepper, require_finite};
 
-/// What the programs of a stage are asked, each once in a window.
-pub(super) trait Questions {
-    /// Asks them and enters their answers.
-    fn ask(&mut self, attempt: &mut Attempt<'_>) -> Result<(), RunError>;
+/// The solves of one window of such a stage.
+pub(super) trait WindowSolver {
+    /// Runs the solves of a window and stores the results.
+    fn solve(&mut self, solve: &mut WindowSolve<'_>) -> Result<(), RunError>;
 
-    /// The window is accepted, which ends with `state`.
+    /// The window is accepted: updates the `state` at its end.
     fn accepted(&mut self, state: &mut InterfaceState) {
         let _ = state;
     }
@@ -30,8 +30,8 @@ pub(super) trait Questions {
     }
 }
 
-/// An attempt at a window.
-pub(super) struct Attempt<'a> {
+/// A solve of one window: its programs, input and results.
+pub(super) struct WindowSolve<'a> {
     pub partners: &'a mut dyn Partners,
     pub window: &'a Window,
     pub state: &'a mut InterfaceState,
@@ -39,8 +39,8 @@ pub(super) struct Attempt<'a> {
     pub place: &'a Location,
 }
 
-impl Attempt<'_> {
-    /// Asks the flow for the load.
+impl WindowSolve<'_> {
+    /// Solves the flow for the load on the canopy.
     pub fn flow(&mut self) -> Result<(), RunError> {
         let load = self.state.load.get_or_insert_default();
         self.report.add(Role::Flow, self.partners.flow(self.window, load)?);
@@ -48,46 +48,46 @@ impl Attempt<'_> {
     }
 }
 
-/// A stage of such windows.
-pub(super) struct SingleSolve<Q> {
-    questions: Q,
+/// A stage whose windows `S` solves.
+pub(super) struct SingleSolve<S> {
+    solver: S,
     place: Location,
-    judge: AcceptanceCheck,
+    acceptance: AcceptanceCheck,
     state: InterfaceState,
-    /// Attempts at the present window.
-    tried: u64,
+    /// Solves of the current window so far.
+    solves: u64,
 }
 
-impl<Q: Questions> SingleSolve<Q> {
-    pub fn new(context: &StageContext<'_>, state: InterfaceState, questions: Q) -> Self {
-        Self { questions, place: context.place(), judge: context.judge(), state, tried: 0 }
+impl<S: WindowSolver> SingleSolve<S> {
+    pub fn new(context: &StageContext<'_>, state: InterfaceState, solver: S) -> Self {
+        Self { solver, place: context.place(), acceptance: context.acceptance_check(), state, solves: 0 }
     }
 
-    /// Of a stage with flow around a canopy whose frame does not accelerate.
-    pub fn in_flow(context: &StageContext<'_>, mut state: InterfaceState, questions: Q) -> Self {
+    /// A stage with flow around a canopy whose frame does not accelerate.
+    pub fn in_flow(context: &StageContext<'_>, mut state: InterfaceState, solver: S) -> Self {
         state.acceleration = 0.0;
         state.load.get_or_insert_default().resize(context.interface.faces.len() * LOAD_WIDTH, 0.0);
-        Self::new(context, state, questions)
+        Self::new(context, state, solver)
     }
 }
 
-impl<Q: Questions> Stepper for SingleSolve<Q> {
+impl<S: WindowSolver> Stepper for SingleSolve<S> {
     fn step(
         &mut self,
         partners: &mut dyn Partners,
         mut w: Window,
         _shorter: bool,
     ) -> Result<WindowReport, RunError> {
-        (w.iteration, self.tried) = (self.tried, self.tried + 1);
+        (w.iteration, self.solves) = (self.solves, self.solves + 1);
         // The frame does not accelerate.
         w.frame_velocity = [0.0, 0.0, self.state.velocity];
         let mut report = WindowReport { iterations: 1, converged: true, ..WindowReport::default() };
         let (state, place) = (&mut self.state, &self.place);
-        self.questions.ask(&mut Attempt { partners, window: &w, state, report: &mut report, place })?;
-        self.judge.require(&w, &report)?;
+        self.solver.solve(&mut WindowSolve { partners, window: &w, state, report: &mut report, place })?;
+        self.acceptance.require(&w, &report)?;
         partners.accept(&w)?;
-        self.tried = 0;
-        self.questions.accepted(&mut self.state);
+        self.solves = 0;
+        self.solver.accepted(&mut self.state);
         Ok(report)
     }
 
@@ -96,19 +96,19 @@ impl<Q: Questions> Stepper for SingleSolve<Q> {
     }
 
     fn settled(&self, report: &WindowReport) -> Option<String> {
-        self.questions.settled(report)
+        self.solver.settled(report)
     }
 
     fn save_state(&self) -> Vec<u8> {
         pack(&self.state)
     }
 
-    fn restore_state(&mut self, memory: &[u8]) -> Result<(), RunError> {
-        self.state = unpack(memory)?;
+    fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
+        self.state = unpack(saved)?;
         Ok(())
     }
 
     fn warning_at_end(&self, report: &WindowReport) -> Option<String> {
-        self.questions.warning_at_end(report)
+        self.solver.warning_at_end(report)
     }
 }

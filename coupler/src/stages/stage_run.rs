@@ -1,4 +1,4 @@
-//! A stage that runs: opened, then window after window stepped, recorded and saved, and closed.
+//! The run of one stage: open, then step, record and save each window, and close.
 
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -22,8 +22,8 @@ use results::summary::StageSummary;
 use super::saves::Saves;
 use super::{StageContext, Stepper, stepper};
 
-/// Rejected windows that are reported one by one.
-const TOLD: u64 = 5;
+/// Rejected windows that are reported individually.
+const MAX_REPORTED: u64 = 5;
 
 /// The first sentence of an error.
 fn brief(error: &RunError) -> String {
@@ -31,15 +31,15 @@ fn brief(error: &RunError) -> String {
     text.split("; ").next().unwrap_or(&text).split(". Re").next().unwrap_or(&text).to_owned()
 }
 
-/// The files of a stage that grow by its windows.
+/// The files to which each window of a stage adds rows.
 struct Records {
     history: History,
-    /// Of coupled stages.
+    /// Coupling iterations; coupled stages only.
     iterations: Option<Iterations>,
 }
 
 impl Records {
-    /// In `folder`; `resumed` appends to those that are there.
+    /// Creates the files in `folder`; `resumed`: appends to the existing ones.
     fn open(folder: &std::path::Path, kind: StageKind, resumed: bool) -> Result<Self, RunError> {
         let (rows, all) = (folder.join("history.csv"), folder.join("iterations.csv"));
         let coupled = kind == StageKind::Coupled;
@@ -58,15 +58,15 @@ impl Records {
     }
 }
 
-/// A window that was computed and accepted.
-pub(super) struct Stepped {
+/// An accepted window.
+pub(super) struct AcceptedWindow {
     window: Window,
     /// Displacement of the canopy at its start, `[nodes][3]`, m.
     before: Vec<f64>,
     report: WindowReport,
 }
 
-/// A stage between its first window and its last.
+/// A running stage.
 pub(super) struct StageRun<'c, 'p> {
     context: &'c StageContext<'c>,
     partners: &'p mut dyn Partners,
@@ -82,20 +82,22 @@ pub(super) struct StageRun<'c, 'p> {
     saves: Saves,
     /// Planned windows to run.
     windows: u64,
-    /// Number of the window to come, accepted ones so far, rejected attempts at this one.
+    /// Number of the next window, from 0.
     index: u64,
+    /// Accepted windows so far.
     done: u64,
+    /// Rejections of the current window so far.
     rejected: u32,
-    /// When the first attempt at this window began.
+    /// Start of the first solve of the current window.
     started: Instant,
-    /// Seconds of the runs that this one continues.
+    /// Wall time of the earlier runs that this run resumes, s.
     wall_before: f64,
-    /// Why the stage ends, for the summary.
+    /// Reason for the end of the stage, for the summary.
     ended: String,
 }
 
 impl<'c, 'p> StageRun<'c, 'p> {
-    /// Makes ready for the first window, or for the one after those of a saved state.
+    /// Prepares the first window, or the window after a checkpoint.
     pub fn open(
         context: &'c StageContext<'c>,
         partners: &'p mut dyn Partners,
@@ -152,30 +154,30 @@ impl<'c, 'p> StageRun<'c, 'p> {
         self.clock.planned() < self.windows
     }
 
-    /// Computes and accepts the next window; `None` where it was rejected, to be retried shorter.
-    pub fn step(&mut self) -> Result<Option<Stepped>, RunError> {
+    /// Computes and accepts the next window. `None`: it was rejected and is to be retried with half its length.
+    pub fn step(&mut self) -> Result<Option<AcceptedWindow>, RunError> {
         let _part = timing::part("window");
         let window = self.window();
         let before = self.stepper.state().displacement.clone();
-        // What half the window did not improve is accepted, if it is acceptable.
+        // If halving did not improve convergence, an acceptable window is accepted instead of being halved again.
         let shorter = self.clock.can_shrink() && !self.clock.is_short();
         match self.stepper.step(self.partners, window, shorter) {
             Ok(report) => {
                 self.clock.advance(report.converged);
-                Ok(Some(Stepped { window, before, report }))
+                Ok(Some(AcceptedWindow { window, before, report }))
             }
             Err(error) if error.is_retryable() && self.clock.shrink() => {
-                self.give_back(&window, &error);
+                self.reject(&window, &error);
                 Ok(None)
             }
             Err(error) => Err(self.failed(error)),
         }
     }
 
-    /// Enters a window into balances, files and summary; warns of what it gives reason to.
-    pub fn record(&mut self, stepped: Stepped) -> Result<Row, RunError> {
+    /// Adds a window to balances, files and summary, and prints its warnings.
+    pub fn record(&mut self, accepted: AcceptedWindow) -> Result<Row, RunError> {
         let _part = timing::part("record");
-        let Stepped { window, before, report } = stepped;
+        let AcceptedWindow { window, before, report } = accepted;
         let row = self.row(&window, report);
         self.warn(&row);
         self.records.push(&row)?;
@@ -187,12 +189,12 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(row)
     }
 
-    /// Whether the stage ends with the window of `row`; takes the pictures that are due.
+    /// Whether the stage ends with the window of `row`; writes the snapshots that are due.
     pub fn ends(&mut self, row: &Row) -> Result<bool, RunError> {
         let _part = timing::part("snapshots");
         let (settled, planned) = (self.stepper.settled(&row.report), self.clock.planned());
         let last = settled.is_some() || planned == self.windows;
-        // Pictures are of the planned times.
+        // Snapshots are written at planned times only.
         if self.clock.at_planned() || last {
             self.snapshots(planned, row.time_s, last)?;
         }
@@ -207,7 +209,10 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(last)
     }
 
-    /// Saves where that is due; continues with the next window unless the run is to stop.
+    /// Saves a checkpoint if due, and prepares the next window.
+    ///
+    /// # Errors
+    /// [`RunError::Interrupted`] where the run is to stop, after saving.
     pub fn checkpoint(&mut self) -> Result<(), RunError> {
         let _part = timing::part("checkpoint");
         let stopped = self.context.stop.load(Ordering::Relaxed);
@@ -223,7 +228,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(())
     }
 
-    /// Saves the end of the stage; its values on the interface.
+    /// Saves the final state of the stage and returns its interface values.
     pub fn close(mut self) -> Result<InterfaceState, RunError> {
         let _part = timing::part("close");
         self.progress.note("saving");
@@ -237,10 +242,10 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(self.stepper.state().clone())
     }
 
-    /// The window to come.
+    /// The next window.
     fn window(&self) -> Window {
         let stage = self.context.description();
-        // A static stage has no time; a window must have some.
+        // A static or steady stage has no physical time, but a window requires a positive dt.
         let timeless = stage.solve == Solve::Static || stage.steady.is_some();
         Window {
             index: self.index,
@@ -252,17 +257,17 @@ impl<'c, 'p> StageRun<'c, 'p> {
         }
     }
 
-    /// A place at the start of the window, for errors.
+    /// The location of the current window, for errors.
     fn place(&self) -> Location {
         Location { window: Some((self.index, 0)), ..self.context.place() }
     }
 
-    /// Counts a window that is tried again with half its length, and says so.
-    fn give_back(&mut self, window: &Window, error: &RunError) {
+    /// Counts and reports a rejected window that is retried with half its length.
+    fn reject(&mut self, window: &Window, error: &RunError) {
         self.rejected += 1;
         self.summary.rejected += 1;
         let count = self.summary.rejected;
-        if count > TOLD {
+        if count > MAX_REPORTED {
             return;
         }
         self.context.console.line(&format!(
@@ -272,21 +277,21 @@ impl<'c, 'p> StageRun<'c, 'p> {
             window.time,
             self.clock.dt(),
             brief(error),
-            if count == TOLD { "; later ones are only counted" } else { "" }
+            if count == MAX_REPORTED { "; further rejections of this stage are only counted" } else { "" }
         ));
     }
 
-    /// The error of a window that ends the stage; the last accepted window is saved where all programs still stand at it.
+    /// The error of a window that ends the stage. Saves the last accepted window if all programs can restore it.
     fn failed(&mut self, error: RunError) -> RunError {
         let error = self.context.advise(error);
-        let stand = matches!(
+        let restorable = matches!(
             error,
             RunError::GridMotionFailed { .. }
                 | RunError::SolveFailed { .. }
                 | RunError::Energy { .. }
                 | RunError::Unconverged { .. }
         );
-        if !stand {
+        if !restorable {
             return error;
         }
         match self.save(None) {
@@ -299,11 +304,11 @@ impl<'c, 'p> StageRun<'c, 'p> {
         }
     }
 
-    /// The row of a window, which is entered into the balance of the coupling's energy.
+    /// The history row of a window; adds the window to the interface energy balance.
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
-        let (felt, given) = self.stepper.interface_work().unwrap_or_default();
-        self.interface_energy.add_window(window.dt, felt, given, report.converged);
+        let (on_structure, by_flow) = self.stepper.interface_work().unwrap_or_default();
+        self.interface_energy.add_window(window.dt, on_structure, by_flow, report.converged);
         let state = self.stepper.state();
         Row {
             window: self.index,
@@ -314,8 +319,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
             descent_speed_m_s: -state.velocity,
             acceleration_m_s2: state.acceleration,
             drag_coefficient: self.descent.map(|d| d.drag_coefficient(report.force[2])),
-            interface_work_j: given,
-            energy_error_j: felt - given,
+            interface_work_j: by_flow,
+            energy_error_j: on_structure - by_flow,
             interface_energy: self.interface_energy,
             balance: self.stepper.system_balance().copied(),
             coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
@@ -324,14 +329,14 @@ impl<'c, 'p> StageRun<'c, 'p> {
         }
     }
 
-    /// Warns of residuals, of energy that coupling or structure create, and of what the kind of stage watches.
+    /// Prints warnings of residuals, of energy created by coupling or structure, and of the stepper.
     fn warn(&mut self, row: &Row) {
         let (context, console) = (self.context, self.context.console);
         let tolerance = context.scene.coupling.tolerance;
         let place = self.place();
-        let said = self.summary.convergence.add(&place, &row.report, tolerance);
-        said.iter().for_each(|text| console.warning(text));
-        let warning_context = context.circumstances(self.stepper.state(), row.window_s);
+        let warnings = self.summary.convergence.add(&place, &row.report, tolerance);
+        warnings.iter().for_each(|text| console.warning(text));
+        let warning_context = context.warning_context(self.stepper.state(), row.window_s);
         let structure = &row.report.stats[Role::Structure as usize].values;
         let texts = [
             self.interface_energy.warning(&warning_context),
@@ -347,15 +352,15 @@ impl<'c, 'p> StageRun<'c, 'p> {
         }
     }
 
-    /// Refuses speeds and pressures of the flow that no physics allows in the window of `row`, which began with the
-    /// displacement `before`.
+    /// Refuses unphysical speeds and pressures of the flow in the window of `row`, whose initial displacement is
+    /// `before`.
     fn check_flow(&mut self, row: &Row, window: Window, before: &[f64]) -> Result<(), RunError> {
         let (context, stage) = (self.context, self.context.description());
         let Some(bounds) = &mut self.flow_bounds else { return Ok(()) };
         if !stage.kind.roles().contains(&Role::Flow) {
             return Ok(());
         }
-        // A march to a steady flow has no time: walls change their speed at once in it.
+        // Iterations to a steady flow have no physical time: wall velocities change discontinuously.
         let dt = if stage.steady.is_some() { f64::MIN_POSITIVE } else { window.dt };
         let wind = context.scene.wind(context.stage, &context.times());
         let air = flow_bounds::undisturbed_air(&wind, row.time_s, -row.descent_speed_m_s);
@@ -367,7 +372,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         })
     }
 
-    /// Pictures of the programs that have some at the planned window `done`.
+    /// Writes the snapshots of the programs that are due at the planned window `done`.
     fn snapshots(&mut self, done: u64, time: f64, last: bool) -> Result<(), RunError> {
         let roles = self.context.description().kind.roles();
         let output = &self.context.scene.output;
@@ -382,8 +387,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(())
     }
 
-    /// Saves beside the last state, then takes its place, so that a failure
-    /// while saving never costs the older one.
+    /// Saves to a draft next to the last state, then replaces that state, so that a failure
+    /// while saving never destroys it.
     fn save(&mut self, ended: Option<String>) -> Result<(), RunError> {
         let start = Instant::now();
         let target = case::state_folder(self.context.out, self.context.scene, self.context.stage);
@@ -394,14 +399,14 @@ impl<'c, 'p> StageRun<'c, 'p> {
         match self.write(&draft, ended) {
             Ok(bytes) => self.saves.bytes = bytes,
             Err(error) => {
-                // Half a state would only fill the disk further. (What other programs still write to it goes at their end.)
+                // A partial state only uses disk space. Files that programs still write to it are removed when they end.
                 let _ = checkpoint::remove(&draft);
                 return Err(error);
             }
         }
         checkpoint::replace(&target)?;
         if over {
-            // The stage is over: one state is enough.
+            // After the end of the stage only its final state is needed.
             checkpoint::remove(&checkpoint::old(&target))?;
         }
         self.saves.count += 1;
@@ -410,7 +415,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(())
     }
 
-    /// Writes the states of all programs and of the coupler into `draft` and seals them; their bytes.
+    /// Writes the states of all programs and of the coupler to `draft` and seals them. Returns their size, bytes.
     fn write(&mut self, draft: &std::path::Path, ended: Option<String>) -> Result<u64, RunError> {
         let time_s = self.summary.time_s;
         self.partners.save(draft)?;

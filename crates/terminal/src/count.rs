@@ -1,4 +1,4 @@
-//! Counts as people read them.
+//! Counts with singular and plural.
 
 /// `1 window`, `2 windows`: a count with the regular plural of `what`.
 pub fn counted(n: u64, what: &str) -> String {
@@ -11,7 +11,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_is_no_plural() {
+    fn plural_follows_the_count() {
         assert_eq!([0, 1, 2].map(|n| counted(n, "window")), ["0 windows", "1 window", "2 windows"]);
     }
 }

@@ -1,4 +1,4 @@
-//! Where the lines of all programs meet the terminal.
+//! Console output of a run: lines of all programs, warnings, log.
 
 mod count;
 pub mod shell;
@@ -15,7 +15,7 @@ use indicatif::ProgressBar;
 pub use count::counted;
 pub use time::{clock, utc_now};
 
-/// Prints lines without tearing the progress line apart.
+/// Prints lines above the progress line. Clones share their output.
 #[derive(Clone, Default)]
 pub struct Console {
     quiet: bool,
@@ -26,27 +26,27 @@ pub struct Console {
     log: Arc<Mutex<Option<File>>>,
 }
 
-/// Most warnings that are kept for the summary: a run that goes wrong gives one a window.
-const KEPT: usize = 1000;
+/// Maximum number of warnings in the summary: a failing run may give one in each window.
+const MAX_WARNINGS: usize = 1000;
 
 impl Console {
-    /// On standard error; `quiet` drops everything but errors.
+    /// A console on standard error; `quiet` prints errors only.
     pub fn new(quiet: bool) -> Self {
         let colour = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
         Self { quiet, colour, ..Self::default() }
     }
 
-    /// With `verbose`, what programs print to standard output is shown too.
+    /// With `verbose`, standard output of the programs is printed too.
     pub fn verbose(self, verbose: bool) -> Self {
         Self { verbose, ..self }
     }
 
-    /// Whether standard output of programs is shown.
+    /// Whether standard output of the programs is printed.
     pub fn shows_all(&self) -> bool {
         self.verbose
     }
 
-    /// Whether standard error is a terminal that shows colours.
+    /// Whether standard error is a terminal with colours.
     pub fn colour(&self) -> bool {
         self.colour
     }
@@ -56,18 +56,18 @@ impl Console {
         self.quiet
     }
 
-    /// From now on lines are printed above this progress line (`None`: plainly).
+    /// Sets the progress bar above which lines are printed. `None`: no bar.
     pub fn set_bar(&self, bar: Option<ProgressBar>) {
         if let Ok(mut place) = self.bar.lock() {
             *place = bar;
         }
     }
 
-    /// From now on every line is kept in `path` too, with the time, also what `quiet` does not print; behind
-    /// what is there if `resumed`.
+    /// Writes every line to `path` too, with the time, including lines that `quiet` suppresses. `resumed`: appends
+    /// to the file.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be opened.
     pub fn log_to(&self, path: &Path, resumed: bool) -> std::io::Result<()> {
         let file = File::options().create(true).write(true).append(resumed).truncate(!resumed).open(path)?;
         if let Ok(mut log) = self.log.lock() {
@@ -76,17 +76,17 @@ impl Console {
         Ok(())
     }
 
-    /// Keeps a line in the log only.
+    /// Writes a line to the log only.
     pub fn note(&self, text: &str) {
         if let Ok(mut log) = self.log.lock()
             && let Some(file) = log.as_mut()
         {
-            // A full disk ends the run where results are written.
+            // An error is ignored: a full disk ends the run when results are written.
             let _ = writeln!(file, "{} {text}", utc_now());
         }
     }
 
-    /// A line for the user, unless quiet.
+    /// Prints a line unless quiet, and writes it to the log.
     pub fn line(&self, text: &str) {
         self.note(text);
         self.print(text);
@@ -104,7 +104,7 @@ impl Console {
         }
     }
 
-    /// A line that a program printed.
+    /// Prints a line of a program with its role.
     pub fn program_line(&self, role: Role, text: &str) {
         let name = role.name();
         self.note(&format!("{name:>9} | {text}"));
@@ -120,37 +120,37 @@ impl Console {
         }
     }
 
-    /// The one message of a run that failed: printed even when quiet.
+    /// Prints the error of a failed run, also when quiet.
     pub fn error(&self, text: &str) {
         self.note(&format!("error: {text}"));
         let head = if self.colour { "\x1b[1;31merror\x1b[0m" } else { "error" };
         drop(writeln!(std::io::stderr(), "{head}: {text}"));
     }
 
-    /// The warnings so far, the first thousand of them.
+    /// The warnings so far, at most 1000.
     pub fn warnings(&self) -> Vec<String> {
         self.warnings.lock().map(|kept| kept.clone()).unwrap_or_default()
     }
 
-    /// Warnings of the part of the run before this one, which were printed then.
+    /// Adds the warnings of the run that is resumed, which were printed then.
     pub fn restore_warnings(&self, before: Vec<String>) {
         if let Ok(mut kept) = self.warnings.lock() {
             kept.splice(0..0, before);
-            kept.truncate(KEPT);
+            kept.truncate(MAX_WARNINGS);
         }
     }
 
-    /// A warning of the coupler, kept for the summary.
+    /// Prints a warning and stores it for the summary.
     pub fn warning(&self, text: &str) {
         if let Ok(mut kept) = self.warnings.lock()
-            && kept.len() < KEPT
+            && kept.len() < MAX_WARNINGS
         {
             kept.push(text.to_owned());
         }
         self.caution(text);
     }
 
-    /// A warning that the summary has from elsewhere: the inspection before a run.
+    /// Prints a warning without storing it: the summary contains the findings of the inspection separately.
     pub fn caution(&self, text: &str) {
         self.note(&format!("warning: {text}"));
         if self.colour {
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_log_holds_what_quiet_does_not_print() {
+    fn log_contains_lines_that_quiet_suppresses() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("ripstop.log");
         let console = Console::new(true);

@@ -40,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_as_in_a_shell() {
+    fn words_are_split_as_in_a_shell() {
         let split = |s| split_words(s).unwrap();
         assert_eq!(split("python3 my_solver.py"), ["python3", "my_solver.py"]);
         assert_eq!(split(r#" a 'b c'  "d \" e" f\ g '' "#), ["a", "b c", "d \" e", "f g", ""]);
@@ -48,7 +48,7 @@ mod tests {
     }
 
     #[test]
-    fn quoted_words_come_back() {
+    fn quoted_words_are_split_to_the_original() {
         for word in ["plain", "with space", "it's", "", "a\"b"] {
             assert_eq!(split_words(&quote(word)).unwrap(), [word]);
         }

@@ -1,4 +1,4 @@
-//! Dates and durations as people read them.
+//! Text of dates and durations.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dates_are_those_of_the_calendar() {
+    fn dates_match_the_calendar() {
         // `date -u -d @SECONDS`.
         for (seconds, text) in [
             (0, "1970-01-01 00:00:00"),
