@@ -19,7 +19,7 @@ the command to start them by hand. A program that replaces one of them takes the
 const ALONE: &[(&str, &str, &str)] = &[
     ("structure-solver alone", "struct AloneArgs", "structure-solver/src/main.rs"),
     ("flow-solver alone", "struct Alone", "flow-solver/src/main.rs"),
-    ("mesh-mover alone", "pub struct AloneArgs", "mesh-mover/src/standalone.rs"),
+    ("mesh-mover alone", "pub struct StandaloneArgs", "mesh-mover/src/standalone.rs"),
 ];
 
 fn text_of(help: Option<&clap::builder::StyledStr>) -> String {
