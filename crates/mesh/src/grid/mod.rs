@@ -85,8 +85,8 @@ pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Point]) ->
     Ok(grid)
 }
 
-/// Blocks and the width of the canopy, m.
-fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks, f64), MeshError> {
+/// Checks the counts and lengths of `[flow.grid]` that need no canopy, except the first layer.
+fn check_extents(grid: &Grid) -> Result<(), MeshError> {
     for (key, value) in [
         ("flow.grid.layers_inside", grid.layers_inside),
         ("flow.grid.layers_outside", grid.layers_outside),
@@ -96,6 +96,19 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
             return Err(refuse(key, value, "must be from 1 to 10000"));
         }
     }
+    for (key, value) in
+        [("flow.grid.far_field_widths", grid.far_field_widths), ("flow.grid.wake_widths", grid.wake_widths)]
+    {
+        if !(1.5..=1e4).contains(&value) {
+            return Err(refuse(key, value, "must be from 1.5 to 10000 canopy widths"));
+        }
+    }
+    Ok(())
+}
+
+/// Blocks and the width of the canopy, m.
+fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks, f64), MeshError> {
+    check_extents(grid)?;
     let (layout, width) = match &scene.canopy {
         Canopy::Atps(a) => (AtpsLayout::new(a)?, a.top_width_m),
         Canopy::Square(f) => (flat_layout(f, false)?, f.width_m),
@@ -125,13 +138,6 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
             first,
             format!("must be below a quarter of the canopy's width, {:.4} m", 0.25 * width),
         ));
-    }
-    for (key, value) in
-        [("flow.grid.far_field_widths", grid.far_field_widths), ("flow.grid.wake_widths", grid.wake_widths)]
-    {
-        if !(1.5..=1e4).contains(&value) {
-            return Err(refuse(key, value, "must be from 1.5 to 10000 canopy widths"));
-        }
     }
     // Levels of open fluid between the hem and the cap: as long as cells are high.
     let skirt = match scene.canopy {
