@@ -158,13 +158,13 @@ fn what_cannot_be_right_or_is_far_from_any_parachute_is_said() {
             ("initial_speed_m_s = 4.0", "initial_speed_m_s = 0.0"),
             LARGE,
             "error descent.initial-speed",
-            "the air stands still",
+            "the air is at rest too",
         ),
         (
             ("initial_speed_m_s = 4.0", "initial_speed_m_s = 30.0"),
             LARGE,
             "warning descent.initial-speed",
-            "times its steady speed",
+            "times the steady speed",
         ),
         (
             ("cells_across = 12\nline_count = 24", "cells_across = 6\nline_count = 24"),
@@ -201,7 +201,7 @@ fn what_cannot_be_right_or_is_far_from_any_parachute_is_said() {
             ("[coupling]", "[coupling]\nscheme = \"staggered\""),
             LARGE,
             "warning fabric.mass-ratio",
-            "of the air that moves with it",
+            "of the added mass of the air",
         ),
         (
             ("residual_drop = 1e-3\n", "residual_drop = 1e-3\n\n[flow.viscosity]\n"),

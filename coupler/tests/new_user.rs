@@ -110,7 +110,7 @@ fn a_run_is_inspected_before_it_starts() {
     assert!(!out.exists(), "{text}");
     let (exit, text) = run("too-few-cells", &out);
     assert_ne!(exit, 0, "{text}");
-    let warned = text.find("about 6 cells lie across the canopy").expect("a warning");
+    let warned = text.find("about 6 cells across the canopy").expect("a warning");
     assert!(warned < text.find("such-solver").expect("an error"), "{text}");
 }
 

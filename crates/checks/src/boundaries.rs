@@ -1,4 +1,4 @@
-//! Checks of what one stage hands over to the next: wind, motion, force, the start of the flow.
+//! Checks of discontinuities between stages: wind, motion, force, start of the flow.
 
 use case::{Clock, Jump, Role, Scene, StageTimes, jumps};
 
@@ -11,22 +11,22 @@ use super::table::{Check, When};
 pub const CHECKS: &[Check] = &[
     Check {
         id: "stages.wind",
-        what: "the wind does not change at once between two stages",
+        what: "the wind is continuous between stages",
         estimate: "size of w(start of the stage) - w(end of the last stage with the flow), by the winds, gusts and clocks \
                    of the scene and the planned durations",
-        range: "warning above 0.1 % of the speed of the stream",
-        source: "such a change is 0.2 % of the dynamic pressure; a jump V accelerates all of the air by V / dt within the \
-                 first window of length dt, so that the canopy meets its added mass times V / dt",
+        range: "warning above 0.1 % of the free-stream speed",
+        source: "a change of 0.1 % is 0.2 % of the dynamic pressure; a jump V accelerates all of the air by V / dt within the \
+                 first window of length dt, so that the canopy carries a load of its added mass times V / dt",
         severity: Warning,
-        remedy: "give the change a time by ramp_s in [stage.wind]; let a gust end within its stage, or write it as \
+        remedy: "set a transition time with ramp_s in [stage.wind]; let a gust end within its stage, or define it as \
                  [flow.gust]",
         when: When::Before(wind),
     },
     Check {
         id: "stages.motion",
-        what: "prescribed motions neither start displaced nor change their velocity at once between two stages",
-        estimate: "displacement at the start of the stage; size of the velocity at its start less that at the end of \
-                   the stage before",
+        what: "prescribed motions start without displacement, and their velocity is continuous between stages",
+        estimate: "displacement at the start of the stage; velocity at its start minus velocity at the end of \
+                   the previous stage",
         range: "warning above round-off, 1e-9 m and 1e-9 m/s",
         source: "a jump of the velocity V of a wall is a pressure of rho V c in the first window, with the speed of \
                  sound c",
@@ -36,20 +36,20 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "stages.force",
-        what: "forces on nodes do not change at once between two stages",
-        estimate: "size of the force in the stage less that in the stage before, on each node",
+        what: "nodal forces are continuous between stages",
+        estimate: "force in the stage minus force in the previous stage, on each node",
         range: "warning where they differ and the structure moves in time",
-        source: "a force that appears at once doubles the deflection of an undamped structure",
+        source: "a suddenly applied force gives twice the static deflection of an undamped structure",
         severity: Warning,
         remedy: "give both stages the same [[stage.force]]",
         when: When::Before(force),
     },
     Check {
         id: "stages.gust",
-        what: "a gust meets a stage with the flow, and that of a stage its stage",
-        estimate: "start_s and duration_s on the gust's clock, against the planned durations of the stages",
-        range: "warning where no stage with the flow, or not the stage that gives the gust, has a time within it",
-        source: "the scene asks for a gust that never blows",
+        what: "a gust acts during a stage with flow; the gust of a stage acts during that stage",
+        estimate: "start_s and duration_s on the clock of the gust, compared with the planned durations of the stages",
+        range: "warning if the gust overlaps no stage with flow, or a gust of a stage does not overlap that stage",
+        source: "the scene defines a gust that has no effect",
         severity: Warning,
         remedy: "compare start_s, clock and the durations of the stages",
         when: When::Before(gust),
@@ -57,7 +57,7 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "stages.start",
         what: "the flow is developed before the canopy moves in it",
-        estimate: "speed of the canopy through the air at the start of the first stage with the flow, where that is \
+        estimate: "speed of the canopy relative to the air at the start of the first stage with flow, if that stage is \
                    coupled or prescribed",
         range: "a note",
         source: "an impulsive start: the added mass acts within the first window",
@@ -67,8 +67,8 @@ pub const CHECKS: &[Check] = &[
     },
 ];
 
-/// The jumps of `keys` at the starts of the stages that run.
-fn of(facts: &Facts<'_>, keys: &[&str]) -> Vec<Judged> {
+/// The jumps of `keys` at the start of the stages to run.
+fn jumps_of(facts: &Facts<'_>, keys: &[&str]) -> Vec<Judged> {
     let all = jumps(facts.scene, &StageTimes::planned(facts.scene));
     let judged = |jump: &Jump| {
         let key = format!("stage[{}].{}", jump.stage, jump.key);
@@ -78,15 +78,15 @@ fn of(facts: &Facts<'_>, keys: &[&str]) -> Vec<Judged> {
 }
 
 fn wind(facts: &Facts<'_>) -> Vec<Judged> {
-    of(facts, &["wind", "gust"])
+    jumps_of(facts, &["wind", "gust"])
 }
 
 fn motion(facts: &Facts<'_>) -> Vec<Judged> {
-    of(facts, &["motion"])
+    jumps_of(facts, &["motion"])
 }
 
 fn force(facts: &Facts<'_>) -> Vec<Judged> {
-    of(facts, &["force"])
+    jumps_of(facts, &["force"])
 }
 
 fn gust(facts: &Facts<'_>) -> Vec<Judged> {
@@ -96,18 +96,18 @@ fn gust(facts: &Facts<'_>) -> Vec<Judged> {
     let met = |k: &usize| scene.wind(*k, &times).gusts(times.of(*k));
     let mut found = Vec::new();
     for k in (0..scene.stages.len()).filter(own).filter(|k| !flows(k) || !met(k)) {
-        found.push(Judged::new(Warning, format!("stage[{k}].gust"), blows_past(scene, &times, &[k])));
+        found.push(Judged::new(Warning, format!("stage[{k}].gust"), gust_times(scene, &times, &[k])));
     }
     let common: Vec<usize> = (0..scene.stages.len()).filter(flows).filter(|k| !own(k)).collect();
     if scene.flow.as_ref().is_some_and(|f| f.gust.is_some()) && !common.iter().any(met) {
-        found.push(Judged::new(Warning, "flow.gust", blows_past(scene, &times, &common)));
+        found.push(Judged::new(Warning, "flow.gust", gust_times(scene, &times, &common)));
     }
     found
 }
 
-/// When a gust blows that none of `stages` meets, and when these run.
-fn blows_past(scene: &Scene, times: &StageTimes, stages: &[usize]) -> String {
-    let what = "the gust meets no stage with the flow";
+/// The times of a gust that overlaps none of `stages`, and the times of these stages.
+fn gust_times(scene: &Scene, times: &StageTimes, stages: &[usize]) -> String {
+    let what = "the gust overlaps no stage with flow";
     let first = stages.first().and_then(|k| Some((*k, scene.gust(*k)?)));
     let (Some((first, (gust, clock))), Some(last)) = (first, stages.last()) else { return what.into() };
     let at = |k: usize| times.clock(scene, k, clock);
@@ -117,7 +117,7 @@ fn blows_past(scene: &Scene, times: &StageTimes, stages: &[usize]) -> String {
         Clock::Run => "of the run",
     };
     format!(
-        "{what}: it blows from {} to {} s {name}, `{}` begins at {} s and `{}` ends at {} s",
+        "{what}: it acts from {} to {} s {name}, `{}` begins at {} s and `{}` ends at {} s",
         digits(gust.start_s),
         digits(gust.start_s + gust.duration_s),
         scene.stages[first].name,
@@ -131,8 +131,8 @@ fn start(facts: &Facts<'_>) -> Vec<Judged> {
     let starts = facts.scene.impulsive_starts(&StageTimes::planned(facts.scene));
     let judged = |(stage, speed): (usize, f64)| {
         let figure = format!(
-            "stage \"{}\" is the first with the flow: from its first window on the canopy moves through air at rest at \
-             {} m/s (a stage of kind \"flow-only\" before it develops the flow)",
+            "stage \"{}\" is the first with flow: the canopy starts impulsively in air at rest at \
+             {} m/s (a preceding stage of kind \"flow-only\" develops the flow)",
             facts.scene.stages[stage].name,
             digits(speed)
         );
@@ -149,7 +149,7 @@ mod tests {
     use super::*;
     use coupling::interface::CanopyInterface;
 
-    /// What `judge` finds in the small descent with a change.
+    /// Findings of `judge` in `square-drop` with a change.
     fn found(judge: fn(&Facts<'_>) -> Vec<Judged>, change: impl Fn(&mut case::Scene)) -> Vec<String> {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/square-drop/scene.toml");
         let mut scene = case::load(&file).expect("a scene of the repository");
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gust_that_no_stage_meets_is_named() {
+    fn gust_outside_all_flow_stages_gives_a_warning() {
         let late = |start_s: f64| {
             found(gust, |s| {
                 let flow = s.flow.as_mut().expect("a flow");
@@ -174,11 +174,11 @@ mod tests {
         assert_eq!(
             late(0.11),
             [
-                "flow.gust: the gust meets no stage with the flow: it blows from 0.110 to 0.160 s from the release, \
+                "flow.gust: the gust overlaps no stage with flow: it acts from 0.110 to 0.160 s from the release, \
              `developed-flow` begins at -0.200 s and `descent` ends at 0.100 s"
             ]
         );
-        // That of a stage, and of one without the flow.
+        // The gust of a stage with flow, and of a stage without.
         let own = |stage: usize, start_s: f64| {
             found(gust, |s| {
                 let gust = case::Gust { velocity_m_s: [1.0; 3], start_s, duration_s: 0.05, clock: None };
@@ -189,15 +189,15 @@ mod tests {
         assert_eq!(
             own(1, 0.21),
             [
-                "stage[1].gust: the gust meets no stage with the flow: it blows from 0.210 to 0.260 s of the stage, \
+                "stage[1].gust: the gust overlaps no stage with flow: it acts from 0.210 to 0.260 s of the stage, \
              `developed-flow` begins at 0 s and `developed-flow` ends at 0.200 s"
             ]
         );
-        assert!(own(0, 0.0)[0].starts_with("stage[0].gust: the gust meets no stage with the flow"));
+        assert!(own(0, 0.0)[0].starts_with("stage[0].gust: the gust overlaps no stage with flow"));
     }
 
     #[test]
-    fn a_cut_gust_and_an_impulsive_start_are_named() {
+    fn truncated_gust_and_impulsive_start_are_reported() {
         let cut = |s: &mut case::Scene| {
             let gust =
                 case::Gust { velocity_m_s: [0.0, 0.0, 2.0], start_s: 0.15, duration_s: 0.1, clock: None };

@@ -1,4 +1,4 @@
-//! Checks of what falls: weight against drag, start against the steady descent, the payload.
+//! Checks of the descent: weight and drag, initial and steady speed, payload.
 
 use case::{Stage, StageKind};
 
@@ -14,30 +14,30 @@ const USUAL_DRAG: f64 = 0.75;
 pub const CHECKS: &[Check] = &[
     Check {
         id: "descent.missing",
-        what: "a parachute that is released has a payload and air that moves",
+        what: "a released parachute has a payload and a relative air speed",
         estimate: "a coupled stage with suspension lines, [descent], wind and gust",
-        range: "warning without [descent] and without wind or gust; note without [descent] in a wind (a tunnel)",
-        source: "without [descent] the confluence point is held and nothing falls",
+        range: "warning without [descent] and without wind or gust; note without [descent] in a wind (wind tunnel)",
+        source: "without [descent] the confluence point is fixed and there is no descent",
         severity: Warning,
         remedy: "add [descent] with payload_mass_kg, initial_speed_m_s and reference_area_m2",
         when: When::Before(missing),
     },
     Check {
         id: "descent.initial-speed",
-        what: "the air moves past the canopy at the start",
-        estimate: "speed of the air far away past the canopy at the start of the first coupled stage: \
+        what: "the initial air speed relative to the canopy is nonzero and near the steady speed",
+        estimate: "free-stream speed relative to the canopy at the start of the first coupled stage: \
                    descent.initial_speed_m_s with the wind and gust of that stage",
-        range: "warning at 0 m/s; error at 0 m/s in a scene with a flow-only stage and neither gust nor shear, and \
+        range: "warning at 0 m/s; error at 0 m/s in a scene with a flow-only stage and neither gust nor shear; \
                 warning above three times the steady speed of descent.steady-speed",
-        source: "a flow-only stage has nothing to develop; drag coefficients refer to the initial speed; above three \
-                 times the steady speed the drag is nine weights",
+        source: "a flow-only stage at 0 m/s develops no flow; drag coefficients refer to the initial speed; at three \
+                 times the steady speed the drag is nine times the weight",
         severity: Error,
         remedy: "set descent.initial_speed_m_s near the steady speed that this inspection estimates",
         when: When::Before(initial_speed),
     },
     Check {
         id: "descent.drag-coefficient",
-        what: "weight and drag balance at the initial speed with a coefficient that canopies have",
+        what: "weight and drag balance at the initial speed with a realistic drag coefficient",
         estimate: "C = m g / (1/2 rho V^2 S) with the initial speed V, on the constructed area S_0 (fabric) and on \
                    descent.reference_area_m2",
         range: "0.3 to 1.1 on the constructed area: warning outside",
@@ -45,13 +45,13 @@ pub const CHECKS: &[Check] = &[
                  0.60 to 0.85, flat circular 0.75 to 0.80, hemispherical 0.62 to 0.77, slotted canopies from 0.3; the \
                  ATPS needs 0.51 to 0.55",
         severity: Warning,
-        remedy: "the scene starts out of balance: set descent.initial_speed_m_s to the steady speed, or check \
-                 payload_mass_kg (kg) and the canopy's width (m)",
+        remedy: "weight and drag do not balance at the start: set descent.initial_speed_m_s to the steady speed, or check \
+                 payload_mass_kg (kg) and the width of the canopy (m)",
         when: When::Before(drag_coefficient),
     },
     Check {
         id: "descent.steady-speed",
-        what: "the payload suits the canopy",
+        what: "the steady speed is that of a parachute",
         estimate: "V = (2 m g / (rho 0.75 S_0))^1/2, the steady speed at a drag coefficient of 0.75",
         range: "2 to 20 m/s: warning outside",
         source: "personnel parachutes descend at 5 to 7 m/s, cargo up to 9 m/s, small and light ones from 2 m/s; \
@@ -62,40 +62,40 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "descent.reference-area",
-        what: "drag coefficients refer to an area of the canopy's size",
+        what: "the reference area is of the order of the canopy area",
         estimate: "descent.reference_area_m2 / S_0",
         range: "0.1 to 1.5: warning outside",
         source: "constructed area 1, projected area about 0.5, the ATPS's square top 0.30",
         severity: Warning,
-        remedy: "set descent.reference_area_m2 in m2; it changes no motion, only drag coefficients",
+        remedy: "set descent.reference_area_m2 in m2; it affects drag coefficients only, not the motion",
         when: When::Before(reference_area),
     },
     Check {
         id: "descent.pressure",
-        what: "a pre-inflation loads the canopy as its descent does",
+        what: "the pressure of a pre-inflation is of the order of the dynamic pressure of the descent",
         estimate: "pressure_pa / q with the dynamic pressure q = 1/2 rho V^2 of the initial speed",
-        range: "0.2 to 3: warning outside, and at 0 Pa; error below 0 Pa on a canopy that hangs on lines",
-        source: "the pressure jump lies between 1 q (stagnation) and 1.7 q (with suction outside); a jump is inside \
-                 minus outside, so a negative one presses the canopy onto its payload",
+        range: "0.2 to 3: warning outside, and at 0 Pa; error below 0 Pa on a canopy with suspension lines",
+        source: "the pressure jump is between 1 q (stagnation) and 1.7 q (with suction outside); the jump is inside \
+                 minus outside, so a negative value pushes the canopy towards the payload",
         severity: Error,
         remedy: "set pressure_pa to about q; a positive jump inflates",
         when: When::Before(pressure),
     },
     Check {
         id: "descent.payload-body",
-        what: "the payload's spin, size and inertia are those of a body on lines",
-        estimate: "spin (rad/s), distance of attachments from the centre of mass over half the canopy's width, radius of \
+        what: "spin, size and inertia of the payload are realistic",
+        estimate: "spin (rad/s), distance of attachments from the centre of mass over half the width of the canopy, radius of \
                    gyration (I / m)^1/2",
         range: "warning for a spin above 10 rad/s, attachments farther than half the canopy's width, a radius of \
                 gyration outside 0.01 to 5 m",
-        source: "10 rad/s is 1.6 turns a second; a cube of 0.5 m has a radius of gyration of 0.2 m",
+        source: "10 rad/s is 1.6 revolutions per second; a cube of 0.5 m has a radius of gyration of 0.2 m",
         severity: Warning,
         remedy: "give initial_spin_rad_s in rad/s (1 degree is 0.01745 rad), attachments_m in m, inertia_kg_m2 in kg m2",
         when: When::Before(payload_body),
     },
 ];
 
-/// Whether wind, gust or shear move the air past the canopy in stages of the run that `which` names.
+/// Whether there is a wind, gust or shear in the stages to run that `which` selects.
 fn air_moves(f: &Facts<'_>, which: impl Fn(&Stage) -> bool) -> bool {
     let shear = f.scene.shear().is_some();
     shear || f.stages().any(|(i, s)| which(s) && f.numbers.stage_speeds[i][1] > 0.0)
@@ -114,10 +114,10 @@ fn missing(f: &Facts<'_>) -> Vec<Judged> {
         Judged::new(
             Note,
             "",
-            "the scene has no [descent]: the lines' end is held in the wind, as in a tunnel",
+            "the scene has no [descent]: the confluence point is fixed in the wind, as in a wind tunnel",
         )
     } else {
-        Judged::new(Warning, "", "the scene has no [descent] and no wind: no payload falls and no air moves")
+        Judged::new(Warning, "", "the scene has no [descent] and no wind: there is neither a descent nor an air flow")
     }]
 }
 
@@ -142,15 +142,15 @@ fn initial_speed(f: &Facts<'_>) -> Vec<Judged> {
     }
     if d.initial_speed_m_s == 0.0 {
         let figure = format!(
-            "the canopy starts at 0 m/s: no drag holds it at first, and drag coefficients have no reference speed; \
-             it would descend at about {} m/s",
+            "the initial speed is 0 m/s: there is no initial drag, and drag coefficients have no reference speed; \
+             the steady speed is about {} m/s",
             digits(steady)
         );
         return vec![Judged::new(Warning, key, figure)];
     }
     if f.is_parachute() && steady > 0.0 && speed > 3.0 * steady {
         let figure = format!(
-            "the canopy starts at {} m/s, {} times its steady speed of about {} m/s: the drag is about {} weights",
+            "the initial speed is {} m/s, {} times the steady speed of about {} m/s: the drag is about {} times the weight",
             digits(speed),
             digits(speed / steady),
             digits(steady),
@@ -161,7 +161,7 @@ fn initial_speed(f: &Facts<'_>) -> Vec<Judged> {
     Vec::new()
 }
 
-/// A flow-only stage in air that does not move.
+/// The error of a flow-only stage in still air.
 fn still_air(f: &Facts<'_>) -> Vec<Judged> {
     if air_moves(f, |_| true) {
         return Vec::new();
@@ -170,12 +170,12 @@ fn still_air(f: &Facts<'_>) -> Vec<Judged> {
     let key = if f.scene.descent.is_some() { "descent.initial_speed_m_s" } else { "flow.wind_m_s" };
     let remedy = match balance_speed(f) {
         speed if speed > 0.0 => {
-            format!("set descent.initial_speed_m_s, near the steady speed of about {} m/s", digits(speed))
+            format!("set descent.initial_speed_m_s near the steady speed of about {} m/s", digits(speed))
         }
         _ => "set flow.wind_m_s, or add [descent] with initial_speed_m_s".into(),
     };
     let figure =
-        format!("stage `{}` develops the flow around a canopy at rest, but the air stands still", stage.name);
+        format!("stage `{}` develops the flow around a canopy at rest, but the air is at rest too", stage.name);
     vec![Judged::new(Error, key, figure).remedy(remedy)]
 }
 
@@ -189,7 +189,7 @@ fn drag_coefficient(f: &Facts<'_>) -> Vec<Judged> {
     let severity = if (0.3..=1.1).contains(&constructed) { Note } else { Warning };
     let figure = format!(
         "the weight of {} N balances the drag at {} m/s with a coefficient of {} on the constructed area of {} m2 \
-         ({} on the reference area); with {USUAL_DRAG} it would descend at {} m/s",
+         ({} on the reference area); a coefficient of {USUAL_DRAG} gives a steady speed of {} m/s",
         digits(f.weight()),
         digits(f.numbers.release_speed),
         digits(constructed),
@@ -222,7 +222,7 @@ fn reference_area(f: &Facts<'_>) -> Vec<Judged> {
         return Vec::new();
     }
     let figure = format!(
-        "drag coefficients refer to {} m2, the canopy has {} m2 of fabric",
+        "the reference area of drag coefficients is {} m2, the fabric area {} m2",
         digits(d.reference_area_m2),
         digits(f.numbers.fabric_area)
     );
@@ -238,7 +238,7 @@ fn pressure(f: &Facts<'_>) -> Vec<Judged> {
         let key = format!("stage[{i}].pressure_pa");
         if p < 0.0 {
             let figure = format!(
-                "stage `{}` presses the canopy onto its payload with {} Pa: the jump is inside minus outside",
+                "stage `{}` pushes the canopy towards its payload with {} Pa: the pressure jump is inside minus outside",
                 stage.name,
                 digits(p)
             );
@@ -268,7 +268,7 @@ fn payload_body(f: &Facts<'_>) -> Vec<Judged> {
     let spin = length(&b.initial_spin_rad_s);
     if spin > 10.0 {
         let figure = format!(
-            "the payload starts with a spin of {} rad/s, {} turns a second",
+            "the initial spin of the payload is {} rad/s, {} revolutions per second",
             digits(spin),
             digits(spin / std::f64::consts::TAU)
         );
@@ -277,7 +277,7 @@ fn payload_body(f: &Facts<'_>) -> Vec<Judged> {
     let far = b.attachments_m.iter().map(length).fold(0.0, f64::max);
     if far > 0.5 * f.numbers.width {
         let figure = format!(
-            "an attachment lies {} m from the payload's centre of mass, half the canopy's width is {} m",
+            "an attachment is {} m from the centre of mass of the payload; half the width of the canopy is {} m",
             digits(far),
             digits(0.5 * f.numbers.width)
         );

@@ -1,4 +1,4 @@
-//! What a scene is, in lines for a person: canopy, masses, flow grid, effects, coupling, stages.
+//! Description of a scene for `ripstop check`: canopy, masses, flow grid, effects, coupling, stages.
 
 use case::{LoadShape, Role, Scene, Solve, Stage, StageKind};
 use coupling::descent::DescentModel;
@@ -9,7 +9,7 @@ use terminal::counted;
 
 use crate::shared_memory;
 
-/// Lines on the scene as a whole; `first`: the first stage to run, from 0.
+/// The description of the scene; `first`: the first stage to run, from 0.
 pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<String> {
     let mut lines = vec![scene.caption()];
     lines.extend(canopy(scene, interface));
@@ -28,7 +28,7 @@ pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<St
     lines
 }
 
-/// What stage `at` (from 0) does, and for how long.
+/// The description of stage `at` (from 0): programs and duration.
 pub fn stage(scene: &Scene, at: usize) -> String {
     let stage = &scene.stages[at];
     format!("  {}. {}: {}; {}", at + 1, stage.name, what(scene, stage), time(stage))
@@ -48,7 +48,7 @@ fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
     let payload = DescentModel::of(scene, interface).map_or_else(String::new, |m| {
         let weight = m.mass_kg * m.gravity_m_s2;
         format!(
-            ", with payload {:.3} kg; drag balances the weight of {weight:.1} N at a coefficient of {:.3}",
+            ", with payload {:.3} kg; drag balances the weight of {weight:.1} N at a drag coefficient of {:.3}",
             m.mass_kg,
             m.drag_coefficient(weight)
         )
@@ -66,10 +66,10 @@ fn what(scene: &Scene, stage: &Stage) -> String {
             "structure alone under {} Pa",
             stage.pressure_pa.map_or_else(|| "?".into(), |p| p.to_string())
         ),
-        StageKind::FlowOnly => "flow alone around the canopy held still".into(),
-        StageKind::Prescribed => "mesh and flow around the canopy that moves as prescribed".into(),
+        StageKind::FlowOnly => "flow alone around the canopy at rest".into(),
+        StageKind::Prescribed => "mesh and flow around the canopy with prescribed motion".into(),
         StageKind::Coupled => {
-            "structure, mesh and flow coupled".to_owned()
+            "coupled structure, mesh and flow".to_owned()
                 + if scene.descent.is_some() { ", with the descent" } else { "" }
         }
     }
@@ -83,7 +83,7 @@ fn time(stage: &Stage) -> String {
     };
     match stage.solve {
         _ if stage.steady.is_some() => "to a steady state".into(),
-        Solve::Static => "at rest".into(),
+        Solve::Static => "static equilibrium".into(),
         Solve::Dynamic => {
             let windows = counted(stage.windows(), "window");
             format!("{} s in {windows} of {} s{substeps}", stage.duration_s, stage.window_s)
@@ -91,7 +91,7 @@ fn time(stage: &Stage) -> String {
     }
 }
 
-/// How the programs are coupled.
+/// Coupling scheme and load interpolation.
 fn coupling(scene: &Scene) -> String {
     let c = &scene.coupling;
     let load = match c.load_interpolation {
@@ -102,7 +102,7 @@ fn coupling(scene: &Scene) -> String {
     format!("coupling: {}; load over the substeps: {load}", describe(c))
 }
 
-/// Sizes of the flow grid: its topology is that around the unstressed canopy.
+/// Sizes and quality of the flow grid around the unstressed canopy.
 fn flow_grid(scene: &Scene, interface: &CanopyInterface) -> String {
     let made =
         mesh::structure_mesh(scene).and_then(|canopy| mesh::draft_grid(scene, &canopy, &interface.coords));
@@ -122,10 +122,10 @@ fn flow_grid(scene: &Scene, interface: &CanopyInterface) -> String {
                         report.trim_end().replace('\n', "\n  ")
                     )
                 }
-                Err(_) => sizes + "; its quality stands in grid.txt of each stage's folder",
+                Err(_) => sizes + "; its quality is in grid.txt in the folder of each stage",
             }
         }
         Err(mesh::MeshError::Parameter { .. }) => "flow grid: none, see the inspection".into(),
-        Err(error) => format!("flow grid: made from the inflated shape at the start of a stage ({error})"),
+        Err(error) => format!("flow grid: built around the inflated shape at the start of a stage ({error})"),
     }
 }

@@ -1,4 +1,4 @@
-//! The table as a page: `docs/reference/checks.md`.
+//! The table of checks as Markdown, for `docs/reference/checks.md`.
 
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ pub fn markdown() -> String {
     overview(&mut text, &before);
     text.push_str("\n## During the run\n\n");
     overview(&mut text, &during);
-    text.push_str("\n## Each check in full\n");
+    text.push_str("\n## Details\n");
     for c in before.iter().chain(&during) {
         section(&mut text, c);
     }
@@ -21,7 +21,7 @@ pub fn markdown() -> String {
 }
 
 fn overview(text: &mut String, checks: &[&Check]) {
-    text.push_str("| check | what is checked | at worst |\n|---|---|---|\n");
+    text.push_str("| check | condition | highest severity |\n|---|---|---|\n");
     for c in checks {
         let _ = writeln!(text, "| `{}` | {} | {} |", c.id, c.what, c.severity.name());
     }
@@ -34,7 +34,7 @@ fn section(text: &mut String, c: &Check) {
     };
     let _ = write!(
         text,
-        "\n### `{}`\n\n{}.\n\n- Estimate: {}\n- Range: {}\n- Source: {}\n- At worst: {}\n- When: {when}\n",
+        "\n### `{}`\n\n{}.\n\n- Estimate: {}\n- Range: {}\n- Source: {}\n- Highest severity: {}\n- When: {when}\n",
         c.id,
         capital(c.what),
         c.estimate,

@@ -9,32 +9,32 @@ use super::table::{Check, When};
 pub const CHECKS: &[Check] = &[
     Check {
         id: "fabric.areal-density",
-        what: "the fabric weighs what cloth weighs",
+        what: "the areal density is that of parachute cloth",
         estimate: "thickness_m x density_kg_m3, kg/m2",
-        range: "parachute cloth weighs 0.02 to 0.5 kg/m2: warning outside; error below 1e-4 kg/m2 (0.1 micrometres of \
+        range: "parachute cloth has 0.02 to 0.5 kg/m2: warning outside; error below 1e-4 kg/m2 (0.1 micrometres of \
                 polymer) and above 5 kg/m2 (ten times the heaviest cloth)",
-        source: "cloth of PIA-C-7020 weighs 1.1 to 1.6 oz/yd2 (0.037 to 0.054 kg/m2), PIA-C-44378 0.040 kg/m2, duck of \
+        source: "cloth of PIA-C-7020 has 1.1 to 1.6 oz/yd2 (0.037 to 0.054 kg/m2), PIA-C-44378 0.040 kg/m2, duck of \
                  PIA-C-7219 9.5 oz/yd2 (0.32 kg/m2); the range leaves a margin to lighter and heavier ones",
         severity: Error,
         remedy: "give thickness_m in metres (3e-5 is 0.03 mm) and density_kg_m3 in kg/m3 (nylon 1140): \
-                 their product is the weight of a square metre",
+                 their product is the areal density",
         when: When::Before(areal_density),
     },
     Check {
         id: "fabric.thickness",
-        what: "the fabric is as thin as cloth, so that a membrane without bending stiffness stands for it",
+        what: "the fabric is thin enough for a membrane model without bending stiffness",
         estimate: "thickness_m",
         range: "parachute cloth is 0.02 to 1 mm thick: warning outside; error above 10 mm",
-        source: "cloth of PIA-C-7020 is 0.076 to 0.10 mm thick as woven; its 0.037 kg/m2 are 0.03 mm of solid nylon",
+        source: "cloth of PIA-C-7020 is 0.076 to 0.10 mm thick as woven; its 0.037 kg/m2 correspond to 0.03 mm of solid nylon",
         severity: Error,
         remedy: "give thickness_m in metres: 0.03 mm is 3e-5",
         when: When::Before(thickness),
     },
     Check {
         id: "fabric.density",
-        what: "the fabric is as dense as fibres",
+        what: "the density is that of a fabric",
         estimate: "density_kg_m3",
-        range: "fabrics weigh 300 to 3000 kg/m3: warning outside; error below the density of the air",
+        range: "fabrics have 300 to 3000 kg/m3: warning outside; error below the density of the air",
         source: "polyethylene 970, nylon 1140, aramid 1440, glass 2500 kg/m3; half of a woven cloth is voids",
         severity: Error,
         remedy: "give density_kg_m3 in kg/m3: nylon has 1140, not 1.14 (g/cm3)",
@@ -42,34 +42,34 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "fabric.strain",
-        what: "the fabric's strain lies where its law is valid",
+        what: "the estimated strain is within the range of the material model",
         estimate: "Green strain E = p R / (E_Y t) of a wrinkled canopy of radius R = width / 2 that carries the load \
                    pressure p along one direction (exact for a cylinder of St. Venant-Kirchhoff fabric); peaks at seams \
                    and line attachments are about four times it (ATPS: 0.16 estimated, 0.63 in the run)",
         range: "St. Venant-Kirchhoff is valid to a Green strain of 0.1 to 0.2: warning above 0.1; error above 5, \
                 beyond all textiles even if the estimate is three times too large",
-        source: "nylon cloth breaks at 20 to 40 % elongation; above 0.2 the law is softer than any measured cloth",
+        source: "nylon cloth breaks at 20 to 40 % elongation; above 0.2 the model is softer than any measured cloth",
         severity: Error,
-        remedy: "check fabric.youngs_modulus_pa (nylon cloth: 2e8 to 2e9 Pa) and thickness_m; where the soft modulus is \
-                 meant, as in the paper's ATPS, read strains and stresses as those of the law and not of a cloth",
+        remedy: "check fabric.youngs_modulus_pa (nylon cloth: 2e8 to 2e9 Pa) and thickness_m; if the soft modulus is \
+                 intended, as in the paper's ATPS, strains and stresses are those of the model, not of a real cloth",
         when: When::Before(strain),
     },
     Check {
         id: "fabric.mass-ratio",
-        what: "the coupling scheme suits a fabric that is lighter than the air it moves",
-        estimate: "m* = (fabric, kg/m2) / (8/(3 pi) rho R), the fabric's mass over the added mass of a disk of radius \
+        what: "the coupling scheme is stable for the ratio of fabric mass to added mass",
+        estimate: "m* = (fabric, kg/m2) / (8/(3 pi) rho R), the mass of the fabric over the added mass of a disk of radius \
                    R = width / 2",
-        range: "warning where m* < 1 and coupling.scheme = \"staggered\" has no added mass of its own, or load = \
-                \"linear\" with more than one substep",
-        source: "Causin, Gerbeau and Nobile, CMAME 194 (2005): staggered schemes are unstable there; docs/records/stability.md \
-                 for load = \"linear\"",
+        range: "warning for m* < 1 with coupling.scheme = \"staggered\" (except the sequence \"added-mass\"), or with \
+                coupling.load_interpolation = \"linear\" and more than one substep",
+        source: "Causin, Gerbeau and Nobile, CMAME 194 (2005): staggered schemes are unstable for m* < 1; docs/records/stability.md \
+                 for load_interpolation = \"linear\"",
         severity: Warning,
         remedy: "set coupling.scheme = \"implicit\" and coupling.load_interpolation = \"mean\", the defaults",
         when: When::Before(mass_ratio),
     },
 ];
 
-/// Severity of a value: `warn` is the range without a finding, `stop` that without an error.
+/// Severity of a value: a note within `warn`, a warning within `stop`, otherwise an error.
 fn outside(value: f64, warn: [f64; 2], stop: [f64; 2]) -> Severity {
     let within = |[low, high]: [f64; 2]| (low..=high).contains(&value);
     match (within(warn), within(stop)) {
@@ -85,7 +85,7 @@ fn areal_density(f: &Facts<'_>) -> Vec<Judged> {
     }
     let weight = f.numbers.fabric_kg_m2;
     let severity = outside(weight, [0.02, 0.5], [1e-4, 5.0]);
-    // The one of the two that is farther from nylon of 0.03 mm is the likely slip.
+    // The value with the larger ratio to nylon cloth of 0.05 mm is the likely mistake.
     let far = |value: f64, usual: f64| (value / usual).ln().abs();
     let fabric = &f.scene.fabric;
     let key = if far(fabric.thickness_m, 5e-5) > far(fabric.density_kg_m3, 1140.0) {
@@ -93,7 +93,7 @@ fn areal_density(f: &Facts<'_>) -> Vec<Judged> {
     } else {
         "fabric.density_kg_m3"
     };
-    vec![Judged::new(severity, key, format!("the fabric weighs {} kg/m2", digits(weight)))]
+    vec![Judged::new(severity, key, format!("the areal density of the fabric is {} kg/m2", digits(weight)))]
 }
 
 fn thickness(f: &Facts<'_>) -> Vec<Judged> {
@@ -112,7 +112,7 @@ fn density(f: &Facts<'_>) -> Vec<Judged> {
         return Vec::new();
     }
     let figure = format!(
-        "the fabric has a density of {} kg/m3, the air {} kg/m3, nylon 1140 kg/m3",
+        "the density of the fabric is {} kg/m3; air has {} kg/m3, nylon 1140 kg/m3",
         digits(rho),
         digits(f.numbers.density)
     );
@@ -133,7 +133,7 @@ fn strain(f: &Facts<'_>) -> Vec<Judged> {
     }
     let strain = green_strain(p, 0.5 * f.numbers.width, fabric.softest_modulus_pa() * fabric.thickness_m);
     let figure = format!(
-        "a Green strain of about {} (stretch {}) under {} Pa, {load}; peaks are about four times it",
+        "a Green strain of about {} (stretch {}) under {} Pa, {load}; peak values are about four times higher",
         digits(strain),
         digits((1.0 + 2.0 * strain).sqrt()),
         digits(p)
@@ -153,7 +153,7 @@ fn mass_ratio(f: &Facts<'_>) -> Vec<Judged> {
         c.scheme == case::Scheme::Staggered && c.staggered.sequence != case::StaggeredSequence::AddedMass;
     let linear = c.load_interpolation == case::LoadShape::Linear
         && f.stages_of(case::StageKind::Coupled).any(|(_, s)| s.substeps > 1);
-    let figure = format!("the fabric weighs {} of the air that moves with it", percent(ratio));
+    let figure = format!("the mass of the fabric is {} of the added mass of the air", percent(ratio));
     let (severity, key) = match (ratio < 1.0, explicit, linear) {
         (true, true, _) => (Warning, "coupling.scheme"),
         (true, false, true) => (Warning, "coupling.load_interpolation"),

@@ -1,4 +1,4 @@
-//! What the checks before a run know: the scene with its canopy, the flow grid's sizes, the machine.
+//! Input of the checks before a run: scene, canopy, flow-grid sizes, machine.
 
 use std::path::Path;
 
@@ -7,16 +7,16 @@ use coupling::interface::CanopyInterface;
 use effects::numbers::Numbers;
 use mesh::{CableKind, GridSizes, MeshError, StructureMesh};
 
-/// What a machine offers a run.
+/// Resources of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Machine {
     /// Hardware threads that this process may use.
     pub cores: usize,
     /// Main memory, bytes; `None` if unknown.
     pub memory: Option<f64>,
-    /// Free bytes where the results go; `None` if unknown.
+    /// Free disk space in the folder of the results, bytes; `None` if unknown.
     pub disk: Option<f64>,
-    /// Options of `mpirun` are given: ranks may stand on other hosts.
+    /// `mpirun` has options: ranks may run on other hosts.
     pub hosts: bool,
 }
 
@@ -34,19 +34,19 @@ impl Machine {
     }
 }
 
-/// A scene before its run, in figures.
+/// Quantities of a scene before its run.
 pub struct Facts<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// Sizes, speeds, loads and masses.
     pub numbers: Numbers<'a>,
-    /// Fabric, lines and payload as cut.
+    /// Structure mesh (fabric, lines, payload) in the unstressed shape.
     pub mesh: StructureMesh,
     /// Sizes of the flow grid; `None` without a flow.
     pub grid: Option<Result<GridSizes, MeshError>>,
     /// The machine.
     pub machine: Machine,
-    /// First stage that runs.
+    /// First stage to run, from 0.
     pub first: usize,
     /// Former names in the file of the scene and in the options of the command line.
     pub former_names: Vec<FormerName>,
@@ -57,15 +57,15 @@ pub struct Facts<'a> {
 pub struct FormerName {
     /// Current dotted key.
     pub key: String,
-    /// What is written and what it is now, in a sentence without full stop.
+    /// Former and current name, a sentence without full stop.
     pub text: String,
 }
 
 impl<'a> Facts<'a> {
-    /// Of a scene whose stages from `first` on run on `machine`.
+    /// The quantities of a scene whose stages from `first` on run on `machine`.
     ///
     /// # Errors
-    /// Parameters that make no canopy.
+    /// Parameters from which no canopy mesh can be built.
     pub fn new(
         scene: &'a Scene,
         interface: &CanopyInterface,
@@ -79,22 +79,23 @@ impl<'a> Facts<'a> {
         Ok(Self { scene, numbers, mesh, grid, machine, first, former_names: Vec::new() })
     }
 
-    /// Stages that run, with their number from 0.
+    /// Stages to run, with their number from 0.
     pub fn stages(&self) -> impl Iterator<Item = (usize, &'a Stage)> {
         self.scene.stages.iter().enumerate().skip(self.first)
     }
 
-    /// Stages of a kind that run.
+    /// Stages to run of a kind.
     pub fn stages_of(&self, kind: StageKind) -> impl Iterator<Item = (usize, &'a Stage)> {
         self.stages().filter(move |(_, s)| s.kind == kind)
     }
 
-    /// Whether a stage of this kind runs.
+    /// Whether a stage of this kind is to run.
     pub fn has(&self, kind: StageKind) -> bool {
         self.stages_of(kind).next().is_some()
     }
 
-    /// A canopy that hangs on lines. Ranges of real parachutes concern no panel, air bag or held sheet.
+    /// Whether the canopy has suspension lines. Ranges of real parachutes do not apply to panels, air bags and
+    /// fixed sheets.
     pub fn is_parachute(&self) -> bool {
         match &self.scene.canopy {
             Canopy::Atps(_) => true,
@@ -104,12 +105,12 @@ impl<'a> Facts<'a> {
         }
     }
 
-    /// Weight of all that falls, N; 0 without descent.
+    /// Weight of payload, fabric and lines, N; 0 without descent.
     pub fn weight(&self) -> f64 {
         self.numbers.falling_mass * self.numbers.gravity
     }
 
-    /// The largest pressure jump that the scene's own figures give, Pa, with its name: that of a
+    /// The largest pressure jump of the scene, Pa, with its name: the pressure of a
     /// pre-inflation, the dynamic pressure, or the weight over the fabric area $S_0$.
     pub fn load_pressure(&self) -> (f64, &'static str) {
         let n = &self.numbers;
@@ -148,7 +149,7 @@ pub fn digits(value: f64) -> String {
     }
 }
 
-/// A share in per cent, three significant digits.
+/// A ratio in per cent, three significant digits.
 pub fn percent(share: f64) -> String {
     format!("{} %", digits(100.0 * share))
 }
@@ -158,7 +159,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn three_digits_of_any_size() {
+    fn numbers_have_three_significant_digits() {
         for (value, text) in [
             (0.0, "0"),
             (0.0373, "0.0373"),

@@ -1,27 +1,27 @@
-//! What a check says of a scene.
+//! Results of a check.
 
 pub use results::finding::{Finding, Severity};
 
-/// What a check before the run found: its figure and the key of the scene that it concerns.
+/// Result of a check before the run: severity, key of the scene, value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// How bad.
+    /// Severity.
     pub severity: Severity,
     /// Dotted key of the scene, such as `fabric.thickness_m` or `stage[1].window_s`; empty if none.
     pub key: String,
-    /// The figure, in a sentence without full stop.
+    /// The value with its context, a sentence without full stop.
     pub figure: String,
-    /// A remedy for this figure instead of the one in the table.
+    /// Remedy for this value instead of that in the table.
     pub remedy: Option<String>,
 }
 
 impl Judged {
-    /// A finding whose remedy is that of the table.
+    /// A result with the remedy of the table.
     pub fn new(severity: Severity, key: impl Into<String>, figure: impl Into<String>) -> Self {
         Self { severity, key: key.into(), figure: figure.into(), remedy: None }
     }
 
-    /// The same with its own remedy.
+    /// Replaces the remedy of the table.
     pub fn remedy(self, remedy: impl Into<String>) -> Self {
         Self { remedy: Some(remedy.into()), ..self }
     }

@@ -11,32 +11,32 @@ use super::table::{Check, When};
 pub const CHECKS: &[Check] = &[
     Check {
         id: "flow.grid",
-        what: "the parameters make a flow grid",
+        what: "a flow grid can be built",
         estimate: "number of cells and nodes, from the topology",
-        range: "error where no grid can be made: among others a first layer above a quarter of the canopy's width",
-        source: "the grid generator, or the file that holds the grid",
+        range: "error if no grid can be built, for example with a first layer thicker than a quarter of the canopy width",
+        source: "the grid generator, or the grid file",
         severity: Error,
-        remedy: "change the key that the message names; lengths are in metres",
+        remedy: "correct the key in the message; lengths are in metres",
         when: When::Before(grid),
     },
     Check {
         id: "flow.cells-across",
-        what: "enough cells lie across the canopy",
+        what: "the flow grid has enough cells across the canopy",
         estimate: "cells along the width of the canopy",
         range: "warning below 10",
-        source: "docs/records/accuracy.md: 6 cells across a square canopy miss the drag by 20 % and the speed by 3.4 %, 12 by \
-                 about 7 % of the drag; 18 across the ATPS leave 1 to 3 %",
+        source: "docs/records/accuracy.md: 6 cells across a square canopy give an error of 20 % in drag and 3.4 % in speed, 12 cells \
+                 about 7 % in drag; 18 cells across the ATPS give 1 to 3 %",
         severity: Warning,
-        remedy: "raise canopy.cells_across: 12 for a first look, 18 and more for results; `ripstop accuracy` measures \
+        remedy: "raise canopy.cells_across: 12 for exploration, 18 and more for results; `ripstop accuracy` measures \
                  the error",
         when: When::Before(cells_across),
     },
     Check {
         id: "flow.first-layer",
-        what: "cells at the canopy are no thicker than wide",
-        estimate: "thickness of the first layer over the cell edge along the canopy, and over the canopy's width",
+        what: "the aspect ratio of cells at the canopy is at most 1",
+        estimate: "thickness of the first layer over the cell edge along the canopy, and over the width of the canopy",
         range: "warning above 1 cell edge, and above 0.1 widths",
-        source: "cells thicker than wide resolve the pressure jump at rim and vents worse than the canopy's own mesh",
+        source: "cells thicker than wide resolve the pressure jump at rim and vents worse than the canopy mesh",
         severity: Warning,
         remedy: "set flow.grid.first_layer_m (or flow.box.first_layer_m) to a third of a cell edge",
         when: When::Before(first_layer),
@@ -44,23 +44,23 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "flow.boundary-layer",
         what: "a viscous flow resolves the boundary layer on the fabric",
-        estimate: "delta half a width down the canopy: 5 x / Re_x^1/2 laminar, 0.37 x / Re_x^1/5 turbulent (Re_x above \
-                   5e5); with a turbulence model y+ = u_tau y / nu of the first cell's centre, \
+        estimate: "boundary-layer thickness delta half a width downstream along the canopy: 5 x / Re_x^1/2 laminar, 0.37 x / Re_x^1/5 turbulent (Re_x above \
+                   5e5); with a turbulence model y+ = u_tau y / nu of the first cell centre, \
                    u_tau = U (0.029 Re_x^-1/5)^1/2",
-        range: "warning where the first layer is thicker than a fifth of delta, or y+ is above 5 with a turbulence model",
-        source: "Schlichting, Boundary Layer Theory; the flow-solver has no wall functions, and its flat plate is \
+        range: "warning for a first layer thicker than delta / 5, or y+ above 5 with a turbulence model",
+        source: "Schlichting, Boundary Layer Theory; the flow-solver has no wall functions; its flat plate is \
                  verified at y+ 0.93",
         severity: Warning,
-        remedy: "thin flow.grid.first_layer_m and add layers; or leave [flow.viscosity] out: a canopy's drag comes from \
-                 pressure where the flow separates at its rim",
+        remedy: "reduce flow.grid.first_layer_m and add layers; or omit [flow.viscosity]: with separation at the rim the \
+                 drag of a canopy is mainly pressure drag",
         when: When::Before(boundary_layer),
     },
     Check {
         id: "flow.outer-boundary",
-        what: "the outer boundary is far away",
-        estimate: "flow.grid.far_field_widths and wake_widths; blockage: area of a disk of the canopy's width over that \
-                   of the far field's circle",
-        range: "far field at 4 widths, wake at 6: warning below; a blockage of 4 widths is 1.6 %",
+        what: "the far field is far enough from the canopy",
+        estimate: "flow.grid.far_field_widths and wake_widths; blockage: area of a disk of the canopy width over that \
+                   of the far-field circle",
+        range: "warning for a far field below 4 widths (a blockage of 1.6 %) or a wake below 6 widths",
         source: "wind-tunnel practice keeps the blockage of bluff bodies below 5 %; the wake of a disk closes after 3 to \
                  4 widths",
         severity: Warning,
@@ -69,21 +69,21 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "flow.courant",
-        what: "windows resolve what the stream carries along the canopy",
+        what: "windows resolve convection along the canopy",
         estimate: "U window_s / (cell edge along the canopy), with U the largest speed of the stage, gusts included",
         range: "warning above 3",
-        source: "the implicit scheme is stable at any value, but a wave of ten cells has fewer than 3.3 windows in a \
-                 period above 3",
+        source: "the implicit scheme is unconditionally stable, but above 3 a wave of ten cells has fewer than 3.3 windows \
+                 in a period",
         severity: Warning,
         remedy: "shorten window_s of the stage",
         when: When::Before(courant),
     },
     Check {
         id: "flow.mach",
-        what: "the flow's equations suit its Mach number",
+        what: "the isothermal equations are valid at the Mach number",
         estimate: "U over the speed of sound, with U the largest speed of all stages, gusts included",
         range: "warning above 0.3 without [flow.energy]",
-        source: "density changes by M^2 / 2, 4.5 % at 0.3, with a temperature that an isothermal flow does not have",
+        source: "the density changes by M^2 / 2, 4.5 % at 0.3; isothermal flow neglects the change of temperature",
         severity: Warning,
         remedy: "add [flow.energy], or check flow.wind_m_s and descent.initial_speed_m_s",
         when: When::Before(mach),
@@ -91,8 +91,8 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "flow.reynolds",
         what: "Reynolds number of the canopy",
-        estimate: "rho U width / mu, with the viscosity of air where the flow is inviscid",
-        range: "a figure",
+        estimate: "rho U width / mu, with the viscosity of air if the flow is inviscid",
+        range: "for information",
         source: "definition",
         severity: Note,
         remedy: "",
@@ -126,7 +126,7 @@ fn cells_across(f: &Facts<'_>) -> Vec<Judged> {
     let across = n.width / n.cell;
     let severity = if across < 9.5 { Warning } else { Note };
     let key = if matches!(f.scene.canopy, Canopy::Gmsh(_)) { "canopy.file" } else { "canopy.cells_across" };
-    let figure = format!("about {across:.0} cells lie across the canopy, with edges of {} m", digits(n.cell));
+    let figure = format!("about {across:.0} cells across the canopy, with edges of {} m", digits(n.cell));
     vec![Judged::new(severity, key, figure)]
 }
 
@@ -147,12 +147,12 @@ fn layer(f: &Facts<'_>) -> Option<(f64, &'static str)> {
 }
 
 fn first_layer(f: &Facts<'_>) -> Vec<Judged> {
-    // Without a grid its own check says why.
+    // Without a grid the check `flow.grid` reports the reason.
     let (Some((first, key)), Some(Ok(_))) = (layer(f), &f.grid) else { return Vec::new() };
     let n = &f.numbers;
     let thick = f.is_parachute() && (first > n.cell || first > 0.1 * n.width);
     let figure = format!(
-        "the cells at the canopy are {} m thick, {} of their edge and {} of the canopy's width",
+        "the cells at the canopy are {} m thick, {} of their edge and {} of the width of the canopy",
         digits(first),
         percent(first / n.cell),
         percent(first / n.width)
@@ -160,7 +160,7 @@ fn first_layer(f: &Facts<'_>) -> Vec<Judged> {
     vec![Judged::new(if thick { Warning } else { Note }, key, figure)]
 }
 
-/// Thickness of the boundary layer half a width `run` down the canopy, m, at its Reynolds number there.
+/// Boundary-layer thickness at the distance `run` (m) from the leading edge with the local Reynolds number `re`, m.
 fn thickness(run: f64, re: f64) -> f64 {
     if re < 5e5 { 5.0 * run / re.sqrt() } else { 0.37 * run / re.powf(0.2) }
 }
@@ -184,7 +184,7 @@ fn boundary_layer(f: &Facts<'_>) -> Vec<Judged> {
     let severity = if first > 0.2 * delta || (modelled && plus > 5.0) { Warning } else { Note };
     let wall = if modelled { format!(", y+ about {}", digits(plus)) } else { String::new() };
     let figure = format!(
-        "at a Reynolds number of {} the boundary layer is about {} m thick, the first cells {} m{wall}",
+        "at a Reynolds number of {} the boundary layer is about {} m thick; the first cells are {} m{wall}",
         digits(n.reynolds),
         digits(delta),
         digits(first)
@@ -207,7 +207,7 @@ fn outer_boundary(f: &Facts<'_>) -> Vec<Judged> {
     ] {
         if value < least {
             let figure = format!(
-                "the outer boundary lies {} widths from the canopy's middle, a blockage of {}",
+                "the outer boundary is {} widths from the centre of the canopy, a blockage of {}",
                 digits(value),
                 percent(0.25 / (value * value))
             );
@@ -216,7 +216,7 @@ fn outer_boundary(f: &Facts<'_>) -> Vec<Judged> {
     }
     if found.is_empty() {
         let (far, wake) = (digits(g.far_field_widths), digits(g.wake_widths));
-        let figure = format!("the outer boundary lies {far} widths away, {wake} downstream");
+        let figure = format!("the outer boundary is {far} widths away, {wake} downstream");
         found.push(Judged::new(Note, "flow.grid.far_field_widths", figure));
     }
     found
@@ -260,7 +260,7 @@ mod tests {
 
     /// A plate of 1 m in air at 10 m/s worked out by hand: Re 6.85e5, nu 1.46e-5 m2/s.
     #[test]
-    fn a_plate_in_air() {
+    fn boundary_layer_of_a_plate_matches_hand_calculation() {
         let nu = 1.789e-5 / 1.225;
         let re = 10.0 / nu;
         assert!((thickness(1.0, re) - 0.0252).abs() < 1e-4, "{}", thickness(1.0, re));

@@ -20,7 +20,7 @@ pub struct Inspection {
 }
 
 impl Inspection {
-    /// Does all checks of the table that need no run.
+    /// Runs all checks before the run.
     pub fn new(facts: &Facts<'_>, place: impl Fn(&str) -> String) -> Self {
         let mut findings = Vec::new();
         for check in all() {
@@ -33,11 +33,11 @@ impl Inspection {
         Self { findings }
     }
 
-    /// Of a scene whose stages from `first` on run on `machine`. `file` is where the user wrote it, `settings` are the values of
-    /// `--set` as written.
+    /// Inspects a scene whose stages from `first` on run on `machine`. `file` is the scene file, `settings` are the values of
+    /// `--set` as written; both locate findings.
     ///
     /// # Errors
-    /// Parameters that make no canopy.
+    /// Parameters from which no canopy mesh can be built.
     pub fn of(
         scene: &Scene,
         interface: &CanopyInterface,
@@ -74,7 +74,7 @@ impl Inspection {
         if errors.is_empty() { Ok(()) } else { Err(RunError::Input(errors.join("\n"))) }
     }
 
-    /// The verdict of `ripstop check`, which has printed the findings.
+    /// The result of `ripstop check`, which has printed the findings.
     ///
     /// # Errors
     /// [`RunError::Input`] where there are errors.
@@ -82,13 +82,13 @@ impl Inspection {
         match self.of_severity(Severity::Error).count() {
             0 => Ok(()),
             n => Err(RunError::Input(format!(
-                "the inspection found {}, see above: this scene would not run",
+                "the inspection found {} (see above): the scene cannot run",
                 counted(n as u64, "error")
             ))),
         }
     }
 
-    /// The section of `ripstop check`.
+    /// The findings as text for `ripstop check`.
     pub fn text(&self) -> String {
         let count = |s: Severity| self.of_severity(s).count() as u64;
         let mut lines = vec![format!(
@@ -105,7 +105,7 @@ impl Inspection {
 }
 
 fn complete(check: &Check, judged: Judged, place: impl Fn(&str) -> String) -> Finding {
-    debug_assert!(judged.severity <= check.severity, "{} is worse than its row says", check.id);
+    debug_assert!(judged.severity <= check.severity, "{} exceeds the severity of its row", check.id);
     let remedy = judged.remedy.unwrap_or_else(|| check.remedy.to_owned());
     Finding {
         severity: judged.severity,
@@ -118,7 +118,7 @@ fn complete(check: &Check, judged: Judged, place: impl Fn(&str) -> String) -> Fi
     }
 }
 
-/// Where the user wrote the value of `key`: an option, or a line of the file.
+/// The location of the value of `key`: an option, or a line of the file.
 fn place(file: &Path, text: &str, settings: &[String], stages: &[&str], key: &str) -> String {
     let current = |s: &&String| s.split_once('=').is_some_and(|(k, _)| case::current_path(k.trim()) == key);
     let stage = key.strip_prefix("stage[").and_then(|rest| rest.split_once(']'));

@@ -1,11 +1,11 @@
-//! Checks for the user: the inspection of a scene before a run, and the checks of the programs during it.
+//! Checks of a scene before a run (the inspection), and checks of the programs during the run.
 //!
 //! [`table::all`] lists every check with its estimate, its range, the source of that range, its severity and
 //! its remedy. `ripstop check`, `ripstop run`, `summary.json`, the report and `docs/reference/checks.md` read this
 //! table. A check before the run is a pure function of [`facts::Facts`]; a check during the run is
-//! described in [`run_time`] and done by the program that it names.
+//! described in [`run_time`] and performed by the program that its row names.
 
-// An error ends the run: its size is no cost.
+// An error ends the run: its size does not affect performance.
 #![allow(clippy::result_large_err)]
 
 pub mod description;
