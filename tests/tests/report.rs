@@ -147,6 +147,6 @@ fn a_run_that_stopped_early_has_a_page_too() {
     std::fs::remove_file(out.join("summary.json")).expect("it was there");
     let said = succeed(report(&out, &[]));
     let said = String::from_utf8_lossy(&said.stderr).into_owned();
-    assert!(said.contains("summary.json is not there"), "{said}");
+    assert!(said.contains("summary.json is missing"), "{said}");
     assert!(out.join("report.html").is_file());
 }
