@@ -233,7 +233,7 @@ fn gaps_are_shown_and_an_interrupted_study_resumes() {
     assert!(before >= 1 && open.len() == 1, "{before} {open:?}");
     let second = succeed(accuracy(&file, &out, &options));
     let (words, lines) = text(&second);
-    assert!((words.clone() + &lines).contains("runs are there already"), "{words}{lines}");
+    assert!((words.clone() + &lines).contains("runs have results"), "{words}{lines}");
     // Each running sample has a line with its ETA, and what is left.
     let running: Vec<&str> = lines.lines().filter(|l| l.contains("running `")).collect();
     assert!(running.iter().any(|l| l.contains("`window 0.5`")), "{lines}");
@@ -242,9 +242,9 @@ fn gaps_are_shown_and_an_interrupted_study_resumes() {
     for (file, run) in open {
         assert_eq!(std::fs::read(&file).expect("a run"), run, "{} was started again", file.display());
     }
-    assert!(words.contains("gap: `mesh.min_quality 0.9`"), "{words}");
+    assert!(words.contains("failed: `mesh.min_quality 0.9`"), "{words}");
     let page = std::fs::read_to_string(out.join("accuracy.html")).expect("a page");
-    assert!(page.contains("class=\"gap\""));
+    assert!(page.contains("class=\"failed\""));
     let table = std::fs::read_to_string(out.join("samples.csv")).expect("a table");
     assert!(
         table.lines().any(|l| l.starts_with("mesh.min_quality 0.9,") && l.contains("scaled Jacobian")),

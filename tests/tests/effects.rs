@@ -362,9 +362,9 @@ fn effects_are_listed_ranked_and_measured() {
             .collect::<Vec<_>>()
     };
     // The load of a stage without air, and the force in the lines; then the costs.
-    let changes = rows("what effects change");
+    let changes = rows("relative change of the quantities");
     assert!(changes[0].contains(" drag ") && changes[1].contains(" tension "), "{text}");
-    let cost = rows("what effects cost").pop().expect("a row");
+    let cost = rows("cost of each effect").pop().expect("a row");
     let ratio: f64 = cost.split_whitespace().nth(2).expect("a ratio").parse().expect("a number");
     assert!(ratio > 0.0, "{text}");
     let mut wrong = std::process::Command::new(ripstop_tests::program("ripstop"));

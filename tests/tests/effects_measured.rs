@@ -153,7 +153,7 @@ fn holds(trial: &Trial, folder: &Path) {
     let out = succeed(command);
     let text = String::from_utf8_lossy(&out.stdout).into_owned();
     let table: Vec<Row> =
-        text.lines().skip_while(|l| !l.starts_with("what effects change")).filter_map(row).collect();
+        text.lines().skip_while(|l| !l.starts_with("relative change of the quantities")).filter_map(row).collect();
     for effect in trial.effects {
         let rows: Vec<&Row> = table.iter().filter(|r| r.effect == *effect).collect();
         assert!(!rows.is_empty(), "{}: {effect} was not measured:\n{text}", trial.name);

@@ -277,9 +277,9 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
         let at = names.iter().position(|n| *n == name).expect("a column");
         line.split(',').nth(at).expect("a cell").to_owned()
     };
-    let members: Vec<&str> = table.lines().skip(1).collect();
-    assert_eq!(members.len(), 6);
-    for line in members {
+    let samples: Vec<&str> = table.lines().skip(1).collect();
+    assert_eq!(samples.len(), 6);
+    for line in samples {
         let ratio: f64 = cell(line, "mass_ratio").parse().expect("a number");
         let class = cell(line, "class");
         if cell(line, "scheme") == "staggered" {
@@ -293,10 +293,10 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
         assert!(number("amplitude_error").abs() < 0.1 && number("energy_created") < 0.1, "{line}");
         assert!(number("iterations_per_window") < 6.0, "{line}");
     }
-    // What was flown is kept: the second time starts no program.
+    // Results are reused: the second call starts no program.
     let again = run();
     let words = String::from_utf8_lossy(&again.stderr);
-    assert!(words.contains("6 of 6 members are there already"), "{words}");
+    assert!(words.contains("6 of 6 samples have results"), "{words}");
 }
 
 #[test]
