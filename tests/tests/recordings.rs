@@ -47,7 +47,7 @@ fn each_program_replays_what_it_said() {
             "--iteration-tolerance",
             "0",
         ]));
-        assert!(text(&output).contains("the same to 0e0"), "{}", text(&output));
+        assert!(text(&output).contains("no deviation above 0e0"), "{}", text(&output));
         succeed(ripstop(&["conform", role.trim_start_matches('-'), path(&recording)]));
     }
     let words = ["replay", path(&recording), "--flow", "--ranks", "1", "--tolerance", "2e-4"];
@@ -102,7 +102,7 @@ fn a_changed_solver_is_named_by_channel_and_window() {
     let words = ["--baseline", path(&reference), "--stop-at-deviation", "--stop-after-windows", "2"];
     let output = ripstop_run(&changed, &folder.path().join("c"), &words).output().expect("it starts");
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
-    let says = "stage `pre-inflation`, window 0, coupling iteration 0: the run leaves its baseline";
+    let says = "stage `pre-inflation`, window 0, coupling iteration 0: the run deviates from its baseline";
     assert!(text(&output).contains(says), "{}", text(&output));
     // The same scene stays with it to the bit.
     let words = [

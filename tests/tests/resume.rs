@@ -150,7 +150,7 @@ fn a_damaged_state_gives_way_to_the_one_before_it() {
     std::fs::write(out.join("descent/state.new/flow.bin"), &bytes[..100]).expect("half a draft");
     let output = succeed(ripstop_run(&scene, &out, &["--resume"]));
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(text.contains("is not whole (flow.bin has") && text.contains("is passed over"), "{text}");
+    assert!(text.contains("is incomplete (flow.bin has") && text.contains("is skipped"), "{text}");
     assert!(text.contains("going on with stage `descent` after"), "{text}");
     assert_same(&whole, &out);
 }
