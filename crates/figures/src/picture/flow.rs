@@ -1,4 +1,4 @@
-//! The picture of a flow: a vertical cut with the canopy in it.
+//! The picture of a flow: a vertical slice with the canopy.
 
 use std::path::PathBuf;
 
@@ -17,10 +17,10 @@ use crate::sheet::{Anchor, Canvas, Drawn, Sheet, fine, pen};
 use crate::snapshots::{RunSnapshots, field};
 
 const WHITE: Rgb = [1.0; 3];
-/// Height of the strip below the cut, as a share of the width.
+/// Height of the strip below the slice, relative to the width.
 const BELOW: f64 = 0.085;
 
-/// The cut through a flow, and the part of it that is shown.
+/// A slice of the flow and its visible part.
 pub(super) struct Flow {
     patches: Vec<Patch>,
     canopy: Vec<[[f64; 2]; 2]>,
@@ -29,7 +29,7 @@ pub(super) struct Flow {
 }
 
 impl Flow {
-    /// Cuts a snapshot of the flow, in several files, around a canopy or, without one, as a whole.
+    /// Slices a snapshot of the flow, given as several files, around a canopy, or as a whole without one.
     pub(super) fn read(
         results: &RunSnapshots,
         files: &[PathBuf],
@@ -68,13 +68,13 @@ impl Flow {
         });
         if patches.is_empty() {
             return Err(RunError::Input(
-                "the cut meets no cell of the flow: try it without --diagonal".into(),
+                "the slice intersects no cell of the flow. Choose the other plane (with or without --diagonal)".into(),
             ));
         }
         Ok(Self { patches, canopy, window })
     }
 
-    /// The cut in the colours of its speed, `width` pixels wide.
+    /// The slice coloured by speed, `width` pixels wide.
     pub(super) fn picture(&self, caption: &str, width: u32) -> Image {
         let w = f64::from(width);
         let [low, high] = self.window;
@@ -104,7 +104,7 @@ impl Flow {
         samples.average()
     }
 
-    /// Arrows on the cut, and below it colour bar and caption.
+    /// Draws arrows, colour bar and caption.
     fn write_on<DB: Canvas>(
         &self,
         area: &DrawingArea<DB, Shift>,
@@ -124,8 +124,8 @@ impl Flow {
         sheet.text(caption, [0.97 * w, h + 0.043 * w], text, Anchor::Right, INK)
     }
 
-    /// The velocity in the plane, on a lattice: as long as the spacing at `fastest`. Each arrow is a line
-    /// through its tail, its tip and the ends of its head.
+    /// Arrows of the in-plane velocity on a regular lattice, with the length of the spacing at `fastest`. Each arrow is a
+    /// polyline through its tail, tip and head.
     fn arrows(&self, place: impl Fn([f64; 2]) -> Place, fastest: f64) -> Vec<Vec<[f64; 2]>> {
         let [low, high] = self.window;
         let columns = 36;

@@ -1,9 +1,9 @@
-//! A vertical cut through the flow and the canopy.
+//! Vertical slices through flow and canopy.
 
 use mesh::Point;
 use mesh::vtk::read::Piece;
 
-/// The cut: a vertical plane through the axis of the canopy.
+/// The slice plane: a vertical plane through the axis of the canopy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
     /// Horizontal direction in the plane, length 1.
@@ -12,21 +12,20 @@ pub(super) struct Plane {
     offset: f64,
 }
 
-/// A polygon or line of the cut: (distance along the plane, height), m.
+/// A polygon or line of the slice: (distance along the plane, height), m.
 pub(super) type Outline = Vec<[f64; 2]>;
 
-/// One cell of the cut.
+/// The intersection of a cell with the plane.
 pub(super) struct Patch {
     pub(super) outline: Outline,
     /// Velocity relative to the canopy's frame, in the plane, m/s.
     pub(super) velocity: [f64; 2],
-    /// Its magnitude in space, m/s.
+    /// Magnitude of the velocity, m/s.
     pub(super) speed: f64,
 }
 
 impl Plane {
-    /// `y = 0`, or `y = x`; aside by a hair of `size` (m), so that it does not run
-    /// through the faces of a grid that is symmetric about it.
+    /// The plane `y = 0` or `y = x`, shifted by a small fraction of `size` (m) to avoid the faces of a symmetric grid.
     pub(super) fn new(diagonal: bool, size: f64) -> Self {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         Self { along: if diagonal { [half, half] } else { [1.0, 0.0] }, offset: 1e-6 * size }
@@ -37,12 +36,12 @@ impl Plane {
         p[1] * self.along[0] - p[0] * self.along[1] - self.offset
     }
 
-    /// A point or vector in the plane's own axes.
+    /// A point or vector in the coordinates of the plane.
     pub(super) fn flat(self, p: Point) -> [f64; 2] {
         [p[0] * self.along[0] + p[1] * self.along[1], p[2]]
     }
 
-    /// Where the edges of a cell cross the plane.
+    /// Intersections of the edges of a cell with the plane.
     fn crossings(self, piece: &Piece, sides: &[f64], cell: usize) -> Outline {
         let nodes = piece.cell(cell);
         let above = nodes.iter().filter(|&&n| sides[n as usize] >= 0.0).count();
@@ -65,9 +64,8 @@ impl Plane {
         piece.points.iter().map(|&p| self.side(p)).collect()
     }
 
-    /// The cut through the cells of a piece of the flow, whose velocities are
-    /// `[cells][3]`. Neighbours share the ends of their cut edges, so the patches
-    /// leave no gap.
+    /// The slice through the cells of a piece of the flow with velocities `[cells][3]`. Neighbours share the intersections
+    /// of their edges, so the patches have no gaps.
     pub(super) fn patches(self, piece: &Piece, velocity: &[f64]) -> Vec<Patch> {
         let sides = self.sides(piece);
         let mut patches = Vec::new();
@@ -86,7 +84,7 @@ impl Plane {
         patches
     }
 
-    /// The cut through a surface.
+    /// The slice through a surface.
     pub(super) fn lines(self, surface: &Piece) -> Vec<[[f64; 2]; 2]> {
         let sides = self.sides(surface);
         (0..surface.n_cells())
@@ -122,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_patches_tile_the_cut_for_every_kind_of_cell() {
+    fn patches_tile_the_slice_for_every_cell_type() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("flow.vtu");
         for shape in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra] {
