@@ -1,12 +1,15 @@
-//! Text for people uses the words of `tests/refused-words.txt` nowhere.
+//! User-visible text contains none of the words of `tests/refused-words.txt`.
+//!
+//! User-visible text: comments, string literals and public names of sources, help texts, documents, scenes and the scene
+//! schema. A finding names file, line, word, replacement and reason.
 
 use std::path::Path;
 use std::process::Command;
 
-use ripstop_tests::prose::{Found, public_names, refused, search, texts_of_rust};
+use ripstop_tests::prose::{Found, json_keys, public_names, refused, search, texts_of_rust};
 use ripstop_tests::{program, root};
 
-/// Files of the repository with one of these endings that are text for people; tests and their helpers are not.
+/// Files of the repository with this ending, except tests, records and the changelog.
 fn files(ending: &str) -> Vec<String> {
     let output =
         Command::new("git").arg("-C").arg(root()).args(["ls-files", &format!("*.{ending}")]).output();
@@ -17,7 +20,7 @@ fn files(ending: &str) -> Vec<String> {
         let name = Path::new(f).file_stem().and_then(|n| n.to_str()).unwrap_or_default();
         f.starts_with("tests/") || f.contains("/tests/") || name.ends_with("tests") || f.contains("/benches/")
     };
-    // Records quote messages of the builds that they are of; the changelog names what was renamed.
+    // Records quote messages of earlier builds; the changelog names former terms.
     let is_record =
         |f: &str| f.starts_with("docs/records/") || f.starts_with("studies/") || f == "CHANGELOG.md";
     all.lines().filter(|f| !is_test(f) && !is_record(f)).map(str::to_owned).collect()
@@ -27,12 +30,9 @@ fn read(file: &str) -> String {
     std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"))
 }
 
-/// No finding, or all of them.
-fn none(findings: Vec<(String, Found)>) {
-    let lines: Vec<String> = findings
-        .iter()
-        .map(|(file, f)| format!("{file}:{}: \"{}\": write: {}", f.line, f.word, f.replacement))
-        .collect();
+/// Fails with all findings, if any.
+fn assert_none(findings: Vec<(String, Found)>) {
+    let lines: Vec<String> = findings.iter().map(|(file, f)| format!("{file}:{f}")).collect();
     assert!(lines.is_empty(), "{} refused words:\n{}", lines.len(), lines.join("\n"));
 }
 
@@ -48,7 +48,7 @@ fn sources_use_standard_words() {
             findings.extend(search(&text, line, &words).into_iter().map(|f| (file.clone(), f)));
         }
     }
-    none(findings);
+    assert_none(findings);
 }
 
 #[test]
@@ -60,7 +60,17 @@ fn documents_scenes_and_scripts_use_standard_words() {
             findings.extend(search(&read(&file), 1, &words).into_iter().map(|f| (file.clone(), f)));
         }
     }
-    none(findings);
+    assert_none(findings);
+}
+
+#[test]
+fn keys_of_the_scene_schema_use_standard_words() {
+    let words = refused(include_str!("../refused-words.txt"));
+    let file = "cases/scene.schema.json";
+    let keys = json_keys(&read(file));
+    assert!(keys.len() > 300, "{} keys", keys.len());
+    let found = keys.into_iter().flat_map(|(line, key)| search(&key, line, &words));
+    assert_none(found.map(|f| (file.to_owned(), f)).collect());
 }
 
 #[test]
@@ -87,5 +97,5 @@ fn help_texts_use_standard_words() {
         findings
             .extend(search(&text, 1, &words).into_iter().map(|f| (format!("{name} {command} --help"), f)));
     }
-    none(findings);
+    assert_none(findings);
 }

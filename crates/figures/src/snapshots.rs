@@ -99,7 +99,10 @@ impl RunSnapshots {
         if let Some(name) = name {
             return stages.iter().position(|s| s.name == name).ok_or_else(|| {
                 let names: Vec<_> = stages.iter().map(|s| format!("`{}`", s.name)).collect();
-                RunError::Input(format!("there is no stage `{name}`. The stages of the scene are {}", names.join(", ")))
+                RunError::Input(format!(
+                    "there is no stage `{name}`. The stages of the scene are {}",
+                    names.join(", ")
+                ))
             });
         }
         for stage in (0..stages.len()).rev() {
@@ -121,9 +124,7 @@ impl RunSnapshots {
 
     /// Reads one file of a snapshot.
     pub fn piece(&self, file: &Path) -> Result<Piece, RunError> {
-        Piece::read(file).map_err(|e| {
-            RunError::Input(format!("{e}. Run the scene again with `ripstop run`"))
-        })
+        Piece::read(file).map_err(|e| RunError::Input(format!("{e}. Run the scene again with `ripstop run`")))
     }
 
     /// Canopy and lines of the snapshot nearest to `time` (s), else of the last.

@@ -50,7 +50,11 @@ pub(super) fn section(run: &Run, stage: &StageData) -> Option<Section> {
     };
     let mut blocks = vec![Block::Charts(found)];
     if !rows.is_empty() {
-        blocks.push(Block::Table(Table { caption: "Interface energy balance of the stage.".into(), head: Vec::new(), rows }));
+        blocks.push(Block::Table(Table {
+            caption: "Interface energy balance of the stage.".into(),
+            head: Vec::new(),
+            rows,
+        }));
         blocks.push(Block::Text(verdict));
     }
     Some(Section {

@@ -182,7 +182,10 @@ fn summary(folder: &Path, missing: &mut Vec<String>) -> Result<Option<Value>, Ru
     }
     let bytes = std::fs::read_to_string(&path).map_err(RunError::file("read", &path))?;
     serde_json::from_str(&bytes).map(Some).map_err(|e| {
-        RunError::Input(format!("{} is damaged ({e}). Remove it to write the report without it", path.display()))
+        RunError::Input(format!(
+            "{} is damaged ({e}). Remove it to write the report without it",
+            path.display()
+        ))
     })
 }
 

@@ -120,7 +120,8 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
         lead: if warnings.is_empty() {
             "No warnings, and no rejected window.".into()
         } else {
-            "Warnings of the coupler and the programs, and windows that were rejected or did not converge.".into()
+            "Warnings of the coupler and the programs, and windows that were rejected or did not converge."
+                .into()
         },
         blocks: vec![Block::List(shortened(&warnings))],
     });
@@ -194,7 +195,9 @@ fn canopy(run: &Run, frames: &[StageFrames]) -> Result<Option<Section>, RunError
     };
     let picture = picture.map(|(time, png)| Picture {
         id: "canopy".into(),
-        caption: format!("Canopy in stage {last} at t = {time:.3} s. The legend gives the field and its unit."),
+        caption: format!(
+            "Canopy in stage {last} at t = {time:.3} s. The legend gives the field and its unit."
+        ),
         png,
     });
     let lead = "Shape of the canopy, with the selected field. Drag to rotate, scroll to zoom; the slider sets the time.";
@@ -229,7 +232,9 @@ fn slices(run: &Run, missing: &mut Vec<String>) -> Result<Option<Section>, RunEr
             let plane = if diagonal { "y = x" } else { "y = 0" };
             pictures.push(Picture {
                 id: format!("flow-{}", pictures.len()),
-                caption: format!("Air speed relative to the canopy, m/s, in the plane {plane} at t = {time:.3} s."),
+                caption: format!(
+                    "Air speed relative to the canopy, m/s, in the plane {plane} at t = {time:.3} s."
+                ),
                 png,
             });
         }

@@ -35,7 +35,8 @@ pub(super) fn section(run: &Run) -> Section {
     }
     let known = rows.into_iter().filter(|(_, value)| !value.is_empty());
     let rows = known.map(|(name, value)| vec![name, value]).collect();
-    let mut blocks = vec![Block::Table(Table { caption: "Configuration of the run.".into(), head: Vec::new(), rows })];
+    let mut blocks =
+        vec![Block::Table(Table { caption: "Configuration of the run.".into(), head: Vec::new(), rows })];
     if let Ok(text) = std::fs::read_to_string(run.folder.join("scene.toml")) {
         blocks.push(Block::Code { title: "Scene file".into(), text });
     }

@@ -131,7 +131,8 @@ fn from_snapshots(measures: &[Measure], id: &str) -> Vec<Chart> {
         found.push(chart("Vent area", "m2", note, series));
     }
     if first.mouth > 0.0 {
-        let note = "Area enclosed by the skirt (the lower edge of the fabric), projected onto the horizontal plane.";
+        let note =
+            "Area enclosed by the skirt (the lower edge of the fabric), projected onto the horizontal plane.";
         found.push(chart("Mouth area", "m2", note, vec![curve("mouth", &|m| m.mouth)]));
     }
     if first.tensions.is_some() {
@@ -162,7 +163,8 @@ fn line_bars(frames: &StageFrames, id: &str) -> Option<Bars> {
     if lines.is_empty() || lines.len() > 64 {
         return None;
     }
-    let mut note = format!("Maximum tension of each suspension line at t = {:.3} s, by line number.", last.time);
+    let mut note =
+        format!("Maximum tension of each suspension line at t = {:.3} s, by line number.", last.time);
     if !risers.is_empty() {
         let list: Vec<String> = risers.iter().map(|t| digits(*t)).collect();
         note += &format!(" Risers: {} N.", list.join(", "));
@@ -228,7 +230,8 @@ fn table(stage: &StageData) -> Table {
         row.extend(ends.map(digits));
         rows.push(row);
     }
-    let head = ["", "start", "end", "minimum", "maximum", "mean of the last half", "standard deviation there"];
+    let head =
+        ["", "start", "end", "minimum", "maximum", "mean of the last half", "standard deviation there"];
     let caption = "Values at the accepted windows of the stage; units in the first column.".into();
     Table { caption, head: head.map(str::to_owned).to_vec(), rows }
 }

@@ -73,7 +73,8 @@ fn killed_run_is_reported_up_to_its_last_complete_row() {
     let opened = Run::open(run.path()).unwrap();
     assert_eq!(opened.main().columns.rows(), 2);
     let page = page(run.path());
-    for part in ["it is incomplete", "window 1 of stage `descent` did not converge", "ended after 2 of 20 windows"]
+    for part in
+        ["it is incomplete", "window 1 of stage `descent` did not converge", "ended after 2 of 20 windows"]
     {
         assert!(page.contains(part), "{part}");
     }

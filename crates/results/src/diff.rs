@@ -110,9 +110,10 @@ pub fn histories(a: &Path, b: &Path, tolerance: f64) -> Result<(bool, String), R
         }
     }
     Ok(match first {
-        None => {
-            (true, format!("the histories agree within {tolerance:.0e} in {}", counted(rows as u64, "window")))
-        }
+        None => (
+            true,
+            format!("the histories agree within {tolerance:.0e} in {}", counted(rows as u64, "window")),
+        ),
         Some((i, name, x, y, d)) => (
             false,
             format!(

@@ -40,10 +40,8 @@ pub fn find(scene: &Scene, out: &Path, record: &Record) -> (Option<Point>, Vec<S
                         best = Some(Point { stage, seal, folder });
                     }
                 }
-                Err(why) => notes.push(format!(
-                    "the state in {} is incomplete ({why}) and is skipped",
-                    folder.display()
-                )),
+                Err(why) => notes
+                    .push(format!("the state in {} is incomplete ({why}) and is skipped", folder.display())),
             }
         }
         if best.is_some() {
@@ -88,7 +86,8 @@ pub fn hint(scene: &Scene, command: &str, out: &Path) -> Option<String> {
     if seal.cannot.is_empty() {
         text += &format!("saved {place}; resume with: {command}");
     } else {
-        text += &format!("saved {place}, but {} cannot restart from a saved state", seal.cannot.join(" and "));
+        text +=
+            &format!("saved {place}, but {} cannot restart from a saved state", seal.cannot.join(" and "));
     }
     Some(text)
 }

@@ -67,7 +67,10 @@ impl Record {
         if record.format == FORMAT {
             Ok(record)
         } else {
-            Err(RunError::Input(format!("{} was written by another version of ripstop, so the run cannot be resumed. Omit --resume to start again", path.display())))
+            Err(RunError::Input(format!(
+                "{} was written by another version of ripstop, so the run cannot be resumed. Omit --resume to start again",
+                path.display()
+            )))
         }
     }
 

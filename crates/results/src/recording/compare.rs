@@ -276,7 +276,10 @@ impl Comparison {
             Some(d) => format!("first deviation: {d} (tolerance {:.0e})", self.tolerance),
         };
         if let Some((window, [a, b])) = self.other_iterations {
-            text.push_str(&format!("\nwindow {window}: {} in the reference, {b} now", counted(a, "iteration")));
+            text.push_str(&format!(
+                "\nwindow {window}: {} in the reference, {b} now",
+                counted(a, "iteration")
+            ));
         }
         if let Some(count) = &self.first_count {
             let judged = match self.iteration_tolerance {
@@ -373,7 +376,8 @@ mod tests {
         assert!(compared(Some(0.25), 4.0).same() && compared(Some(0.0), 3.0).same());
         assert!(!compared(Some(0.0), 4.0).same());
         let far = compared(Some(0.25), 7.0);
-        let says = "window 1, iteration 1, Newton iterations of the structure-solver: 3 in the reference, 7 now";
+        let says =
+            "window 1, iteration 1, Newton iterations of the structure-solver: 3 in the reference, 7 now";
         assert_eq!(far.deviation().as_deref(), Some(says));
         assert!(!far.same() && far.report().contains(says), "{}", far.report());
         // Without a tolerance it is reported only.

@@ -170,9 +170,10 @@ impl Reader {
         let header: Header =
             reader.frame()?.ok_or_else(|| reader.damaged(8, "it ends before its header".into()))?;
         if [header.canopy.0, header.canopy.1, header.grid_nodes].iter().any(|n| *n > MAX_NODES) {
-            return Err(
-                reader.damaged(8, format!("its header has implausible numbers of canopy nodes and faces: {:?}", header.canopy))
-            );
+            return Err(reader.damaged(
+                8,
+                format!("its header has implausible numbers of canopy nodes and faces: {:?}", header.canopy),
+            ));
         }
         reader.header = header;
         Ok(reader)
@@ -229,13 +230,17 @@ impl Reader {
         }
         let mut head = [0; 8];
         if self.left < 8 {
-            return Err(self.damaged(at, "it ends within a frame, probably because the run was killed".into()));
+            return Err(
+                self.damaged(at, "it ends within a frame, probably because the run was killed".into())
+            );
         }
         self.take(&mut head)?;
         let [a, b, c, d, ..] = head;
         let length = u32::from_le_bytes([a, b, c, d]);
         if length > MAX_FRAME || u64::from(length) > self.left {
-            return Err(self.damaged(at, "it ends within a frame, probably because the run was killed".into()));
+            return Err(
+                self.damaged(at, "it ends within a frame, probably because the run was killed".into())
+            );
         }
         let mut bytes = vec![0; length as usize];
         self.take(&mut bytes)?;

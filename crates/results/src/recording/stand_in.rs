@@ -23,7 +23,10 @@ impl StandIn {
     pub fn new(path: &Path) -> Result<Self, Fault> {
         let reader = Reader::open(path).map_err(Fault::new)?;
         if reader.header().grid_nodes == 0 {
-            return Err(Fault::new(format!("{} contains no moving grid; record it again with the grid", path.display())));
+            return Err(Fault::new(format!(
+                "{} contains no moving grid; record it again with the grid",
+                path.display()
+            )));
         }
         Ok(Self { path: path.into(), reader, window: Vec::new() })
     }

@@ -77,7 +77,9 @@ pub fn choose(study: &Study, outcome: &Outcome, target: Target) -> Result<usize,
     let by_cost = |a: &&(usize, f64), b: &&(usize, f64)| cost(a.0).total_cmp(&cost(b.0));
     let by_bound = |a: &&(usize, f64), b: &&(usize, f64)| a.1.total_cmp(&b.1).then(by_cost(a, b));
     let (Some(cheapest), Some(best)) = (known.iter().min_by(by_cost), known.iter().min_by(by_bound)) else {
-        return Err(RunError::Study("no sample has an error estimate for all quantities, so no settings can be recommended".into()));
+        return Err(RunError::Study(
+            "no sample has an error estimate for all quantities, so no settings can be recommended".into(),
+        ));
     };
     let found = match target {
         Target::Error(share) => known.iter().filter(|k| k.1 <= share).min_by(by_cost),

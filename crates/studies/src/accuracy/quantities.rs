@@ -77,7 +77,9 @@ pub fn check(q: &Quantity, scene: &Scene, stage: usize) -> Result<(), RunError> 
         }
     }
     if q.of == Measured::Displacement && q.at_m.is_none() {
-        return refuse("the point is missing; give its position on the unstressed canopy: at_m = [x, y, z]".into());
+        return refuse(
+            "the point is missing; give its position on the unstressed canopy: at_m = [x, y, z]".into(),
+        );
     }
     if q.of == Measured::VentArea {
         let interface = CanopyInterface::new(scene)?;
@@ -88,7 +90,10 @@ pub fn check(q: &Quantity, scene: &Scene, stage: usize) -> Result<(), RunError> 
     let duration = s.duration_s;
     let (from, to) = (q.from_s.unwrap_or(0.0), q.to_s.unwrap_or(duration));
     if duration > 0.0 && !(from >= 0.0 && from < to && to <= duration * (1.0 + 1e-9)) {
-        return refuse(format!("the interval {from} to {to} s is not part of stage `{}`, which lasts {duration} s", s.name));
+        return refuse(format!(
+            "the interval {from} to {to} s is not part of stage `{}`, which lasts {duration} s",
+            s.name
+        ));
     }
     if q.exact == Some(0.0) && q.scale.is_none() {
         return refuse("the exact value is 0; give the `scale` of relative errors".into());
@@ -157,7 +162,8 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
             let to = q.to_s.unwrap_or(f64::INFINITY);
             // A static stage has one window.
             let (from, to) = if duration > 0.0 { (from, to) } else { (f64::NEG_INFINITY, f64::INFINITY) };
-            reduce(time, values, take, from, to).ok_or_else(|| format!("no window lies between {from} and {to} s"))?
+            reduce(time, values, take, from, to)
+                .ok_or_else(|| format!("no window lies between {from} and {to} s"))?
         }
     };
     if found.is_finite() { Ok(found) } else { Err(format!("`{}` is not a finite number", q.name)) }

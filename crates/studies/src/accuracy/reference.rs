@@ -129,8 +129,9 @@ pub fn compare(study: &Study, outcome: &Outcome, records: &[Record], reference: 
 /// [`RunError::Input`] for an invalid file.
 pub fn load(path: &Path) -> Result<Reference, RunError> {
     let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
-    serde_json::from_str(&text)
-        .map_err(|e| RunError::Input(format!("{}: {e}. Write it again with --keep-reference", path.display())))
+    serde_json::from_str(&text).map_err(|e| {
+        RunError::Input(format!("{}: {e}. Write it again with --keep-reference", path.display()))
+    })
 }
 
 /// Writes a reference.

@@ -353,7 +353,10 @@ fn run(
         return Err(interrupted());
     }
     if late {
-        return Ok(End::Late(format!("stopped at the wall time --limit {:.0} s", limit_s.unwrap_or_default())));
+        return Ok(End::Late(format!(
+            "stopped at the wall time --limit {:.0} s",
+            limit_s.unwrap_or_default()
+        )));
     }
     let words = std::fs::read_to_string(&log).unwrap_or_default();
     // Reports must not contain folders of this machine.

@@ -261,7 +261,11 @@ impl Study {
             ));
         }
         if !check.is_empty() && check.len() != found.len() {
-            return refuse(format!("sweep_check has {} numbers, but the sweep has {} parameters", check.len(), found.len()));
+            return refuse(format!(
+                "sweep_check has {} numbers, but the sweep has {} parameters",
+                check.len(),
+                found.len()
+            ));
         }
         let promised =
             found.iter().map(|&at| self.parameters[at].parameter.promised).fold(f64::MAX, f64::min);

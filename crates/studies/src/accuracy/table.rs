@@ -41,7 +41,10 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
         names.push(format!("error of {}", cell(&q.name)));
         names.push(format!("uncertainty of {}", cell(&q.name)));
     }
-    names.extend(["largest error", "uncertainty of largest error", "quantity of largest error", "front", "check"].map(str::to_owned));
+    names.extend(
+        ["largest error", "uncertainty of largest error", "quantity of largest error", "front", "check"]
+            .map(str::to_owned),
+    );
     names.extend(
         [
             "runs",

@@ -10,7 +10,11 @@ use super::study::VariedParameter;
 ///
 /// # Errors
 /// Invalid values, or a parameter that the scene does not have.
-pub fn varied_parameter(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<VariedParameter, RunError> {
+pub fn varied_parameter(
+    w: &case::Parameter,
+    scene: &Scene,
+    stage: usize,
+) -> Result<VariedParameter, RunError> {
     let refuse = |why: String| RunError::Input(format!("accuracy.parameter `{}`: {why}", w.name));
     let words = w.values.is_empty() && !w.choices.is_empty();
     let mut parameter = Parameter::find(&w.name, scene, stage, words)?;

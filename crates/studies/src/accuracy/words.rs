@@ -41,8 +41,11 @@ pub fn words(study: &Study, outcome: &Outcome, not_assessed: &[NotAssessed]) -> 
     }
     for (m, s) in outcome.samples.iter().enumerate() {
         if let Some(why) = &s.gap {
-            text +=
-                &format!("failed: `{}`: {}\n", study.samples[m].label, why.lines().next().unwrap_or_default());
+            text += &format!(
+                "failed: `{}`: {}\n",
+                study.samples[m].label,
+                why.lines().next().unwrap_or_default()
+            );
         }
     }
     let (held, all) = outcome.held();

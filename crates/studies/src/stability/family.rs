@@ -52,9 +52,9 @@ impl SchemeChoice {
             }
         }
         for part in parts {
-            let (path, value) = part
-                .split_once('=')
-                .ok_or_else(|| RunError::Input(format!("`{part}` is not KEY=VALUE with a key of [coupling]")))?;
+            let (path, value) = part.split_once('=').ok_or_else(|| {
+                RunError::Input(format!("`{part}` is not KEY=VALUE with a key of [coupling]"))
+            })?;
             // A TOML value, else a string.
             let value = format!("v = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("v"));
             let value = value.unwrap_or_else(|| Value::String(part[path.len() + 1..].into()));

@@ -67,7 +67,10 @@ fn figure(axes: &Axes, completed: &[Completed], title: &str) -> Figure {
         columns: axes.substeps.len(),
         marks: marks.into_iter().map(|class| (mark(class), class.name().into())).collect(),
         scale: "coupling iterations per window".into(),
-        scale_marks: [1.0, 3.0, 10.0, MAX_ITERATIONS].into_iter().map(|n| (share(n), format!("{n}"))).collect(),
+        scale_marks: [1.0, 3.0, 10.0, MAX_ITERATIONS]
+            .into_iter()
+            .map(|n| (share(n), format!("{n}")))
+            .collect(),
     })
 }
 

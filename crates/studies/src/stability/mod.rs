@@ -50,7 +50,10 @@ pub struct StabilityArgs {
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|x| *x > 0.0 && x.is_finite()).ok_or_else(|| "expected a number above 0".into())
+    text.parse::<f64>()
+        .ok()
+        .filter(|x| *x > 0.0 && x.is_finite())
+        .ok_or_else(|| "expected a number above 0".into())
 }
 
 impl StabilityArgs {

@@ -39,11 +39,7 @@ pub fn run_samples(
         samples.iter().map(|m| if rerun { None } else { kept(m) }).collect();
     let open: Vec<usize> = (0..samples.len()).filter(|&i| results[i].is_none()).collect();
     if open.len() < samples.len() {
-        console.line(&format!(
-            "{} of {} samples have results",
-            samples.len() - open.len(),
-            samples.len()
-        ));
+        console.line(&format!("{} of {} samples have results", samples.len() - open.len(), samples.len()));
     }
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let new: Mutex<Vec<(usize, Result<Completed, RunError>)>> = Mutex::new(Vec::new());
@@ -110,7 +106,8 @@ fn one(sample: &Sample, stop: &AtomicBool) -> Result<Completed, RunError> {
         Some(volume) => sample.exact.clone().from_volume(volume),
         None => sample.exact.clone(),
     };
-    let completed = Completed { point: sample.point.clone(), verdict: Verdict::new(&observed, &exact, failure) };
+    let completed =
+        Completed { point: sample.point.clone(), verdict: Verdict::new(&observed, &exact, failure) };
     let text = serde_json::to_string_pretty(&completed).unwrap_or_default();
     // Written to a temporary file first, so that the result is complete or missing.
     let (draft, place) = (folder.join("verdict.new"), folder.join(RESULT));
