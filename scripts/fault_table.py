@@ -1,4 +1,4 @@
-"""The table of docs/faults.md from the cells that `scripts/fault-matrix` found as documented."""
+"""The table of docs/records/fault-matrix.md from the cells that `scripts/fault-matrix` found as documented."""
 
 import sys
 

@@ -15,6 +15,7 @@ use studies::effects::Runs;
 use terminal::Console;
 
 use crate::arguments::{mpirun, ranks, role, seconds, share};
+use crate::exit_codes::HELP as CODES;
 use crate::former_options;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
 use crate::settings::Setting;
@@ -31,14 +32,6 @@ fn default_scene() -> PathBuf {
     let above = program.ancestors().map(|folder| folder.join(DEFAULT_SCENE)).find(|path| path.is_file());
     if here.is_file() { here } else { above.unwrap_or(here) }
 }
-
-const CODES: &str = "Exit codes:
-  0    complete
-  1    the run failed; what was computed so far is kept
-  3    what was compared differs (diff, replay, accuracy), or a point failed (conform)
-  2    the scene or the command line is wrong; nothing was started
-  130  ended by Ctrl-C or a termination signal: the window was finished and saved (`run --resume`
-       continues); a second signal ends all at once and saves nothing";
 
 /// Fluid-structure interaction of parachutes: three solver programs, one command.
 #[derive(Parser)]
@@ -108,6 +101,17 @@ enum Command {
     /// Run a family of small cases and draw a map of the stability of coupling schemes
     #[command(after_help = CODES)]
     Stability(studies::stability::StabilityArgs),
+    /// Print the completion script of a shell, such as `ripstop completions bash`
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Write manual pages of `ripstop` and its commands (troff)
+    Man {
+        /// Folder of the pages; it is created where it is missing
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
     /// Plays a recorded mesh-mover for `replay`
     #[command(hide = true)]
     StandIn {
@@ -161,7 +165,7 @@ struct SceneArgs {
     #[arg(long, value_name = "COMMAND")]
     mesh: Option<String>,
     /// Options for every `mpirun`, or with ROLE= for one, such as
-    /// `--mpirun flow="--host a:8,b:8 --map-by node"`: see docs/hosts.md
+    /// `--mpirun flow="--host a:8,b:8 --map-by node"`: see docs/how-to/run-on-a-cluster.md
     #[arg(long, value_name = "[ROLE=]OPTIONS", allow_hyphen_values = true, value_parser = mpirun)]
     mpirun: Vec<(Option<Role>, String)>,
     /// Start at this stage, from the states of an earlier run in --out
@@ -257,6 +261,11 @@ impl SceneArgs {
     }
 }
 
+/// The command line with its commands and options, for what is generated from it.
+pub fn command() -> clap::Command {
+    <Cli as clap::CommandFactory>::command()
+}
+
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     let (arguments, former) = former_options::current(std::env::args_os());
@@ -338,6 +347,11 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             print(&text);
             Ok(())
         }
+        Command::Completions { shell } => {
+            print(&crate::shell_help::completions(shell));
+            Ok(())
+        }
+        Command::Man { folder } => crate::shell_help::write_manual_pages(&folder),
         Command::Picture(args) => figures::picture::picture(&args, console),
         Command::Report(args) => report::report(&args, console),
     }
@@ -367,7 +381,7 @@ fn run_scene(
 /// An error of a run with the command that resumes it.
 fn resumable(error: RunError, options: &RunOptions) -> RunError {
     // What is stuck would be stuck again.
-    if matches!(error, RunError::Input(_) | RunError::Stuck { .. }) {
+    if matches!(error, RunError::Input(_) | RunError::GridMotionFailed { .. }) {
         return error;
     }
     let hint = crate::run::prepare(options)

@@ -442,8 +442,8 @@ impl Battery<'_> {
             // A mesh that cannot follow says so in its answer.
             Err(
                 RunError::Fault { message, .. }
-                | RunError::Stuck { message, .. }
-                | RunError::NoAnswer { message, .. },
+                | RunError::GridMotionFailed { message, .. }
+                | RunError::SolveFailed { message, .. },
             ) => {
                 let short: String = message.chars().take(90).collect();
                 Ok(Verdict::Passed(format!("an error in words: {short}")))

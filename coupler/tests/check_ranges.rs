@@ -130,38 +130,46 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/convergence.rs",
         "ten_times_the_target_is_an_error_unless_accepted",
     ),
-    ("flow.steady", "flow-solver/tests/convergence.rs", "a_march_never_ends_in_a_step_that_is_not_solved"),
-    ("mesh.convergence", "mesh-mover/tests/motion.rs", "a_jump_over_several_layers_is_cut_into_increments"),
+    ("flow.steady", "flow-solver/tests/convergence.rs", "steady_march_does_not_end_on_an_unconverged_step"),
+    ("mesh.convergence", "mesh-mover/tests/motion.rs", "jump_over_several_layers_is_divided_into_increments"),
     (
         "structure.energy",
         "crates/coupling/src/structure_energy.rs",
-        "a_balance_beyond_its_bound_is_an_error_with_figures",
+        "energy_beyond_the_limit_is_an_error_with_values",
     ),
     ("mesh.quality", "tests/tests/grid_stuck.rs", "last_valid_state_is_saved_and_resumed"),
     (
         "flow.impossible",
         "crates/coupling/src/flow_bounds.rs",
-        "flows_that_were_measured_pass_and_impossible_ones_do_not",
+        "measured_flows_pass_and_unphysical_flows_fail",
     ),
     (
         "stages.release-pressure",
         "crates/coupling/src/release.rs",
-        "the_pressure_at_the_release_is_compared_where_a_flow_was_developed",
+        "release_pressures_are_compared_where_a_flow_was_developed",
     ),
     ("stages.at-rest", "coupler/src/stages/pre_inflation.rs", "a_canopy_that_swings_before_a_flow_is_named"),
-    ("coupling.convergence", "crates/coupling/src/schemes/tests.rs", "plain_iteration_diverges_and_says_so"),
+    (
+        "coupling.convergence",
+        "crates/coupling/src/schemes/tests.rs",
+        "unrelaxed_iteration_diverges_with_an_error",
+    ),
     (
         "coupling.interface-energy",
         "crates/coupling/src/energy.rs",
-        "a_late_force_creates_energy_and_is_told_once",
+        "delayed_force_creates_energy_and_is_reported_once",
     ),
-    ("descent.downward", "crates/coupling/src/descent_limits.rs", "nothing_falls_faster_than_what_pulls_it"),
-    ("descent.upward", "crates/coupling/src/descent_limits.rs", "nothing_rises_faster_than_its_lines_pull"),
     (
-        "descent.impulse",
-        "crates/coupling/src/balance.rs",
-        "an_impulse_that_the_structure_leaves_out_is_said_once",
+        "descent.downward",
+        "crates/coupling/src/descent_limits.rs",
+        "downward_acceleration_beyond_the_forces_is_rejected",
     ),
+    (
+        "descent.upward",
+        "crates/coupling/src/descent_limits.rs",
+        "upward_acceleration_beyond_the_line_force_is_rejected",
+    ),
+    ("descent.impulse", "crates/coupling/src/balance.rs", "missing_impulse_is_reported_once"),
 ];
 
 #[test]

@@ -41,21 +41,21 @@ const CASES: &[(&str, &[&str])] = &[
     ("square-drop/scene.toml", &["descent.drag-coefficient"]),
 ];
 
-const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/checks.md");
+const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference/checks.md");
 const BEGIN: &str = "<!-- made from crates/checks/src: begin -->\n";
 const END: &str = "<!-- made from crates/checks/src: end -->\n";
 
 /// After a change: `RIPSTOP_WRITE_DOCS=1 cargo test --release -p coupler --test checks the_page`.
 #[test]
 fn the_page_is_the_table() {
-    let text = std::fs::read_to_string(DOCUMENT).expect("docs/checks.md");
+    let text = std::fs::read_to_string(DOCUMENT).expect("docs/reference/checks.md");
     let (head, rest) = text.split_once(BEGIN).expect("the begin of the table");
     let (old, tail) = rest.split_once(END).expect("the end of the table");
     let new = format!("\n{}\n", markdown());
     if std::env::var_os("RIPSTOP_WRITE_DOCS").is_some() {
         std::fs::write(DOCUMENT, format!("{head}{BEGIN}{new}{END}{tail}")).expect("written");
     } else {
-        assert!(old == new, "docs/checks.md differs from the table: see the comment of this test");
+        assert!(old == new, "docs/reference/checks.md differs from the table: see the comment of this test");
     }
 }
 

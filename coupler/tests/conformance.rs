@@ -250,6 +250,6 @@ fn a_program_that_hangs_ends_at_its_deadline() {
     let seconds = deadline.to_string();
     let (code, text) =
         ripstop(&["conform", "structure", &recording, "--command", &command("hang"), "--deadline", &seconds]);
-    assert!(code == 3 && text.contains(&format!("no answer for {deadline} s")), "{text}");
+    assert!(code == 3 && text.contains(&format!("did not respond for {deadline} s")), "{text}");
     assert!(available.elapsed().as_secs() < deadline + 59, "took {:?}", available.elapsed());
 }

@@ -371,7 +371,7 @@ fn a_hanging_program_ends_by_its_deadline() {
     // The first answer needs the program's start too.
     let deadline = load::deadline_s(3);
     let (code, text, took) = run.run(Some((Role::Structure, "hang")), &["--deadline", &deadline.to_string()]);
-    require(code == 1 && text.contains(&format!("no answer for {deadline} s")), "deadline", &text);
+    require(code == 1 && text.contains(&format!("did not respond for {deadline} s")), "deadline", &text);
     require(took < Duration::from_secs(deadline + 5 + 3), &format!("took {took:?}"), &text);
     assert_eq!(run.left_behind(), Vec::<String>::new());
 }

@@ -1,4 +1,4 @@
-//! WarmStart: bandwidth of this machine, bytes an inner iteration asks for, halo of a split grid.
+//! Memory: bandwidth of this machine, bytes an inner iteration asks for, halo of a split grid.
 //!
 //! `cargo run --release -p flow-solver --example bandwidth`
 //!

@@ -22,8 +22,8 @@ fn cpu() -> f64 {
     text.split(' ').next().and_then(|t| t.parse::<f64>().ok()).expect("nanoseconds") * 1e-9
 }
 
-/// WarmStart of this process, as the kernel words it.
-fn save_state(what: &str) -> String {
+/// Memory of this process, as the kernel words it.
+fn memory(what: &str) -> String {
     let text = std::fs::read_to_string("/proc/self/status").expect("Linux");
     text.lines().find_map(|l| l.strip_prefix(what)).unwrap_or("?").trim().to_string()
 }
@@ -48,7 +48,7 @@ fn main() {
         let solver = common::solver_on(grid, IdealGas::new(air), viscosity, settings);
         run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
     } else if arg(11, 0.0) == 1.0 {
-        let modelled = Turbulent { viscosity: viscosity.viscosity, eddies: EddyViscosity::Transported };
+        let modelled = Turbulent { viscosity: viscosity.viscosity, eddies: EddyViscosity::TransportInput };
         let mut solver = common::solver_on(grid, Isothermal::new(air), modelled, settings);
         solver.set_turbulence(SpalartAllmaras::new(&solver.topology, modelled.viscosity, 1.225, ddes));
         run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));

@@ -1,9 +1,8 @@
-//! What the program asks of the allocator.
+//! Settings of the memory allocator.
 
-/// Lets every block of a megabyte and more go back to the system when it is freed. The C
-/// library stops doing so for sizes that were freed once, and what building a solver leaves
-/// in between its arrays was a tenth of the memory of a run. Nothing allocates in a step, so
-/// it costs no time. Elsewhere than with glibc this does nothing.
+/// Makes the C library return freed blocks of at least 1 MiB to the system. By default glibc keeps blocks of sizes
+/// that were freed before; gaps left by the setup of a solver were a tenth of the memory of a run. Time steps do not
+/// allocate, so the run time is unchanged. Without glibc this function does nothing.
 pub fn return_large_blocks() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {

@@ -1,4 +1,4 @@
-//! What can go wrong in a step, agreed on by all ranks.
+//! Errors of a time step. All ranks return the same one.
 
 use comm::Comm;
 
@@ -9,8 +9,8 @@ use crate::geometry::vec3::Vec3;
 pub enum FlowError {
     /// A cell of the moved grid has no positive volume.
     #[error(
-        "flow grid: cell {cell} at ({:.4}, {:.4}, {:.4}) m on rank {rank} has volume {volume:.3e} m3 \
-         after the grid motion; smaller windows, a coarser first layer or a stiffer grid motion may help",
+        "flow grid: cell {cell} at ({:.4}, {:.4}, {:.4}) m on rank {rank} has the volume {volume:.3e} m3 \
+         after the grid motion, but volumes must be positive; shorten window_s, raise first_layer_m, or use a stiffer grid motion",
         at[0], at[1], at[2]
     )]
     InvertedCell {
@@ -25,7 +25,7 @@ pub enum FlowError {
     },
     /// A node position or velocity is not a number.
     #[error(
-        "flow grid: node {node} was given a position or velocity that is not a finite number (rank {rank})"
+        "flow grid: node {node} (rank {rank}) received a position or velocity that is not a finite number"
     )]
     BadNode {
         /// Global node.
@@ -33,10 +33,10 @@ pub enum FlowError {
         /// Rank that read it.
         rank: usize,
     },
-    /// The state has left what is physical and smaller steps did not help.
+    /// The state is not physical, and smaller corrections did not help.
     #[error(
-        "flow: in cell {cell} at ({:.4}, {:.4}, {:.4}) m on rank {rank} the density became {density:.4e} kg/m3; \
-         a smaller window or a larger first_layer_m may help",
+        "flow: in cell {cell} at ({:.4}, {:.4}, {:.4}) m on rank {rank} the density is {density:.4e} kg/m3, but it must be positive and finite; \
+         shorten window_s or raise first_layer_m",
         at[0], at[1], at[2]
     )]
     BadState {
@@ -49,30 +49,30 @@ pub enum FlowError {
         /// Its density, kg/m3.
         density: f64,
     },
-    /// A march found no steady state.
+    /// A march to a steady state ended without one.
     #[error(
-        "flow: not steady after {steps} steps: the residual has fallen to {drop:.1e} of its largest, the force \
-         changed by {change:.1e} of itself over the last ten steps, {unsolved} steps ran out of iterations \
-         (flow.solver.max_iterations); more max_steps, a looser residual_drop or \
-         force_change may help, or the flow sheds vortices: give the stage a duration instead"
+        "flow: not steady after {steps} steps: the residual is {drop:.1e} of its maximum, the relative \
+         change of the force over the last ten steps is {change:.1e}, {unsolved} steps reached \
+         flow.solver.max_iterations; raise max_steps, residual_drop or force_change. \
+         If the flow sheds vortices, it has no steady state: give the stage a duration instead"
     )]
     Unsteady {
         /// Steps taken.
         steps: usize,
         /// Residual at the end over its largest.
         drop: f64,
-        /// Change of the force as a share of it.
+        /// Relative change of the force over the last ten steps.
         change: f64,
         /// Steps whose iterations ran out.
         unsolved: usize,
     },
-    /// The transported turbulence is no longer a number.
-    #[error("flow: the equation of turbulence diverged in the last step; a smaller window may help")]
+    /// The turbulence variable is not a finite number.
+    #[error("flow: the turbulence equation diverged in the last step; shorten window_s")]
     Turbulence,
-    /// The iterations grew instead of falling.
+    /// The residual grew during the iterations.
     #[error(
-        "flow: the iterations of the time step diverged: residual {end:.3e} after {iterations} iterations \
-         from {start:.3e}; a smaller window may help"
+        "flow: the iterations of the time step diverged: residual {end:.3e} N after {iterations} iterations, \
+         {start:.3e} N at the start; shorten window_s"
     )]
     Diverged {
         /// Residual at the start.
@@ -82,10 +82,10 @@ pub enum FlowError {
         /// Iterations done.
         iterations: usize,
     },
-    /// The iterations ran out with most of the residual left.
+    /// The iterations reached their limit before the residual reached its target.
     #[error(
-        "flow: the time step is not solved: residual {end:.3e} N after {iterations} iterations from {start:.3e} N, \
-         {target:.3e} N is asked; raise flow.solver.max_iterations, use flow.solver.method = \"gmres\", or shorten \
+        "flow: the time step is not converged: residual {end:.3e} N after {iterations} iterations, {start:.3e} N at the \
+         start, tolerance {target:.3e} N; raise flow.solver.max_iterations, use flow.solver.method = \"gmres\", or shorten \
          window_s"
     )]
     Unsolved {
@@ -100,7 +100,7 @@ pub enum FlowError {
     },
 }
 
-/// What a rank has found wrong: entity, place, value.
+/// A failure found by a rank: entity, location, value.
 pub(crate) type Finding = (u64, Vec3, f64);
 
 /// The finding of the lowest rank that has one, the same on every rank.

@@ -127,7 +127,7 @@ impl LeastSquares {
     }
 
     /// Shortens the gradients of needle-like owned cells to what a stable
-    /// reconstruction allows.
+    /// reconstruction tolerates.
     pub fn shorten<const N: usize>(&self, gradient: &mut [Gradient<N>]) {
         for &(i, s) in &self.shortened {
             gradient[i as usize].as_flattened_mut().iter_mut().for_each(|g| *g *= s);
@@ -234,7 +234,7 @@ mod tests {
     /// Any regular matrix, and pseudo-inverses of matrices of lower rank: `A X A = A`, `X A X = X`, both products
     /// symmetric (Moore and Penrose).
     #[test]
-    fn inverses_and_pseudo_inverses() {
+    fn inverse_and_pseudo_inverse_are_exact() {
         let regular = [2.0, 3.0, 1.5, 0.7, -0.4, 0.9];
         assert!((full(regular) * full(inverse(regular)) - Mat3::identity()).norm() < 1e-14);
         // Differences in a plane, and along a line.

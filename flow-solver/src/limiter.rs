@@ -67,14 +67,14 @@ mod tests {
 
     /// With `y = a / b`: `(y^2 + 2 y) / (y^2 + y + 2)`.
     #[test]
-    fn the_share_is_the_rational_function_of_the_paper() {
+    fn limiter_is_the_published_rational_function() {
         for y in [0.0, 0.25, 1.0, 2.0, 7.0f64] {
             let exact = (y * y + 2.0 * y) / (y * y + y + 2.0);
             for b in [3.0, -0.2] {
                 assert!((share(y * b, b, 0.0) - exact).abs() < 1e-15, "{y} {b}");
             }
         }
-        // What is small beside eps passes; at a change of eps and neighbours at rest a third does.
+        // Differences much smaller than eps are not limited; at a change of eps and neighbours at rest a third does.
         assert!((share(0.0, 1e-6, 1.0) - 1.0).abs() < 1e-11);
         assert!((share(0.0, 2.0, 4.0) - 1.0 / 3.0).abs() < 1e-15);
         assert_eq!(share(0.0, 0.0, 0.0), 1.0);

@@ -1,4 +1,4 @@
-//! What the air does to the canopy.
+//! Loads of the air on the canopy: pressure jump and shear.
 
 use comm::Halo;
 
@@ -6,7 +6,7 @@ use crate::geometry::vec3::Vec3;
 use crate::physics::Gas;
 use crate::solver::Solver;
 
-/// Numbers of one canopy face: pressure jump (inside minus outside), Pa, and
+/// Load on one canopy face: pressure jump (inside minus outside), Pa, and
 /// shear traction x, y, z summed over both sides, Pa.
 pub type FaceLoad = [f64; 4];
 

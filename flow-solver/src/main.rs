@@ -8,8 +8,8 @@ use clap::Parser;
 use comm::Comm;
 use flow_solver::setup::Setup;
 
-/// Runs the flow of one stage alone, on a grid at rest that falls at the initial
-/// descent speed. For developers: no coupler, no channels.
+/// Runs the flow of one stage without the coupler, on a rigid grid that falls at the initial
+/// descent speed. For developers.
 #[derive(Parser)]
 #[command(name = "flow-solver alone")]
 struct Alone {
@@ -19,16 +19,16 @@ struct Alone {
     /// Stage of the scene, from 0.
     #[arg(long, value_name = "N")]
     stage: usize,
-    /// Folder of the run's results; earlier stages' states are looked for there.
+    /// Folder of the run's results. The states of earlier stages are read from it.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Time steps. Default: the stage's duration.
     #[arg(long, value_name = "N")]
     steps: Option<u64>,
-    /// Time steps between snapshots. 0: one at the end.
+    /// Time steps between snapshots. 0: one snapshot at the end.
     #[arg(long, value_name = "N", default_value_t = 0)]
     snapshot_every: u64,
-    /// Writes the state at the end, as the stage itself would.
+    /// Saves the state at the end, as a coupled run does.
     #[arg(long)]
     save: bool,
 }
@@ -81,7 +81,7 @@ fn built(
     let scene = case::load(scene).map_err(Fault::new)?;
     if stage >= scene.stages.len() {
         return Err(Fault::new(format!(
-            "stage {stage} does not exist: the scene has {}",
+            "stage {stage} does not exist: the scene has {} stages, numbered from 0",
             scene.stages.len()
         )));
     }
@@ -110,14 +110,14 @@ fn self_test(words: &[std::ffi::OsString]) -> Result<(), String> {
 
 fn alone(args: &Alone) -> Result<(), String> {
     let comm = Comm::init(None).map_err(|e| e.to_string())?;
-    let run = fly(args, &comm).map_err(|e| e.to_string());
+    let run = run_alone(args, &comm).map_err(|e| e.to_string());
     if run.is_err() {
         std::mem::forget(comm);
     }
     run
 }
 
-fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
+fn run_alone(args: &Alone, comm: &Comm) -> Result<(), Fault> {
     let scene = case::load(&args.scene).map_err(Fault::new)?;
     let mut participant = built(&args.scene, args.stage, &args.out, None, comm)?;
     let stage = &scene.stages[args.stage];
@@ -137,7 +137,7 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
             index,
             substeps: 1,
             time: index as f64 * stage.window_s,
-            // A steady stage has no time; a window must have some.
+            // A steady stage has no duration; a window needs one.
             dt: if stage.steady.is_some() { 1.0 } else { stage.window_s },
             frame_velocity: [0.0, 0.0, -fall],
             ..Window::default()
@@ -159,7 +159,7 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
     }
     if unconverged > 0 && comm.is_root() {
         eprintln!(
-            "warning: {unconverged} of {steps} steps ended above their target, {worst:.1} times it at most"
+            "warning: {unconverged} of {steps} steps ended above their residual target, by a factor of at most {worst:.1}"
         );
     }
     if args.save {
@@ -173,7 +173,7 @@ fn fly(args: &Alone, comm: &Comm) -> Result<(), Fault> {
 /// Residual of a step over its target.
 ///
 /// # Errors
-/// One that is too far above it.
+/// A residual above [`channel::UNCONVERGED_LIMIT`] times its target.
 fn checked_excess(w: &Window, stats: &Stats) -> Result<f64, Fault> {
     let excess = channel::excess(Role::Flow, &stats.values).unwrap_or(0.0);
     if excess > channel::UNCONVERGED_LIMIT {

@@ -33,13 +33,13 @@ pub struct FlowParticipant<G, const N: usize> {
     moved: bool,
     wind: Wind,
     march: Option<March>,
-    /// Window of the last answer that is not accepted yet, and its length, s.
-    answered: Option<(u64, f64)>,
-    /// Why the last window had no answer.
-    stuck: Option<Fault>,
+    /// Window of the last flow solve that is not accepted yet, and its length, s.
+    solved_window: Option<(u64, f64)>,
+    /// Why the last flow solve failed.
+    failure: Option<Fault>,
 }
 
-/// The participant with the effects that the scene asks for. Collective.
+/// Creates the participant with the effects that the scene enables. Collective.
 ///
 /// # Errors
 /// A grid that cannot be used, a saved state that does not fit.
@@ -53,7 +53,7 @@ pub fn participant(setup: &Setup, comm: &Comm) -> Result<Box<dyn Participant>, F
     })
 }
 
-/// The viscosity that a scene asks for.
+/// Viscosity model of a scene.
 fn viscosity(flow: &Flow) -> ViscosityModel {
     let Some(v) = &flow.viscosity else { return ViscosityModel::Inviscid };
     let viscosity = v.dynamic_viscosity_pa_s;
@@ -62,7 +62,7 @@ fn viscosity(flow: &Flow) -> ViscosityModel {
         Some(Turbulence::Smagorinsky) => EddyViscosity::Smagorinsky,
         Some(Turbulence::Wale) => EddyViscosity::Wale,
         Some(Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes) => {
-            EddyViscosity::Transported
+            EddyViscosity::TransportInput
         }
     };
     Turbulent { viscosity, eddies }.into()
@@ -86,7 +86,7 @@ fn started<G: Gas<N>, const N: usize>(
     Ok(solver)
 }
 
-/// The transported turbulence that a scene asks for; `density` is that of the undisturbed air, kg/m3.
+/// Transported turbulence model of a scene, if any; `density` is that of the undisturbed air, kg/m3.
 fn transported<G: Gas<N>, const N: usize>(
     solver: &Solver<G, N>,
     viscosity: &case::Viscosity,
@@ -113,8 +113,8 @@ fn restore<G: Gas<N>, const N: usize>(
     // there has no step before it, and wall and air must take the same difference.
     let begins = !setup.resumed && (setup.window_s - saved.last_dt).abs() > 1e-9 * setup.window_s;
     let first_order_steps = saved.first_order_steps.max(u32::from(begins));
-    solver.restore(saved.past, saved.last_dt, first_order_steps).map_err(Fault::new)?;
-    solver.restore_ties(&saved.ties);
+    solver.restore(saved.previous, saved.last_dt, first_order_steps).map_err(Fault::new)?;
+    solver.restore_rhie_chow(&saved.rhie_chow_fluxes);
     Ok(())
 }
 
@@ -173,8 +173,8 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
             moved: false,
             wind: setup.wind.clone(),
             march: setup.march,
-            answered: None,
-            stuck: None,
+            solved_window: None,
+            failure: None,
         };
         if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent()).filter(|_| setup.resumed) {
             participant.restore_state(comm, folder)?;
@@ -183,12 +183,12 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         Ok(participant)
     }
 
-    /// Takes up what this rank saved in `folder` beside its share of the state. Collective.
+    /// Restores the warm-start data that this rank saved in `folder`. Collective.
     fn restore_state(&mut self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
         match RankWarmStart::load(comm, folder, &self.solver.topology)? {
             Some(memory) => {
                 self.monitors.restore_state(memory.probes);
-                let file = channel::memory_file(folder, Role::Flow, comm.rank(), comm.size());
+                let file = channel::warm_start_file(folder, Role::Flow, comm.rank(), comm.size());
                 let unfit = |reason: String| Fault::new(archive::Error::content(&file, reason));
                 self.solver.restore_warm_start(memory.solver).map_err(unfit)?;
             }
@@ -202,9 +202,9 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         Ok(())
     }
 
-    /// The answer where there is none. The coupler may ask for a shorter window, or save and end
-    /// the run; what a shorter window cannot mend is a fault.
-    fn no_answer(
+    /// Reports a failed flow solve in the statistics. The coupler may retry with a shorter window, or save and end
+    /// the run. A failure that a shorter window cannot cure is returned as a fault.
+    fn report_failure(
         &mut self,
         w: &Window,
         error: &FlowError,
@@ -239,7 +239,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         if self.solver.comm().is_root() {
             eprintln!("flow-solver: {words}");
         }
-        self.stuck = Some(Fault::new(words));
+        self.failure = Some(Fault::new(words));
         output.fill(0.0);
         Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
     }
@@ -293,7 +293,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         self.moved = !input.grid.is_empty();
         if self.moved && !self.solver.settings.moving {
             return Err(Fault::new(
-                "this stage is the flow on a grid at rest, but a grid that moves was sent",
+                "this stage runs the flow on a fixed grid, but received a moving grid; use a stage kind with grid motion",
             ));
         }
         if self.moved {
@@ -304,19 +304,19 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
                 v.copy_from_slice(&row[3..]);
             }
         }
-        let again = self.answered == Some((w.index, w.dt));
+        let repeat = self.solved_window == Some((w.index, w.dt));
         let frame = w.frame_velocity.into();
-        let step = Step { dt: w.dt, frame, again, moved: self.moved };
-        (self.answered, self.stuck) = (None, None);
+        let step = Step { dt: w.dt, frame, repeat, moved: self.moved };
+        (self.solved_window, self.failure) = (None, None);
         let times = [w.dt, 0.0, -self.solver.step_before(w.dt)];
-        self.solver.blow(times.map(|t| self.wind.at(w.time + t).into()), w.dt);
+        self.solver.set_far_field_velocity(times.map(|t| self.wind.at(w.time + t).into()), w.dt);
         let outcome = match &self.march {
             None => self.solver.advance(&step).map(|report| (self.loads.compute(&self.solver), report)),
-            Some(march) => steady::answer(march, &mut self.solver, &mut self.loads, frame),
+            Some(march) => steady::solve_window(march, &mut self.solver, &mut self.loads, frame),
         };
         let (total, report) = match outcome {
             Ok(answer) => answer,
-            Err(error) => return self.no_answer(w, &error, output, clock),
+            Err(error) => return self.report_failure(w, &error, output, clock),
         };
         let owned = &self.loads.faces[..self.solver.topology.canopy.n_owned];
         output.copy_from_slice(owned.as_flattened());
@@ -324,19 +324,19 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         let finite = output.iter().chain(&values).all(|x| x.is_finite());
         if !self.solver.comm().all(finite) {
             return Err(Fault::new(format!(
-                "window {}: the load on the canopy is not a finite number; check the flow's residuals",
+                "window {}: the load on the canopy is not a finite number; check the residuals of the flow",
                 w.index
             )));
         }
-        self.answered = Some((w.index, w.dt));
+        self.solved_window = Some((w.index, w.dt));
         Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
         let _part = timing::part("accept");
-        if self.answered.take().is_none_or(|(index, _)| index != w.index) {
-            let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
-            return Err(self.stuck.take().unwrap_or_else(none));
+        if self.solved_window.take().is_none_or(|(index, _)| index != w.index) {
+            let none = || Fault::new(format!("window {} was accepted before it was solved", w.index));
+            return Err(self.failure.take().unwrap_or_else(none));
         }
         // A march has accepted its steps.
         if self.march.is_none() {

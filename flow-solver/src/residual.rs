@@ -1,4 +1,4 @@
-//! The spatial residual: what leaves each cell, to second order.
+//! The spatial residual: net outflow of each cell, second order.
 
 use comm::Halo;
 
@@ -7,7 +7,7 @@ use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
 use crate::physics::{
-    self, BoundaryFace, FaceFlow, Gas, Interface, Scheme, Viscosity, ViscosityModel, velocity,
+    self, BoundaryFace, FaceFlux, FluxParameters, Gas, Interface, Viscosity, ViscosityModel, velocity,
 };
 use crate::topology::{OpenSides, Side, Topology};
 
@@ -47,7 +47,7 @@ macro_rules! for_viscosity {
 }
 pub(crate) use for_viscosity;
 
-/// What the residual works on: the grid of one rank at one instant.
+/// What the residual works on: the grid of one rank at one time level.
 pub struct Domain<'a> {
     /// Cells and faces.
     pub topology: &'a Topology,
@@ -60,7 +60,7 @@ pub struct Domain<'a> {
     /// Velocity of the middle of each face that is not between two cells, in the
     /// falling frame, m/s (walls need it).
     pub wall_velocity: &'a [Vec3],
-    /// What the undisturbed wind has more than [`Scheme::wind`] on each face that is not
+    /// Difference of the undisturbed wind from [`FluxParameters::wind`] on each face that is not
     /// between two cells, m/s. Empty: nothing.
     pub sheared: &'a [Vec3],
     /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
@@ -76,13 +76,13 @@ impl Domain<'_> {
     }
 
     /// Constants of the flux with the undisturbed wind at the face of `side`.
-    pub fn scheme_at(&self, scheme: &Scheme, side: &Side) -> Scheme {
+    pub fn scheme_at(&self, scheme: &FluxParameters, side: &Side) -> FluxParameters {
         let excess = self.sheared.get(side.face as usize - self.topology.cells.len());
-        Scheme { wind: scheme.wind + excess.copied().unwrap_or_default(), ..*scheme }
+        FluxParameters { wind: scheme.wind + excess.copied().unwrap_or_default(), ..*scheme }
     }
 
     /// The face of an open `side`; `scheme` is that of [`Domain::scheme_at`].
-    pub fn boundary_face<'a>(&'a self, scheme: &'a Scheme, side: &Side) -> BoundaryFace<'a> {
+    pub fn boundary_face<'a>(&'a self, scheme: &'a FluxParameters, side: &Side) -> BoundaryFace<'a> {
         BoundaryFace { scheme, metric: self.face(side), sign: side.sign }
     }
 }
@@ -111,15 +111,15 @@ impl<G: Copy> Spatial<G> {
     pub fn evaluate<const N: usize>(
         &self,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         q: &mut [[f64; N]],
         gradient: &mut [Gradient<N>],
         residual: &mut [[f64; N]],
-        through: &mut [FaceFlow],
+        face_flux: &mut [FaceFlux],
     ) where
         G: Gas<N>,
     {
-        // What needs no ghosts is done while they travel.
+        // Faces without ghosts are evaluated during the halo exchange.
         on.halo.overlap(q.as_flattened_mut(), N, |q| {
             on.gradients.inside(on.topology, q.as_chunks().0, gradient);
         });
@@ -135,26 +135,26 @@ impl<G: Copy> Spatial<G> {
         let n = on.topology.n_inside;
         on.halo.overlap(gradient.as_flattened_mut().as_flattened_mut(), 3 * N, |gradient| {
             let field = Field { q, gradient: gradient.as_chunks::<N>().0.as_chunks().0 };
-            for_viscosity!(self, s => s.interior(on, scheme, field, residual, through, 0..n));
+            for_viscosity!(self, s => s.interior(on, scheme, field, residual, face_flux, 0..n));
         });
         let field = Field { q, gradient };
         let border = n..on.topology.cells.len();
         for_viscosity!(self, s => {
-            s.interior(on, scheme, field, residual, through, border);
+            s.interior(on, scheme, field, residual, face_flux, border);
             s.walls(on, scheme, field, residual);
         });
-        self.open_boundaries(on, scheme, field, residual, through);
-        self.pores(on, scheme, field, residual, through);
+        self.open_boundaries(on, scheme, field, residual, face_flux);
+        self.porous_fluxes(on, scheme, field, residual, face_flux);
     }
 
     /// Sides that air passes.
     fn open_boundaries<const N: usize>(
         &self,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
         residual: &mut [[f64; N]],
-        through: &mut [FaceFlow],
+        face_flux: &mut [FaceFlux],
     ) where
         G: Gas<N>,
     {
@@ -164,11 +164,11 @@ impl<G: Copy> Spatial<G> {
                 let cell = side.cell as usize;
                 let d = on.metrics.border(side.face) - on.metrics.centre(cell);
                 let inside = gradient::extrapolated(&field.q[cell], &field.gradient[cell], &d);
-                let kept = &mut through[side.face as usize];
+                let kept = &mut face_flux[side.face as usize];
                 let scheme = on.scheme_at(scheme, side);
                 let at = on.boundary_face(&scheme, side);
-                let f = condition.flux(&self.gas, &at, &inside, &field.q[cell], kept.past);
-                (kept.mass, kept.tie) = (f.mass as f32, f.tie as f32);
+                let f = condition.flux(&self.gas, &at, &inside, &field.q[cell], kept.previous);
+                (kept.mass, kept.rhie_chow) = (f.mass as f32, f.rhie_chow as f32);
                 gain(residual, side, &f.flux);
             }
         }
@@ -179,7 +179,7 @@ impl<G: Copy> Spatial<G> {
     pub fn wall_traction<const N: usize>(
         &self,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         q: &[[f64; N]],
         side: &Side,
     ) -> Vec3 {
@@ -189,7 +189,13 @@ impl<G: Copy> Spatial<G> {
 
 /// The same for a fluid of dynamic viscosity `mu`, Pa s. The sub-grid model is silent at a wall: no eddy is smaller
 /// than it.
-fn traction<const N: usize>(mu: f64, on: &Domain<'_>, scheme: &Scheme, q: &[[f64; N]], side: &Side) -> Vec3 {
+fn traction<const N: usize>(
+    mu: f64,
+    on: &Domain<'_>,
+    scheme: &FluxParameters,
+    q: &[[f64; N]],
+    side: &Side,
+) -> Vec3 {
     let face = on.face(side);
     let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side);
     // Its own distance: a wall of zero thickness has another cell behind it.
@@ -197,7 +203,7 @@ fn traction<const N: usize>(mu: f64, on: &Domain<'_>, scheme: &Scheme, q: &[[f64
     physics::wall_traction(mu, slip, face.area * (1.0 / face.magnitude()), height)
 }
 
-fn wall_velocity(on: &Domain<'_>, scheme: &Scheme, side: &Side) -> Vec3 {
+fn wall_velocity(on: &Domain<'_>, scheme: &FluxParameters, side: &Side) -> Vec3 {
     on.wall_velocity[side.face as usize - on.topology.cells.len()] + scheme.frame
 }
 
@@ -206,25 +212,25 @@ impl<G, V: Viscosity> Spatial<G, V> {
     fn interior<const N: usize>(
         &self,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
         residual: &mut [[f64; N]],
-        through: &mut [FaceFlow],
+        face_flux: &mut [FaceFlux],
         range: std::ops::Range<usize>,
     ) where
         G: Gas<N>,
     {
         let faces = on.metrics.faces[range.clone()]
             .iter()
-            .zip(&mut through[range.clone()])
+            .zip(&mut face_flux[range.clone()])
             .zip(&on.topology.cells[range]);
-        for ((face, through), &[i, j]) in faces {
+        for ((face, face_flux), &[i, j]) in faces {
             let (i, j) = (i as usize, j as usize);
             let pair = Between { face, cells: [i, j], way: on.metrics.centre(j) - on.metrics.centre(i) };
             let [l, r] = self.reconstructed(field, &pair);
-            let Interface { mut flux, mass, tie } =
-                physics::interface(&self.gas, scheme, &l, &r, face, through.past);
-            (through.mass, through.tie) = (mass as f32, tie as f32);
+            let Interface { mut flux, mass, rhie_chow } =
+                physics::interface(&self.gas, scheme, &l, &r, face, face_flux.previous);
+            (face_flux.mass, face_flux.rhie_chow) = (mass as f32, rhie_chow as f32);
             if V::ACTIVE {
                 let viscous = self.viscous_flux(on, field, &pair, [&l, &r]);
                 for (f, v) in flux.iter_mut().zip(viscous) {
@@ -247,7 +253,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let (qi, qj, gi, gj) = (&field.q[i], &field.q[j], &field.gradient[i], &field.gradient[j]);
         let (mut l, mut r) = (*qi, *qj);
         // The plain difference counts by where the face lies between the centres:
-        // a thin cell beside a thick one takes little of it.
+        // a thin cell next to a thick one takes little of it.
         let near = (di.dot(&face.area) / (face.magnitude() * face.spacing())).clamp(0.0, 1.0);
         let (chi_i, chi_j) = (self.chi * near, self.chi * (1.0 - near));
         for v in 0..N {
@@ -304,7 +310,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
     fn walls<const N: usize>(
         &self,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
         residual: &mut [[f64; N]],
     ) where
@@ -352,7 +358,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
     fn friction<const N: usize>(
         &self,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
         side: &Side,
     ) -> [f64; N]

@@ -16,7 +16,7 @@ use crate::solver::{Method, Settings, Solver, Step};
 use crate::state;
 use crate::turbulence::{SpalartAllmaras, ddes};
 
-/// A plate in a viscous stream on a grid that heaves and twists, airtight, of cloth or with
+/// A plate in a viscous stream on a grid that heaves and twists, airtight, permeable or with
 /// detached eddies, as `effect` names it: the force after each of four steps. The state after
 /// the second step is written to `file`, or,
 /// where `file` exists, the run starts from it. Collective.
@@ -27,7 +27,7 @@ use crate::turbulence::{SpalartAllmaras, ddes};
 pub fn self_test(comm: &Comm, file: &Path, effect: &str) -> Result<Vec<Vec3>, Fault> {
     let viscosity = 0.02;
     match effect {
-        "turbulent" => run(comm, file, Turbulent { viscosity, eddies: EddyViscosity::Transported }, None),
+        "turbulent" => run(comm, file, Turbulent { viscosity, eddies: EddyViscosity::TransportInput }, None),
         "permeable" => run(comm, file, Laminar { viscosity }, Some(Permeability::new(5.0, 1.0))),
         _ => run(comm, file, Laminar { viscosity }, None),
     }
@@ -71,8 +71,8 @@ fn run<V: Viscosity>(
     if resumed {
         let saved = state::load(file, &solver.topology, totals)?;
         solver.restore_extras(&saved.extras);
-        solver.restore(saved.past, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
-        solver.restore_ties(&saved.ties);
+        solver.restore(saved.previous, saved.last_dt, saved.first_order_steps).map_err(Fault::new)?;
+        solver.restore_rhie_chow(&saved.rhie_chow_fluxes);
     }
     let dt = 0.02;
     let mut forces = Vec::new();
@@ -87,7 +87,7 @@ fn run<V: Viscosity>(
             solver.nodes[i] = now;
             solver.node_velocity[i] = (now - before) / dt;
         }
-        let step = Step { dt, frame: Vec3::new(0.0, 0.1, -0.5), again: false, moved: true };
+        let step = Step { dt, frame: Vec3::new(0.0, 0.1, -0.5), repeat: false, moved: true };
         solver.advance(&step).map_err(Fault::new)?;
         forces.push(loads.compute(&solver).force);
         solver.accept(dt, true);

@@ -10,12 +10,12 @@ use mesh::{FaceTable, FlowGrid, Graph, QualityReport, StructureMesh};
 use crate::geometry::vec3::Vec3;
 use crate::permeable::Permeability;
 use crate::physics::{Air, VELOCITY_DIFFUSION};
-use crate::shear::Sheared;
+use crate::shear::WindShear;
 use crate::solver::{Method, Settings};
 use crate::steady::March;
 use crate::topology::Topology;
 
-/// What a stage of a scene asks of the flow.
+/// Flow settings of one stage of a scene.
 pub struct Setup {
     /// The scene.
     pub scene: Scene,
@@ -31,7 +31,7 @@ pub struct Setup {
     pub folder: PathBuf,
     /// State of an earlier stage to start from.
     pub source: Option<PathBuf>,
-    /// It is one of this stage, to restart from within it.
+    /// It is a state of this stage: the run restarts within the stage.
     pub resumed: bool,
     /// Length of the stage's windows, s.
     pub window_s: f64,
@@ -40,7 +40,7 @@ pub struct Setup {
     /// Its velocity over the time of the stage.
     pub wind: Wind,
     /// Its velocity by height.
-    pub shear: Option<Sheared>,
+    pub shear: Option<WindShear>,
     /// Marches to a steady state.
     pub march: Option<March>,
 }
@@ -62,10 +62,10 @@ fn air(flow: &Flow) -> Air {
     Air::new(flow.density_kg_m3, flow.temperature_k)
 }
 
-/// Speed at which the air meets the canopy at the start of a stage, m/s.
+/// Free-stream speed relative to the canopy at the start of a stage, m/s.
 ///
 /// # Errors
-/// Supersonic flow, and a flow around a canopy at rest in which nothing moves.
+/// A supersonic free stream, or a fixed canopy in a free stream without velocity.
 fn speed_at_start(
     scene: &Scene,
     stage: usize,
@@ -80,14 +80,14 @@ fn speed_at_start(
     let sound = (air.gas_constant * air.temperature).sqrt();
     if speed >= sound {
         return Err(Fault::new(format!(
-            "the air meets the canopy at {speed:.1} m/s, faster than sound ({sound:.1} m/s): \
-             flow-solver is made for subsonic flow; lower wind_m_s or initial_speed_m_s"
+            "the free-stream speed relative to the canopy is {speed:.1} m/s, above the speed of sound ({sound:.1} m/s); \
+             flow-solver supports subsonic flow only; lower wind_m_s or initial_speed_m_s"
         )));
     }
     let still = speed == 0.0 && !scene.has_stage_wind() && !sheared;
     if still && scene.stages[stage].kind == case::StageKind::FlowOnly {
         return Err(Fault::new(format!(
-            "stage {stage} is the flow around a canopy at rest, but nothing moves: \
+            "stage {stage} runs the flow around a fixed canopy, but the free stream has no velocity: \
              set descent.initial_speed_m_s or flow.wind_m_s"
         )));
     }
@@ -105,9 +105,9 @@ fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) ->
         repeated_drop: repeated_drop(scene, flow, stage),
         max_iterations: flow.solver.iterations() as usize,
         method: match flow.solver.method {
-            // A long step of a march is worth more corrections.
+            // Long steps of a march to a steady state need more stored corrections.
             FlowMethod::Gmres if plan.steady.is_some() => Method::PressureCorrection { depth: 10 },
-            // Coupling iterations reuse the columns of the last ones.
+            // Coupling iterations reuse the differences of earlier ones.
             FlowMethod::Gmres => Method::PressureCorrection { depth: if moving { 5 } else { 4 } },
             FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
         },
@@ -126,7 +126,7 @@ impl Setup {
     pub fn new(scene: Scene, stage: usize, out: &Path) -> Result<Self, Fault> {
         let flow = scene.flow.as_ref().ok_or_else(|| {
             Fault::new(format!(
-                "scene `{}` has no [flow] section, but a stage that runs the flow",
+                "scene `{}` has a stage that runs the flow, but no section [flow]; add one",
                 scene.name
             ))
         })?;
@@ -137,7 +137,7 @@ impl Setup {
         };
         let grid = mesh::flow_grid(&scene, &structure, &positions).map_err(Fault::new)?;
         let faces = FaceTable::new(&grid).map_err(Fault::new)?;
-        let shear = flow.shear.as_ref().map(|s| Sheared::of_scene(s, flow.wind_m_s.into()));
+        let shear = flow.shear.as_ref().map(|s| WindShear::of_scene(s, flow.wind_m_s.into()));
         let wind = scene.wind(stage, &StageTimes::completed(&scene, out, stage));
         let wind = match &shear {
             None => wind,
@@ -168,7 +168,7 @@ impl Setup {
         })
     }
 
-    /// Restarts within the stage from what the flow saved in `folder`.
+    /// Restarts within the stage from the state that the flow saved in `folder`.
     pub fn resume(self, folder: &Path) -> Self {
         Self { source: Some(case::state_file(folder, Role::Flow)), resumed: true, ..self }
     }
@@ -198,7 +198,7 @@ impl Setup {
 }
 
 /// This rank's part of `grid`, split by METIS, its cells ordered for the cache, with a canopy
-/// of `cloth` (none: airtight).
+/// of permeability `cloth` (`None`: airtight).
 ///
 /// # Errors
 /// More ranks than cells.

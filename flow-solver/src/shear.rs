@@ -12,9 +12,9 @@ pub use case::WindProfile as Profile;
 
 /// A profile and where the falling frame is in it.
 #[derive(Clone, Debug)]
-pub struct Sheared {
+pub struct WindShear {
     profile: Profile,
-    /// Height of the frame's origin at the last accepted instant, m.
+    /// Height of the frame's origin at the last accepted time level, m.
     pub height: f64,
     /// Height at the end of the step, m.
     next: f64,
@@ -22,23 +22,23 @@ pub struct Sheared {
     base: Vec3,
 }
 
-impl Sheared {
+impl WindShear {
     /// A frame whose origin starts at `height`.
     pub fn new(profile: Profile, height: f64) -> Self {
         Self { base: profile.at(height).into(), profile, height, next: height }
     }
 
-    /// What a scene asks for; `wind` is its wind at the reference height.
+    /// The wind shear of a scene; `wind` is its wind at the reference height.
     pub fn of_scene(s: &case::Shear, wind: Vec3) -> Self {
         Self::new(s.profile_of(wind.into()), s.start_height_m)
     }
 
-    /// Wind at the start at the frame's origin, m/s: the wind of the solver's request.
+    /// Wind at the start at the frame's origin, m/s. It is the value of [`crate::Settings::wind`].
     pub fn base(&self) -> Vec3 {
         self.base
     }
 
-    /// What the wind at `z` (m, in the frame, at the last accepted instant) has more than the base.
+    /// Difference of the wind at `z` (m, in the frame, at the last accepted time level) from the base wind, m/s.
     pub fn excess(&self, z: f64) -> Vec3 {
         Vec3::from(self.profile.at(self.height + z)) - self.base
     }

@@ -84,7 +84,7 @@ fn single(v: Vec3) -> [f32; 3] {
     v.map(|x| x as f32).into()
 }
 
-/// Fields of the owned cells at one instant.
+/// Fields of the owned cells at one time level.
 struct State {
     pressure: Vec<f32>,
     /// Relative to the ground, and to the falling frame.

@@ -15,9 +15,9 @@ use crate::topology::Topology;
 const KIND: [u8; 8] = *b"RIPFLOW\0";
 const VERSION: u32 = 3;
 
-/// State at an accepted instant.
+/// State at an accepted time level.
 #[derive(Clone, Debug)]
-pub struct Instant<const N: usize> {
+pub struct TimeLevel<const N: usize> {
     /// Unknowns of local cells.
     pub q: Vec<[f64; N]>,
     /// Volumes of local cells, m3. Empty on a grid at rest.
@@ -26,16 +26,16 @@ pub struct Instant<const N: usize> {
     pub nodes: Vec<Vec3>,
 }
 
-/// What effects keep from step to step.
+/// State of optional effects (wind shear, transported turbulence).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Extras {
     /// Height of the falling frame's origin above ground, m, where wind changes with height.
     pub height: Option<f64>,
-    /// Working variable of transported turbulence `[cells]`, m2/s, newest instant first.
+    /// Working variable of transported turbulence `[cells]`, m2/s, newest time level first.
     pub turbulence: Option<[Vec<f64>; 2]>,
 }
 
-/// Two instants in global order.
+/// Saved state: two time levels, in global order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Saved {
     equations: u32,
@@ -43,12 +43,12 @@ pub struct Saved {
     nodes: u64,
     last_dt: f64,
     first_order_steps: u32,
-    /// Unknowns `[cells][equations]`, newest instant first.
+    /// Unknowns `[cells][equations]`, newest time level first.
     q: [Vec<f64>; 2],
     /// Node positions `[nodes][3]`, m.
     x: [Vec<f64>; 2],
-    /// What pressure added to the mean momentum through each face `[faces][2]`, kg/(m2 s).
-    ties: Vec<f64>,
+    /// Rhie-Chow flux of each face at two time levels `[faces][2]`, kg/(m2 s).
+    rhie_chow_fluxes: Vec<f64>,
     extras: Extras,
 }
 
@@ -65,26 +65,26 @@ impl Saved {
         }
         let eddies = self.extras.turbulence.iter().flatten();
         if self.x.iter().any(|x| x.len() != 3 * totals.1) || eddies.clone().any(|t| t.len() != totals.0) {
-            return Err("has vectors that are too short or too long".into());
+            return Err("has vectors of a wrong length".into());
         }
         let single = [self.last_dt, self.extras.height.unwrap_or_default()];
-        let vectors = self.q.iter().chain(&self.x).chain([&self.ties]).chain(eddies).flatten();
+        let vectors = self.q.iter().chain(&self.x).chain([&self.rhie_chow_fluxes]).chain(eddies).flatten();
         if !vectors.chain(&single).all(|x| x.is_finite()) {
-            return Err("holds values that are not finite".into());
+            return Err("holds values that are not finite numbers".into());
         }
-        if self.ties.iter().any(|x| x.abs() > f64::from(f32::MAX)) {
-            return Err("holds mass fluxes beyond the range of a face".into());
+        if self.rhie_chow_fluxes.iter().any(|x| x.abs() > f64::from(f32::MAX)) {
+            return Err("holds Rhie-Chow fluxes beyond single precision".into());
         }
         // A step of second order needs one before it.
         if self.last_dt < 0.0 || (self.last_dt == 0.0 && self.first_order_steps == 0) {
-            return Err(format!("has a last step of {} s", self.last_dt));
+            return Err(format!("has a last time step of {} s; it must be positive", self.last_dt));
         }
         Ok(())
     }
 }
 
 /// The value in a file of the layout before archives: its kind and `version`, the value in compact form, a checksum.
-pub(crate) fn before_archives<T: DeserializeOwned>(bytes: &[u8], kind: [u8; 8], version: u32) -> Option<T> {
+pub(crate) fn load_legacy<T: DeserializeOwned>(bytes: &[u8], kind: [u8; 8], version: u32) -> Option<T> {
     let (body, sum) = bytes.split_last_chunk::<8>()?;
     if fnv1a(body.iter().copied()) != u64::from_le_bytes(*sum) {
         return None;
@@ -109,33 +109,33 @@ pub(crate) fn gather<const W: usize>(
     all
 }
 
-/// What a rank holds of the state, to be saved.
+/// Part of the state on one rank, for [`save`].
 #[derive(Clone, Copy, Debug)]
-pub struct Share<'a, const N: usize> {
+pub struct RankState<'a, const N: usize> {
     /// Cells, faces and nodes of the rank.
     pub topology: &'a Topology,
-    /// Unknowns of local cells at the last two accepted instants, newest first.
+    /// Unknowns of local cells at the last two accepted time levels, newest first.
     pub q: [&'a [[f64; N]]; 2],
-    /// Positions of local nodes at the same instants, m.
+    /// Positions of local nodes at the same time levels, m.
     pub nodes: [&'a [Vec3]; 2],
     /// Length of the last step, s (0: none).
     pub last_dt: f64,
     /// First-order steps still to take.
     pub first_order_steps: u32,
-    /// What pressure added to the mean momentum through each local face, kg/(m2 s).
-    pub ties: &'a [[f64; 2]],
-    /// What effects keep, of all ranks.
+    /// Rhie-Chow flux of each local face at two time levels, newest first, kg/(m2 s).
+    pub rhie_chow_fluxes: &'a [[f64; 2]],
+    /// State of optional effects on all ranks.
     pub extras: &'a Extras,
 }
 
 /// Writes the shares of all ranks. `totals`: cells and nodes of the whole grid. Collective.
 ///
 /// # Errors
-/// Trouble with the file, on every rank.
+/// The file cannot be written; the same error on every rank.
 pub fn save<const N: usize>(
     file: &Path,
     comm: &Comm,
-    share: &Share<'_, N>,
+    share: &RankState<'_, N>,
     totals: (usize, usize),
 ) -> Result<(), Fault> {
     let (cells, nodes) = totals;
@@ -148,7 +148,7 @@ pub fn save<const N: usize>(
     });
     let faces: Vec<u64> = topology.face_global.iter().map(|&f| u64::from(f)).collect();
     let count = comm.max(faces.iter().fold(0.0, |m, &f| (f as f64 + 1.0).max(m))) as usize;
-    let ties = gather(comm, &faces, share.ties, count);
+    let rhie_chow_fluxes = gather(comm, &faces, share.rhie_chow_fluxes, count);
     let mut outcome = Ok(());
     if comm.is_root() {
         let saved = Saved {
@@ -159,7 +159,7 @@ pub fn save<const N: usize>(
             first_order_steps: share.first_order_steps,
             q,
             x,
-            ties,
+            rhie_chow_fluxes,
             extras: share.extras.clone(),
         };
         outcome = write(file, &saved);
@@ -174,17 +174,17 @@ fn write(file: &Path, saved: &Saved) -> Result<(), Fault> {
     archive::save(file, KIND, VERSION, saved).map(|_| ()).map_err(|e| Fault::new(format!("flow state: {e}")))
 }
 
-/// Two instants as saved.
+/// The part of a saved state on one rank.
 pub struct Restored<const N: usize> {
     /// Newest first; ghosts are included, volumes are not set.
-    pub past: [Instant<N>; 2],
+    pub previous: [TimeLevel<N>; 2],
     /// Length of the last step, s.
     pub last_dt: f64,
     /// First-order steps still to take.
     pub first_order_steps: u32,
-    /// What pressure added to the mean momentum through each local face.
-    pub ties: Vec<[f32; 2]>,
-    /// What effects keep.
+    /// Rhie-Chow flux of each local face at two time levels, newest first, kg/(m2 s).
+    pub rhie_chow_fluxes: Vec<[f32; 2]>,
+    /// State of optional effects.
     pub extras: Extras,
 }
 
@@ -199,11 +199,10 @@ fn unknowns<const N: usize>(saved: &[f64]) -> [f64; N] {
 /// energy equation.
 ///
 /// # Errors
-/// A file that is missing, damaged, of another version or of another grid, or holds what is no
-/// number.
+/// A file that is missing, damaged, of another version or of another grid, or that holds values that are not finite.
 pub fn read(file: &Path, totals: (usize, usize)) -> Result<Saved, Fault> {
     let fail = |e: archive::Error| Fault::new(format!("flow state: {e}"));
-    let version_2 = |bytes: &[u8]| before_archives(bytes, KIND, 2);
+    let version_2 = |bytes: &[u8]| load_legacy(bytes, KIND, 2);
     let saved: Saved = archive::load_or_earlier(file, KIND, VERSION, version_2).map_err(fail)?;
     saved.check(totals).map_err(|what| fail(archive::Error::content(file, format!("it {what}"))))?;
     Ok(saved)
@@ -221,23 +220,24 @@ pub fn load<const N: usize>(
     let saved = read(file, totals)?;
     let equations = saved.equations as usize;
     let faces = topology.face_global.iter().map(|&f| 2 * f as usize);
-    if faces.clone().max().is_some_and(|f| f + 1 >= saved.ties.len()) {
+    if faces.clone().max().is_some_and(|f| f + 1 >= saved.rhie_chow_fluxes.len()) {
         let unfit = archive::Error::content(file, "it has fewer faces than this stage's grid");
         return Err(Fault::new(format!("flow state: {unfit}")));
     }
-    let ties = faces.map(|f| [saved.ties[f] as f32, saved.ties[f + 1] as f32]).collect();
+    let rhie_chow_fluxes =
+        faces.map(|f| [saved.rhie_chow_fluxes[f] as f32, saved.rhie_chow_fluxes[f + 1] as f32]).collect();
     let row = |g: u64, k: usize| unknowns(&saved.q[k][g as usize * equations..][..equations]);
     let node = |g: u64, k: usize| Vec3::from_column_slice(&saved.x[k][g as usize * 3..][..3]);
-    let past = [0, 1].map(|k| Instant {
+    let past = [0, 1].map(|k| TimeLevel {
         q: topology.numbering.global.iter().map(|&g| row(g, k)).collect(),
         volume: vec![0.0; topology.n_local()],
         nodes: topology.node_global.iter().map(|&g| node(g, k)).collect(),
     });
     Ok(Restored {
-        past,
+        previous: past,
         last_dt: saved.last_dt,
         first_order_steps: saved.first_order_steps,
-        ties,
+        rhie_chow_fluxes,
         extras: saved.extras,
     })
 }
@@ -247,14 +247,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_from_before_archives_are_read() {
+    fn legacy_files_are_read() {
         let extras = Extras { height: Some(12.5), turbulence: Some([vec![1.0], vec![-0.0]]) };
         let mut bytes = compact::encode(&((u64::from_le_bytes(KIND), 2u32), &extras));
         let sum = fnv1a(bytes.iter().copied());
         bytes.extend(sum.to_le_bytes());
-        assert_eq!(before_archives(&bytes, KIND, 2), Some(extras));
-        assert_eq!(before_archives::<Extras>(&bytes, KIND, 3), None);
+        assert_eq!(load_legacy(&bytes, KIND, 2), Some(extras));
+        assert_eq!(load_legacy::<Extras>(&bytes, KIND, 3), None);
         bytes[20] ^= 1;
-        assert_eq!(before_archives::<Extras>(&bytes, KIND, 2), None);
+        assert_eq!(load_legacy::<Extras>(&bytes, KIND, 2), None);
     }
 }

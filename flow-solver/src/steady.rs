@@ -1,8 +1,8 @@
-//! March to a steady flow.
+//! Time marching to a steady flow.
 //!
-//! Implicit Euler steps of ever greater length: the residual of the steady equations is
-//! what they have left, $\rho V\,\Delta u/\Delta t$, so it is known without another evaluation.
-//! At the end of the march the steps are so long that the flux is that of the steady limit.
+//! Implicit Euler steps of growing length. After each step the residual of the steady equations equals the time
+//! derivative, $\rho V\,\Delta u/\Delta t$, so it needs no further evaluation. The last steps are long enough that
+//! the flux has its steady limit.
 
 use crate::error::FlowError;
 use crate::geometry::vec3::Vec3;
@@ -10,23 +10,22 @@ use crate::loads::{Loads, Total};
 use crate::physics::Gas;
 use crate::solver::{Report, Solver, Step};
 
-/// When a march ends.
+/// Stopping criteria of a march to a steady state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct March {
-    /// Drop of the steady residual at which the flow counts as steady; 0 never.
+    /// Steady residual relative to its maximum at which the flow is steady; 0 disables the criterion.
     pub residual_drop: f64,
-    /// Change of the force over the last ten steps, as a share of it, at which the flow counts
-    /// as steady; 0 never.
+    /// Relative change of the force over the last ten steps at which the flow is steady; 0 disables the criterion.
     pub force_change: f64,
-    /// Steps at most.
+    /// Maximum number of steps.
     pub max_steps: usize,
     /// Courant number of a cell of mean size in the longest steps.
     pub max_courant: f64,
 }
 
-/// What a march took.
+/// Statistics of a march.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Marched {
+pub struct MarchReport {
     /// Steps.
     pub steps: usize,
     /// Corrections in all steps.
@@ -35,12 +34,12 @@ pub struct Marched {
     pub linear_iterations: usize,
     /// Steady residual at the end over its largest.
     pub drop: f64,
-    /// Change of the force over the last ten steps, as a share of it.
+    /// Relative change of the force over the last ten steps.
     pub change: f64,
     /// Steps whose iterations ran out before the residual had dropped by [`STEP_DROP`].
     pub unsolved: usize,
-    /// The force ended the march.
-    pub calm: bool,
+    /// Whether the criterion of the force ended the march.
+    pub force_converged: bool,
 }
 
 /// Each step solves its residual down by this factor. Deeper drops and faster growth
@@ -56,13 +55,13 @@ impl March {
     /// the force that is watched, the same on all ranks. Collective.
     ///
     /// # Errors
-    /// A step that fails though short, or no steady state within the steps allowed.
+    /// A short step that fails, or no steady state within `max_steps`.
     pub fn run<G: Gas<N>, const N: usize>(
         &self,
         solver: &mut Solver<G, N>,
         frame: Vec3,
         mut watch: impl FnMut(&Solver<G, N>) -> Vec3,
-    ) -> Result<Marched, FlowError> {
+    ) -> Result<MarchReport, FlowError> {
         let drop = std::mem::replace(&mut solver.settings.residual_drop, STEP_DROP);
         let outcome = self.steps(solver, frame, &mut watch);
         solver.settings.residual_drop = drop;
@@ -75,7 +74,7 @@ impl March {
         solver: &mut Solver<G, N>,
         frame: Vec3,
         watch: &mut dyn FnMut(&Solver<G, N>) -> Vec3,
-    ) -> Result<Marched, FlowError> {
+    ) -> Result<MarchReport, FlowError> {
         let n = solver.topology.n_owned;
         let mut sums = [solver.metrics.volume[..n].iter().sum::<f64>(), n as f64];
         solver.comm().sum_slice(&mut sums);
@@ -84,12 +83,12 @@ impl March {
         let speed = 10.0 * solver.settings.reference_speed;
         let longest = self.max_courant * cell / speed;
         let mut dt = (cell / speed).min(longest);
-        let mut marched = Marched::default();
+        let mut marched = MarchReport::default();
         let mut largest: f64 = 0.0;
         let mut last: Vec<(f64, Vec3)> = Vec::new();
         while marched.steps < self.max_steps {
             solver.first_order_steps = 2;
-            let report = match solver.advance(&Step { dt, frame, again: false, moved: false }) {
+            let report = match solver.advance(&Step { dt, frame, repeat: false, moved: false }) {
                 Ok(report) => report,
                 Err(error) if dt < 1e-3 * cell / speed => return Err(error),
                 Err(_) => {
@@ -101,7 +100,7 @@ impl March {
             marched.iterations += report.iterations;
             marched.linear_iterations += report.linear_iterations;
             marched.unsolved += usize::from(!report.met);
-            let left = left_over(solver, dt);
+            let left = steady_residual(solver, dt);
             largest = largest.max(left);
             marched.drop = left / largest.max(f64::MIN_POSITIVE);
             if last.len() == WATCHED {
@@ -110,25 +109,25 @@ impl March {
             last.push((dt, watch(solver)));
             marched.change = change(&last);
             solver.accept(dt, false);
-            // The air has crossed the grid while the force was watched, or short steps hide it.
+            // The force may appear steady over short steps: require that the stream has crossed the grid.
             let crossed = last.len() == WATCHED && last.iter().map(|l| l.0).sum::<f64>() * speed > extent;
-            let calm = crossed && marched.change < self.force_change;
-            // A step that is not solved hardly moves: what it moved by says nothing of the steady residual.
-            if report.met && (marched.drop < self.residual_drop || calm) {
-                marched.calm = calm;
+            let force_converged = crossed && marched.change < self.force_change;
+            // The change in an unconverged step is no measure of the steady residual.
+            if report.met && (marched.drop < self.residual_drop || force_converged) {
+                marched.force_converged = force_converged;
                 return Ok(marched);
             }
             let factor = if report.iterations < solver.settings.max_iterations { GROWTH } else { 0.5 };
             dt = (factor * dt).min(longest);
         }
-        let Marched { steps, drop, change, unsolved, .. } = marched;
+        let MarchReport { steps, drop, change, unsolved, .. } = marched;
         Err(FlowError::Unsteady { steps, drop, change, unsolved })
     }
 }
 
-/// Norm of what the momentum equations without their time derivative have left, N. Collective.
-fn left_over<G: Gas<N>, const N: usize>(solver: &Solver<G, N>, dt: f64) -> f64 {
-    let cells = solver.q.iter().zip(&solver.past[0].q).zip(&solver.metrics.volume);
+/// Norm of the steady momentum residual, N. Collective.
+fn steady_residual<G: Gas<N>, const N: usize>(solver: &Solver<G, N>, dt: f64) -> f64 {
+    let cells = solver.q.iter().zip(&solver.previous[0].q).zip(&solver.metrics.volume);
     let sum: f64 = cells
         .take(solver.topology.n_owned)
         .map(|((q, p), v)| {
@@ -139,15 +138,15 @@ fn left_over<G: Gas<N>, const N: usize>(solver: &Solver<G, N>, dt: f64) -> f64 {
     solver.comm().sum(sum).sqrt()
 }
 
-/// Largest distance of the forces from the last of them, as a share of it.
+/// Largest difference of the forces from the last one, relative to it.
 fn change(last: &[(f64, Vec3)]) -> f64 {
     let Some((_, end)) = last.last() else { return f64::INFINITY };
     let off = last.iter().map(|(_, f)| (f - end).norm()).fold(0.0, f64::max);
     off / end.norm().max(f64::MIN_POSITIVE)
 }
 
-/// What a march answers a window with.
-pub(crate) fn answer<G: Gas<N>, const N: usize>(
+/// Solves a window by a march: loads and report of its steady state.
+pub(crate) fn solve_window<G: Gas<N>, const N: usize>(
     march: &March,
     solver: &mut Solver<G, N>,
     loads: &mut Loads,
@@ -158,8 +157,9 @@ pub(crate) fn answer<G: Gas<N>, const N: usize>(
         total = loads.compute(s);
         total.force
     })?;
-    // Either of the scene's criteria ends a march; else it has no answer.
-    let target = if marched.calm { march.residual_drop.max(marched.drop) } else { march.residual_drop };
+    // Either criterion of the scene ends a march; without one it returns an error.
+    let target =
+        if marched.force_converged { march.residual_drop.max(marched.drop) } else { march.residual_drop };
     let report = Report {
         start: 1.0,
         end: marched.drop,

@@ -92,7 +92,7 @@ mod tests {
     use mesh::{BoxShape, Patch, box_grid_of};
 
     #[test]
-    fn hexahedra_keep_their_neighbours_and_tetrahedra_see_further() {
+    fn tetrahedra_have_an_extended_stencil() {
         let grid = |shape| box_grid_of(shape, [4; 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         let hexahedra = grid(BoxShape::Hexahedra);
         assert!(Neighbourhoods::new(&hexahedra, &FaceTable::new(&hexahedra).unwrap()).is_none());

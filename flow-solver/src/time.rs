@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_steps_have_the_known_coefficients_to_the_bit() {
+    fn equal_steps_have_exact_bdf2_coefficients() {
         assert_eq!(Backward::second(1.0), Backward::SECOND);
         assert_eq!(Backward::second(2.5), Backward::FIRST);
         assert_eq!(Backward::second(f64::INFINITY), Backward::FIRST);
@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_for_parabolas_whatever_the_ratio() {
+    fn bdf2_is_exact_for_parabolas_at_any_step_ratio() {
         let f = |t: f64| 2.0 - 3.0 * t + 0.7 * t * t;
         for (dt, before) in [(0.1, 0.1), (0.2, 0.1), (0.05, 0.1), (0.01, 0.3), (0.24, 0.1)] {
             let Backward { c } = Backward::second(dt / before);

@@ -34,16 +34,16 @@ pub struct OpenSides {
     pub sides: Vec<Side>,
 }
 
-/// A canopy face that lets air through.
+/// A permeable canopy face.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pore {
+pub struct PorousFace {
     /// Local face; its area vector points from inside to outside.
     pub face: u32,
     /// Local cell inside; one of the two cells is owned.
     pub inside: u32,
     /// Local cell outside.
     pub outside: u32,
-    /// What it resists with.
+    /// Its resistance.
     pub cloth: Permeability,
 }
 
@@ -80,7 +80,7 @@ pub struct Topology {
     pub canopy_face: Vec<u32>,
     /// Canopy faces that let air through, where at least one side is owned; their sides
     /// are listed as walls too. Empty where the canopy is airtight.
-    pub pores: Vec<Pore>,
+    pub porous_faces: Vec<PorousFace>,
     /// Neighbours of owned cells.
     pub adjacency: Adjacency,
     /// Cells that gradients are taken over, where these are not the neighbours.
@@ -149,8 +149,8 @@ impl Topology {
         Self::with_cloth(grid, faces, part, order, rank, viscous, None)
     }
 
-    /// As [`Topology::new`], with a canopy that lets air through where there is a `cloth`:
-    /// then each rank knows both cells of its canopy faces.
+    /// As [`Topology::new`], with a permeable canopy if `cloth` is given:
+    /// then each rank has both cells of its canopy faces.
     pub fn with_cloth(
         grid: &FlowGrid,
         faces: &FaceTable,
@@ -243,7 +243,7 @@ impl Owners<'_> {
     }
 }
 
-/// Owned cells in their order, and the ghosts that faces, cloth and gradients need.
+/// Owned cells in their order, and the ghosts that faces, porous faces and gradients need.
 fn numbered(
     faces: &FaceTable,
     of: Owners<'_>,
@@ -368,7 +368,7 @@ impl Builder<'_> {
             if let (Some(cloth), Some(inside), Some(outside)) =
                 (cloth, self.local(inside), self.local(outside))
             {
-                self.t.pores.push(Pore { face, inside, outside, cloth });
+                self.t.porous_faces.push(PorousFace { face, inside, outside, cloth });
             }
             for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
                 if self.of.is_mine(cell) {

@@ -32,10 +32,10 @@ fn energies(shape: BoxShape, shake: f64, thin: f64, steps: usize) -> Vec<f64> {
         let (a, b) = (PI * x[0], PI * x[1]);
         [0.0, a.sin() * b.cos(), -a.cos() * b.sin(), 0.0]
     };
-    for past in &mut s.past {
-        past.q = s.metrics.centre.iter().map(eddies).collect();
+    for previous in &mut s.previous {
+        previous.q = s.metrics.centre.iter().map(eddies).collect();
     }
-    s.q = s.past[0].q.clone();
+    s.q = s.previous[0].q.clone();
     let energy = |q: &[[f64; 4]], volume: &[f64], n: usize| -> f64 {
         q[..n].iter().zip(volume).map(|(q, v)| v * (q[1] * q[1] + q[2] * q[2] + q[3] * q[3])).sum()
     };
@@ -53,10 +53,10 @@ fn energies(shape: BoxShape, shake: f64, thin: f64, steps: usize) -> Vec<f64> {
 }
 
 #[test]
-fn eddies_on_bad_cells_gain_no_energy() {
+fn kinetic_energy_does_not_grow_on_poor_quality_cells() {
     for shape in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra] {
         // Flat tetrahedra of a tenth make the pressure's iterations stall: see the known gaps in
-        // docs/verification.md.
+        // docs/records/verification.md.
         let flat = if shape == BoxShape::Tetrahedra { 0.2 } else { 0.1 };
         for (shake, thin) in [(0.0, 1.0), (0.25, 1.0), (0.2, flat)] {
             let e = energies(shape, shake, thin, 120);

@@ -37,8 +37,8 @@ fn sphere_300(n: usize, nr: usize, end: f64) -> [f64; 3] {
     set.moving = false;
     let mut s = isothermal(&grid, Laminar { viscosity: RHO * speed / 300.0 }, set);
     // A push to one side: the wake need not find the asymmetry by round-off.
-    for past in &mut s.past {
-        for (q, x) in past.q.iter_mut().zip(&s.metrics.centre) {
+    for previous in &mut s.previous {
+        for (q, x) in previous.q.iter_mut().zip(&s.metrics.centre) {
             let r2 = x.iter().map(|x| x * x).sum::<f64>();
             q[3] += speed * 0.3 * (x[0] / r2) * (-0.1 * r2).exp();
         }
@@ -147,8 +147,8 @@ fn drag<V: Viscosity>(grid: &FlowGrid, viscosity: V, eddies: Option<f64>, [dt, f
     let mut s = isothermal(grid, viscosity, set);
     if let Some(viscosity) = eddies {
         s.set_turbulence(SpalartAllmaras::new(&s.topology, viscosity, RHO, ddes));
-        for past in &mut s.past {
-            for (q, x) in past.q.iter_mut().zip(&s.metrics.centre) {
+        for previous in &mut s.previous {
+            for (q, x) in previous.q.iter_mut().zip(&s.metrics.centre) {
                 let r2 = x[0] * x[0] + x[1] * x[1] + (x[2] - 1.0) * (x[2] - 1.0);
                 q[1] += 0.3 * SPEED * (-r2).exp();
                 q[2] += 0.2 * SPEED * (-r2).exp();
@@ -186,7 +186,7 @@ fn high(disk: bool, across: usize) -> f64 {
     let viscosity = RHO * SPEED / 1e5;
     drag(
         &sheet(disk, across),
-        Turbulent { viscosity, eddies: EddyViscosity::Transported },
+        Turbulent { viscosity, eddies: EddyViscosity::TransportInput },
         Some(viscosity),
         [0.16 / across as f64, 50.0, 150.0],
     )

@@ -51,10 +51,10 @@ fn lu_sgs_needs_more_iterations_than_pressure_corrections() {
     }
 }
 
-/// Repetitions of a step that bring little have a target of their own; what the window asks for stays that of
+/// Repeated solves of a step with small changes have their own target; the tolerance of the window is that of
 /// the scene.
 #[test]
-fn a_repeated_step_is_judged_by_the_drop_of_its_window() {
+fn repeated_step_uses_the_tolerance_of_its_window() {
     let mut settings = settings([0.0, 0.0, 4.88], 1e-2);
     settings.repeated_drop = 1e-4;
     let mut s = isothermal(&plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings);
@@ -65,18 +65,18 @@ fn a_repeated_step_is_judged_by_the_drop_of_its_window() {
         s.accept(0.02, true);
     }
     let first = s.advance(&last).expect("solved");
-    last.again = true;
+    last.repeat = true;
     last.frame = Vec3::new(0.0, 0.0, -1e-3);
-    let again = s.advance(&last).expect("solved");
-    assert!(first.met && again.met, "{first:?} {again:?}");
+    let repeat = s.advance(&last).expect("solved");
+    assert!(first.met && repeat.met, "{first:?} {repeat:?}");
     // A tenth of the start of the window, for the grid moves.
-    assert!((again.target / again.start - 1e-3).abs() < 1e-9, "{again:?}");
-    assert!(again.end < 0.3 * again.target, "its own target is smaller: {again:?}");
+    assert!((repeat.target / repeat.start - 1e-3).abs() < 1e-9, "{repeat:?}");
+    assert!(repeat.end < 0.3 * repeat.target, "its own target is smaller: {repeat:?}");
 }
 
 /// A march whose steps run out of iterations moves so little that it looks steady: it must not end.
 #[test]
-fn a_march_never_ends_in_a_step_that_is_not_solved() {
+fn steady_march_does_not_end_on_an_unconverged_step() {
     let march = March { residual_drop: 1e-2, force_change: 0.0, max_steps: 25, max_courant: 1e3 };
     let run = |iterations: usize| {
         let mut s = plate(iterations, 1e-2);

@@ -15,8 +15,8 @@ use flow_solver::gradient::Field;
 use flow_solver::implicit::{Correction, LuSgs, PressureCorrection, PressureSystem};
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
-    self, Air, BoundaryFace, EddyViscosity, FaceFlow, FarField, Gas, IdealGas, Inviscid, Isothermal, Scheme,
-    Turbulent, Viscosity, preconditioner, reference_speed, spectral_radius,
+    self, Air, BoundaryFace, EddyViscosity, FaceFlux, FarField, FluxParameters, Gas, IdealGas, Inviscid,
+    Isothermal, Turbulent, Viscosity, preconditioner, reference_speed, spectral_radius,
 };
 use flow_solver::residual::Domain;
 use flow_solver::{Settings, Solver};
@@ -44,7 +44,10 @@ fn cold() -> Air {
 }
 
 /// A solver, its constants of a step, and the eddy viscosity of its cells.
-fn case<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V) -> (Solver<G, N>, Scheme, Vec<f64>) {
+fn case<G: Gas<N>, V: Viscosity, const N: usize>(
+    gas: G,
+    viscosity: V,
+) -> (Solver<G, N>, FluxParameters, Vec<f64>) {
     let set = Settings { air: cold(), ..settings(WIND, 1e-3) };
     let cloth = Permeability::new(CLOTH.0, CLOTH.1);
     let mut s = solver_with_cloth(&grid(), gas, viscosity, set, Some(cloth));
@@ -57,7 +60,7 @@ fn case<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V) -> (Solve
         f.grid_flux = f.area.dot(&FRAME) + 0.03 * noise.next();
     }
     let eddy = (0..s.q.len()).map(|_| 0.4 + 0.2 * noise.next()).collect();
-    let scheme = Scheme { rate: 15.0, tie: [18.0, -21.0, 3.0], frame: FRAME, ..s.scheme };
+    let scheme = FluxParameters { rate: 15.0, rhie_chow: [18.0, -21.0, 3.0], frame: FRAME, ..s.scheme };
     (s, scheme, eddy)
 }
 
@@ -99,10 +102,10 @@ fn to_primitive<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N]) -> DMatrix<f64
 
 /// Air that passes a pore between the cells' own states without history: the share of the mean velocity that passes
 /// and the derivative of the mass flux by the pressure jump.
-fn pore<G: Gas<N>, const N: usize>(
+fn porous_face<G: Gas<N>, const N: usize>(
     gas: &G,
     s: &Solver<G, N>,
-    scheme: &Scheme,
+    scheme: &FluxParameters,
     cells: [usize; 2],
     face: &FaceMetric,
 ) -> (f64, f64) {
@@ -116,7 +119,8 @@ fn pore<G: Gas<N>, const N: usize>(
     let spacing = (s.metrics.centre(o) - s.metrics.centre(i)).dot(&unit);
     let jump = l[0] - r[0];
     let rho = gas.density(if jump > 0.0 { l } else { r });
-    let resistance = rho * (spacing * scheme.tie[0] + 2.0 * (speed + 10.0 * scheme.floor_squared.sqrt()));
+    let resistance =
+        rho * (spacing * scheme.rhie_chow[0] + 2.0 * (speed + 10.0 * scheme.floor_squared.sqrt()));
     let relative = mean.dot(&unit) - face.grid_flux / area;
     let balance = |v: f64| resistance * (v - relative) - jump + CLOTH.0 * v + CLOTH.1 * v.abs() * v;
     let (mut low, mut high) = (-100.0, 100.0);
@@ -128,8 +132,12 @@ fn pore<G: Gas<N>, const N: usize>(
     (resistance / stiffness, rho * area / stiffness)
 }
 
-fn pores<G: Gas<N>, const N: usize>(s: &Solver<G, N>) -> Vec<([usize; 2], usize)> {
-    s.topology.pores.iter().map(|p| ([p.inside as usize, p.outside as usize], p.face as usize)).collect()
+fn porous_faces<G: Gas<N>, const N: usize>(s: &Solver<G, N>) -> Vec<([usize; 2], usize)> {
+    s.topology
+        .porous_faces
+        .iter()
+        .map(|p| ([p.inside as usize, p.outside as usize], p.face as usize))
+        .collect()
 }
 
 /// `(D + L) D^-1 (D + U) x = -r` of LU-SGS: `D` of pseudo time, time and half the waves, off-diagonal blocks
@@ -141,7 +149,7 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     let (courant, extra, share) = (3.0, 1.7, 0.8);
     let mut solver = LuSgs::<N>::new(&s.topology, courant);
     let gradient = vec![[[0.0; N]; 3]; s.q.len()];
-    solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, s.through(), extra);
+    solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, s.face_flux(), extra);
     let mut noise = Noise(13);
     let r: Vec<[f64; N]> =
         s.q.iter().map(|_| std::array::from_fn(|v| [1.0, 1.0, 1.0, 1.0, 0.01][v] * noise.next())).collect();
@@ -192,8 +200,8 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
         let c = side.cell as usize;
         waves[c] += (velocity(c).norm() + sound(c)) * m.faces[side.face as usize].area.norm();
     }
-    for (cells, face) in pores(&s) {
-        let (_, slope) = pore(&gas, &s, &scheme, cells, &m.faces[face]);
+    for (cells, face) in porous_faces(&s) {
+        let (_, slope) = porous_face(&gas, &s, &scheme, cells, &m.faces[face]);
         cells.iter().for_each(|&c| waves[c] += 2.0 * slope * reference[c] * reference[c]);
     }
     if V::ACTIVE {
@@ -225,11 +233,11 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
 }
 
 #[test]
-fn lu_sgs_applies_its_dense_factors() {
+fn lu_sgs_matches_its_dense_factors() {
     lu_sgs::<_, _, 4>(Isothermal::new(cold()), Inviscid, 0.0);
     lu_sgs::<_, _, 5>(
         IdealGas::new(cold()),
-        Turbulent { viscosity: 0.3, eddies: EddyViscosity::Transported },
+        Turbulent { viscosity: 0.3, eddies: EddyViscosity::TransportInput },
         0.3,
     );
 }
@@ -247,21 +255,21 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     let n = s.q.len();
     let gradient = vec![[[0.0; N]; 3]; n];
     let mut noise = Noise(11);
-    let mut through: Vec<FaceFlow> = s
+    let mut face_flux: Vec<FaceFlux> = s
         .metrics
         .faces
         .iter()
-        .map(|_| FaceFlow { mass: noise.next() as f32, ..FaceFlow::default() })
+        .map(|_| FaceFlux { mass: noise.next() as f32, ..FaceFlux::default() })
         .collect();
     // Cloth that is passed both ways.
-    for (k, (_, face)) in pores(&s).into_iter().enumerate() {
-        through[face].mass = [0.6, -0.4][k % 2];
+    for (k, (_, face)) in porous_faces(&s).into_iter().enumerate() {
+        face_flux[face].mass = [0.6, -0.4][k % 2];
     }
     let r: Vec<[f64; N]> =
         s.q.iter().map(|_| std::array::from_fn(|v| [1.0, 1.0, 1.0, 1.0, 0.01][v] * noise.next())).collect();
     let mut solver = PressureCorrection::new(&s.topology);
     (solver.tolerance, solver.max_iterations) = (1e-6, 60);
-    solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, &through, extra);
+    solver.assemble(&s.spatial, &on, &scheme, Field { q: &s.q, gradient: &gradient }, &face_flux, extra);
     let mut q = s.q.clone();
     let report = Correction::<G, N>::apply(&mut solver, &gas, &on, &scheme, &r, share, &mut q);
     assert!(report.drop <= 1e-6, "{report:?}");
@@ -273,7 +281,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     let mu = |c: usize| {
         if V::ACTIVE { own + if s.spatial.viscosity.transported() { eddy[c] } else { 0.0 } } else { 0.0 }
     };
-    let mass = |face: usize| f64::from(through[face].mass);
+    let mass = |face: usize| f64::from(face_flux[face].mass);
     let area = |face: u32| m.faces[face as usize].area.norm();
     // Transport: storage, what is carried in from upwind, half the velocity diffusion's mean, friction.
     let mut a = DMatrix::<f64>::zeros(n, n);
@@ -301,9 +309,9 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
             a[(c, c)] += mu(c) * area(side.face) / m.height(side);
         }
     }
-    let passing: Vec<_> = pores(&s)
+    let passing: Vec<_> = porous_faces(&s)
         .into_iter()
-        .map(|(cells, face)| (cells, face, pore(&gas, &s, &scheme, cells, &m.faces[face])))
+        .map(|(cells, face)| (cells, face, porous_face(&gas, &s, &scheme, cells, &m.faces[face])))
         .collect();
     for &([i, o], face, _) in &passing {
         a[(i, i)] += (-mass(face)).max(0.0);
@@ -409,11 +417,11 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
 }
 
 #[test]
-fn the_pressure_correction_applies_its_dense_system() {
+fn pressure_correction_matches_its_dense_system() {
     pressure_correction::<_, _, 4>(Isothermal::new(cold()), Inviscid, 0.0);
     pressure_correction::<_, _, 5>(
         IdealGas::new(cold()),
-        Turbulent { viscosity: 0.3, eddies: EddyViscosity::Transported },
+        Turbulent { viscosity: 0.3, eddies: EddyViscosity::TransportInput },
         0.3,
     );
 }
@@ -421,7 +429,7 @@ fn the_pressure_correction_applies_its_dense_system() {
 /// Conjugate gradients end after as many iterations as there are unknowns, but for single precision, with the solution;
 /// and they report the residual that is really left.
 #[test]
-fn the_pressure_equation_ends_in_as_many_iterations_as_it_has_unknowns() {
+fn conjugate_gradients_converge_in_n_iterations() {
     let n = 6;
     let s = isothermal(
         &box_grid([n, 1, 1], [0.0; 3], [1.0; 3], [Patch::Slip; 6]),

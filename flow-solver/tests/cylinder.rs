@@ -72,7 +72,7 @@ fn inviscid(nr: usize, na: usize) -> (f64, f64) {
 }
 
 #[test]
-fn inviscid_flow_is_the_potential_flow() {
+fn inviscid_flow_converges_to_potential_flow() {
     let (coarse, fine) = (inviscid(30, 48), inviscid(60, 96));
     println!("inviscid cylinder: pressure coefficient and drag off by {coarse:.4?}, refined {fine:.4?}");
     assert!(fine.0 < 0.08 && fine.0 < 0.4 * coarse.0, "{coarse:?} {fine:?}");
@@ -82,7 +82,7 @@ fn inviscid_flow_is_the_potential_flow() {
 /// The march ends at the drag that the run in time (below) approaches: 1.5311, 1.5264 after 180 and
 /// 220 steps, 440 corrections; half a per cent is what that still has to go.
 #[test]
-fn a_march_ends_at_the_steady_wake() {
+fn steady_march_converges_to_the_steady_wake() {
     let grid = half_ring(72, 64, 40.0, Patch::Wall);
     let viscosity = Laminar { viscosity: RHO * SPEED / 40.0 };
     let mut set = settings([SPEED, 0.0, 0.0], 1e-2);

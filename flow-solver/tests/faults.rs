@@ -13,10 +13,10 @@ fn small() -> flow_solver::Solver<flow_solver::physics::Isothermal, 4> {
     isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3))
 }
 
-const MOVED: Step = Step { dt: 0.01, frame: Vec3::new(0.0, 0.0, 0.0), again: false, moved: true };
+const MOVED: Step = Step { dt: 0.01, frame: Vec3::new(0.0, 0.0, 0.0), repeat: false, moved: true };
 
 #[test]
-fn a_node_that_is_nowhere_is_named() {
+fn nonfinite_node_position_is_reported() {
     let mut s = small();
     let n = s.topology.node_global.iter().position(|&g| g == 21).unwrap();
     s.nodes[n][1] = f64::NAN;
@@ -27,7 +27,7 @@ fn a_node_that_is_nowhere_is_named() {
 }
 
 #[test]
-fn an_inverted_cell_is_named() {
+fn inverted_cell_is_reported() {
     let mut s = small();
     for (x, g) in s.nodes.iter_mut().zip(&s.topology.node_global) {
         // The middle cell (13) has its lower z-face above its upper one.
@@ -45,15 +45,15 @@ fn an_inverted_cell_is_named() {
 }
 
 #[test]
-fn a_damaged_or_foreign_state_is_refused() {
+fn damaged_or_mismatched_state_is_rejected() {
     let s = small();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("flow.bin");
     let totals = (27, 64);
     s.save(&file, totals).unwrap();
     let back = state::load::<4>(&file, &s.topology, totals).unwrap();
-    assert_eq!(back.past[0].q, s.past[0].q);
-    assert_eq!(back.past[1].nodes, s.past[1].nodes);
+    assert_eq!(back.previous[0].q, s.previous[0].q);
+    assert_eq!(back.previous[1].nodes, s.previous[1].nodes);
     let refused = |text: &str, r: Result<state::Restored<4>, channel::Fault>| {
         let message = r.err().expect("refused").message;
         assert!(message.contains(text), "{message}");
@@ -61,7 +61,7 @@ fn a_damaged_or_foreign_state_is_refused() {
     refused("28 and 64", state::load::<4>(&file, &s.topology, (28, 64)));
     // A stage with energy equation starts from the undisturbed temperature.
     let five = state::load::<5>(&file, &s.topology, totals).unwrap();
-    for (five, four) in five.past[0].q.iter().zip(&s.past[0].q) {
+    for (five, four) in five.previous[0].q.iter().zip(&s.previous[0].q) {
         assert_eq!((&five[..4], five[4]), (&four[..], 0.0));
     }
     let mut bytes = std::fs::read(&file).unwrap();

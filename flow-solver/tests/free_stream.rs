@@ -49,7 +49,7 @@ fn drift_on<G: Gas<N>, V: Viscosity, const N: usize>(
             }
         }
         let frame = Vec3::new(0.3 * (k % 8) as f64, 1.0, -4.9);
-        s.advance(&Step { dt, frame, again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame, repeat: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
     let far = s.spatial.gas.undisturbed(wind.into());
@@ -111,7 +111,7 @@ fn mixed() -> FlowGrid {
 }
 
 #[test]
-fn free_stream_over_a_thousand_steps() {
+fn free_stream_is_preserved_over_a_thousand_steps() {
     let air = settings([0.0; 3], 1.0).air;
     for uneven in [false, true] {
         let gas = flow_solver::physics::Isothermal::new(air);
@@ -122,7 +122,7 @@ fn free_stream_over_a_thousand_steps() {
 }
 
 #[test]
-fn free_stream_on_moving_grids_of_any_shape() {
+fn free_stream_is_preserved_on_moving_grids_of_all_cell_types() {
     let air = settings([0.0; 3], 1.0).air;
     for shape in SHAPES {
         // Gauge pressure carries the round-off of the compressibility: rho c^2 / (rho U^2) larger.
@@ -136,7 +136,7 @@ fn free_stream_on_moving_grids_of_any_shape() {
 }
 
 #[test]
-fn swept_volumes_are_the_change_of_volume() {
+fn swept_volumes_sum_to_the_change_of_volume() {
     for shape in SHAPES {
         let s = isothermal(&shaken(shape), Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
         let mut noise = Noise(3);

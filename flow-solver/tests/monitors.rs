@@ -72,7 +72,7 @@ every_windows = 4
 "#;
 
 /// Runs a stage of the program alone; what it prints.
-fn fly(scene: &Path, stage: usize, out: &Path, ranks: usize) -> Result<String, String> {
+fn run_alone(scene: &Path, stage: usize, out: &Path, ranks: usize) -> Result<String, String> {
     let mut command = Command::new("mpirun");
     comm::mpirun_env(&mut command);
     let output = command
@@ -117,7 +117,7 @@ fn last(series: &Path, field: &str) -> Vec<f64> {
     all
 }
 
-fn alike(a: &[f64], b: &[f64], tolerance: f64, what: &str) {
+fn assert_close(a: &[f64], b: &[f64], tolerance: f64, what: &str) {
     assert_eq!(a.len(), b.len(), "{what}");
     let size = a.iter().fold(0.0f64, |m, x| m.max(x.abs()));
     for (x, y) in a.iter().zip(b) {
@@ -126,14 +126,14 @@ fn alike(a: &[f64], b: &[f64], tolerance: f64, what: &str) {
 }
 
 #[test]
-fn one_rank_and_three_write_the_same() {
+fn output_is_independent_of_rank_count() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.toml");
     std::fs::write(&scene, [SCENE, MONITORS].concat()).unwrap();
     let runs = [1, 3].map(|ranks| {
         let out = folder.path().join(format!("out{ranks}"));
-        fly(&scene, 0, &out, ranks).unwrap();
-        let printed = fly(&scene, 1, &out, ranks).unwrap();
+        run_alone(&scene, 0, &out, ranks).unwrap();
+        let printed = run_alone(&scene, 1, &out, ranks).unwrap();
         (out, printed)
     });
     let (one, three) = (&runs[0].0, &runs[1].0);
@@ -141,14 +141,14 @@ fn one_rank_and_three_write_the_same() {
         let (a, b) = (table(&one.join("b").join(name)), table(&three.join("b").join(name)));
         assert_eq!(a["time_s"], [0.02, 0.04, 0.06, 0.08]);
         for (column, values) in a.iter().filter(|c| !c.0.contains("moment") && !c.0.contains("force_")) {
-            alike(values, &b[column], 1e-6, column);
+            assert_close(values, &b[column], 1e-6, column);
         }
     }
     // The drag is the force that the run itself reports, the moment the one about the point.
     let forces = table(&one.join("b/forces.csv"));
     let reported: Vec<f64> =
         runs[0].1.lines().skip(1).map(|l| l.split_whitespace().nth(2).unwrap().parse().unwrap()).collect();
-    alike(&forces["canopy_drag_n"], &reported, 1e-5, "drag");
+    assert_close(&forces["canopy_drag_n"], &reported, 1e-5, "drag");
     let lift = &forces["canopy_pressure_force_z_n"];
     for (k, my) in forces["canopy_moment_y_n_m"].iter().enumerate() {
         // The flat plate is symmetric, so its force acts at its middle: (-0.5, 0, 1) from the point.
@@ -162,12 +162,12 @@ fn one_rank_and_three_write_the_same() {
     // Statistics of both stages, the first window of each left out.
     for field in ["pressure_mean_pa", "pressure_rms_pa"] {
         let (a, b) = (last(&one.join("b/flow.pvd"), field), last(&three.join("b/flow.pvd"), field));
-        alike(&a, &b, 1e-5, field);
+        assert_close(&a, &b, 1e-5, field);
         assert!(a[a.len() - 1] > 0.1, "{field}");
     }
     for (series, field) in [("canopy_air.pvd", "pressure_jump_pa"), ("middle.pvd", "pressure_pa")] {
         let (a, b) = (last(&one.join("b").join(series), field), last(&three.join("b").join(series), field));
-        alike(&a, &b, 1e-5, field);
+        assert_close(&a, &b, 1e-5, field);
     }
     assert_eq!(snapshots(&one.join("b/middle.pvd")).unwrap().len(), 2);
     let inside = last(&one.join("b/canopy_air.pvd"), "pressure_inside_pa");
@@ -178,12 +178,12 @@ fn one_rank_and_three_write_the_same() {
 }
 
 #[test]
-fn nothing_is_written_that_was_not_asked_for_and_lost_probes_are_named() {
+fn default_output_is_minimal_and_probes_outside_the_grid_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.toml");
     std::fs::write(&scene, SCENE).unwrap();
     let out = folder.path().join("out");
-    fly(&scene, 0, &out, 1).unwrap();
+    run_alone(&scene, 0, &out, 1).unwrap();
     let mut names: Vec<String> = std::fs::read_dir(out.join("a"))
         .unwrap()
         .map(|e| e.unwrap().file_name().into_string().unwrap())
@@ -198,13 +198,13 @@ fn nothing_is_written_that_was_not_asked_for_and_lost_probes_are_named() {
     assert_eq!(states, ["flow-memory-0-of-1.bin", "flow.bin"]);
     let probe = "[[flow.probe]]\nname = \"moon\"\nposition_m = [0.0, 0.0, 4e8]\n";
     std::fs::write(&scene, [SCENE, probe].concat()).unwrap();
-    let message = fly(&scene, 0, &out, 2).unwrap_err();
+    let message = run_alone(&scene, 0, &out, 2).unwrap_err();
     assert!(message.contains("the probe \"moon\"") && message.contains("outside"), "{message}");
 }
 
 /// Probes are exact for linear fields on any cells.
 #[test]
-fn probes_see_linear_fields() {
+fn probes_are_exact_for_linear_fields() {
     let air = settings([0.0; 3], 1.0).air;
     for shape in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra] {
         let grid = box_grid_of(shape, [5; 3], [0.0; 3], [1.0; 3], [Patch::Slip; 6]);
@@ -232,9 +232,9 @@ fn probes_see_linear_fields() {
     }
 }
 
-/// Statistics are those of the definition, and go on after they were saved.
+/// Statistics are those of the definition, and continue after a restart.
 #[test]
-fn statistics_go_on_after_a_restart() {
+fn statistics_continue_after_a_restart() {
     let grid = box_grid_of(BoxShape::Hexahedra, [3, 2, 2], [0.0; 3], [1.0; 3], [Patch::Slip; 6]);
     let mut s = isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
     let folder = tempfile::tempdir().unwrap();
@@ -282,7 +282,7 @@ fn s_topology(grid: &mesh::FlowGrid) -> flow_solver::topology::Topology {
 
 /// The two sides of the canopy differ by its load.
 #[test]
-fn pressures_of_both_sides_make_the_jump() {
+fn pressure_jump_is_the_difference_of_both_sides() {
     let side = Patch::Slip;
     let patches = [side, side, side, side, Patch::FarField, Patch::Outlet];
     let grid = plate_grid([8, 8, 8], [-2.0; 3], [2.0; 3], patches, 4, [3..5, 3..5]);
@@ -302,7 +302,7 @@ fn pressures_of_both_sides_make_the_jump() {
 
 /// The generated grid from a file is the generated grid.
 #[test]
-fn a_scene_on_a_gmsh_grid_has_the_drag_of_the_same_grid_generated() {
+fn drag_on_a_gmsh_grid_matches_the_generated_grid() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, SCENE).unwrap();
@@ -310,7 +310,7 @@ fn a_scene_on_a_gmsh_grid_has_the_drag_of_the_same_grid_generated() {
     let force = |printed: String| -> Vec<f64> {
         printed.lines().skip(1).map(|l| l.split_whitespace().nth(2).unwrap().parse().unwrap()).collect()
     };
-    let generated = force(fly(&path, 0, &out, 1).unwrap());
+    let generated = force(run_alone(&path, 0, &out, 1).unwrap());
     let scene = case::load(&path).unwrap();
     let structure = mesh::structure_mesh(&scene).unwrap();
     let grid = mesh::flow_grid(&scene, &structure, &structure.coords[..structure.n_canopy]).unwrap();
@@ -324,17 +324,17 @@ fn a_scene_on_a_gmsh_grid_has_the_drag_of_the_same_grid_generated() {
             if (0..grid.boundary.len()).any(|k| name(k) == "other") { "other = \"outlet\"\n" } else { "" };
         let keys = "[flow.grid_file]\npath = \"grid.msh\"\nmembrane = \"sheet\"\n[flow.grid_file.patches]\n";
         std::fs::write(&path, [SCENE, keys, "far = \"far-field\"\n", other].concat()).unwrap();
-        let read = force(fly(&path, 0, &out, if binary { 2 } else { 1 }).unwrap());
-        alike(&read, &generated, 1e-6, "drag on the grid from a file");
+        let read = force(run_alone(&path, 0, &out, if binary { 2 } else { 1 }).unwrap());
+        assert_close(&read, &generated, 1e-6, "drag on the grid from a file");
     }
-    // A condition that is missing is told by the program.
+    // A missing condition is reported by the program.
     std::fs::write(
         &path,
         [SCENE, "[flow.grid_file]\npath = \"grid.msh\"\nmembrane = \"sheet\"\n[flow.grid_file.patches]\n"]
             .concat(),
     )
     .unwrap();
-    let message = fly(&path, 0, &out, 1).unwrap_err();
+    let message = run_alone(&path, 0, &out, 1).unwrap_err();
     assert!(message.contains("the patch \"far\" has no condition"), "{message}");
 }
 
@@ -417,7 +417,7 @@ fn box_with_membrane(n: usize) -> String {
 }
 
 #[test]
-fn tetrahedra_around_a_membrane_fly() {
+fn tetrahedra_around_a_membrane_run() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("box.msh"), box_with_membrane(6)).unwrap();
     let square = "kind = \"square\"\nwidth_m = 2.0\ncells_across = 6\n";
@@ -426,11 +426,11 @@ fn tetrahedra_around_a_membrane_fly() {
     let scene = folder.path().join("scene.toml");
     std::fs::write(&scene, text).unwrap();
     let out = folder.path().join("out");
-    fly(&scene, 0, &out, 2).unwrap();
+    run_alone(&scene, 0, &out, 2).unwrap();
     let drag = &table(&out.join("a/forces.csv"))["canopy_drag_n"];
     // The same sheet on the generated hexahedra; both grids are coarse.
     std::fs::write(&scene, [SCENE, "[flow.forces]\n"].concat()).unwrap();
-    fly(&scene, 0, &out, 1).unwrap();
+    run_alone(&scene, 0, &out, 1).unwrap();
     let hexahedra = &table(&out.join("a/forces.csv"))["canopy_drag_n"];
     println!("drag in N after the start: tetrahedra {drag:.2?}, hexahedra {hexahedra:.2?}");
     assert!((drag[3] / hexahedra[3] - 1.0).abs() < 0.15, "{drag:?} {hexahedra:?}");
@@ -439,10 +439,10 @@ fn tetrahedra_around_a_membrane_fly() {
 /// The case that users copy: its drag coefficient is near that of 250 880 hexahedra in a larger
 /// box, 1.52.
 #[test]
-fn the_case_on_a_gmsh_grid_flies() {
+fn gmsh_grid_case_runs() {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/plate-gmsh/scene.toml");
     let folder = tempfile::tempdir().unwrap();
-    fly(&scene, 0, folder.path(), 2).unwrap();
+    run_alone(&scene, 0, folder.path(), 2).unwrap();
     let drag = &table(&folder.path().join("start/forces.csv"))["canopy_drag_n"];
     let coefficient = drag.last().unwrap() / (0.5 * 1.225 * 4.88 * 4.88);
     println!("plate on a grid from Gmsh: drag coefficient {coefficient:.4}");

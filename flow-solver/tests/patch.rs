@@ -14,7 +14,7 @@ use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::gradient::Gradient;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
-    self, Air, EddyViscosity, FaceFlow, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity,
+    self, Air, EddyViscosity, FaceFlux, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity,
 };
 use flow_solver::residual::Domain;
 use flow_solver::topology::OpenSides;
@@ -77,18 +77,18 @@ fn convective<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N], s: Vec3, grid_fl
 fn evaluate<G: Gas<N>, const N: usize>(
     s: &Solver<G, N>,
     on: &Domain<'_>,
-    scheme: &physics::Scheme,
-) -> (Vec<[f64; N]>, Vec<Gradient<N>>, Vec<FaceFlow>) {
+    scheme: &physics::FluxParameters,
+) -> (Vec<[f64; N]>, Vec<Gradient<N>>, Vec<FaceFlux>) {
     let n = s.q.len();
     let (mut q, mut gradient) = (s.q.clone(), vec![[[0.0; N]; 3]; n]);
-    let (mut residual, mut through) = (vec![[0.0; N]; n], s.through().to_vec());
-    s.spatial.evaluate(on, scheme, &mut q, &mut gradient, &mut residual, &mut through);
-    (residual, gradient, through)
+    let (mut residual, mut face_flux) = (vec![[0.0; N]; n], s.face_flux().to_vec());
+    s.spatial.evaluate(on, scheme, &mut q, &mut gradient, &mut residual, &mut face_flux);
+    (residual, gradient, face_flux)
 }
 
 /// Constants of a step of a hundredth of a second.
-fn stepping<G, const N: usize>(s: &Solver<G, N>, frame: Vec3) -> physics::Scheme {
-    physics::Scheme { rate: 150.0, tie: [150.0, -200.0, 50.0], frame, ..s.scheme }
+fn stepping<G, const N: usize>(s: &Solver<G, N>, frame: Vec3) -> physics::FluxParameters {
+    physics::FluxParameters { rate: 150.0, rhie_chow: [150.0, -200.0, 50.0], frame, ..s.scheme }
 }
 
 /// Compares the residual of a linear field with the fluxes of the field itself, in every cell in which
@@ -114,7 +114,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
     let sheared: Vec<Vec3> = (0..borders).map(|_| Vec3::from_fn(|_, _| noise.next())).collect();
     let on = Domain { wall_velocity: &wall, sheared: &sheared, eddy: &eddy, ..s.domain() };
     let scheme = stepping(&s, frame);
-    let (found, gradient, through) = evaluate(&s, &on, &scheme);
+    let (found, gradient, face_flux) = evaluate(&s, &on, &scheme);
 
     let (t, m) = (&s.topology, &s.metrics);
     let g = field.velocity_slope();
@@ -142,7 +142,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
         (0..N).for_each(|v| size[v] = size[v].max((flux[v] - even[v]).abs()));
         if straight(i) && straight(j) {
             let mass = gas.density(&q) * (Vec3::new(q[1], q[2], q[3]).dot(&f.area) - f.grid_flux);
-            assert!((f64::from(through[k].mass) - mass).abs() < 1e-5, "{} {mass}", through[k].mass);
+            assert!((f64::from(face_flux[k].mass) - mass).abs() < 1e-5, "{} {mass}", face_flux[k].mass);
         }
         if V::ACTIVE {
             let mu = viscosity.dynamic(gas.density(&q), &g, 0.5 * (m.size[i] + m.size[j]));
@@ -206,15 +206,18 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let more = sheared[side.face as usize - t.cells.len()];
             let wind = WIND + more;
-            let at = physics::Scheme { wind, ..scheme };
+            let at = physics::FluxParameters { wind, ..scheme };
             let inside = field.value(m.border(side.face));
             let at = physics::BoundaryFace { scheme: &at, metric: f, sign: side.sign };
             let condition = physics::open_boundary::<G, N>(*patch).expect("air passes");
             let passing = condition.flux(&gas, &at, &inside, &s.q[c], [0.0; 2]);
-            let kept = &through[side.face as usize];
+            let kept = &face_flux[side.face as usize];
             if straight(c) {
                 assert!((f64::from(kept.mass) - passing.mass).abs() < 1e-5 * passing.mass.abs().max(1.0));
-                assert!((f64::from(kept.tie) - passing.tie).abs() < 1e-5 * passing.tie.abs().max(1.0));
+                assert!(
+                    (f64::from(kept.rhie_chow) - passing.rhie_chow).abs()
+                        < 1e-5 * passing.rhie_chow.abs().max(1.0)
+                );
             }
             gain(c, passing.flux);
         }
@@ -250,7 +253,7 @@ fn fluxes_of_linear_fields_are_exact_in_isothermal_air() {
         linear_field(
             shape,
             Isothermal::new(air),
-            Turbulent { viscosity: 0.2, eddies: EddyViscosity::Transported },
+            Turbulent { viscosity: 0.2, eddies: EddyViscosity::TransportInput },
         );
         linear_field(
             shape,
@@ -268,7 +271,7 @@ fn fluxes_of_linear_fields_are_exact_in_ideal_gas() {
         linear_field(
             shape,
             IdealGas::new(air),
-            Turbulent { viscosity: 0.4, eddies: EddyViscosity::Transported },
+            Turbulent { viscosity: 0.4, eddies: EddyViscosity::TransportInput },
         );
     }
 }
@@ -305,7 +308,7 @@ fn carried(axis: usize, at: &[f64], values: &[f64], speed: f64) -> Vec<f64> {
 /// The scheme is of third order on even grids: from the means of a parabola over cells it finds the
 /// parabola's own values on faces, so what leaves a cell is their exact difference.
 #[test]
-fn means_of_parabolas_have_their_values_on_faces() {
+fn reconstruction_of_parabola_means_is_exact_on_faces() {
     let h = 0.125;
     let at: Vec<f64> = (0..=8).map(|k| h * k as f64).collect();
     let f = |x: f64| 2.0 - 3.0 * x + 5.0 * x * x;
@@ -346,7 +349,7 @@ fn slopes(at: &[f64], values: &[f64]) -> (Vec<f64>, Vec<f64>) {
 /// On uneven cells the plain difference replaces a third, times the face's place between the centres, of what the
 /// slope says of the way to the neighbour.
 #[test]
-fn the_plain_difference_counts_by_the_place_of_the_face() {
+fn central_difference_weight_depends_on_face_position() {
     let (x, g) = slopes(&UNEVEN, &RAGGED);
     for axis in 0..3 {
         for speed in [4.0, -4.0] {
@@ -373,7 +376,7 @@ fn the_plain_difference_counts_by_the_place_of_the_face() {
 /// Layers that slide over each other: the stress between two is `mu` times the difference over the distance,
 /// however ragged the profile, and what heats the air is its work and the conduction of the temperature.
 #[test]
-fn layers_that_slide_have_the_stress_of_their_difference() {
+fn sliding_layers_have_the_exact_shear_stress() {
     let air = Air::new(1.225, 288.15);
     let (mu, x) = (0.7, slopes(&UNEVEN, &RAGGED).0);
     for axis in 0..3 {
@@ -404,7 +407,7 @@ fn layers_that_slide_have_the_stress_of_their_difference() {
 /// A cell of 1 m between two of 0.1 m: its reconstruction would reach to 0.5 / 0.55 of its neighbours and is shortened
 /// to 0.75 of them.
 #[test]
-fn reconstructions_of_needles_are_shortened_to_their_bound() {
+fn reconstruction_of_slender_cells_is_bounded() {
     for axis in 0..3 {
         let at = [0.0, 1.0, 1.1, 2.1, 2.2, 3.2];
         let mut s = isothermal(&row(axis, &at), Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
@@ -423,7 +426,7 @@ fn reconstructions_of_needles_are_shortened_to_their_bound() {
 /// change `y` to a neighbour on that side, where `e` grows with the cube of the cell's size over the largest and the
 /// square of what is typical: a density times the square of the speed for the pressure, the speed for velocities.
 #[test]
-fn limited_slopes_know_the_size_of_a_cell_and_of_the_stream() {
+fn limiter_scales_with_cell_size_and_stream_speed() {
     let k = 0.8;
     let (x, g) = slopes(&UNEVEN, &RAGGED);
     for axis in 0..3 {
@@ -465,7 +468,7 @@ fn limited_slopes_know_the_size_of_a_cell_and_of_the_stream() {
 
 /// The same on cells that are skewed, where the way to a face has parts in all directions.
 #[test]
-fn limits_follow_the_way_to_skewed_faces() {
+fn limiter_is_evaluated_along_the_vector_to_skewed_faces() {
     let mut grid = box_grid([4, 3, 4], [0.0; 3], [1.0, 0.8, 1.1], [Patch::Slip; 6]);
     shake(&mut grid, 0.04);
     let mut s = isothermal(&grid, Inviscid, settings([0.6, 0.0, 0.8], 1e-3));
@@ -561,9 +564,9 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
     let scheme = stepping(&s, frame);
     let n = s.q.len();
     let (mut q, mut gradient, mut residual) = (s.q.clone(), vec![[[0.0; N]; 3]; n], vec![[0.0; N]; n]);
-    let past = [0.02f32, -0.05];
-    let mut through = vec![FaceFlow { past, ..FaceFlow::default() }; s.metrics.faces.len()];
-    s.spatial.evaluate(&s.domain(), &scheme, &mut q, &mut gradient, &mut residual, &mut through);
+    let previous = [0.02f32, -0.05];
+    let mut face_flux = vec![FaceFlux { previous, ..FaceFlux::default() }; s.metrics.faces.len()];
+    s.spatial.evaluate(&s.domain(), &scheme, &mut q, &mut gradient, &mut residual, &mut face_flux);
     // The same grid with walls: all but what passes the cloth.
     let mut tight = solver_with_cloth(&grid, gas, Inviscid, settings(WIND, 1e-3), None);
     tight.q.clone_from(&s.q);
@@ -571,12 +574,13 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
         f.grid_flux = g.grid_flux;
     }
     let mut closed = vec![[0.0; N]; n];
-    let mut kept = vec![FaceFlow { past, ..FaceFlow::default() }; s.metrics.faces.len()];
+    let mut kept = vec![FaceFlux { previous, ..FaceFlux::default() }; s.metrics.faces.len()];
     tight.spatial.evaluate(&tight.domain(), &scheme, &mut q, &mut gradient, &mut closed, &mut kept);
-    assert_eq!(s.topology.pores.len(), 9);
-    for pore in &s.topology.pores {
-        let (i, o, k) = (pore.inside as usize, pore.outside as usize, pore.face as usize);
-        let (f, x) = (&s.metrics.faces[k], s.metrics.border(pore.face));
+    assert_eq!(s.topology.porous_faces.len(), 9);
+    for porous_face in &s.topology.porous_faces {
+        let (i, o, k) =
+            (porous_face.inside as usize, porous_face.outside as usize, porous_face.face as usize);
+        let (f, x) = (&s.metrics.faces[k], s.metrics.border(porous_face.face));
         let (l, r) = (fields[0].value(x), fields[1].value(x));
         let unit = f.area * (1.0 / f.area.norm());
         let between = s.metrics.centre(o) - s.metrics.centre(i);
@@ -589,11 +593,12 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
         let rho = gas.density(if jump > 0.0 { &l } else { &r });
         let relative = mean.dot(&unit) - f.grid_flux / f.area.norm();
         // delta (t0 e + t1 e' + t2 e'') + 2 (U + 10 floor) e = jump - a v - b |v| v, with e = rho (v - relative).
-        let history = scheme.tie[1] * f64::from(past[0]) + scheme.tie[2] * f64::from(past[1]);
+        let history =
+            scheme.rhie_chow[1] * f64::from(previous[0]) + scheme.rhie_chow[2] * f64::from(previous[1]);
         let balance = |v: f64| {
             let e = rho * (v - relative);
             let fade = 2.0 * (speed + 10.0 * scheme.floor_squared.sqrt());
-            spacing * (scheme.tie[0] * e + history) + fade * e - jump + a * v + b * v.abs() * v
+            spacing * (scheme.rhie_chow[0] * e + history) + fade * e - jump + a * v + b * v.abs() * v
         };
         let (mut low, mut high) = (-50.0, 50.0);
         for _ in 0..80 {
@@ -602,10 +607,14 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
         }
         let mass = rho * f.area.norm() * low;
         assert!(skew != 0.0 || mass * turned > 0.0, "{mass}");
-        let found = f64::from(through[k].mass);
+        let found = f64::from(face_flux[k].mass);
         assert!((found - mass).abs() < 2e-5 * mass.abs(), "{found} {mass}");
-        let tie = rho * (low - relative);
-        assert!((f64::from(through[k].tie) - tie).abs() < 2e-5 * tie.abs(), "{} {tie}", through[k].tie);
+        let rhie_chow = rho * (low - relative);
+        assert!(
+            (f64::from(face_flux[k].rhie_chow) - rhie_chow).abs() < 2e-5 * rhie_chow.abs(),
+            "{} {rhie_chow}",
+            face_flux[k].rhie_chow
+        );
         let carried = gas.carried(if mass > 0.0 { &l } else { &r });
         for v in 0..N {
             let exact = mass * carried[v];
@@ -621,7 +630,7 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
 }
 
 #[test]
-fn air_through_cloth_between_linear_fields_solves_its_balance() {
+fn porous_flux_between_linear_fields_satisfies_its_momentum_balance() {
     let air = Air::new(1.225, 288.15);
     for turned in [1.0, -1.0] {
         cloth(Isothermal::new(air), turned, 0.0);
@@ -632,7 +641,7 @@ fn air_through_cloth_between_linear_fields_solves_its_balance() {
 
 /// Loads between two linear fields: the pressures on the two sides and the shear of both, force and moment.
 #[test]
-fn loads_between_linear_fields_are_those_of_their_pressures_and_shears() {
+fn loads_of_linear_fields_are_exact() {
     let gas = Isothermal::new(Air::new(1.225, 288.15));
     let mu = 0.3;
     let mut s = solver_with_cloth(&divided(), gas, Laminar { viscosity: mu }, settings(WIND, 1e-3), None);

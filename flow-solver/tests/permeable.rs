@@ -37,9 +37,9 @@ fn steady(speed: f64, (a, b): (f64, f64), method: Method) -> (f64, f64, usize) {
     // What passes each of the faces across the duct, on a square metre in four cells.
     let n = s.q.len();
     let (mut q, mut gradient) = (s.q.clone(), s.gradient.clone());
-    let (mut residual, mut through) = (vec![[0.0; 4]; n], s.through().to_vec());
-    s.spatial.evaluate(&s.domain(), &s.scheme, &mut q, &mut gradient, &mut residual, &mut through);
-    let passing: Vec<f64> = (s.metrics.faces.iter().zip(&through).enumerate())
+    let (mut residual, mut face_flux) = (vec![[0.0; 4]; n], s.face_flux().to_vec());
+    s.spatial.evaluate(&s.domain(), &s.scheme, &mut q, &mut gradient, &mut residual, &mut face_flux);
+    let passing: Vec<f64> = (s.metrics.faces.iter().zip(&face_flux).enumerate())
         .filter(|(k, (f, _))| {
             let z = s.metrics.face_centre(&s.topology, *k)[2];
             f.area[2] > 0.1 && z > 0.1 && z < 3.9
@@ -60,7 +60,7 @@ fn steady(speed: f64, (a, b): (f64, f64), method: Method) -> (f64, f64, usize) {
 /// the transient and to what thinner air behind the cloth (3e-3 at 300 Pa) does to the mean velocity
 /// that the half cells hold with a fiftieth of the cloth's resistance.
 #[test]
-fn a_duct_follows_the_curve_both_ways() {
+fn duct_flow_follows_the_permeability_law_in_both_directions() {
     let gmres = Method::PressureCorrection { depth: 5 };
     for (a, b, stream) in [(254.0, 37.6, 2.0), (100.0, 0.0, 2.0), (0.0, 20.0, 2.0), (8170.0, 0.0, 0.5)] {
         for speed in [stream, -stream] {
@@ -102,7 +102,7 @@ fn impulsive_starts() {
 
 /// No cloth at all: a stream passes undisturbed.
 #[test]
-fn without_resistance_there_is_no_membrane() {
+fn zero_resistance_membrane_is_an_interior_face() {
     let set = settings([0.0, 0.0, 2.0], 1e-9);
     let open = Some(Permeability::new(0.0, 0.0));
     let grid = duct(16, [Patch::FarField, Patch::Outlet]);
@@ -124,13 +124,13 @@ fn conserves<G: Gas<N>, const N: usize>(mut s: Solver<G, N>) {
     }
     let n = s.q.len();
     let (mut q, mut gradient) = (s.q.clone(), s.gradient.clone());
-    let (mut residual, mut through) = (vec![[0.0; N]; n], s.through().to_vec());
+    let (mut residual, mut face_flux) = (vec![[0.0; N]; n], s.face_flux().to_vec());
     let mut scheme = s.scheme;
     scheme.rate = 100.0;
-    scheme.tie[0] = 100.0;
+    scheme.rhie_chow[0] = 100.0;
     let on = s.domain();
-    s.spatial.evaluate(&on, &scheme, &mut q, &mut gradient, &mut residual, &mut through);
-    let passing: f32 = s.topology.pores.iter().map(|p| through[p.face as usize].mass.abs()).sum();
+    s.spatial.evaluate(&on, &scheme, &mut q, &mut gradient, &mut residual, &mut face_flux);
+    let passing: f32 = s.topology.porous_faces.iter().map(|p| face_flux[p.face as usize].mass.abs()).sum();
     assert!(passing > 0.1, "{passing}");
     // A closed box: mass, and energy on a grid at rest, go nowhere.
     for v in [0, 4] {
@@ -152,7 +152,7 @@ fn mass_and_energy_are_conserved() {
 /// Two chambers of length L = 2 m at different pressures: isothermal air leaks through the cloth
 /// and the difference falls with exp(-2 p t / (a L)).
 #[test]
-fn two_chambers_even_out_as_they_should() {
+fn pressure_equalisation_of_two_chambers_matches_the_exact_solution() {
     let a = 8170.0;
     let set = settings([0.0, 0.0, 1.0], 1e-8);
     let grid = duct(16, [Patch::Slip; 2]);
@@ -161,7 +161,7 @@ fn two_chambers_even_out_as_they_should() {
     for k in 0..s.q.len() {
         let side = if s.metrics.centre[k][2] < 2.0 { 50.0 } else { -50.0 };
         let q = [side, 0.0, 0.0, 0.0];
-        (s.q[k], s.past[0].q[k], s.past[1].q[k]) = (q, q, q);
+        (s.q[k], s.previous[0].q[k], s.previous[1].q[k]) = (q, q, q);
     }
     let gain = |s: &Solver<Isothermal, 4>| -> [f64; 2] {
         let mut m = [0.0; 2];
@@ -187,7 +187,7 @@ fn two_chambers_even_out_as_they_should() {
 
 /// Coefficients without limit are the airtight canopy.
 #[test]
-fn infinite_resistance_is_a_wall() {
+fn infinite_resistance_equals_a_wall() {
     let side = Patch::Slip;
     let patches = [side, side, side, side, Patch::FarField, Patch::Outlet];
     let grid = plate_grid([8, 8, 8], [-1.0; 3], [1.0; 3], patches, 3, [2..6, 3..6]);

@@ -8,9 +8,10 @@ use common::{Noise, isothermal, settings};
 use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::geometry::{FaceMetric, Metrics};
 use flow_solver::physics::{
-    self, Air, BoundaryFace, FarField, Gas, IdealGas, Inviscid, Isothermal, OpenBoundary, Outlet, Scheme,
+    self, Air, BoundaryFace, FarField, FluxParameters, Gas, IdealGas, Inviscid, Isothermal, OpenBoundary,
+    Outlet,
 };
-use flow_solver::shear::{Profile, Sheared};
+use flow_solver::shear::{Profile, WindShear};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of};
 
 /// `M x`: a box becomes a parallelepiped.
@@ -37,10 +38,10 @@ fn slanted(grid_flux: f64) -> (FaceMetric, f64) {
     (face, step.dot(&face.area) / face.area.norm())
 }
 
-fn scheme() -> Scheme {
-    Scheme {
+fn scheme() -> FluxParameters {
+    FluxParameters {
         rate: 100.0,
-        tie: [150.0, -200.0, 50.0],
+        rhie_chow: [150.0, -200.0, 50.0],
         frame: Vec3::new(0.5, -1.0, 1.0),
         wind: Vec3::new(1.0, 2.0, -0.5),
         floor_squared: 0.25,
@@ -52,7 +53,7 @@ fn scheme() -> Scheme {
 const PAST: [f32; 2] = [0.25, -0.125];
 
 /// `delta (t0 e + t1 e' + t2 e'') + 2 (U + 10 floor) e = push`, solved for `e`.
-fn tie(spacing: f64, push: f64, speed: f64) -> f64 {
+fn rhie_chow(spacing: f64, push: f64, speed: f64) -> f64 {
     let history = -200.0 * 0.25 + 50.0 * -0.125;
     (push - spacing * history) / (spacing * 150.0 + 2.0 * (speed + 10.0 * 0.5))
 }
@@ -88,8 +89,8 @@ fn between_two_states<G: Gas<N>, const N: usize>(gas: G) {
         let from = if volume > 0.0 { &l } else { &r };
         let (rho, c) = (gas.density(from), gas.sound_speed_squared(from).sqrt());
         let half = 0.5 * (l[0] - r[0]);
-        let e = tie(spacing, 3.0 * half, against(mean));
-        assert!((found.tie - e).abs() < 1e-6 * e.abs(), "{} {e}", found.tie);
+        let e = rhie_chow(spacing, 3.0 * half, against(mean));
+        assert!((found.rhie_chow - e).abs() < 1e-6 * e.abs(), "{} {e}", found.rhie_chow);
         let mass = rho * volume + face.area.norm() * (e + half / c);
         assert!((found.mass - mass).abs() < 1e-6 * mass.abs(), "{} {mass}", found.mass);
         let jump: f64 = (0..3).map(|d| (r[1 + d] - l[1 + d]) * unit[d]).sum();
@@ -99,12 +100,12 @@ fn between_two_states<G: Gas<N>, const N: usize>(gas: G) {
         near(&found.flux, &std::array::from_fn(|v| mass * carried[v] + push[v]));
         let wall: physics::Interface<N> = physics::wall(&gas, p, face.area, grid_flux);
         near(&wall.flux, &push);
-        assert_eq!((wall.mass, wall.tie), (0.0, 0.0));
+        assert_eq!((wall.mass, wall.rhie_chow), (0.0, 0.0));
     }
 }
 
 #[test]
-fn a_face_between_two_states_has_its_flux() {
+fn interior_face_flux_matches_closed_form() {
     let air = Air::new(1.225, 288.15);
     between_two_states(Isothermal::new(air));
     between_two_states(IdealGas::new(air));
@@ -121,7 +122,7 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 [[9.0, 2.0, -0.5], [-9.0, 2.0, -0.5], [1.4, 2.5, -0.5], [-0.3, -3.5, 1.5]].map(Vec3::from)
             {
                 let (face, spacing) = slanted(grid_flux);
-                let scheme = Scheme { wind, ..scheme() };
+                let scheme = FluxParameters { wind, ..scheme() };
                 let q: [f64; N] = std::array::from_fn(|v| [30.0, 3.0, 1.0, -2.0, 4.0][v]);
                 let cell: [f64; N] = std::array::from_fn(|v| [45.0, 2.0, 1.5, -2.5, 3.0][v]);
                 let at = BoundaryFace { scheme: &scheme, metric: &face, sign };
@@ -143,8 +144,8 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 // p + rho c u = plus, p - rho c u = minus.
                 let (plus, minus) = (cell[0] + rho * c * normal(&cell), -rho * c * wind.dot(&unit));
                 let (p, u) = (0.5 * (plus + minus), 0.5 * (plus - minus) / (rho * c));
-                let e = tie(spacing, q[0], (u * u + 0.25).sqrt());
-                assert!((found.tie - e).abs() < 1e-6 * e.abs(), "{} {e}", found.tie);
+                let e = rhie_chow(spacing, q[0], (u * u + 0.25).sqrt());
+                assert!((found.rhie_chow - e).abs() < 1e-6 * e.abs(), "{} {e}", found.rhie_chow);
                 let momentum = leaving * (rho * normal(&q) + e + q[0] / c) + (1.0 - leaving) * rho * u;
                 let mass = momentum * area - rho * sign * grid_flux;
                 assert!((found.mass - mass).abs() < 1e-6 * mass.abs(), "{} {mass}", found.mass);
@@ -154,8 +155,8 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 near(&found.flux, &std::array::from_fn(|v| mass * carried[v] + push[v]));
 
                 let found = Outlet.flux(&gas, &at, &q, &cell, PAST);
-                let e = tie(spacing, q[0], (normal(&q).powi(2) + 0.25).sqrt());
-                assert!((found.tie - e).abs() < 1e-6 * e.abs(), "{} {e}", found.tie);
+                let e = rhie_chow(spacing, q[0], (normal(&q).powi(2) + 0.25).sqrt());
+                assert!((found.rhie_chow - e).abs() < 1e-6 * e.abs(), "{} {e}", found.rhie_chow);
                 let mass = (rho * normal(&q) + e + q[0] / c) * area - rho * sign * grid_flux;
                 assert!((found.mass - mass).abs() < 1e-6 * mass.abs(), "{} {mass}", found.mass);
                 let carried = gas.carried(if mass > 0.0 { &q } else { &far });
@@ -168,7 +169,7 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
 }
 
 #[test]
-fn open_boundaries_have_their_waves_and_masses() {
+fn open_boundary_fluxes_match_characteristics() {
     let air = Air::new(1.225, 288.15);
     far(Isothermal::new(air));
     far(IdealGas::new(air));
@@ -177,7 +178,7 @@ fn open_boundaries_have_their_waves_and_masses() {
 /// Parallelepipeds: the corners' mean is the centre, volumes and areas are those of the vectors, and heights are the
 /// distances of parallel planes.
 #[test]
-fn parallelepipeds_have_their_metrics() {
+fn parallelepiped_metrics_are_exact() {
     let mut grid = box_grid([3, 2, 4], [0.0; 3], [1.5, 0.8, 1.2], [Patch::FarField; 6]);
     grid.coords.iter_mut().for_each(|x| *x = skew(*x).into());
     let s = isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
@@ -218,7 +219,7 @@ fn parallelepipeds_have_their_metrics() {
 
 /// A cell that is skewed beyond measure keeps a fifth of the distance of the centres.
 #[test]
-fn skewed_cells_keep_a_positive_spacing() {
+fn skewed_cells_have_positive_spacing() {
     let mut grid = box_grid([2, 1, 1], [0.0; 3], [2.0, 1.0, 1.0], [Patch::FarField; 6]);
     grid.coords.iter_mut().for_each(|x| x[1] += 20.0 * x[0]);
     let s = isothermal(&grid, Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
@@ -236,7 +237,7 @@ fn skewed_cells_keep_a_positive_spacing() {
 
 /// Tetrahedra anywhere: a sixth of the determinant, the mean of the corners.
 #[test]
-fn tetrahedra_have_the_volume_of_their_determinant() {
+fn tetrahedron_volume_is_its_determinant() {
     let mut grid = box_grid_of(BoxShape::Tetrahedra, [2, 3, 2], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
     let mut noise = Noise(7);
     grid.coords.iter_mut().flatten().for_each(|x| *x += 10.0 + 0.03 * noise.next());
@@ -253,7 +254,7 @@ fn tetrahedra_have_the_volume_of_their_determinant() {
 /// A cell between two faces that are not plane sweeps what its volume changes by, and a volume by the formula of a
 /// bilinear roof: the mean height of its corners.
 #[test]
-fn a_roof_that_is_not_plane_has_the_mean_height_of_its_corners() {
+fn nonplanar_face_has_the_mean_height_of_its_corners() {
     let mut grid = box_grid([1, 1, 1], [0.0; 3], [2.0, 3.0, 1.0], [Patch::FarField; 6]);
     let heights = [0.3, -0.2, 0.25, 0.4];
     for (k, x) in grid.coords[4..].iter_mut().enumerate() {
@@ -272,11 +273,11 @@ fn a_roof_that_is_not_plane_has_the_mean_height_of_its_corners() {
 
 /// The wind of faces follows from their height in the sinking frame.
 #[test]
-fn sheared_wind_knows_the_height_of_each_face() {
+fn sheared_wind_is_evaluated_at_face_height() {
     let profile = Profile::Linear { wind: [6.0, 2.0, 0.0], reference: 10.0, slope: 0.02 };
     let s = isothermal(&pair(Patch::FarField), Inviscid, settings([1.0, 0.0, 0.0], 1e-3));
     let at = |z: f64| Vec3::from(profile.at(z));
-    let mut sheared = Sheared::new(profile.clone(), 40.0);
+    let mut sheared = WindShear::new(profile.clone(), 40.0);
     let close = |a: Vec3, b: Vec3| assert!((a - b).norm() < 1e-13, "{a:?} {b:?}");
     close(sheared.base(), at(40.0));
     close(sheared.excess(-7.0), at(33.0) - at(40.0));

@@ -13,7 +13,7 @@ use common::{at_rest, isothermal, settings};
 use flow_solver::Solver;
 use flow_solver::monitors::Probes;
 use flow_solver::physics::{Isothermal, Laminar};
-use flow_solver::shear::{Profile, Sheared};
+use flow_solver::shear::{Profile, WindShear};
 use mesh::Patch;
 
 const RHO: f64 = 1.225;
@@ -54,7 +54,7 @@ fn dfg(n: usize, steps: usize) -> [f64; 3] {
     // The parabola, so fine a table that its corners are below the grid's error.
     let heights: Vec<f64> = (0..=820).map(|k| 0.41 * f64::from(k) / 820.0).collect();
     let winds = heights.iter().map(|z| [6.0 * speed * z * (0.41 - z) / (0.41 * 0.41), 0.0, 0.0]).collect();
-    s.set_shear(Sheared::new(Profile::Table { heights, winds }, 0.0));
+    s.set_shear(WindShear::new(Profile::Table { heights, winds }, 0.0));
     let scale = 0.5 * RHO * speed * speed * 0.1 * 0.02;
     let mut last = [0.0; 3];
     for k in 1..=steps {
@@ -180,8 +180,8 @@ fn cylinder_100(nr: usize, na: usize, dt: f64, from: f64, end: f64) -> [f64; 4] 
     let mut s =
         isothermal(&grid, Laminar { viscosity: RHO * speed / 100.0 }, settings([speed, 0.0, 0.0], 1e-3));
     // A little lift to start with: shedding needs no patience then.
-    for past in &mut s.past {
-        for (q, x) in past.q.iter_mut().zip(&s.metrics.centre) {
+    for previous in &mut s.previous {
+        for (q, x) in previous.q.iter_mut().zip(&s.metrics.centre) {
             let r2 = x[0] * x[0] + x[1] * x[1];
             q[2] += speed * 0.3 * x[0] / r2 * (-0.1 * r2).exp();
         }
@@ -346,7 +346,7 @@ fn blasius_error(found: &[f64; 3]) -> f64 {
 }
 
 #[test]
-fn grids_close() {
+fn grid_cells_are_closed() {
     use mesh::{FaceTable, quality};
     for (grid, wanted) in [
         (ring(10, 24, 20.0), 0.1 * 24.0 / 2.0 * (2.0 * PI / 24.0).sin() * (400.0 - 0.25)),

@@ -53,12 +53,12 @@ fn agree(effect: &str) -> Vec<[f64; 3]> {
 }
 
 #[test]
-fn one_to_four_ranks_and_restarts_agree() {
+fn results_agree_for_one_to_four_ranks_and_restarts() {
     agree("plain");
 }
 
 #[test]
-fn a_permeable_plate_is_the_same_on_all_ranks() {
+fn permeable_plate_is_independent_of_rank_count() {
     // Less drag than the airtight one, or the cloth is not there.
     let folder = tempfile::tempdir().unwrap();
     let (cloth, tight) = (agree("permeable"), forces(1, &folder.path().join("state"), "plain"));
@@ -66,7 +66,7 @@ fn a_permeable_plate_is_the_same_on_all_ranks() {
 }
 
 #[test]
-fn transported_turbulence_is_the_same_on_all_ranks() {
+fn transported_turbulence_is_independent_of_rank_count() {
     let folder = tempfile::tempdir().unwrap();
     let (eddies, none) = (agree("turbulent"), forces(1, &folder.path().join("state"), "plain"));
     assert!((eddies[3][2] / none[3][2] - 1.0).abs() > 1e-6, "{eddies:?} {none:?}");

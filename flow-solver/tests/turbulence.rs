@@ -6,7 +6,7 @@ use comm::Comm;
 use common::{Noise, at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{EddyViscosity, Turbulent};
-use flow_solver::shear::{Profile, Sheared};
+use flow_solver::shear::{Profile, WindShear};
 use flow_solver::steady::March;
 use flow_solver::turbulence::{SpalartAllmaras, Walls, rans};
 use flow_solver::{Method, Solver, Step};
@@ -19,7 +19,7 @@ type Flow = Solver<flow_solver::physics::Isothermal, 4>;
 fn turbulent(grid: &FlowGrid, wind: [f64; 3], viscosity: f64, drop: f64) -> Flow {
     let mut set = settings(wind, drop);
     set.method = Method::PressureCorrection { depth: 10 };
-    let mut s = isothermal(grid, Turbulent { viscosity, eddies: EddyViscosity::Transported }, set);
+    let mut s = isothermal(grid, Turbulent { viscosity, eddies: EddyViscosity::TransportInput }, set);
     let model = SpalartAllmaras::new(&s.topology, viscosity, RHO, rans);
     s.set_turbulence(model);
     s
@@ -35,7 +35,7 @@ fn wall_distances_of_a_box_are_exact() {
             let grid = box_grid_of(shape, [5, 4, 6], [0.0; 3], [1.0, 2.0, 3.0], patches);
             let s = isothermal(
                 &grid,
-                Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Transported },
+                Turbulent { viscosity: 1e-5, eddies: EddyViscosity::TransportInput },
                 settings([1.0, 0.0, 0.0], 1e-3),
             );
             let walls = Walls::gather(&Comm::solo(), &s.topology, &s.nodes);
@@ -53,7 +53,7 @@ fn wall_distances_of_a_box_are_exact() {
 /// Without walls and vorticity nothing is made or destroyed: a uniform value stays, on a grid that
 /// is shaken at random.
 #[test]
-fn a_uniform_free_stream_stays() {
+fn uniform_turbulent_free_stream_is_preserved() {
     let grid = box_grid_of(BoxShape::Pyramids, [4; 3], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
     let mut s = turbulent(&grid, [3.0, 0.0, 0.0], 1e-3, 1e-8);
     let start = s.nodes.clone();
@@ -62,7 +62,7 @@ fn a_uniform_free_stream_stays() {
         for (x, x0) in s.nodes.iter_mut().zip(&start) {
             *x = Vec3::from_fn(|d, _| x0[d] + 0.02 * noise.next());
         }
-        s.advance(&Step { dt: 0.01, frame: Vec3::new(0.0, 0.0, -2.0), again: false, moved: true }).unwrap();
+        s.advance(&Step { dt: 0.01, frame: Vec3::new(0.0, 0.0, -2.0), repeat: false, moved: true }).unwrap();
         s.accept(0.01, true);
     }
     let exact = 3.0 * 1e-3 / RHO;
@@ -74,21 +74,22 @@ fn a_uniform_free_stream_stays() {
 /// Homogeneous shear far from walls: the working variable grows as exp(c_b1 S t). BDF2 with steps
 /// of 0.05/S is off by less than 1e-4; what flows in does not reach the middle.
 #[test]
-fn homogeneous_shear_grows_as_it_should() {
+fn homogeneous_shear_growth_matches_the_exact_solution() {
     let grid = box_grid([8, 1, 9], [-4.0, 0.0, -1.0], [4.0, 1.0, 1.0], {
         let (f, s) = (Patch::FarField, Patch::Slip);
         [f, f, s, s, f, f]
     });
     let viscosity = 1e-6 * RHO;
     let mut s = turbulent(&grid, [1.0, 0.0, 0.0], viscosity, 1e-7);
-    let sheared = Sheared::new(Profile::Linear { wind: [1.0, 0.0, 0.0], reference: 10.0, slope: 1.0 }, 10.0);
+    let sheared =
+        WindShear::new(Profile::Linear { wind: [1.0, 0.0, 0.0], reference: 10.0, slope: 1.0 }, 10.0);
     // Still air at the middle: the frame goes with the wind there.
     let frame = sheared.base();
     s.set_shear(sheared);
     let mut model = SpalartAllmaras::new(&s.topology, viscosity, RHO, rans);
     let start = 1e-4;
     for v in [0, 1] {
-        model.past[v].fill([start]);
+        model.previous[v].fill([start]);
     }
     model.value.fill([start]);
     s.set_turbulence(model);
@@ -188,7 +189,7 @@ fn flat_plate(nx: usize, nz: usize, h: f64) -> (f64, Vec<(f64, f64)>) {
 /// 0.00271 on fine grids and up to 0.0028 on coarse ones at x = 0.97 m; law of the wall with
 /// kappa = 0.41 and a constant of 5.0 (to its own scatter of 0.2).
 #[test]
-fn a_flat_plate_has_the_published_friction() {
+fn flat_plate_friction_matches_published_values() {
     let (cf, profile) = flat_plate(36, 54, 1e-5);
     println!("flat plate: cf {cf:.6}, first cell at y+ {:.2}", profile[0].0);
     for (y, u) in &profile {

@@ -36,17 +36,17 @@ fn taylor_green(n: usize, sway: f64) -> f64 {
     };
     let placed = |t: f64| start.iter().map(|x| place(t, x)).collect::<Vec<_>>();
     // Two exact instants, so that BDF2 starts as BDF2.
-    let mut past = s.past.clone();
-    for (k, p) in past.iter_mut().enumerate() {
+    let mut previous = s.previous.clone();
+    for (k, p) in previous.iter_mut().enumerate() {
         let t = -(k as f64) * dt;
         p.nodes = placed(t);
         let m = flow_solver::geometry::Metrics::new(&s.topology, &s.halo, &p.nodes);
         p.q = m.centre.iter().map(|x| exact(x, t)).collect();
     }
-    s.restore(past, dt, 0).unwrap();
+    s.restore(previous, dt, 0).unwrap();
     for k in 1..=steps {
         s.nodes = placed(k as f64 * dt);
-        s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true }).unwrap();
+        s.advance(&Step { dt, frame: Vec3::zeros(), repeat: false, moved: true }).unwrap();
         s.accept(dt, true);
     }
     let (mut sum, mut volume) = (0.0, 0.0);
@@ -60,7 +60,7 @@ fn taylor_green(n: usize, sway: f64) -> f64 {
 }
 
 #[test]
-fn taylor_green_is_of_second_order() {
+fn taylor_green_is_second_order() {
     // (sway, largest error on 32 x 32)
     for (sway, bound) in [(0.0, 1e-3), (0.06, 2e-3)] {
         let (coarse, fine) = (taylor_green(16, sway), taylor_green(32, sway));
@@ -98,7 +98,7 @@ fn cavity_by(
     }
     let mut iterations = 0;
     for k in 0..(end / dt) as usize {
-        let taken = s.advance(&Step { dt, frame: Vec3::zeros(), again: false, moved: true });
+        let taken = s.advance(&Step { dt, frame: Vec3::zeros(), repeat: false, moved: true });
         let taken = taken.inspect_err(|e| println!("cavity, step {k} of {dt} s: {e}"))?;
         iterations += taken.iterations;
         s.accept(dt, true);
@@ -254,7 +254,7 @@ fn cost_and_drag_do_not_depend_on_the_mach_number() {
 /// Pressure differences over the plate fall with the square of the Mach number, and
 /// each iteration takes the same share of the residual away.
 #[test]
-fn pressure_goes_with_the_square_of_the_mach_number() {
+fn pressure_scales_with_the_square_of_the_mach_number() {
     let air = settings([0.0; 3], 1.0).air;
     let sound = (air.gas_constant * air.temperature).sqrt();
     let grid = plate::plate(4);
@@ -292,14 +292,14 @@ fn pressure_goes_with_the_square_of_the_mach_number() {
 
 /// A pressure that alternates from cell to cell does not survive.
 #[test]
-fn checkerboards_die() {
+fn checkerboard_modes_are_damped() {
     let n = 8;
     let grid = box_grid([n, n, n], [0.0; 3], [1.0; 3], [Patch::Slip; 6]);
     let mut settings = settings([0.0; 3], 1e-6);
     settings.reference_speed = 0.1;
     let mut s = isothermal(&grid, Inviscid, settings);
-    for past in &mut s.past {
-        for (c, q) in past.q.iter_mut().enumerate() {
+    for previous in &mut s.previous {
+        for (c, q) in previous.q.iter_mut().enumerate() {
             let odd = (c % n + (c / n) % n + c / (n * n)) % 2;
             q[0] = if odd == 1 { 10.0 } else { -10.0 };
         }
@@ -314,7 +314,7 @@ fn checkerboards_die() {
 
 /// A wall-bounded box of still air stays still under the sub-grid model too.
 #[test]
-fn still_air_stays_still() {
+fn air_at_rest_stays_at_rest() {
     let grid = box_grid([5, 4, 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
     let mut s = isothermal(
         &grid,
@@ -327,7 +327,7 @@ fn still_air_stays_still() {
 
 /// Repeating a step from its own result gives the same result, and a little work.
 #[test]
-fn repeated_steps_start_warm() {
+fn repeated_steps_use_a_warm_start() {
     let grid = plate::plate(4);
     let mut s = isothermal(&grid, Inviscid, settings([0.0, 0.0, 4.88], 1e-5));
     let mut loads = Loads::new(&s);
@@ -337,13 +337,13 @@ fn repeated_steps_start_warm() {
     }
     let first = s.advance(&at_rest(5e-3)).unwrap();
     let force = loads.compute(&s).force[2];
-    let again = s.advance(&Step { again: true, ..at_rest(5e-3) }).unwrap();
-    assert_eq!(again.iterations, 0);
+    let repeat = s.advance(&Step { repeat: true, ..at_rest(5e-3) }).unwrap();
+    assert_eq!(repeat.iterations, 0);
     // A slightly different frame speed, then back: the first answer again.
-    let other = Step { again: true, frame: Vec3::new(0.0, 0.0, -0.05), ..at_rest(5e-3) };
+    let other = Step { repeat: true, frame: Vec3::new(0.0, 0.0, -0.05), ..at_rest(5e-3) };
     let changed = s.advance(&other).unwrap();
     assert!(changed.iterations <= first.iterations, "{changed:?} after {first:?}");
-    s.advance(&Step { again: true, ..at_rest(5e-3) }).unwrap();
+    s.advance(&Step { repeat: true, ..at_rest(5e-3) }).unwrap();
     let back = loads.compute(&s).force[2];
     assert!((back - force).abs() < 1e-3 * force.abs(), "{back} and {force}");
 }

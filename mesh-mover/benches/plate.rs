@@ -1,26 +1,26 @@
-//! What moving the grid costs: `cargo bench -p mesh-mover --bench plate [-- cells_per_side ...]`
+//! Cost of the grid motion: `cargo bench -p mesh-mover --bench plate [-- cells_per_side ...]`
 //!
-//! Grids of one shape, only finer. A plate in a box breathes and bends in small steps, four calls a window, sixty windows
-//! of which the first knows nothing. Times are
-//! of the processor (Linux), so that a busy machine does not change them much.
+//! Grids of one shape with increasing resolution. A plate in a box deforms in small steps, four solves a window,
+//! sixty windows, of which the first has no warm start. Times are processor times (Linux), so that the load of the
+//! machine has little influence.
 
 use case::MeshMotion;
 use channel::{Input, Participant, Window, mesh_stats};
 use comm::Comm;
 use mesh_mover::elastic::{Elastic, Solid};
+use mesh_mover::example_grid::{plate_in_box, plate_structure};
 use mesh_mover::motion::Limits;
 use mesh_mover::mover::Mover;
 use mesh_mover::participant::{MeshMover, Setup};
-use mesh_mover::sample::{plate_in_box, plate_structure};
 
-/// Seconds that this thread has run, from the kernel's accounts.
+/// Processor seconds of this thread, from the kernel's statistics.
 fn seconds_run() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux keeps accounts");
     let nanoseconds = text.split(' ').next().and_then(|w| w.parse::<f64>().ok());
     1e-9 * nanoseconds.expect("three numbers")
 }
 
-/// Most memory that this process has had so far, bytes.
+/// Peak memory of this process so far, bytes.
 fn peak_bytes() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").expect("Linux keeps accounts");
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
@@ -61,13 +61,13 @@ fn bench(n: usize, name: &str, mover: Box<dyn Mover>) {
     let mut mover = MeshMover::on_grid(setup, &Comm::solo()).expect("the sample grid is sound");
     let start = seconds_run() - clock;
     let mut output = vec![0.0; 6 * grid.coords.len()];
-    let (mut cold, mut warm, mut seconds, mut quality) = (0.0, 0.0, 0.0, f64::INFINITY);
+    let (mut cold, mut warm_start_basis, mut seconds, mut quality) = (0.0, 0.0, 0.0, f64::INFINITY);
     for index in 0..WINDOWS {
         let mut w = Window { index, dt: 5e-3, ..Window::default() };
         for iteration in 0..CALLS {
             w.iteration = iteration;
-            let miss = if iteration + 1 < CALLS { 0.3 * 0.1f64.powi(iteration as i32) } else { 0.0 };
-            let t = 0.15 * (index as f64 + 1.0 - miss);
+            let max_error = if iteration + 1 < CALLS { 0.3 * 0.1f64.powi(iteration as i32) } else { 0.0 };
+            let t = 0.15 * (index as f64 + 1.0 - max_error);
             let bend = |p: &[f64; 3]| {
                 [0.05 * t.sin() * p[0], 0.05 * t.sin() * p[1], 0.1 * t.sin() * (2.0 * p[0] + t).cos()]
             };
@@ -79,7 +79,7 @@ fn bench(n: usize, name: &str, mover: Box<dyn Mover>) {
                 cold = v[mesh_stats::ITERATIONS];
             } else if index > 0 {
                 seconds += seconds_run() - clock;
-                warm += v[mesh_stats::ITERATIONS];
+                warm_start_basis += v[mesh_stats::ITERATIONS];
             }
             quality = f64::min(quality, v[mesh_stats::MIN_QUALITY]);
         }
@@ -90,7 +90,7 @@ fn bench(n: usize, name: &str, mover: Box<dyn Mover>) {
         "{cells:>9} {name:>12} {start:>9.2} {:>8.0} {:>8.0} {cold:>9} {:>11.2} {:>15.3} {quality:>8.3}",
         mover.motion().bytes() as f64 / cells,
         peak_bytes() / cells,
-        warm / windows,
+        warm_start_basis / windows,
         1e6 * seconds / windows / cells,
     );
 }

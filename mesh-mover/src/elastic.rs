@@ -4,49 +4,47 @@ use linalg::{Amg, AmgParams, BlockCsr, Operator};
 use mesh::Point;
 
 use crate::element::stiffness;
-use crate::felt::Felt;
-use crate::glance::Glance;
+use crate::error_estimate::CheapErrorEstimate;
 use crate::local::{Kind, LocalGrid};
-use crate::memory::MoverMemory;
 use crate::mover::{Effort, Mover, MoverError};
-use crate::near;
+use crate::near_wall_following;
+use crate::position_error::PositionErrorNorm;
 use crate::slide;
-use crate::solve::{Goal, Scratch, correct};
-use crate::warm::Warm;
+use crate::solution_projection::SolutionProjection;
+use crate::solve::{Scratch, StoppingCriterion, correct};
+use crate::warm_start::MoverWarmStart;
 
 /// Parameters of the pseudo-solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solid {
     /// Exponent of the stiffening by the Jacobian; 0: uniform.
     pub chi: f64,
-    /// Exponent of the stiffening by shape: a cell of scaled Jacobian q in the
-    /// reference grid is stiffer by q to the minus this; 0: shape does not count.
+    /// Exponent of the stiffening by shape: a cell of scaled Jacobian q in the reference grid is stiffer by
+    /// q^-exponent; 0: none.
     pub shape_exponent: f64,
-    /// Exponent of the stiffening around the canopy: a cell at a distance d from it is stiffer
-    /// by d to the minus this (see [`crate::depth`]); 0: distance does not count.
-    pub depth_exponent: f64,
+    /// Exponent of the stiffening near the canopy: a cell at the distance d from it is stiffer by d^-exponent (see
+    /// [`crate::canopy_distance`]); 0: none.
+    pub distance_exponent: f64,
     /// Poisson's ratio.
     pub poisson: f64,
-    /// Accepted error of positions, in shares of an edge (see [`Felt`]).
+    /// Accepted error of positions, relative to an edge (see [`PositionErrorNorm`]).
     pub tolerance: f64,
-    /// Most iterations of a solve.
+    /// Largest number of iterations of a solve.
     pub max_iterations: usize,
 }
 
-/// The Jacobian sees a cell that is squeezed, not one that is sheared. Measured on
-/// a plate lifted by half its width, turned by 60 degrees and bent to 90 degrees
-/// with updated references: worst scaled Jacobian 0.015, 0.004, 0.009 without
+/// The Jacobian detects compressed cells but not sheared ones. Measured on a plate lifted by half its width, rotated
+/// by 60 degrees and bent to 90 degrees with updated references: worst scaled Jacobian 0.015, 0.004, 0.009 without
 /// stiffening by shape (in up to 8 increments a window), 0.17, 0.09, 0.09 with 3 (in one each).
 const SHAPE_EXPONENT: f64 = 3.0;
 
-/// The edge of a sheet in a uniform solid is the tip of a crack: strain is singular there, and
-/// cells go bad there first. A solid that is stiffer towards the sheet carries the edge's
-/// surroundings along. Worst scaled Jacobian over the six motions of [`crate::torture`], without
-/// repair: 0.06 with 0, 0.10 with 1, 0.14 to 0.19 with 2, 0.23 with 3 (but less room sideways), and with
-/// fewer iterations than without.
-const DEPTH_EXPONENT: f64 = 2.0;
+/// The edge of a sheet in a uniform solid is a crack tip: the strain is singular there, and cells degrade there
+/// first. A solid that is stiffer near the sheet moves the surroundings of the edge with it. Worst scaled Jacobian
+/// over the six motions of [`crate::benchmark_motions`], without repair: 0.06 with 0, 0.10 with 1, 0.14 to 0.19 with
+/// 2, 0.23 with 3 (but less range for in-plane motion), with fewer iterations than without.
+const DISTANCE_EXPONENT: f64 = 2.0;
 
-/// Scaled Jacobians below this count as this, which bounds the contrast.
+/// Lower bound of the scaled Jacobian in the stiffening, which limits the contrast.
 const LEAST_SHAPE: f64 = 0.02;
 
 impl From<&case::MeshMotion> for Solid {
@@ -54,7 +52,7 @@ impl From<&case::MeshMotion> for Solid {
         Self {
             chi: m.stiffening_exponent,
             shape_exponent: SHAPE_EXPONENT,
-            depth_exponent: DEPTH_EXPONENT,
+            distance_exponent: DISTANCE_EXPONENT,
             poisson: m.poisson_ratio,
             tolerance: m.tolerance,
             max_iterations: 1000,
@@ -62,8 +60,8 @@ impl From<&case::MeshMotion> for Solid {
     }
 }
 
-/// Linear elasticity on the reference grid (paper, equation 8). The unknowns are
-/// the free nodes; the canopy enters by its coupling blocks.
+/// Linear elasticity on the reference grid (paper, equation 8). The unknowns are the free nodes; the canopy enters by
+/// its coupling blocks.
 pub struct Elastic {
     solid: Solid,
     system: Option<System>,
@@ -71,21 +69,21 @@ pub struct Elastic {
 
 /// The linear system of one reference grid.
 struct System {
-    /// Owned free row, interface node, and block: what the canopy pushes.
+    /// Owned free row, interface node, and coupling block.
     canopy: Vec<(u32, u32, [[f64; 3]; 3])>,
-    /// Holds the matrix too, in single precision: a solid whose stiffness differs by 1e-7.
+    /// Contains the matrix, in single precision: equivalent to a relative change of the stiffness by 1e-7.
     amg: Amg<f32>,
-    glance: Glance,
-    felt: Felt,
-    warm: Warm,
+    error_estimate: CheapErrorEstimate,
+    position_error: PositionErrorNorm,
+    warm_start_basis: SolutionProjection,
     scratch: Scratch,
     rhs: Vec<f64>,
-    /// Motion of the canopy that no past solution answers.
+    /// Motion of the canopy that no past solution contains.
     missing: Vec<f64>,
 }
 
 impl Elastic {
-    /// A mover without a reference grid yet: [`Mover::rebase`] comes first.
+    /// A mover without a reference grid; [`Mover::rebase`] must be called first.
     pub fn new(solid: Solid) -> Self {
         Self { solid, system: None }
     }
@@ -96,18 +94,18 @@ impl Mover for Elastic {
         let (matrix, canopy) = agree(grid, assemble(grid, x, &self.solid))?;
         let at = |a: &u32| -> Point { [0, 1, 2].map(|i| x[3 * *a as usize + i]) };
         let coords: Vec<Point> = grid.free_node[..grid.n_free].iter().map(at).collect();
-        // Fails on all ranks alike.
+        // Fails on all ranks.
         let singular = |e: &dyn std::error::Error| MoverError::Singular { reason: e.to_string() };
         let (n, n_local) = (matrix.n_owned(), matrix.n_local());
-        // The old system goes before the new one is set up: two would be the most memory ever held.
+        // The old system is dropped before the new one is assembled: two would determine the peak memory.
         self.system = None;
         let amg = Amg::of_matrix(matrix, &coords, AmgParams::default()).map_err(|e| singular(&e))?;
         self.system = Some(System {
             canopy,
             amg,
-            glance: Glance::default(),
-            felt: Felt::new(grid, x),
-            warm: Warm::new(n, 3 * grid.n_canopy),
+            error_estimate: CheapErrorEstimate::default(),
+            position_error: PositionErrorNorm::new(grid, x),
+            warm_start_basis: SolutionProjection::new(n, 3 * grid.n_canopy),
             scratch: Scratch::new(n, n_local),
             rhs: vec![0.0; n],
             missing: vec![0.0; 3 * grid.n_canopy],
@@ -117,29 +115,31 @@ impl Mover for Elastic {
 
     fn bytes(&self) -> usize {
         let Some(s) = &self.system else { return 0 };
-        let vectors = 8 * (5 * s.scratch.r.len() + s.rhs.len() + s.missing.len()) + s.felt.bytes();
-        s.amg.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm.bytes()
+        let vectors = 8 * (5 * s.scratch.r.len() + s.rhs.len() + s.missing.len()) + s.position_error.bytes();
+        s.amg.bytes() + size_of_val(&s.canopy[..]) + vectors + s.warm_start_basis.bytes()
     }
 
-    fn memory(&self) -> MoverMemory {
-        let Some(s) = &self.system else { return MoverMemory::default() };
-        let (singles, doubles) = s.warm.memory();
-        MoverMemory { singles, doubles, numbers: s.glance.memory().to_vec() }
+    fn save_state(&self) -> MoverWarmStart {
+        let Some(s) = &self.system else { return MoverWarmStart::default() };
+        let (singles, doubles) = s.warm_start_basis.save_state();
+        MoverWarmStart { singles, doubles, numbers: s.error_estimate.save_state().to_vec() }
     }
 
-    fn recall(&mut self, memory: MoverMemory) -> Result<(), String> {
+    fn restore_state(&mut self, saved: MoverWarmStart) -> Result<(), String> {
         let Some(s) = &mut self.system else { return Ok(()) };
-        let [gain, looks] = memory.numbers[..] else {
-            return Err("its estimate of errors is not there".into());
+        let [gain, samples] = saved.numbers[..] else {
+            return Err("the history of its error estimate is missing".into());
         };
-        s.warm.recall(&memory.singles, &memory.doubles)?;
-        s.glance.recall([gain, looks]);
+        s.warm_start_basis.restore_state(&saved.singles, &saved.doubles)?;
+        s.error_estimate.restore_state([gain, samples]);
         Ok(())
     }
 
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError> {
         let Some(s) = self.system.as_mut() else {
-            return Err(MoverError::Singular { reason: "the last reference grid made no solid".into() });
+            return Err(MoverError::Singular {
+                reason: "the last reference grid has no stiffness matrix".into(),
+            });
         };
         let comm = grid.comm();
         let n = s.rhs.len();
@@ -151,16 +151,17 @@ impl Mover for Elastic {
                 *b -= a[0] * g[0] + a[1] * g[1] + a[2] * g[2];
             }
         }
-        // The canopy's motion that past solutions do not answer is carried into the nearest rings.
+        // The part of the canopy's motion outside of past solutions is applied to the nearest rings.
         s.missing.copy_from_slice(canopy);
-        s.warm.guess(comm, &s.rhs, &mut u[..n], &mut s.missing);
-        near::follow(grid, &s.missing, &mut u[..n]);
+        s.warm_start_basis.guess(comm, &s.rhs, &mut u[..n], &mut s.missing);
+        near_wall_following::follow(grid, &s.missing, &mut u[..n]);
         s.amg.matrix().apply(u, &mut s.scratch.r);
         for (r, b) in s.scratch.r.iter_mut().zip(&s.rhs) {
             *r = b - *r;
         }
-        let goal = Goal { tolerance: self.solid.tolerance, max_iterations: self.solid.max_iterations };
-        let end = correct(&s.amg, &mut s.glance, comm, &s.felt, goal, &mut s.scratch);
+        let goal =
+            StoppingCriterion { tolerance: self.solid.tolerance, max_iterations: self.solid.max_iterations };
+        let end = correct(&s.amg, &mut s.error_estimate, comm, &s.position_error, goal, &mut s.scratch);
         if end.error.is_nan() || end.error > goal.tolerance {
             return Err(MoverError::NotConverged {
                 iterations: end.iterations,
@@ -172,12 +173,12 @@ impl Mover for Elastic {
         for ((u, d), z) in u[..n].iter_mut().zip(&*d).zip(&*z) {
             *u += d + z;
         }
-        slide::keep(&grid.slides, &mut u[..n]);
+        slide::project(&grid.slides, &mut u[..n]);
         if end.iterations > 0 {
-            near::follow(grid, &s.missing, d);
+            near_wall_following::follow(grid, &s.missing, d);
             p[..n].copy_from_slice(d);
             s.amg.matrix().apply(p, r);
-            s.warm.learn(comm, d, r, &mut s.missing);
+            s.warm_start_basis.add_solution(comm, d, r, &mut s.missing);
         }
         grid.free_halo.exchange(u, 3);
         Ok(Effort { iterations: end.iterations, error: end.error, accepted: goal.tolerance })
@@ -186,8 +187,7 @@ impl Mover for Elastic {
 
 pub(crate) type Coupling = Vec<(u32, u32, [[f64; 3]; 3])>;
 
-/// Stiffness of the owned free rows at node positions `x`: its free columns, and
-/// the columns of the canopy.
+/// Stiffness of the owned free rows at node positions `x`: its free columns, and the coupling columns of the canopy.
 fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f32>, Coupling), MoverError> {
     let _part = timing::part("assembly");
     let mut free = Vec::with_capacity(8 * grid.cells.len());
@@ -222,7 +222,7 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f
     for (c, cell) in grid.cells.iter().enumerate() {
         let corners = grid.corners(c, x);
         let f = grid.quality(c, x).clamp(LEAST_SHAPE, 1.0).powf(-solid.shape_exponent)
-            * f64::from(grid.depth[c]).powf(-solid.depth_exponent);
+            * f64::from(grid.depth[c]).powf(-solid.distance_exponent);
         let (lambda, mu) = (f * lambda, f * mu);
         let k =
             stiffness(&corners, lambda, mu, solid.chi).map_err(|e| inverted(grid, c, x, e.determinant))?;
@@ -253,20 +253,20 @@ fn assemble(grid: &LocalGrid, x: &[f64], solid: &Solid) -> Result<(BlockCsr<3, f
     Ok((matrix, canopy))
 }
 
-/// Lamé's constants `[lambda, mu]` of a solid with Young's modulus `young` and Poisson's ratio `nu`.
+/// Lamé's constants `[lambda, mu]` for Young's modulus `young` and Poisson's ratio `nu`.
 fn lame(young: f64, nu: f64) -> [f64; 2] {
     let mu = young * 0.5 / (1.0 + nu);
     let lambda = young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu));
     [lambda, mu]
 }
 
-/// The first error in rank order on every rank, so that all leave together. Collective.
+/// The first error in rank order on every rank, so that all return together. Collective.
 pub(crate) fn agree<T>(grid: &LocalGrid, result: Result<T, MoverError>) -> Result<T, MoverError> {
     let row = match &result {
         Err(MoverError::Inverted { cell, at, determinant }) => {
             vec![f64::from(*cell), at[0], at[1], at[2], *determinant]
         }
-        // Others come from solves, which end alike on all ranks.
+        // Other errors come from solves, which end in the same way on all ranks.
         _ => Vec::new(),
     };
     match grid.comm().all_gather_var(&row).as_chunks::<5>().0.first() {
@@ -286,9 +286,9 @@ pub(crate) fn inverted(grid: &LocalGrid, c: usize, x: &[f64], determinant: f64) 
 mod tests {
     use super::*;
 
-    /// A bar that is pulled: stress `E` along it at unit strain and none across it.
+    /// A bar under tension: stress `E` along it at unit strain and none across it.
     #[test]
-    fn a_pulled_bar_has_the_modulus_and_the_ratio() {
+    fn uniaxial_tension_has_the_modulus_and_poisson_ratio() {
         for (young, nu) in [(1.0, 0.0), (3.0, 0.3), (0.2, 0.45)] {
             let [lambda, mu] = lame(young, nu);
             let trace = 1.0 - 2.0 * nu;
@@ -297,37 +297,37 @@ mod tests {
         }
     }
 
-    /// Rows of the solid are sums over the cells around a node, each stiffer by its depth and its smallness; cells of
-    /// right angles are not stiffer by their shape, others are.
+    /// Rows of the matrix are sums over the cells around a node, each with its stiffening by distance and size; cells
+    /// with right angles have no stiffening by shape, others have.
     #[test]
-    fn rows_are_sums_over_cells_of_their_stiffness() {
-        for (wiggle, chi, shape_exponent, depth_exponent) in
+    fn rows_are_sums_of_the_stiffened_cell_matrices() {
+        for (wiggle, chi, shape_exponent, distance_exponent) in
             [(0.0, 1.5, 3.0, 2.0), (0.1, 0.0, 3.0, 0.0), (0.1, 0.0, 0.0, 2.0), (0.1, 2.0, 0.0, 0.0)]
         {
-            let grid = crate::sample::plate_in_box(4, wiggle, 0.8, false);
+            let grid = crate::example_grid::plate_in_box(4, wiggle, 0.8, false);
             let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &comm::Comm::solo());
             let x = local.gather(&grid.coords);
             let (poisson, tolerance, max_iterations) = (0.3, 1e-3, 100);
-            let solid = Solid { chi, shape_exponent, depth_exponent, poisson, tolerance, max_iterations };
+            let solid = Solid { chi, shape_exponent, distance_exponent, poisson, tolerance, max_iterations };
             let (matrix, canopy) = assemble(&local, &x, &solid).unwrap();
             // The box of 2 m has 64 cells; J of a cell is an eighth of its volume.
             let young = (8.0 / 64.0 / 8.0f64).powf(chi);
             let (lambda, mu) = (young * 0.3 / (1.3 * 0.4), young / 2.6);
-            let mut wanted = std::collections::HashMap::<(u32, u32), [[f64; 3]; 3]>::new();
+            let mut expected = std::collections::HashMap::<(u32, u32), [[f64; 3]; 3]>::new();
             for (c, cell) in local.cells.iter().enumerate() {
                 let f = local.quality(c, &x).powf(-shape_exponent)
-                    * f64::from(local.depth[c]).powf(-depth_exponent);
+                    * f64::from(local.depth[c]).powf(-distance_exponent);
                 let k = stiffness(&local.corners(c, &x), f * lambda, f * mu, chi).unwrap();
                 for a in 0..8 {
                     for b in 0..8 {
-                        let block = wanted.entry((cell[a], cell[b])).or_default();
+                        let block = expected.entry((cell[a], cell[b])).or_default();
                         (0..9).for_each(|e| block[e / 3][e % 3] += k[3 * a + e / 3][3 * b + e % 3]);
                     }
                 }
             }
             let close = |found: &[[f64; 3]; 3], a: u32, b: u32| {
-                let size = wanted[&(a, a)][0][0];
-                let block = wanted[&(a, b)];
+                let size = expected[&(a, a)][0][0];
+                let block = expected[&(a, b)];
                 (0..9).for_each(|e| {
                     let (f, w) = (found[e / 3][e % 3], block[e / 3][e % 3]);
                     assert!((f - w).abs() < 2e-6 * size, "{a} {b} {e}: {f} {w}");

@@ -1,10 +1,9 @@
 //! The pseudo-solid on one cell: a pure function from corner positions to a matrix.
 //!
-//! Hexahedra with trilinear shape functions at 2x2x2 Gauss points. Repeated
-//! nodes collapse a hexahedron into a prism, pyramid or tetrahedron; the Gauss
-//! points lie inside, so the collapsed edge is never evaluated. Full
-//! integration leaves no hourglass mode; the dilatation is taken as its mean
-//! over the cell (Hughes' B-bar), so that nearly incompressible settings do not lock.
+//! Hexahedra with trilinear shape functions at 2x2x2 Gauss points. Repeated nodes collapse a hexahedron into a prism,
+//! pyramid or tetrahedron; the Gauss points lie inside, so the collapsed edge is never evaluated. Full integration
+//! excludes hourglass modes; the dilatation is replaced by its mean over the cell (Hughes' B-bar), so that nearly
+//! incompressible settings do not lock.
 
 use mesh::geometry::Vec3;
 
@@ -50,7 +49,7 @@ const fn parent_gradients() -> [[[f64; 3]; 8]; 8] {
     all
 }
 
-/// A cell that is turned inside out at a Gauss point.
+/// A cell that is inverted at a Gauss point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inverted {
     /// Determinant of the Jacobian there, m3.
@@ -63,7 +62,7 @@ pub struct Inverted {
 /// Appl. Mech. 70, 2003, equation 9): the integral
 /// $\int B^T D B \, (\det J / J_0)^{-\chi} \det J \, d\xi$ makes small cells
 /// stiffer by the power `chi` of their volume; `chi = 0` is plain elasticity.
-/// The factor $J_0^{\chi}$ belongs into `lambda` and `mu` (Lame constants).
+/// The factor $J_0^{\chi}$ is part of `lambda` and `mu` (Lame constants).
 ///
 /// # Errors
 /// [`Inverted`] when the Jacobian is not positive (or NaN) at a Gauss point.
@@ -116,8 +115,7 @@ pub fn stiffness(coords: &[Vec3; 8], lambda: f64, mu: f64, chi: f64) -> Result<C
     Ok(k)
 }
 
-/// Matrix of Laplace's equation on a cell, with conductivity one and the stiffening of
-/// [`stiffness`].
+/// Matrix of Laplace's equation on a cell, with unit conductivity and the stiffening of [`stiffness`].
 ///
 /// # Errors
 /// As [`stiffness`].
@@ -206,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn symmetric_with_six_rigid_modes_only() {
+    fn matrix_is_symmetric_with_six_rigid_modes() {
         for chi in [0.0, 1.0, 2.0] {
             for (name, x, nodes) in shapes() {
                 let k = stiffness(&x, 1.2, 0.8, chi).unwrap();
@@ -219,17 +217,17 @@ mod tests {
                     SymmetricEigen::new(condensed(&k, nodes)).eigenvalues.iter().copied().collect();
                 e.sort_by(f64::total_cmp);
                 let largest = e[e.len() - 1];
-                // Rounding of the eigenvalues is about 24 * 1e-16 of the largest.
+                // Round-off of the eigenvalues is about 24 * 1e-16 of the largest.
                 assert!(e[..6].iter().all(|v| v.abs() < 1e-13 * largest), "{name} chi {chi}: {e:?}");
-                // The softest elastic mode of the sliver is its twist (thickness cubed), the
-                // stiffest its squeezing (1/thickness): (1/100)^4, far above rounding.
+                // The softest elastic mode of the sliver is its twist (thickness cubed), the stiffest its compression
+                // (1/thickness): (1/100)^4, far above round-off.
                 assert!(e[6] > 1e-9 * largest, "{name} chi {chi}: {e:?}");
             }
         }
     }
 
     #[test]
-    fn infinitesimal_rotation_costs_nothing() {
+    fn infinitesimal_rotation_has_no_energy() {
         for (name, x, _) in shapes() {
             let k = stiffness(&x, 1.2, 0.8, 1.0).unwrap();
             let w = Vec3::new(0.3, -0.7, 0.5);
@@ -243,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn uniform_strain_energy_is_exact() {
+    fn energy_of_uniform_strain_is_exact() {
         // Without stiffening the energy of a linear field is that of the solid.
         let (lambda, mu) = (1.2, 0.8);
         let a = [[0.1, 0.3, -0.2], [0.05, -0.2, 0.4], [0.0, 0.1, 0.3]].map(Vec3::from);
@@ -277,9 +275,9 @@ mod tests {
         }
     }
 
-    /// `chi` is the power of the cell's size; without it the energy of a linear field is exact.
+    /// `chi` is the exponent of the cell's volume; without it the energy of a linear field is exact.
     #[test]
-    fn conductance_of_a_linear_field_and_of_small_cells() {
+    fn conductance_is_exact_for_linear_fields_and_scales_with_chi() {
         for (name, x, _) in shapes() {
             let k = conductance(&x, 0.0).unwrap();
             let slope = Vec3::new(0.3, -0.7, 0.5);
@@ -301,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn an_inverted_cell_is_refused() {
+    fn inverted_cell_is_an_error() {
         let mut x = cube();
         x.swap(0, 6);
         assert!(stiffness(&x, 1.0, 1.0, 1.0).is_err());

@@ -1,19 +1,18 @@
-//! Inverse-distance weighting: a mover without equations, for comparison.
+//! Inverse-distance weighting: an explicit mover, for comparison.
 
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
 
-/// Each free node moves by the mean of the boundary's displacements with weights
-/// $(L/r)^3 + (L/r)^5$, r being the distance to a boundary node and L a fifth of the
-/// largest distance between boundary and canopy (after Luke, Collins and Blades, J.
-/// Comput. Phys. 231, 2012, with equal areas). Explicit and smooth; costs grow
-/// with the product of free and canopy nodes.
+/// Each free node moves by the mean of the boundary's displacements with weights $(L/r)^3 + (L/r)^5$, where r is the
+/// distance to a boundary node and L a fifth of the largest distance between boundary and canopy (after Luke, Collins
+/// and Blades, J. Comput. Phys. 231, 2012, with equal areas). Explicit and smooth; the cost is proportional to the
+/// product of free and canopy nodes.
 #[derive(Default)]
 pub struct InverseDistance {
     /// Positions of owned free nodes and of all canopy nodes.
     free: Vec<[f64; 3]>,
     canopy: Vec<[f64; 3]>,
-    /// One over the sum of weights of each owned free node, canopy and outer boundary.
+    /// Inverse of the sum of weights of each owned free node, canopy and outer boundary.
     scale: Vec<f64>,
     length2: f64,
 }
@@ -29,7 +28,7 @@ impl InverseDistance {
 
 /// Positions of all canopy nodes, in their order, and of all fixed nodes, on every rank. Collective.
 pub(crate) fn boundary(grid: &LocalGrid, x: &[f64]) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
-    // Owned ones of each rank, with their interface index.
+    // Owned nodes of each rank, with their interface index.
     let mut rows = Vec::new();
     for (kind, x) in grid.kind[..grid.nodes.n_owned].iter().zip(x.as_chunks::<3>().0) {
         let k = match kind {

@@ -5,11 +5,11 @@ use linalg::{BlockCsr, BlockJacobi, Cg, KrylovError, KrylovParams};
 use crate::elastic::{agree, inverted};
 use crate::element::conductance;
 use crate::local::{Kind, LocalGrid};
-use crate::memory::MoverMemory;
 use crate::mover::{Effort, Mover, MoverError};
+use crate::warm_start::MoverWarmStart;
 
-/// Laplacian smoothing with a conductivity that grows as cells get smaller: the usual mover of
-/// finite-volume programs. One scalar matrix for the three components.
+/// Laplacian smoothing with a conductivity that increases for smaller cells, common in finite-volume codes. One
+/// scalar matrix for the three components.
 pub struct Laplacian {
     chi: f64,
     tolerance: f64,
@@ -22,7 +22,7 @@ struct System {
     cg: Cg,
     canopy: Coupling,
     rhs: Vec<f64>,
-    /// Last solution of each component: the next guess.
+    /// Last solution of each component: the next initial guess.
     last: [Vec<f64>; 3],
 }
 
@@ -30,8 +30,8 @@ struct System {
 type Coupling = Vec<(u32, u32, f64)>;
 
 impl Laplacian {
-    /// With stiffening by the Jacobian to the power `chi`; `tolerance` is the residual relative to
-    /// the right-hand side.
+    /// With stiffening by the Jacobian to the power `chi`; `tolerance` is the residual relative to the right-hand
+    /// side.
     pub fn new(chi: f64, tolerance: f64) -> Self {
         Self { chi, tolerance, system: None }
     }
@@ -91,18 +91,18 @@ impl Mover for Laplacian {
         s.matrix.bytes() + size_of_val(&s.canopy[..]) + 8 * (9 * s.rhs.len())
     }
 
-    fn memory(&self) -> MoverMemory {
+    fn save_state(&self) -> MoverWarmStart {
         let doubles = self.system.as_ref().map(|s| s.last.to_vec()).unwrap_or_default();
-        MoverMemory { doubles, ..MoverMemory::default() }
+        MoverWarmStart { doubles, ..MoverWarmStart::default() }
     }
 
-    fn recall(&mut self, memory: MoverMemory) -> Result<(), String> {
+    fn restore_state(&mut self, saved: MoverWarmStart) -> Result<(), String> {
         let Some(s) = &mut self.system else { return Ok(()) };
         let fits = |(last, known): (&Vec<f64>, &Vec<f64>)| last.len() == known.len();
-        if memory.doubles.len() != s.last.len() || !s.last.iter().zip(&memory.doubles).all(fits) {
-            return Err("its last solutions are of another grid".into());
+        if saved.doubles.len() != s.last.len() || !s.last.iter().zip(&saved.doubles).all(fits) {
+            return Err("its last solutions belong to another grid".into());
         }
-        s.last.iter_mut().zip(memory.doubles).for_each(|(last, known)| *last = known);
+        s.last.iter_mut().zip(saved.doubles).for_each(|(last, known)| *last = known);
         Ok(())
     }
 
@@ -118,7 +118,7 @@ impl Mover for Laplacian {
                 s.rhs[*row as usize] -= v * canopy[3 * *k as usize + i];
             }
             if comm.max(s.rhs.iter().fold(0.0, |m, v| f64::max(m, v.abs()))) == 0.0 {
-                // No motion of this component is no motion to the bit.
+                // No motion of this component gives exactly none.
                 x.fill(0.0);
             }
             let info = s.cg.solve(&s.matrix, &s.jacobi, &s.rhs, x, params).map_err(|e| match e {
@@ -147,8 +147,8 @@ mod tests {
     use comm::Comm;
 
     #[test]
-    fn translation_of_the_whole_boundary_moves_everything() {
-        let mut grid = crate::sample::plate_in_box(6, 0.2, 0.8, true);
+    fn translation_of_the_whole_boundary_translates_all_nodes() {
+        let mut grid = crate::example_grid::plate_in_box(6, 0.2, 0.8, true);
         let outer = grid.boundary.iter().flat_map(|(_, f)| *f).chain(grid.canopy_nodes.iter().copied());
         let mut nodes: Vec<u32> = outer.collect();
         nodes.sort_unstable();
@@ -157,9 +157,9 @@ mod tests {
         let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
         let mut mover = Laplacian::new(1.0, 1e-10);
         mover.rebase(&local, &local.gather(&grid.coords)).unwrap();
-        let push: Vec<f64> = (0..local.n_canopy).flat_map(|_| [1.0, -2.0, 3.0]).collect();
+        let displacement: Vec<f64> = (0..local.n_canopy).flat_map(|_| [1.0, -2.0, 3.0]).collect();
         let mut u = vec![0.0; 3 * local.free_node.len()];
-        mover.displace(&local, &push, &mut u).unwrap();
+        mover.displace(&local, &displacement, &mut u).unwrap();
         for u in u.as_chunks::<3>().0 {
             for (u, want) in u.iter().zip([1.0, -2.0, 3.0]) {
                 assert!((u - want).abs() < 1e-7, "{u} {want}");

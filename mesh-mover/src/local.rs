@@ -1,5 +1,4 @@
-//! One rank's part of the grid: its nodes, the cells around them, and which
-//! nodes are free, follow the canopy, or stay.
+//! One rank's part of the grid: its nodes, the cells around them, and the kind of each node (free, canopy, fixed).
 
 use std::rc::Rc;
 
@@ -8,25 +7,24 @@ use comm::{Comm, Halo, Numbering};
 use mesh::geometry::Vec3;
 use mesh::{FlowGrid, Point};
 
-use crate::depth::depths;
-use crate::near;
+use crate::canopy_distance::canopy_distances;
+use crate::near_wall_following;
 use crate::quality::{Corners, corners_at};
 use crate::slide::{Slide, slides};
 
-/// What decides where a node goes.
+/// Kind of a node: how its position is determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// The pseudo-solid: index among the local free nodes.
+    /// Unknown of the pseudo-solid: index among the local free nodes.
     Free(u32),
-    /// The canopy: interface node.
+    /// Follows the canopy: interface node.
     Canopy(u32),
-    /// Outer boundary, or a node that no cell uses.
+    /// Fixed: outer boundary, or a node that no cell uses.
     Fixed,
 }
 
-/// The grid as one rank sees it: owned nodes, then ghosts; every cell that
-/// touches an owned node. So each row of the stiffness matrix is complete
-/// without adding up across ranks.
+/// The grid of one rank: owned nodes, then ghosts; every cell that touches an owned node, so that each row of the
+/// stiffness matrix is complete without sums across ranks.
 pub struct LocalGrid {
     /// Local and global indices of all nodes.
     pub nodes: Numbering,
@@ -36,17 +34,17 @@ pub struct LocalGrid {
     pub cells: Vec<[u32; 8]>,
     /// Global index of each cell.
     pub cell_global: Vec<u32>,
-    /// Distance of each cell from the canopy in the start grid, see [`crate::depth`].
+    /// Distance of each cell from the canopy in the start grid, see [`crate::canopy_distance`].
     pub depth: Vec<f32>,
-    /// What it takes to judge the shape of the cells.
+    /// Data for the quality of the cells.
     pub shapes: Corners,
-    /// Local free nodes near the canopy: those that follow small motions directly.
-    pub near: Vec<near::Row>,
-    /// How many of them, the first ones, are owned here.
+    /// Local free nodes near the canopy: those that follow small motions explicitly.
+    pub near: Vec<near_wall_following::Row>,
+    /// Number of them that are owned, which come first.
     pub near_owned: usize,
-    /// Runs of cells that touch a near node or the canopy.
+    /// Ranges of cells that touch a near node or the canopy.
     pub near_cells: Vec<std::ops::Range<usize>>,
-    /// Local free nodes of the outer boundary, ascending, with the ways that they may go.
+    /// Local free nodes of the outer boundary, ascending, with their tangential projections.
     pub slides: Vec<Slide>,
     /// Local node of each local free node: owned first, then ghosts.
     pub free_node: Vec<u32>,
@@ -54,7 +52,7 @@ pub struct LocalGrid {
     pub n_free: usize,
     /// Exchange of values on free nodes.
     pub free_halo: Rc<Halo>,
-    /// Local node and interface node, of every canopy node known here.
+    /// Local node and interface node of every local canopy node.
     pub canopy: Vec<(u32, u32)>,
     /// Nodes of the whole grid.
     pub n_global: usize,
@@ -67,17 +65,17 @@ pub struct LocalGrid {
 }
 
 impl LocalGrid {
-    /// As [`LocalGrid::with_outer`], the outer boundary being fixed.
+    /// As [`LocalGrid::with_outer`] with a fixed outer boundary.
     pub fn new(grid: &FlowGrid, owner: &[u32], comm: &Comm) -> Self {
         Self::with_outer(grid, owner, OuterBoundary::Fixed, comm)
     }
 
-    /// Cuts this rank's part out of `grid`, `owner` being the rank of each node. Collective.
+    /// Extracts this rank's part of `grid`; `owner` is the rank of each node. Collective.
     pub fn with_outer(grid: &FlowGrid, owner: &[u32], outer: OuterBoundary, comm: &Comm) -> Self {
         let (nodes, cells, cell_global) = share(grid, owner, comm.rank() as u32);
         let mut global_kind = kinds(grid);
-        let depth = depths(grid, cell_global.iter().map(|&c| &grid.cells[c as usize]));
-        let rings = near::rings(grid, &global_kind);
+        let depth = canopy_distances(grid, cell_global.iter().map(|&c| &grid.cells[c as usize]));
+        let rings = near_wall_following::rings(grid, &global_kind);
         let sliding = match outer {
             OuterBoundary::Fixed => Default::default(),
             OuterBoundary::Sliding => slides(grid),
@@ -95,7 +93,9 @@ impl LocalGrid {
                 Kind::Free(_) => {
                     let index = free_node.len() as u32;
                     near.extend(rings[g as usize].map(|ring| ring.row(index)));
-                    slide_rows.extend(sliding.get(&(g as u32)).map(|&way| Slide { free: index, way }));
+                    slide_rows.extend(
+                        sliding.get(&(g as u32)).map(|&projection| Slide { free: index, projection }),
+                    );
                     free_node.push(local as u32);
                     if local < nodes.n_owned {
                         free_owned.push(g);
@@ -112,13 +112,13 @@ impl LocalGrid {
             });
         }
         let n_free = free_owned.len();
-        // Both numberings order ghosts by owner and global index, so `free_node` fits the halo.
+        // Both numberings sort ghosts by owner and global index, so `free_node` matches the halo.
         let free_halo = Rc::new(Halo::new(comm, &Numbering::new(free_owned, free_ghosts)));
         let start: Vec<f64> = nodes.global.iter().flat_map(|&g| grid.coords[g as usize]).collect();
         Self {
             depth,
             shapes: Corners::new(&cells, &start),
-            near_owned: near.partition_point(|row: &near::Row| (row.free as usize) < n_free),
+            near_owned: near.partition_point(|row: &near_wall_following::Row| (row.free as usize) < n_free),
             near_cells: near_runs(&cells, &kind, &near, &free_node),
             near,
             slides: slide_rows,
@@ -158,7 +158,7 @@ impl LocalGrid {
         self.nodes.n_local()
     }
 
-    /// Values of local nodes picked from a global field.
+    /// Values of a global field at the local nodes.
     pub fn gather(&self, global: &[Point]) -> Vec<f64> {
         self.nodes.global.iter().flat_map(|&g| global[g as usize]).collect()
     }
@@ -193,8 +193,7 @@ impl LocalGrid {
         m
     }
 
-    /// Shortest edge of the cells around each local free node at `x`, m: the
-    /// length that an error of the node's position is measured by.
+    /// Shortest edge of the cells around each local free node at `x`, m: the scale of position errors of the node.
     pub fn free_sizes(&self, x: &[f64]) -> Vec<f64> {
         let mut size = vec![f64::INFINITY; self.n_local()];
         for c in 0..self.cells.len() {
@@ -210,7 +209,7 @@ impl LocalGrid {
             }
         }
         let mut free: Vec<f64> = self.free_node.iter().map(|&a| size[a as usize]).collect();
-        // A ghost sees only some of its cells here: its owner knows better.
+        // A ghost has only some of its cells here: exchange the owner's value.
         self.free_halo.exchange(&mut free, 1);
         free
     }
@@ -238,8 +237,8 @@ fn share(grid: &FlowGrid, owner: &[u32], me: u32) -> (Numbering, Vec<[u32; 8]>, 
     (nodes, cells, cell_global)
 }
 
-/// Kind of each global node; free ones are not numbered yet. The same on all ranks, so a ghost is free
-/// exactly where its owner has it free.
+/// Kind of each global node; free ones are not numbered yet. The same on all ranks, so a ghost is free exactly where
+/// it is on its owner.
 fn kinds(grid: &FlowGrid) -> Vec<Kind> {
     let mut kind = vec![Kind::Fixed; grid.coords.len()];
     for a in grid.cells.iter().flatten() {
@@ -260,11 +259,11 @@ fn mean_volume(grid: &FlowGrid) -> f64 {
     total / grid.cells.len().max(1) as f64
 }
 
-/// Runs of cells that touch a near node or the canopy.
+/// Ranges of cells that touch a near node or the canopy.
 fn near_runs(
     cells: &[[u32; 8]],
     kind: &[Kind],
-    near: &[near::Row],
+    near: &[near_wall_following::Row],
     free_node: &[u32],
 ) -> Vec<std::ops::Range<usize>> {
     let mut touched: Vec<bool> = kind.iter().map(|k| matches!(k, Kind::Canopy(_))).collect();

@@ -5,15 +5,15 @@ use std::process::ExitCode;
 use case::{Role, Scene};
 use channel::{Fault, ProgramArgs, ServeError};
 use comm::Comm;
-use mesh_mover::alone::{self, AloneArgs};
 use mesh_mover::participant::MeshMover;
+use mesh_mover::standalone::{self, StandaloneArgs};
 
 fn main() -> ExitCode {
     // The developer's command is not part of the contract with the coupler.
     if std::env::args().nth(1).as_deref() == Some("alone") {
-        let args = AloneArgs::parse_after_verb();
+        let args = StandaloneArgs::parse_after_verb();
         return ending(with_scene(&args.scene, args.ranks, |scene, comm| {
-            alone::run(scene, &args, comm).map_err(|e| e.message)
+            standalone::run(scene, &args, comm).map_err(|e| e.message)
         }));
     }
     let args = ProgramArgs::parse_or_exit();
@@ -25,7 +25,7 @@ fn main() -> ExitCode {
                 Some(state) => MeshMover::resumed(scene, args.stage, &args.out, state, comm),
             },
             false => Err(Fault::new(format!(
-                "stage {} was asked for, the scene has {} (counted from 0)",
+                "stage {} was requested, but the scene has {} stages (counted from 0)",
                 args.stage,
                 scene.stages.len()
             ))),
@@ -34,7 +34,7 @@ fn main() -> ExitCode {
             channel::report(&options, &fault);
             fault.message
         })?;
-        // The whole grid and what its parts were cut with.
+        // The whole grid and temporary data of its partition are freed.
         mesh_mover::allocator::release_free_memory();
         let (gather, send, poll) =
             (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));

@@ -1,4 +1,4 @@
-//! A grid that follows the canopy and stays usable: total form first, then
+//! Grid motion that follows the canopy and keeps the cells valid: one linear solve from the reference first, then
 //! increments with an updated reference, then local untangling, then an error.
 
 mod regrid;
@@ -8,57 +8,56 @@ use mesh::Point;
 
 use crate::allocator::release_free_memory;
 use crate::local::{Kind, LocalGrid};
-use crate::memory::MotionMemory;
 use crate::mover::{Effort, Mover, MoverError};
-use crate::near;
+use crate::near_wall_following;
 use crate::quality::{lower, volume};
 use crate::untangle::untangle;
-pub use regrid::{Builder, Glide, NewGrid, Regridder};
+use crate::warm_start::MotionWarmStart;
+pub use regrid::{Builder, GridTransition, NewGrid, Regridder};
 
-/// What a moved grid must keep.
+/// Requirements on a moved grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Smallest scaled Jacobian that is accepted.
     pub min_quality: f64,
     /// Most sub-increments of one motion.
     pub max_increments: u32,
-    /// Whether cells are optimised where the mover alone leaves them in bad shape.
+    /// Whether bad cells are optimised after a solve.
     pub repair: bool,
 }
 
 impl Limits {
-    /// Quality that a repair aims at: well above the least one, where cells can be that good.
-    fn aim(&self) -> f64 {
+    /// Quality aimed at by a repair: well above the minimum, where cells can be that good.
+    fn target(&self) -> f64 {
         (4.0 * self.min_quality).min(REPAIR_BELOW.max(1.1 * self.min_quality))
     }
 
-    /// In the first call of a window cells are repaired already below this: later calls, whose canopies
-    /// differ a little, then find it done. A repair in one call and not in the next would be a
-    /// jump of the grid that the coupling does not understand.
-    fn soon(&self) -> f64 {
-        (2.0 * self.min_quality).min(0.5 * (self.min_quality + self.aim()))
+    /// In the first solve of a window cells below this quality are already repaired, so that later solves, whose
+    /// canopies differ a little, need no repair. A repair in one solve and not in the next would be a jump of the
+    /// grid that the coupling cannot resolve.
+    fn early_threshold(&self) -> f64 {
+        (2.0 * self.min_quality).min(0.5 * (self.min_quality + self.target()))
     }
 }
 
-/// The grid is based anew once its worst cell is below this and below
-/// [`REBASE_LOSS`] of the quality that its reference grid had: stiffening then protects
-/// the cells that are now bad, at the price of drift (see [`Motion`]). Measured on a
-/// plate lifted, turned and bent in a box: with 0.3 the worst cell ends at a
-/// third of the quality, with 1.0 at the same quality for twice the assemblies.
+/// The reference grid is replaced once the worst cell is below this and below [`REBASE_LOSS`] of the quality of the
+/// reference: the stiffening then protects the cells that are bad now, at the cost of drift (see [`Motion`]). Measured
+/// on a plate lifted, rotated and bent in a box: with 0.3 the worst cell ends at a third of the quality, with 1.0 at the
+/// same quality for twice the assemblies.
 const REBASE_BELOW: f64 = 0.5;
 /// See [`REBASE_BELOW`].
 const REBASE_LOSS: f64 = 0.7;
-/// A new reference is optimised where its cells are worse than this: the next answers go there.
+/// A new reference is optimised where its cells are worse than this: the next motions start there.
 const REPAIR_BELOW: f64 = 0.25;
-/// The largest loss of quality in a window counts less by this in each later one.
-const FADING: f64 = 0.7;
-/// The canopy is on its way back to the start once it is nearer to it than this share of the
-/// distance at which the start grid was given up as reference: it becomes the reference again.
-const RETURN: f64 = 0.5;
+/// Decay of the largest loss of quality per window.
+const DECAY: f64 = 0.7;
+/// The canopy counts as returning once its distance from the start is below this fraction of the distance at which
+/// the start grid was replaced as reference: the start grid becomes the reference again.
+const RETURN_DISTANCE: f64 = 0.5;
 
-/// Shape of the grid: the same values on all ranks.
+/// Quality of the grid: the same values on all ranks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shape {
+pub struct MeshQuality {
     /// Smallest scaled Jacobian.
     pub quality: f64,
     /// Global cell that has it.
@@ -69,47 +68,47 @@ pub struct Shape {
     pub volume_ratio: f64,
 }
 
-/// How the grid got there.
+/// Result of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moved {
+pub struct MotionResult {
     /// Iterations of all solves, error of the last.
     pub effort: Effort,
-    /// Increments: 1 unless the total form failed.
+    /// Increments: 1 unless the single solve failed.
     pub increments: u32,
-    /// What came out.
-    pub shape: Shape,
+    /// Quality of the resulting grid.
+    pub shape: MeshQuality,
 }
 
-/// Why the grid cannot follow.
+/// Why the grid motion failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MotionError {
-    /// The mover has no answer.
+    /// The mover failed.
     #[error(transparent)]
     Mover(#[from] MoverError),
-    /// All means failed.
+    /// No method gave a valid grid.
     #[error(
         "the grid cannot follow the canopy: cell {} at ({:.4}, {:.4}, {:.4}) m has scaled Jacobian {:.3e} \
-         (accepted: {least:.1e}) after {increments} increments and untangling",
+         (minimum {least:.1e}) after {increments} increments and untangling",
         shape.cell, shape.at[0], shape.at[1], shape.at[2], shape.quality
     )]
     Tangled {
         /// The best grid found.
-        shape: Shape,
-        /// Scaled Jacobian that was asked for.
+        shape: MeshQuality,
+        /// Required scaled Jacobian.
         least: f64,
         /// Increments tried.
         increments: u32,
     },
-    /// The start grid is not usable.
+    /// The start grid is not valid.
     #[error(
-        "cell {} of the start grid, at ({:.4}, {:.4}, {:.4}) m, has scaled Jacobian {:.3e} (accepted: \
+        "cell {} of the start grid, at ({:.4}, {:.4}, {:.4}) m, has scaled Jacobian {:.3e} (minimum \
          {least:.1e}): lower mesh.min_quality, or change flow.grid",
         shape.cell, shape.at[0], shape.at[1], shape.at[2], shape.quality
     )]
     BadStart {
         /// The worst cell.
-        shape: Shape,
-        /// Scaled Jacobian that was asked for.
+        shape: MeshQuality,
+        /// Required scaled Jacobian.
         least: f64,
     },
 }
@@ -125,12 +124,11 @@ pub struct Positions {
 
 /// The moving grid.
 ///
-/// **Drift.** In the total form positions depend on the canopy's position alone
-/// (to the solver's tolerance; exactly for the start shape), however it got
-/// there. Each new reference grid replaces that start by the grid at hand: from
-/// then on the grid returns to that one, until the canopy is half way back to its
-/// start: then the start grid is the reference again, and all drift is gone.
-/// [`Motion::rebased`] counts the changes. A new grid (`mesh.regrid`) is a new start.
+/// **Drift.** While the start grid is the reference, positions depend on the canopy's position alone (to the solver's
+/// tolerance; exactly for the start shape), not on its path. Each later reference replaces the start by the present
+/// grid; the grid then returns to that one, until the canopy is half way back to its start: then the start grid is
+/// the reference again and all drift is removed. [`Motion::rebased`] counts the changes. A new grid (`mesh.regrid`)
+/// is a new start.
 pub struct Motion {
     /// The grid's topology.
     pub grid: LocalGrid,
@@ -139,54 +137,54 @@ pub struct Motion {
     start_volumes: Vec<f64>,
     start: Positions,
     start_quality: f64,
-    /// Distance of the canopy from its start where that was last given up as reference, m.
-    left: f64,
+    /// Distance of the canopy from its start when that was last replaced as reference, m.
+    rebase_distance: f64,
     reference: Positions,
     reference_quality: f64,
     rebased: u32,
     /// Whether the reference is the start grid.
     at_start: bool,
     /// Displacement of the canopy from the reference, and of the local free nodes.
-    push: Vec<f64>,
+    canopy_displacement: Vec<f64>,
     u: Vec<f64>,
     /// Largest small motion of each canopy node, m.
-    reach: Vec<f64>,
-    anchor: Option<Anchor>,
-    /// Canopy of the anchor (used while there is one).
-    anchor_canopy: Vec<f64>,
+    follow_limit: Vec<f64>,
+    first_solution: Option<FirstSolution>,
+    /// Canopy of the first solution (used while there is one).
+    first_canopy: Vec<f64>,
     regridder: Option<Regridder>,
-    glide: Option<Glide>,
+    transition: Option<GridTransition>,
     new_grids: u32,
-    /// A new grid that was made within the window.
-    news: Option<NewGrid>,
-    /// What this window has come to.
-    window: Stage,
-    /// Quality of the last accepted window, and what a window takes from it at most (fading).
+    /// A new grid that was built within the window.
+    new_grid: Option<NewGrid>,
+    /// Methods that this window has used.
+    window: WindowProgress,
+    /// Quality of the last accepted window, and the largest recent loss of quality per window.
     quality: f64,
-    fall: f64,
+    quality_loss: f64,
 }
 
-/// Means that a window has used. Later calls of it do not go back behind them.
+/// Methods that a window has used. Its later solves start from their result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    /// Nothing was asked yet.
-    Fresh,
-    /// One solve from the reference of the window's start.
-    Linear,
-    /// The reference was changed within the window: it holds increments and repairs.
-    Held,
+enum WindowProgress {
+    /// No solve yet.
+    NotStarted,
+    /// One solve from the reference at the window's start.
+    SingleSolve,
+    /// The reference was changed within the window: it contains increments and repairs.
+    ReferenceChanged,
 }
 
-/// The first answer of a window: `u` holds its grid, small motions are counted from it.
+/// The first solution of a window: `u` contains its grid; small motions are relative to it.
 #[derive(Clone, Copy)]
-struct Anchor {
-    /// Shape of the cells that small motions leave alone.
-    far: Shape,
+struct FirstSolution {
+    /// Quality of the cells that small motions do not change.
+    far: MeshQuality,
     effort: Effort,
 }
 
 impl Motion {
-    /// Starts at `start`; a grid that was moved before continues on `reference`. Collective.
+    /// Starts at `start`; a grid that was moved before continues from `reference`. Collective.
     ///
     /// # Errors
     /// A start grid that is inverted or below the limit.
@@ -199,7 +197,7 @@ impl Motion {
     ) -> Result<Self, MotionError> {
         let volume = |c: usize| volume(&grid.corners(c, &start.grid));
         let start_volumes = (0..grid.cells.len()).map(volume).collect();
-        let (push, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
+        let (canopy_displacement, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
         let at_start = grid.comm().all(reference.grid == start.grid);
         let mut motion = Self {
             grid,
@@ -207,24 +205,24 @@ impl Motion {
             limits,
             start_volumes,
             start_quality: 1.0,
-            left: distance(&reference.canopy, &start.canopy),
+            rebase_distance: distance(&reference.canopy, &start.canopy),
             start,
             reference,
             reference_quality: 1.0,
             rebased: 0,
             at_start,
-            push,
+            canopy_displacement,
             u,
-            reach: Vec::new(),
-            anchor: None,
-            anchor_canopy: Vec::new(),
+            follow_limit: Vec::new(),
+            first_solution: None,
+            first_canopy: Vec::new(),
             regridder: None,
-            glide: None,
+            transition: None,
             new_grids: 0,
-            news: None,
-            window: Stage::Fresh,
+            new_grid: None,
+            window: WindowProgress::NotStarted,
             quality: 1.0,
-            fall: 0.0,
+            quality_loss: 0.0,
         };
         let shape = motion.shape(&motion.reference.grid);
         if !motion.accepts(&shape) {
@@ -234,37 +232,37 @@ impl Motion {
         motion.start_quality =
             if at_start { shape.quality } else { motion.shape(&motion.start.grid).quality };
         motion.mover.rebase(&motion.grid, &motion.reference.grid)?;
-        motion.measure();
+        motion.update_follow_limits();
         release_free_memory();
         Ok(motion)
     }
 
-    /// What later windows depend on beside positions, between windows.
-    pub fn memory(&self) -> MotionMemory {
-        MotionMemory {
+    /// State that later windows depend on in addition to positions, between windows.
+    pub fn save_state(&self) -> MotionWarmStart {
+        MotionWarmStart {
             qualities: [self.start_quality, self.reference_quality, self.quality],
-            left: self.left,
-            fall: self.fall,
+            rebase_distance: self.rebase_distance,
+            quality_loss: self.quality_loss,
             next_grid: self.regridder.as_ref().map(Regridder::next),
             rebased: self.rebased,
             new_grids: self.new_grids,
             at_start: self.at_start,
-            mover: self.mover.memory(),
+            mover: self.mover.save_state(),
         }
     }
 
-    /// Takes up a [`Motion::memory`] of the same start and reference.
+    /// Restores a [`Motion::save_state`] of the same start and reference.
     ///
     /// # Errors
-    /// What in it does not fit.
-    pub fn recall(&mut self, memory: MotionMemory) -> Result<(), String> {
-        [self.start_quality, self.reference_quality, self.quality] = memory.qualities;
-        (self.left, self.fall) = (memory.left, memory.fall);
-        (self.rebased, self.new_grids, self.at_start) = (memory.rebased, memory.new_grids, memory.at_start);
-        if let (Some(regridder), Some(next)) = (&mut self.regridder, memory.next_grid) {
+    /// Data that do not match.
+    pub fn restore_state(&mut self, saved: MotionWarmStart) -> Result<(), String> {
+        [self.start_quality, self.reference_quality, self.quality] = saved.qualities;
+        (self.rebase_distance, self.quality_loss) = (saved.rebase_distance, saved.quality_loss);
+        (self.rebased, self.new_grids, self.at_start) = (saved.rebased, saved.new_grids, saved.at_start);
+        if let (Some(regridder), Some(next)) = (&mut self.regridder, saved.next_grid) {
             regridder.set_next(next);
         }
-        self.mover.recall(memory.mover)
+        self.mover.restore_state(saved.mover)
     }
 
     /// The grid that displacements are counted from.
@@ -272,34 +270,33 @@ impl Motion {
         &self.reference
     }
 
-    /// What a moved grid must keep.
+    /// Requirements on a moved grid.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// How often the reference grid was replaced.
+    /// Number of reference changes.
     pub fn rebased(&self) -> u32 {
         self.rebased
     }
 
-    /// Moves the grid so that the canopy is at `to.canopy`; `from` is the last
-    /// accepted state, where increments start. Fills `to.grid`; canopy nodes
-    /// get their positions to the bit. Calls between two [`Motion::settle`] whose canopies
-    /// are a small motion apart (see [`near`]) differ near the canopy only. Collective.
+    /// Moves the grid so that the canopy is at `to.canopy`; `from` is the last accepted state, from which increments
+    /// start. Fills `to.grid`; positions of canopy nodes are exact bitwise. Solves between two [`Motion::accept`]
+    /// whose canopies differ by a small motion (see [`near_wall_following`]) differ near the canopy only. Collective.
     ///
     /// # Errors
-    /// [`MotionError`]; the accepted state is untouched.
-    pub fn follow(&mut self, from: &Positions, to: &mut Positions) -> Result<Moved, MotionError> {
+    /// [`MotionError`]; the accepted state is unchanged.
+    pub fn follow(&mut self, from: &Positions, to: &mut Positions) -> Result<MotionResult, MotionError> {
         let _part = timing::part("motion");
-        if let Some(moved) = self.near_anchor(to) {
+        if let Some(moved) = self.linear_update(to) {
             return Ok(moved);
         }
-        self.anchor = None;
-        let stage = std::mem::replace(&mut self.window, Stage::Linear);
+        self.first_solution = None;
+        let stage = std::mem::replace(&mut self.window, WindowProgress::SingleSolve);
         let mut iterations = 0;
-        match self.total(to) {
+        match self.solve_from_reference(to) {
             Ok(effort) => {
-                if let Some(moved) = self.judge(to, effort, stage)? {
+                if let Some(moved) = self.evaluate(to, effort, stage)? {
                     return Ok(moved);
                 }
                 iterations += effort.iterations;
@@ -307,69 +304,69 @@ impl Motion {
             Err(MoverError::NotConverged { iterations: n, .. }) => iterations += n,
             Err(e) => return Err(e.into()),
         }
-        self.ever_finer_increments(from, to, iterations)
+        self.refine_increments(from, to, iterations)
     }
 
-    /// What becomes of the total form's grid in `to`: taken as it is, repaired, replaced by a new grid, or
-    /// (`None`) not accepted. `stage` is what the window had come to before. Collective.
-    fn judge(
+    /// Decides on the grid of the single solve in `to`: accept, repair, replace by a new grid, or reject (`None`).
+    /// `stage` is the window's progress before. Collective.
+    fn evaluate(
         &mut self,
         to: &mut Positions,
         effort: Effort,
-        stage: Stage,
-    ) -> Result<Option<Moved>, MotionError> {
+        stage: WindowProgress,
+    ) -> Result<Option<MotionResult>, MotionError> {
         let _part = timing::part("cell quality");
         let mut parts = self.near_and_far(&to.grid);
-        // A canopy that outruns the way to a new grid is followed there at once.
-        if self.is_late(&parts[0].worse(&parts[1]), stage) && self.end_way() {
-            self.place(to);
+        // A canopy too fast for a gradual transition: complete the transition at once.
+        if self.needs_new_grid_now(&parts[0].worse(&parts[1]), stage) && self.finish_transition() {
+            self.set_positions(to);
             parts = self.near_and_far(&to.grid);
         }
         let [near, far] = parts;
         let shape = near.worse(&far);
         let accepted = self.accepts(&shape);
-        let early = stage == Stage::Fresh && shape.quality < self.limits.soon();
-        // A window that has left the linear form is repaired where it stands.
-        let wanted = if accepted { early } else { stage == Stage::Held };
-        let goal = if early { self.limits.soon() } else { self.limits.min_quality };
+        let early = stage == WindowProgress::NotStarted && shape.quality < self.limits.early_threshold();
+        // After a change of the reference within the window, repair the present grid.
+        let needs_repair = if accepted { early } else { stage == WindowProgress::ReferenceChanged };
+        let goal = if early { self.limits.early_threshold() } else { self.limits.min_quality };
         let mut found = None;
-        if self.is_late(&shape, stage) {
-            found = self.new_grid_at_once(to, &shape)?;
+        if self.needs_new_grid_now(&shape, stage) {
+            found = self.replace_grid(to, &shape)?;
         }
-        if found.is_none() && wanted {
+        if found.is_none() && needs_repair {
             found = self.repair(to, goal)?;
         }
         if let Some(shape) = found {
-            self.window = Stage::Held;
-            return Ok(Some(Moved { effort, increments: 1, shape }));
+            self.window = WindowProgress::ReferenceChanged;
+            return Ok(Some(MotionResult { effort, increments: 1, shape }));
         }
         if !accepted {
             return Ok(None);
         }
-        if stage == Stage::Held {
+        if stage == WindowProgress::ReferenceChanged {
             self.window = stage;
         }
-        self.anchor = Some(Anchor { far, effort });
-        self.anchor_canopy.clone_from(&to.canopy);
-        Ok(Some(Moved { effort, increments: 1, shape }))
+        self.first_solution = Some(FirstSolution { far, effort });
+        self.first_canopy.clone_from(&to.canopy);
+        Ok(Some(MotionResult { effort, increments: 1, shape }))
     }
 
     /// From the accepted state in 1, 2, 4 ... increments until a grid is accepted; `iterations` were made before.
     /// Collective.
-    fn ever_finer_increments(
+    fn refine_increments(
         &mut self,
         from: &Positions,
         to: &mut Positions,
         mut iterations: usize,
-    ) -> Result<Moved, MotionError> {
+    ) -> Result<MotionResult, MotionError> {
         let _part = timing::part("increments");
         let mut worst = None;
         let mut count = 1;
         while count <= self.limits.max_increments {
             let last = 2 * count > self.limits.max_increments;
-            match self.in_increments(from, to, count, last, &mut iterations)? {
+            match self.move_in_increments(from, to, count, last, &mut iterations)? {
                 Ok(moved) => {
-                    self.window = Stage::Held;
+                    self.window = WindowProgress::ReferenceChanged;
                     return Ok(moved);
                 }
                 Err(shape) => worst = Some(shape),
@@ -384,16 +381,15 @@ impl Motion {
         })
     }
 
-    /// Makes the bad cells of `to` better and takes it as the reference, so that later calls of the
-    /// window start from the repaired cells; `None`, and `to` as it was, where they do not become
-    /// as good as `goal`. Collective.
-    fn repair(&mut self, to: &mut Positions, goal: f64) -> Result<Option<Shape>, MotionError> {
+    /// Optimises the bad cells of `to` and makes it the reference, so that later solves of the window start from the
+    /// repaired cells; `None`, with `to` unchanged, where they do not reach `goal`. Collective.
+    fn repair(&mut self, to: &mut Positions, goal: f64) -> Result<Option<MeshQuality>, MotionError> {
         let _part = timing::part("repair");
         if !self.limits.repair {
             return Ok(None);
         }
         let mut at = to.clone();
-        untangle(&self.grid, &mut at.grid, self.limits.aim());
+        untangle(&self.grid, &mut at.grid, self.limits.target());
         let found = self.shape(&at.grid);
         if found.quality < goal || !self.accepts(&found) {
             return Ok(None);
@@ -407,39 +403,43 @@ impl Motion {
         Ok(Some(found))
     }
 
-    /// Whether the reference is the start grid: nothing has drifted.
-    pub fn is_total(&self) -> bool {
+    /// Whether the reference is the start grid: no drift.
+    pub fn is_start_reference(&self) -> bool {
         self.at_start
     }
 
     /// Bytes held for the motion.
     pub fn bytes(&self) -> usize {
-        let flat = 2 * self.reference.grid.len() + self.u.len() + self.push.len() + self.start_volumes.len();
-        let flat = flat + self.glide.as_ref().map_or(0, |g| g.offset.len());
-        8 * (flat + self.reach.len() + self.anchor_canopy.len()) + self.grid.bytes() + self.mover.bytes()
+        let flat = 2 * self.reference.grid.len()
+            + self.u.len()
+            + self.canopy_displacement.len()
+            + self.start_volumes.len();
+        let flat = flat + self.transition.as_ref().map_or(0, |g| g.offset.len());
+        8 * (flat + self.follow_limit.len() + self.first_canopy.len())
+            + self.grid.bytes()
+            + self.mover.bytes()
     }
 
-    /// To be called with an accepted state: takes it as the new reference where
-    /// quality has fallen far and the mover can stand on it. Says what came of a new grid
-    /// that was due. Collective.
-    pub fn settle(&mut self, accepted: &Positions, shape: &Shape) -> Option<Result<NewGrid, String>> {
+    /// Accepts a state: makes it the new reference where the quality has decreased and the mover supports it. Returns
+    /// the result of a new grid that was due. Collective.
+    pub fn accept(&mut self, accepted: &Positions, shape: &MeshQuality) -> Option<Result<NewGrid, String>> {
         let _part = timing::part("grid acceptance");
-        self.anchor = None;
-        self.window = Stage::Fresh;
-        self.fall = (self.quality - shape.quality).max(FADING * self.fall);
+        self.first_solution = None;
+        self.window = WindowProgress::NotStarted;
+        self.quality_loss = (self.quality - shape.quality).max(DECAY * self.quality_loss);
         self.quality = shape.quality;
-        let news = self.news.take().map(Ok).or_else(|| self.go_on(accepted, shape));
-        // On the way to a new grid that is the reference.
-        if self.glide.is_none() {
-            self.protect(accepted, shape);
+        let new_grid = self.new_grid.take().map(Ok).or_else(|| self.advance_transition(accepted, shape));
+        // During a transition the new grid is the reference.
+        if self.transition.is_none() {
+            self.update_reference(accepted, shape);
         }
-        news
+        new_grid
     }
 
-    /// A better reference where one is due. Collective.
-    fn protect(&mut self, accepted: &Positions, shape: &Shape) {
-        // All of this is not a need but a precaution: the old reference still serves where it fails.
-        if has_fallen(shape.quality, self.reference_quality) {
+    /// Replaces the reference where that is due. Collective.
+    fn update_reference(&mut self, accepted: &Positions, shape: &MeshQuality) {
+        // A precaution only: the old reference remains where this fails.
+        if needs_rebase(shape.quality, self.reference_quality) {
             let mut at = accepted.clone();
             let mut quality = shape.quality;
             if self.limits.repair && quality < REPAIR_BELOW {
@@ -447,7 +447,9 @@ impl Motion {
                 quality = self.shape(&at.grid).quality;
             }
             let _ = self.rebase(&at, quality);
-        } else if !self.at_start && is_back(distance(&accepted.canopy, &self.start.canopy), self.left) {
+        } else if !self.at_start
+            && is_returning(distance(&accepted.canopy, &self.start.canopy), self.rebase_distance)
+        {
             let start = self.start.clone();
             if self.rebase(&start, self.start_quality).is_ok() {
                 self.at_start = true;
@@ -455,14 +457,14 @@ impl Motion {
         }
     }
 
-    /// Shape of the grid at `x` (local nodes). Collective.
-    pub fn shape(&self, x: &[f64]) -> Shape {
+    /// Quality of the grid at `x` (local nodes). Collective.
+    pub fn shape(&self, x: &[f64]) -> MeshQuality {
         let [near, far] = self.near_and_far(x);
         near.worse(&far)
     }
 
-    /// Shapes of the cells that small motions touch, and of all others. Collective.
-    fn near_and_far(&self, x: &[f64]) -> [Shape; 2] {
+    /// Quality of the cells that small motions change, and of all others. Collective.
+    fn near_and_far(&self, x: &[f64]) -> [MeshQuality; 2] {
         let near = self.worst_in(self.grid.near_cells.iter().cloned(), x);
         let ends = self.grid.near_cells.iter().map(|r| r.start).chain([self.grid.cells.len()]);
         let starts = [0].into_iter().chain(self.grid.near_cells.iter().map(|r| r.end));
@@ -471,7 +473,7 @@ impl Motion {
     }
 
     /// The worst of this rank's cells in `runs`.
-    fn worst_in(&self, runs: impl Iterator<Item = std::ops::Range<usize>>, x: &[f64]) -> Shape {
+    fn worst_in(&self, runs: impl Iterator<Item = std::ops::Range<usize>>, x: &[f64]) -> MeshQuality {
         let (mut quality, mut worst, mut ratio) = (f64::INFINITY, None, f64::INFINITY);
         for run in runs {
             self.grid.shapes.each(&self.grid.cells, run, x, |c, p, q| {
@@ -485,70 +487,71 @@ impl Motion {
             Some(c) => (self.grid.cell_global[c], self.grid.centre(c, x)),
             None => (u32::MAX, [0.0; 3]),
         };
-        Shape { quality, cell, at, volume_ratio: ratio }
+        MeshQuality { quality, cell, at, volume_ratio: ratio }
     }
 
-    /// The answer for a canopy that is a small motion away from the anchor's.
-    fn near_anchor(&mut self, to: &mut Positions) -> Option<Moved> {
+    /// The solution for a canopy that differs from the first solution's by a small motion.
+    fn linear_update(&mut self, to: &mut Positions) -> Option<MotionResult> {
         let _part = timing::part("linear update");
-        let Anchor { far, effort } = self.anchor?;
-        for ((p, c), a) in self.push.iter_mut().zip(&to.canopy).zip(&self.anchor_canopy) {
+        let FirstSolution { far, effort } = self.first_solution?;
+        for ((p, c), a) in self.canopy_displacement.iter_mut().zip(&to.canopy).zip(&self.first_canopy) {
             *p = c - a;
         }
-        let push = self.push.as_chunks::<3>().0;
+        let canopy_displacement = self.canopy_displacement.as_chunks::<3>().0;
         // The same on every rank: all know the whole canopy.
         let small = |(d, r): (&[f64; 3], &f64)| d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= r * r;
-        if !push.iter().zip(&self.reach).all(small) {
+        if !canopy_displacement.iter().zip(&self.follow_limit).all(small) {
             return None;
         }
-        self.place(to);
+        self.set_positions(to);
         for row in &self.grid.near {
             let x = &mut to.grid[3 * self.grid.free_node[row.free as usize] as usize..][..3];
-            let d = &self.push[3 * row.canopy as usize..][..3];
+            let d = &self.canopy_displacement[3 * row.canopy as usize..][..3];
             let share = f64::from(row.share);
             x.iter_mut().zip(d).for_each(|(x, d)| *x += share * d);
         }
         let near = self.worst_in(self.grid.near_cells.iter().cloned(), &to.grid);
         let [near] = worst_of_all(self.grid.comm(), [near]);
         let shape = near.worse(&far);
-        self.accepts(&shape).then_some(Moved {
+        self.accepts(&shape).then_some(MotionResult {
             effort: Effort { iterations: 0, ..effort },
             increments: 1,
             shape,
         })
     }
 
-    /// Puts reference plus `u`, what is left of the way to it, and the canopy into `to`.
-    fn place(&self, to: &mut Positions) {
+    /// Sets `to` to the reference plus `u`, plus the remaining offset of a transition, plus the canopy.
+    fn set_positions(&self, to: &mut Positions) {
         to.grid.copy_from_slice(&self.reference.grid);
         for (&a, u) in self.grid.free_node.iter().zip(self.u.as_chunks::<3>().0) {
             let x = &mut to.grid[3 * a as usize..][..3];
             x.iter_mut().zip(u).for_each(|(x, u)| *x += u);
         }
-        if let Some(glide) = &self.glide {
-            let rest = glide.rest();
-            to.grid.iter_mut().zip(&glide.offset).for_each(|(x, d)| *x += rest * d);
+        if let Some(transition) = &self.transition {
+            let fraction = transition.remaining_fraction();
+            to.grid.iter_mut().zip(&transition.offset).for_each(|(x, d)| *x += fraction * d);
         }
-        self.grid.place_canopy(&to.canopy, &mut to.grid);
+        self.grid.set_canopy_positions(&to.canopy, &mut to.grid);
     }
 
-    /// Measures how far small motions go on the reference grid. Collective.
-    fn measure(&mut self) {
-        self.reach = near::reach(&self.grid, &self.grid.free_sizes(&self.reference.grid));
+    /// Determines the limits of small motions on the reference grid. Collective.
+    fn update_follow_limits(&mut self) {
+        self.follow_limit =
+            near_wall_following::follow_limit(&self.grid, &self.grid.free_sizes(&self.reference.grid));
     }
 
-    fn accepts(&self, shape: &Shape) -> bool {
+    fn accepts(&self, shape: &MeshQuality) -> bool {
         shape.quality >= self.limits.min_quality && shape.volume_ratio > 0.0
     }
 
     /// One linear solve from the reference grid.
-    fn total(&mut self, to: &mut Positions) -> Result<Effort, MoverError> {
+    fn solve_from_reference(&mut self, to: &mut Positions) -> Result<Effort, MoverError> {
         let _part = timing::part("solve");
-        for ((p, c), r) in self.push.iter_mut().zip(&to.canopy).zip(&self.reference.canopy) {
+        for ((p, c), r) in self.canopy_displacement.iter_mut().zip(&to.canopy).zip(&self.reference.canopy) {
             *p = c - r;
         }
-        let effort = self.mover.displace(&self.grid, &self.push, &mut self.u)?;
-        self.place(to);
+        let effort = self.mover.displace(&self.grid, &self.canopy_displacement, &mut self.u)?;
+        self.set_positions(to);
         Ok(effort)
     }
 
@@ -556,36 +559,36 @@ impl Motion {
         let _part = timing::part("reference configuration");
         if let Err(error) = self.mover.rebase(&self.grid, &at.grid) {
             if !matches!(error, MoverError::Inverted { .. }) {
-                // Back to where it stood.
+                // Restore the previous reference.
                 self.mover.rebase(&self.grid, &self.reference.grid)?;
             }
             return Err(error);
         }
         self.reference.clone_from(at);
         self.reference_quality = quality;
-        // Increments start from where the grid is: no way is left.
-        self.glide = None;
+        // Increments start from the present grid: a transition ends.
+        self.transition = None;
         self.rebased += 1;
         if self.at_start {
-            self.left = distance(&at.canopy, &self.start.canopy);
+            self.rebase_distance = distance(&at.canopy, &self.start.canopy);
         }
         self.at_start = false;
-        self.anchor = None;
-        self.measure();
+        self.first_solution = None;
+        self.update_follow_limits();
         release_free_memory();
         Ok(())
     }
 
-    /// Goes from `from` in `count` equal increments, with a new reference grid
-    /// for each. The inner error is the grid that was not accepted.
-    fn in_increments(
+    /// Moves from `from` in `count` equal increments, with a new reference grid for each. The inner error is the
+    /// quality of a grid that was not accepted.
+    fn move_in_increments(
         &mut self,
         from: &Positions,
         to: &mut Positions,
         count: u32,
         repair: bool,
         iterations: &mut usize,
-    ) -> Result<Result<Moved, Shape>, MotionError> {
+    ) -> Result<Result<MotionResult, MeshQuality>, MotionError> {
         let goal = to.canopy.clone();
         let mut at = from.clone();
         let mut shape = self.shape(&at.grid);
@@ -597,14 +600,14 @@ impl Motion {
                 for ((c, a), b) in to.canopy.iter_mut().zip(&from.canopy).zip(&goal) {
                     *c = if k == count { *b } else { a + s * (b - a) };
                 }
-                effort = self.total(to)?;
+                effort = self.solve_from_reference(to)?;
                 *iterations += effort.iterations;
                 shape = self.shape(&to.grid);
                 if !self.accepts(&shape) && repair && self.limits.repair {
-                    untangle(&self.grid, &mut to.grid, self.limits.aim());
+                    untangle(&self.grid, &mut to.grid, self.limits.target());
                     shape = self.shape(&to.grid);
                     if k == count && self.accepts(&shape) {
-                        // Later iterations of this window must start from the repaired grid.
+                        // Later solves of this window must start from the repaired grid.
                         self.rebase(to, shape.quality)?;
                     }
                 }
@@ -613,11 +616,15 @@ impl Motion {
                 }
                 at.clone_from(to);
             }
-            Ok(Ok(Moved { effort: Effort { iterations: *iterations, ..effort }, increments: count, shape }))
+            Ok(Ok(MotionResult {
+                effort: Effort { iterations: *iterations, ..effort },
+                increments: count,
+                shape,
+            }))
         })();
         to.canopy.copy_from_slice(&goal);
         match result {
-            // A coarser increment may fail where a finer one does not.
+            // A coarser increment may fail where a finer one succeeds.
             Err(MotionError::Mover(MoverError::NotConverged { .. })) if !repair => Ok(Err(shape)),
             Err(MotionError::Mover(MoverError::Inverted { .. })) if count > 1 => Ok(Err(shape)),
             other => other,
@@ -626,23 +633,23 @@ impl Motion {
 }
 
 impl LocalGrid {
-    /// Puts the canopy nodes of `x` where `canopy` (all of it) is.
-    pub fn place_canopy(&self, canopy: &[f64], x: &mut [f64]) {
+    /// Sets the canopy nodes of `x` to `canopy` (all of it).
+    pub fn set_canopy_positions(&self, canopy: &[f64], x: &mut [f64]) {
         for &(a, k) in &self.canopy {
             x[3 * a as usize..][..3].copy_from_slice(&canopy[3 * k as usize..][..3]);
         }
     }
 
-    /// Whether local node `a` is free to go anywhere and owned here.
-    pub(crate) fn is_mine_to_move(&self, a: u32) -> bool {
+    /// Whether local node `a` is free, unconstrained and owned here.
+    pub(crate) fn is_owned_and_movable(&self, a: u32) -> bool {
         let slides = |i: u32| self.slides.binary_search_by_key(&i, |s| s.free).is_ok();
         matches!(self.kind[a as usize], Kind::Free(i) if (i as usize) < self.n_free && !slides(i))
     }
 }
 
-impl Shape {
-    /// Of two sets of cells together; ties go to the lowest cell, so that the answer does
-    /// not depend on who looked first.
+impl MeshQuality {
+    /// The worse of two sets of cells; ties are resolved by the lower cell index, so that the result does not depend
+    /// on the order.
     fn worse(&self, other: &Self) -> Self {
         let mine = self.quality < other.quality || (self.quality == other.quality && self.cell < other.cell);
         let worst = if mine { self } else { other };
@@ -650,14 +657,15 @@ impl Shape {
     }
 }
 
-/// Whether a grid of quality `now` is to be the reference in the place of one that had `reference`.
-fn has_fallen(now: f64, reference: f64) -> bool {
+/// Whether a grid of quality `now` replaces a reference of quality `reference`.
+fn needs_rebase(now: f64, reference: f64) -> bool {
     now < REBASE_BELOW && now < REBASE_LOSS * reference
 }
 
-/// Whether a canopy `distance` away from its start is on its way back to it, which was `left` at that distance.
-fn is_back(distance: f64, left: f64) -> bool {
-    distance < RETURN * left
+/// Whether a canopy at `distance` from its start is returning to it, after the reference was changed at
+/// `rebase_distance`.
+fn is_returning(distance: f64, rebase_distance: f64) -> bool {
+    distance < RETURN_DISTANCE * rebase_distance
 }
 
 /// Largest distance between two positions of a node, m.
@@ -666,8 +674,8 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     pairs.map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>()).fold(0.0, f64::max).sqrt()
 }
 
-/// The worst over ranks, of several sets of cells at once.
-fn worst_of_all<const N: usize>(comm: &Comm, own: [Shape; N]) -> [Shape; N] {
+/// The worst over all ranks, for several sets of cells at once.
+fn worst_of_all<const N: usize>(comm: &Comm, own: [MeshQuality; N]) -> [MeshQuality; N] {
     if comm.size() == 1 {
         return own;
     }
@@ -677,7 +685,7 @@ fn worst_of_all<const N: usize>(comm: &Comm, own: [Shape; N]) -> [Shape; N] {
     for rows in all.chunks(6 * N) {
         for (worst, r) in worst.iter_mut().zip(rows.as_chunks::<6>().0) {
             let at = [r[2], r[3], r[4]];
-            *worst = worst.worse(&Shape { quality: r[0], cell: r[1] as u32, at, volume_ratio: r[5] });
+            *worst = worst.worse(&MeshQuality { quality: r[0], cell: r[1] as u32, at, volume_ratio: r[5] });
         }
     }
     worst

@@ -10,11 +10,13 @@ use mesh::{FaceTable, FlowGrid, Point, StructureMesh};
 
 use crate::allocator::release_free_memory;
 use crate::local::LocalGrid;
-use crate::memory;
-use crate::motion::{Builder, Glide, Limits, Motion, MotionError, Moved, Positions, Regridder};
+use crate::motion::{
+    Builder, GridTransition, Limits, Motion, MotionError, MotionResult, Positions, Regridder,
+};
 use crate::mover::Mover;
 use crate::state::State;
 use crate::velocity::{first_order, second_order, weights};
+use crate::warm_start;
 
 /// Numbers in a row of the output: position (m), velocity (m/s).
 const WIDTH: usize = 6;
@@ -27,17 +29,17 @@ pub struct MeshMover {
     /// Panel of each canopy node, for messages.
     panels: Vec<u32>,
     surface: Surface,
-    /// End of the last accepted window, the window before, and its length.
+    /// Positions at the end of the last accepted window and of the one before, and the length of the last.
     now: Positions,
     before: Option<Positions>,
     dt: f64,
-    /// The last answer, until it is accepted.
+    /// The last response, until it is accepted.
     trial: Positions,
-    answered: Option<(Window, Moved)>,
-    /// Whether the grid that stands for the start is not the scene's.
+    answered: Option<(Window, MotionResult)>,
+    /// Whether the start grid differs from the scene's.
     new_start: bool,
-    /// Why the last window had no answer.
-    stuck: Option<Fault>,
+    /// Why the last window failed.
+    failure: Option<Fault>,
 }
 
 struct Surface {
@@ -45,7 +47,7 @@ struct Surface {
     hash: u64,
 }
 
-/// The parts of a mesh-mover that exist before any rank's share is cut.
+/// Inputs of a mesh-mover before its rank's part is extracted.
 pub struct Setup<'a> {
     /// The start grid.
     pub grid: &'a FlowGrid,
@@ -53,33 +55,33 @@ pub struct Setup<'a> {
     pub structure: &'a StructureMesh,
     /// Rank of each grid node.
     pub owner: &'a [u32],
-    /// How the interior moves.
+    /// Method of motion of the interior.
     pub mover: Box<dyn Mover>,
-    /// What the moved grid must keep.
+    /// Requirements on the moved grid.
     pub limits: Limits,
-    /// Where to go on from; `None`: the start grid at rest.
+    /// State to continue from; `None`: the start grid at rest.
     pub state: Option<State>,
-    /// What the outer boundary does.
+    /// Boundary condition on the outer boundary.
     pub outer: OuterBoundary,
-    /// Makes new grids; `None`: there are none.
+    /// Builds new grids; `None`: none are built.
     pub regridder: Option<Regridder>,
 }
 
 impl MeshMover {
-    /// The mover of a stage of a scene: builds the start grid around the shape that
-    /// the last uncoupled stage left, and loads the state of an earlier stage. Collective.
+    /// The mover of a stage of a scene: builds the start grid around the shape that the last uncoupled stage left,
+    /// and loads the state of an earlier stage. Collective.
     ///
     /// # Errors
-    /// No grid, more ranks than cells, unusable files, a bad start grid.
+    /// No grid, more ranks than cells, unreadable files, an invalid start grid.
     pub fn new(scene: &Scene, stage: usize, out: &Path, comm: &Comm) -> Result<Self, Fault> {
         Self::from_state(scene, stage, out, scene.source_state(out, stage, Role::Mesh), comm)
     }
 
-    /// As [`MeshMover::new`], in the middle of the stage: what [`Participant::save`] wrote to `folder` is gone
-    /// on from. Collective.
+    /// As [`MeshMover::new`], within the stage: continues from the state that [`Participant::save`] wrote to
+    /// `folder`. Collective.
     ///
     /// # Errors
-    /// As for the start of the stage, and a state that does not fit.
+    /// Errors of the start of the stage, and a state that does not match.
     pub fn resumed(
         scene: &Scene,
         stage: usize,
@@ -89,14 +91,16 @@ impl MeshMover {
     ) -> Result<Self, Fault> {
         let state = case::state_file(folder, Role::Mesh);
         let mut this = Self::from_state(scene, stage, out, Some(state), comm)?;
-        match memory::load(comm, folder)? {
-            Some(memory) => {
-                let file = channel::memory_file(folder, Role::Mesh, comm.rank(), comm.size());
+        match warm_start::load(comm, folder)? {
+            Some(saved) => {
+                let file = channel::warm_start_file(folder, Role::Mesh, comm.rank(), comm.size());
                 let unfit = |reason: String| archive::Error::content(&file, reason);
-                memory::agree(comm, this.motion.recall(memory).map_err(unfit))?;
+                warm_start::agree(comm, this.motion.restore_state(saved).map_err(unfit))?;
             }
             None if comm.is_root() => {
-                println!("what was saved is of another number of ranks: going on to the solvers' tolerance");
+                println!(
+                    "the saved state is of another number of ranks: continuing to the solvers' tolerance"
+                );
             }
             None => {}
         }
@@ -135,12 +139,12 @@ impl MeshMover {
     /// The mover of a given grid. Collective.
     ///
     /// # Errors
-    /// A bad start grid, or a canopy that the grid does not carry.
+    /// An invalid start grid, or a canopy that the grid does not contain.
     pub fn on_grid(setup: Setup<'_>, comm: &Comm) -> Result<Self, Fault> {
         let Setup { grid, structure, owner, mover, limits, state, outer, regridder } = setup;
         if grid.canopy_nodes.len() != structure.n_canopy {
             return Err(Fault::new(format!(
-                "the flow grid carries {} canopy nodes, the structure mesh has {}",
+                "the flow grid contains {} canopy nodes, the structure mesh has {}: give both programs the same scene",
                 grid.canopy_nodes.len(),
                 structure.n_canopy
             )));
@@ -161,10 +165,10 @@ impl MeshMover {
         let now = of(&state.now).unwrap_or_else(|| start.clone());
         let before = of(&state.before);
         let reference = of(&state.reference).unwrap_or_else(|| start.clone());
-        let [step, steps] = state.way;
-        let glide = of(&state.offset).map(|offset| Glide { offset: offset.grid, step, steps });
+        let [step, steps] = state.transition;
+        let transition = of(&state.offset).map(|offset| GridTransition { offset: offset.grid, step, steps });
         let motion = Motion::new(local, start, reference, mover, limits).map_err(Fault::new)?;
-        let motion = motion.with_regrid(regridder, glide);
+        let motion = motion.with_regrid(regridder, transition);
         Ok(Self {
             motion,
             unstressed,
@@ -179,7 +183,7 @@ impl MeshMover {
             dt: state.dt,
             answered: None,
             new_start: !state.start.is_empty(),
-            stuck: None,
+            failure: None,
         })
     }
 
@@ -193,9 +197,9 @@ impl MeshMover {
         &self.now
     }
 
-    /// Why the last window had no answer, if so.
-    pub fn stuck(&self) -> Option<&Fault> {
-        self.stuck.as_ref()
+    /// Why the last window failed, if it did.
+    pub fn failure(&self) -> Option<&Fault> {
+        self.failure.as_ref()
     }
 
     fn read_canopy(&mut self, displacement: &[f64]) -> Result<(), Fault> {
@@ -223,9 +227,9 @@ impl MeshMover {
         Ok(())
     }
 
-    /// The answer to a canopy that the grid cannot follow: the last accepted grid, and what stands
-    /// in the way. The run can then be saved before it ends.
-    fn refuse(&self, error: &MotionError, output: &mut [f64], clock: Instant) -> Stats {
+    /// The response where the grid motion failed: the last accepted grid, and the worst cell. The run can then be
+    /// saved before it ends.
+    fn failed_response(&self, error: &MotionError, output: &mut [f64], clock: Instant) -> Stats {
         for (row, x) in output.as_chunks_mut::<WIDTH>().0.iter_mut().zip(self.now.grid.as_chunks::<3>().0) {
             *row = [x[0], x[1], x[2], 0.0, 0.0, 0.0];
         }
@@ -257,32 +261,32 @@ impl MeshMover {
         stats
     }
 
-    /// The canopy node next to a point, and its distance, m.
+    /// The canopy node nearest to a point, and its distance, m.
     fn nearest(&self, at: &Point) -> Option<(usize, f64)> {
         nearest(self.trial.canopy.as_chunks::<3>().0, at)
     }
 
-    /// A motion error with the part of the canopy that it concerns.
+    /// A motion error with its location on the canopy.
     fn explain(&self, error: &MotionError, w: &Window) -> Fault {
         let at = match error {
             MotionError::Tangled { shape, .. } | MotionError::BadStart { shape, .. } => shape.at,
             MotionError::Mover(crate::mover::MoverError::Inverted { at, .. }) => *at,
             MotionError::Mover(_) => return Fault::new(format!("grid motion, window {}: {error}", w.index)),
         };
-        let place = match self.nearest(&at) {
+        let nearest = match self.nearest(&at) {
             Some((k, d)) => {
                 format!("; nearest canopy node {k} (panel {}), {d:.4} m away", self.panels[k])
             }
             None => String::new(),
         };
         Fault::new(format!(
-            "grid motion, window {}, iteration {}: {error}{place}; shorter windows or a start grid \
-             around a shape nearer to this one may help",
+            "grid motion, window {}, iteration {}: {error}{nearest}; shorter windows, or a start grid \
+             around a shape closer to this one, may help",
             w.index, w.iteration
         ))
     }
 
-    /// A field on all nodes of the grid in their global order, on every rank. Collective.
+    /// A field on all nodes of the grid in global order, on every rank. Collective.
     fn gather(&self, field: &[f64]) -> Vec<f64> {
         let nodes = &self.motion.grid.nodes;
         let comm = self.motion.grid.comm();
@@ -318,7 +322,7 @@ impl Participant for MeshMover {
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let _part = timing::part("advance");
         let clock = Instant::now();
-        (self.answered, self.stuck) = (None, None);
+        (self.answered, self.failure) = (None, None);
         if !(w.dt.is_finite() && w.dt > 0.0) {
             return Err(Fault::new(format!("window {} has a length of {} s", w.index, w.dt)));
         }
@@ -327,11 +331,11 @@ impl Participant for MeshMover {
             Ok(moved) => moved,
             Err(error) => {
                 let fault = self.explain(&error, w);
-                let stats = self.refuse(&error, output, clock);
+                let stats = self.failed_response(&error, output, clock);
                 if self.motion.grid.comm().is_root() {
                     eprintln!("mesh-mover: {fault}");
                 }
-                self.stuck = Some(fault);
+                self.failure = Some(fault);
                 return Ok(stats);
             }
         };
@@ -377,24 +381,24 @@ impl Participant for MeshMover {
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
         let _part = timing::part("accept");
         let Some((_, moved)) = self.answered.take().filter(|(a, _)| a.index == w.index) else {
-            return Err(Fault::new(format!("window {} was accepted before it was answered", w.index)));
+            return Err(Fault::new(format!("window {} was accepted before it was computed", w.index)));
         };
         let before = self.before.get_or_insert_with(|| self.now.clone());
         std::mem::swap(before, &mut self.now);
         std::mem::swap(&mut self.now, &mut self.trial);
         self.dt = w.dt;
-        let news = self.motion.settle(&self.now, &moved.shape);
+        let new_grid = self.motion.accept(&self.now, &moved.shape);
         self.new_start |= self.motion.new_grids() > 0;
-        if let Some(news) = news.filter(|_| self.motion.grid.comm().is_root()) {
-            match news {
+        if let Some(new_grid) = new_grid.filter(|_| self.motion.grid.comm().is_root()) {
+            match new_grid {
                 Ok(n) => println!(
-                    "window {}: a new grid around the canopy, smallest scaled Jacobian {:.3} for {:.3}, {}",
+                    "window {}: new grid around the canopy, smallest scaled Jacobian {:.3} instead of {:.3}, {}",
                     w.index,
                     n.to,
                     n.from,
                     match n.windows {
-                        0 => "taken at once".to_owned(),
-                        n => format!("reached within {n} windows"),
+                        0 => "replaced at once".to_owned(),
+                        n => format!("transition over {n} windows"),
                     }
                 ),
                 Err(why) => println!("window {}: no new grid: {why}", w.index),
@@ -407,34 +411,34 @@ impl Participant for MeshMover {
         let _part = timing::part("save");
         let now = self.gather(&self.now.grid);
         let before = self.before.as_ref().map(|b| self.gather(&b.grid)).unwrap_or_default();
-        let rebased = !self.motion.is_total();
+        let rebased = !self.motion.is_start_reference();
         let reference = if rebased { self.gather(&self.motion.reference().grid) } else { Vec::new() };
         let start = if self.new_start || self.motion.new_grids() > 0 {
             self.gather(&self.motion.start().grid)
         } else {
             Vec::new()
         };
-        let (offset, way) = match self.motion.glide() {
-            Some(glide) => (self.gather(&glide.offset), [glide.step, glide.steps]),
+        let (offset, transition) = match self.motion.transition() {
+            Some(transition) => (self.gather(&transition.offset), [transition.step, transition.steps]),
             None => (Vec::new(), [0; 2]),
         };
         if self.motion.grid.comm().is_root() {
-            let state = State { now, before, dt: self.dt, reference, start, offset, way };
+            let state = State { now, before, dt: self.dt, reference, start, offset, transition };
             state.save(&case::state_file(folder, Role::Mesh)).map_err(Fault::new)?;
         }
-        memory::save(&self.motion.memory(), self.motion.grid.comm(), folder).map_err(Fault::new)?;
-        // Copies of the whole grid and their encoded form.
+        warm_start::save(&self.motion.save_state(), self.motion.grid.comm(), folder).map_err(Fault::new)?;
+        // Copies of the whole grid and their encoded form are freed.
         release_free_memory();
         Ok(())
     }
 
     fn snapshot(&mut self, _time: f64, _folder: &Path) -> Result<(), Fault> {
-        // The flow-solver draws the grid with its fields on it.
+        // The flow-solver writes the grid with its fields.
         Ok(())
     }
 }
 
-/// Makes the new grids that the scene asks for around the canopy of `structure`; they have the cells of `grid`.
+/// Builds the new grids that the scene requests around the canopy of `structure`; they have the cells of `grid`.
 pub fn regridder(scene: &Scene, structure: &StructureMesh, grid: &FlowGrid) -> Option<Regridder> {
     let when = scene.mesh.regrid?;
     let (scene, structure) = (scene.clone(), structure.clone());
@@ -449,14 +453,14 @@ pub fn regridder(scene: &Scene, structure: &StructureMesh, grid: &FlowGrid) -> O
         let new = mesh::flow_grid(&scene, &structure, canopy).map_err(|e| e.to_string())?;
         let fits = |(&a, x): (&u32, &Point)| new.coords[a as usize] == *x;
         if blocks(&new) != old || !new.canopy_nodes.iter().zip(canopy).all(fits) {
-            return Err("a new grid of this scene would have other cells".into());
+            return Err("a new grid of this scene would have different cells".into());
         }
         Ok(new.coords)
     });
     Some(Regridder::new(when, build))
 }
 
-/// The grid that a stage starts from, the same on every rank and in the flow-solver.
+/// The start grid of a stage, the same on every rank and in the flow-solver.
 ///
 /// # Errors
 /// An unreadable shape, or no grid around it.
@@ -473,7 +477,7 @@ pub fn start_grid(
     mesh::flow_grid(scene, structure, &positions).map_err(Fault::new)
 }
 
-/// Rank of each grid node: METIS shares of the cells, nodes by majority.
+/// Rank of each grid node: METIS partition of the cells, nodes by majority.
 ///
 /// # Errors
 /// More ranks than cells.
@@ -492,7 +496,7 @@ impl From<&case::MeshMotion> for Limits {
     }
 }
 
-/// The point next to `at`, and its distance.
+/// The point nearest to `at`, and its distance.
 fn nearest(points: &[Point], at: &Point) -> Option<(usize, f64)> {
     let distance2 = |p: &Point| (0..3).map(|i| (p[i] - at[i]).powi(2)).sum::<f64>();
     let distances = points.iter().map(distance2).enumerate();
@@ -504,7 +508,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_point_and_its_distance() {
+    fn nearest_point_and_distance_are_found() {
         let points = [[1.0, 2.0, 2.0], [4.0, 6.0, -3.0], [-4.0, -6.0, 3.0]];
         assert_eq!(nearest(&points, &[1.0, 2.0, -3.0]), Some((0, 5.0)));
         assert_eq!(nearest(&points, &[4.0, 9.0, -7.0]), Some((1, 5.0)));

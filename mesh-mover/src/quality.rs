@@ -1,7 +1,7 @@
-//! Shape of cells: scaled Jacobian at every corner, fast for a grid that moves.
+//! Quality of cells: scaled Jacobian at every corner, optimised for moving grids.
 
 use mesh::geometry::Vec3;
-use mesh::quality::CORNER_EDGES as BESIDE;
+use mesh::quality::CORNER_EDGES;
 
 /// Scaled Jacobian of one corner: determinant of its three edges over the
 /// product of their lengths. 1 is a right-angled corner, 0 a flat one, negative
@@ -21,8 +21,8 @@ fn quality_of(quad: &[u32; 4], x: &[f64]) -> f64 {
     corner_quality(at(quad[0]), at(quad[1]), at(quad[2]), at(quad[3]))
 }
 
-/// Scaled Jacobian of a hexahedron with eight distinct corners `p`: the smallest over them.
-/// Each of its twelve edges is measured once. NaN counts as minus infinity.
+/// Scaled Jacobian of a hexahedron with eight distinct corners `p`: the minimum over them. Each of its twelve edges
+/// is computed once. NaN counts as minus infinity.
 #[inline]
 fn regular_quality(p: &[Vec3; 8]) -> f64 {
     // Edges along the three parent axes, by the corner at their lower end.
@@ -43,8 +43,8 @@ fn regular_quality(p: &[Vec3; 8]) -> f64 {
     worst.abs().sqrt().copysign(worst)
 }
 
-/// Volume of a (possibly collapsed) hexahedron with faces bent like its shape functions: the
-/// value of [`mesh::quality::volume`] from three determinants (J. Grandy, UCRL-ID-128886, 1997).
+/// Volume of a (possibly collapsed) hexahedron with bilinear faces: the value of [`mesh::quality::volume`] from three
+/// determinants (J. Grandy, UCRL-ID-128886, 1997).
 #[inline]
 pub fn volume(p: &[Vec3; 8]) -> f64 {
     let (a, b) = (p[6] - p[1], p[7] - p[0]);
@@ -57,7 +57,7 @@ pub fn volume(p: &[Vec3; 8]) -> f64 {
 const EDGES_AT: [[usize; 3]; 8] =
     [[0, 0, 0], [0, 1, 1], [1, 1, 2], [1, 0, 3], [2, 2, 0], [2, 3, 1], [3, 3, 2], [3, 2, 3]];
 
-/// The smaller one; NaN counts as minus infinity.
+/// The minimum; NaN counts as minus infinity.
 #[inline]
 pub(crate) fn lower(worst: f64, s: f64) -> f64 {
     if s >= worst {
@@ -69,14 +69,13 @@ pub(crate) fn lower(worst: f64, s: f64) -> f64 {
     }
 }
 
-/// Cells with what it takes to judge their shape quickly as they move: hexahedra with
-/// eight distinct corners need nothing, the corners of collapsed ones are listed as flat
-/// node quadruples.
+/// Cells with data for a fast evaluation of their quality: hexahedra with eight distinct corners need none, the
+/// corners of collapsed ones are listed as node quadruples.
 #[derive(Clone, Debug, Default)]
 pub struct Corners {
     /// Cells with a collapsed edge, ascending.
     collapsed: Vec<u32>,
-    /// Corner node and the three nodes beside it.
+    /// Corner node and its three neighbours.
     quads: Vec<[u32; 4]>,
     /// Factor of each corner's scaled Jacobian.
     scale: Vec<f32>,
@@ -85,12 +84,11 @@ pub struct Corners {
 }
 
 impl Corners {
-    /// Corners of `cells`, which start at `x` (flat, m). A collapsed edge is replaced by the
-    /// next edge behind it; a corner that has fewer than three distinct edges is a
-    /// copy of another one and is left out.
+    /// Corners of `cells`, with start positions `x` (flat, m). A collapsed edge is replaced by the next edge behind
+    /// it; a corner with fewer than three distinct edges is a copy of another one and is omitted.
     ///
-    /// The sharp corners of wedges are sharp by intention (a slit ends there), so corners
-    /// at a collapsed edge count relative to their start: 1 there, 0 when flat.
+    /// The sharp corners of wedges are intended (a slit ends there), so corners at a collapsed edge are measured
+    /// relative to their start: 1 there, 0 when flat.
     pub fn new(cells: &[[u32; 8]], x: &[f64]) -> Self {
         let mut all = Self { first: vec![0], ..Self::default() };
         for (c, cell) in cells.iter().enumerate() {
@@ -102,7 +100,7 @@ impl Corners {
                 let Some(quad) = corner(cell, i).filter(|q| !same_corner(&all.quads[start..], q)) else {
                     continue;
                 };
-                let regular = BESIDE[i].iter().zip(&quad[1..]).all(|(&j, &a)| cell[j] == a);
+                let regular = CORNER_EDGES[i].iter().zip(&quad[1..]).all(|(&j, &a)| cell[j] == a);
                 let at_start = quality_of(&quad, x);
                 let counts_from_start = !regular && at_start > 0.0;
                 all.scale.push(if counts_from_start { (1.0 / at_start) as f32 } else { 1.0 });
@@ -119,8 +117,8 @@ impl Corners {
         20 * self.quads.len() + 8 * self.collapsed.len()
     }
 
-    /// Smallest scaled Jacobian of cell `c` of `cells` (those of [`Corners::new`]) at node
-    /// positions `x` (flat, m). NaN counts as minus infinity.
+    /// Smallest scaled Jacobian of cell `c` of `cells` (those of [`Corners::new`]) at node positions `x` (flat, m).
+    /// NaN counts as minus infinity.
     pub fn quality(&self, cells: &[[u32; 8]], c: usize, x: &[f64]) -> f64 {
         match self.collapsed.binary_search(&(c as u32)) {
             Ok(k) => self.collapsed_quality(k, x),
@@ -128,7 +126,7 @@ impl Corners {
         }
     }
 
-    /// Calls `f` with each cell of a run, its corners and its quality, in ascending order.
+    /// Calls `f` with each cell of a range, its corners and its quality, in ascending order.
     #[inline]
     pub fn each(
         &self,
@@ -175,13 +173,13 @@ pub fn corners_at(cell: &[u32; 8], x: &[f64]) -> [Vec3; 8] {
 fn corner(cell: &[u32; 8], i: usize) -> Option<[u32; 4]> {
     let mut quad = [cell[i], 0, 0, 0];
     let mut taken = 1;
-    // Edges that did not collapse come first: a replacement must differ from them.
-    let direct = BESIDE[i].map(|j| cell[j]);
-    for (slot, &j) in BESIDE[i].iter().enumerate() {
+    // Edges that are not collapsed come first: a replacement must differ from them.
+    let direct = CORNER_EDGES[i].map(|j| cell[j]);
+    for (slot, &j) in CORNER_EDGES[i].iter().enumerate() {
         let node = if cell[j] != cell[i] {
             Some(cell[j])
         } else {
-            BESIDE[j].iter().map(|&k| cell[k]).find(|&n| n != cell[i] && !direct.contains(&n))
+            CORNER_EDGES[j].iter().map(|&k| cell[k]).find(|&n| n != cell[i] && !direct.contains(&n))
         }?;
         if quad[1..taken].contains(&node) {
             return None;
@@ -224,14 +222,14 @@ mod tests {
     }
 
     #[test]
-    fn every_shape_is_right_angled_or_known() {
+    fn right_angles_have_quality_one_and_collapsed_cells_known_values() {
         let x = flat(&cube());
-        // Positions where collapsed corners count as they are: all flat at the start.
+        // Start positions at which collapsed corners are not scaled: all flat.
         let q = |cell: [u32; 8]| {
             let c = Corners::new(&[cell], &[0.0; 24]);
             (c.quads.len(), c.quality(&[cell], 0, &x))
         };
-        assert_eq!(q([0, 1, 2, 3, 4, 5, 6, 7]), (0, 1.0), "nothing to keep");
+        assert_eq!(q([0, 1, 2, 3, 4, 5, 6, 7]), (0, 1.0), "no corners are stored");
         let (n, s) = q([0, 1, 2, 2, 4, 5, 6, 6]);
         assert_eq!(n, 6);
         assert!((s - 0.5f64.sqrt()).abs() < 1e-14, "sharp corner of the prism, 45 degrees: {s}");
@@ -241,8 +239,8 @@ mod tests {
         let (n, s) = q([0, 1, 2, 2, 4, 4, 4, 4]);
         assert_eq!(n, 4);
         assert!(s > 0.25 && s < 0.8, "{s}");
-        // Any other collapsed edge: every edge of the cube in turn.
-        for (a, list) in BESIDE.iter().enumerate() {
+        // Every other collapsed edge: each edge of the cube in turn.
+        for (a, list) in CORNER_EDGES.iter().enumerate() {
             for &b in list {
                 let mut cell = [0, 1, 2, 3, 4, 5, 6, 7];
                 cell[b] = a as u32;
@@ -253,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sharp_wedge_starts_at_its_right_angles_and_ends_at_zero() {
+    fn sharp_wedge_starts_at_one_and_ends_at_zero() {
         let thin = |w: f64| {
             let mut x = cube();
             for a in [1, 5] {
@@ -281,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn volumes_are_those_of_the_start_grid() {
+    fn volumes_match_the_mesh_crate() {
         let mut x = cube();
         for (a, p) in x.iter_mut().enumerate() {
             (0..3).for_each(|i| p[i] += 0.2 * ((3 * a + i) as f64 * 1.7).sin());
@@ -294,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pushed_corner_and_nan_are_seen() {
+    fn inverted_corners_and_nan_are_detected() {
         for a in 0..8 {
             let mut x = cube();
             for (p, other) in [(0, 1.0), (1, 1.0), (2, 1.0)] {

@@ -1,18 +1,17 @@
-//! Radial basis functions on selected boundary nodes: a mover without a grid, for comparison.
+//! Interpolation by radial basis functions on selected boundary nodes: a meshless mover, for comparison.
 
 use crate::inverse_distance::boundary;
 use crate::local::LocalGrid;
 use crate::mover::{Effort, Mover, MoverError};
-use crate::near;
+use crate::near_wall_following;
 
-/// Centres at most: the cost of a call grows with their number times the free nodes.
+/// Largest number of centres: the cost of a solve is proportional to it times the number of free nodes.
 const CENTRES: usize = 400;
 
-/// Interpolation of the boundary's displacement by Wendland's C2 functions of compact
-/// support (de Boer, van der Schoot, Bijl, Comput. Struct. 85, 2007), on nodes of canopy and
-/// outer boundary chosen greedily where the power function is largest (independent of the
-/// motion, so that the mover stays linear; the reduction of Rendall and Allen, J. Comput.
-/// Phys. 228, 2009, depends on it). What the centres miss on the canopy goes to the nearest rings.
+/// Interpolation of the boundary's displacement by Wendland's C2 functions of compact support (de Boer, van der
+/// Schoot, Bijl, Comput. Struct. 85, 2007), on nodes of canopy and outer boundary selected greedily where the power
+/// function is largest (independent of the motion, so that the mover is linear; the reduction of Rendall and Allen,
+/// J. Comput. Phys. 228, 2009, depends on it). The interpolation error on the canopy is applied to the nearest rings.
 #[derive(Default)]
 pub struct RadialBasis {
     per_radius: f64,
@@ -26,7 +25,7 @@ pub struct RadialBasis {
     missing: Vec<f64>,
 }
 
-/// Position and interface node (none: it does not move).
+/// Position and interface node (`None`: fixed).
 type Centre = ([f64; 3], Option<u32>);
 
 impl RadialBasis {
@@ -50,7 +49,7 @@ fn value(p: &[f64; 3], q: &[f64; 3], per_radius: f64) -> f64 {
     wendland(d2.sqrt() * per_radius)
 }
 
-/// Wendland's function of order C2 for three dimensions; zero from 1 on.
+/// Wendland's function of order C2 in three dimensions; zero from 1 on.
 fn wendland(r: f64) -> f64 {
     let s = (1.0 - r).max(0.0);
     s * s * s * s * (4.0 * r + 1.0)
@@ -65,16 +64,16 @@ impl Mover for RadialBasis {
             let all = nodes.iter().map(|(p, _)| p[i]);
             all.clone().fold(f64::NEG_INFINITY, f64::max) - all.fold(f64::INFINITY, f64::min)
         };
-        // A support of the domain's half width lets both boundaries take part everywhere.
+        // A support of half the domain's width lets both boundaries contribute everywhere.
         let radius = 0.5 * (0..3).map(span).fold(0.0, f64::max);
         self.per_radius = if radius > 0.0 { 1.0 / radius } else { 1.0 };
-        // Cholesky's factorisation with pivoting: the next centre is where the power function,
-        // the remaining diagonal, is largest.
+        // Pivoted Cholesky factorisation: the next centre is where the power function, the remaining diagonal, is
+        // largest.
         let mut rest = vec![1.0f64; nodes.len()];
         let mut columns: Vec<Vec<f64>> = Vec::new();
         let mut chosen: Vec<usize> = Vec::new();
         while chosen.len() < CENTRES.min(nodes.len()) {
-            // Canopy first where powers are equal.
+            // Canopy first for equal values.
             let next = (0..nodes.len()).rev().max_by(|&a, &b| rest[a].total_cmp(&rest[b]));
             let Some(next) = next.filter(|&a| rest[a] > 1e-8) else { break };
             let pivot = rest[next].sqrt();
@@ -132,7 +131,7 @@ impl Mover for RadialBasis {
         for (p, u) in self.free.iter().zip(u.as_chunks_mut::<3>().0) {
             *u = self.at(p);
         }
-        near::follow(grid, &self.missing, u);
+        near_wall_following::follow(grid, &self.missing, u);
         grid.free_halo.exchange(u, 3);
         Ok(Effort::default())
     }
@@ -144,18 +143,18 @@ mod tests {
     use comm::Comm;
 
     #[test]
-    fn centres_are_met_and_what_is_far_stays() {
-        let grid = crate::sample::plate_in_box(8, 0.1, 0.8, false);
+    fn centres_are_interpolated_and_the_far_boundary_is_fixed() {
+        let grid = crate::example_grid::plate_in_box(8, 0.1, 0.8, false);
         let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
         let x = local.gather(&grid.coords);
         let mut mover = RadialBasis::default();
         mover.rebase(&local, &x).unwrap();
-        let push: Vec<f64> = (0..3 * local.n_canopy).map(|i| 0.1 + 0.05 * (i as f64).sin()).collect();
+        let displacement: Vec<f64> = (0..3 * local.n_canopy).map(|i| 0.1 + 0.05 * (i as f64).sin()).collect();
         let mut u = vec![0.0; 3 * local.free_node.len()];
-        mover.displace(&local, &push, &mut u).unwrap();
+        mover.displace(&local, &displacement, &mut u).unwrap();
         // More centres than canopy nodes: the canopy is interpolated, the outer boundary at rest.
         let (canopy, outer) = boundary(&local, &x);
-        for (p, d) in canopy.iter().zip(push.as_chunks::<3>().0) {
+        for (p, d) in canopy.iter().zip(displacement.as_chunks::<3>().0) {
             let at = mover.at(p);
             (0..3).for_each(|i| assert!((at[i] - d[i]).abs() < 2e-3, "{at:?} {d:?}"));
         }

@@ -3,9 +3,9 @@
 use mesh::geometry::{Vec3, at};
 use mesh::{Point, StructureMesh};
 
-/// Positions of the canopy nodes of `to` on the shape that `positions` give the canopy of `from`:
-/// linear within the triangles of each face, matched by panel and unstressed position.
-/// `None` where a node of `to` has no face on its panel in `from`.
+/// Positions of the canopy nodes of `to` on the shape that `positions` define for the canopy of `from`: linear within
+/// the triangles of each face, matched by panel and unstressed position. `None` where a node of `to` has no face on
+/// its panel in `from`.
 pub fn resample(from: &StructureMesh, positions: &[Point], to: &StructureMesh) -> Option<Vec<Point>> {
     let mut found: Vec<Option<Point>> = vec![None; to.n_canopy];
     for (face, panel) in to.faces.iter().zip(&to.face_panel) {
@@ -16,7 +16,7 @@ pub fn resample(from: &StructureMesh, positions: &[Point], to: &StructureMesh) -
             let p = at(&to.coords, a);
             let faces = from.faces.iter().zip(&from.face_panel).filter(|(_, q)| *q == panel);
             let triangles = faces.flat_map(|([a, b, c, d], _)| [[*a, *b, *c], [*a, *c, *d]]);
-            // The triangle that the point is deepest in: seams and rounding leave none with all positive.
+            // The triangle with the largest smallest coordinate: on seams and with round-off none may have all positive.
             let mut best: Option<(f64, Vec3)> = None;
             for t in triangles.filter(|t| t[1] != t[2]) {
                 let w = shares(p, t.map(|n| at(&from.coords, n)));
@@ -32,7 +32,7 @@ pub fn resample(from: &StructureMesh, positions: &[Point], to: &StructureMesh) -
     found.into_iter().collect()
 }
 
-/// Barycentric coordinates of the foot of `p` on a triangle.
+/// Barycentric coordinates of the projection of `p` on a triangle.
 fn shares(p: Vec3, t: [Vec3; 3]) -> [f64; 3] {
     let n = (t[1] - t[0]).cross(&(t[2] - t[0]));
     let area = n.dot(&n);
@@ -43,10 +43,10 @@ fn shares(p: Vec3, t: [Vec3; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::{plate_in_box, plate_structure};
+    use crate::example_grid::{plate_in_box, plate_structure};
 
     #[test]
-    fn a_linear_map_is_met_and_a_missing_panel_is_seen() {
+    fn linear_map_is_reproduced_and_a_missing_panel_is_detected() {
         let of = |n| plate_structure(&plate_in_box(n, 0.0, 1.0, true));
         let (from, mut to) = (of(8), of(12));
         let map = |p: &Point| [p[0] - 0.5 * p[1], 2.0 * p[1] + 0.1, 0.3 * p[0] + p[1]];

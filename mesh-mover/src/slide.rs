@@ -1,4 +1,4 @@
-//! Nodes of the outer boundary that stay in their plane.
+//! Sliding nodes of the outer boundary, which stay in their plane.
 
 use std::collections::BTreeMap;
 
@@ -8,27 +8,26 @@ use mesh::geometry::{Vec3, at};
 
 use crate::elastic::Coupling;
 
-/// Projection on the ways that a node may go.
-pub type Way = [[f64; 3]; 3];
+/// Projection on the tangential directions of a node.
+pub type TangentProjection = [[f64; 3]; 3];
 
 /// A node of the outer boundary that may slide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slide {
     /// Local free node.
     pub free: u32,
-    /// Ways that it may go.
-    pub way: Way,
+    /// Projection on its tangential directions.
+    pub projection: TangentProjection,
 }
 
-/// Faces belong to one plane where their unit normals and the heights of their corners, in
-/// shares of their size, agree within this.
+/// Faces belong to one plane where their unit normals and the heights of their corners, relative to their size, agree
+/// within this.
 const FLAT: f64 = 1e-9;
 
-/// The nodes of the outer boundary that may slide, by global node: within the plane of their
-/// faces, or along the edge of two planes. Nodes of three planes and of curved faces stay, as do those of
-/// the canopy.
-pub fn slides(grid: &FlowGrid) -> BTreeMap<u32, Way> {
-    // Unit normals, orthonormalised, of the planes that meet in a node; `None`: it stays.
+/// The nodes of the outer boundary that may slide, by global node: within the plane of their faces, or along the edge
+/// of two planes. Nodes of three planes, of curved faces and of the canopy are fixed.
+pub fn slides(grid: &FlowGrid) -> BTreeMap<u32, TangentProjection> {
+    // Orthonormalised unit normals of the planes that meet in a node; `None`: fixed.
     let mut planes: BTreeMap<u32, Option<Vec<Vec3>>> = BTreeMap::new();
     for (_, face) in &grid.boundary {
         let p = face.map(|a| at(&grid.coords, a));
@@ -55,30 +54,30 @@ pub fn slides(grid: &FlowGrid) -> BTreeMap<u32, Way> {
     for a in &grid.canopy_nodes {
         planes.remove(a);
     }
-    let way = |(a, normals): (u32, Option<Vec<Vec3>>)| {
+    let projection = |(a, normals): (u32, Option<Vec<Vec3>>)| {
         let normals = normals.filter(|n| n.len() < 3)?;
-        let mut way = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let mut projection = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for n in normals {
-            (0..9).for_each(|e| way[e / 3][e % 3] -= n[e / 3] * n[e % 3]);
+            (0..9).for_each(|e| projection[e / 3][e % 3] -= n[e / 3] * n[e % 3]);
         }
-        Some((a, way))
+        Some((a, projection))
     };
-    planes.into_iter().filter_map(way).collect()
+    planes.into_iter().filter_map(projection).collect()
 }
 
-/// Holds the sliding nodes in their planes: of stiffness A and projections P it makes
-/// P A P + s (1 - P), which is symmetric and definite where A is on the ways that are left; a
-/// node's own stiffness s stands for its plane.
+/// Constrains the sliding nodes to their planes: for stiffness A and projections P the matrix becomes P A P + s (1 -
+/// P), which is symmetric and definite where A is on the tangential directions; the node's own stiffness s acts
+/// normal to its plane.
 pub(crate) fn constrain(slides: &[Slide], matrix: &mut BlockCsr<3, f32>, canopy: &mut Coupling) {
     if slides.is_empty() {
         return;
     }
-    let way = |i: u32| slides.binary_search_by_key(&i, |s| s.free).ok().map(|k| slides[k].way);
+    let projection = |i: u32| slides.binary_search_by_key(&i, |s| s.free).ok().map(|k| slides[k].projection);
     for row in 0..matrix.n_rows() {
-        let own = way(row as u32);
+        let own = projection(row as u32);
         for slot in matrix.row(row) {
             let col = matrix.cols()[slot];
-            let other = way(col);
+            let other = projection(col);
             if own.is_none() && other.is_none() {
                 continue;
             }
@@ -100,20 +99,20 @@ pub(crate) fn constrain(slides: &[Slide], matrix: &mut BlockCsr<3, f32>, canopy:
         }
     }
     for (row, _, block) in canopy {
-        if let Some(p) = way(*row) {
+        if let Some(p) = projection(*row) {
             *block = product(&p, block);
         }
     }
 }
 
-/// Takes out of the displacements `u` of owned free nodes what would leave a plane.
-pub(crate) fn keep(slides: &[Slide], u: &mut [f64]) {
+/// Projects the displacements `u` of owned free nodes on their planes.
+pub(crate) fn project(slides: &[Slide], u: &mut [f64]) {
     let u = u.as_chunks_mut::<3>().0;
     for s in slides {
         // Owned nodes come first.
         let Some(u) = u.get_mut(s.free as usize) else { break };
         let whole = Vec3::from(*u);
-        *u = s.way.map(|row| Vec3::from(row).dot(&whole));
+        *u = s.projection.map(|row| Vec3::from(row).dot(&whole));
     }
 }
 
@@ -125,10 +124,10 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::plate_in_box;
+    use crate::example_grid::plate_in_box;
 
     #[test]
-    fn faces_edges_and_corners_of_a_box() {
+    fn tangential_directions_match_faces_edges_and_corners_of_a_box() {
         let grid = plate_in_box(8, 0.1, 0.8, true);
         let slides = slides(&grid);
         let mut free = [0; 3];
@@ -144,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn curved_faces_hold_their_nodes() {
+    fn curved_faces_fix_their_nodes() {
         let mut grid = plate_in_box(8, 0.0, 1.0, false);
         for x in &mut grid.coords {
             let r = Vec3::from(*x).norm();

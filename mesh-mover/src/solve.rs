@@ -1,18 +1,18 @@
-//! Conjugate gradients that stop when no node can be felt to be wrong.
+//! Conjugate gradients with a stopping criterion on the error of node positions.
 
 use comm::Comm;
 use linalg::{Amg, Operator, Preconditioner};
 
-use crate::felt::Felt;
-use crate::glance::Glance;
+use crate::error_estimate::CheapErrorEstimate;
+use crate::position_error::PositionErrorNorm;
 
-/// Work space of [`correct`]; vectors of owned numbers unless said otherwise.
+/// Work space of [`correct`]; vectors of owned numbers unless noted.
 pub struct Scratch {
-    /// Residual; in: of the guess, out: what is left.
+    /// Residual; on input of the guess, on output the remaining one.
     pub r: Vec<f64>,
-    /// Correction found by conjugate gradients: A d is what they took from `r`.
+    /// Correction by conjugate gradients: A d has been subtracted from `r`.
     pub d: Vec<f64>,
-    /// What one more cycle adds to it.
+    /// Correction by one more multigrid cycle.
     pub z: Vec<f64>,
     /// Search direction (local numbers).
     pub p: Vec<f64>,
@@ -27,59 +27,63 @@ impl Scratch {
     }
 }
 
-/// How a solve ended.
+/// Result of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ending {
-    /// Iterations made.
+pub struct SolveResult {
+    /// Number of iterations.
     pub iterations: usize,
-    /// Largest estimated error, in shares of an edge (see [`Felt`]).
+    /// Largest estimated error, relative to an edge (see [`PositionErrorNorm`]).
     pub error: f64,
 }
 
-/// When to stop.
+/// Stopping criterion.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Goal {
-    /// Error that is accepted, in shares of an edge.
+pub struct StoppingCriterion {
+    /// Accepted error, relative to an edge.
     pub tolerance: f64,
-    /// Iterations at most; the caller sees from the error if they did not suffice.
+    /// Largest number of iterations; the caller checks the error.
     pub max_iterations: usize,
 }
 
-/// The last cycle's correction is taken too. Of an error that the cycle sees as z and reduces
-/// by 1 - l (l in 0 to 1), z/l was there and z (1 - l)/l is left: up to twice the tolerance
-/// may be seen where l is at least one half, as it is for all but the smoothest errors.
-const TAKEN: f64 = 2.0;
+/// The correction of the last cycle is applied. For an error that the cycle estimates as z and reduces by 1 - l (l in
+/// 0 to 1), the error is z/l and z (1 - l)/l remains: an estimate of twice the tolerance is accepted where l is at
+/// least one half, as for all but the smoothest errors.
+const FINAL_CYCLE_FACTOR: f64 = 2.0;
 
-/// Solves A d = r, A being the matrix of `amg`, until the preconditioned residual, which
-/// estimates the error, is `felt` nowhere by more than the tolerance. `glance` saves
-/// applications of the preconditioner where it is sure enough. Collective.
+/// Solves A d = r, where A is the matrix of `amg`, until the preconditioned residual, which estimates the error, is
+/// within the tolerance in the norm `position_error`. `error_estimate` saves applications of the preconditioner where
+/// it suffices. Collective.
 ///
-/// Measuring the error in lengths of the grid, not relative to the right-hand
-/// side, is what makes calls cheap: a motion that no cell can feel costs nothing.
+/// Measuring the error in lengths of the grid, instead of relative to the right-hand side, makes solves cheap: a
+/// motion below the tolerance needs no iteration.
 pub fn correct(
     amg: &Amg<f32>,
-    glance: &mut Glance,
+    error_estimate: &mut CheapErrorEstimate,
     comm: &Comm,
-    felt: &Felt,
-    goal: Goal,
+    position_error: &PositionErrorNorm,
+    goal: StoppingCriterion,
     s: &mut Scratch,
-) -> Ending {
+) -> SolveResult {
     let a = amg.matrix();
     let n = a.n_owned();
     s.d.fill(0.0);
     let mut rho = 1.0;
     for iterations in 0.. {
-        let seen = Glance::look(comm, amg.inverse_blocks(), &s.r, &felt.sizes);
-        let error = glance.error(seen);
+        let jacobi_error =
+            CheapErrorEstimate::block_jacobi_error(comm, amg.inverse_blocks(), &s.r, &position_error.sizes);
+        let error = error_estimate.error(jacobi_error);
         if error <= goal.tolerance {
             s.z.fill(0.0);
-            return Ending { iterations, error };
+            return SolveResult { iterations, error };
         }
         amg.apply(&s.r, &mut s.z);
-        let error = comm.max(felt.largest(&s.z));
-        glance.learn(seen, error);
-        if error <= TAKEN * goal.tolerance || iterations == goal.max_iterations || !error.is_finite() {
-            return Ending { iterations, error: error / TAKEN };
+        let error = comm.max(position_error.largest(&s.z));
+        error_estimate.add_comparison(jacobi_error, error);
+        if error <= FINAL_CYCLE_FACTOR * goal.tolerance
+            || iterations == goal.max_iterations
+            || !error.is_finite()
+        {
+            return SolveResult { iterations, error: error / FINAL_CYCLE_FACTOR };
         }
         let new = comm.sum(dot(&s.r, &s.z));
         let beta = new / rho;
@@ -94,9 +98,9 @@ pub fn correct(
         a.apply(&mut s.p, &mut s.q);
         let curvature = comm.sum(dot(&s.p[..n], &s.q));
         if curvature.is_nan() || curvature <= 0.0 {
-            // Rounding has eaten the direction, or the preconditioner is not
-            // definite: the caller judges by the error.
-            return Ending { iterations, error: error / TAKEN };
+            // Round-off has consumed the direction, or the preconditioner is not definite: the caller checks the
+            // error.
+            return SolveResult { iterations, error: error / FINAL_CYCLE_FACTOR };
         }
         let alpha = rho / curvature;
         for i in 0..n {
@@ -107,7 +111,7 @@ pub fn correct(
     unreachable!("the loop ends at the last iteration")
 }
 
-/// The larger one; NaN counts as infinity.
+/// The maximum; NaN counts as infinity.
 #[inline]
 pub(crate) fn larger(most: f64, e: f64) -> f64 {
     if e <= most {

@@ -1,5 +1,4 @@
-//! The accepted state in a file, in the order of the whole grid, so that any
-//! number of ranks can go on from it.
+//! The accepted state as a file, in global order, so that any number of ranks can continue from it.
 
 use std::path::Path;
 
@@ -21,16 +20,16 @@ pub struct State {
     pub dt: f64,
     /// The reference grid where it is not the start grid; else empty.
     pub reference: Vec<f64>,
-    /// The grid that was made last in the place of the scene's start grid; else empty.
+    /// The last new grid, where it replaced the scene's start grid; else empty.
     pub start: Vec<f64>,
-    /// What was left at its start of a way to that grid; empty where it is over.
+    /// Offset at the start of the transition to that grid; empty where it is complete.
     pub offset: Vec<f64>,
-    /// Windows of that way: done and in all.
-    pub way: [u32; 2],
+    /// Windows of that transition: completed and in all.
+    pub transition: [u32; 2],
 }
 
 impl State {
-    /// Writes the file whole: a reader sees the old one or the new one.
+    /// Writes the file atomically: a reader finds the old one or the new one.
     ///
     /// # Errors
     /// [`archive::Error::Io`].
@@ -41,14 +40,14 @@ impl State {
     /// Reads a state of a grid of `nodes` nodes.
     ///
     /// # Errors
-    /// A missing, foreign or damaged file, one of another version or another grid.
+    /// A missing, foreign or damaged file, or one of another version or grid.
     pub fn load(path: &Path, nodes: usize) -> Result<Self, archive::Error> {
         let s: Self = archive::load_or_earlier(path, KIND, VERSION, version_2)?;
         s.check(nodes).map_err(|reason| archive::Error::content(path, reason))?;
         Ok(s)
     }
 
-    /// Whether it is of a grid of `nodes` nodes, and of numbers only.
+    /// Checks that it belongs to a grid of `nodes` nodes and is finite.
     fn check(&self, nodes: usize) -> Result<(), String> {
         let s = self;
         let fits = |v: &Vec<f64>, may_miss: bool| v.len() == 3 * nodes || (may_miss && v.is_empty());
@@ -63,10 +62,10 @@ impl State {
             return Err("it holds values that are not finite".into());
         }
         let second_order_without_length = !s.before.is_empty() && s.dt <= 0.0;
-        if s.dt < 0.0 || second_order_without_length || s.way[0] > s.way[1] {
+        if s.dt < 0.0 || second_order_without_length || s.transition[0] > s.transition[1] {
             return Err(format!(
-                "it has a last window of {} s and stands at {} of {} windows",
-                s.dt, s.way[0], s.way[1]
+                "it has a last window of {} s and is at {} of {} windows of a grid transition",
+                s.dt, s.transition[0], s.transition[1]
             ));
         }
         Ok(())
@@ -80,9 +79,9 @@ fn version_2(bytes: &[u8]) -> Option<State> {
 }
 
 fn checksum_of_version_2(s: &State) -> u64 {
-    let way = s.way.map(f64::from);
+    let transition = s.transition.map(f64::from);
     let all = s.now.iter().chain(&s.before).chain(&s.reference).chain(&s.start).chain(&s.offset);
-    fnv1a_of_numbers(all.chain(&way).chain([&s.dt]))
+    fnv1a_of_numbers(all.chain(&transition).chain([&s.dt]))
 }
 
 #[cfg(test)]
@@ -91,7 +90,7 @@ mod tests {
     use std::fs;
 
     #[test]
-    fn comes_back_or_says_why_not() {
+    fn state_is_restored_or_the_error_names_the_reason() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/mesh.bin");
         let state = State {
@@ -99,7 +98,7 @@ mod tests {
             before: vec![0.1, 0.2, 0.3],
             dt: 5e-3,
             offset: vec![0.5, 0.0, 1.0],
-            way: [3, 7],
+            transition: [3, 7],
             ..State::default()
         };
         state.save(&path).unwrap();

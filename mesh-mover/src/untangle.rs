@@ -1,15 +1,14 @@
-//! Local optimisation of bad cells: the last resort before an error.
+//! Local optimisation of bad cells: the last method before an error.
 
 use crate::local::LocalGrid;
 
-/// Sweeps over all bad cells at most.
+/// Largest number of sweeps over all bad cells.
 const SWEEPS: usize = 20;
 
-/// Moves the free nodes of cells whose scaled Jacobian is below `target`, one
-/// node at a time, so that the worst cell around each becomes as good as a
-/// pattern search finds. `x`: local positions, flat. Collective.
+/// Moves the free nodes of cells whose scaled Jacobian is below `target`, one node at a time, to maximise the quality
+/// of the worst cell around each by a pattern search. `x`: local positions, flat. Collective.
 ///
-/// Ranks take turns, so that two owners of one cell never move at once.
+/// Ranks take turns, so that two owners of one cell never move nodes at the same time.
 pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
     let comm = grid.comm();
     let all = 0..grid.cells.len();
@@ -22,7 +21,7 @@ pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
             return;
         }
         if sweep > 0 {
-            // Neighbours may have come down on the way.
+            // The quality of neighbours may have decreased.
             patch = Patch::around(grid, bad.iter().map(|&c| c as usize));
         }
         for turn in 0..comm.size() {
@@ -42,7 +41,7 @@ pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
     }
 }
 
-/// The nodes of some cells that may move, and all cells around them.
+/// The movable nodes of some cells, and all cells around them.
 struct Patch {
     /// Owned free nodes, ascending.
     nodes: Vec<u32>,
@@ -56,7 +55,7 @@ struct Patch {
 impl Patch {
     fn around(grid: &LocalGrid, cells: impl Iterator<Item = usize>) -> Self {
         let mut nodes: Vec<u32> =
-            cells.flat_map(|c| grid.cells[c]).filter(|&a| grid.is_mine_to_move(a)).collect();
+            cells.flat_map(|c| grid.cells[c]).filter(|&a| grid.is_owned_and_movable(a)).collect();
         nodes.sort_unstable();
         nodes.dedup();
         let mut pairs: Vec<(u32, u32)> = Vec::new();
@@ -88,18 +87,18 @@ fn improve(a: u32, cells: &[u32], grid: &LocalGrid, x: &mut [f64]) {
     let worst = |x: &[f64]| cells.iter().map(|&c| grid.quality(c as usize, x)).fold(f64::INFINITY, f64::min);
     let mut mean = [0.0; 3];
     let mut n = 0.0;
-    let mut reach = 0.0f64;
+    let mut radius = 0.0f64;
     for &c in cells {
         for &b in &grid.cells[c as usize] {
             let d: f64 = (0..3).map(|i| (x[3 * b as usize + i] - x[at + i]).powi(2)).sum();
-            reach = reach.max(d.sqrt());
+            radius = radius.max(d.sqrt());
             (0..3).for_each(|i| mean[i] += x[3 * b as usize + i]);
             n += 1.0;
         }
     }
     let mut best = worst(x);
-    let mut step = 0.25 * reach;
-    while step > 1e-3 * reach {
+    let mut step = 0.25 * radius;
+    while step > 1e-3 * radius {
         let here = [x[at], x[at + 1], x[at + 2]];
         let inwards: Vec<f64> = (0..3).map(|i| mean[i] / n - here[i]).collect();
         let length = inwards.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-300);
@@ -131,8 +130,8 @@ mod tests {
     use comm::Comm;
 
     #[test]
-    fn nodes_pushed_through_their_cells_come_back() {
-        let grid = crate::sample::plate_in_box(6, 0.1, 0.8, true);
+    fn displaced_nodes_return_to_valid_cells() {
+        let grid = crate::example_grid::plate_in_box(6, 0.1, 0.8, true);
         let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
         let mut x = local.gather(&grid.coords);
         let fixed = x.clone();
@@ -147,22 +146,22 @@ mod tests {
         let (cell, q) = local.worst(&x).unwrap();
         assert!(q >= 0.1, "cell {cell}: {q}");
         for a in 0..local.n_local() {
-            if !local.is_mine_to_move(a as u32) {
+            if !local.is_owned_and_movable(a as u32) {
                 assert_eq!(x[3 * a..3 * a + 3], fixed[3 * a..3 * a + 3]);
             }
         }
     }
 
-    /// A node in the middle of eight cubes that is off by a step of the search, along an axis or towards the mean of
-    /// its neighbours, is put back to rounding; off by any other way, to the last step.
+    /// A node at the centre of eight cubes that is displaced by one step of the search, along an axis or towards the
+    /// mean of its neighbours, is restored to round-off; displaced in any other way, to the last step.
     #[test]
-    fn a_node_off_its_place_by_one_step_is_put_back_at_once() {
-        let grid = crate::sample::plate_in_box(4, 0.0, 1.0, false);
+    fn node_displaced_by_one_step_is_restored_at_once() {
+        let grid = crate::example_grid::plate_in_box(4, 0.0, 1.0, false);
         let local = LocalGrid::new(&grid, &vec![0; grid.coords.len()], &Comm::solo());
         let start = local.gather(&grid.coords);
-        // Off the plate, in cubes of half the unit.
-        let place = [-0.5, 0.5, 0.5];
-        let near = |a: &u32| (0..3).all(|i| (start[3 * *a as usize + i] - place[i]).abs() < 1e-12);
+        // Away from the plate, in cubes of half the unit.
+        let centre = [-0.5, 0.5, 0.5];
+        let near = |a: &u32| (0..3).all(|i| (start[3 * *a as usize + i] - centre[i]).abs() < 1e-12);
         let a = local.free_node.iter().copied().find(near).expect("a free node");
         let cells: Vec<u32> =
             (0..local.cells.len() as u32).filter(|&c| local.cells[c as usize].contains(&a)).collect();
@@ -171,8 +170,8 @@ mod tests {
             let mut x = start.clone();
             (0..3).for_each(|i| x[3 * a as usize + i] += 0.5 * d[i]);
             improve(a, &cells, &local, &mut x);
-            let miss = x.iter().zip(&start).map(|(x, s)| (x - s).abs()).fold(0.0, f64::max);
-            (miss, local.worst(&x).unwrap().1)
+            let max_error = x.iter().zip(&start).map(|(x, s)| (x - s).abs()).fold(0.0, f64::max);
+            (max_error, local.worst(&x).unwrap().1)
         };
         // A quarter of the distance to the farthest corner: 15 a^2 - 2 a - 3 = 0.
         let along = (2.0 + 184.0f64.sqrt()) / 30.0;
@@ -181,15 +180,15 @@ mod tests {
         for (i, off) in (0..6).flat_map(|i| [(i, along), (i, half)]) {
             let mut d = [0.0; 3];
             d[i / 2] = if i % 2 == 0 { off } else { -off };
-            let (miss, quality) = put_back(d);
-            assert!(miss < 1e-12 && quality > 1.0 - 1e-12, "{d:?}: {miss} {quality}");
+            let (max_error, quality) = put_back(d);
+            assert!(max_error < 1e-12 && quality > 1.0 - 1e-12, "{d:?}: {max_error} {quality}");
         }
         for i in 0..8 {
             let d = [0, 1, 2].map(|k| if i >> k & 1 == 0 { 1.0 / 3.0 } else { -1.0 / 3.0 });
-            let (miss, quality) = put_back(d);
-            assert!(miss < 1e-12 && quality > 1.0 - 1e-12, "{d:?}: {miss} {quality}");
+            let (max_error, quality) = put_back(d);
+            assert!(max_error < 1e-12 && quality > 1.0 - 1e-12, "{d:?}: {max_error} {quality}");
         }
-        let (miss, quality) = put_back([0.4, -0.1, 0.23]);
-        assert!(miss < 2e-3 && quality > 0.995, "{miss} {quality}");
+        let (max_error, quality) = put_back([0.4, -0.1, 0.23]);
+        assert!(max_error < 2e-3 && quality > 0.995, "{max_error} {quality}");
     }
 }

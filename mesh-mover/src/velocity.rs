@@ -2,9 +2,9 @@
 //!
 //! Written as differences, so that a grid at rest has velocity zero exactly.
 
-/// Weights of the way in a window and of the way in the one before it in the second-order velocity at
-/// its end: $c_0$ and $c_2$ of [`channel::bdf2`] for a window `ratio` times as long as that.
-/// `None` where it is too long: first order then.
+/// Weights of the displacements in a window and in the one before it in the second-order velocity at its end: $c_0$
+/// and $c_2$ of [`channel::bdf2`] for a window `ratio` times as long as that. `None` where it is too long: first
+/// order then.
 pub fn weights(ratio: f64) -> Option<[f64; 2]> {
     channel::bdf2(ratio).map(|[c0, _, c2]| [c0, c2])
 }
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exact_for_parabolas_and_rest() {
+    fn velocity_is_exact_for_parabolas_and_at_rest() {
         let dt = 0.25;
         let x = |t: f64| 1.0 + 2.0 * t - 3.0 * t * t;
         let equal = weights(1.0).unwrap();

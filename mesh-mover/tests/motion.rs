@@ -1,13 +1,13 @@
-//! Large motions: what the grid survives, and what it says when it does not.
+//! Large motions: range of the grid motion, and its errors beyond that range.
 
 use case::{MeshMotion, MoverKind};
 use mesh::FlowGrid;
+use mesh_mover::benchmark_motions::{MOTIONS, MotionTrial, plate};
 use mesh_mover::elastic::{Elastic, Solid};
-use mesh_mover::motion::{Limits, MotionError, Moved};
+use mesh_mover::example_grid::plate_in_box;
+use mesh_mover::motion::{Limits, MotionError, MotionResult};
 use mesh_mover::mover::Mover;
 use mesh_mover::movers::mover;
-use mesh_mover::sample::plate_in_box;
-use mesh_mover::torture::{MOTIONS, Trial, plate};
 
 const LIMITS: Limits = Limits { min_quality: 1e-3, max_increments: 8, repair: true };
 
@@ -15,15 +15,15 @@ fn elastic() -> Box<dyn Mover> {
     Box::new(Elastic::new(Solid::from(&case::MeshMotion::default())))
 }
 
-/// A trial that looks at every window.
-struct Run(Trial);
+/// A trial that checks every window.
+struct Run(MotionTrial);
 
 impl Run {
     fn new(grid: &FlowGrid, mover: Box<dyn Mover>, limits: Limits) -> Self {
-        Self(Trial::new(grid, mover, limits).unwrap())
+        Self(MotionTrial::new(grid, mover, limits).unwrap())
     }
 
-    fn window(&mut self, shape: impl Fn([f64; 3]) -> [f64; 3]) -> Result<Moved, MotionError> {
+    fn window(&mut self, shape: impl Fn([f64; 3]) -> [f64; 3]) -> Result<MotionResult, MotionError> {
         let moved = self.0.window(shape)?;
         let (grid, at) = (&self.0.motion.grid, &self.0.at);
         for &(a, k) in &grid.canopy {
@@ -35,30 +35,30 @@ impl Run {
 
 type Path = fn([f64; 3], f64) -> [f64; 3];
 
-fn turn(p: [f64; 3], s: f64) -> [f64; 3] {
+fn rotate(p: [f64; 3], s: f64) -> [f64; 3] {
     let (sin, cos) = (s * std::f64::consts::FRAC_PI_3).sin_cos();
     [cos * p[0] - sin * p[2], p[1], sin * p[0] + cos * p[2]]
 }
 
 /// The plate is 1 wide in a box of 2; layers at the plate are 0.06 thick.
-const TORTURE: [(&str, Path, f64); 5] = [
+const MOTIONS_OF_PLATE: [(&str, Path, f64); 5] = [
     ("translated normally by half its width", |p, s| [p[0], p[1], p[2] + 0.5 * s], 0.3),
     ("translated in its plane by a quarter", |p, s| [p[0] + 0.25 * s, p[1], p[2]], 0.5),
-    ("turned by 60 degrees", turn, 0.15),
-    ("squeezed to half", |p, s| [p[0] * (1.0 - 0.5 * s), p[1] * (1.0 - 0.5 * s), p[2]], 0.25),
+    ("rotated by 60 degrees", rotate, 0.15),
+    ("compressed to half", |p, s| [p[0] * (1.0 - 0.5 * s), p[1] * (1.0 - 0.5 * s), p[2]], 0.25),
     ("a flap bent to 90 degrees", flap, 0.14),
 ];
 
-/// The half at x > 0 rolls up on a circle until its end stands upright.
+/// The half at x > 0 rolls up on a circle until its end is vertical.
 fn flap(p: [f64; 3], s: f64) -> [f64; 3] {
     let k = s * std::f64::consts::PI;
     if p[0] <= 0.0 || k == 0.0 { p } else { [(k * p[0]).sin() / k, p[1], (1.0 - (k * p[0]).cos()) / k] }
 }
 
 #[test]
-fn torture_without_inversion() {
+fn large_motions_stay_free_of_inversions() {
     let grid = plate_in_box(12, 0.1, 0.8, false);
-    for (name, path, least) in TORTURE {
+    for (name, path, least) in MOTIONS_OF_PLATE {
         let mut run = Run::new(&grid, elastic(), LIMITS);
         let (mut worst, mut iterations, mut increments) = (1.0f64, 0, 0);
         for step in 1..=20 {
@@ -77,7 +77,7 @@ fn torture_without_inversion() {
 }
 
 #[test]
-fn oscillation_in_the_total_form_does_not_drift() {
+fn oscillation_on_the_start_reference_does_not_drift() {
     let grid = plate_in_box(8, 0.1, 0.8, true);
     let mut run = Run::new(&grid, elastic(), LIMITS);
     let swing = |s: f64| move |p: [f64; 3]| [p[0] + 0.05 * s, p[1], p[2] + 0.1 * s * (1.0 - p[0] * p[0])];
@@ -95,38 +95,39 @@ fn oscillation_in_the_total_form_does_not_drift() {
     }
     assert_eq!(run.0.motion.rebased(), 0);
     println!("{iterations} iterations in 1000 windows");
-    assert!(iterations < 1000, "past solutions know the way: {iterations}");
+    assert!(iterations < 1000, "past solutions give the initial guess: {iterations}");
     run.window(|p| p).unwrap();
-    assert_eq!(run.0.at.grid, run.0.start.grid, "the start grid to the bit");
+    assert_eq!(run.0.at.grid, run.0.start.grid, "bitwise the start grid");
     run.window(swing(1.0)).unwrap();
-    let apart = run.0.at.grid.iter().zip(&quarter.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // Two answers within the tolerance, 3e-3 of the smallest edge, 0.1.
-    assert!(apart < 6e-4, "{apart}");
+    let max_difference =
+        run.0.at.grid.iter().zip(&quarter.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // Two solutions within the tolerance, 3e-3 of the smallest edge, 0.1.
+    assert!(max_difference < 6e-4, "{max_difference}");
 }
 
 #[test]
-fn large_motions_and_back_end_on_the_start_grid_to_the_bit() {
+fn large_motions_and_back_end_bitwise_on_the_start_grid() {
     let grid = plate_in_box(12, 0.1, 0.8, false);
     let mut run = Run::new(&grid, elastic(), LIMITS);
     for step in (0..=20).chain((0..20).rev()) {
-        run.window(|p| turn(p, step as f64 / 20.0)).unwrap();
+        run.window(|p| rotate(p, step as f64 / 20.0)).unwrap();
     }
-    // New references on the way out, the start grid again half way back.
-    assert!(run.0.motion.rebased() > 2 && run.0.motion.is_total(), "{}", run.0.motion.rebased());
+    // New references on the way out, the start grid from half way back.
+    assert!(run.0.motion.rebased() > 2 && run.0.motion.is_start_reference(), "{}", run.0.motion.rebased());
     assert_eq!(run.0.at.grid, run.0.start.grid);
 }
 
 #[test]
-fn a_jump_over_several_layers_is_cut_into_increments() {
+fn jump_over_several_layers_is_divided_into_increments() {
     let grid = plate_in_box(12, 0.1, 0.8, false);
     let mut run = Run::new(&grid, elastic(), LIMITS);
-    let moved = run.window(|p| turn(p, 0.8)).unwrap();
+    let moved = run.window(|p| rotate(p, 0.8)).unwrap();
     println!("{moved:?}");
     assert!(moved.increments > 1 && moved.shape.quality > 1e-3);
 }
 
 #[test]
-fn what_cannot_be_followed_names_the_cell_and_leaves_the_state() {
+fn failed_motion_names_the_cell_and_keeps_the_state() {
     let grid = plate_in_box(8, 0.0, 0.9, false);
     let mut run = Run::new(&grid, elastic(), Limits { min_quality: 1e-3, max_increments: 2, repair: true });
     let before = run.0.at.clone();
@@ -137,21 +138,21 @@ fn what_cannot_be_followed_names_the_cell_and_leaves_the_state() {
     assert!(shape.quality < 1e-3 && *increments == 2);
     assert!(error.to_string().contains(&format!("cell {}", shape.cell)));
     assert_eq!(run.0.at, before);
-    // The same motion object goes on from the accepted state.
+    // The same object continues from the accepted state.
     run.window(|p| [p[0], p[1], p[2] + 0.05]).unwrap();
 }
 
-/// Calls of one window whose canopies lie on both sides of the place where cells become too bad.
+/// Solves of one window whose canopies are on both sides of the limit of quality.
 #[test]
-fn a_repair_holds_for_all_calls_of_a_window() {
+fn repair_persists_for_all_solves_of_a_window() {
     let grid = plate_in_box(12, 0.1, 0.8, false);
     let plain = || -> Box<dyn Mover> {
         let solid = Solid::from(&MeshMotion::default());
-        Box::new(Elastic::new(Solid { chi: 0.0, shape_exponent: 0.0, depth_exponent: 0.0, ..solid }))
+        Box::new(Elastic::new(Solid { chi: 0.0, shape_exponent: 0.0, distance_exponent: 0.0, ..solid }))
     };
     let quality = |s: f64| {
         let mut run = Run::new(&grid, plain(), Limits { min_quality: 0.0, max_increments: 1, repair: false });
-        run.window(|p| turn(p, s)).map_or(-1.0, |m| m.shape.quality)
+        run.window(|p| rotate(p, s)).map_or(-1.0, |m| m.shape.quality)
     };
     let beyond = (0..40).map(|k| 0.2 + 0.01 * f64::from(k)).find(|s| quality(*s) < 0.1).unwrap();
     let near = beyond - 0.01;
@@ -159,55 +160,57 @@ fn a_repair_holds_for_all_calls_of_a_window() {
     println!("quality {q:.4} at {near}, {worse:.4} at {beyond}");
     assert!(q > 1.05 * worse && worse > 0.0, "{q} {worse}");
     let limits = Limits { min_quality: 0.5 * (q + worse), max_increments: 8, repair: true };
-    let mut trial = Trial::new(&grid, plain(), limits).unwrap();
+    let mut trial = MotionTrial::new(&grid, plain(), limits).unwrap();
     let mut calls = Vec::new();
     for s in [near, beyond, near, 0.5 * (near + beyond), beyond, 1.02 * beyond, near] {
         let mut to = trial.at.clone();
         for (c, p) in to.canopy.as_chunks_mut::<3>().0.iter_mut().zip(trial.start.canopy.as_chunks::<3>().0) {
-            *c = turn(*p, s);
+            *c = rotate(*p, s);
         }
         let moved = trial.motion.follow(&trial.at, &mut to).unwrap();
         assert!(moved.shape.quality >= limits.min_quality && moved.increments == 1, "{moved:?}");
         calls.push(to);
     }
-    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let max_difference =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     for (k, pair) in calls.windows(2).enumerate() {
-        let (grid, canopy) = (apart(&pair[0].grid, &pair[1].grid), apart(&pair[0].canopy, &pair[1].canopy));
-        println!("calls {k} and {}: grid {grid:.2e}, canopy {canopy:.2e}", k + 1);
-        // No node moves by more than the canopy, but for where neighbours push it round a corner.
-        assert!(grid <= 1.5 * canopy, "calls {k} and {}: {grid} {canopy}", k + 1);
+        let (grid, canopy) =
+            (max_difference(&pair[0].grid, &pair[1].grid), max_difference(&pair[0].canopy, &pair[1].canopy));
+        println!("solves {k} and {}: grid {grid:.2e}, canopy {canopy:.2e}", k + 1);
+        // No node moves by more than the canopy, except where neighbours displace it.
+        assert!(grid <= 1.5 * canopy, "solves {k} and {}: {grid} {canopy}", k + 1);
     }
     assert_eq!(trial.motion.rebased(), 1, "one repair");
 }
 
-/// A later call of a window whose canopy differs by less than a quarter of an edge: a node `r` layers off the
-/// plate follows by `1 - r / 5`, and no equation is solved; more than that is solved for.
+/// A later solve of a window whose canopy differs by less than a quarter of an edge: a node `r` layers off the plate
+/// follows by `1 - r / 5` without a linear solve; a larger difference is solved for.
 #[test]
-fn small_motions_within_a_window_take_the_layers_along_by_their_share() {
+fn small_motions_within_a_window_are_applied_explicitly_to_the_layers() {
     let n = 12;
     let grid = plate_in_box(n, 0.0, 0.9, false);
     // Thickness of the layer at the plate, the shortest edge of all.
     let thinnest = 0.9f64.powi(6) / (1..=6).map(|l| 0.9f64.powi(l)).sum::<f64>();
     let middle = |layers: usize| (n / 2) + (n + 1) * ((n / 2) + (n + 1) * (n / 2 + layers));
     for axis in 0..3 {
-        for (share_of_reach, solved) in [(0.99, false), (1.01, true)] {
-            let mut trial = Trial::new(&grid, elastic(), LIMITS).unwrap();
+        for (share_of_limit, solved) in [(0.99, false), (1.01, true)] {
+            let mut trial = MotionTrial::new(&grid, elastic(), LIMITS).unwrap();
             let mut first = trial.at.clone();
             first.canopy.iter_mut().skip(2).step_by(3).for_each(|z| *z += 0.01);
             trial.motion.follow(&trial.at, &mut first).unwrap();
-            let push = share_of_reach * 0.25 * thinnest;
+            let displacement = share_of_limit * 0.25 * thinnest;
             let mut second = first.clone();
-            second.canopy.iter_mut().skip(axis).step_by(3).for_each(|x| *x += push);
+            second.canopy.iter_mut().skip(axis).step_by(3).for_each(|x| *x += displacement);
             let moved = trial.motion.follow(&trial.at, &mut second).unwrap();
             assert_eq!(moved.effort.iterations > 0, solved, "axis {axis}: {moved:?}");
             for layers in (0..6).filter(|_| !solved) {
                 let at = 3 * middle(layers) + axis;
-                let wanted = push * (1.0 - layers as f64 / 5.0).max(0.0);
+                let expected = displacement * (1.0 - layers as f64 / 5.0).max(0.0);
                 let found = second.grid[at] - first.grid[at];
-                // The shares are kept in single precision.
+                // The shares are stored in single precision.
                 assert!(
-                    (found - wanted).abs() < 1e-7 * push,
-                    "axis {axis}, layer {layers}: {found} {wanted}"
+                    (found - expected).abs() < 1e-7 * displacement,
+                    "axis {axis}, layer {layers}: {found} {expected}"
                 );
             }
         }
@@ -215,7 +218,7 @@ fn small_motions_within_a_window_take_the_layers_along_by_their_share() {
 }
 
 #[test]
-fn no_other_mover_survives_with_cells_as_good_as_the_elastic_one() {
+fn elastic_mover_has_the_best_cells_of_all_movers() {
     let grid = plate(16);
     let mut elastic = 0.0;
     for kind in [
@@ -226,11 +229,11 @@ fn no_other_mover_survives_with_cells_as_good_as_the_elastic_one() {
         MoverKind::InverseDistance,
     ] {
         let settings = MeshMotion { mover: kind, ..MeshMotion::default() };
-        // What the movers do by themselves.
+        // The movers without increments and repair.
         let limits = Limits { max_increments: 1, repair: false, ..LIMITS };
         let mut survived = 0;
         let mut worst = 1.0f64;
-        // Turned by 60 degrees, and the flap.
+        // Rotation by 60 degrees, and the flap.
         for (_, path) in [MOTIONS[2], MOTIONS[4]] {
             let mut run = Run::new(&grid, mover(&settings), limits);
             for step in 1..=10 {

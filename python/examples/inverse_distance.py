@@ -1,4 +1,4 @@
-"""Inverse-distance interpolation in the place of the mesh-mover.
+"""Inverse-distance interpolation instead of the mesh-mover.
 
     ripstop run cases/square-drop/scene.toml --mesh "python3 python/examples/inverse_distance.py"
 

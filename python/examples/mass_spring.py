@@ -1,11 +1,11 @@
-"""A mass-spring canopy in the place of the structure-solver.
+"""A mass-spring canopy instead of the structure-solver.
 
     ripstop run cases/square-drop/scene.toml --structure "python3 python/examples/mass_spring.py"
 
 The fabric is a net: a spring along each edge of a face and along both its diagonals,
 which pull and never push. With edges of stiffness 3/4 E t and diagonals of 3/8 E t a
 square net stretches like an isotropic sheet of Poisson's ratio 1/3. Lines are springs
-too, masses lie in the nodes, and time goes on in explicit (symplectic Euler) steps, as
+too, masses lie in the nodes, and time advances in explicit (symplectic Euler) steps, as
 many in a window as are stable.
 """
 
@@ -124,7 +124,7 @@ class MassSpring(ripstop.Participant):
             work += dt * np.sum(outside * v)
             impulse += dt * outside[:, 2].sum()
         if not np.isfinite(u).all():
-            raise ripstop.Fault(f"the net flew apart in window {window.index} (t = {window.time} s)")
+            raise ripstop.Fault(f"the net diverged in window {window.index} (t = {window.time} s)")
         x = self.rest_shape + u
         tension, (_, force, area) = self.pull(x)[1], self.push(x, canopy[:, 1])
         self.trial = u, v

@@ -1,4 +1,4 @@
-"""Header and texts of docs/contract.md. Its numbers and names come from `table`, which is
+"""Header and texts of docs/reference/contract.md. Its numbers and names come from `table`, which is
 written from the code."""
 
 import ctypes

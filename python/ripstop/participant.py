@@ -23,7 +23,7 @@ class Participant:
     role = ""  # "structure", "flow" or "mesh"
     program = ""  # name for messages; the class's if empty
     version = "0"
-    effects = ()  # keys of the scene whose physics this program has, see docs/contract.md
+    effects = ()  # keys of the scene whose physics this program has, see docs/reference/contract.md
     canopy_nodes = 0
     faces = ()  # of the canopy, [faces][4] node numbers in the order of the scene's mesh
     grid_nodes = 0  # of the whole flow grid, for mesh and flow on a moving grid
@@ -58,7 +58,7 @@ class Participant:
         """Writes the accepted state below `folder` (exists): a later stage, or run,
         starts from it. A structure writes the canopy too: `write_shape`.
 
-        A program that has the effect "resume" goes on from it in the middle of a stage
+        A program that has the effect "resume" restarts from it within a stage
         too: it starts from the file that `Run.state` names."""
 
     def snapshot(self, time, folder):
@@ -85,7 +85,7 @@ class Run:
         self.rank = int(next((os.environ[n] for n in names if n in os.environ), 0))
 
     def state(self, case, role):
-        """File of the state to start from, or None: where a run is gone on with (`--resume`)
+        """File of the state to start from, or None: where a run is resumed (`--resume`)
         the one in the middle of this stage, else that of an earlier stage, as `case`
         (from `Run.case`) has it."""
         if self.resume is not None:

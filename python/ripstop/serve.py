@@ -52,20 +52,20 @@ def describe(error):
     frames = traceback.extract_tb(error.__traceback__)
     ours = [f for f in frames if Path(f.filename).parent != Path(__file__).parent] or frames
     text = f"{type(error).__name__}: {error}".rstrip(": ")
-    # The participant's own last line tells more than one inside a library.
+    # The participant's own last line is more helpful than one inside a library.
     own = [f for f in ours if "site-packages" not in f.filename] or ours
     return f"{text} ({Path(own[-1].filename).name}, line {own[-1].lineno}, in {own[-1].name})" if own else text
 
 
 def report(run, role, message):
-    """Tells the coupler that this rank cannot even begin."""
+    """Reports to the coupler that this rank cannot start."""
     try:
         post = Post(run, role, 0.2)
         post.tell_fault(post.answer_sender(TEXT_WORDS), 0, Window(), message)
         # The coupler connects to a new sender when it next looks: stay until then.
         time.sleep(0.3)
-    except Exception as error:  # the end of the process tells it too
-        print(f"the coupler could not be told: {error}", file=sys.stderr)
+    except Exception as error:  # the end of the process shows it too
+        print(f"the failure could not be reported to the coupler: {error}", file=sys.stderr)
 
 
 def serve(participant, run, guardian=None):
@@ -74,9 +74,9 @@ def serve(participant, run, guardian=None):
     post = Post(run, participant.role, run.deadline_s)
     guardian = guardian or Guardian(post.notice, post.coupler)
     try:
-        desk = Desk(participant, post)
-        desk.handshake()
-        return desk.run(guardian)
+        server = RankServer(participant, post)
+        server.handshake()
+        return server.run(guardian)
     finally:
         post.close()
 
@@ -139,7 +139,7 @@ class Post:
         )
 
     def tell_fault(self, answers, sequence, window, message):
-        """Tells the coupler of a fault."""
+        """Reports a fault to the coupler."""
         answers.send_text(self.header(Kind.FAULT, sequence, window), message)
         self.coupler_bell.ring()
 
@@ -164,7 +164,7 @@ class Post:
             self.sleeper.sleep(limit)
 
 
-class Desk:
+class RankServer:
     """The place of one rank in a session: its channels, and where it stands."""
 
     def __init__(self, participant, post):
@@ -380,7 +380,7 @@ class Desk:
             raise Ended(f"{during(*self.step)}: {message}") from None
 
     def broken(self, problem):
-        """Ends this rank because somebody else broke the contract; the coupler is told."""
+        """Ends this rank because another process violated the contract; reports it to the coupler."""
         self.post.tell_fault(self.answers, self.sequence, self.step[1], problem)
         raise Ended(f"message out of turn in {during(*self.step)}: {problem}")
 

@@ -205,7 +205,7 @@ class Ringer:
         self.notifier = notifier
 
     def ring(self):
-        """Rings. A sleeper that is gone is no error here: its lock tells."""
+        """Notifies. A listener that has ended is no error here: its lock shows it."""
         try:
             self.notifier.notify()
         except iox.NotifierNotifyError:

@@ -90,7 +90,7 @@ fn mass_ratio(air: f64, fabric: f64, area: f64) -> f64 {
 
 /// $\chi$ for air that weighs `mu` times the fabric: one half where the velocity alternates,
 /// nothing where the fabric's inertia counts. From about 10 on it saves iterations,
-/// and only far above windows fail without it (docs/stability.md).
+/// and only far above windows fail without it (docs/records/stability.md).
 fn fitting(mu: f64) -> f64 {
     0.5 * mu * mu / (mu * mu + 100.0)
 }

@@ -67,7 +67,7 @@ impl Memory {
     /// # Errors
     /// A file that is damaged or does not fit, or holds what is no number.
     pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, archive::Error> {
-        channel::remembered(file, MAGIC, VERSION, |m: &Self| m.check(shape))
+        channel::load_warm_start(file, MAGIC, VERSION, |m: &Self| m.check(shape))
     }
 
     fn check(&self, shape: Shape) -> Result<(), String> {
@@ -99,7 +99,7 @@ pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), archive::Error> {
         loops: dynamics.system.loops().iter().map(|l| l.save_state()).collect(),
     };
     let comm = dynamics.system.comm();
-    let file = channel::memory_file(folder, Role::Structure, comm.rank(), comm.size());
+    let file = channel::warm_start_file(folder, Role::Structure, comm.rank(), comm.size());
     archive::save(&file, MAGIC, VERSION, &memory).map(|_| ())
 }
 
@@ -109,7 +109,7 @@ pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), archive::Error> {
 /// On every rank: a file of one of them that cannot be used.
 pub fn restore_state(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
     let comm = dynamics.system.comm().clone();
-    let file = channel::memory_file(folder, Role::Structure, comm.rank(), comm.size());
+    let file = channel::warm_start_file(folder, Role::Structure, comm.rank(), comm.size());
     let shape = Shape {
         numbers: dynamics.accepted.u.len(),
         loops: dynamics.system.loops().len(),

@@ -1,5 +1,5 @@
 //! Validation of the recommendations of `ripstop accuracy`: error bounds of the recommended settings compared with runs
-//! that are much finer in all parameters of the study. `scripts/adviser` runs it and writes the table of docs/accuracy.md.
+//! that are much finer in all parameters of the study. `scripts/adviser` runs it and writes the table of docs/records/accuracy.md.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ const HELD: (usize, usize) = (19, 20);
 /// which coarser samples are recommended.
 const TARGETS: [f64; 2] = [1.1, 2.5];
 
-/// Markers around the table in docs/accuracy.md.
+/// Markers around the table in docs/records/accuracy.md.
 const MARKS: [&str; 2] = ["<!-- adviser: begin -->\n", "<!-- adviser: end -->\n"];
 
 struct Row {
@@ -146,10 +146,10 @@ fn table(rows: &[Row], build: &str) -> String {
     text
 }
 
-/// Writes the table to docs/accuracy.md.
+/// Writes the table to docs/records/accuracy.md.
 fn write(table: &str) {
-    let file = root().join("docs/accuracy.md");
-    let text = std::fs::read_to_string(&file).expect("docs/accuracy.md");
+    let file = root().join("docs/records/accuracy.md");
+    let text = std::fs::read_to_string(&file).expect("docs/records/accuracy.md");
     let (head, rest) = text.split_once(MARKS[0]).expect("the first mark");
     let (_, tail) = rest.split_once(MARKS[1]).expect("the second mark");
     let text = format!("{head}{}{table}{}{tail}", MARKS[0], MARKS[1]);

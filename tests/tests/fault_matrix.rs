@@ -1,4 +1,4 @@
-//! The fault matrix: each fault, at each moment, in each program (first and middle rank) and in the coupler. See docs/faults.md, which `scripts/fault-matrix` writes.
+//! The fault matrix: each fault, at each moment, in each program (first and middle rank) and in the coupler. See docs/records/fault-matrix.md, which `scripts/fault-matrix` writes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -414,7 +414,7 @@ fn sample_of_the_fault_matrix() {
 }
 
 /// Appends a passed cell to the file `FAULT_MATRIX_CELLS`, from which `scripts/fault-matrix` generates the table of
-/// docs/faults.md.
+/// docs/records/fault-matrix.md.
 fn record(cell: &Cell, took: Duration) {
     let Ok(file) = std::env::var("FAULT_MATRIX_CELLS") else { return };
     let who = cell.victim.map_or("coupler".into(), |(role, rank)| format!("{role}, rank {rank}"));

@@ -139,7 +139,7 @@ impl Flown {
 fn states_of(role: Role, more: &[&str]) {
     let flown = Flown::once();
     let (_folder, state) = flown.state();
-    let memory = channel::memory_file(&state, role, 0, 1);
+    let memory = channel::warm_start_file(&state, role, 0, 1);
     let mut files = vec![case::state_file(&state, role), memory];
     files.extend(more.iter().map(|name| state.join(name)));
     flown.resumed(role, &state).unwrap_or_else(|e| panic!("a good state is refused: {e}"));
@@ -211,16 +211,16 @@ fn damaged_state_files_are_read_or_refused() {
     let mut flow = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
         let state = flow_solver::state::load::<4>(&file, &topology, totals).map_err(|e| e.message)?;
-        let q = state.past.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.iter().flatten()));
+        let q = state.previous.iter().flat_map(|p| p.q.as_flattened().iter().chain(p.nodes.iter().flatten()));
         assert!(q.chain([&state.last_dt]).all(|x| x.is_finite()), "NaN enters");
         Ok(())
     };
     fuzz("flow state", &[whole("flow.bin")], sealed, &mut flow, "spoilt");
 
     let nodes = structure.coords.len();
-    let memory = structure_solver::memory::Memory::read;
-    let mut shape = structure_solver::memory::Shape { numbers: 3 * nodes, loops: 0, blocks: 0 };
-    let good_memory: structure_solver::memory::Memory =
+    let memory = structure_solver::warm_start::Memory::read;
+    let mut shape = structure_solver::warm_start::Shape { numbers: 3 * nodes, loops: 0, blocks: 0 };
+    let good_memory: structure_solver::warm_start::Memory =
         archive::load(&good.join("structure-memory-0-of-1.bin"), *b"ripstmem", 1).expect("a memory");
     shape.loops = good_memory.loops.len();
     shape.blocks = good_memory.linear.direct.as_ref().map_or(0, |d| d.matrix.len());
@@ -233,13 +233,13 @@ fn damaged_state_files_are_read_or_refused() {
 
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
-        mesh_mover::memory::read(&file).map(|_| ()).map_err(|e| e.to_string())
+        mesh_mover::warm_start::read(&file).map(|_| ()).map_err(|e| e.to_string())
     };
     fuzz("mesh memory", &[whole("mesh-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 
     let mut read = |bytes: &[u8]| {
         std::fs::write(&file, bytes).expect("written");
-        flow_solver::remembered::Memory::read(&file, &topology).map(|_| ()).map_err(|e| e.to_string())
+        flow_solver::warm_start::RankWarmStart::read(&file, &topology).map(|_| ()).map_err(|e| e.to_string())
     };
     fuzz("flow memory", &[whole("flow-memory-0-of-1.bin")], sealed, &mut read, "spoilt");
 }

@@ -1,5 +1,5 @@
 //! Hard cases of partitioned coupling, each with the defaults of its scene.
-//! Meaning and measurement of the limits: docs/stability.md.
+//! Meaning and measurement of the limits: docs/records/stability.md.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -140,7 +140,7 @@ fn flat_sheet_under_full_pressure_in_one_window_is_stable() {
 fn slack_lines_that_snap_taut_in_one_window_are_stable() {
     // After the snap the fabric oscillates faster than windows of 5 ms resolve: loads of successive windows are
     // uncorrelated, and the mean load transfers 9/16 of such a load, so that 7/16 of its work appear as added energy
-    // (docs/stability.md). It decreases if the windows resolve the oscillation.
+    // (docs/records/stability.md). It decreases if the windows resolve the oscillation.
     let f = run_case("snapping-lines", "descent", 7.0 / 16.0);
     assert!(f.iterations <= 6.5, "{}", f.iterations);
     let tension = f.history.column("max_line_tension_n");
@@ -467,7 +467,7 @@ fn resident(mark: &str) -> Vec<(String, f64)> {
 /// Drift over 10 000 windows: interface energy balance, and memory of the programs.
 /// `cargo test --release --workspace --test hard_cases -- --ignored --nocapture ten_thousand`
 #[test]
-#[ignore = "nightly: 12 minutes; results in docs/stability.md"]
+#[ignore = "nightly: 12 minutes; results in docs/records/stability.md"]
 fn ten_thousand_windows_have_no_drift() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");

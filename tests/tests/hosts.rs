@@ -47,7 +47,7 @@ fn results_do_not_depend_on_hosts_bitwise() {
             let says = format!("rank {rank} of ");
             let line = log
                 .lines()
-                .find(|l| l.starts_with(&says) && l.ends_with("rank 0 has its place in the session"));
+                .find(|l| l.starts_with(&says) && l.ends_with("rank 0 represents it in the session"));
             assert!(line.is_some(), "{role}: {log}");
         }
     }
@@ -69,7 +69,7 @@ fn slurm_script_distributes_the_ranks() {
     // Prints the commands instead of running them.
     let check = script("check", &format!("shift; exec '{}' check \"$@\"", program("ripstop").display()));
     let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").expect("a PATH"));
-    let output = Command::new(root().join("docs/slurm.sh"))
+    let output = Command::new(root().join("docs/how-to/slurm.sh"))
         .arg(root().join("cases/square-drop/scene.toml"))
         .envs([("PATH", path.as_str()), ("SLURM_JOB_NODELIST", "n[07-08]"), ("SLURM_JOB_ID", "12")])
         .env("SLURM_SUBMIT_DIR", folder.path())

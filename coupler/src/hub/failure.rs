@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use case::Role;
-use channel::{HubError, Who, mesh_stats};
+use channel::{HubError, RankId, mesh_stats};
 use coupling::error::RunError;
 
 use super::HubPartners;
@@ -36,14 +36,14 @@ impl HubPartners<'_> {
                 Some(failure) => died(failure, None),
                 None => RunError::Interrupted(place),
             },
-            HubError::Fault { who: Who { role, rank }, fault, .. } => RunError::Fault {
+            HubError::Fault { who: RankId { role, rank }, fault, .. } => RunError::Fault {
                 role,
                 program: self.supervisor.name(role),
                 rank: Some(rank as u64),
                 place,
                 message: fault.message,
             },
-            HubError::Died { who: Who { role, rank }, .. } => {
+            HubError::Died { who: RankId { role, rank }, .. } => {
                 let failure = self.supervisor.await_exit(role, FATE).unwrap_or_else(|| ProcessFailure {
                     role,
                     name: self.supervisor.name(role),
@@ -72,7 +72,7 @@ impl HubPartners<'_> {
         let message = format!(
             "{what}{said}. Remedies: shorter windows (window_s, coupling.adaptive.halvings), {remedies}"
         );
-        RunError::NoAnswer { role, program, place: self.place.clone(), message, saved: None }
+        RunError::SolveFailed { role, program, place: self.place.clone(), message, saved: None }
     }
 }
 

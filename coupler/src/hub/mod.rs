@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 
 use case::Role;
 use channel::{Arrivals, Hub, HubError, HubOptions, Interface, RoleOptions, Stats, Window};
-use coupling::error::{Place, RunError};
+use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
-use coupling::partners::{Answer, Usage};
+use coupling::partners::{SolverResponse, Usage};
 use coupling::transfer::OwnSurface;
 use terminal::Console;
 
@@ -53,9 +53,9 @@ pub struct HubPartners<'a> {
     stop: &'a AtomicBool,
     /// Where windows come to their ends before all ends: what ends all at once.
     now: Option<Arc<AtomicBool>>,
-    told: bool,
+    announced: bool,
     console: Console,
-    place: Place,
+    place: Location,
     /// Panel of each canopy node.
     panels: Vec<u32>,
     /// `[grid nodes][6]`; empty where nobody watches.
@@ -77,7 +77,7 @@ impl<'a> HubPartners<'a> {
         stop: &'a AtomicBool,
         console: &Console,
     ) -> Result<Self, RunError> {
-        let place = Place { stage: options.stage.0.to_owned(), window: None };
+        let place = Location { stage: options.stage.0.to_owned(), window: None };
         let hub = Hub::create(hub_options(&options, interface))
             .map_err(|e| RunError::Channel { place: place.clone(), message: e.to_string() })?;
         let programs = options.programs.into_iter().map(|(program, _)| program);
@@ -90,7 +90,7 @@ impl<'a> HubPartners<'a> {
             supervisor,
             stop,
             now: None,
-            told: false,
+            announced: false,
             console: console.clone(),
             place,
             panels: interface.panels.clone(),
@@ -109,11 +109,11 @@ impl<'a> HubPartners<'a> {
 
     /// Waits until all ranks have joined; `by_hand`: says who has, for those that a person starts.
     fn await_participants(&mut self, by_hand: bool) -> Result<(), RunError> {
-        let mut told = 0;
+        let mut announced = 0;
         self.ask(|hub, watch| {
             hub.await_participants(&mut |arrivals| {
-                if by_hand && arrivals.arrived.len() > told {
-                    told = arrivals.arrived.len();
+                if by_hand && arrivals.arrived.len() > announced {
+                    announced = arrivals.arrived.len();
                     watch.console.line(&arrived(arrivals));
                 }
                 watch.look()?;
@@ -139,13 +139,13 @@ impl<'a> HubPartners<'a> {
     /// # Errors
     /// A program that fails at the very end.
     pub fn finish(self, console: &Console) -> Result<Vec<(Role, Usage)>, RunError> {
-        let Self { hub, mut supervisor, stop, now, mut told, place, farewell, .. } = self;
+        let Self { hub, mut supervisor, stop, now, mut announced, place, farewell, .. } = self;
         let used = supervisor.usage();
         let mut watch = Watch {
             supervisor: &mut supervisor,
             stop,
             now: now.as_deref(),
-            told: &mut told,
+            announced: &mut announced,
             console,
             failure: None,
         };
@@ -170,7 +170,7 @@ impl<'a> HubPartners<'a> {
             supervisor: &mut self.supervisor,
             stop: self.stop,
             now: self.now.as_deref(),
-            told: &mut self.told,
+            announced: &mut self.announced,
             console: &self.console,
             failure: None,
         };
@@ -185,7 +185,7 @@ impl<'a> HubPartners<'a> {
         w: &Window,
         fill: &mut dyn FnMut(&mut [f64]),
         each: &mut dyn FnMut(&[u64], &[f64]),
-    ) -> Result<Answer, RunError> {
+    ) -> Result<SolverResponse, RunError> {
         self.place.window = Some((w.index, w.iteration));
         self.supervisor.asked(role);
         let start = Instant::now();
@@ -196,7 +196,7 @@ impl<'a> HubPartners<'a> {
         // Values are the same on each rank; the slowest rank decides the time.
         let busy_s = stats.iter().fold(0.0, |most: f64, s| most.max(s.busy_s));
         let stats = Stats { busy_s, ..stats.first().copied().unwrap_or_default() };
-        Ok(Answer { stats, wall_s: start.elapsed().as_secs_f64() })
+        Ok(SolverResponse { stats, wall_s: start.elapsed().as_secs_f64() })
     }
 }
 

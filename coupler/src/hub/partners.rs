@@ -5,7 +5,7 @@ use std::path::Path;
 use case::Role;
 use channel::{HubError, LOAD_WIDTH, Window, flow_stats, mesh_stats, structure_stats};
 use coupling::error::RunError;
-use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
+use coupling::partners::{LoadOverWindow, Partners, SolverResponse, Usage};
 use coupling::structure_energy::EnergyCreated;
 
 use super::HubPartners;
@@ -27,7 +27,7 @@ impl Partners for HubPartners<'_> {
         w: &Window,
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
+    ) -> Result<SolverResponse, RunError> {
         let _part = timing::part("structure");
         let mut own = self.own.take();
         let answer = self.structure_on(w, load, displacement, own.as_mut());
@@ -44,7 +44,7 @@ impl Partners for HubPartners<'_> {
         Err(self.no_answer(Role::Structure, &what, "smaller steps (stage.substeps), more damping"))
     }
 
-    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError> {
         let _part = timing::part("mesh");
         let mut fill = |input: &mut [f64]| input.copy_from_slice(displacement);
         let mut grid = std::mem::take(&mut self.grid);
@@ -60,10 +60,10 @@ impl Partners for HubPartners<'_> {
             return Ok(answer);
         }
         let message = stuck(&answer.stats.values, &self.panels);
-        Err(RunError::Stuck { place: self.place.clone(), message, saved: None })
+        Err(RunError::GridMotionFailed { place: self.place.clone(), message, saved: None })
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
         let _part = timing::part("flow");
         let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, LOAD_WIDTH, load);
         let answer = self.advance(Role::Flow, w, &mut |_| {}, &mut keep)?;

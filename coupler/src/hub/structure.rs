@@ -6,7 +6,7 @@ use case::Role;
 use channel::{LOAD_WIDTH, OWN_SURFACE, Window};
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
-use coupling::partners::{Answer, LoadOverWindow};
+use coupling::partners::{LoadOverWindow, SolverResponse};
 use coupling::transfer::{OwnSurface, surface_file};
 use terminal::Console;
 
@@ -52,7 +52,7 @@ impl HubPartners<'_> {
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
         own: Option<&mut OwnSurface>,
-    ) -> Result<Answer, RunError> {
+    ) -> Result<SolverResponse, RunError> {
         let Some(own) = own else { return self.ask_structure(w, [load.start, load.end], displacement) };
         own.load(load);
         let (loads, answer) = own.exchange();
@@ -66,7 +66,7 @@ impl HubPartners<'_> {
         w: &Window,
         [start, end]: [&[f64]; 2],
         displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
+    ) -> Result<SolverResponse, RunError> {
         let mut fill = |input: &mut [f64]| {
             let faces = start.chunks_exact(LOAD_WIDTH).zip(end.chunks_exact(LOAD_WIDTH));
             for (row, (start, end)) in input.chunks_exact_mut(2 * LOAD_WIDTH).zip(faces) {

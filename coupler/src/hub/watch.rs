@@ -12,7 +12,7 @@ pub(super) struct Watch<'a> {
     pub supervisor: &'a mut Supervisor,
     pub stop: &'a AtomicBool,
     pub now: Option<&'a AtomicBool>,
-    pub told: &'a mut bool,
+    pub announced: &'a mut bool,
     pub console: &'a Console,
     pub failure: Option<ProcessFailure>,
 }
@@ -24,7 +24,7 @@ impl Watch<'_> {
             if self.now.is_none_or(|now| now.load(Ordering::Relaxed)) {
                 return Err(Abort::new("interrupted"));
             }
-            if !std::mem::replace(self.told, true) {
+            if !std::mem::replace(self.announced, true) {
                 self.console
                     .line("interrupted: this window is finished and saved; once more ends all at once");
             }

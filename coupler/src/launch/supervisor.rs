@@ -200,7 +200,7 @@ impl Supervisor {
     /// included, however their launcher ended. Takes under 4 s.
     pub fn end(&mut self) {
         self.muted.store(true, Ordering::Relaxed);
-        self.remember();
+        self.record_processes();
         for seen in self.living() {
             process::signal(seen.process, Signal::TERM);
         }
@@ -208,7 +208,7 @@ impl Supervisor {
         for patience in [RANKS_FIRST, GRACE] {
             let done = wait_until(patience, || {
                 self.poll();
-                self.remember();
+                self.record_processes();
                 self.running.iter().all(|r| r.status.is_some()) && self.living().is_empty()
             });
             if !done && patience == RANKS_FIRST {
@@ -221,7 +221,7 @@ impl Supervisor {
             process::signal_group(running.child.id(), Signal::KILL);
         }
         wait_until(Duration::from_millis(1500), || {
-            self.remember();
+            self.record_processes();
             for seen in self.living() {
                 process::signal(seen.process, Signal::KILL);
                 process::reap(seen.process);
@@ -258,7 +258,7 @@ impl Supervisor {
     }
 
     /// Notes all processes below the programs, to find them when their parents are gone.
-    fn remember(&mut self) {
+    fn record_processes(&mut self) {
         let roots: Vec<u32> = self.running.iter().map(|r| r.child.id()).collect();
         for seen in process::descendants(&roots, &self.session) {
             if !self.known.iter().any(|k| k.process == seen.process && k.start == seen.start) {

@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use case::{Role, Scene, StageKind};
 use checks::Inspection;
-use coupling::error::{Place, RunError};
+use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::schemes::InterfaceState;
 use figures::plot;
@@ -117,13 +117,13 @@ impl<'a> Run<'a> {
     fn stage(&mut self, stage: usize, state: &mut InterfaceState) -> Result<(), RunError> {
         let description = &self.prepared.scene.stages[stage];
         if self.stop.load(Ordering::Relaxed) {
-            return Err(RunError::Interrupted(Place { stage: description.name.clone(), window: None }));
+            return Err(RunError::Interrupted(Location { stage: description.name.clone(), window: None }));
         }
         let mut summary = StageSummary::new(description);
         let context = self.context(stage);
         timing::take();
         let ended = session::run_stage(&context, &self.prepared.file, self.options, state, &mut summary);
-        let said = summary.convergence.closing(&summary.name, summary.windows);
+        let said = summary.convergence.stage_warnings(&summary.name, summary.windows);
         said.iter().for_each(|text| self.console.warning(text));
         let folder = case::stage_folder(context.out, context.scene, stage);
         let (name, roles) = (&description.name, description.kind.roles());

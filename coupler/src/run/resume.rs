@@ -49,7 +49,7 @@ impl Resume {
         } else if !this.complete {
             console.line(&format!("stage `{}` is complete: continuing with the next", point.seal.name));
         }
-        console.remember(warnings);
+        console.restore_warnings(warnings);
         this.point = Some(point);
         Ok(this)
     }
@@ -93,7 +93,7 @@ fn progress_within(point: &Point, console: &Console) -> Result<Progress, RunErro
     if !seal.cannot.is_empty() {
         return Err(RunError::Input(format!(
             "the run stands within stage `{}`, where {} saved no state to restart from: a program that can be \
-             resumed announces the effect `resume` (docs/contract.md). `--stage {}` without --resume runs \
+             resumed announces the effect `resume` (docs/reference/contract.md). `--stage {}` without --resume runs \
              the stage from its start",
             seal.name,
             seal.cannot.join(" and "),

@@ -85,7 +85,7 @@ impl<'a> Coupled<'a> {
                 stats.values[structure_stats::STRAIN_ENERGY],
             ],
         };
-        self.balance.enter(&model, &terms);
+        self.balance.add_window(&model, &terms);
     }
 }
 

@@ -14,10 +14,10 @@ use std::sync::atomic::AtomicBool;
 use case::{DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence};
 use channel::Window;
 use coupling::balance::SystemBalance;
-use coupling::convergence::Judge;
+use coupling::convergence::AcceptanceCheck;
 use coupling::descent::DescentModel;
-use coupling::energy::Circumstances;
-use coupling::error::{Place, RunError};
+use coupling::energy::EnergyWarningContext;
+use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::release::pressure_at_release;
@@ -68,7 +68,7 @@ pub struct StageContext<'a> {
 
 /// What differs between the kinds of stages: how one window is computed.
 trait Stepper {
-    /// Computes and accepts a window. After an error that [`RunError::may_pass`] the same window may be
+    /// Computes and accepts a window. After an error that [`RunError::is_retryable`] the same window may be
     /// tried again with another length; `shorter`: with half of it.
     fn step(
         &mut self,
@@ -133,9 +133,9 @@ impl StageContext<'_> {
     }
 
     /// What refuses windows that are not converged.
-    fn judge(&self) -> Judge {
+    fn judge(&self) -> AcceptanceCheck {
         let accept_unconverged = self.options.accept_unconverged;
-        Judge { stage: self.description().name.clone(), accept_unconverged }
+        AcceptanceCheck { stage: self.description().name.clone(), accept_unconverged }
     }
 
     /// Whether the structure comes from a coupled stage: else the canopy was held until this stage begins.
@@ -155,17 +155,17 @@ impl StageContext<'_> {
         if stage.kind != StageKind::Coupled || self.scene.coupling.scheme != Scheme::Staggered {
             return error;
         }
-        error.advised(
+        error.with_advice(
             "The coupling is staggered, which is unstable where the fabric is light beside the air that it moves, at any \
              window_s. Remedy: coupling.scheme = \"implicit\"",
         )
     }
 
     /// What the remedy of an energy warning depends on, at the end of a window of `window_s` seconds.
-    fn circumstances(&self, state: &InterfaceState, window_s: f64) -> Circumstances {
+    fn circumstances(&self, state: &InterfaceState, window_s: f64) -> EnergyWarningContext {
         let wind = self.scene.resolved().wind_m_s;
         let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
-        Circumstances {
+        EnergyWarningContext {
             staggered: self.scene.coupling.scheme == Scheme::Staggered,
             tolerance: self.scene.coupling.tolerance,
             window_s,
@@ -249,8 +249,8 @@ impl StageContext<'_> {
     }
 
     /// A place in this stage for errors.
-    pub fn place(&self) -> Place {
-        Place { stage: self.description().name.clone(), window: None }
+    pub fn place(&self) -> Location {
+        Location { stage: self.description().name.clone(), window: None }
     }
 }
 
@@ -276,14 +276,14 @@ fn stepper<'c>(
 
 /// An answer must hold numbers only: NaN never leaves a program, but a replaced
 /// program may not know that.
-fn require_finite(who: Role, place: &Place, w: &Window, values: &[f64]) -> Result<(), RunError> {
+fn require_finite(who: Role, place: &Location, w: &Window, values: &[f64]) -> Result<(), RunError> {
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
         Some(at) => Err(RunError::Fault {
             role: who,
             program: who.program().into(),
             rank: None,
-            place: Place { stage: place.stage.clone(), window: Some((w.index, w.iteration)) },
+            place: Location { stage: place.stage.clone(), window: Some((w.index, w.iteration)) },
             message: format!("its answer holds {} at position {at}", values[at]),
         }),
     }

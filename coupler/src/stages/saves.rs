@@ -39,7 +39,7 @@ impl Saves {
     }
 
     /// Says so, where the stage was saved within too.
-    pub fn tell(&self, console: &Console, stage: &str, all: f64) {
+    pub fn report(&self, console: &Console, stage: &str, all: f64) {
         if self.count > 1 {
             console.line(&format!(
                 "stage `{stage}`: saved {} times, {:.1} MB in {:.2} s each, {:.1} % of {all:.1} s",

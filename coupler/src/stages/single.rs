@@ -2,8 +2,8 @@
 
 use case::Role;
 use channel::{LOAD_WIDTH, Window};
-use coupling::convergence::Judge;
-use coupling::error::{Place, RunError};
+use coupling::convergence::AcceptanceCheck;
+use coupling::error::{Location, RunError};
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 
@@ -36,7 +36,7 @@ pub(super) struct Attempt<'a> {
     pub window: &'a Window,
     pub state: &'a mut InterfaceState,
     pub report: &'a mut WindowReport,
-    pub place: &'a Place,
+    pub place: &'a Location,
 }
 
 impl Attempt<'_> {
@@ -51,8 +51,8 @@ impl Attempt<'_> {
 /// A stage of such windows.
 pub(super) struct SingleSolve<Q> {
     questions: Q,
-    place: Place,
-    judge: Judge,
+    place: Location,
+    judge: AcceptanceCheck,
     state: InterfaceState,
     /// Attempts at the present window.
     tried: u64,

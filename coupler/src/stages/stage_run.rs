@@ -7,8 +7,8 @@ use std::time::Instant;
 use case::{Role, Solve, StageKind};
 use channel::Window;
 use coupling::descent::DescentModel;
-use coupling::energy::EnergyBooks;
-use coupling::error::{Place, RunError};
+use coupling::energy::InterfaceEnergyBalance;
+use coupling::error::{Location, RunError};
 use coupling::flow_bounds::{self, FlowBounds};
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
@@ -75,7 +75,7 @@ pub(super) struct StageRun<'c, 'p> {
     folder: PathBuf,
     records: Records,
     descent: Option<DescentModel>,
-    books: EnergyBooks,
+    interface_energy: InterfaceEnergyBalance,
     flow_bounds: Option<FlowBounds>,
     clock: WindowClock,
     progress: Progress,
@@ -123,7 +123,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         Ok(Self {
             records,
             descent: context.descent(),
-            books: resumed.map_or_else(EnergyBooks::default, |saved| saved.books),
+            interface_energy: resumed
+                .map_or_else(InterfaceEnergyBalance::default, |saved| saved.interface_energy),
             flow_bounds: match resumed {
                 Some(saved) => saved.flow_bounds,
                 None => FlowBounds::new(context.scene, context.interface),
@@ -163,7 +164,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
                 self.clock.advance(report.converged);
                 Ok(Some(Stepped { window, before, report }))
             }
-            Err(error) if error.may_pass() && self.clock.shrink() => {
+            Err(error) if error.is_retryable() && self.clock.shrink() => {
                 self.give_back(&window, &error);
                 Ok(None)
             }
@@ -232,7 +233,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         self.summary.wall_s = self.wall_before + self.progress.seconds();
         self.save(Some(ended))?;
         self.summary.wall_s = self.wall_before + self.progress.seconds();
-        self.saves.tell(self.context.console, &self.context.description().name, self.progress.seconds());
+        self.saves.report(self.context.console, &self.context.description().name, self.progress.seconds());
         Ok(self.stepper.state().clone())
     }
 
@@ -252,8 +253,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
     }
 
     /// A place at the start of the window, for errors.
-    fn place(&self) -> Place {
-        Place { window: Some((self.index, 0)), ..self.context.place() }
+    fn place(&self) -> Location {
+        Location { window: Some((self.index, 0)), ..self.context.place() }
     }
 
     /// Counts a window that is tried again with half its length, and says so.
@@ -280,8 +281,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let error = self.context.advise(error);
         let stand = matches!(
             error,
-            RunError::Stuck { .. }
-                | RunError::NoAnswer { .. }
+            RunError::GridMotionFailed { .. }
+                | RunError::SolveFailed { .. }
                 | RunError::Energy { .. }
                 | RunError::Unconverged { .. }
         );
@@ -289,9 +290,11 @@ impl<'c, 'p> StageRun<'c, 'p> {
             return error;
         }
         match self.save(None) {
-            Ok(()) => {
-                error.saved_in(case::state_folder(self.context.out, self.context.scene, self.context.stage))
-            }
+            Ok(()) => error.with_saved_state(case::state_folder(
+                self.context.out,
+                self.context.scene,
+                self.context.stage,
+            )),
             Err(saving) => saving,
         }
     }
@@ -300,7 +303,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
         let (felt, given) = self.stepper.interface_work().unwrap_or_default();
-        self.books.enter(window.dt, felt, given, report.converged);
+        self.interface_energy.add_window(window.dt, felt, given, report.converged);
         let state = self.stepper.state();
         Row {
             window: self.index,
@@ -313,7 +316,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             drag_coefficient: self.descent.map(|d| d.drag_coefficient(report.force[2])),
             interface_work_j: given,
             energy_error_j: felt - given,
-            books: self.books,
+            interface_energy: self.interface_energy,
             balance: self.stepper.system_balance().copied(),
             coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
             wall_s,
@@ -328,10 +331,10 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let place = self.place();
         let said = self.summary.convergence.add(&place, &row.report, tolerance);
         said.iter().for_each(|text| console.warning(text));
-        let circumstances = context.circumstances(self.stepper.state(), row.window_s);
+        let warning_context = context.circumstances(self.stepper.state(), row.window_s);
         let structure = &row.report.stats[Role::Structure as usize].values;
         let texts = [
-            self.books.warning(&circumstances),
+            self.interface_energy.warning(&warning_context),
             self.stepper.warning(),
             structure_energy::warning(self.summary.structure_energy_created_share, structure),
         ];
@@ -357,9 +360,9 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let wind = context.scene.wind(context.stage, &context.times());
         let air = flow_bounds::undisturbed_air(&wind, row.time_s, -row.descent_speed_m_s);
         let displacement = [before, &self.stepper.state().displacement];
-        bounds.check(dt, air, displacement, flow_bounds::of_flow(&row.report.stats)).map_err(|flow| {
+        bounds.check(dt, air, displacement, flow_bounds::flow_statistics(&row.report.stats)).map_err(|flow| {
             let place =
-                Place { window: Some((row.window, u64::from(row.report.iterations))), ..context.place() };
+                Location { window: Some((row.window, u64::from(row.report.iterations))), ..context.place() };
             RunError::ImpossibleFlow { place, flow, saved: None }
         })
     }
@@ -420,7 +423,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             time_s,
             stepper: self.stepper.save_state(),
             clock: pack(&self.clock),
-            books: self.books,
+            interface_energy: self.interface_energy,
             flow_bounds: self.flow_bounds,
             summary: so_far,
             speeds: self.summary.speeds.clone(),

@@ -1,24 +1,24 @@
-//! Values as bytes. Nothing else in the project names bincode.
+//! Encoding of values as bytes. No other crate of the project names bincode.
 
 use bincode::config::standard;
 use bincode::serde::{decode_from_slice, encode_to_vec};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Bytes that are not the value that was expected.
+/// Bytes that do not encode the expected value.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
     /// Not an encoded value of this type, or one that claims more memory than the bytes account for.
     #[error("its value cannot be decoded: {0}")]
     Content(#[from] bincode::error::DecodeError),
-    /// Bytes are left over.
+    /// Bytes remain after the value.
     #[error("it is longer than its content")]
     Longer,
 }
 
-/// Decodes `$bytes` in `$layout`, with the first of the limits, in bytes of memory, whose length of the encoding is not
-/// exceeded. A length within the bytes is only a claim, for which a string takes memory at once; the limit is a constant
-/// of the layout, hence the steps.
+/// Decodes `$bytes` in `$layout` with a memory limit that depends on their length: each `length => limit` (powers of
+/// two, bytes) applies up to that length. A length within the bytes is only a claim, for which a string would
+/// allocate memory at once. The limit is a constant of the layout, hence the steps.
 macro_rules! decode_within {
     ($bytes:ident, $layout:expr, $($length:literal => $limit:literal,)* else $most:literal) => {{
         let length = $bytes.len().next_power_of_two().trailing_zeros();
@@ -30,7 +30,7 @@ macro_rules! decode_within {
     }};
 }
 
-/// Integers of their full width: fastest for arrays.
+/// Integers of full width: fastest for arrays.
 pub mod fixed {
     use super::*;
 
@@ -47,12 +47,12 @@ pub mod fixed {
     /// # Errors
     /// [`DecodeError`].
     pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
-        // A value takes about as much memory as its bytes.
+        // A value needs about as much memory as its bytes.
         decode_within!(bytes, standard().with_fixed_int_encoding(), 21 => 22, 27 => 28, else 40)
     }
 }
 
-/// Integers in as few bytes as they need: recordings and the canopy's shape (`docs/contract.md`).
+/// Integers of variable length: recordings and the canopy's shape (`docs/reference/contract.md`).
 pub mod compact {
     use super::*;
 
@@ -69,7 +69,7 @@ pub mod compact {
     /// # Errors
     /// [`DecodeError`].
     pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, DecodeError> {
-        // Integers of eight bytes may take one: a value takes up to eight times the memory of its bytes.
+        // An integer of eight bytes may be encoded in one: a value needs up to eight times the memory of its bytes.
         decode_within!(bytes, standard(), 18 => 22, 21 => 24, 24 => 27, 27 => 30, else 40)
     }
 }
@@ -78,9 +78,9 @@ pub mod compact {
 mod tests {
     use super::*;
 
-    /// A million damaged recordings had one whose string claimed 125 MB within 3 kB.
+    /// Found by random damage of recordings: a string that claimed 125 MB within 3 kB.
     #[test]
-    fn a_length_beyond_the_bytes_takes_no_memory() {
+    fn length_beyond_the_bytes_allocates_no_memory() {
         let mut claim = compact::encode(&(1u64 << 27));
         claim.resize(3000, b'x');
         let refused = compact::decode::<String>(&claim).expect_err("a claim");
@@ -92,7 +92,7 @@ mod tests {
         let mut claim = fixed::encode(&(1u64 << 27));
         claim.resize(3000, b'x');
         assert!(fixed::decode::<String>(&claim).is_err());
-        // What is small when encoded is still read: a byte for each of these numbers of eight.
+        // Values with a small encoding are still read: one byte for each of these numbers of eight.
         for count in [10usize, 200_000, 300_000, 3_000_000] {
             let zeros = compact::encode(&vec![0u64; count]);
             assert_eq!(compact::decode::<Vec<u64>>(&zeros).expect("within the limit").len(), count);
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_left_over_are_refused() {
+    fn remaining_bytes_are_rejected() {
         assert!(matches!(fixed::decode::<u64>(&fixed::encode(&(1u64, 2u64))), Err(DecodeError::Longer)));
         assert!(matches!(compact::decode::<u64>(&compact::encode(&(1u64, 2u64))), Err(DecodeError::Longer)));
     }

@@ -10,64 +10,64 @@ use serde::de::DeserializeOwned;
 use crate::codec::{DecodeError, fixed};
 use crate::hash::checksum;
 
-/// Bytes before the value.
+/// Length of the head, bytes.
 pub const HEAD: usize = 8 + 4 + 8 + 8;
 
-/// A file that could not be written or used.
+/// A file that cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The system refused: no such file, a full disk.
+    /// An error of the system: no such file, a full disk.
     #[error("cannot {action} {}: {source}", path.display())]
     Io {
         /// read or write
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file is none of this kind.
-    #[error("{} is not of the kind `{}`, it begins with `{}`; run the stage that writes it again",
+    /// The file is of another kind.
+    #[error("{} is not of the kind `{}`, it begins with `{}`; rerun the stage that writes it",
         path.display(), expected.escape_ascii(), found.escape_ascii())]
     Kind {
         /// The file.
         path: PathBuf,
-        /// Kind that was asked for.
+        /// Expected kind.
         expected: [u8; 8],
-        /// What the file begins with, eight bytes at most.
+        /// First bytes of the file, at most eight.
         found: Vec<u8>,
     },
-    /// The kind is right, its version is not.
-    #[error("{} has version {found}, this program reads version {expected}; run the stage that writes it again",
+    /// The file is of another version of this kind.
+    #[error("{} has version {found}, this program reads version {expected}; rerun the stage that writes it",
         path.display())]
     Version {
         /// The file.
         path: PathBuf,
-        /// Version that was asked for.
+        /// Expected version.
         expected: u32,
         /// Version of the file.
         found: u32,
     },
     /// Bytes are missing or changed.
-    #[error("{} is damaged ({reason}); run the stage that writes it again", path.display())]
+    #[error("{} is damaged ({reason}); rerun the stage that writes it", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
         /// What was expected and what was found.
         reason: String,
     },
-    /// The file is whole, but its value does not fit.
-    #[error("{} cannot be used: {reason}; run the stage that writes it again", path.display())]
+    /// The file is complete, but its value does not match the scene or program.
+    #[error("{} cannot be used: {reason}; rerun the stage that writes it", path.display())]
     Content {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// What does not match.
         reason: String,
     },
 }
 
 impl Error {
-    /// The value of the file at `path` does not fit, because of `reason`.
+    /// The error that the value of the file at `path` cannot be used, because of `reason`.
     pub fn content(path: &Path, reason: impl ToString) -> Self {
         Self::Content { path: path.into(), reason: reason.to_string() }
     }
@@ -78,11 +78,11 @@ impl Error {
     }
 }
 
-/// Writes `parts`, one behind the other, as the file `path`, in a folder that is created where it is missing. The file
-/// is the old one or the new one, whatever happens: it is written aside, synced and renamed.
+/// Writes `parts` in sequence as the file `path`; creates missing folders. The write is atomic: the file is the old
+/// one or the new one in any case, because a temporary file is written, synced and renamed.
 ///
 /// # Errors
-/// What the system refused; nothing is left of the new file then.
+/// The system's error; no part of the new file remains.
 pub fn write_whole(path: &Path, parts: &[&[u8]]) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder)?;
@@ -95,15 +95,15 @@ pub fn write_whole(path: &Path, parts: &[&[u8]]) -> io::Result<()> {
         fs::rename(&aside, path)
     };
     write().inspect_err(|_| {
-        // Half a file would only fill the disk further.
+        // A partial file would only fill the disk further.
         let _ = fs::remove_file(&aside);
     })
 }
 
-/// Writes `value` as an archive of `kind`. Returns its bytes.
+/// Writes `value` as an archive of `kind`. Returns the size of the file, bytes.
 ///
 /// # Errors
-/// [`Error::Io`]; the file is then the old one, or there is none.
+/// [`Error::Io`]; the file is then unchanged or absent.
 pub fn save(path: &Path, kind: [u8; 8], version: u32, value: &impl Serialize) -> Result<u64, Error> {
     let value = fixed::encode(value);
     let mut head = Vec::with_capacity(HEAD);
@@ -119,7 +119,7 @@ pub fn save(path: &Path, kind: [u8; 8], version: u32, value: &impl Serialize) ->
     Ok((HEAD + value.len()) as u64)
 }
 
-/// Reads what [`save`] wrote. Memory is taken in proportion to the file, whatever it claims.
+/// Reads a file written by [`save`]. Allocates memory in proportion to the file, whatever length it claims.
 ///
 /// # Errors
 /// [`Error`]: no such file, another kind or version, damage.
@@ -127,8 +127,8 @@ pub fn load<T: DeserializeOwned>(path: &Path, kind: [u8; 8], version: u32) -> Re
     load_or_earlier(path, kind, version, |_| None)
 }
 
-/// As [`load`], for a kind that had another layout before it was an archive: `earlier` reads the bytes of such a file,
-/// and returns `None` for all others.
+/// As [`load`], for a kind with an older layout without the head of an archive: `earlier` reads the bytes of such a
+/// file, and returns `None` for all others.
 ///
 /// # Errors
 /// As of [`load`].
@@ -142,10 +142,10 @@ pub fn load_or_earlier<T: DeserializeOwned>(
     value_of(path, &bytes, kind, version).or_else(|error| earlier(&bytes).ok_or(error))
 }
 
-/// What was loaded; `None` where there is no such file.
+/// The loaded value; `None` where there is no such file.
 ///
 /// # Errors
-/// All others of `loaded`.
+/// All other errors of `loaded`.
 pub fn if_present<T>(loaded: Result<T, Error>) -> Result<Option<T>, Error> {
     match loaded {
         Err(e) if e.is_missing() => Ok(None),
@@ -157,7 +157,7 @@ pub fn if_present<T>(loaded: Result<T, Error>) -> Result<Option<T>, Error> {
 fn value_of<T: DeserializeOwned>(path: &Path, bytes: &[u8], kind: [u8; 8], version: u32) -> Result<T, Error> {
     let damaged = |reason: String| Error::Damaged { path: path.into(), reason };
     let found = &bytes[..bytes.len().min(8)];
-    // A file that was cut within its kind is a damaged one.
+    // A file truncated within its kind counts as damaged.
     if !kind.starts_with(found) {
         return Err(Error::Kind { path: path.into(), expected: kind, found: found.into() });
     }
@@ -188,7 +188,7 @@ mod tests {
     type Value = (Vec<f64>, Option<u32>, String);
 
     #[test]
-    fn a_value_comes_back_whole_or_not_at_all() {
+    fn value_is_restored_completely_or_not_at_all() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("deep/x.bin");
         let value = (vec![1.5, -0.0, f64::MIN_POSITIVE], Some(7u32), "text".to_owned());
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_without_a_value_is_whole_and_a_longer_value_is_not() {
+    fn empty_value_is_valid_and_remaining_bytes_are_not() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("x.bin");
         assert_eq!(save(&path, KIND, 3, &()).expect("written"), HEAD as u64);
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn an_earlier_layout_is_read_by_those_who_know_it() {
+    fn older_layout_is_read_by_its_reader() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("x.bin");
         let earlier = |bytes: &[u8]| bytes.strip_prefix(b"old")?.first().map(|b| u64::from(*b));
@@ -246,7 +246,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_written_leaves_nothing() {
+    fn failed_write_leaves_no_file() {
         let folder = tempfile::tempdir().expect("a folder");
         // A folder cannot be replaced by a file.
         let path = folder.path().join("x");

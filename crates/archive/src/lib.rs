@@ -1,4 +1,4 @@
-//! Files that a run continues from.
+//! Files from which a run continues.
 //!
 //! An archive is 28 bytes, then a value:
 //!
@@ -10,8 +10,8 @@
 //! | 20..28 | [`hash::checksum`] of the value, `u64` |
 //! | 28.. | the value, as [`codec::fixed`] encodes it |
 //!
-//! Numbers are little-endian. [`save`] writes aside, syncs and renames, so a reader finds a whole file or none;
-//! [`load`] returns the value only if kind, version, length and checksum are right.
+//! Numbers are little-endian. [`save`] writes a temporary file, syncs and renames it, so a reader finds a complete
+//! file or none; [`load`] returns the value only if kind, version, length and checksum are correct.
 
 pub mod codec;
 mod file;

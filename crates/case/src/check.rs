@@ -12,11 +12,26 @@ pub(crate) struct Refusal {
 /// The smallest of the numbers that must be positive: products of smaller ones are zero.
 const SMALLEST: f64 = 1e-60;
 
+/// The range that a value of a scene is compared with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Allowed {
+    /// Dotted path of the key, such as `stage[0].substeps`.
+    pub path: String,
+    /// Smallest and largest value.
+    pub range: [f64; 2],
+    /// Whether the smallest value itself is allowed.
+    pub includes_smallest: bool,
+    /// What the value is, or why the range ends there.
+    pub why: String,
+}
+
 /// The refusals of a scene, in the order in which its sections find them.
 #[derive(Default)]
 pub(crate) struct Check {
     /// Found so far.
     pub(crate) refusals: Vec<Refusal>,
+    /// Ranges of the values that were compared with one, for the reference of keys.
+    pub(crate) allowed: Vec<Allowed>,
 }
 
 impl Check {
@@ -25,8 +40,13 @@ impl Check {
         self.refusals.push(Refusal { path: path.into(), what: what.into(), help: help.into() });
     }
 
+    fn note(&mut self, path: &str, range: [f64; 2], includes_smallest: bool, why: &str) {
+        self.allowed.push(Allowed { path: path.into(), range, includes_smallest, why: why.into() });
+    }
+
     /// Refuses `value` outside of `allowed`.
     pub(crate) fn range(&mut self, path: &str, value: f64, allowed: RangeInclusive<f64>, why: &str) {
+        self.note(path, [*allowed.start(), *allowed.end()], true, why);
         if !allowed.contains(&value) {
             self.outside(path, value, "from", allowed, why);
         }
@@ -34,6 +54,7 @@ impl Check {
 
     /// Refuses `value` outside of `allowed`, whose lower end is refused too.
     pub(crate) fn above(&mut self, path: &str, value: f64, allowed: RangeInclusive<f64>, why: &str) {
+        self.note(path, [*allowed.start(), *allowed.end()], false, why);
         if !(value > *allowed.start() && value <= *allowed.end()) {
             self.outside(path, value, "above", allowed, why);
         }
@@ -59,6 +80,7 @@ impl Check {
 
     /// Refuses a count outside of `allowed`.
     pub(crate) fn count(&mut self, path: &str, value: u32, allowed: RangeInclusive<u32>, why: &str) {
+        self.note(path, [f64::from(*allowed.start()), f64::from(*allowed.end())], true, why);
         if !allowed.contains(&value) {
             let (low, high) = allowed.into_inner();
             self.refuse(path, format!("`{path}` is {value}"), format!("allowed: {low} to {high}; {why}"));

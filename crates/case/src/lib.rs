@@ -15,6 +15,7 @@ mod scene;
 mod wind;
 
 pub use boundaries::{Jump, jumps};
+pub use check::Allowed;
 pub use error::{Problem, SceneError};
 pub use overrides::{NotATable, Override, parse_overridden, set_value};
 pub use place::place_of;

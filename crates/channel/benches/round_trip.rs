@@ -1,6 +1,5 @@
-//! Round trip of a window between two processes' worth of threads: 56 000 x 3
-//! numbers to the participant and back, both sides reading and writing all of
-//! them; beside it a Unix socket that copies the same, and an empty exchange.
+//! Round trip of a window between two threads: 56 000 x 3 numbers to the participant and back, all of them written
+//! and read on both sides; for comparison a Unix socket that copies the same amount, and an empty exchange.
 //!
 //! `cargo bench -p channel --bench round_trip`
 
@@ -19,8 +18,8 @@ use common::*;
 const NODES: usize = 56_000;
 const ROUNDS: usize = 400;
 
-/// Takes displacements, gives them back doubled: as a mesh that the coupler
-/// watches, so that input and output both have a row for each node.
+/// Returns the displacements doubled. It acts as a mesh recorded by the coupler, so that input and output both have a
+/// row for each node.
 struct Echo {
     nodes: usize,
 }
@@ -73,7 +72,7 @@ fn channel(nodes: usize) -> Vec<f64> {
     let (mut sum, mut micros) = (0.0, Vec::new());
     for k in 0..ROUNDS {
         let start = Instant::now();
-        hub.advance(Role::Mesh, &window(0, k as u64), &mut |x| x.fill(k as f64)).expect("asked");
+        hub.advance(Role::Mesh, &window(0, k as u64), &mut |x| x.fill(k as f64)).expect("sent");
         let mut read = |_: &[u64], data: &[f64]| sum += sum_of(data.iter().copied());
         hub.collect(Role::Mesh, &mut read, &mut || Ok(())).expect("an answer");
         micros.push(start.elapsed().as_secs_f64() * 1e6);
@@ -111,14 +110,14 @@ fn socket(numbers: usize) -> Vec<f64> {
     micros
 }
 
-/// The grid link: the mesh writes `GRID` rows of six, the flow reads some in place.
-struct Link {
+/// The grid link: the mesh writes `GRID` rows of six, the flow reads some of them in place.
+struct Connection {
     role: Role,
 }
 
 const GRID: usize = 500_000;
 
-impl Participant for Link {
+impl Participant for Connection {
     fn announce(&self) -> Announcement {
         Announcement { grid_nodes: GRID as u64, ..Fake::new(self.role, 0, 1).announcement }
     }
@@ -152,7 +151,7 @@ fn grid_link() -> [Vec<f64>; 2] {
     let roles = [(Role::Mesh, 1), (Role::Flow, 1)];
     let serve_one = |(role, _): (Role, usize)| {
         let at = at(&session, role, 0, 1);
-        std::thread::spawn(move || serve(&mut Link { role }, &at))
+        std::thread::spawn(move || serve(&mut Connection { role }, &at))
     };
     let served = roles.map(serve_one);
     let mut hub = open(options(&session, &roles)).expect("a handshake");
@@ -160,7 +159,7 @@ fn grid_link() -> [Vec<f64>; 2] {
     for k in 0..100 {
         for (i, (role, _)) in roles.into_iter().enumerate() {
             let start = Instant::now();
-            hub.advance(role, &window(0, k), &mut |x| x.fill(0.0)).expect("asked");
+            hub.advance(role, &window(0, k), &mut |x| x.fill(0.0)).expect("sent");
             let mut read = |_: &[u64], data: &[f64]| assert!(data.iter().all(|&x| x == k as f64));
             hub.collect(role, &mut read, &mut || Ok(())).expect("an answer");
             micros[i].push(start.elapsed().as_secs_f64() * 1e6);
@@ -180,5 +179,5 @@ fn main() {
     let [mesh, flow] = grid_link();
     println!("grid link, {GRID} nodes x 6 doubles (24 MB)");
     report("mesh writes all, checked for NaN", mesh);
-    report("flow is asked and reads in place", flow);
+    report("flow is requested and reads in place", flow);
 }

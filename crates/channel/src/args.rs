@@ -7,16 +7,16 @@ use case::Role;
 use clap::Parser;
 
 use crate::ServeOptions;
-use crate::guardian::Guardian;
+use crate::watchdog::Watchdog;
 
 /// Environment variable with the deadline of the run in seconds.
 pub const DEADLINE: &str = "RIPSTOP_DEADLINE_S";
 
-/// What the coupler passes to a solver program: the same for every program, also
-/// for one that replaces a solver.
+/// Arguments that the coupler passes to a solver program: the same for every program, including one that replaces a
+/// solver.
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(
-    about = "A solver program of Ripstop. Started by `ripstop run`, or by hand beside `ripstop attach`."
+    about = "A solver program of Ripstop. Started by `ripstop run`, or by hand together with `ripstop attach`."
 )]
 pub struct ProgramArgs {
     /// Scene file.
@@ -34,12 +34,12 @@ pub struct ProgramArgs {
     /// Ranks of this program, as passed to `mpirun -n`.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub ranks: u32,
-    /// Folder of a state in the middle of the stage, to go on from: what this program wrote
-    /// there on `Save`. Only programs that announce the effect `resume` are given it.
+    /// Folder of a saved state within the stage, to resume from: the files that this program wrote there on `Save`.
+    /// Only programs that announce the effect `resume` get this argument.
     #[arg(long, value_name = "DIR")]
     pub resume: Option<PathBuf>,
-    /// Longest silence of the coupler before this program gives up, s. Absent: no
-    /// limit (a coupler that dies is noticed in any case).
+    /// Longest time without a message of the coupler before this program ends, s. Absent: no limit (the death of the
+    /// coupler is noticed in any case).
     #[arg(long, value_name = "S", value_parser = positive_seconds)]
     pub deadline_s: Option<f64>,
 }
@@ -71,8 +71,8 @@ impl ProgramArgs {
         })
     }
 
-    /// The same, ending the process with code 2 and a message where they are wrong
-    /// (code 0 for `--help`). To be called before MPI is initialised.
+    /// The same, ending the process with code 2 and a message where they are invalid (code 0 for `--help`). Must be
+    /// called before MPI is initialised.
     pub fn parse_or_exit() -> Self {
         match Self::try_parse() {
             Ok(args) => {
@@ -83,15 +83,14 @@ impl ProgramArgs {
         }
     }
 
-    /// If the coupler serves its session already (it launched this program), ends
-    /// this process (code 70) 2 s after the coupler's death, whatever it is doing
-    /// then, until the coupler has stopped the run in good order. Also where the coupler
-    /// has itself been stopped (SIGSTOP) for longer than the deadline that it passes on.
+    /// If the coupler already serves its session (it launched this program), ends this process (code 70) 2 s after
+    /// the coupler's death, whatever it is doing then, until the coupler has stopped the run. The same applies where
+    /// the coupler is stopped (SIGSTOP) for longer than the deadline that it passes on.
     pub fn watch_coupler(&self) {
         let passed = std::env::var(DEADLINE).ok().and_then(|text| positive_seconds(&text).ok());
-        // A session that cannot be watched cannot be joined either: that will tell.
-        if let Ok(Some(guardian)) = Guardian::over(&self.session, passed.map(Duration::from_secs_f64)) {
-            guardian.stay();
+        // A session that cannot be watched cannot be joined either, which is reported later.
+        if let Ok(Some(watchdog)) = Watchdog::over(&self.session, passed.map(Duration::from_secs_f64)) {
+            watchdog.stay();
         }
     }
 
@@ -127,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn the_coupler_s_line_is_understood() {
+    fn command_line_of_the_coupler_is_parsed() {
         let args = parse(LINE).expect("fine");
         assert_eq!((args.stage, args.ranks, args.deadline_s), (1, 2, None));
         assert_eq!(args.resume, None);
@@ -140,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_lines_are_explained() {
+    fn invalid_command_lines_are_explained() {
         for (line, word) in [
             ("flow --scene a", "--stage"),
             (&format!("{LINE} --ranks 0"), "--ranks"),

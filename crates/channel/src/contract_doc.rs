@@ -1,5 +1,4 @@
-//! The tables of `docs/contract.md` and of the Python kit are made from the code: tests
-//! compare them.
+//! The tables of `docs/reference/contract.md` and of the Python kit are generated from the code; tests compare them.
 //!
 //! After a change: `RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc`.
 
@@ -8,19 +7,19 @@ use std::mem::{offset_of, size_of};
 
 use case::Role;
 
-use crate::guardian::Guardian;
 use crate::header::{COUPLER, Header, Kind, MAGIC, Unit, role_code};
-use crate::membership::LOOK;
+use crate::membership::LIVENESS_INTERVAL;
 use crate::serve::TEXT_WORDS;
 use crate::session::{KEY_DIGITS, LOCK, MEMORY};
 use crate::transport::{ALIGNMENT, BUFFER, ChannelSpec, HEADER_TYPE};
-use crate::wire::Roster;
+use crate::watchdog::Watchdog;
+use crate::wire::RankCounts;
 use crate::{CONTRACT_VERSION, LOAD_WIDTH, STATS, Stats, Window};
 
 const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../python/ripstop/table.py");
-const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/contract.md");
+const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/contract.md");
 
-/// Rows of a struct: offset, bytes, type, name; and the sum of its bytes.
+/// Rows of a struct: offset, bytes, type, name.
 macro_rules! fields {
     ($base:expr, $prefix:expr, $of:ident { $($name:ident: $type:ty),* $(,)? }) => {{
         let mut rows = Vec::new();
@@ -30,7 +29,7 @@ macro_rules! fields {
             stringify!($type).to_string(),
             format!("{}{}", $prefix, stringify!($name)),
         ));)*
-        // Names each field: a field that is added to the code breaks this line.
+        // Names each field: a new field of the struct breaks this line.
         let _ = |x: $of| { let $of { $($name: _),* } = x; };
         rows
     }};
@@ -120,28 +119,28 @@ fn units() -> String {
 }
 
 fn services() -> String {
-    let roster = Roster(vec![(Role::Structure, 1), (Role::Flow, 2), (Role::Mesh, 2)]);
+    let rank_counts = RankCounts(vec![(Role::Structure, 1), (Role::Flow, 2), (Role::Mesh, 2)]);
     let mut text =
         String::from("| service | pattern | from | receivers | full buffer |\n|---|---|---|---:|---|\n");
     let mut row = |(name, spec): (String, ChannelSpec), from: &str| {
         let full = if spec.newest_wins { "newest replaces oldest" } else { "refused, an error" };
         let _ = writeln!(text, "| `{name}` | publish-subscribe | {from} | {} | {full} |", spec.receivers);
     };
-    for (role, ranks) in roster.0.clone() {
-        row(roster.command(role), "coupler");
+    for (role, ranks) in rank_counts.0.clone() {
+        row(rank_counts.command(role), "coupler");
         for rank in 0..ranks {
-            row(roster.answer(role, rank), &format!("{} {rank}", role.name()));
-            row(roster.layout(role, rank), &format!("{} {rank}", role.name()));
+            row(rank_counts.answer(role, rank), &format!("{} {rank}", role.name()));
+            row(rank_counts.layout(role, rank), &format!("{} {rank}", role.name()));
             if role == Role::Mesh {
-                row(roster.grid(rank), &format!("{} {rank}", role.name()));
+                row(rank_counts.grid(rank), &format!("{} {rank}", role.name()));
             }
         }
     }
-    let (name, sleepers, ringers) = roster.coupler_bell();
-    let _ = writeln!(text, "| `{name}` | event | {ringers} notifiers | {sleepers} | |");
+    let (name, listeners, notifiers) = rank_counts.coupler_event();
+    let _ = writeln!(text, "| `{name}` | event | {notifiers} notifiers | {listeners} | |");
     for role in Role::ALL {
-        let (name, sleepers, ringers) = roster.bell(role);
-        let _ = writeln!(text, "| `{name}` | event | {ringers} notifiers | {sleepers} | |");
+        let (name, listeners, notifiers) = rank_counts.wake_event(role);
+        let _ = writeln!(text, "| `{name}` | event | {notifiers} notifiers | {listeners} | |");
     }
     text
 }
@@ -175,11 +174,11 @@ fn stats(role: &str) -> String {
     text
 }
 
-/// Statistics of three numbers, `_x`, `_y` and `_z` in Python.
+/// Statistics of three numbers, with the suffixes `_x`, `_y` and `_z` in Python.
 const VECTORS: [&str; 2] = ["FORCE", "MOMENT"];
 
 /// `SendLayout` as `SEND_LAYOUT`.
-fn shouted(name: &str) -> String {
+fn screaming_snake_case(name: &str) -> String {
     let mut text = String::new();
     for letter in name.chars() {
         if letter.is_uppercase() && !text.is_empty() {
@@ -190,7 +189,7 @@ fn shouted(name: &str) -> String {
     text
 }
 
-/// A dictionary of Python, an entry in each line.
+/// A dictionary in Python, one entry per line.
 fn dictionary(name: &str, entries: impl IntoIterator<Item = (String, String)>) -> String {
     let mut text = format!("{name} = {{\n");
     for (key, value) in entries {
@@ -199,7 +198,7 @@ fn dictionary(name: &str, entries: impl IntoIterator<Item = (String, String)>) -
     text + "}\n"
 }
 
-/// Fields of a struct for Python: offset, name, type of a number, how many.
+/// Fields of a struct for Python: offset, name, type of a number, count.
 fn python_fields(name: &str, prefix: &str) -> String {
     let mut text = format!("{name} = [\n");
     for (offset, bytes, kind, field) in header_fields() {
@@ -213,15 +212,15 @@ fn python_fields(name: &str, prefix: &str) -> String {
 }
 
 fn python_services() -> String {
-    let roster = Roster(vec![(Role::Flow, 9)]);
+    let rank_counts = RankCounts(vec![(Role::Flow, 9)]);
     let (role, rank) = (Role::Flow, 7);
     let names = [
-        ("command", roster.command(role).0),
-        ("answer", roster.answer(role, rank).0),
-        ("layout", roster.layout(role, rank).0),
-        ("grid", roster.grid(rank).0),
-        ("bell", roster.bell(role).0),
-        ("coupler_bell", roster.coupler_bell().0.to_string()),
+        ("command", rank_counts.command(role).0),
+        ("answer", rank_counts.answer(role, rank).0),
+        ("layout", rank_counts.layout(role, rank).0),
+        ("grid", rank_counts.grid(rank).0),
+        ("bell", rank_counts.wake_event(role).0),
+        ("coupler_bell", rank_counts.coupler_event().0.to_string()),
     ];
     let place = |name: String| name.replace(role.name(), "{role}").replace('7', "{rank}");
     dictionary("SERVICES", names.map(|(key, name)| (key.to_string(), format!("\"{}\"", place(name)))))
@@ -246,7 +245,7 @@ fn python_statistics() -> String {
     text + "}\n"
 }
 
-/// Everything that the Python kit needs to know of the contract as a number or a name.
+/// All numbers and names of the contract that the Python kit needs.
 fn python() -> String {
     let mut text = String::from(
         "\"\"\"Numbers and names of the contract. Written from the code of crates/channel:\n\
@@ -262,10 +261,10 @@ fn python() -> String {
         ("TEXT_WORDS", TEXT_WORDS.to_string()),
         ("BUFFER", BUFFER.to_string()),
         ("ALIGNMENT", ALIGNMENT.to_string()),
-        ("LOOK_S", format!("{:?}", LOOK.as_secs_f64())),
-        ("GUARDIAN_INTERVAL_S", format!("{:?}", Guardian::INTERVAL.as_secs_f64())),
-        ("GUARDIAN_LOOKS", Guardian::LOOKS.to_string()),
-        ("ORPHAN", Guardian::ORPHAN.to_string()),
+        ("LOOK_S", format!("{:?}", LIVENESS_INTERVAL.as_secs_f64())),
+        ("GUARDIAN_INTERVAL_S", format!("{:?}", Watchdog::INTERVAL.as_secs_f64())),
+        ("GUARDIAN_LOOKS", Watchdog::MAX_MISSED_POLLS.to_string()),
+        ("ORPHAN", Watchdog::ORPHAN.to_string()),
         ("MEMORY", format!("{MEMORY:?}")),
         ("LOCK", format!("{LOCK:?}")),
         ("KEY_DIGITS", KEY_DIGITS.to_string()),
@@ -273,11 +272,14 @@ fn python() -> String {
         let _ = writeln!(text, "{name} = {value}");
     }
     let number = |n: usize| n.to_string();
-    let quoted = |unit: Unit| format!("\"{}\"", shouted(&format!("{unit:?}")));
+    let quoted = |unit: Unit| format!("\"{}\"", screaming_snake_case(&format!("{unit:?}")));
     let roles = |of: fn(Role) -> Unit| Role::ALL.map(|r| (r.name().to_string(), quoted(of(r))));
-    let unit_name = |u: Unit| shouted(&format!("{u:?}"));
+    let unit_name = |u: Unit| screaming_snake_case(&format!("{u:?}"));
     text += &dictionary("ROLES", Role::ALL.map(|r| (r.name().to_string(), role_code(r).to_string())));
-    text += &dictionary("KINDS", Kind::ALL.map(|k| (shouted(&format!("{k:?}")), number(k as usize))));
+    text += &dictionary(
+        "KINDS",
+        Kind::ALL.map(|k| (screaming_snake_case(&format!("{k:?}")), number(k as usize))),
+    );
     text += &dictionary("UNITS", Unit::ALL.map(|u| (unit_name(u), number(u as usize))));
     text += &dictionary("WIDTHS", Unit::ALL.map(|u| (unit_name(u), number(u.width()))));
     text += &dictionary("INPUTS", roles(Unit::of_input));
@@ -290,9 +292,9 @@ fn python() -> String {
     text + &python_statistics()
 }
 
-/// No number or name of the Python kit can leave the code: it has them all from this file.
+/// The Python kit has all its numbers and names from this file.
 #[test]
-fn the_python_kit_knows_what_the_code_does() {
+fn python_table_matches_the_code() {
     let made = python();
     if std::env::var_os("RIPSTOP_WRITE_DOCS").is_some() {
         std::fs::write(PYTHON, made).expect("written");
@@ -303,14 +305,14 @@ fn the_python_kit_knows_what_the_code_does() {
         let line = kept.lines().zip(made.lines()).find(|(a, b)| a != b);
         panic!(
             "python/ripstop/table.py differs from the code (Python, code): {line:?}\n\
-             RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc writes it anew"
+              RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc regenerates it"
         );
     }
 }
 
 #[test]
-fn the_contract_document_says_what_the_code_does() {
-    let mut document = std::fs::read_to_string(DOCUMENT).expect("docs/contract.md");
+fn contract_document_matches_the_code() {
+    let mut document = std::fs::read_to_string(DOCUMENT).expect("docs/reference/contract.md");
     let old = document.clone();
     let tables = [
         ("constants", constants()),
@@ -333,14 +335,14 @@ fn the_contract_document_says_what_the_code_does() {
     } else if old != document {
         let line = old.lines().zip(document.lines()).find(|(a, b)| a != b);
         panic!(
-            "docs/contract.md differs from the code (document, code): {line:?}\n\
-             a change of the contract needs a new version; then RIPSTOP_WRITE_DOCS=1 cargo test -p channel"
+            "docs/reference/contract.md differs from the code (document, code): {line:?}\n\
+              a change of the contract requires a new version; then run RIPSTOP_WRITE_DOCS=1 cargo test -p channel"
         );
     }
 }
 
 #[test]
-fn headers_have_no_gaps() {
+fn headers_have_no_padding() {
     let mut end = 0;
     for (offset, bytes, _, name) in header_fields() {
         assert_eq!(offset, end, "a gap before {name}");
@@ -349,12 +351,12 @@ fn headers_have_no_gaps() {
     assert_eq!((end, size_of::<Header>(), align_of::<Header>()), (416, 416, 8));
 }
 
-/// The layout of version 3, written out: a change of it must change the version.
+/// The layout of version 3, written out: any change requires a new version.
 #[test]
-fn version_3_is_what_it_was() {
+fn layout_of_version_3_is_unchanged() {
     use crate::structure_stats::{AIR_FORCE, LINEAR_S};
     assert_eq!((CONTRACT_VERSION, STATS), (3, 32));
-    // Version 1 had two times in seconds here, of which the second is a force now.
+    // Version 1 had two times in seconds here; the second is a force now.
     assert_eq!([LINEAR_S, AIR_FORCE], [12, 13]);
     let offsets: Vec<usize> = header_fields().iter().map(|f| f.0).collect();
     let expected = [0, 8, 12, 16, 24, 28, 32, 40, 44, 48, 56, 64, 72, 80, 88, 96, 104, 128, 152, 160];

@@ -1,12 +1,12 @@
-//! When the answer of a program counts as converged: its residual beside the target that it states.
+//! Convergence of a response: its residual against the target that the program states.
 
 use case::Role;
 
 use crate::{STATS, flow_stats, mesh_stats, structure_stats};
 
-/// An accepted answer may leave its residual above the target by less than this factor; beyond it the
-/// window is not accepted. One decade: errors of the solvers then still lie below those that the
-/// tolerances were chosen for by a decade, as the defaults keep two decades between both.
+/// An accepted response may exceed its target by less than this factor; beyond it the window is not accepted. One
+/// decade: the defaults keep the solvers' errors two decades below those that the tolerances were chosen for, so one
+/// decade remains.
 pub const UNCONVERGED_LIMIT: f64 = 10.0;
 
 /// Residual and target in the statistics of a program; `None` where it states no target.
@@ -19,7 +19,7 @@ pub fn residual_and_target(role: Role, values: &[f64; STATS]) -> Option<(f64, f6
     (values[target] > 0.0).then(|| (values[residual], values[target]))
 }
 
-/// Residual over its target: 1 and below is converged. `None` where the program states no target.
+/// Residual relative to its target: converged up to 1. `None` where the program states no target.
 pub fn excess(role: Role, values: &[f64; STATS]) -> Option<f64> {
     residual_and_target(role, values).map(|(residual, target)| residual / target)
 }
@@ -29,13 +29,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_without_a_target_is_not_judged() {
+    fn response_without_a_target_is_not_judged() {
         let mut values = [0.0; STATS];
         values[flow_stats::RESIDUAL_END] = 3.0;
         assert_eq!(excess(Role::Flow, &values), None);
         values[flow_stats::RESIDUAL_TARGET] = 0.5;
         assert_eq!(excess(Role::Flow, &values), Some(6.0));
-        // Indices belong to a role: the same numbers say nothing of another program.
+        // Indices belong to a role: the same index has another meaning for another program.
         assert_eq!(excess(Role::Structure, &[0.0; STATS]), None);
     }
 }

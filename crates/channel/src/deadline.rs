@@ -1,10 +1,10 @@
-//! How long to wait for somebody, and when to say so.
+//! Limits of waiting times.
 
 use std::time::{Duration, Instant};
 
-/// A limit of time that runs from when it was made; without a limit it never ends.
+/// A time limit that starts when it is created; without a limit it never expires.
 ///
-/// All waits of the channel and of the coupler's launcher end by one: for a coupler, for a command, for an answer, for a
+/// All waits of the channel and of the coupler's launcher are bounded by one: for a coupler, a command, a response, a
 /// process.
 #[derive(Clone, Copy, Debug)]
 pub struct Deadline {
@@ -13,12 +13,12 @@ pub struct Deadline {
 }
 
 impl Deadline {
-    /// Begins now. `None`: no limit.
+    /// Starts now. `None`: no limit.
     pub fn after(limit: impl Into<Option<Duration>>) -> Self {
         Self { start: Instant::now(), limit: limit.into() }
     }
 
-    /// Time since its begin, without what it was extended by.
+    /// Time since its start, less its extensions.
     pub fn elapsed(&self) -> Duration {
         self.start.elapsed()
     }
@@ -28,7 +28,7 @@ impl Deadline {
         self.limit.is_some_and(|limit| self.elapsed() >= limit)
     }
 
-    /// What is left of it, `longest` at most: how long to sleep before the next look. Zero: it is over.
+    /// Remaining time, at most `longest`: how long to sleep before the next poll. Zero: expired.
     pub fn left(&self, longest: Duration) -> Duration {
         self.limit.map_or(longest, |limit| limit.saturating_sub(self.elapsed()).min(longest))
     }
@@ -38,12 +38,12 @@ impl Deadline {
         self.limit.unwrap_or_default().as_secs_f64()
     }
 
-    /// Ends `by` later: what passed in it is nobody's delay.
+    /// Extends the limit by `by`, a time in which nobody could respond.
     pub fn extend(&mut self, by: Duration) {
         self.start += by;
     }
 
-    /// Looks every `pause` until `done` or the limit has passed; whether it was done.
+    /// Polls `done` every `pause` until it is true or the limit has expired; returns whether it was true.
     pub fn poll(&self, pause: Duration, mut done: impl FnMut() -> bool) -> bool {
         loop {
             if done() {
@@ -57,20 +57,20 @@ impl Deadline {
     }
 }
 
-/// Says once that a search takes long.
+/// Reports once that a search takes long.
 #[derive(Default)]
-pub(crate) struct Reminder {
-    said: bool,
+pub(crate) struct SlowWaitNotice {
+    reported: bool,
 }
 
-impl Reminder {
+impl SlowWaitNotice {
     /// Time after which a search is reported.
     pub const AFTER: Duration = Duration::from_secs(10);
 
-    /// Whether it is to be said now.
+    /// Whether to report now.
     pub fn is_due(&mut self, searched: Duration) -> bool {
-        let due = !self.said && searched > Self::AFTER;
-        self.said |= due;
+        let due = !self.reported && searched > Self::AFTER;
+        self.reported |= due;
         due
     }
 }
@@ -82,7 +82,7 @@ mod tests {
     const LONG: Duration = Duration::from_secs(3600);
 
     #[test]
-    fn a_limit_ends_and_none_does_not() {
+    fn limit_expires_and_no_limit_does_not() {
         let over = Deadline::after(Duration::ZERO);
         assert!(over.is_over() && over.left(LONG).is_zero());
         let never = Deadline::after(None);
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn an_extended_limit_ends_later() {
+    fn extended_limit_expires_later() {
         let mut over = Deadline::after(Duration::from_nanos(1));
         std::thread::sleep(Duration::from_millis(1));
         assert!(over.is_over());
@@ -104,21 +104,21 @@ mod tests {
     }
 
     #[test]
-    fn what_is_done_at_once_counts_also_after_the_limit() {
+    fn completion_at_the_first_poll_counts_after_the_limit() {
         let over = Deadline::after(Duration::ZERO);
         assert!(over.poll(LONG, || true) && !over.poll(LONG, || false));
-        let mut looks = 0;
+        let mut polls = 0;
         let done = || {
-            looks += 1;
-            looks == 3
+            polls += 1;
+            polls == 3
         };
         assert!(Deadline::after(None).poll(Duration::from_micros(1), done));
     }
 
     #[test]
-    fn a_long_search_is_said_once() {
-        let late = Reminder::AFTER + Duration::from_nanos(1);
-        let mut reminder = Reminder::default();
-        assert!(!reminder.is_due(Reminder::AFTER) && reminder.is_due(late) && !reminder.is_due(late));
+    fn long_search_is_reported_once() {
+        let late = SlowWaitNotice::AFTER + Duration::from_nanos(1);
+        let mut reminder = SlowWaitNotice::default();
+        assert!(!reminder.is_due(SlowWaitNotice::AFTER) && reminder.is_due(late) && !reminder.is_due(late));
     }
 }

@@ -1,4 +1,4 @@
-//! How a session can fail, on either side.
+//! Errors of a session, on either side.
 
 use case::Role;
 
@@ -6,14 +6,14 @@ use crate::Fault;
 
 /// A rank of a program, for messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Who {
+pub struct RankId {
     /// Role of the program.
     pub role: Role,
     /// Rank within the program.
     pub rank: usize,
 }
 
-impl std::fmt::Display for Who {
+impl std::fmt::Display for RankId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} (rank {})", self.role.program(), self.rank)
     }
@@ -23,7 +23,7 @@ impl std::fmt::Display for Who {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct Abort {
-    /// One message for a person.
+    /// The message.
     pub message: String,
 }
 
@@ -34,7 +34,7 @@ impl Abort {
     }
 }
 
-/// Why the coupler's side ends.
+/// Why the coupler's side of a session fails.
 #[derive(Debug, thiserror::Error)]
 pub enum HubError {
     /// A live coupler already has a session of this name.
@@ -44,10 +44,10 @@ pub enum HubError {
     SessionInUse {
         /// Name of the session.
         session: String,
-        /// Who holds it.
+        /// Its process.
         owner: String,
     },
-    /// Two sides do not fit each other.
+    /// Two sides do not match.
     #[error("{message}")]
     Refused {
         /// Who announced what, against what, and the remedy.
@@ -56,45 +56,45 @@ pub enum HubError {
     /// A participant reported an error.
     #[error("{who} failed in {during}: {fault}")]
     Fault {
-        /// The culprit.
-        who: Who,
+        /// The rank that failed.
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
-        /// What it reported.
+        /// The reported error.
         fault: Fault,
     },
-    /// A participant's process is gone without a word.
+    /// The process of a participant ended without a message.
     #[error("{who} died in {during} without a message: see its log")]
     Died {
-        /// The culprit.
-        who: Who,
+        /// The rank that ended.
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
     },
-    /// A participant did not answer in time.
-    #[error("{who} gave no answer in {during} for {seconds:.1} s (its deadline){}", seen(.state))]
+    /// A participant did not respond in time.
+    #[error("{who} did not respond in {during} for {seconds:.1} s (its deadline){}", state_text(.state))]
     Deadline {
-        /// The culprit.
-        who: Who,
+        /// The rank that did not respond.
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
         /// The deadline, s.
         seconds: f64,
-        /// What its process does, where that tells; else empty.
+        /// State of its process, where the kernel reports it; else empty.
         state: &'static str,
     },
-    /// A message came out of turn, or with contents that break the contract.
-    #[error("{who} broke the contract in {during}: {problem}")]
+    /// A message out of order, or with contents that violate the contract.
+    #[error("{who} violated the contract in {during}: {problem}")]
     Contract {
-        /// The culprit.
-        who: Who,
+        /// The rank that sent it.
+        who: RankId,
         /// Window and iteration, or another step of the run.
         during: String,
-        /// What was expected and what came.
+        /// What was expected and what was received.
         problem: String,
     },
-    /// The caller asked for something that the contract does not allow.
-    #[error("the coupler broke the contract: {0}")]
+    /// The caller requested something that the contract does not allow.
+    #[error("the coupler violated the contract: {0}")]
     Misuse(String),
     /// The caller ended the wait.
     #[error(transparent)]
@@ -114,7 +114,7 @@ pub enum ServeError {
     NoCoupler {
         /// Name of the session.
         session: String,
-        /// How long was waited, s.
+        /// Waiting time, s.
         seconds: f64,
     },
     /// The coupler refused this participant, or cannot be joined.
@@ -123,7 +123,7 @@ pub enum ServeError {
         /// Who announced what, against what, and the remedy.
         message: String,
     },
-    /// The participant's own error; the coupler was told.
+    /// The participant's own error; it was reported to the coupler.
     #[error("{during}: {fault}")]
     Fault {
         /// Window and iteration, or another step of the run.
@@ -131,7 +131,7 @@ pub enum ServeError {
         /// What went wrong.
         fault: Fault,
     },
-    /// The run failed elsewhere, and the coupler said so.
+    /// The run failed elsewhere, as the coupler reported.
     #[error("the run was ended in {during}: {message}")]
     Aborted {
         /// What the coupler reported.
@@ -139,7 +139,7 @@ pub enum ServeError {
         /// Window and iteration, or another step of the run.
         during: String,
     },
-    /// The coupler's process is gone.
+    /// The coupler's process has ended.
     #[error("the coupler of session `{session}` (process {pid}) died in {during}")]
     CouplerDied {
         /// Name of the session.
@@ -149,9 +149,9 @@ pub enum ServeError {
         /// Window and iteration, or another step of the run.
         during: String,
     },
-    /// The coupler was silent for too long.
+    /// The coupler sent nothing for too long.
     #[error(
-        "the coupler of session `{session}` said nothing in {during} for {seconds:.1} s (the deadline of this program)"
+        "the coupler of session `{session}` sent nothing in {during} for {seconds:.1} s (the deadline of this program)"
     )]
     Deadline {
         /// Name of the session.
@@ -161,12 +161,12 @@ pub enum ServeError {
         /// Window and iteration, or another step of the run.
         during: String,
     },
-    /// The coupler or a partner broke the contract.
-    #[error("message out of turn in {during}: {problem}")]
+    /// The coupler or a partner violated the contract.
+    #[error("message out of order in {during}: {problem}")]
     Contract {
         /// Window and iteration, or another step of the run.
         during: String,
-        /// What was expected and what came.
+        /// What was expected and what was received.
         problem: String,
     },
     /// Shared memory, files or locks of the session failed.
@@ -177,31 +177,31 @@ pub enum ServeError {
 /// A failure below the contract.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// A name that cannot be a session's.
+    /// A name that is not valid for a session.
     #[error("`{0}` cannot name a session: 1 to 64 letters, digits, `-`, `_` and `.` are allowed")]
     BadName(String),
     /// A file or folder of the session.
     #[error("{path}: {source}")]
     File {
-        /// Which.
+        /// The file.
         path: std::path::PathBuf,
-        /// Why.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// The folder of all sessions is not this user's alone.
-    #[error("{path} {problem}: remove it")]
+    /// The folder of all sessions is accessible to other users.
+    #[error("{path} {problem}, so sessions in it are not safe: remove it")]
     Untrusted {
-        /// Which.
+        /// The folder.
         path: std::path::PathBuf,
-        /// What is wrong with it.
+        /// Why it is not accepted.
         problem: String,
     },
-    /// A process of the session still lives.
+    /// A process of the session is still running.
     #[error("session `{session}` still has a running process: {who}")]
     StillAlive {
         /// Name of the session.
         session: String,
-        /// Name of its lock.
+        /// Name of the process's lock.
         who: String,
     },
     /// Too little shared memory.
@@ -209,16 +209,16 @@ pub enum SessionError {
         "{what} needs {needed} MB in {path}, where {free} MB are free: make room or enlarge it (mount -o remount,size=...)"
     )]
     Memory {
-        /// Where.
+        /// Shared memory.
         path: std::path::PathBuf,
-        /// For which service.
+        /// The service that needs it.
         what: String,
         /// Needed, MB.
         needed: u64,
         /// Free, MB.
         free: u64,
     },
-    /// The shared-memory transport.
+    /// An error of the shared-memory transport.
     #[error("shared memory, {what}: {problem}{}", remedy(.problem))]
     Transport {
         /// Service or port.
@@ -228,13 +228,13 @@ pub enum SessionError {
     },
 }
 
-fn seen(state: &str) -> String {
+fn state_text(state: &str) -> String {
     if state.is_empty() { String::new() } else { format!(": {state}") }
 }
 
 fn remedy(problem: &str) -> &'static str {
     if problem.contains("Memory") || problem.contains("DataSegment") {
-        " (is /dev/shm full? `df -h /dev/shm` tells)"
+        " (is /dev/shm full? Check with `df -h /dev/shm`)"
     } else {
         ""
     }

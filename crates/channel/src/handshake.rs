@@ -1,4 +1,4 @@
-//! The coupler's part of the handshake: who has arrived, and do they fit.
+//! The coupler's part of the handshake: arrival of the participants, and consistency of their announcements.
 
 use std::time::Duration;
 
@@ -8,14 +8,14 @@ use crate::deadline::Deadline;
 use crate::header::{Kind, Unit, unpack_text};
 use crate::hub::{Hub, OnWait};
 use crate::hub_options::{Arrivals, HubOptions, Interface, RoleOptions};
-use crate::session::Watch;
+use crate::session::LockMonitor;
 use crate::wire::{Hello, Welcome, decode_rows, to_json};
-use crate::{Abort, CONTRACT_VERSION, HubError, OWN_SURFACE, Who, Window};
+use crate::{Abort, CONTRACT_VERSION, HubError, OWN_SURFACE, RankId, Window};
 
-/// Rows that may be missing without a doubt about the total.
-const SOME: u64 = 1 << 20;
-/// Between two calls of the caller while participants arrive.
-const TICK: Duration = Duration::from_millis(100);
+/// Rows by which a total may exceed the received layouts.
+const ROW_MARGIN: u64 = 1 << 20;
+/// Time between two calls of the caller while participants arrive.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 impl Hub {
     pub(crate) fn handshake(
@@ -24,10 +24,10 @@ impl Hub {
     ) -> Result<(), HubError> {
         let wait = Deadline::after(self.options.arrival_deadline);
         self.arrivals(wait, on_wait)?;
-        if let Err(message) = self.fit() {
+        if let Err(message) = self.check_announcements() {
             let roles: Vec<Role> = self.programs.iter().map(|p| p.role).collect();
-            // They are told by the end of the session if not by this.
-            let _ = self.tell(&roles, Kind::Refuse, &Window::default(), &message);
+            // The end of the session informs them if this message does not.
+            let _ = self.send_command(&roles, Kind::Refuse, &Window::default(), &message);
             return Err(HubError::Refused { message });
         }
         let all = self.arrived(wait);
@@ -56,7 +56,7 @@ impl Hub {
     ) -> Result<(), HubError> {
         loop {
             let dead = self.dead();
-            self.greet()?;
+            self.receive_announcements()?;
             let arrivals = self.arrived(wait);
             on_wait(&arrivals)?;
             let Some(&missing) = arrivals.missing.first() else { return Ok(()) };
@@ -67,12 +67,12 @@ impl Hub {
                 let (who, during, seconds) = (missing, "the handshake".into(), wait.limit_s());
                 return Err(HubError::Deadline { who, during, seconds, state: "" });
             }
-            self.sleep(TICK)?;
+            self.sleep(POLL_INTERVAL)?;
         }
     }
 
-    /// Announcements that have come since the last call.
-    fn greet(&mut self) -> Result<(), HubError> {
+    /// Receives the announcements that have arrived since the last call.
+    fn receive_announcements(&mut self) -> Result<(), HubError> {
         self.drain()?;
         for rank in self.programs.iter_mut().flat_map(|p| &mut p.ranks) {
             if let Some(message) = rank.answer.take() {
@@ -92,14 +92,14 @@ impl Hub {
                         return Err(rank.broken(Kind::Announce, &Window::default(), problem));
                     }
                 }
-                let Who { role, rank: number } = rank.who;
-                rank.watch = Watch::on(&self.place.lock_file(&format!("{}.{number}", role.name())));
+                let RankId { role, rank: number } = rank.who;
+                rank.watch = LockMonitor::on(&self.place.lock_file(&format!("{}.{number}", role.name())));
             }
         }
         Ok(())
     }
 
-    /// What ranks published as their layout.
+    /// The layout that a rank published.
     fn layout(&mut self, role: Role, rank: usize) -> Result<Vec<f64>, HubError> {
         let id = self.id;
         let rank = &mut self.program(role)?.ranks[rank];
@@ -116,20 +116,20 @@ impl Hub {
     }
 
     /// Checks the announcements against the session and each other.
-    fn fit(&mut self) -> Result<(), String> {
+    fn check_announcements(&mut self) -> Result<(), String> {
         let hellos = |role: Role| {
             let program = self.programs.iter().find(|p| p.role == role);
             program.into_iter().flat_map(|p| &p.ranks).filter_map(|r| Some((r.who, r.hello.clone()?)))
         };
-        let all: Vec<(Who, Hello)> = Role::ALL.into_iter().flat_map(hellos).collect();
+        let all: Vec<(RankId, Hello)> = Role::ALL.into_iter().flat_map(hellos).collect();
         self.interface = check(&self.options, &all)?;
         for program in &mut self.programs {
             let unit = Unit::of_input(program.role);
             // The same for all but a structure with a surface of its own.
-            let said = program.ranks[0].hello.as_ref().map(|h| &h.announcement);
+            let reported = program.ranks[0].hello.as_ref().map(|h| &h.announcement);
             let rows = match unit {
-                Unit::LoadPair => said.map_or(0, |a| a.canopy_faces),
-                Unit::Displacement => said.map_or(0, |a| a.canopy_nodes),
+                Unit::LoadPair => reported.map_or(0, |a| a.canopy_faces),
+                Unit::Displacement => reported.map_or(0, |a| a.canopy_nodes),
                 _ => 0,
             };
             program.input_length = rows as usize * unit.width();
@@ -137,7 +137,7 @@ impl Hub {
         Ok(())
     }
 
-    /// Tells each participant of its partners, and has the layouts published.
+    /// Informs each participant of its partners, and requests the layouts.
     fn welcome(&mut self, on_wait: OnWait<'_>) -> Result<(), HubError> {
         let roles: Vec<Role> = self.programs.iter().map(|p| p.role).collect();
         let mesh = self.programs.iter().find(|p| p.role == Role::Mesh);
@@ -148,16 +148,16 @@ impl Hub {
             }
             _ => Vec::new(),
         };
-        let grid_readers = if linked { self.roster.ranks(Role::Flow) } else { 0 };
+        let grid_readers = if linked { self.rank_counts.ranks(Role::Flow) } else { 0 };
         for &role in &roles {
             let input_length = self.program(role)?.input_length as u64;
             let coupler_reads_grid = self.options.watch_grid;
             let mesh_rows = mesh_rows.clone();
             let text = to_json(&Welcome { input_length, mesh_rows, grid_readers, coupler_reads_grid })?;
-            self.tell(&[role], Kind::Welcome, &Window::default(), &text)?;
+            self.send_command(&[role], Kind::Welcome, &Window::default(), &text)?;
         }
         self.finish(&roles, on_wait)?;
-        self.ask(&roles, Kind::SendLayout, &Window::default(), "", on_wait)?;
+        self.request(&roles, Kind::SendLayout, &Window::default(), "", on_wait)?;
         self.layouts()
     }
 
@@ -176,18 +176,18 @@ impl Hub {
             };
             let all = 0..self.programs[p].ranks.len();
             let layouts: Vec<Vec<f64>> = all.map(|r| self.layout(role, r)).collect::<Result<_, _>>()?;
-            // What came is in memory already; a total is only a claim, and memory is taken for it.
+            // Layouts are already in memory; a total is only a claim for which memory would be allocated.
             let came: u64 = layouts.iter().map(|l| l.len() as u64).sum();
-            if !is_supported(total, came) {
-                let problem = format!("{came} rows were laid out of the {total} that were announced");
+            if !is_plausible(total, came) {
+                let problem = format!("its ranks laid out {came} rows, but announced {total}");
                 return Err(self.programs[p].ranks[0].broken(Kind::Layout, &Window::default(), problem));
             }
-            let mut owner = Owner::new(total);
+            let mut owner = RowOwners::new(total);
             for (r, layout) in layouts.into_iter().enumerate() {
                 let rank = &mut self.programs[p].ranks[r];
                 let count = rank.hello.as_ref().map_or(0, |h| h.output_rows as usize);
                 let result = decode_rows(&layout)
-                    .ok_or_else(|| "its layout holds a number that is no row".to_string())
+                    .ok_or_else(|| "its layout holds a number that is not a row index".to_string())
                     .and_then(|rows| owner.claim(r, &rows[..count]).map(|()| rows));
                 match result {
                     Ok(mut rows) => {
@@ -202,25 +202,25 @@ impl Hub {
             }
         }
         for rank in self.programs.iter_mut().flat_map(|p| &mut p.ranks) {
-            rank.settle();
+            rank.drop_handshake_channels();
         }
         Ok(())
     }
 }
 
-/// Whether `total` rows can be true where layouts of `came` rows have come: memory is taken for them.
-fn is_supported(total: u64, came: u64) -> bool {
-    total <= 2 * came + SOME
+/// Whether a total of `total` rows is plausible for layouts of `came` rows: memory is allocated for it.
+fn is_plausible(total: u64, came: u64) -> bool {
+    total <= 2 * came + ROW_MARGIN
 }
 
-/// Which rank holds each row.
-struct Owner(Vec<u32>);
+/// The rank of each row.
+struct RowOwners(Vec<u32>);
 
-const NOBODY: u32 = u32::MAX;
+const UNOWNED: u32 = u32::MAX;
 
-impl Owner {
+impl RowOwners {
     fn new(rows: u64) -> Self {
-        Self(vec![NOBODY; rows as usize])
+        Self(vec![UNOWNED; rows as usize])
     }
 
     fn claim(&mut self, rank: usize, rows: &[u64]) -> Result<(), String> {
@@ -229,7 +229,7 @@ impl Owner {
             let Some(owner) = self.0.get_mut(row as usize) else {
                 return Err(format!("output row {row} is beyond the {total} rows of the interface"));
             };
-            if *owner != NOBODY {
+            if *owner != UNOWNED {
                 return Err(format!("output row {row} is on rank {rank} and on rank {owner}"));
             }
             *owner = rank as u32;
@@ -238,16 +238,16 @@ impl Owner {
     }
 
     fn complete(&self) -> Result<(), String> {
-        match self.0.iter().position(|&owner| owner == NOBODY) {
+        match self.0.iter().position(|&owner| owner == UNOWNED) {
             None => Ok(()),
             Some(row) => Err(format!("output row {row} is on no rank")),
         }
     }
 }
 
-/// Checks what the ranks announce against the session and each other. Returns
-/// the interface they share, or one message that names both sides.
-fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, String> {
+/// Checks the announcements of the ranks against the session and each other. Returns the interface that they share,
+/// or a message that names both sides.
+fn check(options: &HubOptions, hellos: &[(RankId, Hello)]) -> Result<Interface, String> {
     for (who, hello) in hellos {
         let spec = options.roles.iter().find(|r| r.role == who.role);
         check_alone(options, spec.ok_or("a program without a role")?, *who, hello)?;
@@ -261,8 +261,8 @@ fn check(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Interface, Str
     interface.ok_or_else(|| "nobody has arrived".into())
 }
 
-/// Whether a structure couples on a surface of its own, which the scene's canopy says nothing about.
-fn has_own_surface(who: Who, hello: &Hello) -> bool {
+/// Whether a structure couples on a surface of its own, unrelated to the scene's canopy.
+fn has_own_surface(who: RankId, hello: &Hello) -> bool {
     who.role == Role::Structure && hello.announcement.effects.iter().any(|e| e == OWN_SURFACE)
 }
 
@@ -271,8 +271,8 @@ fn announced(hello: &Hello) -> Interface {
     Interface { nodes: a.canopy_nodes, faces: a.canopy_faces, surface_hash: a.surface_hash }
 }
 
-/// The canopy that the scene and all programs have, but for structures with a surface of their own.
-fn one_canopy(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Option<Interface>, String> {
+/// The canopy of the scene and of all programs, except structures with a surface of their own.
+fn one_canopy(options: &HubOptions, hellos: &[(RankId, Hello)]) -> Result<Option<Interface>, String> {
     let mut known = options.interface.map(|i| ("the coupler (from the scene)".to_string(), i));
     for (who, hello) in hellos.iter().filter(|(who, hello)| !has_own_surface(*who, hello)) {
         let here = announced(hello);
@@ -289,8 +289,8 @@ fn one_canopy(options: &HubOptions, hellos: &[(Who, Hello)]) -> Result<Option<In
     Ok(known.map(|(_, interface)| interface))
 }
 
-/// All ranks of a structure with a surface of its own have the same.
-fn one_own_surface(hellos: &[(Who, Hello)]) -> Result<(), String> {
+/// All ranks of a structure with a surface of its own must have the same.
+fn one_own_surface(hellos: &[(RankId, Hello)]) -> Result<(), String> {
     let mut own = hellos.iter().filter(|(who, hello)| has_own_surface(*who, hello));
     let Some((other, first)) = own.next() else { return Ok(()) };
     let expected = announced(first);
@@ -304,8 +304,8 @@ fn one_own_surface(hellos: &[(Who, Hello)]) -> Result<(), String> {
     }
 }
 
-/// Flow and mesh have the same grid; a structure has none.
-fn one_grid(hellos: &[(Who, Hello)]) -> Result<(), String> {
+/// Flow and mesh must have the same grid; a structure has none.
+fn one_grid(hellos: &[(RankId, Hello)]) -> Result<(), String> {
     let mut grids = hellos.iter().filter(|(who, _)| who.role != Role::Structure);
     let Some((other, first)) = grids.next() else { return Ok(()) };
     let nodes = first.announcement.grid_nodes;
@@ -319,7 +319,7 @@ fn one_grid(hellos: &[(Who, Hello)]) -> Result<(), String> {
     }
 }
 
-fn check_rows(who: Who, hello: &Hello) -> Result<(), String> {
+fn check_rows(who: RankId, hello: &Hello) -> Result<(), String> {
     let a = &hello.announcement;
     let rows = match who.role {
         Role::Structure => a.canopy_nodes,
@@ -330,7 +330,7 @@ fn check_rows(who: Who, hello: &Hello) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "{who} announces {} output rows of {rows} and {} grid rows of {}: no rank can have more than all",
+        "{who} announces {} output rows of {rows} and {} grid rows of {}: a rank cannot have more rows than there are",
         hello.output_rows, hello.grid_rows, a.grid_nodes
     ))
 }
@@ -339,7 +339,7 @@ fn canopy(i: &Interface) -> String {
     format!("{} nodes and {} faces (hash {:016x})", i.nodes, i.faces, i.surface_hash)
 }
 
-fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello) -> Result<(), String> {
+fn check_alone(options: &HubOptions, spec: &RoleOptions, who: RankId, hello: &Hello) -> Result<(), String> {
     let a = &hello.announcement;
     let name = format!("{who} ({} {})", a.program, a.version);
     let differ = |what: &str, here: String, there: String, remedy: &str| {
@@ -361,7 +361,7 @@ fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello
             "rank count",
             spec.ranks.to_string(),
             hello.ranks.to_string(),
-            "start it with as many ranks as the scene or `--ranks` says",
+            "start it with the number of ranks in the scene or in `--ranks`",
         );
     }
     if hello.stage != options.stage {
@@ -369,13 +369,18 @@ fn check_alone(options: &HubOptions, spec: &RoleOptions, who: Who, hello: &Hello
     }
     let width = Unit::of_output(who.role).width() as u64;
     if a.output_width != width {
-        return differ("output width", width.to_string(), a.output_width.to_string(), "see docs/contract.md");
+        return differ(
+            "output width",
+            width.to_string(),
+            a.output_width.to_string(),
+            "see docs/reference/contract.md",
+        );
     }
     let lacking: Vec<&str> =
         spec.effects.iter().filter(|e| !a.effects.contains(e)).map(String::as_str).collect();
     if !lacking.is_empty() {
         return Err(format!(
-            "the scene calls for `{}`, which {name} does not implement (it has: {}): leave the effect out of \
+            "the scene requires `{}`, which {name} does not implement (it has: {}): remove the effect from \
              the scene or use another program",
             lacking.join("`, `"),
             if a.effects.is_empty() { "none".into() } else { a.effects.join(", ") }
@@ -405,8 +410,8 @@ mod tests {
         }
     }
 
-    /// Structure, flow and mesh of 7 nodes, 5 faces and 11 grid nodes, which hold all of them.
-    fn hellos() -> Vec<(Who, Hello)> {
+    /// Structure, flow and mesh of 7 nodes, 5 faces and 11 grid nodes, each rank with all rows.
+    fn hellos() -> Vec<(RankId, Hello)> {
         let hello = |(role, width): (Role, u64)| {
             let announcement = Announcement {
                 role: role.name().into(),
@@ -427,7 +432,7 @@ mod tests {
             let grid_rows = if role == Role::Flow { 11 } else { 0 };
             let (contract, stage, rank, ranks, pid) = (CONTRACT_VERSION, 2, 0, 1, 1);
             (
-                Who { role, rank },
+                RankId { role, rank },
                 Hello { contract, stage, rank, ranks, pid, output_rows, grid_rows, announcement },
             )
         };
@@ -435,16 +440,16 @@ mod tests {
     }
 
     #[test]
-    fn a_rank_may_hold_all_rows_and_no_more() {
+    fn rank_may_have_all_rows_but_not_more() {
         let all = Interface { nodes: 7, faces: 5, surface_hash: 9 };
         assert_eq!(check(&options(), &hellos()), Ok(all));
         for i in 0..3 {
             let mut more = hellos();
             more[i].1.output_rows += 1;
             let text = check(&options(), &more).expect_err("one row too many");
-            let said =
+            let reported =
                 format!("announces {} output rows of {}", more[i].1.output_rows, more[i].1.output_rows - 1);
-            assert!(text.contains(&said), "{text}");
+            assert!(text.contains(&reported), "{text}");
             let mut more = hellos();
             more[i].1.grid_rows = 12;
             assert!(
@@ -454,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn each_number_of_an_announcement_must_be_the_expected_one() {
+    fn each_value_of_an_announcement_is_checked() {
         type Change = fn(&mut Hello);
         let changes: [(Change, &str); 8] = [
             (|h| h.contract -= 1, "contract version"),
@@ -466,12 +471,12 @@ mod tests {
             (|h| h.announcement.surface_hash += 1, "canopies differ"),
             (|h| h.announcement.role = "nothing".into(), "role nothing"),
         ];
-        for (change, says) in changes {
+        for (change, expected) in changes {
             for i in 0..3 {
                 let mut all = hellos();
                 change(&mut all[i].1);
-                let text = check(&options(), &all).expect_err(says);
-                assert!(text.contains(says), "{text} lacks {says}");
+                let text = check(&options(), &all).expect_err(expected);
+                assert!(text.contains(expected), "{text} lacks {expected}");
             }
         }
         // Flow and mesh must have the same grid; a structure has none.
@@ -483,15 +488,17 @@ mod tests {
     }
 
     #[test]
-    fn memory_is_taken_for_a_total_that_layouts_support() {
+    fn totals_beyond_the_layouts_are_rejected() {
         for came in [0, 1, 35] {
-            assert!(is_supported(2 * came + SOME, came) && !is_supported(2 * came + SOME + 1, came));
+            assert!(
+                is_plausible(2 * came + ROW_MARGIN, came) && !is_plausible(2 * came + ROW_MARGIN + 1, came)
+            );
         }
     }
 
     #[test]
     fn each_row_belongs_to_one_rank() {
-        let mut owner = Owner::new(3);
+        let mut owner = RowOwners::new(3);
         assert_eq!(owner.claim(0, &[2, 0]), Ok(()));
         assert_eq!(owner.complete(), Err("output row 1 is on no rank".into()));
         assert_eq!(owner.claim(1, &[3]), Err("output row 3 is beyond the 3 rows of the interface".into()));

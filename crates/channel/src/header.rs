@@ -1,4 +1,4 @@
-//! The fixed header of every message, and how text travels.
+//! The fixed header of every message, and the encoding of text.
 
 use case::Role;
 
@@ -7,21 +7,21 @@ use crate::{CONTRACT_VERSION, Stats, Window};
 /// First eight bytes of every header: "RIPSTOP" and a zero, little-endian.
 pub const MAGIC: u64 = u64::from_le_bytes(*b"RIPSTOP\0");
 
-/// What a message is.
+/// Kind of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Kind {
-    /// Rank to coupler: who it is (JSON text, `Hello` in `docs/contract.md`).
+    /// Rank to coupler: its announcement (JSON text, `Hello` in `docs/reference/contract.md`).
     Announce = 1,
-    /// Coupler to program: it fits, here are its partners (JSON text).
+    /// Coupler to program: accepted, with its partners (JSON text).
     Welcome = 2,
-    /// Coupler to program: it does not fit (text).
+    /// Coupler to program: rejected, with the reason (text).
     Refuse = 3,
     /// Coupler to program: publish your layout.
     SendLayout = 4,
     /// Rank to coupler and, from the mesh, to each rank of the flow: global rows.
     Layout = 5,
-    /// Rank to coupler: the last command is carried out.
+    /// Rank to coupler: the last command is completed.
     Done = 6,
     /// Coupler to program: compute a window from this input.
     Advance = 7,
@@ -29,15 +29,15 @@ pub enum Kind {
     Output = 8,
     /// Rank of the mesh to each rank of the flow: its rows of the moved grid.
     Grid = 9,
-    /// Coupler to program: the last answer is final.
+    /// Coupler to program: the last response is accepted.
     Accept = 10,
     /// Coupler to program: write the accepted state below this folder (text).
     Save = 11,
     /// Coupler to program: write pictures below this folder (text).
     Snapshot = 12,
-    /// Coupler to program: the run is over.
+    /// Coupler to program: end of the run.
     Stop = 13,
-    /// Rank to coupler: it cannot go on (text).
+    /// Rank to coupler: an error that ends the run (text).
     Fault = 14,
     /// Coupler to program: the run failed elsewhere (text).
     Abort = 15,
@@ -67,13 +67,13 @@ impl Kind {
     }
 }
 
-/// What the numbers of a payload are.
+/// Meaning of the numbers of a payload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Unit {
     /// No payload.
     None = 0,
-    /// UTF-8 text, eight bytes in each number, padded with zeros.
+    /// UTF-8 text, eight bytes per number, padded with zeros.
     Text = 1,
     /// Global row numbers, exact in a double.
     Rows = 2,
@@ -123,7 +123,7 @@ impl Unit {
     }
 }
 
-/// Header of every message, 352 bytes, little-endian.
+/// Header of every message, 416 bytes, little-endian.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Header {
@@ -139,8 +139,8 @@ pub struct Header {
     pub role: u32,
     /// Rank of the sender in its program.
     pub rank: u32,
-    /// Commands of the coupler to one program count up by one from 1; an answer
-    /// repeats the number of its command (0: not asked for).
+    /// The coupler numbers its commands to a program by consecutive integers from 1; a response repeats the number of
+    /// its command (0: without a command).
     pub sequence: u64,
     /// [`Unit`] of the payload.
     pub unit: u32,
@@ -187,21 +187,21 @@ impl Header {
         self
     }
 
-    /// What is wrong with the parts that every message shares, if anything.
+    /// The first problem in the parts that all messages share, if any.
     pub(crate) fn problem(&self, session: u64, role: u32, rank: usize, length: usize) -> Option<String> {
-        let says = |what: &str, found: String, expected: String| {
+        let mismatch = |what: &str, found: String, expected: String| {
             Some(format!("{what} of the message is {found}, expected {expected}"))
         };
         if self.magic != MAGIC {
-            says("magic number", format!("{:#x}", self.magic), format!("{MAGIC:#x}"))
+            mismatch("magic number", format!("{:#x}", self.magic), format!("{MAGIC:#x}"))
         } else if self.contract != CONTRACT_VERSION {
-            says("contract version", self.contract.to_string(), CONTRACT_VERSION.to_string())
+            mismatch("contract version", self.contract.to_string(), CONTRACT_VERSION.to_string())
         } else if self.session != session {
-            says("session", format!("{:#x}", self.session), format!("{session:#x}"))
+            mismatch("session", format!("{:#x}", self.session), format!("{session:#x}"))
         } else if self.role != role || self.rank as usize != rank {
-            says("sender", format!("{}.{}", self.role, self.rank), format!("{role}.{rank}"))
+            mismatch("sender", format!("{}.{}", self.role, self.rank), format!("{role}.{rank}"))
         } else if self.length != length as u64 {
-            says("length", format!("{} in its header", self.length), format!("{length} as it came"))
+            mismatch("length", format!("{} in its header", self.length), format!("{length} as received"))
         } else {
             None
         }
@@ -220,7 +220,7 @@ pub fn role_code(role: Role) -> u32 {
 /// [`Header::role`] of the coupler.
 pub(crate) const COUPLER: u32 = 0;
 
-/// Numbers that `text` fills.
+/// Numbers that hold `text`.
 pub(crate) fn text_words(text: &str) -> usize {
     text.len().div_ceil(8)
 }
@@ -242,8 +242,8 @@ pub(crate) fn unpack_text(words: &[f64], bytes: u64) -> Option<String> {
     String::from_utf8(text).ok()
 }
 
-/// The longest start of `text` that fits `bytes`, cut between characters.
-pub(crate) fn clipped(text: &str, bytes: usize) -> &str {
+/// The longest prefix of `text` within `bytes` bytes, cut between characters.
+pub(crate) fn truncate(text: &str, bytes: usize) -> &str {
     let mut end = text.len().min(bytes);
     while !text.is_char_boundary(end) {
         end -= 1;
@@ -256,7 +256,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_survives_packing_at_any_length() {
+    fn text_of_any_length_survives_packing() {
         let text = "grüße, 窓 — a longer text";
         for end in (0..=text.len()).filter(|&i| text.is_char_boundary(i)) {
             let part = &text[..end];
@@ -267,12 +267,12 @@ mod tests {
         assert_eq!(unpack_text(&[0.0], 9), None, "longer than the payload");
         assert_eq!(unpack_text(&[f64::from_bits(0xff)], 1), None, "not UTF-8");
         assert_eq!(unpack_text(&[], u64::MAX), None);
-        assert_eq!(clipped("grü", 3), "gr");
-        assert_eq!(clipped("grü", 40), "grü");
+        assert_eq!(truncate("grü", 3), "gr");
+        assert_eq!(truncate("grü", 40), "grü");
     }
 
     #[test]
-    fn each_field_that_differs_is_named() {
+    fn each_mismatched_field_is_named() {
         let good = Header::new(Kind::Done, 7, 2, 1, 5).with_payload(Unit::Load, 8);
         assert_eq!(good.problem(7, 2, 1, 8), None);
         let wrong = |change: fn(&mut Header), word: &str| {
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_are_read_back() {
+    fn codes_are_decoded() {
         for kind in Kind::ALL {
             assert_eq!(Kind::from_code(kind as u32), Some(kind));
         }
@@ -302,19 +302,19 @@ mod tests {
     }
 
     #[test]
-    fn widths_and_codes_are_those_of_the_contract() {
+    fn widths_and_codes_match_the_contract() {
         assert_eq!(Unit::ALL.map(Unit::width), [0, 1, 1, 3, 4, 8, 6]);
         assert_eq!([Role::Structure, Role::Flow, Role::Mesh].map(role_code), [1, 2, 3]);
     }
 
     #[test]
-    fn text_is_cut_at_the_last_character_that_fits() {
+    fn text_is_cut_at_a_character_boundary() {
         let text = "aü窓";
         assert_eq!(
-            [0, 1, 2, 3, 4, 5, 6, 7].map(|n| clipped(text, n)),
+            [0, 1, 2, 3, 4, 5, 6, 7].map(|n| truncate(text, n)),
             ["", "a", "a", "aü", "aü", "aü", text, text]
         );
-        // All bytes of the payload are text, and not one more.
+        // All bytes of the payload are text, and none beyond.
         let words = [f64::from_bits(u64::from_le_bytes(*b"12345678")); 2];
         assert_eq!(unpack_text(&words, 16).as_deref(), Some("1234567812345678"));
         assert_eq!(unpack_text(&words, 17), None);

@@ -1,4 +1,4 @@
-//! The coupler's side: opens a session, commands its programs, waits for them.
+//! The coupler's side: opens a session, sends commands to its programs, waits for them.
 
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -6,62 +6,60 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use archive::hash::fnv1a;
 use case::Role;
 
-use crate::culprit::suspect;
 use crate::deadline::Deadline;
 use crate::header::{Kind, unpack_text};
 use crate::hub_options::{Arrivals, HubOptions, Interface};
 use crate::program::{Payload, Program, Rank};
-use crate::session::{Lock, Notice, Place, Watch, cleanup_stale};
-use crate::transport::{Bell, Link, Sleeper};
-use crate::wire::{Roster, during};
-use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, SessionError, Stats, Who, Window};
+use crate::session::{Lock, LockMonitor, SessionInfo, SessionPaths, cleanup_stale};
+use crate::stalled_rank::find_stalled;
+use crate::transport::{Connection, WakeEvent, WakeListener};
+use crate::wire::{RankCounts, during};
+use crate::{Abort, Announcement, CONTRACT_VERSION, Fault, HubError, RankId, SessionError, Stats, Window};
 
-/// Called while the hub waits for answers, at most 50 ms apart: look after child
-/// processes and Ctrl-C here. An error ends the wait.
+/// Called while the hub waits for responses, at least every 50 ms, to check child processes and Ctrl-C. An error ends
+/// the wait.
 pub type OnWait<'a> = &'a mut dyn FnMut() -> Result<(), Abort>;
 
 /// Longest sleep between two calls of `on_wait`.
-const TICK: Duration = Duration::from_millis(40);
-/// A pause between two ticks in which this process cannot have been running.
-const STOPPED: Duration = Duration::from_secs(2);
-/// How long participants of a dead coupler may take to end.
-const ORPHANS: Duration = Duration::from_secs(4);
-/// How long participants are given to hear that the run has failed.
-const FAREWELL: Duration = Duration::from_millis(300);
+const POLL_INTERVAL: Duration = Duration::from_millis(40);
+/// A time between two polls that shows that this process was suspended.
+const SUSPENDED: Duration = Duration::from_secs(2);
+/// Time in which participants of a dead coupler end.
+const ORPHAN_EXIT_TIME: Duration = Duration::from_secs(4);
+/// Time for participants to receive the message that the run has failed.
+const ABORT_NOTICE_TIME: Duration = Duration::from_millis(300);
 
 /// The coupler's end of all channels of a session.
 ///
-/// Dropped without [`Hub::stop`], it tells the participants that the run has
-/// failed; they end at their next wait. Call [`crate::cleanup`] when their
-/// processes have ended.
+/// Dropped without [`Hub::stop`], it informs the participants that the run has failed; they end at their next wait.
+/// Call [`crate::cleanup`] when their processes have ended.
 pub struct Hub {
     pub(crate) options: HubOptions,
     pub(crate) interface: Interface,
     pub(crate) programs: Vec<Program>,
-    pub(crate) roster: Roster,
+    pub(crate) rank_counts: RankCounts,
     /// Identity of the session.
     pub(crate) id: u64,
-    /// Why the run fails, once it does.
+    /// Reason of the failure, if the run has failed.
     failure: Option<String>,
     stopped: bool,
-    sleeper: Sleeper,
-    /// Kept for as long as participants may want to join.
-    _bells: Vec<Bell>,
-    _link: Link,
-    pub(crate) place: Place,
+    listener: WakeListener,
+    /// Kept while participants may join.
+    _bells: Vec<WakeEvent>,
+    _link: Connection,
+    pub(crate) place: SessionPaths,
     lock: Option<Lock>,
-    /// Last: works when all else is closed.
-    _sweep: Sweep,
+    /// Dropped last, when everything else is closed.
+    _sweep: CleanupGuard,
 }
 
 impl Hub {
-    /// Opens the session: from here on participants can join. What killed runs
-    /// left behind is removed first.
+    /// Opens the session: participants can join from here on. Removes remains of killed runs first.
     pub fn create(options: HubOptions) -> Result<Self, HubError> {
         check_options(&options)?;
-        let place = Place::of(&options.session)?;
+        let place = SessionPaths::of(&options.session)?;
         cleanup_stale()?;
-        let orphans = Deadline::after(ORPHANS);
+        let orphans = Deadline::after(ORPHAN_EXIT_TIME);
         let lock = loop {
             match place.open()? {
                 Ok(lock) => break lock,
@@ -74,29 +72,35 @@ impl Hub {
         };
         let made = Self::open(options, place.clone(), lock);
         if made.is_err() {
-            // The lock is free again; the first error is the one to tell.
+            // The lock is free again; the first error is returned.
             let _ = place.clean();
         }
         made
     }
 
-    fn open(options: HubOptions, place: Place, lock: Lock) -> Result<Self, HubError> {
+    fn open(options: HubOptions, place: SessionPaths, lock: Lock) -> Result<Self, HubError> {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
         let id = fnv1a(format!("{} {} {now}", options.session, std::process::id()).bytes());
-        let link = Link::new(&place, "coupler")?;
-        let roster = Roster(options.roles.iter().map(|r| (r.role, r.ranks)).collect());
-        let (name, sleepers, ringers) = roster.coupler_bell();
-        let mut bells = vec![link.create_bell(name, sleepers, ringers)?];
-        let sleeper = bells[0].sleeper()?;
+        let link = Connection::new(&place, "coupler")?;
+        let rank_counts = RankCounts(options.roles.iter().map(|r| (r.role, r.ranks)).collect());
+        let (name, listeners, notifiers) = rank_counts.coupler_event();
+        let mut wake_events = vec![link.create_event(name, listeners, notifiers)?];
+        let listener = wake_events[0].listener()?;
         let mut programs = Vec::new();
         for spec in &options.roles {
-            let (name, sleepers, ringers) = roster.bell(spec.role);
-            let bell = link.create_bell(&name, sleepers, ringers)?;
-            programs.push(Program::open(&link, &roster, spec, bell.ringer()?, options.watch_grid)?);
-            bells.push(bell);
+            let (name, listeners, notifiers) = rank_counts.wake_event(spec.role);
+            let wake_event = link.create_event(&name, listeners, notifiers)?;
+            programs.push(Program::open(
+                &link,
+                &rank_counts,
+                spec,
+                wake_event.notifier()?,
+                options.watch_grid,
+            )?);
+            wake_events.push(wake_event);
         }
         place.close_to_others()?;
-        place.publish(&Notice {
+        place.publish(&SessionInfo {
             contract: CONTRACT_VERSION,
             session: options.session.clone(),
             id: format!("{id:016x}"),
@@ -107,28 +111,27 @@ impl Hub {
             interface: options.interface.unwrap_or_default(),
             options,
             programs,
-            roster,
+            rank_counts,
             id,
             failure: None,
             stopped: false,
-            sleeper,
-            _bells: bells,
+            listener,
+            _bells: wake_events,
             _link: link,
-            _sweep: Sweep(place.clone()),
+            _sweep: CleanupGuard(place.clone()),
             place,
             lock: Some(lock),
         })
     }
 
-    /// Waits until all ranks have arrived, checks what they announce against each
-    /// other, and leads them through the handshake. `on_wait` is called every
-    /// 100 ms or more often.
+    /// Waits until all ranks have arrived, checks their announcements against each other, and completes the
+    /// handshake. Calls `on_wait` at least every 100 ms.
     pub fn await_participants(
         &mut self,
         on_wait: &mut dyn FnMut(&Arrivals) -> Result<(), Abort>,
     ) -> Result<(), HubError> {
         let result = self.handshake(on_wait);
-        self.noted(result)
+        self.record_failure(result)
     }
 
     /// The canopy, once all participants have arrived.
@@ -136,14 +139,14 @@ impl Hub {
         self.interface
     }
 
-    /// What rank 0 of `role` announced.
+    /// The announcement of rank 0 of `role`.
     pub fn announcement(&self, role: Role) -> Option<&Announcement> {
         let program = self.programs.iter().find(|p| p.role == role)?;
         Some(&program.ranks[0].hello.as_ref()?.announcement)
     }
 
-    /// Asks `role` for window `w`, without waiting. `fill` writes its input in
-    /// place, shape as in [`crate::Input::canopy`], all of it.
+    /// Requests window `w` from `role`, without waiting. `fill` writes its complete input in place, with the shape of
+    /// [`crate::Input::canopy`].
     pub fn advance(
         &mut self,
         role: Role,
@@ -151,15 +154,14 @@ impl Hub {
         fill: &mut dyn FnMut(&mut [f64]),
     ) -> Result<(), HubError> {
         let id = self.id;
-        let result = self.program(role).and_then(|p| p.ask_window(id, w, fill));
-        self.noted(result)
+        let result = self.program(role).and_then(|p| p.send_advance(id, w, fill));
+        self.record_failure(result)
     }
 
-    /// Waits, asleep, until each rank of `role` has answered the window asked for.
-    /// `each` reads the output of each rank in place, in rank order: global rows
-    /// and `[rows][output_width]`. The mesh-mover's grid goes straight to the
-    /// flow-solver: its data are empty here unless the hub watches the grid.
-    /// Returns the statistics of each rank.
+    /// Waits, asleep, until each rank of `role` has sent its response to the requested window. `each` reads the
+    /// output of each rank in place, in rank order: global rows and `[rows][output_width]`. The mesh-mover's grid
+    /// goes directly to the flow-solver: its data are empty here unless the hub watches the grid. Returns the
+    /// statistics of each rank.
     pub fn collect(
         &mut self,
         role: Role,
@@ -167,7 +169,7 @@ impl Hub {
         on_wait: OnWait<'_>,
     ) -> Result<Vec<Stats>, HubError> {
         let result = self.collect_outputs(role, each, on_wait);
-        self.noted(result)
+        self.record_failure(result)
     }
 
     fn collect_outputs(
@@ -176,39 +178,42 @@ impl Hub {
         each: &mut dyn FnMut(&[u64], &[f64]),
         on_wait: OnWait<'_>,
     ) -> Result<Vec<Stats>, HubError> {
-        if self.program(role)?.asked.is_none_or(|a| a.kind != Kind::Advance) {
-            return Err(HubError::Misuse(format!("{} was not asked for a window", role.program())));
+        if self.program(role)?.pending.is_none_or(|a| a.kind != Kind::Advance) {
+            return Err(HubError::Misuse(format!(
+                "the output of {} was collected without a request for a window",
+                role.program()
+            )));
         }
         self.wait_for(&[role], on_wait)?;
         let id = self.id;
         self.program(role)?.take_outputs(id, each)
     }
 
-    /// Makes window `w` final in every program that computed it.
+    /// Accepts window `w` in every program that computed it.
     pub fn accept(&mut self, w: &Window, on_wait: OnWait<'_>) -> Result<(), HubError> {
         let roles: Vec<Role> =
             self.programs.iter().filter(|p| p.open == Some(w.index)).map(|p| p.role).collect();
         let result = if roles.is_empty() {
             Err(HubError::Misuse(format!("window {} is to be accepted, but no program computed it", w.index)))
         } else {
-            self.ask(&roles, Kind::Accept, w, "", on_wait)
+            self.request(&roles, Kind::Accept, w, "", on_wait)
         };
         for program in &mut self.programs {
             program.open = program.open.filter(|&open| open != w.index);
         }
-        self.noted(result)
+        self.record_failure(result)
     }
 
-    /// Lets every program write its accepted state below `folder` (created if missing).
+    /// Requests every program to write its accepted state below `folder` (created if missing).
     pub fn save(&mut self, folder: &Path, on_wait: OnWait<'_>) -> Result<(), HubError> {
         let roles: Vec<Role> = self.programs.iter().map(|p| p.role).collect();
         let result = folder_text(folder)
-            .and_then(|folder| self.ask(&roles, Kind::Save, &Window::default(), &folder, on_wait));
-        self.noted(result)
+            .and_then(|folder| self.request(&roles, Kind::Save, &Window::default(), &folder, on_wait));
+        self.record_failure(result)
     }
 
-    /// Lets the programs of `roles` add their accepted state to the ParaView
-    /// series below `folder` (created if missing).
+    /// Requests the programs of `roles` to add their accepted state to the ParaView series below `folder` (created if
+    /// missing).
     pub fn snapshot(
         &mut self,
         roles: &[Role],
@@ -218,29 +223,28 @@ impl Hub {
     ) -> Result<(), HubError> {
         let w = Window { time, ..Window::default() };
         let result =
-            folder_text(folder).and_then(|folder| self.ask(roles, Kind::Snapshot, &w, &folder, on_wait));
-        self.noted(result)
+            folder_text(folder).and_then(|folder| self.request(roles, Kind::Snapshot, &w, &folder, on_wait));
+        self.record_failure(result)
     }
 
-    /// Ends the session in good order: each program is told to stop and waited for.
+    /// Ends the session in an orderly way: stops each program and waits for it.
     pub fn stop(mut self, on_wait: OnWait<'_>) -> Result<(), HubError> {
         let roles: Vec<Role> = self.programs.iter().map(|p| p.role).collect();
-        let result = self.ask(&roles, Kind::Stop, &Window::default(), "", on_wait);
-        self.noted(result)?;
+        let result = self.request(&roles, Kind::Stop, &Window::default(), "", on_wait);
+        self.record_failure(result)?;
         self.stopped = true;
-        // What they still do in this session takes them microseconds.
+        // Their remaining work in this session needs microseconds.
         self.await_silence(Duration::from_secs(2));
         Ok(())
     }
 
-    /// Ends the session because the run has failed: the participants that still
-    /// listen are told why.
+    /// Ends the session because the run has failed, and informs the remaining participants of the reason.
     pub fn abort(mut self, why: &str) {
         self.failure.get_or_insert_with(|| why.to_string());
     }
 
-    /// Commands `roles` and waits until each rank has carried it out.
-    pub(crate) fn ask(
+    /// Sends a command to `roles` and waits until each rank has completed it.
+    pub(crate) fn request(
         &mut self,
         roles: &[Role],
         kind: Kind,
@@ -248,19 +252,19 @@ impl Hub {
         text: &str,
         on_wait: OnWait<'_>,
     ) -> Result<(), HubError> {
-        self.tell(roles, kind, w, text)?;
+        self.send_command(roles, kind, w, text)?;
         self.finish(roles, on_wait)
     }
 
-    /// Waits until each rank of `roles` has carried out its command.
+    /// Waits until each rank of `roles` has completed its command.
     pub(crate) fn finish(&mut self, roles: &[Role], on_wait: OnWait<'_>) -> Result<(), HubError> {
         self.wait_for(roles, on_wait)?;
         let id = self.id;
         roles.iter().try_for_each(|&role| self.program(role)?.take_done(id))
     }
 
-    /// Commands `roles`, without waiting.
-    pub(crate) fn tell(
+    /// Sends a command to `roles`, without waiting.
+    pub(crate) fn send_command(
         &mut self,
         roles: &[Role],
         kind: Kind,
@@ -280,55 +284,55 @@ impl Hub {
         })
     }
 
-    /// Waits until each rank of `roles` has answered something.
+    /// Waits until each rank of `roles` has sent a response.
     fn wait_for(&mut self, roles: &[Role], on_wait: OnWait<'_>) -> Result<(), HubError> {
         let mut looked = Instant::now();
         loop {
             self.extend_deadlines(looked.elapsed());
-            // Looked at first: what a rank sent before it died still counts.
+            // Checked first: a message that a rank sent before it died still counts.
             let dead = self.dead();
             self.drain()?;
             let open = |p: &&Program| roles.contains(&p.role) && p.ranks.iter().any(|r| r.answer.is_none());
             let Some(waiting) = self.programs.iter().find(open) else { return Ok(()) };
             if let Some(who) = dead.filter(|&who| self.silent(who)) {
-                return Err(HubError::Died { who, during: self.doing(who.role) });
+                return Err(HubError::Died { who, during: self.current_step(who.role) });
             }
-            if let Some(asked) = waiting.asked.filter(|a| a.deadline.is_over()) {
-                return Err(self.late(waiting, asked.deadline));
+            if let Some(pending) = waiting.pending.filter(|a| a.deadline.is_over()) {
+                return Err(self.late(waiting, pending.deadline));
             }
-            if looked.elapsed() >= TICK {
+            if looked.elapsed() >= POLL_INTERVAL {
                 on_wait()?;
                 looked = Instant::now();
             }
-            self.sleep(TICK.saturating_sub(looked.elapsed()).max(Duration::from_millis(1)))?;
+            self.sleep(POLL_INTERVAL.saturating_sub(looked.elapsed()).max(Duration::from_millis(1)))?;
         }
     }
 
-    /// A rank of `program` that has not answered in time.
+    /// The error for a rank of `program` that has not responded in time.
     fn late(&self, program: &Program, deadline: Deadline) -> HubError {
         let late: Vec<&Rank> = program.ranks.iter().filter(|r| r.answer.is_none()).collect();
         let pids: Vec<u32> = late.iter().filter_map(|r| Some(r.hello.as_ref()?.pid)).collect();
         // Ranks that wait for another one in MPI are silent as well.
-        let (i, state) = suspect(&pids).unwrap_or((0, ""));
+        let (i, state) = find_stalled(&pids).unwrap_or((0, ""));
         let who = late[i].who;
-        HubError::Deadline { who, during: self.doing(who.role), seconds: deadline.limit_s(), state }
+        HubError::Deadline { who, during: self.current_step(who.role), seconds: deadline.limit_s(), state }
     }
 
-    /// Time in which this process was stopped (a batch system suspends all processes of a
-    /// job, a person the coupler) is nobody's delay: it sleeps `TICK` at a time.
+    /// Extends the deadlines by the time in which this process was suspended (by the batch system or by a user); it
+    /// sleeps at most `POLL_INTERVAL` at a time.
     fn extend_deadlines(&mut self, since: Duration) {
-        if since > STOPPED {
-            for asked in self.programs.iter_mut().filter_map(|p| p.asked.as_mut()) {
-                asked.deadline.extend(since);
+        if since > SUSPENDED {
+            for pending in self.programs.iter_mut().filter_map(|p| p.pending.as_mut()) {
+                pending.deadline.extend(since);
             }
         }
     }
 
     pub(crate) fn sleep(&self, limit: Duration) -> Result<(), HubError> {
-        Ok(self.sleeper.sleep(limit)?)
+        Ok(self.listener.sleep(limit)?)
     }
 
-    /// Fetches answers that have come; a fault of any rank is an error at once.
+    /// Receives responses; a fault of any rank is an error at once.
     pub(crate) fn drain(&mut self) -> Result<(), HubError> {
         let mut faulty = None;
         for rank in self.programs.iter_mut().flat_map(|p| &mut p.ranks).filter(|r| r.answer.is_none()) {
@@ -336,25 +340,26 @@ impl Hub {
             let header = message.header();
             if header.kind == Kind::Fault as u32 && faulty.is_none() {
                 let text = unpack_text(message.payload(), header.bytes);
-                faulty = Some((rank.who, Fault::new(text.as_deref().unwrap_or("a message that is no text"))));
+                faulty =
+                    Some((rank.who, Fault::new(text.as_deref().unwrap_or("a message without valid text"))));
             } else {
                 rank.answer = Some(message);
             }
         }
         match faulty {
-            Some((who, fault)) => Err(HubError::Fault { who, during: self.doing(who.role), fault }),
+            Some((who, fault)) => Err(HubError::Fault { who, during: self.current_step(who.role), fault }),
             None => Ok(()),
         }
     }
 
-    /// A rank that has arrived, has not answered, and whose process is gone.
-    pub(crate) fn dead(&self) -> Option<Who> {
+    /// A rank that has arrived, has not responded, and whose process has ended.
+    pub(crate) fn dead(&self) -> Option<RankId> {
         let silent = self.ranks().filter(|r| r.answer.is_none());
         silent.into_iter().find(|r| r.watch.as_ref().is_some_and(|w| !w.is_held())).map(|r| r.who)
     }
 
-    /// Whether nothing has come from a rank that was not used yet.
-    fn silent(&self, who: Who) -> bool {
+    /// Whether a rank has no unread response.
+    fn silent(&self, who: RankId) -> bool {
         self.ranks().any(|r| r.who == who && r.answer.is_none())
     }
 
@@ -362,27 +367,27 @@ impl Hub {
         self.programs.iter().flat_map(|p| &p.ranks)
     }
 
-    /// What a program is doing, for messages.
-    pub(crate) fn doing(&self, role: Role) -> String {
-        // A program that waits is best placed by what the others are doing.
-        let asked = self.programs.iter().find(|p| p.role == role).and_then(|p| p.asked);
-        match asked.or_else(|| self.programs.iter().find_map(|p| p.asked)) {
-            Some(asked) => during(asked.kind, &asked.window),
+    /// The current step of a program, for messages.
+    pub(crate) fn current_step(&self, role: Role) -> String {
+        // The step of a waiting program is that of the others.
+        let pending = self.programs.iter().find(|p| p.role == role).and_then(|p| p.pending);
+        match pending.or_else(|| self.programs.iter().find_map(|p| p.pending)) {
+            Some(pending) => during(pending.kind, &pending.window),
             None => during(Kind::Announce, &Window::default()),
         }
     }
 
-    /// Remembers why the run fails, to tell the participants.
-    fn noted<T>(&mut self, result: Result<T, HubError>) -> Result<T, HubError> {
+    /// Records the first failure, to inform the participants.
+    fn record_failure<T>(&mut self, result: Result<T, HubError>) -> Result<T, HubError> {
         if let Err(e) = &result {
             self.failure.get_or_insert_with(|| e.to_string());
         }
         result
     }
 
-    /// Waits until no participant is in the session any more, or time is up.
+    /// Waits until no participant is in the session any more, or the limit has expired.
     fn await_silence(&self, limit: Duration) {
-        let silent = || !self.ranks().any(|r| r.watch.as_ref().is_some_and(Watch::is_held));
+        let silent = || !self.ranks().any(|r| r.watch.as_ref().is_some_and(LockMonitor::is_held));
         Deadline::after(limit).poll(Duration::from_millis(2), silent);
     }
 }
@@ -390,25 +395,24 @@ impl Hub {
 impl Drop for Hub {
     fn drop(&mut self) {
         if !self.stopped {
-            let why = self.failure.take().unwrap_or_else(|| "the coupler gave up".into());
+            let why = self.failure.take().unwrap_or_else(|| "the coupler ended the run".into());
             for program in &mut self.programs {
                 let _ = program.send(self.id, Kind::Abort, &Window::default(), Payload::Text(&why));
             }
-            self.await_silence(FAREWELL);
+            self.await_silence(ABORT_NOTICE_TIME);
         }
-        // Now they notice without being told.
+        // Participants now notice the end without a message.
         self.lock = None;
         for program in &self.programs {
-            program.bell.ring();
+            program.wake_event.notify();
         }
     }
 }
 
-/// Removes the session's files if all its processes have ended; if not, that is
-/// for [`crate::cleanup`].
-pub(crate) struct Sweep(Place);
+/// Removes the session's files if all its processes have ended; otherwise [`crate::cleanup`] does.
+pub(crate) struct CleanupGuard(SessionPaths);
 
-impl Drop for Sweep {
+impl Drop for CleanupGuard {
     fn drop(&mut self) {
         let _ = self.0.clean();
     }
@@ -417,7 +421,7 @@ impl Drop for Sweep {
 fn folder_text(folder: &Path) -> Result<String, HubError> {
     let file = |source| HubError::Session(SessionError::File { path: folder.into(), source });
     std::fs::create_dir_all(folder).map_err(file)?;
-    // Programs may run in another folder.
+    // Programs may run in another working directory.
     let full = std::path::absolute(folder).map_err(file)?;
     full.into_os_string()
         .into_string()
@@ -425,15 +429,15 @@ fn folder_text(folder: &Path) -> Result<String, HubError> {
 }
 
 fn check_options(options: &HubOptions) -> Result<(), HubError> {
-    let mut seen = Vec::new();
+    let mut roles = Vec::new();
     for spec in &options.roles {
         if spec.ranks == 0 {
             return Err(HubError::Misuse(format!("{} needs at least one rank", spec.role.program())));
         }
-        if seen.contains(&spec.role) {
+        if roles.contains(&spec.role) {
             return Err(HubError::Misuse(format!("{} is listed twice", spec.role.program())));
         }
-        seen.push(spec.role);
+        roles.push(spec.role);
     }
-    if seen.is_empty() { Err(HubError::Misuse("a session needs a participant".into())) } else { Ok(()) }
+    if roles.is_empty() { Err(HubError::Misuse("a session needs a participant".into())) } else { Ok(()) }
 }

@@ -1,22 +1,21 @@
-//! What the coupler says about a session, and learns while participants arrive.
+//! Options of a session, and the state of its arrivals.
 
 use std::time::Duration;
 
 use case::Role;
 
-use crate::Who;
+use crate::RankId;
 
-/// What a session consists of.
+/// Definition of a session.
 #[derive(Clone, Debug)]
 pub struct HubOptions {
     /// Name of the session: isolates it from all others on this machine.
     pub session: String,
     /// Participants.
     pub roles: Vec<RoleOptions>,
-    /// Stage of the scene, checked against what the programs announce.
+    /// Stage of the scene, checked against the announcements.
     pub stage: usize,
-    /// The canopy as the coupler knows it. `None`: what the programs announce,
-    /// if they agree.
+    /// The canopy as the coupler knows it. `None`: the one that the programs announce consistently.
     pub interface: Option<Interface>,
     /// Longest wait for all participants to arrive. `None`: no limit.
     pub arrival_deadline: Option<Duration>,
@@ -32,7 +31,7 @@ pub struct RoleOptions {
     pub role: Role,
     /// Its ranks.
     pub ranks: usize,
-    /// Longest time for one answer. `None`: no limit.
+    /// Longest time for a response. `None`: no limit.
     pub deadline: Option<Duration>,
     /// Effects of the scene that it must implement.
     pub effects: Vec<String>,
@@ -49,13 +48,13 @@ pub struct Interface {
     pub surface_hash: u64,
 }
 
-/// Who has arrived so far.
+/// Arrival of the participants.
 #[derive(Clone, Debug, Default)]
 pub struct Arrivals {
     /// Ranks that have announced themselves, with the name and version of their program.
-    pub arrived: Vec<(Who, String)>,
-    /// Ranks that have not.
-    pub missing: Vec<Who>,
+    pub arrived: Vec<(RankId, String)>,
+    /// Ranks that have not announced themselves.
+    pub missing: Vec<RankId>,
     /// Seconds since the wait began.
     pub seconds: f64,
 }

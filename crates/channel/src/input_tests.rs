@@ -1,12 +1,12 @@
-//! Whatever lies in shared memory: headers, texts, rows and JSON of any content are refused
-//! or read, never a panic. `INPUTS=1000000` tries as many.
+//! Robustness against arbitrary contents of shared memory: headers, texts, rows and JSON are rejected or read, never
+//! a panic. `INPUTS=1000000` sets their number.
 
 use serde_json::Value;
 
 use crate::header::{Header, Kind, unpack_text};
-use crate::session::Notice;
-use crate::windows::Windows;
-use crate::wire::{Hello, Roster, Welcome, decode_rows, during, first_not_finite};
+use crate::session::SessionInfo;
+use crate::windows::WindowOrder;
+use crate::wire::{Hello, RankCounts, Welcome, decode_rows, during, first_not_finite};
 use crate::{Stats, Window};
 
 /// xorshift64*: the same inputs on every machine.
@@ -24,7 +24,7 @@ impl Random {
         (self.next() % n.max(1) as u64) as usize
     }
 
-    /// A number at the edges of its type as often as any other.
+    /// A number, often at the limits of its type.
     fn edge(&mut self) -> u64 {
         match self.below(8) {
             0 => 0,
@@ -72,12 +72,12 @@ fn header(r: &mut Random) -> Header {
 }
 
 #[test]
-fn headers_of_any_content_are_judged() {
+fn arbitrary_headers_are_checked() {
     let mut r = Random(11);
-    let mut windows = Windows::default();
+    let mut windows = WindowOrder::default();
     for _ in 0..inputs() {
         let found = header(&mut r);
-        // One field that differs is enough; none that differs is no problem.
+        // One mismatched field is enough; without a mismatch there is no problem.
         let good = Header::new(Kind::Output, 7, 1, 2, 3).with_payload(crate::Unit::Load, 8);
         assert_eq!(good.problem(7, 1, 2, 8), None);
         assert!(found.problem(r.next(), 1, 2, 8).is_some());
@@ -92,7 +92,7 @@ fn headers_of_any_content_are_judged() {
         assert_eq!(one.problem(7, 1, 2, 8).is_none(), one == good, "{one:?}");
         let kind = Kind::from_code(found.kind).unwrap_or(Kind::Grid);
         assert!(!during(kind, &found.window).is_empty());
-        // The order of windows: refused or taken, and an acceptance only of what was computed.
+        // The order of windows: rejected or accepted, and only a computed window can be accepted.
         if windows.advance(&found.window).is_none() && r.below(2) == 0 {
             assert_eq!(windows.accept(&found.window), None);
         }
@@ -100,7 +100,7 @@ fn headers_of_any_content_are_judged() {
 }
 
 #[test]
-fn texts_and_rows_of_any_content_are_read_or_refused() {
+fn arbitrary_texts_and_rows_are_read_or_rejected() {
     let mut r = Random(12);
     for _ in 0..inputs() {
         let words: Vec<f64> = (0..r.below(40)).map(|_| f64::from_bits(r.edge())).collect();
@@ -116,16 +116,16 @@ fn texts_and_rows_of_any_content_are_read_or_refused() {
     }
 }
 
-/// A JSON value changed in one place.
-fn spoilt(value: &mut Value, r: &mut Random) {
+/// Changes a JSON value in one place.
+fn corrupted(value: &mut Value, r: &mut Random) {
     match value {
         Value::Object(map) if !map.is_empty() && r.below(4) > 0 => {
             let at = r.below(map.len());
-            spoilt(map.values_mut().nth(at).expect("below"), r);
+            corrupted(map.values_mut().nth(at).expect("below"), r);
         }
         Value::Array(list) if !list.is_empty() && r.below(4) > 0 => {
             let at = r.below(list.len());
-            spoilt(&mut list[at], r);
+            corrupted(&mut list[at], r);
         }
         other => {
             *other = match r.below(6) {
@@ -141,7 +141,7 @@ fn spoilt(value: &mut Value, r: &mut Random) {
 }
 
 #[test]
-fn spoilt_json_is_refused_or_read() {
+fn corrupted_json_is_rejected_or_read() {
     let mut r = Random(13);
     let hello = serde_json::json!({
         "contract": 3, "stage": 0, "rank": 0, "ranks": 1, "pid": 7, "output_rows": 3, "grid_rows": 0,
@@ -151,15 +151,15 @@ fn spoilt_json_is_refused_or_read() {
     let welcome = serde_json::json!({
         "input_length": 8, "mesh_rows": [1, 2], "grid_readers": 1, "coupler_reads_grid": false
     });
-    let notice = serde_json::json!({
+    let session_info = serde_json::json!({
         "contract": 3, "session": "s", "id": "00ff", "pid": 1, "roles": [["structure", 1], ["flow", 2]]
     });
     assert!(serde_json::from_value::<Hello>(hello.clone()).is_ok());
     assert!(serde_json::from_value::<Welcome>(welcome.clone()).is_ok());
     let mut read = 0;
     for _ in 0..inputs() {
-        let mut one = [&hello, &welcome, &notice][r.below(3)].clone();
-        (0..=r.below(3)).for_each(|_| spoilt(&mut one, &mut r));
+        let mut one = [&hello, &welcome, &session_info][r.below(3)].clone();
+        (0..=r.below(3)).for_each(|_| corrupted(&mut one, &mut r));
         let mut text = one.to_string().into_bytes();
         if r.below(2) == 0 {
             let at = r.below(text.len());
@@ -167,9 +167,9 @@ fn spoilt_json_is_refused_or_read() {
         }
         read += usize::from(serde_json::from_slice::<Hello>(&text).is_ok());
         read += usize::from(serde_json::from_slice::<Welcome>(&text).is_ok());
-        if let Ok(notice) = serde_json::from_slice::<Notice>(&text) {
-            read += usize::from(Roster::from_notice(&notice).is_some());
+        if let Ok(session_info) = serde_json::from_slice::<SessionInfo>(&text) {
+            read += usize::from(RankCounts::from_notice(&session_info).is_some());
         }
     }
-    assert!(read > 0, "some of them are still good");
+    assert!(read > 0, "some of them are still valid");
 }

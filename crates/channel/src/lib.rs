@@ -1,11 +1,9 @@
 //! The contract between the programs, over zero-copy shared memory.
 //!
-//! A solver implements [`Participant`]; [`serve`] carries one rank of it through
-//! a run. The coupler drives all participants through a [`Hub`]. Only the
-//! `transport` module names iceoryx2. The whole contract, byte by byte:
-//! `docs/contract.md`.
+//! A solver implements [`Participant`]; [`serve`] runs one rank of it. The coupler drives all participants through a
+//! [`Hub`]. Only the `transport` module names iceoryx2. The complete contract, byte by byte: `docs/reference/contract.md`.
 
-// The fakes of `tests/common` name this crate from outside.
+// The test participants of `tests/common` name this crate from outside.
 #[cfg(test)]
 extern crate self as channel;
 #[cfg(test)]
@@ -21,11 +19,8 @@ mod relay_tests;
 mod args;
 mod bdf2;
 mod convergence;
-mod culprit;
 mod deadline;
 mod error;
-mod far_rank;
-mod guardian;
 mod handshake;
 mod header;
 mod hub;
@@ -37,10 +32,13 @@ mod program;
 mod proxied_rank;
 mod rank_server;
 mod relay;
+mod remote_rank;
 mod resume;
 mod serve;
 mod session;
+mod stalled_rank;
 mod transport;
+mod watchdog;
 mod windows;
 mod wire;
 

@@ -1,73 +1,73 @@
-//! How a rank joins a session, waits in it, and reports that it cannot go on.
+//! Membership of a rank in a session: joining, waiting, reporting a fault.
 
 use std::io::Write as _;
 use std::time::Duration;
 
 use case::Role;
 
-use crate::deadline::{Deadline, Reminder};
+use crate::deadline::{Deadline, SlowWaitNotice};
 use crate::header::{Header, Kind, Unit, role_code};
-use crate::session::{Lock, MEMORY, Notice, Place, Watch};
-use crate::transport::{Link, Message, Ringer, Sender, Sleeper};
-use crate::wire::{Roster, during};
+use crate::session::{Lock, LockMonitor, MEMORY, SessionInfo, SessionPaths};
+use crate::transport::{Connection, Message, Sender, WakeListener, WakeNotifier};
+use crate::wire::{RankCounts, during};
 use crate::{CONTRACT_VERSION, Fault, ServeError, ServeOptions, SessionError, Window};
 
-/// Between two looks at whether the coupler lives.
-pub(crate) const LOOK: Duration = Duration::from_millis(200);
+/// Time between two checks that the coupler is alive.
+pub(crate) const LIVENESS_INTERVAL: Duration = Duration::from_millis(200);
 
 /// A rank's membership of a session.
 pub(crate) struct Membership {
     pub at: ServeOptions,
     /// Identity of the session.
     pub id: u64,
-    pub roster: Roster,
-    pub coupler_bell: Ringer,
-    /// Falls silent when the coupler dies.
-    pub coupler: Watch,
+    pub rank_counts: RankCounts,
+    pub coupler_event: WakeNotifier,
+    /// Released when the coupler dies.
+    pub coupler: LockMonitor,
     coupler_pid: u32,
-    readers: Option<Ringer>,
-    sleeper: Sleeper,
-    pub link: Link,
-    /// Tells the coupler that this process lives. Last: freed after all else.
+    readers: Option<WakeNotifier>,
+    listener: WakeListener,
+    pub link: Connection,
+    /// Shows the coupler that this process is alive. Dropped last.
     _lock: Lock,
 }
 
 impl Membership {
     /// Waits until the coupler has opened the session, and joins it.
-    pub fn join(at: &ServeOptions, patience: Option<Duration>) -> Result<Self, ServeError> {
-        let place = Place::of(&at.session)?;
+    pub fn join(at: &ServeOptions, limit: Option<Duration>) -> Result<Self, ServeError> {
+        let place = SessionPaths::of(&at.session)?;
         let me = format!("{}.{}", at.role.name(), at.rank);
-        let (notice, coupler) = await_coupler(&place, &me, Deadline::after(patience))?;
-        let (roster, id) = fitting(&notice, at)?;
+        let (session_info, coupler) = await_coupler(&place, &me, Deadline::after(limit))?;
+        let (rank_counts, id) = fitting(&session_info, at)?;
         let lock = Lock::take(&place.lock_file(&me))?.ok_or_else(|| taken(at))?;
-        let link = Link::new(&place, &me)?;
-        let (name, sleepers, ringers) = roster.coupler_bell();
-        let coupler_bell = link.join_bell(name, sleepers, ringers)?.ringer()?;
-        let (name, sleepers, ringers) = roster.bell(at.role);
-        let sleeper = link.join_bell(&name, sleepers, ringers)?.sleeper()?;
-        let readers = if at.role == Role::Mesh && roster.ranks(Role::Flow) > 0 {
-            let (name, sleepers, ringers) = roster.bell(Role::Flow);
-            Some(link.join_bell(&name, sleepers, ringers)?.ringer()?)
+        let link = Connection::new(&place, &me)?;
+        let (name, listeners, notifiers) = rank_counts.coupler_event();
+        let coupler_event = link.join_event(name, listeners, notifiers)?.notifier()?;
+        let (name, listeners, notifiers) = rank_counts.wake_event(at.role);
+        let listener = link.join_event(&name, listeners, notifiers)?.listener()?;
+        let readers = if at.role == Role::Mesh && rank_counts.ranks(Role::Flow) > 0 {
+            let (name, listeners, notifiers) = rank_counts.wake_event(Role::Flow);
+            Some(link.join_event(&name, listeners, notifiers)?.notifier()?)
         } else {
             None
         };
         Ok(Self {
             at: at.clone(),
             id,
-            roster,
-            coupler_bell,
+            rank_counts,
+            coupler_event,
             coupler,
-            coupler_pid: notice.pid,
+            coupler_pid: session_info.pid,
             readers,
-            sleeper,
+            listener,
             link,
             _lock: lock,
         })
     }
 
-    /// This rank's end of its answer channel.
+    /// This rank's end of its response channel.
     pub fn answer_sender(&self, words: usize) -> Result<Sender, SessionError> {
-        let (name, spec) = self.roster.answer(self.at.role, self.at.rank);
+        let (name, spec) = self.rank_counts.answer(self.at.role, self.at.rank);
         self.link.join(&name, spec)?.sender(words)
     }
 
@@ -76,14 +76,14 @@ impl Membership {
     }
 
     /// Wakes the ranks of the flow, if this is the mesh.
-    pub fn ring_readers(&self) {
+    pub fn notify_readers(&self) {
         if let Some(readers) = &self.readers {
-            readers.ring();
+            readers.notify();
         }
     }
 
-    /// Polls, and sleeps in between until somebody rings. Ends with an error when
-    /// the coupler dies or is silent beyond the deadline.
+    /// Polls, and sleeps in between until notified. Ends with an error when the coupler dies or sends nothing within
+    /// the deadline.
     pub fn wait<T>(
         &self,
         step: &(Kind, Window),
@@ -91,7 +91,7 @@ impl Membership {
     ) -> Result<T, ServeError> {
         let silence = Deadline::after(self.at.deadline);
         loop {
-            // Looked at first: what the coupler sent before it died still counts.
+            // Checked first: a message that the coupler sent before it died still counts.
             let alive = self.coupler.is_held();
             if let Some(found) = poll()? {
                 return Ok(found);
@@ -99,7 +99,7 @@ impl Membership {
             if !alive {
                 return Err(self.coupler_died(step));
             }
-            let left = silence.left(LOOK);
+            let left = silence.left(LIVENESS_INTERVAL);
             if left.is_zero() {
                 return Err(ServeError::Deadline {
                     session: self.at.session.clone(),
@@ -107,13 +107,13 @@ impl Membership {
                     during: after(step),
                 });
             }
-            self.sleeper.sleep(left)?;
+            self.listener.sleep(left)?;
         }
     }
 
-    /// Forgets what rang so far.
+    /// Consumes pending notifications.
     pub fn drain(&self) -> Result<(), SessionError> {
-        self.sleeper.sleep(Duration::ZERO)
+        self.listener.sleep(Duration::ZERO)
     }
 
     pub fn coupler_died(&self, step: &(Kind, Window)) -> ServeError {
@@ -124,16 +124,16 @@ impl Membership {
         }
     }
 
-    /// Tells the coupler of a fault; the error for this side.
+    /// Reports a fault to the coupler; returns the error for this side.
     pub fn fail(&self, answers: &Sender, sequence: u64, step: &(Kind, Window), fault: Fault) -> ServeError {
         let header = self.header(Kind::Fault, sequence).with_window(step.1);
-        // If this cannot be sent either, the end of the process tells.
+        // If the message cannot be sent, the coupler notices the end of the process.
         let _ = answers.send_text(header, &fault.message);
-        self.coupler_bell.ring();
+        self.coupler_event.notify();
         ServeError::Fault { during: during(step.0, &step.1), fault }
     }
 
-    /// What is wrong with a message of another rank, if anything.
+    /// The first problem of a message of another rank, if any.
     pub fn problem(
         &self,
         message: &Message,
@@ -147,26 +147,30 @@ impl Membership {
         header.problem(self.id, role_code(role), rank, found).or_else(|| {
             if header.kind != kind as u32 || header.unit != unit as u32 {
                 Some(format!(
-                    "kind {} and unit {} where {kind:?} of {unit:?} was due",
+                    "kind {} and unit {} instead of {kind:?} in unit {unit:?}",
                     header.kind, header.unit
                 ))
             } else {
                 let expected = length.filter(|&n| n != found)?;
-                Some(format!("{found} numbers instead of {expected}"))
+                Some(format!("{found} numbers, expected {expected}"))
             }
         })
     }
 }
 
 /// Waits until a live coupler has opened the session.
-fn await_coupler(place: &Place, me: &str, search: Deadline) -> Result<(Notice, Watch), ServeError> {
-    let mut reminder = Reminder::default();
+fn await_coupler(
+    place: &SessionPaths,
+    me: &str,
+    search: Deadline,
+) -> Result<(SessionInfo, LockMonitor), ServeError> {
+    let mut reminder = SlowWaitNotice::default();
     loop {
-        if let Some(notice) = place.notice()
-            && let Some(watch) = Watch::on(&place.lock_file("coupler"))
+        if let Some(session_info) = place.session_info()
+            && let Some(watch) = LockMonitor::on(&place.lock_file("coupler"))
             && watch.is_held()
         {
-            return Ok((notice, watch));
+            return Ok((session_info, watch));
         }
         if search.is_over() {
             let seconds = search.elapsed().as_secs_f64();
@@ -175,8 +179,8 @@ fn await_coupler(place: &Place, me: &str, search: Deadline) -> Result<(Notice, W
         if reminder.is_due(search.elapsed()) {
             let _ = writeln!(
                 std::io::stderr(),
-                "{me} waits for a coupler: session `{}` is not open in {MEMORY} of this host (`ripstop attach` \
-                 prints the session's name; of ranks on several hosts one at least must run on the coupler's)",
+                "{me} is waiting for a coupler: session `{}` is not open in {MEMORY} of this host (`ripstop attach` \
+                 prints the session's name; of ranks on several hosts at least one must run on the coupler's)",
                 place.session
             );
         }
@@ -184,36 +188,38 @@ fn await_coupler(place: &Place, me: &str, search: Deadline) -> Result<(Notice, W
     }
 }
 
-/// Programs and identity of the session, if the rank of `at` has a place in it.
-fn fitting(notice: &Notice, at: &ServeOptions) -> Result<(Roster, u64), ServeError> {
+/// Programs and identity of the session, if it contains the rank of `at`.
+fn fitting(session_info: &SessionInfo, at: &ServeOptions) -> Result<(RankCounts, u64), ServeError> {
     let refused = |message: String| Err(ServeError::Refused { message });
-    if notice.contract != CONTRACT_VERSION {
+    if session_info.contract != CONTRACT_VERSION {
         return refused(format!(
-            "the coupler of session `{}` speaks contract version {}, this {} speaks {CONTRACT_VERSION}: \
+            "the coupler of session `{}` uses contract version {}, this {} uses {CONTRACT_VERSION}: \
              build both from the same version",
             at.session,
-            notice.contract,
+            session_info.contract,
             at.role.program()
         ));
     }
-    let (Some(roster), Ok(id)) = (Roster::from_notice(notice), u64::from_str_radix(&notice.id, 16)) else {
-        return refused(format!("the notice of session `{}` cannot be read", at.session));
+    let (Some(rank_counts), Ok(id)) =
+        (RankCounts::from_notice(session_info), u64::from_str_radix(&session_info.id, 16))
+    else {
+        return refused(format!("session.json of session `{}` cannot be read", at.session));
     };
-    let ranks = roster.ranks(at.role);
+    let ranks = rank_counts.ranks(at.role);
     if at.rank >= ranks {
         return refused(format!(
-            "session `{}` has {ranks} ranks of {}, this is rank {} of {}: start it with as many ranks \
-             as the coupler expects",
+            "session `{}` has {ranks} ranks of {}, this is rank {} of {}: start it with the number of ranks \
+             that the coupler expects",
             at.session,
             at.role.program(),
             at.rank,
             at.ranks
         ));
     }
-    Ok((roster, id))
+    Ok((rank_counts, id))
 }
 
-/// Another process is this rank.
+/// The error where another process is this rank.
 fn taken(at: &ServeOptions) -> ServeError {
     ServeError::Refused {
         message: format!(

@@ -1,14 +1,13 @@
-//! What every message says about itself.
+//! The window and the statistics in every message.
 
 /// Version of the contract. Bumped by every change to a header, a payload, a
-/// service name or the order of messages; see `docs/contract.md`.
+/// service name or the order of messages; see `docs/reference/contract.md`.
 pub const CONTRACT_VERSION: u32 = 3;
 
 /// One window of the run: from `time` to `time + dt`.
 ///
-/// A window may be asked for several times: each time the participant starts
-/// from the state of the last accepted window and must give the same answer to
-/// the same input (to its own tolerance, where it warm-starts).
+/// A window may be requested several times: each time the participant starts from the state of the last accepted
+/// window and must give the same response to the same input (to its own tolerance, where it uses a warm start).
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[repr(C)]
 pub struct Window {
@@ -32,11 +31,11 @@ pub struct Window {
 /// Number of [`Stats::values`].
 pub const STATS: usize = 32;
 
-/// What a participant reports with each answer, beside the payload.
+/// Statistics that a participant reports with each response, in addition to the payload.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[repr(C)]
 pub struct Stats {
-    /// Wall seconds the rank worked on the answer.
+    /// Wall seconds that the rank computed the response.
     pub busy_s: f64,
     /// Meaning by role: [`structure_stats`], [`flow_stats`], [`mesh_stats`].
     /// Global values, the same on each rank.
@@ -63,8 +62,8 @@ pub mod structure_stats {
     pub const PROJECTED_AREA: usize = 7;
     /// Largest line tension, N.
     pub const MAX_LINE_TENSION: usize = 8;
-    /// Residual of the last Newton step relative to the load. Below 0: the window has no answer, the
-    /// structure stays where it was accepted, and the coupler gives the window back or ends the run.
+    /// Residual of the last Newton step relative to the load. Below 0: the solve failed, the structure keeps its last
+    /// accepted state, and the coupler rejects the window or ends the run.
     pub const RESIDUAL: usize = 9;
     /// Time steps that were cut.
     pub const STEP_CUTS: usize = 10;
@@ -72,39 +71,40 @@ pub mod structure_stats {
     pub const ASSEMBLY_S: usize = 11;
     /// Time of factorisations and Krylov solves, s.
     pub const LINEAR_S: usize = 12;
-    /// Vertical force of the air on lines and a payload that moves in the frame, N, upwards; read
-    /// where the scene has `lines.drag` or `descent.body`.
+    /// Vertical force of the air on lines and a payload that moves in the frame, N, upwards; read where the scene has
+    /// `lines.drag` or `descent.body`.
     pub const AIR_FORCE: usize = 13;
     /// Vertical force in the risers at the payload, N, upwards on the payload.
     pub const RISER_FORCE: usize = 14;
     /// Volume under the canopy closed by its hem plane, m3 (0 if open shape).
     pub const VOLUME: usize = 15;
-    /// Value of `RESIDUAL` at which the answer counts as converged. 0: not stated, so not judged.
+    /// Value of `RESIDUAL` at which the response counts as converged. 0: not stated, so not judged.
     pub const RESIDUAL_TARGET: usize = 16;
-    /// Time steps of this answer that ended above their own target.
+    /// Time steps of this response that ended above their own target.
     pub const UNCONVERGED: usize = 17;
-    /// Work over the window of everything outside of the structure (loads, gravity, prescribed motions), less
-    /// what damping takes, J.
+    /// Work over the window of everything outside of the structure (loads, gravity, prescribed motions), less the
+    /// dissipation by damping, J.
     pub const WORK: usize = 18;
-    /// Energy that time integration created in the window, J: the change of kinetic and strain energy
-    /// less `WORK`; below 0 it took energy.
+    /// Energy that time integration created in the window, J: the change of kinetic and strain energy less `WORK`;
+    /// negative: dissipated.
     pub const ENERGY_CREATED: usize = 19;
     /// `WORK` since the start of the stage, J.
     pub const WORK_SUM: usize = 20;
     /// `ENERGY_CREATED` since the start of the stage, J.
     pub const ENERGY_CREATED_SUM: usize = 21;
-    /// Energy at the start of the stage and the sizes of all works since, J. 0: the energy balance is not
+    /// Energy at the start of the stage plus the absolute values of all works since, J. 0: the energy balance is not
     /// reported.
     pub const ENERGY_THROUGHPUT: usize = 22;
-    /// Energy created over what may be. Above 1 the motion is an artefact of time integration, and the coupler
+    /// Energy created relative to its limit. Above 1 the motion is an artefact of time integration, and the coupler
     /// rejects the window or ends the run.
     pub const ENERGY_EXCESS: usize = 23;
-    /// Mean over the window of the vertical force of the structure on the payload, or on whatever holds it, N,
-    /// upwards, the payload's own weight excluded: in balance with the impulse of the air and the change of
-    /// `VERTICAL_MOMENTUM`. With `descent.body` the force on the body, its drag included. The descent equation reads it
-    /// from programs with the effect `descent.equation`.
+    /// Mean over the window of the vertical force of the structure on the payload, or on its support, N, upwards, the
+    /// payload's own weight excluded: in balance with the impulse of the air and the change of `VERTICAL_MOMENTUM`.
+    /// With `descent.body` the force on the body, its drag included. The descent equation reads it from programs with
+    /// the effect `descent.equation`.
     pub const SUPPORT_FORCE: usize = 24;
-    /// Vertical momentum of all nodes whose height is free, relative to the frame, at the end of the window, N s; likewise.
+    /// Vertical momentum of all nodes whose height is free, relative to the frame, at the end of the window, N s;
+    /// read as `SUPPORT_FORCE`.
     pub const VERTICAL_MOMENTUM: usize = 25;
 }
 
@@ -132,18 +132,17 @@ pub mod flow_stats {
     pub const MOMENT: usize = 11;
     /// Mass defect: sum over cells of the residual of continuity, kg/s.
     pub const MASS_DEFECT: usize = 14;
-    /// Not 0: the window has no answer (1: the iterations diverged, 2: a state that is not physical,
-    /// 3: a cell of the moved grid without volume, 4: the iterations ran out before the residual had
-    /// halved). The flow stays where it was accepted, and the coupler gives
-    /// the window back or ends the run.
+    /// Not 0: the solve failed (1: the iterations diverged, 2: an unphysical state, 3: a cell of the moved grid
+    /// without volume, 4: the iteration limit was reached before the residual was halved). The flow keeps its last
+    /// accepted state, and the coupler rejects the window or ends the run.
     pub const NO_ANSWER: usize = 15;
-    /// Value of `RESIDUAL_END` at which the answer counts as converged: the drop that the scene asks of a
-    /// step. 0: not stated, so not judged.
+    /// Value of `RESIDUAL_END` at which the response counts as converged: the residual drop of a step in the scene.
+    /// 0: not stated, so not judged.
     pub const RESIDUAL_TARGET: usize = 16;
-    /// Solves of this answer that ended above their own target; repeated solves within a window may
-    /// have a smaller one than `RESIDUAL_TARGET`.
+    /// Flow solves of this response that ended above their own target; repeated solves within a window may have a
+    /// smaller one than `RESIDUAL_TARGET`.
     pub const UNCONVERGED: usize = 17;
-    /// Residual of the turbulence equation in the step that was accepted last, over its target; 0: not solved.
+    /// Residual of the turbulence equation in the last accepted step, relative to its target; 0: not solved.
     pub const TURBULENCE_RESIDUAL: usize = 18;
 }
 
@@ -161,14 +160,13 @@ pub mod mesh_stats {
     pub const MIN_VOLUME_RATIO: usize = 4;
     /// Cell (global) of the smallest scaled Jacobian.
     pub const WORST_CELL: usize = 5;
-    /// Not 0: the grid cannot follow. It stays where it was accepted, and `MIN_QUALITY` and
-    /// `WORST_CELL` (-1: none) tell of the best attempt. The coupler then gives the window back, or saves and
-    /// ends the run.
+    /// Not 0: the grid motion failed. The grid keeps its last accepted state, and `MIN_QUALITY` and `WORST_CELL` (-1:
+    /// none) describe the best attempt. The coupler then rejects the window, or saves and ends the run.
     pub const STUCK: usize = 6;
-    /// New grids made so far in the place of bad ones.
+    /// New grids built so far to replace bad ones.
     pub const NEW_GRIDS: usize = 7;
-    /// Where the grid cannot follow: the canopy node next to the worst cell; -1: none.
+    /// Where the grid motion failed: the canopy node nearest to the worst cell; -1: none.
     pub const NEAREST_NODE: usize = 8;
-    /// Value of `RESIDUAL` at which the answer counts as converged. 0: not stated, so not judged.
+    /// Value of `RESIDUAL` at which the response counts as converged. 0: not stated, so not judged.
     pub const RESIDUAL_TARGET: usize = 9;
 }

@@ -1,4 +1,4 @@
-//! What a solver program is to the rest of the system.
+//! The interface of a solver program.
 
 use std::path::Path;
 
@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Stats, Window};
 
-/// A solver program: the only thing that a replacement must implement.
+/// A solver program: the only trait that a replacement must implement.
 ///
-/// One instance lives on each rank of the program. The calls arrive in the same
-/// order on each rank, so a participant may use MPI collectives inside them.
+/// One instance exists on each rank of the program. The calls arrive in the same order on each rank, so a participant
+/// may use MPI collectives in them.
 ///
 /// State machine of a window: `advance` (once or more, always from the state of
 /// the last accepted window), then `accept`. Rolling back needs no call.
@@ -33,8 +33,7 @@ pub trait Participant {
     /// `[output_rows][output_width]`, to be filled completely.
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault>;
 
-    /// The last `advance` of window `w` is final: it becomes the state that later
-    /// windows start from.
+    /// Accepts the last `advance` of window `w`: it becomes the state that later windows start from.
     fn accept(&mut self, w: &Window) -> Result<(), Fault>;
 
     /// Writes the accepted state below `folder` (created, shared by all ranks).
@@ -44,11 +43,11 @@ pub trait Participant {
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault>;
 }
 
-/// Effect that a structure announces whose surface is not the scene's canopy: nodes, faces and hash that it announces
-/// are then its own, and it has written the surface by then (docs/contract.md).
+/// Effect announced by a structure whose surface is not the scene's canopy: the announced numbers of nodes and faces
+/// and the hash are then its own, and it has written the surface before the announcement (docs/reference/contract.md).
 pub const OWN_SURFACE: &str = "surface.own";
 
-/// What a rank announces: the coupler refuses a mismatch by name.
+/// Announcement of a rank: the coupler rejects a mismatch with a message.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Announcement {
     /// Role: `structure`, `flow` or `mesh`.
@@ -71,8 +70,7 @@ pub struct Announcement {
     pub effects: Vec<String>,
 }
 
-/// What a participant reads, in place, from shared memory. All ranks of a
-/// program see the same `canopy` fields.
+/// Input of a participant, read in place from shared memory. All ranks of a program have the same `canopy` fields.
 pub struct Input<'a> {
     /// Fields on the whole canopy, shape by role:
     /// * structure: `[faces][8]`: pressure jump and traction
@@ -95,7 +93,7 @@ pub struct Grid<'a> {
 }
 
 impl Grid<'_> {
-    /// Whether the grid stands still (nothing was published).
+    /// Whether the grid is at rest (nothing was published).
     pub fn is_empty(&self) -> bool {
         self.pieces.is_empty()
     }
@@ -114,11 +112,11 @@ impl Grid<'_> {
 /// summed over both sides, Pa.
 pub const LOAD_WIDTH: usize = 4;
 
-/// An error that ends the run: what, where, and what to do.
+/// An error that ends the run: problem, location, remedy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, thiserror::Error)]
 #[error("{message}")]
 pub struct Fault {
-    /// One message for a person: value, place, remedy.
+    /// The message: value, location, remedy.
     pub message: String,
 }
 

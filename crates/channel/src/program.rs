@@ -1,5 +1,5 @@
-//! One program of a session, seen from the coupler: commands to all its ranks,
-//! answers from each, checked before they are used.
+//! One program of a session as the coupler sees it: commands to all its ranks, responses from each, checked before
+//! use.
 
 use std::time::Duration;
 
@@ -8,55 +8,55 @@ use case::Role;
 use crate::deadline::Deadline;
 use crate::header::{COUPLER, Header, Kind, Unit, role_code, text_words};
 use crate::hub_options::RoleOptions;
-use crate::session::Watch;
-use crate::transport::{Channel, Link, Message, Receiver, Ringer, Sender};
-use crate::wire::{Hello, Roster, during, first_not_finite};
-use crate::{HubError, SessionError, Stats, Who, Window};
+use crate::session::LockMonitor;
+use crate::transport::{Channel, Connection, Message, Receiver, Sender, WakeNotifier};
+use crate::wire::{Hello, RankCounts, during, first_not_finite};
+use crate::{HubError, RankId, SessionError, Stats, Window};
 
-/// Numbers that any command can carry, so that folders and messages fit.
+/// Size of the smallest command channel, so that folders and messages fit.
 const TEXT_WORDS: usize = 1024;
 
-/// One program, seen from the coupler.
+/// One program as the coupler sees it.
 pub(crate) struct Program {
     pub role: Role,
-    /// Longest time for an answer.
+    /// Longest time for a response.
     limit: Option<Duration>,
     pub input_length: usize,
     pub ranks: Vec<Rank>,
     channel: Channel,
     pub command: Option<Sender>,
-    pub bell: Ringer,
+    pub wake_event: WakeNotifier,
     /// Number of the last command.
     pub sequence: u64,
-    /// The command that is being carried out.
-    pub asked: Option<Asked>,
+    /// The command in progress.
+    pub pending: Option<PendingCommand>,
     /// Window of the last `advance` since the last `accept`.
     pub open: Option<u64>,
 }
 
 #[derive(Clone, Copy)]
-pub(crate) struct Asked {
+pub(crate) struct PendingCommand {
     pub kind: Kind,
     pub window: Window,
     pub deadline: Deadline,
 }
 
-/// One rank, seen from the coupler.
+/// One rank as the coupler sees it.
 pub(crate) struct Rank {
-    pub who: Who,
+    pub who: RankId,
     pub hello: Option<Hello>,
     /// Global rows of its output.
     pub rows: Vec<u64>,
     /// Its layout during the handshake.
     pub layout: Option<(Channel, Receiver)>,
-    /// Its grid, if it is the mesh's: made by the coupler, read by the flow.
+    /// Its grid, if it is a rank of the mesh: created by the coupler, read by the flow.
     grid: Option<Channel>,
     watched_grid: Option<Receiver>,
     pub answers: Receiver,
-    /// Its answer, in place and not yet used.
+    /// Its response, in place and not yet used.
     pub answer: Option<Message>,
-    /// Whether it lives; from its arrival on.
-    pub watch: Option<Watch>,
+    /// Whether it is alive; from its arrival on.
+    pub watch: Option<LockMonitor>,
 }
 
 pub(crate) enum Payload<'a> {
@@ -65,17 +65,18 @@ pub(crate) enum Payload<'a> {
 }
 
 impl Program {
-    /// Makes the program's channels and those of its ranks.
+    /// Creates the channels of the program and of its ranks.
     pub fn open(
-        link: &Link,
-        roster: &Roster,
+        link: &Connection,
+        rank_counts: &RankCounts,
         spec: &RoleOptions,
-        bell: Ringer,
+        wake_event: WakeNotifier,
         watch_grid: bool,
     ) -> Result<Self, SessionError> {
         let role = spec.role;
-        let ranks = (0..spec.ranks).map(|rank| Rank::open(link, roster, Who { role, rank }, watch_grid));
-        let (name, channel) = roster.command(role);
+        let ranks =
+            (0..spec.ranks).map(|rank| Rank::open(link, rank_counts, RankId { role, rank }, watch_grid));
+        let (name, channel) = rank_counts.command(role);
         Ok(Self {
             role,
             limit: spec.deadline,
@@ -83,14 +84,14 @@ impl Program {
             ranks: ranks.collect::<Result<_, _>>()?,
             channel: link.create(&name, channel)?,
             command: None,
-            bell,
+            wake_event,
             sequence: 0,
-            asked: None,
+            pending: None,
             open: None,
         })
     }
 
-    pub fn ask_window(
+    pub fn send_advance(
         &mut self,
         id: u64,
         w: &Window,
@@ -98,7 +99,7 @@ impl Program {
     ) -> Result<(), HubError> {
         if let Some(open) = self.open.filter(|&open| open != w.index) {
             return Err(HubError::Misuse(format!(
-                "{} is asked for window {} before window {open} was accepted",
+                "{} received a request for window {} before window {open} was accepted",
                 self.role.program(),
                 w.index
             )));
@@ -109,19 +110,19 @@ impl Program {
         Ok(())
     }
 
-    /// Sends a command that is to be answered.
+    /// Sends a command that requires a response.
     pub fn command(&mut self, id: u64, kind: Kind, w: &Window, payload: Payload<'_>) -> Result<(), HubError> {
-        if let Some(asked) = self.asked {
+        if let Some(pending) = self.pending {
             return Err(HubError::Misuse(format!(
-                "{} was told `{kind:?}` while it works on {}",
+                "{} received `{kind:?}` while it works on {}",
                 self.role.program(),
-                during(asked.kind, &asked.window)
+                during(pending.kind, &pending.window)
             )));
         }
         if let Some(rank) = self.ranks.iter().find(|r| r.answer.is_some()) {
-            return Err(rank.broken(kind, w, "it sent an answer that nobody asked for".into()));
+            return Err(rank.broken(kind, w, "it sent a response without a request".into()));
         }
-        self.asked = Some(Asked { kind, window: *w, deadline: Deadline::after(self.limit) });
+        self.pending = Some(PendingCommand { kind, window: *w, deadline: Deadline::after(self.limit) });
         let got = self.send(id, kind, w, payload)?;
         if got == self.ranks.len() {
             return Ok(());
@@ -133,7 +134,7 @@ impl Program {
         Err(self.ranks[0].broken(kind, w, problem))
     }
 
-    /// Sends a command. Returns how many ranks it reached.
+    /// Sends a command. Returns the number of ranks that it reached.
     pub fn send(&mut self, id: u64, kind: Kind, w: &Window, payload: Payload<'_>) -> Result<usize, HubError> {
         let longest = self.input_length.max(TEXT_WORDS);
         if self.command.as_ref().is_none_or(|c| c.words < longest) {
@@ -155,7 +156,7 @@ impl Program {
                 if let Some(i) = first_not_finite(loan.payload()) {
                     return Err(HubError::Misuse(format!(
                         "component {} of row {} of the input of {} in {} is {}: the coupling has diverged \
-                         or the row was left out",
+                         or the row was not written",
                         i % unit.width(),
                         i / unit.width(),
                         self.role.program(),
@@ -167,16 +168,16 @@ impl Program {
             }
         };
         self.sequence += 1;
-        self.bell.ring();
+        self.wake_event.notify();
         Ok(got)
     }
 
     pub fn take_done(&mut self, id: u64) -> Result<(), HubError> {
-        let asked = self.asked.take().expect("a command was sent");
+        let pending = self.pending.take().expect("a command was sent");
         for rank in &mut self.ranks {
             let message = rank.answer.take().expect("each rank has answered");
             if let Some(problem) = rank.check(&message, id, Kind::Done, Unit::None, Some(0), self.sequence) {
-                return Err(rank.broken(asked.kind, &asked.window, problem));
+                return Err(rank.broken(pending.kind, &pending.window, problem));
             }
         }
         Ok(())
@@ -187,7 +188,7 @@ impl Program {
         id: u64,
         each: &mut dyn FnMut(&[u64], &[f64]),
     ) -> Result<Vec<Stats>, HubError> {
-        let asked = self.asked.take().expect("a window was asked for");
+        let pending = self.pending.take().expect("a window was requested");
         let mut stats = Vec::with_capacity(self.ranks.len());
         for rank in &mut self.ranks {
             let message = rank.answer.take().expect("each rank has answered");
@@ -209,7 +210,7 @@ impl Program {
                 }
             }
             let answered = message.header().window;
-            if (answered.index, answered.iteration) != (asked.window.index, asked.window.iteration) {
+            if (answered.index, answered.iteration) != (pending.window.index, pending.window.iteration) {
                 problem = Some(format!("it answered {}", during(Kind::Output, &answered)));
             }
             let data = grid.as_ref().unwrap_or(&message).payload();
@@ -220,7 +221,7 @@ impl Program {
                 problem = Some(format!("statistic {i} is not finite"));
             }
             match problem {
-                Some(problem) => return Err(rank.broken(asked.kind, &asked.window, problem)),
+                Some(problem) => return Err(rank.broken(pending.kind, &pending.window, problem)),
                 None => each(&rank.rows, data),
             }
         }
@@ -229,15 +230,20 @@ impl Program {
 }
 
 impl Rank {
-    pub fn open(link: &Link, roster: &Roster, who: Who, watch_grid: bool) -> Result<Self, SessionError> {
-        let (name, spec) = roster.answer(who.role, who.rank);
+    pub fn open(
+        link: &Connection,
+        rank_counts: &RankCounts,
+        who: RankId,
+        watch_grid: bool,
+    ) -> Result<Self, SessionError> {
+        let (name, spec) = rank_counts.answer(who.role, who.rank);
         let answers = link.create(&name, spec)?.receiver()?;
-        let (name, spec) = roster.layout(who.role, who.rank);
+        let (name, spec) = rank_counts.layout(who.role, who.rank);
         let layout = link.create(&name, spec)?;
         let layout_receiver = layout.receiver()?;
         let (mut grid, mut watched_grid) = (None, None);
         if who.role == Role::Mesh {
-            let (name, spec) = roster.grid(who.rank);
+            let (name, spec) = rank_counts.grid(who.rank);
             let channel = link.create(&name, spec)?;
             watched_grid = watch_grid.then(|| channel.receiver()).transpose()?;
             grid = Some(channel);
@@ -255,13 +261,13 @@ impl Rank {
         })
     }
 
-    /// The participants have joined what they need.
-    pub fn settle(&mut self) {
+    /// Drops the channels of the handshake, after the participants have joined theirs.
+    pub fn drop_handshake_channels(&mut self) {
         self.layout = None;
         self.grid = None;
     }
 
-    /// What is wrong with a message of this rank, if anything.
+    /// The first problem of a message of this rank, if any.
     pub fn check(
         &self,
         message: &Message,
@@ -277,12 +283,12 @@ impl Rank {
             if header.kind != kind as u32 || header.unit != unit as u32 {
                 let came =
                     Kind::from_code(header.kind).map_or("an unknown kind".into(), |k| format!("{k:?}"));
-                Some(format!("{came} in unit {} where {kind:?} in unit {unit:?} was due", header.unit))
+                Some(format!("{came} in unit {}, expected {kind:?} in unit {unit:?}", header.unit))
             } else if header.sequence != sequence {
-                Some(format!("an answer to command {} where {sequence} was asked", header.sequence))
+                Some(format!("it answers command {}, expected {sequence}", header.sequence))
             } else {
                 let expected = length.filter(|&n| n != found)?;
-                Some(format!("{found} numbers where {expected} were due"))
+                Some(format!("{found} numbers, expected {expected}"))
             }
         })
     }

@@ -1,41 +1,41 @@
-//! One rank's place in a session: the handshake, then commands and answers.
+//! One rank of a session: the handshake, then commands and responses.
 
 use std::path::Path;
 use std::time::Instant;
 
 use case::Role;
 
-use crate::guardian::dismiss_guardians;
 use crate::header::{COUPLER, Kind, Unit, text_words, unpack_text};
 use crate::membership::Membership;
 use crate::proxied_rank::ProxiedRank;
 use crate::serve::{Identity, TEXT_WORDS, finite, guarded};
 use crate::transport::{Loan, Message, Receiver, Sender};
-use crate::windows::Windows;
+use crate::watchdog::disarm_watchdogs;
+use crate::windows::WindowOrder;
 use crate::wire::{Hello, Welcome, decode_rows, during, first_not_finite, to_json};
 use crate::{CONTRACT_VERSION, Fault, Grid, Input, Participant, ServeEnd, ServeError, Stats, Window};
 
-/// The place of one rank in a session: its channels, and where it stands.
+/// One rank of a session: its channels and its present step.
 pub(crate) struct RankServer {
     pub member: Membership,
     pub answers: Sender,
     pub commands: Receiver,
-    /// Where the mesh puts its grid.
+    /// Channel of the mesh's grid.
     pub grid_out: Option<Sender>,
-    /// Held until the first window: its readers may be late.
+    /// Kept until the first window, for readers that are late.
     pub layout_out: Option<Sender>,
-    pub link: GridLink,
+    pub link: GridReader,
     pub welcome: Welcome,
     pub output_rows: Vec<u64>,
     pub grid_rows: Vec<u64>,
-    /// Number of the last command, and what it was.
+    /// Number and kind of the last command.
     pub sequence: u64,
     pub step: (Kind, Window),
 }
 
-/// What a rank of the flow needs to read the grid where the mesh wrote it.
+/// Channels by which a rank of the flow reads the grid in place.
 #[derive(Default)]
-pub(crate) struct GridLink {
+pub(crate) struct GridReader {
     pieces: Vec<Receiver>,
     /// Rows of the pieces, during the handshake.
     layouts: Vec<Receiver>,
@@ -47,7 +47,7 @@ impl RankServer {
     /// Announces the rank of `member`.
     pub fn open(member: Membership, identity: Result<Identity, Fault>) -> Result<Self, ServeError> {
         let role = member.at.role;
-        let (name, spec) = member.roster.command(role);
+        let (name, spec) = member.rank_counts.command(role);
         let commands = member.link.join(&name, spec)?.receiver()?;
         let step = (Kind::Announce, Window::default());
         let Identity { announcement, output_rows, grid_rows } = match identity {
@@ -66,7 +66,7 @@ impl RankServer {
         })?;
         let output = output_rows.len() * Unit::of_output(role).width();
         let grid_out = if role == Role::Mesh {
-            let (name, spec) = member.roster.grid(member.at.rank);
+            let (name, spec) = member.rank_counts.grid(member.at.rank);
             Some(member.link.join(&name, spec)?.sender(output.max(1))?)
         } else {
             None
@@ -74,14 +74,14 @@ impl RankServer {
         let answer = if grid_out.is_some() { 0 } else { output };
         let answers = member.answer_sender(answer.max(TEXT_WORDS).max(text_words(&hello)))?;
         answers.send_text(member.header(Kind::Announce, 0), &hello)?;
-        member.coupler_bell.ring();
+        member.coupler_event.notify();
         Ok(Self {
             member,
             answers,
             commands,
             grid_out,
             layout_out: None,
-            link: GridLink::default(),
+            link: GridReader::default(),
             welcome: Welcome::default(),
             output_rows,
             grid_rows,
@@ -90,7 +90,7 @@ impl RankServer {
         })
     }
 
-    /// The first half of the handshake: who the partners are.
+    /// The first half of the handshake: the partners.
     pub fn welcome(&mut self) -> Result<(), ServeError> {
         let command = self.expect(Kind::Welcome)?;
         let text = unpack_text(command.payload(), command.header().bytes).unwrap_or_default();
@@ -101,20 +101,20 @@ impl RankServer {
         };
         if self.member.at.role == Role::Flow {
             for mesh_rank in 0..self.welcome.mesh_rows.len() {
-                let (name, spec) = self.member.roster.grid(mesh_rank);
+                let (name, spec) = self.member.rank_counts.grid(mesh_rank);
                 self.link.pieces.push(self.member.link.join(&name, spec)?.receiver()?);
-                let (name, spec) = self.member.roster.layout(Role::Mesh, mesh_rank);
+                let (name, spec) = self.member.rank_counts.layout(Role::Mesh, mesh_rank);
                 self.link.layouts.push(self.member.link.join(&name, spec)?.receiver()?);
             }
         }
         self.done()
     }
 
-    /// The second half: which rows are where.
+    /// The second half: the layout of rows over ranks.
     pub fn lay_out(&mut self) -> Result<(), ServeError> {
         let (role, rank) = (self.member.at.role, self.member.at.rank);
         drop(self.expect(Kind::SendLayout)?);
-        let (name, spec) = self.member.roster.layout(role, rank);
+        let (name, spec) = self.member.rank_counts.layout(role, rank);
         let rows = self.output_rows.len() + self.grid_rows.len();
         let sender = self.member.link.join(&name, spec)?.sender(rows.max(1))?;
         let mut loan = sender.loan(rows)?;
@@ -126,7 +126,7 @@ impl RankServer {
         let got = loan.send(header)?;
         self.delivered(Kind::Layout, got, 1 + readers)?;
         self.layout_out = Some(sender);
-        self.member.ring_readers();
+        self.member.notify_readers();
         let layouts = std::mem::take(&mut self.link.layouts);
         if !layouts.is_empty() {
             self.link.index = self.index_grid(&layouts)?;
@@ -144,7 +144,7 @@ impl RankServer {
             let problem = self.member.problem(&message, Role::Mesh, rank, Kind::Layout, Unit::Rows, None);
             let owned = message.payload().get(..rows).and_then(decode_rows);
             let (None, Some(owned)) = (&problem, owned) else {
-                let problem = problem.unwrap_or_else(|| "rows that are no row numbers".into());
+                let problem = problem.unwrap_or_else(|| "it holds numbers that are not row indices".into());
                 return Err(self.broken(format!("layout of the mesh-mover (rank {rank}): {problem}")));
             };
             for (i, row) in owned.iter().enumerate() {
@@ -165,18 +165,18 @@ impl RankServer {
         }
     }
 
-    /// Serves windows until the coupler stops the run; the ranks on other hosts that are
-    /// `proxied` here are asked first and heard last.
+    /// Serves windows until the coupler stops the run. The ranks on other hosts that are `proxied` here get each
+    /// command first, and their responses are received last.
     pub fn run(
         mut self,
         participant: &mut dyn Participant,
         mut proxied: Vec<ProxiedRank<'_>>,
     ) -> Result<ServeEnd, ServeError> {
-        let mut windows = Windows::default();
+        let mut windows = WindowOrder::default();
         loop {
             let command = self.next()?;
             let (kind, w) = self.step;
-            let asked: Vec<Message> =
+            let proxied_commands: Vec<Message> =
                 proxied.iter_mut().map(|p| p.next(&self.step)).collect::<Result<_, _>>()?;
             match kind {
                 Kind::Advance => {
@@ -184,50 +184,50 @@ impl RankServer {
                     if let Some(problem) = windows.advance(&w) {
                         return Err(self.broken(problem));
                     }
-                    for (p, command) in proxied.iter_mut().zip(&asked) {
+                    for (p, command) in proxied.iter_mut().zip(&proxied_commands) {
                         p.server.layout_out = None;
-                        p.ask_window(command, &w)?;
+                        p.send_advance(command, &w)?;
                     }
                     self.advance(participant, &command, &w)?;
-                    drop(asked);
-                    proxied.iter().try_for_each(|p| p.hear_window(&w))?;
+                    drop(proxied_commands);
+                    proxied.iter().try_for_each(|p| p.receive_output(&w))?;
                 }
                 Kind::Accept => {
                     if let Some(problem) = windows.accept(&w) {
                         return Err(self.broken(problem));
                     }
-                    proxied.iter().for_each(|p| p.tell(""));
+                    proxied.iter().for_each(|p| p.send_command(""));
                     self.call(|| participant.accept(&w))?;
-                    proxied.iter().try_for_each(ProxiedRank::hear)?;
+                    proxied.iter().try_for_each(ProxiedRank::receive_done)?;
                 }
                 Kind::Save | Kind::Snapshot => {
                     let Some(text) = unpack_text(command.payload(), command.header().bytes) else {
-                        return Err(self.broken("a folder whose name is no text".into()));
+                        return Err(self.broken("the name of a folder is not valid text".into()));
                     };
-                    proxied.iter().for_each(|p| p.tell(&text));
+                    proxied.iter().for_each(|p| p.send_command(&text));
                     let folder = Path::new(&text);
                     if kind == Kind::Save {
                         self.call(|| participant.save(folder))?;
                     } else {
                         self.call(|| participant.snapshot(w.time, folder))?;
                     }
-                    proxied.iter().try_for_each(ProxiedRank::hear)?;
+                    proxied.iter().try_for_each(ProxiedRank::receive_done)?;
                 }
                 Kind::Stop => {
                     if self.member.at.exit_when_orphaned {
-                        dismiss_guardians();
+                        disarm_watchdogs();
                     }
-                    proxied.iter().for_each(|p| p.tell(""));
-                    proxied.iter().try_for_each(ProxiedRank::hear)?;
+                    proxied.iter().for_each(|p| p.send_command(""));
+                    proxied.iter().try_for_each(ProxiedRank::receive_done)?;
                     self.done()?;
                     return Ok(ServeEnd { windows: windows.accepted });
                 }
-                _ => return Err(self.broken(format!("`{kind:?}` between windows"))),
+                _ => return Err(self.broken(format!("unexpected command `{kind:?}` between windows"))),
             }
         }
     }
 
-    /// The moved grid of window `w`, when the input has been checked.
+    /// Checks the input and receives the moved grid of window `w`.
     pub fn begin(&self, command: &Message, w: &Window) -> Result<Vec<Message>, ServeError> {
         let input = self.welcome.input_length as usize;
         let unit = Unit::of_input(self.member.at.role);
@@ -260,7 +260,7 @@ impl RankServer {
         Ok(self.grid_out.as_ref().unwrap_or(&self.answers).loan(words)?)
     }
 
-    /// One window: input read in place, output written in place.
+    /// Computes one window: input is read in place, output is written in place.
     fn advance(
         &self,
         participant: &mut dyn Participant,
@@ -282,7 +282,7 @@ impl RankServer {
                 self.publish(loan, w, stats)
             }
             Err(fault) => {
-                // Only one message can be in the making.
+                // Only one message can be in preparation.
                 drop(loan);
                 Err(self.member.fail(&self.answers, self.sequence, &self.step, fault))
             }
@@ -300,14 +300,14 @@ impl RankServer {
             let got = loan.send(grid)?;
             let readers = self.welcome.grid_readers + usize::from(self.welcome.coupler_reads_grid);
             self.delivered(Kind::Grid, got, readers)?;
-            self.member.ring_readers();
+            self.member.notify_readers();
             self.answer(self.answers.send(answer)?)
         } else {
             self.answer(loan.send(answer.with_payload(unit, words))?)
         }
     }
 
-    /// The grid of window `w`, one message for each rank of the mesh.
+    /// The grid of window `w`: one message from each rank of the mesh.
     fn grid_pieces(&self, w: &Window) -> Result<Vec<Message>, ServeError> {
         let mut pieces = Vec::with_capacity(self.link.pieces.len());
         for (rank, receiver) in self.link.pieces.iter().enumerate() {
@@ -315,7 +315,7 @@ impl RankServer {
                 while let Some(message) = receiver.receive()? {
                     let found = message.header().window;
                     match (found.index, found.iteration).cmp(&(w.index, w.iteration)) {
-                        // Of an iteration that the coupler did not ask the flow for.
+                        // From an iteration that was not requested from the flow.
                         std::cmp::Ordering::Less => continue,
                         std::cmp::Ordering::Equal => return Ok(Some(message)),
                         std::cmp::Ordering::Greater => {
@@ -358,7 +358,7 @@ impl RankServer {
 
     fn answer(&self, got: usize) -> Result<(), ServeError> {
         self.delivered(Kind::Output, got, 1)?;
-        self.member.coupler_bell.ring();
+        self.member.coupler_event.notify();
         Ok(())
     }
 
@@ -366,14 +366,14 @@ impl RankServer {
         if got == expected {
             return Ok(());
         }
-        // A reader that is gone is the more likely, and the better, reason.
+        // A reader that has ended is the more likely reason.
         if !self.member.coupler.is_held() {
             return Err(self.member.coupler_died(&self.step));
         }
         Err(self.broken(format!("`{kind:?}` reached {got} of {expected} readers")))
     }
 
-    /// The next command, waited for asleep.
+    /// Waits, asleep, for the next command.
     pub fn next(&mut self) -> Result<Message, ServeError> {
         let command = self.wait(|| Ok(self.commands.receive()?))?;
         let header = *command.header();
@@ -397,17 +397,17 @@ impl RankServer {
         if self.step.0 == kind {
             Ok(command)
         } else {
-            Err(self.broken(format!("`{:?}` where `{kind:?}` was due", self.step.0)))
+            Err(self.broken(format!("command `{:?}`, expected `{kind:?}`", self.step.0)))
         }
     }
 
-    /// What a command that comes while another is being carried out means.
+    /// The error for a command that arrives during another one.
     fn end_early(&self, command: &Message) -> ServeError {
         let message = unpack_text(command.payload(), command.header().bytes).unwrap_or_default();
         match Kind::from_code(command.header().kind) {
             Some(Kind::Refuse) => ServeError::Refused { message },
             Some(Kind::Abort) => ServeError::Aborted { message, during: during(self.step.0, &self.step.1) },
-            kind => self.broken(format!("command {kind:?} before the last was answered")),
+            kind => self.broken(format!("command {kind:?} before the last one was answered")),
         }
     }
 
@@ -415,7 +415,7 @@ impl RankServer {
         self.member.wait(&self.step, poll)
     }
 
-    /// Ends this rank because somebody else broke the contract; the coupler is told.
+    /// Ends this rank because of a violation of the contract by another one; reports it to the coupler.
     pub fn broken(&self, problem: String) -> ServeError {
         self.member.fail(&self.answers, self.sequence, &self.step, Fault::new(&problem));
         ServeError::Contract { during: during(self.step.0, &self.step.1), problem }

@@ -1,9 +1,9 @@
 //! Ranks on other hosts than the coupler's.
 //!
-//! Shared memory ends at a host. A program whose ranks span several has its ranks on the
-//! coupler's host proxy the others: locks, services and answers in their names.
-//! So the coupler and the other programs see no difference. A rank far away is asked,
-//! and answers, by message passing inside its program.
+//! Shared memory is limited to a host. In a program whose ranks span several hosts, its ranks on the coupler's host
+//! proxy the others: they hold their locks and services and send their responses. So the coupler and the other
+//! programs see no difference. Commands and responses of a remote rank pass through message passing inside its
+//! program.
 
 use std::io::Write as _;
 use std::os::unix::fs::MetadataExt;
@@ -11,37 +11,37 @@ use std::time::Duration;
 
 use archive::hash::fnv1a;
 
-use crate::deadline::{Deadline, Reminder};
-use crate::header::{Kind, clipped, pack_text, text_words, unpack_text};
+use crate::deadline::{Deadline, SlowWaitNotice};
+use crate::header::{Kind, pack_text, text_words, truncate, unpack_text};
 use crate::serve::Identity;
-use crate::session::{MEMORY, Place, Watch};
+use crate::session::{LockMonitor, MEMORY, SessionPaths};
 use crate::wire::decode_rows;
 use crate::{Announcement, Fault, ServeError, ServeOptions, Stats, Window};
 
-/// Message passing between the ranks of one program, as [`crate::serve_across`] needs it.
+/// Message passing between the ranks of one program, for [`crate::serve_across`].
 #[derive(Clone, Copy)]
 pub struct Peers<'a> {
-    /// One number of each rank, in rank order. Collective.
+    /// Gathers one number of each rank, in rank order. Collective.
     pub gather: &'a dyn Fn(u64) -> Vec<u64>,
-    /// Sends numbers to a rank. May wait until that rank looks for them.
+    /// Sends numbers to a rank. May wait until that rank polls for them.
     pub send: &'a dyn Fn(usize, &[f64]),
-    /// The next message of a rank, if it has come. Must not wait.
+    /// The next message of a rank, if it has arrived. Must not wait.
     pub poll: &'a dyn Fn(usize) -> Option<Vec<f64>>,
 }
 
-/// Where a rank stands.
+/// Placement of a rank relative to the coupler's host.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Standing {
-    /// On the coupler's host. Proxies these ranks too.
-    Near(Vec<usize>),
-    /// On another host. This rank proxies it.
-    Far(usize),
+pub(crate) enum Placement {
+    /// On the coupler's host. Also proxies these ranks.
+    Local(Vec<usize>),
+    /// On another host, proxied by this rank.
+    Remote(usize),
 }
 
-/// Between two looks for the coupler's session.
+/// Time between two checks for the coupler's session.
 const ROUND: Duration = Duration::from_millis(20);
 
-/// Names the shared memory that this process sees: two processes with the same name share it.
+/// Identifies the shared memory of this process: two processes with the same value share it.
 pub(crate) fn memory_name() -> u64 {
     let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
     let device = std::fs::metadata(MEMORY).map(|m| (m.dev(), m.ino())).unwrap_or_default();
@@ -50,26 +50,31 @@ pub(crate) fn memory_name() -> u64 {
 
 /// Whether a live coupler serves `session` in this process's shared memory.
 fn coupler_is_here(session: &str) -> bool {
-    let Ok(place) = Place::of(session) else { return false };
-    place.notice().is_some() && Watch::on(&place.lock_file("coupler")).is_some_and(|watch| watch.is_held())
+    let Ok(place) = SessionPaths::of(session) else { return false };
+    place.session_info().is_some()
+        && LockMonitor::on(&place.lock_file("coupler")).is_some_and(|watch| watch.is_held())
 }
 
-/// Finds out where each rank stands. Collective. If all ranks share one memory, nothing
-/// is waited for; else until the coupler's session appears in one of them.
-pub(crate) fn standing(at: &ServeOptions, memory: u64, peers: &Peers<'_>) -> Result<Standing, ServeError> {
+/// Determines the placement of each rank. Collective. If all ranks share one memory, returns at once; otherwise waits
+/// until the coupler's session appears in one of them.
+pub(crate) fn find_placement(
+    at: &ServeOptions,
+    memory: u64,
+    peers: &Peers<'_>,
+) -> Result<Placement, ServeError> {
     let memories = (peers.gather)(memory);
     if memories.iter().all(|&m| m == memory) {
-        return Ok(Standing::Near(Vec::new()));
+        return Ok(Placement::Local(Vec::new()));
     }
-    let (search, mut reminder) = (Deadline::after(at.deadline), Reminder::default());
+    let (search, mut reminder) = (Deadline::after(at.deadline), SlowWaitNotice::default());
     let (here, gone) = (1, 2);
     loop {
-        // All ranks must come to the same end, so rank 0's clock counts.
+        // All ranks must come to the same result, so rank 0's clock decides.
         let over = at.rank == 0 && search.is_over();
         let mine = if coupler_is_here(&at.session) { here } else { u64::from(over) * gone };
         let all = (peers.gather)(mine);
         if let Some(home) = all.iter().position(|&x| x == here) {
-            return Ok(stand(at.rank, memories[home], &memories));
+            return Ok(place_rank(at.rank, memories[home], &memories));
         }
         if all.contains(&gone) {
             let seconds = search.elapsed().as_secs_f64();
@@ -88,20 +93,20 @@ pub(crate) fn standing(at: &ServeOptions, memory: u64, peers: &Peers<'_>) -> Res
     }
 }
 
-/// Ranks elsewhere are dealt out to those on the coupler's host in turn.
-fn stand(me: usize, home: u64, memories: &[u64]) -> Standing {
+/// Assigns remote ranks to those on the coupler's host in turn.
+fn place_rank(me: usize, home: u64, memories: &[u64]) -> Placement {
     let ranks = |here: bool| (0..memories.len()).filter(move |&r| (memories[r] == home) == here);
     let near: Vec<usize> = ranks(true).collect();
     let proxy = |i: usize| near[i % near.len()];
     match ranks(false).position(|r| r == me) {
-        Some(i) => Standing::Far(proxy(i)),
-        None => Standing::Near(
+        Some(i) => Placement::Remote(proxy(i)),
+        None => Placement::Local(
             ranks(false).enumerate().filter(|&(i, _)| proxy(i) == me).map(|(_, r)| r).collect(),
         ),
     }
 }
 
-/// A message between a rank far away and its proxy.
+/// A message between a remote rank and its proxy.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Frame {
     pub kind: Kind,
@@ -110,7 +115,7 @@ pub(crate) struct Frame {
     pub text: String,
     /// Input of the canopy, output, or output rows.
     pub first: Vec<f64>,
-    /// Rows of the grid in the reader's order, or their numbers.
+    /// Rows of the grid in the reader's order, or their indices.
     pub second: Vec<f64>,
 }
 
@@ -123,7 +128,7 @@ impl Frame {
         Self { kind, window, stats: Stats::default(), text: String::new(), first, second }
     }
 
-    /// Whole numbers travel exactly: they are far below 2^53.
+    /// Integers are represented exactly: they are far below 2^53.
     pub fn pack(&self) -> Vec<f64> {
         let w = &self.window;
         let mut words = Vec::with_capacity(HEAD + self.first.len() + self.second.len() + 1024);
@@ -149,7 +154,7 @@ impl Frame {
         words
     }
 
-    /// `None`: numbers that are no frame.
+    /// `None`: numbers that are not a frame.
     pub fn unpack(words: &[f64]) -> Option<Self> {
         let (head, rest) = words.split_at_checked(HEAD)?;
         let whole = |i: usize| head[i] as u64;
@@ -179,11 +184,11 @@ impl Frame {
     }
 
     pub fn fault(window: Window, fault: &Fault) -> Self {
-        let text = clipped(&fault.message, 8 * crate::serve::TEXT_WORDS).to_owned();
+        let text = truncate(&fault.message, 8 * crate::serve::TEXT_WORDS).to_owned();
         Self { text, ..Self::new(Kind::Fault, window) }
     }
 
-    /// What a rank far away says of itself.
+    /// The announcement of a remote rank.
     pub fn announce(identity: &Identity) -> Result<Self, Fault> {
         let numbers = |rows: &[u64]| rows.iter().map(|&row| row as f64).collect();
         Ok(Self {
@@ -194,7 +199,7 @@ impl Frame {
         })
     }
 
-    /// The other way round; a fault is what the rank reported, or a message that makes no sense.
+    /// The announcement in a frame; an error is the reported fault, or an unreadable message.
     pub fn identity(&self, rank: usize) -> Result<Identity, Fault> {
         if self.kind == Kind::Fault {
             return Err(Fault::new(&self.text));
@@ -204,13 +209,13 @@ impl Frame {
             (Kind::Announce, Some(announcement), Some(output_rows), Some(grid_rows)) => {
                 Ok(Identity { announcement, output_rows, grid_rows })
             }
-            _ => Err(Fault::new(format!("what rank {rank} on another host announced cannot be read"))),
+            _ => Err(Fault::new(format!("the announcement of rank {rank} on another host cannot be read"))),
         }
     }
 }
 
-/// Waits for a message of `from`, asleep: MPI itself would spin. The pauses grow from
-/// 50 us to 1 ms, so an answer that is near costs little and a long wait nothing.
+/// Waits for a message of `from`, asleep: MPI itself would spin. The pauses grow from 50 us to 1 ms, so a short wait
+/// has little latency and a long one little cost.
 pub(crate) fn receive(
     peers: &Peers<'_>,
     from: usize,
@@ -220,8 +225,7 @@ pub(crate) fn receive(
     let mut pause = Duration::from_micros(50);
     loop {
         if let Some(words) = (peers.poll)(from) {
-            return Frame::unpack(&words)
-                .ok_or_else(|| Some(format!("a message of rank {from} makes no sense")));
+            return Frame::unpack(&words).ok_or_else(|| Some(format!("an invalid message of rank {from}")));
         }
         if wait.is_over() {
             return Err(None);
@@ -240,7 +244,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_come_back_to_the_bit() {
+    fn frames_are_restored_bitwise() {
         let window = Window {
             index: 7,
             iteration: 2,
@@ -258,14 +262,14 @@ mod tests {
         frame.second = vec![-0.0; 6];
         assert_eq!(Frame::unpack(&frame.pack()), Some(frame));
         assert_eq!(Frame::unpack(&[1.0; 5]), None, "too short");
-        assert_eq!(Frame::unpack(&[99.0; HEAD + 99]), None, "no kind");
+        assert_eq!(Frame::unpack(&[99.0; HEAD + 99]), None, "unknown kind");
     }
 
     #[test]
-    fn ranks_elsewhere_are_dealt_out() {
-        let at = |me| stand(me, 5, &[5, 9, 5, 9, 8]);
-        assert_eq!([0, 2].map(at), [Standing::Near(vec![1, 4]), Standing::Near(vec![3])]);
-        assert_eq!([1, 3, 4].map(at), [Standing::Far(0), Standing::Far(2), Standing::Far(0)]);
+    fn remote_ranks_are_distributed_over_proxies() {
+        let at = |me| place_rank(me, 5, &[5, 9, 5, 9, 8]);
+        assert_eq!([0, 2].map(at), [Placement::Local(vec![1, 4]), Placement::Local(vec![3])]);
+        assert_eq!([1, 3, 4].map(at), [Placement::Remote(0), Placement::Remote(2), Placement::Remote(0)]);
     }
 
     #[test]
@@ -278,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_from_another_host_fits_its_place() {
+    fn fault_from_another_host_fits_into_a_message() {
         let place = 8 * crate::serve::TEXT_WORDS;
         for (length, kept) in [(place - 1, place - 1), (place, place), (place + 1, place), (3 * place, place)]
         {
@@ -287,19 +291,19 @@ mod tests {
         }
     }
 
-    /// Where rank `me` stands whose fellows say `others` when they look for the coupler, round by round.
+    /// Placement of rank `me` when the other ranks report `others` in the rounds of the search.
     fn found(
         me: usize,
         session: &str,
         deadline: Option<Duration>,
         others: &[u64],
-    ) -> (Option<Standing>, Vec<u64>) {
-        let said = std::cell::RefCell::new(Vec::new());
+    ) -> (Option<Placement>, Vec<u64>) {
+        let reported = std::cell::RefCell::new(Vec::new());
         let gather = |x: u64| {
-            let mut said = said.borrow_mut();
-            said.push(x);
-            assert!(said.len() <= others.len(), "no end after {said:?}");
-            let mut all = [others[said.len() - 1]; 2];
+            let mut reported = reported.borrow_mut();
+            reported.push(x);
+            assert!(reported.len() <= others.len(), "no end after {reported:?}");
+            let mut all = [others[reported.len() - 1]; 2];
             all[me] = x;
             all.to_vec()
         };
@@ -313,19 +317,19 @@ mod tests {
             deadline,
             exit_when_orphaned: false,
         };
-        let standing = standing(&at, 7, &peers);
-        (standing.ok(), said.into_inner())
+        let find_placement = find_placement(&at, 7, &peers);
+        (find_placement.ok(), reported.into_inner())
     }
 
     #[test]
-    fn ranks_agree_on_where_the_coupler_is_or_that_there_is_none() {
+    fn ranks_agree_on_the_coupler_s_host_or_its_absence() {
         let nobody = format!("nobody-{}", std::process::id());
-        // One memory: nothing is looked for.
-        assert_eq!(found(0, &nobody, None, &[7]), (Some(Standing::Near(vec![])), vec![7]));
-        // Two: the first rank's clock counts, and its word ends the search of the other.
+        // One memory: no search.
+        assert_eq!(found(0, &nobody, None, &[7]), (Some(Placement::Local(vec![])), vec![7]));
+        // Two: the clock of rank 0 decides, and its report ends the search of the other.
         assert_eq!(found(0, &nobody, Some(Duration::ZERO), &[8, 0]), (None, vec![7, 2]));
         assert_eq!(found(1, &nobody, Some(Duration::ZERO), &[8, 0, 2]), (None, vec![7, 0, 0]));
-        assert_eq!(found(0, &nobody, None, &[8, 0, 1]), (Some(Standing::Far(1)), vec![7, 0, 0]));
-        assert_eq!(found(1, &nobody, None, &[8, 0, 1]), (Some(Standing::Far(0)), vec![7, 0, 0]));
+        assert_eq!(found(0, &nobody, None, &[8, 0, 1]), (Some(Placement::Remote(1)), vec![7, 0, 0]));
+        assert_eq!(found(1, &nobody, None, &[8, 0, 1]), (Some(Placement::Remote(0)), vec![7, 0, 0]));
     }
 }

@@ -1,22 +1,22 @@
-//! How a rank of a participant is served: where it stands, the handshake, the windows.
+//! Serving a rank of a participant: its placement, the handshake, the windows.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
 use case::Role;
 
-use crate::far_rank::serve_far;
-use crate::guardian::Guardian;
 use crate::header::Kind;
 use crate::membership::Membership;
 use crate::proxied_rank::ProxiedRank;
 use crate::rank_server::RankServer;
-use crate::relay::{Peers, Standing, memory_name, standing};
+use crate::relay::{Peers, Placement, find_placement, memory_name};
+use crate::remote_rank::serve_remote;
 use crate::session::panic_fault;
+use crate::watchdog::Watchdog;
 use crate::wire::first_not_finite;
 use crate::{Announcement, Fault, Participant, ServeError, Stats};
 
-/// Which rank serves, and where.
+/// Identity of the rank to serve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ServeOptions {
     /// Session of the coupler.
@@ -29,38 +29,36 @@ pub struct ServeOptions {
     pub ranks: usize,
     /// Stage of the scene, announced to the coupler.
     pub stage: usize,
-    /// Longest silence of the coupler. `None`: no limit.
+    /// Longest time without a message of the coupler. `None`: no limit.
     pub deadline: Option<Duration>,
-    /// Ends this *process* when the coupler dies in the middle of a long
-    /// computation. Off: that is noticed when the computation is over.
+    /// Ends this *process* when the coupler dies during a long computation. Otherwise the death is noticed after the
+    /// computation.
     pub exit_when_orphaned: bool,
 }
 
-/// How a run ended well.
+/// Result of a completed run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServeEnd {
-    /// Windows accepted.
+    /// Accepted windows.
     pub windows: u64,
 }
 
-/// Numbers that any answer channel can carry, so that messages to people fit.
+/// Size of the smallest response channel, so that messages fit.
 pub(crate) const TEXT_WORDS: usize = 1024;
 
 /// Serves one rank of a program from the handshake to the coupler's `stop`.
 ///
-/// Each rank of the program calls this with its own participant. While it waits
-/// it sleeps in the kernel. A fault or panic of the participant is reported to
-/// the coupler before this returns; the caller then ends the process with a code
-/// other than zero (under MPI without `MPI_Finalize`, so that `mpirun` ends the
-/// other ranks).
+/// Each rank of the program calls this with its own participant. While it waits it sleeps in the kernel. A fault or
+/// panic of the participant is reported to the coupler before this returns; the caller then ends the process with a
+/// nonzero code (under MPI without `MPI_Finalize`, so that `mpirun` ends the other ranks).
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
-    ended(at, serve_near(participant, at, None))
+    ended(at, serve_local(participant, at, None))
 }
 
 /// As [`serve`], for a program whose ranks may span several hosts. Collective.
 ///
-/// Ranks that share the coupler's memory serve as ever. Those that do not are asked through
-/// one that does, by `peers`; at least one rank must run on the coupler's host.
+/// Ranks that share the coupler's memory are served directly. All others communicate through one of those, by
+/// `peers`; at least one rank must run on the coupler's host.
 pub fn serve_across(
     participant: &mut dyn Participant,
     at: &ServeOptions,
@@ -69,38 +67,38 @@ pub fn serve_across(
     ended(at, serve_from(memory_name(), participant, at, peers))
 }
 
-/// Leaves the timings of the first rank to the coupler, where it asked for them.
+/// Writes the timings of the first rank where the coupler requested them.
 fn ended<T>(at: &ServeOptions, end: T) -> T {
     if at.rank == 0
-        && let Err(error) = timing::write_where_asked()
+        && let Err(error) = timing::write_if_requested()
     {
         eprintln!("{error}");
     }
     end
 }
 
-/// As [`serve_across`] for a process that sees `memory`.
+/// As [`serve_across`] for a process with the memory identifier `memory`.
 pub(crate) fn serve_from(
     memory: u64,
     participant: &mut dyn Participant,
     at: &ServeOptions,
     peers: &Peers<'_>,
 ) -> Result<ServeEnd, ServeError> {
-    match standing(at, memory, peers)? {
-        Standing::Near(proxied) => serve_near(participant, at, Some((peers, &proxied))),
-        Standing::Far(proxy) => serve_far(participant, at, peers, proxy),
+    match find_placement(at, memory, peers)? {
+        Placement::Local(proxied) => serve_local(participant, at, Some((peers, &proxied))),
+        Placement::Remote(proxy) => serve_remote(participant, at, peers, proxy),
     }
 }
 
-fn serve_near(
+fn serve_local(
     participant: &mut dyn Participant,
     at: &ServeOptions,
     far: Option<(&Peers<'_>, &[usize])>,
 ) -> Result<ServeEnd, ServeError> {
-    // A full disk is an error that the coupler is told.
+    // A full disk is an error that is reported to the coupler.
     crate::resume::ignore_sigxfsz();
     let member = Membership::join(at, at.deadline)?;
-    let _guardian = if at.exit_when_orphaned { Guardian::over(&at.session, None)? } else { None };
+    let _guardian = if at.exit_when_orphaned { Watchdog::over(&at.session, None)? } else { None };
     let mut server = RankServer::open(member, guarded(|| Identity::of(participant)))?;
     let mut proxied = Vec::new();
     if let Some((peers, ranks)) = far {
@@ -115,15 +113,14 @@ fn serve_near(
     server.run(participant, proxied)
 }
 
-/// Tells the coupler that this rank cannot even begin (its scene, mesh or state
-/// is faulty), so that its one message names the cause. Does nothing where no
-/// coupler is there.
+/// Reports to the coupler that this rank cannot start (invalid scene, mesh or state), so that the coupler's message
+/// names the cause. No effect where there is no coupler.
 pub fn report(at: &ServeOptions, fault: &Fault) {
     let Ok(member) = Membership::join(at, Some(Duration::from_millis(200))) else { return };
     let _ = member.answer_sender(TEXT_WORDS).and_then(|answers| {
         answers.send_text(member.header(Kind::Fault, 0), &fault.message)?;
-        member.coupler_bell.ring();
-        // The coupler connects to a new sender when it next looks: stay until then.
+        member.coupler_event.notify();
+        // The coupler connects to a new sender at its next poll: wait for it.
         std::thread::sleep(Duration::from_millis(300));
         Ok(())
     });
@@ -134,7 +131,7 @@ pub(crate) fn guarded<T>(call: impl FnOnce() -> Result<T, Fault>) -> Result<T, F
     catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(panic_fault(panic)))
 }
 
-/// What a participant says of itself.
+/// Announcement and layout of a participant.
 pub(crate) struct Identity {
     pub announcement: Announcement,
     pub output_rows: Vec<u64>,
@@ -151,13 +148,13 @@ impl Identity {
     }
 }
 
-/// An output that may leave the program.
+/// Checks an output before it is sent.
 pub(crate) fn finite(output: &[f64], rows: &[u64], width: usize, stats: &Stats) -> Result<(), Fault> {
     if let Some(i) = first_not_finite(output) {
         let (row, component) = (rows[i / width], i % width);
         return Err(Fault::new(format!(
             "component {component} of output row {row} is {} (NaN also where it was not written): \
-             the solution has diverged or the row was left out",
+             the solution has diverged or the row was not written",
             output[i]
         )));
     }

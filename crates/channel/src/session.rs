@@ -1,10 +1,9 @@
-//! Where a session lives on this machine, who of it is alive, and how it is cleaned.
+//! Files of a session on this machine, detection of its live processes, and cleanup.
 //!
-//! A session is a folder `/dev/shm/ripstop-<user>/<key>` and shared-memory files
-//! `/dev/shm/rs<key>_*`, where the key is a hash of the session's name. Each
-//! process holds a lock on a file of its own in the folder for as long as it
-//! lives: the kernel frees it however the process ends, so "is it alive" needs no
-//! process numbers, which are reused and differ between containers.
+//! A session is a folder `/dev/shm/ripstop-<user>/<key>` and shared-memory files `/dev/shm/rs<key>_*`, where the key
+//! is a hash of the session's name. Each process holds a lock on a file of its own in the folder while it lives: the
+//! kernel releases it however the process ends, so liveness needs no process numbers, which are reused and differ
+//! between containers.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
@@ -24,30 +23,30 @@ pub(crate) const KEY_DIGITS: usize = 12;
 
 /// Paths of one session.
 #[derive(Clone, Debug)]
-pub(crate) struct Place {
+pub(crate) struct SessionPaths {
     pub session: String,
     key: String,
 }
 
-/// What the coupler writes for its participants to find, `session.json`.
+/// Contents of `session.json`, which the coupler writes for its participants.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Notice {
+pub(crate) struct SessionInfo {
     pub contract: u32,
     pub session: String,
-    /// Identity of this very session, in each header (hexadecimal).
+    /// Identity of this session, in each header (hexadecimal).
     pub id: String,
     pub pid: u32,
     /// Roles and their ranks.
     pub roles: Vec<(String, usize)>,
 }
 
-impl Place {
+impl SessionPaths {
     pub fn of(session: &str) -> Result<Self, SessionError> {
         let fine = |b: u8| b.is_ascii_alphanumeric() || b"-_.".contains(&b);
         if session.is_empty() || session.len() > 64 || !session.bytes().all(fine) {
             return Err(SessionError::BadName(session.into()));
         }
-        // 12 hexadecimal digits keep socket paths short; a clash of two names shows in `session.json`.
+        // 12 hexadecimal digits keep socket paths short; a collision of two names is detected in `session.json`.
         let key = format!("{:016x}", fnv1a(session.bytes()))[..KEY_DIGITS].to_string();
         Ok(Self { session: session.into(), key })
     }
@@ -56,7 +55,7 @@ impl Place {
         base().join(&self.key)
     }
 
-    /// Start of the names of the session's shared-memory files.
+    /// Prefix of the names of the session's shared-memory files.
     pub fn prefix(&self) -> String {
         format!("rs{}_", self.key)
     }
@@ -65,27 +64,27 @@ impl Place {
         self.folder().join(format!("{LOCK}{holder}"))
     }
 
-    fn notice_file(&self) -> PathBuf {
+    fn info_file(&self) -> PathBuf {
         self.folder().join("session.json")
     }
 
-    /// The coupler's notice, if the session is open.
-    pub fn notice(&self) -> Option<Notice> {
-        let notice: Notice = serde_json::from_slice(&fs::read(self.notice_file()).ok()?).ok()?;
-        (notice.session == self.session).then_some(notice)
+    /// The contents of `session.json`, if the session is open.
+    pub fn session_info(&self) -> Option<SessionInfo> {
+        let session_info: SessionInfo = serde_json::from_slice(&fs::read(self.info_file()).ok()?).ok()?;
+        (session_info.session == self.session).then_some(session_info)
     }
 
-    /// Shows the notice to participants, all at once.
-    pub fn publish(&self, notice: &Notice) -> Result<(), SessionError> {
+    /// Publishes `session.json` atomically.
+    pub fn publish(&self, session_info: &SessionInfo) -> Result<(), SessionError> {
         let draft = self.folder().join("session.draft");
-        let text = serde_json::to_vec_pretty(notice).map_err(|e| at(&draft)(e.into()))?;
+        let text = serde_json::to_vec_pretty(session_info).map_err(|e| at(&draft)(e.into()))?;
         let mut file = private().create(true).truncate(true).open(&draft).map_err(at(&draft))?;
         file.write_all(&text).map_err(at(&draft))?;
-        fs::rename(&draft, self.notice_file()).map_err(at(&draft))
+        fs::rename(&draft, self.info_file()).map_err(at(&draft))
     }
 
-    /// Makes the session's folder anew and takes the coupler's lock. `Ok(Err(who))`:
-    /// a process of a session of this name still lives.
+    /// Creates the session's folder and takes the coupler's lock. `Ok(Err(who))`: a process of a session of this name
+    /// is still alive.
     pub fn open(&self) -> Result<Result<Lock, String>, SessionError> {
         let _guard = lock_base()?;
         let folder = self.folder();
@@ -99,8 +98,8 @@ impl Place {
             .map(Ok)
     }
 
-    /// Takes from other users what the transport gives them (its counter of
-    /// processes is open to all by default).
+    /// Revokes the permissions of other users that the transport grants (its counter of processes is open to all by
+    /// default).
     pub fn close_to_others(&self) -> Result<(), SessionError> {
         for path in memory_files(&self.prefix())? {
             let mode = fs::metadata(&path).map_err(at(&path))?.mode();
@@ -116,7 +115,7 @@ impl Place {
         absent_is_fine(fs::remove_dir_all(self.folder())).map_err(at(&self.folder()))
     }
 
-    /// Removes what is left of the session. An error if a process of it lives.
+    /// Removes the remaining files of the session. An error if one of its processes is alive.
     pub fn clean(&self) -> Result<(), SessionError> {
         if !base().exists() {
             return remove_memory(&self.prefix());
@@ -126,29 +125,28 @@ impl Place {
             return Err(SessionError::StillAlive { session: self.session.clone(), who });
         }
         self.remove_files()?;
-        // Fails, rightly, while other sessions are there.
+        // Fails while there are other sessions, as intended.
         let _ = fs::remove_dir(base());
         drop(guard);
         Ok(())
     }
 }
 
-/// Removes what is left of `session` in shared memory, after all its processes
-/// have ended; an error names one that has not. A session that never was is fine.
+/// Removes the remaining files of `session` in shared memory, after all its processes have ended; the error names a process that
+/// has not ended. No effect for an unknown session.
 pub fn cleanup(session: &str) -> Result<(), SessionError> {
-    Place::of(session)?.clean()
+    SessionPaths::of(session)?.clean()
 }
 
-/// What a session has in shared memory now: its folder and files. Empty after
-/// its end.
+/// The folder and files of a session in shared memory. Empty after its end.
 pub fn session_files(session: &str) -> Result<Vec<PathBuf>, SessionError> {
-    let place = Place::of(session)?;
+    let place = SessionPaths::of(session)?;
     let folder = place.folder();
     Ok(folder.exists().then_some(folder).into_iter().chain(memory_files(&place.prefix())?).collect())
 }
 
-/// Removes what earlier runs of this user left behind when they were killed.
-/// Sessions of which any process lives are left alone. Returns how many were removed.
+/// Removes the remains of earlier runs of this user that were killed. Sessions with a live process are not touched.
+/// Returns the number of removed sessions.
 pub fn cleanup_stale() -> Result<usize, SessionError> {
     if !base().exists() {
         return Ok(0);
@@ -158,7 +156,7 @@ pub fn cleanup_stale() -> Result<usize, SessionError> {
     let mut live = Vec::new();
     for entry in fs::read_dir(base()).map_err(at(&base()))?.flatten() {
         let key = entry.file_name().to_string_lossy().into_owned();
-        let place = Place { session: String::new(), key };
+        let place = SessionPaths { session: String::new(), key };
         if holder(&place.folder()).is_some() {
             live.push(place.prefix());
         } else {
@@ -166,7 +164,7 @@ pub fn cleanup_stale() -> Result<usize, SessionError> {
             removed += 1;
         }
     }
-    // Shared memory whose folder is gone: its name tells that it was ours.
+    // Shared memory whose folder is missing: its name identifies it as ours.
     let uid = user();
     for entry in fs::read_dir(MEMORY).map_err(at(Path::new(MEMORY)))?.flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
@@ -183,7 +181,7 @@ pub fn cleanup_stale() -> Result<usize, SessionError> {
     Ok(removed)
 }
 
-/// Checks that shared memory has `bytes` left for `what`.
+/// Checks that shared memory has `bytes` free for `what`.
 pub(crate) fn memory_for(what: &str, bytes: u64) -> Result<(), SessionError> {
     let path = Path::new(MEMORY);
     let name = std::ffi::CString::new(MEMORY).expect("no zero in it");
@@ -224,13 +222,13 @@ fn absent_is_fine(result: io::Result<()>) -> io::Result<()> {
     }
 }
 
-/// Name of a process in `folder` that lives; the coupler first.
+/// Name of a live process in `folder`; the coupler first.
 fn holder(folder: &Path) -> Option<String> {
     let files = fs::read_dir(folder).ok()?.flatten();
     let held = files.filter_map(|entry| {
         let name = entry.file_name().to_string_lossy().into_owned();
         let who = name.strip_prefix(LOCK)?;
-        Watch::on(&entry.path()).is_some_and(|w| w.is_held()).then(|| who.to_string())
+        LockMonitor::on(&entry.path()).is_some_and(|w| w.is_held()).then(|| who.to_string())
     });
     held.min_by_key(|who| who != "coupler")
 }
@@ -241,8 +239,7 @@ pub(crate) struct Lock(File);
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing is not enough: a child that is being started has a copy of the
-        // descriptor for a moment.
+        // Closing is not enough: a child process that is being started temporarily has a copy of the descriptor.
         let mut free = whole_file();
         free.l_type = libc::F_UNLCK as libc::c_short;
         // SAFETY: an open descriptor and a valid `flock` for the length of the call.
@@ -267,17 +264,17 @@ impl Lock {
     }
 }
 
-/// An eye on another process's [`Lock`].
+/// Monitors another process's [`Lock`].
 #[derive(Debug)]
-pub(crate) struct Watch(File);
+pub(crate) struct LockMonitor(File);
 
-impl Watch {
+impl LockMonitor {
     /// `None`: no such file.
     pub fn on(path: &Path) -> Option<Self> {
         File::open(path).ok().map(Self)
     }
 
-    /// Whether the process that took the lock lives.
+    /// Whether the process that took the lock is alive.
     pub fn is_held(&self) -> bool {
         let mut answer = whole_file();
         // SAFETY: an open descriptor and a valid `flock` for the length of the call.
@@ -296,8 +293,8 @@ fn whole_file() -> libc::flock {
     }
 }
 
-/// Opens or makes the folder of all sessions of this user and locks it against
-/// other processes that make or clean sessions right now.
+/// Opens or creates the folder of all sessions of this user and locks it against other processes that create or clean
+/// sessions.
 fn lock_base() -> Result<File, SessionError> {
     let path = base();
     loop {
@@ -326,7 +323,7 @@ fn lock_base() -> Result<File, SessionError> {
                 e => return Err(at(&path)(e)),
             }
         }
-        // Somebody may have removed the folder between opening and locking it.
+        // The folder may have been removed between opening and locking it.
         let same = |a: fs::Metadata, b: fs::Metadata| a.ino() == b.ino() && a.dev() == b.dev();
         if let (Ok(a), Ok(b)) = (folder.metadata(), fs::symlink_metadata(&path))
             && same(a, b)
@@ -363,7 +360,7 @@ pub(crate) fn panic_fault(panic: Box<dyn std::any::Any + Send>) -> Fault {
         .map(|s| (*s).to_string())
         .or_else(|| panic.downcast_ref::<String>().cloned())
         .unwrap_or_else(|| "no message".into());
-    Fault::new(format!("panic: {text} (a defect of the program; RUST_BACKTRACE=1 shows the place)"))
+    Fault::new(format!("panic: {text} (a bug in the program; RUST_BACKTRACE=1 shows the location)"))
 }
 
 #[cfg(test)]
@@ -371,32 +368,32 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_sessions_are_checked() {
+    fn session_names_are_validated() {
         for bad in ["", "a b", "../x", "a/b", &"x".repeat(65)] {
-            assert!(matches!(Place::of(bad), Err(SessionError::BadName(_))), "{bad}");
+            assert!(matches!(SessionPaths::of(bad), Err(SessionError::BadName(_))), "{bad}");
         }
-        let place = Place::of("run-1_a.b").expect("fine");
+        let place = SessionPaths::of("run-1_a.b").expect("fine");
         assert_eq!(place.prefix().len(), 15);
-        assert_ne!(place.prefix(), Place::of("run-1_a.c").expect("fine").prefix());
+        assert_ne!(place.prefix(), SessionPaths::of("run-1_a.c").expect("fine").prefix());
     }
 
     /// A socket's path may have 107 bytes. The transport's sockets lie in the
     /// session's folder and are named by prefix, a number of 128 bits, `.event`.
     #[test]
-    fn paths_of_sockets_stay_short() {
-        let place = Place::of("x").expect("fine");
+    fn socket_paths_stay_short() {
+        let place = SessionPaths::of("x").expect("fine");
         let name = format!("{}{}.event", place.prefix(), u128::MAX);
         let longest = format!("/dev/shm/ripstop-{}/{}/{name}", u32::MAX, place.key);
         assert!(longest.len() <= 107, "{longest}");
     }
 
     #[test]
-    fn locks_tell_the_living() {
+    fn locks_show_live_processes() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("lock.flow.0");
-        assert!(Watch::on(&path).is_none());
+        assert!(LockMonitor::on(&path).is_none());
         let lock = Lock::take(&path).expect("a file").expect("free");
-        let watch = Watch::on(&path).expect("a file");
+        let watch = LockMonitor::on(&path).expect("a file");
         assert!(watch.is_held());
         assert_eq!(holder(folder.path()).as_deref(), Some("flow.0"));
         assert!(Lock::take(&path).expect("a file").is_none(), "taken");
@@ -407,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn too_little_memory_is_told_before_it_is_used() {
+    fn insufficient_memory_is_reported_before_use() {
         memory_for("a test", 4096).expect("a page is there");
         let error = memory_for("grid/0", u64::MAX).expect_err("too much").to_string();
         assert!(error.contains("grid/0") && error.contains("MB") && error.contains("/dev/shm"), "{error}");

@@ -1,9 +1,8 @@
 //! Shared memory between processes: the only module that names iceoryx2.
 //!
-//! A *channel* has one sender and a fixed number of receivers; payloads are
-//! slices of `f64` under a [`Header`], written and read in place. A *bell* wakes
-//! processes that sleep in the kernel. Nothing here waits for a partner to make
-//! room: the contract is lock-step, so a message that does not fit is an error.
+//! A *channel* has one sender and a fixed number of receivers; payloads are slices of `f64` under a [`Header`],
+//! written and read in place. A *wake event* wakes processes that sleep in the kernel. No call blocks until a
+//! receiver has free space: the contract is lock-step, so a message that does not fit is an error.
 
 use std::time::Duration;
 
@@ -16,7 +15,7 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 
 use crate::deadline::Deadline;
 use crate::header::{Header, pack_text, text_words};
-use crate::session::{Place, memory_for};
+use crate::session::{SessionPaths, memory_for};
 use crate::{CONTRACT_VERSION, SessionError};
 
 type Ipc = ipc::Service;
@@ -30,21 +29,21 @@ unsafe impl ZeroCopySend for Header {
     }
 }
 
-/// Name under which the header's type is known to the transport, in any language.
+/// Name of the header's type in the transport, in any language.
 pub(crate) const HEADER_TYPE: &str = "ripstop.Header.v3";
 const _: () = assert!(CONTRACT_VERSION == 3, "HEADER_TYPE must follow CONTRACT_VERSION");
 
 /// A process's (or, in tests, thread's) connection to a session.
-pub(crate) struct Link {
+pub(crate) struct Connection {
     node: Node<Ipc>,
 }
 
 /// Sizes of a channel; both ends must state the same.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChannelSpec {
-    /// Receivers at most.
+    /// Largest number of receivers.
     pub receivers: usize,
-    /// The newest message replaces one that was not read. Otherwise it is refused.
+    /// The newest message replaces an unread one. Otherwise it is rejected.
     pub newest_wins: bool,
 }
 
@@ -56,7 +55,7 @@ pub(crate) struct Channel {
 
 /// Messages that a receiver can hold unread, and hold borrowed.
 pub(crate) const BUFFER: usize = 2;
-/// Of payloads, bytes.
+/// Alignment of payloads, bytes.
 pub(crate) const ALIGNMENT: usize = 64;
 
 fn failed<E: std::fmt::Debug>(what: &str) -> impl FnOnce(E) -> SessionError {
@@ -64,16 +63,16 @@ fn failed<E: std::fmt::Debug>(what: &str) -> impl FnOnce(E) -> SessionError {
     move |e| SessionError::Transport { what, problem: format!("{e:?}") }
 }
 
-impl Link {
-    pub fn new(place: &Place, name: &str) -> Result<Self, SessionError> {
+impl Connection {
+    pub fn new(place: &SessionPaths, name: &str) -> Result<Self, SessionError> {
         set_log_level_from_env_or(LogLevel::Fatal);
         let mut config = Config::default();
         config.global.prefix = FileName::new(place.prefix().as_bytes()).map_err(failed("prefix"))?;
         let folder = place.folder();
         let folder = Path::new(folder.as_os_str().as_encoded_bytes()).map_err(failed("folder"))?;
         config.global.set_root_path(&folder);
-        // A session is removed as a whole when its last process has ended: no
-        // process of it tidies up after another while that may still be read.
+        // A session is removed as a whole when its last process has ended: no process cleans up after another while
+        // data may still be read.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
@@ -86,12 +85,12 @@ impl Link {
         Ok(Self { node })
     }
 
-    /// The coupler makes a channel.
+    /// Creates a channel (coupler).
     pub fn create(&self, name: &str, spec: ChannelSpec) -> Result<Channel, SessionError> {
         self.channel(name, spec, true)
     }
 
-    /// A participant joins a channel.
+    /// Joins a channel (participant).
     pub fn join(&self, name: &str, spec: ChannelSpec) -> Result<Channel, SessionError> {
         self.channel(name, spec, false)
     }
@@ -118,39 +117,55 @@ impl Link {
         Ok(Channel { name: name.into(), service, receivers: spec.receivers })
     }
 
-    /// The coupler makes a bell.
-    pub fn create_bell(&self, name: &str, sleepers: usize, ringers: usize) -> Result<Bell, SessionError> {
-        self.bell(name, sleepers, ringers, true)
+    /// Creates a wake event (coupler).
+    pub fn create_event(
+        &self,
+        name: &str,
+        listeners: usize,
+        notifiers: usize,
+    ) -> Result<WakeEvent, SessionError> {
+        self.wake_event(name, listeners, notifiers, true)
     }
 
-    /// A participant joins a bell.
-    pub fn join_bell(&self, name: &str, sleepers: usize, ringers: usize) -> Result<Bell, SessionError> {
-        self.bell(name, sleepers, ringers, false)
+    /// Joins a wake event (participant).
+    pub fn join_event(
+        &self,
+        name: &str,
+        listeners: usize,
+        notifiers: usize,
+    ) -> Result<WakeEvent, SessionError> {
+        self.wake_event(name, listeners, notifiers, false)
     }
 
-    fn bell(&self, name: &str, sleepers: usize, ringers: usize, create: bool) -> Result<Bell, SessionError> {
+    fn wake_event(
+        &self,
+        name: &str,
+        listeners: usize,
+        notifiers: usize,
+        create: bool,
+    ) -> Result<WakeEvent, SessionError> {
         let builder = self
             .node
             .service_builder(&name.try_into().map_err(failed(name))?)
             .event()
-            .max_listeners(sleepers)
-            .max_notifiers(ringers)
-            .max_nodes(sleepers + ringers + 1)
+            .max_listeners(listeners)
+            .max_notifiers(notifiers)
+            .max_nodes(listeners + notifiers + 1)
             .event_id_max_value(1);
         let service = if create {
             builder.create().map_err(failed(name))?
         } else {
             builder.open().map_err(failed(name))?
         };
-        Ok(Bell { name: name.into(), service })
+        Ok(WakeEvent { name: name.into(), service })
     }
 }
 
 impl Channel {
     /// The sending end for messages of at most `words` numbers.
     pub fn sender(&self, words: usize) -> Result<Sender, SessionError> {
-        // Memory is taken page by page when it is written: running out of it then
-        // would kill the process without a word.
+        // Memory is allocated page by page when it is written: running out of it then would kill the process without
+        // a message.
         memory_for(&self.name, 3 * 8 * words as u64)?;
         let publisher = self
             .service
@@ -182,15 +197,15 @@ pub(crate) struct Sender {
     pub words: usize,
 }
 
-/// A message being written in shared memory.
+/// A message in shared memory that is being written.
 pub(crate) struct Loan {
     name: String,
     sample: iceoryx2::sample_mut::SampleMut<Ipc, [f64], Header>,
 }
 
 impl Sender {
-    /// Shared memory for a message of `words` numbers, all NaN: what the writer
-    /// leaves out shows.
+    /// Shared memory for a message of `words` numbers, initialised to NaN, so that values that were not written are
+    /// detected.
     pub fn loan(&self, words: usize) -> Result<Loan, SessionError> {
         let sample = self
             .publisher
@@ -200,14 +215,14 @@ impl Sender {
         Ok(Loan { name: self.name.clone(), sample })
     }
 
-    /// Sends a message without numbers. Returns how many receivers got it.
+    /// Sends a message without numbers. Returns the number of receivers.
     pub fn send(&self, header: Header) -> Result<usize, SessionError> {
         self.loan(0)?.send(header)
     }
 
-    /// Sends a text, cut to what fits. Returns how many receivers got it.
+    /// Sends a text, truncated to the size of the channel. Returns the number of receivers.
     pub fn send_text(&self, header: Header, text: &str) -> Result<usize, SessionError> {
-        let text = crate::header::clipped(text, self.words * 8);
+        let text = crate::header::truncate(text, self.words * 8);
         let words = text_words(text);
         let mut loan = self.loan(words)?;
         pack_text(text, loan.payload());
@@ -222,7 +237,7 @@ impl Loan {
         self.sample.payload_mut()
     }
 
-    /// Returns how many receivers got it.
+    /// Sends the message. Returns the number of receivers.
     pub fn send(mut self, header: Header) -> Result<usize, SessionError> {
         *self.sample.user_header_mut() = header;
         self.sample.send().map_err(failed(&format!("sending on `{}`", self.name)))
@@ -246,7 +261,7 @@ impl Receiver {
 }
 
 impl Message {
-    /// As the sender claims: check it.
+    /// The header as sent, unchecked.
     pub fn header(&self) -> &Header {
         self.0.user_header()
     }
@@ -256,33 +271,33 @@ impl Message {
     }
 }
 
-pub(crate) struct Bell {
+pub(crate) struct WakeEvent {
     name: String,
     service: event::PortFactory<Ipc>,
 }
 
-impl Bell {
-    pub fn sleeper(&self) -> Result<Sleeper, SessionError> {
+impl WakeEvent {
+    pub fn listener(&self) -> Result<WakeListener, SessionError> {
         let listener = self.service.listener_builder().create();
-        listener.map(Sleeper).map_err(failed(&format!("listening to `{}`", self.name)))
+        listener.map(WakeListener).map_err(failed(&format!("listening to `{}`", self.name)))
     }
 
-    pub fn ringer(&self) -> Result<Ringer, SessionError> {
+    pub fn notifier(&self) -> Result<WakeNotifier, SessionError> {
         let notifier = self.service.notifier_builder().create();
-        notifier.map(Ringer).map_err(failed(&format!("ringing `{}`", self.name)))
+        notifier.map(WakeNotifier).map_err(failed(&format!("notifying `{}`", self.name)))
     }
 }
 
-/// Sleeps in the kernel until somebody rings.
-pub(crate) struct Sleeper(Listener<Ipc>);
+/// Sleeps in the kernel until notified.
+pub(crate) struct WakeListener(Listener<Ipc>);
 
-impl Sleeper {
-    /// Returns after a ring, or after `limit`. A ring from before the call counts.
+impl WakeListener {
+    /// Returns after a notification, or after `limit`. An earlier notification counts.
     pub fn sleep(&self, limit: Duration) -> Result<(), SessionError> {
         let end = Deadline::after(limit);
         loop {
             let left = end.left(limit);
-            // A limit below the socket's resolution would mean "for ever" to it.
+            // The socket would interpret a limit below its resolution as infinite.
             if left < Duration::from_micros(100) {
                 return match self.0.try_wait(|_| {}) {
                     Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
@@ -290,9 +305,9 @@ impl Sleeper {
                 };
             }
             match self.0.timed_wait(|_| {}, left) {
-                // May come back early without a ring.
+                // May return early without a notification.
                 Ok(0) => {}
-                // A signal is for the caller to look at, who polls again.
+                // A signal is handled by the caller, who polls again.
                 Ok(_) | Err(ListenerWaitError::InterruptSignal) => return Ok(()),
                 Err(e) => return Err(failed("sleeping")(e)),
             }
@@ -300,12 +315,12 @@ impl Sleeper {
     }
 }
 
-/// Wakes the sleepers of a bell.
-pub(crate) struct Ringer(Notifier<Ipc>);
+/// Wakes the listeners of an event.
+pub(crate) struct WakeNotifier(Notifier<Ipc>);
 
-impl Ringer {
-    /// A sleeper that is gone is no error here: its lock tells.
-    pub fn ring(&self) {
+impl WakeNotifier {
+    /// A listener that has ended is not an error here: its lock is checked elsewhere.
+    pub fn notify(&self) {
         let _ = self.0.notify();
     }
 }

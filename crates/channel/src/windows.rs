@@ -1,20 +1,20 @@
-//! The order of windows, as a participant enforces it.
+//! The order of windows, checked by a participant.
 
 use crate::Window;
 
-/// Which windows may come next.
+/// Windows that may come next.
 #[derive(Debug, Default)]
-pub(crate) struct Windows {
+pub(crate) struct WindowOrder {
     /// Window and iteration of the last `advance` since the last `accept`.
     open: Option<(u64, u64)>,
     /// The last window that was accepted.
     last: Option<u64>,
-    /// How many were accepted.
+    /// Number of accepted windows.
     pub accepted: u64,
 }
 
-impl Windows {
-    /// What is wrong with computing `w` now, if anything.
+impl WindowOrder {
+    /// The problem with computing `w` now, if any.
     pub fn advance(&mut self, w: &Window) -> Option<String> {
         let problem = match (self.open, self.last) {
             (Some((index, iteration)), _) if w.index != index || w.iteration <= iteration => Some(format!(
@@ -25,11 +25,11 @@ impl Windows {
                 Some(format!("window {} after window {last} was accepted", w.index))
             }
             _ if !(w.dt > 0.0 && w.dt.is_finite() && w.time.is_finite()) => {
-                Some(format!("a window from {} s of {} s", w.time, w.dt))
+                Some(format!("an invalid window: start {} s, length {} s", w.time, w.dt))
             }
             _ if w.frame_velocity.iter().chain(&w.frame_acceleration).any(|x| !x.is_finite()) => {
                 Some(format!(
-                    "a frame of velocity {:?} m/s and acceleration {:?} m/s2",
+                    "invalid motion of the frame: velocity {:?} m/s, acceleration {:?} m/s2",
                     w.frame_velocity, w.frame_acceleration
                 ))
             }
@@ -39,7 +39,7 @@ impl Windows {
         problem
     }
 
-    /// What is wrong with accepting `w` now, if anything.
+    /// The problem with accepting `w` now, if any.
     pub fn accept(&mut self, w: &Window) -> Option<String> {
         match self.open.take() {
             Some((index, _)) if index == w.index => {
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_a_window_are_numbers() {
+    fn values_of_a_window_must_be_finite() {
         let bad: [fn(&mut Window); 4] = [
             |w| w.dt = f64::NAN,
             |w| w.time = f64::INFINITY,
@@ -71,15 +71,15 @@ mod tests {
         for change in bad {
             let mut w = window(0, 0);
             change(&mut w);
-            assert!(Windows::default().advance(&w).is_some(), "{w:?}");
+            assert!(WindowOrder::default().advance(&w).is_some(), "{w:?}");
         }
-        assert_eq!(Windows::default().advance(&window(0, 0)), None);
+        assert_eq!(WindowOrder::default().advance(&window(0, 0)), None);
     }
 
     #[test]
-    fn windows_come_in_turn() {
-        let mut s = Windows::default();
-        // A restarted run begins anywhere.
+    fn windows_in_order_are_accepted() {
+        let mut s = WindowOrder::default();
+        // A resumed run starts at any window.
         assert_eq!(s.advance(&window(7, 0)), None);
         assert_eq!(s.advance(&window(7, 1)), None);
         assert_eq!(s.advance(&window(7, 4)), None);
@@ -90,8 +90,8 @@ mod tests {
     }
 
     #[test]
-    fn windows_out_of_turn_are_refused() {
-        type Step = fn(&mut Windows) -> Option<String>;
+    fn windows_out_of_order_are_rejected() {
+        type Step = fn(&mut WindowOrder) -> Option<String>;
         let cases: [(Step, &str); 6] = [
             (|s| s.advance(&window(3, 2)), "window 3 iteration 2 after window 3 iteration 2"),
             (|s| s.advance(&window(3, 1)), "after window 3 iteration 2"),
@@ -101,13 +101,13 @@ mod tests {
             (|s| s.accept(&window(3, 2)).or_else(|| s.advance(&window(5, 0))), "window 5 after window 3"),
         ];
         for (step, text) in cases {
-            let mut s = Windows::default();
+            let mut s = WindowOrder::default();
             assert_eq!(s.advance(&window(3, 2)), None);
             let problem = step(&mut s).expect(text);
             assert!(problem.contains(text), "{problem}");
         }
-        let mut s = Windows::default();
+        let mut s = WindowOrder::default();
         assert!(s.advance(&Window { dt: f64::NAN, ..window(0, 0) }).is_some());
-        assert!(Windows::default().advance(&Window::default()).is_some(), "an empty window");
+        assert!(WindowOrder::default().advance(&Window::default()).is_some(), "an empty window");
     }
 }

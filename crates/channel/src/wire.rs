@@ -1,21 +1,25 @@
-//! Names and sizes of a session's services, and the texts of the handshake: the
-//! same on both sides.
+//! Names and sizes of a session's services, and the texts of the handshake, common to both sides.
 
 use case::Role;
 use serde::{Deserialize, Serialize};
 
-use crate::session::Notice;
+use crate::session::SessionInfo;
 use crate::transport::ChannelSpec;
 use crate::{Announcement, Kind, SessionError, Window};
 
-/// Rank counts of a session, from which all sizes follow.
+/// Rank counts of a session, which determine all sizes.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Roster(pub Vec<(Role, usize)>);
+pub(crate) struct RankCounts(pub Vec<(Role, usize)>);
 
-impl Roster {
-    pub fn from_notice(notice: &Notice) -> Option<Self> {
+impl RankCounts {
+    pub fn from_notice(session_info: &SessionInfo) -> Option<Self> {
         let role = |name: &str| Role::ALL.into_iter().find(|r| r.name() == name);
-        notice.roles.iter().map(|(name, ranks)| Some((role(name)?, *ranks))).collect::<Option<_>>().map(Self)
+        session_info
+            .roles
+            .iter()
+            .map(|(name, ranks)| Some((role(name)?, *ranks)))
+            .collect::<Option<_>>()
+            .map(Self)
     }
 
     pub fn ranks(&self, role: Role) -> usize {
@@ -33,27 +37,27 @@ impl Roster {
         (format!("answer/{}.{rank}", role.name()), ChannelSpec { receivers: 1, newest_wins: false })
     }
 
-    /// Rank to coupler and, for the mesh, ranks of the flow; during the handshake.
+    /// Rank to coupler and, for the mesh, to the ranks of the flow; during the handshake.
     pub fn layout(&self, role: Role, rank: usize) -> (String, ChannelSpec) {
         let partners = if role == Role::Mesh { self.ranks(Role::Flow) } else { 0 };
         let spec = ChannelSpec { receivers: 1 + partners, newest_wins: false };
         (format!("layout/{}.{rank}", role.name()), spec)
     }
 
-    /// Rank of the mesh to all ranks of the flow, and to a coupler that watches.
-    /// A grid that nobody asked the flow to read is replaced by the next.
+    /// Rank of the mesh to all ranks of the flow, and to a coupler that watches. A grid that the flow was not asked
+    /// to read is replaced by the next.
     pub fn grid(&self, rank: usize) -> (String, ChannelSpec) {
         let spec = ChannelSpec { receivers: 1 + self.ranks(Role::Flow), newest_wins: true };
         (format!("grid/{rank}"), spec)
     }
 
-    /// Wakes the coupler: name, sleepers, ringers.
-    pub fn coupler_bell(&self) -> (&'static str, usize, usize) {
+    /// Wakes the coupler: name, listeners, notifiers.
+    pub fn coupler_event(&self) -> (&'static str, usize, usize) {
         ("bell/coupler", 1, self.0.iter().map(|&(_, n)| n).sum())
     }
 
-    /// Wakes the ranks of a program: name, sleepers, ringers.
-    pub fn bell(&self, role: Role) -> (String, usize, usize) {
+    /// Wakes the ranks of a program: name, listeners, notifiers.
+    pub fn wake_event(&self, role: Role) -> (String, usize, usize) {
         let partners = if role == Role::Flow { self.ranks(Role::Mesh) } else { 0 };
         (format!("bell/{}", role.name()), self.ranks(role), 1 + partners)
     }
@@ -87,7 +91,7 @@ pub(crate) struct Welcome {
     pub coupler_reads_grid: bool,
 }
 
-/// Where in a run a message belongs, for people.
+/// Step of a run to which a message belongs, for messages.
 pub(crate) fn during(kind: Kind, w: &Window) -> String {
     match kind {
         Kind::Advance | Kind::Output | Kind::Grid => {
@@ -101,7 +105,7 @@ pub(crate) fn during(kind: Kind, w: &Window) -> String {
     }
 }
 
-/// A payload of row numbers coded as doubles; `None` where one is not a row number.
+/// Row indices encoded as doubles; `None` where one is not a row index.
 pub(crate) fn decode_rows(payload: &[f64]) -> Option<Vec<u64>> {
     const EXACT: f64 = 9_007_199_254_740_992.0;
     payload.iter().map(|&x| ((0.0..EXACT).contains(&x) && x.fract() == 0.0).then_some(x as u64)).collect()
@@ -113,8 +117,8 @@ pub(crate) fn to_json<T: Serialize>(value: &T) -> Result<String, SessionError> {
         .map_err(|e| SessionError::Transport { what: "handshake".into(), problem: e.to_string() })
 }
 
-/// Index of the first number that is NaN or infinite. Works on bits, which
-/// compilers turn into vector code: it reads every message once.
+/// Index of the first number that is NaN or infinite. Operates on bits, which compilers vectorise: every message is
+/// scanned once.
 pub(crate) fn first_not_finite(values: &[f64]) -> Option<usize> {
     const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
     let bad = |x: &f64| x.to_bits() & EXPONENT == EXPONENT;
@@ -128,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_number_that_is_not_finite_is_found() {
+    fn first_number_that_is_not_finite_is_found() {
         for n in [0, 1, 255, 256, 257, 1000] {
             let mut values = vec![f64::MAX; n];
             assert_eq!(first_not_finite(&values), None);
@@ -143,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn only_row_numbers_are_row_numbers() {
+    fn only_row_indices_are_decoded() {
         assert_eq!(decode_rows(&[0.0, 3.0, 4e15]), Some(vec![0, 3, 4_000_000_000_000_000]));
         for bad in [-1.0, 0.5, f64::NAN, f64::INFINITY, 1e16] {
             assert_eq!(decode_rows(&[1.0, bad]), None, "{bad}");
@@ -151,21 +155,21 @@ mod tests {
     }
 
     #[test]
-    fn sizes_of_services_follow_from_the_ranks() {
-        let roster = Roster(vec![(Role::Structure, 2), (Role::Mesh, 3), (Role::Flow, 4)]);
+    fn sizes_of_services_follow_from_the_rank_counts() {
+        let rank_counts = RankCounts(vec![(Role::Structure, 2), (Role::Mesh, 3), (Role::Flow, 4)]);
         let of = |(name, spec): (String, ChannelSpec)| (name, spec.receivers, spec.newest_wins);
-        // Each rank of the program hears its commands; the coupler alone hears an answer.
-        assert_eq!(of(roster.command(Role::Flow)), ("command/flow".into(), 4, false));
-        assert_eq!(of(roster.answer(Role::Flow, 3)), ("answer/flow.3".into(), 1, false));
+        // Each rank of the program receives its commands; the coupler alone receives a response.
+        assert_eq!(of(rank_counts.command(Role::Flow)), ("command/flow".into(), 4, false));
+        assert_eq!(of(rank_counts.answer(Role::Flow, 3)), ("answer/flow.3".into(), 1, false));
         // The coupler reads every layout, the flow those of the mesh.
-        let layouts = [Role::Structure, Role::Mesh, Role::Flow].map(|role| of(roster.layout(role, 1)));
+        let layouts = [Role::Structure, Role::Mesh, Role::Flow].map(|role| of(rank_counts.layout(role, 1)));
         let named = |role: &str, readers| (format!("layout/{role}.1"), readers, false);
         assert_eq!(layouts, [named("structure", 1), named("mesh", 5), named("flow", 1)]);
-        assert_eq!(of(roster.grid(2)), ("grid/2".into(), 5, true));
-        assert_eq!(roster.coupler_bell(), ("bell/coupler", 1, 9));
-        // The coupler rings all; each rank of the mesh rings those of the flow.
-        let bells = [Role::Structure, Role::Mesh, Role::Flow].map(|role| roster.bell(role));
-        let named = |role: &str, sleepers, ringers| (format!("bell/{role}"), sleepers, ringers);
-        assert_eq!(bells, [named("structure", 2, 1), named("mesh", 3, 1), named("flow", 4, 4)]);
+        assert_eq!(of(rank_counts.grid(2)), ("grid/2".into(), 5, true));
+        assert_eq!(rank_counts.coupler_event(), ("bell/coupler", 1, 9));
+        // The coupler notifies all; each rank of the mesh notifies those of the flow.
+        let wake_events = [Role::Structure, Role::Mesh, Role::Flow].map(|role| rank_counts.wake_event(role));
+        let named = |role: &str, listeners, notifiers| (format!("bell/{role}"), listeners, notifiers);
+        assert_eq!(wake_events, [named("structure", 2, 1), named("mesh", 3, 1), named("flow", 4, 4)]);
     }
 }

@@ -1,14 +1,14 @@
-//! What goes wrong is told to everybody, by name.
+//! Failures are reported to all sides, with the failing rank.
 
 mod common;
 
 use std::time::Duration;
 
 use case::Role::{self, Flow, Mesh, Structure};
-use channel::{Abort, Hub, HubError, HubOptions, Interface, ServeError, Who};
+use channel::{Abort, Hub, HubError, HubOptions, Interface, RankId, ServeError};
 use common::*;
 
-/// Two ranks of structure, the second in trouble; returns what both sides say.
+/// Two ranks of the structure, the second with an injected error; returns the errors of both sides.
 fn trouble(trouble: Trouble) -> (HubError, Vec<ServeError>) {
     let roles = [(Structure, 2), (Flow, 1)];
     let session = name("trouble");
@@ -20,7 +20,7 @@ fn trouble(trouble: Trouble) -> (HubError, Vec<ServeError>) {
     let mut hub = open(options(&session, &roles)).expect("a handshake");
     for iteration in 0.. {
         let w = window(7, iteration);
-        hub.advance(Structure, &w, &mut |x| x.fill(1.0)).expect("asked");
+        hub.advance(Structure, &w, &mut |x| x.fill(1.0)).expect("sent");
         if let Err(e) = gather(&mut hub, Structure) {
             drop(hub);
             let ends = threads.into_iter().map(|t| t.join().expect("no panic").expect_err("a failure"));
@@ -29,7 +29,7 @@ fn trouble(trouble: Trouble) -> (HubError, Vec<ServeError>) {
             assert!(leftovers(&session).is_empty());
             return (e, ends);
         }
-        hub.advance(Flow, &w, &mut |_| {}).expect("asked");
+        hub.advance(Flow, &w, &mut |_| {}).expect("sent");
         gather(&mut hub, Flow).expect("an answer");
     }
     unreachable!("a fault comes")
@@ -38,7 +38,7 @@ fn trouble(trouble: Trouble) -> (HubError, Vec<ServeError>) {
 fn check_trouble(kind: Trouble, iteration: u32, words: &[&str]) {
     let (error, ends) = trouble(kind);
     let HubError::Fault { who, during, .. } = &error else { panic!("{error}") };
-    assert_eq!(*who, Who { role: Structure, rank: 1 });
+    assert_eq!(*who, RankId { role: Structure, rank: 1 });
     assert!(during.contains(&format!("window 7 iteration {iteration} ")), "{during}");
     for word in words {
         assert!(error.to_string().contains(word), "{error} lacks {word}");
@@ -46,28 +46,28 @@ fn check_trouble(kind: Trouble, iteration: u32, words: &[&str]) {
     assert!(matches!(&ends[1], ServeError::Fault { .. }), "{}", ends[1]);
     for end in [&ends[0], &ends[2]] {
         let ServeError::Aborted { message, .. } = end else { panic!("{end}") };
-        assert_eq!(*message, error.to_string(), "everybody hears the same");
+        assert_eq!(*message, error.to_string(), "all participants receive the same message");
     }
 }
 
 #[test]
-fn a_fault_names_rank_and_window() {
-    check_trouble(Trouble::Fault(2), 2, &["structure-solver (rank 1)", "the fake has had enough"]);
+fn fault_names_rank_and_window() {
+    check_trouble(Trouble::Fault(2), 2, &["structure-solver (rank 1)", "injected fault"]);
 }
 
 #[test]
-fn a_panic_is_a_fault() {
-    check_trouble(Trouble::Panic(0), 0, &["panic: the fake panics"]);
+fn panic_is_reported_as_a_fault() {
+    check_trouble(Trouble::Panic(0), 0, &["panic: injected panic"]);
 }
 
 #[test]
-fn nan_does_not_leave_a_program() {
-    // Rank 1 of 2 holds the odd rows, highest first: its second row is 31.
+fn nan_is_detected_before_it_is_sent() {
+    // Rank 1 of 2 has the odd rows, highest first: its second row is 31.
     check_trouble(Trouble::Nan(1), 1, &["component 1 of output row 31 is NaN"]);
-    check_trouble(Trouble::Forget(0), 0, &["component 0 of output row 33 is NaN"]);
+    check_trouble(Trouble::Unwritten(0), 0, &["component 0 of output row 33 is NaN"]);
 }
 
-/// Spawns `fakes` into a session that will refuse them.
+/// Starts `fakes` in a session that will reject them.
 fn refusal(options: HubOptions, fakes: Vec<Fake>) -> String {
     let session = options.session.clone();
     let threads: Vec<_> = fakes.into_iter().map(|fake| spawn(&session, fake)).collect();
@@ -75,8 +75,8 @@ fn refusal(options: HubOptions, fakes: Vec<Fake>) -> String {
     let HubError::Refused { message } = &error else { panic!("{error}") };
     for thread in threads {
         let end = thread.join().expect("no panic").expect_err("refused");
-        let ServeError::Refused { message: heard } = &end else { panic!("{end}") };
-        assert_eq!(heard, message);
+        let ServeError::Refused { message: received } = &end else { panic!("{end}") };
+        assert_eq!(received, message);
     }
     channel::cleanup(&session).expect("all have ended");
     assert!(leftovers(&session).is_empty());
@@ -84,7 +84,7 @@ fn refusal(options: HubOptions, fakes: Vec<Fake>) -> String {
 }
 
 #[test]
-fn misfits_are_refused_naming_both_sides() {
+fn mismatches_are_rejected_naming_both_sides() {
     type Change = fn(&mut Fake);
     let cases: [(Change, &[&str]); 7] = [
         (
@@ -96,7 +96,7 @@ fn misfits_are_refused_naming_both_sides() {
             |f| f.announcement.grid_nodes = 100,
             &["flow grids differ", "101", "100", "flow-solver (rank 0)", "mesh-mover (rank 0)"],
         ),
-        (|f| f.announcement.output_width = 3, &["output width 3", "expects 4", "docs/contract.md"]),
+        (|f| f.announcement.output_width = 3, &["output width 3", "expects 4", "docs/reference/contract.md"]),
         (|f| f.announcement.role = "mesh".into(), &["role mesh", "expects flow"]),
         (|f| f.announcement.effects.clear(), &["`fabric.wrinkling`", "fake-flow 0.0.1", "none"]),
         (|f| f.announcement.canopy_faces = 1, &["canopies differ", "1 faces"]),
@@ -115,7 +115,7 @@ fn misfits_are_refused_naming_both_sides() {
 }
 
 #[test]
-fn the_coupler_s_own_knowledge_counts() {
+fn scene_of_the_coupler_is_checked_too() {
     let known = Interface { nodes: 35, faces: 24, surface_hash: 1 };
     let session = name("known");
     let with = HubOptions { interface: Some(known), ..options(&session, &[(Structure, 1)]) };
@@ -137,16 +137,16 @@ fn rank_counts_must_agree() {
     let end = second.expect_err("refused").to_string();
     assert!(end.contains("1 ranks") && end.contains("rank 1 of 2"), "{end}");
     let first = spawn(&session, Fake::new(Structure, 0, 2));
-    let mut patience = patience();
-    let error = hub.await_participants(&mut |_| patience()).expect_err("refused").to_string();
+    let mut time_limit = time_limit();
+    let error = hub.await_participants(&mut |_| time_limit()).expect_err("refused").to_string();
     assert!(error.contains("rank count 2") && error.contains("expects 1"), "{error}");
     drop(hub);
     assert!(first.join().expect("no panic").is_err());
 }
 
 #[test]
-fn a_layout_covers_each_row_once() {
-    // Two ranks that both think they are rank 0 of 2 in their rows.
+fn layout_must_cover_each_row_once() {
+    // Two ranks that both claim the rows of rank 0 of 2.
     struct Twin(Fake);
     impl channel::Participant for Twin {
         fn announce(&self) -> channel::Announcement {
@@ -186,15 +186,15 @@ fn a_layout_covers_each_row_once() {
 }
 
 #[test]
-fn a_program_that_starts_twice_is_refused_and_harms_nobody() {
+fn second_start_of_a_program_is_rejected_without_side_effects() {
     let session = name("twice");
     let first = spawn(&session, Fake::new(Structure, 0, 1));
     let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
     let second = spawn(&session, Fake::new(Structure, 0, 1)).join().expect("no panic").expect_err("refused");
     assert!(second.to_string().contains("started twice"), "{second}");
-    hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("asked");
+    hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("sent");
     gather(&mut hub, Structure).expect("an answer");
-    hub.stop(&mut patience()).expect("stopped");
+    hub.stop(&mut time_limit()).expect("stopped");
     assert!(first.join().expect("no panic").is_ok());
 }
 
@@ -217,17 +217,17 @@ fn waits_are_bounded() {
         assert_eq!((arrivals.arrived.len(), arrivals.missing.len()), (0, 3));
         Ok(())
     });
-    assert!(matches!(error, Err(HubError::Deadline { who: Who { role: Flow, rank: 0 }, .. })));
+    assert!(matches!(error, Err(HubError::Deadline { who: RankId { role: Flow, rank: 0 }, .. })));
     assert!(calls >= 3, "{calls} calls");
     drop(hub);
 
-    // The caller has enough.
+    // The caller aborts.
     let mut hub = Hub::create(lonely).expect("open again");
     let error = hub.await_participants(&mut |_| Err(Abort::new("Ctrl-C"))).expect_err("aborted");
     assert_eq!(error.to_string(), "Ctrl-C");
     drop(hub);
 
-    // A coupler that says nothing.
+    // A coupler that sends nothing.
     let served = spawn_at(at, Fake::new(Flow, 0, 1));
     let hub = open(options(&session, &[(Flow, 1)])).expect("a handshake");
     let end = served.join().expect("no panic").expect_err("silence");
@@ -237,19 +237,19 @@ fn waits_are_bounded() {
 }
 
 #[test]
-fn a_stalled_participant_meets_its_deadline_and_the_caller_is_asked_meanwhile() {
+fn stalled_participant_exceeds_its_deadline_while_the_caller_is_polled() {
     let session = name("stall");
     let roles = [(Structure, 2)];
     let mut options = options(&session, &roles);
-    let asked = deadline(Duration::from_millis(400));
-    options.roles[0].deadline = Some(asked);
+    let answer_limit = deadline(Duration::from_millis(400));
+    options.roles[0].deadline = Some(answer_limit);
     let good = spawn(&session, Fake::new(Structure, 0, 2));
     let _never = spawn(&session, Fake::new(Structure, 1, 2).with(Trouble::Stall(1)));
     let mut hub = open(options).expect("a handshake");
-    hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("asked");
+    hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("sent");
     gather(&mut hub, Structure).expect("an answer");
-    hub.advance(Structure, &window(0, 1), &mut |x| x.fill(1.0)).expect("asked");
-    let limit = Limit::new(asked + Duration::from_millis(1600));
+    hub.advance(Structure, &window(0, 1), &mut |x| x.fill(1.0)).expect("sent");
+    let limit = Limit::new(answer_limit + Duration::from_millis(1600));
     let (available, mut last, mut gap) = (Available::new(), Duration::ZERO, Duration::ZERO);
     let mut on_wait = || {
         gap = gap.max(available.elapsed() - last);
@@ -257,19 +257,19 @@ fn a_stalled_participant_meets_its_deadline_and_the_caller_is_asked_meanwhile() 
         Ok(())
     };
     let error = hub.collect(Structure, &mut |_, _| {}, &mut on_wait).expect_err("a deadline");
-    let HubError::Deadline { who: Who { role: Structure, rank: 1 }, during, .. } = &error else {
+    let HubError::Deadline { who: RankId { role: Structure, rank: 1 }, during, .. } = &error else {
         panic!("{error}")
     };
     assert!(during.contains("window 0 iteration 1"), "{during}");
     limit.demand("the deadline was met late");
-    // 50 ms are promised.
+    // The documented limit is 50 ms.
     assert!(gap < Duration::from_millis(200), "{gap:?} between two calls");
     drop(hub);
     assert!(good.join().expect("no panic").is_err());
 }
 
 #[test]
-fn the_coupler_cannot_break_the_order() {
+fn coupler_cannot_violate_the_order_of_calls() {
     let session = name("order");
     let roles = [(Structure, 1), (Flow, 1)];
     let run = |steps: &dyn Fn(&mut Hub) -> Result<(), HubError>| {
@@ -285,22 +285,22 @@ fn the_coupler_cannot_break_the_order() {
         channel::cleanup(&session).expect("all have ended");
         error.to_string()
     };
-    let ask =
+    let request =
         |hub: &mut Hub, role: Role, i: u64, k: u64| hub.advance(role, &window(i, k), &mut |x| x.fill(1.0));
 
-    let message = run(&|hub| hub.collect(Structure, &mut |_, _| {}, &mut patience()).map(drop));
-    assert!(message.contains("structure-solver was not asked"), "{message}");
-    let message = run(&|hub| ask(hub, Structure, 0, 0).and_then(|()| ask(hub, Structure, 0, 1)));
+    let message = run(&|hub| hub.collect(Structure, &mut |_, _| {}, &mut time_limit()).map(drop));
+    assert!(message.contains("structure-solver was collected without a request"), "{message}");
+    let message = run(&|hub| request(hub, Structure, 0, 0).and_then(|()| request(hub, Structure, 0, 1)));
     assert!(message.contains("while it works on window 0 iteration 0"), "{message}");
-    let message = run(&|hub| hub.accept(&window(0, 0), &mut patience()));
+    let message = run(&|hub| hub.accept(&window(0, 0), &mut time_limit()));
     assert!(message.contains("no program computed it"), "{message}");
     let message = run(&|hub| {
-        ask(hub, Structure, 0, 0)?;
+        request(hub, Structure, 0, 0)?;
         gather(hub, Structure)?;
-        ask(hub, Structure, 1, 0)
+        request(hub, Structure, 1, 0)
     });
     assert!(message.contains("before window 0 was accepted"), "{message}");
-    let message = run(&|hub| ask(hub, Mesh, 0, 0));
+    let message = run(&|hub| request(hub, Mesh, 0, 0));
     assert!(message.contains("has no mesh-mover"), "{message}");
     let message = run(&|hub| hub.advance(Structure, &window(2, 0), &mut |x| x[..9].fill(0.0)));
     assert!(message.contains("component 1 of row 1 of the input of structure-solver"), "{message}");
@@ -308,13 +308,13 @@ fn the_coupler_cannot_break_the_order() {
 }
 
 #[test]
-fn participants_refuse_iterations_that_go_back() {
+fn decreasing_iterations_are_rejected() {
     let session = name("back");
     let threads = spawn_all(&session, &[(Flow, 1)]);
     let mut hub = open(options(&session, &[(Flow, 1)])).expect("a handshake");
-    hub.advance(Flow, &window(3, 2), &mut |_| {}).expect("asked");
+    hub.advance(Flow, &window(3, 2), &mut |_| {}).expect("sent");
     gather(&mut hub, Flow).expect("an answer");
-    hub.advance(Flow, &window(3, 2), &mut |_| {}).expect("asked");
+    hub.advance(Flow, &window(3, 2), &mut |_| {}).expect("sent");
     let error = gather(&mut hub, Flow).expect_err("refused").to_string();
     assert!(error.contains("window 3 iteration 2 after window 3 iteration 2"), "{error}");
     drop(hub);
@@ -323,13 +323,13 @@ fn participants_refuse_iterations_that_go_back() {
 }
 
 #[test]
-fn a_program_that_cannot_begin_says_so() {
+fn program_that_cannot_start_reports_its_fault() {
     let session = name("report");
     let mut hub = Hub::create(options(&session, &[(Mesh, 1)])).expect("open");
     let at = at(&session, Mesh, 0, 1);
     let thread = std::thread::spawn(move || channel::report(&at, &channel::Fault::new("cell 7 is inverted")));
-    let mut patience = patience();
-    let error = hub.await_participants(&mut |_| patience()).expect_err("a fault").to_string();
+    let mut time_limit = time_limit();
+    let error = hub.await_participants(&mut |_| time_limit()).expect_err("a fault").to_string();
     assert!(error.contains("mesh-mover (rank 0)") && error.contains("cell 7 is inverted"), "{error}");
     thread.join().expect("no panic");
     drop(hub);
@@ -338,10 +338,10 @@ fn a_program_that_cannot_begin_says_so() {
 }
 
 #[test]
-fn signals_do_not_disturb_a_wait() {
+fn signals_do_not_interrupt_a_wait() {
     extern "C" fn nothing(_: libc::c_int) {}
-    // SAFETY: a handler that does nothing, for a signal that nobody else uses;
-    // without SA_RESTART, so that it interrupts system calls.
+    // SAFETY: a handler that does nothing, for a signal without other users; without SA_RESTART, so that it
+    // interrupts system calls.
     unsafe {
         let mut action: libc::sigaction = std::mem::zeroed();
         action.sa_sigaction = nothing as extern "C" fn(libc::c_int) as usize;
@@ -352,7 +352,7 @@ fn signals_do_not_disturb_a_wait() {
     options.roles[0].deadline = Some(deadline(Duration::from_millis(400)));
     let _never = spawn(&session, Fake::new(Structure, 0, 1).with(Trouble::Stall(0)));
     let mut hub = open(options).expect("a handshake");
-    hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("asked");
+    hub.advance(Structure, &window(0, 0), &mut |x| x.fill(1.0)).expect("sent");
     // SAFETY: no arguments.
     let waiting = unsafe { libc::pthread_self() };
     let nudge = std::thread::spawn(move || {

@@ -1,7 +1,7 @@
-//! Sessions of real processes: deaths, leftovers, sleep.
+//! Sessions of real processes: deaths, remaining files, sleep.
 //!
-//! The processes are this test program again, started to run the "test"
-//! `as_child` only, which does nothing unless told by the environment.
+//! The processes are this test program again, started to run only the "test" `as_child`, which does nothing without
+//! its environment variable.
 
 mod common;
 
@@ -11,16 +11,16 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use case::Role::{self, Flow, Mesh, Structure};
-use channel::{Hub, HubError, Who};
+use channel::{Hub, HubError, RankId};
 use common::*;
 use rustix::process::{Pid, Signal, kill_process};
 
-const TELL: &str = "RIPSTOP_TEST_CHILD";
+const CHILD_ARGUMENTS: &str = "RIPSTOP_TEST_CHILD";
 
-/// What a child process does.
+/// Action of a child process.
 #[test]
 fn as_child() {
-    let Ok(line) = std::env::var(TELL) else { return };
+    let Ok(line) = std::env::var(CHILD_ARGUMENTS) else { return };
     let words: Vec<&str> = line.split(' ').collect();
     let number = |i: usize| words[i].parse::<usize>().expect("a number");
     let session = words[0];
@@ -30,7 +30,7 @@ fn as_child() {
         let mut k = 0;
         loop {
             for role in [Structure, Flow] {
-                hub.advance(role, &window(0, k), &mut |x| x.fill(1.0)).expect("asked");
+                hub.advance(role, &window(0, k), &mut |x| x.fill(1.0)).expect("sent");
                 hub.collect(role, &mut |_, _| {}, &mut || Ok(())).expect("an answer");
             }
             k += 1;
@@ -63,7 +63,7 @@ fn as_child() {
     std::process::exit(code);
 }
 
-/// A process that is killed when the test ends, however it ends.
+/// A process that is killed at the end of the test in any case.
 struct Process(Child);
 
 impl Drop for Process {
@@ -78,7 +78,7 @@ impl Process {
         let program = std::env::current_exe().expect("this program");
         let child = Command::new(program)
             .args(["as_child", "--exact", "--nocapture"])
-            .env(TELL, line)
+            .env(CHILD_ARGUMENTS, line)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn();
@@ -93,7 +93,7 @@ impl Process {
         kill_process(Pid::from_child(&self.0), signal).expect("a child that has not been waited for");
     }
 
-    /// Stops it in its tracks, and waits until it has stopped.
+    /// Stops it with SIGSTOP, and waits until it has stopped.
     fn freeze(&self) {
         self.signal(Signal::STOP);
         while self.stat()[0] != "T" {
@@ -108,11 +108,12 @@ impl Process {
     }
 
     /// Waits until it has printed a line that contains `words`.
-    fn says(&mut self, words: &str) {
+    fn expected(&mut self, words: &str) {
         let mut out = std::io::BufReader::new(self.0.stdout.take().expect("piped"));
-        let said = std::io::BufRead::lines(&mut out).map_while(Result::ok).any(|line| line.contains(words));
-        assert!(said, "it ended without saying {words:?}");
-        // A pipe that nobody holds would end it.
+        let reported =
+            std::io::BufRead::lines(&mut out).map_while(Result::ok).any(|line| line.contains(words));
+        assert!(reported, "it ended without saying {words:?}");
+        // A pipe without a reader would end it.
         self.0.stdout = Some(out.into_inner());
     }
 
@@ -141,13 +142,13 @@ impl Process {
 
 const SECONDS: Duration = Duration::from_secs(5);
 
-fn ask(hub: &mut Hub, k: u64) -> Result<Vec<f64>, HubError> {
+fn request(hub: &mut Hub, k: u64) -> Result<Vec<f64>, HubError> {
     hub.advance(Structure, &window(0, k), &mut |x| x.fill(1.0))?;
     gather(hub, Structure)
 }
 
 #[test]
-fn processes_fly_a_session_unseen_by_others_and_asleep() {
+fn processes_run_a_session_privately_and_sleep_while_waiting() {
     let session = name("process");
     let roles = [(Structure, 2), (Mesh, 2), (Flow, 2)];
     let mut processes = Vec::new();
@@ -159,9 +160,9 @@ fn processes_fly_a_session_unseen_by_others_and_asleep() {
     let mut hub = open(options(&session, &roles)).expect("a handshake");
     for k in 0..3 {
         for (role, _) in roles {
-            hub.advance(role, &window(0, k), &mut |x| x.fill(1.0)).expect("asked");
+            hub.advance(role, &window(0, k), &mut |x| x.fill(1.0)).expect("sent");
             if role == Mesh {
-                hub.collect(role, &mut |_, _| {}, &mut patience()).expect("an answer");
+                hub.collect(role, &mut |_, _| {}, &mut time_limit()).expect("an answer");
             } else {
                 gather(&mut hub, role).expect("an answer");
             }
@@ -175,21 +176,21 @@ fn processes_fly_a_session_unseen_by_others_and_asleep() {
         let found = std::fs::symlink_metadata(&path).expect("there");
         assert_eq!(found.mode() & 0o077, 0, "{} has mode {:o}", path.display(), found.mode());
         if found.file_type().is_dir() {
-            break; // What is below a closed folder is closed.
+            break; // Files below a private folder are private.
         }
     }
 
-    // All ranks and programs wait now, for as long as one that did not sleep would use a second.
+    // All ranks and programs wait now, as long as a process that does not sleep would need to use a second.
     let before: Vec<u64> = processes.iter().map(Process::ticks).collect();
     let _ = Limit::new(Duration::from_secs(1)).until(Duration::from_millis(50), || false);
     let after: Vec<u64> = processes.iter().map(Process::ticks).collect();
     for (before, after) in before.iter().zip(&after) {
-        // One tick is 1 % of the second: five looks at the coupler a second take far less.
+        // One tick is 1 % of the second: five polls of the coupler a second need far less.
         assert!(after - before <= 1, "{before:?} {after:?}");
     }
 
-    hub.accept(&window(0, 2), &mut patience()).expect("accepted");
-    hub.stop(&mut patience()).expect("stopped");
+    hub.accept(&window(0, 2), &mut time_limit()).expect("accepted");
+    hub.stop(&mut time_limit()).expect("stopped");
     for process in &mut processes {
         assert_eq!(process.end(SECONDS), (Some(0), String::new()));
     }
@@ -197,7 +198,7 @@ fn processes_fly_a_session_unseen_by_others_and_asleep() {
 }
 
 #[test]
-fn a_killed_participant_is_named_and_all_others_end() {
+fn killed_participant_is_named_and_all_others_end() {
     for (how, trouble) in [("kill", "none"), ("exit", "exit 2")] {
         let session = name("killed");
         let mut processes = [
@@ -206,20 +207,20 @@ fn a_killed_participant_is_named_and_all_others_end() {
             Process::participant(&session, Flow, 0, 1, "none"),
         ];
         let mut hub = open(options(&session, &[(Structure, 2), (Flow, 1)])).expect("a handshake");
-        ask(&mut hub, 0).expect("an answer");
-        ask(&mut hub, 1).expect("an answer");
+        request(&mut hub, 0).expect("an answer");
+        request(&mut hub, 1).expect("an answer");
         if how == "kill" {
             processes[1].freeze();
-            hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("asked");
+            hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("sent");
             processes[1].signal(Signal::KILL);
         } else {
-            hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("asked");
+            hub.advance(Structure, &window(0, 2), &mut |x| x.fill(1.0)).expect("sent");
         }
         let limit = Limit::new(Duration::from_secs(1));
         let error = gather(&mut hub, Structure).expect_err("it died");
         limit.demand("its death was noticed late");
         let HubError::Died { who, during } = &error else { panic!("{error}") };
-        assert_eq!(*who, Who { role: Structure, rank: 1 });
+        assert_eq!(*who, RankId { role: Structure, rank: 1 });
         assert!(during.contains("window 0 iteration 2"), "{during}");
         drop(hub);
         for other in [0, 2] {
@@ -234,32 +235,32 @@ fn a_killed_participant_is_named_and_all_others_end() {
 }
 
 #[test]
-fn a_participant_that_dies_while_others_are_awaited_is_named() {
+fn participant_that_dies_during_the_arrival_of_others_is_named() {
     let session = name("early");
     let mut hub = Hub::create(options(&session, &[(Structure, 1), (Flow, 1)])).expect("open");
     let process = Process::participant(&session, Structure, 0, 1, "none");
-    let mut patience = patience();
+    let mut time_limit = time_limit();
     let error = hub.await_participants(&mut |arrivals| {
         if let [(who, program)] = &arrivals.arrived[..] {
             assert_eq!((who.role, program.as_str()), (Structure, "fake-structure 0.0.1"));
             process.signal(Signal::KILL);
         }
-        patience()
+        time_limit()
     });
     let HubError::Died { who, .. } = error.expect_err("it died") else { panic!("another error") };
-    assert_eq!(who, Who { role: Structure, rank: 0 });
+    assert_eq!(who, RankId { role: Structure, rank: 0 });
 }
 
 #[test]
-fn a_stopped_process_meets_its_deadline() {
+fn stopped_process_exceeds_its_deadline() {
     let session = name("sigstop");
     let process = Process::participant(&session, Structure, 0, 1, "none");
     let mut options = options(&session, &[(Structure, 1)]);
     options.roles[0].deadline = Some(deadline(Duration::from_millis(500)));
     let mut hub = open(options).expect("a handshake");
-    ask(&mut hub, 0).expect("an answer");
+    request(&mut hub, 0).expect("an answer");
     process.freeze();
-    let error = ask(&mut hub, 1).expect_err("a deadline");
+    let error = request(&mut hub, 1).expect_err("a deadline");
     assert!(matches!(error, HubError::Deadline { .. }), "{error}");
     drop(hub);
     drop(process);
@@ -268,20 +269,20 @@ fn a_stopped_process_meets_its_deadline() {
 }
 
 #[test]
-fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
+fn killed_coupler_is_noticed_by_ranks_that_wait_compute_or_start() {
     let session = name("orphans");
     let mut coupler = Process::start(&format!("{session} coupler 2"));
     let mut waiting = Process::participant(&session, Structure, 0, 2, "none");
     let mut computing = Process::participant(&session, Structure, 1, 2, "stall 3");
     let mut idle = Process::participant(&session, Flow, 0, 1, "none");
-    coupler.says("ready");
+    coupler.expected("ready");
     let mut building = Process::start(&format!("{session} builder"));
-    building.says("watching");
-    computing.says("stalled");
+    building.expected("watching");
+    computing.expected("stalled");
     coupler.signal(Signal::KILL);
     coupler.end(SECONDS);
     let limit = Limit::new(Duration::from_secs(1));
-    // A new run of the same name waits for the orphans to go.
+    // A new run of the same name waits until the orphans have ended.
     let next = {
         let session = session.clone();
         std::thread::spawn(move || Hub::create(options(&session, &[(Structure, 1)])).map(drop))
@@ -298,46 +299,46 @@ fn a_killed_coupler_is_noticed_by_ranks_that_wait_compute_or_begin() {
     for process in [&mut computing, &mut building] {
         let (code, text) = process.end(SECONDS);
         assert_eq!(code, Some(70), "{text}");
-        assert!(text.contains("in the middle of its computation"), "{text}");
+        assert!(text.contains("during its computation"), "{text}");
     }
     next.join().expect("no panic").expect("it may begin");
 
     let again = spawn(&session, Fake::new(Structure, 0, 1));
     let mut hub = open(options(&session, &[(Structure, 1)])).expect("a handshake");
-    ask(&mut hub, 0).expect("an answer");
-    hub.stop(&mut patience()).expect("stopped");
+    request(&mut hub, 0).expect("an answer");
+    hub.stop(&mut time_limit()).expect("stopped");
     assert!(again.join().expect("no panic").is_ok());
     assert_eq!(leftovers(&session), Vec::<String>::new());
 }
 
 #[test]
-fn all_killed_at_once_any_number_of_times() {
-    let session = name("massacre");
+fn sessions_killed_repeatedly_are_cleaned_up() {
+    let session = name("killed-at-once");
     for round in 0..6 {
         let mut processes = vec![Process::start(&format!("{session} coupler 1"))];
         processes.push(Process::participant(&session, Structure, 0, 1, "none"));
         processes.push(Process::participant(&session, Flow, 0, 1, "none"));
-        // Also in the middle of the handshake.
+        // Also during the handshake.
         sleep(Duration::from_millis(5 + 40 * round));
         processes.iter().for_each(|p| p.signal(Signal::KILL));
         processes.iter_mut().for_each(|p| drop(p.end(SECONDS)));
     }
-    // On a busy machine none of them may have got as far as the session: one more that certainly has.
+    // On a busy machine none of them may have reached the session: one more that certainly has.
     let mut coupler = Process::start(&format!("{session} coupler 1"));
     let mut others = [Structure, Flow].map(|role| Process::participant(&session, role, 0, 1, "none"));
-    coupler.says("ready");
-    // Seen while it lives: once it is dead, any other session that opens beside this test may tidy up after it.
-    assert!(!leftovers(&session).is_empty(), "a session without a trace");
+    coupler.expected("ready");
+    // Checked while it lives: after its death any other session that opens during this test may clean it up.
+    assert!(!leftovers(&session).is_empty(), "a session without files");
     [&coupler, &others[0], &others[1]].into_iter().for_each(|p| p.signal(Signal::KILL));
     coupler.end(SECONDS);
     others.iter_mut().for_each(|p| drop(p.end(SECONDS)));
-    // An unrelated live session is left alone by the sweep.
+    // An unrelated live session is not touched by the cleanup.
     let other = name("bystander");
     let served = spawn(&other, Fake::new(Structure, 0, 1));
     let mut hub = open(options(&other, &[(Structure, 1)])).expect("a handshake");
     channel::cleanup_stale().expect("swept");
     assert_eq!(leftovers(&session), Vec::<String>::new());
-    ask(&mut hub, 0).expect("still there");
-    hub.stop(&mut patience()).expect("stopped");
+    request(&mut hub, 0).expect("still there");
+    hub.stop(&mut time_limit()).expect("stopped");
     assert!(served.join().expect("no panic").is_ok());
 }

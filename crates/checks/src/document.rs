@@ -1,4 +1,4 @@
-//! The table as a page: `docs/checks.md`.
+//! The table as a page: `docs/reference/checks.md`.
 
 use std::fmt::Write as _;
 

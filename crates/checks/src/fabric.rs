@@ -61,7 +61,7 @@ pub const CHECKS: &[Check] = &[
                    R = width / 2",
         range: "warning where m* < 1 and coupling.scheme = \"staggered\" has no added mass of its own, or load = \
                 \"linear\" with more than one substep",
-        source: "Causin, Gerbeau and Nobile, CMAME 194 (2005): staggered schemes are unstable there; docs/stability.md \
+        source: "Causin, Gerbeau and Nobile, CMAME 194 (2005): staggered schemes are unstable there; docs/records/stability.md \
                  for load = \"linear\"",
         severity: Warning,
         remedy: "set coupling.scheme = \"implicit\" and coupling.load_interpolation = \"mean\", the defaults",

@@ -24,7 +24,7 @@ pub const CHECKS: &[Check] = &[
         what: "enough cells lie across the canopy",
         estimate: "cells along the width of the canopy",
         range: "warning below 10",
-        source: "docs/accuracy.md: 6 cells across a square canopy miss the drag by 20 % and the speed by 3.4 %, 12 by \
+        source: "docs/records/accuracy.md: 6 cells across a square canopy miss the drag by 20 % and the speed by 3.4 %, 12 by \
                  about 7 % of the drag; 18 across the ATPS leave 1 to 3 %",
         severity: Warning,
         remedy: "raise canopy.cells_across: 12 for a first look, 18 and more for results; `ripstop accuracy` measures \

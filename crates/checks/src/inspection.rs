@@ -92,7 +92,7 @@ impl Inspection {
     pub fn text(&self) -> String {
         let count = |s: Severity| self.of_severity(s).count() as u64;
         let mut lines = vec![format!(
-            "inspection: {}, {}, {} (docs/checks.md)",
+            "inspection: {}, {}, {} (docs/reference/checks.md)",
             counted(count(Severity::Error), "error"),
             counted(count(Severity::Warning), "warning"),
             counted(count(Severity::Note), "note")

@@ -1,7 +1,7 @@
 //! Checks for the user: the inspection of a scene before a run, and the checks of the programs during it.
 //!
 //! [`table::all`] lists every check with its estimate, its range, the source of that range, its severity and
-//! its remedy. `ripstop check`, `ripstop run`, `summary.json`, the report and `docs/checks.md` read this
+//! its remedy. `ripstop check`, `ripstop run`, `summary.json`, the report and `docs/reference/checks.md` read this
 //! table. A check before the run is a pure function of [`facts::Facts`]; a check during the run is
 //! described in [`run_time`] and done by the program that it names.
 

@@ -1,6 +1,6 @@
 //! Checks of what a run needs of its machine: ranks, memory, disk, wall time.
 //!
-//! Costs per cell and element are those of docs/verification.md on one core of the machines it names; they
+//! Costs per cell and element are those of docs/records/benchmarks.md on one core of the machines it names; they
 //! hold to a factor of three.
 
 use case::{Acceleration, Integration, Role, Scheme, Solve, Stage, StageKind};
@@ -51,7 +51,7 @@ pub const CHECKS: &[Check] = &[
         range: "warning above the hardware threads that this process may use, unless --mpirun places ranks elsewhere",
         source: "MPI waits by spinning: two ranks on one core slow each other by far more than a factor of two",
         severity: Warning,
-        remedy: "lower the ranks, in the scene under [ranks] or by --ranks flow=N; see docs/hosts.md for several hosts",
+        remedy: "lower the ranks, in the scene under [ranks] or by --ranks flow=N; see docs/how-to/run-on-a-cluster.md for several hosts",
         when: When::Before(cores),
     },
     Check {
@@ -70,9 +70,9 @@ pub const CHECKS: &[Check] = &[
         estimate: "1.4 kB a cell (flow), 2.9 kB a cell (mesh), 1.6 kB an element (structure), 60 MB a rank, and four dense \
                    matrices of coupling.added_mass_max_panels in the coupler",
         range: "warning where the estimate exceeds 80 % of the memory; error where half of it exceeds all",
-        source: "measured in docs/verification.md; right to a factor of two",
+        source: "measured in docs/records/benchmarks.md; right to a factor of two",
         severity: Error,
-        remedy: "use fewer cells or layers, or ranks on several hosts (docs/hosts.md)",
+        remedy: "use fewer cells or layers, or ranks on several hosts (docs/how-to/run-on-a-cluster.md)",
         when: When::Before(memory),
     },
     Check {
@@ -81,7 +81,7 @@ pub const CHECKS: &[Check] = &[
         estimate: "190 bytes a cell for each flow snapshot, 150 a node for each canopy snapshot, 2 x 490 a cell for the \
                    saved states of each stage",
         range: "warning where the estimate exceeds 80 % of the free space; error where half of it exceeds all",
-        source: "measured in docs/verification.md; right to a factor of two",
+        source: "measured in docs/records/benchmarks.md; right to a factor of two",
         severity: Error,
         remedy: "raise output.volume_every_windows (0: no flow snapshots), or name another folder with --out",
         when: When::Before(disk),
@@ -92,9 +92,9 @@ pub const CHECKS: &[Check] = &[
         estimate: "windows x (2.5 flow solves of 2 us a cell, grid motion of 1.5 us a cell, 20 structural responses of \
                    0.044 us an element and explicit step or 3.4 us an element and implicit step), over ranks on the cores",
         range: "warning above 7 days",
-        source: "measured in docs/verification.md; right to a factor of three",
+        source: "measured in docs/records/benchmarks.md; right to a factor of three",
         severity: Warning,
-        remedy: "lengthen window_s, use fewer cells or more cores; a run can be ended and resumed (docs/resume.md)",
+        remedy: "lengthen window_s, use fewer cells or more cores; a run can be ended and resumed (docs/how-to/restart-a-run.md)",
         when: When::Before(wall_time),
     },
 ];

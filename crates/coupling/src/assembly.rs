@@ -1,4 +1,4 @@
-//! The loop over the windows of a coupled stage, put together from a scene.
+//! The window loop of a coupled stage, assembled from a scene.
 
 use case::{Acceleration, Coupling, CouplingOrder, LoadShape, Scene, Scheme};
 use channel::LOAD_WIDTH;
@@ -7,9 +7,9 @@ use crate::descent::DescentModel;
 use crate::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
 use crate::interface::CanopyInterface;
 use crate::schemes::{
-    AddedMassRelaxation, Air, Criterion, Field, FlowModel, InterfaceState, JacobiRelaxation, Lattice,
-    MEAN_WEIGHTS, Modelled, Relaxation, SAFE_DENSITY, Uniform, Unknowns, Weights, WindowLoop,
-    WindowLoopSetup, accelerator, needs_model, window_loop,
+    AddedMassRelaxation, AddedMassSurrogate, Air, Criterion, Field, InterfaceState, JacobiRelaxation,
+    MEAN_WEIGHTS, MassProperties, Relaxation, SURROGATE_DENSITY_FACTOR, Surrogate, Uniform, Unknowns,
+    VortexLattice, WindowLoop, WindowLoopSetup, accelerator, needs_surrogate, window_loop,
 };
 
 /// A coupled stage of a scene.
@@ -30,7 +30,7 @@ pub struct CoupledStage<'a> {
 }
 
 impl CoupledStage<'_> {
-    /// The loop from `state`, and lines about it for the log.
+    /// The window loop from `state`, and lines for the log.
     pub fn window_loop(&self, state: InterfaceState) -> (WindowLoop, Vec<String>) {
         let (coupling, interface, mut lines) = (&self.scene.coupling, self.interface, Vec::new());
         let motion = Unknowns::new(interface.nodes(), self.window_s(), self.descent.is_some());
@@ -39,7 +39,7 @@ impl CoupledStage<'_> {
         let criterion = Criterion::new(fields, coupling.tolerance);
         let lattice = self.lattice(&state);
         let added = lattice.as_ref().and_then(|lattice| self.added_mass(motion, lattice, &mut lines));
-        let modelled = self.modelled(motion, &state, lattice.as_ref(), added.clone(), &mut lines);
+        let surrogate = self.surrogate(motion, &state, lattice.as_ref(), added.clone(), &mut lines);
         let windows = window_loop(WindowLoopSetup {
             stage: self.name(),
             coupling,
@@ -49,7 +49,7 @@ impl CoupledStage<'_> {
             descent: self.descent,
             interface: state,
             relaxation: self.relaxation(unknowns, added),
-            modelled,
+            surrogate,
             accept_unconverged: self.accept_unconverged,
         });
         (windows, lines)
@@ -92,58 +92,59 @@ impl CoupledStage<'_> {
         flow.map_or(Air::incompressible(0.0), |f| Air { density: f.density_kg_m3, sound: f.sound_speed() })
     }
 
-    /// The canopy in `state` as a lattice of vortex rings; `None` where it has too many faces to make groups.
-    fn lattice(&self, state: &InterfaceState) -> Option<Lattice> {
+    /// Vortex lattice of the canopy in `state`; `None` where its faces cannot be merged into few enough groups.
+    fn lattice(&self, state: &InterfaceState) -> Option<VortexLattice> {
         let coupling = &self.scene.coupling;
-        // Relaxation alone does better with too much air than with as much as there is: on the ATPS descent 7.5
-        // against 7.8 iterations of IQN-ILS.
-        let screening = if needs_model(coupling) { self.air().screening(self.window_s()) } else { 0.0 };
+        // Without a surrogate, relaxation converges faster with the larger, incompressible added mass: 7.5 instead of
+        // 7.8 iterations of IQN-ILS a window on the ATPS descent.
+        let screening = if needs_surrogate(coupling) { self.air().screening(self.window_s()) } else { 0.0 };
         let most = coupling.added_mass_max_panels as usize;
-        Lattice::new(&self.positions(state), &self.interface.faces, most, screening)
+        VortexLattice::new(&self.positions(state), &self.interface.faces, most, screening)
     }
 
-    /// The model of the flow for schemes that use one.
-    fn modelled(
+    /// The added-mass surrogate of the flow, for schemes that need one.
+    fn surrogate(
         &self,
         unknowns: Unknowns,
         state: &InterfaceState,
-        lattice: Option<&Lattice>,
+        lattice: Option<&VortexLattice>,
         added: Option<AddedMassRelaxation>,
         lines: &mut Vec<String>,
-    ) -> Option<Modelled> {
+    ) -> Option<Surrogate> {
         let coupling = &self.scene.coupling;
-        if !needs_model(coupling) {
+        if !needs_surrogate(coupling) {
             return None;
         }
         let mut air = self.air();
         if coupling.scheme == Scheme::Staggered {
-            air.density *= SAFE_DENSITY;
+            air.density *= SURROGATE_DENSITY_FACTOR;
         }
         let faces = &self.interface.faces;
         let most = coupling.added_mass_max_panels as usize;
         let model = lattice.and_then(|lattice| {
-            FlowModel::new(unknowns, lattice, &state.displacement, state.velocity, faces, air, most)
+            AddedMassSurrogate::new(unknowns, lattice, &state.displacement, state.velocity, faces, air, most)
         });
         let name = self.name();
         if model.is_none() {
             lines.push(format!(
-                "stage `{name}`: {} faces make no {most} groups for a dense model of the flow: coupling by iqn-ils",
+                    "stage `{name}`: {} interface faces cannot be merged into {most} panel groups, so there is no added-mass \
+                     surrogate and the acceleration is iqn-ils; raise coupling.added_mass_max_panels to avoid this",
                 faces.len()
             ));
         } else if faces.len() > most {
             lines.push(format!(
-                "stage `{name}`: {} faces act in {most} groups in the model of the air's inertia",
+                    "stage `{name}`: the added-mass surrogate merges {} interface faces into at most {most} panel groups",
                 faces.len()
             ));
         }
-        // Several solves against the model make a window: few of them are enough to learn from.
+        // Each window has several inner solves: columns of few windows suffice.
         let iqn = Coupling { acceleration: Acceleration::IqnIls, reused_windows: 4, ..coupling.clone() };
         let rest = self.relaxation(unknowns, added);
-        model.map(|model| Modelled { model, accelerator: accelerator(&iqn, unknowns.len(), rest) })
+        model.map(|model| Surrogate { model, accelerator: accelerator(&iqn, unknowns.len(), rest) })
     }
 
-    /// In Jacobi order the load is one of the coupled unknowns, in the unit of what it moves
-    /// the fabric within a window.
+    /// In Jacobi order the load is one of the coupled unknowns, scaled to the displacement of the fabric that it
+    /// causes within a window.
     fn with_loads(&self, unknowns: Unknowns, fields: &mut Vec<Field>) -> Unknowns {
         let coupling = &self.scene.coupling;
         if coupling.scheme != Scheme::Implicit || coupling.order != CouplingOrder::Jacobi {
@@ -159,10 +160,10 @@ impl CoupledStage<'_> {
         unknowns
     }
 
-    /// What the canopy and the air weigh.
-    fn weights(&self) -> Weights {
+    /// Masses of fabric, air and falling system.
+    fn mass_properties(&self) -> MassProperties {
         let fabric = &self.scene.fabric;
-        Weights {
+        MassProperties {
             fabric_kg_m2: fabric.thickness_m * fabric.density_kg_m3,
             air: self.air(),
             response: response(&self.scene.coupling),
@@ -174,26 +175,27 @@ impl CoupledStage<'_> {
     fn added_mass(
         &self,
         motion: Unknowns,
-        lattice: &Lattice,
+        lattice: &VortexLattice,
         lines: &mut Vec<String>,
     ) -> Option<AddedMassRelaxation> {
         let interface = self.interface;
-        let model = AddedMassRelaxation::new(motion, &interface.faces, &self.weights(), lattice)?;
+        let model = AddedMassRelaxation::new(motion, &interface.faces, &self.mass_properties(), lattice)?;
         lines.push(format!(
-            "stage `{}`: {:.2} kg of fabric move {:.0} kg of air in vertical motion{}",
+            "stage `{}`: {:.2} kg of fabric, added mass of the air in vertical motion {:.0} kg{}",
             self.name(),
             interface.masses.fabric,
             model.vertical_added_mass,
-            if lattice.screening > 0.0 { " within a window" } else { "" },
+            if lattice.screening > 0.0 { " (as far as sound travels in a window)" } else { "" },
         ));
         Some(model)
     }
 
-    /// What is done with what no secant spans; the same factor for all where the added mass is not to be had.
+    /// Relaxation of the part of a residual that no column spans: by the added mass, or by one factor where that is
+    /// not available.
     fn relaxation(&self, unknowns: Unknowns, added: Option<AddedMassRelaxation>) -> Box<dyn Relaxation> {
         match added {
             Some(model) if unknowns.loads() > 0 => {
-                Box::new(JacobiRelaxation::new(model, unknowns, &self.weights(), self.window_s()))
+                Box::new(JacobiRelaxation::new(model, unknowns, &self.mass_properties(), self.window_s()))
             }
             Some(model) => Box::new(model),
             None => Box::new(Uniform(self.scene.coupling.relaxation)),

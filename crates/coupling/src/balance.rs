@@ -1,30 +1,31 @@
-//! Momentum and energy of the whole falling system: payload, fabric and lines, as seen from the ground.
+//! Momentum and energy of the whole falling system: payload, fabric and lines, relative to the ground.
 //!
 //! With $m$, $v$, $h$ mass, velocity and height of the frame, $p$ the vertical momentum of fabric and lines relative to
 //! it, $K$ their kinetic energy in it and $U$ their strain energy,
 //!
 //! $$ P = m v + p, \qquad E = \tfrac12 m v^2 + v p + K + U + m g h + g\!\int\! p\,dt . $$
 //!
-//! In a window the air changes $P$ by $(\bar F + D - m g)\,T$, and $E$ by its work on the fabric in the frame, that on
-//! the frame $\bar v \bar F T$, and the work of the payload's drag. Where fabric and lines have no weight and no inertia of
-//! the frame in the structure's equations, these leave out the work $-(g + \dot v)\,p$, which is added here.
+//! In a window the air changes $P$ by $(\bar F + D - m g)\,T$, and $E$ by its work on the fabric in the frame, by its
+//! work on the frame, $\bar v \bar F T$, and by the work of the payload's drag. Where the structure's equations
+//! exclude weight and inertia of the frame for fabric and lines, they also exclude the work $-(g + \dot v)\,p$; it is
+//! added here.
 //!
-//! The structure reports $p$ and the mean force on the payload ([`crate::descent`]). The air's impulse that these imply,
-//! $\bar S T + \Delta p$, is compared with that of the flow's load: a structure that reports a wrong force leaves a
-//! difference that grows. What is left of the energy is what the structure's time integration, its
-//! damping and the coupling add or take.
+//! The structure reports $p$ and the mean force on the payload ([`crate::descent`]). The impulse of the air that
+//! these imply, $\bar S T + \Delta p$, is compared with the impulse of the flow's load: the difference grows if the
+//! structure reports a wrong force. The residual of the energy balance is the energy that the structure's time
+//! integration, its damping and the coupling add or remove.
 
 use serde::{Deserialize, Serialize};
 
 use crate::descent::{DescentModel, Weight};
 
-/// Share of the impulse of the air by which the impulse that the structure reports may differ: the two are means
-/// over the window of one load on shapes of the same canopy, once at its ends, once along the structure's steps.
+/// Largest accepted difference between the impulse that the structure reports and that of the air, relative to the
+/// latter: both are means of one load over a window, once from its ends, once along the structure's steps.
 pub const IMPULSE_SHARE: f64 = 0.05;
 /// Windows before impulses are compared.
-const LEAST: u64 = 20;
+const MIN_WINDOWS: u64 = 20;
 
-/// What a window adds.
+/// Terms of one window.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WindowTerms {
     /// Length, s.
@@ -45,7 +46,7 @@ pub struct WindowTerms {
     pub energy: [f64; 2],
 }
 
-/// Sums over a stage. Energies count from the end of its first window on, where they are known first.
+/// Sums over a stage. Energies are relative to the end of its first window, where they are known first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SystemBalance {
     windows: u64,
@@ -54,23 +55,23 @@ pub struct SystemBalance {
     /// Momentum of fabric and lines in the frame, N s, and its integral over time, kg m.
     momentum: f64,
     moment: f64,
-    /// Impulse of the air that the structure does not report, N s.
+    /// Impulse of the air that the structure's report does not account for, N s.
     pub missing_impulse: f64,
-    /// Sum of the sizes of the air's impulses, N s.
+    /// Sum of the absolute impulses of the air, N s.
     pub impulse: f64,
     start_j: f64,
     /// Energy now, J.
     pub energy_j: f64,
     /// Work of the air, J.
     pub air_work_j: f64,
-    /// Sum of the sizes of the air's work, J.
+    /// Sum of the absolute works of the air, J.
     pub exchanged_j: f64,
     reported: bool,
 }
 
 impl SystemBalance {
     /// Adds a window of the system of `model`.
-    pub fn enter(&mut self, model: &DescentModel, w: &WindowTerms) {
+    pub fn add_window(&mut self, model: &DescentModel, w: &WindowTerms) {
         let [v0, v1] = w.velocity;
         let (mean, g) = (0.5 * (v0 + v1), model.gravity_m_s2);
         let air = 0.5 * (w.air[0] + w.air[1]);
@@ -97,28 +98,28 @@ impl SystemBalance {
         self.windows += 1;
     }
 
-    /// Energy that appeared without work of the air, J; below zero what was dissipated.
+    /// Energy created (positive) or dissipated (negative) so far, J.
     pub fn created_j(&self) -> f64 {
         if self.windows == 0 { 0.0 } else { self.energy_j - self.start_j - self.air_work_j }
     }
 
-    /// That as a share of the work exchanged; zero before any.
+    /// [`SystemBalance::created_j`] relative to the work exchanged; zero before any work.
     pub fn share(&self) -> f64 {
         if self.exchanged_j > 0.0 { self.created_j() / self.exchanged_j } else { 0.0 }
     }
 
-    /// The impulse of the air and the one that the structure reports differ by more than [`IMPULSE_SHARE`]: said once.
+    /// A warning, once, when the reported and the applied impulse differ by more than [`IMPULSE_SHARE`].
     pub fn warning(&mut self) -> Option<String> {
         let off = self.missing_impulse.abs() > IMPULSE_SHARE * self.impulse;
-        if self.reported || self.windows < LEAST || !off {
+        if self.reported || self.windows < MIN_WINDOWS || !off {
             return None;
         }
         self.reported = true;
         Some(format!(
-            "the structure's force on the payload leaves {:.3e} N s of the air's impulse of {:.3e} N s unexplained \
-             ({:.0} %, reported above {:.0} %): the descent follows a force that does not agree with the load. Likely causes: a \
-             structure that reports SUPPORT_FORCE or VERTICAL_MOMENTUM wrongly (ripstop replay --structure), or windows over which \
-             the load changes too much (a shorter window_s)",
+            "the reported force on the payload and momentum of the structure do not account for {:.3e} N s of the air's impulse \
+             of {:.3e} N s ({:.0} %, limit {:.0} %), so the descent follows a force that is inconsistent with the load. Check \
+             SUPPORT_FORCE and VERTICAL_MOMENTUM of the structure (ripstop replay --structure), or use a shorter window_s if the \
+             load varies much within a window",
             self.missing_impulse,
             self.impulse,
             100.0 * self.missing_impulse.abs() / self.impulse,
@@ -155,9 +156,10 @@ mod tests {
         }
     }
 
-    /// Payload and fabric with constant accelerations: the frame's -2 m/s2 from -6 m/s, the fabric's 3 m/s2 in it from
-    /// 0.4 m/s. The force of the air follows from the momentum of both, that of the line from the fabric's, and the
-    /// strain energy is the work of the line, all quadratic in time: sums over windows are exact.
+    /// Payload and fabric with constant accelerations: -2 m/s2 of the frame from -6 m/s, 3 m/s2 of the fabric
+    /// relative to it from 0.4 m/s. The force of the air follows from the momentum of both, that of the line from the
+    /// fabric's, and the strain energy is the work of the line. All are quadratic in time, so sums over windows are
+    /// exact.
     fn exact(weight: Weight, windows: u32, support: f64) -> SystemBalance {
         let (a, b, all) = (-2.0, 3.0, PAYLOAD + FABRIC);
         // Where fabric has no weight in the structure, its force on the line is that of the frame on the whole mass.
@@ -183,13 +185,13 @@ mod tests {
                 work: air * (slide(t1) - slide(t0)),
                 energy: [0.5 * FABRIC * u * u, line * slide(t1)],
             };
-            balance.enter(&model(weight), &terms);
+            balance.add_window(&model(weight), &terms);
         }
         balance
     }
 
     #[test]
-    fn an_exact_motion_creates_no_energy_and_leaves_no_impulse() {
+    fn exact_motion_creates_no_energy_and_accounts_for_all_impulse() {
         for weight in [Weight::Frame, Weight::Structure] {
             let balance = exact(weight, 30, 1.0);
             let (created, work) = (balance.created_j(), balance.exchanged_j);
@@ -209,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn energy_that_appears_is_a_share_of_the_work() {
+    fn created_energy_is_relative_to_the_exchanged_work() {
         let mut balance = exact(Weight::Structure, 30, 1.0);
         balance.energy_j += 0.1 * balance.exchanged_j;
         assert!((balance.share() - 0.1).abs() < 1e-9, "{}", balance.share());
@@ -217,11 +219,11 @@ mod tests {
     }
 
     #[test]
-    fn an_impulse_that_the_structure_leaves_out_is_said_once() {
-        // Of the air's 41.44 N the support is 39.94 N: 5.5 % of that are 5.3 % of the air's impulse, 4.5 % are 4.3 %.
+    fn missing_impulse_is_reported_once() {
+        // The support is 39.94 N of the air's 41.44 N: 5.5 % of it are 5.3 % of the air's impulse, 4.5 % are 4.3 %.
         let off = |share: f64, windows: u32| exact(Weight::Frame, windows, share).warning();
         let text = off(0.945, 20).expect("beyond the bound");
-        assert!(text.contains("unexplained (5 %, reported above 5 %)"), "{text}");
+        assert!(text.contains("(5 %, limit 5 %)"), "{text}");
         assert!(off(0.955, 40).is_none() && off(0.945, 19).is_none() && off(1.06, 20).is_some());
         let mut balance = exact(Weight::Frame, 20, 0.9);
         assert!(balance.warning().is_some() && balance.warning().is_none());
@@ -229,10 +231,10 @@ mod tests {
 
     /// The mean of a load over a window is that of its ends.
     #[test]
-    fn a_growing_load_has_its_mean_impulse() {
+    fn impulse_of_a_linear_load_is_exact() {
         let mut balance = SystemBalance::default();
         let terms = WindowTerms { dt: DT, air: [10.0, 30.0], support: 20.0, ..WindowTerms::default() };
-        balance.enter(&model(Weight::Structure), &terms);
+        balance.add_window(&model(Weight::Structure), &terms);
         assert!(balance.missing_impulse.abs() < 1e-15 && (balance.impulse - 20.0 * DT).abs() < 1e-15);
     }
 }

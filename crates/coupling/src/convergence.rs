@@ -1,21 +1,21 @@
-//! Whether windows are accepted converged: the coupling beside its tolerance, residuals of the programs
-//! beside the targets that they state.
+//! Whether windows are accepted as converged: residual of the coupling against its tolerance, residuals of the
+//! programs against the targets that they report.
 //!
-//! What is accepted is the last answer of each program in a window; it alone decides. Earlier
-//! solves of the coupling iterations may be loose, for the next one repeats them; they are only counted. An accepted
-//! answer above its target by less than [`UNCONVERGED_LIMIT`] is counted, reported at its first occurrence and at the
-//! end of the stage; one beyond it is an error, unless `--accept-unconverged` is given.
+//! Only the last response of each program in a window is accepted, so only that one is judged. Earlier solves of the
+//! coupling iteration may be inexact, since the next one repeats them; they are counted. A response that exceeds its
+//! target by less than [`UNCONVERGED_LIMIT`] is accepted, reported at its first occurrence and summarised at the end
+//! of the stage. One beyond the limit is an error, unless `--accept-unconverged` is given.
 
 use case::Role;
 use channel::{STATS, UNCONVERGED_LIMIT, Window, excess, flow_stats, residual_and_target, structure_stats};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::schemes::window::report::WindowReport;
 
-/// What can end above its target.
+/// A subproblem of a window, each with its own residual and target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Subproblem {
     /// The coupling iterations of a window.
     Coupling,
     /// Newton's method of the structure.
@@ -28,11 +28,11 @@ pub enum Part {
     Turbulence,
 }
 
-impl Part {
+impl Subproblem {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Coupling, Self::Structure, Self::Flow, Self::Mesh, Self::Turbulence];
 
-    /// In messages.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Coupling => "coupling",
@@ -43,7 +43,7 @@ impl Part {
         }
     }
 
-    /// What helps.
+    /// Remedies in messages.
     pub fn remedies(self) -> &'static str {
         match self {
             Self::Coupling => {
@@ -73,115 +73,115 @@ impl Part {
 
 /// Windows that were accepted above a target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Tally {
-    /// How many.
+pub struct UnconvergedCount {
+    /// Number of windows.
     pub windows: u64,
-    /// Largest residual over its target among them.
+    /// Largest residual relative to its target among them.
     pub worst: f64,
-    /// Window of it.
+    /// Window in which that occurred.
     pub worst_window: u64,
 }
 
-/// What a stage accepted above its targets.
+/// Windows of a stage accepted above a target, by subproblem.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Convergence {
     /// The coupling iterations.
-    pub coupling: Tally,
+    pub coupling: UnconvergedCount,
     /// The structure.
-    pub structure: Tally,
+    pub structure: UnconvergedCount,
     /// The flow.
-    pub flow: Tally,
+    pub flow: UnconvergedCount,
     /// The grid motion.
-    pub mesh: Tally,
+    pub mesh: UnconvergedCount,
     /// The turbulence equation.
-    pub turbulence: Tally,
-    /// Time steps of the structure above their own target, those of answers included that were repeated.
+    pub turbulence: UnconvergedCount,
+    /// Time steps of the structure above their own target, including those of repeated solves.
     pub structure_solves: u64,
-    /// Solves of the flow above their own target, likewise.
+    /// Flow solves above their own target, including repeated ones.
     pub flow_solves: u64,
 }
 
 impl Convergence {
-    fn tally(&self, part: Part) -> &Tally {
+    fn count(&self, part: Subproblem) -> &UnconvergedCount {
         match part {
-            Part::Coupling => &self.coupling,
-            Part::Structure => &self.structure,
-            Part::Flow => &self.flow,
-            Part::Mesh => &self.mesh,
-            Part::Turbulence => &self.turbulence,
+            Subproblem::Coupling => &self.coupling,
+            Subproblem::Structure => &self.structure,
+            Subproblem::Flow => &self.flow,
+            Subproblem::Mesh => &self.mesh,
+            Subproblem::Turbulence => &self.turbulence,
         }
     }
 
-    fn tally_mut(&mut self, part: Part) -> &mut Tally {
+    fn count_mut(&mut self, part: Subproblem) -> &mut UnconvergedCount {
         match part {
-            Part::Coupling => &mut self.coupling,
-            Part::Structure => &mut self.structure,
-            Part::Flow => &mut self.flow,
-            Part::Mesh => &mut self.mesh,
-            Part::Turbulence => &mut self.turbulence,
+            Subproblem::Coupling => &mut self.coupling,
+            Subproblem::Structure => &mut self.structure,
+            Subproblem::Flow => &mut self.flow,
+            Subproblem::Mesh => &mut self.mesh,
+            Subproblem::Turbulence => &mut self.turbulence,
         }
     }
 
     /// Windows above any target.
     pub fn windows(&self) -> u64 {
-        Part::ALL.iter().map(|part| self.tally(*part).windows).sum()
+        Subproblem::ALL.iter().map(|part| self.count(*part).windows).sum()
     }
 
-    /// What is above its target, in a line for the summary; `None` where all is converged.
+    /// One line for the summary; `None` where every window converged.
     pub fn line(&self) -> Option<String> {
-        let of = |part: &Part| {
-            let t = self.tally(*part);
+        let of = |part: &Subproblem| {
+            let t = self.count(*part);
             (t.windows > 0)
                 .then(|| format!("{} in {} windows ({:.1} times)", part.name(), t.windows, t.worst))
         };
-        let parts: Vec<String> = Part::ALL.iter().filter_map(of).collect();
+        let parts: Vec<String> = Subproblem::ALL.iter().filter_map(of).collect();
         (!parts.is_empty()).then(|| format!("accepted above the target: {}", parts.join(", ")))
     }
 
-    /// Takes an accepted window into account; what is to be said of it: each part at its first occurrence.
+    /// Adds an accepted window. Returns the warnings to print: one at the first occurrence of each subproblem.
     /// `tolerance` is that of the coupling.
-    pub fn add(&mut self, place: &Place, report: &WindowReport, tolerance: f64) -> Vec<String> {
+    pub fn add(&mut self, place: &Location, report: &WindowReport, tolerance: f64) -> Vec<String> {
         let index = place.window.map_or(0, |(index, _)| index);
         let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
         self.structure_solves += sum(Role::Structure, structure_stats::UNCONVERGED);
         self.flow_solves += sum(Role::Flow, flow_stats::UNCONVERGED);
-        let mut said = Vec::new();
-        for part in Part::ALL {
+        let mut warnings = Vec::new();
+        for part in Subproblem::ALL {
             let Some(excess) = excess_of(part, report, tolerance).filter(|e| *e > 1.0) else { continue };
-            let tally = self.tally_mut(part);
-            tally.windows += 1;
-            if excess > tally.worst {
-                (tally.worst, tally.worst_window) = (excess, index);
+            let count = self.count_mut(part);
+            count.windows += 1;
+            if excess > count.worst {
+                (count.worst, count.worst_window) = (excess, index);
             }
-            if tally.windows == 1 {
-                said.push(format!(
-                    "{place}: the {} is accepted unconverged: {}. Remedies: {}. Later windows are only counted",
+            if count.windows == 1 {
+                warnings.push(format!(
+                    "{place}: the {} is accepted unconverged: {}. Remedies: {}. Later occurrences are counted",
                     part.name(),
                     figures(part, report, tolerance),
                     part.remedies()
                 ));
             }
         }
-        said
+        warnings
     }
 
-    /// What is to be said at the end of a stage of `windows` windows.
-    pub fn closing(&self, stage: &str, windows: u64) -> Vec<String> {
-        let of = |part: &Part| {
-            let t = self.tally(*part);
+    /// Warnings at the end of a stage of `windows` windows.
+    pub fn stage_warnings(&self, stage: &str, windows: u64) -> Vec<String> {
+        let of = |part: &Subproblem| {
+            let t = self.count(*part);
             let solves = match part {
-                Part::Structure => self.structure_solves,
-                Part::Flow => self.flow_solves,
+                Subproblem::Structure => self.structure_solves,
+                Subproblem::Flow => self.flow_solves,
                 _ => 0,
             };
             let solves = if solves > t.windows {
-                format!("; {solves} solves ended above their own target, repeated ones included")
+                format!("; {solves} solves ended above their own target, including repeated ones")
             } else {
                 String::new()
             };
             (t.windows > 1).then(|| {
                 format!(
-                    "stage `{stage}`: the {} of {} of {windows} windows is above its target, {:.1} times it at most \
+                    "stage `{stage}`: the {} exceeds its target in {} of {windows} windows, by a factor of at most {:.1} \
                      (window {}){solves}. Remedies: {}",
                     part.name(),
                     t.windows,
@@ -191,15 +191,15 @@ impl Convergence {
                 )
             })
         };
-        Part::ALL.iter().filter_map(of).collect()
+        Subproblem::ALL.iter().filter_map(of).collect()
     }
 }
 
-/// Residual of an accepted window over its target; `None` where it is not judged.
-fn excess_of(part: Part, report: &WindowReport, tolerance: f64) -> Option<f64> {
+/// Residual of an accepted window relative to its target; `None` where it is not judged.
+fn excess_of(part: Subproblem, report: &WindowReport, tolerance: f64) -> Option<f64> {
     match part {
-        Part::Coupling => report.residual.map(|r| r / tolerance),
-        Part::Turbulence => {
+        Subproblem::Coupling => report.residual.map(|r| r / tolerance),
+        Subproblem::Turbulence => {
             let value = report.stats[Role::Flow as usize].values[flow_stats::TURBULENCE_RESIDUAL];
             (value > 0.0).then_some(value)
         }
@@ -207,16 +207,16 @@ fn excess_of(part: Part, report: &WindowReport, tolerance: f64) -> Option<f64> {
     }
 }
 
-/// Residual, target and what was spent, in words.
-fn figures(part: Part, report: &WindowReport, tolerance: f64) -> String {
+/// Residual, target and iterations, for messages.
+fn figures(part: Subproblem, report: &WindowReport, tolerance: f64) -> String {
     let of = |role: Role| &report.stats[role as usize].values;
     let (residual, target, spent) = match part {
-        Part::Coupling => {
+        Subproblem::Coupling => {
             (report.residual.unwrap_or(f64::NAN), tolerance, format!("{} iterations", report.iterations))
         }
-        Part::Turbulence => {
+        Subproblem::Turbulence => {
             let over = of(Role::Flow)[flow_stats::TURBULENCE_RESIDUAL];
-            return format!("its residual in the step before ended at {over:.1} times its target");
+            return format!("its residual in the step before is {over:.1} times its target");
         }
         _ => {
             let role = part.role().unwrap_or(Role::Flow);
@@ -225,7 +225,7 @@ fn figures(part: Part, report: &WindowReport, tolerance: f64) -> String {
         }
     };
     format!(
-        "its residual ended at {residual:.2e}, {:.1} times its target of {target:.2e}, after {spent}",
+        "its residual is {residual:.2e}, {:.1} times its target of {target:.2e}, after {spent}",
         residual / target
     )
 }
@@ -238,43 +238,43 @@ fn spent(role: Role, values: &[f64; STATS]) -> String {
     }
 }
 
-/// Refuses windows whose last answers lie too far above their targets.
+/// Rejects windows whose last responses exceed their targets by too much.
 #[derive(Clone, Debug, Default)]
-pub struct Judge {
+pub struct AcceptanceCheck {
     /// Stage, for messages.
     pub stage: String,
-    /// Accepts them all the same.
+    /// Accepts them nevertheless.
     pub accept_unconverged: bool,
 }
 
-impl Judge {
-    /// Whether the last answers in `report` may be accepted as the end of `w`.
+impl AcceptanceCheck {
+    /// Whether the last responses in `report` may be accepted as the end of `w`.
     ///
     /// # Errors
-    /// [`RunError::Unconverged`] for the first part that lies above [`UNCONVERGED_LIMIT`] times its target.
-    /// The coupling is judged where its iterations end.
+    /// [`RunError::Unconverged`] for the first subproblem above [`UNCONVERGED_LIMIT`] times its target. The coupling
+    /// itself is judged where its iteration ends.
     pub fn require(&self, w: &Window, report: &WindowReport) -> Result<(), RunError> {
         if self.accept_unconverged {
             return Ok(());
         }
-        let beyond = |part: &&Part| {
+        let beyond = |part: &&Subproblem| {
             let excess = excess_of(**part, report, f64::INFINITY);
-            **part != Part::Coupling && excess.is_some_and(|e| e.is_nan() || e > UNCONVERGED_LIMIT)
+            **part != Subproblem::Coupling && excess.is_some_and(|e| e.is_nan() || e > UNCONVERGED_LIMIT)
         };
-        match Part::ALL.iter().find(beyond) {
+        match Subproblem::ALL.iter().find(beyond) {
             None => Ok(()),
             Some(part) => Err(RunError::Unconverged {
                 what: part.name(),
-                place: Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
+                place: Location { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
                 message: format!(
-                    "t = {:.4} s, {}; a window is not accepted beyond {UNCONVERGED_LIMIT} times. Remedies: {}; \
-                     --accept-unconverged accepts it",
+                    "t = {:.4} s, {}; the limit of acceptance is {UNCONVERGED_LIMIT} times. Remedies: {}; \
+                     --accept-unconverged accepts the window",
                     w.time,
                     figures(*part, report, f64::INFINITY),
                     part.remedies()
                 ),
-                // The turbulence is that of the step before, which a shorter window does not change.
-                shorter: *part != Part::Turbulence,
+                // The turbulence residual belongs to the step before, which a shorter window does not change.
+                shorter: *part != Subproblem::Turbulence,
                 saved: None,
             }),
         }
@@ -285,7 +285,7 @@ impl Judge {
 mod tests {
     use super::*;
 
-    /// A window whose flow ended at `flow` and whose coupling at `coupling` times the target.
+    /// A window whose flow residual is `flow` times and whose coupling residual is `coupling` times the target.
     fn window(flow: f64, coupling: f64) -> WindowReport {
         let mut report =
             WindowReport { iterations: 7, residual: Some(1e-3 * coupling), ..Default::default() };
@@ -297,12 +297,12 @@ mod tests {
         report
     }
 
-    fn at(index: u64) -> Place {
-        Place { stage: "descent".into(), window: Some((index, 6)) }
+    fn at(index: u64) -> Location {
+        Location { stage: "descent".into(), window: Some((index, 6)) }
     }
 
     #[test]
-    fn each_part_is_said_once_and_counted_at_the_end() {
+    fn each_subproblem_is_reported_once_and_summarised() {
         let mut c = Convergence::default();
         assert!(c.add(&at(0), &window(1.0, 0.5), 1e-3).is_empty());
         let first = c.add(&at(1), &window(4.0, 0.5), 1e-3);
@@ -314,21 +314,27 @@ mod tests {
         let coupling = c.add(&at(2), &window(5.0, 3.0), 1e-3);
         assert!(coupling.len() == 1 && coupling[0].contains("the coupling"), "{coupling:?}");
         assert!(c.add(&at(3), &window(2.0, 2.0), 1e-3).is_empty());
-        let closing = c.closing("descent", 4);
+        let closing = c.stage_warnings("descent", 4);
         assert_eq!(closing.len(), 2);
-        assert!(closing[0].contains("coupling of 2 of 4 windows") && closing[0].contains("3.0 times"));
-        assert!(closing[1].contains("flow of 3 of 4") && closing[1].contains("(window 2); 12 solves"));
+        assert!(
+            closing[0].contains("coupling exceeds its target in 2 of 4 windows")
+                && closing[0].contains("most 3.0")
+        );
+        assert!(
+            closing[1].contains("flow exceeds its target in 3 of 4")
+                && closing[1].contains("(window 2); 12 solves")
+        );
         assert_eq!((c.flow_solves, c.windows()), (12, 5));
-        assert!(Convergence::default().closing("descent", 4).is_empty());
+        assert!(Convergence::default().stage_warnings("descent", 4).is_empty());
     }
 
     #[test]
     fn ten_times_the_target_is_an_error_unless_accepted() {
         let w = Window { index: 12, iteration: 3, time: 0.06, ..Window::default() };
-        let judge = Judge { stage: "descent".into(), accept_unconverged: false };
+        let judge = AcceptanceCheck { stage: "descent".into(), accept_unconverged: false };
         assert!(judge.require(&w, &window(9.9, 50.0)).is_ok(), "the coupling is judged elsewhere");
-        let error = judge.require(&w, &window(10.1, 1.0)).expect_err("too far");
-        assert!(error.may_pass(), "a shorter window may converge");
+        let error = judge.require(&w, &window(10.1, 1.0)).expect_err("above the limit");
+        assert!(error.is_retryable(), "a shorter window may converge");
         let text = error.to_string();
         for word in
             ["flow is not converged", "`descent`, window 12", "0.0600", "2.02e-3", "10.1 times", "gmres"]
@@ -336,12 +342,16 @@ mod tests {
             assert!(text.contains(word), "{word}: {text}");
         }
         assert!(judge.require(&w, &window(f64::NAN, 1.0)).is_err());
-        assert!(Judge { accept_unconverged: true, ..judge.clone() }.require(&w, &window(1e3, 1.0)).is_ok());
-        // Nothing stated, nothing judged.
+        assert!(
+            AcceptanceCheck { accept_unconverged: true, ..judge.clone() }
+                .require(&w, &window(1e3, 1.0))
+                .is_ok()
+        );
+        // No stated target: not judged.
         assert!(judge.require(&w, &WindowReport::default()).is_ok());
         let mut turbulent = window(0.5, 1.0);
         turbulent.stats[Role::Flow as usize].values[flow_stats::TURBULENCE_RESIDUAL] = 40.0;
-        let error = judge.require(&w, &turbulent).expect_err("too far");
-        assert!(!error.may_pass() && error.to_string().contains("turbulence equation"), "{error}");
+        let error = judge.require(&w, &turbulent).expect_err("above the limit");
+        assert!(!error.is_retryable() && error.to_string().contains("turbulence equation"), "{error}");
     }
 }

@@ -6,13 +6,13 @@
 //! $$ m\,(v^{n+1} - v^n) = (\bar S + D - m g)\,T, \qquad \bar S\,T = \int F\,dt - \Delta p . $$
 //!
 //! $m$ is the mass of payload, fabric, lines and points; $F$ the external force on fabric and lines, $p$ their
-//! momentum relative to the frame, $D$ the drag of a payload that is a point. The air that moves along is part of the
-//! resolved flow and is not added. The structure reports the mean force $\bar R$ on the payload
+//! momentum relative to the frame, $D$ the drag of a payload that is a point. The added mass of the air is part of
+//! the resolved flow and is not added here. The structure reports the mean force $\bar R$ on the payload
 //! ([`structure_stats::SUPPORT_FORCE`]):
 //!
-//! - Where weight and inertia of the frame act on the structure (`[fabric_gravity]`), $\bar S = \bar R +
-//!   m_s (g + \dot v)$ with $m_s$ the mass without the payload: the equation is $m_p \dot v = \bar R + D - m_p g$.
-//!   Of its two forms this one needs no more than $m_s/m < 1$ of the acceleration that the structure was given.
+//! - Where weight and inertia of the frame act on the structure (`[fabric_gravity]`), $\bar S = \bar R + m_s (g +
+//!   \dot v)$ with $m_s$ the mass without the payload: the equation is $m_p \dot v = \bar R + D - m_p g$. Of its two
+//!   forms, the one used needs only the share $m_s/m < 1$ of the acceleration that the structure was given.
 //! - Elsewhere $\bar S = \bar R$: fabric and lines have no weight in the structure's equations, so the whole mass is
 //!   the frame's.
 //! - A payload with six degrees of freedom has all weight and inertia in the structure's equations: the frame
@@ -29,7 +29,7 @@ use channel::{Stats, structure_stats};
 
 use crate::interface::CanopyInterface;
 
-/// Masses, gravity and the reference that turns force into a coefficient.
+/// Masses, gravity, and the reference values of the drag coefficient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DescentModel {
     /// Mass of payload, fabric, lines and points, kg.
@@ -48,26 +48,26 @@ pub struct DescentModel {
     pub reference_speed_m_s: f64,
     /// Density of the undisturbed air, kg/m3.
     pub air_density_kg_m3: f64,
-    /// Drag of a payload that falls with the frame; `None`: it has none.
+    /// Drag of a point payload that moves with the frame; `None`: no drag.
     pub payload_drag: Option<PayloadDrag>,
-    /// The structure tells the drag of lines and payload with each answer.
+    /// The structure reports the drag of lines and payload with each response.
     pub drag_in_structure: bool,
     /// The structure reports the force on the payload.
     pub support_known: bool,
 }
 
-/// What of the system has weight, and inertia of the frame, in the structure's equations.
+/// Which parts of the system have weight, and inertia of the frame, in the structure's equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weight {
-    /// Nothing: all of it is the frame's.
+    /// None: the whole mass is the frame's.
     Frame,
     /// Fabric, lines and points.
     Structure,
-    /// Those, and a payload that is a body of its own.
+    /// Fabric, lines and points, and the payload as a body of its own.
     Body,
 }
 
-/// Vertical forces of a window that the equation of the frame takes.
+/// Vertical forces of a window in the equation of the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct WindowForces<'a> {
     /// Force of the air on the canopy at the end of the window, N.
@@ -95,8 +95,8 @@ impl PayloadDrag {
         self.half_density_area * (x * x + y * y + w * w).sqrt() * w
     }
 
-    /// Velocity at the end of a step (m/s) that without this drag would be `free`, for a mass
-    /// `m` (kg): the drag is that at the end of the step, as all forces of the descent are.
+    /// Velocity at the end of a step (m/s) that without this drag would be `free`, for a mass `m` (kg): the drag is
+    /// evaluated at the end of the step, like all forces of the descent.
     fn slowed(&self, free: f64, m: f64, dt: f64) -> f64 {
         let [x, y, z] = self.wind_m_s;
         let c = self.half_density_area * dt / m;
@@ -123,7 +123,7 @@ impl DescentModel {
     /// The descent equation of a scene with the mass of its canopy, if it has one.
     pub fn of(scene: &Scene, interface: &CanopyInterface) -> Option<Self> {
         scene.descent.as_ref().map(|d| Self {
-            mass_kg: d.payload_mass_kg + interface.masses.hung(),
+            mass_kg: d.payload_mass_kg + interface.masses.suspended(),
             payload_kg: d.payload_mass_kg,
             equation: d.equation,
             weight: match (&d.body, &scene.fabric_gravity) {
@@ -144,8 +144,7 @@ impl DescentModel {
         })
     }
 
-    /// Vertical acceleration of the frame, m/s2, under the vertical force of the
-    /// air `force_z` (N, positive up).
+    /// Vertical acceleration of the frame, m/s2, under the vertical force of the air `force_z` (N, positive up).
     pub fn acceleration(&self, force_z: f64) -> f64 {
         force_z / self.mass_kg - self.gravity_m_s2
     }
@@ -163,14 +162,14 @@ impl DescentModel {
         }
     }
 
-    /// Force (N) and mass (kg) of the frame in the equation of momentum.
+    /// Force (N) and mass (kg) of the frame in the momentum equation.
     pub fn support(&self, forces: &WindowForces<'_>) -> (f64, f64) {
         let support = forces.structure.values[structure_stats::SUPPORT_FORCE];
         match self.weight {
             Weight::Frame => (support, self.mass_kg),
             Weight::Structure => {
-                let hung = self.mass_kg - self.payload_kg;
-                (support + hung * (self.gravity_m_s2 + forces.frame_acceleration), self.mass_kg)
+                let suspended = self.mass_kg - self.payload_kg;
+                (support + suspended * (self.gravity_m_s2 + forces.frame_acceleration), self.mass_kg)
             }
             Weight::Body => (support, self.payload_kg),
         }
@@ -190,8 +189,8 @@ impl DescentModel {
         }
     }
 
-    /// Vertical force of the air on all that falls, N: `canopy` on the canopy, and what the
-    /// structure's statistics say of lines and a payload that moves.
+    /// Vertical force of the air on the falling system, N: `canopy` on the canopy, plus that on lines and a moving
+    /// payload as the structure reports it.
     pub fn force(&self, canopy: f64, structure: &Stats) -> f64 {
         if self.drag_in_structure { canopy + structure.values[structure_stats::AIR_FORCE] } else { canopy }
     }
@@ -225,17 +224,17 @@ mod tests {
         support_known: true,
     };
 
-    /// A sphere that falls alone: terminal speed sqrt(2 m g / (rho C A)), and the wind carries
-    /// it along: across the wind its drag grows with the whole speed.
+    /// A sphere in free fall: terminal speed sqrt(2 m g / (rho C A)). It drifts with the wind; across the wind its
+    /// drag grows with the whole relative speed.
     #[test]
-    fn a_payload_alone_falls_at_its_own_speed() {
+    fn payload_without_canopy_reaches_its_terminal_speed() {
         let drag = PayloadDrag { half_density_area: 0.5 * 1.225 * 0.8, wind_m_s: [0.0; 3] };
         let model = DescentModel { payload_drag: Some(drag), ..ATPS };
         let mut v = 0.0;
         (0..4000).for_each(|_| v = model.step(v, 0.0, 0.05));
         let terminal = (ATPS.mass_kg * ATPS.gravity_m_s2 / drag.half_density_area).sqrt();
         assert!((v / -terminal - 1.0).abs() < 1e-12, "{v} {terminal}");
-        // Falling upwards in an updraught that is faster.
+        // Rising in an updraught that is faster than the terminal speed.
         let up = PayloadDrag { wind_m_s: [0.0, 0.0, 2.0 * terminal], ..drag };
         let model = DescentModel { payload_drag: Some(up), ..ATPS };
         (0..4000).for_each(|_| v = model.step(v, 0.0, 0.05));
@@ -249,16 +248,16 @@ mod tests {
     }
 
     #[test]
-    fn the_structure_tells_the_drag_of_lines() {
+    fn drag_of_lines_is_taken_from_the_structure_statistics() {
         let mut stats = Stats::default();
         stats.values[structure_stats::AIR_FORCE] = 12.5;
         assert_eq!(ATPS.force(100.0, &stats), 100.0);
         assert_eq!(DescentModel { drag_in_structure: true, ..ATPS }.force(100.0, &stats), 112.5);
     }
 
-    /// The force and the mass of the frame where weight and inertia act on it, on the structure and on a body.
+    /// Force and mass of the frame with weight and inertia in the frame, in the structure and in a body.
     #[test]
-    fn the_frame_has_the_force_and_the_mass_of_what_is_fixed_to_it() {
+    fn frame_force_and_mass_match_the_weight_model() {
         let mut structure = Stats::default();
         structure.values[structure_stats::SUPPORT_FORCE] = 100.0;
         let forces = WindowForces { canopy: 700.0, structure: &structure, frame_acceleration: -2.0 };
@@ -275,21 +274,21 @@ mod tests {
     }
 
     #[test]
-    fn weight_balances_at_the_published_coefficient() {
-        // DESIGN.md section 6: drag = weight at 4.8768 m/s means Cd 1.735 on 41.3614 m2.
+    fn drag_equals_weight_at_the_published_coefficient() {
+        // Paper: drag equals weight at 4.8768 m/s for Cd 1.735 on 41.3614 m2.
         let weight = ATPS.mass_kg * ATPS.gravity_m_s2;
         assert_eq!(ATPS.acceleration(weight), 0.0);
         assert!((ATPS.drag_coefficient(weight) - 1.735).abs() < 5e-4);
     }
 
     #[test]
-    fn free_fall_without_air() {
+    fn free_fall_without_air_accelerates_by_gravity() {
         let v = ATPS.step(-4.0, 0.0, 0.1);
         assert!((v + 4.0 + 0.980665).abs() < 1e-12);
     }
 
     #[test]
-    fn settles_at_terminal_speed_with_first_order() {
+    fn terminal_speed_converges_with_first_order() {
         // m dv/dt = k v^2 - m g has v(t) = -v_t tanh(g t / v_t) from rest. The
         // force at the end of the step is found by bisection: implicit Euler.
         let k = 0.5 * 1.225 * 41.3614 * 1.735;
@@ -311,9 +310,9 @@ mod tests {
         assert!((ratio - 2.0).abs() < 0.1, "first order: halving the step halves the error, got {ratio}");
     }
 
-    /// The drag at the end of a step brings about the change of velocity over it.
+    /// The drag at the end of a step balances the change of velocity over it.
     #[test]
-    fn a_step_balances_the_drag_at_its_end() {
+    fn drag_is_implicit() {
         for wind in [[0.0; 3], [3.0, -4.0, 0.0], [1.0, 2.0, 5.0], [6.0, 1.0, -9.0]] {
             let drag = PayloadDrag { half_density_area: 0.7, wind_m_s: wind };
             for (free, dt) in [(-12.0, 0.1), (4.0, 2.0), (-3.0, 10.0)] {

@@ -1,4 +1,4 @@
-//! Why a run ends early, in words for a person.
+//! Why a run ends early: errors, their messages and exit codes.
 
 use std::path::PathBuf;
 
@@ -7,16 +7,16 @@ use case::Role;
 use crate::impossible_flow::ImpossibleFlow;
 use crate::structure_energy::EnergyCreated;
 
-/// Where in a run something happened.
+/// Location in a run: stage, window and coupling iteration.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// Name of the stage.
     pub stage: String,
-    /// Window and coupling iteration, once the first one was opened.
+    /// Window and coupling iteration; `None` before the first window.
     pub window: Option<(u64, u64)>,
 }
 
-impl std::fmt::Display for Place {
+impl std::fmt::Display for Location {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "stage `{}`", self.stage)?;
         match self.window {
@@ -26,21 +26,21 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// Why a run ended before its end.
+/// Why a run ends early.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// The scene or the command line asks for something impossible.
+    /// The scene or the command line is not valid.
     #[error("{0}")]
     Input(String),
     /// Ctrl-C or a termination signal.
     #[error("interrupted in {0}")]
-    Interrupted(Place),
-    /// A run that ended early, and how it can be gone on with.
+    Interrupted(Location),
+    /// A run that ended early and can be resumed.
     #[error("{error}\n{hint}")]
     Resumable {
         /// Why it ended.
         error: Box<Self>,
-        /// The command.
+        /// The command that resumes it.
         hint: String,
     },
     /// A program reported an error.
@@ -48,13 +48,13 @@ pub enum RunError {
     Fault {
         /// Role of the program.
         role: Role,
-        /// What was started.
+        /// Name of the program.
         program: String,
         /// Rank that reported, if known.
         rank: Option<u64>,
         /// Where.
-        place: Place,
-        /// The program's own words.
+        place: Location,
+        /// The program's message.
         message: String,
     },
     /// A process ended on its own.
@@ -62,125 +62,124 @@ pub enum RunError {
     Died {
         /// Role of the program.
         role: Role,
-        /// What was started.
+        /// Name of the program.
         program: String,
-        /// Rank that died, if known.
+        /// Rank whose process ended, if known.
         rank: Option<u64>,
         /// Exit code or signal.
         how: String,
         /// Where.
-        place: Place,
-        /// Its last words.
+        place: Location,
+        /// Last lines of its log.
         tail: String,
     },
-    /// A program answered nothing within its deadline.
+    /// A program did not respond within its deadline.
     #[error(
-        "{program} gave no answer for {seconds:.0} s in {place}: {} \
+        "{program} did not respond for {seconds:.0} s in {place}: {} \
          (--deadline SECONDS raises the limit)",
-        if .state.is_empty() { "it hangs, is stopped, or is slower than that" } else { .state }
+        if .state.is_empty() { "it hangs, is stopped, or needs longer" } else { .state }
     )]
     Stalled {
         /// Role of the program.
         role: Role,
-        /// What was started.
+        /// Name of the program.
         program: String,
         /// Seconds waited.
         seconds: f64,
-        /// What its process does, where that tells; else empty.
+        /// State of its process, where the kernel reports it; else empty.
         state: &'static str,
         /// Where.
-        place: Place,
+        place: Location,
     },
-    /// The grid cannot follow the canopy. All programs are alive and stand at the last accepted
-    /// window.
+    /// The grid motion failed. All programs are alive, in the state of the last accepted window.
     #[error("the grid cannot follow the canopy in {place}: {message}{}", saved_text(.saved.as_deref()))]
-    Stuck {
+    GridMotionFailed {
         /// Where.
-        place: Place,
+        place: Location,
         /// Cell, quality and region.
         message: String,
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
     },
-    /// A program has no answer for a window. All programs are alive and stand at the last accepted
-    /// window.
-    #[error("{program} found no answer in {place}: {message}{}", saved_text(.saved.as_deref()))]
-    NoAnswer {
+    /// A program could not solve a window. All programs are alive, in the state of the last accepted window.
+    #[error("{program} could not solve {place}: {message}{}", saved_text(.saved.as_deref()))]
+    SolveFailed {
         /// Role of the program.
         role: Role,
-        /// What was started.
+        /// Name of the program.
         program: String,
         /// Where.
-        place: Place,
-        /// What it says of it.
+        place: Location,
+        /// The program's message.
         message: String,
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
     },
-    /// An answer that would be accepted lies too far above its target. All programs are alive and stand at the
+    /// A response that would be accepted exceeds its target by too much. All programs are alive, in the state of the
     /// last accepted window.
     #[error("the {what} is not converged in {place}: {message}{}", saved_text(.saved.as_deref()))]
     Unconverged {
-        /// What: flow, structure, grid motion, turbulence.
+        /// Subproblem: flow, structure, grid motion, turbulence equation.
         what: &'static str,
         /// Where.
-        place: Place,
-        /// Figures and remedies.
+        place: Location,
+        /// Residuals and remedies.
         message: String,
         /// A shorter window may converge.
         shorter: bool,
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
     },
-    /// Time integration of the structure creates energy beyond the work done. All programs are alive and
-    /// stand at the last accepted window.
+    /// Time integration of the structure creates energy beyond the work done. All programs are alive, in the state of
+    /// the last accepted window.
     #[error("{energy} in {place}{}", saved_text(.saved.as_deref()))]
     Energy {
         /// Where.
-        place: Place,
-        /// The figures.
+        place: Location,
+        /// The energies.
         energy: EnergyCreated,
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
     },
-    /// Speeds or pressures of the flow that no physics allows.
+    /// Speeds or pressures of the flow beyond physical bounds.
     #[error("{flow} in {place}{}", saved_text(.saved.as_deref()))]
     ImpossibleFlow {
         /// Where.
-        place: Place,
-        /// The figures.
+        place: Location,
+        /// The values.
         flow: ImpossibleFlow,
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
     },
-    /// The coupling iteration failed although every program answered.
+    /// The coupling iteration failed although every program responded.
     #[error("the coupling failed in {place}: {message}")]
     Coupling {
         /// Where.
-        place: Place,
-        /// What was seen and what to do.
+        place: Location,
+        /// Residuals and remedies.
         message: String,
     },
-    /// The falling frame does what no measured force explains. All programs stand at the last accepted window.
+    /// The acceleration of the frame exceeds the measured forces. All programs are in the state of the last accepted
+    /// window.
     #[error("the descent is not physical in {place}: {message}")]
     Unphysical {
         /// Where.
-        place: Place,
-        /// Figures and remedies.
+        place: Location,
+        /// Values and remedies.
         message: String,
     },
-    /// The channel refused (handshake, mismatch, out of memory).
+    /// The channel reported an error (handshake, mismatch, out of memory).
     #[error("{place}: {message}")]
     Channel {
         /// Where.
-        place: Place,
+        place: Location,
         /// The channel's message.
         message: String,
     },
-    /// What was compared is not the same; the report was printed.
-    #[error("not the same, or not as the contract asks: see above")]
+    /// A comparison failed or a program violated the contract; the report is already printed.
+    #[error("comparison failed or contract violated; see above")]
     Differs,
-    /// A study without an answer: its base sample failed, or nothing could be assessed.
+    /// A study without a result: its base sample failed, or nothing could be assessed.
     #[error("{0}")]
     Study(String),
     /// A file could not be read or written.
@@ -210,7 +209,7 @@ fn rank_text(rank: Option<u64>) -> String {
 }
 
 fn tail_text(tail: &str) -> String {
-    if tail.is_empty() { String::new() } else { format!("; its last words:\n{tail}") }
+    if tail.is_empty() { String::new() } else { format!("; last lines of its log:\n{tail}") }
 }
 
 impl RunError {
@@ -220,11 +219,11 @@ impl RunError {
         move |source| Self::File { action, path, source }
     }
 
-    /// Whether the programs still stand at the last accepted window, so that a shorter window may pass.
-    pub fn may_pass(&self) -> bool {
+    /// Whether all programs are in the state of the last accepted window, so that a shorter window may be tried.
+    pub fn is_retryable(&self) -> bool {
         match self {
-            Self::Stuck { .. }
-            | Self::NoAnswer { .. }
+            Self::GridMotionFailed { .. }
+            | Self::SolveFailed { .. }
             | Self::Energy { .. }
             | Self::Coupling { .. }
             | Self::Unphysical { .. } => true,
@@ -233,12 +232,14 @@ impl RunError {
         }
     }
 
-    /// The same, with the folder in which the last accepted window was saved.
-    pub fn saved_in(self, folder: PathBuf) -> Self {
+    /// The same error with the folder in which the last accepted window was saved.
+    pub fn with_saved_state(self, folder: PathBuf) -> Self {
         match self {
-            Self::Stuck { place, message, .. } => Self::Stuck { place, message, saved: Some(folder) },
-            Self::NoAnswer { role, program, place, message, .. } => {
-                Self::NoAnswer { role, program, place, message, saved: Some(folder) }
+            Self::GridMotionFailed { place, message, .. } => {
+                Self::GridMotionFailed { place, message, saved: Some(folder) }
+            }
+            Self::SolveFailed { role, program, place, message, .. } => {
+                Self::SolveFailed { role, program, place, message, saved: Some(folder) }
             }
             Self::Unconverged { what, place, message, shorter, .. } => {
                 Self::Unconverged { what, place, message, shorter, saved: Some(folder) }
@@ -248,11 +249,11 @@ impl RunError {
         }
     }
 
-    /// The same with a cause and its remedy at the end, where the error is about a window.
-    pub fn advised(mut self, advice: &str) -> Self {
+    /// The same error with a cause and its remedy appended, where it concerns a window.
+    pub fn with_advice(mut self, advice: &str) -> Self {
         match &mut self {
-            Self::Stuck { message, .. }
-            | Self::NoAnswer { message, .. }
+            Self::GridMotionFailed { message, .. }
+            | Self::SolveFailed { message, .. }
             | Self::Unconverged { message, .. }
             | Self::Coupling { message, .. }
             | Self::Fault { message, .. } => {

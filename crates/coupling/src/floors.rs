@@ -1,34 +1,35 @@
-//! Changes below which a field of the coupling criterion is measured by a physical scale and not by itself.
+//! Floors of the coupling criterion: below them a field is measured against a physical scale instead of its own
+//! change.
 //!
-//! What is compared is the answer of the structure with the iterate, and by how much they differ follows from
-//! what the load still lacks. Each floor is therefore what a share of a scale of the scene would change within a
-//! window, and none is zero:
-//! - motion past the air: the way that the undisturbed air moves past the canopy;
-//! - load: the way that the fabric moves under the scale of the load, by its inertia alone
-//!   (half the acceleration times the square of the window), or by as much as it has bulged where that is less,
-//!   for its stiffness allows no more. At a tolerance of 1e-3 the load is then known to 5e-5 of its scale;
-//! - descent speed: what gravity gives, or the scale of the load where there is no gravity.
+//! The criterion compares the structure's response with the iterate; their difference is determined by the error of
+//! the load. Each floor is the change that a fraction of a physical scale of the scene would cause within a window.
+//! None is zero:
+//! - motion relative to the air: the distance that the undisturbed air moves past the canopy;
+//! - load: the displacement of the fabric under the scale of the load, by its inertia alone (half the acceleration
+//!   times the square of the window), or as large as the present deflection where that is less, because stiffness
+//!   limits it. At a tolerance of 1e-3 the load is then accurate to 5e-5 of its scale;
+//! - descent speed: the change by gravity, or by the scale of the load where there is no gravity.
 
 use case::{Scene, StageKind};
 
 use crate::interface::CanopyInterface;
 use crate::schemes::{InterfaceState, LoadFloor};
 
-/// Share of the way that the air moves past the canopy in a window, and of the way that the load's scale
-/// moves the fabric, below which a change of shape over the window is no measure for convergence any more.
+/// Fraction of the distance that the air moves past the canopy in a window, and of the displacement by the load's
+/// scale, below which the change of shape over the window is not used as the measure of convergence.
 pub(crate) const SHAPE_FLOOR: f64 = 0.05;
-/// Likewise for the descent speed: the share of what gravity gives in a window.
-/// At a tolerance of 1e-3 the drag is then exact to 1e-4 of the weight.
+/// The same for the descent speed: the fraction of the change by gravity in a window. At a tolerance of 1e-3 the drag
+/// is then accurate to 1e-4 of the weight.
 const SPEED_FLOOR: f64 = 0.1;
 
-/// Scale of the load, Pa: the greatest of
+/// Scale of the load, Pa: the largest of
 /// - the dynamic pressure of the air that moves past the canopy at `speed` (m/s), and of gusts;
-/// - the pressure that blew it up in stages before this one;
-/// - the root mean square of the load that it carries;
-/// - the weight of what falls, or of the fabric where gravity acts on it, and forces on nodes, by the area of
-///   the fabric.
+/// - the pressure of earlier pre-inflation stages;
+/// - the root mean square of the present load;
+/// - the weight of the falling system, or of the fabric where gravity acts on it, and nodal forces, per area of the
+///   fabric.
 ///
-/// A scene with none of these has nothing that could move: the rounding of the air's own pressure is left.
+/// A scene with none of these has no driving force: its scale is the round-off of the static pressure of the air.
 pub(crate) fn load_scale(
     scene: &Scene,
     stage: usize,
@@ -59,8 +60,8 @@ pub(crate) fn load_scale(
     greatest.into_iter().fold(f64::MIN_POSITIVE, f64::max)
 }
 
-/// What the scale `pressure` (Pa) of the load changes the shape by in a window of `dt` (s): `response` is the
-/// displacement at its end in units of `dt` squared times the acceleration.
+/// Change of shape by the scale `pressure` (Pa) of the load in a window of `dt` (s): `response` is the displacement
+/// at its end divided by `dt` squared times the acceleration.
 pub(crate) fn load_floor(
     scene: &Scene,
     interface: &CanopyInterface,
@@ -91,7 +92,7 @@ mod tests {
 
     use super::*;
 
-    /// A panel in a box in still air; `more` follows its stages.
+    /// A panel in a box in still air.
     fn floors(pressure: &str, fabric: &str) -> (f64, LoadFloor) {
         let text = format!(
             r#"
@@ -131,10 +132,10 @@ mod tests {
         (scale, load_floor(&scene, &interface, &state, [scale, 0.04, 0.5]))
     }
 
-    /// Nothing moves and no wind blows: the pressure that has bulged the panel is the scale, and where there is
-    /// none the weight of the fabric, and at last the rounding of the air's pressure.
+    /// Nothing moves and there is no wind: the scale is the pressure that deflected the panel, else the weight of the
+    /// fabric, else the round-off of the static pressure.
     #[test]
-    fn no_floor_is_zero_in_still_air() {
+    fn floors_are_positive_in_still_air() {
         let (scale, floor) = floors("0.1", "prestress_pa = 730.0");
         assert_eq!(scale, 0.1);
         // 0.1 Pa on 5.5e-3 kg/m2 for 40 ms: 14.5 mm.
@@ -144,9 +145,9 @@ mod tests {
         assert!((1e-12..1e-9).contains(&scale) && floor.at(1.0) > 0.0, "{scale} {floor:?}");
     }
 
-    /// The load's way goes with the square of the window, and never beyond the bulge.
+    /// The displacement by the load scales with the square of the window, up to the deflection.
     #[test]
-    fn the_load_moves_less_in_a_shorter_window() {
+    fn load_floor_decreases_with_the_window() {
         let floor = LoadFloor { inertial: 4.0, most: 3.0 };
         assert_eq!([1.0, 0.5, 0.25].map(|factor| floor.at(factor)), [3.0, 1.0, 0.25]);
     }

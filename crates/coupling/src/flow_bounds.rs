@@ -1,15 +1,15 @@
-//! Speeds and pressures of the flow that no physics allows.
+//! Bounds on speeds and pressures of the flow; beyond them a result is unphysical.
 //!
-//! With $W$ the sum of the largest speed of the undisturbed air past the canopy and of the largest
-//! speed of the canopy's own motion so far in the stage, and $P$ the largest pressure that the scene applies or
-//! that carries the weight, air cannot move faster than a few times
+//! $W$ is the sum of the largest speed of the undisturbed air past the canopy and of the largest speed of the
+//! canopy's own motion so far in the stage; $P$ is the largest pressure that the scene applies or that carries the
+//! weight. Air reaches at most a few times
 //! $$W + \sqrt{2P/\rho}$$
-//! (a sharp edge raises the speed of a stream two- to threefold on any grid; a jet out of a slit has
-//! $\sqrt{2P/\rho}$), and its gauge pressure is a few times
+//! (a sharp edge raises the speed of a stream by a factor of two to three on any grid; a jet out of a slit has
+//! $\sqrt{2P/\rho}$), and its gauge pressure at most a few times
 //! $$\tfrac12\rho W^2 + \rho W \min(c, L/\Delta t) + P$$
-//! at most: stagnation, and walls of size $L$ that change their speed by $W$ within a window, which sound
-//! (the pressure of a piston, $\rho c W$) limits. Ten times that is impossible, so a stage does not end well with
-//! it. Against a slower growth the energy balances of structure and interface stand.
+//! from stagnation and from walls of size $L$ that change their speed by $W$ within a window, limited by acoustics
+//! (the pressure of a piston, $\rho c W$). A result above ten times these estimates ends the stage with an error.
+//! Slower growth is detected by the energy balances of structure and interface.
 
 use case::{Role, Scene};
 use channel::{STATS, flow_stats as stat};
@@ -18,12 +18,12 @@ use serde::{Deserialize, Serialize};
 pub use crate::impossible_flow::ImpossibleFlow;
 use crate::interface::CanopyInterface;
 
-/// How many times the estimates a flow may show.
+/// Accepted multiple of the estimates.
 const FACTOR: f64 = 10.0;
-/// Mach number below which no speed is judged: still air has only noise.
+/// Mach number below which speeds are not judged: still air contains only noise.
 const LEAST_MACH: f64 = 1e-3;
 
-/// What bounds the flow of a stage.
+/// Bounds on the flow of a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FlowBounds {
     /// Largest speed of the canopy in the frame so far, m/s.
@@ -62,8 +62,8 @@ impl FlowBounds {
         })
     }
 
-    /// Takes a window of length `dt` (s) into account: the velocity of the undisturbed air in the frame (m/s) at
-    /// its end, and the displacements (m) at both ends; then judges the statistics of its flow.
+    /// Adds a window of length `dt` (s) with the velocity of the undisturbed air in the frame (m/s) at its end and
+    /// the displacements (m) at both ends; then checks the statistics of its flow.
     ///
     /// # Errors
     /// [`ImpossibleFlow`].
@@ -85,14 +85,14 @@ impl FlowBounds {
             Err(ImpossibleFlow { what, unit, found, possible, speed_m_s: speed, pressure_pa: self.pressure })
         };
         let found = values[stat::MAX_MACH] * self.sound;
-        // NaN is none either.
+        // NaN is beyond any limit.
         let beyond = |limit: f64, found: f64| found > limit || found.is_nan();
         if beyond(FACTOR * possible_speed + LEAST_MACH * self.sound, found) {
             return error("speed", "m/s", found, possible_speed);
         }
         let (high, low) = (values[stat::MAX_PRESSURE].abs(), values[stat::MIN_PRESSURE].abs());
         let found = if high > low { high } else { low };
-        // What sound carries at the Mach number that is not judged.
+        // Acoustic pressure at the Mach number below which speeds are not judged.
         let floor = LEAST_MACH * self.density * self.sound * self.sound;
         if beyond(FACTOR * possible_pressure + floor, found) {
             return error("gauge pressure", "Pa", found, possible_pressure);
@@ -100,7 +100,7 @@ impl FlowBounds {
         Ok(())
     }
 
-    /// Speed (m/s) and gauge pressure (Pa) that the motion so far can cause in a window of `dt` seconds.
+    /// Largest speed (m/s) and gauge pressure (Pa) that the motion so far can cause in a window of `dt` seconds.
     fn possible(&self, dt: f64) -> [f64; 2] {
         let speed = self.stream + self.canopy;
         let jet = (2.0 * self.pressure / self.density).sqrt();
@@ -117,7 +117,7 @@ pub fn undisturbed_air(wind: &case::Wind, t: f64, frame_velocity: f64) -> [f64; 
 }
 
 /// Statistics of the flow in a window.
-pub fn of_flow(stats: &[channel::Stats; 3]) -> &[f64; STATS] {
+pub fn flow_statistics(stats: &[channel::Stats; 3]) -> &[f64; STATS] {
     &stats[Role::Flow as usize].values
 }
 
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn flows_that_were_measured_pass_and_impossible_ones_do_not() {
+    fn measured_flows_pass_and_unphysical_flows_fail() {
         let still = [0.0; 3];
         let check = |v: [f64; STATS]| bounds().check(5e-3, [0.0, 0.0, 4.0], [&still, &still], &v);
         // The largest of cases/hard at 4 m/s: an impulsive start (236 Pa), a snap (219 Pa), 7 m/s at the rim.
@@ -150,11 +150,11 @@ mod tests {
     }
 
     #[test]
-    fn a_canopy_that_moves_faster_allows_more_and_noise_of_still_air_passes() {
+    fn canopy_motion_raises_the_bounds_and_noise_in_still_air_passes() {
         let mut b = bounds();
         let (from, to) = ([0.0; 3], [0.0, 0.0, 0.05]);
         assert_eq!(b.check(5e-3, [0.0; 3], [&from, &to], &flow(150.0, 10.0)), Ok(()));
-        // What moved once is remembered: its pressure waves are still there.
+        // The largest motion so far counts: its pressure waves are still present.
         assert_eq!(b.check(5e-3, [0.0; 3], [&to, &to], &flow(150.0, 10.0)), Ok(()));
         let mut quiet = FlowBounds { pressure: 0.0, ..bounds() };
         assert_eq!(quiet.check(0.04, [0.0; 3], [&from, &from], &flow(0.1, 50.0)), Ok(()));

@@ -1,23 +1,23 @@
-//! Speeds and pressures that no physics allows, as an error.
+//! Error for speeds and pressures beyond physical bounds.
 
-/// A flow that no physics allows.
+/// A flow beyond its physical bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the flow shows a {what} of {found:.3e} {unit}, {:.0} times what {speed_m_s:.2} m/s of air and canopy and \
-     {pressure_pa:.1} Pa can cause ({possible:.3e} {unit}): the flow or the coupling has left what is physical. \
+    "the flow reaches a {what} of {found:.3e} {unit}, {:.0} times the {possible:.3e} {unit} that {speed_m_s:.2} m/s of air \
+     and canopy and {pressure_pa:.1} Pa can cause, so the flow or the coupling is unphysical. \
      Remedies: coupling.scheme = \"implicit\", a shorter window_s, a larger first_layer_m",
     found / possible
 )]
 pub struct ImpossibleFlow {
-    /// `speed` or `pressure`.
+    /// `speed` or `gauge pressure`.
     pub what: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// What was seen.
+    /// Value in the flow.
     pub found: f64,
-    /// What physics allows.
+    /// Largest physical value.
     pub possible: f64,
-    /// Speeds of air and canopy so far, m/s.
+    /// Sum of the largest speeds of air and canopy so far, m/s.
     pub speed_m_s: f64,
     /// Pressure that is applied or carries the weight, Pa.
     pub pressure_pa: f64,

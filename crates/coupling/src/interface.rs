@@ -1,4 +1,4 @@
-//! The canopy between structure and flow: shape, masses, work of loads.
+//! The interface between structure and flow: geometry of the canopy, masses, work of loads.
 
 use case::Scene;
 use channel::LOAD_WIDTH;
@@ -7,7 +7,7 @@ use mesh::{CableKind, StructureMesh};
 use crate::error::RunError;
 use crate::geometry::{Vec3, at, face_force, quad_area_vector};
 
-/// The interface as the coupler knows it, built from the scene as every program does.
+/// The interface as the coupler knows it; every program builds the same one from the scene.
 pub struct CanopyInterface {
     /// Unstressed positions of the interface nodes, m.
     pub coords: Vec<mesh::Point>,
@@ -33,8 +33,8 @@ pub struct Masses {
 }
 
 impl Masses {
-    /// All that hangs on the payload.
-    pub fn hung(&self) -> f64 {
+    /// Mass of everything suspended above the payload, kg.
+    pub fn suspended(&self) -> f64 {
         self.fabric + self.cables + self.points
     }
 }
@@ -56,7 +56,7 @@ impl CanopyInterface {
     /// From a scene.
     ///
     /// # Errors
-    /// [`RunError::Input`] if its parameters make no canopy.
+    /// [`RunError::Input`] if the parameters do not define a canopy.
     pub fn new(scene: &Scene) -> Result<Self, RunError> {
         let mesh = mesh::structure_mesh(scene).map_err(|e| RunError::Input(e.to_string()))?;
         let masses = masses(scene, &mesh);
@@ -96,7 +96,7 @@ impl CanopyInterface {
             let [from, to] = [start, end].map(|d| self.corners(face, d));
             let moved: [Vec3; 4] = std::array::from_fn(|n| to[n] - from[n]);
             let middle = std::array::from_fn(|n| 0.5 * (from[n] + to[n]));
-            // The area is of degree two in time: Simpson's rule is exact.
+            // The area is quadratic in time: Simpson's rule is exact.
             let rate =
                 |x: &[Vec3; 4]| -> f64 { wall_shares(x).iter().zip(&moved).map(|(a, d)| a.dot(d)).sum() };
             let swept = (rate(&from) + 4.0 * rate(&middle) + rate(&to)) / 6.0;
@@ -126,8 +126,9 @@ impl CanopyInterface {
     }
 }
 
-/// Area vectors (m2) by which the corners of a face carry a pressure on the flow's wall: four triangles around the mean
-/// of the corners, whose third of each goes to them in equal parts; one triangle where a node is repeated.
+/// Area vectors (m2) by which the corners of a face carry a pressure on the flow's wall: four triangles around the
+/// mean of the corners, each distributing one third of its area vector to its corners, the mean's part to all four;
+/// one triangle where a node is repeated.
 fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
     if x[2] == x[3] {
         let third = quad_area_vector(*x) / 3.0;
@@ -171,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn work_is_force_times_motion() {
+    fn work_is_force_times_displacement() {
         let still = [0.0; 12];
         let mut up = still;
         (0..4).for_each(|n| up[3 * n + 2] = 0.5);
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_repeats_its_last_node() {
+    fn triangle_is_a_face_with_a_repeated_node() {
         let mut one = square();
         one.faces = vec![[0, 1, 2, 2]];
         let still = [0.0; 12];
@@ -192,11 +193,10 @@ mod tests {
         assert!((one.work(&[10.0, 0.0, 0.0, 0.0], &still, &up) - 10.0 * 2.0 * 0.3).abs() < 1e-12);
     }
 
-    /// A flat square that becomes a saddle of height h and back: the wall between four corners then stands h/2 above
-    /// their mean, a quarter of the area times two thirds of the height under each of two of four triangles, wherever the
-    /// diagonal of the elements lies.
+    /// A flat square that becomes a saddle of height h: the mean of the four corners lies h/2 lower, and the swept
+    /// volume does not depend on the diagonal of the structure's triangles.
     #[test]
-    fn a_face_that_bends_sweeps_the_volume_of_four_triangles() {
+    fn bent_face_sweeps_the_volume_of_four_triangles() {
         let pressure = [10.0, 0.0, 0.0, 0.0];
         let still = [0.0; 12];
         for diagonal in [[0, 2], [1, 3]] {
@@ -206,19 +206,20 @@ mod tests {
             let work = square().work(&pressure, &still, &bent);
             assert!((work - 10.0 * 4.0 * 0.15).abs() < 1e-12, "{work}");
         }
-        // One corner alone: a quarter of its height, not a third or a sixth as under two triangles.
+        // One corner alone: a quarter of its height, not a third or a sixth as with two triangles.
         let mut bent = still;
         bent[2] = 0.3;
         let work = square().work(&pressure, &still, &bent);
         assert!((work - 10.0 * 4.0 * 0.075).abs() < 1e-12, "{work}");
     }
 
-    /// Over a large motion the work is the pressure times the change of a closed volume: of a pyramid under a bent face.
+    /// Over a large motion the work is the pressure times the change of a closed volume, here a pyramid under a bent
+    /// face.
     #[test]
-    fn the_work_of_a_large_motion_is_the_change_of_volume() {
+    fn work_of_a_large_motion_is_pressure_times_volume_change() {
         let wave = |i: usize, a: f64| 0.4 * (i as f64 * a).sin();
         let [from, to] = [0.7, 1.9].map(|a| (0..12).map(|i| wave(i, a)).collect::<Vec<f64>>());
-        // Between the wall of four triangles and two triangles over the same corners.
+        // Volume between the four-triangle wall and two triangles over the same corners.
         let mut closed = square();
         closed.faces = vec![[0, 1, 2, 3], [0, 2, 1, 1], [0, 3, 2, 2]];
         let load = [7.0, 0.0, 0.0, 0.0].repeat(3);
@@ -233,11 +234,11 @@ mod tests {
     }
 
     #[test]
-    fn masses_of_the_paper() {
+    fn masses_match_the_paper() {
         let file =
             std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
         let canopy = CanopyInterface::new(&case::load(&file).unwrap()).unwrap();
-        // DESIGN.md section 6: fabric 5.216 kg, cables 0.701 kg.
+        // Paper: fabric 5.216 kg, cables 0.701 kg.
         assert!((canopy.masses.fabric - 5.216).abs() < 5e-4, "{:?}", canopy.masses);
         assert!((canopy.masses.cables - 0.701).abs() < 5e-4, "{:?}", canopy.masses);
     }

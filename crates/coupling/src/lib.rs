@@ -1,8 +1,8 @@
-//! Coupling schemes with their acceleration and their model of the flow, transfer between surfaces, the descent
-//! equation, criteria of convergence and balances of energy and momentum. Nothing here starts a process or opens a file:
-//! the programs are behind [`partners::Partners`], which closed-form models implement as well.
+//! Coupling schemes with their acceleration and the added-mass surrogate of the flow, data transfer between surfaces,
+//! the descent equation, convergence criteria, and balances of energy and momentum. Nothing here starts a process or
+//! opens a file: the programs are behind [`partners::Partners`], which closed-form models implement as well.
 
-// An error ends the run: its size is no cost.
+// An error ends the run, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 pub mod assembly;

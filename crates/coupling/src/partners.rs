@@ -1,5 +1,5 @@
-//! What the coupling schemes need from the three solver programs, and nothing
-//! more: real programs, recorded ones and closed-form models all look alike.
+//! The interface of the coupling schemes to the three solver programs; running programs, recordings and closed-form
+//! models implement it.
 
 use std::path::Path;
 
@@ -17,12 +17,12 @@ pub struct LoadOverWindow<'a> {
     pub end: &'a [f64],
 }
 
-/// What a program says about its answer.
+/// Response of a program to one solve.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Answer {
+pub struct SolverResponse {
     /// Statistics; `busy_s` of the slowest rank.
     pub stats: Stats,
-    /// Wall seconds from question to answer.
+    /// Wall seconds from request to response.
     pub wall_s: f64,
 }
 
@@ -35,8 +35,8 @@ pub struct Usage {
     pub peak_bytes: u64,
 }
 
-/// The solver programs of a stage. Each question may be repeated within a
-/// window; every time the answer starts from the last accepted window.
+/// The solver programs of a stage. Each solve may be repeated within a window; every time it starts from the last
+/// accepted window.
 pub trait Partners {
     /// Structure: displacement `[nodes][3]` (m, from the unstressed shape) at
     /// the end of the window under `load`.
@@ -45,15 +45,15 @@ pub trait Partners {
         w: &Window,
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
-    ) -> Result<Answer, RunError>;
+    ) -> Result<SolverResponse, RunError>;
 
     /// Mesh: moves the flow grid to the canopy's `displacement` `[nodes][3]`.
-    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError>;
+    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError>;
 
     /// Flow: load `[faces][LOAD_WIDTH]` (Pa) at the end of the window.
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError>;
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError>;
 
-    /// The last answers are final.
+    /// The last responses become the accepted state.
     fn accept(&mut self, w: &Window) -> Result<(), RunError>;
 
     /// All programs write their accepted state below `folder`.
@@ -62,29 +62,29 @@ pub trait Partners {
     /// One program adds its accepted state to its ParaView series below `folder`.
     fn snapshot(&mut self, role: Role, time: f64, folder: &Path) -> Result<(), RunError>;
 
-    /// Programs, by how messages call them, that cannot go on in the middle of a stage.
+    /// Names, for messages, of programs that do not support restart within a stage.
     fn cannot_resume(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// Programs that do not start a window again with another length; others do. They announce the effect
+    /// Names of programs that cannot repeat a window with another length. All others announce the effect
     /// `coupling.adaptive`.
     fn fixed_windows(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// The structure, by how messages call it, where it does not report the mean force on the payload (the effect
+    /// Name, for messages, of a structure that does not report the mean force on the payload (effect
     /// `descent.equation`).
     fn without_support_force(&self) -> Option<String> {
         None
     }
 
-    /// What the programs have used of the machine so far.
+    /// Processor time and memory of the programs so far.
     fn used(&self) -> Vec<(Role, Usage)> {
         Vec::new()
     }
 
-    /// The grid of the last answer of the mesh, `[grid nodes][6]`, where it is watched.
+    /// Grid of the last response of the mesh, `[grid nodes][6]`, where it is recorded.
     fn grid(&self) -> Option<&[f64]> {
         None
     }

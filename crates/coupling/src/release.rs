@@ -1,16 +1,17 @@
-//! The pressure that inflated the canopy beside that of the flow.
+//! Comparison of the pre-inflation pressure with the pressure of the developed flow at the release.
 
 use case::{Role, Scene, StageKind};
 
 use crate::interface::CanopyInterface;
 use crate::schemes::InterfaceState;
 
-/// Most of the larger pressure that may be missing in the smaller one at the release without a warning: a
-/// canopy carries about 0.7 to 1.8 times the dynamic pressure, so that an estimate of it lies within a half.
+/// Largest difference of both pressures, relative to the larger one, without a warning: a canopy carries about 0.7 to
+/// 1.8 times the dynamic pressure, so an estimate of it is accurate to about a half.
 const PRESSURE_SHARE: f64 = 0.5;
 
-/// The pressure that inflated the canopy beside that of the developed flow, at the start of the first coupled
-/// stage, and whether they are far apart. `None` in other stages, and where no flow was developed.
+/// Compares the pressure that inflated the canopy with that of the developed flow, at the start of the first coupled
+/// stage. Returns the message and whether they differ by more than half of the larger one; `None` in other stages, and
+/// where no flow was developed.
 pub fn pressure_at_release(
     scene: &Scene,
     stage: usize,
@@ -29,7 +30,7 @@ pub fn pressure_at_release(
         scene.stages[stage].name,
         source.name,
         if far {
-            format!(": set pressure_pa near {flow:.3}, so that the canopy is not released out of balance")
+            format!("; set pressure_pa to about {flow:.3}, so that the canopy starts near equilibrium")
         } else {
             String::new()
         }
@@ -51,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pressure_at_the_release_is_compared_where_a_flow_was_developed() {
+    fn release_pressures_are_compared_where_a_flow_was_developed() {
         let scene = scene(|s| s.stages[0].pressure_pa = Some(10.0));
         let interface = CanopyInterface::new(&scene).expect("a canopy");
         let state = |pressure: f64| InterfaceState {
@@ -66,7 +67,7 @@ mod tests {
         assert!(!far && text.contains("from 10.00 Pa of stage `pre-inflation` to 8.00 Pa"), "{text}");
         assert!(!compared(2, 19.9).expect("a release").0 && compared(2, 20.1).expect("a release").0);
         let (far, text) = compared(2, -2.0).expect("a release");
-        assert!(far && text.contains("set pressure_pa near -2.000"), "{text}");
+        assert!(far && text.contains("set pressure_pa to about -2.000"), "{text}");
         assert!(compared(1, 8.0).is_none(), "the flow alone");
         let unknown = InterfaceState { load: None, ..state(0.0) };
         assert!(pressure_at_release(&scene, 2, &interface, &unknown).is_none());

@@ -1,16 +1,15 @@
-//! Time of a stage in whole ticks: windows are halved and doubled, never cut to fit.
+//! Time of a stage in integer ticks: windows are halved and doubled, and always end on the ends of planned windows.
 
 use case::AdaptiveWindow;
 
-/// Most windows that must go well before the next one is longer again.
-const MOST_PATIENCE: u32 = 64;
+/// Largest number of converged windows required before the length is doubled again.
+const MAX_GROWTH_DELAY: u32 = 64;
 
-/// Where a stage stands, and how long its next window is.
+/// Time of a stage and length of its next window.
 ///
-/// A planned window has $2^h$ ticks, $h$ the number of halvings allowed. A window of $2^k$ ticks starts at a
-/// multiple of $2^k$, so that windows of any length meet the ends of planned ones, where results
-/// are written. Times are products of an integer and one tick: a stage without rejections has the
-/// times of equal windows to the bit.
+/// A planned window has $2^h$ ticks, $h$ the number of halvings allowed. A window of $2^k$ ticks starts at a multiple
+/// of $2^k$, so that windows of any length meet the ends of planned ones, where results are written. Times are an
+/// integer times one tick: without rejections they are bitwise those of equal windows.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct WindowClock {
     planned_s: f64,
@@ -20,17 +19,17 @@ pub struct WindowClock {
     ticks: u64,
     /// Halvings of the next window.
     halvings: u32,
-    /// Windows that went well since the last change of length.
-    good: u32,
-    /// How many must go well before windows grow.
-    patience: u32,
-    /// The next window is the first one after windows have grown.
+    /// Converged windows since the last change of length.
+    converged_windows: u32,
+    /// Converged windows required before the length is doubled.
+    growth_delay: u32,
+    /// The next window is the first one after a doubling.
     grown: bool,
 }
 
 impl WindowClock {
-    /// At the start of a stage of planned windows of `window_s` seconds. `adaptive`: `None`
-    /// for windows of one length.
+    /// At the start of a stage of planned windows of `window_s` seconds. `adaptive`: `None` for windows of constant
+    /// length.
     pub fn new(window_s: f64, adaptive: Option<&AdaptiveWindow>) -> Self {
         let (most_halvings, grow_after) = adaptive.map_or((0, 1), |a| (a.halvings, a.grow_after));
         Self {
@@ -39,8 +38,8 @@ impl WindowClock {
             grow_after,
             ticks: 0,
             halvings: 0,
-            good: 0,
-            patience: grow_after,
+            converged_windows: 0,
+            growth_delay: grow_after,
             grown: false,
         }
     }
@@ -67,7 +66,7 @@ impl WindowClock {
         self.seconds(self.length())
     }
 
-    /// Planned windows that are over.
+    /// Number of completed planned windows.
     pub fn planned(&self) -> u64 {
         self.ticks / self.planned_ticks()
     }
@@ -82,31 +81,35 @@ impl WindowClock {
         self.halvings > 0
     }
 
-    /// Whether the next window may be shorter still.
+    /// Whether the next window may be shortened further.
     pub fn can_shrink(&self) -> bool {
         self.halvings < self.most_halvings
     }
 
-    /// Halves the next window, which was tried and given back; `false` where it is the shortest.
+    /// Halves the next window after a rejection; `false` where it has the minimal length.
     pub fn shrink(&mut self) -> bool {
         if !self.can_shrink() {
             return false;
         }
-        // Growth that is taken back at once is tried less often.
-        self.patience = if self.grown { (2 * self.patience).min(MOST_PATIENCE) } else { self.grow_after };
-        (self.grown, self.good) = (false, 0);
+        // A doubling that fails immediately is repeated after a longer delay.
+        self.growth_delay =
+            if self.grown { (2 * self.growth_delay).min(MAX_GROWTH_DELAY) } else { self.grow_after };
+        (self.grown, self.converged_windows) = (false, 0);
         self.halvings += 1;
         true
     }
 
-    /// The window is over; `well`: it converged.
-    pub fn advance(&mut self, well: bool) {
+    /// Completes the window; `converged`: it converged.
+    pub fn advance(&mut self, converged: bool) {
         self.ticks += self.length();
-        self.good = if well { self.good + 1 } else { 0 };
+        self.converged_windows = if converged { self.converged_windows + 1 } else { 0 };
         self.grown = false;
-        if self.halvings > 0 && self.good >= self.patience && self.ticks.is_multiple_of(2 * self.length()) {
+        if self.halvings > 0
+            && self.converged_windows >= self.growth_delay
+            && self.ticks.is_multiple_of(2 * self.length())
+        {
             self.halvings -= 1;
-            (self.grown, self.good) = (true, 0);
+            (self.grown, self.converged_windows) = (true, 0);
         }
     }
 }
@@ -120,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn without_rejections_times_are_those_of_equal_windows_to_the_bit() {
+    fn times_without_rejections_are_bitwise_those_of_equal_windows() {
         let (mut a, mut b) = (clock(5e-3), WindowClock::new(5e-3, None));
         for index in 0..2000u64 {
             for c in [&mut a, &mut b] {
@@ -133,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn windows_shrink_and_grow_back_on_the_planned_times() {
+    fn windows_shrink_and_grow_on_the_planned_times() {
         let mut c = clock(0.8);
         c.advance(true);
         assert!(c.shrink() && c.shrink());
@@ -144,17 +147,17 @@ mod tests {
             lengths.push((c.dt() * 10.0).round() as u32);
             c.advance(true);
         }
-        // Two short ones, then of twice the length until a planned one may begin.
+        // Two short ones, then twice the length until a planned one can start.
         assert_eq!(lengths, [2, 2, 4, 4, 4]);
         assert!(!c.is_short() && c.at_planned() && c.time() == 3.0 * 0.8);
     }
 
     #[test]
-    fn growth_that_fails_is_tried_less_often_and_a_bad_window_starts_the_count_anew() {
+    fn failed_growth_is_retried_later_and_an_unconverged_window_resets_the_count() {
         let mut c = clock(0.8);
         assert!(c.shrink());
         (0..2).for_each(|_| c.advance(true));
-        assert!(!c.is_short() && c.shrink(), "grown, and taken back");
+        assert!(!c.is_short() && c.shrink(), "grown, then rejected");
         for _ in 0..3 {
             c.advance(true);
             assert!(c.is_short());

@@ -1,4 +1,4 @@
-//! Files of this crate import each other in one direction only.
+//! Files of this crate import each other without cycles.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -31,7 +31,7 @@ fn code(text: &str) -> String {
     text.lines().map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
 }
 
-/// The paths of a tree of imports: `a::{b, c::d}` is `a::b` and `a::c::d`.
+/// The paths of a `use` tree: `a::{b, c::d}` is `a::b` and `a::c::d`.
 fn paths(tree: &str) -> Vec<String> {
     let Some(open) = tree.find('{') else { return vec![tree.trim().to_owned()] };
     let (head, inner) =
@@ -53,7 +53,7 @@ fn paths(tree: &str) -> Vec<String> {
     parts.flat_map(|p| paths(p)).map(|p| format!("{head}{p}")).collect()
 }
 
-/// All paths that the code of a file names: imports, and paths from `crate` or `super` in its body.
+/// All paths in the code of a file: imports, and paths from `crate` or `super` in its body.
 fn named(code: &str) -> Vec<String> {
     let mut all = Vec::new();
     let mut rest = code;
@@ -67,7 +67,7 @@ fn named(code: &str) -> Vec<String> {
         }
         rest = tail;
     }
-    // Paths from a module that is imported.
+    // Paths from an imported module.
     let modules: Vec<String> = all.iter().filter(|path| path.contains("::")).cloned().collect();
     for import in modules {
         let name = import.rsplit("::").next().unwrap_or_default();
@@ -92,14 +92,14 @@ fn named(code: &str) -> Vec<String> {
     all
 }
 
-/// The module of the longest part of `path`, as named in the module `from`, that is a file.
+/// The module file of the longest prefix of `path`, as written in the module `from`.
 fn resolve(path: &str, from: &str, modules: &BTreeMap<String, PathBuf>) -> Option<String> {
     let mut at: Vec<&str> = from.split("::").filter(|n| !n.is_empty()).collect();
     let mut names: Vec<&str> = path.split("::").map(str::trim).collect();
     match names.first() {
         Some(&"crate") => at.clear(),
         Some(&"super" | &"self") => {}
-        // A child, where there is one; another crate otherwise.
+        // A child module where one exists; another crate otherwise.
         Some(first) => {
             let child = at.iter().chain([first]).copied().collect::<Vec<_>>().join("::");
             modules.get(&child)?;
@@ -125,7 +125,7 @@ fn resolve(path: &str, from: &str, modules: &BTreeMap<String, PathBuf>) -> Optio
     Some(at.join("::"))
 }
 
-/// What each file imports; what a `mod.rs` re-exports is imported by it.
+/// Imports of each file; re-exports of a `mod.rs` are imports of it.
 fn graph() -> BTreeMap<String, BTreeSet<String>> {
     let modules = modules();
     let tests = |name: &str| name.ends_with("tests") || name.ends_with("test_support");
@@ -138,7 +138,7 @@ fn graph() -> BTreeMap<String, BTreeSet<String>> {
     graph
 }
 
-/// Files without imports among those that are left go first; what never goes is a circle or above one.
+/// Removes files without remaining imports repeatedly; the rest is a cycle or depends on one.
 fn circles(mut graph: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BTreeSet<String>> {
     loop {
         let free: Vec<String> =
@@ -154,7 +154,7 @@ fn circles(mut graph: BTreeMap<String, BTreeSet<String>>) -> BTreeMap<String, BT
 }
 
 #[test]
-fn files_form_no_circle() {
+fn imports_have_no_cycles() {
     let graph = graph();
     assert!(graph.len() > 50, "{} files", graph.len());
     let uses = |name: &str, other: &str| graph[name].contains(other);
@@ -165,7 +165,7 @@ fn files_form_no_circle() {
 }
 
 #[test]
-fn a_circle_is_found() {
+fn cycle_is_detected() {
     let set = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
     let graph = [("a", set(&["b"])), ("b", set(&["a"])), ("c", set(&[])), ("d", set(&["c"]))];
     let found = circles(graph.map(|(name, used)| (name.to_owned(), used)).into());

@@ -1,7 +1,7 @@
 //! The effects of a scene: what each is, which are on, how much they change, what they cost.
 //!
 //! [`table::TABLE`] is the only place that knows them; the handshake, `ripstop check`,
-//! `ripstop effects` and `docs/effects.md` read it.
+//! `ripstop effects` and `docs/reference/effects.md` read it.
 
 // An error ends the run: its size is no cost.
 #![allow(clippy::result_large_err)]

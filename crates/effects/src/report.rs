@@ -1,4 +1,4 @@
-//! The table for people: `ripstop effects`, `docs/effects.md`.
+//! The table for people: `ripstop effects`, `docs/reference/effects.md`.
 
 use std::fmt::Write as _;
 
@@ -150,21 +150,24 @@ mod tests {
     use super::*;
     use crate::numbers::Numbers;
 
-    const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/effects.md");
+    const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/effects.md");
     const BEGIN: &str = "<!-- made from crates/effects/src/table.rs: begin -->\n";
     const END: &str = "<!-- made from crates/effects/src/table.rs: end -->\n";
 
     /// After a change: `RIPSTOP_WRITE_DOCS=1 cargo test --release -p effects the_document`.
     #[test]
     fn the_document_is_the_table() {
-        let text = std::fs::read_to_string(DOCUMENT).expect("docs/effects.md");
+        let text = std::fs::read_to_string(DOCUMENT).expect("docs/reference/effects.md");
         let (head, rest) = text.split_once(BEGIN).expect("the begin of the table");
         let (old, tail) = rest.split_once(END).expect("the end of the table");
         let new = format!("\n{}\n", markdown());
         if std::env::var_os("RIPSTOP_WRITE_DOCS").is_some() {
             std::fs::write(DOCUMENT, format!("{head}{BEGIN}{new}{END}{tail}")).expect("written");
         } else {
-            assert!(old == new, "docs/effects.md differs from the table: see the comment of this test");
+            assert!(
+                old == new,
+                "docs/reference/effects.md differs from the table: see the comment of this test"
+            );
         }
     }
 

@@ -29,7 +29,7 @@ pub struct Entry {
     pub on: fn(&Scene) -> bool,
     /// What it changes in the answer of a scene.
     pub assess: fn(&Scope<'_>) -> Assessment,
-    /// What it costs: counts and shares of time as measured on `square-drop` (docs/effects.md), or
+    /// What it costs: counts and shares of time as measured on `square-drop` (docs/reference/effects.md), or
     /// by what the programs do more.
     pub cost: &'static str,
     /// Key of the effect without which it cannot be: both are judged together.

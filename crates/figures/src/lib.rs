@@ -6,6 +6,7 @@
 // An error ends the run once, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
+mod animated_png;
 pub mod chart;
 pub mod colour;
 mod colour_bar;

@@ -85,6 +85,16 @@ impl Image {
         writer.finish()
     }
 
+    /// Copies another picture into this one, its upper left corner at `(x, y)`; what lies outside is cut off.
+    pub(crate) fn paste(&mut self, other: &Image, (x, y): (u32, u32)) {
+        let columns = other.width.min(self.width.saturating_sub(x)) as usize;
+        for row in 0..other.height.min(self.height.saturating_sub(y)) {
+            let from = 3 * (row * other.width) as usize;
+            let to = 3 * ((y + row) * self.width + x) as usize;
+            self.rgb[to..to + 3 * columns].copy_from_slice(&other.rgb[from..from + 3 * columns]);
+        }
+    }
+
     /// Writes a PNG file.
     pub(crate) fn save(&self, path: &Path) -> Result<(), RunError> {
         std::fs::write(path, self.png()).map_err(RunError::file("write", path))

@@ -83,9 +83,14 @@ impl RunSnapshots {
         Ok(Self { folder: folder.into(), scene: case::load(&scene).map_err(input)? })
     }
 
+    /// Folder of the results of a stage.
+    pub fn stage_folder(&self, stage: usize) -> PathBuf {
+        case::stage_folder(&self.folder, &self.scene, stage)
+    }
+
     /// Snapshots of a stage; `None` without any.
     pub fn times(&self, stage: usize, kind: Kind) -> Result<Option<Times>, RunError> {
-        let path = case::stage_folder(&self.folder, &self.scene, stage).join(kind.series());
+        let path = self.stage_folder(stage).join(kind.series());
         if !path.is_file() {
             return Ok(None);
         }

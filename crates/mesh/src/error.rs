@@ -2,22 +2,22 @@ use std::path::PathBuf;
 
 use crate::Point;
 
-/// Why a mesh could not be made, checked, cut or stored.
+/// Errors of creating, checking, partitioning, reading or writing a mesh.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
-    /// A parameter of the geometry has no mesh.
+    /// A geometry parameter out of range.
     #[error("{key} = {value}: {reason}")]
     Parameter {
         /// Key of the scene.
         key: &'static str,
-        /// What the scene says.
+        /// Value in the scene.
         value: String,
         /// Why it cannot be, and what can.
         reason: String,
     },
-    /// A scene speaks of nodes that are not there.
-    #[error("{key}: the node set \"{name}\" {what}; there are: {}", sets.join(", "))]
-    NoSuchNodes {
+    /// A scene names a node set that is missing or empty.
+    #[error("{key}: the node set \"{name}\" {what}; available: {}", sets.join(", "))]
+    UnknownNodeSet {
         /// Where the scene says so.
         key: String,
         /// The name.
@@ -27,10 +27,10 @@ pub enum MeshError {
         /// Sets that have nodes.
         sets: Vec<String>,
     },
-    /// The vents have (nearly) no opening, so no cell fits in.
+    /// The vents are too narrow for a cell.
     #[error(
         "the vents are closed (widest opening {width_m:.3e} m, at least {least_m:.3e} m needed): \
-         a flow grid needs an inflated canopy, so run a stage of kind \"pre-inflation\" first"
+         the flow grid needs an inflated canopy; run a stage of kind \"pre-inflation\" first"
     )]
     VentsClosed {
         /// Opening of the least open vent, m.
@@ -42,7 +42,7 @@ pub enum MeshError {
     #[error(
         "cell {cell} of the flow grid near ({:.3}, {:.3}, {:.3}) has a scaled Jacobian of {quality:.4} \
          after smoothing: the canopy shape is too distorted for this grid; \
-         try thinner `first_layer_m`, other `layers_inside`, or a smoother pre-inflated shape",
+         lower `first_layer_m`, change `layers_inside`, or start from a smoother pre-inflated shape",
         at[0], at[1], at[2]
     )]
     Tangled {
@@ -53,10 +53,10 @@ pub enum MeshError {
         /// Its scaled Jacobian.
         quality: f64,
     },
-    /// Positions do not belong to this mesh.
+    /// An array of a wrong length for this mesh.
     #[error("{what}: {found} given, {expected} expected")]
     Count {
-        /// What was counted.
+        /// Quantity that was counted.
         what: &'static str,
         /// Number given.
         found: usize,
@@ -72,16 +72,18 @@ pub enum MeshError {
         cell: usize,
     },
     /// More than two cells share a face, or two on the same side.
-    #[error("face {nodes:?} is shared by cells {cells:?}, which is not a volume grid")]
-    CrowdedFace {
+    #[error(
+        "face {nodes:?} is shared by cells {cells:?}, but at most two cells on opposite sides can share a face"
+    )]
+    NonManifoldFace {
         /// Nodes of the face.
         nodes: [u32; 4],
         /// Cells that have it.
         cells: Vec<usize>,
     },
-    /// A canopy or boundary face that is no face of any cell.
+    /// A canopy or boundary face that is not a face of any cell.
     #[error("{kind} face {index} with nodes {nodes:?} is not a face of the grid's cells")]
-    LooseFace {
+    UnmatchedFace {
         /// "canopy" or "boundary".
         kind: &'static str,
         /// Number of the face.
@@ -90,7 +92,7 @@ pub enum MeshError {
         nodes: [u32; 4],
     },
     /// A cell with no or negative volume.
-    #[error("cell {cell} near ({:.4}, {:.4}, {:.4}) has volume {volume:.3e} m3", at[0], at[1], at[2])]
+    #[error("cell {cell} near ({:.4}, {:.4}, {:.4}) has the volume {volume:.3e} m3, but volumes must be positive", at[0], at[1], at[2])]
     NegativeVolume {
         /// The cell.
         cell: usize,
@@ -99,7 +101,7 @@ pub enum MeshError {
         /// Its volume, m3.
         volume: f64,
     },
-    /// A Gmsh file is no flow grid for the scene.
+    /// A Gmsh file that cannot be used as the flow grid of the scene.
     #[error("{}: {source}", path.display())]
     GridFile {
         /// The file.
@@ -110,7 +112,7 @@ pub enum MeshError {
     /// More ranks than elements.
     #[error("{parts} ranks for {elements} elements: use at most {elements} ranks")]
     TooManyParts {
-        /// Parts asked for.
+        /// Requested number of parts.
         parts: usize,
         /// Elements to share out.
         elements: usize,
@@ -123,7 +125,7 @@ pub enum MeshError {
         /// Cause.
         source: std::io::Error,
     },
-    /// A file does not hold what it should.
+    /// A file with wrong or damaged content.
     #[error("{}: {reason}", path.display())]
     File {
         /// The file.

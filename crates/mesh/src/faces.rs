@@ -37,7 +37,7 @@ pub fn clean_face(face: FaceNodes) -> Option<FaceNodes> {
     }
 }
 
-/// The four nodes of a face of a cell, turned out of the cell.
+/// The four nodes of a face of a cell, oriented out of the cell.
 pub fn cell_face(cell: &[u32; 8], side: usize) -> Option<FaceNodes> {
     clean_face(HEX_FACES[side].map(|i| cell[i]))
 }
@@ -63,7 +63,7 @@ fn same_turn(a: FaceNodes, b: FaceNodes) -> bool {
     after(a, start) == after(b, start)
 }
 
-/// What a face of a cell meets.
+/// Neighbour of a face of a cell.
 const OPEN: u32 = u32::MAX;
 const NONE: u32 = u32::MAX - 1;
 const TAKEN: u32 = u32::MAX - 2;
@@ -128,7 +128,7 @@ impl<'a> Sides<'a> {
 
     /// The slot on the other side of each slot, [`OPEN`] without one, [`NONE`] where it is collapsed.
     fn partners(&self) -> Result<Vec<u32>, MeshError> {
-        let crowd = |f: FaceNodes| MeshError::CrowdedFace {
+        let crowd = |f: FaceNodes| MeshError::NonManifoldFace {
             nodes: f,
             cells: self.around(f).map(|s| s as usize / 6).collect(),
         };
@@ -168,7 +168,7 @@ impl FaceTable {
 
     fn take_canopy(&mut self, grid: &FlowGrid, sides: &Sides, partner: &mut [u32]) -> Result<(), MeshError> {
         for (index, &nodes) in grid.canopy_faces.iter().enumerate() {
-            let loose = MeshError::LooseFace { kind: "canopy", index, nodes };
+            let loose = MeshError::UnmatchedFace { kind: "canopy", index, nodes };
             let Some(f) = clean_face(nodes) else { return Err(loose) };
             let Some(first) = sides.around(f).next() else { return Err(loose) };
             let second = partner[first as usize];
@@ -190,7 +190,7 @@ impl FaceTable {
         partner: &mut [u32],
     ) -> Result<(), MeshError> {
         for (index, &(patch, nodes)) in grid.boundary.iter().enumerate() {
-            let loose = MeshError::LooseFace { kind: "boundary", index, nodes };
+            let loose = MeshError::UnmatchedFace { kind: "boundary", index, nodes };
             let Some(f) = clean_face(nodes) else { return Err(loose) };
             let Some(slot) = sides.around(f).next().filter(|&s| partner[s as usize] == OPEN) else {
                 return Err(loose);
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_of_every_shape_close() {
+    fn face_tables_of_all_cell_types_are_closed() {
         let sides = 2 * (12 + 15 + 20);
         // Each interior face lies between two cells: faces = (cell faces - boundary) / 2.
         assert_eq!(counts(BoxShape::Hexahedra), (60, (6 * 60 - sides) / 2, sides));
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn plate_separates_its_two_cells() {
+    fn plate_face_separates_two_cells() {
         let grid = crate::plate_grid([4, 4, 4], [0.0; 3], [1.0; 3], [Patch::FarField; 6], 2, [1..3, 1..3]);
         let table = FaceTable::new(&grid).unwrap();
         assert_eq!(table.canopy.len(), 4);
@@ -256,14 +256,14 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_condition_is_named() {
+    fn missing_boundary_condition_is_reported() {
         let mut grid = box_grid([2, 2, 2], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         grid.boundary.pop();
         assert!(matches!(FaceTable::new(&grid), Err(MeshError::OpenFace { cell: 7, .. })));
     }
 
     #[test]
-    fn an_inverted_cell_is_named() {
+    fn inverted_cell_is_reported() {
         let mut grid = box_grid([2, 2, 2], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         grid.cells[3].swap(0, 4);
         grid.cells[3].swap(1, 5);

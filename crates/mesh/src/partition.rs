@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_are_even_and_repeatable() {
+    fn partitions_are_balanced_and_deterministic() {
         let grid = box_grid([10, 9, 8], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         let faces = FaceTable::new(&grid).unwrap();
         for parts in [1, 2, 3, 5, 16] {
@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn more_parts_than_elements_is_an_error_and_as_many_is_none() {
+    fn more_parts_than_elements_are_rejected() {
         let grid = box_grid([2, 2, 1], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         let faces = FaceTable::new(&grid).unwrap();
         assert!(matches!(
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn cuthill_mckee_narrows_a_shuffled_chain() {
+    fn cuthill_mckee_reduces_the_bandwidth_of_a_shuffled_chain() {
         // A path numbered by steps of 7 modulo 100, and a second component.
         let pairs = (0..99).map(|i| [i * 7 % 100, (i + 1) * 7 % 100]).chain([[100, 101]]);
         let graph = Graph::from_pairs(102, pairs);
@@ -296,14 +296,14 @@ mod tests {
     }
 
     #[test]
-    fn nodes_follow_their_cells() {
+    fn nodes_belong_to_a_part_of_their_cells() {
         let grid = box_grid([4, 1, 1], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         let owners = node_parts(grid.coords.len(), &grid.cells, &[0, 0, 1, 1]);
         assert_eq!(&owners[..5], &[0, 0, 0, 1, 1]);
     }
 
     #[test]
-    fn structure_nodes_are_shared_out() {
+    fn every_structure_node_has_an_owner() {
         let scene = crate::structure::tests::scene(case::Canopy::Atps(case::Atps::default()));
         let mesh = crate::structure_mesh(&scene).unwrap();
         let part = partition_structure(&mesh, 3).unwrap();

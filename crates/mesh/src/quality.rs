@@ -156,7 +156,7 @@ mod tests {
     use crate::{BoxShape, Patch, box_grid_of};
 
     #[test]
-    fn known_shapes() {
+    fn quality_of_reference_shapes() {
         let cube = box_grid_of(BoxShape::Hexahedra, [1; 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         assert_eq!(summary(&cube).min_scaled_jacobian, 1.0);
         assert_eq!(summary(&cube).total_volume, 1.0);
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_pushed_through_is_negative_and_skewed_volume_is_exact() {
+    fn inverted_corner_has_negative_quality_and_skewed_volume_is_exact() {
         let mut cube = box_grid_of(BoxShape::Hexahedra, [1; 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         cube.coords[7] = [0.2, 0.2, 0.2];
         assert!(summary(&cube).min_scaled_jacobian < 0.0);

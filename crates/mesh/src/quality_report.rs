@@ -1,11 +1,11 @@
-//! What a flow grid is like, before it is used.
+//! Quality report of a flow grid before the run.
 
 use std::fmt;
 
 use crate::geometry::{Point, Vec3, at, quad_area_vector, triangle_area_vector};
 use crate::quality;
 use crate::vtk::volume_shape;
-use crate::{FaceTable, FlowGrid, msh::Shape};
+use crate::{FaceTable, FlowGrid, msh::ElementShape};
 
 /// Least, mean and largest of a measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,9 +159,9 @@ impl QualityReport {
             let x = quality::corners(&grid.coords, nodes);
             let v = quality::volume(&x);
             cells[match volume_shape(nodes).0 {
-                Shape::Prism => 1,
-                Shape::Pyramid => 2,
-                Shape::Tetrahedron => 3,
+                ElementShape::Prism => 1,
+                ElementShape::Pyramid => 2,
+                ElementShape::Tetrahedron => 3,
                 _ => 0,
             }] += 1;
             centre.push(centroid(&x));
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_are_counted_and_even_boxes_are_perfect() {
+    fn cell_types_are_counted_and_uniform_boxes_have_ideal_quality() {
         for (k, shape) in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra]
             .into_iter()
             .enumerate()
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shear_a_stretch_and_a_step_are_measured() {
+    fn skewness_aspect_ratio_and_size_jump_are_measured() {
         // x += z / 2: faces normal to z are crossed at atan(1/2), without being off their middles.
         let mut grid = box_grid_of(BoxShape::Hexahedra, [4; 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
         grid.coords.iter_mut().for_each(|x| x[0] += 0.5 * x[2]);

@@ -1,5 +1,5 @@
-//! The canopy's shape in a file: what the structure leaves for the flow grid. Its layout is part of the contract
-//! (`docs/contract.md`), because structures of others write it as well.
+//! File with the shape of the canopy: written by the structure solver, read to build the flow grid. Its layout is part of the contract
+//! (`docs/reference/contract.md`), because external structure solvers write it as well.
 
 use std::path::Path;
 
@@ -46,11 +46,14 @@ pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Point>, MeshError>
     let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
     let bad = |reason: String| MeshError::File { path: path.into(), reason };
     if bytes.get(..8) != Some(&MAGIC) {
-        return Err(bad("is not a canopy shape of ripstop".into()));
+        return Err(bad("is not a canopy shape file of ripstop".into()));
     }
     let file: File = compact::decode(&bytes).map_err(|e| bad(format!("is damaged: {e}")))?;
     if file.version != VERSION {
-        return Err(bad(format!("has format version {}, this program reads {VERSION}", file.version)));
+        return Err(bad(format!(
+            "has format version {}, but this program reads version {VERSION}",
+            file.version
+        )));
     }
     let count = file.positions.len();
     if file.count != count as u64 || file.checksum != fnv1a_of_numbers(file.positions.as_flattened()) {
@@ -58,11 +61,11 @@ pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Point>, MeshError>
     }
     if count != expected {
         return Err(bad(format!(
-            "holds {count} canopy nodes, this scene's canopy has {expected}: run the earlier stage again"
+            "has {count} canopy nodes, but the canopy of this scene has {expected}; rerun the earlier stage"
         )));
     }
     if let Some(node) = file.positions.iter().position(|x| x.iter().any(|v| !v.is_finite())) {
-        return Err(bad(format!("node {node} has a position that is not a number")));
+        return Err(bad(format!("the position of node {node} is not a finite number")));
     }
     Ok(file.positions)
 }
@@ -72,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comes_back_and_refuses_damage() {
+    fn shape_round_trip_is_exact_and_damage_is_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("canopy.bin");
         let shape: Vec<Point> = (0..50).map(|i| [f64::from(i), 0.1, -1e-300]).collect();

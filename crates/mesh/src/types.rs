@@ -46,13 +46,13 @@ pub struct Cable {
     pub nodes: [u32; 2],
     /// Unstretched length, m: not the distance of the nodes.
     pub rest_length: f64,
-    /// What it models.
+    /// Kind of line that it models.
     pub kind: CableKind,
     /// Number of the line it is a part of, for line tensions.
     pub line: u32,
 }
 
-/// What a cable element models.
+/// Kind of line that a cable element models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CableKind {
     /// From the hem to a confluence point.
@@ -82,6 +82,6 @@ pub struct FlowGrid {
     pub boundary: Vec<(Patch, [u32; 4])>,
 }
 
-/// The six faces of a hexahedron in VTK order, each turned outwards.
+/// The six faces of a hexahedron in VTK order, each oriented outwards.
 pub const HEX_FACES: [[usize; 4]; 6] =
     [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];

@@ -15,7 +15,7 @@ use vtkio::model::{
 
 use vtkio::xml::Compressor;
 
-use crate::msh::Shape;
+use crate::msh::ElementShape;
 use crate::{MeshError, Point};
 
 /// Values of a named field, one for each point or cell.
@@ -72,7 +72,7 @@ fn attributes(fields: &[Field], expected: usize, what: &'static str) -> Result<V
         .collect()
 }
 
-/// Writes `bytes` beside `path` and renames.
+/// Writes `bytes` to a temporary file next to `path`, then renames it.
 pub(crate) fn write_aside(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), String>,
@@ -198,9 +198,9 @@ fn collect(shapes: impl Iterator<Item = (CellType, Vec<u32>)>) -> Cells {
 fn volume_cell(cell: &[u32; 8]) -> (CellType, Vec<u32>) {
     let (shape, nodes) = volume_shape(cell);
     let kind = match shape {
-        Shape::Pyramid => CellType::Pyramid,
-        Shape::Tetrahedron => CellType::Tetra,
-        Shape::Prism => CellType::Wedge,
+        ElementShape::Pyramid => CellType::Pyramid,
+        ElementShape::Tetrahedron => CellType::Tetra,
+        ElementShape::Prism => CellType::Wedge,
         _ => CellType::Hexahedron,
     };
     (kind, nodes)
@@ -209,17 +209,17 @@ fn volume_cell(cell: &[u32; 8]) -> (CellType, Vec<u32>) {
 /// Shape and nodes (in VTK's order) of a hexahedron with repeated nodes: a prism if one pair of
 /// opposite edges of one of its faces is collapsed, wherever that is. What is no
 /// VTK cell stays a hexahedron with repeated nodes, which ParaView draws.
-pub(crate) fn volume_shape(cell: &[u32; 8]) -> (Shape, Vec<u32>) {
+pub(crate) fn volume_shape(cell: &[u32; 8]) -> (ElementShape, Vec<u32>) {
     let [a, b, c, d, e, f, g, h] = *cell;
     let distinct = (0..8).filter(|&i| !cell[..i].contains(&cell[i])).count();
     if distinct == 8 {
-        return (Shape::Hexahedron, cell.to_vec());
+        return (ElementShape::Hexahedron, cell.to_vec());
     }
     if distinct == 5 && e == f && f == g && g == h {
-        return (Shape::Pyramid, vec![a, b, c, d, e]);
+        return (ElementShape::Pyramid, vec![a, b, c, d, e]);
     }
     if distinct == 4 && c == d && e == f && f == g && g == h {
-        return (Shape::Tetrahedron, vec![a, b, c, e]);
+        return (ElementShape::Tetrahedron, vec![a, b, c, e]);
     }
     if distinct == 6 {
         // Two faces of the hexahedron have become triangles and one an edge: turn
@@ -242,11 +242,11 @@ pub(crate) fn volume_shape(cell: &[u32; 8]) -> (Shape, Vec<u32>) {
             let t = turn.map(|i| cell[i]);
             if t[2] == t[3] && t[6] == t[7] {
                 // VTK's wedge has its first triangle's normal pointing outwards.
-                return (Shape::Prism, vec![t[0], t[2], t[1], t[4], t[6], t[5]]);
+                return (ElementShape::Prism, vec![t[0], t[2], t[1], t[4], t[6], t[5]]);
             }
         }
     }
-    (Shape::Hexahedron, cell.to_vec())
+    (ElementShape::Hexahedron, cell.to_vec())
 }
 
 /// A ParaView time series: `<name>.pvd`, rewritten whole with every snapshot.
@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn volumes_come_back_with_types_and_fields() {
+    fn volume_round_trip_keeps_types_and_fields() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/flow.vtu");
         for (shape, kind, nodes) in [
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn a_collapsed_edge_anywhere_is_a_wedge() {
+    fn hexahedron_with_a_collapsed_edge_is_a_wedge() {
         // The unit cube squeezed along one edge in x: nodes 0-1 and 4-5.
         let (kind, nodes) = volume_cell(&[0, 0, 2, 3, 4, 4, 6, 7]);
         assert_eq!((kind, nodes.len()), (CellType::Wedge, 6));
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_compressed_but_for_arrays_that_fill_their_blocks() {
+    fn files_are_compressed_except_arrays_of_whole_blocks() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lines.vtu");
         // 4096 values of 8 bytes are one block to the byte, and 4096 points are three.
@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn surfaces_and_wrong_fields() {
+    fn surfaces_are_written_and_wrong_field_lengths_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("canopy.vtu");
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn series_grow_and_resume() {
+    fn series_are_extended_after_a_restart() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flow.pvd");
         let mut series = Series::new(&path);

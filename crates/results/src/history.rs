@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use case::{Role, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 use coupling::balance::SystemBalance;
-use coupling::energy::EnergyBooks;
+use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::schemes::WindowReport;
 
@@ -43,7 +43,7 @@ pub struct Row {
     /// Energy added by the coupling in this window, J.
     pub energy_error_j: f64,
     /// Both accumulated over the stage.
-    pub books: EnergyBooks,
+    pub interface_energy: InterfaceEnergyBalance,
     /// Momentum and energy of the falling system; `None` without descent.
     pub balance: Option<SystemBalance>,
     /// Wall time of the window, s.
@@ -185,6 +185,11 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
     cells
 }
 
+/// Names of the columns of a stage of `kind`, in the order of the file. [`crate::columns::HISTORY`] describes them.
+pub fn names(kind: StageKind) -> Vec<&'static str> {
+    cells(kind, &Row::default()).into_iter().map(|(name, _)| name).collect()
+}
+
 fn descent_cells(row: &Row) -> [(&'static str, Cell); 6] {
     use Cell::{Nothing, Number};
     let force = row.report.force;
@@ -209,8 +214,8 @@ fn coupling_cells(row: &Row) -> [(&'static str, Cell); 9] {
         ("rejected_attempts", Count(u64::from(row.rejected))),
         ("interface_work_j", Number(row.interface_work_j)),
         ("interface_energy_error_j", Number(row.energy_error_j)),
-        ("interface_energy_error_sum_j", Number(row.books.added_j)),
-        ("interface_energy_error_share", Number(row.books.share())),
+        ("interface_energy_error_sum_j", Number(row.interface_energy.added_j)),
+        ("interface_energy_error_share", Number(row.interface_energy.share())),
     ]
 }
 
@@ -266,8 +271,7 @@ impl History {
     pub fn create(path: &Path, kind: StageKind) -> Result<Self, RunError> {
         let file = File::create(path).map_err(RunError::file("create", path))?;
         let mut history = Self { kind, path: path.into(), file: BufWriter::new(file) };
-        let names: Vec<&str> = cells(kind, &Row::default()).iter().map(|(name, _)| *name).collect();
-        history.line(&names.join(","))?;
+        history.line(&names(kind).join(","))?;
         Ok(history)
     }
 

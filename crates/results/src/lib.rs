@@ -5,7 +5,9 @@
 #![allow(clippy::result_large_err)]
 
 pub mod checkpoint;
+pub mod columns;
 pub mod diff;
+pub mod files;
 pub mod finding;
 pub mod history;
 pub mod lock;

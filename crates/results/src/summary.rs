@@ -185,8 +185,8 @@ impl StageSummary {
         self.coupler_s += row.coupler_s;
         self.waiting_s += row.waiting_s();
         self.iterations += u64::from(report.iterations);
-        self.structure_solves += report.calls[Role::Structure as usize];
-        self.flow_solves += report.calls[Role::Flow as usize];
+        self.structure_solves += report.solves[Role::Structure as usize];
+        self.flow_solves += report.solves[Role::Flow as usize];
         self.flow_iterations += report.flow_iterations as u64;
         let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
         self.structure_steps += sum(Role::Structure, structure_stats::NEWTON_STEPS);
@@ -198,9 +198,9 @@ impl StageSummary {
         self.shortest_window_s = self.shortest_window_s.min(row.window_s);
         self.descent_speed_m_s = row.descent_speed_m_s;
         self.drag_n = report.force[2];
-        self.interface_energy_error_j = row.books.added_j;
-        self.interface_work_j = row.books.work_j;
-        self.interface_energy_error_share = row.books.share();
+        self.interface_energy_error_j = row.interface_energy.added_j;
+        self.interface_work_j = row.interface_energy.work_j;
+        self.interface_energy_error_share = row.interface_energy.share();
         let structure = &report.stats[Role::Structure as usize].values;
         self.structure_energy_created_j = structure[structure_stats::ENERGY_CREATED_SUM];
         self.structure_energy_created_share = coupling::structure_energy::share(structure);

@@ -133,7 +133,7 @@ impl Console {
     }
 
     /// Warnings of the part of the run before this one, which were printed then.
-    pub fn remember(&self, before: Vec<String>) {
+    pub fn restore_warnings(&self, before: Vec<String>) {
         if let Ok(mut kept) = self.warnings.lock() {
             kept.splice(0..0, before);
             kept.truncate(KEPT);

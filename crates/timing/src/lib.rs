@@ -1,4 +1,4 @@
-//! Where the time of a program goes: named parts of a step, nested as they are called.
+//! Wall time of a program by named parts, nested as they are called.
 //!
 //! ```
 //! fn step() {
@@ -12,8 +12,8 @@
 //! assert_eq!(timing::profile().parts[1].path, ["step", "residual"]);
 //! ```
 //!
-//! Each thread counts for itself. A part costs two looks at the clock (some 50 ns): enough for a solve, too much for a
-//! face. Nothing is allocated but where a part is met for the first time at its place.
+//! Each thread is timed separately. A part needs two clock readings (about 50 ns): suitable for a solve, too
+//! expensive for a face. Memory is allocated only when a part first occurs at its place in the tree.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-/// Names the file into which a program writes its [`Profile`] when it ends; unset: none.
+/// Environment variable with the file to which a program writes its [`Profile`] when it ends; unset: no file.
 pub const FILE_VARIABLE: &str = "RIPSTOP_TIMINGS";
 
 /// A part of a program's work, over all its calls.
@@ -29,13 +29,13 @@ pub const FILE_VARIABLE: &str = "RIPSTOP_TIMINGS";
 pub struct Part {
     /// Names from the outermost part to this one.
     pub path: Vec<String>,
-    /// How often it ran.
+    /// Number of calls.
     pub calls: u64,
-    /// Seconds by the clock, those of the parts in it included.
+    /// Wall seconds, including nested parts.
     pub seconds: f64,
 }
 
-/// The parts of a program's work, each behind the one it lies in, in the order in which they first ran.
+/// The parts of a program's work, each after its parent, in the order of their first calls.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
     /// The parts.
@@ -50,7 +50,7 @@ struct Node {
     seconds: f64,
 }
 
-/// The parts of this thread; the first node stands for the thread itself.
+/// The parts of this thread; the first node represents the thread.
 struct Tree {
     nodes: Vec<Node>,
     open: usize,
@@ -76,7 +76,7 @@ impl Tree {
     }
 
     fn leave(&mut self, node: usize, seconds: f64) {
-        // A tree that was taken in between knows nothing of it.
+        // The tree may have been replaced in between by [`take`].
         if let Some(part) = self.nodes.get_mut(node) {
             part.calls += 1;
             part.seconds += seconds;
@@ -108,22 +108,22 @@ thread_local! {
     static TREE: RefCell<Tree> = const { RefCell::new(Tree::new()) };
 }
 
-/// Ends the part that it was made for when it is dropped.
+/// Ends its part when dropped.
 #[must_use = "the part ends where this is dropped: bind it to a name"]
 pub struct Running {
     node: usize,
     since: Instant,
-    // Belongs to its thread.
+    // Not `Send`: belongs to its thread.
     _here: std::marker::PhantomData<*const ()>,
 }
 
-/// Begins the part `name` of the part that runs now.
+/// Starts the part `name` within the present part.
 pub fn part(name: &'static str) -> Running {
     let node = TREE.with_borrow_mut(|tree| tree.enter(name));
     Running { node, since: Instant::now(), _here: std::marker::PhantomData }
 }
 
-/// What `work` returns, as the part `name`.
+/// Runs `work` as the part `name` and returns its result.
 pub fn timed<T>(name: &'static str, work: impl FnOnce() -> T) -> T {
     let _part = part(name);
     work()
@@ -136,32 +136,32 @@ impl Drop for Running {
     }
 }
 
-/// The finished calls of all parts of this thread so far.
+/// Completed calls of all parts of this thread so far.
 pub fn profile() -> Profile {
     TREE.with_borrow(|tree| Profile { parts: tree.parts() })
 }
 
-/// The same, and counts from zero again. Parts that run now are left out.
+/// The same, and resets all counts. Parts in progress are omitted.
 pub fn take() -> Profile {
     let tree = TREE.replace(Tree::new());
     Profile { parts: tree.parts().into_iter().filter(|p| p.calls > 0).collect() }
 }
 
-/// Why a profile could not be written or read.
+/// Error of writing or reading a profile.
 #[derive(Debug, thiserror::Error)]
 #[error("timings {}: {reason}", path.display())]
 pub struct TimingError {
     /// The file.
     pub path: PathBuf,
-    /// What went wrong.
+    /// The reason.
     pub reason: String,
 }
 
-/// Writes the parts of this thread into the file that [`FILE_VARIABLE`] names, if it names one.
+/// Writes the parts of this thread to the file named by [`FILE_VARIABLE`], if set.
 ///
 /// # Errors
-/// Trouble with the file.
-pub fn write_where_asked() -> Result<(), TimingError> {
+/// An error of the file system.
+pub fn write_if_requested() -> Result<(), TimingError> {
     match std::env::var_os(FILE_VARIABLE) {
         Some(path) => profile().save(Path::new(&path)),
         None => Ok(()),
@@ -169,10 +169,10 @@ pub fn write_where_asked() -> Result<(), TimingError> {
 }
 
 impl Profile {
-    /// Writes JSON; folders are made.
+    /// Writes JSON; creates missing folders.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// An error of the file system.
     pub fn save(&self, path: &Path) -> Result<(), TimingError> {
         let bad = |reason: String| TimingError { path: path.into(), reason };
         if let Some(folder) = path.parent() {
@@ -182,7 +182,7 @@ impl Profile {
         std::fs::write(path, text).map_err(|e| bad(e.to_string()))
     }
 
-    /// Reads what [`Profile::save`] wrote.
+    /// Reads a file written by [`Profile::save`].
     ///
     /// # Errors
     /// A missing or damaged file.
@@ -192,7 +192,7 @@ impl Profile {
         let read: Self = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
         match read.parts.iter().find(|p| p.path.is_empty() || !(p.seconds >= 0.0 && p.seconds.is_finite())) {
             None => Ok(read),
-            Some(part) => Err(bad(format!("{part:?} is no part with seconds"))),
+            Some(part) => Err(bad(format!("{part:?} is not a part with valid seconds"))),
         }
     }
 
@@ -209,7 +209,7 @@ impl Profile {
                 own.seconds += part.seconds;
                 continue;
             }
-            // Behind the last part that lies in the same one.
+            // After the last part with the same parent.
             let within = &part.path[..part.path.len() - 1];
             let behind = self.parts.iter().rposition(|p| p.path.starts_with(within) && !within.is_empty());
             let at = behind.map_or(self.parts.len(), |i| i + 1);
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_nest_and_count() {
+    fn parts_nest_and_are_counted() {
         take();
         for _ in 0..3 {
             let _step = part("step");
@@ -246,13 +246,13 @@ mod tests {
         assert_eq!(names(&found)[..5], expected[..]);
         let inner: f64 = found.parts.iter().filter(|p| p.path.len() == 2).map(|p| p.seconds).sum();
         assert!(found.parts[0].seconds >= inner && found.seconds() >= found.parts[0].seconds);
-        assert_eq!(names(&take()), expected, "without what runs");
+        assert_eq!(names(&take()), expected, "without parts in progress");
         drop(running);
         assert!(profile().parts.is_empty());
     }
 
     #[test]
-    fn files_come_back_and_sums_keep_the_order() {
+    fn profiles_are_restored_and_sums_keep_the_order() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a/b.json");
         let of = |rows: &[(&[&str], u64, f64)]| Profile {
@@ -277,6 +277,6 @@ mod tests {
         ]);
         assert_eq!(first, sum);
         std::fs::write(&path, r#"{"parts":[{"path":["a"],"calls":1,"seconds":-1.0}]}"#).unwrap();
-        assert!(Profile::load(&path).unwrap_err().to_string().contains("no part with seconds"));
+        assert!(Profile::load(&path).unwrap_err().to_string().contains("not a part with valid seconds"));
     }
 }

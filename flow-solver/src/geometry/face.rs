@@ -7,7 +7,7 @@
 
 use super::vec3::Vec3;
 
-/// What a face looks like at one instant.
+/// Area vector and centre of a face at one time level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaceShape {
     /// Area vector, m2: exactly that of the boundary polygon.
@@ -107,14 +107,14 @@ mod tests {
     }
 
     #[test]
-    fn translation_sweeps_a_prism() {
+    fn translation_sweeps_the_volume_of_a_prism() {
         let d = Vec3::new(0.3, -0.2, 0.7);
         let moved = SQUARE.map(|p| p + d);
         assert!((swept_volume(&SQUARE, &moved, false) - 2.0 * 0.7).abs() < 1e-15);
     }
 
     #[test]
-    fn the_polygon_reversed_is_the_same_face() {
+    fn reversed_node_order_gives_the_same_face() {
         let p = [[0.0, 0.0, 0.1], [2.0, 0.2, -0.3], [2.1, 1.0, 0.4], [-0.1, 1.2, 0.0]].map(Vec3::from);
         let q = [[0.1, 0.0, 0.5], [2.2, 0.1, 0.3], [1.9, 1.1, 0.2], [0.1, 1.0, 0.4]].map(Vec3::from);
         let turn = |p: [Vec3; 4]| [p[0], p[3], p[2], p[1]];

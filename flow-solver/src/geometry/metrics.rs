@@ -1,4 +1,4 @@
-//! Flat arrays of everything that a residual needs to know of the grid.
+//! Geometry of the grid for the residual, in flat arrays.
 
 use comm::Halo;
 
@@ -49,7 +49,7 @@ fn cube_root(v: f64) -> f64 {
     if x > 0.0 { x - (x - v / (x * x)) / 3.0 } else { v.cbrt() }
 }
 
-/// Faces, volumes and centres at one instant.
+/// Faces, volumes and centres at one time level.
 #[derive(Clone, Debug, Default)]
 pub struct Metrics {
     /// All local faces in the order of [`Topology::face_nodes`].

@@ -10,8 +10,8 @@
 use super::{Correction, SolveReport};
 use crate::gradient::{self, Field};
 use crate::physics::{
-    FaceFlow, Gas, Scheme, Viscosity, preconditioner, reference_speed, relative_speed, spectral_radius,
-    velocity,
+    FaceFlux, FluxParameters, Gas, Viscosity, preconditioner, reference_speed, relative_speed,
+    spectral_radius, velocity,
 };
 use crate::residual::{Domain, Spatial, for_viscosity};
 use crate::topology::Topology;
@@ -70,7 +70,7 @@ impl<const N: usize> LuSgs<N> {
             let (qj, dq) = (&q[j], &self.change[j]);
             let s = face.area * sign;
             let volume = velocity(qj).dot(&s);
-            let through = volume - sign * face.grid_flux;
+            let relative_flux = volume - sign * face.grid_flux;
             let rho = gas.density(qj);
             let inflow = rho * velocity(dq).dot(&s);
             let (exact, gamma) = (gas.jacobian(qj), preconditioner(gas, qj, self.reference[j]));
@@ -80,7 +80,7 @@ impl<const N: usize> LuSgs<N> {
             for r in 0..N {
                 let mut a = inflow * carried[r] + push[r];
                 for c in 0..N {
-                    a += (through * exact[r][c] - self.wave[f as usize] * gamma[r][c]) * dq[c];
+                    a += (relative_flux * exact[r][c] - self.wave[f as usize] * gamma[r][c]) * dq[c];
                 }
                 sum[r] += 0.5 * a;
             }
@@ -112,7 +112,7 @@ impl<const N: usize> LuSgs<N> {
         &mut self,
         spatial: &Spatial<G, V>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
     ) {
         let (t, m, gas, q) = (on.topology, on.metrics, &spatial.gas, field.q);
@@ -136,8 +136,8 @@ impl<const N: usize> LuSgs<N> {
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
             self.wave_sum[i] += (velocity(&q[i]).norm() + sound(i)) * face.magnitude();
         }
-        for (pore, p) in spatial.passages(on, scheme, q) {
-            for i in [pore.inside as usize, pore.outside as usize] {
+        for (porous_face, p) in spatial.passages(on, scheme, q) {
+            for i in [porous_face.inside as usize, porous_face.outside as usize] {
                 // Such that the row of pressure gains the derivative of the passage.
                 self.wave_sum[i] += 2.0 * p.slope * self.reference[i] * self.reference[i];
             }
@@ -155,7 +155,7 @@ impl<const N: usize> LuSgs<N> {
         &mut self,
         spatial: &Spatial<G, V>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
     ) {
         let nu = kinematic(spatial, on, field);
@@ -172,7 +172,7 @@ impl<const N: usize> LuSgs<N> {
         &mut self,
         gas: &G,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         q: &[[f64; N]],
         extra: f64,
     ) {
@@ -199,9 +199,9 @@ impl<G: Gas<N>, const N: usize> Correction<G, N> for LuSgs<N> {
         &mut self,
         spatial: &Spatial<G>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
-        _: &[FaceFlow],
+        _: &[FaceFlux],
         extra: f64,
     ) {
         let _part = timing::part("assembly");
@@ -213,7 +213,7 @@ impl<G: Gas<N>, const N: usize> Correction<G, N> for LuSgs<N> {
         &mut self,
         gas: &G,
         on: &Domain<'_>,
-        _: &Scheme,
+        _: &FluxParameters,
         r: &[[f64; N]],
         share: f64,
         q: &mut [[f64; N]],
@@ -279,7 +279,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn inverse_times_matrix_is_one() {
+    fn inverse_times_matrix_is_the_identity() {
         let a = [[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.2, 0.1, 2.0]];
         let b = inverse(a);
         for (r, row) in a.iter().enumerate() {

@@ -1,36 +1,36 @@
 //! From a residual to a correction.
 
-mod acceleration;
 mod lusgs;
 mod multigrid;
+mod nonlinear_gmres;
 mod pressure;
 mod simple;
 
-pub use acceleration::Acceleration;
 pub use lusgs::LuSgs;
 pub use multigrid::MergedCells;
+pub use nonlinear_gmres::NonlinearGmres;
 pub use pressure::{PressureSystem, SolveReport};
 pub use simple::PressureCorrection;
 
 use comm::Halo;
 
 use crate::gradient::Field;
-use crate::physics::{FaceFlow, Scheme};
+use crate::physics::{FaceFlux, FluxParameters};
 use crate::residual::{Domain, Spatial};
 use crate::topology::Adjacency;
 
 /// An approximate inverse of the linearised step.
 pub trait Correction<G, const N: usize> {
-    /// Prepares for the state of `field` with what passes the faces, `through`.
-    /// `extra` of 1 is the method's own pseudo-time step, more a shorter one.
+    /// Prepares for the state of `field` with the fluxes of the faces, `face_flux`.
+    /// `extra` = 1 is the default pseudo-time step; larger values shorten it.
     /// Collective.
     fn assemble(
         &mut self,
         spatial: &Spatial<G>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
-        through: &[FaceFlow],
+        face_flux: &[FaceFlux],
         extra: f64,
     );
 
@@ -39,21 +39,21 @@ pub trait Correction<G, const N: usize> {
         &mut self,
         gas: &G,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         r: &[[f64; N]],
         share: f64,
         q: &mut [[f64; N]],
     ) -> SolveReport;
 
-    /// Coarse cells that were merged once and are kept; none where there are none.
+    /// Coarse cells of the multigrid, once they are built.
     fn merged(&self) -> Option<MergedCells> {
         None
     }
 
-    /// Takes up what [`Correction::merged`] gave on the same cells, in `rows`. Collective.
+    /// Restores the result of [`Correction::merged`] for the same cells, in `rows`. Collective.
     ///
     /// # Errors
-    /// On every rank, what does not fit on one of them.
+    /// On every rank, if the data of any rank does not fit.
     fn restore_state(&mut self, _merged: MergedCells, _rows: &Adjacency, _halo: &Halo) -> Result<(), String> {
         Ok(())
     }

@@ -19,7 +19,7 @@ pub struct PressureSystem {
     relaxed: Vec<f32>,
 }
 
-/// What a linear solve did.
+/// Report of a linear solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SolveReport {
     /// Iterations.
@@ -176,7 +176,7 @@ mod tests {
 
     /// Runs of 256, sixteen lanes, and what is left over, in whole numbers that single precision holds.
     #[test]
-    fn inner_products_of_any_length() {
+    fn inner_products_are_exact_for_any_length() {
         for n in [0, 1, 15, 16, 17, 255, 256, 257, 300, 600] {
             let a: Vec<f32> = (0..n).map(|i| (i % 7) as f32 - 2.0).collect();
             let b: Vec<f32> = (0..n).map(|i| 3.0 - (i % 5) as f32).collect();
@@ -187,7 +187,7 @@ mod tests {
 
     /// A ring of five cells against its dense matrix, in whole numbers.
     #[test]
-    fn products_are_those_of_the_dense_matrix() {
+    fn products_match_the_dense_matrix() {
         let cells: Vec<[u32; 2]> = (0..5).map(|i| [i, (i + 1) % 5]).collect();
         let rows = Adjacency::new(5, &cells);
         let mut off = vec![0.0; rows.cell.len() + 1];

@@ -16,7 +16,7 @@ use super::pressure::{PressureSystem, SolveReport};
 use super::{Correction, MergedCells};
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{self, Field};
-use crate::physics::{self, BoundaryFace, FaceFlow, Gas, OpenBoundary, Scheme, Viscosity};
+use crate::physics::{self, BoundaryFace, FaceFlux, FluxParameters, Gas, OpenBoundary, Viscosity};
 use crate::residual::{Domain, Spatial, for_viscosity};
 use crate::topology::{Adjacency, OpenSides, Side, Topology};
 
@@ -41,7 +41,7 @@ pub struct PressureCorrection {
     /// Sound speed squared of owned cells.
     sound2: Vec<f32>,
     held: Vec<Held>,
-    pores: Vec<Passing>,
+    porous_faces: Vec<Passing>,
     pressure: PressureSystem,
     transported: Vec<[f32; 4]>,
     correction: Vec<f32>,
@@ -77,7 +77,7 @@ struct Passing {
 /// the order of sums.
 fn for_each_open<G: Gas<N>, const N: usize>(
     on: &Domain<'_>,
-    scheme: &Scheme,
+    scheme: &FluxParameters,
     mut visit: impl FnMut(&Side, &BoundaryFace<'_>, &dyn OpenBoundary<G, N>),
 ) {
     for OpenSides { patch, sides } in on.topology.open.iter().rev() {
@@ -100,7 +100,7 @@ impl PressureCorrection {
             density: vec![0.0; all],
             sound2: vec![0.0; n],
             held: Vec::new(),
-            pores: Vec::with_capacity(topology.pores.len()),
+            porous_faces: Vec::with_capacity(topology.porous_faces.len()),
             pressure: PressureSystem::new(&topology.adjacency, all),
             transported: vec![[0.0; 4]; all],
             correction: vec![0.0; all],
@@ -109,7 +109,12 @@ impl PressureCorrection {
         }
     }
 
-    fn assemble_pressure<G: Gas<N>, const N: usize>(&mut self, on: &Domain<'_>, scheme: &Scheme, rate: f64) {
+    fn assemble_pressure<G: Gas<N>, const N: usize>(
+        &mut self,
+        on: &Domain<'_>,
+        scheme: &FluxParameters,
+        rate: f64,
+    ) {
         let (t, m) = (on.topology, on.metrics);
         // Sums in double precision: reuse the transport diagonal's storage.
         for i in 0..t.n_owned {
@@ -123,9 +128,9 @@ impl PressureCorrection {
             self.pressure.matrix.off[si as usize] = k as f32;
             self.pressure.matrix.off[sj as usize] = k as f32;
         }
-        // What passes a pore depends on the other side too; left to the outer iterations, as
-        // the other side resists at most as much as a neighbour.
-        for &Passing { cells, slope, .. } in &self.pores {
+        // The flux of a porous face depends on the other side too; this coupling is left to the outer iterations, as
+        // the resistance of the other side is at most that of a neighbour.
+        for &Passing { cells, slope, .. } in &self.porous_faces {
             cells.iter().for_each(|&c| self.diagonal[c] += slope);
         }
         let diagonal = &mut self.diagonal;
@@ -194,9 +199,9 @@ impl PressureCorrection {
         &mut self,
         spatial: &Spatial<G, V>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
-        through: &[FaceFlow],
+        face_flux: &[FaceFlux],
     ) {
         let (t, m, density) = (on.topology, on.metrics, &self.density);
         let viscosity = |i: usize| {
@@ -207,7 +212,7 @@ impl PressureCorrection {
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let face = &m.faces[f];
-            let mass = f64::from(through[f].mass);
+            let mass = f64::from(face_flux[f].mass);
             let mut both = 0.25 * scheme.velocity_diffusion * mass.abs();
             if V::ACTIVE {
                 both += 0.5 * (viscosity(i) + viscosity(j)) * face.magnitude() / face.spacing();
@@ -220,7 +225,7 @@ impl PressureCorrection {
             self.diagonal[j] += kj;
         }
         for side in t.open_sides() {
-            self.diagonal[side.cell as usize] += f64::from(-through[side.face as usize].mass).max(0.0);
+            self.diagonal[side.cell as usize] += f64::from(-face_flux[side.face as usize].mass).max(0.0);
         }
         if V::ACTIVE {
             for side in &t.no_slip {
@@ -236,23 +241,24 @@ impl PressureCorrection {
         &mut self,
         spatial: &Spatial<G>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         q: &[[f64; N]],
-        through: &[FaceFlow],
+        face_flux: &[FaceFlux],
     ) {
-        self.pores.clear();
-        for (pore, p) in spatial.passages(on, scheme, q) {
-            let (face, i, o) = (pore.face as usize, pore.inside as usize, pore.outside as usize);
+        self.porous_faces.clear();
+        for (porous_face, p) in spatial.passages(on, scheme, q) {
+            let (face, i, o) =
+                (porous_face.face as usize, porous_face.inside as usize, porous_face.outside as usize);
             let density = 0.5 * f64::from(self.density[i] + self.density[o]) * p.share;
-            self.pores.push(Passing { face, cells: [i, o], density, slope: p.slope });
-            let mass = f64::from(through[face].mass);
+            self.porous_faces.push(Passing { face, cells: [i, o], density, slope: p.slope });
+            let mass = f64::from(face_flux[face].mass);
             self.diagonal[i] += (-mass).max(0.0);
             self.diagonal[o] += mass.max(0.0);
         }
     }
 
     /// Finds what open boundaries hold, once the transport operator is complete.
-    fn assemble_held<G: Gas<N>, const N: usize>(&mut self, on: &Domain<'_>, scheme: &Scheme) {
+    fn assemble_held<G: Gas<N>, const N: usize>(&mut self, on: &Domain<'_>, scheme: &FluxParameters) {
         self.held.clear();
         for_each_open::<G, N>(on, scheme, |side, at, condition| {
             let i = side.cell as usize;
@@ -297,7 +303,7 @@ impl PressureCorrection {
     fn assemble_source<G: Gas<N>, const N: usize>(
         &mut self,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         r: &[[f64; N]],
     ) {
         let _part = timing::part("pressure source");
@@ -306,18 +312,18 @@ impl PressureCorrection {
             *d = -r[0];
         }
         let x = &self.transported;
-        let through = |i: usize, s: &Vec3| predicted(&x[i]).dot(s);
+        let face_flux = |i: usize, s: &Vec3| predicted(&x[i]).dot(s);
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let s = &m.faces[f].area;
             let rho = 0.5 * f64::from(self.density[i] + self.density[j]);
-            let flux = 0.5 * rho * (through(i, s) + through(j, s));
+            let flux = 0.5 * rho * (face_flux(i, s) + face_flux(j, s));
             self.diagonal[i] -= flux;
             self.diagonal[j] += flux;
         }
-        for &Passing { face, cells: [i, o], density, .. } in &self.pores {
+        for &Passing { face, cells: [i, o], density, .. } in &self.porous_faces {
             let s = &m.faces[face].area;
-            let flux = 0.5 * density * (through(i, s) + through(o, s));
+            let flux = 0.5 * density * (face_flux(i, s) + face_flux(o, s));
             self.diagonal[i] -= flux;
             self.diagonal[o] += flux;
         }
@@ -325,7 +331,7 @@ impl PressureCorrection {
         for_each_open::<G, N>(on, scheme, |side, at, condition| {
             let i = side.cell as usize;
             let share = condition.mass_by_velocity(at);
-            diagonal[i] -= share * f64::from(density[i]) * side.sign * through(i, &at.metric.area);
+            diagonal[i] -= share * f64::from(density[i]) * side.sign * face_flux(i, &at.metric.area);
         });
         for (s, d) in self.pressure.source().iter_mut().zip(&self.diagonal) {
             *s = *d as f32;
@@ -367,16 +373,16 @@ impl<G: Gas<N>, const N: usize> Correction<G, N> for PressureCorrection {
         &mut self,
         spatial: &Spatial<G>,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         field: Field<'_, N>,
-        through: &[FaceFlow],
+        face_flux: &[FaceFlux],
         extra: f64,
     ) {
         let _part = timing::part("assembly");
         let rate = scheme.rate * extra;
         self.assemble_storage(&spatial.gas, on, field.q, rate);
-        for_viscosity!(spatial, s => self.assemble_transport(&s, on, scheme, field, through));
-        self.assemble_pores(spatial, on, scheme, field.q, through);
+        for_viscosity!(spatial, s => self.assemble_transport(&s, on, scheme, field, face_flux));
+        self.assemble_pores(spatial, on, scheme, field.q, face_flux);
         self.assemble_held::<G, N>(on, scheme);
         self.assemble_response(on);
         self.assemble_pressure::<G, N>(on, scheme, rate);
@@ -394,7 +400,7 @@ impl<G: Gas<N>, const N: usize> Correction<G, N> for PressureCorrection {
         &mut self,
         gas: &G,
         on: &Domain<'_>,
-        scheme: &Scheme,
+        scheme: &FluxParameters,
         r: &[[f64; N]],
         share: f64,
         q: &mut [[f64; N]],

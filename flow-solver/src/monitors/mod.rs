@@ -1,7 +1,7 @@
-//! What a scene wants to have written down as the flow runs.
+//! Output during the run: probes, forces, surfaces, slices, statistics.
 //!
-//! Each part exists only where the scene asks for it, and looks at the accepted
-//! state of a window; all calls are collective.
+//! Each monitor exists only if the scene enables it, and samples the accepted
+//! state of a window. All calls are collective.
 
 mod forces;
 mod pieces;
@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use channel::{Fault, Window};
 
 pub use forces::Forces;
-pub use probes::{Home, Probes};
+pub use probes::{ProbeLocation, Probes};
 pub use slice::Slice;
 pub use statistics::Statistics;
 pub use surface::Surface;
@@ -26,7 +26,7 @@ use crate::physics::Gas;
 use crate::setup::Setup;
 use crate::solver::Solver;
 
-/// Everything that a stage writes down.
+/// All monitors of a stage.
 pub struct Monitors {
     probes: Option<Probes>,
     statistics: Option<Statistics>,
@@ -102,13 +102,13 @@ impl Monitors {
         Ok(())
     }
 
-    /// What is known of the probes, for a run that restarts within a stage.
-    pub fn probes(&self) -> Vec<Home> {
+    /// Warm-start data of the probes, for a restart within a stage.
+    pub fn probes(&self) -> Vec<ProbeLocation> {
         self.probes.as_ref().map(Probes::save_state).unwrap_or_default()
     }
 
     /// Takes up [`Monitors::probes`].
-    pub fn restore_state(&mut self, probes: Vec<Home>) {
+    pub fn restore_state(&mut self, probes: Vec<ProbeLocation>) {
         if let Some(p) = &mut self.probes {
             p.restore_state(probes);
         }

@@ -16,7 +16,7 @@ const WIDTH: usize = 5;
 
 /// Cell around a probe, on the rank that owns it, and its faces with the sign that turns their areas
 /// out of it.
-pub type Home = (Option<u32>, Vec<(u32, f64)>);
+pub type ProbeLocation = (Option<u32>, Vec<(u32, f64)>);
 
 /// Points and the cells around them.
 pub struct Probes {
@@ -61,7 +61,7 @@ impl Probes {
             if off > GAP {
                 let p = &probes.list[k];
                 return Err(Fault::new(format!(
-                    "the probe \"{}\" at {:?} m lies outside of the flow grid; positions are in the falling frame",
+                    "the probe \"{}\" at {:?} m is outside the flow grid; move it inside (positions are in the falling frame)",
                     p.name, p.position_m
                 )));
             }
@@ -100,12 +100,12 @@ impl Probes {
     }
 
     /// Cell around each probe and its faces: they stay as long as they serve.
-    pub fn save_state(&self) -> Vec<Home> {
+    pub fn save_state(&self) -> Vec<ProbeLocation> {
         self.home.iter().copied().zip(self.walls.iter().cloned()).collect()
     }
 
     /// Takes up a [`Probes::save_state`] of the same part of the grid.
-    pub fn restore_state(&mut self, memory: Vec<Home>) {
+    pub fn restore_state(&mut self, memory: Vec<ProbeLocation>) {
         if memory.len() == self.list.len() {
             (self.home, self.walls) = memory.into_iter().unzip();
         }

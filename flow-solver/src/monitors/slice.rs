@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_through_a_box_is_cut_without_gap_or_overlap() {
+    fn plane_section_of_a_box_has_no_gap_or_overlap() {
         let normal = Vec3::new(1.0, 2.0, 3.0) / 14f64.sqrt();
         let half = Vec3::repeat(0.5);
         let nodes = |grid: &FlowGrid| grid.coords.iter().map(|x| Vec3::from(*x)).collect::<Vec<_>>();

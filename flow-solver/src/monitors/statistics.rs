@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::physics::{Gas, velocity};
 use crate::solver::Solver;
-use crate::state::{before_archives, gather};
+use crate::state::{gather, load_legacy};
 use crate::topology::Topology;
 use comm::Comm;
 
@@ -87,7 +87,7 @@ impl Statistics {
         Err(outcome.err().map_or_else(elsewhere, |e| Fault::new(format!("statistics: {e}"))))
     }
 
-    /// Continues those saved in `folder`; a stage before that gathered none leaves
+    /// Continues with those saved in `folder`; a stage before that gathered none leaves
     /// none.
     ///
     /// # Errors
@@ -95,17 +95,17 @@ impl Statistics {
     pub fn load(&mut self, folder: &Path, topology: &Topology, cells: usize) -> Result<(), Fault> {
         let file = folder.join(FILE);
         let fail = |e: archive::Error| Fault::new(format!("statistics: {e}"));
-        let version_1 = |bytes: &[u8]| before_archives(bytes, KIND, 1);
+        let version_1 = |bytes: &[u8]| load_legacy(bytes, KIND, 1);
         let loaded = archive::load_or_earlier(&file, KIND, VERSION, version_1);
         let Some(saved): Option<Saved> = archive::if_present(loaded).map_err(fail)? else { return Ok(()) };
         let unfit = |reason: &str| fail(archive::Error::content(&file, reason));
         let rows = [&saved.mean, &saved.moment].iter().all(|v| v.len() == 4 * cells);
         if saved.cells as usize != cells || !rows {
-            return Err(unfit(&format!("it is of {} cells, this grid has {cells}", saved.cells)));
+            return Err(unfit(&format!("it has {} cells, but this grid has {cells}", saved.cells)));
         }
         let numbers = saved.mean.iter().chain(&saved.moment).chain([&saved.span]);
         if !numbers.copied().all(f64::is_finite) || saved.span < 0.0 {
-            return Err(unfit("it holds values that are not finite"));
+            return Err(unfit("it holds values that are not finite numbers"));
         }
         self.span = saved.span;
         for (k, &g) in topology.numbering.owned().iter().enumerate() {

@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_of_a_later_time_are_dropped_when_a_run_goes_on() {
+    fn restart_drops_rows_of_later_times() {
         let folder = tempfile::tempdir().unwrap();
         let (comm, columns) = (Comm::solo(), ["p_pa".to_owned()]);
         let write = |times: &[f64]| {

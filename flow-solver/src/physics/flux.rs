@@ -1,18 +1,18 @@
 //! Convective fluxes of low dissipation at any Mach number below one.
 //!
-//! A simple member of the AUSM family (Liou 2006, AUSM+-up; Sachdev et al. 2012
+//! A simple scheme of the AUSM family (Liou 2006, AUSM+-up; Sachdev et al. 2012
 //! for its scaling in unsteady flow): one mass flux with a pressure-diffusion
 //! term, everything carried upwind by it, one interface pressure with a
 //! velocity-diffusion term. Two reference speeds scale the two terms:
 //!
 //! * pressure diffusion in the mass flux is the momentum interpolation of
-//!   pressure-based methods. What it adds to the interpolated momentum, $e$, is an
-//!   unknown of the face with a history of its own (Cubero and Fueyo 2007),
+//!   pressure-based methods (Rhie-Chow). The flux that it adds to the interpolated
+//!   momentum, $e$, is an unknown of the face with its own history (Cubero and Fueyo 2007),
 //!   $$\partial_t e + \frac{2(U + U_\infty)}{\delta} e = -\frac{k}{2\delta}[p],$$
 //!   by the backward difference of the step: strong enough against odd-even
-//!   decoupling, never stronger than a step lets pressure act, and what it leaves
-//!   in the end does not depend on the step (without the history it is of first
-//!   order in time). Sound feels the acoustic $[p]/2c$ besides;
+//!   decoupling, limited by the time that pressure acts in a step, and independent of
+//!   the step in the steady limit (without the history the scheme is first
+//!   order in time). The acoustic term $[p]/2c$ is added for sound waves;
 //! * velocity diffusion in the interface pressure uses the *steady* limit
 //!   $U_u = \min(c, U)$. With the unsteady one it would swamp the momentum
 //!   equation whenever the time step is small.
@@ -26,14 +26,13 @@ use crate::geometry::vec3::Vec3;
 /// upwind flux of Godunov's method has where sound is as fast as $U$.
 pub const VELOCITY_DIFFUSION: f64 = 0.5;
 
-/// Constants of the flux, the same for all faces of a time step.
+/// Parameters of the flux, the same for all faces in a time step.
 #[derive(Clone, Copy, Debug)]
-pub struct Scheme {
+pub struct FluxParameters {
     /// Leading coefficient of the time derivative over the step, 1/s.
     pub rate: f64,
-    /// Coefficients over the step of the time derivative of what ties the mass
-    /// fluxes to pressure, 1/s.
-    pub tie: [f64; 3],
+    /// Coefficients of the time derivative of the Rhie-Chow flux, divided by the step, 1/s.
+    pub rhie_chow: [f64; 3],
     /// Velocity of the frame that the grid is given in, m/s.
     pub frame: Vec3,
     /// Undisturbed velocity, m/s.
@@ -47,23 +46,22 @@ pub struct Scheme {
     pub pressure_diffusion: f64,
 }
 
-impl Scheme {
-    /// What pressure adds to the mean momentum through a face, kg/(m2 s), given what
-    /// it did at the two instants before and `push`, Pa, over `spacing`, m, where air
-    /// passes at `speed`, m/s.
+impl FluxParameters {
+    /// Rhie-Chow flux of a face, kg/(m2 s): the difference of its mass flux per area from the mean momentum.
+    /// `previous`: the same at the last two time levels; `push`: driving pressure, Pa; `spacing`: distance of the
+    /// cell centres along the normal, m; `speed`: speed of the air relative to the frame, m/s.
     #[inline(always)]
-    pub(super) fn tie(&self, past: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
-        let (held, resistance) = self.resistance(past, spacing, speed);
+    pub(super) fn rhie_chow(&self, previous: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
+        let (held, resistance) = self.resistance(previous, spacing, speed);
         (push - held) / resistance
     }
 
-    /// What history takes of the pressure that drives a face, Pa, and the resistance that the
-    /// rest meets, m/s: see [`Scheme::tie`].
+    /// History term of the Rhie-Chow equation, Pa, and its resistance (the coefficient of the new value), m/s: see [`FluxParameters::rhie_chow`].
     #[inline(always)]
-    pub(crate) fn resistance(&self, past: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
-        let held = self.tie[1] * f64::from(past[0]) + self.tie[2] * f64::from(past[1]);
+    pub(crate) fn resistance(&self, previous: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
+        let held = self.rhie_chow[1] * f64::from(previous[0]) + self.rhie_chow[2] * f64::from(previous[1]);
         let fade = FADING * (speed + 10.0 * self.floor_squared.sqrt());
-        (spacing * held, spacing * self.tie[0] + fade)
+        (spacing * held, spacing * self.rhie_chow[0] + fade)
     }
 }
 
@@ -74,38 +72,38 @@ impl Scheme {
 /// 3.1, 3.25, 3.5 iterations a step.
 const FADING: f64 = 2.0;
 
-/// What a face keeps of its flux. Single precision: one part is read by
-/// preconditioners only, the other is small beside the flux.
+/// Stored flux of a face, in single precision: the mass flux is read by preconditioners only, the Rhie-Chow flux is
+/// small against the mass flux.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FaceFlow {
+pub struct FaceFlux {
     /// Mass flux, kg/s (outward at the outer boundary).
     pub mass: f32,
-    /// What pressure adds to the mean momentum, kg/(m2 s).
-    pub tie: f32,
-    /// The same at the last two accepted instants, newest first.
-    pub past: [f32; 2],
+    /// Rhie-Chow flux, kg/(m2 s).
+    pub rhie_chow: f32,
+    /// Rhie-Chow flux at the last two accepted time levels, newest first, kg/(m2 s).
+    pub previous: [f32; 2],
 }
 
-/// What passes a face.
+/// Numerical flux through a face.
 #[derive(Clone, Copy, Debug)]
 pub struct Interface<const N: usize> {
     /// Fluxes of the conserved quantities along the area vector.
     pub flux: [f64; N],
     /// Mass flux, kg/s.
     pub mass: f64,
-    /// What pressure adds to the mean momentum, kg/(m2 s).
-    pub tie: f64,
+    /// Rhie-Chow flux, kg/(m2 s).
+    pub rhie_chow: f64,
 }
 
 /// Flux through a face between the states `l` and `r` on its two sides.
 #[inline(always)]
 pub fn interface<G: Gas<N>, const N: usize>(
     gas: &G,
-    scheme: &Scheme,
+    scheme: &FluxParameters,
     l: &[f64; N],
     r: &[f64; N],
     face: &FaceMetric,
-    past: [f32; 2],
+    previous: [f32; 2],
 ) -> Interface<N> {
     let s = face.area;
     let mean = (velocity(l) + velocity(r)) * 0.5;
@@ -115,8 +113,8 @@ pub fn interface<G: Gas<N>, const N: usize>(
     let rho = gas.density(upwind(volume));
     let c2 = gas.sound_speed_squared(upwind(volume));
     let half = 0.5 * (l[0] - r[0]);
-    let tie = scheme.tie(past, scheme.pressure_diffusion * half, face.spacing(), speed);
-    let mass = rho * volume + face.magnitude() * (tie + half / c2.sqrt());
+    let rhie_chow = scheme.rhie_chow(previous, scheme.pressure_diffusion * half, face.spacing(), speed);
+    let mass = rho * volume + face.magnitude() * (rhie_chow + half / c2.sqrt());
     let carried = gas.carried(upwind(mass));
     let jump = (velocity(r) - velocity(l)).dot(&s);
     let diffusion = scheme.velocity_diffusion * rho * speed * jump / face.magnitude();
@@ -125,18 +123,18 @@ pub fn interface<G: Gas<N>, const N: usize>(
     for (f, c) in flux.iter_mut().zip(carried) {
         *f += mass * c;
     }
-    Interface { flux, mass, tie }
+    Interface { flux, mass, rhie_chow }
 }
 
 /// Flux through a wall at gauge pressure `p`: no mass.
 #[inline(always)]
 pub fn wall<G: Gas<N>, const N: usize>(gas: &G, p: f64, area: Vec3, grid_flux: f64) -> Interface<N> {
-    Interface { flux: gas.pressure_flux(p, area, grid_flux), mass: 0.0, tie: 0.0 }
+    Interface { flux: gas.pressure_flux(p, area, grid_flux), mass: 0.0, rhie_chow: 0.0 }
 }
 
 /// Speed relative to the frame, bounded from below.
 #[inline(always)]
-pub(crate) fn relative_speed(scheme: &Scheme, u: Vec3) -> f64 {
+pub(crate) fn relative_speed(scheme: &FluxParameters, u: Vec3) -> f64 {
     ((u - scheme.frame).norm_squared() + scheme.floor_squared).sqrt()
 }
 
@@ -145,10 +143,10 @@ mod tests {
     use super::*;
     use crate::physics::{Air, Isothermal};
 
-    fn scheme() -> Scheme {
-        Scheme {
+    fn scheme() -> FluxParameters {
+        FluxParameters {
             rate: 100.0,
-            tie: [150.0, -200.0, 50.0],
+            rhie_chow: [150.0, -200.0, 50.0],
             frame: Vec3::new(0.0, 0.0, 1.0),
             wind: Vec3::zeros(),
             floor_squared: 0.25,
@@ -169,14 +167,14 @@ mod tests {
     /// mean velocity, momentum carried upwind, and a pressure that lacks rho U [u] / 4 with
     /// U = sqrt(2.5^2 + 1 + 0.25), by hand.
     #[test]
-    fn the_interface_pressure_lacks_a_quarter_of_the_velocity_jump() {
+    fn interface_pressure_has_velocity_diffusion_of_one_quarter() {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([7.0, 3.0, 0.0, 0.0], [7.0, 2.0, 0.0, 0.0]);
         let found = interface(&gas, &scheme(), &l, &r, &face, [0.0; 2]);
         let rho = gas.density(&l);
         let mass = rho * 2.5 * 2.0;
-        assert!((found.mass - mass).abs() < 1e-12 * mass && found.tie == 0.0, "{found:?}");
+        assert!((found.mass - mass).abs() < 1e-12 * mass && found.rhie_chow == 0.0, "{found:?}");
         let speed = (2.5f64 * 2.5 + 1.0 + 0.25).sqrt();
         let pressure = 7.0 + 0.25 * rho * speed * 1.0;
         let momentum = mass * 3.0 + 2.0 * pressure;
@@ -186,15 +184,15 @@ mod tests {
     /// The same pressure jump at equal velocities: the mass flux gains pressure_diffusion [p] / 2 over the
     /// resistance of the face, and the acoustic [p] / 2c.
     #[test]
-    fn a_pressure_jump_drives_mass_as_the_resistance_allows() {
+    fn rhie_chow_flux_is_pressure_jump_over_resistance() {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([10.0, 0.0, 0.0, 1.0], [4.0, 0.0, 0.0, 1.0]);
         let found = interface(&gas, &scheme(), &l, &r, &face, [0.0; 2]);
         // A spacing of zero leaves what fades: 2 (U + 10 floor), U = 0.5, floor = 0.5.
-        let tie = 3.0 * 3.0 / (2.0 * (0.5 + 5.0));
+        let rhie_chow = 3.0 * 3.0 / (2.0 * (0.5 + 5.0));
         let sound = gas.sound_speed_squared(&r).sqrt();
-        let mass = 2.0 * (tie + 3.0 / sound);
+        let mass = 2.0 * (rhie_chow + 3.0 / sound);
         assert!((found.mass - mass).abs() < 1e-12 * mass, "{} {mass}", found.mass);
     }
 }

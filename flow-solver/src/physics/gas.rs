@@ -43,8 +43,8 @@ pub trait Gas<const N: usize>: Copy + 'static {
     /// vector `area` that sweeps `grid_flux` (m3/s).
     fn pressure_flux(&self, p: f64, area: Vec3, grid_flux: f64) -> [f64; N];
     /// Change of the pressure's part of the flux when pressure alone changes by
-    /// `dp`, through an area vector that the air crosses at `through` (m3/s).
-    fn pressure_change(&self, dp: f64, area: Vec3, through: f64) -> [f64; N];
+    /// `dp`, through an area vector that the air crosses at `volume_flux` (m3/s).
+    fn pressure_change(&self, dp: f64, area: Vec3, volume_flux: f64) -> [f64; N];
     /// Residual of the conserved quantities turned into that of the primitive
     /// ones: continuity, then $\rho\,DQ/Dt$ (its energy row is divided by c_p).
     fn primitive_residual(&self, q: &[f64; N], r: &[f64; N]) -> [f64; N];
@@ -190,8 +190,8 @@ impl Gas<5> for IdealGas {
         [0.0, p * area[0], p * area[1], p * area[2], (self.pressure + p) * grid_flux]
     }
     #[inline(always)]
-    fn pressure_change(&self, dp: f64, area: Vec3, through: f64) -> [f64; 5] {
-        [0.0, dp * area[0], dp * area[1], dp * area[2], dp * through]
+    fn pressure_change(&self, dp: f64, area: Vec3, volume_flux: f64) -> [f64; 5] {
+        [0.0, dp * area[0], dp * area[1], dp * area[2], dp * volume_flux]
     }
     #[inline(always)]
     fn primitive_residual(&self, q: &[f64; 5], r: &[f64; 5]) -> [f64; 5] {
@@ -257,16 +257,16 @@ mod tests {
     }
 
     #[test]
-    fn jacobians_agree_with_differences() {
+    fn jacobians_match_finite_differences() {
         let air = Air::new(1.225, 288.15);
         check_jacobian(&Isothermal::new(air), [120.0, 3.0, -2.0, 5.0]);
         check_jacobian(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 1.3]);
     }
 
-    /// The primitive residual undoes the Jacobian: dW = M dQ gives back rho dQ
+    /// The primitive residual undoes the Jacobian: dW = M dQ returns rho dQ
     /// apart from the pressure work, which continuity and compression carry.
     #[test]
-    fn primitive_residual_separates_the_unknowns() {
+    fn primitive_residual_decouples_the_unknowns() {
         let air = Air::new(1.225, 288.15);
         let gas = IdealGas::new(air);
         let q = [120.0, 3.0, -2.0, 5.0, 1.3];
@@ -303,12 +303,12 @@ mod tests {
     /// + (0, p s, p_absolute u . s)`, but for the push of the undisturbed pressure.
     fn check_flux<const N: usize>(gas: &impl Gas<N>, q: [f64; N], air: Air) {
         let (s, grid_flux) = (Vec3::new(0.7, -1.2, 0.4), 0.9);
-        let through = q[1] * s[0] + q[2] * s[1] + q[3] * s[2];
+        let volume_flux = q[1] * s[0] + q[2] * s[1] + q[3] * s[2];
         let (found, stored) = (flux(gas, &q, s, grid_flux), conserved(gas, &q));
         for v in 0..N {
-            let work = (air.pressure() + q[0]) * through;
+            let work = (air.pressure() + q[0]) * volume_flux;
             let push = [0.0, q[0] * s[0], q[0] * s[1], q[0] * s[2], work][v];
-            let exact = stored[v] * (through - grid_flux) + push;
+            let exact = stored[v] * (volume_flux - grid_flux) + push;
             assert!((found[v] - exact).abs() < 1e-9 * exact.abs().max(1.0), "{v}: {} {exact}", found[v]);
         }
         // Its derivative: what moves, what more passes, what pressure gains.
@@ -318,11 +318,11 @@ mod tests {
         let (a, b) = (flux(gas, &moved(-h), s, grid_flux), flux(gas, &moved(h), s, grid_flux));
         let (m, carried) = (gas.jacobian(&q), gas.carried(&q));
         let inflow = gas.density(&q) * (dq[1] * s[0] + dq[2] * s[1] + dq[3] * s[2]);
-        let push = gas.pressure_change(dq[0], s, through);
+        let push = gas.pressure_change(dq[0], s, volume_flux);
         for v in 0..N {
             let exact = (b[v] - a[v]) / (2.0 * h);
             let row: f64 = (0..N).map(|c| m[v][c] * dq[c]).sum();
-            let found = (through - grid_flux) * row + inflow * carried[v] + push[v];
+            let found = (volume_flux - grid_flux) * row + inflow * carried[v] + push[v];
             assert!((found - exact).abs() < 1e-6 * exact.abs().max(1.0), "{v}: {found} {exact}");
         }
     }
@@ -338,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn fluxes_carry_and_work_and_have_their_derivatives() {
+    fn convective_and_pressure_fluxes_match_their_derivatives() {
         let air = Air::new(1.225, 288.15);
         check_flux(&Isothermal::new(air), [120.0, 3.0, -2.0, 5.0], air);
         check_flux(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 1.3], air);

@@ -12,7 +12,7 @@ mod precondition;
 mod viscosity;
 
 pub(crate) use flux::relative_speed;
-pub use flux::{FaceFlow, Interface, Scheme, VELOCITY_DIFFUSION, interface, wall};
+pub use flux::{FaceFlux, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, wall};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use open_boundary::{BoundaryFace, FarField, OpenBoundary, Outlet, open_boundary};
 pub use permeability::Permeability;

@@ -1,6 +1,6 @@
-//! The law of a cloth that lets air through.
+//! Pressure-velocity law of permeable fabric.
 
-/// Resistance of a cloth.
+/// Resistance of permeable fabric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Permeability {
     viscous: f64,
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn velocity_and_slope_follow_the_curve() {
+    fn permeability_velocity_and_slope_satisfy_the_quadratic_law() {
         let cloth = Permeability::new(254.0, 37.6);
         for v in [-3.0f64, -0.2, 0.0, 1e-9, 0.458, 20.0] {
             let push = (254.0 + 50.0) * v + 37.6 * v.abs() * v;

@@ -42,7 +42,7 @@ mod tests {
     use nalgebra::SMatrix;
 
     #[test]
-    fn at_the_speed_of_sound_nothing_is_preconditioned() {
+    fn preconditioner_is_the_physical_jacobian_at_sonic_speed() {
         let gas = IdealGas::new(Air::new(1.225, 288.15));
         let q = [10.0, 1.0, 2.0, 3.0, 0.5];
         let c = gas.sound_speed_squared(&q).sqrt();
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_flow_has_slow_pseudo_waves() {
+    fn pseudo_acoustic_speed_scales_with_the_flow_speed() {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let c = gas.sound_speed_squared(&[0.0; 4]).sqrt();
         assert!(spectral_radius(1.0, 1.0, c) < 1.7);
@@ -67,7 +67,7 @@ mod tests {
     /// The preconditioned pseudo-time waves of Weiss and Smith are the eigenvalues of `Gamma^-1 dF/dQ`; the largest of them is
     /// the spectral radius. Flux derivative by differences.
     #[test]
-    fn the_spectral_radius_is_the_largest_eigenvalue() {
+    fn spectral_radius_is_the_largest_eigenvalue() {
         let gas = IdealGas::new(Air::new(1.225, 288.15));
         let n = Vec3::new(0.6, 0.0, 0.8);
         for (u, ur) in [([3.0, -2.0, 5.0], 10.0), ([-90.0, 20.0, -70.0], 120.0), ([200.0, 0.0, 50.0], 250.0)]

@@ -50,11 +50,11 @@ impl Viscosity for Laminar {
 pub struct Turbulent {
     /// Of the fluid, Pa s.
     pub viscosity: f64,
-    /// What the eddies add.
+    /// Model of the eddy viscosity.
     pub eddies: EddyViscosity,
 }
 
-/// Where an eddy viscosity comes from. A choice at run time: beside the flux of a face it costs nothing, and all
+/// Where an eddy viscosity comes from. A choice at run time: its cost is negligible against the flux of a face, and all
 /// turbulent flows share one compiled solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EddyViscosity {
@@ -63,21 +63,21 @@ pub enum EddyViscosity {
     /// [`wale`].
     Wale,
     /// Transported with the flow, see [`crate::turbulence`].
-    Transported,
+    TransportInput,
 }
 
 impl Viscosity for Turbulent {
     const ACTIVE: bool = true;
     #[inline(always)]
     fn transported(&self) -> bool {
-        self.eddies == EddyViscosity::Transported
+        self.eddies == EddyViscosity::TransportInput
     }
     #[inline(always)]
     fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64 {
         match self.eddies {
             EddyViscosity::Smagorinsky => self.viscosity + smagorinsky(rho, g, h),
             EddyViscosity::Wale => self.viscosity + wale(rho, g, h),
-            EddyViscosity::Transported => self.viscosity,
+            EddyViscosity::TransportInput => self.viscosity,
         }
     }
 }
@@ -174,7 +174,7 @@ pub fn stress_force(mu: f64, g: &Mat3, area: Vec3) -> Vec3 {
     ((g + g.transpose()) * area - area * divergence) * mu
 }
 
-/// Shear stress that a wall feels from air moving at `slip` relative to it at
+/// Shear stress on a wall from air moving at `slip` relative to it at
 /// normal distance `distance`, Pa. `normal` has unit length.
 #[inline(always)]
 pub fn wall_traction(mu: f64, slip: Vec3, normal: Vec3, distance: f64) -> Vec3 {
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn wale_is_silent_in_shear_and_not_in_eddies() {
+    fn wale_vanishes_in_pure_shear_but_not_in_rotation() {
         let w = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale };
         let mut g = Mat3::zeros();
         assert_eq!(w.dynamic(1.2, &g, 0.1), 1e-5);
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn rotation_has_no_stress() {
+    fn rigid_rotation_has_no_stress() {
         let mut g = Mat3::zeros();
         (g[(0, 1)], g[(1, 0)]) = (2.0, -2.0);
         assert_eq!(stress_force(1.0, &g, Vec3::new(1.0, 2.0, 3.0)), Vec3::zeros());
@@ -220,7 +220,7 @@ mod tests {
 
     /// `|S|^2 = 2 S:S`: the shear rate in shear, and twice the squares of the rates in plain strain.
     #[test]
-    fn smagorinsky_grows_with_the_rate_of_strain() {
+    fn smagorinsky_is_proportional_to_the_strain_rate() {
         let s = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Smagorinsky };
         let mut g = Mat3::zeros();
         g[(1, 0)] = 3.0;
@@ -233,7 +233,7 @@ mod tests {
     /// Gradients a and b across each other: `S:S = (a + b)^2 / 2`, the squared gradient is `ab` in the plane,
     /// so that `S^d:S^d = 6/9 (ab)^2`.
     #[test]
-    fn wale_where_strain_and_rotation_meet() {
+    fn wale_of_combined_strain_and_rotation() {
         let (a, b) = (5.0, -2.0);
         let mut g = Mat3::zeros();
         (g[(0, 1)], g[(1, 0)]) = (a, b);
@@ -245,7 +245,7 @@ mod tests {
 
     /// Stretch in three directions: the squared gradient is diagonal, and its mean is taken out of it.
     #[test]
-    fn wale_in_three_directions() {
+    fn wale_of_a_three_dimensional_gradient() {
         let rates = [3.0, -1.0, 2.0];
         let g = Mat3::from_diagonal(&rates.into());
         let squares = rates.map(|r: f64| r * r);
@@ -259,7 +259,7 @@ mod tests {
 
     /// `mu (2 S - 2/3 div u)` on stretching air, and a wall at an angle.
     #[test]
-    fn stress_of_a_stretch_and_traction_on_a_slanted_wall() {
+    fn stress_of_a_stretch_and_traction_on_an_oblique_wall() {
         let g = Mat3::from_diagonal(&Vec3::new(2.0, 0.5, -1.0));
         let force = stress_force(0.7, &g, Vec3::new(1.0, 2.0, 3.0));
         let exact = [2.0, 0.5, -1.0].map(|rate| 0.7 * (2.0 * rate - 2.0 / 3.0 * 1.5));

@@ -4,10 +4,10 @@ use super::*;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Lets the wind change with height, in the far field from now on and in all of the air
-    /// as it is. The settings' wind is that of [`Sheared::base`].
-    pub fn set_shear(&mut self, shear: Sheared) {
+    /// as it is. The settings' wind is that of [`WindShear::base`].
+    pub fn set_shear(&mut self, shear: WindShear) {
         self.sheared = vec![Vec3::zeros(); self.topology.face_nodes.len() - self.topology.cells.len()];
-        let [a, b] = &mut self.past;
+        let [a, b] = &mut self.previous;
         for q in [&mut self.q, &mut a.q, &mut b.q] {
             for (q, x) in q.iter_mut().zip(&self.metrics.centre) {
                 let more = shear.excess(x[2]);
@@ -19,9 +19,12 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.shear = Some(shear);
     }
 
-    /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::EddyViscosity::Transported`].
+    /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::EddyViscosity::TransportInput`].
     pub fn set_turbulence(&mut self, turbulence: SpalartAllmaras) {
-        assert!(self.spatial.viscosity.transported(), "this stress knows no transported eddy viscosity");
+        assert!(
+            self.spatial.viscosity.transported(),
+            "this viscosity model has no transported eddy viscosity"
+        );
         turbulence.eddy(&self.densities(), &mut self.eddy);
         self.turbulence = Some(Box::new(turbulence));
     }
@@ -45,16 +48,17 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let _part = timing::part("turbulence");
         let Some(mut turbulence) = self.turbulence.take() else { return };
         let (c, gas) = (self.order(dt).c, &self.spatial.gas);
-        let mass =
-            |k: usize, i: usize| c[k + 1] / dt * self.past_volume(k)[i] * gas.density(&self.past[k].q[i]);
+        let mass = |k: usize, i: usize| {
+            c[k + 1] / dt * self.previous_volume(k)[i] * gas.density(&self.previous[k].q[i])
+        };
         let before: Vec<[f64; 2]> = (0..self.topology.n_owned)
             .map(|i| [mass(0, i), if c[2] == 0.0 { 0.0 } else { mass(1, i) }])
             .collect();
         let density = self.densities();
-        let flow = Transported {
+        let flow = TransportInput {
             density: &density,
             gradient: &self.gradient,
-            through: &self.through,
+            face_flux: &self.face_flux,
             before: &before,
             nodes: &self.nodes,
             drop: self.settings.residual_drop,
@@ -64,7 +68,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             self.turbulence_excess = taken.end / taken.target.max(f64::MIN_POSITIVE);
             turbulence.accept();
         } else {
-            turbulence.value.copy_from_slice(&turbulence.past[0]);
+            turbulence.value.copy_from_slice(&turbulence.previous[0]);
             self.turbulence_lost = true;
         }
         turbulence.eddy(&density, &mut self.eddy);

@@ -9,13 +9,13 @@ type BadCell = (usize, Finding);
 /// Backtracking gives up below this share of a correction.
 const SMALLEST_SHARE: f64 = 1e-3;
 
-/// Residuals that end the iterations of a step, N.
+/// Residual targets of a step, N.
 struct Target {
     /// At which they end.
     residual: f64,
     /// At which the step counts as converged.
-    asked: f64,
-    /// What round-off alone may leave.
+    tolerance: f64,
+    /// Residual level of round-off.
     round_off: f64,
 }
 
@@ -35,7 +35,7 @@ struct Iteration {
     at_best: bool,
     /// Share of each correction that is taken.
     share: f64,
-    /// Whether the matrices of the last correction serve again.
+    /// Whether the matrices of the last correction are reused.
     assembled: bool,
     /// Corrections, and iterations of the linear solver in them.
     iterations: usize,
@@ -57,7 +57,7 @@ impl Iteration {
     }
 
     /// Whether the last correction brought nothing.
-    fn is_no_better(&self) -> bool {
+    fn has_stalled(&self) -> bool {
         self.norm.is_nan() || self.best.is_nan() || self.norm >= self.best
     }
 
@@ -72,7 +72,7 @@ impl Iteration {
             (self.best, self.at_best) = (self.norm, true);
             self.share = (2.0 * self.share).min(1.0);
         }
-        // What served well serves again.
+        // Keep the matrices while an iteration halves the residual.
         self.assembled = self.norm < 0.5 * before;
     }
 }
@@ -87,7 +87,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             &mut self.q,
             &mut self.gradient,
             &mut self.residual,
-            &mut self.through,
+            &mut self.face_flux,
         );
         let gas = &self.spatial.gas;
         let push = self.wind_change * self.settings.air.density;
@@ -123,9 +123,9 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// The state to start from; returns the norm of its residual, N. Sets [`Solver::start`]. Collective.
     fn initial_guess(&mut self, step: &Step, order: Backward) -> f64 {
-        if step.again {
+        if step.repeat {
             let norm = self.evaluate();
-            // The first call of the window may have brought no motion at all, and so no measure.
+            // The first solve of the window may have had no grid motion, hence no reference residual.
             self.start = self.start.max(norm);
             return norm;
         }
@@ -144,9 +144,9 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.start
     }
 
-    /// A smooth flow: extrapolated from the last two instants; the step is `ratio` times as long as the one before it.
+    /// A smooth flow: extrapolated from the last two time levels; the step is `ratio` times as long as the one before it.
     fn extrapolate(&mut self, ratio: f64) {
-        for ((q, a), b) in self.q.iter_mut().zip(&self.past[0].q).zip(&self.past[1].q) {
+        for ((q, a), b) in self.q.iter_mut().zip(&self.previous[0].q).zip(&self.previous[1].q) {
             for v in 0..N {
                 q[v] = (1.0 + ratio) * a[v] - ratio * b[v];
             }
@@ -158,7 +158,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// A flow that is not smooth starts from where it was, carried along by the wind.
     fn start_from_last(&mut self) {
-        self.q.copy_from_slice(&self.past[0].q);
+        self.q.copy_from_slice(&self.previous[0].q);
         for q in &mut self.q {
             for d in 0..3 {
                 q[1 + d] += self.wind_gain[0][d];
@@ -169,27 +169,27 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Residuals that the step is to reach from `first`, N. Collective.
     fn target(&self, step: &Step, first: f64) -> Target {
         let Settings { residual_drop, repeated_drop, .. } = self.settings;
-        let drop = if step.again { repeated_drop } else { residual_drop };
-        // A coupled step answers changes of its input: what is left over must be small
-        // against the change that this call brought, or the coupling iterates on noise.
+        let drop = if step.repeat { repeated_drop } else { residual_drop };
+        // In a coupled step the residual must be small against the effect of the last change of the
+        // input; otherwise solver noise dominates the coupling iterations.
         let scale =
             if step.moved { (0.1 * first).clamp(1e-3 * self.start, 0.1 * self.start) } else { self.start };
         // Below this the residual is round-off of the fluxes themselves.
         let round_off = self.round_off();
         let residual = (drop * scale).max(round_off);
-        // What the scene asks of a step, however little the last of several calls brought.
+        // Tolerance of the scene for the step, independent of the size of the last change.
         let least = if step.moved { 0.1 * self.start } else { self.start };
-        Target { residual, asked: (residual_drop * least).max(residual), round_off }
+        Target { residual, tolerance: (residual_drop * least).max(residual), round_off }
     }
 
     /// Corrections from an initial guess with the residual `first`, N, with backtracking, until the target or
     /// the limit of iterations is reached. Collective.
     fn solve(&mut self, step: &Step, first: f64, target: &Target) -> Result<Iteration, FlowError> {
-        if step.again {
-            // The Jacobian is nearly the same: the columns of the last solve still hold.
-            self.acceleration.pause();
+        if step.repeat {
+            // The Jacobian is nearly the same: reuse the differences of the last solve.
+            self.nonlinear_gmres.pause();
         } else {
-            self.acceleration.clear();
+            self.nonlinear_gmres.clear();
         }
         let mut at = Iteration::new(first);
         while at.iterations < self.settings.max_iterations && !target.is_met(at.norm) {
@@ -199,7 +199,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             if bad.is_none() {
                 at.norm = self.evaluate();
             }
-            if bad.is_some() || at.is_no_better() {
+            if bad.is_some() || at.has_stalled() {
                 self.keep_best(&mut at);
             }
             if bad.is_some() || at.has_diverged() {
@@ -218,9 +218,9 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         if !at.assembled {
             let field = Field { q: &self.q, gradient: &self.gradient };
             let on = domain!(self);
-            self.correction.assemble(&self.spatial, &on, &self.scheme, field, &self.through, 1.0);
+            self.correction.assemble(&self.spatial, &on, &self.scheme, field, &self.face_flux, 1.0);
         }
-        self.acceleration.combine(
+        self.nonlinear_gmres.combine(
             self.halo.comm(),
             self.q[..n].as_flattened_mut(),
             self.residual[..n].as_flattened_mut(),
@@ -247,7 +247,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     fn keep_best(&mut self, at: &mut Iteration) {
         if at.at_best {
             self.best.clear();
-            self.best.extend_from_slice(self.acceleration.last());
+            self.best.extend_from_slice(self.nonlinear_gmres.last());
         }
         at.at_best = false;
     }
@@ -255,7 +255,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Returns to the best state so far and halves the share of the next corrections;
     /// an error once it is too small. Collective.
     fn backtrack(&mut self, at: &mut Iteration, bad: Option<BadCell>) -> Result<(), FlowError> {
-        self.acceleration.clear();
+        self.nonlinear_gmres.clear();
         self.return_to_best();
         at.share *= 0.5;
         at.assembled = false;
@@ -273,7 +273,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.q[..self.topology.n_owned].as_flattened_mut().copy_from_slice(&self.best);
     }
 
-    /// The best state is the answer, where it is solved well enough. Collective.
+    /// Returns the best state if its residual is acceptable. Collective.
     fn accept_best(&mut self, at: Iteration, target: &Target) -> Result<Report, FlowError> {
         let mut end = at.norm;
         if end > at.best {
@@ -283,7 +283,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let mut report = Report {
             start: self.start,
             end,
-            target: target.asked,
+            target: target.tolerance,
             met: end <= target.residual,
             iterations: at.iterations,
             linear_iterations: at.linear_iterations,
@@ -304,7 +304,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.halo.comm().sum(defect)
     }
 
-    /// Why a step has no answer whose iterations began at a residual of `first` (N).
+    /// Error of a failed step; `first`: residual of the initial guess, N.
     fn unsolved(&self, first: f64, report: &Report) -> FlowError {
         let Report { end, target, iterations, .. } = *report;
         if end <= first.max(self.start) {
@@ -314,12 +314,12 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         }
     }
 
-    /// What would remain in the momentum equations of a step on a grid at rest if
-    /// the flow kept its state relative to the undisturbed air, N. Collective.
+    /// Inertia scale of a step, N: norm of the momentum residual on a fixed grid if the state relative to the
+    /// undisturbed air stayed constant. Collective.
     pub(super) fn inertia(&self) -> f64 {
         let (gas, still) = (&self.spatial.gas, self.wind_gain[1]);
-        let past = self.past[0].q.iter().zip(&self.past[1].q).zip(&self.metrics.volume);
-        let sum: f64 = past
+        let previous = self.previous[0].q.iter().zip(&self.previous[1].q).zip(&self.metrics.volume);
+        let sum: f64 = previous
             .take(self.topology.n_owned)
             .map(|((a, b), v)| {
                 let m = self.scheme.rate * v * gas.density(a);
@@ -329,7 +329,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.halo.comm().sum(sum).sqrt()
     }
 
-    /// Norm of what round-off alone may leave in the residual, N.
+    /// Round-off level of the residual norm, N.
     pub(super) fn round_off(&self) -> f64 {
         let speed = 10.0 * self.settings.reference_speed + self.scheme.frame.norm();
         let n = self.topology.n_owned;
@@ -365,7 +365,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 /// A defect of mass acts like the force that would have to undo it: m/s, for a cell of
 /// size `h`.
 #[inline(always)]
-fn mass_weight(h: f64, scheme: &Scheme) -> f64 {
+fn mass_weight(h: f64, scheme: &FluxParameters) -> f64 {
     h * scheme.rate + scheme.floor_squared.sqrt()
 }
 

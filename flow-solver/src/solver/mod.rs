@@ -6,16 +6,16 @@ use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{Field, Gradient, LeastSquares};
-use crate::implicit::{Acceleration, Correction, LuSgs, PressureCorrection};
-use crate::physics::{Air, FaceFlow, Gas, Scheme};
+use crate::implicit::{Correction, LuSgs, NonlinearGmres, PressureCorrection};
+use crate::physics::{Air, FaceFlux, FluxParameters, Gas};
 use crate::residual::{Domain, Spatial};
-use crate::shear::Sheared;
-use crate::state::Instant;
+use crate::shear::WindShear;
+use crate::state::TimeLevel;
 use crate::time::Backward;
 use crate::topology::Topology;
-use crate::turbulence::{SpalartAllmaras, Transported};
+use crate::turbulence::{SpalartAllmaras, TransportInput};
 
-/// What corrects the state in each iteration.
+/// Method that computes the correction in each iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
     /// Pressure corrections, combined by nonlinear GMRES over this many (0: none).
@@ -39,17 +39,17 @@ pub struct Settings {
     pub wind: Vec3,
     /// The residual must fall by this factor.
     pub residual_drop: f64,
-    /// The same in repetitions of a step, which answer small changes of the grid.
+    /// The same in repeated solves of a step (coupling iterations).
     pub repeated_drop: f64,
-    /// Iterations at most.
+    /// Maximum number of iterations.
     pub max_iterations: usize,
-    /// What corrects the state.
+    /// Correction method.
     pub method: Method,
     /// Speed that floors the reference speeds, m/s: a tenth of the stream's.
     pub reference_speed: f64,
     /// Weight of velocity diffusion in the interface pressure.
     pub velocity_diffusion: f64,
-    /// Whether the grid will move: what a grid at rest does not need is not kept then.
+    /// Whether the grid moves. On a fixed grid, arrays for grid motion are not allocated.
     pub moving: bool,
 }
 
@@ -62,12 +62,12 @@ pub struct Step {
     pub frame: Vec3,
     /// Whether the same step was computed before (and is now repeated with
     /// slightly other data): starts from that result.
-    pub again: bool,
+    pub repeat: bool,
     /// Whether [`Solver::nodes`] were changed.
     pub moved: bool,
 }
 
-/// What a step took.
+/// Residuals and iteration counts of a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Report {
     /// Residual of the last accepted state in the new step, N.
@@ -108,24 +108,24 @@ pub struct Solver<G, const N: usize> {
     pub gradient: Vec<Gradient<N>>,
     /// Geometry at the end of the step.
     pub metrics: Metrics,
-    /// Last accepted instant and the one before it.
-    pub past: [Instant<N>; 2],
+    /// The last two accepted time levels, newest first.
+    pub previous: [TimeLevel<N>; 2],
     /// First-order steps still to take before BDF2.
     pub first_order_steps: u32,
     /// Length of the last accepted step, s (0: none).
     pub last_dt: f64,
     /// Constants of the last step's flux.
-    pub scheme: Scheme,
-    /// What moves the undisturbed air, m/s2: its momentum is supplied everywhere, so
-    /// that a wind which changes needs no pressure from the boundary.
+    pub scheme: FluxParameters,
+    /// Acceleration of the undisturbed air, m/s2, as a source term in all cells: a gust then
+    /// creates no pressure wave at the boundary.
     pub wind_change: Vec3,
-    /// What the undisturbed velocity gains in this step and has gained in the last, m/s.
+    /// Change of the undisturbed velocity in this step and in the last one, m/s.
     wind_gain: [Vec3; 2],
-    /// What each owned cell gains of the conserved quantities in unit time and
+    /// Source terms of the conserved quantities in owned cells per unit time and
     /// volume (kg/(m3 s), N/m3[, W/m3]) at the end of the step. Empty: nothing.
     pub source: Vec<[f64; N]>,
     /// Wind by height. `None`: the same everywhere.
-    shear: Option<Sheared>,
+    shear: Option<WindShear>,
     sheared: Vec<Vec3>,
     turbulence: Option<Box<SpalartAllmaras>>,
     turbulence_lost: bool,
@@ -134,21 +134,21 @@ pub struct Solver<G, const N: usize> {
     eddy: Vec<f64>,
     least_squares: LeastSquares,
     wall_velocity: Vec<Vec3>,
-    /// What each face sweeps in this step and swept in the last, m3. Empty until the
+    /// Volume swept by each face in this step and in the last one, m3. Empty until the
     /// grid moves for the first time.
     swept: Vec<f64>,
     swept_before: Vec<f64>,
     residual: Vec<[f64; N]>,
     history: Vec<[f64; N]>,
-    through: Vec<FaceFlow>,
-    /// Whether the faces know the last accepted instant only.
-    ties_are_new: bool,
+    face_flux: Vec<FaceFlux>,
+    /// Whether the Rhie-Chow fluxes have no history (first-order time difference).
+    rhie_chow_is_reset: bool,
     start: f64,
     /// State of owned cells with the smallest residual of the step, where a correction made
     /// it worse; empty until that happens for the first time.
     best: Vec<f64>,
     correction: Box<dyn Correction<G, N>>,
-    acceleration: Acceleration,
+    nonlinear_gmres: NonlinearGmres,
 }
 
 macro_rules! domain {
@@ -168,10 +168,10 @@ macro_rules! domain {
 mod effects;
 mod iterate;
 mod motion;
-mod resume;
+mod restart;
 mod step;
 
-pub use resume::WarmStart;
+pub use restart::WarmStart;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Undisturbed air everywhere, on a grid with node positions `nodes` (local). Collective.
@@ -193,16 +193,16 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         };
         let (volume, kept) =
             if settings.moving { (metrics.volume.clone(), nodes.clone()) } else { (Vec::new(), Vec::new()) };
-        let instant = Instant { q: q.clone(), volume, nodes: kept };
+        let instant = TimeLevel { q: q.clone(), volume, nodes: kept };
         let solver = Self {
             node_velocity: vec![Vec3::zeros(); instant.nodes.len()],
             gradient: vec![[[0.0; N]; 3]; n],
-            past: [instant.clone(), instant],
+            previous: [instant.clone(), instant],
             first_order_steps: 2,
             last_dt: 0.0,
-            scheme: Scheme {
+            scheme: FluxParameters {
                 rate: 0.0,
-                tie: [0.0; 3],
+                rhie_chow: [0.0; 3],
                 frame: Vec3::zeros(),
                 wind: settings.wind,
                 floor_squared: settings.reference_speed * settings.reference_speed,
@@ -224,12 +224,12 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             swept_before: Vec::new(),
             residual: vec![[0.0; N]; n],
             history: vec![[0.0; N]; topology.n_owned],
-            through: vec![FaceFlow::default(); faces],
-            ties_are_new: true,
+            face_flux: vec![FaceFlux::default(); faces],
+            rhie_chow_is_reset: true,
             start: 0.0,
             best: Vec::new(),
             correction,
-            acceleration: Acceleration::new(depth, topology.n_owned * N),
+            nonlinear_gmres: NonlinearGmres::new(depth, topology.n_owned * N),
             nodes,
             q,
             metrics,
@@ -247,14 +247,14 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.halo.comm()
     }
 
-    /// Volumes of local cells at the accepted instant `k` (0: the newest), m3.
-    pub(crate) fn past_volume(&self, k: usize) -> &[f64] {
-        if self.settings.moving { &self.past[k].volume } else { &self.metrics.volume }
+    /// Volumes of local cells at the accepted time level `k` (0: the newest), m3.
+    pub(crate) fn previous_volume(&self, k: usize) -> &[f64] {
+        if self.settings.moving { &self.previous[k].volume } else { &self.metrics.volume }
     }
 
-    /// Node positions at the accepted instant `k` (0: the newest), m.
-    pub fn past_nodes(&self, k: usize) -> &[Vec3] {
-        if self.settings.moving { &self.past[k].nodes } else { &self.nodes }
+    /// Node positions at the accepted time level `k` (0: the newest), m.
+    pub fn previous_nodes(&self, k: usize) -> &[Vec3] {
+        if self.settings.moving { &self.previous[k].nodes } else { &self.nodes }
     }
 
     /// Residual of the turbulence equation over its target in the step that was accepted last; 0: not solved.
@@ -262,12 +262,12 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.turbulence_excess
     }
 
-    /// What passed the faces.
-    pub fn through(&self) -> &[FaceFlow] {
-        &self.through
+    /// Mass and Rhie-Chow fluxes of the local faces.
+    pub fn face_flux(&self) -> &[FaceFlux] {
+        &self.face_flux
     }
 
-    /// What the kernels work on.
+    /// Input of the residual kernels.
     pub fn domain(&self) -> Domain<'_> {
         domain!(self)
     }

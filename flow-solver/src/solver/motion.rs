@@ -1,4 +1,4 @@
-//! The grid moves.
+//! Grid motion: geometry, swept volumes and wall velocities.
 
 use super::*;
 
@@ -6,7 +6,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Geometry of the moved grid.
     pub(super) fn move_grid(&mut self) -> Result<(), FlowError> {
         let _part = timing::part("geometry");
-        assert!(self.settings.moving, "a solver made for a grid at rest was given a grid that moves");
+        assert!(
+            self.settings.moving,
+            "the solver was set up for a fixed grid (`Settings::moving` is false), but the grid moved"
+        );
         let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
         let bad = self.nodes.iter().zip(&self.node_velocity).position(|(x, v)| !finite(x) || !finite(v));
         let finding = bad.map(|n| (self.topology.node_global[n], Vec3::zeros(), 0.0));
@@ -18,7 +21,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.least_squares.update(&self.topology, &self.metrics);
         self.swept.resize(self.topology.face_nodes.len(), 0.0);
         self.swept_before.resize(self.topology.face_nodes.len(), 0.0);
-        Metrics::swept(&self.topology, &self.past[0].nodes, &self.nodes, &mut self.swept);
+        Metrics::swept(&self.topology, &self.previous[0].nodes, &self.nodes, &mut self.swept);
         if self.spatial.viscosity.is_active() {
             for side in &self.topology.no_slip {
                 let nodes = self.topology.face_nodes[side.face as usize];

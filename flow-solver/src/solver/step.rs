@@ -1,9 +1,9 @@
-//! From one accepted instant to the next.
+//! One time step: from an accepted time level to the next.
 
 use super::*;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
-    /// Computes the step from the last accepted instant. Collective.
+    /// Computes the step from the last accepted time level. Collective.
     pub fn advance(&mut self, step: &Step) -> Result<Report, FlowError> {
         if self.turbulence_lost {
             return Err(FlowError::Turbulence);
@@ -17,10 +17,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         Ok(report)
     }
 
-    /// The undisturbed velocity at the end of the next step of length `dt`, at its start, and
+    /// Sets the far-field velocity: at the end of the next step of length `dt`, at its start, and
     /// [`Solver::step_before`] earlier, m/s. The air is accelerated as the time
     /// differences see it: a stream without obstacle follows to round-off.
-    pub fn blow(&mut self, wind: [Vec3; 3], dt: f64) {
+    pub fn set_far_field_velocity(&mut self, wind: [Vec3; 3], dt: f64) {
         let c = self.order(dt).c;
         self.settings.wind = wind[0];
         self.wind_gain = [wind[0] - wind[1], wind[1] - wind[2]];
@@ -48,7 +48,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             f.grid_flux += f.area.dot(&step.frame);
         }
         self.scheme.rate = order.c[0] / dt;
-        self.scheme.tie = if self.ties_are_new { Backward::FIRST } else { order }.c.map(|c| c / dt);
+        self.scheme.rhie_chow =
+            if self.rhie_chow_is_reset { Backward::FIRST } else { order }.c.map(|c| c / dt);
         self.scheme.frame = step.frame;
         self.scheme.wind = self.settings.wind;
         if let Some(shear) = &mut self.shear {
@@ -56,9 +57,9 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         }
         let gas = &self.spatial.gas;
         let moving = self.settings.moving;
-        let volumes = [0, 1].map(|k| if moving { &self.past[k].volume } else { &self.metrics.volume });
+        let volumes = [0, 1].map(|k| if moving { &self.previous[k].volume } else { &self.metrics.volume });
         let old = |k: usize, c: f64, i: usize| {
-            let (q, volume) = (&self.past[k].q[i], volumes[k]);
+            let (q, volume) = (&self.previous[k].q[i], volumes[k]);
             let m = c / dt * volume[i] * gas.density(q);
             gas.stored(q).map(|s| m * s)
         };
@@ -88,17 +89,17 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.advance_turbulence(dt);
         self.last_dt = dt;
         self.first_order_steps = self.first_order_steps.saturating_sub(1);
-        self.past.swap(0, 1);
-        let [now, _] = &mut self.past;
+        self.previous.swap(0, 1);
+        let [now, _] = &mut self.previous;
         now.q.copy_from_slice(&self.q);
         if self.settings.moving {
             now.volume.copy_from_slice(&self.metrics.volume);
             now.nodes.copy_from_slice(&self.nodes);
         }
-        for t in &mut self.through {
-            t.past = [t.tie, t.past[0]];
+        for t in &mut self.face_flux {
+            t.previous = [t.rhie_chow, t.previous[0]];
         }
-        self.ties_are_new = false;
+        self.rhie_chow_is_reset = false;
         std::mem::swap(&mut self.swept, &mut self.swept_before);
         if !moved {
             self.swept_before.fill(0.0);

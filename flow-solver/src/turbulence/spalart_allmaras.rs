@@ -36,7 +36,7 @@ pub fn eddy_viscosity(x: f64, nu: f64) -> f64 {
     if x > 0.0 { x * fv1(x / nu) } else { 0.0 }
 }
 
-/// What diffuses the working variable, $\nu + f_n\tilde\nu$, m2/s: positive for any `x`.
+/// Diffusivity of the working variable, $\nu + f_n\tilde\nu$, m2/s: positive for any `x`.
 pub fn diffusivity(x: f64, nu: f64) -> f64 {
     if x >= 0.0 {
         return nu + x;
@@ -71,9 +71,9 @@ pub fn source(x: f64, nu: f64, w: f64, d: f64) -> f64 {
     production - destruction
 }
 
-/// What a hybrid model knows of a cell.
+/// Cell data for the length scale of a hybrid RANS-LES model.
 #[derive(Clone, Copy, Debug)]
-pub struct Around {
+pub struct LengthScaleInput {
     /// Distance to the nearest wall, m.
     pub wall: f64,
     /// Largest extent of the cell, m.
@@ -85,20 +85,20 @@ pub struct Around {
 }
 
 /// Length scale of a model.
-pub type Length = fn(&Around) -> f64;
+pub type Length = fn(&LengthScaleInput) -> f64;
 
 /// The wall distance: all turbulence is modelled.
-pub fn rans(a: &Around) -> f64 {
+pub fn rans(a: &LengthScaleInput) -> f64 {
     a.wall
 }
 
 /// Detached eddies (Spalart, Jou, Strelets and Allmaras 1997).
-pub fn des97(a: &Around) -> f64 {
+pub fn des97(a: &LengthScaleInput) -> f64 {
     a.wall.min(CDES * a.delta)
 }
 
 /// Delayed detached eddies (Spalart et al. 2006): boundary layers keep the wall distance.
-pub fn ddes(a: &Around) -> f64 {
+pub fn ddes(a: &LengthScaleInput) -> f64 {
     let rd = a.viscosity / (a.gradient.max(1e-10) * KAPPA * KAPPA * a.wall * a.wall);
     let fd = 1.0 - (8.0 * rd).powi(3).tanh();
     a.wall - fd * (a.wall - CDES * a.delta).max(0.0)
@@ -112,7 +112,7 @@ mod tests {
     /// $S = u_\tau / (\kappa y)$ production, destruction and diffusion balance once viscosity is
     /// negligible, which is how $c_{w1}$ is chosen.
     #[test]
-    fn the_log_layer_is_in_balance() {
+    fn source_and_diffusion_balance_in_the_log_layer() {
         let (tau, y, nu) = (1.3, 0.02, 1e-9);
         let x = KAPPA * tau * y;
         // chi is 1e7: f_v1 = 1 and S~ = S to 1e-7.
@@ -124,7 +124,7 @@ mod tests {
     /// In the whole inner layer $\tilde\nu = \kappa u_\tau y$ is exact, also where viscosity
     /// counts: S~ is made so that it stays $u_\tau/(\kappa y)$ (below, without $f_{t2}$).
     #[test]
-    fn the_buffer_layer_is_in_balance() {
+    fn source_and_diffusion_balance_in_the_buffer_layer() {
         let (tau, nu) = (1.0, 1.0);
         for y in [20.0, 40.0, 100.0] {
             let x = KAPPA * tau * y;
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn both_branches_meet_at_zero() {
+    fn branches_are_continuous_at_zero() {
         let (nu, w, d) = (1.5e-5, 40.0, 0.01);
         assert_eq!(source(0.0, nu, w, d), 0.0);
         let h = 1e-12;
@@ -150,14 +150,14 @@ mod tests {
 
     #[test]
     fn lengths() {
-        let near = Around { wall: 0.01, delta: 0.1, viscosity: 1e-3, gradient: 100.0 };
+        let near = LengthScaleInput { wall: 0.01, delta: 0.1, viscosity: 1e-3, gradient: 100.0 };
         assert_eq!((rans(&near), des97(&near)), (0.01, 0.01));
-        let far = Around { wall: 1.0, ..near };
+        let far = LengthScaleInput { wall: 1.0, ..near };
         assert!((des97(&far) - 0.065).abs() < 1e-15);
         assert!((ddes(&far) - 0.065).abs() < 1e-9);
         // In a boundary layer (r_d = 1) on a grid that is too fine along the wall only the first
         // gives up the wall.
-        let layer = Around { wall: 0.1, delta: 0.02, viscosity: 0.1681, gradient: 100.0 };
+        let layer = LengthScaleInput { wall: 0.1, delta: 0.02, viscosity: 0.1681, gradient: 100.0 };
         assert!(des97(&layer) < 0.02 && (ddes(&layer) - 0.1).abs() < 1e-12);
     }
 }

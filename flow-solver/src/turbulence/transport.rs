@@ -3,35 +3,35 @@
 use comm::Comm;
 use serde::{Deserialize, Serialize};
 
-use super::spalart_allmaras::{Around, CB2, Length, SIGMA, diffusivity, eddy_viscosity, source};
+use super::spalart_allmaras::{CB2, Length, LengthScaleInput, SIGMA, diffusivity, eddy_viscosity, source};
 use super::wall_distance::Walls;
 use crate::geometry::FaceMetric;
 use crate::geometry::vec3::Vec3;
 use crate::gradient::{self, Gradient};
-use crate::implicit::Acceleration;
-use crate::physics::FaceFlow;
+use crate::implicit::NonlinearGmres;
+use crate::physics::FaceFlux;
 use crate::residual::Domain;
 use crate::topology::Topology;
 
 /// Free-stream value over the molecular viscosity: fully turbulent (3 to 5 are recommended).
 pub const FREE_STREAM: f64 = 3.0;
 
-/// A wall farther than this is none, m.
+/// Distance beyond which a wall is ignored, m.
 const FAR: f64 = 1e6;
 
 /// Wall distances are kept until some node has moved by this share of the distance that a cell
 /// has from its wall.
 const KEPT: f64 = 0.02;
 
-/// What the flow hands over for a step.
-pub struct Transported<'a, const N: usize> {
+/// Input from the flow for one step of the turbulence equation.
+pub struct TransportInput<'a, const N: usize> {
     /// Density of all local cells, kg/m3.
     pub density: &'a [f64],
     /// Velocity gradients of local cells (variables 1 to 3).
     pub gradient: &'a [Gradient<N>],
-    /// What passes each face.
-    pub through: &'a [FaceFlow],
-    /// Mass of owned cells at the last two instants times the backward difference's coefficient
+    /// Mass flux of each face.
+    pub face_flux: &'a [FaceFlux],
+    /// Mass of owned cells at the last two time levels times the backward difference's coefficient
     /// over the step, kg/s: negative, and then positive or zero.
     pub before: &'a [[f64; 2]],
     /// Node positions, m.
@@ -40,9 +40,9 @@ pub struct Transported<'a, const N: usize> {
     pub drop: f64,
 }
 
-/// Walls as transported turbulence knows them.
+/// Wall distances and cell sizes of the turbulence model, with the node positions that they are for.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct WallWarmStart {
+pub struct WallDistances {
     /// Distance of owned cells to the nearest wall, m.
     pub wall: Vec<f64>,
     /// Largest extent of owned cells, m.
@@ -51,23 +51,27 @@ pub struct WallWarmStart {
     pub at: Vec<[f64; 3]>,
 }
 
-impl WallWarmStart {
+impl WallDistances {
     /// Whether it is of `cells` owned cells and `nodes`, and of numbers only. Before the first step of transported
     /// turbulence the distances are not known.
     pub(crate) fn check(&self, cells: usize, nodes: usize) -> Result<(), &'static str> {
         let known = self.wall.len() == cells && self.at.len() == nodes;
         let unknown = self.wall.is_empty() && self.at.is_empty();
         if self.delta.len() != cells || !(known || unknown) {
-            return Err("its walls are of another part of the grid");
+            return Err("its wall distances are of another part of the grid");
         }
         let numbers = self.wall.iter().chain(&self.delta).chain(self.at.as_flattened());
-        if numbers.copied().all(f64::is_finite) { Ok(()) } else { Err("its walls are not finite") }
+        if numbers.copied().all(f64::is_finite) {
+            Ok(())
+        } else {
+            Err("its wall distances are not finite numbers")
+        }
     }
 }
 
-/// What a step of it took.
+/// Statistics of one step of the turbulence equation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Taken {
+pub struct TransportReport {
     /// Iterations.
     pub iterations: usize,
     /// Residual at the start, kg m2/s2.
@@ -84,8 +88,8 @@ pub struct SpalartAllmaras {
     length: Length,
     /// Working variable of local cells at the end of the step, m2/s.
     pub value: Vec<[f64; 1]>,
-    /// At the last two accepted instants, newest first.
-    pub past: [Vec<[f64; 1]>; 2],
+    /// Working variable at the last two accepted time levels, newest first.
+    pub previous: [Vec<[f64; 1]>; 2],
     gradient: Vec<Gradient<1>>,
     /// Distance of owned cells to the nearest wall, m.
     pub wall: Vec<f64>,
@@ -100,7 +104,7 @@ pub struct SpalartAllmaras {
     diagonal: Vec<f64>,
     residual: Vec<[f64; 1]>,
     change: Vec<f64>,
-    acceleration: Acceleration,
+    nonlinear_gmres: NonlinearGmres,
 }
 
 /// Corrections that are combined.
@@ -117,7 +121,7 @@ impl SpalartAllmaras {
         Self {
             viscosity,
             length,
-            past: [value.clone(), value.clone()],
+            previous: [value.clone(), value.clone()],
             value,
             gradient: vec![[[0.0]; 3]; all],
             wall: Vec::new(),
@@ -129,21 +133,21 @@ impl SpalartAllmaras {
             diagonal: vec![0.0; n],
             residual: vec![[0.0]; n],
             change: vec![0.0; all],
-            acceleration: Acceleration::new(DEPTH, n),
+            nonlinear_gmres: NonlinearGmres::new(DEPTH, n),
         }
     }
 
-    /// The walls as they are known.
-    pub fn walls(&self) -> WallWarmStart {
-        WallWarmStart {
+    /// Returns the present wall distances.
+    pub fn walls(&self) -> WallDistances {
+        WallDistances {
             wall: self.wall.clone(),
             delta: self.delta.clone(),
             at: self.walls_at.iter().map(|x| (*x).into()).collect(),
         }
     }
 
-    /// Takes up [`SpalartAllmaras::walls`] of the same cells.
-    pub fn restore_state(&mut self, walls: WallWarmStart) {
+    /// Restores [`SpalartAllmaras::walls`] of the same cells.
+    pub fn restore_state(&mut self, walls: WallDistances) {
         (self.wall, self.delta) = (walls.wall, walls.delta);
         self.walls_at = walls.at.into_iter().map(Vec3::from).collect();
     }
@@ -155,7 +159,8 @@ impl SpalartAllmaras {
         }
     }
 
-    /// Walls may have moved: distances are recomputed where that counts. Collective.
+    /// Recomputes all wall distances once some node has moved by more than [`KEPT`] times the larger of the smallest
+    /// wall distance and the smallest cell size. Collective.
     fn update_walls(&mut self, on: &Domain<'_>, nodes: &[Vec3]) {
         let comm = on.halo.comm();
         let moved = self
@@ -188,7 +193,11 @@ impl SpalartAllmaras {
     }
 
     /// The working variable at the end of the step. Collective.
-    pub fn advance<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) -> Taken {
+    pub fn advance<const N: usize>(
+        &mut self,
+        on: &Domain<'_>,
+        flow: &TransportInput<'_, N>,
+    ) -> TransportReport {
         let comm = on.halo.comm();
         let n = on.topology.n_owned;
         self.update_walls(on, flow.nodes);
@@ -197,13 +206,13 @@ impl SpalartAllmaras {
             self.vorticity[i] = gradient::vorticity(g).norm();
             let gradient = g.iter().map(|g| g[1] * g[1] + g[2] * g[2] + g[3] * g[3]).sum::<f64>().sqrt();
             let nu = self.viscosity / flow.density[i];
-            let viscosity = nu + eddy_viscosity(self.past[0][i][0], nu);
-            let around = Around { wall: self.wall[i], delta: self.delta[i], viscosity, gradient };
+            let viscosity = nu + eddy_viscosity(self.previous[0][i][0], nu);
+            let around = LengthScaleInput { wall: self.wall[i], delta: self.delta[i], viscosity, gradient };
             self.scale[i] = (self.length)(&around);
         }
-        self.value.copy_from_slice(&self.past[0]);
-        self.acceleration.clear();
-        let mut taken = Taken::default();
+        self.value.copy_from_slice(&self.previous[0]);
+        self.nonlinear_gmres.clear();
+        let mut taken = TransportReport::default();
         let mut best = f64::INFINITY;
         loop {
             let (now, noise) = self.evaluate(on, flow, comm);
@@ -218,9 +227,9 @@ impl SpalartAllmaras {
                 return taken;
             }
             if now > 10.0 * best {
-                self.acceleration.clear();
+                self.nonlinear_gmres.clear();
             }
-            self.acceleration.combine(
+            self.nonlinear_gmres.combine(
                 comm,
                 self.value[..n].as_flattened_mut(),
                 self.residual.as_flattened_mut(),
@@ -238,7 +247,7 @@ impl SpalartAllmaras {
     fn evaluate<const N: usize>(
         &mut self,
         on: &Domain<'_>,
-        flow: &Transported<'_, N>,
+        flow: &TransportInput<'_, N>,
         comm: &Comm,
     ) -> (f64, f64) {
         on.halo.exchange(self.value.as_flattened_mut(), 1);
@@ -249,7 +258,7 @@ impl SpalartAllmaras {
         self.storage_and_source(on, flow);
         self.transport(on, flow);
         self.boundaries(on, flow);
-        self.pores(on, flow);
+        self.porous_fluxes(on, flow);
         let (mut sum, mut noise) = (0.0, 0.0);
         for ((&[r], d), x) in self.residual.iter().zip(&self.diagonal).zip(&self.value) {
             sum += r * r;
@@ -261,12 +270,12 @@ impl SpalartAllmaras {
     }
 
     /// Time derivative, production and destruction.
-    fn storage_and_source<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+    fn storage_and_source<const N: usize>(&mut self, on: &Domain<'_>, flow: &TransportInput<'_, N>) {
         for i in 0..on.topology.n_owned {
             let x = self.value[i][0];
             let [now, older] = flow.before[i];
             // In the form that keeps a uniform value whatever is left of the mass defect.
-            let r = -now * (x - self.past[0][i][0]) - older * (x - self.past[1][i][0]);
+            let r = -now * (x - self.previous[0][i][0]) - older * (x - self.previous[1][i][0]);
             let mass = flow.density[i] * on.metrics.volume[i];
             let nu = self.viscosity / flow.density[i];
             let squares = slope(&self.gradient[i]).norm_squared();
@@ -275,20 +284,20 @@ impl SpalartAllmaras {
             let h = 1e-6 * x.abs().max(nu);
             let slope = (source(x + h, nu, w, d) - s) / h;
             self.residual[i] = [r - mass * (s + CB2 / SIGMA * squares)];
-            // What grows by itself is left to the right-hand side.
+            // Positive source terms are treated explicitly.
             self.diagonal[i] = -now - older + mass * (-slope).max(0.0);
         }
     }
 
     /// Convection and diffusion between cells.
-    fn transport<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+    fn transport<const N: usize>(&mut self, on: &Domain<'_>, flow: &TransportInput<'_, N>) {
         let (t, m) = (on.topology, on.metrics);
         let n = t.n_owned;
         for (f, &[i, j]) in t.cells.iter().enumerate() {
             let (i, j) = (i as usize, j as usize);
             let face = &m.faces[f];
             let (a, b) = (self.value[i][0], self.value[j][0]);
-            let flux = f64::from(flow.through[f].mass);
+            let flux = f64::from(flow.face_flux[f].mass);
             let way = m.centre(j) - m.centre(i);
             let slopes = [slope(&self.gradient[i]), slope(&self.gradient[j])];
             let carried = carried_upwind(flux, [a, b], slopes, &way);
@@ -313,7 +322,7 @@ impl SpalartAllmaras {
     }
 
     /// Walls and open boundaries.
-    fn boundaries<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+    fn boundaries<const N: usize>(&mut self, on: &Domain<'_>, flow: &TransportInput<'_, N>) {
         let (t, m) = (on.topology, on.metrics);
         for side in &t.no_slip {
             let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
@@ -323,19 +332,19 @@ impl SpalartAllmaras {
         }
         for side in t.open_sides() {
             let i = side.cell as usize;
-            let inflow = f64::from(-flow.through[side.face as usize].mass).max(0.0);
+            let inflow = f64::from(-flow.face_flux[side.face as usize].mass).max(0.0);
             let far = FREE_STREAM * self.viscosity / flow.density[i];
             self.residual[i][0] += inflow * (self.value[i][0] - far);
             self.diagonal[i] += inflow;
         }
     }
 
-    /// What the air carries through the canopy.
-    fn pores<const N: usize>(&mut self, on: &Domain<'_>, flow: &Transported<'_, N>) {
+    /// Adds the convective fluxes through porous canopy faces.
+    fn porous_fluxes<const N: usize>(&mut self, on: &Domain<'_>, flow: &TransportInput<'_, N>) {
         let n = on.topology.n_owned;
-        for pore in &on.topology.pores {
-            let (i, o) = (pore.inside as usize, pore.outside as usize);
-            let flux = f64::from(flow.through[pore.face as usize].mass);
+        for porous_face in &on.topology.porous_faces {
+            let (i, o) = (porous_face.inside as usize, porous_face.outside as usize);
+            let flux = f64::from(flow.face_flux[porous_face.face as usize].mass);
             let step = self.value[i][0] - self.value[o][0];
             if flux > 0.0 && o < n {
                 self.residual[o][0] -= flux * step;
@@ -370,8 +379,8 @@ impl SpalartAllmaras {
 
     /// The step becomes the state that later steps start from.
     pub fn accept(&mut self) {
-        self.past.swap(0, 1);
-        self.past[0].copy_from_slice(&self.value);
+        self.previous.swap(0, 1);
+        self.previous[0].copy_from_slice(&self.value);
     }
 }
 

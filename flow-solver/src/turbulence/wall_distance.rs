@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn regions_of_a_triangle() {
+    fn nearest_point_of_a_triangle_in_every_region() {
         let t = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]].map(Vec3::from);
         for (x, d2) in [
             ([0.5, 0.5, 3.0], 9.0),
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_finds_what_a_search_of_all_finds() {
+    fn tree_search_matches_brute_force() {
         let mut seed = 3u64;
         let mut next = || {
             seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

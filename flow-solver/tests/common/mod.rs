@@ -78,7 +78,7 @@ pub fn isothermal<V: Viscosity>(grid: &FlowGrid, v: V, settings: Settings) -> So
 
 /// A step on a grid at rest.
 pub fn at_rest(dt: f64) -> Step {
-    Step { dt, frame: Vec3::zeros(), again: false, moved: false }
+    Step { dt, frame: Vec3::zeros(), repeat: false, moved: false }
 }
 
 /// Small reproducible numbers in -1..1.

@@ -6,12 +6,12 @@ use channel::{Fault, Input, Participant, Stats, Window};
 use comm::Comm;
 use mesh::{FlowGrid, StructureMesh};
 use mesh_mover::elastic::{Elastic, Solid};
+use mesh_mover::example_grid::{plate_in_box, plate_structure};
 use mesh_mover::motion::Limits;
 use mesh_mover::participant::{MeshMover, Setup, owners};
-use mesh_mover::sample::{plate_in_box, plate_structure};
 use mesh_mover::state::State;
 
-pub struct Rig {
+pub struct MoverFixture {
     pub grid: FlowGrid,
     pub structure: StructureMesh,
     pub mover: MeshMover,
@@ -19,7 +19,7 @@ pub struct Rig {
     pub output: Vec<f64>,
 }
 
-impl Rig {
+impl MoverFixture {
     pub fn new(comm: &Comm, settings: &MeshMotion, state: Option<State>) -> Self {
         let grid = plate_in_box(8, 0.1, 0.8, true);
         let structure = plate_structure(&grid);

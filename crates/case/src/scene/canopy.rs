@@ -20,9 +20,15 @@ pub enum Canopy {
     Circular(FlatCanopy),
     /// The square air bag of the paper, section 1.4: one octant by symmetry.
     AirBag(AirBag),
-    /// A surface mesh from a file; a flow needs `[flow.grid_file]`.
+    /// A surface mesh from a Gmsh file (format 4.1, metres); a flow needs `[flow.grid_file]`.
+    ///
+    /// Triangles and quadrilaterals of the file are fabric; where the file has a volume grid too, those of the physical
+    /// group `canopy`. Physical groups named `lines`, `risers` and `reinforcements` are cables at their rest length;
+    /// `fixed`, `fixed-x`, `fixed-y` and `fixed-z` hold nodes; `payload` is the point of the payload.
     Gmsh(GmshCanopy),
-    /// A flat rectangular panel; a flow needs `[flow.box]`.
+    /// A flat rectangular panel in the plane z = 0, its middle at the origin; a flow needs `[flow.box]`.
+    ///
+    /// It has no stiffness across its plane except that of `fabric.prestress_pa`.
     Panel(PanelCanopy),
 }
 

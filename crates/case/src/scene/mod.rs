@@ -69,7 +69,7 @@ pub use structure::{Integration, Mass, Membrane, Structure};
 pub use times::{StageTimes, save_time};
 pub use wind::{Clock, Gust, StageWind};
 
-use crate::check::{Check, NAME_OF_FOLDER, Refusal, plain_name};
+use crate::check::{Allowed, Check, NAME_OF_FOLDER, Refusal, plain_name};
 use crate::error::{Problem, SceneError};
 use crate::place::span_of;
 
@@ -185,8 +185,18 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     if problems.is_empty() { Ok(scene) } else { Err(error(problems)) }
 }
 
+/// The ranges that the values of `scene` are compared with, in the order of the checks. A key that a scene does not have
+/// is compared with none.
+pub fn allowed_ranges(scene: &Scene) -> Vec<Allowed> {
+    checked(scene).allowed
+}
+
 /// Everything about the scene that no solver could work with: magnitudes, and sections that need each other.
 fn refusals(scene: &Scene) -> Vec<Refusal> {
+    checked(scene).refusals
+}
+
+fn checked(scene: &Scene) -> Check {
     let mut c = Check::default();
     name(scene, &mut c);
     canopy::check(scene, &mut c);
@@ -201,7 +211,7 @@ fn refusals(scene: &Scene) -> Vec<Refusal> {
     programs::check(scene, &mut c);
     reefing::check(scene, &mut c);
     stages::check(scene, &mut c);
-    c.refusals
+    c
 }
 
 fn name(scene: &Scene, c: &mut Check) {

@@ -1,4 +1,4 @@
-//! Fake participants and a scripted coupler, for tests in one process or in many.
+//! Test participants and a scripted coupler, for tests in one process or in several.
 #![allow(dead_code, reason = "each test file uses a part")]
 
 #[path = "../../../../tests/src/load.rs"]
@@ -17,25 +17,25 @@ use channel::{
 #[allow(unused_imports, reason = "each test file uses a part")]
 pub use load::{Available, Limit, deadline};
 
-/// Nodes and faces of the fake canopy, nodes of the fake grid.
+/// Nodes and faces of the test canopy, nodes of the test grid.
 pub const NODES: usize = 35;
 pub const FACES: usize = 24;
 pub const GRID: usize = 101;
 
-/// What a fake does wrong in a given call of `advance` (counted from 0).
+/// Injected error in a given call of `advance` (counted from 0).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Trouble {
     None,
     Fault(u32),
     Panic(u32),
     Nan(u32),
-    Forget(u32),
+    Unwritten(u32),
     Stall(u32),
     Exit(u32),
 }
 
-/// A participant with arithmetic in place of physics: each answer depends on all
-/// that it was given, so a stale or lost message shows in the numbers.
+/// A participant with arithmetic instead of physics: each response depends on all inputs, so a stale or lost message
+/// changes the numbers.
 pub struct Fake {
     pub role: Role,
     pub rank: usize,
@@ -78,7 +78,7 @@ pub fn width(role: Role) -> usize {
     }
 }
 
-/// Rows are dealt out in turn, backwards, so that no order is trivial.
+/// Rows are assigned in turn, in reverse order, so that no order is trivial.
 pub fn rows(role: Role, rank: usize, ranks: usize) -> Vec<u64> {
     let total = match role {
         Role::Structure => NODES,
@@ -88,7 +88,7 @@ pub fn rows(role: Role, rank: usize, ranks: usize) -> Vec<u64> {
     (0..total as u64).rev().filter(|row| *row as usize % ranks == rank).collect()
 }
 
-/// What node `row` of the fake grid holds, given the mean displacement.
+/// Value of node `row` of the test grid, given the mean displacement.
 pub fn grid_value(row: u64, component: usize, mean: f64, w: &Window) -> f64 {
     row as f64 + 0.1 * component as f64 + mean + 1e3 * w.index as f64 + 1e5 * w.iteration as f64
 }
@@ -107,17 +107,17 @@ impl Participant for Fake {
     }
 
     fn grid_rows(&self) -> Vec<u64> {
-        // Overlapping parts, as with ghost cells.
-        let wanted = |row: &u64| (row % self.ranks as u64) as usize == self.rank || row.is_multiple_of(5);
-        if self.role == Role::Flow { (0..GRID as u64).filter(wanted).collect() } else { Vec::new() }
+        // Overlapping parts, like ghost cells.
+        let is_read = |row: &u64| (row % self.ranks as u64) as usize == self.rank || row.is_multiple_of(5);
+        if self.role == Role::Flow { (0..GRID as u64).filter(is_read).collect() } else { Vec::new() }
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let call = self.calls;
         self.calls += 1;
         match self.trouble {
-            Trouble::Fault(n) if n == call => return Err(Fault::new("the fake has had enough")),
-            Trouble::Panic(n) if n == call => panic!("the fake panics"),
+            Trouble::Fault(n) if n == call => return Err(Fault::new("injected fault")),
+            Trouble::Panic(n) if n == call => panic!("injected panic"),
             Trouble::Stall(n) if n == call => {
                 println!("stalled");
                 thread::sleep(Duration::from_secs(3600));
@@ -143,7 +143,7 @@ impl Participant for Fake {
         }
         match self.trouble {
             Trouble::Nan(n) if n == call => output[width + 1] = f64::NAN,
-            Trouble::Forget(n) if n == call => output[0] = f64::from_bits(0x7ff8_0000_0000_0000),
+            Trouble::Unwritten(n) if n == call => output[0] = f64::from_bits(0x7ff8_0000_0000_0000),
             _ => {}
         }
         let mut stats = Stats::default();
@@ -168,13 +168,13 @@ impl Participant for Fake {
     }
 }
 
-/// A session name that no other test uses.
+/// A session name unique to a test.
 pub fn name(test: &str) -> String {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     format!("{test}-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
 }
 
-/// A deadline that no test is to meet, whatever else the machine does.
+/// A deadline that no test reaches, whatever the load of the machine.
 pub const LATE: Duration = Duration::from_secs(300);
 
 pub fn at(session: &str, role: Role, rank: usize, ranks: usize) -> ServeOptions {
@@ -201,7 +201,7 @@ pub fn options(session: &str, roles: &[(Role, usize)]) -> HubOptions {
 
 pub type Served = JoinHandle<Result<ServeEnd, ServeError>>;
 
-/// Serves a fake in a thread, as one rank.
+/// Serves a test participant in a thread, as one rank.
 pub fn spawn(session: &str, fake: Fake) -> Served {
     let at = at(session, fake.role, fake.rank, fake.ranks);
     spawn_at(at, fake)
@@ -217,8 +217,8 @@ pub fn spawn_all(session: &str, roles: &[(Role, usize)]) -> Vec<Served> {
     ranks.map(|(role, rank, n)| spawn(session, Fake::new(role, rank, n))).collect()
 }
 
-/// A wait that only watches the time: no test hangs.
-pub fn patience() -> impl FnMut() -> Result<(), Abort> {
+/// A time limit on waits, so that no test hangs.
+pub fn time_limit() -> impl FnMut() -> Result<(), Abort> {
     let limit = Limit::new(Duration::from_secs(30));
     move || if limit.passed() { Err(Abort::new("the test hangs")) } else { Ok(()) }
 }
@@ -239,20 +239,20 @@ pub fn gather(hub: &mut Hub, role: Role) -> Result<Vec<f64>, HubError> {
                 all[*row as usize * w..][..w].copy_from_slice(values);
             }
         },
-        &mut patience(),
+        &mut time_limit(),
     )?;
     Ok(all)
 }
 
-/// Opens a session and waits for everybody.
+/// Opens a session and waits for all participants.
 pub fn open(options: HubOptions) -> Result<Hub, HubError> {
     let mut hub = Hub::create(options)?;
-    let mut patience = patience();
-    hub.await_participants(&mut |_| patience())?;
+    let mut time_limit = time_limit();
+    hub.await_participants(&mut |_| time_limit())?;
     Ok(hub)
 }
 
-/// Names of what a session left in shared memory.
+/// Names of the remaining files of a session in shared memory.
 pub fn leftovers(session: &str) -> Vec<String> {
     channel::session_files(session).expect("a valid name").iter().map(|p| p.display().to_string()).collect()
 }

@@ -1,4 +1,4 @@
-//! The tables of schemes and accelerations, and the loop that a scene asks for.
+//! The tables of schemes and accelerations, and the window loop for a scene.
 
 use case::{Acceleration, Coupling, CouplingOrder, Scheme, StaggeredSequence};
 
@@ -8,7 +8,7 @@ use super::acceleration::{fixed_point, jacobian, quasi_newton};
 use super::sequences;
 use super::unknowns::Unknowns;
 use super::window::criterion::Criterion;
-use super::window::scheme::{CouplingScheme, FromScene, FromSurrogate, Modelled, SchemeSettings};
+use super::window::scheme::{CouplingScheme, FromScene, FromSurrogate, SchemeSettings, Surrogate};
 use super::window::values::InterfaceState;
 use super::window::window_loop::{WindowLoop, WindowLoopParts};
 use crate::descent::DescentModel;
@@ -20,7 +20,7 @@ fn acceleration(named: Acceleration) -> AccelerationRow {
         Acceleration::Aitken => accelerated::<fixed_point::Aitken>(),
         Acceleration::IqnIls => accelerated::<quasi_newton::QuasiNewton<jacobian::LeastSquaresJacobian>>(),
         Acceleration::IqnImvj => accelerated::<quasi_newton::QuasiNewton<jacobian::MultiVectorJacobian>>(),
-        // Its scheme is a row of `implicit`. Where that has no surrogate of the flow, IQN-ILS takes its place.
+        // Implemented as a row of `implicit`; IQN-ILS is the fallback without a surrogate.
         Acceleration::IbqnLs => acceleration(Acceleration::IqnIls),
     }
 }
@@ -28,9 +28,9 @@ fn acceleration(named: Acceleration) -> AccelerationRow {
 /// Staggered schemes by their names in a scene, one line each.
 fn staggered(named: StaggeredSequence) -> SchemeRow {
     match named {
-        StaggeredSequence::StructureFirst => plain::<sequences::staggered::StructureFirst>(),
-        StaggeredSequence::ConventionalSerial => plain::<sequences::staggered::FlowFirst>(),
-        StaggeredSequence::ImprovedSerial => plain::<sequences::staggered::HalfStep>(),
+        StaggeredSequence::StructureFirst => plain::<sequences::staggered::StructureFirstSerialStaggered>(),
+        StaggeredSequence::ConventionalSerial => plain::<sequences::staggered::ConventionalSerialStaggered>(),
+        StaggeredSequence::ImprovedSerial => plain::<sequences::staggered::ImprovedSerialStaggered>(),
         StaggeredSequence::RelaxedLoad => plain::<sequences::relaxed_load::RelaxedLoad>(),
         StaggeredSequence::AddedMass => surrogate::<sequences::added_mass_staggered::AddedMassStaggered>(),
     }
@@ -56,7 +56,7 @@ pub struct WindowLoopSetup<'a> {
     pub coupling: &'a Coupling,
     /// Layout of the unknowns.
     pub unknowns: Unknowns,
-    /// When iterate and response agree.
+    /// Convergence criterion.
     pub criterion: Criterion,
     /// Faces of the interface.
     pub faces: usize,
@@ -64,10 +64,10 @@ pub struct WindowLoopSetup<'a> {
     pub descent: Option<DescentModel>,
     /// Values on the interface at the start.
     pub interface: InterfaceState,
-    /// What quasi-Newton does with what no column spans.
+    /// Relaxation of the part of a residual that no quasi-Newton column spans.
     pub relaxation: Box<dyn Relaxation>,
-    /// The surrogate, for schemes that need one ([`needs_model`]).
-    pub modelled: Option<Modelled>,
+    /// The surrogate, for schemes that need one ([`needs_surrogate`]).
+    pub surrogate: Option<Surrogate>,
     /// Accepts windows that do not converge as long as they are finite.
     pub accept_unconverged: bool,
 }
@@ -77,7 +77,7 @@ pub fn window_loop(setup: WindowLoopSetup<'_>) -> WindowLoop {
     let WindowLoopSetup { coupling, unknowns, interface, .. } = setup;
     let parts = WindowLoopParts {
         stage: setup.stage.to_owned(),
-        scheme: scheme(SchemeSettings { coupling, unknowns, interface: &interface }, setup.modelled),
+        scheme: scheme(SchemeSettings { coupling, unknowns, interface: &interface }, setup.surrogate),
         accelerator: accelerator(coupling, unknowns.len(), setup.relaxation),
         unknowns,
         criterion: setup.criterion,
@@ -90,7 +90,7 @@ pub fn window_loop(setup: WindowLoopSetup<'_>) -> WindowLoop {
 
 type ConstructAcceleration = fn(&Coupling, usize, Box<dyn Relaxation>) -> Box<dyn Accelerator>;
 type ConstructScheme = fn(SchemeSettings<'_>) -> Box<dyn CouplingScheme>;
-type ConstructWithSurrogate = fn(SchemeSettings<'_>, Modelled) -> Box<dyn CouplingScheme>;
+type ConstructWithSurrogate = fn(SchemeSettings<'_>, Surrogate) -> Box<dyn CouplingScheme>;
 
 /// How an acceleration is constructed and described.
 struct AccelerationRow {
@@ -108,7 +108,7 @@ fn accelerated<A: FromCoupling>() -> AccelerationRow {
 /// How a scheme is constructed and described.
 struct SchemeRow {
     construct: ConstructScheme,
-    /// The same with the surrogate that the scheme needs; without one `construct` takes its place.
+    /// The same with the surrogate that the scheme needs; without a surrogate `construct` is used.
     construct_with: Option<ConstructWithSurrogate>,
     describe: fn(&Coupling) -> String,
 }
@@ -137,21 +137,21 @@ fn scheme_row(coupling: &Coupling) -> SchemeRow {
 }
 
 /// Whether a scene's scheme needs a surrogate of the flow.
-pub fn needs_model(coupling: &Coupling) -> bool {
+pub fn needs_surrogate(coupling: &Coupling) -> bool {
     scheme_row(coupling).construct_with.is_some()
 }
 
-/// The acceleration a scene asks for, for `unknowns` numbers. `rest` is what
-/// quasi-Newton does with what no column spans.
+/// The acceleration of a scene, for vectors of length `unknowns`. `rest` relaxes the part of a residual that no
+/// column spans.
 pub fn accelerator(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Box<dyn Accelerator> {
     (acceleration(coupling.acceleration).construct)(coupling, unknowns, rest)
 }
 
-/// The scheme that a scene asks for; its fallback without the surrogate that it needs.
-fn scheme(settings: SchemeSettings<'_>, modelled: Option<Modelled>) -> Box<dyn CouplingScheme> {
+/// The scheme of a scene; its fallback where the required surrogate is missing.
+fn scheme(settings: SchemeSettings<'_>, surrogate: Option<Surrogate>) -> Box<dyn CouplingScheme> {
     let row = scheme_row(settings.coupling);
-    match (row.construct_with, modelled) {
-        (Some(construct), Some(modelled)) => construct(settings, modelled),
+    match (row.construct_with, surrogate) {
+        (Some(construct), Some(surrogate)) => construct(settings, surrogate),
         _ => (row.construct)(settings),
     }
 }
@@ -166,7 +166,7 @@ pub fn describe(coupling: &Coupling) -> String {
         Scheme::Implicit => (scheme, (acceleration(coupling.acceleration).describe)(coupling)),
     };
     format!(
-        "{order}: at most {} iterations a window to {:.0e}, accelerated by {by}",
+        "{order}: at most {} iterations per window to a tolerance of {:.0e}, accelerated by {by}",
         coupling.max_iterations, coupling.tolerance
     )
 }

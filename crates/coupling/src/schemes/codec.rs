@@ -1,4 +1,5 @@
-//! What schemes and accelerations carry from window to window, as bytes: a resumed run is bitwise identical.
+//! State that schemes and accelerations carry from window to window, as bytes, so that a resumed run is bitwise
+//! identical.
 
 use archive::codec::fixed;
 use serde::Serialize;
@@ -14,11 +15,13 @@ pub fn pack(value: &impl Serialize) -> Vec<u8> {
 /// The value that [`pack`] encoded.
 ///
 /// # Errors
-/// Bytes of another scheme.
+/// Bytes that another scheme wrote.
 pub fn unpack<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, RunError> {
     fixed::decode(bytes).map_err(|_| {
         RunError::Input(
-            "the saved state of the coupling is that of another scheme or version of ripstop".into(),
+            "the saved state of the coupling belongs to another scheme or version of ripstop; restart the stage \
+             or restore the scheme of the saved run"
+                .into(),
         )
     })
 }

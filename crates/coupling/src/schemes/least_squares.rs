@@ -1,6 +1,6 @@
 //! Small dense least squares over a few long columns.
 
-/// $QR$ of columns that arrive one by one.
+/// $QR$ factors of columns that arrive one by one.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Columns {
     q: Vec<Vec<f64>>,
@@ -8,8 +8,8 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Adds a column, unless no more than the share `filter` of it is new (Haelterman et al.
-    /// 2016, QR2). Whether it was added.
+    /// Adds a column, unless its part orthogonal to the columns before is at most the fraction `filter` of it
+    /// (Haelterman et al. 2016, QR2). Returns whether it was added.
     pub fn push(&mut self, column: &[f64], filter: f64) -> bool {
         let mut v = column.to_vec();
         let length = norm(&v);
@@ -33,8 +33,8 @@ impl Columns {
         true
     }
 
-    /// Coefficients of the columns that come closest to `-residual`; what they do not span
-    /// stays in `residual`.
+    /// Coefficients of the columns whose combination is closest to `-residual`; the part that they do not span stays
+    /// in `residual`.
     pub fn remove(&self, residual: &mut [f64]) -> Vec<f64> {
         let mut c: Vec<f64> = Vec::with_capacity(self.q.len());
         for basis in &self.q {
@@ -52,7 +52,7 @@ impl Columns {
     }
 }
 
-/// In eight sums side by side: one after the other, each addition would wait for the last.
+/// Eight partial sums in parallel: a single one would serialise the additions.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
     let mut sums = [0.0; 8];
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn removes_what_the_columns_span() {
+    fn removes_the_part_in_the_span_of_the_columns() {
         let mut columns = Columns::default();
         assert!(columns.push(&[1.0, 1.0, 0.0], 1e-2));
         assert!(columns.push(&[1.0, -1.0, 0.0], 1e-2));

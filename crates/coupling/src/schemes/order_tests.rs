@@ -5,7 +5,7 @@ use channel::{Stats, Window};
 
 use super::test_support::{ClosedForm, one_mode};
 use super::*;
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::partners::LoadOverWindow;
 
 const SUBSTEPS: u64 = 4;
@@ -17,9 +17,9 @@ struct Oscillator {
     stiffness: f64,
     added: f64,
     damping: f64,
-    /// An outer pressure that does not change.
+    /// A constant outer pressure.
     steady: f64,
-    /// The outer pressure follows the motion $(1 - \cos t)^3$.
+    /// The outer pressure that gives the motion $(1 - \cos t)^3$.
     driven: bool,
     accepted: [f64; 2],
     trial: [f64; 2],
@@ -28,7 +28,7 @@ struct Oscillator {
     grid: f64,
     /// Length of the last window, s; 0 before it.
     last_dt: f64,
-    /// Longest window that the flow has an answer to, s, and how often it had none.
+    /// Longest window that the flow can solve, s, and number of windows that it could not.
     longest: f64,
     refused: u32,
 }
@@ -67,8 +67,7 @@ impl Oscillator {
         [u, rate(u, 1)]
     }
 
-    /// How much the structure moves per pressure at the window's end, and the flow's pressure
-    /// per motion.
+    /// Displacement of the structure per pressure at the window's end, and pressure of the flow per displacement.
     fn gains(&self, load: LoadShape, dt: f64) -> [f64; 2] {
         let share = if load == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 };
         let moved = self.substeps([share, share], dt)[0] - self.substeps([0.0; 2], dt)[0];
@@ -103,8 +102,8 @@ impl ClosedForm for Oscillator {
         if w.dt > self.longest {
             self.refused += 1;
             load.fill(f64::NAN);
-            let (place, message) = (Place::default(), "too long".into());
-            return Err(RunError::NoAnswer {
+            let (place, message) = (Location::default(), "too long".into());
+            return Err(RunError::SolveFailed {
                 role: Role::Flow,
                 program: "flow".into(),
                 place,
@@ -164,7 +163,7 @@ fn implicit(acceleration: Acceleration, order: CouplingOrder, load: LoadShape) -
 }
 
 #[test]
-fn each_scheme_has_the_order_that_it_promises() {
+fn each_scheme_has_its_theoretical_order() {
     use StaggeredSequence::{ConventionalSerial, ImprovedSerial, StructureFirst};
     let (gauss_seidel, jacobi) = (CouplingOrder::GaussSeidel, CouplingOrder::Jacobi);
     let cases = [
@@ -186,21 +185,21 @@ fn each_scheme_has_the_order_that_it_promises() {
     ];
     for (order, coupling) in cases {
         let errors = [100, 200, 400].map(|n| error(&coupling, n));
-        let seen = [(errors[0] / errors[1]).log2(), (errors[1] / errors[2]).log2()];
+        let observed = [(errors[0] / errors[1]).log2(), (errors[1] / errors[2]).log2()];
         let name = (coupling.scheme, coupling.staggered, coupling.order, coupling.load_interpolation);
-        println!("{name:?}: order {:.2} {:.2}, error {:.1e}", seen[0], seen[1], errors[2]);
+        println!("{name:?}: order {:.2} {:.2}, error {:.1e}", observed[0], observed[1], errors[2]);
         assert!(
-            (seen[1] - f64::from(order)).abs() < 0.25,
-            "{name:?}: {seen:?} instead of {order}, {errors:?}"
+            (observed[1] - f64::from(order)).abs() < 0.25,
+            "{name:?}: {observed:?} instead of {order}, {errors:?}"
         );
     }
 }
 
 #[test]
-fn relaxed_iterations_contract_as_the_closed_form_says() {
-    // One window, affine programs: x~ = b - G x. A factor omega leaves |1 - omega (1 + G)| of the
-    // error in Gauss-Seidel order, sqrt((1 - omega)^2 + omega^2 G) in Jacobi order, where the eigenvalues
-    // of the map are +-i sqrt(G); balanced scaling makes that matrix a normal one.
+fn relaxed_iterations_contract_at_the_theoretical_rate() {
+    // One window, affine programs: x~ = b - G x. A factor omega reduces the error by |1 - omega (1 + G)| in
+    // Gauss-Seidel order, by sqrt((1 - omega)^2 + omega^2 G) in Jacobi order, where the eigenvalues of the map are
+    // +-i sqrt(G); balanced scaling makes that matrix normal.
     let dt = 0.05;
     let model = Oscillator::new(3.0, 0.0, 4.0);
     let [moved, pressed] = model.gains(LoadShape::Mean, dt);
@@ -221,17 +220,17 @@ fn relaxed_iterations_contract_as_the_closed_form_says() {
             report = scheme.run(&mut here, w, false).unwrap();
         }
         let n = report.residuals.len();
-        let seen = (report.residuals[n - 1] / report.residuals[n - 6]).powf(0.2);
+        let observed = (report.residuals[n - 1] / report.residuals[n - 6]).powf(0.2);
         let exact = match order {
             CouplingOrder::GaussSeidel => (1.0 - omega * (1.0 + gain)).abs(),
             CouplingOrder::Jacobi => ((1.0 - omega).powi(2) + omega * omega * gain).sqrt(),
         };
-        assert!((seen - exact).abs() < 0.02, "{order:?}: {seen} instead of {exact}");
+        assert!((observed - exact).abs() < 0.02, "{order:?}: {observed} instead of {exact}");
     }
 }
 
 #[test]
-fn relaxation_beyond_the_limit_diverges() {
+fn relaxation_beyond_the_stability_limit_diverges() {
     let dt = 0.05;
     let model = Oscillator::new(30.0, 0.0, 4.0);
     let [moved, pressed] = model.gains(LoadShape::Mean, dt);
@@ -248,8 +247,7 @@ fn relaxation_beyond_the_limit_diverges() {
     }
 }
 
-/// Largest growth of a staggered scheme in a window, by power iteration on a free mode; infinite
-/// where it leaves the numbers.
+/// Largest growth factor of a staggered scheme per window, by power iteration on a free mode; infinite on overflow.
 fn growth(coupling: &Coupling, added: f64) -> f64 {
     let dt = 0.05;
     let mut model = Oscillator { driven: false, accepted: [1.0, 0.0], ..Oscillator::new(added, 0.0, 4.0) };
@@ -268,10 +266,10 @@ fn growth(coupling: &Coupling, added: f64) -> f64 {
 }
 
 #[test]
-fn predictors_narrow_the_added_mass_that_staggered_schemes_bear() {
+fn extrapolation_lowers_the_added_mass_limit_of_staggered_schemes() {
     use StaggeredSequence::{ImprovedSerial, StructureFirst};
-    // Heavy structures are borne by all, light ones by none (Causin, Gerbeau, Nobile 2005), whatever
-    // the order: extrapolation only moves the limit down.
+    // All are stable for heavy structures, none for light ones (Causin, Gerbeau, Nobile 2005), whatever the order:
+    // extrapolation only lowers the limit.
     for predictor in 0..=2 {
         for sequence in [StructureFirst, ImprovedSerial] {
             let coupling = staggered(sequence, predictor);
@@ -293,7 +291,7 @@ fn predictors_narrow_the_added_mass_that_staggered_schemes_bear() {
 }
 
 #[test]
-fn a_relaxed_load_is_stable_for_any_added_mass() {
+fn relaxed_load_is_stable_for_any_added_mass() {
     for added in [0.01, 0.3, 3.0, 30.0, 300.0] {
         let share = |of: f64| Coupling { relaxation: of / (1.0 + added), ..relaxed_load(1) };
         let (stable, plain) =
@@ -307,7 +305,7 @@ fn a_relaxed_load_is_stable_for_any_added_mass() {
     }
 }
 
-/// Largest error up to t = 2 with windows that alternate between one and two parts.
+/// Largest error up to t = 2 with windows that alternate between lengths 1 and 2.
 fn alternating(coupling: &Coupling, added: f64, pairs: u64) -> f64 {
     let part = 2.0 / (3 * pairs) as f64;
     let mut model = Oscillator::new(added, 0.5, 4.0);
@@ -323,11 +321,11 @@ fn alternating(coupling: &Coupling, added: f64, pairs: u64) -> f64 {
     worst
 }
 
-/// The wall's acceleration, a rate of rates, is of first order where windows alternate, and its error
-/// alternates with them: it averages out where load and motion agree in each window, not where
-/// loads are extrapolated. Without added mass, extrapolated loads keep the order as well.
+/// The wall's acceleration, a second difference, is first order where window lengths alternate, and its error
+/// alternates with them. It averages out where load and motion agree in each window, not where loads are
+/// extrapolated. Without added mass, extrapolated loads keep their order as well.
 #[test]
-fn windows_that_alternate_keep_the_order_where_no_acceleration_is_extrapolated() {
+fn order_is_kept_over_alternating_windows_where_no_acceleration_is_extrapolated() {
     use StaggeredSequence::{ConventionalSerial, StructureFirst};
     let cases = [
         (2.0, 0.1, implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Mean)),
@@ -339,19 +337,19 @@ fn windows_that_alternate_keep_the_order_where_no_acceleration_is_extrapolated()
     ];
     for (order, added, coupling) in cases {
         let errors = [60, 120, 240].map(|n| alternating(&coupling, added, n));
-        let seen = (errors[1] / errors[2]).log2();
+        let observed = (errors[1] / errors[2]).log2();
         let name = (coupling.scheme, coupling.staggered, coupling.load_interpolation, added);
-        println!("{name:?}, windows of 1 and 2: order {seen:.2}, error {:.1e}", errors[2]);
-        assert!((seen - order).abs() < 0.25, "{name:?}: {seen}, {errors:?}");
+        println!("{name:?}, windows of 1 and 2: order {observed:.2}, error {:.1e}", errors[2]);
+        assert!((observed - order).abs() < 0.25, "{name:?}: {observed}, {errors:?}");
     }
 }
 
-/// What the flow takes for the wall's acceleration on an exact motion: over windows of one and two parts its
-/// error is of first order and changes its sign, and the mean over a pair is of second.
-/// (The rate's own error, h (h + h') x''' / 6 for lengths h and h' before it, alternates between 3 and 6 parts squared; its
-/// difference over a window is -4.5 and 4.5 parts.)
+/// Acceleration of the wall in the flow, on an exact motion: over windows of lengths 1 and 2 its error is first order
+/// with alternating sign, and its mean over a pair is second order. (The error of the rate, h (h + h') x''' / 6 for
+/// lengths h and h' before it, alternates between 3 and 6 squared lengths; its difference over a window is -4.5 and
+/// 4.5 lengths.)
 #[test]
-fn the_error_of_a_rate_of_rates_alternates_with_the_windows() {
+fn error_of_the_second_difference_alternates_with_the_windows() {
     let errors = |pairs: u64| {
         let part = 2.0 / (3 * pairs) as f64;
         let mut model = Oscillator::new(0.0, 0.0, 1.0);
@@ -380,8 +378,8 @@ fn the_error_of_a_rate_of_rates_alternates_with_the_windows() {
     assert!((alone - 1.0).abs() < 0.1 && (paired - 2.0).abs() < 0.25, "{alone} {paired}");
 }
 
-/// Loads of the flow after a canopy that was held under the pressure 1 is let go, and the share of the flow's work that
-/// the structure did not feel, over `windows` windows of length `dt`.
+/// Loads of the flow after the release of a canopy that was held under the pressure 1, and the relative difference of
+/// the works on the structure and of the flow, over `windows` windows of length `dt`.
 fn release(coupling: &Coupling, held: bool, added: f64, dt: f64, windows: u64) -> (Vec<f64>, f64) {
     let mut model = Oscillator { steady: 1.0, driven: false, ..Oscillator::new(added, 0.5, 4.0) };
     let mut scheme = one_mode(coupling, 0.5 * dt * dt);
@@ -389,28 +387,28 @@ fn release(coupling: &Coupling, held: bool, added: f64, dt: f64, windows: u64) -
     if held {
         scheme = scheme.from_held();
     }
-    let (mut loads, mut given, mut felt) = (Vec::new(), 0.0, 0.0);
+    let (mut loads, mut flow_work, mut structure_work) = (Vec::new(), 0.0, 0.0);
     for index in 0..windows {
         let before = model.accepted;
         let w = Window { index, substeps: SUBSTEPS, time: index as f64 * dt, dt, ..Window::default() };
         scheme.run(&mut model, w, false).expect("a stable case");
         let load = scheme.state().load.as_ref().expect("known")[0];
         let energy = |[x, v]: [f64; 2]| 0.5 * (model.mass * v * v + model.stiffness * x * x);
-        given += load * (model.accepted[0] - before[0]);
-        felt += energy(model.accepted) - energy(before);
+        flow_work += load * (model.accepted[0] - before[0]);
+        structure_work += energy(model.accepted) - energy(before);
         loads.push(load);
     }
-    (loads, (felt - given) / felt.abs().max(given.abs()))
+    (loads, (structure_work - flow_work) / structure_work.abs().max(flow_work.abs()))
 }
 
-/// Light fabric in heavy air, held and let go. The load of the held fabric is not one that it can bear: taken into the
-/// mean it makes the first load -7/9 of it, and the next ones alternate. Where the first window takes the load of
-/// its end throughout, that is what the air leaves: 1/(1 + 1.125 a/m) with BDF2 from rest.
+/// Light fabric in heavy air, held and released. The load of the held fabric does not act on the free one: included
+/// in the mean it makes the first load -7/9 of it, and later ones alternate. Where the first window uses the load of
+/// its end throughout, the first load is 1/(1 + 1.125 a/m) with BDF2 from rest.
 #[test]
-fn a_released_canopy_takes_its_first_load_from_the_end_of_the_window() {
+fn first_window_after_a_release_uses_the_load_of_its_end() {
     let (added, dt) = (30.0, 5e-3);
     let gauss_seidel = CouplingOrder::GaussSeidel;
-    // Loads linear in time are unstable beside so much air: their first window only.
+    // Loads linear in time are unstable with so much added mass: only their first window is tested.
     for (load, windows) in [(LoadShape::Mean, 400), (LoadShape::Linear, 1)] {
         let coupling = implicit(Acceleration::IqnIls, gauss_seidel, load);
         let (loads, created) = release(&coupling, true, added, dt, windows);
@@ -419,7 +417,7 @@ fn a_released_canopy_takes_its_first_load_from_the_end_of_the_window() {
         assert!((loads[0] * (1.0 - moved * pressed) - 1.0).abs() < 1e-8, "{load:?}: {}", loads[0]);
         assert!(created.abs() < 0.02, "{load:?}: {created}");
         assert!(loads.iter().take(20).all(|p| *p > 0.0), "{load:?}: {loads:?}");
-        // What the load of the held canopy would do.
+        // With the load of the held canopy.
         let (loads, _) = release(&coupling, false, added, dt, windows);
         assert!(loads[0] < -0.4, "{load:?}: {}", loads[0]);
         if load == LoadShape::Mean {
@@ -431,36 +429,36 @@ fn a_released_canopy_takes_its_first_load_from_the_end_of_the_window() {
     }
 }
 
-/// A release is a jump of the load, to which the rates of the wall answer with first order; the window of first order
-/// makes that no worse.
+/// A release is a jump of the load, which the rates of the wall resolve to first order; the first-order window does
+/// not reduce that order.
 #[test]
-fn the_energy_that_a_release_creates_falls_with_the_window() {
+fn energy_created_by_a_release_decreases_with_the_window() {
     let coupling = implicit(Acceleration::IqnIls, CouplingOrder::GaussSeidel, LoadShape::Mean);
     let created = [100, 200, 400, 800].map(|n| release(&coupling, true, 30.0, 2.0 / n as f64, n).1.abs());
-    let seen = [0, 1, 2].map(|i| (created[i] / created[i + 1]).log2());
-    println!("share created after a release: {created:?}, order {seen:.2?}");
-    assert!(seen.iter().all(|order| (order - 1.0).abs() < 0.3), "{seen:?}");
+    let observed = [0, 1, 2].map(|i| (created[i] / created[i + 1]).log2());
+    println!("share created after a release: {created:?}, order {observed:.2?}");
+    assert!(observed.iter().all(|order| (order - 1.0).abs() < 0.3), "{observed:?}");
 }
 
-/// A window that is given back leaves no trace: with the answers of the shorter ones the
-/// motion is the same to the bit as if those had been asked at once.
+/// A rejected window changes nothing: after the retries the motion is bitwise identical to a run with the shorter
+/// windows from the start.
 #[test]
-fn a_window_given_back_leaves_no_trace() {
+fn rejected_window_leaves_the_motion_bitwise_identical() {
     for acceleration in [Acceleration::Aitken, Acceleration::IqnIls, Acceleration::IqnImvj] {
         let coupling = implicit(acceleration, CouplingOrder::GaussSeidel, LoadShape::Mean);
-        let fly = |tried: bool| {
+        let run_windows = |tried: bool| {
             let mut model = Oscillator { longest: 0.03, ..Oscillator::new(0.1, 0.5, 4.0) };
             let mut scheme = one_mode(&coupling, 1.0);
             let mut trace = Vec::new();
             for index in 0..40 {
                 let time = index as f64 * 0.02;
                 let w = Window { index, substeps: SUBSTEPS, time, dt: 0.02, ..Window::default() };
-                // Columns of other windows are forgotten with one that is given back: in both runs.
+                // A rejection drops the columns of other windows: in both runs.
                 if index % 10 == 5 {
                     let dt = if tried { 0.04 } else { 0.02 };
                     model.longest = if tried { 0.03 } else { 0.01 };
                     let refused = scheme.run(&mut model, Window { dt, ..w }, true);
-                    assert!(refused.expect_err("no answer").may_pass());
+                    assert!(refused.expect_err("no answer").is_retryable());
                     model.longest = 0.03;
                 }
                 scheme.run(&mut model, w, false).expect("an answer");
@@ -469,6 +467,6 @@ fn a_window_given_back_leaves_no_trace() {
             assert_eq!(model.refused, 4);
             trace
         };
-        assert_eq!(fly(true), fly(false), "{acceleration:?}");
+        assert_eq!(run_windows(true), run_windows(false), "{acceleration:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! What tests of several files share.
+//! Shared test fixtures.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use super::window::criterion::{Criterion, Field};
 use super::window::values::InterfaceState;
 use super::window::window_loop::WindowLoop;
 use crate::error::RunError;
-use crate::partners::{Answer, LoadOverWindow, Partners};
+use crate::partners::{LoadOverWindow, Partners, SolverResponse};
 
 /// Flat square of `n` x `n` faces with side 1.
 pub fn plate(n: usize) -> (Vec<Point>, Vec<[u32; 4]>) {
@@ -29,7 +29,7 @@ pub fn plate(n: usize) -> (Vec<Point>, Vec<[u32; 4]>) {
     (positions, faces)
 }
 
-/// Closed-form solvers in the place of the programs.
+/// Closed-form solvers instead of the programs.
 pub trait ClosedForm {
     /// Structure: its displacement, `[nodes][3]`, under a load over the window.
     fn solve_structure(&mut self, w: &Window, load: LoadOverWindow<'_>, displacement: &mut [f64]) -> Stats;
@@ -40,7 +40,7 @@ pub trait ClosedForm {
     /// Flow: its load, `[faces][LOAD_WIDTH]`.
     fn solve_flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Stats, RunError>;
 
-    /// The last responses are final.
+    /// The last responses become the accepted state.
     fn accept_window(&mut self, w: &Window);
 }
 
@@ -50,17 +50,17 @@ impl<T: ClosedForm> Partners for T {
         w: &Window,
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
-        Ok(Answer { stats: self.solve_structure(w, load, displacement), wall_s: 0.0 })
+    ) -> Result<SolverResponse, RunError> {
+        Ok(SolverResponse { stats: self.solve_structure(w, load, displacement), wall_s: 0.0 })
     }
 
-    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn mesh(&mut self, _w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError> {
         self.move_mesh(displacement);
-        Ok(Answer::default())
+        Ok(SolverResponse::default())
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
-        Ok(Answer { stats: self.solve_flow(w, load)?, wall_s: 0.0 })
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
+        Ok(SolverResponse { stats: self.solve_flow(w, load)?, wall_s: 0.0 })
     }
 
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {
@@ -104,7 +104,7 @@ pub fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
         descent: None,
         interface: at_rest(1, 1, 0.0),
         relaxation: Box::new(Uniform(coupling.relaxation)),
-        modelled: None,
+        surrogate: None,
         accept_unconverged: false,
     })
 }

@@ -1,5 +1,5 @@
-//! Schemes against a closed-form added-mass problem: a tensioned membrane
-//! (modes of a string) on a fluid whose only effect is an added mass per mode.
+//! Schemes against a closed-form added-mass problem: a tensioned membrane (modes of a string) on a fluid whose only
+//! effect is an added mass per mode.
 
 use case::{Acceleration, Coupling, DescentEquation, Scheme};
 use channel::{LOAD_WIDTH, Stats, Window, flow_stats};
@@ -47,7 +47,7 @@ struct AddedMass {
     drag: f64,
     accepted: Vec<Mode>,
     trial: Vec<Mode>,
-    /// Positions at the last two window ends, wall velocities likewise.
+    /// Positions at the last two window ends, then wall velocities.
     fluid: [Vec<f64>; 4],
     grid: Vec<f64>,
     velocity: [f64; 2],
@@ -83,7 +83,7 @@ impl AddedMass {
         modes.iter().enumerate().map(|(j, m)| Self::shape(j, i) * m).sum()
     }
 
-    /// Pressure that drives mode `j`, before the added mass: a steady push.
+    /// Pressure that drives mode `j`, without the added mass: a constant load.
     fn drive(j: usize) -> f64 {
         Self::modal(|_| 200.0)[j]
     }
@@ -111,7 +111,7 @@ impl ClosedForm for AddedMass {
         let positions: Vec<f64> = self.trial.iter().map(|m| m.x).collect();
         for (i, node) in displacement.chunks_exact_mut(3).enumerate() {
             let z = Self::nodal(&positions, i);
-            // Tangential motion follows and does not move the air.
+            // Tangential motion, which accelerates no air.
             node.copy_from_slice(&[0.3 * z, 0.0, z]);
         }
         Stats::default()
@@ -163,7 +163,7 @@ fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64
         descent,
         interface: at_rest(NODES, NODES, velocity),
         relaxation: Box::new(Uniform(coupling.relaxation)),
-        modelled: None,
+        surrogate: None,
         accept_unconverged: false,
     })
 }
@@ -172,9 +172,9 @@ fn window(index: u64) -> Window {
     Window { index, substeps: u64::from(SUBSTEPS), time: index as f64 * DT, dt: DT, ..Window::default() }
 }
 
-/// Iterations of each window; error of the last positions against the exact solution
-/// of the coupled discrete equations, relative to the largest.
-fn fly(mass_ratio: f64, coupling: &Coupling, windows: u64) -> Result<(Vec<u32>, f64), RunError> {
+/// Iterations of each window; error of the last positions against the exact solution of the coupled discrete
+/// equations, relative to the largest.
+fn run_windows(mass_ratio: f64, coupling: &Coupling, windows: u64) -> Result<(Vec<u32>, f64), RunError> {
     let mut model = AddedMass::new(mass_ratio);
     let mut exact = AddedMass::new(mass_ratio);
     let (mut loads, mut before) = (vec![0.0; NODES], vec![0.0; NODES]);
@@ -182,14 +182,14 @@ fn fly(mass_ratio: f64, coupling: &Coupling, windows: u64) -> Result<(Vec<u32>, 
     let mut iterations = Vec::new();
     for index in 0..windows {
         iterations.push(scheme.run(&mut model, window(index), false)?.iterations);
-        // Both answers are affine in their input, so each mode is one equation.
+        // Both responses are affine in their input, so each mode is one equation.
         let mut positions = vec![0.0; NODES];
         for j in 0..NODES {
             let [a, b, c] = MEAN_WEIGHTS;
             let known = b * loads[j] + c * before[j];
             let answer = |end: f64| {
-                let felt = a * end + known;
-                substeps(exact.accepted[j], exact.stiffness[j], [felt, felt], DT)
+                let load = a * end + known;
+                substeps(exact.accepted[j], exact.stiffness[j], [load, load], DT)
             };
             let (alpha, beta) = (answer(0.0).x, answer(1.0).x - answer(0.0).x);
             let gamma = exact.pressure(j, 0.0, DT);
@@ -207,7 +207,7 @@ fn fly(mass_ratio: f64, coupling: &Coupling, windows: u64) -> Result<(Vec<u32>, 
     Ok((iterations, error / largest))
 }
 
-/// Largest displacement over the run; infinite when it ends in an error.
+/// Largest displacement over the run; infinite where it ends in an error.
 fn largest_motion(mass_ratio: f64, coupling: &Coupling, windows: u64) -> f64 {
     let mut model = AddedMass::new(mass_ratio);
     let mut scheme = window_loop(coupling, None, 0.0);
@@ -220,10 +220,9 @@ fn largest_motion(mass_ratio: f64, coupling: &Coupling, windows: u64) -> f64 {
 #[test]
 fn iqn_ils_converges_for_every_mass_ratio() {
     for ratio in [0.1, 1.0, 10.0, 50.0, 100.0, 1000.0] {
-        let (iterations, error) = fly(ratio, &coupling(Acceleration::IqnIls, 0.05), 60).unwrap();
+        let (iterations, error) = run_windows(ratio, &coupling(Acceleration::IqnIls, 0.05), 60).unwrap();
         let mean = f64::from(iterations.iter().sum::<u32>()) / iterations.len() as f64;
-        // 24 modes: without secants of past windows each window could need as
-        // many iterations; measured 3.6 to 5.5.
+        // 24 modes: without columns of past windows each window could need as many iterations; measured 3.6 to 5.5.
         assert!(error < 1e-6, "ratio {ratio}: error {error:.1e} at tolerance 1e-6");
         assert!(mean < 7.0, "ratio {ratio}: {mean} iterations a window: {iterations:?}");
     }
@@ -232,55 +231,55 @@ fn iqn_ils_converges_for_every_mass_ratio() {
 #[test]
 fn iqn_imvj_converges_for_every_mass_ratio() {
     for ratio in [0.1, 1.0, 10.0, 50.0, 100.0, 1000.0] {
-        let (iterations, error) = fly(ratio, &coupling(Acceleration::IqnImvj, 0.05), 60).unwrap();
+        let (iterations, error) = run_windows(ratio, &coupling(Acceleration::IqnImvj, 0.05), 60).unwrap();
         let mean = f64::from(iterations.iter().sum::<u32>()) / iterations.len() as f64;
         println!("ratio {ratio}: {mean} iterations a window");
         assert!(error < 1e-6, "ratio {ratio}: error {error:.1e} at tolerance 1e-6");
-        // Only the newest secants are fitted exactly: more iterations than IQN-ILS with its reuse.
+        // Only the newest columns are fitted exactly: more iterations than IQN-ILS with its reuse.
         assert!(mean < 15.0, "ratio {ratio}: {mean} iterations a window: {iterations:?}");
     }
 }
 
 #[test]
-fn reused_secants_pay() {
-    let with = fly(50.0, &coupling(Acceleration::IqnIls, 0.05), 40).unwrap().0;
+fn reused_columns_reduce_the_iterations() {
+    let with = run_windows(50.0, &coupling(Acceleration::IqnIls, 0.05), 40).unwrap().0;
     let alone = Coupling { reused_windows: 0, ..coupling(Acceleration::IqnIls, 0.05) };
-    let without = fly(50.0, &alone, 40).unwrap().0;
+    let without = run_windows(50.0, &alone, 40).unwrap().0;
     let total = |n: &[u32]| n.iter().sum::<u32>();
     assert!(total(&with) * 2 < total(&without), "{} against {}", total(&with), total(&without));
 }
 
 #[test]
-fn aitken_and_constant_relaxation_reach_the_same_answer() {
+fn aitken_and_constant_relaxation_converge_to_the_same_solution() {
     for (acceleration, relaxation) in [(Acceleration::Aitken, 0.05), (Acceleration::Constant, 0.05)] {
         let slow = Coupling { max_iterations: 3000, ..coupling(acceleration, relaxation) };
-        let (_, error) = fly(20.0, &slow, 12).unwrap();
+        let (_, error) = run_windows(20.0, &slow, 12).unwrap();
         assert!(error < 1e-4, "{acceleration:?}: {error:.1e}");
     }
 }
 
 #[test]
-fn plain_iteration_diverges_and_says_so() {
+fn unrelaxed_iteration_diverges_with_an_error() {
     let plain = coupling(Acceleration::Constant, 1.0);
-    let message = fly(50.0, &plain, 5).unwrap_err().to_string();
+    let message = run_windows(50.0, &plain, 5).unwrap_err().to_string();
     assert!(message.contains("window 0") && message.contains("Remedies"), "{message}");
 }
 
 #[test]
-fn staggered_stands_for_heavy_canopies_only() {
+fn staggered_scheme_is_stable_for_heavy_canopies_only() {
     let staggered = Coupling { scheme: Scheme::Staggered, ..coupling(Acceleration::Constant, 1.0) };
     let implicit = coupling(Acceleration::IqnIls, 0.05);
     let reference = largest_motion(0.01, &implicit, 60);
     let motion = largest_motion(0.01, &staggered, 60);
     assert!(motion < 1.5 * reference, "{motion} against {reference}");
-    // The light canopy: the same scene explodes, while the iterated one stays bounded.
+    // The light canopy: the staggered run diverges, the iterated one stays bounded.
     let reference = largest_motion(50.0, &implicit, 60);
     let motion = largest_motion(50.0, &staggered, 60);
     assert!(motion > 1e6 * reference, "{motion} against {reference}");
 }
 
 #[test]
-fn linear_load_over_substeps_is_unstable_although_every_window_converges() {
+fn linear_load_interpolation_is_unstable_although_every_window_converges() {
     let mean = coupling(Acceleration::IqnIls, 0.05);
     let linear = Coupling { load_interpolation: case::LoadShape::Linear, ..mean.clone() };
     let (stable, unstable) = (largest_motion(50.0, &mean, 40), largest_motion(50.0, &linear, 40));
@@ -288,9 +287,9 @@ fn linear_load_over_substeps_is_unstable_although_every_window_converges() {
 }
 
 #[test]
-fn descent_is_solved_with_the_canopy() {
-    // A body of 100 kg with 3.2 times its mass of air: the velocity alone would
-    // diverge (3.2 > 1). Exact: implicit Euler of (m + m_a) dv/dt = c v^2 - m g.
+fn descent_is_coupled_with_the_canopy() {
+    // A body of 100 kg with an added mass of 3.2 times its own: iterating the velocity alone would diverge (3.2 > 1).
+    // Exact: implicit Euler of (m + m_a) dv/dt = c v^2 - m g.
     let model = DescentModel {
         mass_kg: 100.0,
         payload_kg: 100.0,
@@ -319,14 +318,14 @@ fn descent_is_solved_with_the_canopy() {
 }
 
 #[test]
-fn the_first_flow_answer_stands_for_an_unknown_start_load() {
+fn first_flow_response_replaces_an_unknown_start_load() {
     let mut model = AddedMass::new(10.0);
     let implicit = coupling(Acceleration::IqnIls, 0.05);
     let mut scheme = window_loop(&implicit, None, 0.0);
     scheme.state.interface.load = None;
     scheme.run(&mut model, window(0), false).unwrap();
-    // The answer to a canopy at rest is the steady push of 200 Pa; under it for the
-    // whole first window the membrane has moved further than from zero load.
+    // The response to a canopy at rest is the constant load of 200 Pa; with that load over the whole first window the
+    // membrane moves further than from zero load.
     let with = scheme.state().displacement[3 * (NODES / 2) + 2];
     let mut other = AddedMass::new(10.0);
     let mut zero = window_loop(&implicit, None, 0.0);

@@ -17,26 +17,25 @@ pub struct Unknowns {
 impl Unknowns {
     /// For `nodes` canopy nodes and windows of `dt` seconds.
     ///
-    /// The velocity is scaled by $\Delta t \sqrt{N}$: a change of the frame's
-    /// velocity then weighs as much as the displacement of all nodes that would
-    /// move the canopy equally far through the air within the window.
+    /// The velocity is scaled by $\Delta t \sqrt{N}$: a change of the frame's velocity then has the norm of the nodal
+    /// displacements that move the canopy equally far through the air within the window.
     pub fn new(nodes: usize, dt: f64, descends: bool) -> Self {
         let velocity_scale = dt * (nodes as f64).sqrt();
         Self { nodes, window_s: dt, velocity_scale, descends, loads: 0, load_scale: 0.0 }
     }
 
-    /// Length of the windows that the scales are made for, s.
+    /// Window length of the scales, s.
     pub fn window_s(&self) -> f64 {
         self.window_s
     }
 
-    /// With `numbers` of the load among the unknowns, each times `scale` (m/Pa): best what a
-    /// pressure on all faces moves the nodes within a window, so that both weigh alike.
+    /// With `numbers` of the load among the unknowns, each times `scale` (m/Pa): best the displacement by a pressure
+    /// on all faces within a window, so that both have the same weight.
     pub fn with_loads(self, numbers: usize, scale: f64) -> Self {
         Self { loads: numbers, load_scale: scale, ..self }
     }
 
-    /// Numbers of the load among the unknowns.
+    /// Number of load unknowns.
     pub fn loads(&self) -> usize {
         self.loads
     }
@@ -50,7 +49,7 @@ impl Unknowns {
         3 * self.nodes + usize::from(self.descends)
     }
 
-    /// Puts the load into `x`; nothing where it is no unknown.
+    /// Puts the load into `x`; no effect where the load is not an unknown.
     pub fn pack_load(&self, load: &[f64], x: &mut [f64]) {
         let at = self.loads_at();
         x[at..at + self.loads].iter_mut().zip(load).for_each(|(x, l)| *x = l * self.load_scale);
@@ -71,12 +70,12 @@ impl Unknowns {
         self.len() == 0
     }
 
-    /// Numbers that are displacements.
+    /// Number of displacement unknowns.
     pub fn displacements(&self) -> usize {
         3 * self.nodes
     }
 
-    /// Whether the frame's velocity is among them.
+    /// Whether the frame's velocity is an unknown.
     pub fn descends(&self) -> bool {
         self.descends
     }

@@ -1,4 +1,4 @@
-//! A surface of faces, and why two of them do not fit.
+//! A surface of faces, and mismatches between two of them.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,44 +30,44 @@ impl Surface {
     }
 }
 
-/// Area vector (m2) of a face whose nodes stand at `x`.
+/// Area vector (m2) of a face whose nodes are at `x`.
 pub(super) fn face_area(face: &[u32; 4], x: &[Vec3]) -> Vec3 {
     quad_area_vector(face.map(|n| x[n as usize]))
 }
 
-/// Mean of the corners of a face whose nodes stand at `x`.
+/// Mean of the corners of a face whose nodes are at `x`.
 pub(super) fn middle(face: &[u32; 4], x: &[Vec3]) -> Vec3 {
     let nodes = distinct(face);
     let sum = nodes[1..].iter().fold(x[nodes[0] as usize], |sum, &n| sum + x[n as usize]);
     sum / nodes.len() as f64
 }
 
-/// The triangles of a face, by nodes.
+/// The triangles of a face, as nodes.
 pub(super) fn triangles_of(face: &[u32; 4]) -> impl Iterator<Item = [u32; 3]> + use<> {
     let [a, b, c, d] = *face;
     [Some([a, b, c]), (c != d).then_some([a, c, d])].into_iter().flatten()
 }
 
-/// Why two surfaces do not fit.
+/// Mismatch of two surfaces.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TransferError {
     /// No face with an area.
     #[error("the surface of the structure has no face with an area")]
     Empty,
-    /// A face names a node that is not there.
+    /// A face names a node that does not exist.
     #[error("face {face} of the structure's surface names node {node} of {nodes}")]
     Node {
-        /// Face.
+        /// The face.
         face: usize,
-        /// Node that it names.
+        /// The node that it names.
         node: u32,
-        /// Nodes that there are.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// A canopy node that no face is near.
+    /// A canopy node far from all faces.
     #[error(
-        "canopy node {node} is {distance:.3} m from the structure's surface, whose longest edge is {edge:.3} m: \
-         it is another canopy"
+        "canopy node {node} is {distance:.3} m from the structure's surface, whose longest edge is {edge:.3} m, so it is \
+         the surface of another canopy; give the structure the geometry of the scene"
     )]
     Far {
         /// Canopy node.

@@ -1,27 +1,27 @@
-//! The way between a canopy and another surface of the same shape.
+//! Transfer between a canopy and another surface of the same shape.
 
 use channel::LOAD_WIDTH;
 use nalgebra::Matrix3;
 
-use super::near::{Near, blend, normal};
+use super::nearest_triangle::{NearestTriangle, blend, normal};
 use super::surface::{Surface, TransferError, face_area, middle, triangles_of};
 use crate::geometry::{Vec3, face_force};
 
-/// Where a canopy node hangs.
+/// Projection of a canopy node on a triangle of the structure's surface.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Foot {
+pub(super) struct Projection {
     corners: [u32; 3],
     weights: [f64; 3],
     pub(super) height: f64,
 }
 
-/// The way between a canopy and another surface of the same shape.
+/// Transfer between a canopy and another surface of the same shape.
 #[derive(Clone, Debug)]
 pub struct Transfer {
     canopy: Surface,
     own: Surface,
-    pub(super) feet: Vec<Foot>,
-    /// Canopy faces beside the sampling points of each own face.
+    pub(super) projections: Vec<Projection>,
+    /// Canopy faces nearest to the sampling points of each own face.
     samples: Vec<[u32; SAMPLES]>,
 }
 
@@ -29,10 +29,10 @@ pub struct Transfer {
 const SAMPLES: usize = 9;
 
 impl Transfer {
-    /// Between the scene's canopy and the structure's own surface.
+    /// Transfer between the scene's canopy and the structure's own surface.
     ///
     /// # Errors
-    /// A surface that is none, or lies elsewhere.
+    /// A surface without area, or far from the canopy.
     pub fn new(canopy: Surface, own: Surface) -> Result<Self, TransferError> {
         let nodes = own.nodes.len();
         for (face, corners) in own.faces.iter().enumerate() {
@@ -48,9 +48,9 @@ impl Transfer {
         }
         let sides = triangles.iter().flat_map(|t| (0..3).map(move |i| (t[i], t[(i + 1) % 3])));
         let edge = sides.map(|(a, b)| (own.node(a) - own.node(b)).norm()).fold(0.0f64, f64::max);
-        let mut feet = Vec::with_capacity(canopy.nodes.len());
+        let mut projections = Vec::with_capacity(canopy.nodes.len());
         let corners_of = |s: &Surface, t: [u32; 3]| t.map(|n| s.node(n));
-        let near = Near::new(triangles.iter().map(|&t| corners_of(&own, t)).collect());
+        let near = NearestTriangle::new(triangles.iter().map(|&t| corners_of(&own, t)).collect());
         for (node, c) in canopy.nodes.iter().enumerate() {
             let c = Vec3::from(*c);
             let (triangle, distance) = near.to(c).unwrap_or((0, f64::INFINITY));
@@ -58,22 +58,22 @@ impl Transfer {
             if distance > edge {
                 return Err(TransferError::Far { node, distance, edge });
             }
-            // In the plane of the triangle, also where that is a little beyond its edge: nothing is left then.
+            // Extrapolated in the plane of the triangle slightly beyond its edge, so that no tangential part remains.
             let x = corners.map(|n| own.node(n));
             let (unit, d) = (normal(&x), c - x[0]);
             let square = unit.dot(&unit);
             let second = d.cross(&(x[2] - x[0])).dot(&unit) / square;
             let third = (x[1] - x[0]).cross(&d).dot(&unit) / square;
             let (weights, height) = ([1.0 - second - third, second, third], d.dot(&unit) / square.sqrt());
-            feet.push(Foot { corners, weights, height });
+            projections.push(Projection { corners, weights, height });
         }
         let faces = canopy.faces.iter().enumerate();
         let cut = faces.flat_map(|(f, face)| triangles_of(face).map(move |t| (f as u32, t)));
         let (faces, cut): (Vec<u32>, Vec<[Vec3; 3]>) = cut.map(|(f, t)| (f, corners_of(&canopy, t))).unzip();
-        let near = Near::new(cut);
-        let beside = |p: Vec3| near.to(p).map_or(0, |(triangle, _)| faces[triangle]);
-        let samples = own.faces.iter().map(|f| points(&f.map(|n| own.node(n))).map(beside)).collect();
-        Ok(Self { canopy, own, feet, samples })
+        let near = NearestTriangle::new(cut);
+        let nearest_face = |p: Vec3| near.to(p).map_or(0, |(triangle, _)| faces[triangle]);
+        let samples = own.faces.iter().map(|f| points(&f.map(|n| own.node(n))).map(nearest_face)).collect();
+        Ok(Self { canopy, own, projections, samples })
     }
 
     /// Nodes and faces of the structure's surface.
@@ -84,7 +84,8 @@ impl Transfer {
     /// Displacement of the canopy `[nodes][3]` under that of the structure's surface, m.
     pub fn motion(&self, own: &[f64], canopy: &mut [f64]) {
         let x = self.own.moved(own);
-        for ((foot, c), d) in self.feet.iter().zip(&self.canopy.nodes).zip(canopy.chunks_exact_mut(3)) {
+        for ((foot, c), d) in self.projections.iter().zip(&self.canopy.nodes).zip(canopy.chunks_exact_mut(3))
+        {
             let corners = foot.corners.map(|n| x[n as usize]);
             let unit = normal(&corners);
             let (at, size) = (blend(foot.weights, &corners), unit.norm().max(f64::MIN_POSITIVE));
@@ -92,9 +93,9 @@ impl Transfer {
         }
     }
 
-    /// Load on the structure's faces `[faces][LOAD_WIDTH]` (Pa) in the place of that on the canopy's, both at these
-    /// displacements: pressures push along area vectors, tractions act on areas. Sums of forces and moments
-    /// are the same to round-off.
+    /// Load on the structure's faces `[faces][LOAD_WIDTH]` (Pa) from that on the canopy's, both at these
+    /// displacements: pressures act along area vectors, tractions on areas. Sums of forces and moments agree to
+    /// round-off.
     pub fn load(&self, own: &[f64], canopy: &[f64], from: &[f64], to: &mut [f64]) {
         let (x, c) = (self.own.moved(own), self.canopy.moved(canopy));
         let force = |face: &[u32; 4], x: &[Vec3], load: &[f64]| face_force(&face_area(face, x), load);
@@ -109,7 +110,7 @@ impl Transfer {
         };
         let faces = self.own.faces.iter().zip(&self.samples);
         let mut on_faces: Vec<Vec3> = faces.map(|(f, s)| force(f, &x, &mean(s))).collect();
-        // Twice: the second time takes away the round-off of the first.
+        // Applied twice: the second pass removes the round-off of the first.
         for _ in 0..2 {
             restore(&places, &forces, &sizes, &middles, &mut on_faces);
         }
@@ -128,8 +129,8 @@ impl Transfer {
     }
 }
 
-/// Changes forces at `middles` by the least $A_f (a + b \times (c_f - c_0))$ that gives them the sum and the moment of
-/// `forces` at `x`.
+/// Corrects the forces at `middles` by the smallest $A_f (a + b \times (c_f - c_0))$ that gives them the sum and the
+/// moment of `forces` at `x`.
 fn restore(x: &[Vec3], forces: &[Vec3], sizes: &[f64], middles: &[Vec3], on_faces: &mut [Vec3]) {
     let total: f64 = sizes.iter().sum();
     if total == 0.0 {
@@ -137,13 +138,13 @@ fn restore(x: &[Vec3], forces: &[Vec3], sizes: &[f64], middles: &[Vec3], on_face
     }
     let centre = sizes.iter().zip(middles).fold(Vec3::repeat(-0.0), |sum, (s, c)| sum + *s * c) / total;
     let (mut sum, mut moment) = (Vec3::zeros(), Vec3::zeros());
-    let mut tally = |at: &Vec3, force: &Vec3, sign: f64| {
+    let mut count = |at: &Vec3, force: &Vec3, sign: f64| {
         sum += sign * force;
         moment += sign * (at - centre).cross(force);
     };
-    x.iter().zip(forces).for_each(|(x, f)| tally(x, f, 1.0));
-    middles.iter().zip(&*on_faces).for_each(|(c, f)| tally(c, f, -1.0));
-    // About their centre sums and moments part: a = sum / area, inertia b = moment.
+    x.iter().zip(forces).for_each(|(x, f)| count(x, f, 1.0));
+    middles.iter().zip(&*on_faces).for_each(|(c, f)| count(c, f, -1.0));
+    // About the centroid sum and moment decouple: a = sum / area, inertia b = moment.
     let mut inertia = Matrix3::zeros();
     for (size, c) in sizes.iter().zip(middles) {
         let r = c - centre;
@@ -166,9 +167,9 @@ fn solve(m: &Matrix3<f64>, r: Vec3) -> Option<Vec3> {
         .then(|| Vec3::new(r.dot(&b.cross(&c)), a.dot(&r.cross(&c)), a.dot(&b.cross(&r))) / whole)
 }
 
-/// Points spread evenly over a face with these corners.
+/// Sampling points distributed evenly over a face with these corners.
 pub(super) fn points([a, b, c, d]: &[Vec3; 4]) -> [Vec3; SAMPLES] {
-    // Bilinear; a triangle's last side has no length, and its points crowd there a little.
+    // Bilinear; the last side of a triangle has no length, so its points cluster there slightly.
     std::array::from_fn(|k| {
         let [u, v] = [k % 3, k / 3].map(|i| (i as f64 + 0.5) / 3.0);
         let w = [(1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v];

@@ -2,7 +2,7 @@
 
 use channel::LOAD_WIDTH;
 
-use super::near::{blend, nearest, normal};
+use super::nearest_triangle::{blend, nearest, normal};
 use super::surface::{face_area, middle};
 use super::surface_transfer::points;
 use super::*;
@@ -64,7 +64,7 @@ fn smooth(s: &Surface) -> Vec<f64> {
 fn rigid_motion_is_exact() {
     let (canopy, own) = (cap(9, false), cap(4, true));
     let t = Transfer::new(canopy.clone(), own.clone()).unwrap();
-    assert!(t.feet.iter().any(|f| f.height > 1e-3), "the canopy lies off the coarse surface");
+    assert!(t.projections.iter().any(|f| f.height > 1e-3), "the canopy lies off the coarse surface");
     let (s, c) = 0.7f64.sin_cos();
     let rigid = |x: Vec3| [c * x[0] - s * x[2] + 2.0, x[1] - 1.0, s * x[0] + c * x[2] + 0.5];
     let mut d = vec![0.0; 3 * canopy.nodes.len()];
@@ -74,7 +74,7 @@ fn rigid_motion_is_exact() {
 }
 
 #[test]
-fn forces_and_moments_keep_their_sums_on_any_shape() {
+fn sums_of_forces_and_moments_are_conserved_in_any_configuration() {
     for (fine, coarse) in [(9, 4), (4, 9), (6, 6)] {
         let (canopy, own) = (cap(fine, false), cap(coarse, true));
         let t = Transfer::new(canopy.clone(), own.clone()).unwrap();
@@ -89,7 +89,7 @@ fn forces_and_moments_keep_their_sums_on_any_shape() {
     }
 }
 
-/// Largest error of motion and mean error of the force per area between surfaces with `n` and 3 n / 2 faces along a side.
+/// Largest error of motion and mean error of the force per area between surfaces with `n` and 3 n / 2 faces per side.
 fn errors(n: usize) -> [f64; 2] {
     let (canopy, own) = (cap(3 * n / 2, false), cap(n, true));
     let t = Transfer::new(canopy.clone(), own.clone()).unwrap();
@@ -105,16 +105,16 @@ fn errors(n: usize) -> [f64; 2] {
         let area_vector = face_area(face, &positions(&own));
         let size = area_vector.norm();
         let unit = area_vector / size;
-        // Force per area: what of a traction is normal to the face comes as pressure.
-        let apart = |i: usize| (a[0] - b[0]) * unit[i] + a[1 + i] - b[1 + i];
-        square += size * (0..3).map(|i| apart(i).powi(2)).sum::<f64>();
+        // Force per area: the normal part of a traction is transferred as pressure.
+        let difference = |i: usize| (a[0] - b[0]) * unit[i] + a[1 + i] - b[1 + i];
+        square += size * (0..3).map(|i| difference(i).powi(2)).sum::<f64>();
         area += size;
     }
     [motion, (square / area).sqrt()]
 }
 
 #[test]
-fn motion_is_of_second_order_and_loads_converge() {
+fn motion_is_second_order_and_loads_converge() {
     let (coarse, fine) = (errors(8), errors(16));
     let order: Vec<f64> = coarse.iter().zip(&fine).map(|(a, b)| (a / b).log2()).collect();
     println!("motion {coarse:?} to {fine:?}: orders {order:.2?}");
@@ -123,7 +123,7 @@ fn motion_is_of_second_order_and_loads_converge() {
 }
 
 #[test]
-fn surfaces_that_do_not_fit_are_told() {
+fn mismatched_surfaces_are_errors() {
     let far = Surface {
         nodes: cap(3, true).nodes.iter().map(|x| [x[0], x[1], x[2] + 9.0]).collect(),
         ..cap(3, true)
@@ -139,9 +139,9 @@ fn surfaces_that_do_not_fit_are_told() {
     assert_eq!(Transfer::new(cap(4, false), Surface::default()).unwrap_err(), TransferError::Empty);
 }
 
-/// Points off the middle, the edges and the corners of a triangle, whose feet are known.
+/// Points away from the interior, the edges and the corners of a triangle, with known projections.
 #[test]
-fn distances_from_a_triangle_are_those_of_known_feet() {
+fn distances_from_a_triangle_match_known_projections() {
     let corners = [[0.3, -0.2, 0.1], [1.4, 0.3, 0.4], [0.5, 1.1, -0.6]].map(Vec3::from);
     let [a, b, c] = corners;
     let up = normal(&corners).normalize();
@@ -159,21 +159,21 @@ fn distances_from_a_triangle_are_those_of_known_feet() {
             let p = away(foot, [(0.4, out), (-0.3, up)]);
             assert!((nearest(p, &corners) - 0.5).abs() < 1e-14, "edge {k}, {t}");
         }
-        // Beyond a corner, away from both other ones.
+        // Beyond a corner, away from the two other corners.
         let others = corners.iter().fold(Vec3::zeros(), |s, x| s + (from - x));
         let p = away(from, [(0.3, others.normalize()), (0.4, up)]);
         assert!((nearest(p, &corners) - 0.5).abs() < 1e-14, "corner {k}");
     }
 }
 
-/// On a parallelogram the bilinear map is affine: the points are thirds of its sides from each other.
+/// On a parallelogram the bilinear map is affine: the points are the centres of its ninths.
 #[test]
-fn points_of_a_parallelogram_are_the_middles_of_its_ninths() {
+fn sampling_points_of_a_parallelogram_are_the_centres_of_its_ninths() {
     let [a, along, across] = [[1.0, 2.0, 3.0], [3.0, 0.6, -0.3], [0.9, -6.0, 1.5]].map(Vec3::from);
     let at = |u: f64, v: f64| a + u * along + v * across;
     let corners = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
     for (k, p) in points(&corners).iter().enumerate() {
-        let wanted = at((k % 3) as f64 / 3.0 + 1.0 / 6.0, (k / 3) as f64 / 3.0 + 1.0 / 6.0);
-        assert!((p - wanted).norm() < 1e-14, "{k}: {p:?} {wanted:?}");
+        let expected = at((k % 3) as f64 / 3.0 + 1.0 / 6.0, (k / 3) as f64 / 3.0 + 1.0 / 6.0);
+        assert!((p - expected).norm() < 1e-14, "{k}: {p:?} {expected:?}");
     }
 }

@@ -1,5 +1,6 @@
-//! `ripstop picture`: rendered pictures of canopy and flow, as PNG.
+//! `ripstop picture`: rendered pictures and animations of canopy and flow, as PNG.
 
+mod animation;
 mod flow;
 mod legend;
 mod raster;
@@ -17,10 +18,11 @@ use mesh::Point;
 use mesh::vtk::read::Piece;
 use terminal::Console;
 
+use self::animation::Choice;
 use self::flow::Flow;
 use self::legend::{Legend, Range};
 use self::raster::Raster;
-use self::view::{Body, View, at_points};
+use self::view::{Body, View, at_points, draw as draw_body};
 use crate::colour::{INK, WARM};
 use crate::pixels::Image;
 use crate::sheet::{Anchor, Sheet};
@@ -33,6 +35,10 @@ const EYE: [f64; 2] = [28.0, -14.0];
 /// Times of figure 4 of the paper relative to the last one (0.2, 0.4 and 0.8 s of 1.5 s).
 const STRIP: [f64; 3] = [0.2 / 1.5, 0.4 / 1.5, 0.8 / 1.5];
 
+/// Cell fields that may colour the fabric: name, title, and the unit of the title in that of the field.
+const FABRIC: [(&str, &str, f64); 2] =
+    [("pressure_jump_pa", "pressure jump, Pa", 1.0), ("stress_1_pa", "major stress, MPa", 1e-6)];
+
 /// Arguments of `ripstop picture`.
 #[derive(Args)]
 pub struct PictureArgs {
@@ -44,12 +50,21 @@ pub struct PictureArgs {
     /// Time in the stage, in seconds; draws the nearest snapshot [default: the last]
     #[arg(long, value_name = "SECONDS", value_parser = time)]
     time: Option<f64>,
-    /// Folder of the pictures [default: RUN/pictures]
+    /// Folder of the pictures [default: RUN/pictures]; with --animate also a file that ends in .png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Width of the pictures, in pixels
-    #[arg(long, value_name = "PIXELS", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(200..=3000))]
-    width: u32,
+    /// Width of the pictures, in pixels [default: 1000; 800 with --animate]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(200..=3000))]
+    width: Option<u32>,
+    /// Draw one animated PNG, animation.png, of all stages (or of --stage): the canopy next to the flow
+    #[arg(long, conflicts_with = "time")]
+    animate: bool,
+    /// Frames per second of the animation
+    #[arg(long, value_name = "N", requires = "animate", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=60))]
+    fps: u16,
+    /// Maximum number of frames of the animation; more snapshots are thinned, coupled stages half as much as others
+    #[arg(long, value_name = "N", requires = "animate", default_value_t = 48, value_parser = clap::value_parser!(u16).range(2..=1000))]
+    frames: u16,
     /// Draw the flow in the diagonal plane y = x instead of the plane y = 0
     #[arg(long)]
     diagonal: bool,
@@ -59,12 +74,17 @@ fn time(text: &str) -> Result<f64, String> {
     text.parse::<f64>().ok().filter(|t| t.is_finite()).ok_or_else(|| "expected a time in seconds".into())
 }
 
-/// Draws `canopy.png`, `flow.png` and `pre-inflation.png`, as far as the run has snapshots for them.
+/// Draws `canopy.png`, `flow.png` and `pre-inflation.png`, as far as the run has snapshots for them; with `--animate` an
+/// animation instead.
 ///
 /// # Errors
 /// Results cannot be read, or pictures cannot be written.
 pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
     let results = RunSnapshots::open(&args.run)?;
+    if args.animate {
+        return animation(args, &results, console);
+    }
+    let width = args.width.unwrap_or(1000);
     let stage = results.stage(args.stage.as_deref())?;
     let name = &results.scene.stages[stage].name;
     let out = args.out.clone().unwrap_or_else(|| args.run.join("pictures"));
@@ -78,10 +98,10 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
 
     let structure = results.structure(stage, args.time)?;
     if let Some((time, canopy, lines)) = &structure {
-        let image = canopy_picture(canopy, lines.as_ref(), &caption(name, *time), args.width);
+        let image = canopy_picture(canopy, lines.as_ref(), &caption(name, *time), width);
         save(image, "canopy.png", format!("canopy in stage `{name}` at t = {time} s"))?;
     }
-    match flow_at(&results, stage, args.time, args.diagonal, args.width)? {
+    match flow_at(&results, stage, args.time, args.diagonal, width)? {
         Some((time, image)) => save(image, "flow.png", format!("flow in stage `{name}` at t = {time} s"))?,
         None if structure.is_none() => {
             return Err(RunError::Input(format!(
@@ -104,9 +124,29 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
         shapes.push(last);
         // A stage with few snapshots has the same one nearest to two of the times.
         shapes.dedup_by(|a, b| a.0 == b.0);
-        let image = strip(&shapes, args.width);
+        let image = strip(&shapes, width);
         save(image, "pre-inflation.png", "shapes of the canopy during pre-inflation".into())?;
     }
+    Ok(())
+}
+
+/// Writes the animation.
+fn animation(args: &PictureArgs, results: &RunSnapshots, console: &Console) -> Result<(), RunError> {
+    let choice = Choice {
+        stage: args.stage.as_deref(),
+        width: args.width.unwrap_or(800),
+        frames: usize::from(args.frames),
+        fps: args.fps,
+        diagonal: args.diagonal,
+    };
+    let (bytes, frames) = animation::animate(results, &choice)?;
+    let out = args.out.clone().unwrap_or_else(|| args.run.join("pictures"));
+    let path = if out.extension().is_some_and(|e| e == "png") { out } else { out.join("animation.png") };
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    folder.map_or(Ok(()), |f| std::fs::create_dir_all(f).map_err(RunError::file("create", f)))?;
+    std::fs::write(&path, &bytes).map_err(RunError::file("write", &path))?;
+    let kilobytes = bytes.len() / 1000;
+    console.line(&format!("{}: {frames} frames, {} per second, {kilobytes} kB", path.display(), args.fps));
     Ok(())
 }
 
@@ -125,7 +165,7 @@ fn flow_at(
         Some(now) => Some(now),
         None => results.last_before(stage)?,
     };
-    let flow = Flow::read(results, &snapshot.files, canopy.map(|(_, canopy, _)| canopy), diagonal)?;
+    let flow = Flow::read(results, &snapshot.files, canopy.map(|(_, canopy, _)| canopy), diagonal, None)?;
     let name = &results.scene.stages[stage].name;
     Ok(Some((snapshot.time, flow.picture(&caption(name, snapshot.time), width))))
 }
@@ -165,9 +205,7 @@ fn fabric(canopy: &Piece) -> (Legend, Vec<f64>) {
         scale: WARM,
         range: Range::of(values.iter().copied(), 0.01),
     };
-    for (name, title, unit) in
-        [("pressure_jump_pa", "pressure jump, Pa", 1.0), ("stress_1_pa", "major stress, MPa", 1e-6)]
-    {
+    for (name, title, unit) in FABRIC {
         let Some(column) = canopy.cell_field(name).filter(|c| c.width == 1) else { continue };
         let (mut values, _) = at_points(canopy, &column.values);
         values.iter_mut().for_each(|v| *v *= unit);
@@ -177,13 +215,18 @@ fn fabric(canopy: &Piece) -> (Legend, Vec<f64>) {
             return (legend(title, &values), values);
         }
     }
-    let moved: Vec<f64> = match canopy.point_field("displacement_m") {
+    let moved = displacement(canopy);
+    (legend("displacement, m", &moved), moved)
+}
+
+/// Length of the displacement of each point, m; zeros where the snapshot has none.
+fn displacement(canopy: &Piece) -> Vec<f64> {
+    match canopy.point_field("displacement_m") {
         Some(u) => {
             u.values.as_chunks::<3>().0.iter().map(|u| u.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
         }
         None => vec![0.0; canopy.points.len()],
-    };
-    (legend("displacement, m", &moved), moved)
+    }
 }
 
 fn all_points(canopy: &Piece, lines: Option<&Piece>) -> Vec<Point> {
@@ -205,7 +248,7 @@ fn canopy_picture(canopy: &Piece, lines: Option<&Piece>, caption: &str, width: u
     let [_, h] = raster.size();
     let view = View::fit(&all_points(canopy, lines), EYE, [0.04 * w, 0.03 * w], [0.92 * w, h - 0.06 * w]);
     let (legend, values) = fabric(canopy);
-    view::draw(&mut raster, &view, &Body { canopy, lines, values: &values }, &legend, (0.0016 * w).max(0.7));
+    draw_body(&mut raster, &view, &Body { canopy, lines, values: &values }, &legend, (0.0016 * w).max(0.7));
     let mut samples = raster.finish();
     let area = samples.area();
     let (sheet, text) = (Sheet(&area), 0.02 * w);
@@ -233,7 +276,7 @@ fn strip(shapes: &[Structure], width: u32) -> Image {
         let corner = [(i as f64 + 0.05) * frame, 0.035 * w];
         let view = View::fit(&points, EYE, corner, [0.9 * frame, h - 0.135 * w]);
         let body = Body { canopy, lines: lines.as_ref(), values };
-        view::draw(&mut raster, &view, &body, &legend, (0.001 * w).max(0.6));
+        draw_body(&mut raster, &view, &body, &legend, (0.001 * w).max(0.6));
     }
     let mut samples = raster.finish();
     let area = samples.area();

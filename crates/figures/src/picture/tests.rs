@@ -139,6 +139,36 @@ fn run_gives_three_pictures() {
 }
 
 #[test]
+fn animation_shows_all_stages_or_one() {
+    let run = run();
+    let run = run.path();
+    canopy(&run.join("pre-inflation"), &[0.2, 0.4, 1.5], 0.0);
+    canopy(&run.join("descent"), &[0.1, 0.2], 5.0);
+    flow(&run.join("descent"), "velocity_frame_m_s");
+    let history = "window,time_s,descent_speed_m_s\n0,0.1,4.0\n1,0.2,4.5\n";
+    std::fs::write(run.join("descent/history.csv"), history).unwrap();
+    let frames = |path: &Path| {
+        let bytes = std::fs::read(path).unwrap();
+        let reader = png::Decoder::new(&bytes[..]).read_info().unwrap();
+        (reader.info().animation_control.unwrap().num_frames, reader.info().width)
+    };
+    draw(run, &["--animate"]).unwrap();
+    keep(run, "animation.png");
+    assert_eq!(frames(&run.join("pictures/animation.png")), (5, 300));
+    let file = run.join("some/where/fall.png");
+    draw(run, &["--animate", "--stage", "descent", "--out", &file.display().to_string()]).unwrap();
+    assert_eq!(frames(&file), (2, 300));
+    draw(run, &["--animate", "--frames", "3", "--out", &file.display().to_string()]).unwrap();
+    assert_eq!(frames(&file), (3, 300));
+    // A run of the structure alone has the canopy alone.
+    draw(run, &["--animate", "--stage", "pre-inflation", "--out", &file.display().to_string()]).unwrap();
+    assert_eq!(frames(&file), (3, 300));
+    assert_eq!(draw(run, &["--animate", "--stage", "landing"]).unwrap_err().exit_code(), 2);
+    let error = draw(run, &["--animate", "--stage", "developed-flow"]).unwrap_err();
+    assert!(error.to_string().contains("surface_every_windows"), "{error}");
+}
+
+#[test]
 fn flow_around_a_canopy_at_rest_is_drawn() {
     let run = run();
     let run = run.path();

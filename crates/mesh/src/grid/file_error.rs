@@ -4,15 +4,15 @@ fn at(x: &Point) -> String {
     format!("({:.6}, {:.6}, {:.6})", x[0], x[1], x[2])
 }
 
-/// Why a Gmsh file is no flow grid for a scene. Elements have the tags of the file.
+/// Why a Gmsh file cannot be used as the flow grid of a scene. Element tags are those of the file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GridFileError {
     /// No hexahedra, prisms, pyramids or tetrahedra.
-    #[error("holds no volume elements: mesh its volumes too (gmsh -3)")]
+    #[error("the file has no volume elements; mesh the volumes as well (gmsh -3)")]
     NoVolume,
     /// A scene names a group that the file does not have.
     #[error(
-        "there is no physical group of surfaces named \"{name}\", which {key} wants; there are: {}",
+        "{key} names the physical group of surfaces \"{name}\", but the file has none of that name; available: {}",
         groups.join(", ")
     )]
     NoSuchGroup {
@@ -34,8 +34,8 @@ pub enum GridFileError {
     },
     /// An outer face that is in no physical group.
     #[error(
-        "the outer face at {} m of element {element} is in no physical group: \
-         put every outer surface into one (faces of a quadrilateral and two triangles do not match either)",
+        "the outer face at {} m of element {element} is in no physical group, so it has no boundary condition; \
+         put every outer surface into a group (the same message results where a quadrilateral meets two triangles)",
         at(place)
     )]
     NoGroup {
@@ -44,9 +44,9 @@ pub enum GridFileError {
         /// Middle of the face, m.
         place: Point,
     },
-    /// A cell that is inside out or flat.
+    /// A cell with zero or negative volume.
     #[error(
-        "the {shape} with tag {element} (cell {cell}) at {} m has volume {volume:.3e} m3: inverted",
+        "the {shape} with tag {element} (cell {cell}) at {} m has the volume {volume:.3e} m3: it is inverted; remesh that region",
         at(place)
     )]
     Inverted {
@@ -61,11 +61,11 @@ pub enum GridFileError {
         /// Its volume, m3.
         volume: f64,
     },
-    /// Cells that no path through faces leads to.
+    /// A grid whose cells are not all connected through faces.
     #[error(
-        "the volume falls into {parts} parts that share no faces; element {element} at {} m is not \
-         connected to the first: are nodes doubled where blocks meet (Coherence, or \
-         Mesh.MeshSizeExtendFromBoundary)?",
+        "the volume mesh has {parts} parts that share no faces; element {element} at {} m is not \
+         connected to the first part; if nodes are duplicated where blocks meet, merge them with \
+         Coherence or set Mesh.MeshSizeExtendFromBoundary",
         at(place)
     )]
     Unconnected {
@@ -76,10 +76,10 @@ pub enum GridFileError {
         /// Its centre, m.
         place: Point,
     },
-    /// A canopy node where the grid has none.
+    /// A canopy node without a grid node at its position.
     #[error(
-        "canopy node {node} is at {} m, but the nearest node of \"{membrane}\" is {distance:.3e} m away: \
-         the grid must be made around the shape that the stage starts with",
+        "canopy node {node} is at {} m, but the nearest node of \"{membrane}\" is {distance:.3e} m away; \
+         generate the grid around the shape at the start of the stage",
         at(place)
     )]
     NoNode {
@@ -94,8 +94,8 @@ pub enum GridFileError {
     },
     /// The faces of the membrane are not those of the canopy.
     #[error(
-        "\"{membrane}\" has {found} faces, {alike} of which are faces of the canopy, which has {expected}: \
-         both must be cut alike"
+        "\"{membrane}\" has {found} faces, {common} of them match the {expected} faces of the canopy; \
+         divide both into the same faces"
     )]
     OtherFaces {
         /// Group of the canopy's faces.
@@ -103,11 +103,11 @@ pub enum GridFileError {
         /// Faces in the file.
         found: usize,
         /// Faces that both have.
-        alike: usize,
+        common: usize,
         /// Faces of the canopy.
         expected: usize,
     },
-    /// A face of a patch or of the membrane that lies elsewhere.
+    /// A face of a patch or of the membrane at a wrong location.
     #[error("the face of \"{name}\" at {} m {what}", at(place))]
     Misplaced {
         /// Group of the face.

@@ -10,7 +10,7 @@ use case::{Condition, GridFile};
 
 use super::file_error::GridFileError;
 use crate::geometry::{Point, Vec3, distinct};
-use crate::msh::{Msh, Shape};
+use crate::msh::{ElementShape, Msh};
 use crate::quality;
 use crate::{FaceTable, FlowGrid, Graph, MeshError, StructureMesh, clean_face};
 
@@ -79,7 +79,7 @@ impl Reader<'_> {
             let face = numbered(&number, nodes).ok_or_else(|| GridFileError::Misplaced {
                 name: name.clone(),
                 place: self.middle(nodes),
-                what: "is a face of no cell",
+                what: "is not a face of any cell",
             })?;
             grid.boundary.push((*condition, face));
         }
@@ -93,13 +93,13 @@ impl Reader<'_> {
                     None => GridFileError::NoGroup { element: elements[cell].1, place: middle(&grid, nodes) },
                 })
             }
-            MeshError::LooseFace { kind, nodes, index } => {
+            MeshError::UnmatchedFace { kind, nodes, index } => {
                 let place = middle(&grid, nodes);
                 let (name, what) = if kind == "canopy" {
-                    (&self.file.membrane, "does not lie between two cells")
+                    (&self.file.membrane, "is not between two cells")
                 } else {
                     let name = conditions[surfaces.patches[index].0].0;
-                    (name, "is not on the outside of the volume, or is there twice")
+                    (name, "is not on the outer boundary of the volume, or occurs twice")
                 };
                 GridFileError::Misplaced { name: name.clone(), place, what }.into()
             }
@@ -111,7 +111,7 @@ impl Reader<'_> {
 
     fn surfaces(&self, conditions: &[(&String, &Condition)]) -> Surfaces<'_> {
         let mut surfaces = Surfaces::default();
-        let flat = |s| matches!(s, Shape::Triangle | Shape::Quadrilateral);
+        let flat = |s| matches!(s, ElementShape::Triangle | ElementShape::Quadrilateral);
         for block in self.msh.blocks.iter().filter(|b| flat(b.shape)) {
             let names: Vec<&str> = self.msh.names_of(block.entity).collect();
             let patch = conditions.iter().position(|(n, _)| names.contains(&n.as_str()));
@@ -186,7 +186,7 @@ impl Reader<'_> {
 
     /// Adds the cells and their nodes in the order of the file (nodes by their tags):
     /// shape and tag of each cell.
-    fn cells(&self, grid: &mut FlowGrid, number: &mut HashMap<u64, u32>) -> Vec<(Shape, u64)> {
+    fn cells(&self, grid: &mut FlowGrid, number: &mut HashMap<u64, u32>) -> Vec<(ElementShape, u64)> {
         let volumes = || self.msh.blocks.iter().filter(|b| b.shape.is_volume());
         let used: BTreeSet<u64> = volumes().flat_map(|b| b.nodes.iter().copied()).collect();
         for tag in used {
@@ -200,9 +200,9 @@ impl Reader<'_> {
             for (tag, nodes) in block.elements() {
                 let n = |k: usize| number[&nodes[k]];
                 grid.cells.push(match block.shape {
-                    Shape::Hexahedron => std::array::from_fn(n),
-                    Shape::Prism => [0, 1, 2, 2, 3, 4, 5, 5].map(n),
-                    Shape::Pyramid => [0, 1, 2, 3, 4, 4, 4, 4].map(n),
+                    ElementShape::Hexahedron => std::array::from_fn(n),
+                    ElementShape::Prism => [0, 1, 2, 2, 3, 4, 5, 5].map(n),
+                    ElementShape::Pyramid => [0, 1, 2, 3, 4, 4, 4, 4].map(n),
                     _ => [0, 1, 2, 2, 3, 3, 3, 3].map(n),
                 });
                 elements.push((block.shape, tag));
@@ -225,7 +225,7 @@ impl Reader<'_> {
             return Err(GridFileError::OtherFaces {
                 membrane: self.file.membrane.clone(),
                 found: membrane.len(),
-                alike: own.intersection(&found).count(),
+                common: own.intersection(&found).count(),
                 expected: canopy.faces.len(),
             });
         }
@@ -254,7 +254,7 @@ fn key(face: [u32; 4]) -> [u32; 4] {
 }
 
 /// Errs where there is no cell, and on the first that is inside out.
-fn check_cells(grid: &FlowGrid, elements: &[(Shape, u64)]) -> Result<(), GridFileError> {
+fn check_cells(grid: &FlowGrid, elements: &[(ElementShape, u64)]) -> Result<(), GridFileError> {
     if grid.cells.is_empty() {
         return Err(GridFileError::NoVolume);
     }
@@ -269,7 +269,11 @@ fn check_cells(grid: &FlowGrid, elements: &[(Shape, u64)]) -> Result<(), GridFil
 }
 
 /// Errs where the volume falls apart; the two sides of a canopy count as neighbours.
-fn connected(grid: &FlowGrid, table: &FaceTable, elements: &[(Shape, u64)]) -> Result<(), GridFileError> {
+fn connected(
+    grid: &FlowGrid,
+    table: &FaceTable,
+    elements: &[(ElementShape, u64)],
+) -> Result<(), GridFileError> {
     let graph = Graph::of_cells(grid.cells.len(), table);
     let mut part = vec![0usize; graph.len()];
     let (mut parts, mut second) = (0, None);

@@ -91,7 +91,7 @@ fn sorted_volumes(grid: &FlowGrid) -> Vec<f64> {
 }
 
 #[test]
-fn the_generated_grid_comes_back() {
+fn gmsh_round_trip_reproduces_the_generated_grid() {
     let flat =
         FlatCanopy { width_m: 2.0, cells_across: 4, line_count: 0, line_length_m: 0.0, segments_per_line: 1 };
     let mut scene = flow_scene(Canopy::Square(flat));
@@ -125,7 +125,7 @@ fn the_generated_grid_comes_back() {
 }
 
 #[test]
-fn all_shapes_of_cells_come_back() {
+fn gmsh_round_trip_keeps_all_cell_types() {
     for shape in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids] {
         for binary in [false, true] {
             let grid = box_grid_of(shape, [3, 2, 2], [0.0; 3], [1.0; 3], PATCHES);
@@ -163,7 +163,7 @@ fn refused(patches: &[(&str, Condition)], change: impl Fn(&mut FlowGrid)) -> Bad
 }
 
 #[test]
-fn what_is_wrong_is_named() {
+fn invalid_gmsh_grids_are_rejected_with_the_cause() {
     let none = |_: &mut FlowGrid| ();
     let groups =
         |e: &Bad| matches!(e, Bad::NoSuchGroup { name, groups, .. } if name == "inlet" && groups.len() == 6);
@@ -201,7 +201,7 @@ fn what_is_wrong_is_named() {
         let f = g.canopy_faces[0];
         g.canopy_faces.push([f[0], f[1], f[2], f[2]]);
     });
-    assert!(matches!(e, Bad::OtherFaces { alike: 7, expected: 8, .. }), "{e}");
+    assert!(matches!(e, Bad::OtherFaces { common: 7, expected: 8, .. }), "{e}");
     let e = refused(&ALL, |g| {
         let inner = g.canopy_faces[0];
         g.boundary.push((Patch::Wall, inner));
@@ -212,7 +212,7 @@ fn what_is_wrong_is_named() {
 }
 
 #[test]
-fn damaged_binary_files_are_refused_with_their_place() {
+fn damaged_binary_files_are_rejected_with_the_location() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("grid.msh");
     let grid = tetrahedra();

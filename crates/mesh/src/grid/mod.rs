@@ -6,8 +6,8 @@ mod from_file;
 mod from_file_tests;
 #[cfg(test)]
 mod inflate;
+mod node_placement;
 mod panel_box;
-mod place;
 mod sizes;
 mod smooth;
 #[cfg(test)]
@@ -78,7 +78,7 @@ pub fn draft_grid(scene: &Scene, canopy: &StructureMesh, positions: &[Point]) ->
     }
     let (blocks, width) = blocks(scene, &flow.grid, canopy)?;
     check_vents(&blocks, positions, LEAST_VENT * width)?;
-    let coords = place::place(&blocks, positions, &flow.grid, width);
+    let coords = node_placement::place(&blocks, positions, &flow.grid, width);
     let mut grid = blocks.grid(coords, canopy);
     let (canopy_nodes, far) = (canopy.n_canopy, blocks.far_field());
     smooth::smooth(&mut grid, |n| n < canopy_nodes || n >= far);
@@ -114,7 +114,7 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
             return Err(refuse(
                 "canopy.kind",
                 "gmsh",
-                "flow grids fit parametric canopies only; give one by [flow.grid_file], or run the structure alone",
+                "flow grids are generated for parametric canopies only; add [flow.grid_file], or run the structure alone",
             ));
         }
     };
@@ -144,7 +144,11 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
     let nodes = surface * (layers[0] + layers[1]) as u64 + (n + 1) * (n + 1) * (m + skirt as u64 + 1);
     // Faces are numbered in 32 bits, six for each cell.
     if nodes > u64::from(u32::MAX) / 7 {
-        return Err(refuse("flow.grid", nodes, "more nodes than the grid can number; use fewer cells"));
+        return Err(refuse(
+            "flow.grid",
+            nodes,
+            "gives more nodes than 32-bit numbering allows; use fewer cells",
+        ));
     }
     let blocks = Blocks::new(layout, canopy, skirt.max(2), grid.cells_across_vent as usize, layers);
     Ok((blocks, width))

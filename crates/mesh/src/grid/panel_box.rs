@@ -6,7 +6,7 @@ use crate::boxes::add_box_cells;
 use crate::structure::{positive, refuse};
 use crate::{FlowGrid, MeshError, Point, StructureMesh};
 
-/// The grid around the panel at `positions`, m. What the panel has moved fades linearly
+/// The grid around the panel at `positions`, m. The displacement of the panel decreases linearly
 /// towards the walls.
 pub(super) fn panel_box(
     b: &FlowBox,
@@ -21,7 +21,11 @@ pub(super) fn panel_box(
     let above = heights("flow.box.above_m", b.above_m, b.layers_above, b.first_layer_m)?;
     let (level, nz) = (below.len() - 1, below.len() + above.len() - 2);
     if (nx as u64 + 1) * (ny as u64 + 1) * (nz as u64 + 1) > u64::from(u32::MAX) / 7 {
-        return Err(refuse("flow.box", nx * ny * nz, "more cells than the grid can number; use fewer"));
+        return Err(refuse(
+            "flow.box",
+            nx * ny * nz,
+            "gives more cells than 32-bit numbering allows; use fewer",
+        ));
     }
     let mut grid = FlowGrid {
         coords: positions.to_vec(),

@@ -51,7 +51,7 @@ mod tests {
 
     /// Every kind of grid has the sizes that were said beforehand.
     #[test]
-    fn sizes_are_those_of_the_grid() {
+    fn predicted_sizes_match_the_grid() {
         let cases = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases");
         for name in ["square-drop", "plate-gmsh", "hard/leaflet", "hard/membrane-box", "hard/cavity"] {
             let scene = case::load(&cases.join(name).join("scene.toml")).unwrap();
@@ -65,7 +65,7 @@ mod tests {
 
     /// The ATPS needs no inflated shape to be counted: 46 500 cells, as `ripstop run` says of its grid.
     #[test]
-    fn vents_that_are_still_closed_are_counted() {
+    fn closed_vents_are_counted_in_the_sizes() {
         let cases = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases");
         let scene = case::load(&cases.join("atps-descent/scene.toml")).unwrap();
         let canopy = structure_mesh(&scene).unwrap();

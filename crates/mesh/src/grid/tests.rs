@@ -90,7 +90,7 @@ fn vents_are_open() {
 }
 
 #[test]
-fn closed_vents_are_refused() {
+fn closed_vents_are_rejected() {
     let scene = flow_scene(Canopy::Atps(Atps::default()));
     let mesh = structure_mesh(&scene).unwrap();
     let error = flow_grid(&scene, &mesh, &mesh.coords[..mesh.n_canopy]).unwrap_err();
@@ -191,7 +191,7 @@ fn inflated_flat_canopies() {
 }
 
 #[test]
-fn what_has_no_grid_is_refused() {
+fn unsupported_canopies_are_rejected() {
     let refused = |scene: &Scene| {
         let mesh = structure_mesh(scene).unwrap();
         let error = flow_grid(scene, &mesh, &mesh.coords[..mesh.n_canopy]).unwrap_err();

@@ -1,4 +1,4 @@
-//! Gmsh files, format 4.1, ASCII and binary: what they hold, by their own tags.
+//! Gmsh files, format 4.1, ASCII and binary: their entities, by the tags of the file.
 
 mod source;
 mod write;
@@ -17,7 +17,7 @@ pub(crate) type Tag = (u32, i64);
 pub(crate) struct Block {
     pub entity: Tag,
     /// Shape of its elements.
-    pub shape: Shape,
+    pub shape: ElementShape,
     /// Tag of each element.
     pub tags: Vec<u64>,
     /// Nodes of all elements, one after the other.
@@ -33,7 +33,7 @@ impl Block {
 
 /// Shapes of first-order elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Shape {
+pub(crate) enum ElementShape {
     Line,
     Triangle,
     Quadrilateral,
@@ -44,20 +44,20 @@ pub(crate) enum Shape {
     Point,
 }
 
-impl Shape {
+impl ElementShape {
     /// Gmsh's number, name, number of nodes.
-    const TABLE: [(Shape, i32, &'static str, usize); 8] = [
-        (Shape::Line, 1, "line", 2),
-        (Shape::Triangle, 2, "triangle", 3),
-        (Shape::Quadrilateral, 3, "quadrilateral", 4),
-        (Shape::Tetrahedron, 4, "tetrahedron", 4),
-        (Shape::Hexahedron, 5, "hexahedron", 8),
-        (Shape::Prism, 6, "prism", 6),
-        (Shape::Pyramid, 7, "pyramid", 5),
-        (Shape::Point, 15, "point", 1),
+    const TABLE: [(ElementShape, i32, &'static str, usize); 8] = [
+        (ElementShape::Line, 1, "line", 2),
+        (ElementShape::Triangle, 2, "triangle", 3),
+        (ElementShape::Quadrilateral, 3, "quadrilateral", 4),
+        (ElementShape::Tetrahedron, 4, "tetrahedron", 4),
+        (ElementShape::Hexahedron, 5, "hexahedron", 8),
+        (ElementShape::Prism, 6, "prism", 6),
+        (ElementShape::Pyramid, 7, "pyramid", 5),
+        (ElementShape::Point, 15, "point", 1),
     ];
 
-    fn entry(self) -> &'static (Shape, i32, &'static str, usize) {
+    fn entry(self) -> &'static (ElementShape, i32, &'static str, usize) {
         Self::TABLE.iter().find(|e| e.0 == self).expect("the table is complete")
     }
 
@@ -74,11 +74,17 @@ impl Shape {
     }
 
     pub fn is_volume(self) -> bool {
-        matches!(self, Shape::Tetrahedron | Shape::Hexahedron | Shape::Prism | Shape::Pyramid)
+        matches!(
+            self,
+            ElementShape::Tetrahedron
+                | ElementShape::Hexahedron
+                | ElementShape::Prism
+                | ElementShape::Pyramid
+        )
     }
 }
 
-/// What a file holds.
+/// Content of a Gmsh file.
 #[derive(Default)]
 pub(crate) struct Msh {
     /// Names of physical groups.
@@ -94,7 +100,7 @@ impl Msh {
     /// Reads a file.
     ///
     /// # Errors
-    /// Trouble with the file, and what is wrong in it with its place.
+    /// An input error, or invalid content with its location.
     pub fn read(path: &Path) -> Result<Self, MeshError> {
         let bytes = std::fs::read(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
         parse(&mut Source::new(path, &bytes))
@@ -126,7 +132,9 @@ fn parse(w: &mut Source) -> Result<Msh, MeshError> {
                 let binary: u32 = w.number("the file type")?;
                 let size: u32 = w.number("the data size")?;
                 if version != "4.1" || binary > 1 || size != 8 {
-                    return Err(w.error("not Gmsh format 4.1: write it with `gmsh -format msh41`"));
+                    return Err(
+                        w.error("the file is not in Gmsh format 4.1; convert it with `gmsh -format msh41`")
+                    );
                 }
                 if binary == 1 {
                     w.turn_binary()?;
@@ -157,7 +165,7 @@ fn parse(w: &mut Source) -> Result<Msh, MeshError> {
                 elements(w, &mut msh)?;
             }
             "$PartitionedEntities" => {
-                return Err(w.error("a partitioned mesh: save it whole, without partitions"));
+                return Err(w.error("the mesh is partitioned; save it without partitions"));
             }
             // Of no concern here.
             _ => {
@@ -236,7 +244,7 @@ fn elements(w: &mut Source, msh: &mut Msh) -> Result<(), MeshError> {
     for _ in 0..blocks {
         let entity: Tag = (w.int("a dimension")? as u32, w.int("an entity's tag")?);
         let kind = w.int("an element type")?;
-        let Some(&(shape, ..)) = Shape::TABLE.iter().find(|e| i64::from(e.1) == kind) else {
+        let Some(&(shape, ..)) = ElementShape::TABLE.iter().find(|e| i64::from(e.1) == kind) else {
             return Err(w.error(format!(
                 "element type {kind}: only first-order points, lines, triangles, quadrilaterals, \
                  tetrahedra, hexahedra, prisms and pyramids are read; set Mesh.ElementOrder = 1"

@@ -1,4 +1,4 @@
-//! Words or bytes of a Gmsh file, with their place for messages.
+//! Reader of words and bytes of a Gmsh file, with their location for messages.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -73,15 +73,15 @@ impl<'a> Source<'a> {
         word.parse().map_err(|_| self.error(format!("\"{word}\" is not {what}")))
     }
 
-    /// From here on data is binary: reads the 1 that marks the byte order.
+    /// From here on data is binary: reads the integer 1 that marks the byte order.
     pub fn turn_binary(&mut self) -> Result<(), MeshError> {
         self.kind = Kind::Little;
         self.start_data();
-        let one: [u8; 4] = self.take("the order of bytes")?;
+        let one: [u8; 4] = self.take("the byte-order mark")?;
         self.kind = match (i32::from_le_bytes(one), i32::from_be_bytes(one)) {
             (1, _) => Kind::Little,
             (_, 1) => Kind::Big,
-            _ => return Err(self.error("the mark of the byte order is not 1")),
+            _ => return Err(self.error("the byte-order mark of the binary file is not 1")),
         };
         Ok(())
     }

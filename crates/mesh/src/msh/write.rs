@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
-use super::Shape;
+use super::ElementShape;
 use crate::vtk::{volume_shape, write_aside};
 use crate::{FlowGrid, MeshError, clean_face};
 
@@ -41,27 +41,32 @@ impl Sink<'_> {
 struct Run {
     dimension: i32,
     entity: i32,
-    shape: Shape,
+    shape: ElementShape,
     elements: Vec<Vec<u32>>,
 }
 
 /// Nodes of the shape that a collapsed hexahedron is, in Gmsh's order.
-fn cell(nodes: &[u32; 8]) -> (Shape, Vec<u32>) {
+fn cell(nodes: &[u32; 8]) -> (ElementShape, Vec<u32>) {
     let (shape, n) = volume_shape(nodes);
     // VTK's wedge turns its triangles the other way.
-    if shape == Shape::Prism { (shape, vec![n[0], n[2], n[1], n[3], n[5], n[4]]) } else { (shape, n) }
+    if shape == ElementShape::Prism { (shape, vec![n[0], n[2], n[1], n[3], n[5], n[4]]) } else { (shape, n) }
 }
 
-fn face(nodes: [u32; 4]) -> (Shape, Vec<u32>) {
+fn face(nodes: [u32; 4]) -> (ElementShape, Vec<u32>) {
     match clean_face(nodes) {
-        Some([a, b, c, d]) if c == d => (Shape::Triangle, vec![a, b, c]),
-        Some(n) => (Shape::Quadrilateral, n.to_vec()),
-        None => (Shape::Quadrilateral, nodes.to_vec()),
+        Some([a, b, c, d]) if c == d => (ElementShape::Triangle, vec![a, b, c]),
+        Some(n) => (ElementShape::Quadrilateral, n.to_vec()),
+        None => (ElementShape::Quadrilateral, nodes.to_vec()),
     }
 }
 
 /// Adds elements in their order: a new run wherever the shape changes.
-fn runs(list: &mut Vec<Run>, dimension: i32, entity: i32, elements: impl Iterator<Item = (Shape, Vec<u32>)>) {
+fn runs(
+    list: &mut Vec<Run>,
+    dimension: i32,
+    entity: i32,
+    elements: impl Iterator<Item = (ElementShape, Vec<u32>)>,
+) {
     let first = list.len();
     for (shape, nodes) in elements {
         if list.len() == first || list[list.len() - 1].shape != shape {

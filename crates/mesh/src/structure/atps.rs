@@ -9,7 +9,7 @@ use crate::{Cable, CableKind, MeshError, StructureMesh};
 /// Numbers the canopy nodes of the ATPS by panel position.
 ///
 /// Panel 0 is the top, node (i, j) along x and y. Arm k (panel k + 1) is arm 0
-/// (at +x) turned by k quarter turns about z; its node (a, b) counts a across,
+/// (at +x) rotated by k quarter turns about z; its node (a, b) counts a across,
 /// counter-clockwise seen from above, and b down from the top.
 pub(crate) struct AtpsLayout {
     /// Cells across.
@@ -119,7 +119,7 @@ impl AtpsLayout {
     }
 }
 
-/// Turns by k quarter turns about z, exactly.
+/// Rotates by k quarter turns about z, exactly.
 pub(super) fn turn(k: usize, [x, y, z]: Point) -> Point {
     match k % 4 {
         0 => [x, y, z],

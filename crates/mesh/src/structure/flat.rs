@@ -44,7 +44,7 @@ fn place_disc(layout: &AtpsLayout, coords: &mut [Point]) {
         }
     }
     for a in 0..=n {
-        // Side 0 turned, so that all sides are equal to the last bit.
+        // Side 0 rotated, so that all sides are equal to the last bit.
         let edge = coords[layout.arm(0, a, 0) as usize];
         let angle = std::f64::consts::FRAC_PI_4 * across(a);
         let rim = [angle.cos(), angle.sin(), 0.0];

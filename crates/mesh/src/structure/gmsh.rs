@@ -2,7 +2,7 @@
 //!
 //! All triangles and quadrilaterals are fabric, their normal out of the canopy; in a
 //! file that also holds a flow grid, those of the physical group `canopy`.
-//! What else there is, physical groups say by their names: curves in `lines`,
+//! Names of physical groups mark everything else: curves in `lines`,
 //! `risers` or `reinforcements` are cables (rest length: their length in the
 //! file; each curve is one line); anything in `fixed`, `fixed-x`, `fixed-y` or
 //! `fixed-z` holds its nodes; a point in `payload` carries the payload and is fixed.
@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
 use crate::geometry::at;
-use crate::msh::{Block, Msh, Shape, Tag};
+use crate::msh::{Block, ElementShape, Msh, Tag};
 use crate::{Cable, CableKind, MeshError, StructureMesh};
 
 /// The physical group that is the fabric of a file which also holds a flow grid.
@@ -28,7 +28,7 @@ fn build(path: &Path, parts: &Msh, payload_mass: Option<f64>) -> Result<Structur
     let mut builder = Builder::new(parts);
     builder.add_fabric();
     if builder.mesh.n_canopy == 0 {
-        return Err(bad("holds no triangle or quadrilateral (in a physical group \"canopy\" where it also holds a flow grid), so there is no fabric".into()));
+        return Err(bad("has no fabric: no triangles or quadrilaterals (in the physical group \"canopy\" if the file also has a flow grid)".into()));
     }
     builder.add_named(payload_mass);
     builder.name_sets();
@@ -53,7 +53,7 @@ impl<'a> Builder<'a> {
     }
 
     fn is_fabric(&self, b: &Block) -> bool {
-        let flat = matches!(b.shape, Shape::Triangle | Shape::Quadrilateral);
+        let flat = matches!(b.shape, ElementShape::Triangle | ElementShape::Quadrilateral);
         flat && (!self.with_grid || self.parts.names_of(b.entity).any(|n| n == CANOPY))
     }
 
@@ -261,7 +261,7 @@ $EndElements
     }
 
     #[test]
-    fn everything_is_found() {
+    fn gmsh_canopy_is_read_completely() {
         let mesh = read(FILE).unwrap();
         assert_eq!((mesh.n_canopy, mesh.coords.len()), (6, 7));
         assert_eq!(mesh.faces, [[0, 1, 4, 3], [1, 2, 5, 5], [1, 5, 4, 4]]);
@@ -275,7 +275,7 @@ $EndElements
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
+    fn errors_report_the_line() {
         let reason = |from: &str, to: &str| match read(&FILE.replacen(from, to, 1)) {
             Err(MeshError::File { reason, .. }) => reason,
             other => panic!("{other:?}"),

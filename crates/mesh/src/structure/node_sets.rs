@@ -35,7 +35,7 @@ impl StructureMesh {
     /// unstressed shape). `key` is where the scene says so, for messages.
     ///
     /// # Errors
-    /// [`MeshError::NoSuchNodes`] for an unknown or empty set, or neither of both.
+    /// [`MeshError::UnknownNodeSet`] for an unknown or empty set, or neither of both.
     pub fn nodes_of(
         &self,
         key: &str,
@@ -50,7 +50,7 @@ impl StructureMesh {
         let name = name.unwrap_or_default();
         match self.node_sets.get(name) {
             Some(nodes) if !nodes.is_empty() => Ok(nodes.clone()),
-            found => Err(MeshError::NoSuchNodes {
+            found => Err(MeshError::UnknownNodeSet {
                 key: key.into(),
                 name: name.into(),
                 what: if found.is_some() { "is empty" } else { "does not exist" },
@@ -68,7 +68,7 @@ mod tests {
     use crate::structure_mesh;
 
     #[test]
-    fn sets_and_points_name_nodes() {
+    fn node_sets_and_points_select_nodes() {
         let mut scene = scene(Canopy::AirBag(AirBag { edge_m: 0.4, cells_across: 4 }));
         let mass = |nodes: Option<&str>, at_m| case::PointMass {
             nodes: nodes.map(String::from),

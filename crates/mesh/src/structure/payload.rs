@@ -56,7 +56,7 @@ mod tests {
     use crate::{CableKind, structure_mesh};
 
     #[test]
-    fn risers_take_the_attachments_in_turn() {
+    fn risers_are_assigned_to_attachments_cyclically() {
         let mut s = scene(Canopy::Atps(Atps::default()));
         let plain = structure_mesh(&s).unwrap();
         let arm = |x: f64, y: f64| [x, y, 0.4];

@@ -33,7 +33,7 @@ mod tests {
     /// Neighbours on the hem follow each other: no step is longer than the gap between
     /// the outer lines of two arms.
     #[test]
-    fn the_skirt_of_the_atps_is_a_ring() {
+    fn skirt_of_the_atps_is_a_ring() {
         let mesh = structure_mesh(&scene(Canopy::Atps(Atps::default()))).unwrap();
         let ring = mesh.skirt();
         let step = |k: usize| {

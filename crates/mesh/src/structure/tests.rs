@@ -230,7 +230,7 @@ fn air_bag_octant() {
 }
 
 #[test]
-fn impossible_parameters_are_named() {
+fn invalid_parameters_are_reported_with_their_key() {
     let refused = |change: fn(&mut Atps)| {
         let mut p = Atps::default();
         change(&mut p);
@@ -252,7 +252,7 @@ proptest::proptest! {
 
     /// Any pyramid: areas and volume by formula, outer lines taut, orientation kept.
     #[test]
-    fn any_atps_is_a_truncated_pyramid(
+    fn every_atps_is_a_truncated_pyramid(
         top in 0.5..20.0f64, hem_share in 0.5..1.3f64, arm_share in 0.3..2.0f64,
         stitch_share in 0.05..0.9f64, line_share in 0.6..3.0f64,
         half_cells in 4u32..12, vent in 2u32..8, stitch in 1u32..4, lines in 2u32..9, top_end: bool,

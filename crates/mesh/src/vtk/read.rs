@@ -20,7 +20,7 @@ pub struct Snapshot {
 /// The snapshots that the `.pvd` file `path` lists, in its order.
 ///
 /// # Errors
-/// No such file, or one that cannot be read.
+/// A file that is missing or cannot be read.
 pub fn snapshots(path: &Path) -> Result<Vec<Snapshot>, MeshError> {
     std::fs::metadata(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
     let folder = path.parent().unwrap_or(Path::new("."));
@@ -71,11 +71,11 @@ impl Piece {
         let DataSet::UnstructuredGrid { pieces, .. } =
             Vtk::import(path).map_err(|e| wrong(e.to_string()))?.data
         else {
-            return Err(wrong("not an unstructured grid".into()));
+            return Err(wrong("the file has no unstructured grid".into()));
         };
         let [piece] = <[_; 1]>::try_from(pieces).map_err(|p| wrong(format!("{} pieces, not 1", p.len())))?;
         let piece = piece.into_loaded_piece_data(Some(path)).map_err(|e| wrong(e.to_string()))?;
-        let numbers = || wrong("values that are no numbers".into());
+        let numbers = || wrong("an array has values that are not numbers".into());
         let points = piece.points.cast_into::<f64>().ok_or_else(numbers)?.as_chunks::<3>().0.to_vec();
         let kinds = piece.cells.types;
         let (connectivity, offsets) = piece.cells.cell_verts.into_xml();
@@ -85,7 +85,7 @@ impl Piece {
             && ends.last().copied().unwrap_or(0) == connectivity.len()
             && connectivity.iter().all(|&n| n < points.len() as u64);
         if !sound {
-            return Err(wrong("cells that name points which are not there".into()));
+            return Err(wrong("a cell refers to a point that does not exist".into()));
         }
         let columns = |attributes: Vec<Attribute>, rows: usize| {
             let mut columns = Vec::new();
@@ -170,7 +170,7 @@ mod tests {
     use crate::{BoxShape, Patch, box_grid_of};
 
     #[test]
-    fn a_snapshot_comes_back() {
+    fn snapshot_round_trip_is_exact() {
         let folder = tempfile::tempdir().unwrap();
         let mut series = Series::new(folder.path().join("flow.pvd"));
         // Euler: the distinct edges of a lattice of n^3 hexahedra are 3 n (n+1)^2.
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_cut_off_is_an_error() {
+    fn missing_or_truncated_files_are_errors() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("canopy.vtu");
         assert!(matches!(Piece::read(&path), Err(MeshError::Io { .. })));

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use coupling::energy::EnergyBooks;
+use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::flow_bounds::FlowBounds;
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ pub struct Progress {
     /// Time and next window length, encoded.
     pub clock: Vec<u8>,
     /// Interface energy balance.
-    pub books: EnergyBooks,
+    pub interface_energy: InterfaceEnergyBalance,
     /// Bounds of the flow; `None` without flow.
     pub flow_bounds: Option<FlowBounds>,
     /// The summary so far.

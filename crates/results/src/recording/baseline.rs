@@ -1,7 +1,7 @@
 //! Comparison of the exchanges with a recording during the run.
 
 use channel::Window;
-use coupling::error::{Place, RunError};
+use coupling::error::{Location, RunError};
 use coupling::partners::Partners;
 use terminal::Console;
 
@@ -81,7 +81,7 @@ impl Observer for Reference<'_> {
         }
         match &self.comparison.deviation() {
             Some(deviation) if self.stop => Err(RunError::Coupling {
-                place: Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
+                place: Location { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
                 message: format!("the run deviates from its baseline: {deviation}"),
             }),
             Some(deviation) if !self.reported => {

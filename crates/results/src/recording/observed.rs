@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use case::Role;
 use channel::Window;
 use coupling::error::RunError;
-use coupling::partners::{Answer, LoadOverWindow, Partners, Usage};
+use coupling::partners::{LoadOverWindow, Partners, SolverResponse, Usage};
 
 use super::Event;
 
@@ -51,7 +51,7 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
         w: &Window,
         load: LoadOverWindow<'_>,
         displacement: &mut [f64],
-    ) -> Result<Answer, RunError> {
+    ) -> Result<SolverResponse, RunError> {
         let answer = self.partners.structure(w, load, displacement)?;
         let start = Instant::now();
         load_rows(load, &mut self.load);
@@ -61,7 +61,7 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
         Ok(answer)
     }
 
-    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<Answer, RunError> {
+    fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError> {
         let answer = self.partners.mesh(w, displacement)?;
         let start = Instant::now();
         let (at, grid, stats) = (w.into(), self.partners.grid(), answer.stats.values);
@@ -70,7 +70,7 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
         Ok(answer)
     }
 
-    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Answer, RunError> {
+    fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
         let answer = self.partners.flow(w, load)?;
         let start = Instant::now();
         self.observer.observe(w, Event::Flow { at: w.into(), load, stats: answer.stats.values })?;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use coupling::error::{Place, RunError};
+use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
 use results::provenance;
 use serde::{Deserialize, Serialize};
@@ -225,7 +225,7 @@ impl Team<'_> {
 }
 
 fn interrupted() -> RunError {
-    RunError::Interrupted(Place {
+    RunError::Interrupted(Location {
         stage: "accuracy (run it again with the same --out to resume)".into(),
         window: None,
     })

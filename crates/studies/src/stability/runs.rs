@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use coupling::error::{Place, RunError};
+use coupling::error::{Location, RunError};
 use results::history;
 use serde::{Deserialize, Serialize};
 use terminal::Console;
@@ -67,7 +67,7 @@ pub fn run_samples(
         results[at] = Some(completed?);
     }
     let all: Option<Vec<Completed>> = results.into_iter().collect();
-    all.ok_or_else(|| RunError::Interrupted(Place { stage: "stability".into(), window: None }))
+    all.ok_or_else(|| RunError::Interrupted(Location { stage: "stability".into(), window: None }))
 }
 
 fn line(f: &Completed) -> String {
@@ -127,7 +127,7 @@ fn run(scene: &Path, folder: &Path, stop: &AtomicBool) -> Result<Option<String>,
         Some(0) => Ok(None),
         Some(1) => Ok(Some(words.to_owned())),
         Some(130) | None if stop.load(Ordering::Relaxed) => {
-            Err(RunError::Interrupted(Place { stage: "stability".into(), window: None }))
+            Err(RunError::Interrupted(Location { stage: "stability".into(), window: None }))
         }
         _ => Err(RunError::Input(format!("{}: {words}", scene.display()))),
     }

@@ -50,53 +50,53 @@ impl MergedLevel {
         (self.rows[0].len() as u64).saturating_sub(1)
     }
 
-    /// Whether it can stand below the rows `fine` of a rank; `starts`: first cells of the level
-    /// on all ranks, and one more for the end. What came from a file is believed no index.
+    /// Checks that it is a coarse level of the rows `fine` of a rank; `starts`: first cells of the level
+    /// on all ranks, and one more for the end. All indices from a file are checked.
     pub fn check(&self, fine: [&[u32]; 2], rank: usize, starts: &[u64]) -> Result<(), &'static str> {
         let [fine_start, fine_cell] = fine;
         let [start, cell, upper, ghost] = &self.rows;
         let (n, fine_cells) = (self.cells() as usize, fine_start.len() - 1);
         let ascends = |s: &[u32]| s.first() == Some(&0) && s.is_sorted();
         if !ascends(start) || *start.last().unwrap_or(&0) as usize != cell.len() {
-            return Err("rows of merged cells do not follow each other");
+            return Err("row offsets of a multigrid level are not ascending");
         }
         let inside = |i: usize| start[i] <= upper[i] && upper[i] <= ghost[i] && ghost[i] <= start[i + 1];
         if upper.len() != n || ghost.len() != n || !(0..n).all(inside) {
-            return Err("rows of merged cells are not in order");
+            return Err("row ranges of a multigrid level are inconsistent");
         }
         if self.offset != starts[rank] || n as u64 != starts[rank + 1] - starts[rank] {
-            return Err("merged cells of the ranks do not follow each other");
+            return Err("coarse cells are not numbered consecutively across the ranks");
         }
         let elsewhere = |&(number, owner): &(u64, u32)| {
             let owner = owner as usize;
             owner != rank && owner + 1 < starts.len() && (starts[owner]..starts[owner + 1]).contains(&number)
         };
         if !self.ghosts.iter().all(elsewhere) {
-            return Err("a merged cell is of no other rank");
+            return Err("a ghost of a multigrid level is not owned by another rank");
         }
         let mut ghosts: Vec<u64> = self.ghosts.iter().map(|g| g.0).collect();
         ghosts.sort_unstable();
         ghosts.dedup();
         if !cell.iter().all(|&c| (c as usize) < n + ghosts.len()) {
-            return Err("a neighbour of a merged cell does not exist");
+            return Err("a neighbour of a coarse cell does not exist");
         }
         let mut empty = vec![true; n];
         if self.parent.len() != fine_cells || self.parent.iter().any(|&p| p as usize >= n) {
-            return Err("cells were merged into none");
+            return Err("a fine cell has no coarse cell");
         }
         self.parent.iter().for_each(|&p| empty[p as usize] = false);
         if empty.contains(&true) {
-            return Err("a merged cell has no cells");
+            return Err("a coarse cell has no fine cells");
         }
         let entries = fine_cell.len();
         if self.target.len() != entries || self.ratio.len() != entries {
-            return Err("couplings were merged that are none");
+            return Err("the coupling table does not match the fine level");
         }
         for (i, &p) in self.parent.iter().enumerate() {
             let row = fine_start[i] as usize..fine_start[i + 1] as usize;
             let places = start[p as usize + 1] - start[p as usize];
             if self.target[row].iter().any(|&t| t != INSIDE && u32::from(t) >= places) {
-                return Err("a coupling was merged into none");
+                return Err("a fine coupling has no coarse coupling");
             }
         }
         Ok(())
@@ -190,7 +190,7 @@ impl Graph {
 }
 
 /// How much weaker a coupling over the distance of `a` and `b` is than over `fine`.
-/// Never below one half: constant transfers are unstable below it. Merging along a line
+/// Never below one half: a larger ratio does not converge with constant transfers. Merging along a line
 /// only would make the coarse correction too large otherwise.
 fn ratio(fine: f64, a: Vec3, b: Vec3) -> f32 {
     let coarse = (a - b).norm();

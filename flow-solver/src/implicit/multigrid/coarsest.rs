@@ -1,4 +1,4 @@
-//! The coarsest level, solved exactly and alike on every rank.
+//! The coarsest level, solved exactly, with identical results on every rank.
 
 use comm::Halo;
 

@@ -103,7 +103,7 @@ impl MergedCells {
         let depth = self.0.len() as u64;
         let agreed = comm.all_gather_u64(depth).iter().all(|d| *d == depth);
         if !agreed || self.0.len() > LEVELS {
-            return Err("ranks have merged cells a different number of times".into());
+            return Err("the ranks have different numbers of multigrid levels".into());
         }
         let mut found = Ok(());
         let mut rows = [&fine.start[..], &fine.cell[..]];
@@ -124,7 +124,7 @@ impl MergedCells {
                 comm.all(false);
                 Err(what.into())
             }
-            Ok(()) if !comm.all(true) => Err("merged cells of another rank do not fit".into()),
+            Ok(()) if !comm.all(true) => Err("the multigrid levels of another rank do not fit".into()),
             Ok(()) => Ok(()),
         }
     }
@@ -255,7 +255,7 @@ mod tests {
     /// Boxes of cells between walls at zero: the error falls by the same factor
     /// however many there are.
     #[test]
-    fn a_cycle_reduces_the_error_at_any_size() {
+    fn multigrid_convergence_is_independent_of_size() {
         for side in [6usize, 12, 24] {
             let n = side * side * side;
             let mut cells = Vec::new();

@@ -33,7 +33,7 @@ impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for FarField {
         at: &BoundaryFace<'_>,
         q: &[f64; N],
         cell: &[f64; N],
-        past: [f32; 2],
+        previous: [f32; 2],
     ) -> Interface<N> {
         let scheme = at.scheme;
         let open = OpenFace::new(at);
@@ -44,10 +44,10 @@ impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for FarField {
         let speed = 0.5 * (near + outer + cell[0] / (rho * c));
         let p = 0.5 * (cell[0] + rho * c * (near - outer));
         // At a leaving stream pressure pulls the mass flux as it does between cells.
-        let tie = scheme.tie(past, q[0], at.metric.spacing(), hypot(speed, scheme));
-        let free = inner + (tie + q[0] / c) / rho;
+        let rhie_chow = scheme.rhie_chow(previous, q[0], at.metric.spacing(), hypot(speed, scheme));
+        let free = inner + (rhie_chow + q[0] / c) / rho;
         let momentum = rho * (leaving * free + (1.0 - leaving) * speed);
-        open.flux(gas, q, &far, Passing { momentum, pressure: (1.0 - leaving) * p, tie })
+        open.flux(gas, q, &far, Passing { momentum, pressure: (1.0 - leaving) * p, rhie_chow })
     }
 
     fn mass_by_pressure(&self, at: &BoundaryFace<'_>, response: f64, sound: f64) -> f64 {

@@ -19,7 +19,7 @@ impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for Inlet {
         let leaves = speed * open.magnitude > open.grid_flux;
         let upwind = if leaves { q } else { &entering };
         let momentum = gas.density(upwind) * speed;
-        open.flux(gas, upwind, &entering, Passing { momentum, pressure: q[0], tie: 0.0 })
+        open.flux(gas, upwind, &entering, Passing { momentum, pressure: q[0], rhie_chow: 0.0 })
     }
 
     fn mass_by_pressure(&self, _: &BoundaryFace<'_>, _: f64, _: f64) -> f64 {

@@ -9,7 +9,7 @@ pub use outlet::Outlet;
 
 use mesh::Patch;
 
-use super::flux::{Interface, Scheme};
+use super::flux::{FluxParameters, Interface};
 use super::gas::Gas;
 use super::velocity;
 use crate::geometry::FaceMetric;
@@ -29,25 +29,25 @@ pub fn open_boundary<G: Gas<N>, const N: usize>(patch: Patch) -> Option<&'static
 #[derive(Clone, Copy, Debug)]
 pub struct BoundaryFace<'a> {
     /// Constants of the flux, with the undisturbed wind at the face.
-    pub scheme: &'a Scheme,
+    pub scheme: &'a FluxParameters,
     /// The face.
     pub metric: &'a FaceMetric,
     /// +1 where the face's area vector points out of the domain, else -1.
     pub sign: f64,
 }
 
-/// How air passes a face of the outer boundary: the flux, and what a preconditioner needs to know of its derivatives.
+/// Boundary condition of an open outer face: its flux, and the derivatives that a preconditioner needs.
 /// The methods that have a body are those of a face at given pressure.
 pub trait OpenBoundary<G: Gas<N>, const N: usize>: Sync {
-    /// Flux out of the domain, with the state `q` just inside the face and `cell` at the centre of the cell; `past`:
-    /// what pressure added to the mean momentum at the last two instants, kg/(m2 s).
+    /// Flux out of the domain, with the state `q` just inside the face and `cell` at the centre of the cell; `previous`:
+    /// the Rhie-Chow flux at the last two time levels, kg/(m2 s).
     fn flux(
         &self,
         gas: &G,
         at: &BoundaryFace<'_>,
         q: &[f64; N],
         cell: &[f64; N],
-        past: [f32; 2],
+        previous: [f32; 2],
     ) -> Interface<N>;
 
     /// Derivative of the mass flux by the cell's pressure, kg/(s Pa). Pressure acts on a velocity for `response`, s;
@@ -77,14 +77,14 @@ struct OpenFace {
     grid_flux: f64,
 }
 
-/// What an open boundary lets pass.
+/// Flux through an open boundary.
 struct Passing {
     /// Momentum along the outward normal, kg/(m2 s).
     momentum: f64,
     /// Gauge pressure on the face, Pa.
     pressure: f64,
-    /// What pressure adds to the momentum, kg/(m2 s).
-    tie: f64,
+    /// Rhie-Chow flux, kg/(m2 s).
+    rhie_chow: f64,
 }
 
 impl OpenFace {
@@ -115,12 +115,12 @@ impl OpenFace {
         for (f, c) in flux.iter_mut().zip(carried) {
             *f += mass * c;
         }
-        Interface { flux, mass, tie: passing.tie }
+        Interface { flux, mass, rhie_chow: passing.rhie_chow }
     }
 }
 
 /// A speed through a boundary, bounded from below.
 #[inline(always)]
-fn hypot(speed: f64, scheme: &Scheme) -> f64 {
+fn hypot(speed: f64, scheme: &FluxParameters) -> f64 {
     (speed * speed + scheme.floor_squared).sqrt()
 }

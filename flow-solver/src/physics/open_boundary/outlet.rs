@@ -15,14 +15,19 @@ impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for Outlet {
         at: &BoundaryFace<'_>,
         q: &[f64; N],
         _: &[f64; N],
-        past: [f32; 2],
+        previous: [f32; 2],
     ) -> Interface<N> {
         let scheme = at.scheme;
         let open = OpenFace::new(at);
         let far = gas.undisturbed(scheme.wind);
         let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
         let inner = open.speed(q);
-        let tie = scheme.tie(past, q[0], at.metric.spacing(), hypot(inner, scheme));
-        open.flux(gas, q, &far, Passing { momentum: rho * inner + tie + q[0] / c, pressure: 0.0, tie })
+        let rhie_chow = scheme.rhie_chow(previous, q[0], at.metric.spacing(), hypot(inner, scheme));
+        open.flux(
+            gas,
+            q,
+            &far,
+            Passing { momentum: rho * inner + rhie_chow + q[0] / c, pressure: 0.0, rhie_chow },
+        )
     }
 }

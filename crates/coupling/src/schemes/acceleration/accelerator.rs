@@ -4,7 +4,7 @@ use case::Coupling;
 
 use super::relaxation::Relaxation;
 use crate::error::RunError;
-use crate::schemes::flow_model::lattice::Lattice;
+use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 
 /// Turns an iterate and its response into the next iterate.
 pub trait Accelerator {
@@ -26,18 +26,18 @@ pub trait Accelerator {
     /// A state of another one.
     fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError>;
 
-    /// Resets what earlier iterations gave: windows have another length, or one was rejected.
+    /// Drops all columns: windows have another length, or one was rejected.
     fn reset(&mut self);
 
     /// See [`super::relaxation::Relaxation::reshape`].
-    fn reshape(&mut self, lattice: &Lattice) {
+    fn reshape(&mut self, lattice: &VortexLattice) {
         let _ = lattice;
     }
 }
 
-/// An acceleration that a scene may name.
+/// An acceleration that a scene can select.
 pub trait FromCoupling: Accelerator + Sized + 'static {
-    /// For `unknowns` numbers; `rest` relaxes what no column spans.
+    /// For vectors of length `unknowns`; `rest` relaxes the part of the residual that no column spans.
     fn from_coupling(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Self;
 
     /// The acceleration in a few words, for the log.

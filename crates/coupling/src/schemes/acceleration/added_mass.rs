@@ -6,20 +6,20 @@ use nalgebra::{DMatrix, DVector};
 
 use super::relaxation::Relaxation;
 use crate::geometry::{Vec3, at, direction, distinct};
-use crate::schemes::flow_model::groups::Groups;
-use crate::schemes::flow_model::inverse::{Inverse, factors};
-use crate::schemes::flow_model::lattice::{Air, Lattice};
+use crate::schemes::surrogate::inverse::{Inverse, factors};
+use crate::schemes::surrogate::panel_groups::PanelGroups;
+use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
 use crate::schemes::unknowns::Unknowns;
 
-/// What the canopy and the air weigh, for [`AddedMassRelaxation::new`].
+/// Masses and response that determine the added-mass effect, for [`AddedMassRelaxation::new`].
 #[derive(Clone, Copy, Debug)]
-pub struct Weights {
+pub struct MassProperties {
     /// Mass of the fabric per area, kg/m2.
     pub fabric_kg_m2: f64,
     /// The air.
     pub air: Air,
-    /// Displacement at the end of a window, in $\Delta t^2/m$, per pressure at its
-    /// end: half the weight of that pressure in the load over the substeps.
+    /// Displacement at the end of a window, in $\Delta t^2/m$, per pressure at its end: half the weight of that
+    /// pressure in the load over the substeps.
     pub response: f64,
     /// Falling mass, kg; 0 without descent.
     pub falling_kg: f64,
@@ -27,8 +27,8 @@ pub struct Weights {
 
 /// Relaxation by the added mass of potential flow.
 ///
-/// The flow answers a normal displacement of the canopy with the pressure of the
-/// air it accelerates. In potential flow the jump of the potential over a thin
+/// The flow responds to a normal displacement of the canopy with the pressure of the accelerated air. In potential
+/// flow the jump of the potential over a thin
 /// surface is the strength $\Gamma$ of a sheet of vortex rings; with the normal
 /// velocities $A\Gamma$ that rings of unit strength induce at the faces, the
 /// added mass per area is $\rho A^{-1}$ for any wave length and any outline with
@@ -38,52 +38,57 @@ pub struct Weights {
 /// $$ g = \tfrac94\, s\, \rho / m'' $$
 ///
 /// ($\tfrac94$: BDF2 of BDF2 velocities; $s$: `response`; $m''$: fabric per
-/// area; stiffness neglected, which only damps). So the residual $r$ asks for
+/// area; stiffness is neglected, which only adds damping). So the residual $r$ requires
 /// the step $e = (I+G)^{-1} r = (A+gI)^{-1}A\,r$ along the normals. Tangential
 /// motion moves no air: there the full residual is the step.
 ///
-/// The frame's vertical motion $V$ (velocity times $\Delta t$) accelerates the
-/// same air, and the air's force the frame: with $b = \rho A^{-T} a_z / M$, $a_z$
+/// The frame's vertical motion $V$ (velocity times $\Delta t$) accelerates the same air, and the air's force
+/// accelerates the frame: with $b = \rho A^{-T} a_z / M$, $a_z$
 /// the faces' areas upwards, both are solved together,
 ///
 /// $$ \delta x + G\,\delta x + \tfrac23 G n_z\,\delta V = r, \qquad
 ///    \delta V + b\cdot(\tfrac94\,\delta x + \tfrac32 n_z\,\delta V) = r_V. $$
 ///
-/// (Apart, the two would swing against each other: a contraction of 0.9 only.)
+/// (Solved separately, the two would converge with a factor of 0.9 only.)
 #[derive(Clone)]
 pub struct AddedMassRelaxation {
     unknowns: Unknowns,
-    weights: Weights,
+    masses: MassProperties,
     faces: Vec<[u32; 4]>,
     face_normals: Vec<Vec3>,
     node_normals: Vec<Vec3>,
     /// Faces at each node.
     node_faces: Vec<f64>,
-    groups: Groups,
+    groups: PanelGroups,
     /// g and $(A + gI)^{-1}$, of which $(I + G)^{-1} = I - g (A + gI)^{-1}$.
     gain: f64,
     inverse: Inverse,
-    /// Step per residual where the faces are too coarse to see it.
-    fine: f64,
+    /// Step per residual for waves shorter than the faces resolve.
+    short_wave_factor: f64,
     /// b, q = (I+G)^-1 G n_z, and the coefficient of V once x is eliminated.
     force: DVector<f64>,
-    drawn: DVector<f64>,
+    relaxed_vertical: DVector<f64>,
     velocity: f64,
     /// Added mass of the whole canopy in vertical motion, kg.
     pub vertical_added_mass: f64,
 }
 
 impl AddedMassRelaxation {
-    /// For a canopy with these faces, as the `lattice` has it. `None` where it gives no sensible matrix.
-    pub fn new(unknowns: Unknowns, faces: &[[u32; 4]], weights: &Weights, lattice: &Lattice) -> Option<Self> {
-        if faces.is_empty() || weights.fabric_kg_m2 <= 0.0 {
+    /// For a canopy with these faces in the configuration of the `lattice`. `None` where its matrix is not usable.
+    pub fn new(
+        unknowns: Unknowns,
+        faces: &[[u32; 4]],
+        masses: &MassProperties,
+        lattice: &VortexLattice,
+    ) -> Option<Self> {
+        if faces.is_empty() || masses.fabric_kg_m2 <= 0.0 {
             return None;
         }
-        let Lattice { positions, areas, normals, groups, influence, .. } = lattice;
+        let VortexLattice { positions, areas, normals, groups, influence, .. } = lattice;
         let face_normals = normals.clone();
         let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
-        let gain = 2.25 * weights.response * weights.air.density / weights.fabric_kg_m2;
+        let gain = 2.25 * masses.response * masses.air.density / masses.fabric_kg_m2;
         let inverse = Inverse::of(&factors(&(influence + DMatrix::identity(n, n) * gain)))?;
         let mut node_normals = vec![Vec3::zeros(); positions.len()];
         let mut node_faces = vec![0.0; positions.len()];
@@ -99,24 +104,24 @@ impl AddedMassRelaxation {
         // Vertical force of the air per acceleration of the faces along their normals.
         let mut upwards = Mat::<f64>::zeros(n, 1);
         for (area, &g) in areas.iter().zip(&groups.of) {
-            upwards[(g as usize, 0)] += weights.air.density * area[2];
+            upwards[(g as usize, 0)] += masses.air.density * area[2];
         }
         let vertical: Vec<f64> = face_normals.iter().map(|normal| normal[2]).collect();
         let vertical = DVector::from_vec(groups.means(&vertical));
         let force = factors(influence).solve_transpose(upwards);
         let force = DVector::from_fn(n, |i, _| force[(i, 0)]);
         let vertical_added_mass = force.dot(&vertical);
-        let drawn = &vertical - apply_inverse(gain, &inverse, &vertical);
-        let force = if weights.falling_kg > 0.0 { force / weights.falling_kg } else { DVector::zeros(n) };
-        let velocity = 1.0 + 1.5 * force.dot(&vertical) - 1.5 * force.dot(&drawn);
+        let relaxed_vertical = &vertical - apply_inverse(gain, &inverse, &vertical);
+        let force = if masses.falling_kg > 0.0 { force / masses.falling_kg } else { DVector::zeros(n) };
+        let velocity = 1.0 + 1.5 * force.dot(&vertical) - 1.5 * force.dot(&relaxed_vertical);
         // A zigzag between nodes has twice the face as wave length: A is pi/2 over its edge.
         let edge = (sizes.iter().sum::<f64>() / faces.len() as f64).sqrt();
         let zigzag = 0.5 * std::f64::consts::PI / edge;
-        let fine = zigzag / (zigzag + gain);
-        let sound = vertical_added_mass.is_finite() && velocity > 0.1;
-        sound.then_some(Self {
+        let short_wave_factor = zigzag / (zigzag + gain);
+        let usable = vertical_added_mass.is_finite() && velocity > 0.1;
+        usable.then_some(Self {
             unknowns,
-            weights: *weights,
+            masses: *masses,
             faces: faces.to_vec(),
             face_normals,
             node_normals,
@@ -124,9 +129,9 @@ impl AddedMassRelaxation {
             groups: groups.clone(),
             gain,
             inverse,
-            fine,
+            short_wave_factor,
             force,
-            drawn,
+            relaxed_vertical,
             velocity,
             vertical_added_mass,
         })
@@ -149,16 +154,16 @@ impl AddedMassRelaxation {
 }
 
 impl Relaxation for AddedMassRelaxation {
-    fn reshape(&mut self, lattice: &Lattice) {
-        // The old one still serves where the new shape gives no matrix.
-        if let Some(new) = Self::new(self.unknowns, &self.faces, &self.weights, lattice) {
+    fn reshape(&mut self, lattice: &VortexLattice) {
+        // Keeps the old operator where the new shape gives no usable matrix.
+        if let Some(new) = Self::new(self.unknowns, &self.faces, &self.masses, lattice) {
             *self = new;
         }
     }
 
     fn apply(&self, residual: &[f64], step: &mut [f64]) {
         let moved = self.unknowns.displacements();
-        // Normal residual at the faces, and the step it asks for there.
+        // Normal residual at the faces, and the corresponding step.
         let on_faces: Vec<f64> = self
             .faces
             .iter()
@@ -169,31 +174,33 @@ impl Relaxation for AddedMassRelaxation {
             })
             .collect();
         let means = DVector::from_vec(self.groups.means(&on_faces));
-        let mut asked = apply_inverse(self.gain, &self.inverse, &means);
+        let mut normal_steps = apply_inverse(self.gain, &self.inverse, &means);
         // The frame's motion in the unit of displacements.
         let scale = (self.unknowns.displacements() as f64 / 3.0).sqrt();
         if let Some(r) = residual.get(moved) {
-            let frame = (r / scale - 2.25 * self.force.dot(&asked)) / self.velocity;
-            asked.axpy(-2.0 / 3.0 * frame, &self.drawn, 1.0);
+            let frame = (r / scale - 2.25 * self.force.dot(&normal_steps)) / self.velocity;
+            normal_steps.axpy(-2.0 / 3.0 * frame, &self.relaxed_vertical, 1.0);
             step[moved] = frame * scale;
         }
-        // Back to the nodes, as means over their faces: [residual seen, step].
+        // Back to the nodes, as means over their faces: [residual, step].
         let mut nodes = vec![[0.0; 2]; self.node_normals.len()];
-        for ((face, &g), seen) in self.faces.iter().zip(&self.groups.of).zip(&on_faces) {
+        for ((face, &g), normal_residual) in self.faces.iter().zip(&self.groups.of).zip(&on_faces) {
             let g = g as usize;
-            // What a face does beside its group asks for the step of a short wave.
-            let step = asked[g] + (seen - means[g]) / (1.0 + self.gain * self.groups.fine[g]);
+            // Deviations of a face from its group get the step of a short wave.
+            let step = normal_steps[g]
+                + (normal_residual - means[g]) / (1.0 + self.gain * self.groups.short_wave_length[g]);
             for &node in distinct(face) {
-                nodes[node as usize][0] += seen;
+                nodes[node as usize][0] += normal_residual;
                 nodes[node as usize][1] += step;
             }
         }
-        for (node, [seen, asked]) in nodes.iter().enumerate() {
+        for (node, [normal_residual, normal_steps]) in nodes.iter().enumerate() {
             let (normal, count) = (self.node_normals[node], self.node_faces[node].max(1.0));
             let whole = at(residual, node as u32);
             let along = whole.dot(&normal);
-            let wanted = asked / count + self.fine * (along - seen / count);
-            step[3 * node..3 * node + 3].copy_from_slice((whole + normal * (wanted - along)).as_slice());
+            let normal_step =
+                normal_steps / count + self.short_wave_factor * (along - normal_residual / count);
+            step[3 * node..3 * node + 3].copy_from_slice((whole + normal * (normal_step - along)).as_slice());
         }
     }
 }
@@ -208,8 +215,13 @@ mod tests {
     use super::*;
     use crate::schemes::test_support::plate;
 
-    fn weights() -> Weights {
-        Weights { fabric_kg_m2: 0.0373, air: Air::incompressible(1.0), response: 0.275, falling_kg: 1.0 }
+    fn masses() -> MassProperties {
+        MassProperties {
+            fabric_kg_m2: 0.0373,
+            air: Air::incompressible(1.0),
+            response: 0.275,
+            falling_kg: 1.0,
+        }
     }
 
     fn model(n: usize) -> (AddedMassRelaxation, Vec<mesh::Point>) {
@@ -219,12 +231,12 @@ mod tests {
     fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<mesh::Point>) {
         let (positions, faces) = plate(n);
         let unknowns = Unknowns::new(positions.len(), 5e-3, true);
-        let lattice = Lattice::new(&positions, &faces, most, 0.0).unwrap();
-        (AddedMassRelaxation::new(unknowns, &faces, &weights(), &lattice).unwrap(), positions)
+        let lattice = VortexLattice::new(&positions, &faces, most, 0.0).unwrap();
+        (AddedMassRelaxation::new(unknowns, &faces, &masses(), &lattice).unwrap(), positions)
     }
 
     #[test]
-    fn added_mass_of_a_square_plate() {
+    fn added_mass_of_a_square_plate_matches_dnv_c205() {
         // DNV-RP-C205, table D-2: 0.579 rho pi/4 for a square of side 1 moving along its normal.
         for (n, most) in [(5, 0.06), (10, 0.02), (20, 0.01), (40, 0.01)] {
             let error = model(n).0.vertical_added_mass / (0.579 * std::f64::consts::FRAC_PI_4) - 1.0;
@@ -234,8 +246,8 @@ mod tests {
     }
 
     #[test]
-    fn groups_have_the_added_mass_of_their_faces() {
-        // Two by two faces act as one.
+    fn grouped_faces_keep_the_added_mass() {
+        // Groups of two by two faces.
         let (fine, groups) = (model(20).0, grouped(20, 100).0);
         let error = groups.vertical_added_mass / fine.vertical_added_mass - 1.0;
         println!("added mass of groups of four: {error:+.3}");
@@ -243,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn leaves_tangents_alone_and_shortens_heavy_plunges() {
+    fn tangential_steps_are_full_and_normal_steps_are_reduced() {
         let (model, positions) = model(16);
         let mut residual = vec![0.0; 3 * positions.len() + 1];
         residual.chunks_exact_mut(3).for_each(|r| r.copy_from_slice(&[1.0, 0.0, 1.0]));
@@ -255,23 +267,23 @@ mod tests {
     }
 
     #[test]
-    fn solves_its_own_model_of_flow_and_fall() {
-        // Residual of a smooth plunge dx with a change dV of the frame, from the
-        // model's own equations: the step must bring both back.
+    fn inverts_its_linear_model_of_flow_and_descent() {
+        // Residual of a uniform normal displacement dx with a change dV of the frame velocity, from the model's
+        // equations: the step must return both.
         let (model, positions) = model(12);
         let n = model.faces.len();
-        let influence = Lattice::new(&positions, &model.faces, usize::MAX, 0.0).unwrap().influence;
+        let influence = VortexLattice::new(&positions, &model.faces, usize::MAX, 0.0).unwrap().influence;
         let (dx, dv) = (DVector::from_element(n, 0.3), -0.2);
         let pressed = influence.lu().solve(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
         let response = 0.275 / 0.0373;
         let on_faces = &dx + pressed.unwrap() * response;
         let frame = dv + model.force.dot(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
-        let mut asked = apply_inverse(model.gain, &model.inverse, &on_faces);
-        let found = (frame - 2.25 * model.force.dot(&asked)) / model.velocity;
-        asked.axpy(-2.0 / 3.0 * found, &model.drawn, 1.0);
+        let mut normal_steps = apply_inverse(model.gain, &model.inverse, &on_faces);
+        let found = (frame - 2.25 * model.force.dot(&normal_steps)) / model.velocity;
+        normal_steps.axpy(-2.0 / 3.0 * found, &model.relaxed_vertical, 1.0);
         // The inverse is in single precision: 4e-8 and 2e-6 here.
         assert!((found - dv).abs() < 1e-6, "{found}");
-        assert!((asked - dx).norm() < 1e-5);
+        assert!((normal_steps - dx).norm() < 1e-5);
         assert_eq!(positions.len(), 169);
     }
 }

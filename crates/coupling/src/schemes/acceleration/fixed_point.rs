@@ -68,8 +68,7 @@ impl Aitken {
                 square += difference * difference;
             }
             if square > 0.0 {
-                // A factor of another sign or size than the last few would throw
-                // the iterate far away: the formula is one secant only.
+                // One secant is not reliable: bounded in sign and size.
                 self.omega = (-self.omega * along / square).clamp(1e-3 * self.first, 1.0);
             }
         }

@@ -9,7 +9,7 @@ use super::quasi_newton_options::QuasiNewtonOptions;
 use super::relaxation::Relaxation;
 use crate::schemes::least_squares::{Columns, axpy};
 
-/// An inverse Jacobian as a value: its columns are all it knows.
+/// An inverse Jacobian as plain data, determined by its columns.
 pub trait Jacobian: Default + Serialize + DeserializeOwned + 'static {
     /// Name of the method.
     const NAME: &'static str;
@@ -25,9 +25,9 @@ pub trait Jacobian: Default + Serialize + DeserializeOwned + 'static {
     }
 
     /// Adds a column: the residual changed by `residual` over `step`.
-    fn learn(&mut self, residual: Vec<f64>, step: Vec<f64>, options: &QuasiNewtonOptions);
+    fn add_column(&mut self, residual: Vec<f64>, step: Vec<f64>, options: &QuasiNewtonOptions);
 
-    /// The step that removes what the columns span of `residual`, and relaxes by `rest` what none does.
+    /// The step that removes the part of `residual` that the columns span, and relaxes the rest by `rest`.
     fn apply(
         &mut self,
         residual: &[f64],
@@ -37,10 +37,10 @@ pub trait Jacobian: Default + Serialize + DeserializeOwned + 'static {
     );
 
     /// Drops the columns of past windows.
-    fn forget_past_windows(&mut self);
+    fn drop_past_windows(&mut self);
 
     /// Drops all columns.
-    fn forget(&mut self);
+    fn reset(&mut self);
 }
 
 /// A change of the residual over a step.
@@ -68,7 +68,7 @@ impl Jacobian for LeastSquaresJacobian {
         self.columns.retain(|c| c.window >= oldest);
     }
 
-    fn learn(&mut self, residual: Vec<f64>, step: Vec<f64>, options: &QuasiNewtonOptions) {
+    fn add_column(&mut self, residual: Vec<f64>, step: Vec<f64>, options: &QuasiNewtonOptions) {
         self.columns.push_front(Column { residual, step, window: self.window });
         self.columns.truncate(options.max_columns);
     }
@@ -80,7 +80,7 @@ impl Jacobian for LeastSquaresJacobian {
         options: &QuasiNewtonOptions,
         step: &mut [f64],
     ) {
-        // Factors of the residual columns, newest first; columns that add nothing are dropped.
+        // QR factors of the residual columns, newest first; columns that add no new direction are filtered out.
         let mut factors = Columns::default();
         self.columns.retain(|column| factors.push(&column.residual, options.filter));
         let mut left = residual.to_vec();
@@ -89,12 +89,12 @@ impl Jacobian for LeastSquaresJacobian {
         c.iter().zip(&self.columns).for_each(|(c, column)| axpy(*c, &column.step, step));
     }
 
-    fn forget_past_windows(&mut self) {
+    fn drop_past_windows(&mut self) {
         let now = self.window;
         self.columns.retain(|c| c.window == now);
     }
 
-    fn forget(&mut self) {
+    fn reset(&mut self) {
         self.columns.clear();
     }
 }
@@ -111,14 +111,14 @@ struct Secants {
 ///
 /// $$ J_k = J_{k-1} + (\delta X_k - J_{k-1}\,\delta R_k)\,\delta R_k^+ , $$
 ///
-/// so $J_k r = \delta X_k \delta R_k^+ r + J_{k-1}(r - \delta R_k\delta R_k^+ r)$: what the newest
-/// window's columns span is theirs, the rest is handed on to the windows before, and what none
-/// spans to a [`Relaxation`]. That needs no matrix of the interface's size. Memory is limited by
-/// forgetting the oldest window (the restart RS-SLIDE of Scheufele and Mehl 2017). Other than in
-/// IQN-ILS, columns of past windows never compete with newer ones, so none has to be filtered out.
+/// so $J_k r = \delta X_k \delta R_k^+ r + J_{k-1}(r - \delta R_k\delta R_k^+ r)$: the columns of the newest window
+/// remove the part that they span, the remainder is passed to the windows before, and the part that none spans to a
+/// [`Relaxation`]. No matrix of the size of the interface is needed. Memory is bounded by dropping the oldest window
+/// (the restart RS-SLIDE of Scheufele and Mehl 2017). Unlike in IQN-ILS, columns of past windows never compete with
+/// newer ones, so none is filtered out.
 #[derive(Serialize, Deserialize)]
 pub struct MultiVectorJacobian {
-    /// Newest first; the first one is the present window's.
+    /// Newest first; the first one belongs to the present window.
     windows: VecDeque<Secants>,
 }
 
@@ -138,7 +138,7 @@ impl Jacobian for MultiVectorJacobian {
         self.windows.truncate(options.reused_windows as usize + 1);
     }
 
-    fn learn(&mut self, residual: Vec<f64>, step: Vec<f64>, options: &QuasiNewtonOptions) {
+    fn add_column(&mut self, residual: Vec<f64>, step: Vec<f64>, options: &QuasiNewtonOptions) {
         let now = &mut self.windows[0];
         if now.columns.push(&residual, options.filter) {
             now.steps.push(step);
@@ -160,11 +160,11 @@ impl Jacobian for MultiVectorJacobian {
         }
     }
 
-    fn forget_past_windows(&mut self) {
+    fn drop_past_windows(&mut self) {
         self.windows.truncate(1);
     }
 
-    fn forget(&mut self) {
+    fn reset(&mut self) {
         *self = Self::default();
     }
 }

@@ -1,4 +1,4 @@
-//! Acceleration of the coupling iteration, and the relaxation of what it has no columns for.
+//! Acceleration of the coupling iteration, and relaxation of the part of the residual that no column spans.
 
 pub mod accelerator;
 pub mod added_mass;

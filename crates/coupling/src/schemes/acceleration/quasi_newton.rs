@@ -1,18 +1,16 @@
 //! Interface quasi-Newton iteration with an inverse Jacobian of the residual.
 //!
-//! From pairs of iterates it learns how the residual $r = \tilde x - x$ changes with
-//! a step: columns $\delta r_j$ and $\delta x_j$. The next step removes what
-//! the columns span, and relaxes the rest:
+//! Pairs of iterates give the change of the residual $r = \tilde x - x$ over a step: columns $\delta r_j$ and $\delta
+//! x_j$. The next step removes the part of the residual that the columns span, and relaxes the rest:
 //!
 //! $$ c = -\operatorname*{argmin}_c \|\,\delta R\,c - r\|, \qquad
 //!    x \leftarrow x + \delta X\,c + \Omega\,(r + \delta R\,c). $$
 //!
-//! With $\Omega = I$ this is the method as published. A canopy is far lighter
-//! than the air it moves at *every* wave length the mesh resolves, so the
-//! unspanned part is amplified by a full step; a [`Relaxation`] that knows the
-//! added mass keeps the iteration contracting there too.
+//! With $\Omega = I$ this is the method as published. A canopy is far lighter than the air it moves at *every* wave
+//! length that the mesh resolves, so a full step amplifies the unspanned part; a [`Relaxation`] by the added mass
+//! makes the iteration contract there as well.
 //!
-//! Which columns serve is the [`Jacobian`]'s: IQN-ILS and IQN-IMVJ differ in nothing else.
+//! The [`Jacobian`] selects the columns: this is the only difference between IQN-ILS and IQN-IMVJ.
 
 use case::Coupling;
 
@@ -23,14 +21,14 @@ use super::quasi_newton_options::QuasiNewtonOptions;
 use super::relaxation::Relaxation;
 use crate::error::RunError;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::flow_model::lattice::Lattice;
 use crate::schemes::least_squares::norm;
+use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 
 /// The quasi-Newton accelerator.
 pub struct QuasiNewton<J> {
     options: QuasiNewtonOptions,
     jacobian: J,
-    /// Iterate and residual before.
+    /// Previous iterate and its residual.
     previous: Option<(Vec<f64>, Vec<f64>)>,
     best: f64,
     largest: f64,
@@ -53,25 +51,25 @@ impl<J: Jacobian> FromCoupling for QuasiNewton<J> {
     }
 
     fn describe(coupling: &Coupling) -> String {
-        format!("{} with the secants of {} earlier windows", J::NAME, coupling.reused_windows)
+        format!("{} with columns of {} earlier windows", J::NAME, coupling.reused_windows)
     }
 }
 
 impl<J: Jacobian> QuasiNewton<J> {
     /// Adds the column of the last step to `x`, whose residual is `r`.
-    fn learn(&mut self, x: &[f64], r: &[f64]) {
+    fn add_column(&mut self, x: &[f64], r: &[f64]) {
         if let Some((old_x, old_r)) = self.previous.take() {
             let residual: Vec<f64> = r.iter().zip(&old_r).map(|(a, b)| a - b).collect();
             let step: Vec<f64> = x.iter().zip(&old_x).map(|(a, b)| a - b).collect();
             self.largest = self.largest.max(norm(&old_r));
             if norm(&residual) > self.options.noise * self.largest && norm(&step) > 0.0 {
-                self.jacobian.learn(residual, step, &self.options);
+                self.jacobian.add_column(residual, step, &self.options);
             }
         }
         self.previous = Some((x.to_vec(), r.to_vec()));
     }
 
-    /// The quasi-Newton step for `residual` into `step`; `false` when it cannot be believed.
+    /// The quasi-Newton step for `residual` into `step`; `false` where it is too long or not finite.
     fn newton_step(&mut self, residual: &[f64], step: &mut [f64]) -> bool {
         self.jacobian.apply(residual, self.rest.as_ref(), &self.options, step);
         let length = norm(step);
@@ -80,7 +78,7 @@ impl<J: Jacobian> QuasiNewton<J> {
 }
 
 impl<J: Jacobian> Accelerator for QuasiNewton<J> {
-    fn reshape(&mut self, lattice: &Lattice) {
+    fn reshape(&mut self, lattice: &VortexLattice) {
         self.rest.reshape(lattice);
     }
 
@@ -95,18 +93,17 @@ impl<J: Jacobian> Accelerator for QuasiNewton<J> {
     fn next(&mut self, x: &[f64], x_tilde: &[f64], next: &mut [f64]) {
         let residual: Vec<f64> = x.iter().zip(x_tilde).map(|(x, t)| t - x).collect();
         let length = norm(&residual);
-        self.learn(x, &residual);
+        self.add_column(x, &residual);
         let omega = self.fallback.factor(x, x_tilde);
-        // Columns of past windows that make the residual grow describe another
-        // canopy than today's.
+        // A growing residual shows that columns of past windows no longer describe the present canopy.
         if length > 2.0 * self.best {
-            self.jacobian.forget_past_windows();
+            self.jacobian.drop_past_windows();
         }
         self.best = self.best.min(length);
         let mut step = vec![0.0; x.len()];
         let mut good = self.newton_step(&residual, &mut step);
         if !good {
-            self.jacobian.forget_past_windows();
+            self.jacobian.drop_past_windows();
             good = self.newton_step(&residual, &mut step);
         }
         if good {
@@ -118,7 +115,7 @@ impl<J: Jacobian> Accelerator for QuasiNewton<J> {
 
     fn end_window(&mut self, x: &[f64], x_tilde: &[f64]) {
         let residual: Vec<f64> = x.iter().zip(x_tilde).map(|(x, t)| t - x).collect();
-        self.learn(x, &residual);
+        self.add_column(x, &residual);
         self.jacobian.end_window(&self.options);
     }
 
@@ -133,7 +130,7 @@ impl<J: Jacobian> Accelerator for QuasiNewton<J> {
     }
 
     fn reset(&mut self) {
-        self.jacobian.forget();
+        self.jacobian.reset();
         self.fallback.reset();
     }
 }

@@ -5,25 +5,24 @@ use case::Coupling;
 /// Settings of [`super::quasi_newton::QuasiNewton`] and its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub struct QuasiNewtonOptions {
-    /// First factor of the Aitken relaxation that poor columns fall back to.
+    /// First factor of the Aitken relaxation, the fallback where columns give no usable step.
     pub relaxation: f64,
-    /// Windows whose columns are kept besides the present one's.
+    /// Number of past windows whose columns are reused.
     pub reused_windows: u32,
-    /// A column is dropped when less than this share of it is new compared with
-    /// the more recent ones.
+    /// A column is filtered out when its part orthogonal to more recent ones is below this fraction.
     pub filter: f64,
-    /// Differences of residuals below this share of the window's largest residual
-    /// are noise of the solvers' own tolerances and are no columns.
+    /// Differences of residuals below this fraction of the window's largest residual are noise of the solvers'
+    /// tolerances and add no column.
     pub noise: f64,
-    /// Columns at most (IQN-ILS).
+    /// Largest number of columns (IQN-ILS).
     pub max_columns: usize,
-    /// A step longer than this many residuals is not believed: for added mass a
-    /// true step is shorter than the residual.
+    /// A step longer than this many residuals is rejected: with added mass a correct step is shorter than the
+    /// residual.
     pub max_step: f64,
 }
 
 impl QuasiNewtonOptions {
-    /// Those of a scene, for vectors of `unknowns` numbers.
+    /// Options of a scene, for vectors of `unknowns` numbers.
     pub fn for_unknowns(coupling: &Coupling, unknowns: usize) -> Self {
         Self {
             relaxation: coupling.relaxation,

@@ -1,19 +1,19 @@
-//! What is done with the part of a residual that no column spans.
+//! Relaxation of the part of a residual that no column spans.
 
-use crate::schemes::flow_model::lattice::Lattice;
+use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 
-/// Turns a residual into a step that the next iterate can bear.
+/// Maps a residual to a stable step.
 pub trait Relaxation {
     /// Step for `residual` into `step`.
     fn apply(&self, residual: &[f64], step: &mut [f64]);
 
-    /// The canopy has another shape, or windows another length, than before.
-    fn reshape(&mut self, lattice: &Lattice) {
+    /// The canopy has another shape, or windows have another length, than before.
+    fn reshape(&mut self, lattice: &VortexLattice) {
         let _ = lattice;
     }
 }
 
-/// The same factor for every unknown.
+/// One factor for all unknowns.
 pub struct Uniform(pub f64);
 
 impl Relaxation for Uniform {

@@ -2,54 +2,54 @@
 
 use case::Coupling;
 
-use super::extrapolate::{MOST_ORDER, Past};
+use super::extrapolate::{MAX_ORDER, TimeHistory};
 use super::inner_solve::InnerSolve;
 use super::predictor::Predictor;
-use super::staggered::StructureFirst;
+use super::staggered::StructureFirstSerialStaggered;
 use crate::error::RunError;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::window::scheme::{CouplingScheme, FromSurrogate, Modelled, SchemeSettings};
+use crate::schemes::window::scheme::{CouplingScheme, FromSurrogate, SchemeSettings, Surrogate};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
 
-/// Staggered, but with the added mass implicit: the structure's substeps under the surrogate's load,
-/// whose defect is extrapolated with order $k$, then mesh and flow around the result. One flow solve
-/// in a window, of second order for $k \ge 1$.
+/// Staggered scheme with implicit added mass: the structure's substeps under the surrogate's load, whose defect is
+/// extrapolated with order $k$, then mesh and flow around the result. One flow solve per window, second order for $k
+/// \ge 1$.
 ///
-/// Linear analysis (one mode, added mass 1e-3 to 300 times the fabric's, frequency of the dry
-/// fabric times window 0 to 40, ten substeps, load shape `mean`, $k = 1$): no mode grows where the surrogate's
-/// added mass is between 0.9 and 1.3 of the flow's; largest growth a window 1.9 at 0.7, 1.09 at 1.5.
-/// The ATPS canopy on its grid is outside of that in some of its motions: there it blows up, and
-/// [`super::block_quasi_newton::BlockQuasiNewton`], which learns them, is the cheapest that stands.
+/// Linear analysis (one mode, added mass 1e-3 to 300 times the fabric's, frequency of the dry fabric times window 0
+/// to 40, ten substeps, load interpolation `mean`, $k = 1$): no mode grows where the surrogate's added mass is
+/// between 0.9 and 1.3 of the flow's; the largest growth per window is 1.9 at 0.7 and 1.09 at 1.5. Some motions of
+/// the ATPS canopy on its grid are outside of that range and diverge; the cheapest stable scheme there is
+/// [`super::block_quasi_newton::BlockQuasiNewton`], which corrects the surrogate by secants.
 pub struct AddedMassStaggered {
     order: usize,
     inner: InnerSolve,
     motions: Predictor,
-    defects: Past,
+    defects: TimeHistory,
     defect: Vec<f64>,
 }
 
-/// The surrogate's density over the air's in [`AddedMassStaggered`]: the middle of what is stable.
-pub const SAFE_DENSITY: f64 = 1.1;
+/// Density of the surrogate relative to the air's in [`AddedMassStaggered`]: the centre of the stable range.
+pub const SURROGATE_DENSITY_FACTOR: f64 = 1.1;
 
 impl FromSurrogate for AddedMassStaggered {
-    type Fallback = StructureFirst;
+    type Fallback = StructureFirstSerialStaggered;
 
-    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self {
-        let defect = vec![0.0; surrogate.model.answers()];
-        let motions = Predictor::from_start(MOST_ORDER, &settings.start());
+    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Surrogate) -> Self {
+        let defect = vec![0.0; surrogate.model.response_len()];
+        let motions = Predictor::from_start(MAX_ORDER, &settings.start());
         let inner = InnerSolve::new(surrogate, settings.coupling.load_interpolation, &settings.unknowns);
-        Self { order: settings.predictor(), inner, motions, defects: Past::default(), defect }
+        Self { order: settings.predictor(), inner, motions, defects: TimeHistory::default(), defect }
     }
 
     fn describe(coupling: &Coupling) -> String {
         let order = coupling.staggered.predictor;
-        format!("structure first with added mass implicit, the rest extrapolated with order {order}")
+        format!("structure first with implicit added mass, defect extrapolated with order {order}")
     }
 }
 
 impl AddedMassStaggered {
-    /// The first defect, from the flow around the canopy at rest.
+    /// The first defect, from a flow solve around the canopy at rest.
     fn measure_first_defect(
         &mut self,
         state: &mut WindowState,
@@ -60,7 +60,7 @@ impl AddedMassStaggered {
         state.window.iteration += 1;
         self.inner.measure_defect(state, &state.x, &mut self.defect);
         self.defects.push(&self.defect, state.window.dt);
-        state.know_start_load();
+        state.set_unknown_start_load();
         Ok(())
     }
 }
@@ -74,10 +74,10 @@ impl CouplingScheme for AddedMassStaggered {
         if self.defects.is_empty() {
             self.measure_first_defect(state, solvers)?;
         }
-        if let Some(defects) = self.inner.follow(state.window.dt) {
-            let mut past = Past::default();
-            defects.iter().for_each(|(defect, dt)| past.push(defect, *dt));
-            self.defects = past;
+        if let Some(defects) = self.inner.update_lattice(state.window.dt) {
+            let mut history = TimeHistory::default();
+            defects.iter().for_each(|(defect, dt)| history.push(defect, *dt));
+            self.defects = history;
         }
         self.motions.predict(state.window.dt, &mut state.x);
         Ok(())
@@ -86,8 +86,8 @@ impl CouplingScheme for AddedMassStaggered {
     fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
         self.inner.x.copy_from_slice(&state.x);
         self.defects.extrapolate(self.order, state.window.dt, &mut self.inner.defect);
-        let measure = self.inner.solve(state, solvers, None, solvers.criterion.tolerance)?;
-        state.report.residual = Some(measure);
+        let residual = self.inner.solve(state, solvers, None, solvers.criterion.tolerance)?;
+        state.report.residual = Some(residual);
         state.set_frame_velocity(state.end.velocity);
         solvers.flow_around(state, Configuration::End)?;
         state.pack_response(solvers.unknowns);

@@ -2,66 +2,67 @@
 
 use case::Coupling;
 
-use super::extrapolate::MOST_ORDER;
+use super::extrapolate::MAX_ORDER;
 use super::gauss_seidel::{AppliedLoad, GaussSeidel, flow_around_iterate, respond_to_flow};
 use super::inner_solve::InnerSolve;
 use super::predictor::Predictor;
 use crate::error::RunError;
 use crate::schemes::codec::{pack, unpack};
 use crate::schemes::least_squares::norm;
-use crate::schemes::window::scheme::{CouplingScheme, FromSurrogate, Modelled, SchemeSettings};
+use crate::schemes::window::scheme::{CouplingScheme, FromSurrogate, SchemeSettings, Surrogate};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::WindowState;
 
-/// Changes of the surrogate's load below this share of the load add no column, or below the tolerance where that is
-/// smaller: the flow then solves more closely.
+/// Changes of the surrogate's load below this fraction of the load add no column; the tolerance is the limit where it
+/// is smaller, since the flow is then solved more accurately.
 const LEAST_STEP: f64 = 1e-3;
 
-/// Interface block quasi-Newton (IBQN-LS; Vierendeels et al. 2007) with the structure itself in the
-/// place of its Jacobian: the flow at the iterate, then structure and descent solved against the
-/// flow's last response, the surrogate's inertia and the flow's secants. The flow hardly changes its
-/// ways from window to window, as a wrinkling structure does, so its secants serve for long.
+/// Interface block quasi-Newton (IBQN-LS; Vierendeels et al. 2007) with the structure itself instead of its Jacobian:
+/// a flow solve at the iterate, then structure and descent solved against the flow's last response, the surrogate's
+/// added-mass load and the secants of the flow. The flow's Jacobian varies slowly from window to window, unlike that
+/// of a wrinkling structure, so its secants remain valid for many windows.
 pub struct BlockQuasiNewton {
     inner: InnerSolve,
     motions: Predictor,
     defects: Predictor,
     defect: Vec<f64>,
-    /// Inertia of the surrogate and defect at the last sweep in this window.
+    /// Added-mass load of the surrogate and defect at the last sweep in this window.
     last: Option<(Vec<f64>, Vec<f64>)>,
-    known: bool,
+    has_history: bool,
     applied: AppliedLoad,
 }
 
 impl FromSurrogate for BlockQuasiNewton {
     type Fallback = GaussSeidel;
 
-    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self {
-        let defect = vec![0.0; surrogate.model.answers()];
+    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Surrogate) -> Self {
+        let defect = vec![0.0; surrogate.model.response_len()];
         let load = settings.coupling.load_interpolation;
         Self {
             inner: InnerSolve::new(surrogate, load, &settings.unknowns),
-            motions: Predictor::from_start(MOST_ORDER, &settings.start()),
-            defects: Predictor::new(MOST_ORDER),
+            motions: Predictor::from_start(MAX_ORDER, &settings.start()),
+            defects: Predictor::new(MAX_ORDER),
             defect,
             last: None,
-            known: false,
+            has_history: false,
             applied: AppliedLoad::new(load),
         }
     }
 
     fn describe(_coupling: &Coupling) -> String {
-        "block quasi-Newton with secants of the flow".into()
+        "block quasi-Newton with an added-mass surrogate and secants of the flow".into()
     }
 }
 
 impl BlockQuasiNewton {
     /// Adds the secant of the last two sweeps of this window to the surrogate.
     fn add_secant(&mut self, state: &WindowState, solvers: &Solvers<'_>) {
-        if let Some((inertia, before)) = self.last.take() {
-            let step: Vec<f64> = self.inner.response.iter().zip(&inertia).map(|(a, b)| a - b).collect();
+        if let Some((added_mass_load, before)) = self.last.take() {
+            let step: Vec<f64> =
+                self.inner.response.iter().zip(&added_mass_load).map(|(a, b)| a - b).collect();
             let change = self.defect.iter().zip(&before).map(|(a, b)| a - b).collect();
             let least = LEAST_STEP.min(solvers.criterion.tolerance);
-            self.inner.model.learn(step, change, least, norm(&state.end.load));
+            self.inner.model.add_column(step, change, least, norm(&state.end.load));
         }
         self.last = Some((self.inner.response.clone(), self.defect.clone()));
     }
@@ -75,12 +76,12 @@ impl CouplingScheme for BlockQuasiNewton {
     fn predict(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
         let dt = state.window.dt;
         self.last = None;
-        if let Some(defects) = self.inner.follow(dt) {
-            self.defects = Predictor::new(MOST_ORDER);
+        if let Some(defects) = self.inner.update_lattice(dt) {
+            self.defects = Predictor::new(MAX_ORDER);
             defects.iter().for_each(|(defect, dt)| self.defects.accept(defect, *dt));
         }
         self.motions.predict(dt, &mut state.x);
-        if self.known {
+        if self.has_history {
             self.defects.predict(dt, &mut self.inner.defect);
             let tolerance = (0.1 * solvers.criterion.tolerance).max(1e-3);
             self.inner.x.copy_from_slice(&state.x);
@@ -102,7 +103,7 @@ impl CouplingScheme for BlockQuasiNewton {
         let tolerance = (0.2 * solvers.criterion.tolerance).max(0.02 * outer.min(1.0));
         self.inner.x.copy_from_slice(&state.x);
         self.inner.defect.copy_from_slice(&self.defect);
-        let about = self.last.as_ref().map(|(inertia, _)| inertia.as_slice());
+        let about = self.last.as_ref().map(|(added_mass_load, _)| added_mass_load.as_slice());
         let reached = self.inner.solve(state, solvers, about, tolerance)?;
         state.next.copy_from_slice(&self.inner.x);
         Ok(reached < 0.5 * outer)
@@ -111,26 +112,26 @@ impl CouplingScheme for BlockQuasiNewton {
     fn reset(&mut self, rejected: bool) {
         self.inner.reset_acceleration();
         if rejected {
-            self.inner.model.forget();
+            self.inner.model.reset();
         }
     }
 
     fn accept(&mut self, state: &WindowState) {
         let dt = state.window.dt;
-        self.known = true;
+        self.has_history = true;
         self.defects.accept(&self.defect, dt);
-        // The grid stands at the iterate.
+        // The grid is at the iterate.
         self.inner.accept(&state.x, &self.defect, dt);
         self.motions.accept(&state.x_tilde, dt);
     }
 
     fn save_state(&self) -> Vec<u8> {
-        pack(&(&self.motions, &self.defects, self.known, self.inner.save_state()))
+        pack(&(&self.motions, &self.defects, self.has_history, self.inner.save_state()))
     }
 
     fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
         let inner: Vec<u8>;
-        (self.motions, self.defects, self.known, inner) = unpack(saved)?;
+        (self.motions, self.defects, self.has_history, inner) = unpack(saved)?;
         self.inner.restore_state(&inner)
     }
 }

@@ -19,7 +19,7 @@ pub struct AppliedLoad {
 }
 
 impl AppliedLoad {
-    /// With this shape over the substeps.
+    /// With this interpolation over the substeps.
     pub fn new(shape: LoadShape) -> Self {
         Self { shape, start: Vec::new(), end: Vec::new() }
     }
@@ -33,11 +33,11 @@ impl AppliedLoad {
     }
 }
 
-/// One Gauss-Seidel sweep (paper, section 4): mesh and flow around the iterate, structure under the flow's load, descent
-/// under its force.
+/// One Gauss-Seidel sweep (paper, section 4): mesh and flow around the iterate, structure under the flow's load,
+/// descent under its force.
 ///
 /// # Errors
-/// Those of the solvers.
+/// Errors of the solvers.
 pub fn gauss_seidel_sweep(
     state: &mut WindowState,
     solvers: &mut Solvers<'_>,
@@ -50,23 +50,23 @@ pub fn gauss_seidel_sweep(
 /// The sweep's first half: mesh and flow around the iterate, in a frame with its velocity.
 ///
 /// # Errors
-/// Those of the solvers.
+/// Errors of the solvers.
 pub fn flow_around_iterate(state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
     state.set_frame_to_iterate(solvers.unknowns);
     solvers.flow_around(state, Configuration::Iterate)
 }
 
-/// The sweep's second half: structure and descent under the flow's last load, which stands for an unknown one
-/// at the start of the window.
+/// The sweep's second half: structure and descent under the flow's last load, which also replaces an unknown load at
+/// the start of the window.
 ///
 /// # Errors
-/// Those of the solvers.
+/// Errors of the solvers.
 pub fn respond_to_flow(
     state: &mut WindowState,
     solvers: &mut Solvers<'_>,
     applied: &mut AppliedLoad,
 ) -> Result<(), RunError> {
-    state.know_start_load();
+    state.set_unknown_start_load();
     let load = applied.over_window(state, &state.end.load);
     solvers.structure_under(state, load)?;
     solvers.descend(state);

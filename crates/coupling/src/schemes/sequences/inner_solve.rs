@@ -1,30 +1,30 @@
-//! The structure solved against a surrogate of the flow, between two solves of the flow itself.
+//! Solution of the structure against the surrogate of the flow, between two flow solves.
 //!
-//! The structure costs a hundredth of the flow here, and what couples them so tightly is the added mass
-//! of the air, which [`FlowModel`] knows. So the structure is solved against the surrogate as often
-//! as it takes, with all of its wrinkles; the flow is asked about the result.
+//! A structure solve costs a hundredth of a flow solve here, and the strong coupling is due to the added mass of the
+//! air, which [`AddedMassSurrogate`] contains. The structure is therefore iterated against the surrogate, with its
+//! full nonlinearity, before the next flow solve.
 
 use std::collections::VecDeque;
 
 use case::LoadShape;
 use serde::{Deserialize, Serialize};
 
-use super::extrapolate::MOST_ORDER;
+use super::extrapolate::MAX_ORDER;
 use super::gauss_seidel::AppliedLoad;
 use crate::error::RunError;
 use crate::schemes::acceleration::accelerator::Accelerator;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::flow_model::surrogate::FlowModel;
+use crate::schemes::surrogate::added_mass_surrogate::AddedMassSurrogate;
 use crate::schemes::unknowns::Unknowns;
-use crate::schemes::window::scheme::Modelled;
+use crate::schemes::window::scheme::Surrogate;
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::WindowState;
 
-/// Structure solves against the surrogate at most between two solves of the flow.
-const MOST_SOLVES: usize = 25;
+/// Largest number of structure solves against the surrogate between two flow solves.
+const MAX_SOLVES: usize = 25;
 
-/// Windows whose ends are kept: what the highest order of extrapolation takes, and one to choose the order by.
-const ENDS: usize = MOST_ORDER + 2;
+/// Number of window ends in the history: the highest order of extrapolation, plus one to select the order.
+const ENDS: usize = MAX_ORDER + 2;
 
 /// The flow's response at the end of a window.
 #[derive(Serialize, Deserialize)]
@@ -38,17 +38,17 @@ struct WindowEnd {
 /// The structure in equilibrium with the surrogate.
 pub struct InnerSolve {
     /// The surrogate.
-    pub model: FlowModel,
+    pub model: AddedMassSurrogate,
     /// Newest first.
     ends: VecDeque<WindowEnd>,
     applied: AppliedLoad,
     accelerator: Box<dyn Accelerator>,
-    /// The surrogate's inertia, and with the defect its response: `[faces][LOAD_WIDTH]` (Pa), then the vertical
-    /// force (N).
+    /// Added-mass load of the surrogate, plus the defect where it is the response: `[faces][LOAD_WIDTH]` (Pa), then
+    /// the vertical force (N).
     pub response: Vec<f64>,
-    /// What the surrogate's inertia is added to, likewise.
+    /// Defect of the surrogate in the same layout.
     pub defect: Vec<f64>,
-    /// The iterate, and after a solve the unknowns that came closest to equilibrium.
+    /// The iterate, and after a solve the unknowns closest to equilibrium.
     pub x: Vec<f64>,
     x_tilde: Vec<f64>,
     next: Vec<f64>,
@@ -56,10 +56,10 @@ pub struct InnerSolve {
 }
 
 impl InnerSolve {
-    /// Against `surrogate`, with this shape of the load over the substeps.
-    pub fn new(surrogate: Modelled, load: LoadShape, unknowns: &Unknowns) -> Self {
-        let Modelled { model, accelerator } = surrogate;
-        let (n, m) = (unknowns.len(), model.answers());
+    /// Against `surrogate`, with this interpolation of the load over the substeps.
+    pub fn new(surrogate: Surrogate, load: LoadShape, unknowns: &Unknowns) -> Self {
+        let Surrogate { model, accelerator } = surrogate;
+        let (n, m) = (unknowns.len(), model.response_len());
         Self {
             model,
             ends: VecDeque::new(),
@@ -74,11 +74,12 @@ impl InnerSolve {
         }
     }
 
-    /// Solves structure and descent against the defect, which the secants change with the inertia
-    /// from `about` on where given, from [`InnerSolve::x`] on, to `tolerance`. Returns the measure that was reached.
+    /// Solves structure and descent against the surrogate plus defect, starting from [`InnerSolve::x`], to
+    /// `tolerance`. Secants correct the defect for the change of the added-mass load from `about`, where given.
+    /// Returns the relative residual.
     ///
     /// # Errors
-    /// Those of the structure.
+    /// Errors of the structure.
     pub fn solve(
         &mut self,
         state: &mut WindowState,
@@ -89,15 +90,15 @@ impl InnerSolve {
         let _part = timing::part("inner solve");
         self.accelerator.begin_window();
         let mut best = f64::INFINITY;
-        for count in 1..=MOST_SOLVES {
+        for count in 1..=MAX_SOLVES {
             self.predict_response(state.window.dt, about);
             self.solve_structure(state, solvers)?;
-            let measure = solvers.criterion.measure(&self.x, &self.x_tilde, &state.start);
-            if measure < best {
-                best = measure;
+            let residual = solvers.criterion.relative_residual(&self.x, &self.x_tilde, &state.start);
+            if residual < best {
+                best = residual;
                 self.best.copy_from_slice(&self.x);
             }
-            if measure <= tolerance || count == MOST_SOLVES || !measure.is_finite() {
+            if residual <= tolerance || count == MAX_SOLVES || !residual.is_finite() {
                 break;
             }
             self.accelerator.next(&self.x, &self.x_tilde, &mut self.next);
@@ -115,10 +116,10 @@ impl InnerSolve {
 
     /// The surrogate's response to the iterate at the end of a window of length `dt`.
     fn predict_response(&mut self, dt: f64, about: Option<&[f64]>) {
-        self.model.inertia(&self.x, dt, &mut self.response);
+        self.model.added_mass_load(&self.x, dt, &mut self.response);
         if let Some(about) = about {
             let change: Vec<f64> = self.response.iter().zip(about).map(|(x, a)| x - a).collect();
-            self.model.correct(&change, &mut self.response);
+            self.model.apply_correction(&change, &mut self.response);
         }
         self.response.iter_mut().zip(&self.defect).for_each(|(a, r)| *a += r);
     }
@@ -140,23 +141,23 @@ impl InnerSolve {
 
     /// The defect of the surrogate in the flow's response of this window, with the grid at the unknowns `x`.
     pub fn measure_defect(&mut self, state: &WindowState, x: &[f64], defect: &mut [f64]) {
-        self.model.inertia(x, state.window.dt, &mut self.response);
+        self.model.added_mass_load(x, state.window.dt, &mut self.response);
         let force = state.report.force[2];
         let truth = state.end.load.iter().chain(std::iter::once(&force));
-        for ((r, truth), inertia) in defect.iter_mut().zip(truth).zip(&self.response) {
-            *r = truth - inertia;
+        for ((r, truth), added_mass_load) in defect.iter_mut().zip(truth).zip(&self.response) {
+            *r = truth - added_mass_load;
         }
     }
 
-    /// Lets the surrogate follow the canopy before a window of length `dt`. Where its lattice is reassembled: its
-    /// defects in past windows, oldest first, with their lengths.
-    pub fn follow(&mut self, dt: f64) -> Option<Vec<(Vec<f64>, f64)>> {
-        let lattice = self.model.follow(dt)?;
+    /// Updates the surrogate for the present canopy before a window of length `dt`. Where its lattice is reassembled:
+    /// its defects in past windows, oldest first, with their lengths.
+    pub fn update_lattice(&mut self, dt: f64) -> Option<Vec<(Vec<f64>, f64)>> {
+        let lattice = self.model.update_lattice(dt)?;
         self.accelerator.reshape(&lattice);
-        let mut inertia = vec![0.0; self.response.len()];
+        let mut added_mass_load = vec![0.0; self.response.len()];
         let defects = self.ends.iter().rev().map(|end| {
-            self.model.inertia_of(&end.acceleration, &mut inertia);
-            (end.response.iter().zip(&inertia).map(|(response, i)| response - i).collect(), end.dt)
+            self.model.added_mass_load_of(&end.acceleration, &mut added_mass_load);
+            (end.response.iter().zip(&added_mass_load).map(|(response, i)| response - i).collect(), end.dt)
         });
         Some(defects.collect())
     }
@@ -164,14 +165,14 @@ impl InnerSolve {
     /// A window of length `dt` ended with the grid at the unknowns `x` and this defect.
     pub fn accept(&mut self, x: &[f64], defect: &[f64], dt: f64) {
         let acceleration = self.model.acceleration(x, dt);
-        self.model.inertia_of(&acceleration, &mut self.response);
+        self.model.added_mass_load_of(&acceleration, &mut self.response);
         let response = self.response.iter().zip(defect).map(|(i, r)| i + r).collect();
         self.ends.push_front(WindowEnd { response, acceleration, dt });
         self.ends.truncate(ENDS);
         self.model.accept(x, dt);
     }
 
-    /// Resets the columns of the acceleration.
+    /// Drops the columns of the acceleration.
     pub fn reset_acceleration(&mut self) {
         self.accelerator.reset();
     }

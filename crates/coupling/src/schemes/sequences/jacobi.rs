@@ -10,8 +10,8 @@ use crate::schemes::window::scheme::{CouplingScheme, FromScene, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::WindowState;
 
-/// Jacobi: flow at the displacement of the iterate, structure under its load, neither knowing the
-/// other's response. The unknowns are displacement, descent speed and load.
+/// Jacobi: flow at the displacement of the iterate, structure under its load, each independent of the other's
+/// response. The unknowns are displacement, descent speed and load.
 pub struct Jacobi {
     applied: AppliedLoad,
     predictor: Predictor,
@@ -20,7 +20,7 @@ pub struct Jacobi {
 }
 
 impl FromScene for Jacobi {
-    /// The unknowns of the `settings` hold loads.
+    /// The unknowns of the `settings` include loads.
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
         let predictor = if settings.interface.load.is_some() {
             Predictor::from_start(2, &settings.start())
@@ -52,10 +52,10 @@ impl CouplingScheme for Jacobi {
         if known {
             solvers.unknowns.load(&state.x, &mut self.iterate);
         } else {
-            // Nothing was known to iterate from: this once the structure follows the flow.
+            // No load to iterate from: in this sweep the structure follows the flow.
             self.iterate.clone_from(&state.end.load);
         }
-        state.know_start_load();
+        state.set_unknown_start_load();
         let load = self.applied.over_window(state, &self.iterate);
         solvers.structure_under(state, load)?;
         solvers.descend(state);

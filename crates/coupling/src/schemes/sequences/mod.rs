@@ -1,4 +1,4 @@
-//! Coupling schemes: the order in which a window calls the solvers.
+//! Coupling schemes: the order of the solves in a window.
 
 pub mod added_mass_staggered;
 pub mod block_quasi_newton;

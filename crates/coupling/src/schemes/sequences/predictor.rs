@@ -1,21 +1,20 @@
-//! First iterate of a window, from the windows before.
+//! Predictor: the first iterate of a window by extrapolation.
 
-use super::extrapolate::Past;
+use super::extrapolate::TimeHistory;
 
-/// Extrapolates accepted values with the order, up to the one asked for, that
-/// would have served the last window best: quadratic where the motion is smooth,
-/// none where it is not.
+/// Extrapolates accepted values. Its order, up to a given one, is the one that would have predicted the last window
+/// best: quadratic for smooth motions, constant otherwise.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Predictor {
     order: usize,
     best: usize,
-    past: Past,
+    history: TimeHistory,
 }
 
 impl Predictor {
     /// Extrapolation up to `order` (0 constant, 1 linear, 2 quadratic).
     pub fn new(order: usize) -> Self {
-        Self { order: order.min(2), best: order.min(2), past: Past::default() }
+        Self { order: order.min(2), best: order.min(2), history: TimeHistory::default() }
     }
 
     /// The same, from the value `start`.
@@ -27,18 +26,18 @@ impl Predictor {
 
     /// Adds the accepted value at the end of a window of length `dt`.
     pub fn accept(&mut self, x: &[f64], dt: f64) {
-        if self.past.len() > self.order {
-            let misses = (0..=self.order).map(|order| (order, self.past.miss(order, dt, x)));
-            if let Some((order, _)) = misses.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        if self.history.len() > self.order {
+            let errors = (0..=self.order).map(|order| (order, self.history.squared_error(order, dt, x)));
+            if let Some((order, _)) = errors.min_by(|a, b| a.1.total_cmp(&b.1)) {
                 self.best = order;
             }
         }
-        self.past.push(x, dt);
+        self.history.push(x, dt);
     }
 
     /// Extrapolates to the end of the next window, of length `dt`.
     pub fn predict(&self, dt: f64, x: &mut [f64]) {
-        self.past.extrapolate(self.best, dt, x);
+        self.history.extrapolate(self.best, dt, x);
     }
 }
 
@@ -47,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn is_exact_for_polynomials_up_to_its_order() {
+    fn prediction_is_exact_for_polynomials_up_to_its_order() {
         let quadratic = |t: f64| 2.0 - 3.0 * t + 0.5 * t * t;
         for order in 0..=2 {
             let f = |t: f64| match order {
@@ -66,8 +65,8 @@ mod tests {
     }
 
     #[test]
-    fn takes_the_order_that_served_best() {
-        // An alternation is worse the higher the order.
+    fn order_with_the_smallest_last_error_is_selected() {
+        // For an alternating sequence the error increases with the order.
         let mut predictor = Predictor::new(2);
         for t in 0..6 {
             predictor.accept(&[if t % 2 == 0 { 1.0 } else { -1.0 }], 1.0);
@@ -78,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn starts_with_what_there_is() {
+    fn order_is_limited_by_the_number_of_values() {
         let mut predictor = Predictor::new(2);
         let mut x = [7.0];
         predictor.predict(1.0, &mut x);

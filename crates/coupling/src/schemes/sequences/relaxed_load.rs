@@ -2,7 +2,7 @@
 
 use case::Coupling;
 
-use super::extrapolate::Past;
+use super::extrapolate::TimeHistory;
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
 use crate::schemes::codec::{pack, unpack};
@@ -11,24 +11,24 @@ use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
 
 /// The staggered scheme of Dettmer and Peric (2013). The structure moves under a load $f$ that is predicted by
-/// extrapolation of order $k$, the flow responds with $\tilde f_{n+1}$, and the share $\beta$ of its response
+/// extrapolation of order $k$, the flow responds with $\tilde f_{n+1}$, and the fraction $\beta$ of its response
 /// (`coupling.relaxation`) corrects the prediction:
 ///
 /// $$ f^P_{n+1} = 2 f_n - f_{n-1} \;(k = 1), \qquad
 ///    f_{n+1} = \beta\,\tilde f_{n+1} + (1 - \beta)\,f^P_{n+1}. $$
 ///
-/// Over the substeps the load is the mean of $f_n$ and $f^P_{n+1}$. Order in time $k + 1$; the error grows as
-/// $1/\beta$. One flow solve in a window.
+/// Over the substeps the load is the mean of $f_n$ and $f^P_{n+1}$. The order in time is $k + 1$; the error grows as
+/// $1/\beta$. One flow solve per window.
 ///
-/// Where the load responds to a load as $\tilde f = c - G f$, a window multiplies deviations from the equilibrium
-/// by the roots of $z^2 - (2(1-\beta) - \tfrac32\beta G)\,z + (1-\beta) - \tfrac12\beta G$ ($k = 1$), both within
-/// the unit circle for $\beta < 4 / (3 + 2 G)$, however large $G$ is. A light canopy in a flow is harder: in
-/// `cases/square-drop` its loads oscillate, where `structure-first` ends in the fifth window.
+/// Where the load responds to a load as $\tilde f = c - G f$, a window multiplies deviations from the equilibrium by
+/// the roots of $z^2 - (2(1-\beta) - \tfrac32\beta G)\,z + (1-\beta) - \tfrac12\beta G$ ($k = 1$), both within the
+/// unit circle for $\beta < 4 / (3 + 2 G)$, however large $G$ is. A light canopy in a flow is more difficult: in
+/// `cases/square-drop` its loads oscillate, while `structure-first` fails in the fifth window.
 pub struct RelaxedLoad {
     order: usize,
     share: f64,
-    loads: Past,
-    velocities: Past,
+    loads: TimeHistory,
+    velocities: TimeHistory,
     /// Relaxed load at the start of the window, predicted load at its end and their mean, `[faces][LOAD_WIDTH]`, Pa.
     start: Vec<f64>,
     predicted: Vec<f64>,
@@ -40,9 +40,9 @@ impl FromScene for RelaxedLoad {
         Self {
             order: settings.predictor(),
             share: settings.coupling.relaxation,
-            // A load known from an earlier stage belongs to windows of another length.
-            loads: Past::default(),
-            velocities: Past::from_start(&[settings.interface.velocity]),
+            // A load of an earlier stage belongs to windows of another length.
+            loads: TimeHistory::default(),
+            velocities: TimeHistory::from_start(&[settings.interface.velocity]),
             start: Vec::new(),
             predicted: Vec::new(),
             mean: Vec::new(),
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn loads_follow_the_recurrence_in_closed_form() {
+    fn loads_follow_the_closed_form_recurrence() {
         // Real roots z of the recurrence: f_n = f + a z_0^n + b z_1^n, from f_0 = 0 and f_1 = share c.
         let (gain, share): (f64, f64) = (5.0, 0.3);
         let [p, q] = [2.0 * (1.0 - share) - 1.5 * share * gain, (1.0 - share) - 0.5 * share * gain];
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn loads_converge_up_to_the_share_that_is_promised() {
+    fn loads_converge_up_to_the_theoretical_relaxation() {
         for gain in [0.0, 1.0, 30.0, 1000.0] {
             let limit = 4.0 / (3.0 + 2.0 * gain);
             let deviation = |share: f64| {

@@ -1,8 +1,8 @@
-//! Staggered schemes: each solver once in a window.
+//! Staggered schemes: each solver once per window.
 
 use case::{Coupling, DescentEquation};
 
-use super::extrapolate::Past;
+use super::extrapolate::TimeHistory;
 use super::gauss_seidel::{AppliedLoad, gauss_seidel_sweep};
 use crate::error::RunError;
 use crate::partners::LoadOverWindow;
@@ -11,32 +11,33 @@ use crate::schemes::window::scheme::{CouplingScheme, FromScene, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
 
-/// The structure's substeps under a load extrapolated with order $k$, then mesh, flow and
-/// descent. $k = 0$ is the paper's sequence, of first order in time; from $k = 1$ on it is of
-/// second order (load and the frame's velocity are then known to second order).
-pub struct StructureFirst {
+/// Serial staggered, structure first: the structure's substeps under a load extrapolated with order $k$, then mesh,
+/// flow and descent. $k = 0$ is the paper's scheme, first order in time; for $k \ge 1$ it is second order (load and
+/// frame velocity are then second order).
+pub struct StructureFirstSerialStaggered {
     order: usize,
-    loads: Past,
-    velocities: Past,
-    ahead: Vec<f64>,
+    loads: TimeHistory,
+    velocities: TimeHistory,
+    predicted: Vec<f64>,
 }
 
-impl FromScene for StructureFirst {
+impl FromScene for StructureFirstSerialStaggered {
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
-        // A load known from an earlier stage belongs to windows of another length.
-        let (loads, velocities) = (Past::default(), Past::from_start(&[settings.interface.velocity]));
-        Self { order: settings.predictor(), loads, velocities, ahead: Vec::new() }
+        // A load of an earlier stage belongs to windows of another length.
+        let (loads, velocities) =
+            (TimeHistory::default(), TimeHistory::from_start(&[settings.interface.velocity]));
+        Self { order: settings.predictor(), loads, velocities, predicted: Vec::new() }
     }
 
     fn describe(coupling: &Coupling) -> String {
         match coupling.staggered.predictor {
-            0 => "each program once in a window, with the pressures of the last".into(),
+            0 => "each program once per window, under the load of the last window".into(),
             order => format!("structure first, under loads extrapolated with order {order}"),
         }
     }
 }
 
-impl CouplingScheme for StructureFirst {
+impl CouplingScheme for StructureFirstSerialStaggered {
     fn iterates(&self) -> bool {
         false
     }
@@ -50,9 +51,9 @@ impl CouplingScheme for StructureFirst {
         self.velocities.extrapolate(self.order, state.window.dt, &mut velocity);
         state.set_frame_velocity(velocity[0]);
         let start = solvers.start_load(state)?;
-        self.ahead.clone_from(&start);
-        self.loads.extrapolate(self.order, state.window.dt, &mut self.ahead);
-        solvers.structure_under(state, LoadOverWindow { start: &start, end: &self.ahead })?;
+        self.predicted.clone_from(&start);
+        self.loads.extrapolate(self.order, state.window.dt, &mut self.predicted);
+        solvers.structure_under(state, LoadOverWindow { start: &start, end: &self.predicted })?;
         solvers.flow_around(state, Configuration::End)?;
         solvers.descend(state);
         state.pack_response(solvers.unknowns);
@@ -74,18 +75,18 @@ impl CouplingScheme for StructureFirst {
     }
 }
 
-/// One Gauss-Seidel sweep from unknowns extrapolated with order $k$
-/// (Piperno's generalised serial staggered scheme). Order in time $k + 1$, at most two.
-pub struct FlowFirst {
+/// Conventional serial staggered (Farhat and Lesoinne 2000; Piperno's generalised form): one Gauss-Seidel sweep from
+/// unknowns extrapolated with order $k$. Order in time $k + 1$, at most two.
+pub struct ConventionalSerialStaggered {
     order: usize,
     applied: AppliedLoad,
-    motions: Past,
+    motions: TimeHistory,
 }
 
-impl FromScene for FlowFirst {
+impl FromScene for ConventionalSerialStaggered {
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
         let applied = AppliedLoad::new(settings.coupling.load_interpolation);
-        Self { order: settings.predictor(), applied, motions: Past::from_start(&settings.start()) }
+        Self { order: settings.predictor(), applied, motions: TimeHistory::from_start(&settings.start()) }
     }
 
     fn describe(coupling: &Coupling) -> String {
@@ -93,7 +94,7 @@ impl FromScene for FlowFirst {
     }
 }
 
-impl CouplingScheme for FlowFirst {
+impl CouplingScheme for ConventionalSerialStaggered {
     fn iterates(&self) -> bool {
         false
     }
@@ -121,31 +122,30 @@ impl CouplingScheme for FlowFirst {
     }
 }
 
-/// Improved serial staggered (Lesoinne and Farhat 1998): the flow's windows end at the middles
-/// of the structure's. The canopy is extrapolated there with order $k$; the flow's response is the
-/// load of the structure's whole window, whose middle it is. Second order in time for $k \ge 1$.
+/// Improved serial staggered (Lesoinne and Farhat 1998): the flow's windows end at the midpoints of the structure's.
+/// The canopy is extrapolated to the midpoint with order $k$; the flow's response is the load of the structure's
+/// whole window. Second order in time for $k \ge 1$.
 ///
-/// The state that the flow starts from stands half a window before the structure's: nothing
-/// where the flow is developed or at rest.
-pub struct HalfStep {
+/// The flow starts half a window before the structure, which has no effect where the flow is developed or at rest.
+pub struct ImprovedSerialStaggered {
     order: usize,
-    motions: Past,
+    motions: TimeHistory,
     load: Vec<f64>,
 }
 
-impl FromScene for HalfStep {
+impl FromScene for ImprovedSerialStaggered {
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
-        let motions = Past::from_start(&settings.start());
+        let motions = TimeHistory::from_start(&settings.start());
         Self { order: settings.predictor(), motions, load: Vec::new() }
     }
 
     fn describe(coupling: &Coupling) -> String {
         let order = coupling.staggered.predictor;
-        format!("flow half a window off, around a canopy extrapolated with order {order}")
+        format!("flow half a window ahead, around a canopy extrapolated with order {order}")
     }
 }
 
-impl CouplingScheme for HalfStep {
+impl CouplingScheme for ImprovedSerialStaggered {
     fn iterates(&self) -> bool {
         false
     }
@@ -160,7 +160,7 @@ impl CouplingScheme for HalfStep {
         let mut half = state.window;
         half.time -= 0.5 * half.dt;
         solvers.flow_in(&half, state, Configuration::Iterate)?;
-        state.know_start_load();
+        state.set_unknown_start_load();
         self.load.clone_from(&state.end.load);
         let load = LoadOverWindow { start: &self.load, end: &self.load };
         if solvers.descent.is_some_and(|d| d.equation == DescentEquation::QuasiSteady) {
@@ -170,7 +170,7 @@ impl CouplingScheme for HalfStep {
                 (state.end.velocity - state.interface.velocity) / state.window.dt;
             solvers.structure_under(state, load)?;
         } else {
-            // It follows from the structure, whose own share of it is small: that of the window before.
+            // It follows from the structure, whose own contribution is small: use that of the window before.
             state.window.frame_acceleration[2] = state.interface.acceleration;
             solvers.structure_under(state, load)?;
             solvers.descend(state);

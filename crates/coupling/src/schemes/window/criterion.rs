@@ -1,43 +1,42 @@
-//! When a window is converged.
+//! Convergence criterion of a window.
 
 use std::ops::Range;
 
 /// One field of the vector of unknowns.
 #[derive(Clone, Debug)]
 pub struct Field {
-    /// Where it lies in the vector.
+    /// Its range in the vector.
     pub range: Range<usize>,
-    /// Change over a window (2-norm, in the vector's units) below which the
-    /// change itself is no longer the measure, so that a canopy at rest does
-    /// not ask for round-off. Goes with the length of the window.
+    /// Change over a window (2-norm, in the vector's units) below which the change itself is no longer the scale, so
+    /// that a canopy at rest does not require a residual of round-off. Proportional to the length of the window.
     pub floor: f64,
-    /// What the scale of the load changes the field by; the greater of both is the floor.
+    /// Change of the field by the scale of the load; the larger of both is the floor.
     pub load: LoadFloor,
 }
 
 impl Field {
-    /// With a floor that goes with the length of the window.
+    /// With a floor proportional to the length of the window.
     pub fn new(range: Range<usize>, floor: f64) -> Self {
         Self { range, floor, load: LoadFloor::default() }
     }
 
-    /// The floor in windows that are `factor` times as long as those that it was made for.
+    /// The floor for windows `factor` times as long as the planned ones.
     fn floor(&self, factor: f64) -> f64 {
         (factor * self.floor).max(self.load.at(factor)).max(f64::MIN_POSITIVE)
     }
 }
 
-/// What the scale of the load changes a field by within a window (2-norm, in the vector's units).
+/// Change of a field by the scale of the load within a window (2-norm, in the vector's units).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadFloor {
-    /// By inertia alone: goes with the square of the window's length.
+    /// By inertia alone: proportional to the square of the window's length.
     pub inertial: f64,
-    /// Never more, whatever the window.
+    /// Upper bound for any window.
     pub most: f64,
 }
 
 impl LoadFloor {
-    /// In windows that are `factor` times as long as those that it was made for.
+    /// For windows `factor` times as long as the planned ones.
     pub fn at(&self, factor: f64) -> f64 {
         (factor * factor * self.inertial).min(self.most)
     }
@@ -51,7 +50,7 @@ pub struct Criterion {
     pub fields: Vec<Field>,
     /// $\epsilon$.
     pub tolerance: f64,
-    /// Length of the windows over that of those that the floors were made for.
+    /// Length of the windows relative to the planned one.
     length: f64,
 }
 
@@ -61,14 +60,13 @@ impl Criterion {
         Self { fields, tolerance, length: 1.0 }
     }
 
-    /// For windows that are `factor` times as long as those before.
+    /// For windows `factor` times as long as those before.
     pub fn rescale(&mut self, factor: f64) {
         self.length *= factor;
     }
 
-    /// Largest ratio over the fields of the residual to the change over the
-    /// window. NaN when any number is not finite.
-    pub fn measure(&self, x: &[f64], x_tilde: &[f64], x_start: &[f64]) -> f64 {
+    /// Largest ratio over the fields of the residual to the change over the window. NaN where a value is not finite.
+    pub fn relative_residual(&self, x: &[f64], x_tilde: &[f64], x_start: &[f64]) -> f64 {
         self.fields.iter().fold(0.0, |worst: f64, field| {
             let (mut residual, mut change) = (0.0, 0.0);
             for i in field.range.clone() {
@@ -80,9 +78,9 @@ impl Criterion {
         })
     }
 
-    /// Whether a measure is within the tolerance.
-    pub fn met(&self, measure: f64) -> bool {
-        measure <= self.tolerance
+    /// Whether a relative residual is within the tolerance.
+    pub fn met(&self, residual: f64) -> bool {
+        residual <= self.tolerance
     }
 }
 
@@ -96,22 +94,22 @@ mod tests {
 
     #[test]
     fn each_field_has_its_own_scale() {
-        // Field 0 moved by 10, field 1 by 1: the residual of 2e-3 counts in field 1 only.
-        let m = criterion().measure(&[10.0, 0.0, 1.0], &[10.0, 2e-3, 1.0], &[0.0; 3]);
+        // Field 0 moves by 10, field 1 by 1: the residual of 2e-3 affects field 1 only.
+        let m = criterion().relative_residual(&[10.0, 0.0, 1.0], &[10.0, 2e-3, 1.0], &[0.0; 3]);
         assert!((m - 2e-4).abs() < 1e-9 && criterion().met(m));
-        let m = criterion().measure(&[10.0, 0.0, 1.0], &[10.0, 0.0, 1.002], &[0.0; 3]);
+        let m = criterion().relative_residual(&[10.0, 0.0, 1.0], &[10.0, 0.0, 1.002], &[0.0; 3]);
         assert!((m - 2e-3 / 1.002).abs() < 1e-9 && !criterion().met(m));
     }
 
     #[test]
-    fn at_rest_the_floor_measures() {
-        let m = criterion().measure(&[1.0, 1.0, 0.0], &[1.0, 1.0 + 1e-5, 0.0], &[1.0, 1.0, 0.0]);
+    fn floor_is_the_scale_at_rest() {
+        let m = criterion().relative_residual(&[1.0, 1.0, 0.0], &[1.0, 1.0 + 1e-5, 0.0], &[1.0, 1.0, 0.0]);
         assert!((m - 1e-4).abs() < 1e-10);
     }
 
     #[test]
-    fn never_converged_on_nan() {
-        let m = criterion().measure(&[0.0; 3], &[f64::NAN, 0.0, 0.0], &[0.0; 3]);
+    fn nan_is_never_converged() {
+        let m = criterion().relative_residual(&[0.0; 3], &[f64::NAN, 0.0, 0.0], &[0.0; 3]);
         assert!(m.is_nan() && !criterion().met(m));
     }
 }

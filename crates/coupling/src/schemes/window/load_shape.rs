@@ -1,20 +1,18 @@
-//! The load over the substeps of a window.
+//! Interpolation of the load over the substeps of a window.
 //!
-//! The flow sees the canopy at the ends of windows only; between them the
-//! structure's substeps move it as if there were no air to push. Where the fabric
-//! is light, the mean load of a window answers for its displacement alone, so the
-//! weights decide what becomes of a pressure that alternates from window to window.
-//! With $\bar p = a p^{n+1} + b p^n + c p^{n-1}$ its amplification $r$ obeys
-//! $a r^2 + b r + c = 0$; second order about the middle of the window asks for
-//! $a = 1/2 + c$, $b = 1/2 - 2c$; the double root $c = 1/16$ damps fastest, $r = -1/3$.
+//! The flow is solved at the ends of windows only; between them the structure's substeps move without the response of
+//! the air. Where the fabric is light, its displacement is determined by the mean load of a window, so the weights
+//! determine the behaviour of a pressure that alternates from window to window. With $\bar p = a p^{n+1} + b p^n + c
+//! p^{n-1}$ its amplification $r$ satisfies $a r^2 + b r + c = 0$; second order about the middle of the window
+//! requires $a = 1/2 + c$, $b = 1/2 - 2c$; the double root $c = 1/16$ damps fastest, $r = -1/3$.
 //!
 //! Linear analysis of a converged window (one mode, ten substeps, flow with added
 //! mass and BDF2 velocities, fabric of 0.037 kg/m2, $\Delta t$ = 5 ms, tension 0 to
 //! 60 N/m, wave lengths 0.7 to 13 m, structure with rho_inf 0.9) gives the largest
 //! amplification per window of any mode, and of alternating modes alone, without
 //! and with half of the structure's velocity along the normal averaged
-//! (`coupling.velocity_average`; modes that the air does not hold must not be averaged,
-//! see `structure-solver/src/velocity_average.rs`):
+//! (`coupling.velocity_average`; modes without added mass must not be averaged, see
+//! `structure-solver/src/velocity_average.rs`):
 //!
 //! | load over the window | without | with |
 //! |---|---|---|
@@ -31,9 +29,9 @@ use super::values::InterfaceState;
 /// before, in [`LoadShape::Mean`] with equal windows.
 pub const MEAN_WEIGHTS: [f64; 3] = [9.0 / 16.0, 3.0 / 8.0, 1.0 / 16.0];
 
-/// The same for a window that is `ratio` times as long as the one before it: second order about its middle asks
-/// for $a = 1/2 + c/r$ and $b = 1/2 - c(1 + 1/r)$; $c$ again gives the double root
-/// $b^2 = 4ac$, that is $c = \tfrac12 / (k + \sqrt{k^2 - (1 - 1/r)^2})$ with $k = 3 + 1/r$.
+/// The same for a window that is `ratio` times as long as the one before it: second order about its middle requires
+/// $a = 1/2 + c/r$ and $b = 1/2 - c(1 + 1/r)$; $c$ gives the double root $b^2 = 4ac$, that is $c = \tfrac12 / (k +
+/// \sqrt{k^2 - (1 - 1/r)^2})$ with $k = 3 + 1/r$.
 pub fn mean_weights(ratio: f64) -> [f64; 3] {
     let inverse = 1.0 / ratio;
     let k = 3.0 + inverse;
@@ -41,27 +39,27 @@ pub fn mean_weights(ratio: f64) -> [f64; 3] {
     [0.5 + c * inverse, 0.5 - c - c * inverse, c]
 }
 
-/// Loads of the flow that a window knows, each `[faces][LOAD_WIDTH]`, Pa.
+/// Flow loads of a window, each `[faces][LOAD_WIDTH]`, Pa.
 ///
-/// A canopy that was held until the window begins is released by it: the load at its start is one that the free
-/// fabric did not feel and cannot bear. The mean above would make the fabric's load jump to about $-b/a$
-/// of it and alternate from there on. The window takes the load of its end throughout, one of first order after a jump
-/// (Rannacher 1984), and the next one does not look back beyond its own start.
+/// A canopy that was held until the window begins is released by it: the load at its start did not act on the free
+/// fabric. The mean above would make the load jump to about $-b/a$ of it and alternate afterwards. The window
+/// therefore uses the load of its end throughout, a first-order step after a jump (Rannacher 1984), and the next one
+/// uses no load before its own start.
 #[derive(Clone, Copy, Debug)]
 pub struct FlowLoads<'a> {
     /// One window before the start; the start's own where there was none.
     pub before: &'a [f64],
-    /// At the start of the window.
+    /// One window before the start; the load at the start where there was none.
     pub start: &'a [f64],
     /// At its end.
     pub end: &'a [f64],
-    /// Length of the window over that of the one before it.
+    /// Length of the window relative to the one before it.
     pub ratio: f64,
 }
 
 impl<'a> FlowLoads<'a> {
-    /// Of a window with the load `end` at its end, `ratio` times as long as the one before; `released` where the
-    /// canopy was held until it begins. An unknown load at the start is that at the end.
+    /// For a window with the load `end` at its end, `ratio` times as long as the one before; `released` where the
+    /// canopy was held until it begins. An unknown load at the start is replaced by that at the end.
     pub fn of(state: &'a InterfaceState, end: &'a [f64], ratio: f64, released: bool) -> Self {
         let start = state.load.as_deref().filter(|_| !released).unwrap_or(end);
         let before = state.load_before.as_deref().filter(|_| !released).unwrap_or(start);
@@ -69,8 +67,7 @@ impl<'a> FlowLoads<'a> {
     }
 }
 
-/// Loads for the structure at the start and the end of a window (it interpolates
-/// linearly between them).
+/// Loads for the structure at the start and the end of a window; it interpolates linearly between them.
 pub fn shape_load(shape: LoadShape, flow: FlowLoads<'_>, start: &mut [f64], end: &mut [f64]) {
     let FlowLoads { before: l, start: m, end: n, ratio } = flow;
     match shape {
@@ -97,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_steady_load_stays_itself_in_every_shape() {
+    fn constant_load_is_reproduced_by_every_interpolation() {
         for shape in [LoadShape::Mean, LoadShape::Constant, LoadShape::Linear] {
             let (mut start, mut end) = ([0.0; 2], [0.0; 2]);
             let steady = [3.0, -1.0];
@@ -110,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_is_second_order_and_shrinks_what_alternates_to_a_third() {
+    fn mean_is_second_order_and_damps_alternating_loads_to_a_third() {
         let [a, b, c] = MEAN_WEIGHTS;
         assert_eq!(a + b + c, 1.0);
         assert_eq!(a - c, 0.5, "centred on the middle of the window");
@@ -119,12 +116,12 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_is_centred_and_has_a_double_root_for_windows_of_any_lengths() {
+    fn mean_is_centred_with_a_double_root_for_unequal_windows() {
         assert_eq!(mean_weights(1.0), MEAN_WEIGHTS, "to the bit");
         for ratio in [0.25, 0.5, 0.8, 1.3, 2.0, 2.4] {
             let [a, b, c] = mean_weights(ratio);
             assert!((a + b + c - 1.0).abs() < 1e-15 && a > 0.0 && b > 0.0 && c > 0.0, "{ratio}");
-            // A load that is linear in time gives its value in the middle.
+            // A linear load gives its value in the middle.
             assert!((a - c / ratio - 0.5).abs() < 1e-15, "{ratio}");
             assert!((b * b - 4.0 * a * c).abs() < 1e-15, "{ratio}");
         }

@@ -1,4 +1,4 @@
-//! A coupling time window: its state, the solvers in it, the scheme's contract, the criterion and the loop.
+//! A coupling time window: its state, its solvers, the interface of a scheme, the criterion and the loop.
 
 pub mod criterion;
 pub mod load_shape;

@@ -1,4 +1,4 @@
-//! The contract of a coupling scheme.
+//! The interface of a coupling scheme.
 
 use case::Coupling;
 
@@ -7,13 +7,13 @@ use super::state::WindowState;
 use super::values::InterfaceState;
 use crate::error::RunError;
 use crate::schemes::acceleration::accelerator::Accelerator;
-use crate::schemes::flow_model::surrogate::FlowModel;
+use crate::schemes::surrogate::added_mass_surrogate::AddedMassSurrogate;
 use crate::schemes::unknowns::Unknowns;
 
 /// A coupling scheme as a map from the coupled unknowns to the response of the solvers.
 ///
-/// One loop ([`super::window_loop::WindowLoop`]) serves all: it predicts, sweeps, and either accepts
-/// the first response or iterates until iterate and response agree.
+/// One loop ([`super::window_loop::WindowLoop`]) serves all schemes: it predicts, sweeps, and either accepts the
+/// first response or iterates until iterate and response agree.
 pub trait CouplingScheme {
     /// Whether sweeps are repeated until iterate and response agree.
     fn iterates(&self) -> bool;
@@ -21,28 +21,28 @@ pub trait CouplingScheme {
     /// First iterate of the window into [`WindowState::x`], which holds the unknowns at its start.
     ///
     /// # Errors
-    /// Those of the solvers, where they are called.
+    /// Errors of the solvers, where they are called.
     fn predict(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError>;
 
     /// Calls the solvers at the iterate [`WindowState::x`]: fills [`WindowState::end`] and the response
     /// [`WindowState::x_tilde`].
     ///
     /// # Errors
-    /// Those of the solvers, and a response that is not finite.
+    /// Errors of the solvers, and a response that is not finite.
     fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError>;
 
-    /// The next iterate into [`WindowState::next`] by means of the scheme's own, after a sweep at
-    /// [`WindowState::x`]; `false` where that is left to the acceleration.
+    /// The next iterate into [`WindowState::next`] by the scheme's own method, after a sweep at [`WindowState::x`];
+    /// `false` where the acceleration provides it.
     ///
     /// # Errors
-    /// Those of the solvers, where they are called.
+    /// Errors of the solvers, where they are called.
     fn improve(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<bool, RunError> {
         let _ = (state, solvers);
         Ok(false)
     }
 
-    /// Resets what belongs to windows of the last length; where the last window was `rejected`, also what was learnt
-    /// in it.
+    /// Resets data for windows of the last length; where the last window was `rejected`, also the columns added in
+    /// it.
     fn reset(&mut self, rejected: bool) {
         let _ = rejected;
     }
@@ -61,7 +61,7 @@ pub trait CouplingScheme {
     fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError>;
 }
 
-/// What a scheme is constructed from.
+/// Settings for the construction of a scheme.
 #[derive(Clone, Copy)]
 pub struct SchemeSettings<'a> {
     /// Settings of the scene.
@@ -78,21 +78,21 @@ impl SchemeSettings<'_> {
         self.interface.unknowns(&self.unknowns)
     }
 
-    /// Order of the extrapolation in a staggered window.
+    /// Order of the extrapolation in a staggered scheme.
     pub fn predictor(&self) -> usize {
         self.coupling.staggered.predictor as usize
     }
 }
 
-/// A surrogate of the flow, for schemes that need one.
-pub struct Modelled {
+/// The surrogate of the flow with the acceleration of its inner iteration.
+pub struct Surrogate {
     /// The surrogate.
-    pub model: FlowModel,
-    /// Acceleration of the structure's iterations against it.
+    pub model: AddedMassSurrogate,
+    /// Acceleration of the structure's iterations against the surrogate.
     pub accelerator: Box<dyn Accelerator>,
 }
 
-/// A scheme that a scene may name.
+/// A scheme that a scene can select.
 pub trait FromScene: CouplingScheme + Sized + 'static {
     /// The scheme at the start of a stage.
     fn from_scene(settings: SchemeSettings<'_>) -> Self;
@@ -101,13 +101,13 @@ pub trait FromScene: CouplingScheme + Sized + 'static {
     fn describe(coupling: &Coupling) -> String;
 }
 
-/// A scheme that a scene may name and that needs a surrogate of the flow.
+/// A scheme that a scene can select and that needs a surrogate of the flow.
 pub trait FromSurrogate: CouplingScheme + Sized + 'static {
-    /// Takes its place where the surrogate cannot be constructed.
+    /// Replaces the scheme where the surrogate cannot be constructed.
     type Fallback: FromScene;
 
     /// The scheme at the start of a stage.
-    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Modelled) -> Self;
+    fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Surrogate) -> Self;
 
     /// The scheme in a few words, for the log.
     fn describe(coupling: &Coupling) -> String;

@@ -1,4 +1,4 @@
-//! The solvers of a window, one named call for each line of the coupling iteration.
+//! The solvers of a window: one method for each step of the coupling iteration.
 
 use case::Role;
 use channel::Window;
@@ -6,11 +6,11 @@ use channel::Window;
 use super::criterion::Criterion;
 use super::state::{Configuration, WindowState};
 use crate::descent::{DescentModel, WindowForces};
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::partners::{LoadOverWindow, Partners};
 use crate::schemes::unknowns::Unknowns;
 
-/// What a coupling scheme solves a window with.
+/// Solvers and data of a window for a coupling scheme.
 pub struct Solvers<'a> {
     /// Structure, mesh and flow.
     pub partners: &'a mut dyn Partners,
@@ -18,18 +18,18 @@ pub struct Solvers<'a> {
     pub unknowns: &'a Unknowns,
     /// The descent equation.
     pub descent: Option<&'a DescentModel>,
-    /// When iterate and response agree.
+    /// Convergence criterion.
     pub criterion: &'a Criterion,
     /// Stage, for messages.
     pub stage: &'a str,
 }
 
 impl Solvers<'_> {
-    /// Moves the grid to a configuration of the canopy and solves the flow around it: its load goes into
+    /// Moves the grid to a configuration of the canopy and solves the flow around it: its load is stored in
     /// [`WindowState::end`].
     ///
     /// # Errors
-    /// Those of the programs; a load that is not finite.
+    /// Errors of the programs; a load that is not finite.
     pub fn flow_around(
         &mut self,
         state: &mut WindowState,
@@ -39,7 +39,7 @@ impl Solvers<'_> {
         self.flow_in(&w, state, configuration)
     }
 
-    /// The same in a window `w` of the flow's own.
+    /// The same in a window `w` of the flow.
     ///
     /// # Errors
     /// As above.
@@ -54,17 +54,17 @@ impl Solvers<'_> {
             Configuration::Iterate => self.unknowns.displacement(&state.x),
             Configuration::End => &state.end.displacement,
         };
-        let answer = self.partners.mesh(w, displacement)?;
-        state.report.add(Role::Mesh, answer);
-        let answer = self.partners.flow(w, &mut state.end.load)?;
-        state.report.add(Role::Flow, answer);
-        finite(self.stage, "answer of the flow", w, &state.end.load)
+        let response = self.partners.mesh(w, displacement)?;
+        state.report.add(Role::Mesh, response);
+        let response = self.partners.flow(w, &mut state.end.load)?;
+        state.report.add(Role::Flow, response);
+        finite(self.stage, "flow response", w, &state.end.load)
     }
 
-    /// Solves the structure under `load`: its displacement goes into [`WindowState::end`].
+    /// Solves the structure under `load`: its displacement is stored in [`WindowState::end`].
     ///
     /// # Errors
-    /// Those of the program; a displacement that is not finite.
+    /// Errors of the program; a displacement that is not finite.
     pub fn structure_under(
         &mut self,
         state: &mut WindowState,
@@ -72,13 +72,12 @@ impl Solvers<'_> {
     ) -> Result<(), RunError> {
         let w = Window { iteration: state.structure_solves, ..state.window };
         state.structure_solves += 1;
-        let answer = self.partners.structure(&w, load, &mut state.end.displacement)?;
-        state.report.add(Role::Structure, answer);
+        let response = self.partners.structure(&w, load, &mut state.end.displacement)?;
+        state.report.add(Role::Structure, response);
         finite(self.stage, "answer of the structure", &w, &state.end.displacement)
     }
 
-    /// The descent equation after flow and structure were solved: the frame's velocity goes into
-    /// [`WindowState::end`].
+    /// Solves the descent equation after flow and structure: the frame's velocity is stored in [`WindowState::end`].
     pub fn descend(&self, state: &mut WindowState) {
         self.descend_under(state, state.report.force[2]);
     }
@@ -95,18 +94,18 @@ impl Solvers<'_> {
         };
     }
 
-    /// The load at the start of the window, `[faces][LOAD_WIDTH]`, Pa. An unknown one is the response of the
-    /// flow around the canopy there, at the frame's velocity as set; that costs an iteration.
+    /// The load at the start of the window, `[faces][LOAD_WIDTH]`, Pa. An unknown one is obtained by a flow solve
+    /// around the canopy there, at the present frame velocity, which counts as an iteration.
     ///
     /// # Errors
-    /// Those of the programs.
+    /// Errors of the programs.
     pub fn start_load(&mut self, state: &mut WindowState) -> Result<Vec<f64>, RunError> {
         if let Some(load) = &state.interface.load {
             return Ok(load.clone());
         }
         self.flow_around(state, Configuration::Start)?;
         state.window.iteration += 1;
-        state.know_start_load();
+        state.set_unknown_start_load();
         Ok(state.end.load.clone())
     }
 }
@@ -116,7 +115,7 @@ pub(crate) fn finite(stage: &str, who: &str, w: &Window, values: &[f64]) -> Resu
     match values.iter().position(|v| !v.is_finite()) {
         None => Ok(()),
         Some(at) => Err(RunError::Coupling {
-            place: Place { stage: stage.to_owned(), window: Some((w.index, w.iteration)) },
+            place: Location { stage: stage.to_owned(), window: Some((w.index, w.iteration)) },
             message: format!("the {who} holds {} at position {at}", values[at]),
         }),
     }

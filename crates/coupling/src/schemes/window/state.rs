@@ -1,4 +1,4 @@
-//! What belongs to an open window.
+//! State of an open window.
 
 use channel::{LOAD_WIDTH, Window};
 
@@ -24,18 +24,18 @@ pub struct WindowState {
     pub x_tilde: Vec<f64>,
     /// The iterate in preparation.
     pub next: Vec<f64>,
-    /// Length of the window over that of the one before it.
+    /// Length of the window relative to the one before it.
     pub ratio: f64,
     /// The canopy was held until this window begins.
     pub released: bool,
-    /// Structure solves in this window so far, those of rejected attempts included: more than of the flow where the
+    /// Structure solves in this window so far, including those of rejected attempts: more than flow solves where the
     /// structure is solved against a surrogate.
     pub structure_solves: u64,
-    /// What the window cost.
+    /// Cost of the window.
     pub report: WindowReport,
 }
 
-/// A configuration of the canopy that an open window knows.
+/// A configuration of the canopy in an open window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Configuration {
     /// At the start of the window.
@@ -69,7 +69,7 @@ impl WindowState {
         }
     }
 
-    /// Returns to the last accepted window, with its values and unknowns at its end.
+    /// Returns to the last accepted window, with its values and the unknowns at its end.
     pub fn restore(&mut self, interface: InterfaceState, start: Vec<f64>) {
         self.x.clone_from(&start);
         self.x_tilde.clone_from(&start);
@@ -82,34 +82,34 @@ impl WindowState {
         (self.interface, self.start) = (interface, start);
     }
 
-    /// The frame reaches `velocity` (m/s) at the end of the window.
+    /// Sets the frame velocity at the end of the window to `velocity` (m/s).
     pub fn set_frame_velocity(&mut self, velocity: f64) {
         let rate = (velocity - self.interface.velocity) / self.window.dt;
         self.window.frame_velocity = [0.0, 0.0, velocity];
         self.window.frame_acceleration = [0.0, 0.0, rate];
     }
 
-    /// The frame reaches the velocity of the iterate at the end of the window.
+    /// Sets the frame velocity at the end of the window to that of the iterate.
     pub fn set_frame_to_iterate(&mut self, unknowns: &Unknowns) {
         self.set_frame_velocity(unknowns.velocity(&self.x, self.interface.velocity));
     }
 
-    /// Loads that the window knows, with `end` at its end, each `[faces][LOAD_WIDTH]`, Pa.
+    /// Flow loads of the window, with `end` at its end, each `[faces][LOAD_WIDTH]`, Pa.
     pub fn loads<'a>(&'a self, end: &'a [f64]) -> FlowLoads<'a> {
         FlowLoads::of(&self.interface, end, self.ratio, self.released)
     }
 
-    /// An unknown load at the start of the window is the last response of the flow.
-    pub fn know_start_load(&mut self) {
+    /// Replaces an unknown load at the start of the window by the last response of the flow.
+    pub fn set_unknown_start_load(&mut self) {
         self.interface.load.get_or_insert_with(|| self.end.load.clone());
     }
 
-    /// Displacement and velocity of the last responses into $\tilde x$.
+    /// Packs displacement and velocity of the last responses into $\tilde x$.
     pub fn pack_response(&mut self, unknowns: &Unknowns) {
         unknowns.pack(&self.end.displacement, self.end.velocity, &mut self.x_tilde);
     }
 
-    /// The values at the end of the window are accepted: the next one starts from them.
+    /// Accepts the values at the end of the window as the start of the next one.
     pub fn accept(&mut self) {
         let (interface, end) = (&mut self.interface, &self.end);
         interface.acceleration = (end.velocity - interface.velocity) / self.window.dt;

@@ -1,26 +1,26 @@
-//! When the iteration of a window ends.
+//! Stopping criterion of the coupling iteration.
 
 use channel::UNCONVERGED_LIMIT;
 
-/// Whatever the tolerance, no window is accepted that ends its iterations above this measure.
-const MOST_ACCEPTABLE: f64 = 0.1;
+/// Relative residual above which no window is accepted, whatever the tolerance.
+const MAX_ACCEPTABLE: f64 = 0.1;
 
-/// Iterations without progress after which an acceptable window is accepted: it
-/// has come to the noise of the solvers' own tolerances.
+/// Iterations without progress after which an acceptable window is accepted: the residual has reached the noise of
+/// the solvers' tolerances.
 const STAGNATION_LENGTH: usize = 6;
 
-/// Iterations without progress after which a window that is not acceptable is rejected, where it can be.
+/// Iterations without progress after which a window that is not acceptable is rejected, where it can be repeated.
 const DIVERGENCE_LENGTH: usize = 12;
 
-/// A window that ends its iterations above the tolerance but below this measure is accepted and counted as
-/// not converged; above it the run ends.
+/// A window that ends its iterations above the tolerance but below this relative residual is accepted and counted as
+/// unconverged; above it the window is an error.
 pub(crate) fn acceptable(tolerance: f64) -> f64 {
-    (UNCONVERGED_LIMIT * tolerance).min(MOST_ACCEPTABLE).max(tolerance)
+    (UNCONVERGED_LIMIT * tolerance).min(MAX_ACCEPTABLE).max(tolerance)
 }
 
-/// What follows an iteration.
+/// Decision after an iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
+pub(crate) enum Decision {
     /// The window is accepted.
     Accept,
     /// Another iteration.
@@ -31,44 +31,44 @@ pub(crate) enum Verdict {
 
 /// Limits of the iteration.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stopping {
+pub(crate) struct StoppingCriterion {
     /// Most iterations of a window.
     pub max_iterations: u32,
     /// Accepts windows that do not converge as long as they are finite.
     pub accept_unconverged: bool,
 }
 
-impl Stopping {
-    /// After the iteration with the last of the measures in `history`, at this `tolerance`. `shorter`: the window
-    /// may be repeated with half its length, so that one which runs out of iterations is not accepted.
-    pub fn verdict(&self, history: &[f64], tolerance: f64, shorter: bool) -> Verdict {
-        let Some(&measure) = history.last() else { return Verdict::Continue };
-        if measure <= tolerance {
-            return Verdict::Accept;
+impl StoppingCriterion {
+    /// Decision after an iteration, from the relative residuals in `history` and the `tolerance`. `shorter`: the
+    /// window may be repeated with half its length, so one that reaches the iteration limit is not accepted.
+    pub fn decide(&self, history: &[f64], tolerance: f64, shorter: bool) -> Decision {
+        let Some(&residual) = history.last() else { return Decision::Continue };
+        if residual <= tolerance {
+            return Decision::Accept;
         }
-        let most = acceptable(tolerance);
+        let limit = acceptable(tolerance);
         let stagnated =
-            without_progress(history, STAGNATION_LENGTH, |recent| recent.iter().all(|&m| m <= most));
-        let hopeless = !measure.is_finite()
-            || without_progress(history, DIVERGENCE_LENGTH, |recent| best(recent) > most);
-        let over = history.len() == self.max_iterations as usize || stagnated || (shorter && hopeless);
-        let accepted = measure <= most || (self.accept_unconverged && measure.is_finite());
+            without_progress(history, STAGNATION_LENGTH, |recent| recent.iter().all(|&m| m <= limit));
+        let diverging = !residual.is_finite()
+            || without_progress(history, DIVERGENCE_LENGTH, |recent| best(recent) > limit);
+        let stop = history.len() == self.max_iterations as usize || stagnated || (shorter && diverging);
+        let accepted = residual <= limit || (self.accept_unconverged && residual.is_finite());
         let exhausted = shorter && !stagnated;
-        match (over, accepted && !exhausted) {
-            (false, _) => Verdict::Continue,
-            (true, true) => Verdict::Accept,
-            (true, false) => Verdict::Reject,
+        match (stop, accepted && !exhausted) {
+            (false, _) => Decision::Continue,
+            (true, true) => Decision::Accept,
+            (true, false) => Decision::Reject,
         }
     }
 }
 
-/// Whether the last `count` measures satisfy `condition` and are no better than the best one before them.
+/// Whether the last `count` residuals satisfy `condition` without improving on the best one before them.
 fn without_progress(history: &[f64], count: usize, condition: impl Fn(&[f64]) -> bool) -> bool {
     let Some(split) = history.len().checked_sub(count).filter(|&s| s > 0) else { return false };
     let (before, recent) = history.split_at(split);
     condition(recent) && best(recent) > 0.9 * best(before)
 }
 
-fn best(measures: &[f64]) -> f64 {
-    measures.iter().copied().fold(f64::INFINITY, f64::min)
+fn best(residuals: &[f64]) -> f64 {
+    residuals.iter().copied().fold(f64::INFINITY, f64::min)
 }

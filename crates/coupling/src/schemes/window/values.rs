@@ -42,7 +42,7 @@ impl InterfaceState {
     }
 }
 
-/// Values on the interface at the end of a window, as the programs answered last.
+/// Values on the interface at the end of a window, from the last responses of the programs.
 #[derive(Clone, Debug, Default)]
 pub struct InterfaceValues {
     /// Displacement from the unstressed shape, `[nodes][3]`, m.

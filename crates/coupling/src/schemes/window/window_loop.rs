@@ -8,18 +8,18 @@ use super::report::WindowReport;
 use super::scheme::CouplingScheme;
 use super::solvers::{Solvers, finite};
 use super::state::WindowState;
-use super::stopping::{Stopping, Verdict, acceptable};
+use super::stopping::{Decision, StoppingCriterion, acceptable};
 use super::values::InterfaceState;
-use crate::convergence::Judge;
+use crate::convergence::AcceptanceCheck;
 use crate::descent::DescentModel;
 use crate::descent_limits::Limits;
-use crate::error::{Place, RunError};
+use crate::error::{Location, RunError};
 use crate::partners::Partners;
 use crate::schemes::acceleration::accelerator::Accelerator;
 use crate::schemes::codec::{pack, unpack};
 use crate::schemes::unknowns::Unknowns;
 
-/// What a [`WindowLoop`] is put together from.
+/// Components of a [`WindowLoop`].
 pub struct WindowLoopParts {
     /// Stage, for messages.
     pub stage: String,
@@ -29,11 +29,11 @@ pub struct WindowLoopParts {
     pub accelerator: Box<dyn Accelerator>,
     /// Layout of the unknowns.
     pub unknowns: Unknowns,
-    /// When iterate and response agree.
+    /// Convergence criterion.
     pub criterion: Criterion,
     /// The descent equation.
     pub descent: Option<DescentModel>,
-    /// Most iterations of a window.
+    /// Largest number of iterations of a window.
     pub max_iterations: u32,
     /// Accepts windows that do not converge as long as they are finite.
     pub accept_unconverged: bool,
@@ -42,25 +42,25 @@ pub struct WindowLoopParts {
 /// Couples structure, mesh, flow and descent, window by window, with a [`CouplingScheme`] and, where it iterates, an
 /// [`Accelerator`].
 ///
-/// Where no load is known at the start (no flow-only stage came before), the
-/// first response of the flow in the first window stands for it.
+/// Where no load is known at the start (no flow-only stage came before), it is replaced by the first response of the
+/// flow in the first window.
 pub struct WindowLoop {
     scheme: Box<dyn CouplingScheme>,
     accelerator: Box<dyn Accelerator>,
     problem: Problem,
-    stopping: Stopping,
-    judge: Judge,
+    stopping: StoppingCriterion,
+    judge: AcceptanceCheck,
     pub(crate) state: WindowState,
     /// Length of the last accepted window, s; 0 before it.
     last_dt: f64,
     /// The canopy was held until the first window begins ([`super::load_shape::FlowLoads`]).
     held_before: bool,
-    /// Length that the criterion and the learnt columns belong to, s.
-    tuned_dt: f64,
+    /// Window length of the criterion and of the columns, s.
+    tuned_length: f64,
     rejected: RejectedAttempts,
 }
 
-/// What is coupled.
+/// The coupled problem.
 struct Problem {
     stage: String,
     unknowns: Unknowns,
@@ -68,7 +68,7 @@ struct Problem {
     descent: Option<DescentModel>,
 }
 
-/// What rejected attempts at the open window took.
+/// Cost of rejected attempts at the open window.
 #[derive(Default)]
 struct RejectedAttempts {
     iterations: u64,
@@ -87,12 +87,12 @@ impl Problem {
         }
     }
 
-    fn place(&self, w: &Window) -> Place {
-        Place { stage: self.stage.clone(), window: Some((w.index, w.iteration)) }
+    fn place(&self, w: &Window) -> Location {
+        Location { stage: self.stage.clone(), window: Some((w.index, w.iteration)) }
     }
 
-    /// An error where the frame falls faster than the measured forces pull it.
-    fn refuse_fall(&self, state: &WindowState) -> Result<(), RunError> {
+    /// An error where the frame accelerates downwards beyond the measured forces.
+    fn check_descent(&self, state: &WindowState) -> Result<(), RunError> {
         let Some(model) = &self.descent else { return Ok(()) };
         let (w, velocity) = (&state.window, state.end.velocity);
         let acceleration = (velocity - state.interface.velocity) / w.dt;
@@ -109,9 +109,9 @@ impl Problem {
             place: self.place(w),
             message: format!(
                 "interface and descent still change by {:.1e} of their change over the window after {} \
-                 iterations (tolerance {:.1e}; a window is not accepted above {:.1e}). Residuals: {}. \
-                 Remedies: acceleration \"iqn-ils\", a smaller relaxation, more iterations, a shorter window_s, \
-                 a tighter flow.solver.residual_drop; --accept-unconverged accepts it",
+                 iterations (tolerance {:.1e}, limit of acceptance {:.1e}). Residuals: {}. \
+                 Remedies: acceleration = \"iqn-ils\", a smaller relaxation, more max_iterations, a shorter window_s, \
+                 a smaller flow.solver.residual_drop; --accept-unconverged accepts the window",
                 history.last().copied().unwrap_or(f64::NAN),
                 history.len(),
                 self.criterion.tolerance,
@@ -130,18 +130,18 @@ impl WindowLoop {
         Self {
             scheme,
             accelerator,
-            stopping: Stopping { max_iterations: parts.max_iterations.max(1), accept_unconverged },
-            judge: Judge { stage: stage.clone(), accept_unconverged },
+            stopping: StoppingCriterion { max_iterations: parts.max_iterations.max(1), accept_unconverged },
+            judge: AcceptanceCheck { stage: stage.clone(), accept_unconverged },
             state: WindowState::new(interface, &unknowns, faces),
             last_dt: 0.0,
             held_before: false,
-            tuned_dt: unknowns.window_s(),
+            tuned_length: unknowns.window_s(),
             rejected: RejectedAttempts::default(),
             problem: Problem { stage, unknowns, criterion, descent },
         }
     }
 
-    /// The same for a canopy that was held until the first window begins: that window releases it.
+    /// The same for a canopy that is held until the first window begins, which releases it.
     pub fn from_held(self) -> Self {
         Self { held_before: true, ..self }
     }
@@ -156,20 +156,20 @@ impl WindowLoop {
         &self.state.interface
     }
 
-    /// The undisturbed air moves at `wind` (m/s) at the end of the next window.
+    /// Sets the velocity `wind` (m/s) of the undisturbed air at the end of the next window.
     pub fn set_wind(&mut self, wind: [f64; 3]) {
         if let Some(drag) = self.problem.descent.as_mut().and_then(|d| d.payload_drag.as_mut()) {
             drag.wind_m_s = wind;
         }
     }
 
-    /// Computes and accepts the window that `window` opens (index, time, dt,
-    /// substeps are given; frame motion and iteration are filled here). `shorter`: the window may be repeated
-    /// with half its length, so that one which runs out of iterations is not accepted.
+    /// Computes and accepts `window` (index, time, dt, substeps are given; frame motion and iteration are set here).
+    /// `shorter`: the window may be repeated with half its length, so one that reaches the iteration limit is not
+    /// accepted.
     ///
     /// # Errors
-    /// Those of the partners; a window that does not converge; numbers that are not finite. The last
-    /// accepted window then still stands, and the rejected one may be repeated, also with another length.
+    /// Errors of the programs; a window that does not converge; values that are not finite. The state is then that of
+    /// the last accepted window, and the rejected one may be repeated, also with another length.
     pub fn run(
         &mut self,
         partners: &mut dyn Partners,
@@ -192,7 +192,7 @@ impl WindowLoop {
     /// Opens `window`, with the counts of its rejected attempts.
     fn open(&mut self, window: Window) {
         let RejectedAttempts { iterations, structure_solves, cost } = std::mem::take(&mut self.rejected);
-        self.tune(window.dt);
+        self.set_window_length(window.dt);
         self.state.window = Window { iteration: iterations, ..window };
         self.state.structure_solves = structure_solves;
         self.state.report = cost;
@@ -200,18 +200,18 @@ impl WindowLoop {
         self.state.released = self.released();
     }
 
-    /// Makes ready for windows of length `dt`.
-    fn tune(&mut self, dt: f64) {
-        if dt != self.tuned_dt {
-            self.problem.criterion.rescale(dt / self.tuned_dt);
+    /// Prepares criterion and acceleration for windows of length `dt`.
+    fn set_window_length(&mut self, dt: f64) {
+        if dt != self.tuned_length {
+            self.problem.criterion.rescale(dt / self.tuned_length);
             self.accelerator.reset();
             self.scheme.reset(false);
-            self.tuned_dt = dt;
+            self.tuned_length = dt;
         }
     }
 
-    /// The coupling iteration (paper, section 4): from the predicted unknowns $x$, sweep through the solvers for the
-    /// response $\tilde x$ until both agree; what follows a response that does not is the next iterate.
+    /// The coupling iteration (paper, section 4): from the predicted unknowns $x$, sweeps through the solvers give
+    /// the response $\tilde x$, until both agree; otherwise the acceleration or the scheme gives the next iterate.
     fn iterate(&mut self, partners: &mut dyn Partners, shorter: bool) -> Result<(), RunError> {
         let Self { scheme, accelerator, problem, stopping, state, .. } = self;
         let solvers = &mut problem.solvers(partners);
@@ -226,17 +226,17 @@ impl WindowLoop {
                 state.report.converged = true;
                 break;
             }
-            let measure = solvers.criterion.measure(&state.x, &state.x_tilde, &state.start);
-            history.push(measure);
-            state.report.residual = Some(measure);
-            state.report.converged = solvers.criterion.met(measure);
-            match stopping.verdict(&history, solvers.criterion.tolerance, shorter) {
-                Verdict::Continue => {}
-                Verdict::Accept => {
+            let residual = solvers.criterion.relative_residual(&state.x, &state.x_tilde, &state.start);
+            history.push(residual);
+            state.report.residual = Some(residual);
+            state.report.converged = solvers.criterion.met(residual);
+            match stopping.decide(&history, solvers.criterion.tolerance, shorter) {
+                Decision::Continue => {}
+                Decision::Accept => {
                     accelerator.end_window(&state.x, &state.x_tilde);
                     break;
                 }
-                Verdict::Reject => return Err(problem.diverged(&state.window, &history)),
+                Decision::Reject => return Err(problem.diverged(&state.window, &history)),
             }
             timed("next iterate", || {
                 if !scheme.improve(state, solvers)? {
@@ -252,11 +252,11 @@ impl WindowLoop {
         Ok(())
     }
 
-    /// Accepts the window where all solvers reached their targets and the frame follows the forces on it.
+    /// Accepts the window if all solvers reached their targets and the frame follows the forces on it.
     fn accept(&mut self, partners: &mut dyn Partners) -> Result<(), RunError> {
         let state = &mut self.state;
         self.judge.require(&state.window, &state.report)?;
-        self.problem.refuse_fall(state)?;
+        self.problem.check_descent(state)?;
         partners.accept(&state.window)?;
         state.accept();
         timed("scheme update", || self.scheme.accept(state));
@@ -264,13 +264,13 @@ impl WindowLoop {
         Ok(())
     }
 
-    /// Returns to the last accepted window; what the attempt cost is counted in the next one.
+    /// Returns to the last accepted window; the cost of the attempt is added to the next one.
     fn reject(&mut self, report: WindowReport, load_known: bool) {
-        let WindowReport { calls, flow_iterations, busy_s, wall_s, .. } = report;
+        let WindowReport { solves: calls, flow_iterations, busy_s, wall_s, .. } = report;
         self.rejected = RejectedAttempts {
             iterations: self.state.window.iteration + 1,
             structure_solves: self.state.structure_solves,
-            cost: WindowReport { calls, flow_iterations, busy_s, wall_s, ..WindowReport::default() },
+            cost: WindowReport { solves: calls, flow_iterations, busy_s, wall_s, ..WindowReport::default() },
         };
         if !load_known {
             self.state.interface.load = None;
@@ -281,7 +281,7 @@ impl WindowLoop {
 
     /// State that later windows depend on.
     pub fn save_state(&self) -> Vec<u8> {
-        let lengths = [self.last_dt, self.tuned_dt];
+        let lengths = [self.last_dt, self.tuned_length];
         let (interface, start) = (&self.state.interface, &self.state.start);
         pack(&(interface, start, lengths, self.scheme.save_state(), self.accelerator.save_state()))
     }
@@ -292,9 +292,9 @@ impl WindowLoop {
     /// A state of others.
     pub fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
         type Saved = (InterfaceState, Vec<f64>, [f64; 2], Vec<u8>, Vec<u8>);
-        let (interface, start, [last_dt, tuned_dt], scheme, accelerator): Saved = unpack(saved)?;
+        let (interface, start, [last_dt, tuned_length], scheme, accelerator): Saved = unpack(saved)?;
         self.state.restore(interface, start);
-        self.tune(tuned_dt);
+        self.set_window_length(tuned_length);
         self.last_dt = last_dt;
         self.scheme.restore_state(&scheme)?;
         self.accelerator.restore_state(&accelerator)

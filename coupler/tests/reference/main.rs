@@ -1,0 +1,13 @@
+//! The pages of `docs/reference` that are generated from the code: scene keys, results, command line, messages.
+//!
+//! After a change: `RIPSTOP_WRITE_DOCS=1 cargo test --release -p coupler --test reference`.
+
+mod command_line;
+mod environment;
+mod markdown;
+mod messages;
+mod results_page;
+mod scene;
+mod schema;
+mod source;
+mod units;

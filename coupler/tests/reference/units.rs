@@ -1,0 +1,59 @@
+//! Units from the ends of names.
+
+/// Ends of names and their units, longer ends before the shorter ones that they contain.
+const UNITS: &[(&str, &str)] = &[
+    ("_pa_s2_m2", "Pa s²/m²"),
+    ("_pa_s_m", "Pa s/m"),
+    ("_rad_s", "rad/s"),
+    ("_kg_m3", "kg/m³"),
+    ("_kg_m2", "kg m²"),
+    ("_kg_s", "kg/s"),
+    ("_pa_s", "Pa s"),
+    ("_per_s", "1/s"),
+    ("_per_m", "1/m"),
+    ("_m_s2", "m/s²"),
+    ("_m_s", "m/s"),
+    ("_n_m", "N m"),
+    ("_n_s", "N s"),
+    ("_bytes", "byte"),
+    ("_gib", "GiB"),
+    ("_rad", "rad"),
+    ("_kg", "kg"),
+    ("_pa", "Pa"),
+    ("_m3", "m³"),
+    ("_m2", "m²"),
+    ("_m", "m"),
+    ("_s", "s"),
+    ("_j", "J"),
+    ("_k", "K"),
+    ("_n", "N"),
+];
+
+/// The unit that `name` ends in.
+pub fn unit(name: &str) -> Option<&'static str> {
+    UNITS.iter().find(|(end, _)| name.ends_with(end)).map(|(_, unit)| *unit)
+}
+
+#[test]
+fn units_are_read_from_the_ends_of_names() {
+    for (name, expected) in [
+        ("duration_s", Some("s")),
+        ("wind_m_s", Some("m/s")),
+        ("gravity_m_s2", Some("m/s²")),
+        ("inertial_pa_s2_m2", Some("Pa s²/m²")),
+        ("viscous_pa_s_m", Some("Pa s/m")),
+        ("dynamic_viscosity_pa_s", Some("Pa s")),
+        ("mass_damping_per_s", Some("1/s")),
+        ("youngs_modulus_2_pa", Some("Pa")),
+        ("inertia_kg_m2", Some("kg m²")),
+        ("canopy_moment_x_n_m", Some("N m")),
+        ("cells_across", None),
+        ("k", None),
+        ("newton_max_steps", None),
+    ] {
+        assert_eq!(unit(name), expected, "{name}");
+    }
+    for (i, (end, _)) in UNITS.iter().enumerate() {
+        assert!(UNITS[..i].iter().all(|(earlier, _)| !end.ends_with(earlier)), "{end} is never found");
+    }
+}

@@ -1,0 +1,6 @@
+//! The added-mass surrogate of the flow: a vortex lattice, its groups of faces, and the secants that correct it.
+
+pub mod added_mass_surrogate;
+pub mod inverse;
+pub mod panel_groups;
+pub mod vortex_lattice;

@@ -1,0 +1,87 @@
+//! A real run writes the files and columns of `docs/reference/results.md`, and no others.
+
+use std::path::{Path, PathBuf};
+
+use results::columns::{Column, FORCES, ITERATIONS, PAYLOAD, PROBES, first_difference};
+use results::files::{RECORDING, RUN, ResultFile, matches};
+use results::history;
+use ripstop_tests::{changed_scene, ripstop_run, succeed};
+
+/// Every monitor of the flow, and a payload that is a body.
+const MONITORS: &str = "[flow.forces]
+[flow.statistics]
+[flow.surface_pressure]
+every_windows = 1
+[[flow.probe]]
+name = \"centre\"
+position_m = [0.0, 0.0, 1.0]
+[[flow.slice]]
+name = \"middle\"
+point_m = [0.0, 0.0, 0.0]
+normal = [0.0, 1.0, 0.0]
+every_windows = 1
+[descent.body]
+inertia_kg_m2 = [0.1, 0.1, 0.1]
+attachments_m = [[0.0, 0.0, 0.1]]
+[fabric_gravity]
+[output]
+surface_every_windows = 1
+volume_every_windows = 1
+[flow.grid]
+";
+
+/// Paths of the files below `folder`.
+fn files(folder: &Path) -> Vec<String> {
+    fn below(folder: &Path, found: &mut Vec<PathBuf>) {
+        for path in std::fs::read_dir(folder).expect("a folder").flatten().map(|e| e.path()) {
+            if path.is_dir() { below(&path, found) } else { found.push(path) }
+        }
+    }
+    let mut found = Vec::new();
+    below(folder, &mut found);
+    found.iter().map(|p| p.strip_prefix(folder).expect("below").display().to_string()).collect()
+}
+
+fn compare(folder: &Path, tables: &[&[ResultFile]]) {
+    let written = files(folder);
+    let described = || tables.iter().copied().flatten();
+    // The state before the last one has the files of the state.
+    let current = |f: &String| f.replace("/state.old/", "/state/");
+    let unknown: Vec<_> =
+        written.iter().filter(|f| !described().any(|d| matches(d.path, &current(f)))).collect();
+    assert!(unknown.is_empty(), "files without a description in crates/results/src/files.rs: {unknown:?}");
+    let missing: Vec<_> =
+        tables[0].iter().filter(|d| !written.iter().any(|f| matches(d.path, f))).map(|d| d.path).collect();
+    assert!(missing.is_empty(), "described files that a run with every monitor does not write: {missing:?}");
+}
+
+fn header(folder: &Path, file: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(folder.join(file)).expect("a table");
+    text.lines().next().expect("a header").split(',').map(str::to_owned).collect()
+}
+
+fn compare_columns(table: &[Column], folder: &Path, file: &str) {
+    let names = header(folder, file);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    assert_eq!(first_difference(table, &names), None, "{file}");
+}
+
+#[test]
+fn files_and_columns_of_a_run_are_those_of_the_reference() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = changed_scene("square-drop", folder.path(), &[("[flow.grid]\n", MONITORS)]);
+    let (out, recording) = (folder.path().join("out"), folder.path().join("recording"));
+    let mut run = ripstop_run(&scene, &out, &["--stop-after-windows", "2", "--quiet", "--record"]);
+    run.arg(&recording);
+    succeed(run);
+    compare(&out, &[RUN]);
+    compare(&recording, &[RECORDING, RUN]);
+    let parsed = case::load(&scene).expect("a scene");
+    for stage in &parsed.stages {
+        assert_eq!(header(&out, &format!("{}/history.csv", stage.name)), history::names(stage.kind));
+    }
+    compare_columns(ITERATIONS, &out, "descent/iterations.csv");
+    compare_columns(FORCES, &out, "descent/forces.csv");
+    compare_columns(PROBES, &out, "descent/probes.csv");
+    compare_columns(PAYLOAD, &out, "descent/payload.csv");
+}
