@@ -297,22 +297,15 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
             run_scene(run, |o| RunOptions { attach, ..o }, console)
         }
-        Command::Replay(args) => {
-            let stop = signals::stop_flag()?;
-            compared(crate::replay::replay(&args, &stop, console)?)
-        }
-        Command::Conform(args) => {
-            let stop = signals::stop_flag()?;
-            compared(crate::conform::conform(&args, &stop, console)?)
-        }
+        Command::Replay(args) => compared(crate::replay::replay(&args, &*signals::stop_flag()?, console)?),
+        Command::Conform(args) => compared(crate::conform::conform(&args, &*signals::stop_flag()?, console)?),
         Command::Stability(args) => {
             let stop = signals::stop_flag()?;
             print(&studies::stability::stability(&args, &stop, console)?);
             Ok(())
         }
         Command::Accuracy(args) => {
-            let stop = signals::stop_flag()?;
-            compared(studies::accuracy::accuracy(&args, &stop, console)?)
+            compared(studies::accuracy::accuracy(&args, &*signals::stop_flag()?, console)?)
         }
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),

@@ -124,11 +124,7 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/convergence.rs",
         "ten_times_the_target_is_an_error_unless_accepted",
     ),
-    (
-        "flow.convergence",
-        "tests/tests/unconverged.rs",
-        "a_flow_that_runs_out_of_iterations_is_an_error_unless_accepted",
-    ),
+    ("flow.convergence", "tests/tests/unconverged.rs", "unconverged_flow_is_an_error_unless_accepted"),
     (
         "flow.turbulence-convergence",
         "crates/coupling/src/convergence.rs",
@@ -141,7 +137,7 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/structure_energy.rs",
         "energy_beyond_the_limit_is_an_error_with_values",
     ),
-    ("mesh.quality", "tests/tests/grid_stuck.rs", "the_last_good_state_is_saved_and_goes_on"),
+    ("mesh.quality", "tests/tests/grid_stuck.rs", "last_valid_state_is_saved_and_resumed"),
     (
         "flow.impossible",
         "crates/coupling/src/flow_bounds.rs",

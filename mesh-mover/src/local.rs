@@ -64,6 +64,17 @@ pub struct LocalGrid {
     pub mean_volume: f64,
 }
 
+/// Numbering of the free nodes among the local ones; `n_free` of them are owned. Both numberings sort ghosts by owner and
+/// global index, so `free_node` matches the halo.
+fn free_numbering(nodes: &Numbering, free_node: &[u32], n_free: usize) -> Numbering {
+    let (owned, ghosts) = free_node.split_at(n_free);
+    let owned = owned.iter().map(|&local| nodes.global[local as usize]).collect();
+    let ghosts = ghosts.iter().map(|&local| local as usize);
+    let ghosts =
+        ghosts.map(|local| (nodes.global[local], nodes.ghost_owner[local - nodes.n_owned])).collect();
+    Numbering::new(owned, ghosts)
+}
+
 impl LocalGrid {
     /// As [`LocalGrid::with_outer`] with a fixed outer boundary.
     pub fn new(grid: &FlowGrid, owner: &[u32], comm: &Comm) -> Self {
@@ -86,7 +97,6 @@ impl LocalGrid {
         let mut slide_rows = Vec::new();
         let mut near = Vec::new();
         let mut kind = Vec::with_capacity(nodes.n_local());
-        let (mut free_owned, mut free_ghosts) = (Vec::new(), Vec::new());
         let (mut free_node, mut canopy) = (Vec::new(), Vec::new());
         for (local, &g) in nodes.global.iter().enumerate() {
             kind.push(match global_kind[g as usize] {
@@ -97,11 +107,6 @@ impl LocalGrid {
                         sliding.get(&(g as u32)).map(|&projection| Slide { free: index, projection }),
                     );
                     free_node.push(local as u32);
-                    if local < nodes.n_owned {
-                        free_owned.push(g);
-                    } else {
-                        free_ghosts.push((g, nodes.ghost_owner[local - nodes.n_owned]));
-                    }
                     Kind::Free(index)
                 }
                 Kind::Canopy(k) => {
@@ -111,9 +116,8 @@ impl LocalGrid {
                 Kind::Fixed => Kind::Fixed,
             });
         }
-        let n_free = free_owned.len();
-        // Both numberings sort ghosts by owner and global index, so `free_node` matches the halo.
-        let free_halo = Rc::new(Halo::new(comm, &Numbering::new(free_owned, free_ghosts)));
+        let n_free = free_node.partition_point(|&local| (local as usize) < nodes.n_owned);
+        let free_halo = Rc::new(Halo::new(comm, &free_numbering(&nodes, &free_node, n_free)));
         let start: Vec<f64> = nodes.global.iter().flat_map(|&g| grid.coords[g as usize]).collect();
         Self {
             depth,

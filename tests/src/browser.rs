@@ -10,12 +10,12 @@ use serde_json::{Value, json};
 
 use crate::load::Limit;
 
-/// Longest time for one answer: a shared machine draws in software.
+/// Maximum time of a response, allowing for software rendering on a shared machine.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Time between two looks.
+/// Polling interval.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// The browser that `RIPSTOP_BROWSER` names, or one on the path.
+/// The browser of `RIPSTOP_BROWSER`, else one on the path.
 pub fn find_browser() -> Option<PathBuf> {
     if let Some(named) = std::env::var_os("RIPSTOP_BROWSER") {
         return Some(named.into());
@@ -32,14 +32,14 @@ pub struct Browser {
     messages: Receiver<Value>,
     session: String,
     calls: u64,
-    /// Everything that the browser told without being asked.
+    /// Events received from the browser.
     pub events: Vec<Value>,
 }
 
 impl Browser {
     /// Starts one with its data in `folder`.
     pub fn start(program: &Path, folder: &Path) -> Self {
-        // The browser reads commands from descriptor 3 and answers on 4, each ended by a zero byte.
+        // The browser reads commands from descriptor 3 and replies on 4, each terminated by a zero byte.
         let mut process = Command::new("sh")
             .args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null", "sh"])
             .arg(program)
@@ -116,7 +116,7 @@ impl Browser {
         self.until("document.readyState === 'complete' && location.protocol === 'file:'");
     }
 
-    /// Value of an expression in the page; promises are waited for.
+    /// Value of an expression in the page; awaits promises.
     pub fn evaluate(&mut self, expression: &str) -> Value {
         let parameters = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
         let answer = self.call("Runtime.evaluate", parameters);
@@ -156,7 +156,7 @@ impl Browser {
         self.mouse("mouseReleased", x, y, "left");
     }
 
-    /// Drags from the middle of an element by so many pixels.
+    /// Drags from the centre of an element by `by` pixels.
     pub fn drag(&mut self, selector: &str, by: [f64; 2]) {
         let [x, y] = self.place(selector);
         self.mouse("mousePressed", x, y, "left");
@@ -174,7 +174,7 @@ impl Browser {
         self.call("Input.dispatchMouseEvent", parameters);
     }
 
-    /// Presses a key that has a name, such as `ArrowLeft`, in what has the focus.
+    /// Presses a named key, such as `ArrowLeft`, in the focused element.
     pub fn key(&mut self, key: &str, code: u32) {
         for kind in ["keyDown", "keyUp"] {
             let parameters = json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
@@ -182,7 +182,7 @@ impl Browser {
         }
     }
 
-    /// What the page complained of: exceptions, errors on the console.
+    /// Exceptions and console errors of the page.
     pub fn complaints(&self) -> Vec<String> {
         let bad = |e: &&Value| match e["method"].as_str().unwrap_or_default() {
             "Runtime.exceptionThrown" => true,
@@ -193,7 +193,7 @@ impl Browser {
         self.events.iter().filter(bad).map(Value::to_string).collect()
     }
 
-    /// Addresses that the page asked for.
+    /// Addresses requested by the page.
     pub fn requests(&self) -> Vec<String> {
         let asked = |e: &&Value| e["method"] == "Network.requestWillBeSent";
         let url = |e: &Value| e["params"]["request"]["url"].as_str().unwrap_or_default().to_owned();
@@ -203,7 +203,7 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // Asked to close it ends its own processes; killed it would leave some.
+        // Closing ends all processes of the browser; killing would leave some.
         let close = json!({ "id": 0, "method": "Browser.close" }).to_string();
         let _ = self.input.write_all(format!("{close}\0").as_bytes());
         let ended = || self.process.try_wait().is_ok_and(|status| status.is_some());

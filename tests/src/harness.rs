@@ -1,19 +1,19 @@
-//! Runs the tests of a suite that starts itself as a program under MPI, and so cannot use Rust's test library.
+//! Test harness for suites that run under MPI and cannot use the Rust test library.
 //!
-//! Reads the arguments and writes the lines of that library, so that `./test` counts all suites alike. All tests run,
-//! also after one has failed. The file has no dependency: suites of other packages include it by its path.
+//! It has the arguments and output format of that library, so that `./test` counts all suites in the same way. All tests
+//! run, also after a failure. The file has no dependencies, because suites of other packages include it by path.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Which tests the arguments choose.
+/// Selection of tests by the arguments.
 struct Choice {
     names: Vec<String>,
     skipped: Vec<String>,
     exact: bool,
     list: bool,
-    /// Such suites have no ignored tests.
+    /// Whether no test is selected, as these suites have no ignored tests.
     none: bool,
 }
 
@@ -42,7 +42,7 @@ impl Choice {
     }
 }
 
-/// Runs the chosen tests in their order; a test fails by a panic.
+/// Runs the selected tests in order; a panic is a failure.
 pub fn run(tests: &[(&str, &dyn Fn())]) -> ExitCode {
     let choice = Choice::new(std::env::args().skip(1));
     let chosen: Vec<_> = tests.iter().filter(|(name, _)| choice.holds(name)).collect();

@@ -1,47 +1,45 @@
-//! Which file of a crate uses what another one defines, and where that goes in a circle.
+//! Import graph between the files of a crate, and its cycles.
 //!
-//! A `pub use` hands an item on and needs nothing of it: an import counts as one of the file that defines the item.
-//! Tests within files, and files of tests, are left out.
+//! A `pub use` re-exports an item: an import counts as an import from the file that defines the item. Tests are excluded.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// A circle: files below the sources of a crate that all need each other.
+/// A cycle: files of a crate that depend on each other.
 pub type Circle = BTreeSet<String>;
 
 /// A file of a crate as a module.
 #[derive(Default)]
 struct Module {
-    /// Below the sources.
+    /// Path below the sources.
     file: PathBuf,
-    /// Modules that have files of their own.
+    /// Child modules in separate files.
     children: BTreeSet<String>,
     /// Names of the items it defines.
     items: BTreeSet<String>,
-    /// What it brings into scope: name (or `*`) and path.
+    /// Imports: name (or `*`) and path.
     imports: Vec<(String, Vec<String>)>,
-    /// Those of `imports` that it hands on.
+    /// Re-exported imports.
     exports: Vec<(String, Vec<String>)>,
-    /// Paths in its code.
+    /// Paths used in the code.
     paths: Vec<Vec<String>>,
 }
 
 /// Modules of a crate by their paths.
 type Modules = BTreeMap<Vec<String>, Module>;
 
-/// Circles of imports between files of different folders, in the sources `src` of a crate.
+/// Import cycles between files of different folders, in the sources `src` of a crate.
 ///
 /// # Panics
-/// Sources that cannot be read.
+/// A source cannot be read.
 pub fn circles_between_folders(src: &Path) -> Vec<Circle> {
     circles(src).into_iter().filter(|(_, folders)| folders.len() > 1).map(|(circle, _)| circle).collect()
 }
 
-/// All circles of imports between files, with the folders that they touch. A module's file counts to the folder of
-/// its children.
+/// All import cycles between files, with their folders. The file of a module belongs to the folder of its children.
 ///
 /// # Panics
-/// Sources that cannot be read.
+/// A source cannot be read.
 pub fn circles(src: &Path) -> Vec<(Circle, BTreeSet<PathBuf>)> {
     let modules = modules(src);
     let needs: BTreeMap<&Vec<String>, BTreeSet<Vec<String>>> =
@@ -90,7 +88,7 @@ fn needs(modules: &Modules, path: &[String], module: &Module) -> BTreeSet<Vec<St
     let mut scope: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for import in module.imports.iter().filter(|i| !exported.contains(i)) {
         match locate(modules, path, &import.1, 0) {
-            // What is taken from a module that is in scope is seen where it is named.
+            // Items of an imported module are found where they are used.
             Some(Found::Module(of)) if import.0 != "*" => drop(scope.insert(&import.0, of)),
             Some(Found::Module(of) | Found::Item(of)) => drop(found.insert(of)),
             None => {}
@@ -115,7 +113,7 @@ enum Found {
     Item(Vec<String>),
 }
 
-/// What `named`, written in the module `at`, is; `None`: of another crate.
+/// Resolves the path `named` in the module `at`; `None` for another crate.
 fn locate(modules: &Modules, at: &[String], named: &[String], depth: usize) -> Option<Found> {
     let (mut start, mut rest) = match named[0].as_str() {
         "crate" => (Vec::new(), &named[1..]),
@@ -131,7 +129,7 @@ fn locate(modules: &Modules, at: &[String], named: &[String], depth: usize) -> O
     walk(modules, start, rest, depth)
 }
 
-/// Follows `rest` from the module `at`, through what modules hand on.
+/// Resolves `rest` from the module `at`, through re-exports.
 fn walk(modules: &Modules, mut at: Vec<String>, rest: &[String], depth: usize) -> Option<Found> {
     for (k, name) in rest.iter().enumerate() {
         let module = modules.get(&at)?;
@@ -232,7 +230,7 @@ fn read(tokens: &[String]) -> Module {
     module
 }
 
-/// The index behind the item that the attribute at `i` belongs to.
+/// Index after the item with the attribute at `i`.
 fn end_of_item(tokens: &[String], i: usize) -> usize {
     let mut depth = 0;
     for (k, token) in tokens.iter().enumerate().skip(i) {
@@ -248,7 +246,7 @@ fn end_of_item(tokens: &[String], i: usize) -> usize {
     tokens.len()
 }
 
-/// Reads a tree of imports from `i`, below `prefix`; the index behind it.
+/// Reads a `use` tree at `i`, below `prefix`; returns the index after it.
 fn tree(tokens: &[String], mut i: usize, prefix: &[String], found: &mut Vec<(String, Vec<String>)>) -> usize {
     let mut path = prefix.to_vec();
     while i < tokens.len() {
@@ -284,7 +282,7 @@ fn is_word(token: &str) -> bool {
     token.starts_with(|c: char| c.is_alphabetic() || c == '_')
 }
 
-/// Words and signs of a source, without comments, texts and characters.
+/// Tokens of a source, without comments and string and character literals.
 fn tokens(text: &str) -> Vec<String> {
     let letters: Vec<char> = text.chars().collect();
     let at = |i: usize| letters.get(i).copied().unwrap_or('\0');
@@ -317,7 +315,7 @@ fn tokens(text: &str) -> Vec<String> {
                 }
                 i += 1;
             }
-            // A character, and not a lifetime.
+            // A character literal, not a lifetime.
             '\'' if at(i + 1) == '\\' || at(i + 2) == '\'' => {
                 i += if at(i + 1) == '\\' { 3 } else { 2 };
                 while i < letters.len() && at(i) != '\'' {
@@ -348,7 +346,7 @@ fn tokens(text: &str) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// Circles of a crate of these files.
+    /// Cycles of a crate with these files.
     fn found(files: &[(&str, &str)]) -> Vec<Circle> {
         let src = tempfile::tempdir().expect("a folder");
         for (file, text) in files {
@@ -360,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_through_a_folder_is_found_whatever_hands_its_items_on() {
+    fn import_cycle_is_found_through_reexports() {
         let [lib, a] = [("lib.rs", "mod a; mod b;"), ("a/mod.rs", "mod one; pub use one::One;")];
         let one = ("a/one.rs", "use crate::b::Two; pub struct One(Two);");
         let circle = found(&[lib, a, one, ("b.rs", "use crate::a::One; pub struct Two(Box<One>);")]);
@@ -370,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_handed_on_named_in_texts_or_used_in_tests_is_no_circle() {
+    fn reexports_texts_and_tests_are_no_import_cycles() {
         let files = [
             ("lib.rs", "mod a; mod b;"),
             ("a/mod.rs", "mod one; pub use one::One; pub struct Three;"),

@@ -1,6 +1,6 @@
 //! Cross-program tests of Ripstop: see `tests/tests/`.
 //!
-//! This library runs the real programs and reads what they leave behind.
+//! This library runs the programs and reads their results.
 
 pub mod browser;
 pub mod harness;
@@ -16,8 +16,7 @@ use std::process::{Child, Command, Output, Stdio};
 
 pub use rustix::process::Signal;
 
-/// The head of a scene as text: a square sheet of 2 m, with so many cells across and so many lines, and further keys of its
-/// fabric.
+/// Header of a scene: a square sheet of 2 m with given cells across, lines and further keys of the fabric.
 #[macro_export]
 macro_rules! sheet {
     ($name:literal, $cells:literal, $lines:literal, $fabric:literal) => {
@@ -36,12 +35,12 @@ macro_rules! sheet {
     };
 }
 
-/// The repository.
+/// Root of the repository.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests lie in the repository").to_path_buf()
 }
 
-/// A program of this build, beside the running test.
+/// Path of a program of this build.
 pub fn program(name: &str) -> PathBuf {
     let test = std::env::current_exe().expect("a test has a path");
     let folder = test.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>");
@@ -50,12 +49,12 @@ pub fn program(name: &str) -> PathBuf {
     path
 }
 
-/// A scene of the repository.
+/// Path of a scene of the repository.
 pub fn scene(case: &str) -> PathBuf {
     root().join("cases").join(case).join("scene.toml")
 }
 
-/// Text of a scene with replacements made, written into `folder`.
+/// Writes a scene with replaced text to `folder`.
 pub fn changed_scene(case: &str, folder: &Path, changes: &[(&str, &str)]) -> PathBuf {
     let mut text = std::fs::read_to_string(scene(case)).expect("the scene can be read");
     for (from, to) in changes {
@@ -74,7 +73,7 @@ pub fn ripstop_run(scene: &Path, out: &Path, options: &[&str]) -> Command {
     command
 }
 
-/// Runs to the end and demands success.
+/// Runs a command to its end and asserts success.
 pub fn succeed(mut command: Command) -> Output {
     let output = command.output().expect("the program starts");
     assert!(
@@ -87,7 +86,7 @@ pub fn succeed(mut command: Command) -> Output {
     output
 }
 
-/// Starts in the background with its output captured.
+/// Starts a command in the background with captured output.
 pub fn start(mut command: Command) -> Child {
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts")
 }
@@ -127,7 +126,7 @@ impl History {
         self.rows.iter().map(|r| r[i].parse().unwrap_or_else(|_| panic!("{name}: {}", r[i]))).collect()
     }
 
-    /// Everything but wall times, for comparison byte by byte.
+    /// All columns except wall times, for bitwise comparison.
     pub fn without_wall_times(&self) -> Vec<Vec<&str>> {
         let wall = self.names.iter().position(|n| n.ends_with("wall_s")).expect("wall times stand last");
         std::iter::once(&self.names)
@@ -137,13 +136,13 @@ impl History {
     }
 }
 
-/// Sends a signal to a process of a test; nothing where it has ended.
+/// Sends a signal to a process of a test; no effect if it has ended.
 pub fn signal(pid: u32, signal: Signal) {
     let pid = i32::try_from(pid).ok().and_then(rustix::process::Pid::from_raw);
     let _ = rustix::process::kill_process(pid.expect("a process"), signal);
 }
 
-/// Processes of the project's programs that name `mark` on their command line.
+/// Processes of the project with `mark` on their command line.
 pub fn processes_naming(mark: &str) -> Vec<(u32, String)> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir("/proc").expect("/proc").flatten() {

@@ -1,24 +1,24 @@
-//! Limits of time that do not depend on what else the machine does.
+//! Time limits that do not depend on the load of the machine.
 //!
-//! A thread of the test computes without pause for as long as somebody measures. The scheduler shares the cores among
-//! all that want them, so the processor time of that thread is the time that was available to any one thread:
-//! the time by the clock on a free core, a part of it on a loaded machine. Limits count available time.
+//! During a measurement a thread of the test computes without pause. The scheduler shares the cores between all threads, so
+//! the processor time of this thread is the time available to one thread: the wall time on an idle core, a part of it on a
+//! loaded machine. Limits count available time.
 //!
-//! The file has no dependency within the project: the tests of `channel` and `coupler` include it by its path.
+//! The file has no dependencies within the project, because the tests of `channel` and `coupler` include it by path.
 #![allow(dead_code, reason = "each test uses a part of it")]
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// The thread that computes; it ends with the last of its users.
+/// The computing thread; it ends with its last user.
 struct Spinner {
-    /// Its processor time, ns.
+    /// Processor time of the thread, ns.
     used: AtomicU64,
 }
 
 impl Spinner {
-    /// The spinner of this process: one for all that measure.
+    /// The common spinner of this process.
     fn shared() -> Arc<Self> {
         static SHARED: Mutex<Weak<Spinner>> = Mutex::new(Weak::new());
         let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -32,7 +32,7 @@ impl Spinner {
             while let Some(spinner) = seen.upgrade() {
                 spinner.used.store(thread_time().as_nanos() as u64, Ordering::Relaxed);
                 drop(spinner);
-                // Some 0.1 ms between two looks at the clock.
+                // The clock is read about every 0.1 ms.
                 for i in 0..100_000u32 {
                     std::hint::black_box(i);
                 }
@@ -52,14 +52,14 @@ pub fn thread_time() -> Duration {
     Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
 }
 
-/// Measures available time from its creation on.
+/// A clock of available time.
 pub struct Available {
     spinner: Arc<Spinner>,
     begin: Duration,
 }
 
 impl Available {
-    /// Begins to measure.
+    /// Starts the clock.
     #[allow(clippy::new_without_default, reason = "it starts a thread")]
     pub fn new() -> Self {
         let spinner = Spinner::shared();
@@ -67,7 +67,7 @@ impl Available {
         Self { spinner, begin }
     }
 
-    /// Time that one thread could have computed since the creation; never more than the time by the clock.
+    /// Time available to one thread since the start, at most the wall time.
     pub fn elapsed(&self) -> Duration {
         self.spinner.used().saturating_sub(self.begin)
     }
@@ -81,17 +81,17 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// `limit` of available time from now on.
+    /// A limit of available time from now.
     pub fn new(limit: Duration) -> Self {
         Self { begin: Instant::now(), available: Available::new(), limit }
     }
 
-    /// Whether it has passed.
+    /// Whether the limit has passed.
     pub fn passed(&self) -> bool {
         self.available.elapsed() > self.limit
     }
 
-    /// Fails the test if it has passed.
+    /// Fails the test if the limit has passed.
     #[track_caller]
     pub fn demand(&self, what: impl std::fmt::Display) {
         assert!(!self.passed(), "{what}: {}", self.told());
@@ -107,7 +107,7 @@ impl Limit {
         )
     }
 
-    /// Polls every `pause` until `done`; the time by the clock since the limit began.
+    /// Polls every `pause` until `done`; returns the wall time since the start of the limit.
     ///
     /// # Errors
     /// The limit has passed.
@@ -122,7 +122,7 @@ impl Limit {
     }
 }
 
-/// How many times slower than on a free core a thread computes now: 1 or more.
+/// Factor by which a thread is slower than on an idle core, at least 1.
 pub fn slowdown() -> f64 {
     const ENOUGH: Duration = Duration::from_millis(200);
     let (begin, available) = (Instant::now(), Available::new());
@@ -132,8 +132,7 @@ pub fn slowdown() -> f64 {
     (begin.elapsed().as_secs_f64() / available.elapsed().as_secs_f64()).max(1.0)
 }
 
-/// A deadline by the clock within which a program on this machine, as it is loaded now, can do
-/// what takes it `free` on a free core.
+/// Wall time for work that needs `free` on an idle core, at the present load.
 pub fn deadline(free: Duration) -> Duration {
     free.mul_f64(slowdown())
 }
@@ -143,7 +142,7 @@ pub fn deadline_s(free: u64) -> u64 {
     deadline(Duration::from_secs(free)).as_secs_f64().ceil() as u64
 }
 
-/// Processor seconds that a process has used.
+/// Processor time of a process, s.
 fn used_s(process: u32) -> f64 {
     let text = std::fs::read_to_string(format!("/proc/{process}/stat")).expect("the process lives");
     let fields: Vec<&str> = text.rsplit(')').next().expect("fields").split_whitespace().collect();
@@ -151,8 +150,8 @@ fn used_s(process: u32) -> f64 {
     ticks / 100.0
 }
 
-/// Demands that all `processes` come to wait within `patience`, and then sleep: while two seconds are available to
-/// each, none uses more than the share `most` of the time by the clock.
+/// Asserts that all `processes` start waiting within `patience` and then sleep: during two seconds of available time, none
+/// uses more than the fraction `most` of the wall time.
 pub fn asleep(processes: &[u32], most: f64, patience: Duration) {
     let limit = Limit::new(patience);
     loop {

@@ -1,48 +1,65 @@
-//! Text for people in sources and documents, and the words that it does not use.
+//! Extraction of user-visible text from sources and documents, and search for refused words.
 
 use regex::{Regex, RegexBuilder};
 
-/// A word that text does not use.
+/// A refused word or phrase.
 pub struct Refused {
     pattern: Regex,
-    /// What to write instead.
+    /// Standard term.
     pub replacement: String,
+    /// Reason of the refusal.
+    pub reason: String,
 }
 
-/// A refused word in a text.
+/// A finding: a refused word in a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// Line, from 1.
     pub line: usize,
-    /// The word as written.
+    /// Word as written.
     pub word: String,
-    /// What to write instead.
+    /// Standard term.
     pub replacement: String,
+    /// Reason of the refusal.
+    pub reason: String,
 }
 
-/// The list in `text`: lines of pattern, replacement and reason; empty lines and those that begin with `#` are none.
+impl std::fmt::Display for Found {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: \"{}\": write: {} ({})", self.line, self.word, self.replacement, self.reason)
+    }
+}
+
+/// Parses a list with the lines `pattern | replacement | reason`. Empty lines and lines that start with `#` are ignored.
 ///
 /// # Panics
-/// A line that does not have three parts, or whose pattern is no regular expression.
+/// A line does not have three parts, or its pattern is not a regular expression.
 pub fn refused(text: &str) -> Vec<Refused> {
     let rows = text.lines().filter(|l| !l.is_empty() && !l.starts_with('#'));
     rows.map(|row| {
         let parts: Vec<&str> = row.split(" | ").collect();
-        let [pattern, replacement, _reason] = parts[..] else { panic!("three parts: {row}") };
+        let [pattern, replacement, reason] = parts[..] else {
+            panic!("`{row}` is not of the form `pattern | replacement | reason`")
+        };
         let pattern = format!(r"\b(?:{})\b", pattern.replace(' ', r"\s+"));
         let pattern = RegexBuilder::new(&pattern).case_insensitive(true).build();
-        Refused { pattern: pattern.unwrap_or_else(|e| panic!("{row}: {e}")), replacement: replacement.into() }
+        Refused {
+            pattern: pattern.unwrap_or_else(|e| panic!("{row}: {e}")),
+            replacement: replacement.into(),
+            reason: reason.into(),
+        }
     })
     .collect()
 }
 
-/// The refused words in `text`, which begins at `line`.
+/// The refused words in `text`, whose first line has number `line`.
 pub fn search(text: &str, line: usize, refused: &[Refused]) -> Vec<Found> {
     let found = refused.iter().flat_map(|r| {
         r.pattern.find_iter(text).map(|m| Found {
             line: line + text[..m.start()].matches('\n').count(),
             word: m.as_str().split_whitespace().collect::<Vec<_>>().join(" "),
             replacement: r.replacement.clone(),
+            reason: r.reason.clone(),
         })
     });
     let mut found: Vec<Found> = found.collect();
@@ -50,8 +67,8 @@ pub fn search(text: &str, line: usize, refused: &[Refused]) -> Vec<Found> {
     found
 }
 
-/// Comments and string literals of a Rust source, each with its first line from 1; consecutive line comments are one
-/// text. What follows `#[cfg(test)]` in the source is left out.
+/// Comments and string literals of a Rust source, each with its first line (from 1). Consecutive line comments are one
+/// text. The source after `#[cfg(test)]` is ignored.
 pub fn texts_of_rust(source: &str) -> Vec<(usize, String)> {
     let source = source.split("\n#[cfg(test)]").next().unwrap_or(source);
     let mut texts: Vec<(usize, String)> = Vec::new();
@@ -90,14 +107,14 @@ pub fn texts_of_rust(source: &str) -> Vec<(usize, String)> {
     texts
 }
 
-/// Number of `#` of the raw string that `rest` begins with.
+/// Number of `#` of the raw string at the start of `rest`.
 fn raw_string(rest: &str) -> Option<usize> {
     let after = rest.strip_prefix('r')?;
     let hashes = after.len() - after.trim_start_matches('#').len();
     after[hashes..].starts_with('"').then_some(hashes)
 }
 
-/// Byte of the quote that ends the string at the start of `rest`.
+/// Offset of the closing quote of the string at the start of `rest`.
 fn string_end(rest: &str) -> usize {
     let mut escaped = false;
     let end = rest.char_indices().skip(1).find(|&(_, c)| {
@@ -108,7 +125,7 @@ fn string_end(rest: &str) -> usize {
     end.map_or(rest.len(), |(at, _)| at)
 }
 
-/// Bytes of the character literal, or of the quote of a lifetime, at the start of `rest`.
+/// Length in bytes of the character literal, or of the quote of a lifetime, at the start of `rest`.
 fn character_end(rest: &str) -> usize {
     let mut letters = rest.char_indices().skip(1);
     match (letters.next(), letters.next()) {
@@ -120,7 +137,7 @@ fn character_end(rest: &str) -> usize {
     }
 }
 
-/// Names of public items of a Rust source as words, each with its line from 1: `FlowSolve` is `Flow Solve`.
+/// Names of public items of a Rust source as words, each with its line (from 1): `FlowSolve` gives `Flow Solve`.
 pub fn public_names(source: &str) -> Vec<(usize, String)> {
     let item = Regex::new(
         r"^\s*pub (?:const |unsafe |async )*(?:fn|struct|enum|trait|const|static|mod|type) (\w+)|^\s*pub (\w+): ",
@@ -134,6 +151,17 @@ pub fn public_names(source: &str) -> Vec<(usize, String)> {
         Some((line, camel.replace_all(name, "$1 $2").replace('_', " ")))
     });
     named.collect()
+}
+
+/// Keys of a JSON document as words, each with its line (from 1): `"box_grid":` gives `box grid`.
+pub fn json_keys(text: &str) -> Vec<(usize, String)> {
+    let key = Regex::new(r#""([A-Za-z0-9_]+)"\s*:"#).expect("a pattern");
+    let lines = text.lines().zip(1..);
+    lines
+        .flat_map(|(text, line)| {
+            key.captures_iter(text).map(|c| (line, c[1].replace('_', " "))).collect::<Vec<_>>()
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -156,6 +184,27 @@ mod tests {
         let texts = texts_of_rust(source);
         let texts: Vec<_> = texts.iter().map(|(line, text)| (*line, text.as_str())).collect();
         assert_eq!(texts, [(1, " Solves\n it."), (4, "a \\\"b\\\" c"), (4, "raw \"\n"), (5, " why")]);
+    }
+
+    #[test]
+    fn keys_of_json_are_words() {
+        let schema = "{\n  \"flown_at\": { \"description\": \"text\" }\n}";
+        assert_eq!(json_keys(schema), [(2, "flown at".into()), (2, "description".into())]);
+    }
+
+    #[test]
+    fn shipped_list_refuses_a_made_up_sentence() {
+        let list = refused(include_str!("../refused-words.txt"));
+        let sentence = "The scene is flown anew, beside its books; no more than two windows are given back.";
+        let found = search(sentence, 1, &list);
+        let words: Vec<_> = found.iter().map(|f| f.word.as_str()).collect();
+        for word in ["flown", "anew", "beside", "books", "no more than", "given back"] {
+            assert!(words.contains(&word), "{word}: {words:?}");
+        }
+        assert!(found[0].to_string().contains(": write: "), "{}", found[0]);
+        let standard =
+            "The scene is run again; at most two windows are rejected and retried with half the length.";
+        assert_eq!(search(standard, 1, &list), []);
     }
 
     #[test]

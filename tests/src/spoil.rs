@@ -1,16 +1,15 @@
-//! Good files spoilt at random, the same on every machine, for tests of what reads them: never a
-//! panic, never memory out of proportion, always an error that names the file, or a value that
-//! passes every check.
+//! Deterministic mutation fuzzing of file readers: no panic, no excessive memory, and either an error that names the file or
+//! a value that passes all checks.
 //!
-//! A test takes [`Measured`] as its allocator. Each format is tried with `INPUTS` mutations (10 000 by
-//! default; more by `scripts/fuzz`).
+//! A test uses [`Measured`] as its allocator. Each format is tested with `INPUTS` mutations (10 000 by default; more with
+//! `scripts/fuzz`).
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// Notes the largest block that a thread asks for.
+/// Allocator that records the largest block requested by a thread.
 pub struct Measured;
 
 thread_local! {
@@ -18,11 +17,11 @@ thread_local! {
 }
 
 fn note(size: usize) {
-    // A thread that ends has no note any more.
+    // The record of an ending thread no longer exists.
     let _ = LARGEST.try_with(|largest| largest.set(largest.get().max(size)));
 }
 
-// SAFETY: passes everything on to the system's allocator.
+// SAFETY: forwards to the system allocator.
 unsafe impl GlobalAlloc for Measured {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         note(layout.size());
@@ -48,10 +47,10 @@ unsafe impl GlobalAlloc for Measured {
     }
 }
 
-/// A block may be this many times as long as the file, and this many bytes in any case.
+/// Maximum size of a block relative to the file size; blocks up to [`FLOOR`] are always allowed.
 pub const SHARE: usize = 64;
-/// See [`SHARE`].
-pub const ANYWAY: usize = 4 << 20;
+/// Block size that is allowed for files of any size, bytes.
+pub const FLOOR: usize = 4 << 20;
 
 /// xorshift64*.
 pub struct Random(pub u64);
@@ -109,7 +108,7 @@ const WORDS: [&str; 34] = [
     "$Elements",
 ];
 
-/// A good file, spoilt in one to four places.
+/// Mutates a valid file in one to four places.
 pub fn spoilt(good: &[u8], other: &[u8], r: &mut Random) -> Vec<u8> {
     let mut bytes = good.to_vec();
     for _ in 0..=r.below(4) {
@@ -130,14 +129,14 @@ pub fn spoilt(good: &[u8], other: &[u8], r: &mut Random) -> Vec<u8> {
             }
             4 | 5 => drop(bytes.splice(at..end, WORDS[r.below(WORDS.len())].bytes())),
             6 => {
-                // A whole word or number in the place of another.
+                // Replaces a word or number by another.
                 let word = |b: &u8| !b.is_ascii_whitespace() && !b"=,[]".contains(b);
                 let from = (at..bytes.len()).find(|&i| word(&bytes[i])).unwrap_or(at);
                 let to = (from..bytes.len()).find(|&i| !word(&bytes[i])).unwrap_or(from);
                 bytes.splice(from..to, WORDS[r.below(WORDS.len())].bytes());
             }
             7 => {
-                // A count: bincode's marks of long integers, or eight bytes.
+                // A count: a bincode marker of long integers, or eight bytes.
                 let count = [u64::MAX, 1 << 40, 1 << 31, 1 << 20, 0][r.below(5)].to_le_bytes();
                 let mark = [&[253u8][..], &[]][r.below(2)];
                 let whole: Vec<u8> = mark.iter().copied().chain(count).collect();
@@ -153,30 +152,30 @@ pub fn spoilt(good: &[u8], other: &[u8], r: &mut Random) -> Vec<u8> {
     bytes
 }
 
-/// Inputs that are tried of a format.
+/// Number of inputs per format.
 pub fn inputs() -> usize {
     std::env::var("INPUTS").ok().and_then(|n| n.parse().ok()).unwrap_or(10_000)
 }
 
-/// Makes checksums right again.
+/// Function that corrects checksums.
 pub type Seal = fn(&mut Vec<u8>);
 
-/// The largest block that this thread has asked for in `work`, and what that gave; `None`: it panicked.
+/// Runs `work`. Returns its result (`None` after a panic) and the largest block requested by this thread, bytes.
 pub fn measured<T>(work: impl FnOnce() -> T) -> (Option<T>, usize) {
     LARGEST.with(|l| l.set(0));
     let result = catch_unwind(AssertUnwindSafe(work)).ok();
     (result, LARGEST.with(Cell::get))
 }
 
-/// Keeps an input for a person; returns its file.
+/// Writes an input to a file for inspection; returns the file.
 pub fn kept(name: &str, i: usize, bytes: &[u8]) -> String {
     let file = std::env::temp_dir().join(format!("ripstop-fuzz-{name}-{i}"));
     std::fs::write(&file, bytes).expect("written");
     file.display().to_string()
 }
 
-/// Tries `reader` with spoilt forms of `good`; it says what is wrong with an input, if anything.
-/// `seal` mends what would be seen at a glance, so that what lies behind is tried as well.
+/// Tests `reader` with mutations of `good`; `reader` returns the fault found with an input, if any. `seal` corrects
+/// checksums, so that the checks after them are tested too.
 pub fn fuzz(
     name: &str,
     good: &[Vec<u8>],
@@ -187,11 +186,11 @@ pub fn fuzz(
     for bytes in good {
         reader(bytes).unwrap_or_else(|e| panic!("{name}: a good input is refused: {e}"));
     }
-    // Those begin with a head of lengths and sums.
+    // These files start with a header of lengths and checksums.
     let anywhere = name.ends_with("state") || name.ends_with("memory");
     let mut r = Random(0x5eed ^ name.len() as u64);
     let mut refused = 0;
-    // Panics are told below, with their input.
+    // Panics are reported below with their input.
     for i in 0..inputs() {
         let (a, b) = (r.below(good.len()), r.below(good.len()));
         let mut bytes =
@@ -215,7 +214,7 @@ pub fn fuzz(
             Some(Ok(())) => {}
         }
         assert!(
-            largest <= ANYWAY + SHARE * bytes.len(),
+            largest <= FLOOR + SHARE * bytes.len(),
             "{name}: input {i} of {} bytes takes a block of {largest}: {}",
             bytes.len(),
             told()
@@ -225,7 +224,7 @@ pub fn fuzz(
     assert!(refused * 20 > inputs(), "{name}: only {refused} refused: are inputs spoilt at all?");
 }
 
-/// A file in memory for readers that want a path.
+/// A file in memory for readers that need a path.
 pub fn slot() -> (tempfile::TempDir, PathBuf) {
     let memory = Path::new("/dev/shm");
     let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
@@ -234,12 +233,11 @@ pub fn slot() -> (tempfile::TempDir, PathBuf) {
     (folder, file)
 }
 
-/// Bytes that are spoilt in the head of the file as often as in all the rest of it: what numbers
-/// are for stands there.
+/// Mutates bytes, with equal probability in the header and in the rest of the file, because the header describes the data.
 pub fn spoilt_anywhere(good: &[u8], r: &mut Random) -> Vec<u8> {
     match r.below(3) {
         0 => return spoilt(good, good, r),
-        // Numbers in the place of others: nothing is longer or shorter.
+        // Replaces numbers without a change of length.
         1 => {
             let mut bytes = good.to_vec();
             for _ in 0..=r.below(3) {

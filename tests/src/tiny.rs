@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use crate::{changed_scene, ripstop_run, succeed};
 
-/// Windows of the last stage; harm comes in the third.
+/// Windows of the last stage; faults occur in the third.
 pub const WINDOWS: usize = 4;
 /// Ranks of each run.
 pub const RANKS: &str = "structure=3,mesh=3,flow=3";
 
-/// What makes `square-drop` that small.
+/// Changes that reduce `square-drop` to this size.
 pub const SMALLER: [(&str, &str); 8] = [
     ("duration_s = 0.1\n", "duration_s = 0.02\n"),
     ("cells_across = 12", "cells_across = 4"),
@@ -23,16 +23,16 @@ pub const SMALLER: [(&str, &str); 8] = [
     ("duration_s = 0.2", "duration_s = 0.08"),
 ];
 
-/// A run that was not harmed, whose states all others start from.
+/// A run without fault, from whose states all others start.
 pub struct Base {
-    /// Holds all of it.
+    /// Folder of the run.
     pub folder: tempfile::TempDir,
     /// Scene file.
     pub scene: PathBuf,
 }
 
 impl Base {
-    /// Flies the scene once.
+    /// Runs the scene.
     #[allow(clippy::new_without_default, reason = "it runs programs")]
     pub fn new() -> Self {
         Self::on(RANKS)
@@ -47,7 +47,7 @@ impl Base {
         base
     }
 
-    /// Its results.
+    /// Results folder.
     pub fn out(&self) -> PathBuf {
         self.folder.path().join("out")
     }

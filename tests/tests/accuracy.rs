@@ -1,4 +1,4 @@
-//! `ripstop accuracy`: short studies against their kept errors and counts, and what it refuses.
+//! `ripstop accuracy`: short studies compared with their references, and refused input.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -17,8 +17,8 @@ fn accuracy(scene: &Path, out: &Path, options: &[&str]) -> Command {
     command
 }
 
-/// Made by `scripts/studies --remake`.
-fn as_its_reference(study: &str) {
+/// Compares a short study with its reference, which `scripts/studies --remake` writes.
+fn matches_reference(study: &str) {
     let folder = tempfile::tempdir().expect("a folder");
     let reference = root().join("studies").join(study).join("short.json");
     let kept = reference.to_str().expect("a path in UTF-8");
@@ -32,8 +32,8 @@ fn as_its_reference(study: &str) {
         text(&output).1
     );
     if study == "air-bag" {
-        a_dearer_study_fails(&reference, folder.path());
-        wishes(folder.path());
+        costlier_study_fails(&reference, folder.path());
+        targets(folder.path());
         verification(folder.path());
     }
 }
@@ -45,8 +45,8 @@ fn text(output: &Output) -> (String, String) {
     )
 }
 
-/// With a reference that was an eighth cheaper, or more accurate, the same study fails.
-fn a_dearer_study_fails(reference: &Path, out: &Path) {
+/// The study fails with a reference of lower cost or higher accuracy.
+fn costlier_study_fails(reference: &Path, out: &Path) {
     let kept = std::fs::read_to_string(reference).expect("the reference can be read");
     for (key, factor) in [("counts", 1.0 / 1.125), ("errors", 0.5)] {
         let mut json: serde_json::Value = serde_json::from_str(&kept).expect("a reference is JSON");
@@ -65,14 +65,14 @@ fn a_dearer_study_fails(reference: &Path, out: &Path) {
     }
 }
 
-/// Advice from the completed study, and its refusals.
-fn wishes(out: &Path) {
+/// Recommendations of the completed study, and refused targets.
+fn targets(out: &Path) {
     let scene = short("air-bag");
     let options = ["--without-check", "--target-error", "60%", "--budget", "1h"];
     let advised = succeed(accuracy(&scene, out, &options));
     let words = text(&advised).0;
     assert!(words.contains("expected error") && words.contains("not assessed: "), "{words}");
-    // A single run says nothing of the spread of costs.
+    // A single run gives no spread of costs.
     assert!(!words.contains("± 0.0 s"), "{words}");
     let written = std::fs::read_to_string(out.join("target-error.toml")).expect("the advised scene");
     for name in ["window: not varied in this study", "substeps: not varied in this study"] {
@@ -86,17 +86,17 @@ fn wishes(out: &Path) {
     let page = std::fs::read_to_string(out.join("accuracy.html")).expect("a page");
     assert!(page.contains("<svg") && page.ends_with("</html>\n"));
     assert!(page.contains("<p class=\"s\">commit ") && page.contains("not assessed"));
-    // The former option does the same, with a warning.
+    // The former option works and warns.
     let former = accuracy(&scene, out, &["--without-check", "--want", "60%"]).output().expect("it starts");
     assert!(former.status.success() && out.join("target-error.toml").exists());
     assert!(text(&former).1.contains("option --want is now --target-error"), "{:?}", text(&former));
-    assert!(!out.join("budget.toml").exists(), "advice of an earlier study was left");
+    assert!(!out.join("budget.toml").exists(), "recommendation of an earlier study remains");
     let poor = accuracy(&scene, out, &["--without-check", "--budget", "1e-9s"]).output().expect("it starts");
     assert_eq!(poor.status.code(), Some(2));
     assert!(text(&poor).1.contains("below one run"), "{:?}", text(&poor));
 }
 
-/// `--verify` compares with a finer run, and its exit code says whether all promises hold.
+/// `--verify` compares with a finer run; its exit code shows whether all bounds hold.
 fn verification(out: &Path) {
     let options = ["--without-check", "--target-error", "60%", "--verify"];
     let output = accuracy(&short("air-bag"), out, &options).output().expect("it starts");
@@ -118,32 +118,32 @@ fn verification(out: &Path) {
 }
 
 #[test]
-fn the_air_bag_is_as_accurate_and_as_cheap_as_kept() {
-    as_its_reference("air-bag");
+fn air_bag_study_matches_its_reference() {
+    matches_reference("air-bag");
 }
 
 #[test]
-fn the_flow_is_as_accurate_and_as_cheap_as_kept() {
-    as_its_reference("flow");
+fn flow_study_matches_its_reference() {
+    matches_reference("flow");
 }
 
 #[test]
-fn the_mesh_mover_is_as_accurate_and_as_cheap_as_kept() {
-    as_its_reference("mesh-mover");
+fn mesh_mover_study_matches_its_reference() {
+    matches_reference("mesh-mover");
 }
 
 #[test]
-fn the_square_drop_is_as_accurate_and_as_cheap_as_kept() {
-    as_its_reference("square-drop");
+fn square_drop_study_matches_its_reference() {
+    matches_reference("square-drop");
 }
 
 #[test]
-fn the_atps_is_as_accurate_and_as_cheap_as_kept() {
-    as_its_reference("atps-descent");
+fn atps_study_matches_its_reference() {
+    matches_reference("atps-descent");
 }
 
 #[test]
-fn bad_studies_are_refused_before_work() {
+fn invalid_studies_are_refused_before_any_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = std::fs::read_to_string(short("air-bag")).expect("the scene can be read");
     let out = folder.path().join("out");
@@ -172,13 +172,13 @@ fn bad_studies_are_refused_before_work() {
     }
 }
 
-/// Without a base there is no answer: no other sample runs, nothing is advised, and the exit code says so.
+/// A failed base ends the study with an error: no other sample runs and nothing is recommended.
 #[test]
-fn a_study_stops_at_a_base_that_fails() {
+fn study_stops_at_a_failed_base() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = std::fs::read_to_string(short("mesh-mover")).expect("the scene can be read");
     let file = folder.path().join("scene.toml");
-    // The start grid is not that good. The former key of parameters is read, with a warning.
+    // The initial grid has a lower quality. The former key of parameters is read with a warning.
     let more = "\n[[accuracy.dial]]\nname = \"mesh.min_quality\"\nvalues = [1e-3]\nbase = 0.9\n";
     std::fs::write(&file, base.replace("[[accuracy.parameter]]", "[[accuracy.dial]]") + more)
         .expect("written");
@@ -189,20 +189,20 @@ fn a_study_stops_at_a_base_that_fails() {
     assert!(errors.contains("the base sample failed") && errors.contains("scaled Jacobian"), "{errors}");
     assert!(errors.contains("key `accuracy.dial` is now `accuracy.parameter`"), "{errors}");
     assert!(!words.contains("expected error") && !out.join("target-error.toml").exists(), "{words}");
-    assert_eq!(std::fs::read_dir(out.join("samples")).expect("samples").count(), 1, "others were run");
-    // The same again: a base that failed is run again, not believed.
+    assert_eq!(std::fs::read_dir(out.join("samples")).expect("samples").count(), 1, "other samples were run");
+    // A failed base is run again.
     let again = accuracy(&file, &out, &[]).output().expect("it starts");
     assert_eq!(again.status.code(), Some(1));
     assert!(text(&again).1.contains("running `base`"), "{:?}", text(&again));
 }
 
-/// A sample that fails is shown with its reason; a study that is interrupted resumes.
+/// A failed sample is shown with its reason; an interrupted study resumes.
 #[test]
-fn gaps_are_shown_and_an_interrupted_study_resumes() {
+fn failed_samples_are_shown_and_interrupted_study_resumes() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = std::fs::read_to_string(short("mesh-mover")).expect("the scene can be read");
     let file = folder.path().join("scene.toml");
-    // The start grid is not that good.
+    // The initial grid has a lower quality.
     let more = "\n[[accuracy.parameter]]\nname = \"mesh.min_quality\"\nvalues = [0.9]\nbase = 1e-3\n";
     std::fs::write(&file, base + more).expect("written");
     let out = folder.path().join("out");
@@ -217,7 +217,7 @@ fn gaps_are_shown_and_an_interrupted_study_resumes() {
         samples.unwrap_or_default().iter().filter(|m| m.path().join("result.json").exists()).count()
     };
     let limit = Limit::new(Duration::from_secs(120));
-    // Samples that run: their runs, by what names them for `--resume`.
+    // Running samples, by their `resume.json`.
     let running = || {
         let samples = std::fs::read_dir(out.join("samples")).map(|d| d.flatten().collect::<Vec<_>>());
         let samples = samples.unwrap_or_default().into_iter().map(|m| m.path());
@@ -233,8 +233,8 @@ fn gaps_are_shown_and_an_interrupted_study_resumes() {
     assert!(before >= 1 && open.len() == 1, "{before} {open:?}");
     let second = succeed(accuracy(&file, &out, &options));
     let (words, lines) = text(&second);
-    assert!((words.clone() + &lines).contains("runs are there already"), "{words}{lines}");
-    // Each running sample has a line with its ETA, and what is left.
+    assert!((words.clone() + &lines).contains("runs have results"), "{words}{lines}");
+    // Each running sample has a line with its ETA and the number of outstanding runs.
     let running: Vec<&str> = lines.lines().filter(|l| l.contains("running `")).collect();
     assert!(running.iter().any(|l| l.contains("`window 0.5`")), "{lines}");
     assert!(running.iter().all(|l| l.matches("ETA").count() == 2 && l.contains("wall")), "{lines}");
@@ -242,9 +242,9 @@ fn gaps_are_shown_and_an_interrupted_study_resumes() {
     for (file, run) in open {
         assert_eq!(std::fs::read(&file).expect("a run"), run, "{} was started again", file.display());
     }
-    assert!(words.contains("gap: `mesh.min_quality 0.9`"), "{words}");
+    assert!(words.contains("failed: `mesh.min_quality 0.9`"), "{words}");
     let page = std::fs::read_to_string(out.join("accuracy.html")).expect("a page");
-    assert!(page.contains("class=\"gap\""));
+    assert!(page.contains("class=\"failed\""));
     let table = std::fs::read_to_string(out.join("samples.csv")).expect("a table");
     assert!(
         table.lines().any(|l| l.starts_with("mesh.min_quality 0.9,") && l.contains("scaled Jacobian")),

@@ -1,5 +1,5 @@
-//! The adviser itself: what `ripstop accuracy` promises of the settings that it advises, against runs that are
-//! much finer in all parameters of the study. `scripts/adviser` runs it and writes the table of docs/records/accuracy.md.
+//! Validation of the recommendations of `ripstop accuracy`: error bounds of the recommended settings compared with runs
+//! that are much finer in all parameters of the study. `scripts/adviser` runs it and writes the table of docs/records/accuracy.md.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,14 @@ use std::process::Command;
 use ripstop_tests::{program, root};
 use serde_json::Value;
 
-/// Of so many promises this many hold.
+/// Minimum number of valid bounds, of this number.
 const HELD: (usize, usize) = (19, 20);
 
-/// Targets as multiples of the smallest bound of the study: one that only the best samples reach, and one for
-/// which coarser samples are advised.
+/// Targets as multiples of the smallest bound of the study: one that only the most accurate samples meet, and one for
+/// which coarser samples are recommended.
 const TARGETS: [f64; 2] = [1.1, 2.5];
 
-/// Marks around the table in docs/records/accuracy.md.
+/// Markers around the table in docs/records/accuracy.md.
 const MARKS: [&str; 2] = ["<!-- adviser: begin -->\n", "<!-- adviser: end -->\n"];
 
 struct Row {
@@ -36,7 +36,7 @@ fn scenes() -> Vec<PathBuf> {
     all
 }
 
-/// Runs the study of a scene with its reference; nothing is run twice in the same folder.
+/// Runs the study of a scene with its reference. Samples with results in the folder are not run again.
 fn study(scene: &Path, out: &Path, options: &[&str]) {
     let output = Command::new(program("ripstop"))
         .arg("accuracy")
@@ -47,7 +47,7 @@ fn study(scene: &Path, out: &Path, options: &[&str]) {
         .args(options)
         .output()
         .expect("it starts");
-    // 3: a promise is not held, which is counted here.
+    // Exit code 3: a bound is exceeded; counted here.
     assert!(
         matches!(output.status.code(), Some(0 | 3)),
         "{}: {}\n{}",
@@ -57,7 +57,7 @@ fn study(scene: &Path, out: &Path, options: &[&str]) {
     );
 }
 
-/// The smallest promise for all quantities together, over the samples of the study.
+/// Smallest bound for all quantities over the samples of the study.
 fn smallest_bound(out: &Path) -> f64 {
     let text = std::fs::read_to_string(out.join("samples.csv")).expect("samples.csv");
     let mut lines = text.lines().map(|l| l.split(',').collect::<Vec<_>>());
@@ -71,7 +71,7 @@ fn smallest_bound(out: &Path) -> f64 {
     bounds.fold(f64::INFINITY, f64::min)
 }
 
-/// Rows of a scene, and the commit and build that they are of.
+/// Rows of a scene, with commit and build.
 fn rows(scene: &Path, out: &Path) -> (Vec<Row>, String) {
     study(scene, out, &[]);
     let least = smallest_bound(out);
@@ -102,19 +102,19 @@ fn rows(scene: &Path, out: &Path) -> (Vec<Row>, String) {
     (all, build)
 }
 
-/// A share in per cent with three digits.
+/// A ratio as percentage with three digits.
 fn percent(share: f64) -> String {
     let value = 100.0 * share;
     if value >= 0.01 { format!("{value:.2}") } else { format!("{value:.1e}") }
 }
 
-/// How much wider than the true errors the promises are: one that is too wide holds always and helps nobody.
+/// Ratio of bounds to true errors: a bound that is too large always holds, but is of no use.
 fn width(rows: &[Row]) -> String {
     let mut times: Vec<f64> = rows.iter().map(|r| (r.error + r.band) / r.true_error.max(1e-9)).collect();
     times.sort_by(f64::total_cmp);
     let at = |share: f64| times[((times.len() - 1) as f64 * share).round() as usize];
     format!(
-        "A promise (error plus band) is {:.1} times the true error in the median; the middle half of them {:.1} to {:.1} times.",
+        "The bound (error plus uncertainty) is {:.1} times the true error in the median; interquartile range {:.1} to {:.1}.",
         at(0.5),
         at(0.25),
         at(0.75)
@@ -124,8 +124,8 @@ fn width(rows: &[Row]) -> String {
 fn table(rows: &[Row], build: &str) -> String {
     let held = rows.iter().filter(|r| r.held).count();
     let mut text = format!(
-        "`scripts/adviser`, {}: {held} of {} true errors are within what was promised. {}\n\n\
-         | scene | advised sample | quantity | promised, % | true error, % | held |\n|---|---|---|---:|---:|---|\n",
+        "`scripts/adviser`, {}: {held} of {} true errors are within their bounds. {}\n\n\
+         | scene | recommended sample | quantity | estimated error, % | true error, % | within bound |\n|---|---|---|---:|---:|---|\n",
         build,
         rows.len(),
         width(rows)
@@ -146,7 +146,7 @@ fn table(rows: &[Row], build: &str) -> String {
     text
 }
 
-/// Puts the table into docs/records/accuracy.md.
+/// Writes the table to docs/records/accuracy.md.
 fn write(table: &str) {
     let file = root().join("docs/records/accuracy.md");
     let text = std::fs::read_to_string(&file).expect("docs/records/accuracy.md");
@@ -158,7 +158,7 @@ fn write(table: &str) {
 
 #[test]
 #[ignore = "nightly: 6 minutes"]
-fn true_errors_are_within_what_is_promised() {
+fn true_errors_are_within_their_bounds() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder =
         std::env::var_os("ADVISER_OUT").map_or_else(|| temporary.path().to_path_buf(), PathBuf::from);
@@ -177,5 +177,5 @@ fn true_errors_are_within_what_is_promised() {
     }
     let held = all.iter().filter(|r| r.held).count();
     assert!(all.len() >= HELD.1, "{} quantities are too few", all.len());
-    assert!(held * HELD.1 >= all.len() * HELD.0, "only {held} of {} promises hold:\n{table}", all.len());
+    assert!(held * HELD.1 >= all.len() * HELD.0, "only {held} of {} bounds hold:\n{table}", all.len());
 }

@@ -1,4 +1,4 @@
-//! Dependencies point one way, and three libraries are named in one place each.
+//! Dependencies between crates are layered, and three libraries are each used in one crate.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -34,7 +34,7 @@ const SHARED: [&str; 15] = [
 ];
 
 #[test]
-fn no_program_depends_on_another_and_no_shared_crate_on_a_program() {
+fn programs_are_independent_and_shared_crates_use_no_program() {
     let all = dependencies();
     for name in PROGRAMS.iter().chain(&SHARED) {
         let named = all.get(*name).unwrap_or_else(|| panic!("package {name} is missing"));
@@ -44,7 +44,7 @@ fn no_program_depends_on_another_and_no_shared_crate_on_a_program() {
     assert!(!all["coupler"].iter().any(|d| d == "comm" || d == "mpi"), "the coupler is no MPI program");
 }
 
-/// What each crate around the coupler may use of the others, as the table of ARCHITECTURE.md has it.
+/// Allowed dependencies of the crates around the coupler, as in the table of ARCHITECTURE.md.
 const LAYERS: [(&str, &[&str]); 11] = [
     ("archive", &[]),
     ("timing", &[]),
@@ -60,7 +60,7 @@ const LAYERS: [(&str, &[&str]); 11] = [
 ];
 
 #[test]
-fn crates_use_those_below_them_only() {
+fn crates_depend_on_lower_layers_only() {
     let all = dependencies();
     for (name, allowed) in LAYERS {
         let own = all[name].iter().filter(|d| SHARED.contains(&d.as_str()));
@@ -69,9 +69,9 @@ fn crates_use_those_below_them_only() {
     }
 }
 
-/// Schemes, descent and balances are functions of numbers: programs and files are the coupler's.
+/// Schemes, descent and balances are pure computations; the coupler handles programs and files.
 #[test]
-fn coupling_starts_no_process_and_opens_no_file() {
+fn coupling_crate_uses_no_process_and_no_file() {
     let mut stack = vec![root().join("crates/coupling/src")];
     while let Some(dir) = stack.pop() {
         for entry in std::fs::read_dir(dir).expect("sources").flatten() {
@@ -91,7 +91,7 @@ fn coupling_starts_no_process_and_opens_no_file() {
 }
 
 #[test]
-fn mpi_iceoryx2_and_bincode_are_named_in_one_crate_each() {
+fn mpi_iceoryx2_and_bincode_are_used_in_one_crate_each() {
     for (package, dependencies) in dependencies() {
         let names = |what: &str| dependencies.iter().any(|d| d.starts_with(what));
         assert!(!names("mpi") || package == "comm", "{package} depends on mpi");
@@ -101,7 +101,7 @@ fn mpi_iceoryx2_and_bincode_are_named_in_one_crate_each() {
 }
 
 #[test]
-fn only_the_transport_module_names_iceoryx2() {
+fn only_the_transport_module_uses_iceoryx2() {
     let folder = root().join("crates/channel/src");
     let mut stack = vec![folder.clone()];
     let mut seen = 0;
@@ -126,7 +126,7 @@ fn only_the_transport_module_names_iceoryx2() {
 }
 
 #[test]
-fn no_circle_of_imports_between_files_of_different_folders() {
+fn no_import_cycle_between_folders() {
     let crates = std::fs::read_dir(root().join("crates")).expect("crates").flatten();
     let crates = crates.map(|e| format!("crates/{}", e.file_name().to_string_lossy()));
     let mut found = Vec::new();
@@ -137,8 +137,7 @@ fn no_circle_of_imports_between_files_of_different_folders() {
     assert!(found.is_empty(), "files that need each other: {found:?}");
 }
 
-/// Files that may hold `unsafe`: system calls, MPI's buffers, what shared memory asks for, and an
-/// allocator that counts in a test.
+/// Files with `unsafe` code: system calls, MPI buffers, shared memory, and a counting allocator of a test.
 const UNSAFE: [&str; 14] = [
     "coupler/src/allocator.rs",
     "coupler/src/launch/process.rs",
@@ -157,7 +156,7 @@ const UNSAFE: [&str; 14] = [
 ];
 
 #[test]
-fn unsafe_stands_in_named_files_and_is_argued() {
+fn unsafe_code_is_in_listed_files_and_justified() {
     let mut stack = vec![root()];
     let mut found = Vec::new();
     while let Some(dir) = stack.pop() {
@@ -175,7 +174,7 @@ fn unsafe_stands_in_named_files_and_is_argued() {
             let inside = path.strip_prefix(root()).expect("below the root").display().to_string();
             let text = std::fs::read_to_string(&path).expect("text");
             let lines: Vec<&str> = text.lines().collect();
-            // The word itself, put together so that this line is none.
+            // The keyword, concatenated so that this line does not contain it.
             let word = ["un", "safe "].concat();
             for (i, line) in lines.iter().enumerate() {
                 let code = line.split("//").next().unwrap_or("");
@@ -183,7 +182,7 @@ fn unsafe_stands_in_named_files_and_is_argued() {
                     continue;
                 }
                 found.push(inside.clone());
-                // An argument may stand for a whole function of the same kind; a declaration needs none.
+                // A justification may cover a function; declarations need none.
                 let near = lines[i.saturating_sub(6)..i].iter().any(|l| l.contains("SAFETY:"));
                 let declares = ["fn ", "extern "].iter().any(|d| code.contains(&format!("{word}{d}")));
                 assert!(near || declares, "{inside}:{}: no SAFETY comment: {line}", i + 1);

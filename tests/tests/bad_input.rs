@@ -1,10 +1,10 @@
-//! What a user gets wrong is said in one clear message, before anything starts.
+//! Invalid input gives one clear message before any program starts.
 
 use std::process::Output;
 
 use ripstop_tests::{changed_scene, ripstop_run};
 
-/// The message that a changed scene gets; nothing may have been started.
+/// Message for a changed scene; no program may have started.
 fn refused(changes: &[(&str, &str)], options: &[&str]) -> (Output, String) {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = changed_scene("square-drop", folder.path(), changes);
@@ -18,7 +18,7 @@ fn refused(changes: &[(&str, &str)], options: &[&str]) -> (Output, String) {
 }
 
 #[test]
-fn scenes_that_cannot_run_are_refused_before_any_solver_starts() {
+fn invalid_scenes_are_refused_before_any_solver_starts() {
     for (from, to, wanted) in [
         ("thickness_m = 3.048e-5\n", "", "missing key `thickness_m`"),
         ("thickness_m = 3.048e-5", "thickness_m = -3e-5", "fabric.thickness_m"),
@@ -38,7 +38,7 @@ fn more_ranks_than_elements_are_refused() {
 }
 
 #[test]
-fn a_scene_that_does_not_exist_is_named() {
+fn missing_scene_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = folder.path().join("nowhere.toml");
     let output = ripstop_run(&scene, &folder.path().join("out"), &[]).output().expect("the program starts");
@@ -48,7 +48,7 @@ fn a_scene_that_does_not_exist_is_named() {
 }
 
 #[test]
-fn a_program_that_does_not_exist_is_named() {
+fn missing_program_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
     let output = ripstop_run(&ripstop_tests::scene("square-drop"), &out, &["--structure", "/no/such-solver"])

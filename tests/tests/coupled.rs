@@ -1,10 +1,10 @@
-//! The small coupled descent, from its scene to its results.
+//! The small coupled descent, from scene to results.
 
 use std::path::{Path, PathBuf};
 
 use ripstop_tests::{History, changed_scene, ripstop_run, scene, succeed};
 
-fn fly(scene: &Path, out: &Path, options: &[&str]) -> History {
+fn run_to_end(scene: &Path, out: &Path, options: &[&str]) -> History {
     succeed(ripstop_run(scene, out, options));
     History::read(out, "descent")
 }
@@ -18,11 +18,11 @@ fn exists(out: &Path, names: &[&str]) {
 }
 
 #[test]
-fn a_descent_is_complete_consistent_and_the_same_twice() {
+fn descent_is_complete_consistent_and_reproducible() {
     let folder = tempfile::tempdir().expect("a folder");
     let (a, b) = (folder.path().join("a"), folder.path().join("b"));
-    let first = fly(&scene("square-drop"), &a, &[]);
-    let second = fly(&scene("square-drop"), &b, &[]);
+    let first = run_to_end(&scene("square-drop"), &a, &[]);
+    let second = run_to_end(&scene("square-drop"), &b, &[]);
     assert_eq!(first.without_wall_times(), second.without_wall_times(), "two runs differ");
     assert_eq!(
         History::read(&a, "pre-inflation").without_wall_times(),
@@ -42,7 +42,7 @@ fn a_descent_is_complete_consistent_and_the_same_twice() {
     let support = first.column("support_force_n");
     let mut before = 4.0;
     for i in 0..first.len() {
-        // Nine digits are written.
+        // Values are written with nine digits.
         let a = support[i] / mass - 9.80665;
         assert!((a - acceleration[i]).abs() < 1e-6, "row {i}: {a} {}", acceleration[i]);
         assert!((before - acceleration[i] * 5e-3 - speed[i]).abs() < 1e-6, "row {i}");
@@ -62,7 +62,7 @@ fn a_descent_is_complete_consistent_and_the_same_twice() {
             "descent/state/flow.bin",
         ],
     );
-    // What the inspection warned of before the start is repeated at the end.
+    // Warnings of the inspection are repeated at the end.
     let text = std::fs::read_to_string(a.join("summary.json")).expect("a summary");
     let summary: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let found = &summary["inspection"][0];
@@ -93,9 +93,9 @@ fn copy(from: &Path, to: &Path) {
 }
 
 #[test]
-fn rank_counts_change_the_answer_within_solver_tolerance() {
+fn results_depend_on_rank_counts_within_solver_tolerance() {
     let folder = tempfile::tempdir().expect("a folder");
-    // Tight tolerances: what remains is the rank count.
+    // Tight tolerances, so that only the rank counts differ.
     let tight = [
         ("[structure]", "[structure]\nnewton_tolerance = 1e-9\ngmres_tolerance = 1e-6"),
         ("residual_drop = 1e-3", "residual_drop = 1e-5\nmax_iterations = 400"),
@@ -104,12 +104,11 @@ fn rank_counts_change_the_answer_within_solver_tolerance() {
         ("duration_s = 0.1\n", "duration_s = 0.02\n"),
     ];
     let scene = changed_scene("square-drop", folder.path(), &tight);
-    // All start from the same state: how fabric falls into wrinkles from its flat cut
-    // depends on the last digit, and is no matter of the coupled solvers.
+    // All start from the same state, because the wrinkling of the flat fabric depends on round-off.
     let run = |n: usize, options: &[&str]| {
         let ranks = format!("structure={n},flow={n},mesh={n}");
         let options = [&["--ranks", &ranks], options].concat();
-        fly(&scene, &folder.path().join(n.to_string()), &options)
+        run_to_end(&scene, &folder.path().join(n.to_string()), &options)
     };
     let mut runs = vec![run(1, &[])];
     for n in [2, 3] {

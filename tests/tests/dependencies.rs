@@ -1,4 +1,4 @@
-//! What this project depends on keeps to `deny.toml`: licences, places of origin, no version left open.
+//! Dependencies comply with `deny.toml`: licences, sources and versions.
 //!
 //! `cargo deny` reads the same file; the nightly command runs it for known vulnerabilities and for platforms other than this one.
 
@@ -24,7 +24,7 @@ fn deny() -> toml::Table {
     text.parse().expect("TOML")
 }
 
-/// Whether an SPDX expression of licences is satisfied by those that are allowed.
+/// Evaluates SPDX licence expressions for a list of allowed licences.
 struct Expression<'a> {
     words: Vec<String>,
     at: usize,
@@ -33,9 +33,9 @@ struct Expression<'a> {
 
 impl<'a> Expression<'a> {
     /// # Errors
-    /// What is no expression.
+    /// The text is not an SPDX expression.
     fn allows(text: &str, allowed: &'a [String]) -> Result<bool, String> {
-        // An old form writes a slash for OR.
+        // The deprecated form uses a slash for OR.
         let text = text.replace('(', " ( ").replace(')', " ) ").replace('/', " OR ");
         let words = text.split_whitespace().map(String::from).collect();
         let mut this = Self { words, at: 0, allowed };
@@ -86,7 +86,7 @@ impl<'a> Expression<'a> {
 }
 
 #[test]
-fn expressions_of_licences_are_read() {
+fn license_expressions_are_parsed() {
     let allowed = ["MIT", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "Zlib"].map(String::from);
     for (text, value) in [
         ("MIT", true),
@@ -108,7 +108,7 @@ fn expressions_of_licences_are_read() {
 }
 
 #[test]
-fn licences_are_among_those_allowed() {
+fn licences_are_allowed() {
     let deny = deny();
     let allowed = deny["licenses"]["allow"].as_array().expect("a list");
     let allowed: Vec<String> = allowed.iter().map(|l| l.as_str().expect("text").to_owned()).collect();
@@ -122,10 +122,10 @@ fn licences_are_among_those_allowed() {
 }
 
 #[test]
-fn packages_come_from_crates_io_or_from_here() {
+fn packages_come_from_crates_io_or_the_workspace() {
     let sources = &deny()["sources"];
     assert_eq!([sources["unknown-registry"].as_str(), sources["unknown-git"].as_str()], [Some("deny"); 2]);
-    // The lock file holds all platforms.
+    // The lock file covers all platforms.
     let text = std::fs::read_to_string(root().join("Cargo.lock")).expect("Cargo.lock");
     let lock: toml::Table = text.parse().expect("TOML");
     let packages = lock["package"].as_array().expect("packages");
@@ -140,7 +140,7 @@ fn packages_come_from_crates_io_or_from_here() {
             }
         })
         .collect();
-    // What has no source is a member of the workspace.
+    // Packages without a source are members of the workspace.
     let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("Cargo.toml");
     let manifest: toml::Table = manifest.parse().expect("TOML");
     let members = manifest["workspace"]["members"].as_array().expect("members");
@@ -148,7 +148,7 @@ fn packages_come_from_crates_io_or_from_here() {
 }
 
 #[test]
-fn no_dependency_leaves_its_version_open() {
+fn every_dependency_has_a_version() {
     assert_eq!(deny()["bans"]["wildcards"].as_str(), Some("deny"));
     for package in packages().iter().filter(|p| p["source"].is_null()) {
         for dependency in package["dependencies"].as_array().expect("dependencies") {
@@ -158,8 +158,7 @@ fn no_dependency_leaves_its_version_open() {
     }
 }
 
-/// Dependencies that no source of their kind names (package, dependency, reason), such as one that is there for a feature
-/// alone.
+/// Dependencies that no source uses (package, dependency, reason), such as those that only enable a feature.
 const UNNAMED: &[(&str, &str, &str)] = &[];
 
 /// Rust files below `folder`.
@@ -168,13 +167,13 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(|p| if p.is_dir() { files(&p) } else { vec![p] }).collect()
 }
 
-/// Whether a file below `src` is one of unit tests.
+/// Whether a file below `src` contains unit tests only.
 fn is_of_tests(file: &Path) -> bool {
     let name = file.file_stem().unwrap_or_default().to_string_lossy();
     name.ends_with("tests") || name == "test_support"
 }
 
-/// Code and unit tests of a file below `src`: a module of tests ends its file.
+/// Code and unit tests of a file below `src`; the test module is the last item.
 fn parts(text: &str) -> (String, String) {
     let lines = text.lines().map(|l| l.split("//").next().unwrap_or(""));
     let text = lines.collect::<Vec<_>>().join("\n");
@@ -188,7 +187,7 @@ fn parts(text: &str) -> (String, String) {
     }
 }
 
-/// What the code of the package in `folder`, its tests (with benches and examples) and its build script say.
+/// Sources of the package in `folder`: code, tests (with benches and examples) and build script.
 fn sources(folder: &Path) -> [String; 3] {
     let [mut code, mut tests] = [String::new(), String::new()];
     for file in files(&folder.join("src")) {
@@ -215,7 +214,7 @@ fn uses(text: &str, name: &str) -> bool {
 }
 
 #[test]
-fn every_dependency_is_named_by_a_source_of_its_kind() {
+fn every_dependency_is_used() {
     let mut unnamed = Vec::new();
     for package in packages().iter().filter(|p| p["source"].is_null()) {
         let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
@@ -239,7 +238,7 @@ fn every_dependency_is_named_by_a_source_of_its_kind() {
 }
 
 #[test]
-fn a_use_of_a_crate_is_recognised() {
+fn crate_use_is_recognised() {
     for text in ["use rustix::fs;", "rustix::fs::open()", "use rustix;", "use rustix as r;", "(rustix::x)"] {
         assert!(uses(text, "rustix"), "{text}");
     }

@@ -1,16 +1,16 @@
-//! Effects of a scene: one that is off is the scene without it, bit for bit; one that is on
-//! moves the answer as it must; programs that nothing needs are not started.
+//! Effects of a scene: an inactive effect changes nothing bitwise, an active one changes the results as predicted, and
+//! programs that are not needed are not started.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use ripstop_tests::{History, ripstop_run, root, sheet, succeed};
 
-/// Whether and how an answer moves.
+/// Expected change of a result.
 enum Moves {
     Up,
     Down,
-    /// By this amount, to a share of it.
+    /// By this amount, with a relative tolerance.
     By(f64, f64),
     Anyhow,
 }
@@ -22,8 +22,8 @@ fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
     file
 }
 
-/// Runs a scene's text; returns the folder of its results.
-fn fly(folder: &Path, name: &str, text: &str) -> PathBuf {
+/// Runs the scene `text`; returns the results folder.
+fn run_to_end(folder: &Path, name: &str, text: &str) -> PathBuf {
     let out = folder.join(name);
     succeed(ripstop_run(&write(folder, name, text), &out, &["--quiet", "--ranks", "flow=1,mesh=1"]));
     out
@@ -35,7 +35,7 @@ fn bytes(out: &Path, stage: &str) -> String {
     history.without_wall_times().iter().map(|r| r.join(",") + "\n").collect()
 }
 
-/// A value of the last window; `hang_n` is what hangs on the payload beyond the pressure's load.
+/// A value of the last window; `hang_n`: load on the payload in addition to the pressure load.
 fn last(out: &Path, stage: &str, column: &str) -> f64 {
     let history = History::read(out, stage);
     let value = |name: &str| *history.column(name).last().expect("a window");
@@ -68,7 +68,7 @@ fn compare(what: &str, moves: &Moves, before: f64, after: f64) {
     assert!(good, "{what}: {before} -> {after}");
 }
 
-/// Tables and keys of a scene: `put(text, "fabric", "wrinkling = true")` puts a line under a header.
+/// Inserts a line below a table header: `put(text, "fabric", "wrinkling = true")`.
 fn put(text: &str, table: &str, line: &str) -> String {
     let header = format!("[{table}]\n");
     assert!(text.contains(&header), "no {header}");
@@ -95,7 +95,7 @@ reference_area_m2 = 4.0
 "#
 );
 
-/// A shape at rest under 12 Pa.
+/// A static shape under 12 Pa.
 fn at_rest() -> String {
     format!(
         "{SHEET}[[stage]]\nname = \"one\"\nkind = \"pre-inflation\"\npressure_pa = 12.0\nsolve = \"static\"\n"
@@ -111,13 +111,13 @@ fn in_time() -> String {
     .replace("[structure]\n", "[structure]\nspectral_radius = 0.8\n")
 }
 
-/// Keys of the structure: written as off they are the scene without them, byte for byte.
+/// Structure effects that are set to off give bitwise the results without the keys.
 #[test]
-fn effects_of_the_structure_that_are_off_are_not_there() {
+fn inactive_structure_effects_change_nothing_bitwise() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let base = in_time();
-    let plain = bytes(&fly(folder, "plain", &base), "one");
+    let plain = bytes(&run_to_end(folder, "plain", &base), "one");
     let stage = |line: &str| base.replacen("name = \"one\"\n", &format!("name = \"one\"\n{line}\n"), 1);
     let off = [
         ("again", base.clone()),
@@ -126,30 +126,30 @@ fn effects_of_the_structure_that_are_off_are_not_there() {
         ("damping", stage("stiffness_damping_s = 0.0\nmass_damping_per_s = 0.0")),
         ("reefing", format!("reefing = []\npoint_mass = []\n{base}")),
         ("prestress", put(&base, "lines", "prestress_pa = 0.0\ntension_only = true")),
-        // Of no effect in the structure's own stage, but for a canopy in the air.
+        // Acts only with flow, not in the stage of the structure alone.
         ("permeability", format!("{base}\n[fabric.permeability]\ncloth = \"mil-c7020-type3\"\n")),
         ("payload drag", format!("{base}\n[descent.payload_drag]\ndrag_area_m2 = 0.5\n")),
     ];
     for (name, text) in off {
-        assert!(bytes(&fly(folder, name, &text), "one") == plain, "{name}: the history differs");
+        assert!(bytes(&run_to_end(folder, name, &text), "one") == plain, "{name}: the history differs");
     }
 }
 
-/// One effect of the structure at a time moves the answer as it must.
+/// Each structure effect alone changes the results as predicted.
 #[test]
-fn effects_of_the_structure_move_the_answer() {
+fn structure_effects_change_the_results_as_predicted() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let rest = at_rest();
-    let plain = fly(folder, "rest", &rest);
+    let plain = run_to_end(folder, "rest", &rest);
     assert_eq!(programs(&plain, "one"), ["structure"], "a pre-inflation needs the structure alone");
-    // Half of the lines' weight is that of the payload's node, which is held.
+    // Half of the line weight acts on the fixed node of the payload.
     let mass = 4.0 * 3.048e-5 * 1223.5093 + 0.5 * 16.0 * 2.4 * 3.11e-6 * 1223.50932;
     let unwrinkled = rest.replace("wrinkling = true\n", "");
     let stage =
         |text: &str, line: &str| text.replacen("name = \"one\"\n", &format!("name = \"one\"\n{line}\n"), 1);
     let force = format!("{rest}[[stage.force]]\nat_m = [0, 0, 0]\nforce_n = [0, 0, 3.0]\n");
-    // Half of the lines' drag, some hundredths of a newton, acts on the canopy's nodes.
+    // Half of the line drag, some hundredths of a newton, acts on the nodes of the canopy.
     let cases = [
         ("no wrinkling", unwrinkled, "volume_m3", Down),
         (
@@ -164,11 +164,11 @@ fn effects_of_the_structure_move_the_answer() {
         ("force", force, "hang_n", By(3.0, 1e-5)),
     ];
     for (name, text, column, moves) in cases {
-        let out = fly(folder, name, &text);
+        let out = run_to_end(folder, name, &text);
         compare(name, &moves, last(&plain, "one", column), last(&out, "one", column));
     }
     let time = in_time();
-    let plain = fly(folder, "time", &time);
+    let plain = run_to_end(folder, "time", &time);
     let cases = [
         ("mass damping", stage(&time, "mass_damping_per_s = 50.0"), "structure_kinetic_energy_j", Down),
         ("stiffness damping", stage(&time, "stiffness_damping_s = 1e-3"), "structure_kinetic_energy_j", Down),
@@ -186,29 +186,29 @@ fn effects_of_the_structure_move_the_answer() {
         ),
     ];
     for (name, text, column, moves) in cases {
-        let out = fly(folder, name, &text);
+        let out = run_to_end(folder, name, &text);
         compare(name, &moves, last(&plain, "one", column), last(&out, "one", column));
     }
 }
 
-/// One effect of the flow at a time, around the canopy held still: the flow alone runs.
+/// Each flow effect alone, around the fixed canopy: only the flow-solver runs.
 #[test]
-fn effects_of_the_flow_move_the_answer() {
+fn flow_effects_change_the_results_as_predicted() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let stage = "[[stage]]\nname = \"one\"\nkind = \"flow-only\"\nduration_s = 0.06\nwindow_s = 2e-2\n";
     let base = format!("{SHEET}{stage}");
-    let plain = fly(folder, "plain", &base);
+    let plain = run_to_end(folder, "plain", &base);
     assert_eq!(programs(&plain, "one"), ["flow"], "a rigid canopy needs the flow alone");
     let text = bytes(&plain, "one");
-    assert!(bytes(&fly(folder, "again", &base), "one") == text, "not the same twice");
+    assert!(bytes(&run_to_end(folder, "again", &base), "one") == text, "not the same twice");
     for (name, more) in [("line drag", "[lines.drag]\n"), ("gravity", "[fabric_gravity]\n")] {
-        // The structure's effects are not the flow's: where no structure runs they change nothing.
-        let out = fly(folder, name, &format!("{base}{more}"));
+        // Structure effects change nothing if the structure-solver does not run.
+        let out = run_to_end(folder, name, &format!("{base}{more}"));
         assert!(bytes(&out, "one") == text, "{name}");
     }
     let viscous = "[flow.viscosity]\ndynamic_viscosity_pa_s = 0.05\n";
-    // The canopy starts impulsively: what its first window meets tells more than its ringing.
+    // Impulsive start: the first window is compared, because the later ones oscillate.
     type See = fn(&Path, &str, &str) -> f64;
     let cases: [(&str, String, See, Moves); 6] = [
         ("viscosity", viscous.to_owned(), last, Up),
@@ -219,12 +219,12 @@ fn effects_of_the_flow_move_the_answer() {
         ("limiter", "[flow.limiter]\nk = 0.5\n".into(), first, Anyhow),
     ];
     for (name, more, see, moves) in cases {
-        let out = fly(folder, name, &format!("{base}{more}"));
+        let out = run_to_end(folder, name, &format!("{base}{more}"));
         compare(name, &moves, see(&plain, "one", "drag_n"), see(&out, "one", "drag_n"));
     }
-    // Energy from here on: an isothermal stage leaves air of the undisturbed temperature.
+    // With the energy equation from here on: an isothermal stage ends with the undisturbed temperature.
     let second = stage.replace("one", "two");
-    let two = fly(folder, "two stages", &format!("{base}{second}"));
+    let two = run_to_end(folder, "two stages", &format!("{base}{second}"));
     let with = write(folder, "with energy", &format!("{base}[flow.energy]\n{second}"));
     let before = first(&two, "two", "drag_n");
     let flags = ["--quiet", "--ranks", "flow=1,mesh=1", "--stage", "two"];
@@ -232,18 +232,18 @@ fn effects_of_the_flow_move_the_answer() {
     let after = first(&two, "two", "drag_n");
     println!("energy from the second stage on: {before:.6e} -> {after:.6e}");
     assert!(after != before && (after / before - 1.0).abs() < 1e-2, "energy moves {before} to {after}");
-    // Wind along x, stronger above.
+    // Wind along x that increases with height.
     let wind = put(&base, "flow", "wind_m_s = [1, 0, 0]");
-    let out = fly(folder, "wind", &wind);
+    let out = run_to_end(folder, "wind", &wind);
     let shear = "[flow.shear]\nstart_height_m = 10.0\nprofile = \"linear\"\nslope_per_m = 0.2\n";
-    let sheared = fly(folder, "shear", &format!("{wind}{shear}"));
+    let sheared = run_to_end(folder, "shear", &format!("{wind}{shear}"));
     compare("shear", &Anyhow, first(&out, "one", "drag_n"), first(&sheared, "one", "drag_n"));
 }
 
-/// A canopy that moves as prescribed needs mesh and flow, and no structure; moving up in
-/// a frame that falls, it meets less air.
+/// A canopy with prescribed motion needs mesh and flow, but no structure. An upward motion in the falling frame reduces
+/// the air speed.
 #[test]
-fn a_prescribed_motion_starts_no_structure() {
+fn prescribed_motion_runs_without_structure_solver() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let still = format!(
@@ -255,18 +255,18 @@ fn a_prescribed_motion_starts_no_structure() {
              [[stage.motion]]\nnodes = \"canopy\"\ntime_s = [0, 1]\ndisplacement_m = [[0, 0, 0], [0, 0, {v}]]\n"
         )
     };
-    let held = fly(folder, "held", &motion(0.0));
+    let held = run_to_end(folder, "held", &motion(0.0));
     assert_eq!(programs(&held, "move"), ["flow", "mesh"]);
-    let up = fly(folder, "up", &motion(1.0));
+    let up = run_to_end(folder, "up", &motion(1.0));
     compare("moving up", &Down, last(&held, "move", "drag_n"), last(&up, "move", "drag_n"));
-    // The grid follows: its volumes change, and only where the canopy moves.
+    // The grid follows: cell volumes change only if the canopy moves.
     let ratio = |out: &Path| last(out, "move", "mesh_min_volume_ratio");
     assert!(ratio(&held) == 1.0 && ratio(&up) < 1.0, "{} {}", ratio(&held), ratio(&up));
 }
 
-/// The descent with effects of lines and payload: each holds it up or swings below it.
+/// The descent with effects of lines and payload.
 #[test]
-fn effects_of_the_descent_move_the_answer() {
+fn descent_effects_change_the_results_as_predicted() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let base = put(&in_time(), "fabric", "wrinkling = true").replace(
@@ -278,37 +278,37 @@ fn effects_of_the_descent_move_the_answer() {
     let fall =
         "[[stage]]\nname = \"fall\"\nkind = \"coupled\"\nduration_s = 0.02\nwindow_s = 5e-3\nsubsteps = 4\n";
     let base = format!("{base}{developed}{fall}");
-    let plain = fly(folder, "plain", &base);
+    let plain = run_to_end(folder, "plain", &base);
     assert_eq!(programs(&plain, "fall"), ["flow", "mesh", "structure"]);
     assert!(!plain.join("fall/payload.csv").exists());
     let speed = |out: &Path| last(out, "fall", "descent_speed_m_s");
-    // Drag of lines lifts, but it also draws the skirt in: which is more depends on the canopy.
+    // Line drag adds drag and reduces the mouth area; which effect dominates depends on the canopy.
     for (name, more, moves) in [
         ("payload drag", "[descent.payload_drag]\ndrag_area_m2 = 0.5\n", Down),
         ("line drag", "[lines.drag]\ndiameter_m = 0.01\n", Anyhow),
     ] {
-        let out = fly(folder, name, &format!("{base}{more}"));
+        let out = run_to_end(folder, name, &format!("{base}{more}"));
         compare(name, &moves, speed(&plain), speed(&out));
     }
     let heavy = format!("{base}[fabric_gravity]\n");
     let body = "[descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.1]\nattachments_m = [[0, 0, 0.2]]\ninitial_velocity_m_s = [0.5, 0, 0]\n";
-    let point = fly(folder, "heavy", &heavy);
-    let swung = fly(folder, "body", &format!("{heavy}{body}"));
+    let point = run_to_end(folder, "heavy", &heavy);
+    let swung = run_to_end(folder, "body", &format!("{heavy}{body}"));
     compare("body", &Anyhow, speed(&point), speed(&swung));
     let log = fs::read_to_string(swung.join("fall/payload.csv")).expect("the payload's motion");
     let rows: Vec<Vec<f64>> =
         log.lines().skip(1).map(|l| l.split(',').map(|c| c.parse().expect("a number")).collect()).collect();
     assert_eq!(rows.len(), 4);
-    // 20 ms at 0.5 m/s; the lines hardly pull sideways yet.
+    // 20 ms at 0.5 m/s; the lateral line force is still small.
     assert!((rows[3][1] - 0.01).abs() < 1e-4, "{:?}", rows[3]);
-    // Its lines pull it up.
+    // The lines carry it.
     assert!(rows[3][17] > 0.0 && rows[3][17] < 2000.0, "{:?}", rows[3]);
     assert!(swung.join("fall/state/payload.bin").exists());
 }
 
-/// Effects that contradict each other, or that a program does not have, are refused by name.
+/// Contradictory effects, and effects that a program does not support, are refused by name.
 #[test]
-fn contradictions_are_refused_with_the_reason() {
+fn contradictory_effects_are_refused_with_the_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let stage = "[[stage]]\nname = \"one\"\nkind = \"flow-only\"\nduration_s = 0.06\nwindow_s = 2e-2\n";
@@ -361,10 +361,10 @@ fn effects_are_listed_ranked_and_measured() {
             .map(str::to_owned)
             .collect::<Vec<_>>()
     };
-    // The load of a stage without air, and the force in the lines; then the costs.
-    let changes = rows("what effects change");
+    // Load of a stage without flow, and riser force; then the costs.
+    let changes = rows("relative change of the quantities");
     assert!(changes[0].contains(" drag ") && changes[1].contains(" tension "), "{text}");
-    let cost = rows("what effects cost").pop().expect("a row");
+    let cost = rows("cost of each effect").pop().expect("a row");
     let ratio: f64 = cost.split_whitespace().nth(2).expect("a ratio").parse().expect("a number");
     assert!(ratio > 0.0, "{text}");
     let mut wrong = std::process::Command::new(ripstop_tests::program("ripstop"));

@@ -1,5 +1,5 @@
-//! What is left when everything is killed at once does not hinder the next run; runs beside
-//! each other do not mix; too little shared memory is told before any harm.
+//! Leftovers of killed runs do not affect the next run; concurrent runs are independent; insufficient shared memory is
+//! reported before the run.
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -17,7 +17,7 @@ use ripstop_tests::{
 use rustix::fs::Mode;
 use rustix::process::umask;
 
-/// These tests look at the machine's shared memory: one at a time.
+/// Serialises the tests, because they inspect the shared memory of the machine.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
@@ -29,7 +29,7 @@ fn descent(base: &Base, out: &Path) -> Command {
     ripstop_run(&base.scene, out, &options)
 }
 
-/// What a run of the process `pid` may leave in shared memory.
+/// Files of a run of the process `pid` in shared memory.
 fn left_of(pid: u32) -> Vec<PathBuf> {
     session_memory("square-drop", pid, 2)
 }
@@ -39,7 +39,7 @@ fn same_as_unharmed(base: &Base, out: &Path) {
     assert_eq!(here.without_wall_times(), there.without_wall_times());
 }
 
-/// Kills a run with all its ranks `times` times, each at another moment, and starts again at once.
+/// Kills a run with all its ranks `times` times, each time at a different moment, and starts the next one at once.
 fn kill_all(times: u32) {
     let _alone = alone();
     let base = Base::new();
@@ -51,7 +51,7 @@ fn kill_all(times: u32) {
     for i in 0..times {
         let mut run = start(descent(&base, &out));
         pids.push(run.id());
-        // From the first line of the launcher to the windows: spread evenly, in no order.
+        // Moments from launch to the windows: evenly distributed in quasi-random order.
         std::thread::sleep(Duration::from_millis(u64::from(i * 37 % 100) * 15));
         for (pid, _) in processes_naming(&mark) {
             signal(pid, Signal::KILL);
@@ -61,7 +61,7 @@ fn kill_all(times: u32) {
     }
     let took = began.elapsed().as_secs_f64();
     let left = pids.iter().filter(|&&pid| !left_of(pid).is_empty()).count();
-    // Ranks that were being started when their launcher was killed end by themselves.
+    // Ranks whose launcher was killed during start-up end by themselves.
     let pause = Duration::from_millis(50);
     let gone = Limit::new(Duration::from_secs(5)).until(pause, || processes_naming(&mark).is_empty());
     assert!(gone.is_ok(), "left: {:?}: {gone:?}", processes_naming(&mark));
@@ -76,18 +76,18 @@ fn kill_all(times: u32) {
 }
 
 #[test]
-fn everything_killed_at_once_does_not_hinder_the_next_run() {
+fn next_run_succeeds_after_all_processes_are_killed() {
     kill_all(20);
 }
 
 #[test]
 #[ignore = "nightly: 6 minutes: LEFTOVERS runs (300 by default)"]
-fn everything_killed_at_once_hundreds_of_times() {
+fn next_run_succeeds_after_hundreds_of_kills() {
     kill_all(std::env::var("LEFTOVERS").ok().and_then(|n| n.parse().ok()).unwrap_or(300));
 }
 
 #[test]
-fn two_runs_of_a_scene_do_not_mix() {
+fn concurrent_runs_of_a_scene_are_independent() {
     let _alone = alone();
     let base = Base::new();
     let outs = ["one", "two"].map(|name| base.folder.path().join(name));
@@ -109,15 +109,15 @@ fn two_runs_of_a_scene_do_not_mix() {
     }
 }
 
-/// Files of a run are its owner's alone, while it runs; another user can neither read nor add.
+/// During a run, other users can neither read its files nor add files.
 #[test]
-fn shared_memory_is_closed_to_other_users() {
+fn shared_memory_is_inaccessible_to_other_users() {
     let _alone = alone();
     let base = Base::new();
     let out = base.folder.path().join("watched");
     base.copy(&out);
     let command = ripstop_run(&base.scene, &out, &["--stage", "descent", "--ranks", RANKS, "--quiet"]);
-    // The run inherits the most open mask that there is.
+    // The run inherits the least restrictive umask.
     let mask = umask(Mode::empty());
     let mut run = start(command);
     umask(mask);
@@ -138,7 +138,7 @@ fn shared_memory_is_closed_to_other_users() {
     assert!(looked > 20, "only {looked} files");
     assert!(open.is_empty(), "open to others: {open:?}");
 
-    // As another user, if this one may become one.
+    // As another user, if permitted.
     let root = rustix::process::geteuid().is_root();
     if root && Command::new("setpriv").arg("--version").output().is_ok_and(|o| o.status.success()) {
         let nobody = |line: &str| {
@@ -155,8 +155,8 @@ fn shared_memory_is_closed_to_other_users() {
                 format!("echo x > {p}/x"),
                 format!("test -e {p} && rm -rf {p}"),
             ] {
-                // `rm` of what is another's fails in a folder with the sticky bit; what the run itself
-                // has taken away in the meantime is not there.
+                // `rm` of files of another user fails in a folder with the sticky bit; the run may have removed the
+                // file in the meantime.
                 assert!(!nobody(&line).status.success(), "another user could: {line}");
             }
         }
@@ -178,7 +178,7 @@ fn meta_user(path: &Path) -> u32 {
     fs::metadata(path).expect("there").uid()
 }
 
-/// With a `/dev/shm` of `size`, in a namespace of its own; `None`, said aloud, where that is not allowed.
+/// With a `/dev/shm` of `size`, in a separate namespace; `None` (with a message) if not permitted.
 fn with_memory_of(size: &str, command: &Command) -> Option<std::process::Output> {
     let line = format!("mount -t tmpfs -o size={size} tmpfs /dev/shm && exec \"$@\"");
     let tried = Command::new("unshare").args(["-m", "sh", "-c", &line, "sh", "true"]).output();
@@ -192,7 +192,7 @@ fn with_memory_of(size: &str, command: &Command) -> Option<std::process::Output>
 }
 
 #[test]
-fn too_little_shared_memory_is_told_before_any_harm() {
+fn insufficient_shared_memory_is_reported_before_the_run() {
     let base = Base::new();
     let out = base.folder.path().join("full");
     base.copy(&out);
@@ -203,7 +203,7 @@ fn too_little_shared_memory_is_told_before_any_harm() {
     assert!(text.contains("16 MB") || text.contains("17 MB"), "what is free: {text}");
     assert!(!out.join("descent").exists(), "something was begun");
 
-    // `check` tells the size; a little more than that is enough.
+    // `check` reports the size; slightly more is sufficient.
     let mut check = Command::new(program("ripstop"));
     check.arg("check").arg(&base.scene).args(["--ranks", RANKS]);
     let text = String::from_utf8(succeed(check).stdout).expect("text");
@@ -216,8 +216,8 @@ fn too_little_shared_memory_is_told_before_any_harm() {
     same_as_unharmed(&base, &out);
 }
 
-/// Twice as many busy loops as cores slow a run and change no number.
-fn a_loaded_machine_changes_nothing(ranks: &str) {
+/// Twice as many busy loops as cores do not change the results.
+fn load_changes_nothing(ranks: &str) {
     struct Loop(std::process::Child);
     impl Drop for Loop {
         fn drop(&mut self) {
@@ -240,14 +240,14 @@ fn a_loaded_machine_changes_nothing(ranks: &str) {
 }
 
 #[test]
-fn a_loaded_machine_slows_a_run_and_changes_nothing() {
-    a_loaded_machine_changes_nothing("structure=1,mesh=1,flow=1");
+fn results_do_not_depend_on_machine_load() {
+    load_changes_nothing("structure=1,mesh=1,flow=1");
 }
 
-/// Ranks of OpenMPI wait for each other awake: where others have the cores, each of the thousands of
-/// messages of a window takes some turns of the scheduler.
+/// Ranks of OpenMPI wait actively: on a loaded machine each of the thousands of messages of a window takes several time
+/// slices of the scheduler.
 #[test]
 #[ignore = "nightly: 5 minutes: nine ranks that wait for each other beside four busy loops on two cores"]
-fn a_loaded_machine_slows_many_ranks_and_changes_nothing() {
-    a_loaded_machine_changes_nothing(RANKS);
+fn results_of_many_ranks_do_not_depend_on_machine_load() {
+    load_changes_nothing(RANKS);
 }

@@ -1,5 +1,4 @@
-//! Long runs: memory and open files of each process stay what they were, and the same windows come
-//! out again, to the last digit.
+//! Long runs: constant memory and number of open files of each process, and bitwise reproducible windows.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,8 +7,7 @@ use std::time::Duration;
 
 use ripstop_tests::{History, changed_scene, processes_naming, ripstop_run, start};
 
-/// A canopy that has settled on its shape, in a descent of `windows` windows of some milliseconds of
-/// work each.
+/// A canopy in equilibrium, in a descent of `windows` windows of some milliseconds of work each.
 fn scene(folder: &Path, windows: u32) -> PathBuf {
     let long = format!("duration_s = {}\nmass_damping_per_s = 10.0\n", f64::from(windows) * 2e-3);
     changed_scene(
@@ -18,7 +16,7 @@ fn scene(folder: &Path, windows: u32) -> PathBuf {
         &[
             ("duration_s = 0.1\nwindow_s = 5e-3", &format!("{long}window_s = 2e-3")),
             ("substeps = 10", "substeps = 2"),
-            // Pictures are listed in memory, about 0.6 kB each.
+            // The list of snapshots needs about 0.6 kB each.
             ("[coupling]\n", "[output]\nsurface_every_windows = 0\nvolume_every_windows = 0\n[coupling]\n"),
             ("thickness_m = 3.048e-5", "thickness_m = 3.048e-4"),
             ("cells_across = 12", "cells_across = 4"),
@@ -32,7 +30,7 @@ fn scene(folder: &Path, windows: u32) -> PathBuf {
     )
 }
 
-/// What a process holds: memory (kB) and open files.
+/// Memory (kB) and number of open files of a process.
 #[derive(Clone, Copy, Debug)]
 struct Held {
     memory: u64,
@@ -46,8 +44,8 @@ fn held(pid: u32) -> Option<Held> {
     Some(Held { memory, files: fs::read_dir(format!("/proc/{pid}/fd")).ok()?.count() })
 }
 
-/// Most memory and fewest open files of each process, among what was seen of it: a file that is
-/// open for a moment, as a state is being saved, is no leak.
+/// Maximum memory and minimum number of open files of each process over several samples: files that are open
+/// temporarily, as for saving a state, are no leak.
 type Seen = BTreeMap<u32, (String, Held)>;
 
 fn look(mark: &str, seen: &mut Seen) {
@@ -59,8 +57,8 @@ fn look(mark: &str, seen: &mut Seen) {
     }
 }
 
-/// Flies the scene; what its processes held in its second and in its last tenth.
-fn fly(scene: &Path, out: &Path, windows: u32) -> [Seen; 2] {
+/// Runs the scene. Returns memory and open files of its processes in the second and in the last tenth of the run.
+fn run_to_end(scene: &Path, out: &Path, windows: u32) -> [Seen; 2] {
     let options = ["--quiet", "--ranks", "structure=1,mesh=1,flow=1"];
     let mut run = start(ripstop_run(scene, out, &options));
     let history = out.join("descent/history.csv");
@@ -84,14 +82,14 @@ fn stays_the_same(windows: u32) {
     let scene = scene(folder.path(), windows);
     let outs = ["one", "two"].map(|name| folder.path().join(name));
     for out in &outs {
-        let [early, late] = fly(&scene, out, windows);
+        let [early, late] = run_to_end(&scene, out, windows);
         // The coupler, three launchers and a rank each.
         assert_eq!(early.len(), 7, "not all were seen: {early:?}");
         for (pid, (name, before)) in &early {
             let Some((_, after)) = late.get(pid) else { panic!("{name} was not seen at the end") };
             println!("{name}: {before:?}, at the end {after:?}");
             assert_eq!(before.files, after.files, "{name} leaks open files");
-            // Pages that are touched for the first time, and sixteen bytes of each window for the summary.
+            // Pages touched for the first time, and 16 bytes per window for the summary.
             let more = after.memory.saturating_sub(before.memory);
             assert!(more <= 256 + u64::from(windows) / 32, "{name}: {more} kB more: {before:?} {after:?}");
         }
@@ -102,12 +100,12 @@ fn stays_the_same(windows: u32) {
 }
 
 #[test]
-fn a_thousand_windows_hold_no_more_than_a_hundred() {
+fn memory_and_files_are_constant_over_a_thousand_windows() {
     stays_the_same(1000);
 }
 
 #[test]
 #[ignore = "nightly: 4 minutes: ten thousand windows, twice"]
-fn ten_thousand_windows_hold_no_more_than_a_thousand() {
+fn memory_and_files_are_constant_over_ten_thousand_windows() {
     stays_the_same(10_000);
 }

@@ -1,5 +1,4 @@
-//! The fault matrix: each program, on its first and its middle rank, and the coupler, come to
-//! harm in each way at each moment. See docs/records/fault-matrix.md, which `scripts/fault-matrix` writes.
+//! The fault matrix: each fault, at each moment, in each program (first and middle rank) and in the coupler. See docs/records/fault-matrix.md, which `scripts/fault-matrix` writes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,15 +14,15 @@ use ripstop_tests::{
     History, Signal, processes_naming, program, ripstop_run, session_memory, signal, succeed,
 };
 
-/// Everybody else is gone after this time (a stall: after the deadline and this time).
+/// Time within which all other processes end (for a stall: after the deadline).
 const GONE: Duration = Duration::from_secs(5);
-/// Deadline of the runs in which something stalls, on a free machine.
+/// Deadline of runs with a stall, on an idle machine.
 const DEADLINE_S: u64 = 8;
-/// For what takes as long as it takes: starting, working.
+/// Limit for start-up and computation.
 const PATIENCE: Duration = Duration::from_secs(180);
-/// For the window that a coupler finishes when it is asked to end.
+/// Limit for the window that the coupler completes after a request to end.
 const WINDOW: Duration = Duration::from_secs(30);
-/// Time between two looks.
+/// Polling interval.
 const LOOK: Duration = Duration::from_millis(10);
 
 const MOMENTS: [&str; 6] = ["start", "handshake", "window", "iteration", "save", "end"];
@@ -43,12 +42,12 @@ impl Cell {
         matches!(self.fault, "stop" | "stall")
     }
 
-    /// The coupler is asked to end in the middle of a window.
+    /// Whether the coupler gets a request to end within a window.
     fn finishes_window(&self) -> bool {
         self.victim.is_none() && self.fault == "term" && matches!(self.moment, "window" | "iteration")
     }
 
-    /// A fault that a run survives, with the same results.
+    /// Whether the run survives the fault with the same results.
     fn harmless(&self) -> bool {
         matches!(self.fault, "late" | "twice") || (self.victim.is_some() && self.moment == "end")
     }
@@ -83,7 +82,7 @@ macro_rules! demand {
     };
 }
 
-/// A run of the last stage to which harm is done.
+/// A run of the last stage with an injected fault.
 struct Try<'a> {
     base: &'a Base,
     cell: &'a Cell,
@@ -94,9 +93,9 @@ struct Try<'a> {
     deadline_s: u64,
 }
 
-/// Why a cell was not tried to its end.
+/// Reason why a cell was not completed.
 enum Failure {
-    /// The machine did not do its work within the deadline, before any harm.
+    /// The machine missed the deadline before the fault.
     TooSlow,
     Wrong(String),
 }
@@ -149,7 +148,7 @@ impl<'a> Try<'a> {
         processes_naming(&self.out().display().to_string())
     }
 
-    /// Ends a run that did not end by itself; the message.
+    /// Ends a run that did not end by itself; returns the message.
     fn give_up(&mut self, why: &str) -> String {
         let (rows, left) = (self.rows(), self.processes());
         signal(self.run.id(), Signal::KILL);
@@ -157,7 +156,7 @@ impl<'a> Try<'a> {
         format!("{why}: {rows} lines of history, {left:?}\n{}", self.text())
     }
 
-    /// Waits for the moment, in which a rank does its harm, or the coupler comes to it.
+    /// Waits for the moment of the fault in a rank, or injects the fault into the coupler.
     fn reach_moment(&mut self) -> Result<(), Failure> {
         let note = self.folder.path().join("note");
         let came = Limit::new(PATIENCE)
@@ -185,12 +184,12 @@ impl<'a> Try<'a> {
         Ok(())
     }
 
-    /// Waits until nobody is left; how the coupler ended, and the time by the clock since the harm.
+    /// Waits until all processes have ended. Returns the exit status of the coupler and the wall time since the fault.
     fn await_end(&mut self) -> Result<(ExitStatus, Duration), String> {
         let begin = Instant::now();
         let deadline = Duration::from_secs(self.deadline_s);
         if self.cell.victim.is_none() && self.cell.fault == "stop" {
-            // Its programs do not wait for ever; the coupler says what happened when it continues.
+            // The programs end after their deadline; the coupler reports the error when it continues.
             let coupler = self.run.id();
             let others = || self.processes().iter().any(|(pid, _)| *pid != coupler && alive(*pid));
             let took = Limit::new(deadline + GONE).until(LOOK, || !others());
@@ -206,7 +205,7 @@ impl<'a> Try<'a> {
             _ => GONE,
         };
         if self.cell.finishes_window() {
-            // Its window takes as long as it takes.
+            // The window is completed first.
             let rows = self.rows();
             let done = Limit::new(WINDOW)
                 .until(LOOK, || self.rows() > rows || self.run.try_wait().is_ok_and(|s| s.is_some()));
@@ -229,24 +228,24 @@ impl<'a> Try<'a> {
         Ok((status.expect("it ended"), took))
     }
 
-    /// Nothing is left, earlier states are whole, and accepted windows are those of a run without harm.
+    /// No leftovers, valid earlier states, and accepted windows as in a run without fault.
     fn check_files(&self) -> Result<(), String> {
         let text = self.text();
-        // The coupler, killed, can tidy nothing: the next run does (tested below).
+        // A killed coupler cannot clean up: the next run does (tested below).
         let tidied = self.cell.victim.is_some() || self.cell.fault != "kill";
         let mut left = session_memory("square-drop", self.run.id(), 2);
         left.extend(contents(&self.folder.path().join("tmp")).into_keys());
         demand!(!tidied || left.is_empty(), "files left: {left:?}\n{text}");
         let panicked = text.lines().filter(|l| l.contains("panicked at") && !l.contains("faulty.rs")).count();
         demand!(panicked == 0, "another one panicked: {text}");
-        // What was accepted before is the same to the last digit: nothing stale was consumed.
+        // Accepted windows are bitwise identical: no stale data were used.
         if self.rows() > 1 {
             let (here, there) =
                 (History::read(&self.out(), "descent"), History::read(&self.base.out(), "descent"));
             let (here, there) = (here.without_wall_times(), there.without_wall_times());
             demand!(there.starts_with(&here), "other numbers than without harm");
         }
-        // The states that it started from are whole, and nothing half-saved took their place.
+        // The initial states are valid and were not replaced by incomplete ones.
         let after = contents(&self.out());
         demand!(
             self.before.iter().all(|(name, bytes)| after.get(name) == Some(bytes)),
@@ -255,7 +254,7 @@ impl<'a> Try<'a> {
         Ok(())
     }
 
-    /// A run that survives its harm.
+    /// Checks a run that survives the fault.
     fn check_survival(&self, status: ExitStatus) -> Result<(), String> {
         let (text, rows) = (self.text(), self.rows());
         demand!(status.code() == Some(0), "ended with {status}: {text}");
@@ -268,7 +267,7 @@ impl<'a> Try<'a> {
         Ok(())
     }
 
-    /// A run that ends with one error that names who, where and when.
+    /// Checks a run that ends with one error naming program, rank and window.
     fn check_error(&self, status: ExitStatus) -> Result<(), String> {
         let (cell, text) = (self.cell, self.text());
         let errors: Vec<&str> = text.lines().filter(|l| l.starts_with("error")).collect();
@@ -277,7 +276,7 @@ impl<'a> Try<'a> {
             (None, "term") => Some(130),
             _ => Some(1),
         };
-        // The coupler's last work was done: it may have ended well.
+        // The coupler had completed its work and may have ended successfully.
         let over = cell.victim.is_none() && cell.moment == "end";
         demand!(status.code() == wanted || (over && status.code() == Some(0)), "ended with {status}: {text}");
         if over || (cell.victim.is_none() && cell.fault != "term") {
@@ -290,7 +289,7 @@ impl<'a> Try<'a> {
         }
         if let Some((role, rank)) = cell.victim {
             demand!(errors[0].contains(role), "{role} is not named: {}", errors[0]);
-            // A rank that never began is like those that wait for it in MPI_Init.
+            // A rank that did not start cannot be distinguished from those that wait in MPI_Init.
             let unknown = cell.stalls() && matches!(cell.moment, "start" | "handshake");
             demand!(unknown || errors[0].contains(&format!("rank {rank}")), "the wrong rank: {text}");
         }
@@ -298,8 +297,7 @@ impl<'a> Try<'a> {
     }
 }
 
-/// Option that puts the faulty program in the place of its role. The coupler comes to harm while a rank takes its
-/// time at the moment.
+/// Option that runs the faulty program instead of the solver. For faults of the coupler, a rank delays at the moment.
 fn program_of(cell: &Cell) -> [String; 2] {
     let (role, rank) = cell.victim.unwrap_or(("flow", 1));
     let fault = if cell.victim.is_some() { cell.fault } else { "late" };
@@ -307,9 +305,9 @@ fn program_of(cell: &Cell) -> [String; 2] {
     [format!("--{role}"), faulty]
 }
 
-/// Runs the last stage with harm; the time by the clock from the harm until all are gone.
+/// Runs the last stage with the fault. Returns the wall time from the fault to the end of all processes.
 fn try_cell(base: &Base, cell: &Cell, thorough: fn(&Cell) -> bool) -> Result<Duration, String> {
-    // Answers before the harm are to come within the deadline: it grows with the load, and again if that was misjudged.
+    // Solves before the fault must meet the deadline, which grows with the load and on a repetition.
     for times in [1, 2, 4, 8] {
         let free = if cell.stalls() { DEADLINE_S } else { PATIENCE.as_secs() };
         let mut run = Try::start(base, cell, times * deadline_s(free));
@@ -325,7 +323,7 @@ fn try_cell(base: &Base, cell: &Cell, thorough: fn(&Cell) -> bool) -> Result<Dur
             return Ok(took);
         }
         if thorough(cell) {
-            goes_on(base, &run.out(), &program_of(cell))?;
+            resumes(base, &run.out(), &program_of(cell))?;
         }
         run.check_error(status)?;
         return Ok(took);
@@ -333,14 +331,14 @@ fn try_cell(base: &Base, cell: &Cell, thorough: fn(&Cell) -> bool) -> Result<Dur
     Err("no answer within the deadline, four times".into())
 }
 
-/// The last saved state is usable: gone on with, the run comes to its end.
-fn goes_on(base: &Base, out: &Path, program: &[String; 2]) -> Result<(), String> {
-    // Before the first save there is nothing to go on with.
+/// The last saved state is valid: the resumed run completes.
+fn resumes(base: &Base, out: &Path, program: &[String; 2]) -> Result<(), String> {
+    // Before the first save there is no state to resume from.
     if !out.join("descent/state").exists() {
         return Ok(());
     }
     let options = ["--resume", "--ranks", RANKS, "--quiet", &program[0], &program[1]];
-    // The same program, as a run must have that is gone on with, now without harm.
+    // A resumed run needs the same program, now without fault.
     let mut run = ripstop_run(&base.scene, out, &options);
     let output = run.env("FAULTY_OFF", "1").output().expect("it starts");
     let text = String::from_utf8_lossy(&output.stderr);
@@ -352,12 +350,12 @@ fn goes_on(base: &Base, out: &Path, program: &[String; 2]) -> Result<(), String>
     Ok(())
 }
 
-/// Whether a process is more than an entry in the table.
+/// Whether a process is alive and not a zombie.
 fn alive(pid: u32) -> bool {
     fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|t| !t.contains(") Z "))
 }
 
-/// Tries `cells`, `at_once` of them side by side; times in their order.
+/// Tests `cells`, `at_once` in parallel; returns the times in order.
 fn try_all(cells: &[Cell], at_once: usize, thorough: fn(&Cell) -> bool) -> Vec<(Cell, Duration)> {
     let base = Base::new();
     let next = Mutex::new(cells.iter());
@@ -382,7 +380,7 @@ fn try_all(cells: &[Cell], at_once: usize, thorough: fn(&Cell) -> bool) -> Vec<(
             });
         }
     });
-    // Whatever was left by couplers that were killed does not hinder the next run, which removes it.
+    // Leftovers of killed couplers do not affect the next run, which removes them.
     let again = base.folder.path().join("again");
     base.copy(&again);
     let options = ["--stage", "descent", "--ranks", RANKS, "--quiet"];
@@ -396,9 +394,9 @@ fn try_all(cells: &[Cell], at_once: usize, thorough: fn(&Cell) -> bool) -> Vec<(
     good
 }
 
-/// One cell of each fault and of each moment, on programs and ranks in turn.
+/// One cell for each fault and each moment, with alternating programs and ranks.
 #[test]
-fn a_part_of_the_fault_matrix() {
+fn sample_of_the_fault_matrix() {
     let all = cells();
     let victims = [("structure", 1), ("mesh", 0), ("flow", 1), ("structure", 0), ("mesh", 1), ("flow", 0)];
     let mut chosen = Vec::new();
@@ -411,12 +409,12 @@ fn a_part_of_the_fault_matrix() {
         }
     }
     chosen.extend(all.into_iter().filter(|c| c.victim.is_none() && c.moment == "window"));
-    // A run more for each would take twice the time.
+    // An additional run per cell would double the time.
     try_all(&chosen, 3, |cell| cell.moment == "save" || cell.fault == "kill");
 }
 
-/// Notes a cell that is as documented in the file `FAULT_MATRIX_CELLS`, of which `scripts/fault-matrix`
-/// makes the table of docs/records/fault-matrix.md.
+/// Appends a passed cell to the file `FAULT_MATRIX_CELLS`, from which `scripts/fault-matrix` generates the table of
+/// docs/records/fault-matrix.md.
 fn record(cell: &Cell, took: Duration) {
     let Ok(file) = std::env::var("FAULT_MATRIX_CELLS") else { return };
     let who = cell.victim.map_or("coupler".into(), |(role, rank)| format!("{role}, rank {rank}"));
@@ -425,15 +423,15 @@ fn record(cell: &Cell, took: Duration) {
         _ => format!("{:.1}", took.as_secs_f64()),
     };
     let mut file = fs::File::options().create(true).append(true).open(file).expect("a file");
-    // One write: cells are tried side by side.
+    // A single write, because cells run in parallel.
     let line = format!("{who}\t{}\t{}\t{seconds}\n", cell.fault, cell.moment);
     file.write_all(line.as_bytes()).expect("written");
 }
 
-/// All of it: `scripts/fault-matrix`.
+/// The full matrix: `scripts/fault-matrix`.
 #[test]
 #[ignore = "nightly: by scripts/fault-matrix"]
-fn the_whole_fault_matrix() {
+fn full_fault_matrix() {
     let filter = std::env::var("FAULT_MATRIX").unwrap_or_default();
     let at_once = std::env::var("FAULT_MATRIX_AT_ONCE").ok().and_then(|n| n.parse().ok()).unwrap_or(3);
     let wanted = |c: &Cell| {
@@ -450,9 +448,9 @@ fn the_whole_fault_matrix() {
     println!("{} cells tried, all as documented", times.len());
 }
 
-/// The reference of this file's helpers: a command that fails is told.
+/// Check of the helpers of this file: a run without fault is detected.
 #[test]
-fn the_harness_notices_a_run_that_is_not_harmed() {
+fn harness_detects_a_run_without_fault() {
     let base = Base::new();
     let cell = Cell { victim: Some(("flow", 7)), fault: "kill", moment: "window" };
     let why = try_cell(&base, &cell, |_| false).expect_err("rank 7 does not exist");

@@ -1,4 +1,4 @@
-//! When one program dies, everything ends within 5 s, says why, and leaves nothing behind.
+//! After the failure of one program, all processes end within 5 s, report the reason and leave no files.
 
 use std::io::Read;
 use std::path::Path;
@@ -11,19 +11,19 @@ use ripstop_tests::{
     History, Signal, changed_scene, processes_naming, ripstop_run, session_memory, signal, start,
 };
 
-/// These tests look at the machine's shared memory: one at a time.
+/// Serialises the tests, because they inspect the shared memory of the machine.
 static ALONE: Mutex<()> = Mutex::new(());
 
 fn alone() -> MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Time in which everything ends.
+/// Time within which all processes end.
 const GONE: Duration = Duration::from_secs(5);
-/// Time between two looks.
+/// Polling interval.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// A descent that would take minutes, so that there is time to break it.
+/// A descent of several minutes, for fault injection.
 fn long_run(folder: &Path) -> (Child, std::path::PathBuf) {
     let scene = changed_scene("square-drop", folder, &[("duration_s = 0.1\n", "duration_s = 50.0\n")]);
     let out = folder.join("out");
@@ -46,7 +46,7 @@ fn ranks_of(program: &str, out: &Path) -> Vec<u32> {
     found.map(|(pid, _)| pid).collect()
 }
 
-/// Waits for the end of the run, at most for `limit`; its exit code and message.
+/// Waits at most `limit` for the end of the run. Returns its exit code and message.
 fn end_of(mut run: Child, limit: &Limit) -> (Option<i32>, String) {
     let mut status = None;
     let ended = limit.until(Duration::from_millis(20), || {
@@ -62,17 +62,17 @@ fn end_of(mut run: Child, limit: &Limit) -> (Option<i32>, String) {
     (status.expect("it ended").code(), text)
 }
 
-/// Nothing of the run is left; `coupler` is its process.
+/// Asserts that no files or processes of the run remain; `coupler` is its process.
 fn nothing_left(out: &Path, coupler: u32) {
     let left = processes_naming(&out.display().to_string());
     assert!(left.is_empty(), "processes left: {left:?}");
-    // Others may run on the machine: only files of this run count.
+    // Other runs may be active: only files of this run are checked.
     let files: Vec<_> = (0..3).flat_map(|stage| session_memory("square-drop", coupler, stage)).collect();
     assert!(files.is_empty(), "shared memory left: {files:?}");
 }
 
 #[test]
-fn each_program_killed_ends_the_run_and_is_named() {
+fn killed_program_ends_the_run_and_is_named() {
     let _alone = alone();
     for (program, rank) in [("structure-solver", 0), ("flow-solver", 1), ("mesh-mover", 0)] {
         let folder = tempfile::tempdir().expect("a folder");
@@ -87,13 +87,13 @@ fn each_program_killed_ends_the_run_and_is_named() {
         assert_eq!(code, Some(1), "{program}: {text}");
         assert!(text.contains(program), "{program} is not named: {text}");
         nothing_left(&out, coupler);
-        // What was computed is still there.
+        // Results are kept.
         assert!(History::read(&out, "descent").len() >= 2);
     }
 }
 
 #[test]
-fn an_interrupt_ends_everything() {
+fn interrupt_ends_all_processes() {
     let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let (run, out) = long_run(folder.path());
@@ -107,7 +107,7 @@ fn an_interrupt_ends_everything() {
 }
 
 #[test]
-fn a_killed_coupler_takes_its_programs_along_and_the_next_run_works() {
+fn killed_coupler_ends_its_programs_and_the_next_run_succeeds() {
     let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let (mut run, out) = long_run(folder.path());
@@ -122,17 +122,17 @@ fn a_killed_coupler_takes_its_programs_along_and_the_next_run_works() {
 }
 
 #[test]
-fn a_waiting_program_sleeps_on_all_its_ranks() {
+fn waiting_ranks_use_no_processor_time() {
     let _alone = alone();
     let folder = tempfile::tempdir().expect("a folder");
     let (run, out) = long_run(folder.path());
     wait_for_windows(&out, 2);
-    // With the structure stopped, everyone else soon waits for it.
+    // With the structure stopped, all other programs wait for it.
     let stopped = ranks_of("structure-solver", &out);
     stopped.iter().for_each(|&pid| signal(pid, Signal::STOP));
     let waiting: Vec<u32> = [ranks_of("flow-solver", &out), ranks_of("mesh-mover", &out)].concat();
     assert_eq!(waiting.len(), 4, "two ranks each");
-    // 50 wake-ups a second for a look at the coupler take some milliseconds.
+    // 50 wake-ups per second to check the coupler use some milliseconds.
     ripstop_tests::load::asleep(&waiting, 0.02, Duration::from_secs(30));
     stopped.iter().for_each(|&pid| signal(pid, Signal::CONT));
     signal(run.id(), Signal::INT);

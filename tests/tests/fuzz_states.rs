@@ -1,6 +1,5 @@
-//! Damaged and hostile states that a run is to go on from, and what programs remember beside them,
-//! with checksums made right again: never a panic, never memory out of proportion, never a number
-//! that is none, always an error that names the file.
+//! Fuzzing of saved states and warm-start data with corrected checksums: no panic, no excessive memory, no value that is
+//! not finite, and an error that names the file.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -9,7 +8,7 @@ use case::{Role, Scene};
 use channel::Participant;
 use comm::Comm;
 use ripstop_tests::spoil::{
-    ANYWAY, Measured, Random, SHARE, fuzz, inputs, kept, measured, slot, spoilt_anywhere,
+    FLOOR, Measured, Random, SHARE, fuzz, inputs, kept, measured, slot, spoilt_anywhere,
 };
 use ripstop_tests::tiny::SMALLER;
 use ripstop_tests::{changed_scene, ripstop_run, succeed};
@@ -62,8 +61,8 @@ fn states_of_the_mesh() {
     fuzz("mesh state", &[good], sealed, &mut read, "spoilt");
 }
 
-/// Length and checksum of an archive made right again.
-#[allow(clippy::ptr_arg)] // as all spoilers, which may also shorten
+/// Corrects length and checksum of an archive.
+#[allow(clippy::ptr_arg)] // common signature of mutations, which may change the length
 fn sealed(bytes: &mut Vec<u8>) {
     if bytes.len() < archive::HEAD {
         return;
@@ -73,7 +72,7 @@ fn sealed(bytes: &mut Vec<u8>) {
     head[20..28].copy_from_slice(&archive::hash::checksum(body).to_le_bytes());
 }
 
-/// A descent of one rank of each program with all that keeps a memory, flown once.
+/// A completed descent with one rank per program and all options that have warm-start data.
 struct Flown {
     folder: tempfile::TempDir,
     scene: Scene,
@@ -105,7 +104,7 @@ impl Flown {
         self.folder.path().join("out")
     }
 
-    /// A copy of the state after the descent, to be spoilt.
+    /// A copy of the state after the descent, for mutation.
     fn state(&self) -> (tempfile::TempDir, PathBuf) {
         let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
         let state = folder.path().join("state");
@@ -116,7 +115,7 @@ impl Flown {
         (folder, state)
     }
 
-    /// The program of `role`, begun in one rank from the state in `folder`.
+    /// The program of `role` on one rank, restarted from the state in `folder`.
     fn resumed(&self, role: Role, folder: &Path) -> Result<Box<dyn Participant>, String> {
         let (out, comm) = (self.out(), Comm::solo());
         let result = match role {
@@ -135,8 +134,8 @@ impl Flown {
     }
 }
 
-/// Spoils one file of a program's state after the other, checksums made right: it begins from
-/// it or says what is wrong with which file; what is no number does not get in.
+/// Mutates each file of the state of a program, with corrected checksums: the program restarts from it or reports the
+/// file and the error, and accepts finite values only.
 fn states_of(role: Role, more: &[&str]) {
     let flown = Flown::once();
     let (_folder, state) = flown.state();
@@ -144,13 +143,13 @@ fn states_of(role: Role, more: &[&str]) {
     let mut files = vec![case::state_file(&state, role), memory];
     files.extend(more.iter().map(|name| state.join(name)));
     flown.resumed(role, &state).unwrap_or_else(|e| panic!("a good state is refused: {e}"));
-    // A program is begun for each: few take as long as all of another format.
+    // Each input starts a program, so few inputs take as long as all inputs of another format.
     let few = (inputs() / 200).max(20);
     let mut r = Random(0x57a7e ^ role as u64);
     for file in files {
         let name = file.file_name().expect("a name").to_string_lossy().into_owned();
         let good = std::fs::read(&file).expect("a file of the state");
-        // What beginning takes with good files.
+        // Memory of a start from valid files.
         let (_, usual) = measured(|| flown.resumed(role, &state).map(drop));
         let mut refused = 0;
         for i in 0..few {
@@ -165,14 +164,14 @@ fn states_of(role: Role, more: &[&str]) {
                 None => panic!("{name}: input {i} panics: {}", told()),
                 Some(Err(message)) => {
                     refused += 1;
-                    // What is wrong with numbers that fit is told of the grid or the fabric they make.
+                    // Plausible but wrong values are reported as errors of the resulting grid or fabric.
                     let placed =
                         message.contains(&name) || message.contains("cell") || message.contains("grid");
                     assert!(placed, "{name}: input {i} ({}): no place in: {message}", told());
                 }
                 Some(Ok(())) => {}
             }
-            let most = usual.max(ANYWAY) + SHARE * bytes.len();
+            let most = usual.max(FLOOR) + SHARE * bytes.len();
             assert!(largest <= most, "{name}: input {i} takes a block of {largest}: {}", told());
         }
         std::fs::write(&file, &good).expect("written");
@@ -182,23 +181,23 @@ fn states_of(role: Role, more: &[&str]) {
 }
 
 #[test]
-fn states_of_the_structure_begin_or_are_refused() {
+fn damaged_structure_states_are_read_or_refused() {
     states_of(Role::Structure, &[]);
 }
 
 #[test]
-fn states_of_the_grid_begin_or_are_refused() {
+fn damaged_mesh_states_are_read_or_refused() {
     states_of(Role::Mesh, &[]);
 }
 
 #[test]
-fn states_of_the_flow_begin_or_are_refused() {
+fn damaged_flow_states_are_read_or_refused() {
     states_of(Role::Flow, &["flow-statistics.bin"]);
 }
 
-/// What stands in the files alone: as many inputs as of other formats.
+/// The files alone, with as many inputs as for other formats.
 #[test]
-fn files_of_states_hold_numbers_or_are_refused() {
+fn damaged_state_files_are_read_or_refused() {
     let flown = Flown::once();
     let (_state, good) = flown.state();
     let (_folder, file) = slot();

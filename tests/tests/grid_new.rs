@@ -1,11 +1,11 @@
-//! A coupled inflation from a nearly closed canopy runs through new grids.
+//! Regridding during a coupled inflation from a nearly closed canopy.
 
 use ripstop_tests::{History, changed_scene, ripstop_run, succeed};
 
 #[test]
-fn an_inflating_canopy_gets_a_new_grid_and_the_coupling_goes_on() {
+fn inflating_canopy_is_regridded_and_the_coupling_continues() {
     let folder = tempfile::tempdir().expect("a folder");
-    // From vents that are a little further open, so that a new grid is due soon.
+    // From slightly more open vents, so that regridding is due soon.
     let scene = changed_scene(
         "atps-inflation",
         folder.path(),
@@ -25,15 +25,15 @@ fn an_inflating_canopy_gets_a_new_grid_and_the_coupling_goes_on() {
     let quality = history.column("mesh_min_quality");
     println!("{quality:?}");
     assert_eq!(history.len(), 50);
-    // It sinks until the new grid is made, and ends above where it began to be bad.
+    // The quality decreases until regridding and ends above the threshold.
     let at = quality.iter().position(|q| *q < 0.3).expect("a new grid was due");
     assert!(at < 46 && quality[at..].iter().all(|q| *q > 0.25), "{quality:?}");
     assert!(quality[49] > quality[at] + 0.05, "{quality:?}");
-    // The coupling and the flow go on as if nothing had happened.
+    // Coupling and flow continue without disturbance.
     assert!(history.column("coupling_converged").iter().all(|c| *c == 1.0));
     let area = history.column("projected_area_m2");
     assert!(area.windows(2).all(|w| (w[1] - w[0]).abs() < 0.5) && area[49] > area[0], "{area:?}");
-    // Nodes that cross cells carry no mass: of some 100 kg of air in the box.
+    // Regridding conserves the mass of about 100 kg of air in the box.
     let defect = history.column("flow_mass_defect_kg_s");
     assert!(defect.iter().all(|d| d.abs() < 1e-3), "{defect:?}");
 }

@@ -1,15 +1,15 @@
-//! A grid that cannot follow the canopy ends the run with everything saved, and a later stage goes on.
+//! A grid that cannot follow the canopy ends the run with a saved state, from which a later stage resumes.
 
 use std::path::{Path, PathBuf};
 
 use case::Role;
 use ripstop_tests::{History, changed_scene, ripstop_run, succeed};
 
-/// Quality that the start grid has (0.30) and no grid around the crumpled canopy.
+/// Quality that the initial grid has (0.30), but no grid around the collapsed canopy.
 const BOUND: f64 = 0.27;
 
-/// `square-drop` let go while its fabric still flies inwards: it collapses within ten windows, and shorter ones would
-/// only follow it further. One rank of each program, and the last stage once more behind itself.
+/// `square-drop` released while its fabric moves inwards: it collapses within ten windows, and shorter windows would only
+/// follow it further. One rank per program; the last stage is repeated.
 fn scene(folder: &Path) -> PathBuf {
     let scene = changed_scene(
         "square-drop",
@@ -31,7 +31,7 @@ fn scene(folder: &Path) -> PathBuf {
 }
 
 #[test]
-fn the_last_good_state_is_saved_and_goes_on() {
+fn last_valid_state_is_saved_and_resumed() {
     let folder = tempfile::tempdir().expect("a folder");
     let (scene, out) = (scene(folder.path()), folder.path().join("out"));
     let failed = ripstop_run(&scene, &out, &[]).output().expect("starts");
@@ -58,7 +58,7 @@ fn the_last_good_state_is_saved_and_goes_on() {
         assert!(case::state_file(&state, role).exists(), "{}", role.name());
     }
 
-    // With the bound lowered, a later stage goes on from the last good window, by shorter ones where it must.
+    // With a lower bound, a later stage resumes from the last valid window, with shorter windows if necessary.
     let strict = std::fs::read_to_string(&scene).expect("just written");
     let lower = strict
         .replace("min_quality = 0.27", "min_quality = 1e-3")
@@ -66,7 +66,7 @@ fn the_last_good_state_is_saved_and_goes_on() {
     std::fs::write(&scene, lower).expect("a file");
     succeed(ripstop_run(&scene, &out, &["--stage", "further", "--stop-after-windows", "2"]));
     let further = History::read(&out, "further");
-    // Two windows of the scene, in as many parts as were given back.
+    // Two windows of the scene, divided by the rejections.
     let (time, parts) = (further.column("time_s"), further.column("window_s"));
     println!("times {time:?}, windows {parts:?}, given back {:?}", further.column("rejected_attempts"));
     assert!((time[time.len() - 1] - 2.0 * 5e-3).abs() < 1e-12, "{time:?}");

@@ -1,5 +1,5 @@
-//! Cases that partitioned coupling is known to fail on, each with the defaults of its scene.
-//! What the numbers mean and how they were measured: docs/records/stability.md.
+//! Hard cases of partitioned coupling, each with the defaults of its scene.
+//! Meaning and measurement of the limits: docs/records/stability.md.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,13 +7,13 @@ use std::process::Command;
 
 use ripstop_tests::{History, changed_scene, program, ripstop_run, root, scene, succeed};
 
-/// A hard case flown to its end.
-struct Flown {
+/// A completed hard case.
+struct Completed {
     history: History,
     iterations: f64,
 }
 
-impl Flown {
+impl Completed {
     fn new(history: History) -> Self {
         let column = history.column("coupling_iterations");
         let iterations = column.iter().sum::<f64>() / column.len() as f64;
@@ -29,16 +29,16 @@ impl Flown {
     }
 }
 
-/// Flies `case` and demands what all cases must show: every window converged, only numbers,
-/// a valid grid, no energy from the coupling beyond `created` of the work done.
-fn fly(case: &str, stage: &str, created: f64) -> Flown {
+/// Runs `case` and asserts the common criteria: converged windows, finite values, a valid grid, and energy added by the
+/// coupling of at most `created` times the work.
+fn run_case(case: &str, stage: &str, created: f64) -> Completed {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
     succeed(ripstop_run(&scene(&format!("hard/{case}")), &out, &["--quiet"]));
-    let flown = Flown::new(History::read(&out, stage));
+    let flown = Completed::new(History::read(&out, stage));
     let column = |name: &str| flown.history.column(name);
     assert!(column("coupling_converged").iter().all(|c| *c == 1.0), "{case}: windows above the tolerance");
-    answers_converged(case, &flown.history);
+    solves_converged(case, &flown.history);
     assert!(column("mesh_min_quality").iter().all(|q| *q > 0.0), "{case}");
     for name in
         ["structure_kinetic_energy_j", "structure_strain_energy_j", "volume_m3", "flow_max_pressure_pa"]
@@ -51,9 +51,8 @@ fn fly(case: &str, stage: &str, created: f64) -> Flown {
     flown
 }
 
-/// Demands of each accepted window that the answers of structure, flow and mesh met the targets that they
-/// state.
-fn answers_converged(case: &str, history: &History) {
+/// Asserts that the structure, flow and mesh solves of each accepted window met their targets.
+fn solves_converged(case: &str, history: &History) {
     let text = std::fs::read_to_string(scene(&format!("hard/{case}"))).expect("a scene");
     let explicit = text.contains("\nintegration = \"explicit\"");
     for (residual, target) in [
@@ -64,30 +63,31 @@ fn answers_converged(case: &str, history: &History) {
         for (window, (r, t)) in history.column(residual).iter().zip(history.column(target)).enumerate() {
             assert!(t == 0.0 || *r <= t, "{case}, window {window}: {residual} {r} above {t}");
         }
-        // Explicit steps solve nothing, and a mover that is not needed in a window neither.
+        // Explicit steps and unused mesh movers have no residual.
         let states = history.column(target).iter().any(|t| *t > 0.0);
         let may_not = residual == "mesh_residual" || (explicit && residual == "structure_residual");
         assert!(states || may_not, "{case}: no {target}");
     }
 }
 
-/// Share of the work that the coupling may create. A release is a jump of the load, to which the rates of the wall answer with
-/// first order: on `full-pressure` 2.2, 0.6 and 0.2 % are created with windows of 5, 2.5 and 1.25 ms. What it takes damps.
+/// Maximum energy added by the coupling, relative to the work. A release is a jump of the load, for which the interface
+/// velocities are first-order accurate: on `full-pressure` 2.2, 0.6 and 0.2 % are added with windows of 5, 2.5 and 1.25 ms.
+/// Negative values are dissipation.
 const CREATED: f64 = 0.03;
 
-/// Half of that bound with half the window (`change` of the scene).
-fn creates_no_energy_with_half_the_window(case: &str, stage: &str, change: (&str, &str)) {
+/// Asserts half of that bound with half the window (`change` of the scene).
+fn energy_error_halves_with_half_the_window(case: &str, stage: &str, change: (&str, &str)) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
     let file = changed_scene(&format!("hard/{case}"), folder.path(), &[change]);
     succeed(ripstop_run(&file, &out, &["--quiet"]));
-    let half = Flown::new(History::read(&out, stage)).last("interface_energy_error_share");
+    let half = Completed::new(History::read(&out, stage)).last("interface_energy_error_share");
     eprintln!("{case}: energy {half:+.4} of the work with half the window");
     assert!((-0.05..0.5 * CREATED).contains(&half), "{case}: {half} of the work with half the window");
 }
 
-/// The same case with the paper's staggered sequence must end with an error that says where,
-/// and leave only numbers behind.
+/// Asserts that the case with the staggered scheme of the paper ends with an error that names stage and window, and writes
+/// finite values only.
 fn staggered_fails(case: &str, stage: &str) {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
@@ -117,32 +117,31 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn the_staggered_sequence_cannot_hold_the_canopy_and_says_so() {
+fn staggered_scheme_diverges_on_the_canopy_with_an_error() {
     staggered_fails("gust", "descent");
 }
 
 #[test]
-fn a_flat_sheet_takes_the_whole_pressure_in_one_window() {
-    let f = fly("full-pressure", "descent", CREATED);
-    creates_no_energy_with_half_the_window(
+fn flat_sheet_under_full_pressure_in_one_window_is_stable() {
+    let f = run_case("full-pressure", "descent", CREATED);
+    energy_error_halves_with_half_the_window(
         "full-pressure",
         "descent",
         ("window_s = 5e-3", "window_s = 2.5e-3"),
     );
     assert!(f.iterations <= 5.5, "{}", f.iterations);
-    // Held still the sheet feels 105 N; free to move it goes with the air at once, and no
-    // window brings a blow of that size.
+    // The force on the fixed sheet is 105 N. The free sheet moves with the air at once, so no window reaches that force.
     let drag = f.history.column("drag_n");
     assert!(drag.iter().all(|d| d.abs() < 105.0), "{drag:?}");
     assert!(mean(&drag[4..]) > 0.0 && mean(&drag[4..]) < 30.0, "{drag:?}");
 }
 
 #[test]
-fn slack_lines_snap_taut_in_one_window() {
-    // After the snap the fabric rings faster than windows of 5 ms follow: loads of neighbouring windows have nothing to
-    // do with each other, and of such a load the mean lets the structure feel 9/16, so that 7/16 of its work appear
-    // as created (docs/records/stability.md). It falls once windows resolve the ringing.
-    let f = fly("snapping-lines", "descent", 7.0 / 16.0);
+fn slack_lines_that_snap_taut_in_one_window_are_stable() {
+    // After the snap the fabric oscillates faster than windows of 5 ms resolve: loads of successive windows are
+    // uncorrelated, and the mean load transfers 9/16 of such a load, so that 7/16 of its work appear as added energy
+    // (docs/records/stability.md). It decreases if the windows resolve the oscillation.
+    let f = run_case("snapping-lines", "descent", 7.0 / 16.0);
     assert!(f.iterations <= 6.5, "{}", f.iterations);
     let tension = f.history.column("max_line_tension_n");
     assert!(tension[..3].iter().all(|t| *t == 0.0), "slack at first: {tension:?}");
@@ -151,8 +150,8 @@ fn slack_lines_snap_taut_in_one_window() {
 }
 
 #[test]
-fn a_gust_doubles_the_speed_in_one_window() {
-    let f = fly("gust", "descent", CREATED);
+fn gust_that_doubles_the_speed_in_one_window_is_stable() {
+    let f = run_case("gust", "descent", CREATED);
     assert!(f.iterations <= 8.0, "{}", f.iterations);
     // Four times the dynamic pressure of 4 m/s (9.8 Pa on 4 m2 of cloth), with the added mass
     // of the jump in speed on top; and it passes.
@@ -163,20 +162,19 @@ fn a_gust_doubles_the_speed_in_one_window() {
 }
 
 #[test]
-fn payloads_ten_times_lighter_and_heavier() {
-    let light = fly("light-payload", "descent", CREATED);
-    let heavy = fly("heavy-payload", "descent", CREATED);
+fn payloads_ten_times_lighter_and_heavier_are_stable() {
+    let light = run_case("light-payload", "descent", CREATED);
+    let heavy = run_case("heavy-payload", "descent", CREATED);
     assert!(light.iterations <= 6.0 && heavy.iterations <= 5.5);
-    // The light one stops with the air, the heavy one falls almost freely: 9.8 m/s2 less the
-    // drag on 50 kg.
+    // The light one is stopped by the air; the heavy one is almost in free fall: 9.8 m/s2 minus the drag on 50 kg.
     assert!(light.last("descent_speed_m_s") < 3.7, "{}", light.last("descent_speed_m_s"));
     let fall = (heavy.last("descent_speed_m_s") - 4.0) / 0.04;
     assert!((6.0..9.81).contains(&fall), "{fall} m/s2");
 }
 
 #[test]
-fn a_window_ten_times_larger_than_planned() {
-    let f = fly("long-window", "descent", CREATED);
+fn window_ten_times_larger_than_planned_is_stable() {
+    let f = run_case("long-window", "descent", CREATED);
     assert!(f.iterations <= 6.0, "{}", f.iterations);
     // Steady to a few per cent: drag within a third of the weight of 5.4 kg.
     let drag = f.history.column("drag_n");
@@ -184,9 +182,9 @@ fn a_window_ten_times_larger_than_planned() {
 }
 
 #[test]
-fn vents_hardly_open() {
-    let f = fly("closed-vents", "descent", CREATED);
-    creates_no_energy_with_half_the_window(
+fn nearly_closed_vents_are_stable() {
+    let f = run_case("closed-vents", "descent", CREATED);
+    energy_error_halves_with_half_the_window(
         "closed-vents",
         "descent",
         ("window_s = 5e-3", "window_s = 2.5e-3"),
@@ -199,10 +197,10 @@ fn vents_hardly_open() {
 /// every dimensionless number but the Mach number alone. In these first windows sound still crosses
 /// the canopy in one of them at Mach 1.2e-2: 11 % were seen.
 #[test]
-fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
-    let slow = fly("low-mach", "descent", CREATED);
+fn results_at_mach_1e_3_match_those_at_1e_2() {
+    let slow = run_case("low-mach", "descent", CREATED);
     let half = ("window_s = 0.0588235294", "window_s = 0.0294117647");
-    creates_no_energy_with_half_the_window("low-mach", "descent", half);
+    energy_error_halves_with_half_the_window("low-mach", "descent", half);
     let k: f64 = 0.34 / 4.0;
     let folder = tempfile::tempdir().expect("a folder");
     let text = std::fs::read_to_string(scene("hard/low-mach")).expect("a scene");
@@ -230,8 +228,8 @@ fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
     std::fs::write(&file, fast).expect("a scene");
     let out = folder.path().join("out");
     succeed(ripstop_run(&file, &out, &["--quiet"]));
-    let fast = Flown::new(History::read(&out, "descent"));
-    let drag = |f: &Flown| mean(&f.history.column("cd")[2..]);
+    let fast = Completed::new(History::read(&out, "descent"));
+    let drag = |f: &Completed| mean(&f.history.column("cd")[2..]);
     let (a, b) = (drag(&slow), drag(&fast));
     eprintln!(
         "drag coefficient {a:.4} at Mach 1e-3, {b:.4} at 1.2e-2; {:.1} and {:.1} iterations",
@@ -242,17 +240,17 @@ fn the_answer_at_mach_1e_3_is_that_at_1e_2() {
 }
 
 #[test]
-fn fabric_half_slack_and_half_taut() {
-    let f = fly("half-slack", "release", CREATED);
+fn half_slack_fabric_is_stable() {
+    let f = run_case("half-slack", "release", CREATED);
     assert!(f.iterations <= 5.0, "{}", f.iterations);
-    // The bulge goes back without a kick: every window takes some of it.
+    // The bulge recovers smoothly: its size decreases in every window.
     let volume = f.history.column("volume_m3");
     assert!(volume.windows(2).all(|w| w[1] < w[0] && w[1] > 0.0), "{volume:?}");
 }
 
 #[test]
-fn a_light_leaflet_between_two_streams() {
-    let f = fly("leaflet", "release", CREATED);
+fn light_leaflet_between_two_streams_is_stable() {
+    let f = run_case("leaflet", "release", CREATED);
     assert!(f.iterations <= 4.5, "{}", f.iterations);
     let volume = f.history.column("volume_m3");
     let most = volume.iter().fold(0.0f64, |m, v| m.max(v.abs()));
@@ -262,7 +260,7 @@ fn a_light_leaflet_between_two_streams() {
 
 /// The exact vibration of the panel: `studies::stability::exact`.
 #[test]
-fn added_mass_of_0_1_to_1000_times_the_fabric() {
+fn default_scheme_is_stable_for_mass_ratios_0_1_to_1000() {
     let folder = tempfile::tempdir().expect("a folder");
     let run = || {
         let mut command = Command::new(program("ripstop"));
@@ -277,9 +275,9 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
         let at = names.iter().position(|n| *n == name).expect("a column");
         line.split(',').nth(at).expect("a cell").to_owned()
     };
-    let members: Vec<&str> = table.lines().skip(1).collect();
-    assert_eq!(members.len(), 6);
-    for line in members {
+    let samples: Vec<&str> = table.lines().skip(1).collect();
+    assert_eq!(samples.len(), 6);
+    for line in samples {
         let ratio: f64 = cell(line, "mass_ratio").parse().expect("a number");
         let class = cell(line, "class");
         if cell(line, "scheme") == "staggered" {
@@ -293,15 +291,15 @@ fn added_mass_of_0_1_to_1000_times_the_fabric() {
         assert!(number("amplitude_error").abs() < 0.1 && number("energy_created") < 0.1, "{line}");
         assert!(number("iterations_per_window") < 6.0, "{line}");
     }
-    // What was flown is kept: the second time starts no program.
+    // Results are reused: the second call starts no program.
     let again = run();
     let words = String::from_utf8_lossy(&again.stderr);
-    assert!(words.contains("6 of 6 members are there already"), "{words}");
+    assert!(words.contains("6 of 6 samples have results"), "{words}");
 }
 
 #[test]
-fn cells_of_aspect_ratio_1000_beside_the_panel() {
-    let f = fly("thin-cells", "vibration", CREATED);
+fn cells_of_aspect_ratio_1000_at_the_panel_are_stable() {
+    let f = run_case("thin-cells", "vibration", CREATED);
     assert!(f.iterations <= 6.5, "{}", f.iterations);
     // Half a period: the bulge has gone to the other side.
     let volume = f.history.column("volume_m3");
@@ -310,8 +308,8 @@ fn cells_of_aspect_ratio_1000_beside_the_panel() {
 
 /// A stream drives the air over a light bottom by friction: what bends the panel are hundredths of a pascal.
 #[test]
-fn a_cavity_with_a_flexible_bottom() {
-    let f = fly("cavity", "release", CREATED);
+fn cavity_with_a_flexible_bottom_is_stable() {
+    let f = run_case("cavity", "release", CREATED);
     assert!(f.iterations <= 9.0, "{}", f.iterations);
     // 0.01 Pa on a tenth of a square metre, and a bulge of a few tenths of a millimetre.
     let (drag, volume) = (f.history.column("drag_n"), f.history.column("volume_m3"));
@@ -319,25 +317,25 @@ fn a_cavity_with_a_flexible_bottom() {
     assert!(volume.iter().all(|v| (5e-6..5e-5).contains(v)), "{volume:?}");
 }
 
-/// Nothing but the air's own compressibility sets the pressure below a panel that closes a box: it must come to
-/// that of the bulge, which hardly loses volume ($\delta V = V p / p_0$, 1e-4 of the bulge). The first window is
-/// too long for that (sound crosses the box a dozen times in it) and must be given back.
+/// The pressure below a panel that closes a box is determined by the compressibility of the air: it must reach the
+/// pressure of the bulge, which loses little volume ($\delta V = V p / p_0$, 1e-4 of the bulge). The first window is
+/// too long for that (sound crosses the box a dozen times in it) and must be rejected.
 #[test]
-fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
+fn closed_box_with_a_flexible_wall_retries_with_shorter_windows() {
     let folder = tempfile::tempdir().expect("a folder");
     let whole = [("[flow]\n", "[coupling.adaptive]\nenabled = false\n\n[flow]\n")];
     let file = changed_scene("hard/closed-box", folder.path(), &whole);
     let failed = ripstop_run(&file, &folder.path().join("whole"), &["--quiet"]).output().expect("starts");
     let words = String::from_utf8_lossy(&failed.stderr);
     assert_eq!(failed.status.code(), Some(1), "windows of one length: {words}");
-    // The coupling gives up, or an iterate of it is more than the grid can follow.
+    // The coupling does not converge, or the grid cannot follow an iterate.
     let ends = ["the coupling failed", "the grid cannot follow the canopy"];
     let in_the_first = |end: &&str| words.contains(&format!("{end} in stage `vibration`, window 0"));
     assert!(ends.iter().any(in_the_first), "{words}");
 
     let out = folder.path().join("out");
     succeed(ripstop_run(&scene("hard/closed-box"), &out, &["--quiet"]));
-    let f = Flown::new(History::read(&out, "vibration"));
+    let f = Completed::new(History::read(&out, "vibration"));
     let (given_back, length) = (f.history.column("rejected_attempts"), f.history.column("window_s"));
     let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
     let drag = f.history.column("drag_n");
@@ -347,12 +345,11 @@ fn a_closed_box_with_a_flexible_wall_takes_shorter_windows() {
         given_back.iter().sum::<f64>()
     );
     assert!(given_back.iter().sum::<f64>() >= 1.0);
-    // Nothing moves and no wind blows: what is measured against is the way that the pressure of the bulge
-    // moves the fabric.
+    // Without motion and wind, the reference displacement is that of the fabric under the pressure of the bulge.
     let (converged, residual) =
         (f.history.column("coupling_converged"), f.history.column("coupling_residual"));
     assert!(converged.iter().all(|c| *c == 1.0) && residual.iter().all(|r| *r <= 1e-3), "{residual:?}");
-    answers_converged("closed-box", &f.history);
+    solves_converged("closed-box", &f.history);
     let share = f.last("interface_energy_error_share");
     assert!(share < CREATED, "the coupling created {share} of the work");
     assert!((length.iter().sum::<f64>() - 0.16).abs() < 1e-12 && (f.last("time_s") - 0.16).abs() < 1e-12);
@@ -413,8 +410,8 @@ mod channel {
 }
 
 #[test]
-fn pressure_waves_run_into_a_channel_at_the_known_speed() {
-    let f = fly("channel", "waves", CREATED);
+fn pressure_waves_in_a_channel_have_the_exact_speed() {
+    let f = run_case("channel", "waves", CREATED);
     assert!(f.iterations <= 7.0, "{}", f.iterations);
     let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
     // The volume falls in a straight line as the waves run in, and is gone when they meet.
@@ -422,7 +419,7 @@ fn pressure_waves_run_into_a_channel_at_the_known_speed() {
     let share = volume[after - 1] / (volume[after - 1] - volume[after]);
     let gone = time[after - 1] + share * (time[after] - time[after - 1]);
     let start = volume[0] / channel::volume(time[0]);
-    let worst = |f: &Flown| {
+    let worst = |f: &Completed| {
         let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
         let start = volume[0] / channel::volume(time[0]);
         let errors = time.iter().zip(&volume).take_while(|(t, _)| **t < 1.0);
@@ -432,28 +429,28 @@ fn pressure_waves_run_into_a_channel_at_the_known_speed() {
     let out = folder.path().join("out");
     let file = changed_scene("hard/channel", folder.path(), &[("window_s = 0.03", "window_s = 0.015")]);
     succeed(ripstop_run(&file, &out, &["--quiet"]));
-    let errors = [worst(&f), worst(&Flown::new(History::read(&out, "waves")))];
+    let errors = [worst(&f), worst(&Completed::new(History::read(&out, "waves")))];
     eprintln!(
         "channel: speed {:.3} of {:.3} m/s, volume within {errors:.3?} of its start with the window and half of it",
         channel::speed() * channel::met() / gone,
         channel::speed()
     );
-    // Six straight cells across are 1/36 too stiff: waves 1.4 % too fast.
+    // Six linear cells across are 1/36 too stiff: waves are 1.4 % too fast.
     assert!((gone / channel::met() - 1.0).abs() < 0.025, "{gone} s instead of {}", channel::met());
     // The corner of the straight line, where the wave takes the whole length of a cell, is what is left (2 to 3 %), and
     // the window in which the bulge is let go, which is of first order.
     assert!(errors[0] < 0.065 && errors[1] < 0.8 * errors[0], "{errors:?}");
-    // And comes back as deep: nothing is lost in the half period.
+    // The bulge has the same depth after half a period, so there is no dissipation.
     let least = volume.iter().fold(0.0f64, |m, v| m.min(*v)) / start;
     assert!((-1.0..-0.8).contains(&least), "{least}");
 }
 
 #[test]
-fn the_staggered_sequence_cannot_hold_the_channel_and_says_so() {
+fn staggered_scheme_diverges_on_the_channel_with_an_error() {
     staggered_fails("channel", "waves");
 }
 
-/// Memory of each program of a run, MiB: what it holds of its own and its libraries, by the folder on its command line.
+/// Resident memory of each program of a run, MiB, including libraries; found by the folder on its command line.
 fn resident(mark: &str) -> Vec<(String, f64)> {
     let of = |(pid, line): (u32, String)| {
         let name = Path::new(line.split(' ').next()?).file_name()?.to_str()?.to_owned();
@@ -467,18 +464,18 @@ fn resident(mark: &str) -> Vec<(String, f64)> {
     found
 }
 
-/// Drift over 10 000 windows: energy books, and memory of the programs.
+/// Drift over 10 000 windows: interface energy balance, and memory of the programs.
 /// `cargo test --release --workspace --test hard_cases -- --ignored --nocapture ten_thousand`
 #[test]
 #[ignore = "nightly: 12 minutes; results in docs/records/stability.md"]
-fn ten_thousand_windows_of_a_small_descent() {
+fn ten_thousand_windows_have_no_drift() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
     let mut child = ripstop_tests::start(ripstop_run(&scene("hard/long-descent"), &out, &["--quiet"]));
     let mark = out.display().to_string();
     let history = out.join("descent/history.csv");
-    // After so many windows: least memory seen of each program within the hundred that follow. A new reference grid, a
-    // saved state or a picture takes more for a moment.
+    // Number of windows after which memory is sampled: minimum of each program over the following hundred windows, because
+    // regridding, saved states and snapshots need more temporarily.
     let stations = [1000, 2000, 5000, 9800];
     let mut memory: [BTreeMap<String, f64>; 4] = Default::default();
     let status = loop {
@@ -497,7 +494,7 @@ fn ten_thousand_windows_of_a_small_descent() {
         std::thread::sleep(std::time::Duration::from_secs(1));
     };
     assert!(status.success());
-    let f = Flown::new(History::read(&out, "descent"));
+    let f = Completed::new(History::read(&out, "descent"));
     let share = f.history.column("interface_energy_error_share");
     for (station, seen) in stations.iter().zip(&memory) {
         eprintln!(
@@ -514,12 +511,12 @@ fn ten_thousand_windows_of_a_small_descent() {
     );
     let above = f.history.column("coupling_converged").iter().filter(|c| **c == 0.0).count();
     eprintln!("{above} windows above the tolerance, {:.1e} at most", f.most("coupling_residual"));
-    // Single windows end above 1e-3 where the canopy folds; none is as far off as one that is given back.
+    // Single windows end above 1e-3 when the canopy folds, but below the limit of rejection.
     assert!(50 * above < f.history.len() && f.most("coupling_residual") < 0.1, "{above} windows");
-    // Windows given back are more rows of shorter ones: the time is what has to be met.
+    // Rejected windows give additional rows of shorter windows: the final time must agree.
     assert!(f.history.len() >= 10_000 && (f.last("time_s") - 50.0).abs() < 1e-6, "{}", f.last("time_s"));
     assert!(share[999..].iter().all(|s| (s - share[999]).abs() < 0.02), "the books drift");
-    // What a program holds after 1000 windows is all it will ever need.
+    // Memory does not grow after 1000 windows.
     for (name, late) in &memory[3] {
         let early = memory[0][name];
         assert!(*late < 1.05 * early + 2.0, "{name}: {early:.1} MiB became {late:.1} MiB");

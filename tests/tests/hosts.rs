@@ -1,4 +1,4 @@
-//! Ranks on two hosts, played on this machine by `scripts/two-hosts`.
+//! Ranks on two hosts, emulated on this machine by `scripts/two-hosts`.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,7 +12,7 @@ use ripstop_tests::{
 
 const RANKS: [&str; 2] = ["--ranks", "structure=2,mesh=2,flow=3"];
 
-/// A `ripstop run` with ranks on both hosts; `None`, said aloud, where hosts cannot be played.
+/// A `ripstop run` with ranks on both hosts; `None` (with a message) if hosts cannot be emulated.
 fn on_two_hosts(scene: &Path, out: &Path, options: &[&str]) -> Option<Command> {
     let script = root().join("scripts/two-hosts");
     let tried = Command::new(&script).arg("true").output().expect("a shell");
@@ -27,9 +27,9 @@ fn on_two_hosts(scene: &Path, out: &Path, options: &[&str]) -> Option<Command> {
     Some(command)
 }
 
-/// Ranks of all three programs elsewhere than the coupler: the same answers to the bit.
+/// Ranks of all three programs on another host than the coupler: bitwise identical results.
 #[test]
-fn ranks_on_another_host_change_no_number() {
+fn results_do_not_depend_on_hosts_bitwise() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = changed_scene("square-drop", folder.path(), &[]);
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
@@ -53,10 +53,10 @@ fn ranks_on_another_host_change_no_number() {
     }
 }
 
-/// The batch script asks for ranks on the nodes that Slurm gives it, the first of each program on
-/// the first node, where it runs itself.
+/// The batch script places ranks on the nodes of the Slurm allocation, the first of each program on the first node, where
+/// it runs itself.
 #[test]
-fn the_batch_script_for_slurm_spreads_the_ranks() {
+fn slurm_script_distributes_the_ranks() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().expect("a folder");
     let script = |name: &str, text: &str| {
@@ -66,7 +66,7 @@ fn the_batch_script_for_slurm_spreads_the_ranks() {
         file
     };
     script("scontrol", "[ \"$*\" = \"show hostnames n[07-08]\" ] && printf 'n07\\nn08\\n'");
-    // Says what would run, in the place of running it.
+    // Prints the commands instead of running them.
     let check = script("check", &format!("shift; exec '{}' check \"$@\"", program("ripstop").display()));
     let path = format!("{}:{}", folder.path().display(), std::env::var("PATH").expect("a PATH"));
     let output = Command::new(root().join("docs/how-to/slurm.sh"))
@@ -88,16 +88,16 @@ fn the_batch_script_for_slurm_spreads_the_ranks() {
     }
 }
 
-/// What a run that ended wrote to its standard error.
+/// Standard error of a run that has ended.
 fn errors_of(run: &mut std::process::Child) -> String {
     let mut text = String::new();
     std::io::Read::read_to_string(&mut run.stderr.take().expect("captured"), &mut text).expect("text");
     text
 }
 
-/// A rank elsewhere sleeps while the others work, and its death ends the run.
+/// A rank on another host sleeps while the others work, and its failure ends the run.
 #[test]
-fn a_rank_on_another_host_waits_asleep_and_is_missed() {
+fn remote_rank_sleeps_and_its_failure_ends_the_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = changed_scene("square-drop", folder.path(), &[("duration_s = 0.1\n", "duration_s = 50.0\n")]);
     let out = folder.path().join("out");
@@ -130,10 +130,10 @@ fn a_rank_on_another_host_waits_asleep_and_is_missed() {
     let elsewhere: Vec<u32> =
         [ranks("flow-solver"), ranks("mesh-mover")].concat().into_iter().filter(far).collect();
     assert_eq!(elsewhere.len(), 2, "one rank of each");
-    // With the structure stopped, everyone else soon waits for it.
+    // With the structure stopped, all other programs wait for it.
     let stopped = ranks("structure-solver");
     stopped.iter().for_each(|&pid| signal(pid, Signal::STOP));
-    // A thousand looks a second at MPI's queues.
+    // A thousand polls per second of the MPI queues.
     asleep(&elsewhere, 0.05, Duration::from_secs(30));
     stopped.iter().for_each(|&pid| signal(pid, Signal::CONT));
 

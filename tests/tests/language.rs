@@ -1,12 +1,15 @@
-//! Text for people uses the words of `tests/refused-words.txt` nowhere.
+//! User-visible text contains none of the words of `tests/refused-words.txt`.
+//!
+//! User-visible text: comments, string literals and public names of sources, help texts, documents, scenes and the scene
+//! schema. A finding names file, line, word, replacement and reason.
 
 use std::path::Path;
 use std::process::Command;
 
-use ripstop_tests::prose::{Found, public_names, refused, search, texts_of_rust};
+use ripstop_tests::prose::{Found, json_keys, public_names, refused, search, texts_of_rust};
 use ripstop_tests::{program, root};
 
-/// Files of the repository with one of these endings that are text for people; tests and their helpers are not.
+/// Files of the repository with this ending, except tests, records and the changelog.
 fn files(ending: &str) -> Vec<String> {
     let output =
         Command::new("git").arg("-C").arg(root()).args(["ls-files", &format!("*.{ending}")]).output();
@@ -37,12 +40,9 @@ fn read(file: &str) -> String {
     std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"))
 }
 
-/// No finding, or all of them.
-fn none(findings: Vec<(String, Found)>) {
-    let lines: Vec<String> = findings
-        .iter()
-        .map(|(file, f)| format!("{file}:{}: \"{}\": write: {}", f.line, f.word, f.replacement))
-        .collect();
+/// Fails with all findings, if any.
+fn assert_none(findings: Vec<(String, Found)>) {
+    let lines: Vec<String> = findings.iter().map(|(file, f)| format!("{file}:{f}")).collect();
     assert!(lines.is_empty(), "{} refused words:\n{}", lines.len(), lines.join("\n"));
 }
 
@@ -58,7 +58,7 @@ fn sources_use_standard_words() {
             findings.extend(search(&text, line, &words).into_iter().map(|f| (file.clone(), f)));
         }
     }
-    none(findings);
+    assert_none(findings);
 }
 
 #[test]
@@ -70,7 +70,17 @@ fn documents_scenes_and_scripts_use_standard_words() {
             findings.extend(search(&read(&file), 1, &words).into_iter().map(|f| (file.clone(), f)));
         }
     }
-    none(findings);
+    assert_none(findings);
+}
+
+#[test]
+fn keys_of_the_scene_schema_use_standard_words() {
+    let words = refused(include_str!("../refused-words.txt"));
+    let file = "cases/scene.schema.json";
+    let keys = json_keys(&read(file));
+    assert!(keys.len() > 300, "{} keys", keys.len());
+    let found = keys.into_iter().flat_map(|(line, key)| search(&key, line, &words));
+    assert_none(found.map(|f| (file.to_owned(), f)).collect());
 }
 
 #[test]
@@ -97,5 +107,5 @@ fn help_texts_use_standard_words() {
         findings
             .extend(search(&text, 1, &words).into_iter().map(|f| (format!("{name} {command} --help"), f)));
     }
-    none(findings);
+    assert_none(findings);
 }

@@ -1,4 +1,4 @@
-//! Limits of available time: the clock that other tests measure with.
+//! Limits of available time, the clock of other tests.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,22 +34,22 @@ fn work(length: Duration) -> (f64, f64) {
 }
 
 #[test]
-fn available_time_of_a_computation_does_not_depend_on_the_load() {
+fn available_time_of_a_computation_is_independent_of_load() {
     let cores = std::thread::available_parallelism().map_or(2, usize::from);
     let load = Load::new(4 * cores);
     let mut works: Vec<(f64, f64)> = (0..5).map(|_| work(Duration::from_millis(200))).collect();
     drop(load);
-    // The scheduler gives equal shares in the mean only: a thread waits for tens of milliseconds, then has them back, and
-    // threads that share a core with more others have less until they are moved. The median of five leaves that out.
+    // The scheduler gives equal shares on average only: threads wait for tens of milliseconds, and threads on a busier core
+    // get less until they are migrated. The median of five removes this scatter.
     works.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (clock, available) = works[2];
-    // Four loops to a core, the work and the measurement: by the clock it takes four times longer, in the mean.
+    // Four loops per core plus the work and the measurement: four times the wall time on average.
     assert!(works.iter().map(|w| w.0).sum::<f64>() > 2.0, "the load is none: {works:?}");
     assert!((0.1..0.4).contains(&available), "{available} s available, {clock} s by the clock, of {works:?}");
 }
 
 #[test]
-fn a_limit_passes_once_its_time_was_available() {
+fn limit_passes_after_its_available_time() {
     let begin = Instant::now();
     let end = Limit::new(Duration::from_millis(100)).until(Duration::from_millis(1), || false);
     // No more time is available than passes by the clock.

@@ -1,4 +1,4 @@
-//! Programs in Python take the place of ours: `python/examples`.
+//! Python programs as participants: `python/examples`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -6,7 +6,7 @@ use std::process::Command;
 use ripstop_tests::skip::skipped;
 use ripstop_tests::{History, changed_scene, program, ripstop_run, root, succeed};
 
-/// A Python that has what `python/` needs; `None`, said aloud, where there is none.
+/// A Python with the requirements of `python/`; `None` (with a message) without one.
 fn python() -> Option<PathBuf> {
     let found = [root().join("target/python/bin/python3"), "python3".into()].into_iter().find(|python| {
         let tried = Command::new(python).args(["-c", "import iceoryx2, numpy"]).output();
@@ -40,7 +40,7 @@ fn deviation(a: &History, b: &History, column: &str) -> f64 {
 }
 
 #[test]
-fn a_mass_spring_canopy_and_an_inverse_distance_mover_fly() {
+fn mass_spring_canopy_and_inverse_distance_mover_complete_a_run() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let scene = square(folder.path());
@@ -54,8 +54,8 @@ fn a_mass_spring_canopy_and_an_inverse_distance_mover_fly() {
     let options = [&two[..], &replaced].concat();
     succeed(ripstop_run(&scene, &theirs, &options));
 
-    // The same masses are pushed by the same pressure from rest. A net and a membrane
-    // differ in how the hem starts to flutter: 2.5 % of the energy after two windows.
+    // Equal masses under equal pressure from rest. A net and a membrane differ in the initial flutter of the edge: 2.5 % of
+    // the energy after two windows.
     let (a, b) = (History::read(&theirs, "pre-inflation"), History::read(&ours, "pre-inflation"));
     assert_eq!(a.len(), 2);
     for (column, tolerance) in
@@ -81,7 +81,7 @@ fn a_mass_spring_canopy_and_an_inverse_distance_mover_fly() {
 }
 
 #[test]
-fn an_exception_is_the_error_of_the_run() {
+fn python_exception_is_the_error_of_the_run() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("torn.py");
@@ -105,7 +105,7 @@ fn an_exception_is_the_error_of_the_run() {
     assert_eq!(History::read(&out, "pre-inflation").len(), 1);
 }
 
-/// A flow of even pressure, that checks the moved grid it reads (in an order of its own).
+/// A flow with uniform pressure that checks the moved grid it reads (in its own node order).
 const EVEN: &str = "
 import numpy as np
 import ripstop
@@ -155,7 +155,7 @@ ripstop.main(Even)
 ";
 
 #[test]
-fn a_flow_in_python_reads_the_moved_grids_of_both_movers() {
+fn python_flow_reads_the_moved_grids_of_both_movers() {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("even.py");

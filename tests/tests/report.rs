@@ -1,4 +1,4 @@
-//! The page about a run, opened in a browser and used as a person would.
+//! The report of a run, tested in a browser.
 
 use std::path::Path;
 use std::process::Command;
@@ -14,8 +14,8 @@ fn report(run: &Path, options: &[&str]) -> Command {
     command
 }
 
-/// Number of colours on the canopy's canvas, and a sum over its pixels. Drawn and read in one go, for a
-/// canvas may forget its picture afterwards.
+/// Number of colours on the canvas of the canopy, and a hash of its pixels. Drawn and read in one call, because the canvas
+/// buffer may be cleared afterwards.
 const PIXELS: &str = "(() => { const v = document.getElementById('canopy').viewer; v.render(); \
     const c = document.createElement('canvas'); [c.width, c.height] = [v.canvas.width, v.canvas.height]; \
     const x = c.getContext('2d'); x.drawImage(v.canvas, 0, 0); \
@@ -28,8 +28,8 @@ fn colours_and_sum(browser: &mut Browser) -> (u64, u64) {
 }
 
 #[test]
-#[expect(clippy::too_many_lines, reason = "one visit to a page from top to bottom")]
-fn the_page_of_a_small_run_is_whole_and_works() {
+#[expect(clippy::too_many_lines, reason = "one session in the page")]
+fn report_page_is_complete_and_interactive() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("run");
     let output = "[output]\nsurface_every_windows = 2\nvolume_every_windows = 10\n\n[coupling]";
@@ -52,9 +52,9 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     browser.open(&page);
     browser.until("document.getElementById('canopy').dataset.state === 'ready'");
     let missing = browser.evaluate("document.getElementById('missing') === null");
-    assert_eq!(missing, json!(true), "a complete run lacks nothing");
+    assert_eq!(missing, json!(true), "a complete run has no missing data");
 
-    // The canopy is drawn: shaded colours, not one of paper and one of lines.
+    // The canopy is shaded: more than the colours of background and lines.
     let (colours, last) = colours_and_sum(&mut browser);
     assert!(colours > 500, "{colours} colours on the canvas");
     let state = |browser: &mut Browser| {
@@ -66,7 +66,7 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     assert_eq!(frames[1], json!(10));
     assert_eq!(state(&mut browser), json!([1, 9, 0, false]));
 
-    // One key press on the slider is one picture back in time.
+    // A key press on the slider goes back by one frame.
     browser.evaluate("document.querySelector('[data-part=time]').focus()");
     browser.key("ArrowLeft", 37);
     assert_eq!(state(&mut browser), json!([1, 8, 0, false]));
@@ -74,7 +74,7 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     assert_ne!(last, earlier, "the canopy did not move");
     assert_eq!(browser.evaluate("document.querySelector('[data-part=clock]').textContent"), json!("0.090 s"));
 
-    // Other colours, another legend.
+    // Other fields with their legends.
     let choose = |browser: &mut Browser, part: &str, value: u32| {
         browser.evaluate(&format!(
             "(() => {{ const s = document.querySelector('[data-part={part}]'); s.value = {value}; \
@@ -85,16 +85,16 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     for field in [1, 2] {
         choose(&mut browser, "field", field);
         let (_, sum) = colours_and_sum(&mut browser);
-        assert!(!seen.contains(&sum), "colour {field} looks like one before");
+        assert!(!seen.contains(&sum), "colour {field} equals an earlier one");
         seen.push(sum);
     }
     let legend = browser.evaluate("document.querySelector('[data-part=legend]').textContent");
     assert_eq!(legend, json!("slackwrinkledtaut"));
 
-    // Play goes on by itself, and stops.
+    // Play and pause.
     browser.click("[data-part=play]");
     if browser.evaluate("canopy.viewer.playing") == json!(false) {
-        // The page moved under the pointer: the legend had just changed.
+        // The layout changed under the pointer with the legend.
         browser.click("[data-part=play]");
     }
     assert_eq!(browser.evaluate("canopy.viewer.playing"), json!(true));
@@ -103,10 +103,10 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     browser.click("[data-part=play]");
     assert_eq!(browser.evaluate("canopy.viewer.playing"), json!(false));
 
-    // Turning, lines, mesh, the other stage.
+    // Rotation, lines, mesh, the other stage.
     let before = colours_and_sum(&mut browser).1;
     browser.drag("#canopy canvas", [120.0, 40.0]);
-    assert_ne!(before, colours_and_sum(&mut browser).1, "dragging did not turn it");
+    assert_ne!(before, colours_and_sum(&mut browser).1, "dragging did not rotate it");
     for part in ["lines", "mesh"] {
         let before = colours_and_sum(&mut browser).1;
         browser.click(&format!("[data-part={part}]"));
@@ -116,7 +116,7 @@ fn the_page_of_a_small_run_is_whole_and_works() {
     assert_eq!(browser.evaluate("canopy.viewer.stage"), json!(0));
     browser.point("#canopy canvas");
 
-    // A chart tells the value under the pointer.
+    // A chart shows the value at the pointer.
     browser.point("#stage-descent-descent-speed svg");
     let tip =
         browser.evaluate("document.querySelector('#stage-descent-descent-speed svg .marks').textContent");
@@ -126,7 +126,7 @@ fn the_page_of_a_small_run_is_whole_and_works() {
 
     assert_eq!(browser.complaints(), Vec::<String>::new());
     let asked: Vec<String> = browser.requests().into_iter().filter(|u| !u.starts_with("data:")).collect();
-    assert_eq!(asked, [format!("file://{}", page.display())], "the page asked for more than itself");
+    assert_eq!(asked, [format!("file://{}", page.display())], "the page requests other resources");
 
     if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {
         std::fs::copy(&page, Path::new(&keep).join("report.html")).expect("a folder");
@@ -134,19 +134,19 @@ fn the_page_of_a_small_run_is_whole_and_works() {
 }
 
 #[test]
-fn a_run_that_stopped_early_has_a_page_too() {
+fn incomplete_run_has_a_report() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("run");
     let scene = ripstop_tests::scene("air-bag");
-    // Killed at once it leaves a scene at most: no page, but words.
+    // A run killed at once leaves at most a scene: a message instead of a report.
     std::fs::create_dir_all(&out).expect("a folder");
     let empty = report(&out, &[]).output().expect("it starts");
     assert_eq!(empty.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&empty.stderr).contains("scene.toml is missing"));
     succeed(ripstop_run(&scene, &out, &["--quiet", "--stop-after-windows", "3"]));
     std::fs::remove_file(out.join("summary.json")).expect("it was there");
-    let said = succeed(report(&out, &[]));
-    let said = String::from_utf8_lossy(&said.stderr).into_owned();
-    assert!(said.contains("summary.json is not there"), "{said}");
+    let output = succeed(report(&out, &[]));
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(errors.contains("summary.json is missing"), "{errors}");
     assert!(out.join("report.html").is_file());
 }

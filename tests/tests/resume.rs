@@ -1,4 +1,4 @@
-//! A run that is ended in its middle and resumed gives the results of one that never was.
+//! Restart: an interrupted and resumed run gives the results of an uninterrupted one.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
@@ -11,8 +11,8 @@ use ripstop_tests::{
 };
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 
-/// The small descent, cut short: 12 windows of inflation, 3 of flow, 8 coupled, with tables and series
-/// of every kind.
+/// A short version of the small descent: 12 windows of inflation, 3 of flow, 8 coupled, with all kinds of tables and
+/// series.
 const SHORT: [(&str, &str); 5] = [
     ("duration_s = 1.0\n", "duration_s = 0.06\n"),
     ("duration_s = 0.2\nwindow_s = 2e-2", "duration_s = 0.03\nwindow_s = 1e-2"),
@@ -31,7 +31,7 @@ fn short(folder: &Path, more: &[(&str, &str)]) -> PathBuf {
     changed_scene("square-drop", folder, &[&SHORT, more].concat())
 }
 
-/// Ends a run with `signal` once `stage` has `rows` rows; returns its exit code and what it said.
+/// Ends a run with `signal` once `stage` has `rows` rows; returns its exit code and output.
 fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: Signal) -> (Option<i32>, String) {
     let limit = Limit::new(Duration::from_secs(120));
     let file = out.join(stage).join("history.csv");
@@ -51,7 +51,7 @@ fn cut(mut run: Child, out: &Path, stage: &str, rows: usize, signal: Signal) -> 
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// A run that is refused or fails: its exit code and what it said.
+/// A run that is refused or fails: exit code and output.
 fn fails(mut run: Command) -> (Option<i32>, String) {
     let output = run.output().expect("ripstop starts");
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
@@ -62,7 +62,7 @@ fn is_wall(key: &str) -> bool {
     key.ends_with("wall_s") || key.ends_with("busy_s") || of_the_machine.contains(&key)
 }
 
-/// All that two runs have left is the same but for wall times.
+/// Asserts that the results of two runs are identical except for wall times.
 fn assert_same(a: &Path, b: &Path) {
     let mut files = Vec::new();
     let folders = std::fs::read_dir(a).expect("a folder").flatten().map(|e| e.path());
@@ -91,13 +91,13 @@ fn assert_same(a: &Path, b: &Path) {
 }
 
 #[test]
-fn a_run_that_is_interrupted_in_every_stage_and_killed_ends_as_one_that_was_not() {
+fn resumed_run_is_bitwise_identical() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = short(folder.path(), &[]);
     let (whole, parts) = (folder.path().join("whole"), folder.path().join("parts"));
     succeed(ripstop_run(&scene, &whole, &[]));
 
-    // Each part is resumed by the command that the part before it printed, run as printed.
+    // Each part is resumed with the command printed by the previous part.
     let mut next = ripstop_run(&scene, &parts, &["--set", "output.checkpoint_every_windows=1000"]);
     for (stage, rows, signal) in
         [("pre-inflation", 4, Signal::INT), ("developed-flow", 1, Signal::TERM), ("descent", 2, Signal::TERM)]
@@ -112,7 +112,7 @@ fn a_run_that_is_interrupted_in_every_stage_and_killed_ends_as_one_that_was_not(
         next = Command::new("sh");
         next.args(["-c", &format!("exec {printed}")]);
     }
-    // Killed without warning: the last saved state serves, and a torn row does no harm.
+    // Killed: resumes from the last saved state; an incomplete row is removed.
     let run = start(ripstop_run(&scene, &parts, &["--resume", "--checkpoint-every", "2"]));
     let (code, text) = cut(run, &parts, "descent", 5, Signal::KILL);
     assert_eq!(code, None, "{text}");
@@ -122,19 +122,19 @@ fn a_run_that_is_interrupted_in_every_stage_and_killed_ends_as_one_that_was_not(
     succeed(ripstop_run(&scene, &parts, &["--resume"]));
     assert_same(&whole, &parts);
 
-    // All is done.
+    // A complete run is not resumed.
     let again = succeed(ripstop_run(&scene, &parts, &["--resume"]));
     assert!(String::from_utf8_lossy(&again.stderr).contains("this run is complete"), "{again:?}");
     assert_same(&whole, &parts);
 
-    // Saving changes nothing, however often.
+    // The save interval does not affect the results.
     let often = folder.path().join("often");
     succeed(ripstop_run(&scene, &often, &["--checkpoint-every", "1"]));
     assert_same(&whole, &often);
 }
 
 #[test]
-fn a_damaged_state_gives_way_to_the_one_before_it() {
+fn damaged_state_is_replaced_by_the_previous_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = short(folder.path(), &[]);
     let (whole, out) = (folder.path().join("whole"), folder.path().join("out"));
@@ -145,18 +145,18 @@ fn a_damaged_state_gives_way_to_the_one_before_it() {
     let file = out.join("descent/state/flow.bin");
     let bytes = std::fs::read(&file).expect("a state");
     std::fs::write(&file, &bytes[..bytes.len() / 2]).expect("cut in half");
-    // As if the run had been killed while it saved.
+    // As if the run had been killed during a save.
     std::fs::create_dir_all(out.join("descent/state.new")).expect("a folder");
     std::fs::write(out.join("descent/state.new/flow.bin"), &bytes[..100]).expect("half a draft");
     let output = succeed(ripstop_run(&scene, &out, &["--resume"]));
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(text.contains("is not whole (flow.bin has") && text.contains("is passed over"), "{text}");
+    assert!(text.contains("is incomplete (flow.bin has") && text.contains("is skipped"), "{text}");
     assert!(text.contains("resuming stage `descent` after"), "{text}");
     assert_same(&whole, &out);
 }
 
 #[test]
-fn a_full_disk_leaves_the_state_before() {
+fn full_disk_preserves_the_previous_state() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = short(folder.path(), &[("volume_every_windows = 2", "volume_every_windows = 0")]);
     let (whole, out) = (folder.path().join("whole"), folder.path().join("out"));
@@ -164,7 +164,7 @@ fn a_full_disk_leaves_the_state_before() {
     let run = start(ripstop_run(&scene, &out, &[]));
     let (_, text) = cut(run, &out, "descent", 2, Signal::INT);
     assert!(text.contains("saved after"), "{text}");
-    // From its next window on, files of the flow-solver may not grow beyond a megabyte: its state does.
+    // From the next window on, files of the flow-solver are limited to one megabyte, less than its state.
     let rows = |out: &Path| History::read(out, "descent").len();
     let before = rows(&out);
     let run = start(ripstop_run(&scene, &out, &["--resume", "--checkpoint-every", "0"]));
@@ -200,7 +200,7 @@ fn a_full_disk_leaves_the_state_before() {
 }
 
 #[test]
-fn every_scheme_goes_on_as_it_would_have() {
+fn resumed_run_is_bitwise_identical_for_every_scheme() {
     let folder = tempfile::tempdir().expect("a folder");
     let base = folder.path().join("base");
     let plain = short(folder.path(), &[("duration_s = 0.04\n", "duration_s = 0.035\n")]);
@@ -220,7 +220,7 @@ fn every_scheme_goes_on_as_it_would_have() {
         let here = folder.path().join(at.to_string());
         std::fs::create_dir_all(&here).expect("a folder");
         let coupling = format!("[coupling]\n{scheme}\n");
-        // Staggered schemes stand where the fabric is heavier than the air that moves with it.
+        // Staggered schemes are stable if the fabric is heavier than the added mass.
         let heavy = [
             "thickness_m = 3.048e-5\ndensity_kg_m3 = 1223.5093\n",
             "thickness_m = 1e-4\ndensity_kg_m3 = 30000.0\n",
@@ -233,7 +233,7 @@ fn every_scheme_goes_on_as_it_would_have() {
         ];
         let scene = short(&here, &changes);
         let (whole, parts) = (here.join("whole"), here.join("parts"));
-        let fly = |out: &Path, options: &[&str]| {
+        let run = |out: &Path, options: &[&str]| {
             for stage in &STAGES[..2] {
                 copy(&base.join(stage).join("state"), &out.join(stage).join("state"));
             }
@@ -243,19 +243,19 @@ fn every_scheme_goes_on_as_it_would_have() {
                 &[&["--stage", "descent", "--accept-unconverged"], options].concat(),
             ));
         };
-        fly(&whole, &[]);
+        run(&whole, &[]);
         // Four windows of seven, then the rest.
-        fly(&parts, &["--stop-after-windows", "4"]);
+        run(&parts, &["--stop-after-windows", "4"]);
         succeed(ripstop_run(&scene, &parts, &["--resume", "--accept-unconverged"]));
         let (a, b) = (History::read(&whole, "descent"), History::read(&parts, "descent"));
-        // Windows that were given back, and only those, became shorter ones.
+        // Only rejected windows were shortened.
         let given_back: f64 = a.column("rejected_attempts").iter().sum();
         assert!(if given_back == 0.0 { a.len() == 7 } else { a.len() > 7 }, "{scheme}: {}", a.len());
         assert_eq!(a.without_wall_times(), b.without_wall_times(), "{scheme}");
     }
 }
 
-/// A small canopy with lines; tables are added behind it.
+/// A small canopy with lines; further tables are appended.
 const SHEET: &str = concat!(
     sheet!("family", 8, 16, "wrinkling = true\n"),
     r#"[output]
@@ -285,7 +285,7 @@ const DEVELOP: &str = "[[stage]]\nname = \"flow\"\nkind = \"flow-only\"\nduratio
 const FALL: &str = "[[stage]]\nname = \"fall\"\nkind = \"coupled\"\nduration_s = 0.03\nwindow_s = 5e-3\n\
                     substeps = 4\n";
 
-/// What a run that is interrupted in each of `cuts` (stage, rows) leaves is what one leaves that was not.
+/// Asserts that a run interrupted at each of `cuts` (stage, rows) gives the results of an uninterrupted one.
 fn same_in_parts(folder: &Path, name: &str, text: &str, cuts: &[(&str, usize)]) -> PathBuf {
     let scene = folder.join(format!("{name}.toml"));
     std::fs::write(&scene, text).expect("written");
@@ -304,7 +304,7 @@ fn same_in_parts(folder: &Path, name: &str, text: &str, cuts: &[(&str, usize)]) 
 }
 
 #[test]
-fn every_effect_goes_on_as_it_would_have() {
+fn resumed_run_is_bitwise_identical_for_every_effect() {
     let folder = tempfile::tempdir().expect("a folder");
     let cuts = [("inflation", 6), ("flow", 1), ("fall", 2)];
     let many = "[structure]\nspectral_radius = 0.8\n[flow.viscosity]\ndynamic_viscosity_pa_s = 1.8e-5\nturbulence = \"spalart-allmaras\"\n\
@@ -346,7 +346,7 @@ fn copy(from: &Path, to: &Path) {
 }
 
 #[test]
-fn other_rank_counts_go_on_to_the_solvers_tolerance() {
+fn resumed_run_on_other_ranks_agrees_within_solver_tolerance() {
     let folder = tempfile::tempdir().expect("a folder");
     let tight = [
         ("[structure]", "[structure]\nnewton_tolerance = 1e-9\ngmres_tolerance = 1e-6"),
@@ -372,7 +372,7 @@ fn other_rank_counts_go_on_to_the_solvers_tolerance() {
 }
 
 #[test]
-fn changes_that_matter_are_refused_by_name_and_others_are_not() {
+fn only_scene_changes_that_affect_results_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
     let scene = short(folder.path(), &[]);
@@ -389,7 +389,7 @@ fn changes_that_matter_are_refused_by_name_and_others_are_not() {
         let (code, text) = fails(ripstop_run(&scene, &out, &["--resume"]));
         assert!(code == Some(2) && text.contains(&format!("changed: {key}.")), "{key}: {text}");
     }
-    // A longer last stage, pictures and another stage behind it.
+    // A longer last stage, snapshots and a further stage.
     let more = [
         ("duration_s = 0.04\n", "duration_s = 0.045\n"),
         ("surface_every_windows = 3", "surface_every_windows = 1\ncheckpoint_every_windows = 2"),
@@ -403,7 +403,7 @@ fn changes_that_matter_are_refused_by_name_and_others_are_not() {
     assert_eq!(windows, ["0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]);
 }
 
-/// A structure that knows nothing of resuming.
+/// A structure program without restart.
 const PLAIN: &str = "
 import sys
 sys.path.insert(0, sys.argv.pop(1))
@@ -416,7 +416,7 @@ ripstop.main(Plain)
 ";
 
 #[test]
-fn a_program_that_cannot_go_on_is_named_and_one_in_python_that_can_goes_on() {
+fn program_without_restart_is_named_and_python_program_resumes() {
     let python = [root().join("target/python/bin/python3"), "python3".into()].into_iter().find(|python| {
         let tried = Command::new(python).args(["-c", "import iceoryx2, numpy"]).output();
         tried.is_ok_and(|output| output.status.success())
@@ -455,7 +455,7 @@ fn a_program_that_cannot_go_on_is_named_and_one_in_python_that_can_goes_on() {
         &parts,
         &[&options[..], &["--stop-after-windows", "6", "--resume"]].concat(),
     ));
-    // The stages before the last were cut short; the last goes on, with the exchange in Python.
+    // The earlier stages are shortened; the last resumes, with a Python participant.
     assert_eq!(History::read(&parts, "descent").len(), 6);
     assert_eq!(History::read(&whole, "descent").len(), 6);
 }

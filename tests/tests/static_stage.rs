@@ -1,11 +1,11 @@
-//! A static stage through the coupler, and the stage in time that starts from it.
+//! A static stage with the coupler, followed by a transient stage.
 
 use ripstop_tests::{History, changed_scene, ripstop_run, succeed};
 
-/// The shape at rest under a pressure, on 1 and 2 ranks, then 20 ms in time under the
-/// same pressure: the risers carry the load, and nothing moves any more.
+/// The static shape under a pressure, on 1 and 2 ranks, then 20 ms of transient under the same pressure: the risers carry
+/// the load and nothing moves.
 #[test]
-fn a_static_stage_is_a_start_at_rest() {
+fn static_stage_gives_an_equilibrium_start() {
     let folder = tempfile::tempdir().expect("a folder");
     let times = "duration_s = 4.0\nwindow_s = 5e-3\nsubsteps = 5\nmass_damping_per_s = 5.0\nsettled_energy_ratio = 1e-6\n";
     let stages = "solve = \"static\"\n\n[[stage]]\nname = \"after\"\nkind = \"pre-inflation\"\npressure_pa = 20.4\n\
@@ -24,7 +24,7 @@ fn a_static_stage_is_a_start_at_rest() {
         assert!(still.column("structure_residual")[0] <= 1e-8);
         let (load, riser) = (still.column("vertical_load_n")[0], still.column("riser_force_n")[0]);
         assert!((load / riser - 1.0).abs() < 1e-6, "{load} {riser}");
-        // Newton's tolerance of the stage in time is 1e-5 of the load.
+        // The Newton tolerance of the transient stage is 1e-5 of the load.
         let after = History::read(&out, "after");
         for (kinetic, strain) in
             after.column("structure_kinetic_energy_j").iter().zip(after.column("structure_strain_energy_j"))

@@ -1,10 +1,10 @@
-//! `./test` ends with one line that counts all suites, however they ended.
+//! `./test` ends with one line that counts the tests of all suites, including failed ones.
 
 use std::process::Command;
 
 use ripstop_tests::root;
 
-/// Result of a suite, as Rust's test library prints it.
+/// Result line of a suite in the format of the Rust test library.
 fn result(word: &str, passed: u32, failed: u32, ignored: u32) -> String {
     format!(
         "test result: {word}. {passed} passed; {failed} failed; {ignored} ignored; 0 measured; \
@@ -12,7 +12,7 @@ fn result(word: &str, passed: u32, failed: u32, ignored: u32) -> String {
     )
 }
 
-/// Last line, everything, and exit code of the summary.
+/// Last line, full output and exit code of the summary.
 fn summary(log: &str, skipped: &str, code: &str) -> (String, String, i32) {
     let folder = tempfile::tempdir().expect("a folder");
     let [log_file, skipped_file] = ["log", "skipped"].map(|name| folder.path().join(name));
@@ -47,7 +47,7 @@ fn all_suites_are_summed() {
 }
 
 #[test]
-fn tests_that_skip_themselves_are_not_passed() {
+fn skipped_tests_are_not_counted_as_passed() {
     let log = format!("     Running tests/python.rs (target/x)\n{}", result("ok", 3, 0, 2));
     let skipped = "reads: no Python\nreads: no Python\nwrites: no Python\n";
     let (line, text, code) = summary(&log, skipped, "0");
@@ -60,7 +60,7 @@ fn failures_are_counted_and_named() {
     let log = [
         "     Running unittests src/lib.rs (target/release/deps/mesh-0a)\n",
         "test good ... ok\ntest shape::bad ... FAILED\n",
-        // Output of a failed test may hold such words.
+        // The output of a failed test may contain such lines.
         "---- shape::bad stdout ----\nit said: test result: ok. 50 passed\n",
         &result("FAILED", 1, 1, 0),
         "error: test failed, to rerun pass `-p mesh --lib`\n",
@@ -74,9 +74,9 @@ fn failures_are_counted_and_named() {
     assert!(text.contains("failed:\n  unittests src/lib.rs: shape::bad\n"), "{text}");
 }
 
-/// A test that passes at its second attempt is counted as passed, and named; one that fails again is not.
+/// A test that passes at its second attempt is counted as passed and named; one that fails again is a failure.
 #[test]
-fn a_second_attempt_is_named() {
+fn second_attempt_is_reported() {
     let log = |verdict: &str| {
         [
             "     Running unittests src/lib.rs (target/release/deps/mesh-0a)\n",
@@ -101,21 +101,21 @@ fn a_second_attempt_is_named() {
         text.contains("failed:\n  unittests src/lib.rs: shape::slow\n")
             && !text.contains("once more, alone:\n  ")
     );
-    // Another failure is not hidden by it.
+    // Other failures remain failures.
     let other =
         log("ok") + "     Running tests/next.rs (target/release/deps/next-0a)\n" + &result("FAILED", 5, 1, 0);
     assert_eq!(summary(&other, "", "1").2, 1);
 }
 
-/// Which tests are run again, and how: those of a log whose names exist nowhere fail again.
+/// Selection of the tests that are repeated; unknown names fail again.
 #[test]
-fn few_failures_are_run_again_and_crashes_are_not() {
+fn few_failures_are_repeated_and_crashes_are_not() {
     let again = |log: &str| {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("log");
         std::fs::write(&file, log).expect("written");
         let script = root().join("scripts/second-attempt");
-        // Its `cargo` says what it was asked for, and that the test passed.
+        // This `cargo` prints its arguments and a passed test.
         let fake = folder.path().join("cargo");
         let text =
             "#!/bin/sh\necho asked: \"$@\"\necho \"test a::b ... ok\"\necho test result: ok. 1 passed\n";
@@ -139,7 +139,7 @@ fn few_failures_are_run_again_and_crashes_are_not() {
 }
 
 #[test]
-fn a_suite_that_crashes_is_a_failure() {
+fn crashed_suite_is_a_failure() {
     let log = [
         "     Running tests/crash.rs (target/release/deps/crash-0a)\n\nrunning 3 tests\ntest one ... ok\n",
         "error: test failed, to rerun pass `-p mesh --test crash`\n\nCaused by:\n  (signal: 11, SIGSEGV)\n",
@@ -154,17 +154,17 @@ fn a_suite_that_crashes_is_a_failure() {
 }
 
 #[test]
-fn a_build_that_fails_is_a_failure() {
+fn failed_build_is_a_failure() {
     for log in ["error[E0425]: cannot find value `x`\nerror: could not compile `mesh` (lib)\n", ""] {
         let (line, text, code) = summary(log, "", "1");
         assert_eq!((line.as_str(), code), ("0 passed, 1 failed, 0 skipped", 1));
         assert!(text.contains("the build or the set-up"), "{text}");
     }
-    // Nor is it a success where nothing was tested.
+    // A run without tests is not a success either.
     assert_eq!(summary("", "", "0").2, 1);
 }
 
-/// Whatever `./test` leaves out, the nightly command runs: it finds ignored tests by their reason.
+/// The nightly command runs all tests that `./test` omits: it finds ignored tests by their reason.
 #[test]
 fn ignored_tests_belong_to_the_nightly_command() {
     let output = Command::new(root().join("scripts/nightly")).arg("--list").output();

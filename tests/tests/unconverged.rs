@@ -1,12 +1,12 @@
-//! A window that is not converged is never accepted in silence.
+//! Unconverged windows are errors, or accepted with warnings.
 
 use std::path::Path;
 
 use ripstop_tests::tiny::SMALLER;
 use ripstop_tests::{History, changed_scene, ripstop_run, succeed};
 
-/// The small descent with its flow solved by LU-SGS in this many iterations (none: the default) to a drop
-/// of `drop`, up to the developed flow.
+/// The small descent up to the developed flow, solved by LU-SGS with at most `iterations` (`None`: default) iterations to
+/// the residual drop `drop`.
 fn lu_sgs(folder: &Path, iterations: Option<u32>, drop: &str) -> std::path::PathBuf {
     let allowed = iterations.map_or(String::new(), |n| format!("max_iterations = {n}\n"));
     let solver = format!("method = \"lu-sgs\"\n{allowed}residual_drop = {drop}");
@@ -23,10 +23,10 @@ fn summary(out: &Path) -> serde_json::Value {
     serde_json::from_str(&text).expect("JSON")
 }
 
-/// With 30 iterations a step of LU-SGS keeps most of its residual: an error that names window, figures and
-/// remedies, and with `--accept-unconverged` a warning, its repetition with the count, columns and counts.
+/// 30 iterations of LU-SGS reduce the residual too little: an error with window, values and remedies. With
+/// `--accept-unconverged`: warnings, their repetition with the count, and columns and counts in the results.
 #[test]
-fn a_flow_that_runs_out_of_iterations_is_an_error_unless_accepted() {
+fn unconverged_flow_is_an_error_unless_accepted() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = lu_sgs(folder.path(), Some(30), "1e-4");
     let out = folder.path().join("refused");
@@ -53,7 +53,7 @@ fn a_flow_that_runs_out_of_iterations_is_an_error_unless_accepted() {
     assert!(words.contains("accepted above the target: flow"), "the summary for people says so: {words}");
 }
 
-/// The default of `flow.solver.max_iterations` suffices for the method; the former name of the option still works.
+/// The default of `flow.solver.max_iterations` is sufficient; the former name of the option works.
 #[test]
 fn lu_sgs_converges_with_its_default() {
     let folder = tempfile::tempdir().expect("a folder");

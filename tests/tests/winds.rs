@@ -1,4 +1,4 @@
-//! Gusts across the boundaries of stages, as the flow's probes see them.
+//! Gusts across stage boundaries, measured by probes of the flow.
 
 use std::f64::consts::TAU;
 use std::fs;
@@ -83,14 +83,14 @@ fn follows(out: &Path, release: f64) {
         for (time, v) in probe(out, stage) {
             let expected = gust_at(origin + time);
             println!("{stage} at {:.3} s of the run: {v:.5} of {expected:.5} m/s", origin + time);
-            // What the canopy, 9 m away, turns aside: its width over four distances, squared.
+            // Deflection by the canopy at a distance of 9 m: (width / (4 distances))^2.
             assert!((v - expected).abs() < 3e-3, "{stage}, {time} s: {v} instead of {expected} m/s");
         }
     }
 }
 
 #[test]
-fn a_gust_passes_through_the_release_and_follows_the_times_that_stages_took() {
+fn gust_is_continuous_across_stages_of_actual_length() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = gusty(folder.path(), "run", "run");
     let out = folder.path().join("whole");
@@ -105,7 +105,7 @@ fn a_gust_passes_through_the_release_and_follows_the_times_that_stages_took() {
 }
 
 #[test]
-fn a_gust_that_is_cut_off_is_named_by_check_and_before_the_run() {
+fn truncated_gust_is_reported_by_check_and_before_the_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = gusty(folder.path(), "stage", "stage");
     let check =

@@ -117,7 +117,11 @@ fn missing(f: &Facts<'_>) -> Vec<Judged> {
             "the scene has no [descent]: the confluence point is fixed in the wind, as in a wind tunnel",
         )
     } else {
-        Judged::new(Warning, "", "the scene has no [descent] and no wind: there is neither a descent nor an air flow")
+        Judged::new(
+            Warning,
+            "",
+            "the scene has no [descent] and no wind: there is neither a descent nor an air flow",
+        )
     }]
 }
 
@@ -174,8 +178,10 @@ fn still_air(f: &Facts<'_>) -> Vec<Judged> {
         }
         _ => "set flow.wind_m_s, or add [descent] with initial_speed_m_s".into(),
     };
-    let figure =
-        format!("stage `{}` develops the flow around a canopy at rest, but the air is at rest too", stage.name);
+    let figure = format!(
+        "stage `{}` develops the flow around a canopy at rest, but the air is at rest too",
+        stage.name
+    );
     vec![Judged::new(Error, key, figure).remedy(remedy)]
 }
 

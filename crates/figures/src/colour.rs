@@ -1,17 +1,17 @@
-//! Colours of all figures: a few for series, two scales for values.
+//! Colours of all figures: series colours and two colour scales.
 
-/// Red, green, blue from 0 to 255.
+/// Red, green and blue, 0 to 255.
 pub use plotters::style::RGBColor as Colour;
 
-/// Text, axes.
+/// Text and axes.
 pub const INK: Colour = Colour(0x20, 0x26, 0x2e);
-/// What stands back: references, fits.
+/// Reference lines and fits.
 pub const GREY: Colour = Colour(0x6e, 0x75, 0x7d);
-/// Lines of a grid.
+/// Grid lines.
 pub const GRID: Colour = Colour(0xe0, 0xe4, 0xe8);
 /// Background.
 pub const PAPER: Colour = Colour(0xff, 0xff, 0xff);
-/// A band behind curves.
+/// Uncertainty band behind curves.
 pub const BAND: Colour = Colour(0xdc, 0xe9, 0xf5);
 /// Colours of series, in order: those of Okabe and Ito (2008), which people with colour blindness distinguish,
 /// without yellow and black, and two of Tol.
@@ -26,18 +26,18 @@ pub const SERIES: [Colour; 8] = [
     Colour(0x99, 0x99, 0x33),
 ];
 
-/// Colour of the series of this number.
+/// Colour of series `number`.
 pub fn series(number: usize) -> Colour {
     SERIES[number % SERIES.len()]
 }
 
-/// A colour mixed with white: 0 is itself, 1 white.
+/// A colour mixed with white: 0 is the colour, 1 is white.
 pub fn pale(colour: Colour, white: f64) -> Colour {
     let mix = |c: u8| (f64::from(c) + white * (255.0 - f64::from(c))).round() as u8;
     Colour(mix(colour.0), mix(colour.1), mix(colour.2))
 }
 
-/// Colours from low to high, lightness rising evenly.
+/// Colours from low to high values, with increasing lightness.
 pub type Scale = &'static [u32];
 
 /// Blue to yellow (viridis), for the flow and for maps.
@@ -52,7 +52,7 @@ pub(crate) type Rgb = [f32; 3];
 /// Colour at `t` from 0 to 1, for shading.
 pub(crate) fn pick(scale: Scale, t: f64) -> Rgb {
     let last = scale.len() - 1;
-    // NaN becomes 0.
+    // The conversion maps NaN to 0.
     let x = (t.clamp(0.0, 1.0) * last as f64).max(0.0);
     let i = (x as usize).min(last - 1);
     let part = (x - i as f64) as f32;
@@ -61,7 +61,7 @@ pub(crate) fn pick(scale: Scale, t: f64) -> Rgb {
     [0, 1, 2].map(|c| a[c] + part * (b[c] - a[c]))
 }
 
-/// The nearest colour that can be shown.
+/// The nearest 8-bit colour.
 pub(crate) fn shown(rgb: Rgb) -> Colour {
     let [r, g, b] = rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
     Colour(r, g, b)
@@ -72,7 +72,7 @@ pub fn shade(scale: Scale, t: f64) -> Colour {
     shown(pick(scale, t))
 }
 
-/// Ink or paper, whichever reads better on a colour.
+/// Text colour with the better contrast on `colour`: ink or paper.
 pub(crate) fn ink_on(colour: Colour) -> Colour {
     let light = 0.2126 * f64::from(colour.0) + 0.7152 * f64::from(colour.1) + 0.0722 * f64::from(colour.2);
     if light > 130.0 { INK } else { PAPER }
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lightness_rises_and_anything_has_a_colour() {
+    fn scales_increase_in_lightness_and_accept_any_value() {
         let light = |c: Rgb| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
         for scale in [COOL, WARM] {
             let row: Vec<f32> = (0..=40).map(|i| light(pick(scale, f64::from(i) / 40.0))).collect();

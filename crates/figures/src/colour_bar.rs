@@ -1,18 +1,18 @@
-//! The colours of a scale with their values.
+//! Colour bar: the colours of a scale with their values.
 
 use crate::colour::{INK, Scale, shade};
 use crate::sheet::{Anchor, Canvas, Drawn, Sheet};
 
-/// A bar of colours, low to high from the left.
+/// A colour bar, from low (left) to high values.
 pub(crate) struct ColourBar<'a> {
     pub(crate) title: &'a str,
     pub(crate) scale: Scale,
-    /// Labels at shares of its width.
+    /// Labels and their positions, 0 to 1 along the bar.
     pub(crate) marks: Vec<(f64, String)>,
 }
 
 impl ColourBar<'_> {
-    /// Draws it with the bar from `corner`, its title above, its marks below; lengths in pixels, `text` the em.
+    /// Draws the bar from `corner`, with title above and labels below. Lengths in pixels; `text` is the font size.
     pub(crate) fn draw<DB: Canvas>(
         &self,
         sheet: &Sheet<'_, DB>,
@@ -23,7 +23,7 @@ impl ColourBar<'_> {
         let steps = 96;
         for i in 0..steps {
             let t = f64::from(i) / f64::from(steps);
-            // Overlapping to the right end, so that no seam shows.
+            // Rectangles overlap to the right end to avoid visible seams.
             let colour = shade(self.scale, (f64::from(i) + 0.5) / f64::from(steps));
             sheet.rectangle([x + t * w, y], [(1.0 - t) * w, h], colour)?;
         }

@@ -1,9 +1,9 @@
-//! Charts and pictures of runs: plots of a history, views of canopy and flow.
+//! Charts of histories and studies, and rendered pictures of canopy and flow.
 //!
 //! All text and lines are drawn by `plotters` with one embedded font ([`font`]), so a figure is the same on
 //! every machine. [`chart`] draws curves, bars and maps as SVG and PNG; [`picture`] renders canopy and flow.
 
-// An error ends the run: its size is no cost.
+// An error ends the run once, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 mod animated_png;

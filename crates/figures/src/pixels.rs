@@ -1,4 +1,4 @@
-//! Pixels that are sampled finer than the picture and averaged.
+//! Raster images with supersampling.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use plotters::prelude::{BitMapBackend, DrawingArea, IntoDrawingArea};
 
 use crate::colour::Colour;
 
-/// Samples in each direction of a pixel; also the units of an SVG per pixel, for its coordinates are whole.
+/// Samples per pixel in each direction; also units per pixel in SVG, whose coordinates are integers.
 pub(crate) const FINE: u32 = 3;
 
-/// Samples of a picture, row by row.
+/// Samples of an image, row by row.
 pub(crate) struct Samples {
     width: u32,
     height: u32,
@@ -19,7 +19,7 @@ pub(crate) struct Samples {
 }
 
 impl Samples {
-    /// A picture of `width` by `height` pixels in one colour.
+    /// An image of `width` by `height` pixels in one colour.
     pub(crate) fn new([width, height]: [u32; 2], background: Colour) -> Self {
         let n = (width * FINE) as usize * (height * FINE) as usize;
         Self { width, height, rgb: vec![[background.0, background.1, background.2]; n] }
@@ -30,13 +30,13 @@ impl Samples {
         [self.width, self.height]
     }
 
-    /// The samples as an area to draw on.
+    /// The samples as a drawing area.
     pub(crate) fn area(&mut self) -> DrawingArea<BitMapBackend<'_>, Shift> {
         let size = (self.width * FINE, self.height * FINE);
         BitMapBackend::with_buffer(self.rgb.as_flattened_mut(), size).into_drawing_area()
     }
 
-    /// The picture.
+    /// The averaged image.
     pub(crate) fn average(&self) -> Image {
         let (fine, width) = (FINE as usize, self.width as usize);
         let row_of_samples = width * fine;
@@ -59,7 +59,7 @@ impl Samples {
     }
 }
 
-/// A finished picture: rows of red, green, blue.
+/// An image: rows of red, green and blue.
 pub(crate) struct Image {
     pub(crate) width: u32,
     pub(crate) height: u32,

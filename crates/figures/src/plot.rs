@@ -12,11 +12,10 @@ use results::recording::compare::{Comparison, FIELDS, Field};
 use crate::chart::{Axis, Division, Figure, Panel, Panels, Reference, Series, WIDTH, short};
 use crate::colour::series;
 
-/// Published steady descent speeds of the ATPS, m/s: this method's paper, and
-/// the reference it compares with (Sathe et al. 2007).
+/// Published steady descent speeds of the ATPS, m/s: the paper of this method, and its reference (Sathe et al. 2007).
 const PUBLISHED: [(f64, &str); 2] = [(4.69392, "paper"), (4.78536, "Sathe et al.")];
 
-/// Published steady descent speeds of the scene's parachute, m/s.
+/// Published steady descent speeds, m/s, of the parachute of the scene.
 pub fn published(scene: &Scene) -> &'static [(f64, &'static str)] {
     if matches!(scene.canopy, Canopy::Atps(_)) { &PUBLISHED } else { &[] }
 }
@@ -24,7 +23,7 @@ pub fn published(scene: &Scene) -> &'static [(f64, &'static str)] {
 /// Draws the plot of a coupled stage from its history.
 ///
 /// # Errors
-/// A history that cannot be read, or a picture that cannot be written.
+/// The history cannot be read, or the picture cannot be written.
 pub fn descent(
     history_file: &Path,
     picture: &Path,
@@ -48,7 +47,7 @@ pub fn descent(
     figure.svg().save(picture)
 }
 
-/// Descent speed above drag, over time.
+/// Descent speed (upper panel) and drag (lower panel) over time.
 fn descent_figure(
     scene: &Scene,
     [time, speed, drag]: [&[f64]; 3],
@@ -78,16 +77,16 @@ fn descent_figure(
     Figure::Panels(Panels { panels: vec![upper, lower], columns: 1, size: [WIDTH, 310.0] })
 }
 
-/// Draws how the difference of two series of exchanges grows over the windows.
+/// Draws the relative differences of two series of exchanges over the windows.
 ///
 /// # Errors
-/// A picture that cannot be written.
+/// The picture cannot be written.
 pub fn difference(picture: &Path, stage: &str, comparison: &Comparison) -> Result<(), RunError> {
     difference_figure(stage, comparison).svg().save(picture)
 }
 
 fn difference_figure(stage: &str, comparison: &Comparison) -> Figure {
-    // What is the same to the bit lies on the lower edge, what has no bound on the upper one.
+    // Bitwise identical values are drawn at the lower edge, infinite differences at the upper edge.
     let (low, high) = (1e-17f64, 1e2f64);
     let end = comparison.windows.last().map_or(1, |w| w.window).max(1) as f64;
     let curve = |(number, field): (usize, &Field)| {
@@ -100,10 +99,10 @@ fn difference_figure(stage: &str, comparison: &Comparison) -> Figure {
     };
     let tolerance = comparison.tolerance.max(low);
     let panel = Panel {
-        title: format!("stage {stage}: difference between the runs"),
+        title: format!("stage {stage}: relative difference between the runs"),
         x: Axis::through("window", [0.0, end].into_iter()),
         y: Axis {
-            label: "difference / largest value of the field".into(),
+            label: "difference / largest value of the field, -".into(),
             division: Division::Logarithmic,
             range: [low, high],
         },
@@ -119,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn draws_curves_and_references() {
+    fn curves_and_references_are_drawn() {
         let folder = tempfile::tempdir().unwrap();
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
         let scene = case::load(&file).unwrap();

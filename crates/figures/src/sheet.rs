@@ -1,4 +1,4 @@
-//! Text and simple shapes on a plotters area, in pixels of the finished figure.
+//! Text and simple shapes on a plotters area, in pixels of the final figure.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -8,9 +8,9 @@ use crate::colour::Colour;
 use crate::font::font;
 use crate::pixels::FINE;
 
-/// A backend that figures are drawn on.
+/// A drawing backend of figures.
 pub(crate) trait Canvas: DrawingBackend {
-    /// How much lower a text must be asked for to stand on the middle of its height, in ems.
+    /// Vertical offset that centres a text, in units of the font size.
     const DROP: f64;
 }
 
@@ -19,14 +19,14 @@ impl Canvas for SVGBackend<'_> {
 }
 
 impl Canvas for BitMapBackend<'_> {
-    // It sets the baseline an eighth of the em below the middle; a third is where capitals and figures need it.
+    // SVG sets the baseline 1/8 of the font size below the middle; capitals and digits need 1/3.
     const DROP: f64 = 0.2;
 }
 
-/// What drawing returns.
+/// Result of drawing.
 pub(crate) type Drawn<DB> = Result<(), DrawingAreaErrorKind<<DB as DrawingBackend>::ErrorType>>;
 
-/// Where a text has its given point: which end, on the middle of its height.
+/// Anchor of a text: left, centre or right end, at the middle of its height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Left,
@@ -34,26 +34,26 @@ pub(crate) enum Anchor {
     Right,
 }
 
-/// Units of an area for a length in pixels.
+/// Converts a length in pixels to units of the area.
 pub(crate) fn fine(pixels: f64) -> i32 {
     (pixels * f64::from(FINE)).round() as i32
 }
 
-/// Units of an area for the width of a line in pixels; at least one.
+/// Converts a line width in pixels to units of the area, at least one.
 pub(crate) fn pen(pixels: f64) -> u32 {
     fine(pixels).max(1) as u32
 }
 
-/// A style of text whose em is `size` pixels.
+/// A text style of font size `size`, pixels.
 pub(crate) fn text_style(size: f64, colour: Colour) -> TextStyle<'static> {
     font(size * f64::from(FINE)).color(&colour)
 }
 
-/// An area with lengths in pixels; y runs down.
+/// A drawing area with lengths in pixels; y points down.
 pub(crate) struct Sheet<'a, DB: Canvas>(pub(crate) &'a DrawingArea<DB, Shift>);
 
 impl<DB: Canvas> Sheet<'_, DB> {
-    /// A text in one line; its point lies on the middle of its height.
+    /// A single-line text, vertically centred at its point.
     pub(crate) fn text(
         &self,
         text: &str,
@@ -71,7 +71,7 @@ impl<DB: Canvas> Sheet<'_, DB> {
         self.0.draw_text(text, &style, (fine(x), fine(y + DB::DROP * size)))
     }
 
-    /// A filled rectangle from its upper left corner.
+    /// A filled rectangle with this upper left corner and size.
     pub(crate) fn rectangle(&self, [x, y]: [f64; 2], [w, h]: [f64; 2], colour: Colour) -> Drawn<DB> {
         let corners = [(fine(x), fine(y)), (fine(x + w), fine(y + h))];
         self.0.draw(&Rectangle::new(corners, colour.filled()))
@@ -88,7 +88,7 @@ impl<DB: Canvas> Sheet<'_, DB> {
         self.0.draw(&Circle::new((fine(x), fine(y)), pen(radius), colour.filled()))
     }
 
-    /// A circle as a line.
+    /// A circle outline.
     pub(crate) fn ring(&self, [x, y]: [f64; 2], radius: f64, width: f64, colour: Colour) -> Drawn<DB> {
         self.0.draw(&Circle::new((fine(x), fine(y)), pen(radius), colour.stroke_width(pen(width))))
     }

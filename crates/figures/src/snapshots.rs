@@ -6,24 +6,24 @@ use case::Scene;
 use coupling::error::RunError;
 use mesh::vtk::read::{Column, Piece, Snapshot, snapshots};
 
-/// Time (s), canopy, and lines if the snapshot has some.
+/// Time (s), canopy, and lines (if any) of a snapshot.
 pub type Structure = (f64, Piece, Option<Piece>);
 
-/// A run's folder and its scene.
+/// The snapshots of a run.
 pub struct RunSnapshots {
     folder: PathBuf,
-    /// The scene as it ran.
+    /// Scene of the run.
     pub scene: Scene,
 }
 
-/// What a snapshot shows.
+/// Kind of snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Fabric, of the structure.
+    /// Fabric (structure).
     Canopy,
-    /// Suspension lines and payload, of the structure.
+    /// Suspension lines and payload (structure).
     Lines,
-    /// Grid and fields of the flow.
+    /// Grid and fields (flow).
     Flow,
 }
 
@@ -37,17 +37,17 @@ impl Kind {
     }
 }
 
-/// Snapshots of one kind in one stage; at least one.
+/// Snapshots of one kind in a stage; never empty.
 #[derive(Clone)]
 pub struct Times(Vec<Snapshot>);
 
 impl Times {
-    /// All of them, in their order.
+    /// All snapshots, in order of time.
     pub fn all(&self) -> &[Snapshot] {
         &self.0
     }
 
-    /// The one nearest to `time` (s), or the last.
+    /// The snapshot nearest to `time` (s), else the last.
     pub fn nearest(&self, time: Option<f64>) -> &Snapshot {
         let key = |s: &&Snapshot| time.map_or(-s.time, |t| (s.time - t).abs());
         let found = self.0.iter().min_by(|a, b| key(a).total_cmp(&key(b)));
@@ -60,19 +60,22 @@ fn input(error: impl std::fmt::Display) -> RunError {
 }
 
 impl RunSnapshots {
-    /// Opens the folder of a run.
+    /// Opens the results folder of a run.
+    ///
+    /// # Errors
+    /// The folder or its scene is missing or invalid.
     pub fn open(folder: &Path) -> Result<Self, RunError> {
         let scene = folder.join("scene.toml");
         if !folder.is_dir() {
             return Err(RunError::Input(format!(
-                "there is no folder {}: name the folder of a run's results, such as runs/atps-descent, \
-                 which `ripstop run` writes",
+                "there is no folder {}. Give the results folder of a run, such as runs/atps-descent, written by \
+                 `ripstop run`",
                 folder.display()
             )));
         }
         if !scene.is_file() {
             return Err(RunError::Input(format!(
-                "{} is no folder of results, for {} is missing: name a folder that `ripstop run` wrote",
+                "{} is not a results folder: {} is missing. Give a folder written by `ripstop run`",
                 folder.display(),
                 scene.display()
             )));
@@ -85,7 +88,7 @@ impl RunSnapshots {
         case::stage_folder(&self.folder, &self.scene, stage)
     }
 
-    /// Snapshots of a stage; `None` if there are none.
+    /// Snapshots of a stage; `None` without any.
     pub fn times(&self, stage: usize, kind: Kind) -> Result<Option<Times>, RunError> {
         let path = self.stage_folder(stage).join(kind.series());
         if !path.is_file() {
@@ -95,13 +98,16 @@ impl RunSnapshots {
         Ok((!list.is_empty()).then_some(Times(list)))
     }
 
-    /// The stage of this name, or the last one with snapshots of the canopy.
+    /// Index of the stage `name`, else of the last stage with snapshots of the canopy.
     pub fn stage(&self, name: Option<&str>) -> Result<usize, RunError> {
         let stages = &self.scene.stages;
         if let Some(name) = name {
             return stages.iter().position(|s| s.name == name).ok_or_else(|| {
                 let names: Vec<_> = stages.iter().map(|s| format!("`{}`", s.name)).collect();
-                RunError::Input(format!("there is no stage `{name}`: --stage is one of {}", names.join(", ")))
+                RunError::Input(format!(
+                    "there is no stage `{name}`. The stages of the scene are {}",
+                    names.join(", ")
+                ))
             });
         }
         for stage in (0..stages.len()).rev() {
@@ -112,28 +118,26 @@ impl RunSnapshots {
         Err(self.none("canopy.pvd", "surface_every_windows"))
     }
 
-    /// That no stage, or not this one, has what a picture needs.
+    /// The error of missing snapshots.
     pub fn none(&self, series: &str, key: &str) -> RunError {
         RunError::Input(format!(
-            "{} holds no snapshots to draw: no stage wrote a {series}; run its scene again with `ripstop run` \
-             and output.{key} above 0 (4 draws every fourth window)",
+            "{} contains no snapshots to draw: {series} is missing. Run the scene again with `ripstop run` and \
+             output.{key} above 0 (4 writes every fourth window)",
             self.folder.display()
         ))
     }
 
     /// Reads one file of a snapshot.
     pub fn piece(&self, file: &Path) -> Result<Piece, RunError> {
-        Piece::read(file).map_err(|e| {
-            RunError::Input(format!("{e}; `ripstop run` writes the results of this scene again"))
-        })
+        Piece::read(file).map_err(|e| RunError::Input(format!("{e}. Run the scene again with `ripstop run`")))
     }
 
-    /// Canopy and lines at one time.
+    /// Canopy and lines of the snapshot nearest to `time` (s), else of the last.
     pub fn structure(&self, stage: usize, time: Option<f64>) -> Result<Option<Structure>, RunError> {
         let Some(times) = self.times(stage, Kind::Canopy)? else { return Ok(None) };
         let snapshot = times.nearest(time);
         let [file] = &snapshot.files[..] else {
-            return Err(RunError::Input("a snapshot of the canopy has more than one file".into()));
+            return Err(RunError::Input("a snapshot of the canopy has several files, but one is expected. Run the scene again with `ripstop run`".into()));
         };
         let canopy = self.piece(file)?;
         let lines = match self.times(stage, Kind::Lines)? {
@@ -146,7 +150,7 @@ impl RunSnapshots {
         Ok(Some((snapshot.time, canopy, lines)))
     }
 
-    /// The canopy's last shape in the stages before this one.
+    /// Last shape of the canopy in the stages before `stage`.
     pub fn last_before(&self, stage: usize) -> Result<Option<Structure>, RunError> {
         for earlier in (0..stage).rev() {
             if let Some(found) = self.structure(earlier, None)? {
@@ -157,11 +161,11 @@ impl RunSnapshots {
     }
 }
 
-/// A field that must be there, with numbers in rows of `width`.
+/// A required cell field with `width` components.
 pub fn field<'a>(piece: &'a Piece, name: &str, width: usize, file: &Path) -> Result<&'a Column, RunError> {
     piece.cell_field(name).filter(|c| c.width == width).ok_or_else(|| {
         RunError::Input(format!(
-            "{} has no cell field `{name}`: was it written by this version's flow-solver?",
+            "{} has no cell field `{name}` with {width} components. Run the scene again with this version",
             file.display()
         ))
     })

@@ -1,21 +1,21 @@
-//! Bars: shares of a whole for each stage, and columns of a value for each line.
+//! Bar charts: shares of a total for each stage, and one value for each line.
 
 use figures::chart::{self, Columns, Figure, Part};
 use figures::colour;
 
-/// Values of parts for each row, or of one part for each column.
+/// A bar chart: stacked horizontal bars of shares, or vertical columns of one value.
 pub(super) struct Bars {
     pub(super) id: String,
     pub(super) title: String,
-    /// Name of the values.
+    /// Name of the quantity.
     pub(super) label: &'static str,
     pub(super) unit: &'static str,
     pub(super) note: String,
-    /// Names of the parts, in the order of their colours.
+    /// Names of the parts, in the order of the colours.
     pub(super) parts: Vec<&'static str>,
-    /// Name and a value for each part.
+    /// Name of each row, and the value of each part.
     pub(super) rows: Vec<(String, Vec<f64>)>,
-    /// Columns that stand beside each other on one scale, instead of bars that fill the width.
+    /// Vertical columns on one scale, instead of horizontal bars of the full width.
     pub(super) upright: bool,
 }
 
@@ -47,12 +47,12 @@ impl Bars {
         })
     }
 
-    /// The picture as a file of its own.
+    /// The chart as an SVG file.
     pub(super) fn file(&self) -> String {
         self.figure().svg().file()
     }
 
-    /// The picture as an element of the page.
+    /// The chart as an SVG element of the page.
     pub(super) fn element(&self) -> String {
         self.figure().svg().element(&[("class", "bars"), ("role", "img"), ("aria-label", &self.title)], "")
     }

@@ -1,4 +1,4 @@
-//! Curves over time, for the page (with values under the pointer) and as files.
+//! Line charts over time, as elements of the page (interactive) and as SVG files.
 
 use std::fmt::Write;
 
@@ -6,8 +6,8 @@ use figures::chart::{Axis, Figure, Panel, Panels, Reference, Series as Curve};
 use figures::colour;
 use maud::html;
 
-/// Most points of a curve that are drawn: more than one for each pixel of its width.
-const MOST: usize = 700;
+/// Maximum number of points drawn per curve, above one per pixel.
+const MAX_POINTS: usize = 700;
 /// Width and height, pixels.
 const SIZE: [f64; 2] = [550.0, 250.0];
 
@@ -15,27 +15,27 @@ const SIZE: [f64; 2] = [550.0, 250.0];
 #[derive(Clone, Debug)]
 pub(super) struct Series {
     pub(super) label: String,
-    /// Time and value; what is not finite breaks the curve.
+    /// Time, s, and value; a value that is not finite interrupts the curve.
     pub(super) points: Vec<(f64, f64)>,
 }
 
 /// Curves on common axes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chart {
-    /// For anchors and files.
+    /// Name of the anchor and of the file.
     pub(super) id: String,
     pub(super) title: String,
     pub(super) unit: &'static str,
-    /// What it shows, in a sentence.
+    /// Caption.
     pub(super) note: String,
     pub(super) series: Vec<Series>,
-    /// Values to compare with, as dashed lines.
+    /// Reference values, as dashed lines.
     pub(super) references: Vec<(f64, String)>,
-    /// Decades instead of even steps.
+    /// Logarithmic axis of values.
     pub(super) logarithmic: bool,
 }
 
-/// Four digits, without a power of ten where it can be read without.
+/// A number with four significant digits; with an exponent only below 1e-3 or from 1e5.
 pub(super) fn digits(value: f64) -> String {
     if !value.is_finite() {
         return "-".into();
@@ -51,13 +51,13 @@ pub(super) fn digits(value: f64) -> String {
     }
 }
 
-/// The points that a picture can show: of each part of the time the lowest and the highest.
+/// Thins a curve: the minimum and the maximum of each interval.
 fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    if points.len() <= MOST {
+    if points.len() <= MAX_POINTS {
         return points.to_vec();
     }
-    let mut kept = Vec::with_capacity(MOST);
-    for part in points.chunks(points.len().div_ceil(MOST / 2)) {
+    let mut kept = Vec::with_capacity(MAX_POINTS);
+    for part in points.chunks(points.len().div_ceil(MAX_POINTS / 2)) {
         let by = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
         if let (Some(low), Some(high)) = (part.iter().min_by(by), part.iter().max_by(by)) {
             kept.extend(if low.0 <= high.0 { [*low, *high] } else { [*high, *low] });
@@ -66,13 +66,13 @@ fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     kept
 }
 
-/// Text with `m2` and `m3` as people write them.
+/// Replaces `m2` and `m3` by superscripts.
 pub(super) fn units(text: &str) -> String {
     text.replace(" m2", " m\u{b2}").replace(" m3", " m\u{b3}")
 }
 
 impl Chart {
-    /// Whether there is anything to draw: two points of one curve.
+    /// Whether no curve has two finite points.
     pub(super) fn is_empty(&self) -> bool {
         !self.series.iter().any(|s| s.points.iter().filter(|p| p.1.is_finite()).count() >= 2)
     }
@@ -86,7 +86,7 @@ impl Chart {
         }
     }
 
-    /// The curves, thinned to what can be shown, on their axes.
+    /// The thinned curves with their axes.
     fn panels(&self) -> Panels {
         let finite = || self.series.iter().flat_map(|s| &s.points).filter(|p| p.1.is_finite());
         let values = finite().map(|p| p.1).chain(self.references.iter().map(|r| r.0));
@@ -109,12 +109,12 @@ impl Chart {
         Panels::single(panel, SIZE)
     }
 
-    /// The picture as a file of its own.
+    /// The chart as an SVG file.
     pub(super) fn file(&self) -> String {
         Figure::Panels(self.panels()).svg().file()
     }
 
-    /// The picture as an element of the page, with what its script needs to show values.
+    /// The chart as an SVG element of the page, with the data for its script.
     pub(super) fn element(&self) -> String {
         let panels = self.panels();
         let data = panels.data_box(0).expect("a chart has one panel");
@@ -149,7 +149,7 @@ impl Chart {
         Figure::Panels(panels).svg().element(&attributes, &curves.into_string())
     }
 
-    /// What a reader who does not see the picture needs of it.
+    /// Text alternative: range of each curve.
     pub(super) fn words(&self) -> String {
         let mut text = format!("{} over time.", self.title);
         for series in &self.series {
@@ -172,5 +172,5 @@ impl Chart {
     }
 }
 
-/// Colours of figures in the page, and of what belongs to them.
+/// Style sheet of the charts.
 pub(super) const STYLE: &str = include_str!("page/chart.css");

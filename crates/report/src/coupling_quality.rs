@@ -28,33 +28,40 @@ pub(super) fn section(run: &Run, stage: &StageData) -> Option<Section> {
             rows.push(vec![name.to_owned(), format!("{} {unit}", digits(value))]);
         }
     };
-    let to_and_fro = c.get("interface_work_j").map(|v| v.iter().map(|w| w.abs()).sum());
-    row("work of the air on the canopy, to and fro", to_and_fro, "J");
+    let magnitudes = c.get("interface_work_j").map(|v| v.iter().map(|w| w.abs()).sum());
+    row("work of the air on the canopy, sum of magnitudes", magnitudes, "J");
     row("work of the air on the canopy, net", c.get("interface_work_j").map(|v| v.iter().sum()), "J");
-    row("added by the coupling itself", added, "J");
-    row("which is, of the work to and fro,", share.map(|s| 100.0 * s), "%");
+    row("energy added by the coupling", added, "J");
+    row("energy added, relative to the sum of magnitudes", share.map(|s| 100.0 * s), "%");
     row("elastic energy at the end", c.last("structure_strain_energy_j"), "J");
     row("kinetic energy at the end", c.last("structure_kinetic_energy_j"), "J");
     let verdict = match share {
         Some(share) if share > CREATED => format!(
-            "The coupling creates energy ({:.1} % of the work; it should stay below {:.0} %): a shorter window_s or a \
-             smaller coupling.tolerance helps.",
+            "The coupling adds energy: {:.1} % of the interface work; the limit is {:.0} %. Reduce window_s or \
+             coupling.tolerance.",
             100.0 * share,
             100.0 * CREATED
         ),
-        Some(_) => "The coupling creates no energy to speak of.".to_owned(),
+        Some(_) => format!(
+            "The energy added by the coupling is below the limit of {:.0} % of the interface work.",
+            100.0 * CREATED
+        ),
         None => String::new(),
     };
     let mut blocks = vec![Block::Charts(found)];
     if !rows.is_empty() {
-        blocks.push(Block::Table(Table { head: Vec::new(), rows }));
+        blocks.push(Block::Table(Table {
+            caption: "Interface energy balance of the stage.".into(),
+            head: Vec::new(),
+            rows,
+        }));
         blocks.push(Block::Text(verdict));
     }
     Some(Section {
         id: "coupling".into(),
         title: "Coupling and energy".into(),
-        lead: "In each window the solvers are asked until they agree; what they still disagree about would show as energy \
-               from nowhere."
+        lead: "Each window is iterated until the coupling residual meets the tolerance. The interface energy balance \
+               shows what the remaining residual adds or removes."
             .into(),
         blocks,
     })

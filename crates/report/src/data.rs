@@ -1,4 +1,4 @@
-//! What a run left behind, as far as it got.
+//! The results of a complete or incomplete run.
 
 use std::path::{Path, PathBuf};
 
@@ -8,18 +8,18 @@ use figures::snapshots::{Kind, RunSnapshots};
 use results::history;
 use serde_json::Value;
 
-/// Columns of a history by name.
+/// Columns of a history, by name.
 #[derive(Default)]
 pub(super) struct Columns(Vec<(String, Vec<f64>)>);
 
 impl Columns {
-    /// A column that holds a number somewhere.
+    /// A column with at least one finite value.
     pub(super) fn get(&self, name: &str) -> Option<&[f64]> {
         let (_, values) = self.0.iter().find(|(n, _)| n == name)?;
         values.iter().any(|v| v.is_finite()).then_some(&values[..])
     }
 
-    /// Time and value in each row; empty where there is no such column.
+    /// Time and value of each row; empty without such a column.
     pub(super) fn series(&self, name: &str) -> Vec<(f64, f64)> {
         match (self.get("time_s"), self.get(name)) {
             (Some(time), Some(values)) => time.iter().copied().zip(values.iter().copied()).collect(),
@@ -27,12 +27,12 @@ impl Columns {
         }
     }
 
-    /// Value in the last row.
+    /// Value of the last row.
     pub(super) fn last(&self, name: &str) -> Option<f64> {
         self.get(name)?.last().copied().filter(|v| v.is_finite())
     }
 
-    /// Sum over the rows; 0 where there is no such column.
+    /// Sum over the rows; 0 without such a column.
     pub(super) fn sum(&self, name: &str) -> f64 {
         self.get(name).map_or(0.0, |v| v.iter().filter(|v| v.is_finite()).sum())
     }
@@ -59,42 +59,42 @@ impl Columns {
         self.0.first().map_or(0, |(_, v)| v.len())
     }
 
-    /// Names of the columns that begin with `start`.
+    /// Names of the columns that start with `start`.
     pub(super) fn starting(&self, start: &str) -> Vec<&str> {
         self.0.iter().map(|(n, _)| n.as_str()).filter(|n| n.starts_with(start)).collect()
     }
 }
 
-/// A stage that did at least one window.
+/// A stage with at least one accepted window.
 pub(super) struct StageData {
-    /// Its number in the scene.
+    /// Index in the scene.
     pub(super) index: usize,
-    /// Its history.
+    /// History.
     pub(super) columns: Columns,
-    /// What `summary.json` says of it.
+    /// Its entry in `summary.json`.
     pub(super) summary: Option<Value>,
 }
 
 /// A run.
 pub(super) struct Run {
-    /// Its folder.
+    /// Results folder.
     pub(super) folder: PathBuf,
-    /// Its snapshots.
+    /// Snapshots.
     pub(super) results: RunSnapshots,
-    /// `summary.json`, if the run came to write it.
+    /// `summary.json`; `None` before the end of the run.
     pub(super) summary: Option<Value>,
-    /// Stages that did something, in their order.
+    /// Stages with at least one accepted window, in the order of the scene.
     pub(super) stages: Vec<StageData>,
-    /// What is not there, and what would write it.
+    /// Data that the run did not write, and what writes them.
     pub(super) missing: Vec<String>,
 }
 
-/// A member of a JSON object as text; empty if it is none.
+/// Value of a key of a JSON object as text; empty if it is missing or no text.
 pub(super) fn text<'a>(value: Option<&'a Value>, key: &str) -> &'a str {
     value.and_then(|v| v.get(key)).and_then(Value::as_str).unwrap_or_default()
 }
 
-/// A member of a JSON object as a number.
+/// Value of a key of a JSON object as a number.
 pub(super) fn number(value: Option<&Value>, key: &str) -> Option<f64> {
     value.and_then(|v| v.get(key)).and_then(Value::as_f64)
 }
@@ -103,7 +103,7 @@ impl Run {
     /// Reads the folder of a run.
     ///
     /// # Errors
-    /// No folder, no scene in it, no window done, files that are damaged.
+    /// The folder or its scene is missing, no window was accepted, or a file is damaged.
     pub(super) fn open(folder: &Path) -> Result<Self, RunError> {
         let results = RunSnapshots::open(folder)?;
         let mut missing = Vec::new();
@@ -113,18 +113,18 @@ impl Run {
             let path = case::stage_folder(folder, &results.scene, index).join("history.csv");
             let columns = read_history(&path, &mut missing)?;
             if columns.rows() == 0 {
-                missing.push(format!("stage `{}`: it did no window", stage.name));
+                missing.push(format!("stage `{}`: no window was completed", stage.name));
                 continue;
             }
             let of_stage =
                 |list: &Value| list.as_array()?.iter().find(|s| text(Some(s), "name") == stage.name).cloned();
-            let told = summary.as_ref().and_then(|s| s.get("stages")).and_then(of_stage);
-            stages.push(StageData { index, columns, summary: told });
+            let entry = summary.as_ref().and_then(|s| s.get("stages")).and_then(of_stage);
+            stages.push(StageData { index, columns, summary: entry });
         }
         if stages.is_empty() {
             return Err(RunError::Input(format!(
-                "{} holds a scene but no window of any stage: the run ended before its first one \
-                 (see <stage>/logs/), or its results were removed; run it with `ripstop run`",
+                "{} contains a scene but no window of any stage: the run ended before its first window \
+                 (see <stage>/logs/), or its results were removed. Run the scene with `ripstop run`",
                 folder.display()
             )));
         }
@@ -142,7 +142,7 @@ impl Run {
         &self.results.scene.stages[stage.index]
     }
 
-    /// The stage that the run is about: the last coupled one, or else the last.
+    /// The main stage: the last coupled stage, else the last stage.
     pub(super) fn main(&self) -> &StageData {
         let coupled = |s: &&StageData| self.stage(s).kind == StageKind::Coupled;
         let last = self.stages.last().expect("a run that was opened has a stage");
@@ -160,8 +160,7 @@ impl Run {
             ] {
                 if roles.contains(&role) && self.results.times(stage.index, kind)?.is_none() {
                     missing.push(format!(
-                        "stage `{}`: {what}, for it wrote no snapshots; `{key}` in `[output]` of the scene \
-                         writes them",
+                        "stage `{}`: {what}; set `{key}` in `[output]` of the scene to write them",
                         described.name
                     ));
                 }
@@ -176,18 +175,21 @@ fn summary(folder: &Path, missing: &mut Vec<String>) -> Result<Option<Value>, Ru
     let path = folder.join("summary.json");
     if !path.is_file() {
         missing.push(
-            "machine, versions, command and warnings: summary.json is not there, so the run has not ended or was killed"
+            "machine, versions, command and warnings: summary.json is missing, so the run has not finished or was killed"
                 .into(),
         );
         return Ok(None);
     }
     let bytes = std::fs::read_to_string(&path).map_err(RunError::file("read", &path))?;
     serde_json::from_str(&bytes).map(Some).map_err(|e| {
-        RunError::Input(format!("{} is damaged ({e}): remove it to report without it", path.display()))
+        RunError::Input(format!(
+            "{} is damaged ({e}). Remove it to write the report without it",
+            path.display()
+        ))
     })
 }
 
-/// The rows that are whole: a run that was killed may leave half of one.
+/// The complete rows of a history: a killed run may leave an incomplete last line.
 fn read_history(path: &Path, missing: &mut Vec<String>) -> Result<Columns, RunError> {
     if !path.is_file() {
         return Ok(Columns::default());
@@ -195,7 +197,7 @@ fn read_history(path: &Path, missing: &mut Vec<String>) -> Result<Columns, RunEr
     let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
     let whole = text.rfind('\n').map_or(0, |end| end + 1);
     if whole < text.len() {
-        missing.push(format!("the last line of {}: it was cut off", path.display()));
+        missing.push(format!("the last line of {}: it is incomplete", path.display()));
     }
     if whole == 0 {
         return Ok(Columns::default());

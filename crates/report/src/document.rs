@@ -1,4 +1,4 @@
-//! A report as sections of texts, tables, charts and pictures, before it is a page or Markdown.
+//! The report as a list of sections, independent of the output format (HTML or Markdown).
 
 use case::StageKind;
 use coupling::error::RunError;
@@ -14,23 +14,25 @@ use super::{coupling_quality, facts, origin, stage, times};
 
 /// Width of pictures, pixels.
 const PICTURE: u32 = 800;
-/// Most frames of a stage in the page: some seconds of playing.
-const MOST_FRAMES: usize = 200;
+/// Maximum number of animation frames of a stage in the page.
+const MAX_FRAMES: usize = 200;
 
-/// A table; without a head its first column names the rows.
+/// A table. Without a head, the first column names the rows.
 pub(super) struct Table {
+    /// Content and units, in one sentence.
+    pub(super) caption: String,
     pub(super) head: Vec<String>,
     pub(super) rows: Vec<Vec<String>>,
 }
 
-/// A picture in pixels.
+/// A raster picture.
 pub(super) struct Picture {
     pub(super) id: String,
     pub(super) caption: String,
     pub(super) png: Vec<u8>,
 }
 
-/// The canopy in three dimensions, and a picture for readers that cannot show it.
+/// The canopy for the interactive 3-D viewer, and a still picture for output without it.
 pub(super) struct Canopy {
     pub(super) packed: Packed,
     pub(super) picture: Option<Picture>,
@@ -44,17 +46,17 @@ pub(super) enum Block {
     Table(Table),
     /// Curves.
     Charts(Vec<Chart>),
-    /// Bars.
+    /// A bar chart.
     Bars(Bars),
-    /// Pictures beside each other.
+    /// Pictures in a row.
     Pictures(Vec<Picture>),
     /// The canopy.
     Canopy(Box<Canopy>),
-    /// One line each.
+    /// A list of lines.
     List(Vec<String>),
-    /// Text as it is, folded away.
+    /// Verbatim text, collapsed.
     Code {
-        /// What it is.
+        /// Heading.
         title: String,
         /// The text.
         text: String,
@@ -63,15 +65,15 @@ pub(super) enum Block {
 
 /// A section.
 pub(super) struct Section {
-    /// For links.
+    /// Anchor of links.
     pub(super) id: String,
     pub(super) title: String,
-    /// One sentence on what it is.
+    /// Introduction, in one sentence.
     pub(super) lead: String,
     pub(super) blocks: Vec<Block>,
 }
 
-/// A number at the top.
+/// A key figure at the top of the report.
 pub(super) struct Card {
     pub(super) label: String,
     pub(super) value: String,
@@ -82,15 +84,15 @@ pub(super) struct Card {
 /// A report.
 pub(super) struct Document {
     pub(super) title: String,
-    /// What the run is, in a sentence.
+    /// State of the run, in one sentence.
     pub(super) status: String,
     pub(super) cards: Vec<Card>,
     pub(super) sections: Vec<Section>,
-    /// What is not there and what would write it.
+    /// Data that the run did not write, and what writes them.
     pub(super) missing: Vec<String>,
 }
 
-/// Describes a run; the canopy's shapes take at most `canopy_bytes` before compression.
+/// The report of a run. The canopy shapes have at most `canopy_bytes` bytes before compression.
 pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunError> {
     let scene = run.scene();
     let frames = read_frames(run, canopy_bytes)?;
@@ -116,9 +118,9 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
         id: "warnings".into(),
         title: "Warnings".into(),
         lead: if warnings.is_empty() {
-            "Neither the coupler nor a program warned, and no window was rejected.".into()
+            "No warnings, and no rejected window.".into()
         } else {
-            "What the coupler and the programs said, and windows that were rejected or did not converge."
+            "Warnings of the coupler and the programs, and windows that were rejected or did not converge."
                 .into()
         },
         blocks: vec![Block::List(shortened(&warnings))],
@@ -127,15 +129,15 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
     if !missing.is_empty() {
         sections.push(Section {
             id: "missing".into(),
-            title: "What is not here".into(),
-            lead: "What the run did not write, and what would write it.".into(),
+            title: "Missing data".into(),
+            lead: "Data that the run did not write, and the key of the scene that writes them.".into(),
             blocks: vec![Block::List(missing.clone())],
         });
     }
     sections.retain(|s| !s.blocks.is_empty());
     let ended = text(run.summary.as_ref(), "ended");
     let how = match ended {
-        "" => "The run is not finished, or was killed".to_owned(),
+        "" => "The run has not finished, or was killed".to_owned(),
         "complete" => "The run is complete".to_owned(),
         other => format!("The run ended early: {other}"),
     };
@@ -153,7 +155,7 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
     })
 }
 
-/// The first fifty, and how many there are.
+/// The first fifty lines, and the number of the others.
 fn shortened(all: &[String]) -> Vec<String> {
     let mut list: Vec<String> = all.iter().take(50).cloned().collect();
     if all.len() > list.len() {
@@ -162,7 +164,7 @@ fn shortened(all: &[String]) -> Vec<String> {
     list
 }
 
-/// Reads the canopy of all stages, thinned in time so that all together stay below `bytes`.
+/// Reads the canopy of all stages, thinned in time so that their sum stays below `bytes`.
 fn read_frames(run: &Run, bytes: usize) -> Result<Vec<StageFrames>, RunError> {
     let mut counts = Vec::new();
     let mut size = 0;
@@ -176,9 +178,9 @@ fn read_frames(run: &Run, bytes: usize) -> Result<Vec<StageFrames>, RunError> {
     let room = bytes / size.max(1);
     let mut found = Vec::new();
     for (stage, count) in run.stages.iter().zip(counts) {
-        // The last stage of several gets what it needs first only by its share: all are worth a look.
+        // Each stage gets a number of frames in proportion to its snapshots, at least two.
         let most = if total <= room { count } else { (count * room / total.max(1)).max(2) };
-        found.extend(frames::read(run, stage, most.min(MOST_FRAMES))?);
+        found.extend(frames::read(run, stage, most.min(MAX_FRAMES))?);
     }
     Ok(found)
 }
@@ -193,19 +195,21 @@ fn canopy(run: &Run, frames: &[StageFrames]) -> Result<Option<Section>, RunError
     };
     let picture = picture.map(|(time, png)| Picture {
         id: "canopy".into(),
-        caption: format!("The canopy in stage {last} at {time:.3} s."),
+        caption: format!(
+            "Canopy in stage {last} at t = {time:.3} s. The legend gives the field and its unit."
+        ),
         png,
     });
-    let lead = "Drag to turn, scroll to come nearer; the slider goes through time.";
+    let lead = "Shape of the canopy, with the selected field. Drag to rotate, scroll to zoom; the slider sets the time.";
     Ok(Some(Section {
         id: "canopy-section".into(),
-        title: "The canopy over time".into(),
+        title: "Canopy over time".into(),
         lead: lead.into(),
         blocks: vec![Block::Canopy(Box::new(Canopy { packed, picture }))],
     }))
 }
 
-/// The flow at the start, in the middle and at the end of the last stage that wrote some.
+/// Slices of the flow at the start, middle and end of the last stage with flow snapshots.
 fn slices(run: &Run, missing: &mut Vec<String>) -> Result<Option<Section>, RunError> {
     for stage in run.stages.iter().rev() {
         let Some(times) = run.results.times(stage.index, Kind::Flow)? else { continue };
@@ -217,26 +221,29 @@ fn slices(run: &Run, missing: &mut Vec<String>) -> Result<Option<Section>, RunEr
         wanted.extend(all.last().map(|s| (s.time, true)));
         for (time, diagonal) in wanted {
             let made = match flow_png(&run.results, stage.index, Some(time), diagonal, PICTURE) {
-                // A slice that cannot be drawn is no reason to withhold the rest.
+                // The report is written without a slice that cannot be drawn.
                 Err(error) => {
-                    missing.push(format!("a slice of the flow at {time:.3} s: {error}"));
+                    missing.push(format!("slice of the flow at t = {time:.3} s: {error}"));
                     continue;
                 }
                 Ok(made) => made,
             };
             let Some((time, png)) = made else { continue };
-            let plane = if diagonal { "from corner to corner" } else { "across" };
+            let plane = if diagonal { "y = x" } else { "y = 0" };
             pictures.push(Picture {
                 id: format!("flow-{}", pictures.len()),
-                caption: format!("{time:.2} s, cut {plane}."),
+                caption: format!(
+                    "Air speed relative to the canopy, m/s, in the plane {plane} at t = {time:.3} s."
+                ),
                 png,
             });
         }
         return Ok(Some(Section {
             id: "flow".into(),
-            title: "The flow around it".into(),
+            title: "Flow around the canopy".into(),
             lead: format!(
-                "Speed of the air relative to the canopy in vertical cuts, stage {name}; arrows show its direction."
+                "Speed of the air relative to the canopy in vertical planes, stage {name}. Arrows show the direction in \
+                 the plane."
             ),
             blocks: vec![Block::Pictures(pictures)],
         }));
@@ -244,7 +251,7 @@ fn slices(run: &Run, missing: &mut Vec<String>) -> Result<Option<Section>, RunEr
     Ok(None)
 }
 
-/// Whether a stage has a flow that moves with a canopy.
+/// Whether a stage couples structure and flow.
 pub(super) fn coupled(kind: StageKind) -> bool {
     kind == StageKind::Coupled
 }

@@ -1,4 +1,4 @@
-//! The numbers at the top of the page.
+//! The key figures at the top of the report.
 
 use case::{Role, StageKind};
 use coupling::descent::DescentModel;
@@ -10,33 +10,33 @@ use super::chart::digits;
 use super::data::{Columns, Run, StageData, number};
 use super::document::Card;
 
-/// Weight of all that falls, N; `None` without descent.
+/// Total weight of parachute and payload, N; `None` without descent.
 pub(super) fn weight(run: &Run) -> Option<f64> {
     let interface = CanopyInterface::new(run.scene()).ok()?;
     DescentModel::of(run.scene(), &interface).map(|m| m.mass_kg * m.gravity_m_s2)
 }
 
-/// How far a stage got.
+/// Simulated time and completed windows of a stage, in words.
 pub(super) fn progress(run: &Run, stage: &StageData) -> String {
     let planned = run.stage(stage).windows();
     let done = stage.columns.rows() as u64;
     let time = digits(stage.columns.last("time_s").unwrap_or(0.0));
-    let reported = super::data::text(stage.summary.as_ref(), "ended");
-    if done >= planned || reported == "complete" {
+    let ended = super::data::text(stage.summary.as_ref(), "ended");
+    if done >= planned || ended == "complete" {
         format!("{time} s in {}", counted(done, "window"))
-    } else if reported.is_empty() || reported == "failed" {
+    } else if ended.is_empty() || ended == "failed" {
         format!("{time} s, ended after {done} of {}", counted(planned, "window"))
     } else {
-        format!("{time} s in {done} of {}: {reported}", counted(planned, "window"))
+        format!("{time} s in {done} of {}: {ended}", counted(planned, "window"))
     }
 }
 
-/// Wall seconds of a stage: from its summary, or else the sum of its windows.
+/// Wall time of a stage, s: from its summary, else the sum over its windows.
 pub(super) fn wall(stage: &StageData) -> f64 {
     number(stage.summary.as_ref(), "wall_s").unwrap_or_else(|| stage.columns.sum("window_wall_s"))
 }
 
-/// Numbers of the main stage.
+/// Key figures of the main stage.
 pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
     let columns = &run.main().columns;
     let found = [
@@ -51,7 +51,7 @@ pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
     cards.push(Card {
         label: "Warnings".into(),
         value: warnings.to_string(),
-        notes: vec![if warnings == 0 { "nothing to say".into() } else { "listed below".into() }],
+        notes: vec![if warnings == 0 { "none".into() } else { "listed below".into() }],
         warn: warnings > 0,
     });
     cards
@@ -61,7 +61,7 @@ fn card(label: &str, value: String, notes: Vec<String>) -> Card {
     Card { label: label.into(), value, notes, warn: false }
 }
 
-/// Where the main stage falls freely: its late mean beside published values.
+/// Late mean of the descent speed in a coupled stage with descent, compared with published values.
 fn descent_speed(run: &Run) -> Option<Card> {
     let stage = run.main();
     if run.stage(stage).kind != StageKind::Coupled || run.scene().descent.is_none() {
@@ -105,23 +105,23 @@ fn projected_area(columns: &Columns) -> Option<Card> {
 fn line_tension(columns: &Columns) -> Option<Card> {
     let most = columns.max("max_line_tension_n").filter(|t| *t > 0.0)?;
     let risers = columns.max("riser_force_n").map(|f| format!("riser force at most {} N", digits(f)));
-    Some(card("Largest line tension", format!("{} N", digits(most)), risers.into_iter().collect()))
+    Some(card("Maximum line tension", format!("{} N", digits(most)), risers.into_iter().collect()))
 }
 
-/// Flow solves in a window, and what the coupling did to the energy.
+/// Mean flow solves per window, and the interface energy error.
 fn coupling_effort(columns: &Columns) -> Option<Card> {
-    let calls = columns.get("coupling_iterations")?;
+    let solves = columns.get("coupling_iterations")?;
     let most = columns.max("coupling_iterations").unwrap_or(0.0);
     let above = columns.get("coupling_converged").map_or(0, |v| v.iter().filter(|x| **x == 0.0).count());
-    let mut notes = vec![format!("flow solves in a window, {most:.0} at most")];
+    let mut notes = vec![format!("flow solves per window on average, at most {most:.0}")];
     if above > 0 {
-        notes.push(format!("{} above the tolerance", counted(above as u64, "window")));
+        notes.push(format!("{} not converged", counted(above as u64, "window")));
     }
     if let Some(share) = columns.last("interface_energy_error_share") {
-        notes.push(format!("coupling added {:+.1} % of the work", 100.0 * share));
+        notes.push(format!("interface energy error {:+.1} % of the work", 100.0 * share));
     }
-    let mean = calls.iter().sum::<f64>() / calls.len().max(1) as f64;
-    Some(card("Coupling", digits(mean), notes))
+    let mean = solves.iter().sum::<f64>() / solves.len().max(1) as f64;
+    Some(card("Coupling iterations", digits(mean), notes))
 }
 
 fn wall_time(run: &Run) -> Card {
@@ -132,15 +132,16 @@ fn wall_time(run: &Run) -> Card {
     let mut notes = vec![];
     if simulated > 0.0 {
         let cost = digits(wall(stage) / simulated);
-        notes.push(format!("{cost} s for each simulated second of the last stage"));
+        notes.push(format!("{cost} s per simulated second of stage {}", run.stage(stage).name));
     }
-    notes.push(match told_ranks(run) {
+    notes.push(match launched_ranks(run) {
         Some(ranks) => format!("{ranks} ranks"),
         None => format!("{ranks} ranks in the scene"),
     });
     card("Wall time", clock(total), notes)
 }
 
-fn told_ranks(run: &Run) -> Option<u64> {
+/// Number of ranks that the summary reports.
+fn launched_ranks(run: &Run) -> Option<u64> {
     Some(run.summary.as_ref()?.get("ranks")?.as_array()?.iter().filter_map(serde_json::Value::as_u64).sum())
 }

@@ -1,4 +1,4 @@
-//! The snapshots of a stage's canopy: what is measured on each, and which go into the page.
+//! Canopy snapshots of a stage: the quantities measured on each, and the frames of the animation.
 
 use coupling::error::RunError;
 use figures::snapshots::Kind;
@@ -9,65 +9,65 @@ use super::data::{Run, StageData};
 use super::openings::{area, area_vector, skirt_and_vents};
 use super::shape::Shape;
 
-/// Most snapshots of a stage that are read: enough for a smooth curve.
-const MOST_READ: usize = 200;
+/// Maximum number of snapshots read per stage.
+const MAX_READ: usize = 200;
 
-/// Names, texts and units of the fields that colour the fabric.
+/// The fields that colour the fabric.
 pub(super) const FIELDS: [Field; 3] = [
     Field {
         column: "stress_1_pa",
         label: "major stress",
         unit: "MPa",
         factor: 1e-6,
-        note: "The larger principal stress of the fabric: where it would tear first.",
+        note: "Major principal stress of the fabric.",
     },
     Field {
         column: "pressure_jump_pa",
         label: "pressure jump",
         unit: "Pa",
         factor: 1.0,
-        note: "Pressure inside less pressure outside: what holds the canopy open.",
+        note: "Pressure inside minus pressure outside the canopy.",
     },
     Field {
         column: "wrinkling_state",
         label: "wrinkling state",
         unit: "",
         factor: 1.0,
-        note: "Taut fabric is pulled in two directions, wrinkled fabric in one, slack fabric in none.",
+        note: "Slack: no tension. Wrinkled: uniaxial tension. Taut: biaxial tension.",
     },
 ];
 
 /// A field of the canopy's snapshots.
 pub(super) struct Field {
-    /// Its name in the files.
+    /// Name in the snapshot files.
     pub(super) column: &'static str,
-    /// Its name for people.
+    /// Name shown in the page.
     pub(super) label: &'static str,
-    /// Unit that is shown.
+    /// Unit shown in the page.
     pub(super) unit: &'static str,
-    /// From the file's unit to that one.
+    /// Factor from the unit of the file to the unit shown.
     pub(super) factor: f64,
-    /// What it says, in a sentence.
+    /// Definition, in one sentence.
     pub(super) note: &'static str,
 }
 
 impl Field {
-    /// Whether its values are names (slack, wrinkled, taut) and no quantity.
+    /// Whether its values are categories (slack, wrinkled, taut) instead of a quantity.
     pub(super) fn states(&self) -> bool {
         self.unit.is_empty()
     }
 }
 
-/// A snapshot as the page shows it.
+/// A frame of the animation.
 pub(super) struct Frame {
     pub(super) time: f64,
-    /// Canopy and lines, m.
+    /// Nodes of canopy and lines, m.
     pub(super) points: Vec<Point>,
-    /// Of each triangle; empty where the snapshot has no such field.
+    /// Values of each triangle; empty if the snapshot does not contain the field.
     pub(super) fields: [Vec<f64>; 3],
 }
 
-/// What was measured on a snapshot.
+/// Quantities measured on a snapshot.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Measure {
     pub(super) time: f64,
@@ -75,11 +75,11 @@ pub(super) struct Measure {
     pub(super) vents: Vec<f64>,
     /// Horizontal area that the skirt encloses, m2.
     pub(super) mouth: f64,
-    /// Shares of the fabric that are slack, wrinkled, taut; zeros where unknown.
+    /// Area shares of slack, wrinkled and taut fabric; zeros if the snapshot does not contain the states.
     pub(super) states: [f64; 3],
     /// Smallest, mean and largest tension of the suspension lines, N.
     pub(super) tensions: Option<[f64; 3]>,
-    /// Largest tension of each line with its kind, N.
+    /// Kind and maximum tension, N, of each line.
     pub(super) lines: Vec<(u8, f64)>,
 }
 
@@ -87,15 +87,15 @@ pub(super) struct Measure {
 pub(super) struct StageFrames {
     pub(super) stage: String,
     pub(super) shape: Shape,
-    /// In the order of time; those that go into the page.
+    /// Frames of the animation, in order of time.
     pub(super) frames: Vec<Frame>,
-    /// Of every snapshot that was read.
+    /// Measured quantities of all snapshots read.
     pub(super) measures: Vec<Measure>,
-    /// Snapshots that the stage wrote.
+    /// Number of snapshots of the stage.
     pub(super) written: usize,
 }
 
-/// `most` of `count` things, evenly, the first and the last among them.
+/// At most `most` (at least 2) evenly spaced indices below `count`, including the first and the last.
 pub(super) fn evenly(count: usize, most: usize) -> Vec<usize> {
     let most = most.max(2);
     if count <= most {
@@ -104,12 +104,12 @@ pub(super) fn evenly(count: usize, most: usize) -> Vec<usize> {
     (0..most).map(|i| (i * (count - 1) + (most - 1) / 2) / (most - 1)).collect()
 }
 
-/// Snapshots of the canopy in a stage; `None` if it wrote none.
+/// Number of canopy snapshots of a stage that are read.
 pub(super) fn count(run: &Run, stage: &StageData) -> Result<usize, RunError> {
-    Ok(run.results.times(stage.index, Kind::Canopy)?.map_or(0, |t| t.all().len().min(MOST_READ)))
+    Ok(run.results.times(stage.index, Kind::Canopy)?.map_or(0, |t| t.all().len().min(MAX_READ)))
 }
 
-/// Bytes of a frame in the page, before compression, as [`super::pack`] writes it.
+/// Size of a frame as written by [`super::pack`], bytes before compression.
 pub(super) fn frame_bytes(shape: &Shape) -> usize {
     6 * shape.nodes + FIELDS.len() * shape.triangles.len()
 }
@@ -120,11 +120,11 @@ pub(super) fn first_shape(run: &Run, stage: &StageData) -> Result<Option<Shape>,
     Ok(found.map(|(_, canopy, lines)| Shape::of(&canopy, lines.as_ref())))
 }
 
-/// Reads a stage; of what is read, `most` frames are kept.
+/// Reads the snapshots of a stage and keeps at most `most` frames.
 pub(super) fn read(run: &Run, stage: &StageData, most: usize) -> Result<Option<StageFrames>, RunError> {
     let Some(times) = run.results.times(stage.index, Kind::Canopy)? else { return Ok(None) };
     let all = times.all();
-    let chosen = evenly(all.len(), MOST_READ);
+    let chosen = evenly(all.len(), MAX_READ);
     let kept = evenly(chosen.len(), most);
     let mut out: Option<StageFrames> = None;
     let mut openings: Option<(Vec<u32>, Vec<Vec<u32>>)> = None;
@@ -144,7 +144,8 @@ pub(super) fn read(run: &Run, stage: &StageData, most: usize) -> Result<Option<S
         let points = lines.as_ref().map_or(&canopy.points, |l| &l.points);
         if points.len() != shape.nodes || canopy.n_cells() != shape.cell.last().map_or(0, |c| c + 1) {
             return Err(RunError::Input(format!(
-                "the snapshots of stage `{}` have different meshes: were they written by one run?",
+                "the snapshots of stage `{}` have different meshes, so they are not from one run. Run the \
+                 scene again in an empty folder",
                 found.stage
             )));
         }
@@ -177,7 +178,7 @@ fn field(canopy: &Piece, shape: &Shape, field: &Field) -> Vec<f64> {
     }
 }
 
-/// Shares of the area that are in each state.
+/// Area share of each wrinkling state.
 fn shares(points: &[Point], shape: &Shape, states: &[f64]) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for (triangle, &state) in shape.triangles.iter().zip(states) {
@@ -187,7 +188,7 @@ fn shares(points: &[Point], shape: &Shape, states: &[f64]) -> [f64; 3] {
     if total > 0.0 { sums.map(|s| s / total) } else { sums }
 }
 
-/// Smallest, mean and largest of the suspension lines; the largest of each line with its kind.
+/// Minimum, mean and maximum tension of the suspension lines, N; kind and maximum tension of each line.
 fn tensions(shape: &Shape, lines: Option<&Piece>) -> (Option<[f64; 3]>, Vec<(u8, f64)>) {
     let Some(column) = lines.and_then(|l| l.cell_field("tension_n")) else { return (None, Vec::new()) };
     let mut of_line = std::collections::BTreeMap::new();

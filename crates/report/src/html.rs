@@ -1,4 +1,4 @@
-//! A report as one page that needs nothing else: no network, no file beside it.
+//! The report as one self-contained HTML page: it loads nothing from the network or from other files.
 
 use base64::Engine;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -8,9 +8,9 @@ use super::document::{Block, Canopy, Card, Document, Picture, Section, Table};
 
 const PAGE_STYLE: &str = include_str!("page/page.css");
 const PAGE_SCRIPT: &str = include_str!("page/page.js");
-/// three.js and the viewer, made by `viewer/build`.
+/// three.js and the viewer, bundled by `viewer/build`.
 const VIEWER: &str = include_str!("viewer/viewer.min.js");
-/// The page may load nothing: what it shows lies in it.
+/// Content security policy: the page loads nothing.
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -106,11 +106,12 @@ fn block(block: &Block) -> Markup {
     }
 }
 
-/// Rows whose first cell names them.
+/// A table whose first column names the rows.
 fn table(table: &Table) -> Markup {
     html! {
         div.scroll {
             table {
+                caption { (units(&table.caption)) }
                 @if !table.head.is_empty() {
                     thead { tr { @for name in &table.head { th scope="col" { (name) } } } }
                 }
@@ -137,7 +138,7 @@ fn picture(picture: &Picture) -> Markup {
 
 /// The viewer of the canopy with its controls and data.
 fn canopy(canopy: &Canopy) -> Markup {
-    // A script ends at `</`, wherever it stands.
+    // `</` would end the script element.
     let header = canopy.packed.header.to_string().replace('<', "\\u003c");
     let data = format!("{{\"header\":{header},\"data\":\"{}\"}}", canopy.packed.data);
     html! {

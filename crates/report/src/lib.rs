@@ -1,10 +1,10 @@
-//! `ripstop report`: a page about a run, or the same in Markdown.
+//! `ripstop report`: the report of a run as one HTML page or as Markdown.
 //!
-//! The results of a run are read (`data`, `frames`) and presented as sections of texts, tables, charts and
-//! pictures (`document`); `html` and `markdown` write them. A run that ended early or wrote less
-//! gives a shorter page, which says what is missing and which key of the scene would write it.
+//! `data` and `frames` read the results of the run; `document` arranges them as sections of texts, tables, charts
+//! and pictures; `html` and `markdown` write them. The report of an incomplete run is shorter: it lists the
+//! missing data and the keys of the scene that write them.
 
-// An error ends the run: its size is no cost.
+// An error ends the program once, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 mod bars;
@@ -15,6 +15,7 @@ mod document;
 mod facts;
 mod frames;
 mod html;
+mod long_term;
 mod markdown;
 mod openings;
 mod origin;
@@ -22,7 +23,6 @@ mod pack;
 mod panels;
 mod shape;
 mod stage;
-mod swings;
 #[cfg(test)]
 mod tests;
 mod times;
@@ -35,19 +35,19 @@ use terminal::Console;
 
 use self::data::Run;
 
-/// What to report and how.
+/// Arguments of `ripstop report`.
 #[derive(Args)]
 pub struct ReportArgs {
-    /// Folder of the results of a run, complete or not
+    /// Results folder of a complete or incomplete run
     run: PathBuf,
-    /// Write Markdown, with its pictures in a folder beside it, instead of a page
+    /// Write Markdown and a folder of pictures instead of an HTML page
     #[arg(long)]
     markdown: bool,
     /// File to write [default: RUN/report.html or RUN/report.md]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Most megabytes of canopy shapes and fields in the page, before they are compressed: pictures are
-    /// left out evenly in time to keep it
+    /// Size limit of the canopy shapes and fields in the page before compression, in MB; above it, snapshots
+    /// are omitted at even intervals
     #[arg(long, value_name = "MB", default_value_t = 8.0, value_parser = megabytes)]
     canopy_mb: f64,
 }
@@ -55,14 +55,14 @@ pub struct ReportArgs {
 fn megabytes(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(mb) if mb > 0.0 && mb <= 1000.0 => Ok(mb),
-        _ => Err("megabytes above 0, at most 1000".into()),
+        _ => Err("expected a size in MB, above 0 and at most 1000".into()),
     }
 }
 
 /// Writes the report of a run.
 ///
 /// # Errors
-/// A folder that holds no run, results that cannot be read, a file that cannot be written.
+/// The folder contains no run, a result cannot be read, or a file cannot be written.
 pub fn report(args: &ReportArgs, console: &Console) -> Result<(), RunError> {
     let run = Run::open(&args.run)?;
     let document = document::document(&run, (args.canopy_mb * 1e6) as usize)?;
@@ -76,7 +76,7 @@ pub fn report(args: &ReportArgs, console: &Console) -> Result<(), RunError> {
         page.len()
     };
     for text in &document.missing {
-        console.line(&format!("not in the report: {text}"));
+        console.line(&format!("missing from the report: {text}"));
     }
     console.line(&format!("{}: {:.1} MB", out.display(), bytes as f64 / 1e6));
     Ok(())

@@ -1,4 +1,4 @@
-//! A report as Markdown, with its pictures as files beside it.
+//! The report as Markdown, with its pictures in a folder next to it.
 
 use std::path::Path;
 
@@ -6,17 +6,17 @@ use coupling::error::RunError;
 
 use super::document::{Block, Document, Section, Table};
 
-/// Files of a report in the making.
+/// The picture files of a report.
 struct Files<'a> {
     /// Folder of the pictures.
     folder: &'a Path,
-    /// What the text calls it.
+    /// Name of the folder in links.
     name: String,
     bytes: usize,
 }
 
 impl Files<'_> {
-    /// Writes a picture and returns the Markdown that shows it.
+    /// Writes a picture and returns its Markdown link with the caption.
     fn picture(&mut self, file: &str, caption: &str, bytes: &[u8]) -> Result<String, RunError> {
         let path = self.folder.join(file);
         std::fs::write(&path, bytes).map_err(RunError::file("write", &path))?;
@@ -25,7 +25,7 @@ impl Files<'_> {
     }
 }
 
-/// Writes the text to `out` and the pictures into a folder of the same name beside it; returns all their bytes.
+/// Writes the text to `out` and the pictures to the folder `<name of out>-pictures`; returns the total size, bytes.
 pub(super) fn write(document: &Document, out: &Path) -> Result<usize, RunError> {
     let name = out.file_stem().unwrap_or_default().to_string_lossy().replace(' ', "-") + "-pictures";
     let folder = out.with_file_name(&name);
@@ -46,12 +46,12 @@ pub(super) fn write(document: &Document, out: &Path) -> Result<usize, RunError> 
     Ok(text.len() + files.bytes)
 }
 
-/// Without what would end the text of a picture.
+/// Removes characters that would end the text of a link.
 fn plain(text: &str) -> String {
     text.replace(['[', ']'], "").replace('\n', " ")
 }
 
-/// Without what would end a cell.
+/// Escapes characters that would end a table cell.
 fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
@@ -107,7 +107,8 @@ fn table(table: &Table) -> String {
         cells.resize(width, String::new());
         format!("| {} |\n", cells.join(" | "))
     };
-    let mut out = row(&table.head);
+    let mut out = if table.caption.is_empty() { String::new() } else { format!("{}\n\n", table.caption) };
+    out += &row(&table.head);
     out += &format!("|{}\n", "---|".repeat(width));
     out.extend(table.rows.iter().map(|r| row(r)));
     out + "\n"

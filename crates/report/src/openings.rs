@@ -3,22 +3,22 @@
 use mesh::Point;
 use mesh::geometry::{Vec3, at};
 
-/// Area vector of a closed row of points, m2: half the sum of their cross products. Its size is the area
-/// of a flat opening, and of a bent one the largest that any projection shows.
+/// Area vector of a closed polygon, m2: half the sum of the cross products of consecutive points. Its norm is the
+/// area of a plane polygon, and the maximum projected area of a non-planar one.
 pub(super) fn area_vector(points: &[Point], row: &[u32]) -> Vec3 {
-    // About the first point, so that a place far from the origin costs no digits.
+    // Relative to the first point, to avoid cancellation far from the origin.
     let Some(origin) = row.first().map(|&n| at(points, n)) else { return Vec3::zeros() };
     let from = |n: u32| at(points, n) - origin;
     let pairs = row.iter().zip(row.iter().cycle().skip(1));
     pairs.map(|(&a, &b)| from(a).cross(&from(b)) * 0.5).sum()
 }
 
-/// Size of [`area_vector`].
+/// Norm of [`area_vector`], m2.
 pub(super) fn area(points: &[Point], row: &[u32]) -> f64 {
     area_vector(points, row).norm()
 }
 
-/// The skirt and the vents among the openings: the skirt is the largest in the first shape.
+/// The skirt, which is the opening with the longest boundary, and the vents, which are the others.
 pub(super) fn skirt_and_vents<'a>(
     points: &[Point],
     loops: &'a [Vec<u32>],
@@ -29,6 +29,7 @@ pub(super) fn skirt_and_vents<'a>(
     Some((&loops[skirt], vents))
 }
 
+/// Length of a closed polygon, m.
 fn length(points: &[Point], row: &[u32]) -> f64 {
     let pairs = row.iter().zip(row.iter().cycle().skip(1));
     pairs.map(|(&a, &b)| (at(points, b) - at(points, a)).norm()).sum()
@@ -39,7 +40,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_regular_polygon_anywhere_in_space() {
+    fn area_of_regular_polygon_is_exact_at_any_position() {
         // n-gon of radius 2 in a plane tilted by 0.7, far away: n/2 r^2 sin(2 pi / n).
         let n = 9;
         let (s, c) = 0.7f64.sin_cos();

@@ -1,4 +1,4 @@
-//! What ran, where, and what it warned of.
+//! Scene, machine, versions and command of the run, and its warnings.
 
 use case::Role;
 use coupling::interface::CanopyInterface;
@@ -15,7 +15,7 @@ pub(super) fn section(run: &Run) -> Section {
     let scene = run.scene();
     let summary = run.summary.as_ref();
     let mut rows = vec![("scene".to_owned(), scene.name.clone())];
-    rows.push(("began (UTC)".into(), text(summary, "started_utc").into()));
+    rows.push(("started (UTC)".into(), text(summary, "started_utc").into()));
     rows.push(("command".into(), command(summary)));
     rows.push(("version".into(), version(summary)));
     rows.push(("machine".into(), machine(summary)));
@@ -33,25 +33,26 @@ pub(super) fn section(run: &Run) -> Section {
         let value = format!("{}, {}", kind(described.kind), progress(run, stage));
         rows.push((format!("stage {}", described.name), value));
     }
-    let told = rows.into_iter().filter(|(_, value)| !value.is_empty());
-    let rows = told.map(|(name, value)| vec![name, value]).collect();
-    let mut blocks = vec![Block::Table(Table { head: Vec::new(), rows })];
+    let known = rows.into_iter().filter(|(_, value)| !value.is_empty());
+    let rows = known.map(|(name, value)| vec![name, value]).collect();
+    let mut blocks =
+        vec![Block::Table(Table { caption: "Configuration of the run.".into(), head: Vec::new(), rows })];
     if let Ok(text) = std::fs::read_to_string(run.folder.join("scene.toml")) {
-        blocks.push(Block::Code { title: "The scene".into(), text });
+        blocks.push(Block::Code { title: "Scene file".into(), text });
     }
     Section {
-        id: "what-ran".into(),
-        title: "What ran".into(),
-        lead: "Enough to run it again.".into(),
+        id: "configuration".into(),
+        title: "Configuration".into(),
+        lead: "Scene, command, version and machine: what is needed to reproduce the run.".into(),
         blocks,
     }
 }
 
-/// The command of the run; empty where the summary does not have it.
+/// The command of the run; empty if the summary does not contain it.
 fn command(summary: Option<&Value>) -> String {
     let words = summary.and_then(|s| s.get("command")).and_then(Value::as_array);
     let words: Vec<&str> = words.into_iter().flatten().filter_map(Value::as_str).collect();
-    // Where the program lay is nobody's business; what was asked of it is.
+    // The folder of the program is omitted: it does not affect the results.
     let program = words.first().map(|p| p.rsplit('/').next().unwrap_or(p));
     program.into_iter().chain(words.iter().skip(1).copied()).collect::<Vec<_>>().join(" ")
 }
@@ -76,7 +77,7 @@ fn machine(summary: Option<&Value>) -> String {
     format!("{processor}, {threads:.0} threads, {memory} GiB, {system}")
 }
 
-/// Ranks of each program: those that ran, or else those of the scene.
+/// Ranks of each program: from the summary, else from the scene.
 fn ranks(run: &Run) -> String {
     let ran = run.summary.as_ref().and_then(|s| s.get("ranks")).and_then(Value::as_array);
     let one = |(i, role): (usize, &Role)| {
@@ -86,17 +87,17 @@ fn ranks(run: &Run) -> String {
     Role::ALL.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
 
-/// A kind of stage in words.
+/// Description of a kind of stage.
 pub(super) fn kind(kind: case::StageKind) -> &'static str {
     match kind {
         case::StageKind::PreInflation => "structure alone under a constant pressure",
         case::StageKind::FlowOnly => "flow alone around the canopy at rest",
-        case::StageKind::Coupled => "structure, flow and descent together",
+        case::StageKind::Coupled => "coupled structure, flow and descent",
         case::StageKind::Prescribed => "flow around a canopy with prescribed motion",
     }
 }
 
-/// Warnings of the inspection, of the coupler and of the programs, windows that did not converge, windows that were rejected.
+/// Warnings of the inspection, the coupler and the programs; windows that did not converge or were rejected.
 pub(super) fn warnings(run: &Run) -> Vec<String> {
     let mut found = Vec::new();
     let ended = text(run.summary.as_ref(), "ended");
@@ -104,13 +105,13 @@ pub(super) fn warnings(run: &Run) -> Vec<String> {
         found.push(format!("the run ended early: {ended}"));
     }
     let inspection = run.summary.as_ref().and_then(|s| s.get("inspection")).cloned().unwrap_or_default();
-    // A summary of an earlier version has none.
+    // Summaries of earlier versions have no inspection.
     let inspected: Vec<Finding> = serde_json::from_value(inspection).unwrap_or_default();
     found.extend(inspected.iter().map(|f| format!("before the run, {}; {}", f.line(), f.remedy)));
-    let told = run.summary.as_ref().and_then(|s| s.get("warnings")).and_then(Value::as_array);
-    match told {
+    let recorded = run.summary.as_ref().and_then(|s| s.get("warnings")).and_then(Value::as_array);
+    match recorded {
         Some(list) => found.extend(list.iter().filter_map(|w| w.as_str()).map(str::to_owned)),
-        // A summary without them, or none: the history knows at least these.
+        // Without warnings in a summary, the history still shows windows that did not converge.
         None => {
             for stage in &run.stages {
                 let name = &run.stage(stage).name;
@@ -130,15 +131,15 @@ pub(super) fn warnings(run: &Run) -> Vec<String> {
             for column in stage.columns.starting(start) {
                 let sum = stage.columns.sum(column);
                 if sum > 0.0 {
-                    found.push(format!("stage `{name}`: {sum:.0} in column `{column}` of its history"));
+                    found.push(format!("stage `{name}`: column `{column}` of history.csv sums to {sum:.0}"));
                 }
             }
         }
         for role in Role::ALL {
             let log = run.folder.join(name).join("logs").join(format!("{}.log", role.name()));
             let lines = std::fs::read_to_string(log).unwrap_or_default();
-            let said = lines.lines().filter(|l| l.to_lowercase().contains("warning"));
-            found.extend(said.take(20).map(|l| format!("stage `{name}`, {}: {}", role.name(), l.trim())));
+            let logged = lines.lines().filter(|l| l.to_lowercase().contains("warning"));
+            found.extend(logged.take(20).map(|l| format!("stage `{name}`, {}: {}", role.name(), l.trim())));
         }
     }
     found

@@ -1,5 +1,5 @@
-//! Canopy shapes and fields in the page: 16 bits a coordinate and 8 bits a value, as differences in time,
-//! deflated, in base64. `viewer/unpack.js` reads them.
+//! Encoding of canopy shapes and fields in the page: 16 bits per coordinate and 8 bits per value, as differences
+//! in time, deflated, in base64. `viewer/unpack.js` decodes them.
 
 use std::io::Write;
 
@@ -12,21 +12,20 @@ use serde_json::{Value, json};
 use super::frames::{FIELDS, Frame, StageFrames};
 use super::shape::Shape;
 
-/// What the page holds of the canopy.
+/// Encoded shapes and fields of the canopy.
 pub(super) struct Packed {
-    /// What the numbers mean.
+    /// Sizes, ranges and names.
     pub(super) header: Value,
-    /// The numbers.
+    /// Encoded data.
     pub(super) data: String,
-    /// How many of the pictures of each stage there are.
+    /// Caption: number of shapes, size and resolution.
     pub(super) note: String,
 }
 
-/// Share of the values at either end that a colour scale leaves out, so that a few corners do not wash
-/// out the rest.
+/// Share of the values outside the colour scale at either end, so that outliers do not set its range.
 const CUT: f64 = 0.005;
 
-/// Packs the stages whose mesh is that of the last.
+/// Encodes the stages that have the mesh of the last stage.
 pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
     let shape = &stages.last()?.shape;
     let stages: Vec<&StageFrames> =
@@ -72,15 +71,15 @@ pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
         "nodes": shape.nodes, "triangles": shape.triangles.len(), "hem": shape.hem.len(),
         "cables": shape.cables.len(), "origin": origin, "extent": extent, "fields": fields, "stages": described,
     });
-    let told: Vec<String> = stages
+    let counts: Vec<String> = stages
         .iter()
         .map(|s| format!("{} of {} shapes of stage {}", s.frames.len(), s.written, s.stage))
         .collect();
     let data = base64::engine::general_purpose::STANDARD.encode(deflated);
     let note = format!(
-        "{}; {:.1} MB, {:.1} MB in the page. Places are exact to {:.1} mm, colours to 1/255 of their scale, \
-         which leaves out the highest and lowest half per cent.",
-        told.join(", "),
+        "{}; {:.1} MB ({:.1} MB compressed). Positions have a resolution of {:.1} mm, fields of 1/255 of the colour \
+         scale, which spans the 0.5 to 99.5 percentiles of each stage.",
+        counts.join(", "),
         bytes.len() as f64 / 1e6,
         data.len() as f64 / 1e6,
         extent.iter().copied().fold(0.0, f64::max) / 65535.0 * 1e3
@@ -105,7 +104,7 @@ fn positions(frame: &Frame, origin: Point, extent: Point) -> Vec<u16> {
     frame.points.iter().flat_map(place).collect()
 }
 
-/// Values that the colours of a field span in a stage.
+/// Range of the colour scale of a field in a stage.
 fn range(frames: &[Frame], field: usize) -> [f64; 2] {
     let mut all: Vec<f64> =
         frames.iter().flat_map(|f| &f.fields[field]).copied().filter(|v| v.is_finite()).collect();
@@ -126,7 +125,7 @@ fn values(frame: &Frame, shape: &Shape, field: usize, [low, high]: [f64; 2]) -> 
     if values.is_empty() {
         return vec![0; shape.triangles.len()];
     }
-    // A number that is none becomes 0.
+    // The conversion maps NaN to 0.
     let level = |v: &f64| {
         if FIELDS[field].states() { *v as u8 } else { ((v - low) / (high - low) * 255.0).round() as u8 }
     };

@@ -1,4 +1,4 @@
-//! Which curves a history gives, with a sentence on each.
+//! The charts of a history, with their captions.
 
 use super::chart::{Chart, Series};
 use super::data::Columns;
@@ -8,7 +8,7 @@ pub(super) struct Panel {
     pub(super) title: &'static str,
     pub(super) unit: &'static str,
     pub(super) note: &'static str,
-    /// Column and name.
+    /// Column and label of each curve.
     pub(super) columns: &'static [(&'static str, &'static str)],
     pub(super) logarithmic: bool,
 }
@@ -27,106 +27,107 @@ pub(super) const MOTION: &[Panel] = &[
     panel(
         "Descent speed",
         "m/s",
-        "Downwards speed of the payload.",
+        "Downward speed of the payload.",
         &[("descent_speed_m_s", "descent speed")],
     ),
     panel("Drag", "N", "Vertical force of the air on the canopy.", &[("drag_n", "drag")]),
     panel(
         "Side force",
         "N",
-        "Horizontal force of the air: what pushes the canopy aside.",
+        "Horizontal force of the air on the canopy.",
         &[("force_x_n", "along x"), ("force_y_n", "along y")],
     ),
     panel(
         "Projected area",
         "m2",
-        "Area of the canopy seen from above: it breathes.",
+        "Area of the canopy projected onto the horizontal plane.",
         &[("projected_area_m2", "projected area")],
     ),
     panel(
-        "Force in the risers",
+        "Riser force",
         "N",
-        "Force on the payload, or on what holds the lines' lower end.",
+        "Force of the lines on the payload, or on their fixed lower end.",
         &[("riser_force_n", "risers"), ("vertical_load_n", "vertical load on the structure")],
     ),
     panel(
-        "Largest line tension",
+        "Maximum line tension",
         "N",
-        "Largest tension of a line, for which it must be made.",
-        &[("max_line_tension_n", "largest line tension")],
+        "Maximum tension over all lines.",
+        &[("max_line_tension_n", "maximum line tension")],
     ),
     panel(
         "Energy of fabric and lines",
         "J",
-        "Elastic energy, and kinetic energy, which measures the remaining motion.",
+        "Elastic and kinetic energy of the structure.",
         &[("structure_strain_energy_j", "elastic"), ("structure_kinetic_energy_j", "kinetic")],
     ),
 ];
 
-/// How the coupling went.
+/// Convergence and energy of the coupling.
 pub(super) const COUPLING: &[Panel] = &[
     panel(
         "Coupling iterations",
         "",
-        "Calls of the solvers in each window until they agreed.",
+        "Coupling iterations per window; each contains one flow solve.",
         &[("coupling_iterations", "iterations")],
     ),
     Panel {
         title: "Coupling residual",
         unit: "",
-        note: "How far the solvers still disagreed when a window was accepted.",
+        note: "Coupling residual of each accepted window.",
         columns: &[("coupling_residual", "residual")],
         logarithmic: true,
     },
     panel(
-        "Energy that the coupling added",
+        "Interface energy error",
         "J",
-        "Work received by the structure less work given by the flow, summed: ideally zero; a negative sum damps.",
-        &[("interface_energy_error_sum_j", "added so far")],
+        "Work received by the structure minus work done by the flow, accumulated. Zero is exact; a negative sum is \
+         dissipation.",
+        &[("interface_energy_error_sum_j", "accumulated error")],
     ),
     panel(
         "Work of the air on the canopy",
         "J",
-        "In each window: to and fro as the canopy breathes.",
-        &[("interface_work_j", "work in a window")],
+        "Work per window.",
+        &[("interface_work_j", "work per window")],
     ),
 ];
 
-/// How the solvers went.
+/// Iterations and quality measures of the solvers.
 pub(super) const SOLVERS: &[Panel] = &[
     panel(
         "Flow iterations",
         "",
-        "Nonlinear iterations of the flow in each window, all its calls together.",
+        "Nonlinear iterations of the flow-solver per window, summed over its solves.",
         &[("flow_iterations", "iterations")],
     ),
     panel(
-        "Largest Mach number",
+        "Maximum Mach number",
         "",
-        "Far below 1, as the low-speed preconditioning of the flow supposes.",
-        &[("flow_max_mach", "largest Mach number")],
+        "Maximum over all cells. The low-speed preconditioning of the flow assumes values far below 1.",
+        &[("flow_max_mach", "maximum Mach number")],
     ),
     panel(
-        "Pressure in the flow",
+        "Extreme pressures",
         "Pa",
-        "Highest and lowest pressure anywhere, relative to still air.",
-        &[("flow_max_pressure_pa", "highest"), ("flow_min_pressure_pa", "lowest")],
+        "Maximum and minimum pressure in the flow, relative to still air.",
+        &[("flow_max_pressure_pa", "maximum"), ("flow_min_pressure_pa", "minimum")],
     ),
     panel(
-        "Worst cell of the moving grid",
+        "Minimum cell quality",
         "",
-        "Quality of the worst cell: 1 is a cube, 0 is no cell any more.",
-        &[("mesh_min_quality", "least quality")],
+        "Quality of the worst cell of the moving grid: 1 is a cube, 0 is a degenerate cell.",
+        &[("mesh_min_quality", "minimum quality")],
     ),
     panel(
-        "Newton steps of the structure",
+        "Newton iterations of the structure",
         "",
-        "Nonlinear (or explicit) steps in each window, all its calls together.",
-        &[("structure_newton_steps", "steps")],
+        "Newton iterations (or explicit time steps) per window, summed over the structure solves.",
+        &[("structure_newton_steps", "iterations")],
     ),
 ];
 
-/// The charts of those panels whose columns a history has; columns of zeros are left out.
+/// The charts of `panels` whose columns are in the history. Columns of zeros are omitted.
 pub(super) fn charts(panels: &[Panel], columns: &Columns, prefix: &str) -> Vec<Chart> {
     let mut out = Vec::new();
     for panel in panels {

@@ -1,4 +1,4 @@
-//! What stays the same of a canopy while it moves: its triangles, edges, lines and openings.
+//! Topology of the canopy snapshots: triangles, edges, lines and openings.
 
 use std::collections::HashMap;
 
@@ -7,26 +7,26 @@ use mesh::vtk::read::Piece;
 /// Topology of the snapshots of a run.
 #[derive(Clone, PartialEq)]
 pub(super) struct Shape {
-    /// Nodes of canopy and lines.
+    /// Number of nodes of canopy and lines.
     pub(super) nodes: usize,
-    /// Triangles of the fabric; polygons are split.
+    /// Triangles of the fabric; polygons are split into triangles.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Cell of the snapshot that a triangle is part of.
+    /// Cell of the snapshot that contains each triangle.
     pub(super) cell: Vec<usize>,
-    /// Edges with fabric on one side, in the direction in which their triangle runs.
+    /// Boundary edges of the fabric, with the orientation of their triangle.
     pub(super) hem: Vec<[u32; 2]>,
     /// Elements of lines, risers and reinforcements.
     pub(super) cables: Vec<[u32; 2]>,
-    /// What each of them models: 0 suspension line, 1 riser, 2 reinforcement.
+    /// Kind of each cable: 0 suspension line, 1 riser, 2 reinforcement.
     pub(super) kind: Vec<u8>,
-    /// Number of the line that each is a part of.
+    /// Line number of each cable element.
     pub(super) line: Vec<u32>,
-    /// Closed rows of nodes around the openings, the skirt included.
+    /// Closed polygons of nodes around the openings, including the skirt.
     pub(super) loops: Vec<Vec<u32>>,
 }
 
 impl Shape {
-    /// Of a snapshot.
+    /// Topology of a snapshot.
     pub(super) fn of(canopy: &Piece, lines: Option<&Piece>) -> Self {
         let mut triangles = Vec::new();
         let mut cell = Vec::new();
@@ -65,7 +65,7 @@ impl Shape {
     }
 }
 
-/// Directed edges whose opposite no triangle has.
+/// Directed edges that belong to one triangle only.
 fn hem(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     let mut count: HashMap<[u32; 2], u32> = HashMap::new();
     let edges = || triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
@@ -75,7 +75,7 @@ fn hem(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
     edges().filter(|&[a, b]| count[&[a.min(b), a.max(b)]] == 1).collect()
 }
 
-/// The hem as closed rows of nodes. Where openings touch in a node, it is passed twice.
+/// The boundary edges as closed polygons. A node shared by two openings occurs twice.
 fn loops(hem: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut next: HashMap<u32, Vec<u32>> = HashMap::new();
     for &[a, b] in hem {
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sheet_with_a_hole_has_two_openings() {
+    fn sheet_with_a_hole_has_two_boundary_loops() {
         // A 3 x 3 lattice of squares without the middle one.
         let node = |i: u32, j: u32| 4 * j + i;
         let mut triangles = Vec::new();

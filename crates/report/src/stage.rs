@@ -1,4 +1,4 @@
-//! What came of a stage: its curves, with what was measured on its snapshots.
+//! The sections of a stage: its curves and statistics, from the history and the snapshots.
 
 use figures::plot;
 
@@ -7,8 +7,8 @@ use super::chart::{Chart, Series, digits};
 use super::data::{Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::frames::{Measure, StageFrames};
+use super::long_term::{LongTerm, long_term};
 use super::panels::{MOTION, SOLVERS, charts};
-use super::swings::{Swings, swings};
 use super::{facts, origin};
 
 /// The section of a stage.
@@ -19,7 +19,7 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     let mut found = charts(MOTION, &stage.columns, &id);
     let falls = coupled(described.kind) && run.scene().descent.is_some();
     if !falls {
-        // The speed is given, not found.
+        // The scene prescribes the speed.
         found.retain(|c| c.title != "Descent speed");
     }
     for chart in &mut found {
@@ -31,9 +31,9 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
             "Drag" => {
                 chart.references =
                     facts::weight(run).map(|w| (w, format!("weight {}", digits(w)))).into_iter().collect();
-                settle(chart);
+                omit_transient(chart);
             }
-            _ => settle(chart),
+            _ => omit_transient(chart),
         }
     }
     if let Some(frames) = frames {
@@ -41,9 +41,9 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     }
     let mut blocks = vec![Block::Charts(found), Block::Table(table(stage))];
     if coupled(described.kind)
-        && let Some(table) = settled(stage)
+        && let Some(table) = long_term_table(stage)
     {
-        blocks.push(Block::Text(SETTLED.into()));
+        blocks.push(Block::Text(LONG_TERM.into()));
         blocks.push(Block::Table(table));
     }
     if let Some(bars) = frames.and_then(|f| line_bars(f, &id)) {
@@ -57,15 +57,15 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     }
 }
 
-/// How the solvers went in the main stage.
+/// Iterations and quality measures of the solvers in the main stage.
 pub(super) fn solvers(run: &Run, stage: &StageData) -> Section {
     let name = &run.stage(stage).name;
     let found = charts(SOLVERS, &stage.columns, &format!("solvers-{}", anchor(name)));
     let blocks = if found.is_empty() { Vec::new() } else { vec![Block::Charts(found)] };
     Section {
         id: "solvers".into(),
-        title: "How the solvers went".into(),
-        lead: format!("Effort and health of the programs in stage {name}."),
+        title: "Solver statistics".into(),
+        lead: format!("Iterations and quality measures of the programs in each window of stage {name}."),
         blocks,
     }
 }
@@ -81,9 +81,9 @@ pub(super) fn anchor(name: &str) -> String {
     format!("stage-{}", name.chars().map(plain).collect::<String>())
 }
 
-/// Leaves out a violent start that would flatten the rest of a curve: the first twentieth, where it spans
-/// more than five times what follows. The chart says so.
-fn settle(chart: &mut Chart) {
+/// Omits the first 5 % of the curves if its range is more than five times that of the rest, so that the rest
+/// stays readable. The caption says so.
+fn omit_transient(chart: &mut Chart) {
     let span = |points: &[(f64, f64)]| {
         let finite = points.iter().map(|p| p.1).filter(|v| v.is_finite());
         let (low, high) = finite.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
@@ -99,11 +99,11 @@ fn settle(chart: &mut Chart) {
             let from = cut(series);
             series.points.drain(..from);
         }
-        chart.note += " (The first twentieth, which is far off this scale, is left out.)";
+        chart.note += " The first 5 % of the stage is omitted: its values exceed this scale.";
     }
 }
 
-/// Curves of what was measured on the snapshots.
+/// Curves of the quantities measured on the snapshots.
 fn from_snapshots(measures: &[Measure], id: &str) -> Vec<Chart> {
     let curve = |label: &str, of: &dyn Fn(&Measure) -> f64| Series {
         label: label.into(),
@@ -125,36 +125,37 @@ fn from_snapshots(measures: &[Measure], id: &str) -> Vec<Chart> {
         if vents <= 5 {
             series.extend((0..vents).map(|v| curve(&format!("vent {}", v + 1), &|m| m.vents[v])));
         } else {
-            series.push(curve("all vents", &|m| m.vents.iter().sum()));
+            series.push(curve("sum of all vents", &|m| m.vents.iter().sum()));
         }
-        let note = "Area of each opening in the fabric other than the skirt: what lets air out.";
+        let note = "Area of the openings in the fabric other than the skirt.";
         found.push(chart("Vent area", "m2", note, series));
     }
     if first.mouth > 0.0 {
-        let note = "Horizontal area that the skirt, the lower edge of the fabric, encloses.";
+        let note =
+            "Area enclosed by the skirt (the lower edge of the fabric), projected onto the horizontal plane.";
         found.push(chart("Mouth area", "m2", note, vec![curve("mouth", &|m| m.mouth)]));
     }
     if first.tensions.is_some() {
         let of = |k: usize| move |m: &Measure| m.tensions.map_or(f64::NAN, |t| t[k]);
-        let series = vec![curve("least", &of(0)), curve("mean", &of(1)), curve("largest", &of(2))];
+        let series = vec![curve("minimum", &of(0)), curve("mean", &of(1)), curve("maximum", &of(2))];
         found.push(chart(
             "Tension of suspension lines",
             "N",
-            "Least, mean and largest over all lines.",
+            "Minimum, mean and maximum over all suspension lines.",
             series,
         ));
     }
     if measures.iter().any(|m| m.states.iter().sum::<f64>() > 0.0) {
         let of = |k: usize| move |m: &Measure| 100.0 * m.states[k];
         let series = vec![curve("slack", &of(0)), curve("wrinkled", &of(1)), curve("taut", &of(2))];
-        let note = "Share of the fabric that is pulled in no direction, in one, in two.";
+        let note = "Share of the fabric area that is slack (no tension), wrinkled (uniaxial tension) or taut (biaxial).";
         found.push(chart("State of the fabric", "%", note, series));
     }
     found.retain(|c| !c.is_empty());
     found
 }
 
-/// The largest tension of each line in the last snapshot.
+/// Maximum tension of each suspension line in the last snapshot.
 fn line_bars(frames: &StageFrames, id: &str) -> Option<Bars> {
     let last = frames.measures.last()?;
     let of = |kind: u8| last.lines.iter().filter(move |l| l.0 == kind).map(|l| l.1).collect::<Vec<f64>>();
@@ -162,15 +163,16 @@ fn line_bars(frames: &StageFrames, id: &str) -> Option<Bars> {
     if lines.is_empty() || lines.len() > 64 {
         return None;
     }
-    let mut note = format!("Tension of each suspension line at {:.3} s, by its number.", last.time);
+    let mut note =
+        format!("Maximum tension of each suspension line at t = {:.3} s, by line number.", last.time);
     if !risers.is_empty() {
         let list: Vec<String> = risers.iter().map(|t| digits(*t)).collect();
-        note += &format!(" Risers, which join several lines: {} N.", list.join(", "));
+        note += &format!(" Risers: {} N.", list.join(", "));
     }
     let rows = lines.iter().enumerate().map(|(i, t)| ((i + 1).to_string(), vec![*t])).collect();
     Some(Bars {
         id: format!("{id}-lines"),
-        title: "Tension of each line at the end, N".into(),
+        title: "Tension of suspension lines in the last snapshot, N".into(),
         label: "tension",
         unit: "N",
         note,
@@ -180,26 +182,27 @@ fn line_bars(frames: &StageFrames, id: &str) -> Option<Bars> {
     })
 }
 
-/// Column, name, unit of what a stage comes to.
+/// Column, name and unit of the tabulated quantities.
 const MAIN: [(&str, &str, &str); 8] = [
     ("descent_speed_m_s", "descent speed", "m/s"),
     ("drag_n", "drag", "N"),
-    ("cd", "drag coefficient", "1"),
+    ("cd", "drag coefficient", "-"),
     ("projected_area_m2", "projected area", "m2"),
     ("volume_m3", "volume", "m3"),
-    ("riser_force_n", "force in the risers", "N"),
-    ("max_line_tension_n", "largest line tension", "N"),
+    ("riser_force_n", "riser force", "N"),
+    ("max_line_tension_n", "maximum line tension", "N"),
     ("structure_strain_energy_j", "elastic energy", "J"),
 ];
 
-const SETTLED: &str = "What it settles to. The start is left out as far as the marginal standard error of the rest falls \
-    (half of the stage at most). The period is the peak of the periodogram, if it has a quarter of the variance. The \
-    interval of 95 % comes from the means of batches of whole periods: four at least, which must not follow one another.";
+const LONG_TERM: &str = "Long-term statistics. The initial transient is removed by the marginal standard error rule (MSER; at \
+    most half of the stage). The main period is the peak of the periodogram, given if it carries at least a quarter of the \
+    variance. The 95 % confidence interval comes from the means of batches of whole periods; it is given for at least \
+    four batches without serial correlation.";
 
-/// Means with intervals, and periods.
-fn settled(stage: &StageData) -> Option<Table> {
+/// Long-term means with confidence intervals, and main periods.
+fn long_term_table(stage: &StageData) -> Option<Table> {
     let row = |(name, label, unit): (&str, &str, &str)| {
-        let Swings { from, mean, margin, period } = swings(&stage.columns.series(name))?;
+        let LongTerm { from, mean, margin, period } = long_term(&stage.columns.series(name))?;
         let (interval, batches) =
             margin.map_or(("-".into(), "-".into()), |(m, n)| (format!("± {}", digits(m)), n.to_string()));
         let (period, share) = period
@@ -208,11 +211,12 @@ fn settled(stage: &StageData) -> Option<Table> {
     };
     let rows: Vec<Vec<String>> = MAIN.into_iter().filter_map(row).collect();
     let head =
-        ["", "from, s", "mean", "95 % interval", "batches", "main period, s", "its share of the variance"];
-    (!rows.is_empty()).then(|| Table { head: head.map(str::to_owned).to_vec(), rows })
+        ["", "from t, s", "mean", "95 % interval", "batches", "main period, s", "share of the variance"];
+    let caption = "Long-term mean, confidence interval and main period; units in the first column.".into();
+    (!rows.is_empty()).then(|| Table { caption, head: head.map(str::to_owned).to_vec(), rows })
 }
 
-/// Start, end, extremes and late mean of the main columns.
+/// Initial and final values, extremes and late means.
 fn table(stage: &StageData) -> Table {
     let mut rows = Vec::new();
     for (name, label, unit) in MAIN {
@@ -226,6 +230,8 @@ fn table(stage: &StageData) -> Table {
         row.extend(ends.map(digits));
         rows.push(row);
     }
-    let head = ["", "start", "end", "least", "largest", "mean of the last half", "its standard deviation"];
-    Table { head: head.map(str::to_owned).to_vec(), rows }
+    let head =
+        ["", "start", "end", "minimum", "maximum", "mean of the last half", "standard deviation there"];
+    let caption = "Values at the accepted windows of the stage; units in the first column.".into();
+    Table { caption, head: head.map(str::to_owned).to_vec(), rows }
 }

@@ -1,4 +1,4 @@
-//! Reports of runs that ended at every stage of their life.
+//! Reports of complete and incomplete runs.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use super::{document, html, markdown};
 
 const SCENE: &str = include_str!("../../../cases/square-drop/scene.toml");
 
-/// A run's folder with these histories.
+/// A results folder with these histories (stage, text).
 fn folder(histories: &[(&str, &str)]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
@@ -35,12 +35,12 @@ fn refusal(folder: &Path) -> String {
     match Run::open(folder) {
         Err(RunError::Input(message)) => message,
         Err(other) => panic!("{other}"),
-        Ok(_) => panic!("it was taken"),
+        Ok(_) => panic!("the folder was accepted"),
     }
 }
 
 #[test]
-fn a_folder_without_a_run_is_refused_in_words() {
+fn folder_without_a_run_is_refused_with_the_reason() {
     let empty = tempfile::tempdir().unwrap();
     assert!(refusal(&empty.path().join("nowhere")).contains("there is no folder"));
     assert!(refusal(empty.path()).contains("scene.toml is missing"));
@@ -54,42 +54,45 @@ fn a_folder_without_a_run_is_refused_in_words() {
 }
 
 #[test]
-fn one_stage_alone_gives_a_page_that_names_what_is_missing() {
+fn page_of_one_stage_names_the_missing_data() {
     let run = folder(&[("pre-inflation", STRUCTURE)]);
     let page = page(run.path());
-    assert!(page.contains("Projected area") && page.contains("Force in the risers"));
-    // Neither a column that is not there, nor a viewer without shapes.
+    assert!(page.contains("Projected area") && page.contains("Riser force"));
+    // No chart without its column, and no viewer without shapes.
     assert!(!page.contains("Descent speed</h") && !page.contains("id=\"canopy\""));
     for missing in
-        ["summary.json is not there", "surface_every_windows = 4", "stage `descent`: it did no window"]
+        ["summary.json is missing", "surface_every_windows = 4", "stage `descent`: no window was completed"]
     {
         assert!(page.contains(missing), "{missing}");
     }
 }
 
 #[test]
-fn a_run_that_was_killed_is_told_up_to_its_last_whole_line() {
+fn killed_run_is_reported_up_to_its_last_complete_row() {
     let run = folder(&[("descent", FALL)]);
     let opened = Run::open(run.path()).unwrap();
     assert_eq!(opened.main().columns.rows(), 2);
     let page = page(run.path());
-    for part in ["was cut off", "window 1 of stage `descent` did not converge", "ended after 2 of 20 windows"]
+    for part in
+        ["it is incomplete", "window 1 of stage `descent` did not converge", "ended after 2 of 20 windows"]
     {
         assert!(page.contains(part), "{part}");
     }
 }
 
 #[test]
-fn the_page_asks_for_nothing_and_closes_what_it_opens() {
+fn page_loads_nothing_and_is_well_formed() {
     let run = folder(&[("pre-inflation", STRUCTURE), ("descent", FALL)]);
     shapes(&run.path().join("pre-inflation"));
     let page = page(run.path());
     let opens = |tag: &str| page.matches(&format!("<{tag}")).count();
-    for tag in ["section", "figure", "table", "svg", "div", "script", "ul"] {
+    assert_eq!(opens("table"), opens("caption"), "every table has a caption");
+    assert!(!page.contains("<caption></caption>") && !page.contains("<figcaption></figcaption>"));
+    for tag in ["section", "figure", "table", "caption", "svg", "div", "script", "ul"] {
         assert_eq!(opens(tag), page.matches(&format!("</{tag}>")).count(), "{tag}");
     }
     assert!(page.contains("id=\"canopy-data\"") && page.contains("The licence of three.js"));
-    // Addresses are names of XML, or lie in the page.
+    // Addresses are data URLs or anchors of the page.
     for found in page.split("src=\"").skip(1).chain(page.split("href=\"").skip(1)) {
         assert!(found.starts_with("data:") || found.starts_with('#'), "{}", &found[..40.min(found.len())]);
     }
@@ -118,7 +121,7 @@ fn shapes(folder: &Path) {
 }
 
 #[test]
-fn what_is_measured_and_packed_of_a_canopy() {
+fn canopy_is_measured_and_encoded_correctly() {
     let run = folder(&[("pre-inflation", STRUCTURE)]);
     shapes(&run.path().join("pre-inflation"));
     let opened = Run::open(run.path()).unwrap();
@@ -131,7 +134,7 @@ fn what_is_measured_and_packed_of_a_canopy() {
     assert!((frames.measures[0].mouth - 8.0 * 7.0).abs() < 1e-9);
     assert!((frames.measures[0].states.iter().sum::<f64>() - 1.0).abs() < 1e-12);
 
-    // Unpacked again as the viewer does.
+    // Decoded as by the viewer.
     let packed = super::pack::pack(&[frames]).unwrap();
     use base64::Engine;
     use std::io::Read;
@@ -144,7 +147,7 @@ fn what_is_measured_and_packed_of_a_canopy() {
     let topology = 4 * (3 * triangles + 2 * number("hem"));
     let frame = 6 * nodes + 3 * triangles;
     assert_eq!(bytes.len(), topology + 2 * frame);
-    // Place of node 2 in x: 1 m, then 2 m, between -3 and 5.
+    // x coordinate of node 2: 1 m, then 2 m, in the range -3 to 5.
     let mut place = 0u16;
     for (at, expected) in [(topology, 1.0), (topology + frame, 2.0)] {
         let i = 3 * 2;
@@ -155,7 +158,7 @@ fn what_is_measured_and_packed_of_a_canopy() {
 }
 
 #[test]
-fn markdown_has_its_pictures_beside_it() {
+fn markdown_links_only_existing_pictures() {
     let run = folder(&[("pre-inflation", STRUCTURE)]);
     shapes(&run.path().join("pre-inflation"));
     let out = run.path().join("report.md");
@@ -170,7 +173,7 @@ fn markdown_has_its_pictures_beside_it() {
 }
 
 #[test]
-fn charts_bear_odd_numbers() {
+fn charts_accept_values_that_are_not_finite() {
     let curve = |points: &[(f64, f64)]| Chart {
         title: "x".into(),
         series: vec![Curve { label: "a < b".into(), points: points.to_vec() }],
@@ -184,7 +187,7 @@ fn charts_bear_odd_numbers() {
             assert!(!svg.contains("NaN") && !svg.contains("inf") && !svg.contains("a < b"), "{svg}");
         }
     }
-    // Ten thousand points of a rising curve keep their ends and stay few.
+    // A curve of ten thousand points is thinned and keeps its end points.
     let many: Vec<(f64, f64)> = (0..10_000).map(|i| (f64::from(i), f64::from(i))).collect();
     let svg = curve(&many).element();
     let kept = svg.split("data-points=\"").nth(1).unwrap().split('"').next().unwrap();
@@ -197,7 +200,7 @@ fn charts_bear_odd_numbers() {
 }
 
 #[test]
-fn the_style_knows_every_colour_of_a_chart() {
+fn style_sheet_defines_every_chart_colour() {
     use figures::colour::{BAND, GREY, GRID, INK, SERIES};
     let of = |c: figures::colour::Colour| format!("[fill=\"#{:02X}{:02X}{:02X}\"]", c.0, c.1, c.2);
     for colour in SERIES.into_iter().chain([INK, GREY, GRID, BAND]) {

@@ -1,4 +1,4 @@
-//! Where the time went: by program, and by the named parts of each.
+//! Wall time by program, and by the timed parts of each program.
 
 use results::timings::StageTimings;
 use serde_json::Value;
@@ -9,9 +9,9 @@ use super::data::Run;
 use super::document::{Block, Section, Table};
 use super::facts;
 
-/// Where the time went.
+/// Wall time of the programs in each stage.
 pub(super) fn section(run: &Run) -> Section {
-    let parts = ["structure", "flow", "mesh", "coupler", "waiting", "launch, saving and pictures"];
+    let parts = ["structure", "flow", "mesh", "coupler", "waiting", "launch and output"];
     let columns = ["structure_wall_s", "flow_wall_s", "mesh_wall_s", "coupler_wall_s", "waiting_wall_s"];
     let mut rows = Vec::new();
     let mut table = Vec::new();
@@ -26,25 +26,30 @@ pub(super) fn section(run: &Run) -> Section {
         table.push(row);
         rows.push((run.stage(stage).name.clone(), values));
     }
-    let mut head: Vec<String> = vec!["stage".into(), "wall".into()];
+    let mut head: Vec<String> = vec!["stage".into(), "wall time".into()];
     head.extend(parts.map(str::to_owned));
-    head.push("a window".into());
+    head.push("per window".into());
     Section {
         id: "time".into(),
-        title: "Where the time went".into(),
-        lead: "Wall seconds of each program; waiting is the channel, and other work on the cores.".into(),
+        title: "Wall time".into(),
+        lead: "Wall time of each program. In waiting time no program computes: messages, and other load on the cores."
+            .into(),
         blocks: [
             Block::Bars(Bars {
                 id: "time".into(),
-                title: "Wall seconds of each program in each stage".into(),
+                title: "Wall time of each program in each stage, %".into(),
                 label: "wall time",
                 unit: "s",
-                note: "Each bar is a stage, cut into shares of its wall time.".into(),
+                note: "Each bar is one stage, divided into shares of its wall time.".into(),
                 parts: parts.to_vec(),
                 rows,
                 upright: false,
             }),
-            Block::Table(Table { head, rows: table }),
+            Block::Table(Table {
+                caption: "Wall time of each stage, shares of the programs, and wall time per window.".into(),
+                head,
+                rows: table,
+            }),
         ]
         .into_iter()
         .chain(parts_of_programs(run))
@@ -52,25 +57,25 @@ pub(super) fn section(run: &Run) -> Section {
     }
 }
 
-/// A table for each stage whose summary says what the parts of its programs took.
+/// A table for each stage whose summary contains timings.
 fn parts_of_programs(run: &Run) -> Vec<Block> {
     let stages = run.summary.as_ref().and_then(|s| s.get("timings")).and_then(Value::as_array);
     let stages = stages.into_iter().flatten();
     let read = stages.filter_map(|s| serde_json::from_value::<StageTimings>(s.clone()).ok());
     read.filter(|timings| timings.programs.iter().any(|p| !p.parts.is_empty()))
-        .flat_map(|timings| [Block::Text(lead(&timings.stage)), Block::Table(table(&timings))])
+        .map(|timings| Block::Table(table(&timings)))
         .collect()
 }
 
-fn lead(stage: &str) -> String {
+fn caption(stage: &str) -> String {
     format!(
-        "Stage {stage}, by parts: as they lie in each other, on the first rank of each program, since the stage was begun or \
-         resumed. Those of the coupler include waiting for the programs."
+        "Stage {stage}: wall time of the nested timed parts on rank 0 of each program, since the start or last restart of \
+         the stage. The parts of the coupler include waiting for the programs."
     )
 }
 
 fn table(timings: &StageTimings) -> Table {
-    let head = ["program", "part", "calls", "wall time", "share of the program", "a call"];
+    let head = ["program", "part", "calls", "wall time", "share of the program", "per call"];
     let mut rows = Vec::new();
     for program in &timings.programs {
         for (at, row) in program.rows().enumerate() {
@@ -84,5 +89,5 @@ fn table(timings: &StageTimings) -> Table {
             ]);
         }
     }
-    Table { head: head.map(String::from).to_vec(), rows }
+    Table { caption: caption(&timings.stage), head: head.map(String::from).to_vec(), rows }
 }

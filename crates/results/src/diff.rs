@@ -1,4 +1,4 @@
-//! Where two runs or recordings part.
+//! Comparison of two runs or recordings: the first deviation.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use crate::history;
 use crate::recording::compare::Comparison;
 use crate::recording::{Event, Reader};
 
-/// Events of one window, in order.
+/// Iterator over the windows of a recording: events of each window, in order.
 struct Windows {
     reader: Reader,
 }
@@ -28,11 +28,11 @@ impl Windows {
     }
 }
 
-/// Compares the exchanges of a stage, window by window: iterations that both have, one
-/// by one, and the last ones where their numbers differ.
+/// Compares the exchanges of a stage window by window: each iteration that both have, and the last iterations if their
+/// numbers differ.
 ///
 /// # Errors
-/// Recordings that cannot be read or are of different canopies.
+/// A recording cannot be read, or the recordings are of different canopies.
 pub fn recordings(
     a: &Path,
     b: &Path,
@@ -43,7 +43,8 @@ pub fn recordings(
     let canopies = [0, 1].map(|i| both[i].reader.header().canopy);
     if canopies[0] != canopies[1] {
         return Err(RunError::Input(format!(
-            "{} has {} canopy nodes and {} faces, {} has {} and {}: they are of different meshes",
+            "{} has {} canopy nodes and {} faces, {} has {} and {}: the meshes differ, so the recordings cannot be \
+             compared",
             a.display(),
             canopies[0].0,
             canopies[0].1,
@@ -76,7 +77,7 @@ pub fn recordings(
     }
 }
 
-/// Columns of a history that are measured times, not answers.
+/// Columns of a history that are measured times instead of results.
 fn is_time_spent(name: &str) -> bool {
     name == "coupler_s"
         || ["wall", "busy", "wait", "assembly", "factorisation", "solve", "megabytes"]
@@ -84,10 +85,11 @@ fn is_time_spent(name: &str) -> bool {
             .any(|w| name.contains(w))
 }
 
-/// Compares the history files `a` and `b`, column by column without the measured times; whether they are the same, and the report.
+/// Compares the history files `a` and `b`, column by column without the measured times. Returns whether they agree, and
+/// the report. A difference is relative to the largest magnitude of its column in `a`.
 ///
 /// # Errors
-/// Files that are no histories.
+/// A file is not a history.
 pub fn histories(a: &Path, b: &Path, tolerance: f64) -> Result<(bool, String), RunError> {
     let (a, b) = (history::read(a)?, history::read(b)?);
     let mut first: Option<(usize, &str, f64, f64, f64)> = None;
@@ -108,14 +110,16 @@ pub fn histories(a: &Path, b: &Path, tolerance: f64) -> Result<(bool, String), R
         }
     }
     Ok(match first {
-        None => {
-            (true, format!("histories are the same to {tolerance:.0e} in {}", counted(rows as u64, "window")))
-        }
+        None => (
+            true,
+            format!("the histories agree within {tolerance:.0e} in {}", counted(rows as u64, "window")),
+        ),
         Some((i, name, x, y, d)) => (
             false,
             format!(
-                "histories part at window {i}, column {name}: {x:.9e} and {y:.9e}, {d:.1e} of its largest \
-                 (tolerance {tolerance:.0e}); recordings (`ripstop run --record`) contain the channel and the node"
+                "first deviation of the histories: window {i}, column {name}: {x:.9e} and {y:.9e}, {d:.1e} relative to the \
+                 column maximum (tolerance {tolerance:.0e}). Recordings (`ripstop run --record`) show the channel and the \
+                 node"
             ),
         ),
     })

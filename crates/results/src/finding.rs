@@ -1,21 +1,21 @@
-//! What a check found in a scene or a run, as summary and report repeat it.
+//! Findings of the checks of a scene or a run, for the summary and the report.
 
 use serde::{Deserialize, Serialize};
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// A figure for the reader.
+    /// Information.
     Note,
-    /// Outside the range of real parachutes, or of what the method resolves: the run starts.
+    /// Outside the range of real parachutes or of the method. The run starts.
     Warning,
-    /// Cannot be right: the run does not start, or ends.
+    /// Invalid. The run does not start, or ends.
     Error,
 }
 
 impl Severity {
-    /// The word in messages.
+    /// Name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Severity::Note => "note",
@@ -25,27 +25,27 @@ impl Severity {
     }
 }
 
-/// A finding with all that a reader needs; `summary.json` holds those above a note.
+/// A finding. `summary.json` contains warnings and errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
-    /// How bad.
+    /// Severity.
     pub severity: Severity,
     /// Identifier of the check in the table.
     pub check: String,
     /// Dotted key of the scene; empty if none.
     pub key: String,
-    /// File, line and column of the key as `FILE:LINE:COLUMN`; empty if the file does not hold it.
+    /// File, line and column of the key as `FILE:LINE:COLUMN`; empty if the file does not contain it.
     pub place: String,
-    /// The figure.
+    /// Value found, in words.
     pub figure: String,
-    /// The range that it is compared with.
+    /// Valid range.
     pub range: String,
-    /// What to do; empty for a note.
+    /// Remedy; empty for a note.
     pub remedy: String,
 }
 
 impl Finding {
-    /// What was found, without the severity: for a console that prints it itself.
+    /// Text without the severity, which the console adds.
     pub fn text(&self) -> String {
         let key = if self.key.is_empty() { String::new() } else { format!("{}: ", self.key) };
         let place = if self.place.is_empty() { String::new() } else { format!("{}: ", self.place) };
@@ -58,7 +58,7 @@ impl Finding {
         )
     }
 
-    /// One line for tables: severity, figure and check.
+    /// One line: severity, value and check.
     pub fn line(&self) -> String {
         format!("{}: {} [{}]", self.severity.name(), self.figure, self.check)
     }

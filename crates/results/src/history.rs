@@ -1,8 +1,7 @@
-//! `history.csv`: one row for each window.
+//! `history.csv`: one row per window.
 //!
-//! The columns of a stage are those of the programs that run in it. Everything
-//! up to the wall times at the end of a row is the same, byte for byte, when the
-//! same run is repeated.
+//! A stage has the columns of the programs that run in it. All columns except the wall times at the end of a row are
+//! bitwise reproducible.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -15,47 +14,47 @@ use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::schemes::WindowReport;
 
-/// First column that differs from run to run; all after it do too.
+/// First of the columns of wall times, which are not reproducible.
 pub const FIRST_WALL_COLUMN: &str = "structure_wall_s";
 
-/// A window as the history and the progress line see it.
+/// Data of a window for the history and the progress line.
 #[derive(Clone, Debug, Default)]
 pub struct Row {
-    /// Number of the window.
+    /// Index of the window.
     pub window: u64,
     /// Time at its end, s.
     pub time_s: f64,
-    /// Its length, s.
+    /// Length of the window, s.
     pub window_s: f64,
-    /// Rejected attempts at it.
+    /// Number of rejected attempts.
     pub rejected: u32,
-    /// Planned windows that are over.
+    /// Completed planned windows.
     pub done: u64,
-    /// What the scheme reported.
+    /// Report of the coupling scheme.
     pub report: WindowReport,
-    /// Downwards, m/s.
+    /// Descent speed (downward), m/s.
     pub descent_speed_m_s: f64,
-    /// Upwards, m/s2.
+    /// Acceleration of the frame (upward), m/s2.
     pub acceleration_m_s2: f64,
     /// Drag coefficient; `None` without descent.
     pub drag_coefficient: Option<f64>,
     /// Work of the air on the canopy in this window, J.
     pub interface_work_j: f64,
-    /// What the coupling itself adds to the energy of the canopy in this window, J.
+    /// Energy added by the coupling in this window, J.
     pub energy_error_j: f64,
-    /// Both summed over the stage.
+    /// Both accumulated over the stage.
     pub interface_energy: InterfaceEnergyBalance,
-    /// Momentum and energy of the falling system; `None` where nothing falls.
+    /// Momentum and energy of the falling system; `None` without descent.
     pub balance: Option<SystemBalance>,
-    /// Wall seconds of the window.
+    /// Wall time of the window, s.
     pub wall_s: f64,
-    /// Wall seconds of the coupler itself.
+    /// Wall time of the coupler, s.
     pub coupler_s: f64,
 }
 
 impl Row {
-    /// Wall seconds in which no program computed and the coupler waited: channel,
-    /// wake-up, and other programs on the cores.
+    /// Wall time in which the coupler waited and no program computed, s: communication, wake-up, and other load on the
+    /// cores.
     pub fn waiting_s(&self) -> f64 {
         (self.wall_s - self.coupler_s - self.report.busy_s.iter().sum::<f64>()).max(0.0)
     }
@@ -66,7 +65,7 @@ enum Cell {
     Number(f64),
     Flag(bool),
     Nothing,
-    /// Wall seconds: few digits are enough.
+    /// Wall time, s, with four decimals.
     Wall(f64),
 }
 
@@ -74,7 +73,7 @@ impl std::fmt::Display for Cell {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Count(n) => write!(f, "{n}"),
-            // Nine digits: more are noise of the solvers' tolerances.
+            // Nine digits: further digits are below the tolerances of the solvers.
             Self::Number(x) => write!(f, "{x:.8e}"),
             Self::Flag(b) => write!(f, "{}", u8::from(*b)),
             Self::Nothing => Ok(()),
@@ -86,7 +85,7 @@ impl std::fmt::Display for Cell {
 /// A statistic of a program as a column.
 struct Column {
     name: &'static str,
-    /// Place among the program's statistics.
+    /// Index among the statistics of the program.
     at: usize,
     is_count: bool,
 }
@@ -257,7 +256,7 @@ fn wall_cells(row: &Row) -> [(&'static str, Cell); 6] {
     ]
 }
 
-/// The file of a stage, flushed with every row.
+/// Writer of `history.csv`, flushed after every row.
 pub struct History {
     kind: StageKind,
     path: PathBuf,
@@ -268,7 +267,7 @@ impl History {
     /// Creates the file with its header line.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn create(path: &Path, kind: StageKind) -> Result<Self, RunError> {
         let file = File::create(path).map_err(RunError::file("create", path))?;
         let mut history = Self { kind, path: path.into(), file: BufWriter::new(file) };
@@ -276,10 +275,10 @@ impl History {
         Ok(history)
     }
 
-    /// Appends to a file that was cut back to the windows before.
+    /// Appends to a file that was truncated to the restart window.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn resume(path: &Path, kind: StageKind) -> Result<Self, RunError> {
         if !path.exists() {
             return Self::create(path, kind);
@@ -287,10 +286,10 @@ impl History {
         Ok(Self { kind, path: path.into(), file: BufWriter::new(append(path)?) })
     }
 
-    /// Brings all rows to the disk: a state that is saved next counts on them.
+    /// Writes all rows to the disk, as required before a state is saved.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn sync(&self) -> Result<(), RunError> {
         self.file.get_ref().sync_data().map_err(RunError::file("write", &self.path))
     }
@@ -298,7 +297,7 @@ impl History {
     /// Adds a window.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn push(&mut self, row: &Row) -> Result<(), RunError> {
         let texts: Vec<String> = cells(self.kind, row).iter().map(|(_, cell)| cell.to_string()).collect();
         self.line(&texts.join(","))
@@ -311,7 +310,7 @@ impl History {
     }
 }
 
-/// `iterations.csv` of a coupled stage: the measure of every coupling iteration.
+/// Writer of `iterations.csv` of a coupled stage: the residual of every coupling iteration.
 pub struct Iterations {
     path: PathBuf,
     file: BufWriter<File>,
@@ -321,7 +320,7 @@ impl Iterations {
     /// Creates the file with its header line.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn create(path: &Path) -> Result<Self, RunError> {
         let file = File::create(path).map_err(RunError::file("create", path))?;
         let mut all = Self { path: path.into(), file: BufWriter::new(file) };
@@ -329,10 +328,10 @@ impl Iterations {
         Ok(all)
     }
 
-    /// Appends to a file that was cut back to the windows before.
+    /// Appends to a file that was truncated to the restart window.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn resume(path: &Path) -> Result<Self, RunError> {
         if !path.exists() {
             return Self::create(path);
@@ -343,7 +342,7 @@ impl Iterations {
     /// Adds the iterations of a window.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn push(&mut self, row: &Row) -> Result<(), RunError> {
         let residuals = row.report.residuals.iter().enumerate();
         let lines: Vec<String> = residuals.map(|(i, r)| format!("{},{i},{r:.3e}", row.window)).collect();
@@ -366,7 +365,7 @@ fn append(path: &Path) -> Result<File, RunError> {
 /// Columns of a history file by name; empty cells are NaN.
 ///
 /// # Errors
-/// Trouble with the file, or a file that is no table of numbers.
+/// The file cannot be read, or is not a table of numbers.
 pub fn read(path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
     let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
     parse(&text, path)
@@ -375,7 +374,7 @@ pub fn read(path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
 /// Columns of the text of a history file, as [`read`].
 ///
 /// # Errors
-/// A text that is no history; `path` is for messages.
+/// The text is not a history; `path` is named in messages.
 pub fn parse(text: &str, path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
     let mut lines = text.lines();
     let mut columns: Vec<(String, Vec<f64>)> =
@@ -384,7 +383,7 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunErro
         let cells: Vec<&str> = line.split(',').collect();
         if cells.len() != columns.len() {
             return Err(RunError::Input(format!(
-                "{}, line {}: {} cells under {} names",
+                "{}, line {}: {} cells for {} columns; the file is damaged",
                 path.display(),
                 at + 2,
                 cells.len(),
@@ -412,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_runs_give_equal_bytes_but_for_the_last_columns() {
+    fn all_columns_except_wall_times_are_bitwise_reproducible() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, wall: f64| {
             let path = folder.path().join(name);
@@ -430,18 +429,18 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_has_the_columns_of_its_programs() {
+    fn stage_has_the_columns_of_its_programs() {
         let names = |kind| cells(kind, &Row::default()).iter().map(|(n, _)| *n).collect::<Vec<_>>();
         let alone = names(StageKind::PreInflation);
         assert!(alone.contains(&"projected_area_m2") && !alone.contains(&"drag_n"));
         let flow = names(StageKind::FlowOnly);
         assert!(flow.contains(&"drag_n") && !flow.contains(&"mesh_min_quality"));
         let all = names(StageKind::Coupled);
-        assert_eq!(all.iter().collect::<std::collections::BTreeSet<_>>().len(), all.len(), "a name twice");
+        assert_eq!(all.iter().collect::<std::collections::BTreeSet<_>>().len(), all.len(), "duplicate names");
     }
 
     #[test]
-    fn reads_back() {
+    fn written_history_is_read_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("h.csv");
         let mut history = History::create(&path, StageKind::Coupled).unwrap();

@@ -1,7 +1,7 @@
-//! The results of a run, written and read here only: the history of its windows, the summary, checkpoints, states
-//! of stages, recordings of the exchange, and the comparison of two runs.
+//! Results of a run. All result files of the coupler are written and read here: history, summary, checkpoints and saved
+//! states, recordings of the exchanged data, and the comparison of runs.
 
-// An error ends the run: its size is no cost.
+// An error ends the run once, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 pub mod checkpoint;

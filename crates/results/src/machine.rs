@@ -1,10 +1,10 @@
-//! Where a run took place, for its summary.
+//! The machine of a run, for the summary.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-/// What matters of a machine for wall times.
+/// Properties of a machine that affect wall times.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Machine {
     /// Model of the processor; empty if unknown.
@@ -23,7 +23,7 @@ impl Machine {
         let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
         let kilobytes = value(&read("/proc/meminfo"), "MemTotal")
             .and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok());
-        // Major and minor version: the rest says who built it.
+        // Major and minor version only.
         let release = read("/proc/sys/kernel/osrelease");
         let release: Vec<&str> = release.trim().split('.').take(2).collect();
         Self {
@@ -35,12 +35,12 @@ impl Machine {
     }
 }
 
-/// Bytes that are free in the file system of `folder`; `None` where it does not exist, or cannot be asked.
+/// Free bytes in the file system of `folder`; `None` if unknown.
 pub fn free_in(folder: &Path) -> Option<u64> {
     rustix::fs::statvfs(folder).ok().map(|s| s.f_bavail * s.f_frsize)
 }
 
-/// What stands behind `key` and a colon in the first such line.
+/// Value after `key` and a colon in the first line that starts with `key`.
 fn value(text: &str, key: &str) -> Option<String> {
     let line = text.lines().find(|line| line.starts_with(key))?;
     line.split_once(':').map(|(_, value)| value.trim().to_owned())
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn this_machine_has_a_name() {
+    fn machine_is_described() {
         let here = Machine::here();
         assert!(here.threads >= 1 && here.system.len() > 5);
         assert_eq!(value("a: 1\nmodel name\t: X 9\n", "model name").as_deref(), Some("X 9"));

@@ -1,4 +1,4 @@
-//! What a person sees while a stage runs.
+//! Progress of a stage on the terminal.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use terminal::{Console, clock, counted};
 
 use crate::history::Row;
 
-/// Time between plain lines where there is no terminal.
+/// Interval of progress lines without a terminal.
 const EVERY: Duration = Duration::from_secs(5);
 
 /// The progress line of a stage.
@@ -19,18 +19,18 @@ pub struct Progress {
     stage: String,
     kind: StageKind,
     windows: u64,
-    /// Windows that were done before.
+    /// Windows completed before the restart.
     first: u64,
     start: Instant,
     last_line: Option<Instant>,
 }
 
 impl Progress {
-    /// For a stage of `windows` windows, of which the `first` ones are done.
+    /// Progress of a stage of `windows` windows, of which the first `first` are completed.
     pub fn new(console: &Console, stage: &str, kind: StageKind, first: u64, windows: u64) -> Self {
         let bar = (console.colour() && !console.quiet()).then(|| {
             let bar = ProgressBar::new(windows);
-            // The template is fixed; a wrong one would be seen in the first run.
+            // The template is constant and valid.
             if let Ok(style) = ProgressStyle::with_template("{prefix:.bold} {bar:24.cyan/dim} {msg}") {
                 bar.set_style(style.progress_chars("━╸─"));
             }
@@ -50,14 +50,14 @@ impl Progress {
         }
     }
 
-    /// Work before the first window.
+    /// Shows work before the first window.
     pub fn note(&self, text: &str) {
         if let Some(bar) = &self.bar {
             bar.set_message(text.to_owned());
         }
     }
 
-    /// A window is done.
+    /// Shows a completed window.
     pub fn update(&mut self, row: &Row) {
         let done = row.done;
         let wall = self.start.elapsed().as_secs_f64();
@@ -83,7 +83,7 @@ impl Progress {
         }
     }
 
-    /// Seconds since the stage began.
+    /// Wall time since the start of the stage, s.
     pub fn seconds(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
@@ -118,7 +118,7 @@ fn state(kind: StageKind, row: &Row) -> String {
     }
 }
 
-/// Kinetic energy (J) over strain energy (J); a structure without strain has no such ratio.
+/// Ratio of kinetic to strain energy (both J), or both energies if the strain energy is negligible.
 fn energies(kinetic: f64, strain: f64) -> String {
     let ratio = kinetic / strain;
     if ratio < 1e6 {
@@ -133,7 +133,7 @@ mod tests {
     use super::energies;
 
     #[test]
-    fn no_ratio_is_printed_that_divides_by_nothing() {
+    fn negligible_strain_energy_gives_no_ratio() {
         assert_eq!(energies(0.5, 2.0), "kinetic/strain energy 2.5e-1");
         for (kinetic, strain) in [(3.0, 0.0), (0.0, 0.0), (3.0, 1e-300)] {
             let text = energies(kinetic, strain);

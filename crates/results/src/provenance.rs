@@ -1,4 +1,4 @@
-//! Which commit and which programs a result comes from.
+//! Provenance of results: commit of the sources and build of the programs.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +8,7 @@ use coupling::error::RunError;
 
 use crate::program::program_folder;
 
-/// The programs that a result depends on, with the folders of their own sources.
+/// The programs that results depend on, with the folders of their sources.
 const PROGRAMS: [(&str, &str); 4] = [
     ("ripstop", "coupler/src/"),
     ("structure-solver", "structure-solver/src/"),
@@ -16,20 +16,20 @@ const PROGRAMS: [(&str, &str); 4] = [
     ("mesh-mover", "mesh-mover/src/"),
 ];
 
-/// Version and checksums of the programs: results of other programs differ in it.
+/// Version and checksums of the programs. It identifies the build of a result.
 ///
 /// # Errors
-/// A folder of programs that cannot be found.
+/// The folder of the programs cannot be found.
 pub fn build() -> Result<String, RunError> {
     let folder = program_folder()?;
-    // The run that needs a missing program reports it.
+    // A missing program is reported by the run that needs it.
     let sum = |name: &str| crc32fast::hash(&std::fs::read(folder.join(name)).unwrap_or_default());
     let sums: Vec<String> = PROGRAMS.iter().map(|(name, _)| format!("{:08x}", sum(name))).collect();
     Ok(format!("{} {}", env!("CARGO_PKG_VERSION"), sums.join(" ")))
 }
 
-/// The commit of the sources that the programs were built from, `unknown` for programs outside of their
-/// sources. Says so where files differ from the commit, or are newer than the programs.
+/// The commit of the sources of the programs, with a note if sources were changed or are newer than the programs;
+/// `unknown` outside the repository.
 pub fn commit() -> String {
     program_folder().ok().and_then(|folder| commit_of(&folder)).unwrap_or_else(|| "unknown".into())
 }
@@ -39,12 +39,12 @@ fn git(folder: &Path, arguments: &[&str]) -> Option<String> {
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// Files that distinguish this repository from others.
+/// Files that identify this repository.
 const MARKS: [&str; 2] = ["structure-solver/Cargo.toml", "coupler/src/run/mod.rs"];
 
 fn commit_of(folder: &Path) -> Option<String> {
     let root = PathBuf::from(git(folder, &["rev-parse", "--show-toplevel"])?);
-    // Programs may lie within the repository of another project.
+    // The programs may be in the repository of another project.
     if !MARKS.iter().all(|mark| root.join(mark).exists()) {
         return None;
     }
@@ -62,8 +62,7 @@ fn commit_of(folder: &Path) -> Option<String> {
     })
 }
 
-/// Whether a source is newer than the program that it belongs to. A shared crate need not be part of every
-/// program: it is compared with the program that was built last.
+/// Whether a source file is newer than its program. The sources of shared crates are compared with the newest program.
 fn is_newer(root: &Path, file: &str, programs: &Path) -> bool {
     let built = |name: &str| modified(&programs.join(name));
     let own = PROGRAMS.iter().find(|(_, sources)| file.starts_with(sources));
@@ -89,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn commit_changes_and_newer_sources_are_named() {
+    fn commit_with_changed_or_newer_sources_is_marked() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path();
         assert_eq!(commit_of(root), None);

@@ -1,4 +1,4 @@
-//! The coupler's own saved state, beside those of the programs.
+//! Saved state of the coupler.
 
 use std::path::{Path, PathBuf};
 
@@ -20,15 +20,15 @@ pub fn coupler_file(folder: &Path) -> PathBuf {
 /// Writes the state at the end of a window.
 ///
 /// # Errors
-/// Trouble with the file.
+/// The file cannot be written.
 pub fn save(folder: &Path, state: &InterfaceState) -> Result<(), RunError> {
     archive::save(&coupler_file(folder), KIND, VERSION, state).map(|_| ()).map_err(unusable)
 }
 
-/// Reads what [`save`] wrote, for a canopy of `nodes` nodes and `faces` faces.
+/// Reads the state written by [`save`], for a canopy of `nodes` nodes and `faces` faces.
 ///
 /// # Errors
-/// [`RunError::Input`] for a missing, damaged or foreign file.
+/// [`RunError::Input`] for a missing or damaged file, or one of another kind or canopy.
 pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState, RunError> {
     let path = coupler_file(folder);
     let refuse = |why: String| RunError::Input(archive::Error::content(&path, why).to_string());
@@ -37,14 +37,14 @@ pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState,
     let loads = || [&state.load, &state.load_before].into_iter().flatten();
     if state.displacement.len() != 3 * nodes || loads().any(|l| l.len() != faces * channel::LOAD_WIDTH) {
         return Err(refuse(format!(
-            "it holds a canopy of {} nodes, the scene makes one of {nodes}",
+            "it contains a canopy of {} nodes, but the canopy of the scene has {nodes}",
             state.displacement.len() / 3
         )));
     }
     let s = &state;
     let numbers = s.displacement.iter().chain(loads().flatten()).chain([&s.velocity, &s.acceleration]);
     if let Some(wrong) = numbers.into_iter().find(|x| !x.is_finite()) {
-        return Err(refuse(format!("it holds {wrong}")));
+        return Err(refuse(format!("it contains the value {wrong}")));
     }
     Ok(state)
 }
@@ -55,10 +55,10 @@ fn version_1(bytes: &[u8]) -> Option<InterfaceState> {
     (head == (KIND, 1)).then_some(state)
 }
 
-/// States of earlier stages, from which a stage starts, from one folder to another.
+/// Copies the saved states of the stages before stage `before` from one results folder to another.
 ///
 /// # Errors
-/// Folders and files that cannot be written.
+/// A folder or file cannot be written.
 pub fn copy_states(scene: &Scene, before: usize, from: &Path, to: &Path) -> Result<(), RunError> {
     for stage in 0..before {
         let (source, target) = (case::state_folder(from, scene, stage), case::state_folder(to, scene, stage));
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn comes_back_and_refuses_another_canopy() {
+    fn state_is_read_back_and_refused_for_another_canopy() {
         let folder = tempfile::tempdir().unwrap();
         let state = InterfaceState {
             displacement: vec![0.1; 6],

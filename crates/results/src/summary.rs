@@ -1,4 +1,4 @@
-//! What a run came to: a table for people, `summary.json` for programs.
+//! Summary of a run: a table for the terminal and `summary.json`.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use crate::finding::Finding;
 use crate::history::Row;
 use crate::timings::StageTimings;
 
-/// Where the wall seconds of a stage went: the keys of [`StageSummary`] and their names.
+/// Parts of the wall time of a stage: keys of [`StageSummary`] and their names.
 pub const STAGE_PARTS: [(&str, &str); 5] = [
     ("structure_busy_s", "structure"),
     ("flow_busy_s", "flow"),
@@ -24,63 +24,65 @@ pub const STAGE_PARTS: [(&str, &str); 5] = [
     ("waiting_s", "waiting"),
 ];
 
-/// What a stage came to.
+/// Summary of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StageSummary {
     /// Name of the stage.
     pub name: String,
-    /// What ran.
+    /// Kind of the stage.
     pub kind: StageKind,
-    /// Windows done.
+    /// Completed windows.
     pub windows: u64,
     /// Simulated time, s.
     pub time_s: f64,
-    /// Why it ended.
+    /// `complete`, or the reason of an early end.
     pub ended: String,
-    /// Wall seconds of the windows, saves and snapshots (without launch).
+    /// Wall time of windows, saves and snapshots, without launch, s.
     pub wall_s: f64,
-    /// Wall seconds in which the structure computed.
+    /// Computing time of the structure, s.
     pub structure_busy_s: f64,
-    /// Wall seconds in which the flow computed.
+    /// Computing time of the flow, s.
     pub flow_busy_s: f64,
-    /// Wall seconds in which the grid motion was computed.
+    /// Computing time of the mesh, s.
     pub mesh_busy_s: f64,
-    /// Wall seconds of the coupler.
+    /// Wall time of the coupler, s.
     pub coupler_s: f64,
-    /// Wall seconds of waiting for channels and cores.
+    /// Wall time of waiting for messages and cores, s.
     pub waiting_s: f64,
     /// Coupling iterations over all windows.
     pub iterations: u64,
     /// Structure solves over all windows.
-    pub structure_calls: u64,
+    #[serde(alias = "structure_calls")]
+    pub structure_solves: u64,
     /// Flow solves over all windows.
-    pub flow_calls: u64,
-    /// Pseudo-time iterations of the flow over all its calls.
+    #[serde(alias = "flow_calls")]
+    pub flow_solves: u64,
+    /// Nonlinear iterations over all flow solves.
     pub flow_iterations: u64,
-    /// Newton or explicit steps of the structure over all its calls.
+    /// Newton iterations or explicit steps over all structure solves.
     #[serde(default)]
     pub structure_steps: u64,
-    /// GMRES iterations of the structure over all its calls.
+    /// GMRES iterations over all structure solves.
     #[serde(default)]
     pub structure_linear_iterations: u64,
-    /// Linear iterations of the flow over all its calls.
+    /// Linear iterations over all flow solves.
     #[serde(default)]
     pub flow_linear_iterations: u64,
-    /// Linear iterations of the mesh over all its calls.
+    /// Linear iterations over all mesh solves.
     #[serde(default)]
     pub mesh_iterations: u64,
-    /// Processor seconds of structure, flow and mesh with all their ranks on this host, starting
-    /// included. MPI waits by spinning.
+    /// Processor time of structure, flow and mesh, s: all ranks on this host, including start-up and the busy waiting of
+    /// MPI.
     #[serde(default)]
     pub cpu_s: [f64; 3],
-    /// The most memory that structure, flow and mesh held: sums over their ranks, bytes.
+    /// Peak memory of structure, flow and mesh, summed over their ranks, bytes.
     #[serde(default)]
     pub peak_memory_bytes: [u64; 3],
-    /// Most coupling iterations in a window.
+    /// Maximum number of coupling iterations of a window.
     pub most_iterations: u32,
-    /// Windows above the tolerance.
+    /// Windows that did not converge.
     pub not_converged: u64,
-    /// What was accepted above its target, by part.
+    /// Solves accepted above their target, by program part.
     #[serde(default)]
     pub convergence: Convergence,
     /// Rejected windows, which were retried with half their length.
@@ -95,17 +97,17 @@ pub struct StageSummary {
     pub drag_n: f64,
     /// Mean of the drag over the last half of the stage, N.
     pub mean_drag_n: f64,
-    /// Energy that the coupling added, J.
+    /// Energy added by the coupling, J.
     pub interface_energy_error_j: f64,
-    /// Work of the air on the canopy, to and fro (the sum of its sizes over the windows), J.
+    /// Work of the air on the canopy: sum of the magnitudes over the windows, J.
     pub interface_work_j: f64,
-    /// `interface_energy_error_j` over `interface_work_j`.
+    /// Energy added by the coupling relative to that work.
     pub interface_energy_error_share: f64,
-    /// Energy that time integration of the structure created, J; below zero: it took energy.
+    /// Energy added by the time integration of the structure, J; negative values are dissipation.
     #[serde(default)]
     pub structure_energy_created_j: f64,
-    /// The same over the initial energy and the sizes of all works; `None`: the structure does not report its
-    /// energy balance (a static stage has none).
+    /// The same relative to the initial energy and the magnitudes of all works; `None` if the structure reports no energy
+    /// balance (as in a static stage).
     #[serde(default)]
     pub structure_energy_created_share: Option<f64>,
     /// Projected area at the end, m2.
@@ -118,7 +120,7 @@ pub struct StageSummary {
 }
 
 impl StageSummary {
-    /// Nothing yet.
+    /// Summary before the first window.
     pub fn new(stage: &Stage) -> Self {
         Self {
             name: stage.name.clone(),
@@ -133,8 +135,8 @@ impl StageSummary {
             coupler_s: 0.0,
             waiting_s: 0.0,
             iterations: 0,
-            structure_calls: 0,
-            flow_calls: 0,
+            structure_solves: 0,
+            flow_solves: 0,
             flow_iterations: 0,
             structure_steps: 0,
             structure_linear_iterations: 0,
@@ -162,8 +164,8 @@ impl StageSummary {
         }
     }
 
-    /// Takes what the programs have used since they were started into account, beside what was used
-    /// before a resumed stage was broken off.
+    /// Adds the processor time and memory of the programs since their start. After a restart, the summary already
+    /// contains those of the earlier part.
     pub fn used(&mut self, used: &[(Role, Usage)]) {
         for (role, usage) in used {
             self.cpu_s[*role as usize] += usage.cpu_s;
@@ -172,7 +174,7 @@ impl StageSummary {
         }
     }
 
-    /// Takes a window into account.
+    /// Adds a window.
     pub fn add(&mut self, row: &Row) {
         let report = &row.report;
         self.windows += 1;
@@ -183,8 +185,8 @@ impl StageSummary {
         self.coupler_s += row.coupler_s;
         self.waiting_s += row.waiting_s();
         self.iterations += u64::from(report.iterations);
-        self.structure_calls += report.solves[Role::Structure as usize];
-        self.flow_calls += report.solves[Role::Flow as usize];
+        self.structure_solves += report.solves[Role::Structure as usize];
+        self.flow_solves += report.solves[Role::Flow as usize];
         self.flow_iterations += report.flow_iterations as u64;
         let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
         self.structure_steps += sum(Role::Structure, structure_stats::NEWTON_STEPS);
@@ -213,7 +215,7 @@ impl StageSummary {
 }
 
 impl StageSummary {
-    /// Its row of the table: how long it took, and who spent the time.
+    /// Row of the table: wall time and shares of the programs.
     fn row(&self) -> String {
         let sum =
             self.structure_busy_s + self.flow_busy_s + self.mesh_busy_s + self.coupler_s + self.waiting_s;
@@ -238,11 +240,11 @@ impl StageSummary {
         )
     }
 
-    /// What came of it, in words: loads and areas, speeds, and how it ended.
+    /// Results in words: loads, areas, speeds, and the reason of the end.
     fn outcome(&self) -> String {
         let s = self;
         let created = coupling::structure_energy::note(s.structure_energy_created_share);
-        let given_back = if s.rejected > 0 {
+        let rejected = if s.rejected > 0 {
             format!("; {} rejected, shortest {:.2e} s", counted(s.rejected, "window"), s.shortest_window_s)
         } else {
             String::new()
@@ -254,13 +256,13 @@ impl StageSummary {
             ),
             StageKind::FlowOnly | StageKind::Prescribed => {
                 format!(
-                    "  {}: drag {:.1} N at {:.4} m/s{given_back}; {}",
+                    "  {}: drag {:.1} N at {:.4} m/s{rejected}; {}",
                     s.name, s.drag_n, s.descent_speed_m_s, s.ended
                 )
             }
             StageKind::Coupled => format!(
                 "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
-                 projected area {:.2} m2{created}; coupling added {:.2e} J ({:+.1} % of the work){}{}{given_back}; {}",
+                 projected area {:.2} m2{created}; interface energy error {:.2e} J ({:+.1} % of the work){}{}{rejected}; {}",
                 s.name,
                 s.descent_speed_m_s,
                 s.mean_descent_speed_m_s,
@@ -269,9 +271,9 @@ impl StageSummary {
                 s.projected_area_m2,
                 s.interface_energy_error_j,
                 100.0 * s.interface_energy_error_share,
-                if s.interface_energy_error_share > CREATED { "; the coupling creates energy" } else { "" },
+                if s.interface_energy_error_share > CREATED { "; the coupling adds energy" } else { "" },
                 if s.not_converged > 0 {
-                    format!("; {} above the tolerance", counted(s.not_converged, "window"))
+                    format!("; {} not converged", counted(s.not_converged, "window"))
                 } else {
                     String::new()
                 },
@@ -281,20 +283,20 @@ impl StageSummary {
     }
 }
 
-/// What a run came to.
+/// Summary of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunSummary {
     /// Name of the scene.
     pub scene: String,
-    /// `complete`, or why it ended early.
+    /// `complete`, or the reason of an early end.
     pub ended: String,
     /// Version of `ripstop`.
     pub version: &'static str,
-    /// When it began, UTC.
+    /// Start time, UTC.
     pub started_utc: String,
     /// The command line.
     pub command: Vec<String>,
-    /// Where it ran.
+    /// Machine of the coupler.
     pub machine: crate::machine::Machine,
     /// Version of the contract between the programs.
     pub contract: u32,
@@ -302,13 +304,13 @@ pub struct RunSummary {
     pub inspection: Vec<Finding>,
     /// Warnings of the coupler, the first thousand.
     pub warnings: Vec<String>,
-    /// Wall seconds of everything, launches included.
+    /// Wall time of the run, including launches, s.
     pub wall_s: f64,
     /// Ranks of structure, flow, mesh.
     pub ranks: [u32; 3],
-    /// Stages that ran (the last one perhaps in part).
+    /// Stages that ran; the last one may be incomplete.
     pub stages: Vec<StageSummary>,
-    /// What the named parts of all programs took in the stages that this command ran.
+    /// Timings of the parts of all programs, for the stages that this command ran.
     pub timings: Vec<StageTimings>,
 }
 
@@ -316,21 +318,21 @@ impl RunSummary {
     /// Writes `summary.json`.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn write(&self, out: &Path) -> Result<(), RunError> {
         let path = out.join("summary.json");
         let text = serde_json::to_string_pretty(self).unwrap_or_default();
         std::fs::write(&path, text + "\n").map_err(RunError::file("write", path))
     }
 
-    /// The table for people.
+    /// The table for the terminal.
     pub fn table(&self, out: &Path) -> String {
         let mut lines = vec![format!("{}: {} in {}", self.scene, self.ended, clock(self.wall_s))];
         lines.push(format!(
             "  {:<16} {:>8} {:>9} {:>10} | {:>9} {:>6} {:>6} {:>8} {:>8} | {:>11}",
             "stage",
             "windows",
-            "time s",
+            "time, s",
             "wall",
             "structure",
             "flow",

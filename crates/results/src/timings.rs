@@ -1,4 +1,4 @@
-//! What the named parts of all programs took in a stage.
+//! Wall time of the timed parts of all programs in a stage.
 
 use std::path::{Path, PathBuf};
 
@@ -6,22 +6,22 @@ use case::Role;
 use serde::{Deserialize, Serialize};
 use timing::{Part, Profile};
 
-/// Folder in that of a stage into which its programs write what their parts took, while the stage lasts.
+/// Subfolder of a stage for the timings of its programs during the stage.
 const FOLDER: &str = "timings";
 
-/// Parts below this share of their program are left out of tables for people.
-const LEAST_SHARE: f64 = 0.002;
+/// Minimum share of a part in tables.
+const MIN_SHARE: f64 = 0.002;
 
-/// The parts of a program's work in a stage.
+/// Timed parts of a program in a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ProgramTimings {
     /// Name of the program.
     pub program: String,
-    /// Its parts on its first rank, each behind the one it lies in. Empty: it did not write any.
+    /// Parts on rank 0, each after the part that contains it; empty if the program wrote none.
     pub parts: Vec<Part>,
 }
 
-/// The parts of all programs' work in a stage, since it was begun or resumed.
+/// Timed parts of all programs in a stage, since its start or last restart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StageTimings {
     /// Name of the stage.
@@ -30,20 +30,20 @@ pub struct StageTimings {
     pub programs: Vec<ProgramTimings>,
 }
 
-/// The file into which the program of `role` writes in a stage with this `folder`.
+/// Timings file of the program `role` in the stage folder `folder`.
 pub fn file(folder: &Path, role: Role) -> PathBuf {
     folder.join(FOLDER).join(format!("{}.json", role.name()))
 }
 
-/// Removes what the programs of a killed run wrote in the stage's `folder`.
+/// Removes timings of a killed run in the stage folder `folder`.
 pub fn clear(folder: &Path) {
-    // What is not there need not go, and what stays is at most an old figure.
+    // Fails if the folder does not exist. Remaining files are only outdated timings.
     let _ = std::fs::remove_dir_all(folder.join(FOLDER));
 }
 
 impl StageTimings {
-    /// Reads what the programs of `roles` wrote in the stage's `folder` and removes their files; `coupler` is the coupler's
-    /// own. A program that wrote nothing (one of another make, one that died, one on another host) has no parts.
+    /// Reads and removes the timings of the programs `roles` in the stage folder `folder`; `coupler`: those of the coupler.
+    /// A program without a file (a third-party program, a failed one, or one on another host) has no parts.
     pub fn collect(stage: &str, folder: &Path, roles: &[Role], coupler: Profile) -> Self {
         let own = ProgramTimings { program: "coupler".into(), parts: coupler.parts };
         let others = roles.iter().map(|role| ProgramTimings {
@@ -55,7 +55,7 @@ impl StageTimings {
         Self { stage: stage.into(), programs }
     }
 
-    /// The table for people: parts by program, with their calls, seconds and share of the program's.
+    /// The table for the terminal: calls, wall time and share of each part, by program.
     pub fn table(&self) -> String {
         let mut lines = vec![format!(
             "  {:<52} {:>9} {:>10} {:>7} {:>11}",
@@ -63,11 +63,11 @@ impl StageTimings {
             "calls",
             "wall",
             "share",
-            "a call"
+            "per call"
         )];
         for program in &self.programs {
             if program.parts.is_empty() {
-                lines.push(format!("  {}: it reported no timings", program.program));
+                lines.push(format!("  {}: no timings reported", program.program));
                 continue;
             }
             lines.push(format!("  {}", program.program));
@@ -86,23 +86,23 @@ impl StageTimings {
     }
 }
 
-/// A part as tables show it.
+/// A table row of a part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimingRow<'a> {
-    /// How many parts it lies in, itself included.
+    /// Nesting depth, from 1.
     pub depth: usize,
-    /// Its name.
+    /// Name.
     pub name: &'a str,
-    /// How often it ran.
+    /// Number of calls.
     pub calls: u64,
-    /// Wall seconds, parts in it included.
+    /// Wall time including nested parts, s.
     pub seconds: f64,
-    /// The same over those of the program's outermost parts.
+    /// Wall time relative to the sum of the outermost parts of the program.
     pub share: f64,
 }
 
 impl ProgramTimings {
-    /// The parts that take a share worth showing.
+    /// The parts with at least [`MIN_SHARE`] of the wall time.
     pub fn rows(&self) -> impl Iterator<Item = TimingRow<'_>> {
         let whole = Profile { parts: self.parts.clone() }.seconds().max(f64::MIN_POSITIVE);
         let rows = self.parts.iter().map(move |part| TimingRow {
@@ -112,7 +112,7 @@ impl ProgramTimings {
             seconds: part.seconds,
             share: part.seconds / whole,
         });
-        rows.filter(|row| row.share >= LEAST_SHARE)
+        rows.filter(|row| row.share >= MIN_SHARE)
     }
 }
 
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_programs_wrote_is_read_once_and_shown() {
+    fn timings_are_read_once_and_tabulated() {
         let folder = tempfile::tempdir().unwrap();
         let part = |path: &[&str], calls, seconds| Part {
             path: path.iter().map(|n| (*n).to_owned()).collect(),
@@ -139,15 +139,15 @@ mod tests {
         let coupler = Profile { parts: vec![part(&["window"], 4, 4.0), part(&["window", "dust"], 4, 1e-3)] };
         let roles = [Role::Structure, Role::Flow];
         let timings = StageTimings::collect("descent", folder.path(), &roles, coupler);
-        assert!(!folder.path().join(FOLDER).exists(), "their files are gone");
+        assert!(!folder.path().join(FOLDER).exists(), "the files are removed");
         flow.save(&file(folder.path(), Role::Flow)).unwrap();
         clear(folder.path());
         let timings_of_none = StageTimings::collect("descent", folder.path(), &roles, Profile::default());
-        assert!(timings_of_none.programs.iter().all(|p| p.parts.is_empty()), "those of a killed run as well");
+        assert!(timings_of_none.programs.iter().all(|p| p.parts.is_empty()), "also those of a killed run");
         let names: Vec<_> = timings.programs.iter().map(|p| (p.program.as_str(), p.parts.len())).collect();
         assert_eq!(names, [("coupler", 2), ("structure-solver", 0), ("flow-solver", 3)]);
         let table = timings.table();
-        assert!(table.contains("structure-solver: it reported no timings"), "{table}");
+        assert!(table.contains("structure-solver: no timings reported"), "{table}");
         let pressure = table.lines().find(|l| l.contains("pressure")).expect("a row");
         assert!(pressure.contains("60.0 %") && pressure.contains("60.000 ms"), "{pressure}");
         assert!(!table.contains("dust"), "{table}");

@@ -1,7 +1,8 @@
-//! Studies: many runs of a scene, and what they say together. What accuracy costs in time ([`accuracy`]); where coupling schemes
-//! are stable ([`stability`]); what effects change and cost ([`effects`]). They start `ripstop run` as anyone would.
+//! Studies: many runs of a scene and their joint evaluation. Discretisation error against cost ([`accuracy`]), stability maps
+//! of coupling schemes ([`stability`]), influence and cost of physical effects ([`effects`]). Each run is a separate
+//! `ripstop run` process.
 
-// An error ends the study: its size is no cost.
+// An error ends the study once, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
 pub mod accuracy;

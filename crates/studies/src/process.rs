@@ -1,4 +1,4 @@
-//! One `ripstop run` as a process of its own.
+//! One `ripstop run` as a child process.
 
 use std::fs::File;
 use std::path::Path;
@@ -8,11 +8,11 @@ use std::time::Duration;
 use coupling::error::RunError;
 use rustix::process::{Pid, Signal, kill_process};
 
-/// Runs `scene` into the folder `out` by `program` with further options; its messages of errors go to the file `log`. Once
-/// `stop` is true the run is asked to end, which it does with all of its programs.
+/// Runs `program run scene --out out` with further `options`; writes its standard error to the file `log`. When `stop`
+/// returns true, the run gets SIGTERM once and ends together with its programs.
 ///
 /// # Errors
-/// A file that cannot be written; a program that cannot be started or waited for.
+/// `log` cannot be written, or `program` cannot be started or waited for.
 pub(crate) fn run_scene(
     program: &Path,
     [scene, out]: [&Path; 2],
@@ -39,7 +39,7 @@ pub(crate) fn run_scene(
             return Ok(status);
         }
         if stop() && !signalled {
-            // It may have ended since.
+            // Fails if the process has ended since the check above.
             let _ = kill_process(Pid::from_child(&child), Signal::TERM);
             signalled = true;
         }

@@ -1,7 +1,7 @@
-//! A solver program that does harm at an exact moment, for the fault matrix.
+//! A solver program with a fault at a defined moment, for the fault matrix.
 //!
 //! `faulty ROLE FAULT MOMENT RANK <arguments of the coupler>` is the real solver of the
-//! role under MPI, whose participant is wrapped: at the moment, the rank does its fault.
+//! role under MPI, whose participant is wrapped: the rank triggers the fault at the moment.
 
 use std::path::Path;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use mesh_mover::participant::MeshMover;
 use ripstop_tests::Signal;
 use structure_solver::participant::StructureSolver;
 
-/// Window (from 0) in which the harm is done: the first ones are accepted.
+/// Window (from 0) of the fault; earlier windows are accepted.
 const WINDOW: u64 = 2;
 
 #[derive(Clone)]
@@ -24,21 +24,20 @@ struct Plan {
     rank: usize,
 }
 
-/// Whether the harm is still to be done, and by this rank.
+/// Whether this rank still has to trigger the fault.
 struct Harm {
     plan: Plan,
     armed: bool,
 }
 
 impl Harm {
-    /// Does the fault if this is its moment. What is not done by the process itself comes
-    /// back: whether the answer is to be spoilt.
+    /// Triggers the fault if this is its moment. Returns whether the caller has to corrupt the response.
     fn at(&mut self, moment: &str) -> Result<bool, Fault> {
         if !self.armed || self.plan.moment != moment {
             return Ok(false);
         }
         self.armed = false;
-        // The harness measures from here on.
+        // The harness measures the time from here.
         eprintln!("faulty: {} now {}", self.plan.fault, std::process::id());
         if let Ok(note) = std::env::var("FAULTY_NOTE") {
             std::fs::write(note, std::process::id().to_string()).expect("a note can be written");
@@ -65,7 +64,7 @@ impl Harm {
     }
 }
 
-/// Starts this rank once more, outside its MPI, and notes how the other one ended.
+/// Starts a duplicate of this rank outside MPI and records its exit status.
 fn twice() {
     let me = std::env::current_exe().expect("a path");
     let mut words: Vec<_> = std::env::args_os().skip(1).collect();
@@ -153,7 +152,7 @@ fn main() {
     };
     args.watch_coupler();
     if plan.fault == "second" {
-        // The rank that is in the session already, once more.
+        // Duplicate of the rank that is already in the session.
         let at = args.serve_options(role, plan.rank);
         let end = channel::serve(&mut Empty, &at);
         eprintln!("{}", end.expect_err("a second one is refused"));
@@ -165,7 +164,7 @@ fn main() {
     }
 }
 
-/// The solver of `role` with its harm.
+/// Runs the solver of `role` with its fault.
 fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
     let mine = std::env::var("OMPI_COMM_WORLD_RANK").is_ok_and(|r| r == plan.rank.to_string());
     let mine = mine && std::env::var_os("FAULTY_OFF").is_none();
@@ -204,7 +203,7 @@ fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
             .map_err(|e| e.message)
             .and_then(|mut p| served(p.as_mut())),
     };
-    // As the programs do: MPI is finalised only after a good end.
+    // Like the programs: MPI is finalised only after success.
     match end {
         Ok(mut harm) => harm.at("end").map(|_| ()).map_err(|e| e.message),
         Err(message) => {
@@ -214,7 +213,7 @@ fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
     }
 }
 
-/// A participant that is not asked for anything.
+/// A participant that receives no requests.
 struct Empty;
 
 impl Participant for Empty {

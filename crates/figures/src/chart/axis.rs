@@ -1,34 +1,34 @@
-//! Axes: ranges, round marks, and numbers in few letters.
+//! Axes: ranges, ticks and number formats.
 
 use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-/// How an axis divides its length.
+/// Scaling of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Division {
-    /// Evenly.
+    /// Linear.
     Linear,
-    /// In decades.
+    /// Logarithmic.
     Logarithmic,
-    /// In fields with these names; the value 0.5 lies in the middle of the first one.
+    /// Categories with these names; the centre of the first is at 0.5.
     Categories(Vec<String>),
 }
 
 /// An axis.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// Its name with unit; empty where the figure says it elsewhere.
+    /// Label with unit; empty if the figure shows it elsewhere.
     pub label: String,
-    /// How it is divided.
+    /// Scaling.
     pub division: Division,
-    /// Values at its left or lower end and at the other one.
+    /// Values at the left (lower) and right (upper) end.
     pub range: [f64; 2],
 }
 
 impl Axis {
-    /// That shows all finite `values` with a margin; a logarithmic one those above zero. What is never below
-    /// zero is shown from it where that costs little room.
+    /// An axis around all finite `values` with a margin; logarithmic axes show values above zero. Linear axes of
+    /// non-negative values start at zero if that needs little space.
     pub fn around(label: &str, logarithmic: bool, values: impl Iterator<Item = f64>) -> Self {
         let shown = values.filter(|v| v.is_finite() && (!logarithmic || *v > 0.0));
         let (low, high) = shown.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
@@ -49,7 +49,7 @@ impl Axis {
         Self { label: label.into(), division, range }
     }
 
-    /// From the least to the largest of the finite `values`, such as times.
+    /// An axis from the smallest to the largest finite value, such as times.
     pub fn through(label: &str, values: impl Iterator<Item = f64>) -> Self {
         let shown = values.filter(|v| v.is_finite());
         let (low, high) = shown.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
@@ -63,25 +63,25 @@ impl Axis {
         Self { label: label.into(), division: Division::Linear, range }
     }
 
-    /// Of named fields, from the left or from below.
+    /// An axis of categories, from the left or from below.
     pub fn categories(label: &str, names: Vec<String>) -> Self {
         let range = [0.0, names.len().max(1) as f64];
         Self { label: label.into(), division: Division::Categories(names), range }
     }
 
-    /// The other way round: from the right, or from above.
+    /// The reversed axis: from the right or from above.
     #[must_use]
     pub fn reversed(mut self) -> Self {
         self.range.reverse();
         self
     }
 
-    /// Whether it is in decades.
+    /// Whether the axis is logarithmic.
     pub fn logarithmic(&self) -> bool {
         self.division == Division::Logarithmic
     }
 
-    /// Share of the way along the axis; `None` where it cannot show the value.
+    /// Position along the axis, 0 to 1; `None` if it cannot show the value.
     pub(super) fn share(&self, v: f64) -> Option<f64> {
         let [low, high] = self.range;
         let t =
@@ -89,7 +89,7 @@ impl Axis {
         t.is_finite().then_some(t)
     }
 
-    /// Values with their labels, some `most`.
+    /// About `most` ticks with their labels.
     pub(super) fn marks(&self, most: usize) -> Vec<(f64, String)> {
         let most = most.max(2);
         match &self.division {
@@ -104,7 +104,7 @@ impl Axis {
     }
 }
 
-/// The round step for some `most` marks in a range, and the digits after the point that it needs.
+/// Round step for about `most` ticks in a range, and its number of decimals.
 fn round_step([low, high]: [f64; 2], most: usize) -> (f64, usize) {
     let rough = (high - low) / most as f64;
     let unit = 10f64.powf(rough.log10().floor());
@@ -113,7 +113,7 @@ fn round_step([low, high]: [f64; 2], most: usize) -> (f64, usize) {
     (step, (-(step * 1.001).log10().floor()).clamp(0.0, 12.0) as usize)
 }
 
-/// Round values between two, some `most`.
+/// About `most` ticks at round values.
 pub(crate) fn linear_marks(range: [f64; 2], most: usize) -> Vec<(f64, String)> {
     let (step, digits) = round_step(range, most);
     let large = range[0].abs().max(range[1].abs()) >= 1e6;
@@ -125,7 +125,7 @@ pub(crate) fn linear_marks(range: [f64; 2], most: usize) -> Vec<(f64, String)> {
     all.map(|v| v + 0.0).map(|v| (v, label(v))).collect()
 }
 
-/// Decades, or round values within them where there are few.
+/// Ticks at decades, or at round values if there are few decades.
 fn logarithmic_marks([low, high]: [f64; 2], most: usize) -> Vec<(f64, String)> {
     let decades = (high / low).log10();
     let within: &[f64] = if decades > 2.5 {
@@ -144,7 +144,7 @@ fn logarithmic_marks([low, high]: [f64; 2], most: usize) -> Vec<(f64, String)> {
     all.into_iter().step_by(every).collect()
 }
 
-/// A number in few letters.
+/// Short text of a number.
 pub fn short(v: f64) -> String {
     if v == 0.0 {
         "0".into()
@@ -158,7 +158,7 @@ pub fn short(v: f64) -> String {
     }
 }
 
-/// An axis with its marks, as plotters draws it.
+/// An axis with its ticks, for plotters.
 #[derive(Clone)]
 pub(super) struct Coordinate {
     axis: Axis,
@@ -166,17 +166,17 @@ pub(super) struct Coordinate {
 }
 
 impl Coordinate {
-    /// With some `most` marks.
+    /// The axis with about `most` ticks.
     pub(super) fn new(axis: &Axis, most: usize) -> Self {
         Self { axis: axis.clone(), marks: axis.marks(most) }
     }
 
-    /// Labels of its marks.
+    /// Labels of the ticks.
     pub(super) fn labels(&self) -> impl Iterator<Item = &str> {
         self.marks.iter().map(|m| m.1.as_str())
     }
 
-    /// Share of the way along the axis.
+    /// Position along the axis, 0 to 1.
     pub(super) fn share(&self, v: f64) -> Option<f64> {
         self.axis.share(v)
     }
@@ -212,7 +212,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_hold_their_values() {
+    fn axes_contain_their_values() {
         let a = Axis::around("x", true, [1e-3, 2.0, f64::NAN, 0.0].into_iter());
         assert!(a.range[0] < 1e-3 && a.range[1] > 2.0);
         assert!(a.share(1e-3).unwrap() > 0.0 && a.share(2.0).unwrap() < 1.0 && a.share(0.0).is_none());
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_are_round() {
+    fn ticks_are_round() {
         let labels = |range, most| linear_marks(range, most).into_iter().map(|m| m.1).collect::<Vec<_>>();
         assert_eq!(labels([-1.14, 35.2], 5), ["0", "10", "20", "30"]);
         assert_eq!(labels([0.0, 0.5], 5), ["0.0", "0.1", "0.2", "0.3", "0.4", "0.5"]);

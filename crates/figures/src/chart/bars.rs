@@ -1,4 +1,4 @@
-//! Bars: parts of a whole in rows, or a value for each column.
+//! Bar charts: stacked horizontal bars, or columns of one value.
 
 use plotters::coord::Shift;
 use plotters::prelude::DrawingArea;
@@ -14,20 +14,20 @@ use crate::sheet::{Anchor, Canvas, Drawn, Sheet};
 /// A part of a bar.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// For the legend.
+    /// Name in the legend.
     pub name: String,
     /// Colour.
     pub colour: Colour,
-    /// Its size.
+    /// Value.
     pub value: f64,
 }
 
-/// A bar of parts beside each other.
+/// A stacked bar.
 #[derive(Clone, Debug)]
 pub struct Bar {
-    /// Before it.
+    /// Label on the left.
     pub label: String,
-    /// From the left.
+    /// Parts from the left.
     pub parts: Vec<Part>,
 }
 
@@ -37,16 +37,16 @@ impl Bar {
     }
 }
 
-/// Bars in rows.
+/// A chart of stacked bars.
 #[derive(Clone, Debug)]
 pub struct Bars {
-    /// Name and unit of the values.
+    /// Label of the values with unit.
     pub label: String,
-    /// Their unit.
+    /// Unit of the values.
     pub unit: String,
-    /// From above.
+    /// Bars from the top.
     pub rows: Vec<Bar>,
-    /// Each bar fills the width: its parts are shares of it.
+    /// Whether each bar has the full width and its parts are shares.
     pub shares: bool,
 }
 
@@ -79,7 +79,7 @@ impl Bars {
         Plot::new(&across, &rows, self.size(), margin)
     }
 
-    /// Corner and size of each part with its row and number.
+    /// Corner, size, row and index of each part.
     fn places(&self, plot: &Plot) -> Vec<([f64; 2], [f64; 2], usize, usize)> {
         let mut all = Vec::new();
         for (r, row) in self.rows.iter().enumerate() {
@@ -128,16 +128,16 @@ impl Bars {
     }
 }
 
-/// A value for each name, as columns.
+/// A column chart.
 #[derive(Clone, Debug)]
 pub struct Columns {
-    /// Name and unit of the values.
+    /// Label of the values with unit.
     pub label: String,
-    /// Their unit.
+    /// Unit of the values.
     pub unit: String,
-    /// What the columns are.
+    /// Label of the column axis.
     pub across: String,
-    /// Name and value of each.
+    /// Name and value of each column.
     pub columns: Vec<(String, f64)>,
 }
 
@@ -153,7 +153,7 @@ impl Columns {
         Plot::new(&across, &up, Self::SIZE, Margin { top: 12.0, right: 16.0, left: 0.0 })
     }
 
-    /// Corner and size of each column with its number.
+    /// Corner, size and index of each column.
     fn places(&self, plot: &Plot) -> Vec<([f64; 2], [f64; 2], usize)> {
         let one = |(i, (_, value)): (usize, &(String, f64))| {
             let (left, right) = (i as f64 + 0.15, i as f64 + 0.85);
@@ -177,7 +177,7 @@ impl Columns {
         let plot = self.plot();
         plot.axes(&mut plot.begin(area)?, Grid::Level)?;
         let texts = self.values();
-        // Values stand above all columns or above none.
+        // Values are written above all columns or above none.
         let step = plot.size[0] / self.columns.len().max(1) as f64;
         let room = texts.iter().all(|text| width(text, MARK) + 4.0 < step);
         for (corner, size, i) in self.places(&plot) {
@@ -190,7 +190,7 @@ impl Columns {
         Ok(())
     }
 
-    /// All values with as many decimals as give the largest three digits.
+    /// All values with the number of decimals that gives the largest value three digits.
     fn values(&self) -> Vec<String> {
         let sizes = self.columns.iter().map(|c| c.1.abs()).filter(|v| v.is_finite());
         let most = sizes.fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! Curves and points on common axes.
+//! Line and scatter charts.
 
 use plotters::coord::Shift;
 use plotters::prelude::{Color, DashedLineSeries, DrawingArea};
@@ -10,12 +10,12 @@ use crate::colour::{BAND, Colour, GREY, INK};
 use crate::font::width;
 use crate::sheet::{Anchor, Canvas, Drawn, Sheet, fine, pen};
 
-/// How points are marked.
+/// Marker of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// A filled circle.
     Dot,
-    /// A ring.
+    /// A circle outline.
     Ring,
     /// None.
     None,
@@ -31,22 +31,22 @@ impl Mark {
     }
 }
 
-/// Points that belong together.
+/// A data series.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// For the legend; empty: none.
+    /// Name in the legend; none if empty.
     pub name: String,
     /// Colour.
     pub colour: Colour,
-    /// Points; one that cannot be shown breaks the line.
+    /// Points; a point that cannot be shown interrupts the line.
     pub points: Vec<[f64; 2]>,
-    /// Half the band about each point; empty: none.
+    /// Half widths of error bars; none if empty.
     pub bands: Vec<f64>,
-    /// Marks.
+    /// Marker.
     pub mark: Mark,
-    /// Width of the line between them, pixels (0: none).
+    /// Line width, pixels; 0: no line.
     pub line: f64,
-    /// Words beside points.
+    /// Labels of points by index.
     pub notes: Vec<(usize, String)>,
 }
 
@@ -63,50 +63,50 @@ impl Series {
     }
 }
 
-/// A value of the y axis with a name beside the plot.
+/// A labelled value of the y axis.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// The value.
     pub value: f64,
-    /// Its name.
+    /// Label.
     pub label: String,
     /// Colour.
     pub colour: Colour,
-    /// With a dashed line across.
+    /// Whether a dashed line is drawn.
     pub dashed: bool,
 }
 
 impl Reference {
-    /// A value to compare with, as a dashed line.
+    /// A reference value with a dashed line.
     pub fn dashed(value: f64, label: String) -> Self {
         Self { value, label, colour: GREY, dashed: true }
     }
 
-    /// The name of a value that a curve reaches, in the curve's colour.
+    /// The label of the final value of a curve, in its colour.
     pub fn reached(value: f64, label: String, colour: Colour) -> Self {
         Self { value, label, colour, dashed: false }
     }
 }
 
-/// Curves on common axes.
+/// A panel: series on common axes.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// Above it; may be empty.
+    /// Title; may be empty.
     pub title: String,
-    /// Across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// Vertical axis.
     pub y: Axis,
-    /// What is drawn, the first at the back.
+    /// Series, drawn in order.
     pub series: Vec<Series>,
-    /// A band across: from, to.
+    /// Shaded band of y values: from, to.
     pub band: Option<[f64; 2]>,
-    /// Values to compare with.
+    /// Reference values.
     pub references: Vec<Reference>,
 }
 
 impl Panel {
-    /// Its entries of the legend.
+    /// Entries of the legend.
     pub(super) fn legend(&self) -> impl Iterator<Item = Entry> {
         self.series.iter().map(|s| Entry {
             name: s.name.clone(),
@@ -115,7 +115,7 @@ impl Panel {
         })
     }
 
-    /// Its plot in an area of this size with at least this room beside the data (left, right), pixels.
+    /// The plot in an area of size `area`, with minimum margins (left, right) of the data, pixels.
     pub(super) fn plot(&self, area: [f64; 2], [left, least]: [f64; 2]) -> Plot {
         let top = if self.title.is_empty() { 10.0 } else { 30.0 };
         let named = self.references.iter().map(|r| width(&r.label, MARK) + 12.0);
@@ -155,7 +155,7 @@ impl Panel {
         let [first, last] = self.x.range;
         let mut sorted: Vec<&Reference> = self.references.iter().collect();
         sorted.sort_by(|a, b| b.value.total_cmp(&a.value));
-        // Labels of values that lie close together stand below each other.
+        // Labels of close values are placed below each other.
         let mut free = f64::MIN;
         for r in sorted {
             let Some([x, y]) = plot.place([last, r.value]) else { continue };
@@ -217,13 +217,13 @@ impl Series {
     }
 }
 
-/// Places words beside points so that they neither leave the plot nor cover lines or each other.
+/// Places point labels inside the plot without overlap of lines or other labels.
 struct Notes {
     low: [f64; 2],
     high: [f64; 2],
-    /// Left end, middle of the height, and width of each.
+    /// Left end, vertical centre and width of each label.
     placed: Vec<([f64; 2], f64)>,
-    /// Places on lines, a few pixels apart.
+    /// Points on lines, a few pixels apart.
     lines: Vec<[f64; 2]>,
 }
 
@@ -245,7 +245,7 @@ impl Notes {
         Self { low: plot.corner, high, placed: Vec::new(), lines }
     }
 
-    /// Left end and middle of the height of words of this width beside a point: the first place that is free.
+    /// Left end and vertical centre of a label of this width: the first free position next to the point.
     fn place(&mut self, [x, y]: [f64; 2], width: f64) -> [f64; 2] {
         let sides = [x + 7.0, x - 7.0 - width];
         let levels = [-9.0, 10.0, -22.0, 23.0, -35.0, 36.0];

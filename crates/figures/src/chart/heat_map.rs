@@ -1,4 +1,4 @@
-//! Fields of colour over two lists of values, with a mark and a number in each.
+//! Heat maps: coloured cells with a marker and a number.
 
 use plotters::coord::Shift;
 use plotters::prelude::DrawingArea;
@@ -10,64 +10,64 @@ use crate::colour_bar::ColourBar;
 use crate::font::width;
 use crate::sheet::{Anchor, Canvas, Drawn, Sheet};
 
-/// A mark in a field.
+/// Marker of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FieldMark {
     /// A filled circle.
     Dot,
-    /// A ring.
+    /// A circle outline.
     Ring,
     /// A cross.
     Cross,
 }
 
-/// A field.
+/// A cell of a heat map.
 #[derive(Clone, Debug)]
 pub struct Field {
     /// Column from the left, row from below.
     pub at: [usize; 2],
-    /// Place of its colour on the scale, 0 to 1.
+    /// Position on the colour scale, 0 to 1.
     pub share: f64,
-    /// Its mark.
+    /// Marker.
     pub mark: FieldMark,
-    /// Its number, in a few letters.
+    /// Text.
     pub text: String,
 }
 
-/// A map.
+/// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// Above it.
+    /// Title.
     pub title: String,
-    /// Categories across.
+    /// Horizontal categories.
     pub x: Axis,
-    /// Categories upwards.
+    /// Vertical categories.
     pub y: Axis,
-    /// Fields; where there is none the map is grey.
+    /// Cells; missing cells are grey.
     pub fields: Vec<Field>,
 }
 
-/// Maps with one legend.
+/// Heat maps with a common legend.
 #[derive(Clone, Debug)]
 pub struct HeatMaps {
-    /// Above all.
+    /// Title of the figure.
     pub title: String,
-    /// Row by row.
+    /// Maps, row by row.
     pub maps: Vec<HeatMap>,
-    /// Maps in a row.
+    /// Number of maps per row.
     pub columns: usize,
-    /// What the marks mean.
+    /// Meaning of the markers.
     pub marks: Vec<(FieldMark, String)>,
-    /// What the colours mean.
+    /// Label of the colour scale.
     pub scale: String,
-    /// Labels at shares of the scale.
+    /// Labels and positions, 0 to 1, on the scale.
     pub scale_marks: Vec<(f64, String)>,
 }
 
 const FIELD: [f64; 2] = [72.0, 42.0];
 const HEAD: f64 = 96.0;
 const BAR: f64 = 150.0;
-/// Where the scale stands from the right edge.
+/// Distance of the colour bar from the right edge, pixels.
 const BAR_FROM_RIGHT: f64 = 250.0;
 
 fn count(axis: &Axis) -> f64 {

@@ -1,4 +1,4 @@
-//! What colours and marks mean, in a strip above the data.
+//! Legend of a chart, above the data.
 
 use super::curves::Mark;
 use super::plot::MARK;
@@ -6,10 +6,10 @@ use crate::colour::{Colour, INK};
 use crate::font::width;
 use crate::sheet::{Anchor, Canvas, Drawn, Sheet};
 
-/// How an entry of a legend is shown.
+/// Symbol of a legend entry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sign {
-    /// As a curve is drawn: line of this width (0: none) and mark.
+    /// Line of this width (0: none) and marker.
     Curve(f64, Mark),
     /// A filled square.
     Fill,
@@ -23,7 +23,7 @@ pub(super) struct Entry {
     pub(super) sign: Sign,
 }
 
-/// Entries in rows.
+/// A legend: entries in rows.
 pub(super) struct Legend {
     entries: Vec<(Entry, [f64; 2])>,
     /// Height of all rows, pixels; 0 without entries.
@@ -34,7 +34,7 @@ const ROW: f64 = 19.0;
 const SIGN: f64 = 20.0;
 
 impl Legend {
-    /// Lays out the entries of different names between two places across, pixels; fewer than two say nothing.
+    /// Lays out the distinct entries between two horizontal positions, pixels. Fewer than two entries give no legend.
     pub(super) fn new(entries: impl IntoIterator<Item = Entry>, [from, to]: [f64; 2]) -> Self {
         let mut placed: Vec<(Entry, [f64; 2])> = Vec::new();
         let (mut x, mut row) = (from, 0.0);
@@ -56,7 +56,7 @@ impl Legend {
         Self { entries: placed, height }
     }
 
-    /// Draws it at the upper edge of an area.
+    /// Draws the legend at the upper edge of an area.
     pub(super) fn draw<DB: Canvas>(&self, sheet: &Sheet<'_, DB>) -> Drawn<DB> {
         for (entry, [x, y]) in &self.entries {
             match entry.sign {

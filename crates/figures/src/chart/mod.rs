@@ -1,7 +1,7 @@
-//! Charts: curves, bars and maps with axes, legend and labels, as SVG (text stays text) and as PNG.
+//! Line charts, bar charts and heat maps with axes, legend and labels, as SVG (with selectable text) and PNG.
 //!
-//! A [`Figure`] says what is shown. It is drawn by `plotters` on its SVG or bitmap backend, both by the same
-//! code: the legend stands above the data, names of references beside them, and every axis has its unit.
+//! A [`Figure`] describes the content. `plotters` draws it on the SVG or bitmap backend with the same code. The legend is
+//! above the data, labels of references are next to the data, and every axis has a unit.
 
 mod axis;
 mod bars;
@@ -28,17 +28,17 @@ use crate::colour::PAPER;
 use crate::pixels::{FINE, Samples};
 use crate::sheet::{Canvas, Drawn, Sheet, fine};
 
-/// Width of a figure that stands alone, pixels.
+/// Width of a single figure, pixels.
 pub const WIDTH: f64 = 960.0;
 
-/// Panels in rows with one legend above them.
+/// Panels in rows with a common legend.
 #[derive(Clone, Debug)]
 pub struct Panels {
-    /// Row by row.
+    /// Panels, row by row.
     pub panels: Vec<Panel>,
-    /// Panels in a row.
+    /// Number of panels per row.
     pub columns: usize,
-    /// Width and height of each, pixels.
+    /// Width and height of each panel, pixels.
     pub size: [f64; 2],
 }
 
@@ -47,15 +47,15 @@ pub struct Panels {
 pub enum Figure {
     /// Curves and points.
     Panels(Panels),
-    /// Bars in rows.
+    /// Stacked bars.
     Bars(Bars),
     /// Columns.
     Columns(Columns),
-    /// Maps.
+    /// Heat maps.
     HeatMaps(HeatMaps),
 }
 
-/// Words that a viewer shows while the pointer rests on a part of an SVG.
+/// Tooltip of a part of an SVG.
 pub(crate) struct Hover {
     /// Upper left corner, pixels.
     pub(crate) corner: [f64; 2],
@@ -64,19 +64,19 @@ pub(crate) struct Hover {
     pub(crate) text: String,
 }
 
-/// Where the data of a panel lie in an SVG, in its own units.
+/// Position of the data of a panel in an SVG, in SVG units.
 #[derive(Clone, Copy, Debug)]
 pub struct DataBox {
     /// Left, top, width, height.
     pub place: [f64; 4],
-    /// Least and largest x, least and largest y.
+    /// Minimum and maximum x, minimum and maximum y.
     pub span: [f64; 4],
-    /// Units of the SVG for a pixel of its own size.
+    /// SVG units per pixel.
     pub pixel: f64,
 }
 
 impl Panels {
-    /// One panel as a figure of its own.
+    /// A figure of one panel.
     pub fn single(panel: Panel, size: [f64; 2]) -> Self {
         Self { panels: vec![panel], columns: 1, size }
     }
@@ -99,7 +99,7 @@ impl Panels {
         [self.size[0] * column as f64, self.legend().height + self.size[1] * row as f64]
     }
 
-    /// The room beside the data, left and right, that every panel has: their axes stand below each other.
+    /// Common left and right margins of the data, so that the axes of all panels are aligned.
     fn sides(&self) -> [f64; 2] {
         let alone = self.panels.iter().map(|p| p.plot(self.size, [0.0; 2]));
         alone.fold([0.0; 2], |[left, right], plot| {
@@ -108,7 +108,7 @@ impl Panels {
         })
     }
 
-    /// Where the data of a panel lie.
+    /// Position of the data of a panel.
     pub fn data_box(&self, panel: usize) -> Option<DataBox> {
         let drawn = self.panels.get(panel)?;
         let plot = drawn.plot(self.size, self.sides());
@@ -130,7 +130,7 @@ impl Panels {
     }
 }
 
-/// The part of an area from a corner on, pixels.
+/// The part of an area from `corner`, pixels.
 fn part<DB: Canvas>(
     area: &DrawingArea<DB, Shift>,
     [x, y]: [f64; 2],
@@ -172,14 +172,14 @@ impl Figure {
         }
     }
 
-    /// As SVG.
+    /// The figure as SVG.
     pub fn svg(&self) -> Svg {
         let size = self.size();
         let mut text = String::new();
         let area = SVGBackend::with_string(&mut text, (size[0] * FINE, size[1] * FINE)).into_drawing_area();
         self.draw(&area).expect("drawing in memory with an embedded font does not fail");
         drop(area);
-        // The element itself is written by `Svg`, which knows the size to show and who shows it.
+        // The outer element is written by `Svg`.
         let inner = text.split_once('>').map_or("", |(_, rest)| rest).trim().trim_end_matches("</svg>");
         let mut body = inner.to_owned();
         for hover in self.hovers() {
@@ -199,10 +199,10 @@ impl Figure {
         samples.average().png()
     }
 
-    /// Writes `<name>.svg` and `<name>.png` into `folder`; the text of the first.
+    /// Writes `<name>.svg` and `<name>.png` to `folder` and returns the SVG.
     ///
     /// # Errors
-    /// Files that cannot be written.
+    /// A file cannot be written.
     pub fn save(&self, folder: &Path, name: &str) -> Result<Svg, RunError> {
         let svg = self.svg();
         svg.save(&folder.join(format!("{name}.svg")))?;
@@ -212,12 +212,12 @@ impl Figure {
     }
 }
 
-/// Text for XML.
+/// Escapes a text for XML.
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A drawn SVG.
+/// An SVG drawing.
 #[derive(Clone, Debug)]
 pub struct Svg {
     size: [u32; 2],
@@ -225,12 +225,12 @@ pub struct Svg {
 }
 
 impl Svg {
-    /// The text of a file of its own, on white paper.
+    /// Content of an SVG file with white background.
     pub fn file(&self) -> String {
         self.wrapped(&[], "<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n", "")
     }
 
-    /// An element of a page, without paper: `attributes` of it with their values, and elements after the drawing.
+    /// The SVG element of a page, without background, with `attributes` and further elements `more` at its end.
     pub fn element(&self, attributes: &[(&str, &str)], more: &str) -> String {
         self.wrapped(attributes, "", more)
     }
@@ -251,7 +251,7 @@ impl Svg {
     /// Writes [`Svg::file`].
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// The file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), RunError> {
         std::fs::write(path, self.file()).map_err(RunError::file("write", path))
     }

@@ -1,4 +1,4 @@
-//! The rectangle in which data are drawn, with its axes.
+//! The data area of a chart with its axes.
 
 use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
@@ -9,33 +9,33 @@ use crate::colour::{GREY, GRID, INK};
 use crate::font::width;
 use crate::sheet::{Canvas, Drawn, fine, pen, text_style};
 
-/// Sizes of text, pixels: marks, names of axes, titles.
+/// Font sizes of tick labels, axis labels and titles, pixels.
 pub(super) const MARK: f64 = 11.5;
 pub(super) const LABEL: f64 = 12.5;
 pub(super) const TITLE: f64 = 14.0;
 
-/// Room left of the name of an axis.
+/// Space left of an axis label, pixels.
 const EDGE: f64 = 4.0;
 
-/// Chart of plotters over two axes.
+/// A plotters chart over two axes.
 pub(super) type OnAxes<'a, DB> = ChartContext<'a, DB, Cartesian2d<Coordinate, Coordinate>>;
 
-/// Room around a plot that its axes do not need, pixels.
+/// Additional margins of a plot, pixels.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Margin {
     pub(super) top: f64,
     pub(super) right: f64,
-    /// Least room left of the data, for plots below each other.
+    /// Minimum left margin of the data, for aligned plots.
     pub(super) left: f64,
 }
 
-/// Which lines of a grid are drawn.
+/// Grid lines to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Grid {
     Both,
-    /// At the marks of x.
+    /// At the ticks of x.
     Upright,
-    /// At the marks of y.
+    /// At the ticks of y.
     Level,
     None,
 }
@@ -53,7 +53,7 @@ pub(super) struct Plot {
 }
 
 impl Plot {
-    /// Fits the plot of two axes and their labels into an area.
+    /// Fits a plot with two axes and their labels into an area.
     pub(super) fn new(x: &Axis, y: &Axis, area: [f64; 2], margin: Margin) -> Self {
         let bottom = 22.0 + if x.label.is_empty() { 0.0 } else { 20.0 };
         let height = (area[1] - margin.top - bottom).max(10.0);
@@ -78,14 +78,14 @@ impl Plot {
         }
     }
 
-    /// Where a pair of values lies, pixels; `None` where an axis cannot show it.
+    /// Position of a pair of values, pixels; `None` if an axis cannot show it.
     pub(super) fn place(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let x = self.x.share(x)?.clamp(-0.02, 1.02);
         let y = self.y.share(y)?.clamp(-0.02, 1.02);
         Some([self.corner[0] + x * self.size[0], self.corner[1] + (1.0 - y) * self.size[1]])
     }
 
-    /// Begins the chart; nothing is drawn yet.
+    /// Creates the chart without drawing.
     pub(super) fn begin<'a, DB: Canvas>(
         &self,
         area: &DrawingArea<DB, Shift>,
@@ -102,7 +102,7 @@ impl Plot {
             .build_cartesian_2d(self.x.clone(), self.y.clone())
     }
 
-    /// Draws grid, axes, marks and names.
+    /// Draws grid, axes, ticks and labels.
     pub(super) fn axes<DB: Canvas>(&self, chart: &mut OnAxes<'_, DB>, grid: Grid) -> Drawn<DB> {
         let mut mesh = chart.configure_mesh();
         mesh.bold_line_style(GRID.stroke_width(pen(1.0)))

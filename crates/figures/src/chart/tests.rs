@@ -4,7 +4,7 @@ use super::*;
 use crate::colour::series;
 use crate::pixels::decode;
 
-/// Keeps a picture for people where they ask for it.
+/// Copies a picture to the folder `RIPSTOP_KEEP`, if set.
 fn keep(figure: &Figure, name: &str) {
     if let Some(folder) = std::env::var_os("RIPSTOP_KEEP") {
         figure.save(Path::new(&folder), name).unwrap();
@@ -21,7 +21,7 @@ fn panel() -> Panel {
     Panel {
         title: "grid".into(),
         x: Axis::around("cost, s", true, [1.0, 4.0].into_iter()),
-        y: Axis::around("error, percent", true, [0.1, 0.025].into_iter()),
+        y: Axis::around("error, %", true, [0.1, 0.025].into_iter()),
         series: vec![drag, ring],
         band: Some([0.03, 0.05]),
         references: vec![Reference::dashed(0.04, "paper <1>".into())],
@@ -29,7 +29,7 @@ fn panel() -> Panel {
 }
 
 #[test]
-fn panels_have_marks_notes_references_and_one_legend() {
+fn panels_have_ticks_labels_references_and_one_legend() {
     let panels = Panels { panels: vec![panel(); 3], columns: 2, size: [470.0, 340.0] };
     let figure = Figure::Panels(panels.clone());
     let svg = figure.svg().file();
@@ -47,7 +47,7 @@ fn panels_have_marks_notes_references_and_one_legend() {
 }
 
 #[test]
-fn bars_say_their_values_under_the_pointer() {
+fn bars_have_tooltips_with_their_values() {
     let part = |name: &str, i, value| Part { name: name.into(), colour: series(i), value };
     for shares in [false, true] {
         let row = |label: &str, a, b| Bar {
@@ -72,7 +72,7 @@ fn bars_say_their_values_under_the_pointer() {
 }
 
 #[test]
-fn maps_have_a_mark_and_a_number_in_each_field() {
+fn heat_maps_have_a_marker_and_a_number_in_each_cell() {
     let names = |list: &[&str]| list.iter().map(|n| (*n).to_owned()).collect();
     let kinds = [FieldMark::Dot, FieldMark::Ring, FieldMark::Cross];
     let field = |i: usize| Field {
@@ -83,7 +83,7 @@ fn maps_have_a_mark_and_a_number_in_each_field() {
     };
     let map = HeatMap {
         title: "staggered".into(),
-        x: Axis::categories("mass of air : mass of fabric", names(&["0.1", "10", "1000"])),
+        x: Axis::categories("added mass / fabric mass", names(&["0.1", "10", "1000"])),
         y: Axis::categories("windows per period", names(&["8", "32", "128"])),
         fields: (0..6).map(field).collect(),
     };
@@ -96,13 +96,13 @@ fn maps_have_a_mark_and_a_number_in_each_field() {
         scale_marks: vec![(0.0, "1".into()), (1.0, "30".into())],
     });
     let svg = figure.svg().file();
-    assert_eq!((svg.matches("mass of air").count(), svg.matches("3.5").count()), (2, 2));
+    assert_eq!((svg.matches("added mass").count(), svg.matches("3.5").count()), (2, 2));
     assert_eq!(decode(&figure.png()).width, figure.size()[0]);
     keep(&figure, "maps");
 }
 
 #[test]
-fn odd_numbers_are_borne() {
+fn values_that_are_not_finite_are_accepted() {
     let points = [(0.0, 1e-9), (0.5, f64::NAN), (1.0, 0.0), (2.0, 1e-9), (3.0, f64::INFINITY)];
     let points: Vec<[f64; 2]> = points.iter().map(|p| [p.0, p.1]).collect();
     for logarithmic in [false, true] {
@@ -122,7 +122,7 @@ fn odd_numbers_are_borne() {
 }
 
 #[test]
-fn columns_show_all_values_alike_or_none() {
+fn columns_show_all_values_or_none() {
     let texts = |values: &[f64]| {
         let columns = values.iter().enumerate().map(|(i, v)| (i.to_string(), *v)).collect();
         let (label, unit, across) = ("tension, N".into(), "N".into(), "line".into());

@@ -1,4 +1,4 @@
-//! The picture of a flow: a vertical cut with the canopy in it.
+//! The picture of a flow: a vertical slice with the canopy.
 
 use std::path::PathBuf;
 
@@ -17,13 +17,13 @@ use crate::sheet::{Anchor, Canvas, Drawn, Sheet, fine, pen};
 use crate::snapshots::{RunSnapshots, field};
 
 const WHITE: Rgb = [1.0; 3];
-/// Height of the strip below the cut, em.
+/// Height of the strip below the slice, em.
 pub(super) const BELOW: f64 = 4.25;
 
-/// A part of the cut: lower left and upper right corner, m.
+/// A part of the slice: lower left and upper right corner, m.
 pub(super) type Window = [[f64; 2]; 2];
 
-/// The cut through a flow, and the part of it that is shown.
+/// A slice of the flow and its visible part.
 pub(super) struct Flow {
     patches: Vec<Patch>,
     canopy: Vec<[[f64; 2]; 2]>,
@@ -55,8 +55,8 @@ fn legend(fastest: f64) -> Legend {
 }
 
 impl Flow {
-    /// Cuts a snapshot of the flow, in several files. Shown is `window`; else what lies around the canopy or, without
-    /// one, everything.
+    /// Slices a snapshot of the flow, given as several files. Shows `window`, else the surroundings of the canopy, or the
+    /// whole slice without a canopy.
     pub(super) fn read(
         results: &RunSnapshots,
         files: &[PathBuf],
@@ -101,19 +101,19 @@ impl Flow {
         });
         if patches.is_empty() {
             return Err(RunError::Input(
-                "the cut meets no cell of the flow: try it without --diagonal".into(),
+                "the slice intersects no cell of the flow. Choose the other plane (with or without --diagonal)".into(),
             ));
         }
         Ok(Self { patches, canopy, window })
     }
 
-    /// The cut through a canopy without a flow.
+    /// The slice through a canopy without a flow.
     pub(super) fn none(canopy: &Piece, diagonal: bool, window: Window) -> Self {
         let canopy = Plane::new(diagonal, window[1][0] - window[0][0]).lines(canopy);
         Self { patches: Vec::new(), canopy, window }
     }
 
-    /// The cut in the colours of its speed, `width` pixels wide.
+    /// The slice coloured by speed, `width` pixels wide.
     pub(super) fn picture(&self, caption: &str, width: u32) -> Image {
         let text = 0.02 * f64::from(width);
         self.draw(&Look { caption, width, text, fastest: self.fastest(), arrows: 36, marks: &[] })
@@ -154,7 +154,7 @@ impl Flow {
         samples.average()
     }
 
-    /// Arrows on the cut, and below it colour bar and caption.
+    /// Draws arrows, colour bar and caption.
     fn write_on<DB: Canvas>(
         &self,
         area: &DrawingArea<DB, Shift>,
@@ -184,8 +184,8 @@ impl Flow {
         sheet.text(look.caption, [w - 1.5 * text, h + 2.15 * text], text, Anchor::Right, INK)
     }
 
-    /// The velocity in the plane, on a lattice: as long as the spacing at the largest speed. Each arrow is a line
-    /// through its tail, its tip and the ends of its head.
+    /// Arrows of the in-plane velocity on a regular lattice, with the length of the spacing at the largest speed. Each
+    /// arrow is a polyline through its tail, tip and head.
     fn arrows(&self, place: impl Fn([f64; 2]) -> Place, look: &Look<'_>) -> Vec<Vec<[f64; 2]>> {
         let [low, high] = self.window;
         let (columns, fastest) = (look.arrows, look.fastest);

@@ -1,11 +1,11 @@
-//! Values as colours, and the bar that says which.
+//! Colour scale of values with its colour bar.
 
 use crate::chart::linear_marks;
 use crate::colour::{Rgb, Scale, pick};
 use crate::colour_bar::ColourBar;
 use crate::sheet::{Canvas, Drawn, Sheet};
 
-/// Values that a scale spans.
+/// Range of a colour scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Range {
     pub(super) low: f64,
@@ -13,8 +13,7 @@ pub(super) struct Range {
 }
 
 impl Range {
-    /// All but the part `cut` of the values at either end, so that a few extreme
-    /// cells do not wash out the rest. Never empty.
+    /// Range of the values without the share `cut` at either end, so that outliers do not set the scale. Never empty.
     pub(super) fn of(values: impl Iterator<Item = f64>, cut: f64) -> Self {
         let mut values: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         values.sort_unstable_by(f64::total_cmp);
@@ -27,13 +26,13 @@ impl Range {
         }
     }
 
-    /// Place of a value, 0 at the low end and 1 at the high end.
+    /// Position of a value: 0 at the lower end, 1 at the upper end.
     pub(super) fn place(self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
     }
 }
 
-/// A scale with its values.
+/// A colour scale with its range and title.
 #[derive(Clone)]
 pub(super) struct Legend {
     pub(super) title: String,
@@ -47,7 +46,7 @@ impl Legend {
         pick(self.scale, self.range.place(value))
     }
 
-    /// Draws the bar in the rectangle from `corner`, its title above, its marks below; `text` is the em. Pixels.
+    /// Draws the colour bar from `corner`, with title above and ticks below. Lengths in pixels; `text` is the font size.
     pub(super) fn draw<DB: Canvas>(
         &self,
         sheet: &Sheet<'_, DB>,
@@ -66,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ranges_hold_most_values_and_are_never_empty() {
+    fn ranges_cover_most_values_and_are_never_empty() {
         let constant = Range::of([3.0; 9].into_iter(), 0.01);
         assert!(constant.low < 3.0 && constant.high > 3.0);
         assert_eq!(Range::of(std::iter::empty(), 0.01).place(0.5), 0.5);

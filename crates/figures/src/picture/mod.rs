@@ -1,4 +1,4 @@
-//! `ripstop picture`: the canopy and the flow around it, as PNG, also animated.
+//! `ripstop picture`: rendered pictures and animations of canopy and flow, as PNG.
 
 mod animation;
 mod flow;
@@ -28,26 +28,26 @@ use crate::pixels::Image;
 use crate::sheet::{Anchor, Sheet};
 use crate::snapshots::{Kind, RunSnapshots, Structure};
 
-/// Why drawing on samples cannot fail.
+/// Reason why drawing in memory cannot fail.
 const IN_MEMORY: &str = "drawing in memory with an embedded font does not fail";
-/// Where the eye of the canopy pictures stands: azimuth and elevation, degrees.
+/// View direction of the canopy pictures: azimuth and elevation, degrees.
 const EYE: [f64; 2] = [28.0, -14.0];
-/// Times of the paper's figure 4 before that of the last shape, as shares of it (0.2, 0.4 and 0.8 of 1.5 s).
+/// Times of figure 4 of the paper relative to the last one (0.2, 0.4 and 0.8 s of 1.5 s).
 const STRIP: [f64; 3] = [0.2 / 1.5, 0.4 / 1.5, 0.8 / 1.5];
 
 /// Cell fields that may colour the fabric: name, title, and the unit of the title in that of the field.
 const FABRIC: [(&str, &str, f64); 2] =
     [("pressure_jump_pa", "pressure jump, Pa", 1.0), ("stress_1_pa", "major stress, MPa", 1e-6)];
 
-/// What to draw.
+/// Arguments of `ripstop picture`.
 #[derive(Args)]
 pub struct PictureArgs {
-    /// Folder of the results of a run
+    /// Results folder of a run
     run: PathBuf,
     /// Stage to draw [default: the last one with snapshots of the canopy]
     #[arg(long, value_name = "NAME")]
     stage: Option<String>,
-    /// Time in the stage, in seconds; the nearest snapshot is drawn [default: the last]
+    /// Time in the stage, in seconds; draws the nearest snapshot [default: the last]
     #[arg(long, value_name = "SECONDS", value_parser = time)]
     time: Option<f64>,
     /// Folder of the pictures [default: RUN/pictures]; with --animate also a file that ends in .png
@@ -62,23 +62,23 @@ pub struct PictureArgs {
     /// Frames per second of the animation
     #[arg(long, value_name = "N", requires = "animate", default_value_t = 8, value_parser = clap::value_parser!(u16).range(1..=60))]
     fps: u16,
-    /// Largest number of frames of the animation; more snapshots are thinned, coupled stages half as much as others
+    /// Maximum number of frames of the animation; more snapshots are thinned, coupled stages half as much as others
     #[arg(long, value_name = "N", requires = "animate", default_value_t = 48, value_parser = clap::value_parser!(u16).range(2..=1000))]
     frames: u16,
-    /// Cut the flow from corner to corner (plane y = x) instead of across (plane y = 0)
+    /// Draw the flow in the diagonal plane y = x instead of the plane y = 0
     #[arg(long)]
     diagonal: bool,
 }
 
 fn time(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|t| t.is_finite()).ok_or_else(|| "a time in seconds".into())
+    text.parse::<f64>().ok().filter(|t| t.is_finite()).ok_or_else(|| "expected a time in seconds".into())
 }
 
-/// Draws `canopy.png`, `flow.png` and `pre-inflation.png`, whichever the run has
-/// snapshots for; with `--animate` an animation instead.
+/// Draws `canopy.png`, `flow.png` and `pre-inflation.png`, as far as the run has snapshots for them; with `--animate` an
+/// animation instead.
 ///
 /// # Errors
-/// Results that cannot be read, pictures that cannot be written.
+/// Results cannot be read, or pictures cannot be written.
 pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
     let results = RunSnapshots::open(&args.run)?;
     if args.animate {
@@ -99,17 +99,17 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
     let structure = results.structure(stage, args.time)?;
     if let Some((time, canopy, lines)) = &structure {
         let image = canopy_picture(canopy, lines.as_ref(), &caption(name, *time), width);
-        save(image, "canopy.png", format!("the canopy, stage `{name}`, {time} s"))?;
+        save(image, "canopy.png", format!("canopy in stage `{name}` at t = {time} s"))?;
     }
     match flow_at(&results, stage, args.time, args.diagonal, width)? {
-        Some((time, image)) => save(image, "flow.png", format!("the flow, stage `{name}`, {time} s"))?,
+        Some((time, image)) => save(image, "flow.png", format!("flow in stage `{name}` at t = {time} s"))?,
         None if structure.is_none() => {
             return Err(RunError::Input(format!(
                 "stage `{name}` has no snapshots to draw: run it with `ripstop run` and \
                  output.surface_every_windows or output.volume_every_windows above 0"
             )));
         }
-        None => console.line(&format!("no flow.png: stage `{name}` wrote no snapshots of a flow")),
+        None => console.line(&format!("no flow.png: stage `{name}` has no snapshots of the flow (output.volume_every_windows writes them)")),
     }
 
     let inflation = results.scene.stages.iter().position(|s| s.kind == StageKind::PreInflation);
@@ -125,12 +125,12 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
         // A stage with few snapshots has the same one nearest to two of the times.
         shapes.dedup_by(|a, b| a.0 == b.0);
         let image = strip(&shapes, width);
-        save(image, "pre-inflation.png", "how the canopy inflates".into())?;
+        save(image, "pre-inflation.png", "shapes of the canopy during pre-inflation".into())?;
     }
     Ok(())
 }
 
-/// Draws the animation that the arguments ask for.
+/// Writes the animation.
 fn animation(args: &PictureArgs, results: &RunSnapshots, console: &Console) -> Result<(), RunError> {
     let choice = Choice {
         stage: args.stage.as_deref(),
@@ -150,8 +150,7 @@ fn animation(args: &PictureArgs, results: &RunSnapshots, console: &Console) -> R
     Ok(())
 }
 
-/// The flow of a stage in the snapshot nearest to `time` (s), in a vertical cut; `None` where the stage
-/// wrote none.
+/// Slice of the flow of a stage in the snapshot nearest to `time` (s); `None` without snapshots.
 fn flow_at(
     results: &RunSnapshots,
     stage: usize,
@@ -171,7 +170,7 @@ fn flow_at(
     Ok(Some((snapshot.time, flow.picture(&caption(name, snapshot.time), width))))
 }
 
-/// A picture's bytes with the time of its snapshot, s.
+/// PNG data of a picture and the time of its snapshot, s.
 pub type Png = (f64, Vec<u8>);
 
 /// [`flow_at`] as the bytes of a PNG file.
@@ -186,7 +185,7 @@ pub fn flow_png(
     Ok(found.map(|(time, image)| (time, image.png())))
 }
 
-/// The last canopy of a stage as the bytes of a PNG file; `None` where the stage wrote none.
+/// The last canopy of a stage as the bytes of a PNG file; `None` without snapshots.
 pub fn canopy_png(results: &RunSnapshots, stage: usize, width: u32) -> Result<Option<Png>, RunError> {
     let Some((time, canopy, lines)) = results.structure(stage, None)? else { return Ok(None) };
     let name = &results.scene.stages[stage].name;
@@ -198,8 +197,8 @@ fn caption(stage: &str, time: f64) -> String {
     format!("{}, {} s", stage.replace('_', " "), (time * 1e4).round() / 1e4)
 }
 
-/// What colours the fabric: the first of pressure jump and major stress that
-/// varies, or the displacement. The values are the points'.
+/// Nodal values that colour the fabric, with their legend: pressure jump, major stress or displacement, the first that
+/// varies.
 fn fabric(canopy: &Piece) -> (Legend, Vec<f64>) {
     let legend = |title: &str, values: &[f64]| Legend {
         title: title.into(),
@@ -261,7 +260,7 @@ fn canopy_picture(canopy: &Piece, lines: Option<&Piece>, caption: &str, width: u
     samples.average()
 }
 
-/// Shapes beside each other with their times, in one scale of colours and lengths.
+/// Shapes in a row with their times, with common scales of colours and lengths.
 fn strip(shapes: &[Structure], width: u32) -> Image {
     let w = f64::from(width);
     let n = shapes.len().max(1) as f64;

@@ -1,12 +1,12 @@
-//! Triangles with a depth buffer, sampled finer than the picture and averaged.
+//! Rasterisation of triangles with a depth buffer and supersampling.
 
 use crate::colour::{PAPER, Rgb};
 use crate::pixels::{FINE, Samples};
 
-/// A place in the picture: pixels to the right and down, and depth away from the eye.
+/// A point in the picture: pixels right and down, and depth.
 pub(super) type Place = [f64; 3];
 
-/// What has been drawn so far.
+/// The raster: colours and depths of the samples.
 pub(super) struct Raster {
     samples: Samples,
     depth: Vec<f32>,
@@ -34,7 +34,7 @@ impl Raster {
         self.samples.size().map(f64::from)
     }
 
-    /// A triangle, its corners' colours blended linearly, where nothing nearer is.
+    /// Draws a triangle with linear interpolation of its corner colours, where it is nearest.
     pub(super) fn triangle(&mut self, corners: [Place; 3], colours: [Rgb; 3]) {
         let fine = f64::from(FINE);
         let [width, height] = self.samples.size().map(|s| (s * FINE) as usize);
@@ -69,7 +69,7 @@ impl Raster {
         }
     }
 
-    /// A convex polygon of one colour.
+    /// Draws a convex polygon of one colour.
     pub(super) fn polygon(&mut self, corners: &[Place], colour: Rgb) {
         if let [first, rest @ ..] = corners {
             for pair in rest.windows(2) {
@@ -78,7 +78,7 @@ impl Raster {
         }
     }
 
-    /// A straight line, `width` pixels wide with square ends.
+    /// Draws a straight line, `width` pixels wide, with square ends.
     pub(super) fn line(&mut self, ends: [Place; 2], width: f64, colour: Rgb) {
         let [a, b] = ends;
         let along = [b[0] - a[0], b[1] - a[1]];
@@ -94,7 +94,7 @@ impl Raster {
         self.polygon(&corners, colour);
     }
 
-    /// The samples, to draw on and to average.
+    /// The samples, for further drawing and averaging.
     pub(super) fn finish(self) -> Samples {
         self.samples
     }
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearer_triangle_wins_in_any_order() {
+    fn nearest_triangle_is_visible_in_any_order() {
         let near = [[0.0, 0.0, 1.0], [20.0, 0.0, 1.0], [0.0, 20.0, 1.0]];
         let far = near.map(|[x, y, _]| [x, y, 2.0]);
         for order in [[(near, RED), (far, BLUE)], [(far, BLUE), (near, RED)]] {

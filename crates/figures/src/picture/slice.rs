@@ -1,11 +1,11 @@
-//! A vertical cut through the flow and the canopy.
+//! Vertical slices through flow and canopy.
 
 use std::collections::{HashMap, HashSet};
 
 use mesh::Point;
 use mesh::vtk::read::Piece;
 
-/// The cut: a vertical plane through the axis of the canopy.
+/// The slice plane: a vertical plane through the axis of the canopy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
     /// Horizontal direction in the plane, length 1.
@@ -14,15 +14,15 @@ pub(super) struct Plane {
     offset: f64,
 }
 
-/// A polygon or line of the cut: (distance along the plane, height), m.
+/// A polygon or line of the slice: (distance along the plane, height), m.
 pub(super) type Outline = Vec<[f64; 2]>;
 
-/// Speeds at the nodes of cells that the cut meets: means of the cells around each node, over all pieces of a grid
-/// (ParaView: "Cell Data to Point Data"). A node on the canopy has none, for the flow jumps across the fabric.
+/// Speeds at the nodes of the cells that intersect the plane: means over the cells of each node, over all pieces of a grid
+/// (ParaView: "Cell Data to Point Data"). Nodes on the canopy have none, because the flow jumps across the fabric.
 #[derive(Default)]
 pub(super) struct NodeSpeeds(HashMap<Key, (f64, f64)>);
 
-/// A point by its digits: ranks write those that they share alike.
+/// A point by its digits: ranks write identical digits for shared points.
 type Key = [u32; 3];
 
 /// Digits of a point in single precision, as snapshots may have it.
@@ -41,7 +41,7 @@ impl NodeSpeeds {
             }
         }
         if let Some(canopy) = canopy {
-            // The grid has the canopy of the coupling, which is converged, not equal: compared in boxes.
+            // Canopy positions of grid and structure agree within the coupling tolerance only: compared in boxes.
             let (boxes, size) = boxes_around(canopy);
             speeds
                 .retain(|key: &Key, _| !boxes.contains(&in_box(key.map(|b| f32::from_bits(b).into()), size)));
@@ -70,7 +70,7 @@ fn in_box(p: Point, size: f64) -> [i64; 3] {
     p.map(|x| (x / size).round() as i64)
 }
 
-/// The boxes of a surface's points with their neighbours, and their size: a thousandth of its width.
+/// The boxes of the points of a surface with their neighbours, and the box size: 1/1000 of the width of the surface.
 fn boxes_around(surface: &Piece) -> (HashSet<[i64; 3]>, f64) {
     let x = || surface.points.iter().map(|p| p[0]);
     let size = 1e-3 * (x().fold(f64::MIN, f64::max) - x().fold(f64::MAX, f64::min)).max(1e-9);
@@ -89,20 +89,19 @@ fn met(piece: &Piece, sides: &[f64], cell: usize) -> bool {
     above != 0 && above != nodes.len()
 }
 
-/// One cell of the cut.
+/// The intersection of a cell with the plane.
 pub(super) struct Patch {
     pub(super) outline: Outline,
     /// Speeds at the corners of the outline, m/s.
     pub(super) speeds: Vec<f64>,
     /// Velocity relative to the canopy's frame, in the plane, m/s.
     pub(super) velocity: [f64; 2],
-    /// Its magnitude in space, m/s.
+    /// Magnitude of the velocity, m/s.
     pub(super) speed: f64,
 }
 
 impl Plane {
-    /// `y = 0`, or `y = x`; aside by a hair of `size` (m), so that it does not run
-    /// through the faces of a grid that is symmetric about it.
+    /// The plane `y = 0` or `y = x`, shifted by a small fraction of `size` (m) to avoid the faces of a symmetric grid.
     pub(super) fn new(diagonal: bool, size: f64) -> Self {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         Self { along: if diagonal { [half, half] } else { [1.0, 0.0] }, offset: 1e-6 * size }
@@ -113,12 +112,12 @@ impl Plane {
         p[1] * self.along[0] - p[0] * self.along[1] - self.offset
     }
 
-    /// A point or vector in the plane's own axes.
+    /// A point or vector in the coordinates of the plane.
     pub(super) fn flat(self, p: Point) -> [f64; 2] {
         [p[0] * self.along[0] + p[1] * self.along[1], p[2]]
     }
 
-    /// Where the edges of a cell cross the plane, with the value there of a function of the points.
+    /// Intersections of the edges of a cell with the plane, with the value of a function of the points there.
     fn crossings(
         self,
         piece: &Piece,
@@ -146,9 +145,8 @@ impl Plane {
         piece.points.iter().map(|&p| self.side(p)).collect()
     }
 
-    /// The cut through the cells of a piece of the flow, whose velocities are
-    /// `[cells][3]`. Neighbours share the ends of their cut edges, so the patches
-    /// leave no gap. Where a node has no speed in `nodes`, that of the cell is taken.
+    /// The slice through the cells of a piece of the flow with velocities `[cells][3]`. Neighbours share the intersections
+    /// of their edges, so the patches have no gaps. Nodes without a speed in `nodes` use that of the cell.
     pub(super) fn patches(self, piece: &Piece, velocity: &[f64], nodes: &NodeSpeeds) -> Vec<Patch> {
         let sides = self.sides(piece);
         let mut patches = Vec::new();
@@ -168,7 +166,7 @@ impl Plane {
         patches
     }
 
-    /// The cut through a surface.
+    /// The slice through a surface.
     pub(super) fn lines(self, surface: &Piece) -> Vec<[[f64; 2]; 2]> {
         let sides = self.sides(surface);
         (0..surface.n_cells())
@@ -211,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn the_patches_tile_the_cut_for_every_kind_of_cell() {
+    fn patches_tile_the_slice_for_every_cell_type() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("flow.vtu");
         for shape in [BoxShape::Hexahedra, BoxShape::Prisms, BoxShape::Pyramids, BoxShape::Tetrahedra] {

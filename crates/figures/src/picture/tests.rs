@@ -1,4 +1,4 @@
-//! From small snapshots in a run's layout to pixels.
+//! Pictures of small synthetic results.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ fn decode(run: &Path, name: &str) -> Image {
     crate::pixels::decode(&std::fs::read(run.join("pictures").join(name)).unwrap())
 }
 
-/// Keeps a picture for people where they ask for it.
+/// Copies a picture to the folder `RIPSTOP_KEEP`, if set.
 fn keep(run: &Path, name: &str) {
     if let Some(folder) = std::env::var_os("RIPSTOP_KEEP") {
         std::fs::copy(run.join("pictures").join(name), Path::new(&folder).join(name)).unwrap();
@@ -54,7 +54,7 @@ fn run() -> tempfile::TempDir {
     folder
 }
 
-/// A flat canopy of 4 m at height 0 below two lines' ends, its pressure rising in x.
+/// A flat canopy of 4 m at height 0 with two lines; its pressure increases with x.
 fn canopy(stage: &Path, times: &[f64], jump: f64) {
     let n = 4;
     let points: Vec<Point> =
@@ -83,7 +83,7 @@ fn canopy(stage: &Path, times: &[f64], jump: f64) {
     }
 }
 
-/// Two ranks' halves of a box around it, the speed rising in z from 0.
+/// Two halves of a box around the canopy, from two ranks; the speed increases with z from 0.
 fn flow(stage: &Path, field: &str) {
     let mut files = Vec::new();
     for (rank, shape) in [BoxShape::Hexahedra, BoxShape::Tetrahedra].into_iter().enumerate() {
@@ -104,7 +104,7 @@ fn flow(stage: &Path, field: &str) {
 }
 
 #[test]
-fn a_run_becomes_three_pictures() {
+fn run_gives_three_pictures() {
     let run = run();
     let run = run.path();
     canopy(&run.join("pre-inflation"), &[0.2, 0.4, 1.5], 0.0);
@@ -129,7 +129,7 @@ fn a_run_becomes_three_pictures() {
     // The canopy's cut is ink in the middle; its fabric covers the axis.
     let flow = decode(run, "flow.png");
     let ink = (0..flow.height).filter(|&y| light(&flow, 150, y) < 500).count();
-    assert!(ink >= 1, "no canopy in the cut");
+    assert!(ink >= 1, "no canopy in the slice");
     // Where one stage has no flow, the canopy is drawn all the same.
     std::fs::remove_file(run.join("pictures/flow.png")).unwrap();
     draw(run, &["--stage", "pre-inflation"]).unwrap();
@@ -169,7 +169,7 @@ fn animation_shows_all_stages_or_one() {
 }
 
 #[test]
-fn a_flow_around_a_canopy_at_rest() {
+fn flow_around_a_canopy_at_rest_is_drawn() {
     let run = run();
     let run = run.path();
     canopy(&run.join("pre-inflation"), &[1.5], 0.0);
@@ -180,7 +180,7 @@ fn a_flow_around_a_canopy_at_rest() {
 }
 
 #[test]
-fn what_is_missing_is_named() {
+fn missing_results_are_named() {
     let run = run();
     let run = run.path();
     let says = |run: &Path, more: &[&str], words: &[&str]| {

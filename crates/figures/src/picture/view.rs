@@ -1,4 +1,4 @@
-//! The canopy and its lines in perspective.
+//! Perspective view of canopy and lines.
 
 use mesh::Point;
 use mesh::geometry::{Vec3, at};
@@ -11,12 +11,12 @@ use crate::colour::Rgb;
 /// Lines of the parachute.
 pub(super) const DARK: Rgb = [0.13, 0.15, 0.18];
 
-/// Length 1; a zero vector stays one.
+/// Normalises a vector; a zero vector is unchanged.
 fn unit(a: Vec3) -> Vec3 {
     a.try_normalize(0.0).unwrap_or(a)
 }
 
-/// Smallest and largest coordinates. Infinite without points.
+/// Minimum and maximum coordinates; infinite without points.
 pub(super) fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
     let mut found = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     for p in points {
@@ -28,19 +28,19 @@ pub(super) fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
     found
 }
 
-/// An eye that looks at the points it was made for and fits them into a frame.
+/// A perspective view that fits given points into a frame.
 #[derive(Clone)]
 pub(super) struct View {
     eye: Vec3,
     axes: [Vec3; 3],
-    /// Pixels for a slope of 1, and where the slope 0 lies.
+    /// Scale, pixels, and centre of the projection.
     scale: f64,
     shift: [f64; 2],
 }
 
 impl View {
-    /// Seen from `azimuth` (from x towards y) and `elevation`, degrees, so that all
-    /// `points` lie in the frame from `corner`, `size` pixels wide and high.
+    /// A view from `azimuth` (from x towards y) and `elevation`, degrees, that fits all `points` into the frame from
+    /// `corner` with `size` pixels.
     pub(super) fn fit(
         points: &[Point],
         [azimuth, elevation]: [f64; 2],
@@ -62,7 +62,7 @@ impl View {
         view
     }
 
-    /// Where a point is seen.
+    /// Projects a point.
     pub(super) fn place(&self, point: Point) -> Place {
         let d = Vec3::from(point) - self.eye;
         let depth = -d.dot(&self.axes[2]);
@@ -72,7 +72,7 @@ impl View {
     }
 }
 
-/// A colour under light: from the eye's upper left, on both sides of the fabric.
+/// Shades a colour with light from the upper left of the viewer, on both sides of the fabric.
 fn lit(colour: Rgb, normal: Vec3, view: &View) -> Rgb {
     let [right, down, back] = view.axes;
     let light = unit(back * 1.2 - right * 0.5 - down * 0.7);
@@ -83,16 +83,15 @@ fn lit(colour: Rgb, normal: Vec3, view: &View) -> Rgb {
     colour.map(|c| c * (0.5 + 0.54 * diffuse))
 }
 
-/// What is drawn in one frame.
+/// Content of a frame.
 pub(super) struct Body<'a> {
     pub(super) canopy: &'a Piece,
     pub(super) lines: Option<&'a Piece>,
-    /// One for each canopy point.
+    /// Value of each canopy node.
     pub(super) values: &'a [f64],
 }
 
-/// Mean of the cells around each point, weighted by their area; and the points'
-/// normals.
+/// Area-weighted nodal means of cell values, and nodal normals.
 pub(super) fn at_points(canopy: &Piece, cell_values: &[f64]) -> (Vec<f64>, Vec<Vec3>) {
     let n = canopy.points.len();
     let (mut sum, mut weight, mut normal) = (vec![0.0; n], vec![0.0; n], vec![Vec3::zeros(); n]);
@@ -145,20 +144,20 @@ pub(super) fn draw(raster: &mut Raster, view: &View, body: &Body, legend: &Legen
     }
 }
 
-/// Where the payload hangs, the lowest end of the lines, and how large to draw it.
+/// Position of the payload (lowest end of the lines) and its drawn size.
 pub(super) fn payload_place(canopy: &Piece, lines: &Piece) -> Option<(Point, f64)> {
     let ends = (0..lines.n_cells()).flat_map(|c| lines.cell(c)).map(|&i| lines.points[i as usize]);
     let [low, high] = bounds(canopy.points.iter().copied());
     ends.min_by(|a, b| a[2].total_cmp(&b[2])).map(|top| (top, 0.045 * (high[0] - low[0])))
 }
 
-/// Corner 0 to 7 of the box that stands for the payload.
+/// Corner 0 to 7 of the box that represents the payload.
 pub(super) fn payload_corner(top: Point, size: f64, corner: usize) -> Point {
     let side = |bit: usize| if corner & bit == 0 { -0.5 } else { 0.5 };
     [top[0] + size * side(1), top[1] + size * side(2), top[2] + size * (side(4) - 0.5)]
 }
 
-/// A box that hangs from `top`: where the payload is, not its shape.
+/// A box below `top` that shows the position of the payload, not its shape.
 fn payload(raster: &mut Raster, view: &View, top: Point, size: f64) {
     let faces: [([usize; 4], Point); 6] = [
         ([0, 1, 3, 2], [0.0, 0.0, -1.0]),
@@ -174,7 +173,7 @@ fn payload(raster: &mut Raster, view: &View, top: Point, size: f64) {
     }
 }
 
-/// Edges with fabric on one side only.
+/// Boundary edges of the fabric.
 fn hem(canopy: &Piece) -> Vec<[u32; 2]> {
     let mut edges: Vec<[u32; 2]> = (0..canopy.n_cells())
         .flat_map(|cell| canopy.edges(cell))
@@ -189,12 +188,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everything_fits_into_the_frame_and_up_is_up() {
+    fn view_fits_the_frame_with_correct_orientation() {
         let cube: Vec<Point> = (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(f64::from)).collect();
         let view = View::fit(&cube, [30.0, -15.0], [10.0, 20.0], [200.0, 100.0]);
         let [low, high] = bounds(cube.iter().map(|&p| view.place(p)));
         assert!(low[0] > 9.9 && high[0] < 210.1 && low[1] > 19.9 && high[1] < 120.1);
-        assert!((high[1] - low[1] - 100.0).abs() < 1e-6, "not filled: {low:?} {high:?}");
+        assert!((high[1] - low[1] - 100.0).abs() < 1e-6, "frame not filled: {low:?} {high:?}");
         let [bottom, top] = [[0.5, 0.5, 0.0], [0.5, 0.5, 1.0]].map(|p| view.place(p));
         assert!(top[1] < bottom[1]);
         // Seen from +x: +y lies to the right.

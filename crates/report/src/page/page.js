@@ -1,10 +1,10 @@
-// Values of the curves under the pointer; left and right keys where a chart has the focus.
+// Shows the values of the curves at the pointer, or at the position set with the left and right keys.
 "use strict";
 for (const svg of document.querySelectorAll("svg.chart")) {
     const [left, top, width, height] = svg.dataset.box.split(",").map(Number);
     const [x0, x1, y0, y1] = svg.dataset.span.split(",").map(Number);
     const unit = svg.dataset.unit;
-    // Units of the drawing in a pixel.
+    // Drawing units per pixel.
     const pixel = Number(svg.dataset.pixel);
     const curves = [...svg.querySelectorAll(".curve[data-points]")].map((path) => ({
         label: path.dataset.label,

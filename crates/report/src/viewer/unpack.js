@@ -1,4 +1,4 @@
-// The field data of the page: base64 of a deflated stream, differences in time within.
+// Decodes the field data of the page: base64 of a deflated stream of differences in time.
 
 async function inflate(base64) {
     const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
@@ -19,14 +19,14 @@ export async function unpack({ header, data }) {
     const hem = indices(2 * header.hem);
     const cables = indices(2 * header.cables);
     const width = 3 * header.nodes;
-    // Of each stage and frame: positions as 16-bit numbers, then the fields as bytes.
+    // For each stage and frame: positions as 16-bit numbers, then the fields as bytes.
     const stages = header.stages.map((stage) => {
         const frames = [];
         let before = null;
         for (let f = 0; f < stage.times.length; f++) {
             const positions = new Uint16Array(width);
             for (let i = 0; i < width; i++) {
-                // Low bytes first, then high bytes: alike bytes lie together.
+                // Low bytes first, then high bytes: this compresses better.
                 const change = bytes[at + i] | (bytes[at + width + i] << 8);
                 positions[i] = change + (before ? before.positions[i] : 0);
             }

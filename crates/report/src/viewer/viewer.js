@@ -1,4 +1,4 @@
-// The canopy over time, in three dimensions. Reads what the report has packed into its page.
+// Interactive 3-D view of the canopy over time. Reads the data in the page.
 import {
     AmbientLight, BufferAttribute, BufferGeometry, Color, ColorManagement, DirectionalLight, DoubleSide,
     LinearSRGBColorSpace, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, PerspectiveCamera,
@@ -314,7 +314,7 @@ async function start() {
         root.viewer = new Viewer(root, await unpack(JSON.parse(packed.textContent)));
         root.dataset.state = "ready";
     } catch (error) {
-        // A browser without WebGL: the picture below stays.
+        // Without WebGL the still picture is shown.
         root.dataset.state = "failed";
         root.querySelector('[data-part="trouble"]').textContent = `The 3-D view needs WebGL 2 (${error.message}).`;
     }

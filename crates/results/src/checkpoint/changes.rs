@@ -13,7 +13,7 @@ pub(super) fn changes(old: &Value, new: &Value) -> Vec<String> {
 }
 
 fn collect(at: &str, old: Option<&Value>, new: Option<&Value>, keys: &mut Vec<String>) {
-    // A key that is absent and one without value are one.
+    // A missing key equals a key without value.
     let [old, new] = [old, new].map(|v| v.filter(|v| !v.is_null()));
     match (old, new) {
         (Some(Value::Object(a)), Some(Value::Object(b))) => {
@@ -39,9 +39,8 @@ fn list_of_tables(list: &[Value]) -> bool {
     list.first().is_some_and(Value::is_object)
 }
 
-/// Whether a run that began with stage `first` and was saved at `point` may be resumed with another
-/// value of `key`.
-pub(super) fn harmless(key: &str, first: usize, point: Option<&Point>, scene: &Scene) -> bool {
+/// Whether a run that started with stage `first` and was saved at `point` can be resumed with another value of `key`.
+pub(super) fn may_change(key: &str, first: usize, point: Option<&Point>, scene: &Scene) -> bool {
     let section = key.split(['.', '[']).next().unwrap_or(key);
     if ["name", "title", "output", "ranks"].contains(&section) {
         return true;
@@ -49,7 +48,7 @@ pub(super) fn harmless(key: &str, first: usize, point: Option<&Point>, scene: &S
     let Some(rest) = key.strip_prefix("stage[") else { return false };
     let Some((number, rest)) = rest.split_once(']') else { return false };
     let Ok(stage) = number.parse::<usize>() else { return false };
-    // The stage that the run stands in; stages behind it have not begun.
+    // The current stage; later stages have not started.
     let now = point.map_or(first, |p| p.stage);
     let begun = point.is_some();
     if stage != now {
@@ -69,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_are_named_by_their_place() {
+    fn changed_keys_are_named_by_their_path() {
         let old = json!({"name": "a", "fabric": {"e": 1.0, "gone": null}, "stage": [{"w": 1}, {"w": 2}]});
         let new = json!({"name": "a", "fabric": {"e": 2.0}, "stage": [{"w": 1}, {"w": 3}, {"w": 4}], "more": [1, 2]});
         assert_eq!(changes(&old, &new), ["fabric.e", "more", "stage[1].w", "stage[2]"]);

@@ -11,18 +11,18 @@ use super::record::Record;
 use super::seal::Seal;
 use super::{draft, old, remove};
 
-/// Where a run can be resumed.
+/// A saved state from which a run can be resumed.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// Stage, from 0.
+    /// Index of the stage.
     pub stage: usize,
-    /// What was saved.
+    /// Content of the state.
     pub seal: Seal,
-    /// Its folder: `state` or one beside it.
+    /// Folder: `state`, `state.new` or `state.old`.
     folder: PathBuf,
 }
 
-/// The last whole state of the run, and what was passed over on the way to it.
+/// The last complete state of the run, and notes on incomplete states that are skipped.
 pub fn find(scene: &Scene, out: &Path, record: &Record) -> (Option<Point>, Vec<String>) {
     let mut notes = Vec::new();
     for stage in (record.first..scene.stages.len()).rev() {
@@ -33,17 +33,15 @@ pub fn find(scene: &Scene, out: &Path, record: &Record) -> (Option<Point>, Vec<S
                 continue;
             }
             match Seal::of(&folder) {
-                // Of a run that went before in the same folder.
+                // State of an earlier run in the same folder.
                 Ok(seal) if seal.run != record.run => {}
                 Ok(seal) => {
                     if best.as_ref().is_none_or(|b| seal.windows > b.seal.windows) {
                         best = Some(Point { stage, seal, folder });
                     }
                 }
-                Err(why) => notes.push(format!(
-                    "the state in {} is not whole ({why}) and is passed over",
-                    folder.display()
-                )),
+                Err(why) => notes
+                    .push(format!("the state in {} is incomplete ({why}) and is skipped", folder.display())),
             }
         }
         if best.is_some() {
@@ -54,18 +52,18 @@ pub fn find(scene: &Scene, out: &Path, record: &Record) -> (Option<Point>, Vec<S
 }
 
 impl Point {
-    /// The coupler's own part of the state.
+    /// The part of the coupler.
     ///
     /// # Errors
-    /// A file of another version.
+    /// The file is of another version.
     pub fn progress(&self) -> Result<Progress, RunError> {
         Progress::load(&self.folder)
     }
 
-    /// Makes the state the one in the folder `state` of its stage; returns that folder.
+    /// Moves the state to the folder `state` of its stage and returns that folder.
     ///
     /// # Errors
-    /// Trouble with the folders.
+    /// A folder cannot be moved.
     pub fn adopt(&mut self, scene: &Scene, out: &Path) -> Result<PathBuf, RunError> {
         let state = case::state_folder(out, scene, self.stage);
         if self.folder != state {
@@ -78,8 +76,7 @@ impl Point {
     }
 }
 
-/// What was saved of the run whose results lie in `out`, and the `command` that resumes it. `None`: nothing was
-/// saved.
+/// Message on the saved state of the run in `out`, with the `command` that resumes it; `None` without a saved state.
 pub fn hint(scene: &Scene, command: &str, out: &Path) -> Option<String> {
     let record = Record::read(out).ok()?;
     let (point, notes) = find(scene, out, &record);
@@ -89,7 +86,8 @@ pub fn hint(scene: &Scene, command: &str, out: &Path) -> Option<String> {
     if seal.cannot.is_empty() {
         text += &format!("saved {place}; resume with: {command}");
     } else {
-        text += &format!("saved {place}, but {} cannot be resumed", seal.cannot.join(" and "));
+        text +=
+            &format!("saved {place}, but {} cannot restart from a saved state", seal.cannot.join(" and "));
     }
     Some(text)
 }

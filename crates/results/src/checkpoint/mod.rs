@@ -1,8 +1,8 @@
-//! Checkpoints: a run resumes from them after Ctrl-C, a crash or a full disk.
+//! Checkpoints, from which a run resumes after Ctrl-C, a crash or a full disk.
 //!
-//! A stage's folder `state` holds the last saved state, `state.old` the one before and, while one is
-//! being written, `state.new`. Each is sealed: a list of its files with their checksums is
-//! written last. Whatever has no whole seal is passed over.
+//! In the folder of a stage, `state` is the last saved state, `state.old` the previous one, and `state.new` the one being
+//! written. The last file of a state is its seal, a list of the files with their checksums. A state without a valid seal
+//! is skipped.
 
 mod changes;
 mod find;
@@ -20,20 +20,20 @@ pub use trim::trim;
 
 use std::path::{Path, PathBuf};
 
-/// The folder beside `state` that a state is written to first.
+/// Folder to which a state is written first: `state.new`.
 pub fn draft(state: &Path) -> PathBuf {
     state.with_extension("new")
 }
 
-/// The folder beside `state` of the state before.
+/// Folder of the previous state: `state.old`.
 pub fn old(state: &Path) -> PathBuf {
     state.with_extension("old")
 }
 
-/// Puts the sealed draft into the place of `state`, whose content is kept as the old one.
+/// Replaces `state` by the sealed draft and keeps the former state as `state.old`.
 ///
 /// # Errors
-/// Trouble with the folders; the last whole state is then still found.
+/// A folder cannot be moved. The last complete state can still be found.
 pub fn replace(state: &Path) -> Result<(), RunError> {
     let (draft, old) = (draft(state), old(state));
     if state.exists() {
@@ -47,7 +47,7 @@ pub fn replace(state: &Path) -> Result<(), RunError> {
 /// Removes a folder that may not exist.
 ///
 /// # Errors
-/// Trouble with the folder.
+/// The folder cannot be removed.
 pub fn remove(folder: &Path) -> Result<(), RunError> {
     match std::fs::remove_dir_all(folder) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(RunError::file("remove", folder)(e)),
@@ -55,7 +55,7 @@ pub fn remove(folder: &Path) -> Result<(), RunError> {
     }
 }
 
-/// An archive's error in words of a run.
+/// Converts an archive error to a run error.
 pub(crate) fn unusable(error: archive::Error) -> RunError {
     match error {
         archive::Error::Io { action, path, source } => RunError::File { action, path, source },

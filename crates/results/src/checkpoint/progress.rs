@@ -1,5 +1,4 @@
-//! The coupler's own part of a saved state: how far the stage has come, and all that its later
-//! windows and its summary depend on.
+//! Part of the coupler in a saved state: progress of the stage and all data for its later windows and its summary.
 
 use std::path::Path;
 
@@ -15,42 +14,42 @@ const FILE: &str = "progress.bin";
 const KIND: [u8; 8] = *b"ripprogr";
 const VERSION: u32 = 2;
 
-/// How far a stage has come.
+/// Progress of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Progress {
-    /// Windows that are done.
+    /// Completed windows.
     pub windows: u64,
     /// Time since the start of the stage, s.
     pub time_s: f64,
-    /// Memory of the stage's stepper: scheme, acceleration, interface.
+    /// State of the coupling scheme, its acceleration and the interface, encoded.
     pub stepper: Vec<u8>,
-    /// Where the stage stands in time, and the length of its next window, packed.
+    /// Time and next window length, encoded.
     pub clock: Vec<u8>,
     /// Interface energy balance.
     pub interface_energy: InterfaceEnergyBalance,
-    /// What bounds the flow; `None` for a scene without one.
+    /// Bounds of the flow; `None` without flow.
     pub flow_bounds: Option<FlowBounds>,
     /// The summary so far.
     pub summary: StageSummary,
     /// Warnings so far.
     pub warnings: Vec<String>,
-    /// What its means are taken of.
+    /// Descent speed (m/s) and drag (N) of each window, for means.
     pub speeds: Vec<(f64, f64)>,
 }
 
 impl Progress {
-    /// Writes it below `folder`.
+    /// Writes the progress to `folder`.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn save(&self, folder: &Path) -> Result<(), RunError> {
         archive::save(&folder.join(FILE), KIND, VERSION, self).map(|_| ()).map_err(unusable)
     }
 
-    /// Reads what [`Progress::save`] wrote.
+    /// Reads the progress written by [`Progress::save`].
     ///
     /// # Errors
-    /// A file that is missing, damaged or of another version.
+    /// The file is missing, damaged or of another version.
     pub fn load(folder: &Path) -> Result<Self, RunError> {
         archive::load(&folder.join(FILE), KIND, VERSION).map_err(unusable)
     }

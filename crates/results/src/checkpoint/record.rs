@@ -1,4 +1,4 @@
-//! `resume.json`: which run the states in a folder belong to, and the scene that it began with.
+//! `resume.json`: identity and initial scene of the run to which the saved states belong.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,28 +10,28 @@ use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::changes::{changes, harmless};
+use super::changes::{changes, may_change};
 use super::find::Point;
 
 const FILE: &str = "resume.json";
 const FORMAT: u32 = 1;
 
-/// A run as it began.
+/// A run at its start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     format: u32,
     /// Identity of the run.
     pub run: u64,
-    /// Stage that it began with.
+    /// Index of the first stage.
     pub first: usize,
-    /// The scene with its defaults and what the command line changed.
+    /// Scene with defaults and changes of the command line.
     scene: Value,
-    /// Checksums of the files that the scene names.
+    /// Checksums of the files named in the scene.
     files: BTreeMap<String, u64>,
 }
 
 impl Record {
-    /// Of a run of `scene` that begins now with stage `first`.
+    /// Record of a run of `scene` that starts now with stage `first`.
     pub fn new(scene: &Scene, file: &Path, first: usize) -> Self {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
         let run = checksum(format!("{} {now}", std::process::id()).as_bytes());
@@ -40,25 +40,25 @@ impl Record {
         Self { format: FORMAT, run, first, scene, files }
     }
 
-    /// Writes it to the folder of results.
+    /// Writes the record to the results folder.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn write(&self, out: &Path) -> Result<(), RunError> {
         let path = out.join(FILE);
         let text = serde_json::to_string_pretty(self).unwrap_or_default();
         archive::write_whole(&path, &[text.as_bytes()]).map_err(RunError::file("write", &path))
     }
 
-    /// The record of the run whose results lie in `out`.
+    /// Reads the record of the run in the results folder `out`.
     ///
     /// # Errors
-    /// [`RunError::Input`] where there is none.
+    /// [`RunError::Input`] without a valid record.
     pub fn read(out: &Path) -> Result<Self, RunError> {
         let path = out.join(FILE);
         let text = std::fs::read_to_string(&path).map_err(|e| {
             RunError::Input(format!(
-                "there is no run to resume in {}: {FILE}: {e}. Without --resume the scene is run from its start",
+                "there is no run to resume in {}: {FILE}: {e}. Omit --resume to start the scene from its beginning",
                 out.display()
             ))
         })?;
@@ -67,20 +67,22 @@ impl Record {
         if record.format == FORMAT {
             Ok(record)
         } else {
-            Err(RunError::Input(format!("{} is of another version of ripstop", path.display())))
+            Err(RunError::Input(format!(
+                "{} was written by another version of ripstop, so the run cannot be resumed. Omit --resume to start again",
+                path.display()
+            )))
         }
     }
 
-    /// The same run with the scene as it is now, where what has changed does no harm to what was
-    /// computed up to `point`.
+    /// The record with the present scene, if the changes of the scene do not affect the results up to `point`.
     ///
     /// # Errors
-    /// [`RunError::Input`] that names the keys that do.
+    /// [`RunError::Input`] with the changed keys that affect them.
     pub fn renewed(self, scene: &Scene, file: &Path, point: Option<&Point>) -> Result<Self, RunError> {
         let new = Self { run: self.run, ..Self::new(scene, file, self.first) };
         let mut wrong: Vec<String> = changes(&self.scene, &new.scene)
             .into_iter()
-            .filter(|key| !harmless(key, self.first, point, scene))
+            .filter(|key| !may_change(key, self.first, point, scene))
             .collect();
         let changed = self.files.iter().filter(|(name, sum)| new.files.get(*name) != Some(sum));
         wrong.extend(changed.map(|(name, _)| format!("the content of {name}")));
@@ -88,15 +90,15 @@ impl Record {
             return Ok(new);
         }
         Err(RunError::Input(format!(
-            "the scene is not the one that the run began with; changed: {}. What was computed so far would not fit: \
-             change it back, or run without --resume (a longer last stage, further stages, [output] and [ranks] \
+            "the scene has changed since the start of the run: {}. The saved state is not valid for the changed scene. Undo \
+             the changes, or run without --resume. (The duration of the last stage, further stages, [output] and [ranks] \
              may change)",
             wrong.join(", ")
         )))
     }
 }
 
-/// Files that a text of the scene names, with the checksums of their contents.
+/// Existing files named by strings of the scene, with the checksums of their contents.
 fn named_files(scene: &Value, folder: &Path) -> BTreeMap<String, u64> {
     fn texts<'a>(value: &'a Value, all: &mut Vec<&'a str>) {
         match value {
@@ -107,7 +109,7 @@ fn named_files(scene: &Value, folder: &Path) -> BTreeMap<String, u64> {
         }
     }
     let mut all = Vec::new();
-    // What is run, and where results go, is no part of the scene's physics.
+    // Names, output and programs do not affect the results.
     for (key, value) in scene.as_object().into_iter().flatten() {
         if !["name", "title", "output", "programs", "stage"].contains(&key.as_str()) {
             texts(value, &mut all);

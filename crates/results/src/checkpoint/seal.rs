@@ -1,4 +1,4 @@
-//! The list of a saved state's files: written last, so that a state is whole or none.
+//! The seal of a saved state: list of its files with checksums, written last, so that incomplete states are detected.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -13,29 +13,29 @@ const FILE: &str = "seal.bin";
 const KIND: [u8; 8] = *b"ripseal\0";
 const VERSION: u32 = 1;
 
-/// What a saved state is of.
+/// Description of a saved state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Seal {
     /// Identity of the run.
     pub run: u64,
-    /// Stage, from 0, and its name.
+    /// Index of the stage.
     pub stage: u64,
     /// Name of the stage.
     pub name: String,
-    /// Windows that are done.
+    /// Completed windows.
     pub windows: u64,
     /// Time since the start of the stage, s.
     pub time_s: f64,
-    /// Why the stage ended, if it did.
+    /// Reason of the end of the stage; `None` within the stage.
     pub ended: Option<String>,
-    /// Programs, by how messages call them, that have saved no state to restart from.
+    /// Names of the programs that do not support restart.
     pub cannot: Vec<String>,
     /// Name, length and checksum of each file.
     files: Vec<(String, u64, u64)>,
 }
 
 impl Seal {
-    /// Of a state that is about to be written.
+    /// Description of a state to be written.
     pub fn new(run: u64, stage: (usize, &str), windows: u64, time_s: f64) -> Self {
         Self {
             run,
@@ -49,20 +49,20 @@ impl Seal {
         }
     }
 
-    /// The seal of `folder`, whose files are all there and whole.
+    /// Reads the seal of `folder` and verifies all files.
     ///
     /// # Errors
-    /// What is wrong, for a person.
+    /// A file is missing or damaged, with the reason.
     pub fn of(folder: &Path) -> Result<Self, String> {
         let path = folder.join(FILE);
         if !path.exists() {
-            return Err("it was not written to its end".into());
+            return Err("it was not written completely".into());
         }
         let seal: Self = archive::load(&path, KIND, VERSION).map_err(|e| e.to_string())?;
         for (name, length, sum) in &seal.files {
             let bytes = fs::read(folder.join(name)).map_err(|e| format!("{name}: {e}"))?;
             if bytes.len() as u64 != *length {
-                return Err(format!("{name} has {} bytes of {length}", bytes.len()));
+                return Err(format!("{name} has {} of {length} bytes", bytes.len()));
             }
             if checksum(&bytes) != *sum {
                 return Err(format!("the checksum of {name} does not match"));
@@ -72,10 +72,10 @@ impl Seal {
     }
 }
 
-/// Seals the files of `folder`: they are on the disk when this returns. Returns their bytes.
+/// Writes the seal of `folder` and flushes all files to the disk. Returns their total size, bytes.
 ///
 /// # Errors
-/// Trouble with a file.
+/// A file cannot be read or written.
 pub fn seal(folder: &Path, mut seal: Seal) -> Result<u64, RunError> {
     let mut bytes = 0;
     let entries = fs::read_dir(folder).map_err(RunError::file("read", folder))?;
@@ -93,7 +93,7 @@ pub fn seal(folder: &Path, mut seal: Seal) -> Result<u64, RunError> {
     Ok(bytes)
 }
 
-/// Brings the names in a folder to the disk.
+/// Flushes a folder to the disk.
 pub(super) fn sync_folder(folder: &Path) -> Result<(), RunError> {
     File::open(folder).and_then(|f| f.sync_all()).map_err(RunError::file("write", folder))
 }
@@ -103,11 +103,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_seal_holds_for_whole_files_only() {
+    fn seal_detects_incomplete_and_damaged_files() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("flow.bin");
         fs::write(&file, [7; 100]).unwrap();
-        assert!(Seal::of(folder.path()).unwrap_err().contains("not written to its end"));
+        assert!(Seal::of(folder.path()).unwrap_err().contains("not written completely"));
         let made = Seal::new(5, (1, "descent"), 12, 0.06);
         seal(folder.path(), made).unwrap();
         let found = Seal::of(folder.path()).unwrap();
@@ -117,7 +117,7 @@ mod tests {
         fs::write(&file, &bytes).unwrap();
         assert!(Seal::of(folder.path()).unwrap_err().contains("checksum of flow.bin"));
         fs::write(&file, &bytes[..60]).unwrap();
-        assert!(Seal::of(folder.path()).unwrap_err().contains("60 bytes of 100"));
+        assert!(Seal::of(folder.path()).unwrap_err().contains("60 of 100 bytes"));
         fs::remove_file(&file).unwrap();
         assert!(Seal::of(folder.path()).unwrap_err().contains("flow.bin"));
     }

@@ -1,16 +1,15 @@
-//! Cuts off what a stage wrote after the state that it restarts from: rows of tables, also a torn
-//! last one, and pictures in series.
+//! Truncates the tables and series of a stage to the state from which it restarts, including an incomplete last row.
 
 use std::fs;
 use std::path::Path;
 
 use coupling::error::RunError;
 
-/// Cuts all tables (`.csv`) and series (`.pvd`) in `folder` back to the end of `windows` windows,
-/// at `time` (s). What programs write there begins with the column `window` or `time_s`.
+/// Truncates all tables (`.csv`, first column `window` or `time_s`) and series (`.pvd`) in `folder` to `windows` windows,
+/// which end at `time` (s).
 ///
 /// # Errors
-/// Trouble with a file.
+/// A file cannot be read or written.
 pub fn trim(folder: &Path, windows: u64, time: f64) -> Result<(), RunError> {
     let Ok(entries) = fs::read_dir(folder) else { return Ok(()) };
     for path in entries.flatten().map(|e| e.path()).filter(|p| p.is_file()) {
@@ -31,7 +30,7 @@ pub fn trim(folder: &Path, windows: u64, time: f64) -> Result<(), RunError> {
     Ok(())
 }
 
-/// Whether what happened at `t` belongs to what was saved at `time`; tables have nine digits.
+/// Whether time `t` is not after the saved `time`; tables have nine digits.
 fn known(t: f64, time: f64) -> bool {
     t <= time * (1.0 + 1e-8) + 1e-9
 }
@@ -72,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_behind_the_state_and_torn_ones_are_cut_off() {
+    fn rows_after_the_state_and_incomplete_rows_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
         write("history.csv", "window,a\n0,1\n1,2\n2,3\n3,");

@@ -1,4 +1,4 @@
-//! Partners whose answers are compared with a recording as they come.
+//! Comparison of the exchanges with a recording during the run.
 
 use channel::Window;
 use coupling::error::{Location, RunError};
@@ -9,15 +9,15 @@ use super::compare::Comparison;
 use super::observed::{Observed, Observer};
 use super::{Event, Reader};
 
-/// Asks partners, and compares with what a recording says.
+/// Partners whose exchanges are compared with a recording.
 pub type Baseline<'a, P> = Observed<P, Reference<'a>>;
 
 /// Compares each exchange with that of a recording.
 pub struct Reference<'a> {
     reader: Reader,
-    /// The rest of the recorded window.
+    /// Events of the current recorded window.
     window: Vec<Event<Vec<f64>>>,
-    /// What was found so far.
+    /// Comparison so far.
     comparison: &'a mut Comparison,
     stage: String,
     stop: bool,
@@ -26,7 +26,7 @@ pub struct Reference<'a> {
 }
 
 impl<'a, P: Partners> Baseline<'a, P> {
-    /// Around `partners`. `stop`: the first deviation ends the run.
+    /// Wraps `partners`. `stop`: the first deviation ends the run.
     pub fn new(
         partners: P,
         reader: Reader,
@@ -48,11 +48,11 @@ impl<'a, P: Partners> Baseline<'a, P> {
 }
 
 impl Reference<'_> {
-    /// The recorded window of number `index` is in memory, if there is one.
-    fn turn_to(&mut self, index: u64) -> Result<(), RunError> {
+    /// Reads the recorded window `index`, if it exists.
+    fn read_window(&mut self, index: u64) -> Result<(), RunError> {
         if self.window.first().is_none_or(|e| e.at().index != index) {
             self.window.clear();
-            // A window that the recording does not have cannot be compared.
+            // A window missing in the recording is not compared.
             while let Some(event) = self.reader.next_event()? {
                 let ends = matches!(event, Event::Accept { .. });
                 self.window.push(event);
@@ -66,11 +66,11 @@ impl Reference<'_> {
 }
 
 impl Observer for Reference<'_> {
-    fn see(&mut self, w: &Window, event: Event<&[f64]>) -> Result<(), RunError> {
+    fn observe(&mut self, w: &Window, event: Event<&[f64]>) -> Result<(), RunError> {
         if matches!(event, Event::Accept { .. }) {
             return Ok(());
         }
-        self.turn_to(w.index)?;
+        self.read_window(w.index)?;
         let key = (event.kind(), w.index, w.iteration);
         if let Some(known) = self.window.iter().find(|e| (e.kind(), e.at().index, e.at().iteration) == key) {
             self.comparison.add(known, &event);

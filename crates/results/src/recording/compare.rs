@@ -1,14 +1,13 @@
-//! Where two series of exchanges part, and how the difference grows.
+//! Comparison of two series of exchanges: first deviation and growth of the differences.
 //!
-//! A difference is measured against the largest number of its field in the reference at
-//! that exchange: pressures and tractions against the largest pressure, positions against
-//! the largest displacement or coordinate, velocities against the largest velocity. So
-//! a traction that is zero but for rounding cries no wolf. Below an absolute floor (by
-//! field, stated in [`FIELDS`]) nothing is a difference.
+//! Differences are relative to the largest magnitude of the field in the reference at the same exchange: pressures and
+//! tractions relative to the largest pressure, positions to the largest displacement or coordinate, velocities to the
+//! largest velocity. Round-off in a vanishing traction is therefore no deviation. Differences below an absolute floor of
+//! the field ([`FIELDS`]) are ignored.
 //!
-//! A solver may find the same answer by a longer way: a wrong tangent is a wrong way. So the
-//! iterations that each answer took ([`COUNTS`]) are compared too. They are judged only with
-//! a slack that the user states.
+//! A solver can reach the same solution with more iterations, for example with an inconsistent tangent. The iteration
+//! counts of each solve ([`COUNTS`]) are therefore compared too. They count as deviation only with an iteration
+//! tolerance.
 
 use case::Role;
 use channel::{STATS, flow_stats, mesh_stats, structure_stats};
@@ -16,20 +15,20 @@ use terminal::counted;
 
 use super::{Channel, Event, Moment};
 
-/// How often a solver went round for one answer.
+/// An iteration count of a solver.
 pub struct Count {
-    /// Whose.
+    /// Program.
     pub role: Role,
-    /// Place among the statistics.
+    /// Index among the statistics.
     index: usize,
-    /// How people call it.
+    /// Name in messages.
     pub name: &'static str,
 }
 
 /// All counts, in the order in which they are compared.
 pub const COUNTS: [Count; 8] = [
-    Count { role: Role::Structure, index: structure_stats::STEP_CUTS, name: "cut time steps" },
-    Count { role: Role::Structure, index: structure_stats::NEWTON_STEPS, name: "Newton steps" },
+    Count { role: Role::Structure, index: structure_stats::STEP_CUTS, name: "time-step reductions" },
+    Count { role: Role::Structure, index: structure_stats::NEWTON_STEPS, name: "Newton iterations" },
     Count { role: Role::Structure, index: structure_stats::GMRES_ITERATIONS, name: "GMRES iterations" },
     Count { role: Role::Structure, index: structure_stats::FACTORISATIONS, name: "factorisations" },
     Count { role: Role::Mesh, index: mesh_stats::INCREMENTS, name: "increments" },
@@ -41,11 +40,11 @@ pub const COUNTS: [Count; 8] = [
 /// A count that differs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OtherCount {
-    /// When.
+    /// Window and iteration.
     pub at: Moment,
-    /// Number in [`COUNTS`].
+    /// Index in [`COUNTS`].
     pub count: usize,
-    /// The reference's and the other.
+    /// Values of the reference and of the other run.
     pub values: [f64; 2],
 }
 
@@ -54,7 +53,7 @@ impl std::fmt::Display for OtherCount {
         let (count, [a, b]) = (&COUNTS[self.count], self.values);
         write!(
             f,
-            "window {}, iteration {}, {} of the {}: {a}, then {b}",
+            "window {}, iteration {}, {} of the {}: {a} in the reference, {b} now",
             self.at.index,
             self.at.iteration,
             count.name,
@@ -67,7 +66,7 @@ impl std::fmt::Display for OtherCount {
 pub struct Field {
     /// Channel.
     pub channel: Channel,
-    /// How people call it.
+    /// Name in messages.
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
@@ -75,12 +74,12 @@ pub struct Field {
     columns: &'static [usize],
     /// Columns whose largest number is the scale.
     scale: &'static [usize],
-    /// Differences below this are none, in its unit.
+    /// Absolute floor of differences, in the unit of the field.
     floor: f64,
 }
 
 impl Field {
-    /// A field with the unit of its columns; its floor is far below what matters in that unit.
+    /// A field with the unit and floor of its channel; the floor is negligible in that unit.
     const fn new(
         channel: Channel,
         name: &'static str,
@@ -98,7 +97,7 @@ impl Field {
     }
 }
 
-/// All fields, in the order of reports: columns, and the columns whose largest number is the scale.
+/// All fields in the order of reports, with their columns and the columns of their scale.
 pub const FIELDS: [Field; 8] = [
     Field::new(Channel::StructureLoad, "pressure jump to the structure", &[0, 4], &[0, 4]),
     Field::new(Channel::StructureLoad, "traction to the structure", &[1, 2, 3, 5, 6, 7], &[0, 4]),
@@ -110,20 +109,20 @@ pub const FIELDS: [Field; 8] = [
     Field::new(Channel::FlowLoad, "traction from the flow", &[1, 2, 3], &[0]),
 ];
 
-/// One number that differs.
+/// A value that deviates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deviation {
-    /// When.
+    /// Window and iteration.
     pub at: Moment,
-    /// Number in [`FIELDS`].
+    /// Index in [`FIELDS`].
     pub field: usize,
     /// Row: canopy node or face, or grid node.
     pub row: usize,
     /// Column of the channel.
     pub column: usize,
-    /// The reference's number and the other.
+    /// Values of the reference and of the other run.
     pub values: [f64; 2],
-    /// Difference over the scale.
+    /// Difference relative to the scale.
     pub relative: f64,
 }
 
@@ -137,7 +136,7 @@ impl std::fmt::Display for Deviation {
         };
         write!(
             f,
-            "window {}, iteration {}, {}, {row} {} component {}: {:.9e} and {:.9e} {}, {:.1e} of the largest",
+            "window {}, iteration {}, {}, {row} {} component {}: {:.9e} and {:.9e} {}, relative difference {:.1e}",
             self.at.index,
             self.at.iteration,
             field.name,
@@ -151,49 +150,48 @@ impl std::fmt::Display for Deviation {
     }
 }
 
-/// Largest relative differences of each field in one window.
+/// Largest relative difference of each field in a window.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WindowDifference {
     /// Window.
     pub window: u64,
-    /// By field, as in [`FIELDS`]; `None` where the field was not compared.
+    /// Values in the order of [`FIELDS`]; `None` if not compared.
     pub fields: [Option<f64>; FIELDS.len()],
 }
 
-/// What comparing found so far.
+/// Result of a comparison.
 #[derive(Clone, Debug, Default)]
 pub struct Comparison {
-    /// Largest relative difference that is none.
+    /// Relative tolerance.
     pub tolerance: f64,
-    /// The first number beyond the tolerance.
+    /// First value beyond the tolerance.
     pub first: Option<Deviation>,
-    /// By window.
+    /// Largest differences of each window.
     pub windows: Vec<WindowDifference>,
-    /// Numbers compared.
+    /// Number of compared values.
     pub numbers: u64,
-    /// First window in which the two took other numbers of iterations.
+    /// First window with different numbers of coupling iterations, and both numbers.
     pub other_iterations: Option<(u64, [u64; 2])>,
-    /// Share of a reference's count, rounded up, by which another may differ. `None`: counts
-    /// are reported, not judged.
+    /// Relative tolerance of iteration counts, whose product with the reference is rounded up. `None`: counts are reported,
+    /// but are no deviation.
     pub iteration_tolerance: Option<f64>,
-    /// The first count beyond the slack (where there is none: that differs at all).
+    /// First count beyond the iteration tolerance (without one: first different count).
     pub first_count: Option<OtherCount>,
 }
 
 impl Comparison {
-    /// Beyond `tolerance` two numbers differ.
+    /// An empty comparison with relative tolerance `tolerance`.
     pub fn new(tolerance: f64) -> Self {
         Self { tolerance, ..Self::default() }
     }
 
-    /// Counts may differ by at most this share of the reference's, rounded up.
+    /// Sets the relative tolerance of iteration counts.
     pub fn judging_counts(mut self, slack: Option<f64>) -> Self {
         self.iteration_tolerance = slack;
         self
     }
 
-    /// Compares an exchange with the reference's. Arrays that one of them lacks are
-    /// passed over.
+    /// Compares an exchange with that of the reference. Arrays missing in one of them are skipped.
     pub fn add<A: AsRef<[f64]>, B: AsRef<[f64]>>(&mut self, reference: &Event<A>, other: &Event<B>) {
         let others = other.arrays();
         for (channel, values) in reference.arrays() {
@@ -212,7 +210,7 @@ impl Comparison {
         }
     }
 
-    /// Compares the counts of one answer.
+    /// Compares the iteration counts of a solve.
     pub fn add_counts(&mut self, at: &Moment, role: Role, reference: &[f64; STATS], other: &[f64; STATS]) {
         if self.first_count.is_some() {
             return;
@@ -250,27 +248,27 @@ impl Comparison {
         }
     }
 
-    /// Whether nothing differs beyond the tolerance (and no count beyond its slack).
+    /// Whether there is no deviation beyond the tolerances.
     pub fn same(&self) -> bool {
         self.first.is_none() && self.judged_count().is_none()
     }
 
-    /// The first count that is not what it may be.
+    /// First count beyond the iteration tolerance.
     pub fn judged_count(&self) -> Option<&OtherCount> {
         self.first_count.as_ref().filter(|_| self.iteration_tolerance.is_some())
     }
 
-    /// The message that ends a run which stops at the first deviation.
+    /// Description of the first deviation.
     pub fn deviation(&self) -> Option<String> {
         let numbers = self.first.as_ref().map(ToString::to_string);
         numbers.or_else(|| self.judged_count().map(ToString::to_string))
     }
 
-    /// For people: the first deviation and, by field, how the difference grows.
+    /// Text report: first deviation, and first, last and largest difference of each field.
     pub fn report(&self) -> String {
         let mut text = match &self.first {
             None => format!(
-                "the same to {:.0e}: {} in {}",
+                "no deviation above {:.0e}: {} in {}",
                 self.tolerance,
                 counted(self.numbers, "number"),
                 counted(self.windows.len() as u64, "window")
@@ -278,16 +276,19 @@ impl Comparison {
             Some(d) => format!("first deviation: {d} (tolerance {:.0e})", self.tolerance),
         };
         if let Some((window, [a, b])) = self.other_iterations {
-            text.push_str(&format!("\nwindow {window} took {}, then {b}", counted(a, "iteration")));
+            text.push_str(&format!(
+                "\nwindow {window}: {} in the reference, {b} now",
+                counted(a, "iteration")
+            ));
         }
         if let Some(count) = &self.first_count {
             let judged = match self.iteration_tolerance {
-                Some(slack) => format!("slack {:.0} %", 100.0 * slack),
-                None => "not judged: see --iteration-tolerance".into(),
+                Some(slack) => format!("tolerance {:.0} %", 100.0 * slack),
+                None => "ignored without --iteration-tolerance".into(),
             };
-            text.push_str(&format!("\nfirst other count: {count} ({judged})"));
+            text.push_str(&format!("\nfirst different iteration count: {count} ({judged})"));
         }
-        text.push_str("\n  largest difference            first window   last window    largest  in window");
+        text.push_str("\n  relative difference           first window   last window    largest  in window");
         for (number, field) in FIELDS.iter().enumerate() {
             let seen: Vec<(u64, f64)> =
                 self.windows.iter().filter_map(|w| Some((w.window, w.fields[number]?))).collect();
@@ -301,7 +302,7 @@ impl Comparison {
         text
     }
 
-    /// Rows of windows, columns of fields.
+    /// CSV table: one row per window, one column of relative differences per field.
     pub fn csv(&self) -> String {
         let names: Vec<String> = FIELDS.iter().map(|f| f.name.replace(' ', "_")).collect();
         let mut text = format!("window,{}\n", names.join(","));
@@ -314,8 +315,8 @@ impl Comparison {
     }
 }
 
-/// The largest difference of a field over its scale: row, column, values, relative.
-/// `None` where all is below the floor. What is not a number differs without bound.
+/// Largest relative difference of a field: row, column, values, relative difference. `None` if all differences are below
+/// the floor. Values that are not finite have an infinite difference.
 fn worst(field: &Field, reference: &[f64], other: &[f64]) -> Option<(usize, usize, [f64; 2], f64)> {
     let width = field.channel.width();
     if reference.len() != other.len() {
@@ -359,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_are_judged_by_their_slack() {
+    fn iteration_counts_are_compared_with_their_tolerance() {
         let event = |newton: f64| {
             let mut stats = [0.0; STATS];
             stats[structure_stats::NEWTON_STEPS] = newton;
@@ -371,20 +372,22 @@ mod tests {
             c.add(&event(3.0), &event(other));
             c
         };
-        // A quarter of 3, rounded up, is 1; seconds are no counts.
+        // 25 % of 3, rounded up, is 1. Times are not compared.
         assert!(compared(Some(0.25), 4.0).same() && compared(Some(0.0), 3.0).same());
         assert!(!compared(Some(0.0), 4.0).same());
         let far = compared(Some(0.25), 7.0);
-        let says = "window 1, iteration 1, Newton steps of the structure-solver: 3, then 7";
+        let says =
+            "window 1, iteration 1, Newton iterations of the structure-solver: 3 in the reference, 7 now";
         assert_eq!(far.deviation().as_deref(), Some(says));
         assert!(!far.same() && far.report().contains(says), "{}", far.report());
-        // Without a slack it is told.
+        // Without a tolerance it is reported only.
         let reported = compared(None, 4.0);
-        assert!(reported.same() && reported.deviation().is_none() && reported.report().contains("3, then 4"));
+        assert!(reported.same() && reported.deviation().is_none());
+        assert!(reported.report().contains("3 in the reference, 4 now"));
     }
 
     #[test]
-    fn the_first_departure_is_named_with_its_place() {
+    fn first_deviation_is_reported_with_its_location() {
         let mut c = Comparison::new(1e-6);
         let a = [10.0, 0.0, 0.0, 0.0, -20.0, 0.0, 0.0, 0.0];
         let mut b = a;
@@ -392,7 +395,7 @@ mod tests {
         assert!(c.same());
         b[6] = 1e-7;
         c.add_array(&at(1), Channel::FlowLoad, &a, &b);
-        assert!(c.same(), "a traction of 1e-7 Pa beside 20 Pa");
+        assert!(c.same(), "a traction of 1e-7 Pa relative to 20 Pa");
         b[4] = -20.1;
         c.add_array(&at(2), Channel::FlowLoad, &a, &b);
         let first = c.first.clone().expect("a deviation");
@@ -405,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_differs_and_what_is_the_same_to_the_bit_does_not() {
+    fn nan_deviates_unless_both_values_are_bitwise_identical() {
         let mut c = Comparison::new(1e-3);
         c.add_array(&at(0), Channel::StructureDisplacement, &[f64::NAN, 0.0, 0.0], &[f64::NAN, 0.0, 0.0]);
         assert!(c.same());

@@ -1,4 +1,4 @@
-//! Frames on disk.
+//! The file format of recordings.
 
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Write};
@@ -13,15 +13,15 @@ use super::{Channel, Event, Header};
 
 /// First bytes of a file.
 pub const MAGIC: [u8; 8] = *b"ripsrec2";
-/// No frame is longer.
-const LONGEST: u32 = 1 << 30;
-/// Nodes, faces and grid nodes that a header may claim.
-const MOST: u64 = 1 << 27;
+/// Maximum length of a frame, bytes.
+const MAX_FRAME: u32 = 1 << 30;
+/// Maximum number of nodes, faces and grid nodes in a header.
+const MAX_NODES: u64 = 1 << 27;
 
 /// A recording that cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
-    /// The file.
+    /// The file cannot be accessed.
     #[error("cannot {action} {}: {source}", .path.display())]
     File {
         /// read, write, create
@@ -32,16 +32,16 @@ pub enum RecordingError {
         source: std::io::Error,
     },
     /// Not a recording.
-    #[error("{} is no recording of this version: record again with `ripstop run --record`", .0.display())]
+    #[error("{} is not a recording of this version. Record again with `ripstop run --record`", .0.display())]
     Foreign(PathBuf),
     /// Damaged.
-    #[error("{} is damaged at byte {at}: {why}; what comes before it can be used", .path.display())]
+    #[error("{} is damaged at byte {at}: {why}. The windows before it can be used", .path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Where the frame begins.
+        /// Offset of the frame, bytes.
         at: u64,
-        /// What was seen.
+        /// Reason.
         why: String,
     },
 }
@@ -54,7 +54,7 @@ pub struct Writer {
     file: BufWriter<File>,
     path: PathBuf,
     last: Last,
-    /// Bytes so far.
+    /// Size so far, bytes.
     pub bytes: u64,
 }
 
@@ -75,10 +75,10 @@ impl Writer {
         Ok(writer)
     }
 
-    /// Appends to a file after its first `windows` windows; what follows them is cut off.
+    /// Truncates a file to its first `windows` windows and appends to it.
     ///
     /// # Errors
-    /// [`RecordingError`]: a file that does not hold them.
+    /// [`RecordingError`]: the file contains fewer windows.
     pub fn resume(path: &Path, windows: u64) -> Result<Self, RecordingError> {
         let mut reader = Reader::open(path)?;
         reader.skip_windows(windows)?;
@@ -99,7 +99,7 @@ impl Writer {
         self.frame(&packed)
     }
 
-    /// Writes what is still in memory.
+    /// Flushes the buffer.
     ///
     /// # Errors
     /// [`RecordingError::File`].
@@ -109,7 +109,7 @@ impl Writer {
 
     fn frame(&mut self, content: &impl Serialize) -> Result<(), RecordingError> {
         let bytes = compact::encode(content);
-        let length = u32::try_from(bytes.len()).ok().filter(|n| *n <= LONGEST);
+        let length = u32::try_from(bytes.len()).ok().filter(|n| *n <= MAX_FRAME);
         let length = length.ok_or_else(|| self.bad(std::io::Error::other("a frame of over 1 GiB")))?;
         self.write(&length.to_le_bytes())?;
         self.write(&crc32fast::hash(&bytes).to_le_bytes())?;
@@ -169,16 +169,17 @@ impl Reader {
         }
         let header: Header =
             reader.frame()?.ok_or_else(|| reader.damaged(8, "it ends before its header".into()))?;
-        if [header.canopy.0, header.canopy.1, header.grid_nodes].iter().any(|n| *n > MOST) {
-            return Err(
-                reader.damaged(8, format!("its header claims {:?} canopy nodes and faces", header.canopy))
-            );
+        if [header.canopy.0, header.canopy.1, header.grid_nodes].iter().any(|n| *n > MAX_NODES) {
+            return Err(reader.damaged(
+                8,
+                format!("its header has implausible numbers of canopy nodes and faces: {:?}", header.canopy),
+            ));
         }
         reader.header = header;
         Ok(reader)
     }
 
-    /// What it is of.
+    /// The header.
     pub fn header(&self) -> &Header {
         &self.header
     }
@@ -196,22 +197,22 @@ impl Reader {
         event.map(Some).map_err(|e: PackError| self.damaged(at, e.to_string()))
     }
 
-    /// Passes over so many windows.
+    /// Skips `windows` windows.
     ///
     /// # Errors
-    /// [`RecordingError::Damaged`], also for a file that holds fewer.
+    /// [`RecordingError::Damaged`], also for a file with fewer windows.
     pub fn skip_windows(&mut self, windows: u64) -> Result<(), RecordingError> {
         let mut done = 0;
         while done < windows {
             match self.next_event()? {
                 Some(event) => done += u64::from(matches!(event, Event::Accept { .. })),
-                None => return Err(self.damaged(self.at, format!("it holds {done} windows of {windows}"))),
+                None => return Err(self.damaged(self.at, format!("it contains {done} of {windows} windows"))),
             }
         }
         Ok(())
     }
 
-    /// Numbers of a channel's arrays.
+    /// Length of the arrays of a channel.
     pub fn len(&self, c: Channel) -> usize {
         let (nodes, faces) = self.header.canopy;
         let rows = match c {
@@ -229,19 +230,23 @@ impl Reader {
         }
         let mut head = [0; 8];
         if self.left < 8 {
-            return Err(self.damaged(at, "it ends within a frame: the run was killed".into()));
+            return Err(
+                self.damaged(at, "it ends within a frame, probably because the run was killed".into())
+            );
         }
         self.take(&mut head)?;
         let [a, b, c, d, ..] = head;
         let length = u32::from_le_bytes([a, b, c, d]);
-        if length > LONGEST || u64::from(length) > self.left {
-            return Err(self.damaged(at, "it ends within a frame: the run was killed".into()));
+        if length > MAX_FRAME || u64::from(length) > self.left {
+            return Err(
+                self.damaged(at, "it ends within a frame, probably because the run was killed".into())
+            );
         }
         let mut bytes = vec![0; length as usize];
         self.take(&mut bytes)?;
         let [.., a, b, c, d] = head;
         if crc32fast::hash(&bytes) != u32::from_le_bytes([a, b, c, d]) {
-            return Err(self.damaged(at, "its checksum is wrong".into()));
+            return Err(self.damaged(at, "its checksum does not match".into()));
         }
         compact::decode(&bytes).map(Some).map_err(|e| self.damaged(at, format!("a frame: {e}")))
     }
@@ -266,9 +271,9 @@ impl Reader {
 mod tests {
     use super::*;
 
-    /// The references of the regression were recorded by earlier versions.
+    /// The reference recordings of the regression test are of earlier versions.
     #[test]
-    fn recordings_of_the_repository_are_read_to_their_end() {
+    fn recordings_of_earlier_versions_are_readable() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/regression/implicit/reference");
         for stage in ["pre-inflation", "developed-flow", "descent"] {
             let mut reader = Reader::open(&folder.join(stage).join("exchange.rec")).expect("a recording");

@@ -1,20 +1,18 @@
-//! Recordings: every exchange of a stage, kept so that one program can be run against
-//! its recorded partners ([`crate::replay`]) and two runs compared number by number
-//! ([`compare`]).
+//! Recordings of every exchange of a stage. They allow to run one program against its recorded partners (`ripstop replay`)
+//! and to compare two runs value by value ([`compare`]).
 //!
 //! A recording is a folder:
 //!
 //! ```text
-//! scene.toml            the scene as it ran
+//! scene.toml            the scene of the run
 //! <stage>/exchange.rec  the exchanges of a stage, in the order in which they happened
-//! <stage>/state/        what the stage left for those after it
+//! <stage>/state/        the saved state at the end of the stage
 //! ```
 //!
 //! `exchange.rec` is the eight bytes of [`file::MAGIC`], then frames: length and CRC-32 of what
 //! follows (two little-endian `u32`), then bincode ([`archive::codec::compact`]). The first frame is the [`Header`],
-//! all others are an [`Event`]. Numbers are kept to the last bit: each array is combined
-//! with the one before it on the same channel by exclusive or, its bytes are sorted by
-//! significance, and the result is compressed (LZ4 blocks).
+//! each other is an [`Event`]. Arrays are stored without loss: each is combined by exclusive or with the previous one of the
+//! same channel, its bytes are sorted by significance, and the result is compressed (LZ4 blocks).
 
 pub mod baseline;
 pub mod compare;
@@ -33,7 +31,7 @@ pub use baseline::Baseline;
 pub use file::{Reader, RecordingError, Writer};
 pub use recorder::Recorder;
 
-/// What a recording is of.
+/// Header of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// Version of the contract.
@@ -42,19 +40,19 @@ pub struct Header {
     pub version: String,
     /// Name of the scene.
     pub scene: String,
-    /// Name and number of the stage.
+    /// Name and index of the stage.
     pub stage: (String, u64),
     /// Canopy nodes and faces.
     pub canopy: (u64, u64),
     /// [`channel::surface_hash`] of the faces.
     pub surface_hash: u64,
-    /// Nodes of the moving grid whose motion is kept; 0: none, or not kept.
+    /// Number of grid nodes whose motion is recorded; 0 if not recorded.
     pub grid_nodes: u64,
     /// Ranks of structure, flow and mesh.
     pub ranks: [u32; 3],
 }
 
-/// A [`Window`] as it is kept.
+/// A [`Window`] as stored.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
     /// See [`Window`].
@@ -87,7 +85,7 @@ impl From<&Moment> for Window {
     }
 }
 
-/// An array that programs exchange.
+/// An array exchanged with a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// Coupler to structure: load at the start and at the end of the window, `[faces][8]`, Pa.
@@ -103,7 +101,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// All of them.
+    /// All channels.
     pub const ALL: [Self; 5] = [
         Self::StructureLoad,
         Self::StructureDisplacement,
@@ -112,7 +110,7 @@ impl Channel {
         Self::FlowLoad,
     ];
 
-    /// Numbers in a row.
+    /// Values per row.
     pub fn width(self) -> usize {
         match self {
             Self::StructureLoad => 8,
@@ -126,7 +124,7 @@ impl Channel {
 /// One exchange, with arrays of kind `A`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Event<A> {
-    /// The structure was asked for a window.
+    /// A structure solve.
     Structure {
         /// Window and iteration.
         at: Moment,
@@ -137,18 +135,18 @@ pub enum Event<A> {
         /// Statistics.
         stats: [f64; STATS],
     },
-    /// The mesh was asked for a window.
+    /// A mesh solve.
     Mesh {
         /// Window and iteration.
         at: Moment,
         /// [`Channel::MeshDisplacement`].
         displacement: A,
-        /// [`Channel::Grid`], where it is kept.
+        /// [`Channel::Grid`], if recorded.
         grid: Option<A>,
         /// Statistics.
         stats: [f64; STATS],
     },
-    /// The flow was asked for a window.
+    /// A flow solve.
     Flow {
         /// Window and iteration.
         at: Moment,
@@ -157,7 +155,7 @@ pub enum Event<A> {
         /// Statistics.
         stats: [f64; STATS],
     },
-    /// The window is final.
+    /// The window is accepted.
     Accept {
         /// The window.
         at: Moment,
@@ -165,7 +163,7 @@ pub enum Event<A> {
 }
 
 impl<A> Event<A> {
-    /// When.
+    /// Window and iteration.
     pub fn at(&self) -> &Moment {
         match self {
             Self::Structure { at, .. }
@@ -191,7 +189,7 @@ impl<A> Event<A> {
         }
     }
 
-    /// The statistics of an answer.
+    /// Statistics of a solve.
     pub fn stats(&self) -> Option<&[f64; STATS]> {
         match self {
             Self::Structure { stats, .. } | Self::Mesh { stats, .. } | Self::Flow { stats, .. } => {
@@ -201,10 +199,10 @@ impl<A> Event<A> {
         }
     }
 
-    /// The same event with other arrays.
+    /// The event with its arrays converted by `f`.
     ///
     /// # Errors
-    /// The first one of `f`.
+    /// The first error of `f`.
     pub fn map<B, E>(self, mut f: impl FnMut(Channel, A) -> Result<B, E>) -> Result<Event<B>, E> {
         Ok(match self {
             Self::Structure { at, load, displacement, stats } => Event::Structure {
@@ -224,7 +222,7 @@ impl<A> Event<A> {
         })
     }
 
-    /// Which program, as a number, for pairing events of two recordings.
+    /// Number of the program, for matching events of two recordings.
     pub(crate) fn kind(&self) -> u8 {
         match self {
             Self::Structure { .. } => 0,
@@ -235,7 +233,7 @@ impl<A> Event<A> {
     }
 }
 
-/// The file of a stage's exchanges in the recording `folder`.
+/// File with the exchanges of a stage in the recording `folder`.
 pub fn stage_file(folder: &Path, stage: &str) -> PathBuf {
     folder.join(stage).join("exchange.rec")
 }

@@ -1,4 +1,4 @@
-//! Partners around partners, whose every exchange is shown to an observer: a recording, or a comparison with one.
+//! Partners with an observer of every exchange: a recorder, or a comparison with a recording.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -10,22 +10,22 @@ use coupling::partners::{LoadOverWindow, Partners, SolverResponse, Usage};
 
 use super::Event;
 
-/// Is shown what partners were asked and answered.
+/// Observer of the exchanges with the programs.
 pub trait Observer {
-    /// An exchange of window `w`, whose answer is used if this is no error.
+    /// Observes an exchange of window `w`.
     ///
     /// # Errors
-    /// What ends the run.
-    fn see(&mut self, w: &Window, event: Event<&[f64]>) -> Result<(), RunError>;
+    /// An error ends the run.
+    fn observe(&mut self, w: &Window, event: Event<&[f64]>) -> Result<(), RunError>;
 }
 
-/// Asks `partners`, and shows `observer` what was asked and answered.
+/// Forwards requests to `partners` and passes each exchange to `observer`.
 pub struct Observed<P, O> {
     pub(super) partners: P,
     pub(super) observer: O,
-    /// The structure's input as it goes over the channel.
+    /// Input of the structure in the layout of the channel.
     load: Vec<f64>,
-    /// Time that observing took.
+    /// Time spent in the observer.
     pub(super) spent: Duration,
 }
 
@@ -35,7 +35,7 @@ impl<P, O> Observed<P, O> {
     }
 }
 
-/// The structure's input as it goes over the channel: rows of the start and the end.
+/// Input of the structure in the layout of the channel: per face, the load at the start and at the end of the window.
 fn load_rows(load: LoadOverWindow<'_>, rows: &mut Vec<f64>) {
     const W: usize = channel::LOAD_WIDTH;
     rows.clear();
@@ -56,7 +56,7 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
         let start = Instant::now();
         load_rows(load, &mut self.load);
         let (at, load, stats) = (w.into(), &self.load[..], answer.stats.values);
-        self.observer.see(w, Event::Structure { at, load, displacement, stats })?;
+        self.observer.observe(w, Event::Structure { at, load, displacement, stats })?;
         self.spent += start.elapsed();
         Ok(answer)
     }
@@ -65,7 +65,7 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
         let answer = self.partners.mesh(w, displacement)?;
         let start = Instant::now();
         let (at, grid, stats) = (w.into(), self.partners.grid(), answer.stats.values);
-        self.observer.see(w, Event::Mesh { at, displacement, grid, stats })?;
+        self.observer.observe(w, Event::Mesh { at, displacement, grid, stats })?;
         self.spent += start.elapsed();
         Ok(answer)
     }
@@ -73,7 +73,7 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
         let answer = self.partners.flow(w, load)?;
         let start = Instant::now();
-        self.observer.see(w, Event::Flow { at: w.into(), load, stats: answer.stats.values })?;
+        self.observer.observe(w, Event::Flow { at: w.into(), load, stats: answer.stats.values })?;
         self.spent += start.elapsed();
         Ok(answer)
     }
@@ -81,7 +81,7 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
     fn accept(&mut self, w: &Window) -> Result<(), RunError> {
         self.partners.accept(w)?;
         let start = Instant::now();
-        self.observer.see(w, Event::Accept { at: w.into() })?;
+        self.observer.observe(w, Event::Accept { at: w.into() })?;
         self.spent += start.elapsed();
         Ok(())
     }

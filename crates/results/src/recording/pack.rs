@@ -1,38 +1,37 @@
-//! Arrays of doubles in few bytes, exactly.
+//! Lossless compression of arrays of doubles.
 
 use serde::{Deserialize, Serialize};
 
 /// A packed array.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Packed {
-    /// Numbers.
+    /// Number of values.
     len: u64,
     /// LZ4 block of the sorted bytes.
     bytes: Vec<u8>,
 }
 
-/// Why an array cannot be unpacked.
+/// An array that cannot be unpacked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PackError {
-    /// It does not have the length that its channel has.
-    #[error("an array of {found} numbers where {wanted} belong")]
+    /// The length differs from that of the channel.
+    #[error("an array has {found} values, but its channel has {wanted}")]
     Length {
-        /// Numbers it says it has.
+        /// Stated number of values.
         found: u64,
-        /// Numbers of the channel.
+        /// Number of values of the channel.
         wanted: u64,
     },
-    /// Its bytes are no block.
-    #[error("an array's bytes cannot be decompressed: {0}")]
+    /// The bytes are not a valid block.
+    #[error("an array cannot be decompressed: {0}")]
     Bytes(String),
 }
 
-/// Packs `values` as a change from `before`, which takes their place.
+/// Packs the change of `values` from `before`, and stores `values` in `before`.
 pub fn pack(values: &[f64], before: &mut Vec<u64>) -> Packed {
     let n = values.len();
     before.resize(n, 0);
-    // Byte k of all numbers together: signs and exponents compress, and so do the high bytes
-    // of what has hardly changed.
+    // Bytes sorted by significance: signs, exponents and high bytes of small changes compress well.
     let mut sorted = vec![0u8; 8 * n];
     for (i, (value, old)) in values.iter().zip(before).enumerate() {
         let bits = value.to_bits();
@@ -45,17 +44,17 @@ pub fn pack(values: &[f64], before: &mut Vec<u64>) -> Packed {
     Packed { len: n as u64, bytes: lz4_flex::block::compress(&sorted) }
 }
 
-/// The numbers of `packed`, `wanted` of them, from those before them.
+/// Unpacks `wanted` values from their change relative to `before`, and stores them in `before`.
 ///
 /// # Errors
-/// [`PackError`]; `before` is as it was.
+/// [`PackError`]; `before` is then unchanged.
 pub fn unpack(packed: &Packed, wanted: usize, before: &mut Vec<u64>) -> Result<Vec<f64>, PackError> {
     if packed.len != wanted as u64 {
         return Err(PackError::Length { found: packed.len, wanted: wanted as u64 });
     }
-    // A byte of a block makes at most 255: more is only a claim, and memory is taken for it.
+    // A byte of a block expands to at most 255 bytes: refuses larger claims before memory is allocated.
     if 8 * wanted > 255 * packed.bytes.len() + 64 {
-        return Err(PackError::Bytes(format!("{} bytes for {wanted} numbers", packed.bytes.len())));
+        return Err(PackError::Bytes(format!("{} bytes for {wanted} values", packed.bytes.len())));
     }
     let sorted = lz4_flex::block::decompress(&packed.bytes, 8 * wanted)
         .map_err(|e| PackError::Bytes(e.to_string()))?;
@@ -79,7 +78,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn arrays_come_back_to_the_bit(
+        fn arrays_are_bitwise_preserved(
             series in prop::collection::vec(prop::collection::vec(any::<u64>(), 0..40), 1..5)
         ) {
             let (mut written, mut read) = (Vec::new(), Vec::new());
@@ -92,7 +91,7 @@ mod tests {
         }
 
         #[test]
-        fn any_bytes_are_refused_or_read(bytes in prop::collection::vec(any::<u8>(), 0..200), wanted in 0usize..64) {
+        fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200), wanted in 0usize..64) {
             let packed = Packed { len: wanted as u64, bytes };
             if let Ok(values) = unpack(&packed, wanted, &mut Vec::new()) {
                 prop_assert_eq!(values.len(), wanted);
@@ -101,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn smooth_changes_take_few_bytes() {
+    fn small_changes_compress_well() {
         let grid = |t: f64| (0..6000).map(|i| (i as f64).sqrt() + 1e-6 * t).collect::<Vec<f64>>();
         let mut before = Vec::new();
         pack(&grid(0.0), &mut before);

@@ -1,4 +1,4 @@
-//! Partners whose every exchange is recorded.
+//! Recording of every exchange.
 
 use std::time::Instant;
 
@@ -9,10 +9,10 @@ use coupling::partners::Partners;
 use super::observed::{Observed, Observer};
 use super::{Event, RecordingError, Writer};
 
-/// Asks partners, and writes down what was asked and answered.
+/// Partners whose exchanges are recorded.
 pub type Recorder<P> = Observed<P, Recording>;
 
-/// Writes down each exchange.
+/// Observer that records each exchange.
 pub struct Recording {
     writer: Writer,
     with_grid: bool,
@@ -20,21 +20,21 @@ pub struct Recording {
 }
 
 impl<P: Partners> Recorder<P> {
-    /// Around `partners`; `with_grid` keeps the moving grid too.
+    /// Wraps `partners`; `with_grid`: also record the moving grid.
     pub fn new(partners: P, writer: Writer, with_grid: bool) -> Self {
         Self::around(partners, Recording { writer, with_grid, began: Instant::now() })
     }
 
-    /// The partners, when all is written, and what the recording took, in words.
+    /// Completes the recording. Returns the partners, and a text on size and time of the recording.
     ///
     /// # Errors
-    /// A full disk.
+    /// The file cannot be written.
     pub fn into_partners(mut self) -> Result<(P, String), RunError> {
         let Recording { writer, began, .. } = &mut self.observer;
         writer.flush()?;
         let (spent, all) = (self.spent.as_secs_f64(), began.elapsed().as_secs_f64());
         let cost = format!(
-            "recorded {:.1} MB in {spent:.2} s, {:.1} % of {all:.1} s",
+            "recorded {:.1} MB; recording took {spent:.2} s, {:.1} % of the wall time of {all:.1} s",
             writer.bytes as f64 / 1e6,
             100.0 * spent / all
         );
@@ -52,7 +52,7 @@ impl From<RecordingError> for RunError {
 }
 
 impl Observer for Recording {
-    fn see(&mut self, _: &Window, event: Event<&[f64]>) -> Result<(), RunError> {
+    fn observe(&mut self, _: &Window, event: Event<&[f64]>) -> Result<(), RunError> {
         let event = match event {
             Event::Mesh { at, displacement, stats, .. } if !self.with_grid => {
                 Event::Mesh { at, displacement, grid: None, stats }
@@ -61,7 +61,7 @@ impl Observer for Recording {
         };
         let is_end = matches!(event, Event::Accept { .. });
         self.writer.push(event)?;
-        // A run that is killed later leaves whole windows.
+        // Complete windows remain readable if the run is killed.
         if is_end { Ok(self.writer.flush()?) } else { Ok(()) }
     }
 }

@@ -1,5 +1,4 @@
-//! A mesh-mover that says again what one said before: the flow under test reads its
-//! grid from it.
+//! Replay of a recorded mesh-mover, as source of the grid for a flow under test.
 
 use std::path::{Path, PathBuf};
 
@@ -8,23 +7,26 @@ use channel::{Announcement, Fault, Input, Participant, Stats, Window};
 
 use super::{Event, Reader};
 
-/// One rank that has the whole grid.
+/// A mesh-mover of one rank that publishes the recorded grid.
 pub struct StandIn {
     path: PathBuf,
     reader: Reader,
-    /// Answers of the window that was asked for last.
+    /// Recorded solves of the current window.
     window: Vec<Event<Vec<f64>>>,
 }
 
 impl StandIn {
-    /// From the exchanges of a stage.
+    /// Opens the recorded exchanges of a stage.
     ///
     /// # Errors
-    /// A file that is no recording, or one without a grid.
+    /// The file is not a recording, or contains no grid.
     pub fn new(path: &Path) -> Result<Self, Fault> {
         let reader = Reader::open(path).map_err(Fault::new)?;
         if reader.header().grid_nodes == 0 {
-            return Err(Fault::new(format!("{} holds no moving grid", path.display())));
+            return Err(Fault::new(format!(
+                "{} contains no moving grid; record it again with the grid",
+                path.display()
+            )));
         }
         Ok(Self { path: path.into(), reader, window: Vec::new() })
     }
@@ -50,8 +52,7 @@ impl Participant for StandIn {
         (0..self.reader.header().grid_nodes).collect()
     }
 
-    /// The recorded grid of this window for this canopy, to the bit; questions may be
-    /// repeated.
+    /// The recorded grid of this window for a bitwise identical canopy. Calls may be repeated.
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let here = |e: &Event<Vec<f64>>| e.at().index == w.index;
         if !self.window.iter().any(here) {
@@ -75,7 +76,7 @@ impl Participant for StandIn {
             }
         }
         Err(Fault::new(format!(
-            "{} has no grid around this canopy in window {} (coupling iteration {})",
+            "{} has no grid for this canopy in window {} (coupling iteration {}): the canopy motion differs from the recording",
             self.path.display(),
             w.index,
             w.iteration

@@ -1,58 +1,56 @@
-//! What a sequence of answers converges to, with which order, and how far off each may be.
+//! Limit, order of convergence and uncertainty of a refinement sequence.
 //!
-//! Of answers $\phi_i$ at cell sizes (or steps, or tolerances) $h_i$ the error is taken as
-//! $\phi_i-\phi_0=\alpha h_i^p$, fitted by least squares, and turned into an uncertainty after Eça
-//! and Hoekstra, J. Comput. Phys. 262 (2014), who extend the grid convergence index of Roache
-//! (1994) to more than three answers and to scatter:
+//! The error of the values $\phi_i$ at cell sizes (or time steps, or tolerances) $h_i$ is modelled as
+//! $\phi_i-\phi_0=\alpha h_i^p$, fitted by least squares. The uncertainty follows Eça and Hoekstra, J. Comput. Phys. 262
+//! (2014), who extend the grid convergence index of Roache (1994) to more than three values and to scatter:
 //!
-//! - where the fitted order lies between 0.5 and the promised one (with a margin), it is taken,
-//!   with the safety factor 1.25; above, the promised order; below, orders 1, 2 or both, whatever
-//!   fits best, with the factor 3;
-//! - $U_i=F\epsilon+\sigma+|\phi_i-\phi_\text{fit}|$ where the scatter $\sigma$ is below the data's
-//!   range parameter $\Delta$, else $3\frac{\sigma}{\Delta}(\ldots)$.
+//! - A fitted order between 0.5 and the formal order (with a margin) is used with the safety factor 1.25. Above it, the
+//!   formal order is used; below it, order 1 or 2, whichever fits better. Both have the safety factor 3.
+//! - $U_i=F\epsilon+\sigma+|\phi_i-\phi_\text{fit}|$ if the scatter $\sigma$ is below the range parameter $\Delta$ of the
+//!   data, else $3\frac{\sigma}{\Delta}(\ldots)$.
 //!
-//! Three answers that oscillate have no order: the band is three times their range, as is that of
-//! two answers. Of four and more, oscillation is scatter about the fit. Where a monotone sequence converges
-//! more slowly than any formal order, the band is at least the range: the fit of order one would hide
-//! the remaining change. One answer shows nothing: it is not assessed.
+//! Three values that oscillate have no order; their uncertainty is three times the range, as is that of two values.
+//! For four and more values, oscillation is scatter about the fit. If a monotone sequence converges more slowly than any
+//! formal order, the uncertainty is at least the range, because a fit of order one underestimates the remaining change.
+//! A single value gives no estimate.
 //!
-//! The band about the limit is at least the change over the last halving of the size, and three times that where there is
-//! no sound order. Three answers determine three numbers and leave no scatter, so a fit through them looks exact
-//! however far the limit is: the change is what was seen.
+//! The uncertainty of the limit is at least the change over the last halving of the size, and three times that change
+//! without a reliable order. A fit through three values has three parameters and no scatter, so it looks exact for any
+//! distance of the limit; the observed change bounds the uncertainty from below.
 
-/// Fitted orders below this are none (Eça and Hoekstra, section 2.2).
-const LEAST_ORDER: f64 = 0.5;
-/// A fitted order may exceed the promised one by this much before it is distrusted.
+/// Minimum reliable order (Eça and Hoekstra, section 2.2).
+const MIN_ORDER: f64 = 0.5;
+/// Maximum excess of a reliable fitted order over the formal order.
 const MARGIN: f64 = 0.1;
-/// Highest order that is looked for.
-const MOST_ORDER: f64 = 8.0;
-/// Safety factor of a fit that can be trusted (Roache).
+/// Maximum order of the fit.
+const MAX_ORDER: f64 = 8.0;
+/// Safety factor of a reliable fit (Roache).
 pub const TRUSTED: f64 = 1.25;
-/// And of one that cannot.
+/// Safety factor of an unreliable fit.
 pub const DISTRUSTED: f64 = 3.0;
-/// Answers whose differences are below this share of their size are equal.
+/// Relative difference below which values are equal.
 const EQUAL: f64 = 1e-9;
 
-/// A monotone sequence whose changes do not fall is taken to converge as long as a halving of the size changes it by
-/// less than this share: six more halvings at the same rate are then within a tenth.
+/// A monotone sequence whose changes do not decrease counts as converging if its relative change over a halving of the
+/// size is below this value: six more halvings at the same rate then change it by less than a tenth.
 const SMALL: f64 = 0.015;
 
-/// Why an order is what it is.
+/// Behaviour of a refinement sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Behaviour {
-    /// The error falls with a sound order.
+    /// The error decreases with a reliable order.
     Monotone,
-    /// It falls faster than promised: not yet in the asymptotic range, or by luck.
+    /// The fitted order exceeds the formal order: outside the asymptotic range, or by chance.
     TooFast,
-    /// It falls more slowly than with order one half, or the scatter hides the order.
+    /// The fitted order is below one half, or scatter hides the order.
     Slow,
-    /// The changes do not fall with the size, and are not small: there may be no limit.
+    /// The changes do not decrease with the size and are not small: a limit may not exist.
     Diverging,
-    /// Answers oscillate.
+    /// The values oscillate.
     Oscillating,
-    /// All answers are equal to round-off: no effect within the range of the values.
+    /// All values are equal to round-off.
     Equal,
-    /// Two answers show a change and no order.
+    /// Two values: a change without an order.
     TooFew,
 }
 
@@ -60,49 +58,48 @@ impl Behaviour {
     /// Text for the report.
     pub fn words(self) -> &'static str {
         match self {
-            Self::Monotone => "converges with a steady order",
+            Self::Monotone => "converges with a consistent order",
             Self::TooFast => {
-                "converges faster than the formal order: coarse values are not yet in the asymptotic range"
+                "converges faster than the formal order: coarse values are outside the asymptotic range"
             }
             Self::Slow => {
                 "converges slowly, or scatter (tolerances, averages over few windows) hides the order"
             }
-            Self::Diverging => "does not converge within the range of the values",
+            Self::Diverging => "does not converge in the range of the values",
             Self::Oscillating => {
-                "oscillates: below the scatter of other errors, or coarse values behave differently"
+                "oscillates: other errors dominate, or coarse values are outside the asymptotic range"
             }
-            Self::Equal => "no change within the range of the values",
-            Self::TooFew => "two samples show a change and no order",
+            Self::Equal => "no change in the range of the values",
+            Self::TooFew => "two samples only: a change without an order",
         }
     }
 }
 
-/// Result for a sequence.
+/// Convergence of a sequence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Convergence {
-    /// The answer without this error.
+    /// Extrapolated limit.
     pub limit: f64,
-    /// Order of the fit that was used; `None` where there is none.
+    /// Order of the fit that is used; `None` without a fit.
     pub order: Option<f64>,
-    /// The fitted order as it came out, sound or not.
+    /// Fitted order, reliable or not.
     pub observed: Option<f64>,
-    /// What the sequence does.
+    /// Behaviour.
     pub behaviour: Behaviour,
     /// Safety factor.
     pub factor: f64,
     /// Scatter about the fit.
     pub scatter: f64,
-    /// Half width of the band about each answer that holds the limit, in the order given.
+    /// Uncertainty of each value (half width), in the order given.
     pub uncertainty: Vec<f64>,
-    /// Half width of the band about `limit`.
+    /// Uncertainty of `limit` (half width).
     pub limit_uncertainty: f64,
-    /// Factor of $h^p$ in the fit (0 where there is none).
+    /// Factor of $h^p$ in the fit; 0 without a fit.
     pub slope: f64,
 }
 
-/// Judges `answers`, pairs of size and value in any order; `promised` is the formal order of the
-/// method. Sizes above zero, values finite. `None` for answers of fewer than two sizes: they say nothing of
-/// an error.
+/// Convergence of `answers`: pairs of size (above zero) and value (finite), in any order; `promised` is the formal order
+/// of the method. `None` for fewer than two different sizes, which give no error estimate.
 pub fn converge(answers: &[(f64, f64)], promised: f64) -> Option<Convergence> {
     if sizes(answers) < 2 {
         return None;
@@ -132,7 +129,7 @@ fn extent(answers: &[(f64, f64)]) -> (f64, f64) {
     (range, values().map(f64::abs).fold(0.0, f64::max))
 }
 
-/// The result where no order can be fitted: the finest answer with a band of this half width.
+/// The result without a fit: the finest value with the uncertainty `half`.
 fn without_order(answers: &[(f64, f64)], finest: (f64, f64), behaviour: Behaviour, half: f64) -> Convergence {
     Convergence {
         limit: finest.1,
@@ -147,9 +144,9 @@ fn without_order(answers: &[(f64, f64)], finest: (f64, f64), behaviour: Behaviou
     }
 }
 
-/// The fit of free order where that is sound, else one of a formal order, with what the sequence does.
+/// The fit of free order if reliable, else a fit of fixed order; with the behaviour of the sequence.
 fn choose_fit(answers: &[(f64, f64)], free: Option<Fit>, promised: f64, size: f64) -> (Fit, Behaviour) {
-    let sound = |f: &Fit| (LEAST_ORDER..=promised + MARGIN).contains(&f.order);
+    let sound = |f: &Fit| (MIN_ORDER..=promised + MARGIN).contains(&f.order);
     match free {
         Some(f) if sound(&f) => (f, Behaviour::Monotone),
         Some(f) if f.order > promised + MARGIN => (fixed_order(answers, promised), Behaviour::TooFast),
@@ -163,7 +160,7 @@ fn choose_fit(answers: &[(f64, f64)], free: Option<Fit>, promised: f64, size: f6
     }
 }
 
-/// The result of a fit, with the uncertainty of each answer and of the limit.
+/// The result of a fit, with the uncertainty of each value and of the limit.
 fn with_order(answers: &[(f64, f64)], finest: (f64, f64), fit: &Fit, behaviour: Behaviour) -> Convergence {
     let (range, _) = extent(answers);
     let steady = !oscillates(answers);
@@ -177,8 +174,7 @@ fn with_order(answers: &[(f64, f64)], finest: (f64, f64), fit: &Fit, behaviour: 
         let slow = matches!(behaviour, Behaviour::Slow | Behaviour::Diverging);
         if slow && steady { stated.max(range) } else { stated }
     };
-    // The finest answer's band about the limit: what the fit itself accounts for is taken off, but
-    // never more than half of it.
+    // Uncertainty of the finest value, reduced by its distance from the limit, by half at most.
     let last = half(&finest);
     let off = (finest.1 - fit.limit).abs();
     let sound = matches!(behaviour, Behaviour::Monotone | Behaviour::TooFast);
@@ -196,13 +192,13 @@ fn with_order(answers: &[(f64, f64)], finest: (f64, f64), fit: &Fit, behaviour: 
     }
 }
 
-/// Largest change from the finest answer over sizes up to twice its own (the next size, where that is larger);
-/// where all sizes are less than that apart, their change times the ratio of the logarithms.
+/// Largest change from the finest value over sizes up to twice its size (or the next size, if that is larger). If all
+/// sizes are closer together, the change is scaled by the ratio of the logarithms.
 fn last_halving(answers: &[(f64, f64)]) -> f64 {
     let mut sorted = answers.to_vec();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let Some(&(h, finest)) = sorted.first() else { return 0.0 };
-    // A little below two: factors such as 0.6667 are rounded.
+    // Slightly below two, because factors such as 0.6667 are rounded.
     let up_to = sorted.iter().position(|a| a.0 >= 1.98 * h).unwrap_or(sorted.len() - 1);
     let change = sorted[..=up_to].iter().map(|a| (a.1 - finest).abs()).fold(0.0, f64::max);
     let ratio = (sorted[up_to].0 / h).ln();
@@ -217,7 +213,7 @@ pub fn sizes(answers: &[(f64, f64)]) -> usize {
     all.len()
 }
 
-/// Whether the answers only grow, or only fall, with the size.
+/// Whether the values are monotone in the size.
 fn monotone(answers: &[(f64, f64)]) -> bool {
     let mut sorted = answers.to_vec();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -226,7 +222,7 @@ fn monotone(answers: &[(f64, f64)]) -> bool {
     changes.all(|d| d * first >= 0.0)
 }
 
-/// Whether the differences of the three finest answers change sign.
+/// Whether the differences of the three finest values change sign.
 fn oscillates(answers: &[(f64, f64)]) -> bool {
     let mut sorted = answers.to_vec();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -242,8 +238,8 @@ struct Fit {
     scatter: f64,
 }
 
-/// $\phi_0+\alpha h^p$ for a given order: linear least squares. The scatter is the standard
-/// deviation of what is left, with the degrees of freedom that are left.
+/// Linear least-squares fit of $\phi_0+\alpha h^p$ for a given order. The scatter is the standard deviation of the
+/// residuals with $n-2$ degrees of freedom.
 fn fixed_order(answers: &[(f64, f64)], order: f64) -> Fit {
     let n = answers.len() as f64;
     let x = |h: f64| h.powf(order);
@@ -260,12 +256,11 @@ fn fixed_order(answers: &[(f64, f64)], order: f64) -> Fit {
     Fit { limit, slope, order, scatter: (left / (n - 2.0).max(1.0)).sqrt() }
 }
 
-/// The same with the order that fits best; `None` where that is at an end of the orders
-/// looked at.
+/// The fit with the best order; `None` if that is at the lower end of the searched range.
 fn free_order(answers: &[(f64, f64)]) -> Option<Fit> {
     let steps = 400;
     let least = 0.02;
-    let at = |i: i32| least * (MOST_ORDER / least).powf(f64::from(i) / f64::from(steps));
+    let at = |i: i32| least * (MAX_ORDER / least).powf(f64::from(i) / f64::from(steps));
     let left = |p: f64| fixed_order(answers, p).scatter;
     let best = (0..=steps).min_by(|a, b| left(at(*a)).total_cmp(&left(at(*b))))?;
     if best == 0 {
@@ -278,7 +273,7 @@ fn free_order(answers: &[(f64, f64)]) -> Option<Fit> {
     }
     let fit = fixed_order(answers, 0.5 * (low + high));
     let freedom = answers.len() as f64;
-    // One more number was fitted.
+    // The order is a third fitted parameter.
     let scatter = fit.scatter * ((freedom - 2.0) / (freedom - 3.0).max(1.0)).sqrt();
     Some(Fit { scatter, ..fit })
 }
@@ -292,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn exact_powers_give_order_limit_and_roaches_index() {
+    fn exact_power_laws_give_order_limit_and_grid_convergence_index() {
         for (order, sizes) in
             [(2.0, vec![1.0, 0.5, 0.25]), (1.0, vec![1.0, 0.7, 0.4, 0.3]), (1.4, vec![4.0, 3.0, 2.0, 1.0])]
         {
@@ -310,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn the_index_of_a_published_example() {
+    fn published_example_of_celik_is_reproduced() {
         // Celik et al., J. Fluids Eng. 130 (2008), table 1, first column: 18 000, 8 000 and 4 500
         // cells in two dimensions, 6.063, 5.972, 5.863: order 1.53, extrapolated 6.1685, index 2.2 %.
         let h = |cells: f64| (1.0 / cells).sqrt();
@@ -322,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn what_falls_too_fast_is_held_to_the_promise() {
+    fn order_above_the_formal_one_is_replaced_by_it() {
         let answers = sequence(1.0, 0.1, 4.0, &[1.0, 0.5, 0.25]);
         let c = converge(&answers, 2.0).unwrap();
         assert_eq!((c.behaviour, c.order, c.factor), (Behaviour::TooFast, Some(2.0), DISTRUSTED));
@@ -332,28 +327,28 @@ mod tests {
     }
 
     #[test]
-    fn slow_oscillating_few_and_equal() {
+    fn slow_oscillating_short_and_constant_sequences_are_recognised() {
         let slow = converge(&sequence(1.0, 0.1, 0.2, &[1.0, 0.5, 0.25, 0.125]), 2.0).unwrap();
         assert_eq!((slow.behaviour, slow.factor), (Behaviour::Slow, DISTRUSTED));
-        // At a fifth of an order no band of a few values can be sure; it says at least their range.
+        // At order 0.2 a few values cannot bound the error; the uncertainty is at least their range.
         assert!(slow.uncertainty[3] >= 0.1 * (1.0 - 0.125f64.powf(0.2)) - 1e-12, "{slow:?}");
-        let to_and_fro = converge(&[(1.0, 1.0), (0.5, 1.2), (0.25, 1.1)], 2.0).unwrap();
-        assert_eq!(to_and_fro.behaviour, Behaviour::Oscillating);
-        assert!((to_and_fro.limit_uncertainty - 0.6).abs() < 1e-12);
+        let oscillating = converge(&[(1.0, 1.0), (0.5, 1.2), (0.25, 1.1)], 2.0).unwrap();
+        assert_eq!(oscillating.behaviour, Behaviour::Oscillating);
+        assert!((oscillating.limit_uncertainty - 0.6).abs() < 1e-12);
         let few = converge(&[(1.0, 1.0), (0.5, 1.1)], 2.0).unwrap();
         assert_eq!((few.behaviour, few.order), (Behaviour::TooFew, None));
         assert!((few.uncertainty[1] - 0.3).abs() < 1e-12);
         let equal = converge(&[(1.0, 2.0), (0.5, 2.0), (0.25, 2.0 + 1e-12)], 2.0).unwrap();
         assert_eq!(equal.behaviour, Behaviour::Equal);
         assert!(equal.limit_uncertainty < 1e-9);
-        // One answer has an unknown error, not one of 0 +- 0.
+        // The error of a single value is unknown, not zero.
         for none in [vec![], vec![(1.0, 3.0)], vec![(1.0, 3.0), (1.0, 3.5)]] {
             assert_eq!(converge(&none, 2.0), None);
         }
     }
 
     #[test]
-    fn the_last_halving_is_the_least_band_of_a_limit() {
+    fn limit_uncertainty_is_at_least_the_last_halving() {
         assert!((last_halving(&[(1.0, 3.0), (0.5, 2.0), (0.25, 1.5)]) - 0.5).abs() < 1e-15);
         // Up to twice the finest size, and the largest change there.
         assert!((last_halving(&[(2.0, 1.0), (1.5, 1.3), (1.0, 1.1), (4.0, 9.0)]) - 0.2).abs() < 1e-12);
@@ -361,33 +356,33 @@ mod tests {
         let near = last_halving(&[(2f64.sqrt(), 1.2), (1.0, 1.0)]);
         assert!((near - 0.4).abs() < 1e-12, "{near}");
         assert!((last_halving(&[(10.0, 1.2), (1.0, 1.0)]) - 0.2).abs() < 1e-12);
-        // Tolerances: one of two sound orders of magnitude must not shrink the band to a hundredth of what was seen.
+        // Tolerances two decades apart must not reduce the uncertainty to a hundredth of the observed change.
         let c = converge(&sequence(1.0, 0.1, 1.0, &[1e-1, 1e-2, 1e-3]), 1.0).unwrap();
         assert!(c.limit_uncertainty >= 0.1 * 9e-3 - 1e-12, "{c:?}");
     }
 
     #[test]
-    fn what_grows_with_refinement_has_no_limit() {
+    fn changes_that_grow_with_refinement_are_diverging() {
         // The mean square of an impulsive start grows with one over the step.
         let peak: Vec<_> = [2.0, 1.5, 1.0f64].iter().map(|h| (*h, 100.0 / h.sqrt())).collect();
         assert_eq!(converge(&peak, 2.0).unwrap().behaviour, Behaviour::Diverging);
         let logarithm: Vec<_> = [4.0, 2.0, 1.0f64].iter().map(|h| (*h, 10.0 - h.ln())).collect();
         assert_eq!(converge(&logarithm, 2.0).unwrap().behaviour, Behaviour::Diverging);
-        // To and fro is scatter, not growth: windows of 10, 7.5, 6 and 5 ms, mean drag (N) of a release.
+        // Oscillation is scatter, not divergence: windows of 10, 7.5, 6 and 5 ms, mean drag (N) of a release.
         let scattered = [(2.0, 51.03), (1.5, 51.43), (1.2, 50.49), (1.0, 50.05)];
         let c = converge(&scattered, 2.0).unwrap();
         assert!(
             c.behaviour == Behaviour::Slow && c.limit_uncertainty >= 3.0 * (51.43 - 50.05) - 1e-9,
             "{c:?}"
         );
-        // Too small to matter: the band has three times what was seen.
+        // Small changes: the uncertainty is three times the observed change.
         let small: Vec<_> = [4.0, 2.0, 1.0f64].iter().map(|h| (*h, 1000.0 - h.ln())).collect();
         let c = converge(&small, 2.0).unwrap();
         assert!(c.behaviour == Behaviour::Slow && c.limit_uncertainty >= 3.0 * 2f64.ln() - 1e-9, "{c:?}");
     }
 
     #[test]
-    fn scatter_widens_the_band() {
+    fn scatter_increases_the_uncertainty() {
         let mut answers = sequence(1.0, 0.1, 2.0, &[1.0, 0.8, 0.6, 0.4, 0.3]);
         let clean = converge(&answers, 2.0).unwrap();
         for (i, a) in answers.iter_mut().enumerate() {
@@ -400,9 +395,9 @@ mod tests {
     }
 
     #[test]
-    fn the_band_holds_the_limit_of_many_sequences() {
-        // Two terms of error: what a real sequence is.
-        let (mut held, mut promised, mut all) = (0, 0, 0);
+    fn uncertainty_covers_the_limit_of_two_term_sequences() {
+        // Two error terms.
+        let (mut covered, mut bounded, mut all) = (0, 0, 0);
         for second in [-0.5, -0.2, 0.1, 0.4, 1.0] {
             for order in [1.0, 1.5, 2.0] {
                 for sizes in [vec![1.0, 0.5, 0.25], vec![1.0, 0.8, 0.6, 0.5], vec![1.0, 0.7, 0.5, 0.35, 0.25]]
@@ -414,14 +409,14 @@ mod tests {
                     let c = converge(&answers, 2.0).unwrap();
                     let finest = answers.last().unwrap().1;
                     all += 1;
-                    // What advice promises: distance from the limit and the band about the limit.
+                    // Bound used in recommendations: distance from the limit plus uncertainty of the limit.
                     let bound = (finest - c.limit).abs() + c.limit_uncertainty;
-                    promised += usize::from((finest - 1.0).abs() <= bound);
-                    held += usize::from((finest - 1.0).abs() <= *c.uncertainty.last().unwrap());
+                    bounded += usize::from((finest - 1.0).abs() <= bound);
+                    covered += usize::from((finest - 1.0).abs() <= *c.uncertainty.last().unwrap());
                 }
             }
         }
-        assert!(10 * held >= 9 * all, "{held} of {all}");
-        assert!(20 * promised >= 19 * all, "{promised} of {all}");
+        assert!(10 * covered >= 9 * all, "{covered} of {all}");
+        assert!(20 * bounded >= 19 * all, "{bounded} of {all}");
     }
 }

@@ -1,4 +1,4 @@
-//! What a sample cost: seconds, memory, and counts that a busy machine does not disturb.
+//! Cost of a sample: time, memory, and counts that do not depend on the load of the machine.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use serde_json::Value;
 pub struct Counts {
     /// Windows.
     pub windows: f64,
-    /// Coupling iterations, or windows where nothing is coupled.
+    /// Coupling iterations, or windows of uncoupled stages.
     pub iterations: f64,
     /// Nonlinear iterations of the flow times its cells.
     pub cell_updates: f64,
@@ -25,20 +25,20 @@ pub struct Counts {
 /// Names of the counts, for tables.
 pub const COUNTS: [&str; 5] = ["windows", "iterations", "cell_updates", "element_evaluations", "matrix_rows"];
 
-/// Seconds of one core for a cell update, an element evaluation and a row of a matrix product:
-/// the scale that makes counts one number, the work. From least squares over the samples of
+/// Time of one core for a cell update, an element evaluation and a row of a matrix product, s: the weights of the
+/// counts in the work. From least squares over the samples of
 /// `studies/square-drop` and `studies/air-bag` (processor seconds of a busy 2-core machine: cell updates 1.5e-6;
-/// explicit steps of elements 4e-8, Newton's 2.6e-7; rows 6e-8). They are fixed, so that work can be
-/// compared between versions; what they are for is the ratio.
+/// explicit steps of elements 4e-8, Newton's 2.6e-7; rows 6e-8). The weights are fixed, so that work can be
+/// compared between versions.
 const SECONDS: [f64; 3] = [1.4e-6, 1e-7, 6e-8];
 
 impl Counts {
-    /// As numbers in the order of [`COUNTS`].
+    /// The counts in the order of [`COUNTS`].
     pub fn array(&self) -> [f64; 5] {
         [self.windows, self.iterations, self.cell_updates, self.element_evaluations, self.matrix_rows]
     }
 
-    /// All in one: seconds of a core by [`SECONDS`].
+    /// Weighted sum of the counts, s of one core.
     pub fn work(&self) -> f64 {
         SECONDS[0] * self.cell_updates + SECONDS[1] * self.element_evaluations + SECONDS[2] * self.matrix_rows
     }
@@ -72,14 +72,14 @@ pub struct Cost {
     pub wall_s: f64,
     /// Processor seconds of all programs.
     pub cpu_s: f64,
-    /// The most memory that all programs of a stage held, bytes.
+    /// Peak memory of all programs of a stage, bytes.
     pub peak_bytes: f64,
     /// Stages.
     pub stages: Vec<StageCost>,
 }
 
 impl Cost {
-    /// All stages.
+    /// Counts of all stages.
     pub fn counts(&self) -> Counts {
         let mut all = Counts::default();
         self.stages.iter().for_each(|s| all.add(&s.counts));
@@ -101,7 +101,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Takes cells and nodes from the `grid.txt` of a stage's folder, if there is one.
+    /// Adds cells and nodes from `grid.txt` in the folder of a stage, if present.
     pub fn with_grid(mut self, folder: &Path) -> Self {
         let text = std::fs::read_to_string(folder.join("grid.txt")).unwrap_or_default();
         let line = text.lines().next().unwrap_or_default();
@@ -119,12 +119,12 @@ impl Sizes {
 /// Reads a run's cost from its `summary.json` and folders.
 ///
 /// # Errors
-/// In words: a summary that is missing or of another version.
+/// The summary is missing or of another version.
 pub fn read(out: &Path, structure: Sizes) -> Result<Cost, String> {
     let path = out.join("summary.json");
     let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let summary: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
-    let missing = || format!("{} was written by another version", path.display());
+    let missing = || format!("{} was written by another version; run the sample again", path.display());
     let mut cost = Cost { wall_s: summary["wall_s"].as_f64().ok_or_else(missing)?, ..Cost::default() };
     for stage in summary["stages"].as_array().ok_or_else(missing)? {
         let get = |name: &str| stage[name].as_f64().ok_or_else(missing);
@@ -152,13 +152,13 @@ pub fn read(out: &Path, structure: Sizes) -> Result<Cost, String> {
         cost.peak_bytes = cost.peak_bytes.max(memory.iter().sum());
         cost.stages.push(StageCost { name, parts_s, cpu_s, counts });
     }
-    // A resumed run has the wall time of its last part only; its stages have all of it.
+    // After a restart, `wall_s` of the run covers the last part only; that of the stages covers all parts.
     let stages = summary["stages"].as_array().into_iter().flatten();
     cost.wall_s = cost.wall_s.max(stages.filter_map(|s| s["wall_s"].as_f64()).sum());
     Ok(cost)
 }
 
-/// Middle of some numbers, and half of their range: what repeated timings come to.
+/// Median and half range, for repeated timings.
 pub fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let mut all: Vec<f64> = values.collect();
     all.sort_by(f64::total_cmp);
@@ -176,14 +176,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_middle_and_half_the_range() {
+    fn spread_is_median_and_half_range() {
         assert_eq!(spread([3.0, 1.0, 2.0].into_iter()), (2.0, 1.0));
         assert_eq!(spread([1.0, 4.0].into_iter()), (2.5, 1.5));
         assert!(spread(std::iter::empty()).0.is_nan());
     }
 
     #[test]
-    fn a_summary_and_a_grid_become_counts() {
+    fn counts_are_read_from_summary_and_grid() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();
         std::fs::create_dir(out.join("a")).unwrap();

@@ -1,4 +1,4 @@
-//! What a study does not assess: parameters that it does not vary, or with too few samples.
+//! Sources of error without an estimate: parameters that are not varied, or with too few samples.
 
 use case::{Canopy, Role, Scene, Solve};
 use effects::table::TABLE;
@@ -11,7 +11,7 @@ use super::study::{SWEEP, Study};
 /// A source of error without an estimate.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct NotAssessed {
-    /// Parameter, or what else errors may come from.
+    /// Parameter, or another source of error.
     pub name: String,
     /// Why there is no estimate.
     pub why: String,
@@ -19,7 +19,7 @@ pub struct NotAssessed {
 
 const NOT_VARIED: &str = "not varied in this study";
 
-/// Everything that the errors of the study do not contain.
+/// All sources of error without an estimate.
 pub fn not_assessed(study: &Study, outcome: &Outcome) -> Vec<NotAssessed> {
     let scene = &study.samples[0].scene;
     let mut all = Vec::new();
@@ -59,7 +59,7 @@ fn available(name: &str, scene: &Scene, stage: usize) -> bool {
     Parameter::fits(name, scene, stage) || Parameter::find(name, scene, stage, true).is_ok()
 }
 
-/// Lines with too few values for some quantity, with the reason and the quantities.
+/// Parameters without an estimate for some quantity, with the reason and the quantities.
 fn too_few(study: &Study, outcome: &Outcome) -> Vec<(String, String)> {
     let mut all = Vec::new();
     let lines = study.lines.iter().zip(&outcome.lines);
@@ -81,18 +81,18 @@ fn too_few(study: &Study, outcome: &Outcome) -> Vec<(String, String)> {
     all
 }
 
-/// Meshes from files have no factor to refine them by.
+/// Meshes from files cannot be refined.
 fn from_files(scene: &Scene, add: &mut impl FnMut(&str, &str)) {
     if matches!(scene.canopy, Canopy::Gmsh(_)) {
-        add("mesh of the canopy", "it comes from a file: study a finer file beside this one");
+        add("mesh of the canopy", "it is read from a file; repeat the study with a finer file");
     }
     let runs = scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Flow));
     if runs && scene.grid_file().is_some() {
-        add("flow grid", "it comes from a file: study a finer file beside this one");
+        add("flow grid", "it is read from a file; repeat the study with a finer file");
     }
 }
 
-/// The names in one line; `None` where everything is assessed.
+/// The names in one line; `None` if all errors are assessed.
 pub fn line(all: &[NotAssessed]) -> Option<String> {
     let names: Vec<&str> = all.iter().map(|n| n.name.as_str()).collect();
     (!names.is_empty()).then(|| format!("not assessed: {}", names.join(", ")))
@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_not_varied_or_failed_is_listed_and_nothing_else() {
+    fn exactly_the_parameters_without_estimate_are_listed() {
         let (study, mut values, mut records) = made();
         let names = |o: &Outcome| not_assessed(&study, o).into_iter().map(|n| n.name).collect::<Vec<_>>();
         let outcome = judge(&study, &values, &records, Measure::Work);

@@ -1,24 +1,24 @@
-//! An estimate of the cost of a scene before any run.
+//! A-priori estimate of the cost of a scene.
 
 use case::{Integration, Role, Scene, Solve, StageKind};
 use coupling::interface::CanopyInterface;
 
 use super::cost::Counts;
 
-/// Coupling iterations of a window.
+/// Coupling iterations per window.
 const ITERATIONS: f64 = 3.5;
-/// Nonlinear iterations of a flow solve.
-const FLOW: f64 = 4.5;
-/// Newton steps or explicit steps of a substep of the structure.
+/// Nonlinear iterations per flow solve.
+const FLOW_ITERATIONS: f64 = 4.5;
+/// Newton iterations, or explicit steps, per substep of the structure.
 const STEPS: [f64; 2] = [3.0, 2.0];
-/// Structure solves in a coupling iteration of the default scheme.
-const CALLS: f64 = 10.0;
-/// Windows' worth of work of a static stage, of a march to a steady flow.
-const AT_REST: f64 = 30.0;
-/// Seconds for starting the programs of a stage.
+/// Structure solves per coupling iteration of the default scheme.
+const STRUCTURE_SOLVES: f64 = 10.0;
+/// Work of a static stage or a steady flow, in windows.
+const STEADY_WINDOWS: f64 = 30.0;
+/// Time to start the programs of a stage, s.
 const START: f64 = 0.8;
 
-/// Wall seconds of a run on idle cores, within a factor of about three.
+/// Wall time of a run on idle cores, s, accurate to a factor of about three.
 pub fn seconds(scene: &Scene) -> f64 {
     let Ok(canopy) = CanopyInterface::new(scene) else { return f64::NAN };
     let elements = (canopy.sizes.triangles + canopy.sizes.cables) as f64;
@@ -28,18 +28,18 @@ pub fn seconds(scene: &Scene) -> f64 {
     let mut sum = 0.0;
     for stage in &scene.stages {
         let rest = stage.solve == Solve::Static || stage.steady.is_some();
-        let count = if rest { AT_REST } else { stage.windows() as f64 };
+        let count = if rest { STEADY_WINDOWS } else { stage.windows() as f64 };
         let coupled = if stage.kind == StageKind::Coupled { ITERATIONS } else { 1.0 };
         let has = |role: Role| stage.kind.roles().contains(&role);
         let mut work = Counts::default();
         if has(Role::Flow) {
-            work.cell_updates = count * coupled * FLOW * cells;
+            work.cell_updates = count * coupled * FLOW_ITERATIONS * cells;
         }
         if has(Role::Structure) {
             let explicit = scene.structure.integration == Integration::Explicit;
-            let calls = if coupled > 1.0 { coupled * CALLS } else { 1.0 };
+            let solves = if coupled > 1.0 { coupled * STRUCTURE_SOLVES } else { 1.0 };
             let substeps = if rest { 1.0 } else { f64::from(stage.substeps) };
-            work.element_evaluations = count * calls * substeps * STEPS[usize::from(explicit)] * elements;
+            work.element_evaluations = count * solves * substeps * STEPS[usize::from(explicit)] * elements;
         }
         let ranks = if has(Role::Flow) { scene.ranks.flow } else { scene.ranks.structure };
         sum += START + work.work() / f64::from(ranks.max(1));
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn guesses_are_of_the_right_size() {
+    fn estimates_have_the_right_order_of_magnitude() {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases");
         let guess = |name: &str| seconds(&case::load(&file.join(name).join("scene.toml")).unwrap());
         // Measured on idle cores: 7 s and 80 s.

@@ -12,18 +12,18 @@ use super::judge::Outcome;
 use super::runs::Record;
 use super::study::{SWEEP, Study};
 
-/// Errors below this share are not shown on logarithmic axes.
-const LEAST: f64 = 1e-9;
-const ERROR: &str = "error, percent";
-/// A panel among others, and one alone: width and height, pixels.
+/// Smallest relative error on logarithmic axes.
+const MIN_ERROR: f64 = 1e-9;
+const ERROR: &str = "error, %";
+/// Size of a panel in a row of two, and of a single panel: width and height, pixels.
 const PANEL: [f64; 2] = [0.5 * WIDTH, 340.0];
 const WIDE: [f64; 2] = [WIDTH, 440.0];
 
-/// A drawn figure: name of its files, words above it, its SVG.
+/// A figure with its file name and caption.
 pub struct Drawn {
     /// `<name>.svg`, `<name>.png`.
     pub name: &'static str,
-    /// What it shows.
+    /// Caption.
     pub words: &'static str,
     /// The SVG.
     pub svg: Svg,
@@ -32,7 +32,7 @@ pub struct Drawn {
 /// Draws all figures into `out`.
 ///
 /// # Errors
-/// Trouble with the files.
+/// A file cannot be written.
 pub fn draw(
     out: &Path,
     study: &Study,
@@ -42,34 +42,35 @@ pub fn draw(
     let all = [
         (
             "cost",
-            "Largest error of each sample over all quantities against its cost, with the uncertainty of the quantity \
-             that has it. The dark line is the Pareto front: a sample joins it only if it is better than all cheaper ones by \
-             more than the uncertainty. The ring is the base.",
-            panels(vec![members_panel(study, outcome)]),
+            "Largest error of each sample over all quantities, %, against its cost, s, with the uncertainty of that \
+             quantity. Dark line: Pareto front; a sample is on it if its error is smaller than that of every cheaper \
+             sample on it by more than the uncertainty. Ring: base.",
+            panels(vec![samples_panel(study, outcome)]),
         ),
         (
             "fronts",
-            "Error of each quantity alone against cost, with its own uncertainty and its own Pareto front.",
+            "Error of each quantity, %, against cost, s, with its uncertainty and Pareto front.",
             panels(quantity_panels(study, outcome)),
         ),
         (
             "values",
-            "Value of each sample against its cost. Shaded: the extrapolated answer with its uncertainty.",
+            "Value of each sample, in the unit of the quantity, against its cost, s. Shaded: extrapolated value with its \
+             uncertainty.",
             panels(value_panels(study, outcome)),
         ),
         (
             "parameters",
-            "Each parameter alone: its own error, against its own limit, over the cost of the whole run.",
-            panels(dial_panels(study, outcome, false)),
+            "Error of each parameter alone relative to its own limit, %, against the cost of the run, s.",
+            panels(parameter_panels(study, outcome, false)),
         ),
         (
             "orders",
-            "Own error against the parameter, with the fitted order. Finer values are on the left.",
-            panels(dial_panels(study, outcome, true)),
+            "Error of each parameter alone, %, against its size, with the fitted order. Finer values are on the left.",
+            panels(parameter_panels(study, outcome, true)),
         ),
         (
             "time",
-            "Where the time goes along the front: wall seconds by stage and program.",
+            "Wall time of the samples on the Pareto front by stage and program, s.",
             Figure::Bars(Bars {
                 label: "wall time, s".into(),
                 unit: "s".into(),
@@ -83,14 +84,14 @@ pub fn draw(
         .collect()
 }
 
-/// Panels in rows of two; one alone has the width.
+/// Panels in rows of two; a single panel has the full width.
 fn panels(panels: Vec<Panel>) -> Figure {
     let size = if panels.len() == 1 { WIDE } else { PANEL };
     Figure::Panels(Panels { panels, columns: 2, size })
 }
 
 fn percent(share: f64) -> f64 {
-    100.0 * share.max(LEAST)
+    100.0 * share.max(MIN_ERROR)
 }
 
 /// Axes around all points of the series.
@@ -110,7 +111,7 @@ fn panel(
 
 type Errors<'a> = &'a dyn Fn(usize) -> Option<Estimate>;
 
-/// A series of points with the half of the band about each.
+/// A series of points with error bars (half widths).
 fn banded(name: &str, colour: Colour, points: Vec<([f64; 2], f64)>) -> Series {
     let (points, bands) = points.into_iter().unzip();
     Series { bands, ..Series::dots(name, colour, points) }
@@ -139,9 +140,9 @@ fn error_panel(study: &Study, outcome: &Outcome, title: &str, front: &[usize], e
     panel(title, (outcome.measure.label(), true), (ERROR, true), all, None)
 }
 
-fn members_panel(study: &Study, outcome: &Outcome) -> Panel {
+fn samples_panel(study: &Study, outcome: &Outcome) -> Panel {
     let error = |m: usize| outcome.samples[m].largest.map(|l| l.estimate);
-    error_panel(study, outcome, "largest error of all quantities", &outcome.front, &error)
+    error_panel(study, outcome, "largest error over all quantities", &outcome.front, &error)
 }
 
 fn quantity_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
@@ -162,7 +163,7 @@ fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
         let scale = outcome.answers[q].map_or(0.0, |a| a.scale);
         for (i, line) in study.lines.iter().enumerate() {
             let point = |(k, m): (usize, &(usize, Option<f64>))| {
-                // The band of the line itself.
+                // Uncertainty of the line itself.
                 let band = outcome.lines[i][q].errors[k].map_or(0.0, |e| e.1) * scale;
                 at(m.0).map(|p| (p, if line.name == SWEEP { band } else { 0.0 }))
             };
@@ -176,11 +177,11 @@ fn value_panels(study: &Study, outcome: &Outcome) -> Vec<Panel> {
     study.quantities.iter().enumerate().map(one).collect()
 }
 
-/// For each line: own errors over the cost, or over the parameter with the fits.
-fn dial_panels(study: &Study, outcome: &Outcome, over_dial: bool) -> Vec<Panel> {
+/// For each line: its errors against the cost, or against the parameter with the fits.
+fn parameter_panels(study: &Study, outcome: &Outcome, over_parameter: bool) -> Vec<Panel> {
     let mut panels = Vec::new();
     for (i, line) in study.lines.iter().enumerate() {
-        if over_dial && line.samples.iter().any(|m| m.1.is_none()) {
+        if over_parameter && line.samples.iter().any(|m| m.1.is_none()) {
             continue;
         }
         let mut all = Vec::new();
@@ -188,15 +189,15 @@ fn dial_panels(study: &Study, outcome: &Outcome, over_dial: bool) -> Vec<Panel> 
             let judged = &outcome.lines[i][q];
             let shown = || {
                 let samples = line.samples.iter().zip(&judged.errors);
-                samples.filter_map(|(m, e)| e.map(|e| (*m, e.0))).filter(|(_, error)| *error > LEAST)
+                samples.filter_map(|(m, e)| e.map(|e| (*m, e.0))).filter(|(_, error)| *error > MIN_ERROR)
             };
             let place = |((m, size), error): ((usize, Option<f64>), f64)| {
-                let x = if over_dial { size? } else { outcome.samples[m].cost.0 };
+                let x = if over_parameter { size? } else { outcome.samples[m].cost.0 };
                 Some([x, percent(error)])
             };
             let points = shown().filter_map(place).collect();
             let mut own = Series::dots(&quantity.name, series(q), points);
-            if !over_dial {
+            if !over_parameter {
                 own.line = 1.0;
                 if q == 0 {
                     own.notes =
@@ -204,12 +205,12 @@ fn dial_panels(study: &Study, outcome: &Outcome, over_dial: bool) -> Vec<Panel> 
                 }
             }
             all.push(own);
-            if over_dial {
+            if over_parameter {
                 let scale = outcome.answers[q].map_or(1.0, |a| a.scale);
                 all.extend(fitted(line, judged, scale, series(q)));
             }
         }
-        let x = if over_dial { format!("{} (size)", line.name) } else { outcome.measure.label().into() };
+        let x = if over_parameter { format!("{} (size)", line.name) } else { outcome.measure.label().into() };
         panels.push(panel(&line.name, (&x, true), (ERROR, true), all, None));
     }
     panels
@@ -219,7 +220,7 @@ fn setting(study: &Study, line: &super::study::Line, sample: usize) -> String {
     line.parameters.first().map_or_else(String::new, |&d| study.samples[sample].settings[d].to_string())
 }
 
-/// The fitted power with its order.
+/// The fitted power law with its order.
 fn fitted(
     line: &super::study::Line,
     judged: &super::judge::Judged,
@@ -236,7 +237,7 @@ fn fitted(
     Some(Series { line: 1.0, notes, ..Series::curve("", colour, points) })
 }
 
-/// Along the front, with the base point.
+/// Samples on the front, and the base.
 fn bars(study: &Study, outcome: &Outcome, records: &[Record]) -> Vec<Bar> {
     let mut shown: Vec<usize> = outcome.front.clone();
     if !shown.contains(&0) {
@@ -255,7 +256,7 @@ fn bars(study: &Study, outcome: &Outcome, records: &[Record]) -> Vec<Bar> {
             }
         }
         let whole: f64 = cost.stages.iter().flat_map(|s| &s.parts_s).sum();
-        add("starting".into(), pale(GREY, 0.6), (cost.wall_s - whole).max(0.0));
+        add("launch".into(), pale(GREY, 0.6), (cost.wall_s - whole).max(0.0));
         let name = if m == 0 {
             format!("{} (base)", study.samples[m].label)
         } else {
@@ -272,7 +273,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn six_figures_of_a_made_up_study() {
+    fn synthetic_study_has_six_figures() {
         let (study, values, records) = made();
         let outcome = judge(&study, &values, &records, Measure::Work);
         let folder = tempfile::tempdir().unwrap();

@@ -2,9 +2,9 @@
 
 use super::answer::Estimate;
 
-/// Samples (cost and error of each, `None` where one is unknown) that are on the front, the cheapest first. A
-/// dearer sample joins only if its error is less than that of the last one by more than the
-/// uncertainty, the larger of the two bands: errors fall strictly along the front.
+/// Indices of the samples on the Pareto front, by increasing cost, from the cost and error of each sample (`None` if
+/// unknown). A costlier sample is on the front if its error is smaller than that of the last one by more than the larger
+/// of the two uncertainties, so errors decrease strictly along the front.
 pub fn front(points: &[Option<(f64, Estimate)>]) -> Vec<usize> {
     let sound = |p: &(f64, Estimate)| p.0.is_finite() && p.1.error.is_finite() && p.1.band.is_finite();
     let mut order: Vec<(usize, f64, Estimate)> = points
@@ -31,30 +31,30 @@ mod tests {
     }
 
     #[test]
-    fn the_front_falls_and_gains_within_the_uncertainty_do_not_count() {
+    fn front_decreases_by_more_than_the_uncertainty() {
         let points = [
-            point(9.0, 0.02, 0.01), // as good as the next, and dearer
+            point(9.0, 0.02, 0.01), // as accurate as the next, and costlier
             point(1.0, 0.30, 0.05), // the cheapest
-            point(2.0, 0.27, 0.05), // better by less than its band
-            point(3.0, 0.20, 0.05), // better by more
-            point(4.0, 0.10, 0.15), // better by less than its own band
+            point(2.0, 0.27, 0.05), // smaller error, within the uncertainty
+            point(3.0, 0.20, 0.05), // smaller by more than the uncertainty
+            point(4.0, 0.10, 0.15), // smaller error, within its own uncertainty
             point(8.0, 0.03, 0.01),
             None,
             point(5.0, f64::NAN, 0.0),
-            point(2.0, 0.40, 0.0), // dearer and worse
+            point(2.0, 0.40, 0.0), // costlier and less accurate
         ];
         assert_eq!(front(&points), [1, 3, 5]);
         assert!(front(&[]).is_empty() && front(&[None]).is_empty());
     }
 
     #[test]
-    fn an_exact_answer_has_no_band_and_every_gain_counts() {
+    fn without_uncertainty_every_decrease_counts() {
         let points = [point(1.0, 0.3, 0.0), point(2.0, 0.299, 0.0), point(3.0, 0.299, 0.0)];
         assert_eq!(front(&points), [0, 1]);
     }
 
     #[test]
-    fn of_equal_costs_the_smaller_error_counts() {
+    fn smallest_error_wins_at_equal_cost() {
         assert_eq!(front(&[point(1.0, 0.3, 0.0), point(1.0, 0.2, 0.0)]), [1]);
     }
 }

@@ -1,4 +1,4 @@
-//! From values and costs to errors, orders, uncertainties and Pareto fronts.
+//! Evaluation of a study: errors, orders, uncertainties and Pareto fronts from values and costs.
 
 use super::answer::{Answer, Estimate, Values, answer, estimate, limit, unassessed};
 use super::convergence::Convergence;
@@ -7,32 +7,32 @@ use super::front::front;
 use super::runs::Record;
 use super::study::{Line, Study};
 
-/// A value, or why there is none.
+/// A value, or the reason why it is missing.
 pub type Value = Result<f64, String>;
 
 /// Measure of cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Measure {
-    /// Wall seconds.
+    /// Wall time
     #[default]
     Wall,
-    /// Processor seconds of all programs; MPI waits by spinning.
+    /// Processor time of all programs, including the busy waiting of MPI
     Cpu,
-    /// Counts, weighted to seconds of a core: independent of the load of the machine.
+    /// Weighted counts in seconds of one core, independent of the load of the machine
     Work,
 }
 
 impl Measure {
-    /// For axes.
+    /// Label of an axis.
     pub fn label(self) -> &'static str {
         match self {
             Self::Wall => "wall time, s",
             Self::Cpu => "processor time, s",
-            Self::Work => "work (counts as seconds of a core), s",
+            Self::Work => "work (weighted counts), s",
         }
     }
 
-    /// Of a run.
+    /// Cost of a run, s.
     pub fn of(self, cost: &Cost) -> f64 {
         match self {
             Self::Wall => cost.wall_s,
@@ -42,79 +42,79 @@ impl Measure {
     }
 }
 
-/// Errors are the same up to this share of the base sample's.
+/// Relative difference up to which errors count as equal to that of the base.
 const SAME: f64 = 0.05;
-/// A sample that is as accurate as the base is named if it costs less than this share of it.
+/// Maximum relative cost of a sample that is reported as cheaper than the base.
 const CHEAPER: f64 = 0.9;
-/// Differences below this share of the answer are round-off.
+/// Round-off, relative to the scale.
 const ROUND_OFF: f64 = 1e-9;
 
-/// Whether a distance is within a band; equal to round-off is within any.
+/// Whether a distance is within an uncertainty, up to round-off.
 pub fn within(far: f64, band: f64) -> bool {
     far <= band + ROUND_OFF
 }
 
-/// The samples of a line, judged for one quantity.
+/// Evaluation of a line for one quantity.
 #[derive(Clone, Debug)]
 pub struct Judged {
-    /// Its convergence; `None` for words, or where it is not assessed.
+    /// Convergence; `None` for choices, or without an estimate.
     pub convergence: Option<Convergence>,
-    /// For each sample of the line: error against the line's own limit (for words: change from the
-    /// base), and half its band, relative to the scale.
+    /// For each sample: error relative to the limit of the line (for choices: change from the base) and its uncertainty,
+    /// relative to the scale.
     pub errors: Vec<Option<(f64, f64)>>,
-    /// For the sample that is finer than all: its distance from the finest of the line and the band
-    /// stated there, relative to the scale.
+    /// For the check sample: distance from the finest sample of the line, and the uncertainty of that, relative to the
+    /// scale.
     pub check: Option<(f64, f64)>,
-    /// Why the line says nothing of the quantity.
+    /// Reason why there is no estimate.
     pub unassessed: Option<String>,
 }
 
 /// The largest error of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Largest {
-    /// Its quantity.
+    /// Index of the quantity.
     pub quantity: usize,
-    /// The error with the band of this quantity.
+    /// Error and uncertainty of this quantity.
     pub estimate: Estimate,
 }
 
-/// A sample, judged.
+/// Evaluation of a sample.
 #[derive(Clone, Debug)]
 pub struct Standing {
-    /// Middle and half range of its cost.
+    /// Median and half range of the cost, s.
     pub cost: (f64, f64),
-    /// Middle and half range of its cost over that of the base of the same round.
+    /// Median and half range of the cost relative to the base of the same round.
     pub ratio: (f64, f64),
     /// Values of the quantities.
     pub values: Vec<Option<f64>>,
-    /// Distances from the answers, relative to their scales.
+    /// Distances from the extrapolated values, relative to their scales.
     pub distances: Vec<Option<f64>>,
-    /// Errors with their bands.
+    /// Errors and uncertainties.
     pub estimates: Vec<Option<Estimate>>,
-    /// The largest of the errors; `None` where one of them is unknown.
+    /// Largest error; `None` if an error is unknown.
     pub largest: Option<Largest>,
-    /// Why there are no values, or not all.
+    /// Reason of a failure.
     pub gap: Option<String>,
 }
 
-/// Everything that a study found.
+/// Results of a study.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Measure of cost.
     pub measure: Measure,
-    /// Answers of the quantities; `None`: not assessed.
+    /// Extrapolated values; `None` if not assessed.
     pub answers: Vec<Option<Answer>>,
-    /// Lines by quantity: `[line][quantity]`.
+    /// Evaluation of the lines: `[line][quantity]`.
     pub lines: Vec<Vec<Judged>>,
     /// Samples.
     pub samples: Vec<Standing>,
-    /// Pareto front of cost and largest error, the cheapest sample first.
+    /// Pareto front of cost and largest error, by increasing cost.
     pub front: Vec<usize>,
     /// Pareto front of each quantity.
     pub fronts: Vec<Vec<usize>>,
 }
 
-/// Judges a study from the values (`[sample][quantity]`, or why there is none) and the records.
+/// Evaluates a study from the values, `[sample][quantity]`, and the records.
 pub fn judge(study: &Study, values: &[Vec<Value>], records: &[Record], measure: Measure) -> Outcome {
     let value = |sample: usize, q: usize| values[sample][q].as_ref().ok().copied();
     let quantities = 0..study.quantities.len();
@@ -170,7 +170,7 @@ fn standing(
     }
 }
 
-/// The largest error over the quantities with the band of its own quantity.
+/// Largest error over the quantities, with the uncertainty of that quantity.
 fn largest(estimates: &[Option<Estimate>]) -> Option<Largest> {
     let all = estimates.iter().copied().collect::<Option<Vec<_>>>()?;
     let at = |(quantity, estimate)| Largest { quantity, estimate };
@@ -184,7 +184,7 @@ fn judged(line: &Line, value: Values<'_>, scale: f64) -> Judged {
         return Judged { convergence: None, errors: nothing, check: None, unassessed };
     }
     let Some(c) = limit(line, value) else {
-        // Words: the change of each from the base, which is sample 0.
+        // Choices: change of each from the base, which is sample 0.
         let change = |m: usize| Some(((value(m)? - value(0)?).abs() / scale, 0.0));
         let errors = line.samples.iter().map(|&(m, _)| change(m)).collect();
         return Judged { convergence: None, errors, check: None, unassessed };
@@ -211,7 +211,7 @@ fn judged(line: &Line, value: Values<'_>, scale: f64) -> Judged {
 }
 
 impl Outcome {
-    /// Why quantity `q` is not assessed: each parameter that says so, with its reason.
+    /// Reason why quantity `q` is not assessed, for each parameter.
     pub fn why_not(&self, study: &Study, q: usize) -> String {
         let lines = study.lines.iter().zip(&self.lines);
         let reasons: Vec<String> = lines
@@ -222,17 +222,17 @@ impl Outcome {
         if reasons.is_empty() { "no parameter is varied".into() } else { reasons.join("; ") }
     }
 
-    /// What the true errors of a sample are promised not to exceed: the largest sum of error and band over
-    /// the quantities, with its quantity.
+    /// Bound of the true errors of a sample: the largest sum of error and uncertainty over the quantities, with the index
+    /// of its quantity.
     pub fn bound(&self, sample: usize) -> Option<(usize, f64)> {
         let all = self.samples[sample].estimates.iter().map(|e| e.map(Estimate::bound));
         let all = all.collect::<Option<Vec<_>>>()?;
         all.into_iter().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Whether `sample` is as accurate as the base for quantity `q`: its error is at most a twentieth
-    /// larger, and its value differs from the base's by at most a twentieth of the base's error, so that
-    /// this holds whatever the answer is within its band.
+    /// Whether `sample` is as accurate as the base for quantity `q`: its error is at most 5 % larger, and its value differs
+    /// from that of the base by at most 5 % of the error of the base. This holds for any exact value within the
+    /// uncertainty.
     pub fn as_accurate(&self, sample: usize, q: usize) -> bool {
         let (own, base) = (&self.samples[sample], &self.samples[0]);
         let both = || {
@@ -243,8 +243,8 @@ impl Outcome {
         both().is_some_and(|(e, b, apart)| e <= (1.0 + SAME) * b && apart <= SAME * b)
     }
 
-    /// The cheapest sample that is as accurate as the base in all `quantities` and the share of its cost;
-    /// `None` where none costs clearly less.
+    /// The cheapest sample that is as accurate as the base in all `quantities`, and its cost relative to the base; `None`
+    /// if none costs less than [`CHEAPER`].
     pub fn cheaper(&self, quantities: &[usize]) -> Option<(usize, f64)> {
         let share = |m: usize| self.samples[m].cost.0 / self.samples[0].cost.0;
         (1..self.samples.len())
@@ -253,7 +253,7 @@ impl Outcome {
             .min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Of the samples beyond the finest: how many are within the band that was stated, of how many.
+    /// Number of check samples within the stated uncertainty, and number of check samples.
     pub fn held(&self) -> (usize, usize) {
         let all = || self.lines.iter().flatten().filter_map(|j| j.check);
         (all().filter(|(far, band)| within(*far, *band)).count(), all().count())

@@ -1,4 +1,4 @@
-//! Made-up studies with known answers.
+//! Synthetic studies with known exact values.
 
 use std::path::Path;
 
@@ -63,7 +63,7 @@ fn sample(study: &Study, label: &str) -> usize {
 }
 
 #[test]
-fn the_answer_orders_front_and_bands_of_a_made_up_study() {
+fn synthetic_study_gives_exact_value_orders_and_front() {
     let (study, values, records) = made();
     let o = judge(&study, &values, &records, Measure::Work);
     let a = o.answers[0].unwrap();
@@ -72,22 +72,21 @@ fn the_answer_orders_front_and_bands_of_a_made_up_study() {
     assert!((grid.order.unwrap() - 2.0).abs() < 1e-3);
     let window = o.lines[1][0].convergence.as_ref().unwrap();
     assert!((window.order.unwrap() - 1.0).abs() < 1e-3);
-    // Words change nothing here.
+    // The choices have no effect here.
     assert!(o.lines[2][0].errors.iter().all(|e| e.unwrap().0 < 1e-12));
     let (held, all) = o.held();
     assert_eq!((held, all), (2, 2), "{:?}", o.lines);
-    // The true error of every sample is within what is promised.
+    // The true error of every sample is within its bound.
     for (m, v) in values.iter().enumerate() {
         let error = (v[0].clone().unwrap() - 10.0) / 10.0;
         assert!(error <= o.bound(m).unwrap().1, "{}: {error}", study.samples[m].label);
     }
-    falls(&o, &o.front, |s| s.largest.unwrap().estimate);
+    assert_decreasing(&o, &o.front, |s| s.largest.unwrap().estimate);
     assert!(o.front.len() >= 2, "{:?}", o.front);
 }
 
-/// Along a front the cost rises, and each error is below the one before by more than the uncertainty; a sample
-/// that costs less than the next of the front is not better than the one before it by more than that.
-fn falls(o: &Outcome, front: &[usize], of: impl Fn(&Standing) -> Estimate) {
+/// Asserts that along a front the cost increases and the error decreases by more than the uncertainty.
+fn assert_decreasing(o: &Outcome, front: &[usize], of: impl Fn(&Standing) -> Estimate) {
     for w in front.windows(2) {
         let (a, b) = (of(&o.samples[w[0]]), of(&o.samples[w[1]]));
         assert!(a.error - b.error > a.band.max(b.band), "{a:?} {b:?}");
@@ -96,9 +95,9 @@ fn falls(o: &Outcome, front: &[usize], of: impl Fn(&Standing) -> Estimate) {
 }
 
 #[test]
-fn the_largest_error_has_the_band_of_its_own_quantity() {
-    // The speed oscillates about the base's value: error 0, a wide band. The drag has a large error of
-    // known order, and a narrower band.
+fn largest_error_has_the_uncertainty_of_its_quantity() {
+    // The speed oscillates about the value of the base: error 0 and a large uncertainty. The drag has a large error of
+    // known order and a smaller uncertainty.
     let formula = |s: &[f64]| {
         let speed = match s[0] {
             2.0 => 9.0,
@@ -115,16 +114,16 @@ fn the_largest_error_has_the_band_of_its_own_quantity() {
     let (speed, drag) = (o.samples[0].estimates[0].unwrap(), o.samples[0].estimates[1].unwrap());
     assert!(speed.error < 1e-12 && speed.band > 0.25, "{speed:?}");
     assert!((drag.error - 0.05).abs() < 1e-3 && drag.band < 0.1, "{drag:?}");
-    // By error plus uncertainty the speed would be the largest, and stand at 0 %.
+    // Ranked by error plus uncertainty, the speed would be the largest with an error of 0 %.
     assert!(speed.bound() > drag.bound());
     let largest = o.samples[0].largest.unwrap();
     assert_eq!((largest.quantity, largest.estimate), (1, drag));
-    // What is promised of the sample as a whole is the largest sum.
+    // The bound of the sample is the largest sum.
     assert_eq!(o.bound(0).unwrap().0, 0);
 }
 
 #[test]
-fn fronts_of_a_study_that_oscillates_never_rise() {
+fn fronts_of_an_oscillating_study_decrease() {
     let formula = |s: &[f64]| {
         let (h, t) = (s[0], s[1]);
         let noise = |k: f64| 0.3 * (7.0 * k * h + 13.0 * t).sin();
@@ -135,16 +134,16 @@ fn fronts_of_a_study_that_oscillates_never_rise() {
     );
     let (study, values, records) = study(&section, &checked(), formula);
     let o = judge(&study, &values, &records, Measure::Work);
-    falls(&o, &o.front, |s| s.largest.unwrap().estimate);
+    assert_decreasing(&o, &o.front, |s| s.largest.unwrap().estimate);
     for (q, front) in o.fronts.iter().enumerate() {
         assert!(!front.is_empty());
-        falls(&o, front, |s| s.estimates[q].unwrap());
+        assert_decreasing(&o, front, |s| s.estimates[q].unwrap());
     }
 }
 
 #[test]
-fn as_accurate_is_said_only_where_each_quantity_is() {
-    // A coarser window halves the cost; the speed does not see it, the drag does.
+fn cheaper_sample_is_as_accurate_in_every_quantity() {
+    // A coarser window halves the cost. It changes the drag, but not the speed.
     let formula = |s: &[f64]| vec![10.0 + 0.4 * s[0], 100.0 + 5.3 * s[0] + 6.5 * (s[1] - 1.0)];
     let section = format!("{SPEED}{DRAG}{GRID}{WINDOW}");
     let (study, values, records) = study(&section, &checked(), formula);
@@ -157,9 +156,8 @@ fn as_accurate_is_said_only_where_each_quantity_is() {
 }
 
 #[test]
-fn errors_of_opposite_sign_are_not_as_accurate() {
-    // Both are off by about 5.3 %, the coarse one below and the base above the answer: which is nearer
-    // depends on the answer.
+fn errors_of_opposite_sign_are_not_equally_accurate() {
+    // Both have errors of about 5.3 %, of opposite sign: which is closer depends on the exact value.
     let formula = |s: &[f64]| vec![10.0 + 0.53 * s[0] - 1.06 * (s[1] - 1.0)];
     let (study, values, records) = study(&format!("{SPEED}{GRID}{WINDOW}"), &checked(), formula);
     let mut o = judge(&study, &values, &records, Measure::Wall);
@@ -170,7 +168,7 @@ fn errors_of_opposite_sign_are_not_as_accurate() {
 }
 
 #[test]
-fn a_gap_stays_a_gap() {
+fn failed_sample_has_no_error() {
     let (study, mut values, mut records) = made();
     let lost = study.lines[0].samples[0].0;
     values[lost][0] = Err("no result".into());
@@ -183,7 +181,7 @@ fn a_gap_stays_a_gap() {
 }
 
 #[test]
-fn too_few_samples_are_not_assessed_and_have_no_error_of_zero() {
+fn too_few_samples_are_not_assessed() {
     let (study, mut values, mut records) = made();
     // All but the base fail.
     for m in 1..study.samples.len() {
@@ -199,7 +197,7 @@ fn too_few_samples_are_not_assessed_and_have_no_error_of_zero() {
 }
 
 #[test]
-fn a_parameter_that_is_not_assessed_does_not_hide_behind_another() {
+fn parameter_without_estimate_is_reported_separately() {
     let section = format!("{SPEED}{GRID}{WINDOW}");
     let (study, mut values, mut records) = study(&section, &Choice::default(), |s| vec![10.0 + s[0] + s[1]]);
     for label in ["window 0.5", "window 2"] {
@@ -211,7 +209,7 @@ fn a_parameter_that_is_not_assessed_does_not_hide_behind_another() {
     assert!(o.lines[1][0].unassessed.is_some() && o.lines[0][0].unassessed.is_none());
     // The base has the error of the grid alone; the window is listed as not assessed.
     assert!(o.answers[0].is_some() && o.samples[0].largest.is_some());
-    // A sample that stands elsewhere on the window would have an unknown error.
+    // The error of a sample with another window is unknown.
     let mut study = study;
     let grid = sample(&study, "grid 0.5");
     let moved = study.samples[sample(&study, "window 0.5")].settings[1].clone();
@@ -220,8 +218,8 @@ fn a_parameter_that_is_not_assessed_does_not_hide_behind_another() {
 }
 
 #[test]
-fn the_reference_is_finer_than_all_samples_and_judges_the_promise() {
-    use super::super::advice::{Wish, choose};
+fn reference_is_finer_than_all_samples_and_tests_the_bound() {
+    use super::super::advice::{Target, choose};
     use super::super::parameter::Setting;
     use super::super::verify::verify;
     let section = format!("{SPEED}{GRID}{WINDOW}");
@@ -238,28 +236,28 @@ fn the_reference_is_finer_than_all_samples_and_judges_the_promise() {
     assert_eq!(study.samples[at].settings, [Setting::Number(4.0), Setting::Number(4.0)]);
     let o = judge(&study, &values, &records, Measure::Wall);
     assert!(!o.front.contains(&at) && o.fronts.iter().all(|f| !f.contains(&at)));
-    assert_ne!(choose(&study, &o, Wish::Budget(1e9)).unwrap(), at);
+    assert_ne!(choose(&study, &o, Target::Budget(1e9)).unwrap(), at);
     let v = verify(&study, &o, 0).unwrap().unwrap();
     let far = (10.5 - 10.05) / o.answers[0].unwrap().scale;
     assert!((v[0].true_error - far).abs() < 1e-12 && v[0].held, "{v:?}");
-    // Nothing in the samples shows where this one goes: the promise does not hold, and it is said.
+    // The samples do not show this value: the bound is exceeded and reported.
     let (study, values, records) = made(20.0);
     let o = judge(&study, &values, &records, Measure::Wall);
     assert!(!verify(&study, &o, 0).unwrap().unwrap()[0].held);
-    // Without the option there is nothing to compare with.
+    // Without the option there is no reference.
     let (study, values, records) = self::made();
     assert!(verify(&study, &judge(&study, &values, &records, Measure::Wall), 0).is_none());
 }
 
 #[test]
-fn a_quantity_without_limit_is_not_assessed_and_nothing_is_advised() {
-    use super::super::advice::{Wish, choose};
+fn diverging_quantity_is_not_assessed_and_nothing_is_recommended() {
+    use super::super::advice::{Target, choose};
     let formula = |s: &[f64]| vec![10.0 + 0.4 * s[0], 100.0 / s[1].sqrt()];
     let (study, values, records) = study(&format!("{SPEED}{DRAG}{GRID}{WINDOW}"), &checked(), formula);
     let o = judge(&study, &values, &records, Measure::Wall);
     assert!(
         o.answers[0].is_some() && o.answers[1].is_none() && o.front.is_empty() && !o.fronts[0].is_empty()
     );
-    let why = choose(&study, &o, Wish::Error(0.5)).unwrap_err().to_string();
+    let why = choose(&study, &o, Target::Error(0.5)).unwrap_err().to_string();
     assert!(why.contains("`drag` is not assessed") && why.contains("`window`: its changes grow"), "{why}");
 }

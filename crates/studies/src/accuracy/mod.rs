@@ -1,8 +1,8 @@
-//! `ripstop accuracy`: what accuracy costs in time.
+//! `ripstop accuracy`: discretisation and iteration errors against cost.
 //!
-//! A study varies parameters of a scene one at a time from a base, and some together; each sample is a
-//! `ripstop run` of its own, identified by its scene. Answers are extrapolated, errors set against
-//! cost, and the cheapest settings for an accuracy or a time written as a scene.
+//! A study varies the parameters of a scene one at a time from a base, and some together (the sweep). Each sample is a
+//! separate `ripstop run`, identified by the hash of its scene. Values are extrapolated, errors are compared with the
+//! cost, and the cheapest settings for a target error or a budget are written as a scene.
 
 mod advice;
 mod answer;
@@ -34,71 +34,71 @@ use coupling::error::RunError;
 use results::provenance;
 use terminal::Console;
 
-use self::advice::{Advice, Context, Wish};
+use self::advice::{Advice, Context, Target};
 use self::judge::{Measure, Outcome, judge};
 use self::runs::{Execution, Record};
 use self::study::{Choice, Study};
 
-/// What to study, and how.
+/// Arguments of `ripstop accuracy`.
 #[derive(Args)]
 pub struct AccuracyArgs {
-    /// Scene; its section [accuracy] names quantities and parameters [default: those that fit the scene]
+    /// Scene file; its section [accuracy] names quantities and parameters [default: those that fit the scene]
     scene: PathBuf,
-    /// Folder of the samples and the results; a study that was interrupted resumes there
+    /// Folder of the samples and the results; an interrupted study resumes there
     /// [default: runs/accuracy-<scene name>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Only these parameters of the study (and `sweep`)
+    /// Restrict the study to these parameters (and `sweep`)
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     parameters: Vec<String>,
-    /// Print the cheapest settings whose error is at most this, such as `1%`, and write them as
+    /// Print the cheapest settings whose error bound is at most this, such as `1%`, and write them to
     /// target-error.toml
     #[arg(long, value_name = "SHARE", value_parser = advice::share)]
     target_error: Option<f64>,
-    /// Print the most accurate settings within this time, such as `10min`, and write them as budget.toml
+    /// Print the most accurate settings whose cost is at most this, such as `10min`, and write them to budget.toml
     #[arg(long, value_name = "TIME", value_parser = advice::time)]
     budget: Option<f64>,
-    /// Measure of cost in the report and in advice
+    /// Measure of cost in the report and in the recommendation
     #[arg(long, value_enum, default_value_t)]
     cost: Measure,
-    /// Run each sample N times, in turn with all others, for the spread of timings
+    /// Run each sample N times, interleaved with all others, to measure the spread of timings
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     repeat: u32,
-    /// Samples that run at the same time [default: as many as the cores hold]
+    /// Number of samples that run at the same time [default: cores / largest rank count of a program]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
     jobs: Option<u32>,
-    /// A sample that takes longer than this becomes a gap, such as `10min`
+    /// Stop a sample after this wall time, such as `10min`, and count it as failed
     #[arg(long, value_name = "TIME", value_parser = advice::time)]
     limit: Option<f64>,
-    /// Leave out the samples that are finer than all others and test the stated uncertainty
+    /// Omit the check samples, which are finer than all others and test the stated uncertainty
     #[arg(long)]
     without_check: bool,
-    /// Run a reference too, finer than all samples in all parameters of the study, and compare the true errors of
-    /// the advised settings (else of the base) with the promised ones: exit code 3 if one is larger
+    /// Also run a reference that is finer than all samples in all parameters of the study, and compare the true errors
+    /// of the recommended settings (else of the base) with their bounds: exit code 3 if a bound is exceeded
     #[arg(long)]
     verify: bool,
-    /// Print samples with their estimated cost, and run none
+    /// Print the samples with their estimated cost, without running them
     #[arg(long)]
     dry_run: bool,
-    /// Start without asking; nothing is asked either where standard input is no terminal
+    /// Start without confirmation; a non-interactive standard input never needs confirmation
     #[arg(long, short)]
     yes: bool,
-    /// Take results that other builds of the programs left in the folder
+    /// Reuse results of other builds of the programs
     #[arg(long)]
     any_build: bool,
-    /// Compare with errors and counts kept in FILE: exit code 3 if errors or counts have grown
+    /// Compare with the errors and counts in FILE: exit code 3 if errors or counts are larger
     #[arg(long, value_name = "FILE", conflicts_with = "keep_reference")]
     reference: Option<PathBuf>,
-    /// Keep errors and counts in FILE
+    /// Write errors and counts to FILE
     #[arg(long, value_name = "FILE")]
     keep_reference: Option<PathBuf>,
 }
 
 impl AccuracyArgs {
-    /// What is asked for, with the names of the files of the advice.
-    fn wishes(&self) -> Vec<(Wish, &'static str)> {
-        let error = self.target_error.map(|e| (Wish::Error(e), "target-error"));
-        let budget = self.budget.map(|s| (Wish::Budget(s), "budget"));
+    /// The targets, with the names of the recommendation files.
+    fn targets(&self) -> Vec<(Target, &'static str)> {
+        let error = self.target_error.map(|e| (Target::Error(e), "target-error"));
+        let budget = self.budget.map(|s| (Target::Budget(s), "budget"));
         [error, budget].into_iter().flatten().collect()
     }
 
@@ -120,11 +120,10 @@ impl AccuracyArgs {
     }
 }
 
-/// Studies a scene; whether it is as good as its reference, and the text for people.
+/// Runs the study of a scene. Returns whether it passes the comparison with its reference, and the text for the terminal.
 ///
 /// # Errors
-/// Whatever is wrong with the scene, its study or the wishes; a base that fails; an interruption; trouble with
-/// files.
+/// Invalid scene, study or target; failure of the base sample; interruption; file errors.
 pub fn accuracy(
     args: &AccuracyArgs,
     stop: &AtomicBool,
@@ -160,7 +159,7 @@ pub fn accuracy(
     report(args, &study, &outcome, &records, out, reference.as_ref())
 }
 
-/// Values of the quantities of a sample, or why there is none.
+/// Values of the quantities of a sample, or the reason why a value is missing.
 fn values(study: &Study, sample: usize, record: &Record, out: &Path) -> Vec<judge::Value> {
     let sample = &study.samples[sample];
     let of = |q: &case::Quantity| match &record.failure {
@@ -170,7 +169,7 @@ fn values(study: &Study, sample: usize, record: &Record, out: &Path) -> Vec<judg
     study.quantities.iter().map(of).collect()
 }
 
-/// Removes the report and the advice of an earlier study: this one may fail, or advise nothing.
+/// Removes the report and the recommendations of an earlier study: this one may fail or recommend nothing.
 fn clear_results(out: &Path) -> Result<(), RunError> {
     let advice = ["target-error", "want", "budget"];
     let advice = advice.iter().flat_map(|name| ["toml", "json"].map(|end| format!("{name}.{end}")));
@@ -199,10 +198,10 @@ fn report(
     let build = format!("commit {}, build {}", provenance::commit(), provenance::build()?);
     let context = Context { output: &output, out, not_assessed: &not_assessed, notes: &notes, build: &build };
     let (mut advised, mut refused) = (Vec::new(), None);
-    for wish in args.wishes() {
-        match advice::advise(study, outcome, wish, &context) {
+    for target in args.targets() {
+        match advice::advise(study, outcome, target, &context) {
             Ok(advice) => advised.push(advice),
-            // The report is written all the same.
+            // The report is still written.
             Err(error) => refused = Some(error),
         }
     }
@@ -219,14 +218,14 @@ fn report(
         .map_err(RunError::file("write", &path))?;
     let mut text = words::words(study, outcome, &not_assessed);
     for a in &advised {
-        text += &format!("{}\n  the scene: {}\n", a.lines().join("\n"), a.scene.display());
+        text += &format!("{}\n  scene: {}\n", a.lines().join("\n"), a.scene.display());
     }
     text += &format!("report: {}", path.display());
     if let Some(error) = refused {
         return Err(with_text(error, &text));
     }
     if outcome.answers.iter().all(Option::is_none) {
-        let why = "no parameter has two samples with values: no error is assessed".to_owned();
+        let why = "no parameter has two samples with values, so no error can be estimated".to_owned();
         return Err(with_text(RunError::Study(why), &text));
     }
     let verified = match verified {
@@ -240,13 +239,13 @@ fn report(
     let found = reference.map(|r| reference::compare(study, outcome, records, r)).unwrap_or_default();
     found.iter().for_each(|f| text += &format!("\n{f}"));
     if reference.is_some() && found.is_empty() {
-        text += "\nas accurate and as cheap as its reference";
+        text += "\nerrors and counts are within those of the reference";
     }
     text += &words::verified(&verified);
     Ok((found.is_empty() && verified.iter().all(|v| v.held), text))
 }
 
-/// The comparison of the advised sample (of the base without advice) with the reference.
+/// Comparison of the recommended sample (else the base) with the reference.
 fn verified(
     study: &Study,
     outcome: &Outcome,
@@ -258,7 +257,7 @@ fn verified(
     }
 }
 
-/// An error with the text of the study behind it.
+/// An error followed by the text of the study.
 fn with_text(error: RunError, text: &str) -> RunError {
     match error {
         RunError::Input(why) => RunError::Input(format!("{why}\n{text}")),
@@ -266,7 +265,7 @@ fn with_text(error: RunError, text: &str) -> RunError {
     }
 }
 
-/// The command that makes the report again, without the folders of this machine.
+/// The command that reproduces the report, without machine-dependent folders.
 fn command(args: &AccuracyArgs) -> String {
     let mut line = format!("ripstop accuracy {}", args.scene.display());
     if !args.parameters.is_empty() {

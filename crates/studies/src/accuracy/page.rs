@@ -1,4 +1,4 @@
-//! The report: one page that opens without a network.
+//! The report of a study: one self-contained HTML page.
 
 use figures::chart::short;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -16,23 +16,23 @@ use super::words::{cheaper, finest};
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1000px;margin:2em auto;padding:0 1em;color:#20262e}\
 h1{font-size:1.5em}h2{font-size:1.15em;margin-top:2em}table{border-collapse:collapse;font-size:13px;margin:.6em 0}\
 th,td{padding:3px 9px;border-bottom:1px solid #dde;text-align:right}th:first-child,td:first-child{text-align:left}\
-td.w{text-align:left}tr.front td{background:#fdf1ef}tr.gap td{color:#a33}p.s{color:#556}svg{max-width:100%;height:auto}\
+td.w{text-align:left}caption{text-align:left;color:#556}tr.front td{background:#fdf1ef}tr.failed td{color:#a33}p.s{color:#556}svg{max-width:100%;height:auto}\
 .scroll{overflow-x:auto}code{background:#f2f4f6;padding:1px 4px}";
 
-/// A share as percent.
+/// A ratio as percentage.
 pub fn percent(share: f64) -> String {
     if share.is_finite() { format!("{} %", short(100.0 * share)) } else { "-".into() }
 }
 
-/// What stands in the report beside the study.
+/// Content of the report besides the study and its outcome.
 pub struct About<'a> {
-    /// What the errors do not contain.
+    /// Sources of error without an estimate.
     pub not_assessed: &'a [NotAssessed],
-    /// Advice.
+    /// Recommendations.
     pub advice: &'a [Advice],
     /// Comparison with the reference.
     pub verified: Option<&'a Result<Vec<Verified>, String>>,
-    /// Makes the report again.
+    /// Command that reproduces the report.
     pub command: &'a str,
     /// Commit and build of the programs.
     pub build: &'a str,
@@ -81,28 +81,28 @@ fn heading(name: &str) -> &'static str {
         "cost" => "Error against cost",
         "fronts" => "Error against cost, each quantity",
         "values" => "Values against cost",
-        "parameters" => "Each parameter: error against cost",
-        "orders" => "Each parameter: convergence",
-        _ => "Where the time goes",
+        "parameters" => "Error against cost, each parameter",
+        "orders" => "Convergence, each parameter",
+        _ => "Wall time by stage and program",
     }
 }
 
-/// An error with its band as a cell.
+/// An error with its uncertainty, %, as text of a cell.
 fn error(e: Option<Estimate>) -> String {
     e.map_or_else(|| "not assessed".into(), |e| format!("{} ± {}", percent(e.error), percent(e.band)))
 }
 
-/// A table with these names of its columns.
-fn table(head: &[&str], rows: &Markup) -> Markup {
+/// A table with a caption and column names.
+fn table(caption: &str, head: &[&str], rows: &Markup) -> Markup {
     html! {
-        div.scroll { table { tr { @for name in head { th { (name) } } } (rows) } }
+        div.scroll { table { caption { (caption) } tr { @for name in head { th { (name) } } } (rows) } }
     }
 }
 
 fn advice(advice: &Advice) -> Markup {
     html! {
         p {
-            "Advice, "
+            "Recommendation, "
             @for (i, line) in advice.lines().iter().enumerate() {
                 @if i > 0 { br; }
                 (line.trim())
@@ -116,9 +116,9 @@ fn answers(study: &Study, outcome: &Outcome) -> Markup {
     let rows = html! {
         @for (q, quantity) in study.quantities.iter().enumerate() {
             @let (value, band) = match outcome.answers[q] {
-                Some(a) if a.exact => (six(a.value), "exact".into()),
+                Some(a) if a.exact => (digits(a.value), "exact".into()),
                 Some(a) => {
-                    (six(a.value), format!("± {} ({})", short(a.uncertainty), percent(a.uncertainty / a.scale)))
+                    (digits(a.value), format!("± {} ({})", short(a.uncertainty), percent(a.uncertainty / a.scale)))
                 }
                 None => ("-".into(), "not assessed".into()),
             };
@@ -126,25 +126,30 @@ fn answers(study: &Study, outcome: &Outcome) -> Markup {
                 td { (quantity.name) }
                 td { (value) }
                 td { (band) }
-                td { (base.values[q].map_or_else(|| "-".into(), six)) }
+                td { (base.values[q].map_or_else(|| "-".into(), digits)) }
                 td { (error(base.estimates[q])) }
             }
         }
     };
     let (held, all) = outcome.held();
     html! {
-        (table(&["quantity", "answer", "uncertainty", "base sample", "its error"], &rows))
+        (table(
+            "Extrapolated values and values of the base, in the unit of the quantity; uncertainty relative to the \
+             extrapolated value, error relative to the same, %.",
+            &["quantity", "extrapolated value", "uncertainty", "value of the base", "error of the base"],
+            &rows
+        ))
         @if let Some(l) = base.largest {
             p {
-                "The largest error of the base sample is " (error(Some(l.estimate)))
+                "Largest error of the base: " (error(Some(l.estimate)))
                 " (" (study.quantities[l.quantity].name) ")."
             }
         }
         @for (_, sentence) in cheaper(study, outcome) { p { (sentence) "." } }
         @if all > 0 {
             p {
-                "Runs finer than all that the estimates use: " (held) " of " (all)
-                " values lie within the band stated for them."
+                "Check samples, which are finer than all samples of the estimates: " (held) " of " (all)
+                " values lie within their stated uncertainty."
             }
         }
     }
@@ -154,8 +159,9 @@ fn unassessed(all: &[NotAssessed]) -> Markup {
     html! {
         @if !all.is_empty() {
             h2 { "Not assessed" }
-            p.s { "The errors above do not contain these." }
+            p.s { "Sources of error that the errors above do not include." }
             table {
+                caption { "Sources of error without an estimate, with the reason." }
                 @for n in all {
                     tr {
                         td { (n.name) }
@@ -176,21 +182,25 @@ fn verification(verified: &Result<Vec<Verified>, String>) -> Markup {
         @for v in all {
             tr {
                 td { (v.quantity) }
-                td { (six(v.value)) }
-                td { (six(v.reference)) }
+                td { (digits(v.value)) }
+                td { (digits(v.reference)) }
                 td { (percent(v.true_error)) }
                 td { (percent(v.error)) " ± " (percent(v.band)) }
-                td.w { @if v.held { "held" } @else { "not held" } }
+                td.w { @if v.held { "within bound" } @else { "above bound" } }
             }
         }
     };
     html! {
         h2 { "Verification" }
         p.s {
-            "The advised sample (the base without advice) against a reference that is finer than all samples in all \
+            "The recommended sample (else the base) compared with a reference that is finer than all samples in all \
              parameters of the study."
         }
-        (table(&["quantity", "value", "reference", "true error", "promised", ""], &rows))
+        (table(
+            "True and estimated errors relative to the extrapolated value, %; values in the unit of the quantity.",
+            &["quantity", "value", "reference", "true error", "estimated error", "result"],
+            &rows
+        ))
     }
 }
 
@@ -219,13 +229,19 @@ fn fronts(study: &Study, outcome: &Outcome) -> Markup {
     html! {
         h2 { "Pareto fronts" }
         p.s {
-            "A sample joins a front only if its error is below those of all cheaper ones by more than the uncertainty."
+            "A sample is on a front if its error is smaller than that of every cheaper sample on it by more than the \
+             uncertainty."
         }
-        (table(&["quantity", "sample", "cost, s", "error"], &rows))
+        (table(
+            "Samples on the Pareto fronts of the largest error and of each quantity; error relative to the \
+             extrapolated value, %.",
+            &["quantity", "sample", "cost, s", "error"],
+            &rows
+        ))
     }
 }
 
-fn six(x: f64) -> String {
+fn digits(x: f64) -> String {
     if x.abs() >= 1e-3 && x.abs() < 1e6 {
         let digits = (4.0 - x.abs().log10().floor()).clamp(0.0, 8.0) as usize;
         format!("{x:.digits$}")
@@ -243,10 +259,10 @@ fn parameters(study: &Study, outcome: &Outcome) -> Markup {
                 line.promised.to_string(),
                 c.behaviour.words().into(),
             ),
-            _ => ("-".into(), "-".into(), "words: the largest change from the base is shown".into()),
+            _ => ("-".into(), "-".into(), "choices: largest change from the base".into()),
         };
         let check = j.check.map_or_else(String::new, |(far, band)| {
-            format!("error {}, {}", percent(far), if within(far, band) { "held" } else { "not held" })
+            format!("error {}, {}", percent(far), if within(far, band) { "within" } else { "outside" })
         });
         html! {
             tr {
@@ -271,18 +287,23 @@ fn parameters(study: &Study, outcome: &Outcome) -> Markup {
         "quantity",
         "observed order",
         "formal order",
-        "error of the coarsest",
-        "error of the finest",
-        "finer run",
+        "error of the coarsest sample",
+        "error of the finest sample",
+        "check sample",
         "behaviour",
     ];
     html! {
-        h2 { "The parameters" }
-        (table(&head, &rows))
+        h2 { "Parameters" }
+        (table(
+            "Convergence with each parameter: orders of accuracy, and errors relative to the extrapolated value, %. The \
+             check sample is within or outside the stated uncertainty.",
+            &head,
+            &rows
+        ))
     }
 }
 
-/// Error of the first sample of a line; for words the largest change.
+/// Error of the coarsest sample of a line; for choices the largest change from the base.
 fn coarsest(judged: &Judged) -> String {
     let errors = || judged.errors.iter().flatten().map(|e| e.0);
     match (&judged.convergence, &judged.unassessed) {
@@ -299,30 +320,34 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> Markup {
     for q in &study.quantities {
         head.extend([q.name.as_str(), "error"]);
     }
-    head.extend(["wall s", "cpu s", "memory MB", "work s", "cell updates", "element ev.", "matrix rows"]);
-    head.extend(["iterations", ""]);
+    head.extend(["wall, s", "cpu, s", "memory, MB", "work, s", "cell updates", "element ev.", "matrix rows"]);
+    head.extend(["iterations", "note"]);
     let rows = html! { @for m in order { (sample(study, outcome, &records[m], m)) } };
     html! {
-        h2 { "The samples" }
-        p.s { "Shaded: on the Pareto front of the largest error. Red: a gap, with its reason." }
-        (table(&head, &rows))
+        h2 { "Samples" }
+        p.s { "Shaded: on the Pareto front of the largest error. Red: failed, with the reason." }
+        (table(
+            "Values in the unit of the quantity, errors relative to the extrapolated value, %, and cost of each sample.",
+            &head,
+            &rows
+        ))
     }
 }
 
 fn sample(study: &Study, outcome: &Outcome, record: &Record, m: usize) -> Markup {
     let s = &outcome.samples[m];
     let class = match &s.gap {
-        Some(_) => Some("gap"),
+        Some(_) => Some("failed"),
         None => outcome.front.contains(&m).then_some("front"),
     };
-    let checks = if study.samples[m].check { "tests the bands" } else { "" };
+    let checks = if study.samples[m].check { "check sample" } else { "" };
     let note = s.gap.as_deref().or(record.note.as_deref()).unwrap_or(checks);
     let assessed = study.reference != Some(m);
     html! {
         tr class=[class] {
             td { (study.samples[m].label) }
             @for (v, e) in s.values.iter().zip(&s.estimates) {
-                td { (v.map_or_else(|| "-".into(), six)) }
+                td { (v.map_or_else(|| "-".into(), digits)) }
                 td { @if v.is_some() && assessed { (error(*e)) } @else { "-" } }
             }
             (costs(record))
@@ -331,7 +356,7 @@ fn sample(study: &Study, outcome: &Outcome, record: &Record, m: usize) -> Markup
     }
 }
 
-/// Cells of times, memory and counts.
+/// Table cells of times, memory and counts.
 fn costs(record: &Record) -> Markup {
     let runs = &record.runs;
     let timing = |of: fn(&super::cost::Cost) -> f64| {
@@ -362,11 +387,12 @@ fn method(study: &Study, records: &[Record], about: &About<'_>) -> Markup {
         h2 { "Method" }
         p { code { (about.command) } }
         p.s {
-            (study.samples.len()) " samples, each run up to " (repeats) " times. Errors are relative to the answers at \
-             the top: the sum of the errors of the parameters, each alone, or the distance from the answer where that is \
-             more. Orders and uncertainties follow Eça and Hoekstra (2014), which extends the grid convergence index of \
-             Roache. Work is a sum of counts (cell updates, element evaluations, rows of matrix products), each times a \
-             fixed time of one core, and independent of the load of the machine. Ripstop "
+            (study.samples.len()) " samples, each run up to " (repeats) " times. The error of a sample is the sum of the \
+             error magnitudes of its parameters, or its distance from the extrapolated value if that is larger, relative \
+             to the extrapolated value. Orders and uncertainties follow Eça and Hoekstra (2014), an extension of the grid \
+             convergence index of Roache. Work is a weighted sum of counts (cell updates, element evaluations, rows of \
+             matrix products) with fixed weights in seconds of one core; it does not depend on the load of the machine. \
+             Ripstop "
             (env!("CARGO_PKG_VERSION")) ", " (about.build) "."
         }
     }
@@ -378,7 +404,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_report_is_whole_and_needs_no_network() {
+    fn report_is_complete_and_self_contained() {
         let (study, mut values, mut records) = made();
         values[1][0] = Err("x".into());
         records[1].failure = Some("the coupling <failed>".into());
@@ -397,11 +423,12 @@ mod tests {
         assert!(html.matches("<svg").count() == 6 && html.ends_with("</html>\n"));
         assert!(html.contains("the coupling &lt;failed&gt;") && html.contains("commit 0123abc"));
         assert!(html.contains("<td>substeps</td><td class=\"w\">not assessed: not varied"), "{html}");
-        // Names of namespaces are the only addresses.
+        // The only addresses are XML namespaces.
         for (at, _) in html.match_indices("http") {
             assert!(html[at..].starts_with("http://www.w3.org/2000/svg"), "{}", &html[at..at + 60]);
         }
         assert!(!html.contains("<script") && !html.contains("<link") && !html.contains("NaN"));
         assert_eq!(html.matches("<table").count(), html.matches("</table>").count());
+        assert_eq!(html.matches("<table").count(), html.matches("</caption>").count());
     }
 }

@@ -1,4 +1,4 @@
-//! The parameters: what each changes in a scene, and which scenes have it.
+//! The parameters of studies: their effect on a scene, and the scenes that have them.
 
 use case::set_value;
 use case::{Canopy, Integration, Role, Scene, Solve, Stage, StageKind};
@@ -13,7 +13,7 @@ use crate::stability::family::SchemeChoice;
 pub enum Setting {
     /// A number.
     Number(f64),
-    /// A word.
+    /// An option.
     Choice(String),
 }
 
@@ -21,7 +21,7 @@ impl std::fmt::Display for Setting {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Number(x) if *x != 0.0 && (x.abs() < 1e-2 || x.abs() >= 1e5) => write!(f, "{x:e}"),
-            // Factors as thirds need no more digits.
+            // Four decimals, as factors such as 2/3 need no more.
             Self::Number(x) => write!(f, "{}", (x * 1e4).round() / 1e4),
             Self::Choice(word) => write!(f, "{word}"),
         }
@@ -31,11 +31,11 @@ impl std::fmt::Display for Setting {
 /// Meaning of the values of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// How many times as fine as the scene: errors fall with one over it.
+    /// Refinement factor relative to the scene; errors decrease with its inverse.
     Fineness,
-    /// A tolerance or another number that errors fall with.
+    /// A tolerance or another number with which errors decrease.
     Size,
-    /// Words without order.
+    /// Options without order.
     Choice,
 }
 
@@ -51,7 +51,7 @@ pub struct Parameter {
 }
 
 type Change = fn(&mut Scene, usize, f64);
-/// Name, meaning of its numbers, formal order, the scenes that have it (else why not), change.
+/// Name, meaning of the numbers, formal order, test whether a scene has it (with the reason if not), change.
 type Entry = (&'static str, Kind, f64, fn(&Scene, usize) -> Result<(), &'static str>, Change);
 
 fn has_role(scene: &Scene, role: Role) -> bool {
@@ -60,7 +60,7 @@ fn has_role(scene: &Scene, role: Role) -> bool {
 
 fn structure_grid(scene: &Scene, _: usize) -> Result<(), &'static str> {
     match scene.canopy {
-        Canopy::Gmsh(_) => Err("its canopy is a mesh from a file: make finer files, and a study of each"),
+        Canopy::Gmsh(_) => Err("its canopy mesh is read from a file; repeat the study with a finer file"),
         _ => Ok(()),
     }
 }
@@ -70,7 +70,7 @@ fn flow_grid(scene: &Scene, _: usize) -> Result<(), &'static str> {
         None => Err("it has no [flow]"),
         Some(_) if !has_role(scene, Role::Flow) => Err("no stage runs the flow"),
         Some(f) if f.grid_file.is_some() => {
-            Err("its flow grid comes from a file: make finer files, and a study of each")
+            Err("its flow grid is read from a file; repeat the study with a finer file")
         }
         Some(_) => Ok(()),
     }
@@ -79,7 +79,7 @@ fn flow_grid(scene: &Scene, _: usize) -> Result<(), &'static str> {
 fn in_time(scene: &Scene, stage: usize) -> Result<(), &'static str> {
     let s = &scene.stages[stage];
     if s.steady.is_some() || s.solve == Solve::Static {
-        return Err("its stage is not in time (static, or a march to a steady state)");
+        return Err("its stage does not depend on time (static or steady)");
     }
     Ok(())
 }
@@ -116,7 +116,7 @@ fn newton(scene: &Scene, _: usize) -> Result<(), &'static str> {
         return Err("no stage runs the structure");
     }
     match scene.structure.integration {
-        Integration::Explicit => Err("explicit steps of the structure solve no equations"),
+        Integration::Explicit => Err("explicit time integration of the structure solves no equations"),
         _ => Ok(()),
     }
 }
@@ -134,7 +134,7 @@ fn times(count: u32, factor: f64) -> u32 {
     (f64::from(count) * factor).round().max(1.0) as u32
 }
 
-/// Canopies have even numbers of cells across.
+/// Scales the number of cells across a canopy, which must be even.
 fn even(count: u32, factor: f64) -> u32 {
     2 * (0.5 * f64::from(count) * factor).round().max(1.0) as u32
 }
@@ -145,7 +145,7 @@ fn refine_structure(scene: &mut Scene, _: usize, f: f64) {
             a.cells_across = even(a.cells_across, f);
             a.cells_along_vent = times(a.cells_along_vent, f);
             a.cells_along_stitching = times(a.cells_along_stitching, f);
-            // Tapes stay where they are.
+            // Reinforcements keep their position.
             if a.reinforcement_spacing_cells > 0 {
                 a.reinforcement_spacing_cells = times(a.reinforcement_spacing_cells, f);
             }
@@ -174,7 +174,7 @@ fn refine_flow(scene: &mut Scene, _: usize, f: f64) {
     g.first_layer_m /= f;
 }
 
-/// Shorter windows keep the structure's step: that is another parameter.
+/// Changes the window at a constant time step of the structure, which is another parameter.
 fn shorten_windows(scene: &mut Scene, stage: usize, f: f64) {
     let s: &mut Stage = &mut scene.stages[stage];
     let count = (s.windows() as f64 * f).round().max(1.0);
@@ -211,29 +211,29 @@ const NUMBERS: &[Entry] = &[
     ("mover-tolerance", Kind::Size, 1.0, mover, |s, _, x| s.mesh.tolerance = x),
 ];
 
-/// Parameter without entry: coupling schemes. Effects and keys of the scene have none either.
+/// The parameter of coupling schemes. Like effects and keys of the scene, it is not in [`NUMBERS`].
 const SCHEME: &str = "scheme";
 
-/// Names of all parameters, for messages.
+/// Names of all parameters except effects and keys.
 pub fn names() -> Vec<&'static str> {
     NUMBERS.iter().map(|e| e.0).chain([SCHEME]).collect()
 }
 
 fn refuse(name: &str, why: &str) -> RunError {
-    RunError::Input(format!("parameter `{name}`: not available in this scene: {why}"))
+    RunError::Input(format!("parameter `{name}` is not available in this scene: {why}"))
 }
 
 impl Parameter {
-    /// Finds `name`; `words` says that its values are words.
+    /// Finds `name`; `words`: its values are options.
     ///
     /// # Errors
-    /// A parameter that does not exist or that `scene` does not have, with the reason.
+    /// The parameter does not exist, or `scene` does not have it (with the reason).
     pub fn find(name: &str, scene: &Scene, stage: usize, words: bool) -> Result<Self, RunError> {
         let parameter = |kind, promised| Self { name: name.into(), kind, promised };
         if let Some((_, kind, promised, fits, _)) = NUMBERS.iter().find(|e| e.0 == name) {
             fits(scene, stage).map_err(|why| refuse(name, why))?;
             if words {
-                return Err(refuse(name, "its values are numbers (`values`), not words (`choices`)"));
+                return Err(refuse(name, "its values are numbers: give `values` instead of `choices`"));
             }
             return Ok(parameter(*kind, *promised));
         }
@@ -242,32 +242,32 @@ impl Parameter {
             return if words {
                 Ok(parameter(Kind::Choice, 0.0))
             } else {
-                Err(refuse(name, "name schemes in `choices`"))
+                Err(refuse(name, "its values are schemes: give `choices`"))
             };
         }
         if name.contains("precision") {
             return Err(refuse(
                 name,
-                "preconditioners have no choice of precision: those of the flow and of the mesh-mover are of \
-                 single precision always",
+                "the precision of preconditioners is fixed: those of the flow-solver and the mesh-mover always use single \
+                 precision",
             ));
         }
         if let Some(entry) = TABLE.iter().find(|e| e.key == name) {
             if entry.without.is_none() && entry.with.is_none() {
-                return Err(refuse(name, "this effect has no scene without it"));
+                return Err(refuse(name, "this effect cannot be removed from a scene"));
             }
             return if words {
                 Ok(parameter(Kind::Choice, 0.0))
             } else {
-                Err(refuse(name, "write choices = [\"on\", \"off\"]"))
+                Err(refuse(name, "give choices = [\"on\", \"off\"]"))
             };
         }
         if name.contains('.') {
             return Ok(parameter(if words { Kind::Choice } else { Kind::Size }, 1.0));
         }
         Err(RunError::Input(format!(
-            "there is no parameter `{name}`; there are {}, the effects that `ripstop effects` lists, and dotted keys of \
-             the scene such as `flow.solver.residual_drop`",
+            "there is no parameter `{name}`. Valid are {}, the effects listed by `ripstop effects`, and dotted keys of the \
+             scene such as `flow.solver.residual_drop`",
             names().join(", ")
         )))
     }
@@ -277,7 +277,7 @@ impl Parameter {
         NUMBERS.iter().any(|e| e.0 == name && (e.3)(scene, stage).is_ok())
     }
 
-    /// The scene's own value.
+    /// Value in the scene.
     pub fn own(&self, scene: &Scene) -> Option<Setting> {
         let number = match self.name.as_str() {
             _ if self.kind == Kind::Fineness => 1.0,
@@ -309,11 +309,11 @@ impl Parameter {
         Some(Setting::Number(number))
     }
 
-    /// The scene with another value of the parameter.
+    /// The scene with the parameter set to `to`.
     ///
     /// # Errors
-    /// A setting that the scene refuses.
-    pub fn turn(&self, scene: &Scene, stage: usize, to: &Setting) -> Result<Scene, RunError> {
+    /// A setting that is invalid in this scene.
+    pub fn set_in(&self, scene: &Scene, stage: usize, to: &Setting) -> Result<Scene, RunError> {
         if self.own(scene).as_ref() == Some(to) {
             return Ok(scene.clone());
         }
@@ -344,7 +344,7 @@ impl Parameter {
                     _ => return Err(refuse(&self.name, "an effect is \"on\" or \"off\"")),
                 };
                 let change = change.ok_or_else(|| {
-                    refuse(&self.name, &format!("the effect has no defaults to turn it {word} with"))
+                    refuse(&self.name, &format!("the effect has no default settings for \"{word}\""))
                 })?;
                 change(&mut scene);
                 Ok(scene)
@@ -368,7 +368,7 @@ impl Parameter {
         read(text)
     }
 
-    /// What errors fall with: one over the fineness, or the tolerance itself.
+    /// Size that errors decrease with: inverse of the refinement factor, or the tolerance.
     pub fn size(&self, at: &Setting) -> Option<f64> {
         match (self.kind, at) {
             (Kind::Fineness, Setting::Number(f)) => Some(1.0 / f),
@@ -378,11 +378,11 @@ impl Parameter {
     }
 }
 
-/// A scene as a table.
+/// A scene as a TOML table.
 pub fn table(scene: &Scene) -> Result<Table, RunError> {
     let text = toml::to_string(scene)
-        .map_err(|e| RunError::Input(format!("the scene cannot be written down again: {e}")))?;
-    text.parse().map_err(|e| RunError::Input(format!("the scene cannot be read again: {e}")))
+        .map_err(|e| RunError::Input(format!("the scene cannot be written as TOML: {e}")))?;
+    text.parse().map_err(|e| RunError::Input(format!("the written scene cannot be read: {e}")))
 }
 
 fn read(table: Table) -> Result<Scene, RunError> {
@@ -402,45 +402,45 @@ mod tests {
         case::load(&file).unwrap()
     }
 
-    fn turned(scene: &Scene, name: &str, to: Setting) -> Scene {
+    fn modified(scene: &Scene, name: &str, to: Setting) -> Scene {
         let stage = scene.stages.len() - 1;
         let words = matches!(to, Setting::Choice(_));
-        Parameter::find(name, scene, stage, words).unwrap().turn(scene, stage, &to).unwrap()
+        Parameter::find(name, scene, stage, words).unwrap().set_in(scene, stage, &to).unwrap()
     }
 
     #[test]
-    fn each_dial_changes_what_it_says() {
+    fn each_parameter_changes_its_setting_only() {
         let base = scene("square-drop");
         let n = Setting::Number;
-        let s = turned(&base, "grid", n(0.5));
+        let s = modified(&base, "grid", n(0.5));
         let (Canopy::Square(c), Some(f)) = (&s.canopy, &s.flow) else { panic!() };
         assert_eq!((c.cells_across, f.grid.layers_inside, f.grid.layers_outside), (6, 3, 5));
         assert!((f.grid.first_layer_m - 0.2).abs() < 1e-12);
-        let s = turned(&base, "window", n(2.0));
+        let s = modified(&base, "window", n(2.0));
         assert_eq!((s.stages[2].window_s, s.stages[2].substeps), (2.5e-3, 5));
         assert_eq!(s.stages[2].windows(), 2 * base.stages[2].windows());
-        assert_eq!(turned(&base, "substeps", n(0.5)).stages[2].substeps, 5);
-        assert_eq!(turned(&base, "coupling-tolerance", n(1e-4)).coupling.tolerance, 1e-4);
-        assert_eq!(turned(&base, "mover-tolerance", n(1e-4)).mesh.tolerance, 1e-4);
-        assert_eq!(turned(&base, "coupling.reused_windows", n(3.0)).coupling.reused_windows, 3);
+        assert_eq!(modified(&base, "substeps", n(0.5)).stages[2].substeps, 5);
+        assert_eq!(modified(&base, "coupling-tolerance", n(1e-4)).coupling.tolerance, 1e-4);
+        assert_eq!(modified(&base, "mover-tolerance", n(1e-4)).mesh.tolerance, 1e-4);
+        assert_eq!(modified(&base, "coupling.reused_windows", n(3.0)).coupling.reused_windows, 3);
         let c = |w: &str| Setting::Choice(w.into());
-        assert_eq!(turned(&base, "scheme", c("staggered")).coupling.scheme, case::Scheme::Staggered);
-        assert!(!turned(&base, "fabric.wrinkling", c("off")).fabric.wrinkling);
-        assert_eq!(turned(&base, "mesh.mover", c("laplacian")).mesh.mover, case::MoverKind::Laplacian);
+        assert_eq!(modified(&base, "scheme", c("staggered")).coupling.scheme, case::Scheme::Staggered);
+        assert!(!modified(&base, "fabric.wrinkling", c("off")).fabric.wrinkling);
+        assert_eq!(modified(&base, "mesh.mover", c("laplacian")).mesh.mover, case::MoverKind::Laplacian);
     }
 
     #[test]
-    fn the_own_setting_leaves_the_scene_alone() {
+    fn value_of_the_scene_leaves_it_unchanged() {
         let base = scene("atps-descent");
         for name in names().into_iter().filter(|n| Parameter::fits(n, &base, 2)) {
             let parameter = Parameter::find(name, &base, 2, false).unwrap();
-            let same = parameter.turn(&base, 2, &parameter.own(&base).unwrap()).unwrap();
+            let same = parameter.set_in(&base, 2, &parameter.own(&base).unwrap()).unwrap();
             assert_eq!(toml::to_string(&same).unwrap(), toml::to_string(&base).unwrap(), "{name}");
         }
     }
 
     #[test]
-    fn what_a_scene_does_not_have_is_refused_with_the_reason() {
+    fn unavailable_parameters_are_refused_with_the_reason() {
         let refused = |case: &str, name: &str, words: bool| {
             let s = scene(case);
             Parameter::find(name, &s, s.stages.len() - 1, words).unwrap_err().to_string()
@@ -454,6 +454,6 @@ mod tests {
         assert!(refused("square-drop", "scheme", false).contains("choices"));
         let s = scene("square-drop");
         let typo = Parameter::find("coupling.tolerence", &s, 2, false).unwrap();
-        assert!(typo.turn(&s, 2, &Setting::Number(1.0)).unwrap_err().to_string().contains("did you mean"));
+        assert!(typo.set_in(&s, 2, &Setting::Number(1.0)).unwrap_err().to_string().contains("did you mean"));
     }
 }

@@ -1,4 +1,4 @@
-//! Before a study runs: its samples, their estimated cost, and the user's consent.
+//! The samples of a study with their estimated cost, and the confirmation before they run.
 
 use std::io::{BufRead, IsTerminal, Write};
 
@@ -8,19 +8,19 @@ use terminal::clock;
 use super::runs::{Execution, Queue};
 use super::study::Study;
 
-/// Estimated cost of the runs that are missing.
+/// Estimated cost of the outstanding runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// Number of runs.
     pub runs: usize,
-    /// Wall seconds, so many runs at a time.
+    /// Wall time with parallel runs, s.
     pub wall_s: f64,
-    /// From runs of this study, not from the sizes of the scene.
+    /// Whether it is based on runs of this study instead of the sizes of the scene.
     pub measured: bool,
 }
 
 impl Estimate {
-    /// For the runs of `queue`. The base runs alone, before all others.
+    /// Estimate for the runs of `queue`. The base runs first and alone.
     pub fn new(study: &Study, execution: &Execution, queue: &Queue) -> Self {
         let seconds = |m: usize| queue.base_s.0 * study.samples[m].ratio;
         let (base, others) = queue.open.split_at(usize::from(queue.open.first() == Some(&0)));
@@ -34,12 +34,12 @@ impl Estimate {
         }
     }
 
-    /// In one line.
+    /// Text of one line.
     pub fn words(&self, execution: &Execution) -> String {
         let source = if self.measured {
-            "from the runs that are there"
+            "from completed runs"
         } else {
-            "from the sizes of the scene, within a factor of about 3"
+            "estimated from the sizes of the scene, within a factor of about 3"
         };
         format!(
             "{} runs, {} at a time: about {} of wall time ({source})",
@@ -50,7 +50,7 @@ impl Estimate {
     }
 }
 
-/// The samples with their cost: measured where one was run, else estimated.
+/// The list of samples with their measured or estimated cost.
 pub fn plan(study: &Study, execution: &Execution, queue: &Queue) -> String {
     let mut text = format!("{} samples of {}; quantities:\n", study.samples.len(), study.title);
     for q in &study.quantities {
@@ -62,17 +62,16 @@ pub fn plan(study: &Study, execution: &Execution, queue: &Queue) -> String {
             Some(c) => format!("{} (measured)", clock(c.wall_s)),
             None => format!("about {}", clock(queue.base_s.0 * m.ratio)),
         };
-        let check = if m.check { "  (tests the bands)" } else { "" };
+        let check = if m.check { "  (check sample)" } else { "" };
         text += &format!("  {:<28} x {:>7.2}  {estimate}{check}\n", m.label, m.ratio);
     }
     text + "to run: " + &Estimate::new(study, execution, queue).words(execution)
 }
 
-/// Asks whether the runs may start, where a person can answer. Without a terminal (batch systems, scripts)
-/// nothing is asked: the queue limits the time, and an interrupted study resumes.
+/// Asks for confirmation on a terminal. Without a terminal (batch systems, scripts) the runs start without confirmation.
 ///
 /// # Errors
-/// The answer no.
+/// The user does not confirm.
 pub fn confirm(estimate: &Estimate, yes: bool) -> Result<(), RunError> {
     let terminal = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
     if yes || estimate.runs == 0 || !terminal {
@@ -84,7 +83,7 @@ pub fn confirm(estimate: &Estimate, yes: bool) -> Result<(), RunError> {
     if read.is_ok() && agrees(&answer) {
         return Ok(());
     }
-    Err(RunError::Input("not started: answer y, or give --yes".into()))
+    Err(RunError::Input("not started: the runs were not confirmed. Answer y, or use --yes".into()))
 }
 
 fn agrees(answer: &str) -> bool {
@@ -98,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_base_runs_alone_and_the_others_share_the_cores() {
+    fn estimate_runs_the_base_alone_and_others_in_parallel() {
         let (study, _, records) = made();
         let execution = Execution { out: "out".into(), jobs: 2, repeat: 1, any_build: false, limit_s: None };
         let queue = |open: Vec<usize>| Queue {
@@ -118,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn only_yes_is_yes() {
+    fn only_yes_confirms() {
         assert!(agrees("y\n") && agrees(" YES ") && !agrees("") && !agrees("n\n") && !agrees("yep"));
     }
 }

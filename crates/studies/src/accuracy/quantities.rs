@@ -1,4 +1,4 @@
-//! Numbers that a run comes to, from what it left behind.
+//! Quantities of a study, read from the results of a run.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use coupling::interface::CanopyInterface;
 use mesh::Point;
 use results::history;
 
-/// Column of `history.csv`, how it becomes a number by default, the programs that must run.
+/// Column of `history.csv`, default statistic and required program of a quantity.
 fn column(of: Measured) -> Option<(&'static str, Statistic, Role)> {
     use Measured as M;
     Some(match of {
@@ -32,13 +32,13 @@ fn column(of: Measured) -> Option<(&'static str, Statistic, Role)> {
     })
 }
 
-/// What stands behind a probe's name in the columns of `probes.csv`.
+/// Suffixes of the columns of a probe in `probes.csv`.
 const PROBED: [&str; 5] = ["_p_pa", "_u_m_s", "_v_m_s", "_w_m_s", "_t_k"];
 
-/// Refuses what `scene` cannot measure.
+/// Checks that a run of `scene` provides quantity `q`.
 ///
 /// # Errors
-/// Quantity, place and remedy.
+/// It does not; the message names the quantity, the reason and the remedy.
 pub fn check(q: &Quantity, scene: &Scene, stage: usize) -> Result<(), RunError> {
     let refuse = |why: String| Err(RunError::Input(format!("accuracy.quantity `{}`: {why}", q.name)));
     let stage = stage_of(q, scene, stage)?;
@@ -47,7 +47,7 @@ pub fn check(q: &Quantity, scene: &Scene, stage: usize) -> Result<(), RunError> 
         && !s.kind.roles().contains(&role)
     {
         return refuse(format!(
-            "stage `{}` does not run the {}: name another with `stage`, or take another quantity",
+            "stage `{}` does not run the {}. Select another stage with `stage`, or use another quantity",
             s.name,
             role.program()
         ));
@@ -62,41 +62,50 @@ pub fn check(q: &Quantity, scene: &Scene, stage: usize) -> Result<(), RunError> 
         return refuse("the scene has no [lines]".into());
     }
     if matches!(q.of, Measured::Probe | Measured::History) && q.column.is_none() {
-        return refuse("name the `column`, such as `centre_p_pa` of a probe `centre`".into());
+        return refuse("`column` is missing; give one such as `centre_p_pa` for a probe `centre`".into());
     }
     if q.of == Measured::Probe {
-        let probes: Vec<&str> = scene.flow.iter().flat_map(|f| &f.probes).map(|p| p.name.as_str()).collect();
-        let column = q.column.as_deref().unwrap_or_default();
-        let known = |p: &&str| column.strip_prefix(*p).is_some_and(|rest| PROBED.contains(&rest));
-        if !probes.iter().any(known) {
-            return refuse(format!(
-                "no probe has a column `{column}`: it is the name of a probe ({}) and one of {}",
-                probes.join(", "),
-                PROBED.join(", ")
-            ));
-        }
+        probe_column(q.column.as_deref().unwrap_or_default(), scene).or_else(refuse)?;
     }
     if q.of == Measured::Displacement && q.at_m.is_none() {
-        return refuse("name a point of the unstressed canopy: at_m = [x, y, z]".into());
+        return refuse(
+            "the point is missing; give its position on the unstressed canopy: at_m = [x, y, z]".into(),
+        );
     }
     if q.of == Measured::VentArea {
         let interface = CanopyInterface::new(scene)?;
         if openings(&interface.faces).is_empty() {
-            return refuse("the canopy has no opening with an edge all around".into());
+            return refuse("the canopy has no vent (closed opening)".into());
         }
     }
     let duration = s.duration_s;
     let (from, to) = (q.from_s.unwrap_or(0.0), q.to_s.unwrap_or(duration));
     if duration > 0.0 && !(from >= 0.0 && from < to && to <= duration * (1.0 + 1e-9)) {
-        return refuse(format!("from {from} to {to} s is no part of stage `{}` of {duration} s", s.name));
+        return refuse(format!(
+            "the interval {from} to {to} s is not part of stage `{}`, which lasts {duration} s",
+            s.name
+        ));
     }
     if q.exact == Some(0.0) && q.scale.is_none() {
-        return refuse("the exact answer is 0: say with `scale` what errors are shares of".into());
+        return refuse("the exact value is 0; give the `scale` of relative errors".into());
     }
     if q.scale.is_some_and(|s| !(s > 0.0 && s.is_finite())) {
         return refuse("`scale` must be above 0".into());
     }
     Ok(())
+}
+
+/// Checks that the probes of the scene have this column; the error is the reason.
+fn probe_column(column: &str, scene: &Scene) -> Result<(), String> {
+    let probes: Vec<&str> = scene.flow.iter().flat_map(|f| &f.probes).map(|p| p.name.as_str()).collect();
+    let known = |p: &&str| column.strip_prefix(*p).is_some_and(|rest| PROBED.contains(&rest));
+    if probes.iter().any(known) {
+        return Ok(());
+    }
+    let (probes, suffixes) = (probes.join(", "), PROBED.join(", "));
+    Err(format!(
+        "there is no column `{column}`. Columns consist of the name of a probe ({probes}) and one of {suffixes}"
+    ))
 }
 
 fn stage_of(q: &Quantity, scene: &Scene, stage: usize) -> Result<usize, RunError> {
@@ -114,7 +123,7 @@ fn stage_of(q: &Quantity, scene: &Scene, stage: usize) -> Result<usize, RunError
 /// The value of `q` in the results `out` of a run of `scene`.
 ///
 /// # Errors
-/// In words: a file or a column that is missing, a value that is no number.
+/// A file or a column is missing, or the value is not finite.
 pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f64, String> {
     let at = stage_of(q, scene, stage).map_err(|e| e.to_string())?;
     let folder = case::stage_folder(out, scene, at);
@@ -155,16 +164,17 @@ pub fn value(q: &Quantity, scene: &Scene, stage: usize, out: &Path) -> Result<f6
             let take = q.statistic.unwrap_or(take);
             let from = q.from_s.unwrap_or(if matches!(take, Statistic::End) { 0.0 } else { 0.5 * duration });
             let to = q.to_s.unwrap_or(f64::INFINITY);
-            // A stage without time has one window.
+            // A static stage has one window.
             let (from, to) = if duration > 0.0 { (from, to) } else { (f64::NEG_INFINITY, f64::INFINITY) };
-            reduce(time, values, take, from, to).ok_or_else(|| format!("no window from {from} to {to} s"))?
+            reduce(time, values, take, from, to)
+                .ok_or_else(|| format!("no window lies between {from} and {to} s"))?
         }
     };
-    if found.is_finite() { Ok(found) } else { Err(format!("`{}` is no number", q.name)) }
+    if found.is_finite() { Ok(found) } else { Err(format!("`{}` is not a finite number", q.name)) }
 }
 
-/// Values stand at the ends of windows. A mean over time is that of the line through them, the
-/// value at `from` and `to` interpolated, so that it does not jump as windows are shortened.
+/// Statistic of values at the ends of windows, between the times `from` and `to`. Means are those of the piecewise
+/// linear interpolant, so that they do not jump when the window changes. `None` without a value in the interval.
 pub fn reduce(time: &[f64], values: &[f64], take: Statistic, from: f64, to: f64) -> Option<f64> {
     let slack = 1e-9 * time.last()?.abs().max(1e-300);
     let (from, to) = (from, to.min(*time.last()?));
@@ -185,7 +195,7 @@ pub fn reduce(time: &[f64], values: &[f64], take: Statistic, from: f64, to: f64)
     })
 }
 
-/// Mean of `f` of the values over time by the trapezoidal rule.
+/// Mean of `f(value)` over time by the trapezoidal rule.
 fn integral(time: &[f64], values: &[f64], from: f64, to: f64, f: impl Fn(f64) -> f64) -> Option<f64> {
     let at = |t: f64| {
         let i = time.partition_point(|&x| x < t).clamp(1, time.len().max(2) - 1);
@@ -219,7 +229,7 @@ fn displacement(q: &Quantity, coords: &[Point], d: &dyn Fn(usize) -> Point) -> f
     }
 }
 
-/// Closed edges of a surface but for the longest, which is its rim: each as its nodes in order.
+/// Closed boundary polygons of a surface except the longest, which is the skirt: nodes in order.
 fn openings(faces: &[[u32; 4]]) -> Vec<Vec<u32>> {
     let mut next: HashMap<u32, Vec<u32>> = HashMap::new();
     let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
@@ -240,7 +250,7 @@ fn openings(faces: &[[u32; 4]]) -> Vec<Vec<u32>> {
     for start in starts {
         let mut path = vec![start];
         while let Some(to) = next.get_mut(path.last().unwrap_or(&start)).and_then(Vec::pop) {
-            // Where two loops touch in a node, the inner one is closed first.
+            // If two loops share a node, the inner one is closed first.
             if let Some(at) = path.iter().position(|&n| n == to) {
                 loops.push(path.split_off(at));
                 path.push(to);
@@ -256,7 +266,7 @@ fn openings(faces: &[[u32; 4]]) -> Vec<Vec<u32>> {
     loops
 }
 
-/// Size of the area vector of a closed line.
+/// Norm of the area vector of a closed polygon, m2.
 fn loop_area(nodes: &[u32], at: &dyn Fn(u32) -> Point) -> f64 {
     let mut area = [0.0; 3];
     for (i, &a) in nodes.iter().enumerate() {
@@ -269,7 +279,7 @@ fn loop_area(nodes: &[u32], at: &dyn Fn(u32) -> Point) -> f64 {
     area.iter().map(|a| a * a).sum::<f64>().sqrt()
 }
 
-/// Quantities for a scene that names none.
+/// Default quantities of a scene.
 pub fn defaults(scene: &Scene, stage: usize) -> Vec<Quantity> {
     let s = &scene.stages[stage];
     let quantity = |name: &str, of| Quantity {
@@ -293,7 +303,7 @@ pub fn defaults(scene: &Scene, stage: usize) -> Vec<Quantity> {
         quantity("volume, m3", Measured::Volume),
         quantity("vent area, m2", Measured::VentArea),
     ];
-    // The volume of a flat sheet or an open shape says nothing where an area does.
+    // Only the inflation of a closed shape is described by a volume.
     if s.kind != StageKind::PreInflation {
         all.retain(|q| q.of != Measured::Volume);
     }
@@ -311,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn means_do_not_depend_on_the_window_of_a_straight_line() {
+    fn means_of_a_linear_function_do_not_depend_on_the_window() {
         for n in [4usize, 7, 20, 33] {
             let time: Vec<f64> = (1..=n).map(|i| i as f64 / n as f64).collect();
             let values: Vec<f64> = time.iter().map(|t| 2.0 + 3.0 * t).collect();
@@ -326,11 +336,11 @@ mod tests {
     }
 
     #[test]
-    fn vents_of_the_atps_are_four_openings() {
+    fn atps_has_four_equal_vents() {
         let interface = CanopyInterface::new(&scene("atps-descent")).unwrap();
         let vents = openings(&interface.faces);
         assert_eq!(vents.len(), 4);
-        // Of the unstressed cut, all are alike.
+        // On the unstressed canopy all are equal.
         let at = |n: u32| interface.coords[n as usize];
         let areas: Vec<f64> = vents.iter().map(|v| loop_area(v, &at)).collect();
         assert!(areas.iter().all(|a| (a - areas[0]).abs() < 1e-6 * areas[0].max(1e-3)), "{areas:?}");
@@ -338,23 +348,23 @@ mod tests {
     }
 
     #[test]
-    fn areas_of_loops() {
+    fn loop_area_of_a_square_is_exact() {
         let square: [Point; 4] = [[0.0; 3], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]];
         assert!((loop_area(&[0, 1, 2, 3], &|n| square[n as usize]) - 4.0).abs() < 1e-12);
     }
 
     #[test]
-    fn what_a_scene_cannot_measure_is_refused() {
+    fn unavailable_quantities_are_refused() {
         let s = scene("square-drop");
         let named = |of| Quantity { of, ..defaults(&s, 2)[0].clone() };
         let why = |q: &Quantity, stage| check(q, &s, stage).unwrap_err().to_string();
         assert!(why(&named(Measured::Drag), 0).contains("flow-solver"));
-        assert!(why(&named(Measured::VentArea), 2).contains("opening"));
+        assert!(why(&named(Measured::VentArea), 2).contains("vent"));
         assert!(why(&named(Measured::Displacement), 2).contains("at_m"));
         assert!(why(&named(Measured::Probe), 2).contains("column"));
         let mut q = named(Measured::Drag);
         q.from_s = Some(3.0);
-        assert!(why(&q, 2).contains("no part"));
+        assert!(why(&q, 2).contains("not part"));
         q.stage = Some("descend".into());
         assert!(why(&q, 2).contains("developed-flow"));
         let names: Vec<_> = defaults(&scene("atps-descent"), 2).into_iter().map(|q| q.of).collect();

@@ -1,4 +1,4 @@
-//! Progress of a study: a line for each running sample with its ETA, and what is left.
+//! Progress of a study: a line for each running sample with its ETA, and the number of outstanding runs.
 
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -12,24 +12,24 @@ use terminal::clock;
 use super::runs;
 use super::study::Study;
 
-/// Time between two reports where there is no terminal.
+/// Interval of progress lines without a terminal.
 const EVERY: Duration = Duration::from_secs(10);
-/// On a terminal, where they replace each other.
+/// Interval of progress updates on a terminal.
 const REDRAWN: Duration = Duration::from_millis(500);
 
-/// A sample that runs.
+/// A running sample.
 #[derive(Clone, Copy)]
 struct Running {
     sample: usize,
     since: Instant,
 }
 
-/// What is done, what runs, what is left.
+/// Completed, running and outstanding runs.
 struct State {
     running: Vec<Running>,
-    /// Wall seconds and cost ratios of the runs that are done.
+    /// Sums of wall time, s, and cost ratio of the completed runs.
     done: (f64, f64),
-    /// Cost ratio of the runs that have not begun, and their number.
+    /// Sum of the cost ratios of the outstanding runs, and their number.
     left: (f64, usize),
     printed: Instant,
 }
@@ -40,14 +40,14 @@ pub struct Progress<'a> {
     out: &'a Path,
     console: &'a Console,
     jobs: usize,
-    /// Estimated wall seconds of the base.
+    /// Estimated wall time of the base, s.
     guess_s: f64,
     bar: Option<ProgressBar>,
     state: Mutex<State>,
 }
 
 impl<'a> Progress<'a> {
-    /// For the runs `open` (a sample each), `jobs` at a time; `guess_s`: estimated wall seconds of the base.
+    /// Progress of the runs `open` (sample indices), `jobs` at a time; `guess_s`: estimated wall time of the base, s.
     pub fn new(
         study: &'a Study,
         out: &'a Path,
@@ -78,7 +78,7 @@ impl<'a> Progress<'a> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A run of `sample` begins.
+    /// Marks a run of `sample` as started.
     pub fn begin(&self, sample: usize) {
         let mut s = self.state();
         s.left.0 -= self.study.samples[sample].ratio;
@@ -88,7 +88,7 @@ impl<'a> Progress<'a> {
         self.report(Some(sample));
     }
 
-    /// The run of `sample` has ended; `counts`: completely, so that its time says how long others take.
+    /// Marks the run of `sample` as ended; `counts`: it is complete, so that its wall time improves the ETA of others.
     pub fn end(&self, sample: usize, counts: bool) {
         let mut s = self.state();
         if let Some(at) = s.running.iter().position(|r| r.sample == sample) {
@@ -100,12 +100,12 @@ impl<'a> Progress<'a> {
         }
     }
 
-    /// Reports the running samples; to be called often.
+    /// Reports the running samples if the interval has passed.
     pub fn tick(&self) {
         self.report(None);
     }
 
-    /// Reports `begun` at once, all running samples where it is time.
+    /// Reports `begun` at once, and all running samples if the interval has passed.
     fn report(&self, begun: Option<usize>) {
         let mut s = self.state();
         let every = if self.bar.is_some() { REDRAWN } else { EVERY };
@@ -124,7 +124,7 @@ impl<'a> Progress<'a> {
         let shown = s.running.iter().filter(|r| due || self.bar.is_some() || begun == Some(r.sample));
         let lines: Vec<String> = shown.map(|r| self.line(r, rest(r))).collect();
         let left = match s.left.1 {
-            0 => "last ones".to_owned(),
+            0 => "none left".to_owned(),
             n => format!("{n} left"),
         };
         let tail = format!(" | {left}, ETA {}", clock(all));
@@ -137,7 +137,7 @@ impl<'a> Progress<'a> {
     fn line(&self, r: &Running, rest: f64) -> String {
         let sample = &self.study.samples[r.sample];
         let at = place(&runs::run_folder(self.out, sample), &sample.scene);
-        let eta = if rest > 0.0 { clock(rest) } else { "later than estimated".into() };
+        let eta = if rest > 0.0 { clock(rest) } else { "overdue".into() };
         format!(
             "running `{}`: {}wall {}, ETA {eta}",
             sample.label,
@@ -156,7 +156,7 @@ impl Drop for Progress<'_> {
     }
 }
 
-/// Stage and window of a run, from the history of the last stage that has one.
+/// Stage and window of a run, from the last history.
 fn place(run: &Path, scene: &Scene) -> Option<String> {
     let (at, rows) = (0..scene.stages.len()).rev().find_map(|at| {
         let text = std::fs::read_to_string(case::stage_folder(run, scene, at).join("history.csv")).ok()?;
@@ -172,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stage_and_window_come_from_the_last_history() {
+    fn progress_shows_stage_and_window_of_the_last_history() {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/square-drop/scene.toml");
         let scene = case::load(&file).unwrap();
         let run = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Runs the samples that have no result yet, some at a time, each as a `ripstop run` of its own.
+//! Runs the outstanding samples in parallel, each as a separate `ripstop run`.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -18,21 +18,21 @@ use super::study::{Sample, Study};
 use crate::process::run_scene;
 
 const RESULT: &str = "result.json";
-/// Which programs run a sample, in the folder of its run.
-const FLOWN_BY: &str = "programs.txt";
+/// File with the build of the programs, in the folder of a run.
+const BUILD_FILE: &str = "programs.txt";
 
-/// What is kept of a sample beside the files of its run.
+/// Stored result of a sample.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// The programs that ran it, see [`provenance::build`].
+    /// Build of the programs, see [`provenance::build`].
     pub build: String,
-    /// Why it has no values.
+    /// Reason of a failure.
     pub failure: Option<String>,
-    /// What is to be known about its values.
+    /// Note on the values.
     pub note: Option<String>,
-    /// Cost of each of its runs.
+    /// Cost of each run.
     pub runs: Vec<Cost>,
-    /// The time limit that it was ended at, s.
+    /// Time limit at which it was stopped, s.
     #[serde(default)]
     pub limit_s: Option<f64>,
 }
@@ -42,17 +42,17 @@ pub struct Record {
 pub struct Execution {
     /// Folder of the study.
     pub out: PathBuf,
-    /// Samples at the same time.
+    /// Number of parallel runs.
     pub jobs: usize,
-    /// Runs of each.
+    /// Number of runs of each sample.
     pub repeat: usize,
-    /// Takes results of other builds of the programs too.
+    /// Reuse results of other builds.
     pub any_build: bool,
-    /// Longest wall time of a sample, s.
+    /// Maximum wall time of a sample, s.
     pub limit_s: Option<f64>,
 }
 
-/// Name of a text: its length and two sums.
+/// Hash of a text: CRC-32 of the bytes and of the reversed bytes, as 16 hexadecimal digits.
 pub fn key_of(text: &str) -> String {
     let reversed: Vec<u8> = text.bytes().rev().collect();
     format!("{:08x}{:08x}", crc32fast::hash(text.as_bytes()), crc32fast::hash(&reversed))
@@ -63,12 +63,12 @@ pub fn folder(out: &Path, sample: &Sample) -> PathBuf {
     out.join("samples").join(&sample.key)
 }
 
-/// Folder of its run.
+/// Folder of the run of a sample.
 pub fn run_folder(out: &Path, sample: &Sample) -> PathBuf {
     folder(out, sample).join("run")
 }
 
-/// The kept result of a sample; one that was ended at a shorter time limit than today's is none.
+/// The stored result of a sample. A result stopped at a shorter time limit than the present one is ignored.
 pub fn kept(execution: &Execution, sample: &Sample, build: &str) -> Option<Record> {
     let text = std::fs::read_to_string(folder(&execution.out, sample).join(RESULT)).ok()?;
     let record: Record = serde_json::from_str(&text).ok()?;
@@ -76,21 +76,20 @@ pub fn kept(execution: &Execution, sample: &Sample, build: &str) -> Option<Recor
     (!longer && (execution.any_build || record.build == build)).then_some(record)
 }
 
-/// Results that are there already, and the runs that are missing.
+/// Stored results and outstanding runs.
 pub struct Queue {
     /// Records in the order of the samples.
     pub records: Vec<Record>,
-    /// Samples to run, in this order: round after round, so that repeated timings of all samples lie side by
-    /// side in time.
+    /// Samples to run, in order: one round after another, so that repeated timings of all samples are interleaved.
     pub open: Vec<usize>,
-    /// Wall seconds of a run with the cost of the base, and whether they were measured.
+    /// Wall time of a run of the base, s, and whether it was measured.
     pub base_s: (f64, bool),
 }
 
-/// Looks for kept results. A base that failed is run again.
+/// Reads the stored results. A failed base is run again.
 ///
 /// # Errors
-/// Programs that are missing.
+/// A program is missing.
 pub fn queue(study: &Study, execution: &Execution) -> Result<Queue, RunError> {
     let build = provenance::build()?;
     let found = |(i, m): (usize, &Sample)| {
@@ -103,7 +102,7 @@ pub fn queue(study: &Study, execution: &Execution) -> Result<Queue, RunError> {
         Some(_) => 0,
         None => execution.repeat.saturating_sub(records[i].runs.len()),
     };
-    // Long samples first: the last ones then share the cores evenly. The base comes first of all.
+    // Base first, then by decreasing cost, which balances the load of the cores at the end.
     let mut order: Vec<usize> = (0..study.samples.len()).collect();
     order.sort_by(|&a, &b| {
         (b == 0).cmp(&(a == 0)).then(study.samples[b].ratio.total_cmp(&study.samples[a].ratio))
@@ -120,12 +119,12 @@ pub fn queue(study: &Study, execution: &Execution) -> Result<Queue, RunError> {
     Ok(Queue { records, open, base_s })
 }
 
-/// Runs what is missing, the base alone at first; results in the order of the samples. `judge` says why a
-/// base that was run is of no use to the study.
+/// Runs the outstanding samples, the base first and alone. Returns the records in the order of the samples. `judge`
+/// returns the reason why a completed base cannot be used.
 ///
 /// # Errors
-/// A base that fails or is of no use (no other sample is run then), an interruption, and whatever
-/// prevents the start of a sample: a sample that fails is a result.
+/// The base fails or cannot be used (no other sample runs then), an interruption, or a sample that cannot be started. A
+/// failed sample is a result, not an error.
 pub fn run_samples(
     study: &Study,
     execution: &Execution,
@@ -136,7 +135,7 @@ pub fn run_samples(
 ) -> Result<Vec<Record>, RunError> {
     let runs = study.samples.len() * execution.repeat;
     if queue.open.len() < runs {
-        console.line(&format!("{} runs are there already", runs - queue.open.len()));
+        console.line(&format!("{} runs have results", runs - queue.open.len()));
     }
     let team = Team {
         study,
@@ -159,17 +158,17 @@ pub fn run_samples(
     Ok(records.into_iter().map(|r| r.into_inner().unwrap_or_else(PoisonError::into_inner)).collect())
 }
 
-/// The error of a study whose base has no values.
+/// The error of a failed base.
 fn no_base(why: &str, run: &Path) -> RunError {
     RunError::Study(format!(
-        "the base sample failed: {}\nAll errors are measured from the base, so no other sample was run and nothing is \
-         advised. Its results and logs: {}. Make the scene complete with `ripstop run`, then start the study again.",
+        "the base sample failed: {}\nThe study needs the base for all errors, so no other sample was run. Results and logs: \
+         {}. Make the scene run to completion with `ripstop run`, then start the study again.",
         why.trim(),
         run.display()
     ))
 }
 
-/// Threads that run samples side by side.
+/// Threads that run samples in parallel.
 struct Team<'a> {
     study: &'a Study,
     execution: &'a Execution,
@@ -206,10 +205,10 @@ impl Team<'_> {
         if self.stop.load(Ordering::Relaxed) { Err(interrupted()) } else { Ok(()) }
     }
 
-    /// One run of a sample, unless it has failed before.
+    /// Runs a sample once, unless it has failed before.
     fn sample(&self, at: usize) -> Result<(), RunError> {
         let sample = &self.study.samples[at];
-        // Held while it runs: it has one folder.
+        // Locked during the run, because all runs of a sample use the same folder.
         let mut kept = self.record(at);
         self.progress.begin(at);
         let result = if kept.failure.is_some() {
@@ -227,7 +226,7 @@ impl Team<'_> {
 
 fn interrupted() -> RunError {
     RunError::Interrupted(Location {
-        stage: "accuracy (start it again with the same --out to resume)".into(),
+        stage: "accuracy (run it again with the same --out to resume)".into(),
         window: None,
     })
 }
@@ -268,21 +267,21 @@ fn one(
     })?;
     match cost::read(&run_folder, sizes) {
         Ok(cost) => record.runs.push(cost),
-        // What fails at once has no summary.
+        // A run that failed early has no summary.
         Err(_) if record.failure.is_some() => {}
         Err(why) => record.failure = Some(why),
     }
     record.note = above_tolerance(&run_folder);
     prune(&run_folder, &sample.scene);
     let text = serde_json::to_string_pretty(&record).unwrap_or_default();
-    // Beside its place first: a result is whole, or it is not there.
+    // Written to a temporary file first, so that the result is complete or missing.
     let (draft, place) = (folder.join("result.new"), folder.join(RESULT));
     std::fs::write(&draft, text + "\n").map_err(RunError::file("write", &draft))?;
     std::fs::rename(&draft, &place).map_err(RunError::file("rename", &place))?;
     Ok(record)
 }
 
-/// Windows that the coupling left above its tolerance.
+/// Note on windows that did not converge.
 fn above_tolerance(out: &Path) -> Option<String> {
     let text = std::fs::read_to_string(out.join("summary.json")).ok()?;
     let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
@@ -291,13 +290,13 @@ fn above_tolerance(out: &Path) -> Option<String> {
     let of = |part: &&str| -> Option<String> {
         let counts = stages.iter().filter_map(|s| s["convergence"][*part]["windows"].as_u64());
         let count: u64 = counts.sum();
-        (count > 0).then(|| format!("{part} of {count} windows above its target"))
+        (count > 0).then(|| format!("{part} not converged in {count} windows"))
     };
     let found: Vec<String> = parts.iter().filter_map(of).collect();
     (!found.is_empty()).then(|| found.join(", "))
 }
 
-/// States of solvers and logs are most of a run and of no use to a study.
+/// Removes the saved states of the solvers, which are large and not needed.
 fn prune(out: &Path, scene: &case::Scene) {
     for stage in 0..scene.stages.len() {
         let state = case::state_folder(out, scene, stage);
@@ -307,13 +306,13 @@ fn prune(out: &Path, scene: &case::Scene) {
     }
 }
 
-/// Whether a run of these programs was interrupted in `out`, and can be resumed.
+/// Whether `out` contains an interrupted run of this build, which can be resumed.
 fn interrupted_in(out: &Path, build: &str) -> bool {
     let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap_or_default();
     let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap_or_default();
-    // Beside an interruption only a run that was killed with all its programs does not say how it ended.
+    // A summary without `ended` is that of a killed run.
     let how = summary["ended"].as_str().unwrap_or("interrupted");
-    out.join("resume.json").exists() && how.starts_with("interrupted") && read(FLOWN_BY) == build
+    out.join("resume.json").exists() && how.starts_with("interrupted") && read(BUILD_FILE) == build
 }
 
 /// How a run ended.
@@ -323,7 +322,7 @@ enum End {
     Failed(String),
 }
 
-/// Runs a sample to its end.
+/// Runs a sample.
 fn run(
     scene: &Path,
     out: &Path,
@@ -339,7 +338,7 @@ fn run(
             std::fs::remove_dir_all(out).map_err(RunError::file("clear", out))?;
         }
         std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
-        let by = out.join(FLOWN_BY);
+        let by = out.join(BUILD_FILE);
         std::fs::write(&by, build).map_err(RunError::file("write", &by))?;
     }
     let log = scene.with_file_name("errors.txt");
@@ -354,10 +353,13 @@ fn run(
         return Err(interrupted());
     }
     if late {
-        return Ok(End::Late(format!("longer than --limit {:.0} s", limit_s.unwrap_or_default())));
+        return Ok(End::Late(format!(
+            "stopped at the wall time --limit {:.0} s",
+            limit_s.unwrap_or_default()
+        )));
     }
     let words = std::fs::read_to_string(&log).unwrap_or_default();
-    // Reasons stand in reports that are kept: without the folders of this machine.
+    // Reports must not contain folders of this machine.
     let own = format!("{}/", out.display());
     let words = words.trim().trim_start_matches("error: ").replace(&own, "");
     Ok(match status.code() {
@@ -372,7 +374,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_tell_texts_apart() {
+    fn hashes_of_different_texts_differ() {
         assert_ne!(key_of("a = 1"), key_of("a = 2"));
         assert_eq!(key_of("x").len(), 16);
     }

@@ -1,4 +1,4 @@
-//! From a scene to the samples of its study.
+//! The samples of a study, from the scene and its section `[accuracy]`.
 
 use std::path::Path;
 
@@ -8,50 +8,50 @@ use coupling::error::RunError;
 use super::parameter::{Kind, Parameter, Setting};
 use super::quantities;
 use super::runs::key_of;
-use super::varied::{default_sweep, defaults, turned};
+use super::varied::{default_sweep, defaults, varied_parameter};
 
 /// A parameter with its values in the study.
 #[derive(Clone, Debug)]
 pub struct VariedParameter {
     /// The parameter.
     pub parameter: Parameter,
-    /// Values, coarse to fine where they have an order.
+    /// Values, from coarse to fine if ordered.
     pub values: Vec<Setting>,
-    /// Its value while others are varied.
+    /// Value while other parameters are varied.
     pub base: Setting,
-    /// Finer than all.
+    /// Value of the check sample, finer than `values`.
     pub check: Option<Setting>,
 }
 
 /// A run of the study.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// What differs from the base point.
+    /// Difference from the base.
     pub label: String,
-    /// A setting for each parameter.
+    /// Setting of each parameter.
     pub settings: Vec<Setting>,
-    /// Its scene.
+    /// Scene.
     pub scene: Scene,
-    /// Its scene as text.
+    /// Scene as TOML.
     pub text: String,
-    /// Name of its folder, from its text.
+    /// Name of the folder: hash of `text`.
     pub key: String,
-    /// Used for no estimate.
+    /// Whether it only tests estimates.
     pub check: bool,
-    /// Cost against the base, guessed.
+    /// Estimated cost relative to the base.
     pub ratio: f64,
 }
 
-/// Samples that belong together: one parameter varied, or several.
+/// A refinement line: samples along one parameter, or along several parameters varied together.
 #[derive(Clone, Debug)]
 pub struct Line {
     /// Name of the parameter, or `sweep`.
     pub name: String,
-    /// Which parameters it varies.
+    /// Indices of the varied parameters.
     pub parameters: Vec<usize>,
-    /// Its samples with what errors fall with (`None` for words).
+    /// Samples with their size (see [`Parameter::size`]); `None` for choices.
     pub samples: Vec<(usize, Option<f64>)>,
-    /// The sample that is finer than all.
+    /// Check sample and its size, finer than `samples`.
     pub check: Option<(usize, f64)>,
     /// Formal order of the method.
     pub promised: f64,
@@ -62,42 +62,42 @@ pub struct Line {
 pub struct Study {
     /// Name of the scene.
     pub name: String,
-    /// Its title.
+    /// Title of the scene.
     pub title: String,
-    /// Stage of the quantities.
+    /// Index of the stage of the quantities.
     pub stage: usize,
     /// Quantities.
     pub quantities: Vec<Quantity>,
     /// Parameters.
     pub parameters: Vec<VariedParameter>,
-    /// Lines through the base point, then the sweep.
+    /// Refinement lines through the base, then the sweep.
     pub lines: Vec<Line>,
     /// All samples; the first is the base.
     pub samples: Vec<Sample>,
-    /// The sample that verifies the others: all parameters finer than in any of them.
+    /// Reference sample: all parameters finer than in any other sample.
     pub reference: Option<usize>,
-    /// What the user should know of the scene's section.
+    /// Warnings about the scene file.
     pub warnings: Vec<String>,
 }
 
 /// Name of the line of the sweep.
 pub const SWEEP: &str = "sweep";
 
-/// What of a study is asked for.
+/// Parts of the study to run.
 #[derive(Clone, Debug, Default)]
 pub struct Choice {
-    /// Only these parameters.
+    /// Parameters; all if empty.
     pub parameters: Vec<String>,
-    /// With the samples that test the stated uncertainty.
+    /// With check samples.
     pub check: bool,
-    /// With the sample that verifies the others.
+    /// With the reference sample.
     pub verify: bool,
 }
 
 impl VariedParameter {
-    /// A value beyond the finest: its `check`, else twice as fine as the finest value, a tenth of the smallest
-    /// tolerance. `None` for words.
-    fn beyond(&self) -> Option<Setting> {
+    /// A value finer than all: `check`, else twice the largest fineness or a tenth of the smallest tolerance. `None`
+    /// for choices.
+    fn finer_value(&self) -> Option<Setting> {
         if self.check.is_some() {
             return self.check.clone();
         }
@@ -114,25 +114,25 @@ impl VariedParameter {
 }
 
 impl Study {
-    /// From a scene file.
+    /// Reads the study of a scene file.
     ///
     /// # Errors
-    /// Whatever is wrong with the scene or its `[accuracy]`, with place and remedy.
+    /// Invalid scene or section `[accuracy]`, with place and remedy.
     pub fn new(file: &Path, choice: &Choice) -> Result<Self, RunError> {
         let mut scene = case::load(file).map_err(|e| RunError::Input(e.to_string()))?;
         let text = std::fs::read_to_string(file).unwrap_or_default();
         let warnings = case::renamed(&text).iter().map(|r| format!("{}:{r}", file.display())).collect();
         absolute(&mut scene)?;
-        let wish = scene.accuracy.take().unwrap_or_default();
-        let stage = stage_of(&scene, wish.stage.as_deref())?;
+        let section = scene.accuracy.take().unwrap_or_default();
+        let stage = stage_of(&scene, section.stage.as_deref())?;
         // Later stages do not affect the quantities.
         scene.stages.truncate(stage + 1);
-        let quantities = checked_quantities(wish.quantities, &scene, stage)?;
-        let named = wish.parameters;
+        let quantities = checked_quantities(section.quantities, &scene, stage)?;
+        let named = section.parameters;
         let own = !named.is_empty();
-        let wishes = if own { named } else { defaults(&scene, stage) };
-        let parameters = checked_parameters(&wishes, &scene, stage)?;
-        let sweep = if own { wish.sweep } else { default_sweep(&parameters) };
+        let requested = if own { named } else { defaults(&scene, stage) };
+        let parameters = checked_parameters(&requested, &scene, stage)?;
+        let sweep = if own { section.sweep } else { default_sweep(&parameters) };
         let mut study = Self {
             name: scene.name.clone(),
             title: scene.heading().to_owned(),
@@ -144,11 +144,11 @@ impl Study {
             reference: None,
             warnings,
         };
-        study.fill(&scene, (&sweep, &wish.sweep_check), choice)?;
+        study.fill(&scene, (&sweep, &section.sweep_check), choice)?;
         Ok(study)
     }
 
-    /// Adds the base sample, the lines through it, the sweep and what verifies them.
+    /// Adds the base, the refinement lines, the sweep and the reference.
     fn fill(
         &mut self,
         scene: &Scene,
@@ -178,20 +178,20 @@ impl Study {
         Ok(())
     }
 
-    /// Adds the sample that verifies the others: each parameter of the study with numbers beyond its finest
-    /// value, the others as in the base.
+    /// Adds the reference: each numeric parameter of the study finer than its finest value, the others as in the base.
     fn verify(&mut self, scene: &Scene, base: &[Setting], choice: &Choice) -> Result<(), RunError> {
         let mut settings = base.to_vec();
         for (to, d) in settings.iter_mut().zip(&self.parameters) {
             let varied = choice.parameters.is_empty() || choice.parameters.contains(&d.parameter.name);
-            if varied && let Some(finer) = d.beyond() {
+            if varied && let Some(finer) = d.finer_value() {
                 *to = finer;
             }
         }
         let at = self.sample(scene, "reference".into(), settings, true)?;
         if !self.samples[at].check {
             return Err(RunError::Input(format!(
-                "--verify: the study varies no number beyond `{}`: add a parameter with `values`, or a finer `check`",
+                "--verify: no parameter of the study can be refined beyond sample `{}`. Add a parameter with `values`, or a \
+                 finer `check`",
                 self.samples[at].label
             )));
         }
@@ -247,20 +247,25 @@ impl Study {
         for name in names {
             match self.parameters.iter().position(|d| &d.parameter.name == name) {
                 Some(at) => found.push(at),
-                None => return refuse(format!("`{name}` is none of the parameters of the study")),
+                None => return refuse(format!("`{name}` is not one of the parameters of the study")),
             }
         }
         let levels = self.parameters[found[0]].values.len();
         if let Some(&odd) = found.iter().find(|&&at| self.parameters[at].values.len() != levels) {
             return refuse(format!(
-                "`{}` has {} values and `{}` {levels}: parameters that are varied together need equally many",
+                "`{}` has {} values and `{}` has {levels}: parameters that are varied together need the same number of \
+                 values",
                 self.parameters[odd].parameter.name,
                 self.parameters[odd].values.len(),
                 self.parameters[found[0]].parameter.name
             ));
         }
         if !check.is_empty() && check.len() != found.len() {
-            return refuse(format!("sweep_check has {} numbers for {} parameters", check.len(), found.len()));
+            return refuse(format!(
+                "sweep_check has {} numbers, but the sweep has {} parameters",
+                check.len(),
+                found.len()
+            ));
         }
         let promised =
             found.iter().map(|&at| self.parameters[at].parameter.promised).fold(f64::MAX, f64::min);
@@ -301,16 +306,16 @@ impl Study {
     ) -> Result<usize, RunError> {
         let mut made = scene.clone();
         for (d, to) in self.parameters.iter().zip(&settings) {
-            made = d.parameter.turn(&made, self.stage, to).map_err(|e| {
+            made = d.parameter.set_in(&made, self.stage, to).map_err(|e| {
                 RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}"))
             })?;
         }
-        // Snapshots are not part of the cost.
+        // Without snapshots, whose cost is not studied.
         made.output.surface_every_windows = 0;
         made.output.volume_every_windows = 0;
         made.output.folder = None;
         let text = toml::to_string(&made)
-            .map_err(|e| RunError::Input(format!("the scene cannot be written down again: {e}")))?;
+            .map_err(|e| RunError::Input(format!("the scene cannot be written as TOML: {e}")))?;
         let key = key_of(&text);
         let made = case::parse(Path::new("scene.toml"), &text)
             .map_err(|e| RunError::Input(format!("accuracy: sample `{label}` is not a valid scene: {e}")))?;
@@ -322,8 +327,8 @@ impl Study {
         Ok(self.samples.len() - 1)
     }
 
-    /// Cost against the base point, guessed from the settings: cells in space and time, a seventh of a
-    /// power of a tolerance.
+    /// Estimated cost relative to the base, as a product of powers of the parameters: number of cells and time steps,
+    /// and a small power of each tolerance.
     fn ratio(&self, settings: &[Setting]) -> f64 {
         let power = |name: &str| match name {
             "grid" => 3.3,
@@ -343,7 +348,7 @@ impl Study {
     }
 }
 
-/// The stage of this name, or the last one.
+/// Index of the stage `name`, else of the last stage.
 fn stage_of(scene: &Scene, name: Option<&str>) -> Result<usize, RunError> {
     let Some(name) = name else { return Ok(scene.stages.len().saturating_sub(1)) };
     scene.stages.iter().position(|s| s.name == name).ok_or_else(|| {
@@ -355,12 +360,12 @@ fn stage_of(scene: &Scene, name: Option<&str>) -> Result<usize, RunError> {
     })
 }
 
-/// The named quantities, or those that fit the scene; each is possible, and no name stands twice.
+/// The named quantities, else the default ones. Refuses quantities that the scene does not have, and duplicate names.
 fn checked_quantities(named: Vec<Quantity>, scene: &Scene, stage: usize) -> Result<Vec<Quantity>, RunError> {
     let quantities = if named.is_empty() { quantities::defaults(scene, stage) } else { named };
     if quantities.is_empty() {
         return Err(RunError::Input(
-            "no default quantity fits this scene: name some with [[accuracy.quantity]]".into(),
+            "no default quantity fits this scene: add quantities with [[accuracy.quantity]]".into(),
         ));
     }
     quantities.iter().try_for_each(|q| quantities::check(q, scene, stage))?;
@@ -375,23 +380,23 @@ fn checked_quantities(named: Vec<Quantity>, scene: &Scene, stage: usize) -> Resu
     Ok(quantities)
 }
 
-/// The parameters with their values; no name stands twice.
+/// The parameters with their values. Refuses duplicate names.
 fn checked_parameters(
-    wishes: &[case::Parameter],
+    requested: &[case::Parameter],
     scene: &Scene,
     stage: usize,
 ) -> Result<Vec<VariedParameter>, RunError> {
     let mut parameters = Vec::new();
-    for w in wishes {
+    for w in requested {
         if parameters.iter().any(|d: &VariedParameter| d.parameter.name == w.name) {
             return Err(RunError::Input(format!("accuracy.parameter: `{}` is named twice", w.name)));
         }
-        parameters.push(turned(w, scene, stage)?);
+        parameters.push(varied_parameter(w, scene, stage)?);
     }
     Ok(parameters)
 }
 
-/// Files that it names lie where the scene of the user lies.
+/// Makes the paths of files named in the scene absolute, because samples run in other folders.
 fn absolute(scene: &mut Scene) -> Result<(), RunError> {
     let files = [
         scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).map(|g| &mut g.path),
@@ -416,12 +421,12 @@ mod tests {
     }
 
     #[test]
-    fn any_scene_has_a_study() {
+    fn every_case_has_a_default_study() {
         for case in ["square-drop", "air-bag", "atps-descent", "hard/membrane-box", "atps-paper-scale"] {
             let s = study(case, "").unwrap();
             assert!(!s.quantities.is_empty() && s.samples.len() > 4, "{case}");
             let keys: std::collections::BTreeSet<_> = s.samples.iter().map(|m| &m.key).collect();
-            assert_eq!(keys.len(), s.samples.len(), "a sample twice");
+            assert_eq!(keys.len(), s.samples.len(), "duplicate samples");
             assert!(s.samples.iter().all(|m| m.ratio > 0.0 && m.scene.accuracy.is_none()));
             for l in &s.lines {
                 let base = l.samples.iter().filter(|(m, _)| *m == 0).count();
@@ -435,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn a_named_study() {
+    fn named_parameters_quantities_and_sweep_give_the_expected_samples() {
         let s = study(
             "square-drop",
             "[accuracy]\nsweep = [\"grid\", \"window\"]\nsweep_check = [1.0, 2.0]\n\
@@ -455,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_studies_are_refused() {
+    fn invalid_studies_are_refused_with_the_reason() {
         let why = |section: &str| study("square-drop", section).unwrap_err().to_string();
         assert!(why("[accuracy]\nstage = \"x\"\n").contains("developed-flow"));
         assert!(why("[[accuracy.parameter]]\nname = \"grid\"\n").contains("neither"));
@@ -468,7 +473,7 @@ mod tests {
             why(
                 "[accuracy]\nsweep = [\"grid\"]\n[[accuracy.parameter]]\nname = \"window\"\nvalues = [1.0]\n"
             )
-            .contains("none of the parameters")
+            .contains("not one of the parameters")
         );
     }
 }

@@ -21,7 +21,7 @@ fn cell(text: &str) -> String {
 /// Writes `samples.csv` and `parameters.csv` into `out`.
 ///
 /// # Errors
-/// Trouble with the files.
+/// A file cannot be written.
 pub fn write(out: &Path, study: &Study, outcome: &Outcome, records: &[Record]) -> Result<(), RunError> {
     for (name, text) in
         [("samples.csv", samples(study, outcome, records)), ("parameters.csv", parameters(study, outcome))]
@@ -41,7 +41,10 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
         names.push(format!("error of {}", cell(&q.name)));
         names.push(format!("uncertainty of {}", cell(&q.name)));
     }
-    names.extend(["largest error", "its uncertainty", "its quantity", "front", "check"].map(str::to_owned));
+    names.extend(
+        ["largest error", "uncertainty of largest error", "quantity of largest error", "front", "check"]
+            .map(str::to_owned),
+    );
     names.extend(
         [
             "runs",
@@ -51,7 +54,7 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
             "cpu_spread_s",
             "peak_mb",
             "cost_over_base",
-            "its_spread",
+            "cost_over_base_spread",
             "work_s",
         ]
         .map(str::to_owned),
@@ -94,8 +97,9 @@ fn samples(study: &Study, outcome: &Outcome, records: &[Record]) -> String {
 /// A row for each parameter and quantity.
 fn parameters(study: &Study, outcome: &Outcome) -> String {
     let mut text = String::from(
-        "parameter,quantity,behaviour,order used,order observed,formal order,limit,its uncertainty,error of the \
-         finest,its uncertainty,safety factor,error of the finer run,band stated,held\n",
+        "parameter,quantity,behaviour,order used,order observed,formal order,limit,uncertainty of limit,error of finest \
+         sample,uncertainty of finest sample,safety factor,error of check sample,stated uncertainty,within \
+         uncertainty\n",
     );
     for (line, judged) in study.lines.iter().zip(&outcome.lines) {
         for (q, j) in study.quantities.iter().zip(judged) {

@@ -1,4 +1,4 @@
-//! Parameters of a study: those that a scene names, or default ones that fit it.
+//! Parameters of a study: those of the scene, or default ones.
 
 use case::{Scene, Solve};
 use coupling::error::RunError;
@@ -6,29 +6,33 @@ use coupling::error::RunError;
 use super::parameter::{Kind, Parameter, Setting};
 use super::study::VariedParameter;
 
-/// A parameter as the scene names it.
+/// A parameter of the section `[accuracy]`, with checked values.
 ///
 /// # Errors
-/// Values that the parameter or the scene cannot have.
-pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<VariedParameter, RunError> {
+/// Invalid values, or a parameter that the scene does not have.
+pub fn varied_parameter(
+    w: &case::Parameter,
+    scene: &Scene,
+    stage: usize,
+) -> Result<VariedParameter, RunError> {
     let refuse = |why: String| RunError::Input(format!("accuracy.parameter `{}`: {why}", w.name));
     let words = w.values.is_empty() && !w.choices.is_empty();
     let mut parameter = Parameter::find(&w.name, scene, stage, words)?;
     if w.values.is_empty() && w.choices.is_empty() {
-        return Err(refuse("it has neither `values` nor `choices`".into()));
+        return Err(refuse("neither `values` nor `choices` is given; give one of them".into()));
     }
     if !w.values.is_empty() && !w.choices.is_empty() {
-        return Err(refuse("it has both `values` and `choices`".into()));
+        return Err(refuse("both `values` and `choices` are given; give one of them".into()));
     }
     if let Some(order) = w.order {
         if !(order > 0.0 && order <= 8.0) {
-            return Err(refuse(format!("`order` is {order}: above 0 and at most 8")));
+            return Err(refuse(format!("`order` is {order}, but must be above 0 and at most 8")));
         }
         parameter.promised = order;
     }
     if let Some(bad) = w.values.iter().chain(&w.check).chain(&w.base).find(|v| !(**v > 0.0 && v.is_finite()))
     {
-        return Err(refuse(format!("the value {bad} is not above 0")));
+        return Err(refuse(format!("the value {bad} is not above 0 and finite")));
     }
     let mut numbers = w.values.clone();
     // Coarse first.
@@ -40,7 +44,7 @@ pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<Varied
     if let (Some(check), Some(finest)) = (w.check, finest) {
         let finer = if parameter.kind == Kind::Fineness { check > finest } else { check < finest };
         if !finer {
-            return Err(refuse(format!("`check` is {check}: it must be finer than all values ({finest})")));
+            return Err(refuse(format!("`check` is {check}, but must be finer than all values ({finest})")));
         }
     }
     let values: Vec<Setting> = if words {
@@ -53,11 +57,11 @@ pub fn turned(w: &case::Parameter, scene: &Scene, stage: usize) -> Result<Varied
         (_, Some(word)) => Some(Setting::Choice(word.clone())),
         _ => parameter.own(scene),
     };
-    let base = base.ok_or_else(|| refuse("the scene has no value of its own: name a `base`".into()))?;
+    let base = base.ok_or_else(|| refuse("the scene does not set this value: give a `base`".into()))?;
     Ok(VariedParameter { parameter, values, base, check: w.check.map(Setting::Number) })
 }
 
-/// Parameters for a scene that names none.
+/// Default parameters of a scene.
 pub fn defaults(scene: &Scene, stage: usize) -> Vec<case::Parameter> {
     let mut all = Vec::new();
     let mut numbers = |name: &str, values: &[f64], check: Option<f64>| {
@@ -77,7 +81,7 @@ pub fn defaults(scene: &Scene, stage: usize) -> Vec<case::Parameter> {
         numbers("structure-grid", &thirds, Some(1.5));
         numbers("flow-grid", &thirds, Some(1.5));
     }
-    // A history of the structure alone has its windows for output only.
+    // Without coupling, the windows of the structure only set the output interval.
     if scene.stages[stage].kind == case::StageKind::PreInflation {
         numbers("substeps", &[0.5, 0.75, 1.0, 1.5], Some(2.5));
     } else {
@@ -102,7 +106,7 @@ pub fn defaults(scene: &Scene, stage: usize) -> Vec<case::Parameter> {
     all
 }
 
-/// What is varied together where a scene does not say: space and time.
+/// Default sweep: space and time together.
 pub fn default_sweep(parameters: &[VariedParameter]) -> Vec<String> {
     let have = |name: &str| parameters.iter().find(|d| d.parameter.name == name);
     match (have("grid").or(have("structure-grid")), have("window")) {

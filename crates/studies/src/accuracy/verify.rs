@@ -1,4 +1,4 @@
-//! The advice against a much finer reference.
+//! Comparison of a sample with the reference, which is finer in all parameters.
 
 use serde::Serialize;
 
@@ -14,20 +14,20 @@ pub struct Verified {
     pub value: f64,
     /// Value of the reference.
     pub reference: f64,
-    /// Difference of the two, relative to the scale of the answer.
+    /// Difference of the two, relative to the scale of the extrapolated value.
     pub true_error: f64,
     /// Estimated error.
     pub error: f64,
-    /// Half width of its band.
+    /// Uncertainty of the estimated error (half width).
     pub band: f64,
-    /// Whether the true error is at most their sum.
+    /// Whether the true error is at most `error + band`.
     pub held: bool,
 }
 
 /// Compares `sample` with the reference of the study; `None` without a reference.
 ///
 /// # Errors
-/// Why the reference or the sample has no value or no estimate.
+/// The reference or the sample has no value or no estimate.
 pub fn verify(study: &Study, outcome: &Outcome, sample: usize) -> Option<Result<Vec<Verified>, String>> {
     let reference = &outcome.samples[study.reference?];
     let own = &outcome.samples[sample];

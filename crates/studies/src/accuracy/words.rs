@@ -9,7 +9,7 @@ use super::page::percent;
 use super::study::Study;
 use super::verify::Verified;
 
-/// Error and uncertainty of a line for a quantity; no numbers where nothing is known or nothing changes.
+/// Error and uncertainty of the finest sample of a line, %, or the reason why there is none.
 pub fn finest(judged: &Judged) -> String {
     match (&judged.convergence, judged.errors.iter().flatten().last()) {
         _ if judged.unassessed.is_some() => "not assessed".into(),
@@ -19,7 +19,7 @@ pub fn finest(judged: &Judged) -> String {
     }
 }
 
-/// Answers, front, cheaper samples, gaps and what is not assessed.
+/// Extrapolated values, Pareto front, cheaper samples, failed samples and errors that are not assessed.
 pub fn words(study: &Study, outcome: &Outcome, not_assessed: &[NotAssessed]) -> String {
     let mut text = String::new();
     for (index, (q, a)) in study.quantities.iter().zip(&outcome.answers).enumerate() {
@@ -41,21 +41,24 @@ pub fn words(study: &Study, outcome: &Outcome, not_assessed: &[NotAssessed]) -> 
     }
     for (m, s) in outcome.samples.iter().enumerate() {
         if let Some(why) = &s.gap {
-            text +=
-                &format!("gap: `{}`: {}\n", study.samples[m].label, why.lines().next().unwrap_or_default());
+            text += &format!(
+                "failed: `{}`: {}\n",
+                study.samples[m].label,
+                why.lines().next().unwrap_or_default()
+            );
         }
     }
     let (held, all) = outcome.held();
     if all > 0 {
-        text += &format!("finer runs: {held} of {all} values within the stated bands\n");
+        text += &format!("check samples: {held} of {all} values within the stated uncertainty\n");
     }
     coverage::line(not_assessed).map_or(text.clone(), |line| text + &line + "\n")
 }
 
 fn pareto(study: &Study, outcome: &Outcome) -> String {
-    let mut text = String::from("Pareto front (largest error of all quantities):\n");
+    let mut text = String::from("Pareto front (largest error over all quantities):\n");
     if outcome.front.is_empty() {
-        return text + "  none: no sample has an error for all quantities\n";
+        return text + "  empty: no sample has an error estimate for all quantities\n";
     }
     for &m in &outcome.front {
         let s = &outcome.samples[m];
@@ -72,13 +75,13 @@ fn pareto(study: &Study, outcome: &Outcome) -> String {
     text
 }
 
-/// Samples that are as accurate as the base and cheaper: for each quantity its index and the sentence, and one
-/// for all together (index `None`) where a single sample is so for every quantity.
+/// Sentences on samples that are as accurate as the base and cheaper: one for all quantities (index `None`) if a single
+/// sample qualifies for all, else one per quantity with its index.
 pub fn cheaper(study: &Study, outcome: &Outcome) -> Vec<(Option<usize>, String)> {
     let every: Vec<usize> = (0..study.quantities.len()).collect();
     let name = |m: usize| &study.samples[m].label;
     if let Some((m, share)) = outcome.cheaper(&every) {
-        let all = if every.len() > 1 { "every quantity" } else { "its quantity" };
+        let all = if every.len() > 1 { "all quantities" } else { "the quantity" };
         return vec![(
             None,
             format!("`{}` is as accurate as the base for {all}, at {} of its cost", name(m), percent(share)),
@@ -92,7 +95,7 @@ pub fn cheaper(study: &Study, outcome: &Outcome) -> Vec<(Option<usize>, String)>
             Some((
                 Some(q),
                 format!(
-                    "for {} alone, `{}` is as accurate as the base ({} against {}), at {} of its cost",
+                    "for {} only, `{}` is as accurate as the base ({}, base {}), at {} of its cost",
                     study.quantities[q].name,
                     name(m),
                     percent(error(m)),
@@ -108,12 +111,12 @@ pub fn cheaper(study: &Study, outcome: &Outcome) -> Vec<(Option<usize>, String)>
 pub fn verified(all: &[Verified]) -> String {
     let line = |v: &Verified| {
         format!(
-            "\nverified: {}: true error {}, promised {} ± {}: {}",
+            "\nverified: {}: true error {}, estimated error {} ± {}: {}",
             v.quantity,
             percent(v.true_error),
             percent(v.error),
             percent(v.band),
-            if v.held { "held" } else { "NOT held" }
+            if v.held { "within bound" } else { "ABOVE BOUND" }
         )
     };
     all.iter().map(line).collect()

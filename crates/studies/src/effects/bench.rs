@@ -13,13 +13,13 @@ use results::summary::StageSummary;
 
 use super::Work;
 
-/// Runs scenes as `ripstop run` does; windows that do not converge are accepted.
+/// Runs scenes like `ripstop run`; unconverged windows are accepted.
 pub trait Runner {
-    /// The scene in `file` with its results in `out`: all of its stages, or one alone, by name, for so many windows. The summary of
-    /// the last stage.
+    /// Runs the scene in `file` with results in `out`: all stages, or one stage (name, number of windows). Returns the
+    /// summary of the last stage.
     ///
     /// # Errors
-    /// Whatever ends the run.
+    /// The run fails.
     fn run(
         &self,
         file: &Path,
@@ -28,16 +28,16 @@ pub trait Runner {
     ) -> Result<Option<StageSummary>, RunError>;
 }
 
-/// What a run of the measured stage came to.
+/// Result of a run of the measured stage.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
-    /// Descent speed (m/s), drag (N) and line tension (N): means over the second half of what was run.
+    /// Descent speed (m/s), drag (N) and line tension (N): means over the second half of the run.
     pub answer: [Option<f64>; 3],
-    /// What it took.
+    /// Work of the run.
     pub work: Work,
 }
 
-/// A temporary place where variants of a scene run.
+/// A temporary folder in which variants of a scene run.
 pub struct Bench<'a> {
     folder: PathBuf,
     scene: &'a Scene,
@@ -48,10 +48,10 @@ pub struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// For `windows` windows of stage `stage`; `earlier`: results whose states the stage starts from.
+    /// Prepares runs of `windows` windows of stage `stage`; `earlier`: results folder with the initial states of the stage.
     ///
     /// # Errors
-    /// A folder that cannot be made.
+    /// The folder cannot be created.
     pub fn new(
         scene: &'a Scene,
         stage: usize,
@@ -68,16 +68,16 @@ impl<'a> Bench<'a> {
         self.folder.join(format!("{name}-before"))
     }
 
-    /// Whether an effect of `programs` acts in a stage before the measured one that is run here.
+    /// Whether an effect of `programs` acts in a stage that runs here before the measured one.
     pub fn acts_before(&self, programs: &[&str]) -> bool {
         let roles = |k: StageKind| k.roles().iter().any(|r| programs.contains(&r.program()));
         self.earlier.is_none() && self.scene.stages[..self.stage].iter().any(|s| roles(s.kind))
     }
 
-    /// States of the stages before the measured one.
+    /// Computes or copies the initial states of the measured stage, under the name `name`.
     ///
     /// # Errors
-    /// Whatever ends a run of them.
+    /// A run fails, or a file cannot be copied.
     pub fn prepare(&self, name: &str, scene: &Scene) -> Result<(), RunError> {
         let target = self.states(name);
         if let Some(from) = self.earlier {
@@ -95,7 +95,7 @@ impl<'a> Bench<'a> {
     fn write(&self, name: &str, scene: &Scene) -> Result<PathBuf, RunError> {
         let file = self.folder.join(format!("{name}.toml"));
         let mut scene = scene.clone();
-        // Files that it names lie where the scene of the user lies.
+        // Absolute paths, because the variant runs in another folder.
         let files = [
             scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).map(|g| &mut g.path),
             if let case::Canopy::Gmsh(g) = &mut scene.canopy { Some(&mut g.file) } else { None },
@@ -109,10 +109,10 @@ impl<'a> Bench<'a> {
         Ok(file)
     }
 
-    /// The measured stage of `scene`, from the states that were prepared under the name `states`.
+    /// Runs the measured stage of `scene` from the prepared states `states`.
     ///
     /// # Errors
-    /// Whatever ends the run.
+    /// The run fails.
     pub fn run(&self, name: &str, states: &str, scene: &Scene) -> Result<Outcome, RunError> {
         let file = self.write(name, &first_stages(scene, self.stage + 1))?;
         let out = self.folder.join(name);
@@ -143,14 +143,14 @@ impl Drop for Bench<'_> {
     }
 }
 
-/// The scene with its first `count` stages and without pictures.
+/// The scene with its first `count` stages and without snapshots.
 fn first_stages(scene: &Scene, count: usize) -> Scene {
     let mut first = scene.clone();
     first.output.surface_every_windows = 0;
     first.output.volume_every_windows = 0;
     first.stages.truncate(count);
     let stages: Vec<&str> = first.stages.iter().map(|s| s.name.as_str()).collect();
-    // What is cut in a later stage holds until then.
+    // Reefing that is released in a removed stage remains.
     for r in &mut first.reefing {
         if r.release_stage.as_ref().is_some_and(|name| !stages.contains(&name.as_str())) {
             (r.release_stage, r.release_s, r.release_ramp_s) = (None, 0.0, 0.0);
@@ -159,7 +159,7 @@ fn first_stages(scene: &Scene, count: usize) -> Scene {
     first
 }
 
-/// Means over the second half of a stage's history; without time, the last value.
+/// Means over the second half of the history of a stage; the last value of a static stage.
 fn answer<'c>(kind: StageKind, lines: bool, column: impl Fn(&str) -> Option<&'c [f64]>) -> [Option<f64>; 3] {
     let runs = |role| kind.roles().contains(&role);
     let mean = |name: &str| {
@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_answer_is_the_mean_of_the_second_half() {
+    fn results_are_means_over_the_second_half() {
         let time = [0.1, 0.2, 0.3, 0.4];
         let (speed, drag, riser) = ([4.0, 5.0, 6.0, 7.0], [10.0, 20.0, 20.0, 20.0], [0.0, 1.0, 3.0, 5.0]);
         let column = |name: &str| -> Option<&[f64]> {

@@ -1,4 +1,4 @@
-//! What an effect changes and costs: a run with it beside the same run without it.
+//! Measured influence and cost of effects: runs with and without each effect.
 
 mod bench;
 
@@ -18,19 +18,19 @@ use terminal::{Console, counted};
 pub use self::bench::Runner;
 use self::bench::{Bench, Outcome};
 
-/// Windows that are run where the command line does not say.
+/// Default number of windows.
 const WINDOWS: u64 = 20;
-/// Tolerances of the runs that show the noise, in shares of the scene's.
+/// Factors of the tolerances in the runs that determine the noise.
 const TIGHTER: [f64; 2] = [0.5, 0.7];
 
 /// Work of the measured windows.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Work {
-    /// Seconds in which structure, flow and mesh computed (the slowest rank of each).
+    /// Computing time of structure, flow and mesh, s (slowest rank of each).
     pub busy_s: [f64; 3],
-    /// Coupling iterations, or windows where nothing is coupled.
+    /// Coupling iterations, or windows of uncoupled stages.
     pub iterations: u64,
-    /// Newton or explicit steps of the structure.
+    /// Newton iterations or explicit steps of the structure.
     pub structure_steps: u64,
     /// Nonlinear iterations of the flow.
     pub flow_iterations: u64,
@@ -43,33 +43,33 @@ impl Work {
         self.busy_s.iter().sum()
     }
 
-    /// The same work with the least seconds of both: what else the machine did only adds.
+    /// The work with the smaller times of both, since other load only increases them.
     fn least(self, other: Self) -> Self {
         let busy_s = std::array::from_fn(|p| self.busy_s[p].min(other.busy_s[p]));
         Self { busy_s, ..other }
     }
 }
 
-/// How much is run.
+/// Number and length of the runs.
 #[derive(Clone, Debug)]
 pub struct Runs {
     /// Windows of each run; `None`: the whole stage, at most 20.
     pub windows: Option<u64>,
-    /// Runs of each variant, of which the least seconds count.
+    /// Runs of each variant; the smallest times count.
     pub repeat: u64,
-    /// Keys of the effects to measure; empty: all that can be.
+    /// Keys of the effects to measure; all if empty.
     pub only: Vec<String>,
 }
 
-/// What was measured of an effect.
+/// Measurement of an effect.
 pub struct Row {
-    /// Its row of the table.
+    /// Row of the table of effects.
     pub entry: &'static Entry,
     /// Whether the scene has it.
     pub on: bool,
-    /// What was estimated before.
+    /// A-priori estimate.
     pub assessment: Assessment,
-    /// Relative changes of the answer with the effect over without it, and the work with and without.
+    /// Relative changes of the results by the effect, and the work with and without it; or the reason of a failure.
     pub measured: Result<([Option<f64>; 3], [Work; 2]), String>,
 }
 
@@ -81,22 +81,22 @@ pub struct Measurements {
     pub windows: u64,
     /// Time of these windows, s.
     pub time_s: f64,
-    /// The answer of the scene itself.
+    /// Results of the unmodified scene.
     pub answer: [Option<f64>; 3],
-    /// How far the answer is known, as a share of it: twice what tighter tolerances change.
+    /// Noise of the results, relative: twice the change by tighter tolerances.
     pub noise: [Option<f64>; 3],
-    /// Two runs of the scene itself.
+    /// Work of two runs of the unmodified scene.
     pub itself: [Work; 2],
     /// The effects.
     pub rows: Vec<Row>,
 }
 
-/// Measures the effects of stage `stage` of a scene: for each that is on a run without it, for each that is off and has
-/// defaults a run with it. Stages before the measured one are run with the effect too where it acts in them,
-/// unless their states come from `earlier`, the results of a run.
+/// Measures the effects of stage `stage` of a scene: a run without each active effect, and a run with each inactive
+/// effect that has default settings. Earlier stages also run with the changed effect if it acts in them, unless their
+/// states come from `earlier`, the results of a run.
 ///
 /// # Errors
-/// Trouble with the scene itself; what is wrong with a variant stands in its row.
+/// The unmodified scene fails. The failure of a variant is reported in its row.
 pub fn measurements(
     (scene, interface, stage): (&Scene, &CanopyInterface, usize),
     runs: &Runs,
@@ -106,7 +106,7 @@ pub fn measurements(
 ) -> Result<Measurements, RunError> {
     if let Some(unknown) = runs.only.iter().find(|k| !TABLE.iter().any(|e| e.key == *k)) {
         return Err(RunError::Input(format!(
-            "--only {unknown}: there is no such effect; `ripstop effects` lists them"
+            "--only {unknown}: there is no such effect. `ripstop effects` lists all effects"
         )));
     }
     let length = &scene.stages[stage];
@@ -116,7 +116,7 @@ pub fn measurements(
     let n = Numbers::new(scene, interface, &mesh);
     let scope = Scope::new(&n, stage, Some(count));
     let bench = Bench::new(scene, stage, count, earlier, runner)?;
-    console.line(&format!("running the scene itself to stage `{}`", length.name));
+    console.line(&format!("running the unmodified scene to stage `{}`", length.name));
     bench.prepare("plain", scene)?;
     let plain = bench.run("plain", "plain", scene)?;
     let again = bench.run("plain", "plain", scene)?;
@@ -154,7 +154,7 @@ pub fn measurements(
     Ok(measured)
 }
 
-/// Runs of a variant, in turn with more of the scene where several are asked for; the least seconds of each.
+/// Runs of a variant, interleaved with runs of the scene if repeated; the smallest times of each.
 fn variant_of(
     bench: &Bench<'_>,
     entry: &Entry,
@@ -177,8 +177,8 @@ fn variant_of(
     Ok(least)
 }
 
-/// Twice the largest change that tighter tolerances make in the answer, as a share of it: an error that is
-/// proportional to the tolerance is twice what half the tolerance takes from it, and what is chaotic shows itself.
+/// Noise of the results: twice the largest relative change by tighter tolerances. An error proportional to the tolerance
+/// is twice the change from halving it; chaotic behaviour also shows as change.
 fn noise(
     bench: &Bench<'_>,
     scene: &Scene,
@@ -187,7 +187,7 @@ fn noise(
 ) -> Result<[Option<f64>; 3], RunError> {
     let mut noise = plain.answer.map(|a| a.map(|_| 0.0));
     for factor in TIGHTER {
-        console.line(&format!("measuring the noise: all tolerances {factor} times as large"));
+        console.line(&format!("measuring the noise: all tolerances multiplied by {factor}"));
         let mut tight = scene.clone();
         tighten(&mut tight, factor);
         bench.prepare("tight", &tight)?;
@@ -201,7 +201,7 @@ fn noise(
     Ok(noise)
 }
 
-/// Multiplies all tolerances of iterations.
+/// Multiplies all iteration tolerances by `factor`.
 fn tighten(scene: &mut Scene, factor: f64) {
     scene.coupling.tolerance *= factor;
     scene.structure.newton_tolerance *= factor;
@@ -212,7 +212,7 @@ fn tighten(scene: &mut Scene, factor: f64) {
     }
 }
 
-/// Relative changes of the first answer over the second, less one.
+/// Relative changes of the results by the effect.
 fn changes(with: &Outcome, without: &Outcome) -> [Option<f64>; 3] {
     std::array::from_fn(|q| {
         let (with, without) = (with.answer[q]?, without.answer[q]?);
@@ -222,7 +222,7 @@ fn changes(with: &Outcome, without: &Outcome) -> [Option<f64>; 3] {
 }
 
 impl Row {
-    /// Whether the estimate of each quantity holds, where both are known.
+    /// Whether estimate and measurement of each quantity agree; `None` if one is unknown.
     pub fn agrees(&self, noise: &[Option<f64>; 3]) -> [Option<bool>; 3] {
         let (Ok((changes, _)), Some(e)) = (&self.measured, self.assessment.estimate()) else {
             return [None; 3];
@@ -232,10 +232,10 @@ impl Row {
 }
 
 impl Measurements {
-    /// The measurements as tables for people.
+    /// The measurements as text tables.
     pub fn text(&self) -> String {
         let mut text = format!(
-            "measured: stage `{}`, {}; means over {} to {} s; noise: twice what tighter tolerances change\n",
+            "measured: stage `{}`, {}; means over {} to {} s; noise: twice the change by tighter tolerances\n",
             self.stage,
             counted(self.windows, "window"),
             0.5 * self.time_s,
@@ -250,7 +250,7 @@ impl Measurements {
         }
         let _ = writeln!(
             text,
-            "what effects change: with over without, less one\n  {:<42} {:<8} {:<28} {:>10} {:>10}  agree",
+            "relative change of the quantities by each effect\n  {:<42} {:<8} {:<28} {:>10} {:>10}  agree",
             "effect", "quantity", "estimate (range)", "measured", "noise"
         );
         let (mut good, mut all) = (0, 0);
@@ -261,7 +261,7 @@ impl Measurements {
                 good += u32::from(agrees);
             }
         }
-        let _ = writeln!(text, "{good} of {all} estimates agree with what was measured");
+        let _ = writeln!(text, "{good} of {all} estimates agree with the measurement");
         self.costs(&mut text);
         text
     }
@@ -300,10 +300,10 @@ impl Measurements {
     fn costs(&self, text: &mut String) {
         let _ = writeln!(
             text,
-            "what effects cost: ratios with over without, of the seconds that the programs computed and of counts\n  {:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}",
+            "cost of each effect: ratio with / without of the computing time of the programs and of counts\n  {:<42} {:>6} {:>10} {:>6} {:>6} {:>11} {:>10} {:>10}",
             "effect", "all", "structure", "flow", "mesh", "iterations", "steps", "flow iter."
         );
-        let _ = writeln!(text, "{}", costs_of("(the scene beside itself)", &self.itself));
+        let _ = writeln!(text, "{}", costs_of("(repeated run of the scene)", &self.itself));
         for row in &self.rows {
             if let Ok((_, work)) = &row.measured {
                 let key = format!("{}{}", row.entry.key, if row.on { " (on)" } else { "" });
@@ -313,7 +313,7 @@ impl Measurements {
     }
 }
 
-/// Ratios of the first over the second.
+/// A table row of ratios with / without.
 fn costs_of(key: &str, [with, without]: &[Work; 2]) -> String {
     let ratio = |of: &dyn Fn(&Work) -> f64| {
         let (with, without) = (of(with), of(without));

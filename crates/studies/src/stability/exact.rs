@@ -1,22 +1,22 @@
-//! The closed-form answer of the model problem: free vibration of a stretched panel in air.
+//! Closed-form solution of the model problem: free vibration of a prestressed panel in air.
 //!
-//! A panel under the tension $T$ (N/m), held along its edges, is let go from the shape that a
-//! pressure $p$ gives it. With open sides (gauge pressure zero there) its modes
+//! A panel under the tension $T$ (N/m), fixed along its edges, is released from its static shape
+//! under a pressure $p$. With open sides (gauge pressure zero there) its modes
 //! $\sin(a x)\sin(b y)$, $k^2=a^2+b^2$, are also those of the potential of incompressible air
-//! in the box, $\phi\sim\sin(ax)\sin(by)\,g(z)$ with $g''=k^2g$. A side of height $H$ adds the
+//! in the box, $\phi\sim\sin(ax)\sin(by)\,g(z)$ with $g''=k^2g$. A layer of height $H$ adds the
 //! mass per area
 //!
 //! $$ m_a = \frac{\rho}{k}\coth kH \ \text{(closed)}, \qquad m_a = \frac{\rho}{k}\tanh kH\ \text{(open)}, $$
 //!
-//! from $g=\cosh k(H-z)$, $\phi_z(H)=0$, and $g=\sinh k(H-z)$, $\phi(H)=0$. So each mode swings
-//! on its own, $w_k(t)=w_k(0)\cos\omega_k t$, $\omega_k^2=Tk^2/(m+m_a)$. Guided sides (a strip)
+//! from $g=\cosh k(H-z)$, $\phi_z(H)=0$, and $g=\sinh k(H-z)$, $\phi(H)=0$. The modes are
+//! uncoupled: $w_k(t)=w_k(0)\cos\omega_k t$, $\omega_k^2=Tk^2/(m+m_a)$. Guided sides (a strip)
 //! have modes along x alone.
 
 use std::f64::consts::PI;
 
 use case::{BoxSides, Canopy, Condition, PanelEdges, Scene};
 
-/// Odd modes that are summed along each direction; the rest carries 1e-5 of the volume.
+/// Number of odd modes along each direction; the truncated ones carry 1e-5 of the volume.
 const MODES: usize = 8;
 
 /// One mode of the panel.
@@ -24,7 +24,7 @@ const MODES: usize = 8;
 struct Mode {
     /// Angular frequency, 1/s.
     omega: f64,
-    /// Its share of the volume under the panel at the start, m3.
+    /// Initial volume under the panel, m3.
     volume: f64,
     /// Amplitude squared times area over its mean square, m4: doubles as mass per (kg/m2).
     weight: f64,
@@ -42,22 +42,22 @@ pub struct Exact {
     pub added: f64,
 }
 
-/// Whether a side of the box is closed to the air; others than those with a closed form as an error.
+/// Whether a side of the box is closed to the air. Conditions without a closed-form solution are an error.
 fn closed(side: Condition) -> Result<bool, String> {
     match side {
         Condition::Slip | Condition::Symmetry => Ok(true),
         Condition::Outlet => Ok(false),
-        _ => Err("sides must be \"slip\", \"symmetry\" or \"outlet\" for a closed form".into()),
+        _ => Err("sides must be \"slip\", \"symmetry\" or \"outlet\" for a closed-form solution".into()),
     }
 }
 
-/// The panel's modes are those of the air: held edges lie on open sides, guided ones on closed sides.
+/// Panel and air have the same modes only if fixed edges lie on open sides and guided edges on closed sides.
 fn check_sides(sides: &BoxSides, held: PanelEdges) -> Result<(), String> {
     let open = |side| closed(side).map(|closed| !closed);
     let strip = match held {
         PanelEdges::All => false,
         PanelEdges::Ends => true,
-        PanelEdges::Root => return Err("a panel with a free end has no closed form here".into()),
+        PanelEdges::Root => return Err("a panel with a free end has no closed-form solution".into()),
     };
     let ends = open(sides.left)? && open(sides.right)?;
     let flanks = [sides.front, sides.back];
@@ -66,15 +66,15 @@ fn check_sides(sides: &BoxSides, held: PanelEdges) -> Result<(), String> {
     if ends && flanks_fit {
         return Ok(());
     }
-    Err("a panel's modes are those of the air only where its held edges lie on sides that are \"outlet\" and its \
-         guided edges on sides that are \"slip\""
+    Err("the closed-form solution requires that the held edges of the panel lie on sides with \"outlet\" and its guided \
+         edges on sides with \"slip\""
         .into())
 }
 
-/// A stretched panel that a pressure pushed.
+/// A prestressed panel under pressure.
 struct Stretched {
     size_m: [f64; 2],
-    /// Held at two ends, with modes along x alone.
+    /// Fixed at two ends; modes depend on x only.
     strip: bool,
     /// N/m.
     tension: f64,
@@ -83,7 +83,7 @@ struct Stretched {
 }
 
 impl Stretched {
-    /// Its modes, the first one first; `mass` is that of fabric and air per area (kg/m2) at a wave number (1/m).
+    /// Modes in increasing order; `mass`: mass of fabric and air per area (kg/m2) at a wave number (1/m).
     fn modes(&self, mass: impl Fn(f64) -> f64) -> Vec<Mode> {
         let [lx, ly] = self.size_m;
         let odd = || (0..MODES).map(|i| (2 * i + 1) as f64);
@@ -111,15 +111,15 @@ impl Stretched {
 }
 
 impl Exact {
-    /// From a scene with a panel in a box; what is missing as an error.
+    /// The solution for a scene with a panel in a box.
     ///
     /// # Errors
-    /// What the closed form does not cover, in words.
+    /// The scene has no closed-form solution, with the reason.
     pub fn new(scene: &Scene) -> Result<Self, String> {
         let (Canopy::Panel(p), Some(flow)) = (&scene.canopy, &scene.flow) else {
-            return Err("the family needs canopy.kind = \"panel\" in a [flow.box]".into());
+            return Err("the stability study needs canopy.kind = \"panel\" and a [flow.box]".into());
         };
-        let Some(b) = &flow.box_grid else { return Err("the family needs a [flow.box]".into()) };
+        let Some(b) = &flow.box_grid else { return Err("the stability study needs a [flow.box]".into()) };
         if b.ahead_m > 0.0 || b.behind_m > 0.0 {
             return Err("the panel must span its box: remove flow.box.ahead_m and behind_m".into());
         }
@@ -127,7 +127,7 @@ impl Exact {
         let strip = p.held == PanelEdges::Ends;
         let pressure = scene.stages.iter().find_map(|s| s.pressure_pa);
         let Some(pressure) = pressure.filter(|p| *p != 0.0) else {
-            return Err("the first stage must push the panel: give it a pressure_pa".into());
+            return Err("the first stage must load the panel: set its pressure_pa".into());
         };
         let tension = scene.fabric.prestress_pa * scene.fabric.thickness_m;
         if tension <= 0.0 {
@@ -151,13 +151,13 @@ impl Exact {
         2.0 * PI / self.modes[0].omega
     }
 
-    /// Volume under the panel, m3, with all frequencies times `stretch`.
+    /// Volume under the panel at time `t`, m3, with all frequencies multiplied by `stretch`.
     pub fn volume(&self, t: f64, stretch: f64) -> f64 {
         self.modes.iter().map(|m| m.volume * (stretch * m.omega * t).cos()).sum()
     }
 
-    /// The same vibration from another volume at the start, m3: that of the static shape on the
-    /// mesh at hand, so that what is compared is the way in time.
+    /// The same vibration scaled to the initial volume `start`, m3, of the static shape on the mesh, so that only the time
+    /// evolution is compared.
     pub fn from_volume(mut self, start: f64) -> Self {
         let factor = start / self.volume(0.0, 1.0);
         for mode in &mut self.modes {
@@ -190,7 +190,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn limits_of_the_added_mass() {
+    fn added_mass_has_the_limits_of_deep_and_shallow_boxes() {
         let mut scene = scene();
         let k = PI * 2f64.sqrt() / 1.0;
         let rho = scene.flow.as_ref().unwrap().density_kg_m3;
@@ -209,7 +209,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn volume_and_energy_of_the_start_are_those_of_the_static_shape() {
+    fn initial_volume_and_energy_match_the_static_shape() {
         let scene = scene();
         let exact = Exact::new(&scene).unwrap();
         let p = scene.stages[0].pressure_pa.unwrap();
@@ -231,7 +231,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_has_no_closed_form_is_told() {
+    fn scenes_without_closed_form_are_refused() {
         let mut free = scene();
         let Canopy::Panel(p) = &mut free.canopy else { panic!() };
         p.held = PanelEdges::Root;

@@ -1,4 +1,4 @@
-//! The samples of a family: a base scene at other mass ratios, windows, substeps and schemes.
+//! The samples of a stability study: a base scene with other mass ratios, windows, substeps and schemes.
 
 use std::path::{Path, PathBuf};
 
@@ -9,26 +9,26 @@ use toml::{Table, Value};
 
 use super::exact::Exact;
 
-/// A sample is completed for one period of its first mode, but for no more windows than this and
-/// at least [`LEAST_WINDOWS`]: what is unstable shows within some tens.
-pub const MOST_WINDOWS: u64 = 160;
-/// See [`MOST_WINDOWS`].
-pub const LEAST_WINDOWS: u64 = 12;
+/// Maximum number of windows of a sample. A sample runs for one period of its first mode within
+/// [`MIN_WINDOWS`] and this limit; instability shows within some tens of windows.
+pub const MAX_WINDOWS: u64 = 160;
+/// Minimum number of windows of a sample.
+pub const MIN_WINDOWS: u64 = 12;
 
-/// The values along each axis.
+/// Values along each axis of the map.
 #[derive(Clone, Debug)]
 pub struct Axes {
     /// Added mass of the first mode over the mass of the fabric.
     pub mass_ratios: Vec<f64>,
-    /// Windows in one period of the first mode.
+    /// Windows per period of the first mode.
     pub windows: Vec<f64>,
-    /// Structural steps in a window.
+    /// Structure substeps per window.
     pub substeps: Vec<u32>,
     /// Schemes, see [`SchemeChoice`].
     pub schemes: Vec<SchemeChoice>,
 }
 
-/// A scheme as the command line names it: `default` (what the scene says), or
+/// A coupling scheme as on the command line: `default` (that of the scene), or
 /// `SCHEME[:ACCELERATION[:LOAD]][+KEY=VALUE...]` with the keys and values of `[coupling]`, as in
 /// `staggered+staggered.sequence=improved-serial+staggered.predictor=1`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,10 +36,10 @@ pub struct Axes {
 pub struct SchemeChoice(pub String);
 
 impl SchemeChoice {
-    /// Writes the scheme into the text of a scene.
+    /// Sets the scheme in the table of a scene.
     ///
     /// # Errors
-    /// A part that is no `KEY=VALUE`.
+    /// A part is not of the form `KEY=VALUE`.
     pub(crate) fn apply(&self, scene: &mut Table) -> Result<(), RunError> {
         if self.0 == "default" {
             return Ok(());
@@ -52,10 +52,10 @@ impl SchemeChoice {
             }
         }
         for part in parts {
-            let (path, value) = part
-                .split_once('=')
-                .ok_or_else(|| RunError::Input(format!("`{part}` is no KEY=VALUE of [coupling]")))?;
-            // A number, a flag, or else a word.
+            let (path, value) = part.split_once('=').ok_or_else(|| {
+                RunError::Input(format!("`{part}` is not KEY=VALUE with a key of [coupling]"))
+            })?;
+            // A TOML value, else a string.
             let value = format!("v = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("v"));
             let value = value.unwrap_or_else(|| Value::String(part[path.len() + 1..].into()));
             let (table, key) = path.rsplit_once('.').map_or((None, path), |(t, k)| (Some(t), k));
@@ -66,41 +66,41 @@ impl SchemeChoice {
     }
 }
 
-/// A place in the family.
+/// A point of the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Added mass of the first mode over the mass of the fabric.
     pub mass_ratio: f64,
-    /// Windows in a period.
+    /// Windows per period of the first mode.
     pub windows_per_period: f64,
-    /// Structural steps in a window.
+    /// Structure substeps per window.
     pub substeps: u32,
     /// Scheme.
     pub scheme: SchemeChoice,
 }
 
-/// A sample, ready to run.
+/// A sample of the study.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// Where it stands.
+    /// Point of the map.
     pub point: Point,
-    /// Its scene.
+    /// Scene.
     pub scene: Scene,
-    /// Its scene as text.
+    /// Scene as TOML.
     pub text: String,
-    /// Folder of its results, named by its text: another scene is another sample.
+    /// Results folder, named by the hash of `text`.
     pub folder: PathBuf,
-    /// The exact answer.
+    /// Closed-form solution.
     pub exact: Exact,
 }
 
-/// All samples, in the order of the axes, below `out`.
+/// All samples, in the order of the axes, with folders below `out`.
 ///
 /// # Errors
-/// A base scene that has no closed form, or samples that are no valid scenes.
+/// The base scene has no closed-form solution, or a sample is not a valid scene.
 pub fn samples(base: &Path, axes: &Axes, out: &Path) -> Result<Vec<Sample>, RunError> {
     let text = std::fs::read_to_string(base).map_err(RunError::file("read", base))?;
-    // Reports what is wrong with the scene itself before it is changed.
+    // Reports errors of the base scene before it is modified.
     let scene = case::load(base).map_err(|e| RunError::Input(e.to_string()))?;
     let table: Table = text.parse().map_err(|e| RunError::Input(format!("{}: {e}", base.display())))?;
     let exact = Exact::new(&scene).map_err(|e| RunError::Input(format!("{}: {e}", base.display())))?;
@@ -127,7 +127,7 @@ fn sample(base: &Table, scene: &Scene, exact: &Exact, point: Point, out: &Path) 
     changed.fabric.density_kg_m3 = density;
     let period = Exact::new(&changed).map_err(RunError::Input)?.period();
     let window = period / point.windows_per_period;
-    let count = (point.windows_per_period.ceil() as u64).clamp(LEAST_WINDOWS, MOST_WINDOWS);
+    let count = (point.windows_per_period.ceil() as u64).clamp(MIN_WINDOWS, MAX_WINDOWS);
     let stages = table.get_mut("stage").and_then(Value::as_array_mut);
     let last = stages.and_then(|s| s.last_mut()).and_then(Value::as_table_mut);
     let last = last.ok_or_else(|| RunError::Input("the scene has no [[stage]]".into()))?;
@@ -150,7 +150,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn members_are_scenes_of_their_own() {
+    fn samples_are_distinct_valid_scenes() {
         let axes = Axes {
             mass_ratios: vec![0.1, 1000.0],
             windows: vec![4.0, 4000.0],
@@ -162,7 +162,7 @@ pub(super) mod tests {
         let all = samples(&base(), &axes, Path::new("/tmp/x")).unwrap();
         assert_eq!(all.len(), 24);
         let folders: std::collections::BTreeSet<_> = all.iter().map(|m| m.folder.clone()).collect();
-        assert_eq!(folders.len(), 24, "a folder twice");
+        assert_eq!(folders.len(), 24, "duplicate folders");
         for m in &all {
             let fabric = m.scene.fabric.density_kg_m3 * m.scene.fabric.thickness_m;
             assert!((m.exact.added / fabric / m.point.mass_ratio - 1.0).abs() < 1e-12);
@@ -170,7 +170,7 @@ pub(super) mod tests {
             assert!((m.exact.period() / stage.window_s / m.point.windows_per_period - 1.0).abs() < 1e-12);
             assert_eq!(stage.substeps, m.point.substeps);
             let windows = stage.windows();
-            assert!((LEAST_WINDOWS..=MOST_WINDOWS).contains(&windows), "{windows}");
+            assert!((MIN_WINDOWS..=MAX_WINDOWS).contains(&windows), "{windows}");
         }
         let more = SchemeChoice("staggered+staggered.sequence=improved-serial+staggered.predictor=1".into());
         let axes =

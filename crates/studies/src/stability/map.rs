@@ -1,5 +1,5 @@
-//! The map: mass ratio across, windows in a period upwards, one field for each scheme and
-//! number of substeps.
+//! The stability map: mass ratio on the horizontal axis, windows per period on the vertical axis, one panel for each
+//! scheme and number of substeps.
 
 use std::path::Path;
 
@@ -10,15 +10,15 @@ use super::family::{Axes, SchemeChoice};
 use super::runs::Completed;
 use super::verdict::Class;
 
-/// Iterations at the light end of the scale.
-const MOST: f64 = 30.0;
-/// Letters of a failure in the table; all of it is in the sample's folder.
-const FAILURE: usize = 110;
+/// Coupling iterations at the upper end of the colour scale.
+const MAX_ITERATIONS: f64 = 30.0;
+/// Maximum number of characters of a failure in the table; the folder of the sample contains all of it.
+const MAX_FAILURE_CHARS: usize = 110;
 
 /// Writes `map.csv`, `map.svg` and `map.png` into `out`.
 ///
 /// # Errors
-/// Trouble with the files.
+/// A file cannot be written.
 pub fn write(out: &Path, axes: &Axes, completed: &[Completed], title: &str) -> Result<(), RunError> {
     let path = out.join("map.csv");
     std::fs::write(&path, table(completed)).map_err(RunError::file("write", &path))?;
@@ -33,9 +33,9 @@ fn table(completed: &[Completed]) -> String {
     let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:.5}"));
     for f in completed {
         let v = &f.verdict;
-        // One line, and no comma.
+        // First line, without commas.
         let failure = v.failure.as_deref().unwrap_or_default().lines().next().unwrap_or_default();
-        let failure = failure.chars().take(FAILURE).collect::<String>().replace(',', ";");
+        let failure = failure.chars().take(MAX_FAILURE_CHARS).collect::<String>().replace(',', ";");
         text += &format!(
             "{},{},{},{},{},{},{:.2},{},{},{:.5},{failure}\n",
             f.point.mass_ratio,
@@ -53,9 +53,9 @@ fn table(completed: &[Completed]) -> String {
     text
 }
 
-/// Place of a number of iterations in a window on the scale of colours.
+/// Position of a number of iterations on the colour scale, 0 to 1.
 fn share(iterations: f64) -> f64 {
-    (iterations.max(1.0).ln() / MOST.ln()).min(1.0)
+    (iterations.max(1.0).ln() / MAX_ITERATIONS.ln()).min(1.0)
 }
 
 fn figure(axes: &Axes, completed: &[Completed], title: &str) -> Figure {
@@ -66,12 +66,15 @@ fn figure(axes: &Axes, completed: &[Completed], title: &str) -> Figure {
         maps: axes.schemes.iter().flat_map(one).collect(),
         columns: axes.substeps.len(),
         marks: marks.into_iter().map(|class| (mark(class), class.name().into())).collect(),
-        scale: "coupling iterations in a window".into(),
-        scale_marks: [1.0, 3.0, 10.0, MOST].into_iter().map(|n| (share(n), format!("{n}"))).collect(),
+        scale: "coupling iterations per window".into(),
+        scale_marks: [1.0, 3.0, 10.0, MAX_ITERATIONS]
+            .into_iter()
+            .map(|n| (share(n), format!("{n}")))
+            .collect(),
     })
 }
 
-/// The map of one scheme and number of substeps.
+/// The panel of one scheme and number of substeps.
 fn map(axes: &Axes, completed: &[Completed], scheme: &SchemeChoice, substeps: u32) -> HeatMap {
     let field = |f: &Completed| {
         let p = &f.point;
@@ -89,7 +92,7 @@ fn map(axes: &Axes, completed: &[Completed], scheme: &SchemeChoice, substeps: u3
     let names = |values: &[f64]| values.iter().map(f64::to_string).collect();
     HeatMap {
         title: format!("{}, {substeps} substeps", scheme.0),
-        x: Axis::categories("mass of air : mass of fabric", names(&axes.mass_ratios)),
+        x: Axis::categories("added mass / fabric mass", names(&axes.mass_ratios)),
         y: Axis::categories("windows per period", names(&axes.windows)),
         fields: own.filter_map(field).collect(),
     }
@@ -110,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_map_has_all_members_in_table_and_pictures() {
+    fn table_and_figures_contain_all_samples() {
         let axes = Axes {
             mass_ratios: vec![0.1, 1.0, 10.0, 100.0, 1000.0],
             windows: vec![8.0, 32.0, 128.0],
@@ -146,11 +149,11 @@ mod tests {
         assert_eq!(csv.lines().count(), 1 + 60);
         assert!(csv.lines().all(|l| l.split(',').count() == 11), "{csv}");
         let svg = std::fs::read_to_string(folder.path().join("map.svg")).unwrap();
-        assert_eq!(svg.matches("mass of air").count(), 4);
+        assert_eq!(svg.matches("added mass").count(), 4);
         // Stable samples are dots, inaccurate ones rings; there is one of each in the legend.
         let circles = completed.iter().filter(|f| f.verdict.class != Class::Unstable).count() + 2;
         assert_eq!(svg.matches("<circle").count(), circles);
-        assert_eq!(svg.matches("mass of fabric").count(), 4);
+        assert_eq!(svg.matches("fabric mass").count(), 4);
         let png = std::fs::read(folder.path().join("map.png")).unwrap();
         assert!(png.starts_with(b"\x89PNG") && png.len() > 5000);
         if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {

@@ -1,4 +1,4 @@
-//! `ripstop stability`: which schemes are stable where, as a map.
+//! `ripstop stability`: stability maps of coupling schemes.
 
 mod exact;
 pub(crate) mod family;
@@ -17,7 +17,7 @@ pub use self::exact::Exact;
 use self::family::{Axes, SchemeChoice, samples};
 use self::verdict::Class;
 
-/// The family of samples to run.
+/// Arguments of `ripstop stability`.
 #[derive(Args)]
 pub struct StabilityArgs {
     /// Scene of a panel in a box
@@ -26,31 +26,34 @@ pub struct StabilityArgs {
     /// Folder of the samples and of map.csv, map.svg, map.png
     #[arg(long, value_name = "DIR", default_value = "runs/stability")]
     out: PathBuf,
-    /// Mass of the moved air over mass of the fabric [default: 0.1,10,1000; --full: all decades]
+    /// Ratios of added mass to fabric mass [default: 0.1,10,1000; --full: all decades]
     #[arg(long, value_name = "RATIO,...", value_delimiter = ',', value_parser = above_zero)]
     mass_ratio: Vec<f64>,
-    /// Windows in one period of the exact vibration [default: 8,64; --full: 4,16,64,400,4000]
+    /// Windows per period of the exact vibration [default: 8,64; --full: 4,16,64,400,4000]
     #[arg(long, value_name = "COUNT,...", value_delimiter = ',', value_parser = above_zero)]
     window: Vec<f64>,
-    /// Structural steps in a window [default: 10; --full: 1,10]
+    /// Structure substeps per window [default: 10; --full: 1,10]
     #[arg(long, value_name = "COUNT,...", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     substeps: Vec<u32>,
-    /// Coupling: `default` as in the scene, or SCHEME[:ACCELERATION[:LOAD]][+KEY=VALUE] [default: staggered,default]
+    /// Coupling schemes: `default` as in the scene, or SCHEME[:ACCELERATION[:LOAD]][+KEY=VALUE] [default: staggered,default]
     #[arg(long, value_name = "SCHEME,...", value_delimiter = ',')]
     scheme: Vec<String>,
-    /// The whole family: five decades of mass ratio, three of the window
+    /// Run the full map: five decades of mass ratio, three of the window
     #[arg(long)]
     full: bool,
-    /// Samples completed at the same time [default: one for each core]
+    /// Number of samples that run at the same time [default: number of cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
     jobs: Option<u32>,
-    /// Run samples again that were completed before
+    /// Run all samples, including those with results
     #[arg(long)]
     rerun: bool,
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|x| *x > 0.0 && x.is_finite()).ok_or_else(|| "a number above 0".into())
+    text.parse::<f64>()
+        .ok()
+        .filter(|x| *x > 0.0 && x.is_finite())
+        .ok_or_else(|| "expected a number above 0".into())
 }
 
 impl StabilityArgs {
@@ -84,10 +87,10 @@ impl StabilityArgs {
     }
 }
 
-/// Runs the family and draws its map; returns the text for people.
+/// Runs the samples and writes the map. Returns the text for the terminal.
 ///
 /// # Errors
-/// A scene without closed form, an interruption, trouble with files.
+/// A scene without closed-form solution, an interruption, or file errors.
 pub fn stability(args: &StabilityArgs, stop: &AtomicBool, console: &Console) -> Result<String, RunError> {
     let axes = args.axes();
     std::fs::create_dir_all(&args.out).map_err(RunError::file("create", &args.out))?;
@@ -115,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_are_given_quick_or_full() {
+    fn axes_come_from_options_quick_or_full_defaults() {
         use clap::Parser;
         #[derive(Parser)]
         struct Line {

@@ -1,4 +1,4 @@
-//! Runs the samples, some at a time, each as a `ripstop run` of its own.
+//! Runs the samples in parallel, each as a separate `ripstop run`.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -10,25 +10,24 @@ use serde::{Deserialize, Serialize};
 use terminal::Console;
 
 use super::family::{Point, Sample};
-use super::verdict::{Seen, Verdict};
+use super::verdict::{Observed, Verdict};
 use crate::process::run_scene;
 
-/// What is kept of a sample that was completed.
+/// Stored result of a sample.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Completed {
-    /// Where it stands.
+    /// Point of the map.
     pub point: Point,
-    /// What it came to.
+    /// Classification and errors.
     pub verdict: Verdict,
 }
 
 const RESULT: &str = "verdict.json";
 
-/// Runs all samples that have no result yet, `jobs` at a time; results in their order.
+/// Runs the samples without results, `jobs` at a time. Returns the results in the order of the samples.
 ///
 /// # Errors
-/// An interruption, and whatever keeps a sample from being started: a sample that fails is
-/// a result.
+/// An interruption, or a sample that cannot be started. A failed sample is a result, not an error.
 pub fn run_samples(
     samples: &[Sample],
     jobs: usize,
@@ -40,11 +39,7 @@ pub fn run_samples(
         samples.iter().map(|m| if rerun { None } else { kept(m) }).collect();
     let open: Vec<usize> = (0..samples.len()).filter(|&i| results[i].is_none()).collect();
     if open.len() < samples.len() {
-        console.line(&format!(
-            "{} of {} samples are there already",
-            samples.len() - open.len(),
-            samples.len()
-        ));
+        console.line(&format!("{} of {} samples have results", samples.len() - open.len(), samples.len()));
     }
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let new: Mutex<Vec<(usize, Result<Completed, RunError>)>> = Mutex::new(Vec::new());
@@ -79,7 +74,7 @@ fn line(f: &Completed) -> String {
     let percent = |e: Option<f64>| e.map_or_else(|| "-".into(), |e| format!("{:+.1} %", 100.0 * e));
     let v = &f.verdict;
     format!(
-        "mass ratio {:>6}  {:>5} windows a period  {:>3} substeps  {:<22} {:<10}  {:.1} iterations, frequency {}, \
+        "mass ratio {:>6}  {:>5} windows per period  {:>3} substeps  {:<22} {:<10}  {:.1} iterations, frequency {}, \
          amplitude {}",
         f.point.mass_ratio,
         f.point.windows_per_period,
@@ -104,23 +99,24 @@ fn one(sample: &Sample, stop: &AtomicBool) -> Result<Completed, RunError> {
     std::fs::write(&scene, &sample.text).map_err(RunError::file("write", &scene))?;
     let failure = run(&scene, folder, stop)?;
     let name = &sample.scene.stages.last().map(|s| s.name.as_str()).unwrap_or_default();
-    let seen = read(&folder.join(name).join("history.csv"))?;
+    let observed = read(&folder.join(name).join("history.csv"))?;
     let first = read(&folder.join(&sample.scene.stages[0].name).join("history.csv"));
     let start = first.ok().and_then(|s| s.volume.last().copied()).filter(|v| v.is_finite() && *v != 0.0);
     let exact = match start {
         Some(volume) => sample.exact.clone().from_volume(volume),
         None => sample.exact.clone(),
     };
-    let completed = Completed { point: sample.point.clone(), verdict: Verdict::new(&seen, &exact, failure) };
+    let completed =
+        Completed { point: sample.point.clone(), verdict: Verdict::new(&observed, &exact, failure) };
     let text = serde_json::to_string_pretty(&completed).unwrap_or_default();
-    // Beside its place first: a result is whole, or it is not there.
+    // Written to a temporary file first, so that the result is complete or missing.
     let (draft, place) = (folder.join("verdict.new"), folder.join(RESULT));
     std::fs::write(&draft, text + "\n").map_err(RunError::file("write", &draft))?;
     std::fs::rename(&draft, &place).map_err(RunError::file("rename", &place))?;
     Ok(completed)
 }
 
-/// Runs a sample to its end; why it failed, if it did.
+/// Runs a sample. Returns the reason of a failure.
 fn run(scene: &Path, folder: &Path, stop: &AtomicBool) -> Result<Option<String>, RunError> {
     let program = results::program::this_program()?;
     let log = folder.join("errors.txt");
@@ -137,19 +133,19 @@ fn run(scene: &Path, folder: &Path, stop: &AtomicBool) -> Result<Option<String>,
     }
 }
 
-/// A history that was never begun is empty.
-fn read(path: &Path) -> Result<Seen, RunError> {
+/// Reads a history; empty if the file does not exist.
+fn read(path: &Path) -> Result<Observed, RunError> {
     if !path.exists() {
-        return Ok(Seen::default());
+        return Ok(Observed::default());
     }
     let columns = history::read(path)?;
     let column = |name: &str| {
         let found = columns.iter().find(|(n, _)| n == name);
         found
             .map(|(_, v)| v.clone())
-            .ok_or_else(|| RunError::Input(format!("{} has no {name}", path.display())))
+            .ok_or_else(|| RunError::Input(format!("{} has no column `{name}`", path.display())))
     };
-    Ok(Seen {
+    Ok(Observed {
         time: column("time_s")?,
         volume: column("volume_m3")?,
         kinetic: column("structure_kinetic_energy_j")?,
