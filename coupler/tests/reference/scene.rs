@@ -13,6 +13,9 @@ use super::markdown::{anchor, compare_or_write, head, inline, number, root, tabl
 use super::schema::{Key, Schema, Section, described, join};
 use super::units::unit;
 
+/// Keys and the entries (name, description) that have them.
+type NamesByKeys = (Vec<String>, Vec<(String, String)>);
+
 const INTRODUCTION: &str = "\
 A scene is a TOML file. Each section below is a table of the file. A table that is absent is an effect that is off, or has \
 its defaults; a key that is unknown is refused with the nearest known one. `ripstop schema` prints the JSON schema of this \
@@ -299,8 +302,8 @@ impl Sources {
     }
 
     /// Names that keys may have, with the keys that have the same.
-    fn names_by_keys(&self, s: &Section) -> Vec<(Vec<String>, Vec<(String, String)>)> {
-        let mut found: Vec<(Vec<String>, Vec<(String, String)>)> = Vec::new();
+    fn names_by_keys(&self, s: &Section) -> Vec<NamesByKeys> {
+        let mut found: Vec<NamesByKeys> = Vec::new();
         for key in &s.keys {
             let (name, all) = (format!("`{}`", key.name), names(self.schema.inner(&key.schema)));
             match found.iter_mut().find(|(_, known)| *known == all) {

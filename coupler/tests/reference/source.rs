@@ -55,7 +55,7 @@ pub fn members(source: &str, item: &str) -> Vec<Member> {
         if in_attribute || line.starts_with("    #[") {
             attributes += inner.trim_end_matches('\\');
             attributes.push(' ');
-            in_attribute = !inner.ends_with(")]") && !(inner == "]" && line.starts_with("    ]"));
+            in_attribute = !(inner.ends_with(")]") || inner == "]" && line.starts_with("    ]"));
         } else if let Some(doc) = line.strip_prefix("    ///") {
             text += doc;
         } else if line.starts_with("    ") && !line.starts_with("     ") && !inner.starts_with('}') {
