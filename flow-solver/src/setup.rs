@@ -176,7 +176,7 @@ impl Setup {
     /// Writes what the grid is like to `grid.txt` in the stage's folder.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn report_grid(&self) -> Result<(), Fault> {
         let file = self.folder.join("grid.txt");
         std::fs::create_dir_all(&self.folder)

@@ -29,7 +29,7 @@ impl Snapshots {
     /// `folder/flow`, listed in `folder/flow.pvd`, with what was gathered in time. Collective.
     ///
     /// # Errors
-    /// Trouble with the files, on every rank.
+    /// The files cannot be written; returned on every rank.
     pub fn write<G: Gas<N>, const N: usize>(
         &mut self,
         solver: &Solver<G, N>,

@@ -28,7 +28,7 @@ impl RankWarmStart {
     /// Writes it below `folder`. Collective.
     ///
     /// # Errors
-    /// Trouble with a file, on every rank.
+    /// A file cannot be written; returned on every rank.
     pub fn save(&self, comm: &Comm, folder: &Path) -> Result<(), Fault> {
         let file = channel::warm_start_file(folder, Role::Flow, comm.rank(), comm.size());
         let outcome = archive::save(&file, MAGIC, VERSION, self);

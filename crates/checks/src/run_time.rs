@@ -11,7 +11,7 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "structure.newton",
         what: "Newton's method converges in each structural step",
-        estimate: "norm of the forces out of balance over that of the applied load",
+        estimate: "norm of the residual force over that of the applied load",
         range: "below structure.newton_tolerance after structure.newton_max_steps steps; the step is halved up to \
                 structure.max_step_cuts times, then the window has no answer: an error once windows cannot be shorter",
         source: "the tolerance of the scene",
@@ -21,7 +21,7 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "structure.convergence",
-        what: "the accepted answer of the structure is converged",
+        what: "the accepted solve of the structure is converged",
         estimate: "largest residual of its steps relative to the load (RESIDUAL), over RESIDUAL_TARGET",
         range: "at most 1; up to 10 the window is accepted, counted and reported once a stage; above, it is rejected and \
                 retried with half its length, then an error unless --accept-unconverged is given",
@@ -163,7 +163,7 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "descent.downward",
         what: "the frame falls no faster than gravity and the measured forces pull it",
-        estimate: "acceleration of the frame beside gravity and the downward forces of lines and drag on the payload, per mass",
+        estimate: "acceleration of the frame compared with gravity and the downward forces of lines and drag on the payload, per mass",
         range: "at most 0.1 g beyond them; a window above it is rejected and retried with half its length, then an error",
         source: "Newton's second law for the payload",
         severity: Error,
@@ -173,7 +173,7 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "descent.upward",
         what: "the frame rises no faster than its lines pull it",
-        estimate: "acceleration of the frame beside the mean force of the lines on the payload, per mass, less gravity",
+        estimate: "acceleration of the frame compared with the mean force of the lines on the payload, per mass, less gravity",
         range: "warning beyond half of gravity and of the lines' force per mass above it",
         source: "Newton's second law for the payload; the margin is that of forces at the end of a window",
         severity: Warning,

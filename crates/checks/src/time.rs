@@ -101,7 +101,7 @@ pub const CHECKS: &[Check] = &[
         what: "mass damping does not hold the canopy in a coupled stage",
         estimate: "mass_damping_per_s",
         range: "warning above 0 in a coupled stage of a parachute",
-        source: "it acts on the velocity in the falling frame beside the air's own forces: 20 1/s moves the ATPS's speed \
+        source: "it acts on the velocity in the falling frame in addition to the forces of the air: 20 1/s moves the ATPS's speed \
                  by 3.6 % (docs/records/benchmarks.md)",
         severity: Warning,
         remedy: "remove mass_damping_per_s from the coupled stage",

@@ -6,7 +6,7 @@
 //!
 //! $$ (m + m_a)\, \dot u = m g - \tfrac12 \rho A |w| u + m\, \dot w_z . $$
 //!
-//! At a fixed speed a change of the drag area changes the drag alike. In a steady descent the drag
+//! At a fixed speed a change of the drag area changes the drag in proportion. In a steady descent the drag
 //! stays the weight and the speed changes with $A^{-1/2}$ (Knacke, Parachute Recovery Systems Design Manual,
 //! 1992, section 4.2). A scene lies between: its mean over the second half of its last stage is
 //! what is compared.
@@ -35,13 +35,13 @@ const STEPS: u32 = 2000;
 pub struct Influence {
     /// Relative change of the canopy's drag area at a fixed speed.
     pub canopy: f64,
-    /// Drag area that falls beside the canopy, in shares of the canopy's.
-    pub beside: f64,
-    /// Share of the force on `beside` that passes through the lines.
+    /// Drag area of lines and payload relative to the canopy's.
+    pub below_canopy: f64,
+    /// Share of the force on `below_canopy` that passes through the lines.
     pub through_lines: f64,
     /// Mass that weighs on the canopy and no longer at the payload, in shares of the falling mass.
     pub on_canopy: f64,
-    /// Relative change of the force in the lines beside all that.
+    /// Further relative change of the force in the lines.
     pub lines: f64,
 }
 
@@ -55,7 +55,7 @@ impl Influence {
     pub fn times(&self, factor: f64) -> Self {
         Self {
             canopy: (factor * self.canopy).max(-0.95),
-            beside: (factor * self.beside).max(-0.9),
+            below_canopy: (factor * self.below_canopy).max(-0.9),
             through_lines: self.through_lines,
             on_canopy: self.on_canopy,
             lines: factor * self.lines,
@@ -156,8 +156,8 @@ impl Fall {
     /// Descent speed (m/s), drag of the canopy (N) and force in the lines at the payload (N), as means over
     /// the second half of the stage; `None`: the stage has no such quantity.
     pub fn answer(&self, influence: &Influence, wind: &Wind) -> [Option<f64>; 3] {
-        let tension = |canopy: f64, beside: f64, weight: f64| {
-            (canopy + influence.through_lines * beside - weight) * (1.0 + influence.lines)
+        let tension = |canopy: f64, below_canopy: f64, weight: f64| {
+            (canopy + influence.through_lines * below_canopy - weight) * (1.0 + influence.lines)
         };
         if self.motion == Motion::NoAir {
             let load = self.pressure * self.projected_area * (1.0 + influence.canopy);
@@ -165,7 +165,7 @@ impl Fall {
             return [None, Some(load), self.tension.then(|| tension(load, 0.0, weight))];
         }
         let means = self.means(influence, wind);
-        let lines = tension(means.canopy, means.beside, influence.on_canopy * means.weight);
+        let lines = tension(means.canopy, means.below_canopy, influence.on_canopy * means.weight);
         [
             (self.motion == Motion::Falls).then_some(means.speed),
             Some(means.canopy),
@@ -178,7 +178,7 @@ impl Fall {
         let h = end / f64::from(STEPS);
         let half = |area: f64| 0.5 * self.density * area;
         let canopy = half(self.drag_area * (1.0 + influence.canopy));
-        let beside = half(self.drag_area * influence.beside);
+        let below_canopy = half(self.drag_area * influence.below_canopy);
         let (mut fallen, mut now) = (0.0, wind.at(-self.before, 0.0));
         let mut u = self.speed + now[2];
         let mut means = Means::default();
@@ -193,7 +193,7 @@ impl Fall {
                 Motion::Falls => {
                     let inertia = self.mass + self.added_mass;
                     (inertia * u + h * self.mass * (self.gravity + rate))
-                        / (inertia + h * (canopy + beside) * size)
+                        / (inertia + h * (canopy + below_canopy) * size)
                 }
                 _ => self.speed + next[2],
             };
@@ -203,13 +203,13 @@ impl Fall {
             if h * f64::from(k) < self.before + 0.5 * self.time {
                 continue;
             }
-            let besides = beside * size * u;
+            let below_canopy_drag = below_canopy * size * u;
             let fall = if h > 0.0 { (v - old) / h } else { 0.0 };
             let force = match self.motion {
-                Motion::Falls => self.mass * (self.gravity - fall) - besides,
+                Motion::Falls => self.mass * (self.gravity - fall) - below_canopy_drag,
                 _ => canopy * size * u + self.added_mass * rate,
             };
-            means.add(v, force, besides, self.mass * (self.gravity - fall));
+            means.add(v, force, below_canopy_drag, self.mass * (self.gravity - fall));
             count += 1.0;
         }
         means.over(count)
@@ -220,16 +220,16 @@ impl Fall {
 struct Means {
     speed: f64,
     canopy: f64,
-    beside: f64,
+    below_canopy: f64,
     /// Of all that falls in the falling frame, N.
     weight: f64,
 }
 
 impl Means {
-    fn add(&mut self, speed: f64, canopy: f64, beside: f64, weight: f64) {
+    fn add(&mut self, speed: f64, canopy: f64, below_canopy: f64, weight: f64) {
         self.speed += speed;
         self.canopy += canopy;
-        self.beside += beside;
+        self.below_canopy += below_canopy;
         self.weight += weight;
     }
 
@@ -238,7 +238,7 @@ impl Means {
         Self {
             speed: self.speed / c,
             canopy: self.canopy / c,
-            beside: self.beside / c,
+            below_canopy: self.below_canopy / c,
             weight: self.weight / c,
         }
     }
@@ -288,7 +288,7 @@ mod tests {
         assert!((speed - (1.1f64.powf(-0.5) - 1.0)).abs() < 1e-6, "{speed}");
         assert!(drag.abs() < 1e-6 && tension.abs() < 1e-6, "{drag} {tension}");
         // A payload with drag of its own relieves the canopy by its share.
-        let payload = Influence { beside: 0.1, ..Influence::default() };
+        let payload = Influence { below_canopy: 0.1, ..Influence::default() };
         let [speed, drag, _] = change(&long, &payload, &long.wind);
         assert!((speed - (1.1f64.powf(-0.5) - 1.0)).abs() < 1e-6 && (drag + 0.1 / 1.1).abs() < 1e-6);
     }

@@ -22,7 +22,7 @@ use crate::topology::{Adjacency, OpenSides, Side, Topology};
 
 /// Share of the neighbours' coefficients that the response of the velocity to
 /// pressure leaves out: 0 is SIMPLE, where the neighbours stand still, 1 SIMPLEC,
-/// where they move alike. Near 1 is right for smooth corrections, which at large
+/// where they move equally. Near 1 is right for smooth corrections, which at large
 /// Courant numbers are what takes iterations; 0 for ragged ones. On the plate of
 /// 250 880 cells (first six steps): 45, 36, 33, 34, 37 iterations at 0, 0.5, 0.8, 0.9, 1.
 const FOLLOWING: f64 = 0.8;

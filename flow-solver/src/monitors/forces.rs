@@ -56,7 +56,7 @@ impl Forces {
     /// A row of `forces.csv`; `loads` are those of the accepted state. Collective.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
         solver: &Solver<G, N>,

@@ -74,7 +74,7 @@ impl Monitors {
     /// in it. Collective.
     ///
     /// # Errors
-    /// Trouble with a file, on every rank.
+    /// A file cannot be written; returned on every rank.
     pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
         solver: &Solver<G, N>,

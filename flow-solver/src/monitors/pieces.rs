@@ -23,7 +23,7 @@ impl Pieces {
     /// Collective.
     ///
     /// # Errors
-    /// Trouble with a file, on every rank.
+    /// A file cannot be written; returned on every rank.
     pub fn push(
         &mut self,
         comm: &Comm,

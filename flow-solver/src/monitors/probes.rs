@@ -114,7 +114,7 @@ impl Probes {
     /// Values after a window, a row of `probes.csv`. Collective.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
         solver: &Solver<G, N>,

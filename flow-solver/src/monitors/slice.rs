@@ -109,7 +109,7 @@ impl Slice {
     /// Adds a cut where one is due. Collective.
     ///
     /// # Errors
-    /// Trouble with a file.
+    /// A file cannot be written.
     pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
         solver: &Solver<G, N>,

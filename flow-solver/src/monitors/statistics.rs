@@ -70,7 +70,7 @@ impl Statistics {
     /// Saves them in `folder`. Collective.
     ///
     /// # Errors
-    /// Trouble with the file, on every rank.
+    /// The file cannot be written; returned on every rank.
     pub fn save(&self, folder: &Path, comm: &Comm, topology: &Topology, cells: usize) -> Result<(), Fault> {
         let mean = gather(comm, topology.numbering.owned(), &self.mean, cells);
         let moment = gather(comm, topology.numbering.owned(), &self.moment, cells);

@@ -49,7 +49,7 @@ impl Surface {
     /// Adds a picture where one is due. Collective.
     ///
     /// # Errors
-    /// Trouble with a file.
+    /// A file cannot be written.
     pub fn record<G: Gas<N>, const N: usize>(
         &mut self,
         solver: &Solver<G, N>,

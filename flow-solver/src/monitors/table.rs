@@ -31,7 +31,7 @@ impl Table {
     /// has left. Collective.
     ///
     /// # Errors
-    /// Trouble with the file, on every rank.
+    /// The file cannot be written; returned on every rank.
     pub fn row(&mut self, comm: &Comm, folder: &Path, time: f64, values: &[f64]) -> Result<(), Fault> {
         let outcome = if comm.is_root() { self.append(folder, time, values) } else { Ok(()) };
         if comm.all(outcome.is_ok()) {

@@ -39,7 +39,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Writes the last two accepted time levels. `totals`: cells and nodes of the whole grid. Collective.
     ///
     /// # Errors
-    /// Trouble with the file, on every rank.
+    /// The file cannot be written; returned on every rank.
     pub fn save(&self, file: &Path, totals: (usize, usize)) -> Result<(), Fault> {
         let rhie_chow_fluxes: Vec<[f64; 2]> =
             self.face_flux.iter().map(|t| t.previous.map(f64::from)).collect();

@@ -88,7 +88,7 @@ pub fn turbulence(s: &Scope<'_>) -> Assessment {
     let n = s.n;
     let smallest = n.width / n.reynolds.powf(0.75);
     let why = format!(
-        "Reynolds number {:.1e}, smallest eddies of {smallest:.0e} m beside cells of {:.2} m",
+        "Reynolds number {:.1e}, smallest eddies of {smallest:.0e} m compared with cells of {:.2} m",
         n.reynolds, n.cell
     );
     if n.reynolds > 300.0 && smallest < n.cell {
@@ -121,7 +121,7 @@ pub fn limiter(s: &Scope<'_>) -> Assessment {
     ))
 }
 
-/// A gust accelerates all air alike: the air past the canopy changes by its velocity, the drag with the square
+/// A gust accelerates all air equally: the air past the canopy changes by its velocity, the drag with the square
 /// of the speed and with the added mass times its rate ([`crate::fall`]; CS-25.341 for the shape).
 /// Within a factor of 3.
 pub fn gust(s: &Scope<'_>) -> Assessment {

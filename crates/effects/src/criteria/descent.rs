@@ -33,7 +33,7 @@ pub fn line_drag(s: &Scope<'_>) -> Assessment {
         * (drag.coefficient * slant.sin().powi(3) + PI * drag.friction_coefficient * slant.cos().powi(3));
     let share = area / s.fall.drag_area;
     s.of(
-        &Influence { canopy: -2.0 * share, beside: share, through_lines: 0.5, ..Influence::default() },
+        &Influence { canopy: -2.0 * share, below_canopy: share, through_lines: 0.5, ..Influence::default() },
         &unsigned(5.0),
         format!(
             "{:.1} N on {:.0} m of {:.1} mm lines, {} of the drag",
@@ -51,7 +51,7 @@ pub fn typical_drag_area(mass_kg: f64) -> f64 {
     CUBE * (mass_kg / PAYLOAD_DENSITY).powf(2.0 / 3.0)
 }
 
-/// The payload's drag area beside the canopy's, $C A / (C_D S)$: the payload carries that share of the weight
+/// The payload's drag area relative to the canopy's, $C A / (C_D S)$: the payload carries that share of the weight
 /// itself (Hoerner 1965, section 3-8). A scene that gives no drag area is judged with a cube of the payload's
 /// mass at 500 kg/m3. Within a factor of 3.
 pub fn payload_drag(s: &Scope<'_>) -> Assessment {
@@ -68,7 +68,7 @@ pub fn payload_drag(s: &Scope<'_>) -> Assessment {
     };
     let share = area / s.fall.drag_area;
     s.of(
-        &Influence { beside: share, ..Influence::default() },
+        &Influence { below_canopy: share, ..Influence::default() },
         &signed(3.0),
         format!("drag area of {area:.3} m2 ({what}): {} of the canopy's", percent(share)),
     )

@@ -149,7 +149,7 @@ pub fn reefing(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// A tape of the lines' stiffness beside a cell's width of fabric: the strain falls from $\varepsilon$ to
+/// A tape with the stiffness of the lines, parallel to one cell width of fabric: the strain falls from $\varepsilon$ to
 /// $\varepsilon / (1 + r)$ with $r = A Y / (E t l)$ along the tape, the area by twice the difference.
 /// Within a factor of 5.
 pub fn reinforcements(s: &Scope<'_>) -> Assessment {

@@ -74,7 +74,7 @@ impl Solvers<'_> {
         state.structure_solves += 1;
         let response = self.partners.structure(&w, load, &mut state.end.displacement)?;
         state.report.add(Role::Structure, response);
-        finite(self.stage, "answer of the structure", &w, &state.end.displacement)
+        finite(self.stage, "response of the structure", &w, &state.end.displacement)
     }
 
     /// Solves the descent equation after flow and structure: the frame's velocity is stored in [`WindowState::end`].
