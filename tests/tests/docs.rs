@@ -14,6 +14,8 @@ struct Page {
     links: Vec<(usize, String)>,
     anchors: BTreeSet<String>,
     headings: Vec<String>,
+    /// Code spans with their lines.
+    code: Vec<(usize, String)>,
 }
 
 /// The anchor that code-hosting sites and mdbook give a heading: lower case, spaces as hyphens, letters, digits,
@@ -52,6 +54,9 @@ impl Page {
                     page.links.push((line(), dest_url.into_string()));
                 }
                 Event::Text(words) | Event::Code(words) => {
+                    if text[range.clone()].starts_with('`') {
+                        page.code.push((line(), words.to_string()));
+                    }
                     if let Some(heading) = &mut heading {
                         heading.push_str(&words);
                     }
@@ -158,6 +163,77 @@ fn relative_links_and_anchors_of_all_pages_resolve() {
     assert!(wrong.is_empty(), "broken links:\n{}", wrong.join("\n"));
 }
 
+/// Names in a code span that must stand in the sources: names of four words and more in snake case (tests, columns),
+/// and paths below a folder of the repository.
+fn names(code: &str) -> Vec<&str> {
+    let words = code.split(|c: char| !(c.is_alphanumeric() || "_/.-".contains(c)));
+    let snake = |w: &str| {
+        let parts: Vec<&str> = w.split('_').collect();
+        parts.len() > 3 && parts.iter().all(|p| !p.is_empty() && p.chars().all(|c| c.is_ascii_alphanumeric()))
+    };
+    let path = |w: &str| {
+        let top = w.split('/').next().unwrap_or_default();
+        w.contains('/') && TOP_LEVEL.contains(&top) && Path::new(w).extension().is_some()
+    };
+    words.filter(|w| snake(w) || path(w)).collect()
+}
+
+/// Folders of the repository that documents name files of.
+const TOP_LEVEL: [&str; 10] = [
+    "cases",
+    "coupler",
+    "crates",
+    "docs",
+    "flow-solver",
+    "mesh-mover",
+    "python",
+    "scripts",
+    "structure-solver",
+    "tests",
+];
+
+/// Files that documents name and git does not track, and names of other programs.
+const FOREIGN: [&str; 1] = ["state_base_verbose"];
+
+#[test]
+fn names_and_paths_in_code_spans_exist() {
+    let files = files();
+    let is_source = |p: &&PathBuf| {
+        p.extension().is_some_and(|e| ["rs", "toml", "py", "txt", "json", "sh"].iter().any(|x| e == *x))
+            || p.starts_with("scripts")
+    };
+    let sources: Vec<_> = files.iter().filter(is_source).collect();
+    let words: BTreeSet<String> = sources
+        .iter()
+        .filter_map(|p| std::fs::read_to_string(root().join(p)).ok())
+        .flat_map(|text| {
+            let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_')).map(str::to_owned);
+            words.collect::<Vec<_>>()
+        })
+        .collect();
+    let known = |name: &str| {
+        FOREIGN.contains(&name)
+            || words.contains(name)
+            || name.contains('/') && files.contains(Path::new(name.trim_end_matches('.')))
+    };
+    let mut unknown = Vec::new();
+    let mut count = 0;
+    for (path, page) in &pages(&files) {
+        // The changelog names what is gone; the code makes the columns of the page of results from names with spaces.
+        if ["CHANGELOG.md", "docs/reference/results.md"].iter().any(|p| path == Path::new(p)) {
+            continue;
+        }
+        for (line, code) in &page.code {
+            let named = names(code);
+            count += named.len();
+            let missing = named.into_iter().filter(|n| !known(n));
+            unknown.extend(missing.map(|n| format!("{}:{line}: {n}", path.display())));
+        }
+    }
+    assert!(count > 200, "only {count} names were found");
+    assert!(unknown.is_empty(), "names that do not exist:\n{}", unknown.join("\n"));
+}
+
 #[test]
 fn summary_names_each_page_of_docs_once() {
     let files = files();
@@ -217,4 +293,8 @@ fn anchors_follow_the_rule_of_hosting_sites() {
     assert_eq!(of("y.md#q"), Some("no such heading"));
     assert_eq!(of("../y.md"), Some("no such file"));
     assert_eq!(of("../../y.md"), Some("leaves the repository"));
+    let page = Page::parse("run `a_b_c_d` and\n`tests/x.rs --y a_b`, not a_b_c_e");
+    let found: Vec<_> =
+        page.code.iter().flat_map(|(line, code)| names(code).into_iter().map(|n| (*line, n))).collect();
+    assert_eq!(found, [(1, "a_b_c_d"), (2, "tests/x.rs")]);
 }
