@@ -89,7 +89,7 @@ impl CanopyInterface {
     }
 
     /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa) does while the canopy moves straight from displacement `start`
-    /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps ([`wall_shares`]); traction
+    /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps (`wall_shares`); traction
     /// on the area at the end, shared equally by the corners.
     pub fn work(&self, load: &[f64], start: &[f64], end: &[f64]) -> f64 {
         let work = |(face, load): (&[u32; 4], &[f64])| {

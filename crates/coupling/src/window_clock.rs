@@ -7,9 +7,9 @@ const MAX_GROWTH_DELAY: u32 = 64;
 
 /// Time of a stage and length of its next window.
 ///
-/// A planned window has $2^h$ ticks, $h$ the number of halvings allowed. A window of $2^k$ ticks starts at a multiple
-/// of $2^k$, so that windows of any length meet the ends of planned ones, where results are written. Times are an
-/// integer times one tick: without rejections they are bitwise those of equal windows.
+/// A planned window has $`2^h`$ ticks, $`h`$ the number of halvings allowed. A window of $`2^k`$ ticks starts at a
+/// multiple of $`2^k`$, so that windows of any length meet the ends of planned ones, where results are written. Times
+/// are an integer times one tick: without rejections they are bitwise those of equal windows.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct WindowClock {
     planned_s: f64,
