@@ -1,4 +1,4 @@
-"""Solver programs of Ripstop in Python: see README.md beside this package."""
+"""Solver programs of Ripstop in Python: see README.md next to this package."""
 
 from .contract import STATISTICS, Fault, Window
 from .participant import Participant, Run, load_state, save_state, write_shape

@@ -70,7 +70,7 @@ class Run:
 
     def __init__(self, words=None):
         parser = argparse.ArgumentParser(
-            description="A solver program of Ripstop, started by `ripstop run` or beside `ripstop attach`."
+            description="A solver program of Ripstop, started by `ripstop run` or by hand together with `ripstop attach`."
         )
         parser.add_argument("--scene", required=True, type=Path, metavar="PATH", help="scene file")
         parser.add_argument("--stage", required=True, type=int, metavar="N", help="stage, from 0")
@@ -95,8 +95,8 @@ class Run:
     def case(self, grid=False):
         """What `ripstop mesh` says of this stage: `scene` (with defaults), `structure`
         (the mesh), `states` (files to start from, by role) and, if asked for, `grid`."""
-        beside = Path(__file__).resolve().parents[2] / "target/release/ripstop"
-        ripstop = os.environ.get("RIPSTOP") or shutil.which("ripstop") or str(beside)
+        built = Path(__file__).resolve().parents[2] / "target/release/ripstop"
+        ripstop = os.environ.get("RIPSTOP") or shutil.which("ripstop") or str(built)
         words = [ripstop, "mesh", str(self.scene), "--stage", str(self.stage), "--out", str(self.out)]
         try:
             done = subprocess.run(words + ["--grid"] * grid, capture_output=True, text=True, check=False)

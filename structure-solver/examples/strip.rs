@@ -1,4 +1,4 @@
-//! Draws the moment of a wrinkling strip over its curvature beside the closed form:
+//! Draws the moment of a wrinkling strip over its curvature, with the closed form:
 //! `cargo run --release -p structure-solver --example strip -- docs/pictures/strip.svg`
 
 #[allow(dead_code)]

@@ -13,7 +13,7 @@ use comm::Comm;
 use crate::dynamics::WindowInfo;
 use crate::participant::StructureSolver;
 
-/// What to do beside running.
+/// Tasks other than running.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// Prints where the time went.

@@ -18,8 +18,8 @@ use crate::system::System;
 /// A node is eliminated where its imbalance exceeds this share of the mean load on a
 /// node ...
 const OF_LOAD: f64 = 0.01;
-/// ... and this multiple of the mean imbalance: where all nodes are alike, the whole is
-/// the system to solve.
+/// ... and this multiple of the mean imbalance: where the residual is uniform, the system to solve is
+/// the whole one.
 const OF_MEAN: f64 = 2.0;
 /// Rings of neighbours that move along, so that the imbalance can spread.
 const RINGS: usize = 2;

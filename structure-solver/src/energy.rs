@@ -3,8 +3,8 @@
 //! Over a window the kinetic and strain energy $E$ changes by the work $W$ of everything outside
 //! of the structure, less what damping takes, and by $C = \Delta E - W$, which no physics
 //! accounts for. Stresses of averaged strains with midpoint inertia give $C \le 0$ in every step
-//! of any length (Simo and Tarnow 1992; [`crate::materials::step`]), up to the work of the forces
-//! that Newton's method leaves out of balance. Newmark's method and central differences give
+//! of any length (Simo and Tarnow 1992; [`crate::materials::step`]), up to the work of the residual
+//! forces of Newton's method. Newmark's method and central differences give
 //! no such bound, so each window is checked.
 //!
 //! **The bound.** $C$ summed over the stage may not exceed [`STAGE_SHARE`] of the throughput
@@ -51,7 +51,7 @@ impl Works {
     pub const SCHEDULE: usize = 5;
     /// Damping and the drag of lines.
     pub const DAMPING: usize = 6;
-    /// Forces that Newton's method leaves out of balance; no work from outside.
+    /// Residual forces of Newton's method; not external work.
     pub const RESIDUAL: usize = 7;
 
     /// Sum of the works from outside.
@@ -153,7 +153,7 @@ impl EnergyBalance {
         (self.sums, self.averaged) = (w.stage, averaged);
     }
 
-    /// Writes it beside the state of the nodes; the same on each rank, so one of them does it.
+    /// Writes it next to the state of the nodes; the same on each rank, so one of them does it.
     pub(crate) fn save(&self, folder: &Path) -> Result<(), Fault> {
         archive::save(&folder.join(FILE), MAGIC, VERSION, self).map(|_| ()).map_err(Fault::new)
     }
@@ -296,8 +296,8 @@ impl Dynamics {
         after - before
     }
 
-    /// Work of the forces that move nodes as prescribed, J: forces out of balance on their way,
-    /// and their change of momentum at their mean velocity.
+    /// Work of the forces that move nodes as prescribed, J: the residual forces along their path,
+    /// and the change of momentum at their mean velocity.
     fn motion_work(&mut self, part: Interval<'_>, averaged: bool, du: &[f64]) -> f64 {
         let Interval { span, load, body, .. } = part;
         self.system.set_step(part.dt());

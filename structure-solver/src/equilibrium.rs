@@ -236,7 +236,7 @@ impl Dynamics {
         let (mass_factor, rounding) = match c.mass_factor {
             Some(factor) => (factor, false),
             None => {
-                c.residual = self.out_of_balance(load, body) / c.scale;
+                c.residual = self.residual_norm(load, body) / c.scale;
                 self.first_factor(c, load)
             }
         };
@@ -303,7 +303,7 @@ impl Dynamics {
         std::mem::swap(&mut self.current, &mut self.next);
         self.current.v.fill(0.0);
         self.current.a.fill(0.0);
-        step.residual = self.out_of_balance(load, body) / c.scale;
+        step.residual = self.residual_norm(load, body) / c.scale;
         c.rounded = if stop == Stop::Correction { c.rounded + 1 } else { 0 };
         step.balanced = if step.residual <= params.tolerance {
             Some(Stop::Residual)
@@ -332,8 +332,8 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Norm of the forces out of balance at `current`, N; leaves them in `force[0]`.
-    fn out_of_balance(&mut self, load: FaceLoad<'_>, body: [f64; 3]) -> f64 {
+    /// Norm of the residual force at `current`, N; writes the residual to `force[0]`.
+    fn residual_norm(&mut self, load: FaceLoad<'_>, body: [f64; 3]) -> f64 {
         let n = 3 * self.system.model.n_owned();
         for i in 0..self.x.len() {
             self.x[i] = self.system.model.reference[i] + self.current.u[i];

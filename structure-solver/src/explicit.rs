@@ -65,7 +65,7 @@ pub struct Explicit {
     pub frequency: f64,
     /// Share of the largest stable step that is taken.
     pub safety: f64,
-    /// Forces out of balance, N.
+    /// Residual forces, N.
     force: Vec<f64>,
     /// Half-step velocities of local components, m/s.
     half: Vec<f64>,

@@ -36,7 +36,7 @@ const LAYERS: usize = 3;
 /// each rank takes one factor of all its rows.
 const PARTS_LIMIT: usize = 60;
 /// Iterations that a factorisation is worth, of its multiplications over the bytes of the
-/// factor: an iteration reads that once, and about as much beside.
+/// factor: an iteration reads that once, and about as much other data.
 const OF_RATIO: f64 = 0.5;
 
 /// What GMRES is preconditioned with. Where inertia dominates (short steps, soft

@@ -100,7 +100,7 @@ pub trait ElementLoop {
     /// Finds what is near what at positions `x` (m).
     fn find_pairs(&mut self, _x: &[f64]) {}
 
-    /// What later steps depend on beside positions and velocities: pairs that were found.
+    /// State other than positions and velocities that later steps depend on: the contact pairs.
     fn save_state(&self) -> Vec<f64> {
         Vec::new()
     }

@@ -35,7 +35,7 @@ pub struct Measures {
     pub vertical_momentum: f64,
 }
 
-/// What the measures need beside the state.
+/// Input of the measures, except the state.
 pub struct Gauge {
     /// Local nodes of the hem that this rank owns.
     hem: Vec<u32>,

@@ -179,7 +179,7 @@ pub enum Warp {
 /// How faces become elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Surface {
-    /// Bilinear elements beside the triangles, which then only describe the surface.
+    /// Bilinear elements are used; the triangles then only describe the surface.
     pub quadrilaterals: bool,
     /// First axis of strains and stresses; anywhere if `None`.
     pub warp: Option<Warp>,
@@ -226,7 +226,7 @@ pub struct Model {
     pub cables: Vec<CableElement>,
     /// Cables whose first node is owned here.
     pub n_own_cables: usize,
-    /// Pairs of nodes that something beside elements ties together, ordered like the triangles.
+    /// Pairs of nodes coupled by other terms than elements, in the order of the triangles.
     pub ties: Vec<[u32; 2]>,
     /// Ties whose first node is owned here.
     pub n_own_ties: usize,

@@ -213,7 +213,7 @@ impl Newton {
         self.params.tolerance
     }
 
-    /// Work of the forces that the last step left out of balance over the displacements `du` (m) of
+    /// Work of the residual forces of the last step over the displacements `du` (m) of
     /// owned nodes, J.
     pub(crate) fn unbalanced_work(&self, du: &[f64]) -> f64 {
         dot(&self.g, du)
@@ -228,7 +228,7 @@ impl Newton {
     }
 
     /// Solves one time step into `to`. `guesses` are displacements to start from
-    /// (with current ghosts) beside the extrapolated ones: the least residual wins.
+    /// (with current ghosts) in addition to the extrapolated ones: the smallest residual is used.
     /// `scale` is the force (N) that residuals are measured against.
     pub fn step(
         &mut self,
@@ -393,8 +393,8 @@ impl Newton {
         if begun { self.residual(system, balance) } else { norm }
     }
 
-    /// Norm of the applied load; without load, of the forces that the old state
-    /// has out of balance, so that a free motion has a scale too.
+    /// Norm of the applied load; without load, of the residual forces of the old
+    /// state, so that a free motion has a scale too.
     pub fn load_scale(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
         let n = 3 * system.model.n_owned();
         for i in 0..self.x.len() {
@@ -442,7 +442,7 @@ impl Newton {
         best
     }
 
-    /// Forces out of balance at `self.u` into `self.g`; returns their norm.
+    /// Residual forces at `self.u` into `self.g`; returns their norm.
     fn residual(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
         let _part = timing::part("residual");
         let start = Instant::now();

@@ -232,7 +232,7 @@ const FILE: &str = "payload.bin";
 const KIND: [u8; 8] = *b"ripbody\0";
 const VERSION: u32 = 1;
 
-/// Writes the body's state beside those of the nodes. Collective.
+/// Writes the state of the body next to that of the nodes. Collective.
 pub(crate) fn save(comm: &comm::Comm, state: &BodyState, folder: &Path) -> Result<(), StateError> {
     let save = || archive::save(&folder.join(FILE), KIND, VERSION, state).map(|_| ());
     let result = if comm.is_root() { save() } else { Ok(()) };

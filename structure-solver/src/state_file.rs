@@ -17,7 +17,7 @@ const VERSION: u32 = 2;
 /// A state file that could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum StateError {
-    /// Trouble with the file, or what it holds is no state of this structure.
+    /// The file cannot be read, or its content is not a state of this structure.
     #[error(transparent)]
     File(#[from] archive::Error),
     /// Another rank failed; its message says why.

@@ -115,8 +115,8 @@ impl System {
         self.fixed_owned = owned.filter(|&i| model.fixed[i as usize]).collect();
     }
 
-    /// Constrains components, local numbers `3 node + component`, beside those that
-    /// the mesh holds.
+    /// Constrains components, local numbers `3 node + component`, in addition to those that
+    /// the mesh constrains.
     pub fn fix(&mut self, dofs: &[u32]) {
         dofs.iter().for_each(|&i| self.model.fixed[i as usize] = true);
         self.find_masked();

@@ -31,7 +31,7 @@ use crate::system::System;
 /// $\varphi^2 \mu$ and $\varphi^2 \chi$: no such mode grows by more than 1.0005.
 ///
 /// The price is a first-order error in the inertia of the *fabric* (up to a third of
-/// its mass), which is small beside the air's where this is needed. Without a choice of
+/// its mass), which is small relative to that of the air where this is needed. Without a choice of
 /// the scene $\chi$ falls with the air's share ([`fitting`]).
 #[derive(Clone, Debug)]
 pub struct VelocityAverage {

@@ -90,7 +90,7 @@ impl Memory {
 /// Writes this rank's memory below `folder`.
 ///
 /// # Errors
-/// Trouble with the file.
+/// The file cannot be written.
 pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), archive::Error> {
     let State { u, v, a, .. } = &dynamics.accepted;
     let memory = Memory {

@@ -10,7 +10,7 @@ fn inflating_canopy_is_regridded_and_the_coupling_continues() {
         "atps-inflation",
         folder.path(),
         &[
-            ("below = 0.3 ", "below = 0.3\nstep = 0.5 "),
+            ("quality_threshold = 0.3 ", "quality_threshold = 0.3\nstep = 0.5 "),
             ("duration_s = 0.2\n", "duration_s = 0.4\n"),
             ("duration_s = 0.75\n", "duration_s = 0.25\n"),
             ("[coupling]\n", "[ranks]\nflow = 1\nmesh = 1\n\n[coupling]\n"),

@@ -68,7 +68,7 @@ fn last_valid_state_is_saved_and_resumed() {
     let further = History::read(&out, "further");
     // Two windows of the scene, divided by the rejections.
     let (time, parts) = (further.column("time_s"), further.column("window_s"));
-    println!("times {time:?}, windows {parts:?}, given back {:?}", further.column("rejected_attempts"));
+    println!("times {time:?}, windows {parts:?}, rejected {:?}", further.column("rejected_attempts"));
     assert!((time[time.len() - 1] - 2.0 * 5e-3).abs() < 1e-12, "{time:?}");
     let halved = further.column("rejected_attempts").iter().sum::<f64>() > 0.0;
     assert_eq!(parts.iter().any(|w| *w < 5e-3), halved, "{parts:?}");

@@ -336,15 +336,15 @@ fn closed_box_with_a_flexible_wall_retries_with_shorter_windows() {
     let out = folder.path().join("out");
     succeed(ripstop_run(&scene("hard/closed-box"), &out, &["--quiet"]));
     let f = Completed::new(History::read(&out, "vibration"));
-    let (given_back, length) = (f.history.column("rejected_attempts"), f.history.column("window_s"));
+    let (rejected, length) = (f.history.column("rejected_attempts"), f.history.column("window_s"));
     let (time, volume) = (f.history.column("time_s"), f.history.column("volume_m3"));
     let drag = f.history.column("drag_n");
     eprintln!(
-        "closed-box: {:.1} iterations a window, {} given back",
+        "closed-box: {:.1} iterations a window, {} rejected",
         f.iterations,
-        given_back.iter().sum::<f64>()
+        rejected.iter().sum::<f64>()
     );
-    assert!(given_back.iter().sum::<f64>() >= 1.0);
+    assert!(rejected.iter().sum::<f64>() >= 1.0);
     // Without motion and wind, the reference displacement is that of the fabric under the pressure of the bulge.
     let (converged, residual) =
         (f.history.column("coupling_converged"), f.history.column("coupling_residual"));
@@ -504,7 +504,7 @@ fn ten_thousand_windows_have_no_drift() {
     }
     let rejected: f64 = f.history.column("rejected_attempts").iter().sum();
     eprintln!(
-        "{} windows: energy {:+.5}, {:.2} iterations, {rejected} given back",
+        "{} windows: energy {:+.5}, {:.2} iterations, {rejected} rejected",
         f.history.len(),
         f.last("interface_energy_error_share"),
         f.iterations

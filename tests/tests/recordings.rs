@@ -56,7 +56,10 @@ fn each_program_reproduces_its_recording() {
 
     // A stage without the program, and a folder that is not a recording.
     for (words, says) in [
-        (["replay", path(&recording), "--mesh", "--stage", "pre-inflation"], "no `pre-inflation`"),
+        (
+            ["replay", path(&recording), "--mesh", "--stage", "pre-inflation"],
+            "contains no stage `pre-inflation`",
+        ),
         (["replay", path(folder.path()), "--mesh", "--stage", "descent"], "scene.toml"),
     ] {
         let output = ripstop(&words).output().expect("it starts");

@@ -39,7 +39,7 @@ def nearest(times, wanted):
 
 
 def frozen(source, time):
-    """A source that stays at one time, so that pictures of several times stand beside each other."""
+    """A source that stays at one time, so that pictures of several times stand next to each other."""
     still = pv.ForceTime(Input=source)
     still.ForcedTime = time
     still.UpdatePipeline(time)
@@ -177,7 +177,7 @@ class Cut:
         self.time = nearest(times, time)
         whole = pv.MergeBlocks(Input=frozen(reader, self.time), MergePoints=0)
         points = pv.CellDatatoPointData(Input=whole)
-        # A hair beside the plane of symmetry, where cells have their faces.
+        # Slightly off the plane of symmetry, where cells have their faces.
         self.smooth = self.slice(points)
         self.cells = self.slice(whole)
 

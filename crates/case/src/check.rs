@@ -95,7 +95,7 @@ impl Check {
     }
 }
 
-/// What to do about a name that is none.
+/// Remedy for a name that is not valid.
 pub(crate) const NAME_OF_FOLDER: &str =
     "use letters, digits, `-`, `_` and `.`: it becomes the name of a folder";
 

@@ -3,7 +3,7 @@
 //! A scene is read in two stages. What the user wrote ([`load`]) is checked
 //! against the schema for its keys and types, then for physical sense; only
 //! then do programs see it, as a [`Scene`] they may rely on. [`Scene::resolved`]
-//! fills in what it leaves out.
+//! fills in the defaults.
 
 mod boundaries;
 mod check;

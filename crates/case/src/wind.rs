@@ -1,6 +1,6 @@
 //! The undisturbed air of each stage: a steady wind, a gust, and the clocks that they follow.
 //!
-//! [`Scene::wind`] is the only place that evaluates them: flow, structure and coupler use it alike.
+//! [`Scene::wind`] is the only place that evaluates them: flow, structure and coupler all use it.
 
 use std::f64::consts::PI;
 

@@ -25,7 +25,7 @@ struct File {
 /// Saves the positions of the canopy nodes, m, in the order of the interface.
 ///
 /// # Errors
-/// Trouble with the file.
+/// The file cannot be written.
 pub fn save_shape(path: &Path, positions: &[Point]) -> Result<(), MeshError> {
     let file = File {
         magic: MAGIC,

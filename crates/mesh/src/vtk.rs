@@ -153,7 +153,7 @@ fn compressor(points: &[Point], cells: &Cells, fields: &[&[Field]]) -> Compresso
 /// quadrilateral that repeats its last node is a triangle.
 ///
 /// # Errors
-/// Field lengths that do not fit, and trouble with the file.
+/// Field lengths that do not fit, or the file cannot be written.
 pub fn write_surface<P: AsRef<[u32]>>(
     path: &Path,
     points: &[Point],
@@ -174,7 +174,7 @@ pub fn write_surface<P: AsRef<[u32]>>(
 /// Writes a volume grid as `.vtu`, collapsed hexahedra as the VTK cell that they are.
 ///
 /// # Errors
-/// Field lengths that do not fit, and trouble with the file.
+/// Field lengths that do not fit, or the file cannot be written.
 pub fn write_volume(
     path: &Path,
     points: &[Point],
@@ -295,7 +295,7 @@ impl Series {
     /// series' own folder, and rewrites the `.pvd`.
     ///
     /// # Errors
-    /// Trouble with the file.
+    /// The file cannot be written.
     pub fn push<S: AsRef<str>>(&mut self, time: f64, files: &[S]) -> Result<(), MeshError> {
         let parts = files.iter().enumerate().map(|(part, f)| (time, part, f.as_ref().to_string()));
         self.sets.extend(parts);

@@ -21,8 +21,8 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Of an unstressed triangle (m). `None` if its area vanishes beside its
-    /// longest edge squared, so that no gradient exists.
+    /// Of an unstressed triangle (m). `None` if its area vanishes relative to the square of its
+    /// longest edge, so that no gradient exists.
     pub fn new(x: [Vec3; 3]) -> Option<Self> {
         let (a, b) = (x[1] - x[0], x[2] - x[0]);
         let normal = a.cross(&b);

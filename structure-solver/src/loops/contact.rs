@@ -52,7 +52,7 @@ fn index(x: f64, end: usize) -> Option<usize> {
     (x >= 0.0 && x < end as f64 && x.fract() == 0.0).then_some(x as usize)
 }
 
-/// Distance of a node from a triangle, and its foot's barycentric coordinates; `None` beside it.
+/// Distance of a node from a triangle, and the barycentric coordinates of its projection; `None` where that is outside.
 #[inline(always)]
 fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, [f64; 3])> {
     let (e1, e2) = (t[1] - t[0], t[2] - t[0]);

@@ -9,12 +9,12 @@ pub(crate) fn turned(e1: f64, e2: f64, angle: f64) -> Strain {
 }
 
 /// Holds `material` to what is asked of any law at strain `e`, away from the borders of its regimes:
-/// the stress is the gradient of the energy, the moduli are symmetric and its derivative, the stress beside the
-/// moduli is that alone; without strain there is neither stress nor energy. Moduli are of the order of one.
+/// the stress is the gradient of the energy, the moduli are symmetric and its derivative, the stress returned with the
+/// moduli equals the stress alone; without strain there is neither stress nor energy. Moduli are of the order of one.
 pub(crate) fn conforms(material: &impl Material, e: Strain) {
     let energy = |e: Strain| material.energy(&material.stress(e), &e);
     let (s, c) = material.tangent(e);
-    assert_eq!(s, material.stress(e), "stress beside the moduli, at {e:?}");
+    assert_eq!(s, material.stress(e), "stress returned with the moduli, at {e:?}");
     assert!(energy([0.0; 3]).abs() < 1e-15 && material.stress([0.0; 3]).iter().all(|s| s.abs() < 1e-15));
     assert!(energy(e) >= 0.0, "energy at {e:?}");
     let h = 1e-6;

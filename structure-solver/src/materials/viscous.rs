@@ -12,7 +12,7 @@ use super::step::{Elastic, StepLaw, StepStart};
 use super::{Material, Moduli, Strain, Stress};
 use crate::elements::Sheet;
 
-/// The damping alone: elements beside the elastic ones.
+/// The damping alone: elements in addition to the elastic ones.
 pub struct Viscous<M> {
     material: M,
     /// Damping time, s.

@@ -139,7 +139,7 @@ impl Default for AirBag {
 }
 
 /// A canopy from a Gmsh file (format 4.1, metres). Its triangles and quadrilaterals
-/// are fabric; beside a volume grid, those of the physical group `canopy`. Physical groups named `lines`, `risers` and
+/// are fabric; together with a volume grid, only those of the physical group `canopy`. Physical groups named `lines`, `risers` and
 /// `reinforcements` are cables at their rest length; `fixed`, `fixed-x`, `fixed-y`
 /// and `fixed-z` hold nodes; `payload` is the payload's point.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]

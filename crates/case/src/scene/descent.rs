@@ -90,7 +90,7 @@ impl Scene {
     }
 }
 
-/// Refuses masses that are none, streams that the flow is not made for, and payloads that cannot move.
+/// Refuses invalid masses, free streams outside the range of the flow solver, and payloads that cannot move.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(d) = &scene.descent {
         magnitudes(d, c);

@@ -142,7 +142,7 @@ impl Fabric {
     }
 }
 
-/// Refuses materials that are none.
+/// Refuses invalid materials.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let f = &scene.fabric;
     c.positive("fabric.youngs_modulus_pa", f.youngs_modulus_pa, 1e13, "a modulus in Pa");

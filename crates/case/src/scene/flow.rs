@@ -190,7 +190,7 @@ impl Scene {
     }
 }
 
-/// Refuses air that is none, equations that no solver could solve, and what grid, monitors and wind refuse.
+/// Refuses invalid properties of the air and invalid equations, grids, monitors and winds.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(f) = &scene.flow else { return };
     c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");

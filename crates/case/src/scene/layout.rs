@@ -20,7 +20,7 @@ pub fn state_file(folder: &Path, role: Role) -> PathBuf {
 }
 
 /// File of the canopy's shape (positions of the interface nodes, m, in the
-/// falling frame), written by the structure beside its state.
+/// falling frame), written by the structure with its state.
 pub fn canopy_file(folder: &Path) -> PathBuf {
     folder.join("canopy.bin")
 }

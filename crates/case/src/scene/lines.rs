@@ -58,7 +58,7 @@ impl Scene {
     }
 }
 
-/// Refuses materials that are none, and drag without air.
+/// Refuses invalid materials, and drag without air.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(l) = &scene.lines else { return };
     c.positive("lines.youngs_modulus_pa", l.youngs_modulus_pa, 1e13, "a modulus in Pa");

@@ -93,7 +93,7 @@ impl Regrid {
     }
 }
 
-/// Refuses pseudo-solids that are none, and bounds that no grid meets.
+/// Refuses invalid pseudo-solids, and bounds that no grid can meet.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let m = &scene.mesh;
     c.range("mesh.stiffening_exponent", m.stiffening_exponent, 0.0..=4.0, "0 is none, 1 to 2 is usual");

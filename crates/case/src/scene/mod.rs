@@ -106,7 +106,7 @@ pub struct Scene {
     /// Reefing lines through the skirt.
     #[serde(default)]
     pub reefing: Vec<Reefing>,
-    /// Masses on nodes, beside those of fabric, lines and payload.
+    /// Masses on nodes, in addition to those of fabric, lines and payload.
     #[serde(default, rename = "point_mass")]
     pub point_masses: Vec<PointMass>,
     /// What runs, in this order. Each stage starts from the one before.

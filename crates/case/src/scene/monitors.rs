@@ -73,7 +73,7 @@ pub struct SurfacePressure {
 /// Series that the programs write themselves.
 const WRITTEN: [&str; 6] = ["flow", "canopy", "lines", "canopy_air", "history", "state"];
 
-/// Refuses names that are taken or no names, places and directions that are none.
+/// Refuses invalid and repeated names, and invalid positions and directions.
 pub(super) fn check(f: &Flow, c: &mut Check) {
     for (k, p) in f.probes.iter().enumerate() {
         let taken = f.probes[..k].iter().any(|q| q.name == p.name);

@@ -73,7 +73,7 @@ impl Motion {
 }
 
 impl Motion {
-    /// Refuses a motion of no nodes, of no components, and a table that is none.
+    /// Refuses motions without nodes or components, and invalid tables.
     pub(crate) fn check(&self, path: &str, c: &mut Check) {
         selection(path, &self.nodes, &self.at_m, c);
         if self.components.is_empty() || !self.components.chars().all(|c| "xyz".contains(c)) {

@@ -32,7 +32,7 @@ pub struct Force {
     pub force_n: [f64; 3],
 }
 
-/// Refuses masses that are none or hang nowhere.
+/// Refuses invalid masses, and masses without nodes.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     for (k, p) in scene.point_masses.iter().enumerate() {
         selection(&format!("point_mass[{k}]"), &p.nodes, &p.at_m, c);
@@ -41,7 +41,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
 }
 
 impl Force {
-    /// Refuses a force on no nodes, and one that is none.
+    /// Refuses forces without nodes, and invalid forces.
     pub(crate) fn check(&self, path: &str, c: &mut Check) {
         selection(path, &self.nodes, &self.at_m, c);
         c.finite(&format!("{path}.force_n"), &self.force_n, "a force", "three numbers in N");

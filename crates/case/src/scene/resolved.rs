@@ -1,4 +1,4 @@
-//! A scene with what it leaves out filled in: the only place of these defaults.
+//! A scene with its defaults filled in: the only place of these defaults.
 
 use crate::{Lines, STANDARD_GRAVITY, Scene, Viscosity};
 
@@ -48,7 +48,7 @@ impl UndisturbedAir {
 }
 
 impl Scene {
-    /// The scene with what it leaves out filled in.
+    /// The scene with all defaults filled in.
     pub fn resolved(&self) -> Resolved {
         let (flow, descent) = (self.flow.as_ref(), self.descent.as_ref());
         let viscosity = flow.and_then(|f| f.viscosity.clone()).unwrap_or_default();

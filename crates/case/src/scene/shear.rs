@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use crate::Flow;
 use crate::check::Check;
 
-/// Wind that changes with height above ground. But for a table, the wind at each height is
-/// `wind_m_s` times a factor that is 1 at `reference_height_m`. It holds in all stages: `[stage.wind]` beside it is
+/// Wind that changes with height above ground. Except with a table, the wind at each height is
+/// `wind_m_s` times a factor that is 1 at `reference_height_m`. It holds in all stages: `[stage.wind]` together with it is
 /// refused; a gust adds the same to the wind at all heights.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -61,7 +61,7 @@ pub enum ShearProfile {
     Table,
 }
 
-/// Refuses laws without a wind, and tables that are none.
+/// Refuses laws without a wind, and invalid tables.
 pub(super) fn check(s: &Shear, flow: &Flow, c: &mut Check) {
     let at = |key: &str| format!("flow.shear.{key}");
     c.range(&at("start_height_m"), s.start_height_m, 0.0..=1e5, "above ground, m");

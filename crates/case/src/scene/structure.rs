@@ -21,7 +21,7 @@ pub struct Structure {
     pub gmres_tolerance: f64,
     /// How often a time step may be halved before the run ends.
     pub max_step_cuts: u32,
-    /// A static stage ends when the forces out of balance are below this share of
+    /// A static stage ends when the residual force is below this share of
     /// the load.
     pub static_tolerance: f64,
     /// Distribution of the mass of elements over their nodes.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::{Clock, Role, Scene, Stage, StageKind, state_folder};
 
-/// File beside saved states: how much of the stage is done.
+/// File of a folder of saved states: time since the start of the stage.
 const FILE: &str = "time.toml";
 
 /// Time of a saved state since the start of its stage.
@@ -16,7 +16,7 @@ struct SavedTime {
 /// Writes the time of the state in `folder`, s since the start of its stage.
 ///
 /// # Errors
-/// Trouble with the file, with its path.
+/// The file cannot be written; with its path.
 pub fn save_time(folder: &Path, time_s: f64) -> Result<(), (PathBuf, std::io::Error)> {
     let path = folder.join(FILE);
     std::fs::write(&path, format!("time_s = {time_s:?}\n")).map_err(|e| (path, e))
@@ -63,7 +63,7 @@ impl StageTimes {
             Clock::Stage => 0.0,
             Clock::Run => self.start(stage),
             Clock::Release => {
-                // Sums over the stages between: zero to the bit at the release itself.
+                // Sums over the stages between: exactly zero at the release itself.
                 let release = scene.release_stage();
                 let between = |a: usize, b: usize| self.0[a..b].iter().fold(0.0, |sum, t| sum + t);
                 if stage < release { -between(stage, release) } else { between(release, stage) }

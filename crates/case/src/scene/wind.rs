@@ -21,7 +21,7 @@ pub enum Clock {
     Run,
 }
 
-/// A gust that comes and goes as `1 - cos`: all air is moved alike.
+/// A gust of the shape `1 - cos`: it moves all air equally.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gust {
@@ -46,7 +46,7 @@ impl Gust {
     }
 }
 
-/// Steady wind of one stage, in place of `flow.wind_m_s`. It is the same at all heights and so refused beside
+/// Steady wind of one stage, instead of `flow.wind_m_s`. It is the same at all heights and so refused together with
 /// `[flow.shear]`, whose law the flow keeps through all stages; a gust changes a sheared wind in time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -6,7 +6,7 @@ use super::{History, KrylovError, KrylovInfo, KrylovParams};
 use crate::vector::{axpy, dot, residual, xpby};
 use crate::{Operator, Preconditioner};
 
-/// Preconditioned conjugate gradients with the Polak-Ribiere formula, which forgives
+/// Preconditioned conjugate gradients with the Polak-Ribiere formula, which tolerates
 /// a preconditioner that is symmetric only to rounding (Notay 2000).
 /// Three reductions an iteration. Owns its workspace. Residual norms are those of the
 /// recursion; they follow the true ones down to rounding of the largest iterate.

@@ -78,8 +78,8 @@ impl Graph<'_> {
         self.bisect(high, parts - near, first + near as u32, out);
     }
 
-    /// Orders `rows` by their distance from the first of them; rows that no way joins
-    /// with it follow, ordered alike.
+    /// Orders `rows` by their distance from the first of them; rows that are not
+    /// connected with it follow, in the same order.
     fn by_distance(&mut self, rows: &mut [u32], part: u32) {
         self.visits += 1;
         let visit = self.visits;

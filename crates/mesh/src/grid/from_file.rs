@@ -20,7 +20,7 @@ const NEAR: f64 = 1e-5;
 /// The grid of `file` around the canopy at `positions`.
 ///
 /// # Errors
-/// Trouble with the file; [`MeshError::GridFile`] for what is wrong in it.
+/// The file cannot be read; [`MeshError::GridFile`] where its content is invalid.
 pub(super) fn from_file(
     file: &GridFile,
     canopy: &StructureMesh,

@@ -81,7 +81,7 @@ fn runs(
 /// Nodes keep their order (tags from 1), and so do cells.
 ///
 /// # Errors
-/// Trouble with the file.
+/// The file cannot be written.
 pub fn write_msh(
     path: &Path,
     grid: &FlowGrid,
