@@ -3,7 +3,7 @@
     scripts/book_links.py BOOK DOCS
 
 A page of the book lies in another folder than its source, and mdbook turns links to `.md` files into `.html` also where
-the target is no page of the book.
+the target is no page of the book. A link to `src/lib.rs` of a crate leads to its API documentation in BOOK/api.
 """
 
 import os
@@ -12,6 +12,14 @@ import sys
 from pathlib import Path
 
 LINK = re.compile(r'((?:href|src)=")([^"#:]+)((?:#[^"]*)?")')
+
+
+def crate_page(file, book):
+    """Page of a crate in the API documentation, of which `file` is `src/lib.rs`; else None."""
+    if not file.endswith("/src/lib.rs"):
+        return None
+    page = book / "api" / Path(file).parts[-3].replace("-", "_") / "index.html"
+    return page if page.exists() else None
 
 
 def corrected(page, book, docs):
@@ -27,6 +35,9 @@ def corrected(page, book, docs):
             index = re.sub(r"README\.html$", "index.html", match[2])
             return match[1] + (match[2] if os.path.exists(inside) else index) + match[3]
         file = os.path.normpath(source / match[2])
+        api = crate_page(file, book)
+        if api:
+            return match[1] + os.path.relpath(api, page.parent) + match[3]
         markdown = re.sub(r"\.html$", ".md", file)
         if not os.path.exists(file) and os.path.exists(markdown):
             file = markdown
@@ -39,7 +50,8 @@ def corrected(page, book, docs):
 def main():
     book, docs = (Path(p).resolve() for p in sys.argv[1:3])
     total = 0
-    for page in sorted(book.rglob("*.html")):
+    pages = (p for p in book.rglob("*.html") if book / "api" not in p.parents)
+    for page in sorted(pages):
         text, count = corrected(page, book, docs)
         total += count
         if count:

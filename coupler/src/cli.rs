@@ -145,7 +145,7 @@ struct AttachArgs {
 struct SceneArgs {
     /// Scene file (TOML) [default: cases/atps-descent/scene.toml]
     scene: Option<PathBuf>,
-    /// Folder of the results [default: the scene's output.folder, or runs/<scene name>]
+    /// Folder of the results [default: the scene's output.folder, or runs/NAME with the name of the scene]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Override a value of the scene (repeatable): `--set fabric.poisson_ratio=0.4`,

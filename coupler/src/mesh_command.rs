@@ -19,7 +19,7 @@ pub struct MeshArgs {
     /// Stage of the scene, from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub stage: usize,
-    /// Folder of the results [default: the scene's output.folder, or runs/<scene name>]
+    /// Folder of the results [default: the scene's output.folder, or runs/NAME with the name of the scene]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Include the flow grid at the start of the stage

@@ -1,13 +1,16 @@
 //! Permeable fabric.
 //!
 //! Across the fabric the pressure falls by
-//! $$\Delta p = a\,v + b\,|v|\,v,$$
-//! with $v$ the velocity of the air relative to the fabric, from inside to outside. The two half
-//! cells next to the fabric resist their mass flux as any two cells do (see
-//! [`crate::physics::interface`]): what it has more than the mean of the cells, $e = \rho (v - \bar
-//! v)$, needs a pressure
-//! $$\delta\,\partial_t e + 2 (U + U_\infty)\, e = (p^- - p^+) - a\,v - b\,|v|\,v,$$
-//! with the pressures extrapolated to the two sides and $\delta$ the distance of the centres along
+//! ```math
+//! \Delta p = a\,v + b\,|v|\,v,
+//! ```
+//! with $`v`$ the velocity of the air relative to the fabric, from inside to outside. The two half cells next to the
+//! fabric resist their mass flux as any two cells do (see [`crate::physics::interface`]): what it has more than the
+//! mean of the cells, $`e = \rho (v - \bar v)`$, needs a pressure
+//! ```math
+//! \delta\,\partial_t e + 2 (U + U_\infty)\, e = (p^- - p^+) - a\,v - b\,|v|\,v,
+//! ```
+//! with the pressures extrapolated to the two sides and $`\delta`$ the distance of the centres along
 //! the normal. Fabric of infinite resistance is a wall; fabric of zero resistance is a face between
 //! two cells; and the flux never answers pressure more stiffly than air does, so it needs no
 //! smaller step.

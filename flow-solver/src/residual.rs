@@ -12,7 +12,7 @@ use crate::physics::{
 use crate::topology::{OpenSides, Side, Topology};
 
 /// Models and constants of the spatial scheme. Loops over faces take it with the type of its viscosity, see
-/// [`for_viscosity`].
+/// `for_viscosity`.
 #[derive(Clone, Copy, Debug)]
 pub struct Spatial<G, V = ViscosityModel> {
     /// Equations of state.

@@ -1,7 +1,7 @@
 //! Time marching to a steady flow.
 //!
 //! Implicit Euler steps of growing length. After each step the residual of the steady equations equals the time
-//! derivative, $\rho V\,\Delta u/\Delta t$, so it needs no further evaluation. The last steps are long enough that
+//! derivative, $`\rho V\,\Delta u/\Delta t`$, so it needs no further evaluation. The last steps are long enough that
 //! the flux has its steady limit.
 
 use crate::error::FlowError;
@@ -36,7 +36,7 @@ pub struct MarchReport {
     pub drop: f64,
     /// Relative change of the force over the last ten steps.
     pub change: f64,
-    /// Steps whose iterations ran out before the residual had dropped by [`STEP_DROP`].
+    /// Steps whose iterations ran out before the residual had dropped by `STEP_DROP`.
     pub unsolved: usize,
     /// Whether the criterion of the force ended the march.
     pub force_converged: bool,

@@ -1,15 +1,15 @@
 //! Backward differences over moving cells.
 
-/// Coefficients of a backward difference: $\partial_t(W V) \approx
-/// (c_0 W^{n+1}V^{n+1} + c_1 W^nV^n + c_2 W^{n-1}V^{n-1}) / \Delta t$.
+/// Coefficients of a backward difference:
+/// $`\partial_t(W V) \approx (c_0 W^{n+1}V^{n+1} + c_1 W^nV^n + c_2 W^{n-1}V^{n-1}) / \Delta t`$.
 ///
 /// The grid flux of a face follows from the same coefficients and the volumes it
-/// has swept in the last two steps, $(c_0\,\delta V^{n+1} - c_2\,\delta V^n)/\Delta t$
+/// has swept in the last two steps, $`(c_0\,\delta V^{n+1} - c_2\,\delta V^n)/\Delta t`$
 /// (Farhat, Geuzaine and Grandmont 2001), so a uniform stream stays uniform to
 /// round-off whatever the grid does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Backward {
-    /// $c_0, c_1, c_2$.
+    /// $`c_0, c_1, c_2`$.
     pub c: [f64; 3],
 }
 

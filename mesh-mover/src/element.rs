@@ -60,9 +60,9 @@ pub struct Inverted {
 ///
 /// Paper, equation 8, with the stiffening of Stein, Tezduyar and Benney (J.
 /// Appl. Mech. 70, 2003, equation 9): the integral
-/// $\int B^T D B \, (\det J / J_0)^{-\chi} \det J \, d\xi$ makes small cells
+/// $`\int B^T D B \, (\det J / J_0)^{-\chi} \det J \, d\xi`$ makes small cells
 /// stiffer by the power `chi` of their volume; `chi = 0` is plain elasticity.
-/// The factor $J_0^{\chi}$ is part of `lambda` and `mu` (Lame constants).
+/// The factor $`J_0^{\chi}`$ is part of `lambda` and `mu` (Lame constants).
 ///
 /// # Errors
 /// [`Inverted`] when the Jacobian is not positive (or NaN) at a Gauss point.

@@ -3,7 +3,7 @@
 use crate::local::{Kind, LocalGrid};
 use crate::mover::{Effort, Mover, MoverError};
 
-/// Each free node moves by the mean of the boundary's displacements with weights $(L/r)^3 + (L/r)^5$, where r is the
+/// Each free node moves by the mean of the boundary's displacements with weights $`(L/r)^3 + (L/r)^5`$, where r is the
 /// distance to a boundary node and L a fifth of the largest distance between boundary and canopy (after Luke, Collins
 /// and Blades, J. Comput. Phys. 231, 2012, with equal areas). Explicit and smooth; the cost is proportional to the
 /// product of free and canopy nodes.

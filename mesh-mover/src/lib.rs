@@ -10,7 +10,7 @@
 //! * [`near_wall_following`]: explicit small motions between the solves of one window;
 //! * [`motion`]: one linear solve first, then increments with an updated reference, then [`untangle`], then an error
 //!   that names the cell; new grids where the scene requests them;
-//! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`] and warm-start data ([`memory`]);
+//! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`] and warm-start data ([`warm_start`]);
 //!   [`allocator`];
 //! * [`standalone`]: a prescribed motion without partners, on any mesh of a canopy ([`resample`]), with pictures
 //!   ([`cross_section`]); [`example_grid`] and [`benchmark_motions`]: a small grid and large motions for tests and

@@ -5,7 +5,7 @@ use comm::Comm;
 /// A basis of past solutions, orthonormal in the energy norm of one fixed matrix A (P. F. Fischer, Comput. Methods
 /// Appl. Mech. Engrg. 163, 1998).
 ///
-/// The guess for a right-hand side b is its Galerkin solution in the basis, $\sum_i (v_i \cdot b)\, v_i$: a linear
+/// The guess for a right-hand side b is its Galerkin solution in the basis, $`\sum_i (v_i \cdot b)\, v_i`$: a linear
 /// function of b alone, so the same motion gets the same guess, and no motion gets zero. Extrapolations of past
 /// solutions in time are in their span.
 ///

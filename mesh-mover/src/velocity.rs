@@ -2,8 +2,8 @@
 //!
 //! Written as differences, so that a grid at rest has velocity zero exactly.
 
-/// Weights of the displacements in a window and in the one before it in the second-order velocity at its end: $c_0$
-/// and $c_2$ of [`channel::bdf2`] for a window `ratio` times as long as that. `None` where it is too long: first
+/// Weights of the displacements in a window and in the one before it in the second-order velocity at its end: $`c_0`$
+/// and $`c_2`$ of [`channel::bdf2`] for a window `ratio` times as long as that. `None` where it is too long: first
 /// order then.
 pub fn weights(ratio: f64) -> Option<[f64; 2]> {
     channel::bdf2(ratio).map(|[c0, _, c2]| [c0, c2])
@@ -11,13 +11,13 @@ pub fn weights(ratio: f64) -> Option<[f64; 2]> {
 
 /// Velocity at the end of a window from positions (m) at its end `x`, its start `x1`,
 /// and one window earlier `x2`: second-order backward difference with these [`weights`],
-/// $(3x - 4x_1 + x_2)/(2\Delta t)$ for equal windows; `per_dt` is one over the window's length (1/s).
+/// $`(3x - 4x_1 + x_2)/(2\Delta t)`$ for equal windows; `per_dt` is one over the window's length (1/s).
 #[inline]
 pub fn second_order(weights: [f64; 2], x: f64, x1: f64, x2: f64, per_dt: f64) -> f64 {
     (weights[0] * (x - x1) - weights[1] * (x1 - x2)) * per_dt
 }
 
-/// The same of first order, $(x - x_1)/\Delta t$.
+/// The same of first order, $`(x - x_1)/\Delta t`$.
 #[inline]
 pub fn first_order(x: f64, x1: f64, per_dt: f64) -> f64 {
     (x - x1) * per_dt

@@ -3,6 +3,7 @@
 //! This library runs the programs and reads their results.
 
 pub mod browser;
+pub mod equations;
 pub mod harness;
 pub mod imports;
 pub mod load;

@@ -318,7 +318,7 @@ fn cavity_with_a_flexible_bottom_is_stable() {
 }
 
 /// The pressure below a panel that closes a box is determined by the compressibility of the air: it must reach the
-/// pressure of the bulge, which loses little volume ($\delta V = V p / p_0$, 1e-4 of the bulge). The first window is
+/// pressure of the bulge, which loses little volume ($`\delta V = V p / p_0`$, 1e-4 of the bulge). The first window is
 /// too long for that (sound crosses the box a dozen times in it) and must be rejected.
 #[test]
 fn closed_box_with_a_flexible_wall_retries_with_shorter_windows() {

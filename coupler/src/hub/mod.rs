@@ -38,7 +38,7 @@ pub struct SessionOptions<'a> {
     pub deadline: Option<Duration>,
     /// Roles whose programs the user starts.
     pub attached: Vec<Role>,
-    /// Stores the moving grid for [`Partners::grid`].
+    /// Stores the moving grid for [`Partners::grid`](coupling::partners::Partners::grid).
     pub watch_grid: bool,
     /// Folder of the stage.
     pub folder: PathBuf,

@@ -1,4 +1,4 @@
-//! The stages of a run. [`stage_run`] advances the windows; a [`Stepper`] for each kind of stage computes them.
+//! The stages of a run. `stage_run` advances the windows; a `Stepper` for each kind of stage computes them.
 
 mod coupled;
 mod flow_only;

@@ -104,6 +104,20 @@ pub fn write_whole(path: &Path, parts: &[&[u8]]) -> io::Result<()> {
 ///
 /// # Errors
 /// [`Error::Io`]; the file is then unchanged or absent.
+///
+/// # Examples
+///
+/// ```
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("motion.bin");
+/// archive::save(&path, *b"examplev", 1, &vec![0.0, 1.5])?;
+/// assert_eq!(archive::load::<Vec<f64>>(&path, *b"examplev", 1)?, [0.0, 1.5]);
+///
+/// // A file of another version is refused with a remedy.
+/// let error = archive::load::<Vec<f64>>(&path, *b"examplev", 2).unwrap_err();
+/// assert!(error.to_string().contains("has version 1, this program reads version 2"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn save(path: &Path, kind: [u8; 8], version: u32, value: &impl Serialize) -> Result<u64, Error> {
     let value = fixed::encode(value);
     let mut head = Vec::with_capacity(HEAD);

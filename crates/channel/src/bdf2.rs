@@ -1,19 +1,21 @@
 //! The backward difference in time of the grid's velocity and of the flow.
 
 /// Largest ratio of a step to the step before it for which the second-order difference is used. With steps that grow
-/// by more than a factor $1 + \sqrt 2$ every time the difference is not zero-stable (Grigorieff 1983).
+/// by more than a factor $`1 + \sqrt 2`$ every time the difference is not zero-stable (Grigorieff 1983).
 pub const LONGEST_RATIO: f64 = 2.4;
 
-/// Coefficients of the second-order backward difference (BDF2) for a step of length $\Delta t$ that is `ratio` times as
-/// long as the one before it:
+/// Coefficients of the second-order backward difference (BDF2) for a step of length $`\Delta t`$ that is `ratio` times
+/// as long as the one before it:
 ///
-/// $$\partial_t y \approx (c_0 y^{n+1} + c_1 y^n + c_2 y^{n-1}) / \Delta t, \quad
-/// c_0 = \frac{1 + 2r}{1 + r}, \quad c_1 = -(1 + r), \quad c_2 = \frac{r^2}{1 + r}$$
+/// ```math
+/// \partial_t y \approx (c_0 y^{n+1} + c_1 y^n + c_2 y^{n-1}) / \Delta t, \quad
+/// c_0 = \frac{1 + 2r}{1 + r}, \quad c_1 = -(1 + r), \quad c_2 = \frac{r^2}{1 + r}
+/// ```
 ///
-/// `None` where the step is longer than [`LONGEST_RATIO`], or `ratio` is not a positive number: first order then, $c
-/// = (1, -1, 0)$. The sum of the coefficients is exactly zero, so a constant has no rate.
+/// `None` where the step is longer than [`LONGEST_RATIO`], or `ratio` is not a positive number: first order then,
+/// $`c = (1, -1, 0)`$. The sum of the coefficients is exactly zero, so a constant has no rate.
 ///
-/// Grid velocities of the contract are $(c_0 (x^{n+1} - x^n) - c_2 (x^n - x^{n-1})) / \Delta t$ with these
+/// Grid velocities of the contract are $`(c_0 (x^{n+1} - x^n) - c_2 (x^n - x^{n-1})) / \Delta t`$ with these
 /// coefficients, so that they satisfy the flow's geometric conservation law.
 pub fn bdf2(ratio: f64) -> Option<[f64; 3]> {
     let share = ratio / (1.0 + ratio);

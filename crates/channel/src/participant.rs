@@ -13,6 +13,72 @@ use crate::{Stats, Window};
 ///
 /// State machine of a window: `advance` (once or more, always from the state of
 /// the last accepted window), then `accept`. Rolling back needs no call.
+///
+/// # Examples
+///
+/// A structure without inertia: each node moves along z by the pressure jump on its face times a compliance.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use channel::{Announcement, Fault, Grid, Input, Participant, Stats, Window};
+///
+/// struct Springs {
+///     /// m/Pa
+///     compliance: f64,
+///     faces: Vec<[u32; 4]>,
+/// }
+///
+/// impl Participant for Springs {
+///     fn announce(&self) -> Announcement {
+///         Announcement {
+///             role: "structure".into(),
+///             program: "springs".into(),
+///             version: "1.0.0".into(),
+///             canopy_nodes: self.faces.len() as u64,
+///             canopy_faces: self.faces.len() as u64,
+///             surface_hash: channel::surface_hash(&self.faces),
+///             grid_nodes: 0,
+///             output_width: 3,
+///             effects: Vec::new(),
+///         }
+///     }
+///
+///     fn output_rows(&self) -> Vec<u64> {
+///         (0..self.faces.len() as u64).collect()
+///     }
+///
+///     fn advance(&mut self, _: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+///         for (load, displacement) in input.canopy.chunks_exact(8).zip(output.chunks_exact_mut(3)) {
+///             // The second half of a row is the load at the end of the window.
+///             displacement.copy_from_slice(&[0.0, 0.0, self.compliance * load[4]]);
+///         }
+///         Ok(Stats::default())
+///     }
+///
+///     fn accept(&mut self, _: &Window) -> Result<(), Fault> {
+///         Ok(())
+///     }
+///
+///     fn save(&mut self, _: &Path) -> Result<(), Fault> {
+///         Ok(())
+///     }
+///
+///     fn snapshot(&mut self, _: f64, _: &Path) -> Result<(), Fault> {
+///         Ok(())
+///     }
+/// }
+///
+/// let mut springs = Springs { compliance: 1e-3, faces: vec![[0, 0, 0, 0]] };
+/// let load = [0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 0.0];
+/// let mut displacement = [0.0; 3];
+/// let window = Window { dt: 5e-3, ..Window::default() };
+/// springs.advance(&window, &Input { canopy: &load, grid: Grid::default() }, &mut displacement)?;
+/// assert_eq!(displacement, [0.0, 0.0, 0.012]);
+/// # Ok::<(), Fault>(())
+/// ```
+///
+/// The `main` function of such a program serves it to the coupler, which passes the arguments ([`crate::serve`]).
 pub trait Participant {
     /// What this rank announces in the handshake.
     fn announce(&self) -> Announcement;

@@ -51,6 +51,19 @@ pub(crate) const TEXT_WORDS: usize = 1024;
 /// Each rank of the program calls this with its own participant. While it waits it sleeps in the kernel. A fault or
 /// panic of the participant is reported to the coupler before this returns; the caller then ends the process with a
 /// nonzero code (under MPI without `MPI_Finalize`, so that `mpirun` ends the other ranks).
+///
+/// # Examples
+///
+/// The `main` function of a structure on one rank, which `ripstop run SCENE --structure "./my-structure"` starts:
+///
+/// ```no_run
+/// fn run(mut structure: impl channel::Participant) -> Result<(), channel::ServeError> {
+///     let arguments = channel::ProgramArgs::parse_or_exit();
+///     let end = channel::serve(&mut structure, &arguments.serve_options(case::Role::Structure, 0))?;
+///     eprintln!("{} windows accepted", end.windows);
+///     Ok(())
+/// }
+/// ```
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
     ended(at, serve_local(participant, at, None))
 }

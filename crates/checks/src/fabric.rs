@@ -119,8 +119,8 @@ fn density(f: &Facts<'_>) -> Vec<Judged> {
     vec![Judged::new(severity, "fabric.density_kg_m3", figure)]
 }
 
-/// Green strain of a cylinder of radius `r` under `p`: from $p\,\mathrm dA = \mathrm dW$ with
-/// $W = \tfrac12 E_Y t E^2$ per reference area, $E = p r / (E_Y t)$ at any stretch.
+/// Green strain of a cylinder of radius `r` under `p`: from $`p\,\mathrm dA = \mathrm dW`$ with
+/// $`W = \tfrac12 E_Y t E^2`$ per reference area, $`E = p r / (E_Y t)`$ at any stretch.
 fn green_strain(p: f64, r: f64, stiffness: f64) -> f64 {
     p * r / stiffness
 }

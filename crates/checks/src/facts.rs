@@ -111,7 +111,7 @@ impl<'a> Facts<'a> {
     }
 
     /// The largest pressure jump of the scene, Pa, with its name: the pressure of a
-    /// pre-inflation, the dynamic pressure, or the weight over the fabric area $S_0$.
+    /// pre-inflation, the dynamic pressure, or the weight over the fabric area $`S_0`$.
     pub fn load_pressure(&self) -> (f64, &'static str) {
         let n = &self.numbers;
         let area = n.fabric_area.max(f64::MIN_POSITIVE);
@@ -125,7 +125,7 @@ impl<'a> Facts<'a> {
         .fold((0.0, "no load"), |most, next| if next.0 > most.0 { next } else { most })
     }
 
-    /// Diameter of a circle of the fabric area, $D_0 = \sqrt{4 S_0 / \pi}$, m.
+    /// Diameter of a circle of the fabric area, $`D_0 = \sqrt{4 S_0 / \pi}`$, m.
     pub fn nominal_diameter(&self) -> f64 {
         (4.0 * self.numbers.fabric_area / std::f64::consts::PI).sqrt()
     }

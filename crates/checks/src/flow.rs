@@ -165,7 +165,7 @@ fn thickness(run: f64, re: f64) -> f64 {
     if re < 5e5 { 5.0 * run / re.sqrt() } else { 0.37 * run / re.powf(0.2) }
 }
 
-/// $y^+$ at height `y` above a turbulent plate: $c_f / 2 = 0.029\, Re_x^{-1/5}$.
+/// $`y^+`$ at height `y` above a turbulent plate: $`c_f / 2 = 0.029\, Re_x^{-1/5}`$.
 fn wall_units(y: f64, speed: f64, viscosity: f64, re: f64) -> f64 {
     speed * (0.029 * re.powf(-0.2)).sqrt() * y / viscosity
 }

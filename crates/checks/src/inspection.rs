@@ -13,6 +13,23 @@ use super::names;
 use super::table::{Check, When, all};
 
 /// All findings, errors first.
+///
+/// # Examples
+///
+/// ```
+/// # use std::path::Path;
+/// use checks::Inspection;
+/// use checks::facts::Machine;
+/// use coupling::interface::CanopyInterface;
+///
+/// let file = Path::new("../../cases/square-drop/scene.toml");
+/// let scene = case::load(file)?;
+/// let canopy = CanopyInterface::new(&scene)?;
+/// let machine = Machine { cores: 64, memory: Some(1e12), disk: Some(1e12), hosts: false };
+/// let inspection = Inspection::of(&scene, &canopy, 0, machine, file, &[])?;
+/// assert_eq!(inspection.of_severity(checks::Severity::Error).count(), 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Inspection {
     /// In the order of severity, then of the table.

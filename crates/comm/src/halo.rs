@@ -37,6 +37,25 @@ pub struct Buffers<T> {
 }
 
 /// The ghost values of one [`Numbering`] and where they come from.
+///
+/// # Examples
+///
+/// On one rank nothing is exchanged; the same code runs on any number of ranks.
+///
+/// ```
+/// use comm::{Comm, Halo, Numbering};
+///
+/// let comm = Comm::solo();
+/// // This rank owns all of the entities; a ghost would be given with the rank that owns it.
+/// let numbering = Numbering::new(vec![0, 1, 2], Vec::new());
+/// let halo = Halo::new(&comm, &numbering);
+/// assert_eq!((halo.n_owned(), halo.n_local()), (3, 3));
+///
+/// let mut values = vec![1.0, 2.0, 3.0];
+/// halo.exchange(&mut values, 1);
+/// let sum = comm.sum(values[..halo.n_owned()].iter().sum());
+/// assert_eq!(sum, 6.0);
+/// ```
 pub struct Halo {
     comm: Comm,
     n_owned: usize,

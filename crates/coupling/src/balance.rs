@@ -1,17 +1,19 @@
 //! Momentum and energy of the whole falling system: payload, fabric and lines, relative to the ground.
 //!
-//! With $m$, $v$, $h$ mass, velocity and height of the frame, $p$ the vertical momentum of fabric and lines relative to
-//! it, $K$ their kinetic energy in it and $U$ their strain energy,
+//! With $`m`$, $`v`$, $`h`$ mass, velocity and height of the frame, $`p`$ the vertical momentum of fabric and lines
+//! relative to it, $`K`$ their kinetic energy in it and $`U`$ their strain energy,
 //!
-//! $$ P = m v + p, \qquad E = \tfrac12 m v^2 + v p + K + U + m g h + g\!\int\! p\,dt . $$
+//! ```math
+//! P = m v + p, \qquad E = \tfrac12 m v^2 + v p + K + U + m g h + g\!\int\! p\,dt .
+//! ```
 //!
-//! In a window the air changes $P$ by $(\bar F + D - m g)\,T$, and $E$ by its work on the fabric in the frame, by its
-//! work on the frame, $\bar v \bar F T$, and by the work of the payload's drag. Where the structure's equations
-//! exclude weight and inertia of the frame for fabric and lines, they also exclude the work $-(g + \dot v)\,p$; it is
+//! In a window the air changes $`P`$ by $`(\bar F + D - m g)\,T`$, and $`E`$ by its work on the fabric in the frame, by
+//! its work on the frame, $`\bar v \bar F T`$, and by the work of the payload's drag. Where the structure's equations
+//! exclude weight and inertia of the frame for fabric and lines, they also exclude the work $`-(g + \dot v)\,p`$; it is
 //! added here.
 //!
-//! The structure reports $p$ and the mean force on the payload ([`crate::descent`]). The impulse of the air that
-//! these imply, $\bar S T + \Delta p$, is compared with the impulse of the flow's load: the difference grows if the
+//! The structure reports $`p`$ and the mean force on the payload ([`crate::descent`]). The impulse of the air that
+//! these imply, $`\bar S T + \Delta p`$, is compared with the impulse of the flow's load: the difference grows if the
 //! structure reports a wrong force. The residual of the energy balance is the energy that the structure's time
 //! integration, its damping and the coupling add or remove.
 
@@ -36,7 +38,7 @@ pub struct WindowTerms {
     pub air: [f64; 2],
     /// Mean vertical drag of a payload that is a point over the window, N.
     pub drag: f64,
-    /// Mean force of the system on the frame ($\bar S$), N.
+    /// Mean force of the system on the frame ($`\bar S`$), N.
     pub support: f64,
     /// Vertical momentum of fabric and lines in the frame at the end, N s.
     pub momentum: f64,

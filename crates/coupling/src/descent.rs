@@ -1,27 +1,30 @@
 //! The falling frame: one degree of freedom.
 //!
-//! The frame is fixed to the payload. Its equation is the momentum of the whole system over a window of length $T$,
-//! with $v$ the vertical velocity of the frame (positive up, so the descent speed is $-v$):
+//! The frame is fixed to the payload. Its equation is the momentum of the whole system over a window of length $`T`$,
+//! with $`v`$ the vertical velocity of the frame (positive up, so the descent speed is $`-v`$):
 //!
-//! $$ m\,(v^{n+1} - v^n) = (\bar S + D - m g)\,T, \qquad \bar S\,T = \int F\,dt - \Delta p . $$
+//! ```math
+//! m\,(v^{n+1} - v^n) = (\bar S + D - m g)\,T, \qquad \bar S\,T = \int F\,dt - \Delta p .
+//! ```
 //!
-//! $m$ is the mass of payload, fabric, lines and points; $F$ the external force on fabric and lines, $p$ their
-//! momentum relative to the frame, $D$ the drag of a payload that is a point. The added mass of the air is part of
-//! the resolved flow and is not added here. The structure reports the mean force $\bar R$ on the payload
+//! $`m`$ is the mass of payload, fabric, lines and points; $`F`$ the external force on fabric and lines, $`p`$ their
+//! momentum relative to the frame, $`D`$ the drag of a payload that is a point. The added mass of the air is part of
+//! the resolved flow and is not added here. The structure reports the mean force $`\bar R`$ on the payload
 //! ([`structure_stats::SUPPORT_FORCE`]):
 //!
-//! - Where weight and inertia of the frame act on the structure (`[fabric_gravity]`), $\bar S = \bar R + m_s (g +
-//!   \dot v)$ with $m_s$ the mass without the payload: the equation is $m_p \dot v = \bar R + D - m_p g$. Of its two
-//!   forms, the one used needs only the share $m_s/m < 1$ of the acceleration that the structure was given.
-//! - Elsewhere $\bar S = \bar R$: fabric and lines have no weight in the structure's equations, so the whole mass is
+//! - Where weight and inertia of the frame act on the structure (`[fabric_gravity]`),
+//!   $`\bar S = \bar R + m_s (g + \dot v)`$ with $`m_s`$ the mass without the payload: the equation is
+//!   $`m_p \dot v = \bar R + D - m_p g`$. Of its two forms, the one used needs only the share $`m_s/m < 1`$ of the
+//!   acceleration that the structure was given.
+//! - Elsewhere $`\bar S = \bar R`$: fabric and lines have no weight in the structure's equations, so the whole mass is
 //!   the frame's.
 //! - A payload with six degrees of freedom has all weight and inertia in the structure's equations: the frame
-//!   follows its centre of mass, $m_p \dot v = \bar R - m_p g$ with its drag in $\bar R$.
+//!   follows its centre of mass, $`m_p \dot v = \bar R - m_p g`$ with its drag in $`\bar R`$.
 //!
 //! The mean is that of the impulse, so the momentum of the system changes by the external impulse to round-off.
 //!
-//! The paper's equation 9 takes $F$ at the end of the window for $\bar S$ (`descent.equation = "quasi-steady"`): the
-//! limit in which the canopy has no acceleration relative to the frame. (The second line of equation 9 in print
+//! The paper's equation 9 takes $`F`$ at the end of the window for $`\bar S`$ (`descent.equation = "quasi-steady"`):
+//! the limit in which the canopy has no acceleration relative to the frame. (The second line of equation 9 in print
 //! repeats the acceleration on its left side; this is the implicit Euler step that it means.)
 
 use case::{DescentEquation, Scene};
@@ -44,7 +47,7 @@ pub struct DescentModel {
     pub gravity_m_s2: f64,
     /// Area of the drag coefficient, m2.
     pub reference_area_m2: f64,
-    /// Speed of the drag coefficient ($V_\infty$: the initial descent speed), m/s.
+    /// Speed of the drag coefficient ($`V_\infty`$: the initial descent speed), m/s.
     pub reference_speed_m_s: f64,
     /// Density of the undisturbed air, kg/m3.
     pub air_density_kg_m3: f64,

@@ -1,7 +1,7 @@
 //! Interface energy balance: energy created by the coupling itself.
 //!
-//! In a window the work done on the structure is $\sum_j \tfrac12(f_j+f_{j-1})\cdot\Delta d_j$ over its substeps; the
-//! flow does the work $f\cdot\Delta d$ on the motion of its walls. The difference is created by the coupling: by its
+//! In a window the work done on the structure is $`\sum_j \tfrac12(f_j+f_{j-1})\cdot\Delta d_j`$ over its substeps; the
+//! flow does the work $`f\cdot\Delta d`$ on the motion of its walls. The difference is created by the coupling: by its
 //! order in time, by a delayed load, or by a window that is not converged.
 
 /// Energy created by the coupling relative to the work done so far, above which a warning is given.

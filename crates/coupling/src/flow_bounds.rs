@@ -1,14 +1,18 @@
 //! Bounds on speeds and pressures of the flow; beyond them a result is unphysical.
 //!
-//! $W$ is the sum of the largest speed of the undisturbed air past the canopy and of the largest speed of the
-//! canopy's own motion so far in the stage; $P$ is the largest pressure that the scene applies or that carries the
+//! $`W`$ is the sum of the largest speed of the undisturbed air past the canopy and of the largest speed of the
+//! canopy's own motion so far in the stage; $`P`$ is the largest pressure that the scene applies or that carries the
 //! weight. Air reaches at most a few times
-//! $$W + \sqrt{2P/\rho}$$
+//! ```math
+//! W + \sqrt{2P/\rho}
+//! ```
 //! (a sharp edge raises the speed of a stream by a factor of two to three on any grid; a jet out of a slit has
-//! $\sqrt{2P/\rho}$), and its gauge pressure at most a few times
-//! $$\tfrac12\rho W^2 + \rho W \min(c, L/\Delta t) + P$$
-//! from stagnation and from walls of size $L$ that change their speed by $W$ within a window, limited by acoustics
-//! (the pressure of a piston, $\rho c W$). A result above ten times these estimates ends the stage with an error.
+//! $`\sqrt{2P/\rho}`$), and its gauge pressure at most a few times
+//! ```math
+//! \tfrac12\rho W^2 + \rho W \min(c, L/\Delta t) + P
+//! ```
+//! from stagnation and from walls of size $`L`$ that change their speed by $`W`$ within a window, limited by acoustics
+//! (the pressure of a piston, $`\rho c W`$). A result above ten times these estimates ends the stage with an error.
 //! Slower growth is detected by the energy balances of structure and interface.
 
 use case::{Role, Scene};

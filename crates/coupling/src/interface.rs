@@ -8,6 +8,20 @@ use crate::error::RunError;
 use crate::geometry::{Vec3, at, face_force, quad_area_vector};
 
 /// The interface as the coupler knows it; every program builds the same one from the scene.
+///
+/// # Examples
+///
+/// ```
+/// # use std::path::Path;
+/// use coupling::interface::CanopyInterface;
+///
+/// let scene = case::load(Path::new("../../cases/square-drop/scene.toml"))?;
+/// let canopy = CanopyInterface::new(&scene)?;
+/// assert_eq!(canopy.nodes(), 13 * 13);
+/// // 4 m2 of fabric of 30.48 um and 1223.5 kg/m3.
+/// assert!((canopy.masses.fabric - 4.0 * 3.048e-5 * 1223.5093).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct CanopyInterface {
     /// Unstressed positions of the interface nodes, m.
     pub coords: Vec<mesh::Point>,
@@ -89,7 +103,7 @@ impl CanopyInterface {
     }
 
     /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa) does while the canopy moves straight from displacement `start`
-    /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps ([`wall_shares`]); traction
+    /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps (`wall_shares`); traction
     /// on the area at the end, shared equally by the corners.
     pub fn work(&self, load: &[f64], start: &[f64], end: &[f64]) -> f64 {
         let work = |(face, load): (&[u32; 4], &[f64])| {

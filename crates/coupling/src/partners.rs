@@ -37,6 +37,91 @@ pub struct Usage {
 
 /// The solver programs of a stage. Each solve may be repeated within a window; every time it starts from the last
 /// accepted window.
+///
+/// # Examples
+///
+/// A closed-form model instead of the programs: one node on a spring, and a flow whose pressure falls with the
+/// displacement. Its fixed point iteration diverges; interface quasi-Newton converges.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use case::{Acceleration, Coupling, LoadShape, Role};
+/// use channel::{LOAD_WIDTH, Window};
+/// use coupling::error::RunError;
+/// use coupling::partners::{LoadOverWindow, Partners, SolverResponse};
+/// use coupling::schemes::{Criterion, Field, InterfaceState, Uniform, Unknowns, WindowLoopSetup, window_loop};
+///
+/// /// Structure: z = p / 100 Pa/m. Flow: p = 8 Pa - 300 Pa/m z.
+/// struct Spring {
+///     z: f64,
+/// }
+///
+/// impl Partners for Spring {
+///     fn structure(
+///         &mut self,
+///         _: &Window,
+///         load: LoadOverWindow<'_>,
+///         displacement: &mut [f64],
+///     ) -> Result<SolverResponse, RunError> {
+///         displacement.copy_from_slice(&[0.0, 0.0, load.end[0] / 100.0]);
+///         Ok(SolverResponse::default())
+///     }
+///
+///     fn mesh(&mut self, _: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError> {
+///         self.z = displacement[2];
+///         Ok(SolverResponse::default())
+///     }
+///
+///     fn flow(&mut self, _: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
+///         load.copy_from_slice(&[8.0 - 300.0 * self.z, 0.0, 0.0, 0.0]);
+///         Ok(SolverResponse::default())
+///     }
+///
+///     fn accept(&mut self, _: &Window) -> Result<(), RunError> {
+///         Ok(())
+///     }
+///
+///     fn save(&mut self, _: &Path) -> Result<(), RunError> {
+///         Ok(())
+///     }
+///
+///     fn snapshot(&mut self, _: Role, _: f64, _: &Path) -> Result<(), RunError> {
+///         Ok(())
+///     }
+/// }
+///
+/// let coupling = Coupling {
+///     acceleration: Acceleration::IqnIls,
+///     load_interpolation: LoadShape::Linear,
+///     tolerance: 1e-6,
+///     ..Coupling::default()
+/// };
+/// let unknowns = Unknowns::new(1, 0.1, false);
+/// let fields = vec![Field::new(0..unknowns.len(), 1e-9)];
+/// let mut windows = window_loop(WindowLoopSetup {
+///     stage: "example",
+///     coupling: &coupling,
+///     unknowns,
+///     criterion: Criterion::new(fields, coupling.tolerance),
+///     faces: 1,
+///     descent: None,
+///     interface: InterfaceState {
+///         displacement: vec![0.0; 3],
+///         load: Some(vec![0.0; LOAD_WIDTH]),
+///         ..InterfaceState::default()
+///     },
+///     relaxation: Box::new(Uniform(coupling.relaxation)),
+///     surrogate: None,
+///     accept_unconverged: false,
+/// });
+/// let window = Window { dt: 0.1, substeps: 1, ..Window::default() };
+/// let report = windows.run(&mut Spring { z: 0.0 }, window, false)?;
+/// assert!(report.converged && report.iterations < 8, "{report:?}");
+/// // Balance: 100 Pa/m z = 8 Pa - 300 Pa/m z.
+/// assert!((windows.state().displacement[2] - 0.02).abs() < 1e-7);
+/// # Ok::<(), RunError>(())
+/// ```
 pub trait Partners {
     /// Structure: displacement `[nodes][3]` (m, from the unstressed shape) at
     /// the end of the window under `load`.

@@ -75,8 +75,8 @@ pub fn note(share: Option<f64>) -> String {
     }
 }
 
-/// A warning when the energy created exceeds [`WARNED`] for the first time: `before` is the [`share`] up to the
-/// window before, `values` are the structure's statistics of this one.
+/// A warning when the energy created exceeds 5 % of the throughput of energy for the first time: `before` is the
+/// [`share`] up to the window before, `values` are the structure's statistics of this one.
 pub fn warning(before: Option<f64>, values: &[f64; STATS]) -> Option<String> {
     let now = share(values).filter(|s| *s > WARNED)?;
     let known = before.is_some_and(|s| s > WARNED);

@@ -7,9 +7,26 @@ const MAX_GROWTH_DELAY: u32 = 64;
 
 /// Time of a stage and length of its next window.
 ///
-/// A planned window has $2^h$ ticks, $h$ the number of halvings allowed. A window of $2^k$ ticks starts at a multiple
-/// of $2^k$, so that windows of any length meet the ends of planned ones, where results are written. Times are an
-/// integer times one tick: without rejections they are bitwise those of equal windows.
+/// A planned window has $`2^h`$ ticks, $`h`$ the number of halvings allowed. A window of $`2^k`$ ticks starts at a
+/// multiple of $`2^k`$, so that windows of any length meet the ends of planned ones, where results are written. Times
+/// are an integer times one tick: without rejections they are bitwise those of equal windows.
+///
+/// # Examples
+///
+/// ```
+/// use case::AdaptiveWindow;
+/// use coupling::window_clock::WindowClock;
+///
+/// let adaptive = AdaptiveWindow { enabled: true, halvings: 3, grow_after: 2 };
+/// let mut clock = WindowClock::new(5e-3, Some(&adaptive));
+/// // A rejected window is repeated with half its length; two converged ones complete the planned window.
+/// assert!(clock.shrink());
+/// assert_eq!(clock.dt(), 2.5e-3);
+/// clock.advance(true);
+/// assert!(!clock.at_planned());
+/// clock.advance(true);
+/// assert!(clock.at_planned() && clock.time() == 5e-3 && clock.dt() == 5e-3);
+/// ```
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct WindowClock {
     planned_s: f64,

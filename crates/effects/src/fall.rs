@@ -1,13 +1,15 @@
 //! A quasi-steady fall of one degree of freedom: how the answer of a scene responds to a change.
 //!
-//! The canopy is a drag area $A$, the air that moves with it an added mass $m_a$, and all that falls a
-//! mass $m$. With the descent speed $v$, the vertical wind $w_z$ and the speed of the air past the canopy
-//! $u = v + w_z$ (with the wind across it $|w| = \sqrt{u^2 + w_x^2 + w_y^2}$)
+//! The canopy is a drag area $`A`$, the air that moves with it an added mass $`m_a`$, and all that falls a
+//! mass $`m`$. With the descent speed $`v`$, the vertical wind $`w_z`$ and the speed of the air past the canopy
+//! $`u = v + w_z`$ (with the wind across it $`|w| = \sqrt{u^2 + w_x^2 + w_y^2}`$)
 //!
-//! $$ (m + m_a)\, \dot u = m g - \tfrac12 \rho A |w| u + m\, \dot w_z . $$
+//! ```math
+//! (m + m_a)\, \dot u = m g - \tfrac12 \rho A |w| u + m\, \dot w_z .
+//! ```
 //!
 //! At a fixed speed a change of the drag area changes the drag in proportion. In a steady descent the drag
-//! stays the weight and the speed changes with $A^{-1/2}$ (Knacke, Parachute Recovery Systems Design Manual,
+//! stays the weight and the speed changes with $`A^{-1/2}`$ (Knacke, Parachute Recovery Systems Design Manual,
 //! 1992, section 4.2). A scene lies between: its mean over the second half of its last stage is
 //! what is compared.
 
@@ -24,7 +26,7 @@ pub const QUANTITIES: [&str; 3] = ["speed", "drag", "tension"];
 const NOMINAL_DRAG: f64 = 0.8;
 /// Projected over fabric area of an inflated canopy: a diameter of 0.65 to 0.8 (Knacke 1992, table 5-1).
 const PROJECTED: f64 = 0.5;
-/// Added mass over $\rho R^3$ of an inflated canopy of projected radius $R$: the disc's 8/3
+/// Added mass over $`\rho R^3`$ of an inflated canopy of projected radius $`R`$: the disc's 8/3
 /// (Lamb, Hydrodynamics, 1932, section 102) and a hemisphere of enclosed air.
 const ADDED_MASS: f64 = 8.0 / 3.0 + 2.0 / 3.0 * std::f64::consts::PI;
 /// Steps of the fall.
@@ -136,14 +138,14 @@ impl Fall {
         }
     }
 
-    /// Time in which a change of speed fades by a factor of e, s: $(m + m_a) v / (2 m g)$.
+    /// Time in which a change of speed fades by a factor of e, s: $`(m + m_a) v / (2 m g)`$.
     pub fn response_time(&self) -> f64 {
         let steady = (2.0 * self.mass * self.gravity / (self.density * self.drag_area)).sqrt();
         (self.mass + self.added_mass) * steady / (2.0 * self.mass * self.gravity)
     }
 
     /// Share of the steady change of speed that a change of the drag area has made in the mean over the second half of
-    /// the stage: that of $1 - e^{-t/\tau}$.
+    /// the stage: that of $`1 - e^{-t/\tau}`$.
     pub fn speed_response(&self) -> f64 {
         let tau = self.response_time();
         let (from, to) = (self.before + 0.5 * self.time, self.before + self.time);

@@ -34,6 +34,17 @@ pub struct Effect {
 }
 
 /// All effects that a program must announce to be given a scene that asks for them.
+///
+/// # Examples
+///
+/// ```
+/// # use std::path::Path;
+/// let scene = case::load(Path::new("../../cases/square-drop/scene.toml"))?;
+/// let effects = effects::effects(&scene);
+/// let on = |key: &str| effects.iter().any(|e| e.key == key && e.on);
+/// assert!(on("fabric.wrinkling") && !on("fabric.contact"));
+/// # Ok::<(), case::SceneError>(())
+/// ```
 pub fn effects(scene: &Scene) -> Vec<Effect> {
     TABLE
         .iter()

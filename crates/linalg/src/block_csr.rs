@@ -15,6 +15,29 @@ use crate::block::{Real, accumulate};
 /// [`BlockCsr::slot`] gives the slots that an assembly loop keeps.
 ///
 /// Entries are stored in precision `T`; products are summed in `f64`.
+///
+/// # Examples
+///
+/// The Laplacian of three nodes on a line, and its product with a linear function:
+///
+/// ```
+/// use std::rc::Rc;
+///
+/// use comm::Halo;
+/// use linalg::{BlockCsr, Operator};
+///
+/// let neighbours = [vec![1], vec![0, 2], vec![1]];
+/// let mut a = BlockCsr::<1>::from_adjacency(Rc::new(Halo::solo(3)), &neighbours);
+/// for row in 0..3 {
+///     for slot in a.row(row) {
+///         a.values[slot] = if a.cols()[slot] as usize == row { [[2.0]] } else { [[-1.0]] };
+///     }
+/// }
+/// let mut x = vec![1.0, 2.0, 3.0];
+/// let mut product = vec![0.0; 3];
+/// a.apply(&mut x, &mut product);
+/// assert_eq!(product, [0.0, 0.0, 4.0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct BlockCsr<const B: usize, T: Real = f64> {
     halo: Rc<Halo>,

@@ -13,6 +13,19 @@ use crate::geometry::Point;
 /// The first [`StructureMesh::n_canopy`] nodes are the canopy: in this order
 /// they are the interface nodes of the contract. Faces are ordered too and are
 /// the interface faces of the contract.
+///
+/// # Examples
+///
+/// ```
+/// # use std::path::Path;
+/// let scene = case::load(Path::new("../../cases/square-drop/scene.toml"))?;
+/// let mesh = mesh::structure_mesh(&scene)?;
+/// assert_eq!((mesh.n_canopy, mesh.faces.len()), (13 * 13, 12 * 12));
+/// // A square of 2 m.
+/// assert!((mesh.fabric_area(|_panel| true) - 4.0).abs() < 1e-12);
+/// assert_eq!(mesh.node_sets["canopy"].len(), mesh.n_canopy);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StructureMesh {
     /// Unstressed positions, m.
@@ -64,6 +77,21 @@ pub enum CableKind {
 }
 
 /// The volume grid around a canopy.
+///
+/// # Examples
+///
+/// A box of 24 cells without a canopy, its volume and the quality of its cells:
+///
+/// ```
+/// use mesh::{FaceTable, Patch, box_grid, quality};
+///
+/// let grid = box_grid([2, 3, 4], [0.0; 3], [1.0, 1.0, 2.0], [Patch::FarField; 6]);
+/// let volume: f64 = (0..grid.cells.len()).map(|c| quality::cell_volume(&grid, c)).sum();
+/// assert!((volume - 2.0).abs() < 1e-12);
+/// assert!((quality::scaled_jacobian(&grid.coords, &grid.cells[0]) - 1.0).abs() < 1e-12);
+/// assert_eq!(grid.boundary.len(), 2 * (2 * 3 + 3 * 4 + 2 * 4));
+/// assert!(FaceTable::new(&grid).is_ok());
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FlowGrid {
     /// Node positions, m.

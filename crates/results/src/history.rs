@@ -257,6 +257,24 @@ fn wall_cells(row: &Row) -> [(&'static str, Cell); 6] {
 }
 
 /// Writer of `history.csv`, flushed after every row.
+///
+/// # Examples
+///
+/// ```
+/// use case::StageKind;
+/// use results::history::{History, Row, read};
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("history.csv");
+/// let mut history = History::create(&path, StageKind::Coupled)?;
+/// for window in 0..3 {
+///     history.push(&Row { window, time_s: 5e-3 * (window + 1) as f64, ..Row::default() })?;
+/// }
+/// let columns = read(&path)?;
+/// let (_, times) = columns.iter().find(|(name, _)| name == "time_s").expect("a column");
+/// assert_eq!(times, &[0.005, 0.01, 0.015]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct History {
     kind: StageKind,
     path: PathBuf,

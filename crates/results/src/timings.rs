@@ -102,7 +102,7 @@ pub struct TimingRow<'a> {
 }
 
 impl ProgramTimings {
-    /// The parts with at least [`MIN_SHARE`] of the wall time.
+    /// The parts with at least 0.2 % of the wall time.
     pub fn rows(&self) -> impl Iterator<Item = TimingRow<'_>> {
         let whole = Profile { parts: self.parts.clone() }.seconds().max(f64::MIN_POSITIVE);
         let rows = self.parts.iter().map(move |part| TimingRow {

@@ -16,6 +16,22 @@ pub use count::counted;
 pub use time::{clock, utc_now};
 
 /// Prints lines above the progress line. Clones share their output.
+///
+/// # Examples
+///
+/// A quiet console prints nothing, but its log has each line with the time:
+///
+/// ```
+/// use terminal::Console;
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("run.log");
+/// let console = Console::new(true);
+/// console.log_to(&path, false)?;
+/// console.line("stage 1 of 3: pre-inflation");
+/// assert!(std::fs::read_to_string(&path)?.ends_with(" stage 1 of 3: pre-inflation\n"));
+/// # Ok::<(), std::io::Error>(())
+/// ```
 #[derive(Clone, Default)]
 pub struct Console {
     quiet: bool,

@@ -1,7 +1,7 @@
 //! One face: triangles about its middle, the same seen from both sides.
 //!
-//! A quadrilateral with corners $p_0..p_3$ need not be plane. It stands for the
-//! four triangles $(p_k, p_{k+1}, m)$ about the mean $m$ of its corners, so two
+//! A quadrilateral with corners $`p_0..p_3`$ need not be plane. It stands for the
+//! four triangles $`(p_k, p_{k+1}, m)`$ about the mean $`m`$ of its corners, so two
 //! cells that share it agree on its surface and every cell is closed exactly.
 //! A triangle repeats its last corner.
 

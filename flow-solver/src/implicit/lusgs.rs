@@ -1,10 +1,12 @@
 //! The paper's lower-upper symmetric Gauss-Seidel step in preconditioned pseudo time.
 //!
 //! Equation (7) of the paper, with flux Jacobians split as
-//! $A^\pm = \tfrac12(A \pm \lambda\Gamma)$ (Yoon and Jameson 1988), $\Gamma$ the
-//! Weiss-Smith matrix and $\lambda$ the largest preconditioned wave speed:
-//! $$D_i = V\Big(\frac{\Gamma}{\Delta\tau} + \frac{c_0}{\Delta t}\frac{\partial W}{\partial Q}\Big)
-//! {}+ \tfrac12\sum_f \lambda_f S_f\,\Gamma,$$
+//! $`A^\pm = \tfrac12(A \pm \lambda\Gamma)`$ (Yoon and Jameson 1988), $`\Gamma`$ the
+//! Weiss-Smith matrix and $`\lambda`$ the largest preconditioned wave speed:
+//! ```math
+//! D_i = V\Big(\frac{\Gamma}{\Delta\tau} + \frac{c_0}{\Delta t}\frac{\partial W}{\partial Q}\Big)
+//! {}+ \tfrac12\sum_f \lambda_f S_f\,\Gamma,
+//! ```
 //! one forward sweep over lower and one backward sweep over upper neighbours.
 
 use super::{Correction, SolveReport};

@@ -34,7 +34,7 @@ pub struct NonlinearGmres {
 }
 
 impl NonlinearGmres {
-    /// Combines up to `depth` corrections of vectors of length `n`, in hard problems up to [`MOST`].
+    /// Combines up to `depth` corrections of vectors of length `n`, in hard problems up to 20.
     pub fn new(depth: usize, n: usize) -> Self {
         let depth = depth.min(MOST);
         Self {

@@ -1,11 +1,11 @@
 //! Pressure correction as an approximate inverse of the coupled system.
 //!
 //! The Jacobian of the primitive residual is nearly
-//! $\begin{pmatrix} C & D \\ G & A\end{pmatrix}$ with compressibility $C$,
-//! divergence $D$, gradient $G$ and a transport operator $A$ that is the same
+//! $`\begin{pmatrix} C & D \\ G & A\end{pmatrix}`$ with compressibility $`C`$,
+//! divergence $`D`$, gradient $`G`$ and a transport operator $`A`$ that is the same
 //! for all velocity components. One application solves the transport part by a
 //! symmetric Gauss-Seidel sweep, then the pressure Schur complement
-//! $C - D\,\mathrm{diag}(A)^{-1}G$ on the compact stencil by conjugate
+//! $`C - D\,\mathrm{diag}(A)^{-1}G`$ on the compact stencil by conjugate
 //! gradients, then corrects the velocity (Patankar's SIMPLE, as a
 //! preconditioner). The pressure diffusion of the flux is chosen such that the
 //! compact stencil is also what the residual sees.

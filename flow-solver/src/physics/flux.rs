@@ -7,14 +7,16 @@
 //!
 //! * pressure diffusion in the mass flux is the momentum interpolation of
 //!   pressure-based methods (Rhie-Chow). The flux that it adds to the interpolated
-//!   momentum, $e$, is an unknown of the face with its own history (Cubero and Fueyo 2007),
-//!   $$\partial_t e + \frac{2(U + U_\infty)}{\delta} e = -\frac{k}{2\delta}[p],$$
+//!   momentum, $`e`$, is an unknown of the face with its own history (Cubero and Fueyo 2007),
+//!   ```math
+//!   \partial_t e + \frac{2(U + U_\infty)}{\delta} e = -\frac{k}{2\delta}[p],
+//!   ```
 //!   by the backward difference of the step: strong enough against odd-even
 //!   decoupling, limited by the time that pressure acts in a step, and independent of
 //!   the step in the steady limit (without the history the scheme is first
-//!   order in time). The acoustic term $[p]/2c$ is added for sound waves;
+//!   order in time). The acoustic term $`[p]/2c`$ is added for sound waves;
 //! * velocity diffusion in the interface pressure uses the *steady* limit
-//!   $U_u = \min(c, U)$. With the unsteady one it would swamp the momentum
+//!   $`U_u = \min(c, U)`$. With the unsteady one it would swamp the momentum
 //!   equation whenever the time step is small.
 
 use super::gas::Gas;
@@ -22,8 +24,8 @@ use super::velocity;
 use crate::geometry::FaceMetric;
 use crate::geometry::vec3::Vec3;
 
-/// Weight of the velocity diffusion: the interface pressure lacks a quarter of $\rho U [u_n]$, half of what the
-/// upwind flux of Godunov's method has where sound is as fast as $U$.
+/// Weight of the velocity diffusion: the interface pressure lacks a quarter of $`\rho U [u_n]`$, half of what the
+/// upwind flux of Godunov's method has where sound is as fast as $`U`$.
 pub const VELOCITY_DIFFUSION: f64 = 0.5;
 
 /// Parameters of the flux, the same for all faces in a time step.

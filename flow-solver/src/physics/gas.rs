@@ -46,17 +46,17 @@ pub trait Gas<const N: usize>: Copy + 'static {
     /// `dp`, through an area vector that the air crosses at `volume_flux` (m3/s).
     fn pressure_change(&self, dp: f64, area: Vec3, volume_flux: f64) -> [f64; N];
     /// Residual of the conserved quantities turned into that of the primitive
-    /// ones: continuity, then $\rho\,DQ/Dt$ (its energy row is divided by c_p).
+    /// ones: continuity, then $`\rho\,DQ/Dt`$ (its energy row is divided by c_p).
     fn primitive_residual(&self, q: &[f64; N], r: &[f64; N]) -> [f64; N];
     /// Change of the other unknowns that a change of pressure by 1 Pa brings at
     /// once (adiabatic compression); zero for the velocity.
     fn compression(&self, q: &[f64; N]) -> [f64; N];
-    /// $\partial W/\partial Q$: rows are conserved quantities.
+    /// $`\partial W/\partial Q`$: rows are conserved quantities.
     #[inline(always)]
     fn jacobian(&self, q: &[f64; N]) -> [[f64; N]; N] {
         self.time_matrix(q, None)
     }
-    /// $\partial W/\partial Q$ with $\partial\rho/\partial p$ replaced, where
+    /// $`\partial W/\partial Q`$ with $`\partial\rho/\partial p`$ replaced, where
     /// given: the Weiss-Smith matrix.
     fn time_matrix(&self, q: &[f64; N], compressibility: Option<f64>) -> [[f64; N]; N];
     /// Heat flux into the energy row for a temperature gradient along the face:
@@ -65,7 +65,7 @@ pub trait Gas<const N: usize>: Copy + 'static {
 }
 
 /// Four equations: temperature stays that of the undisturbed air,
-/// $\rho = \rho_\infty + p'/(R T_\infty)$.
+/// $`\rho = \rho_\infty + p'/(R T_\infty)`$.
 #[derive(Clone, Copy, Debug)]
 pub struct Isothermal {
     density: f64,

@@ -1,6 +1,6 @@
 //! Point physics: small arrays in, small arrays out.
 //!
-//! Unknowns are primitive, $Q = (p', u, v, w[, T'])$: gauge pressure relative to
+//! Unknowns are primitive, $`Q = (p', u, v, w[, T'])`$: gauge pressure relative to
 //! the undisturbed air (so no digits are lost at Mach 0.014), velocity relative
 //! to the ground, temperature difference from the undisturbed air.
 

@@ -11,7 +11,7 @@ pub struct Permeability {
 const WALL: f64 = 1e100;
 
 impl Permeability {
-    /// From the coefficients $a$ (Pa s/m) and $b$ (Pa s2/m2); infinity is a wall.
+    /// From the coefficients $`a`$ (Pa s/m) and $`b`$ (Pa s2/m2); infinity is a wall.
     pub fn new(viscous: f64, inertial: f64) -> Self {
         Self { viscous: viscous.min(WALL), inertial: inertial.min(WALL) }
     }

@@ -1,8 +1,8 @@
 //! The Weiss-Smith matrix and the speeds that scale it.
 //!
 //! Weiss and Smith (1995): in the pseudo-time term the compressibility
-//! $\partial\rho/\partial p$ is replaced by $\Theta = 1/U_r^2 - \rho_T/(\rho c_p)$,
-//! which brings the pseudo-acoustic speeds down to the reference speed $U_r$.
+//! $`\partial\rho/\partial p`$ is replaced by $`\Theta = 1/U_r^2 - \rho_T/(\rho c_p)`$,
+//! which brings the pseudo-acoustic speeds down to the reference speed $`U_r`$.
 
 use super::gas::Gas;
 
@@ -14,7 +14,7 @@ pub fn reference_speed(speed: f64, length: f64, rate: f64, kinematic_viscosity: 
     speed.max(length * rate).max(kinematic_viscosity / length).min(sound)
 }
 
-/// Weiss-Smith matrix $\Gamma = \partial W/\partial Q$ with the compressibility
+/// Weiss-Smith matrix $`\Gamma = \partial W/\partial Q`$ with the compressibility
 /// of the reference speed `ur`. At `ur = c` it is the Jacobian itself.
 #[inline(always)]
 pub fn preconditioner<G: Gas<N>, const N: usize>(gas: &G, q: &[f64; N], ur: f64) -> [[f64; N]; N] {

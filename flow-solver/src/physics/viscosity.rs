@@ -58,9 +58,9 @@ pub struct Turbulent {
 /// turbulent flows share one compiled solver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EddyViscosity {
-    /// [`smagorinsky`].
+    /// Smagorinsky (1963), `smagorinsky`.
     Smagorinsky,
-    /// [`wale`].
+    /// Nicoud and Ducros (1999), `wale`.
     Wale,
     /// Transported with the flow, see [`crate::turbulence`].
     TransportInput,
@@ -132,7 +132,8 @@ impl From<Turbulent> for ViscosityModel {
     }
 }
 
-/// Smagorinsky (1963): $\mu_t = \rho (C_s h)^2 |S|$, with $C_s = 0.17$, Pa s; arguments as in [`Viscosity::dynamic`].
+/// Smagorinsky (1963): $`\mu_t = \rho (C_s h)^2 |S|`$, with $`C_s = 0.17`$, Pa s; arguments as in
+/// [`Viscosity::dynamic`].
 pub fn smagorinsky(rho: f64, g: &Mat3, h: f64) -> f64 {
     let mut s2 = 0.0;
     for i in 0..3 {
@@ -144,10 +145,9 @@ pub fn smagorinsky(rho: f64, g: &Mat3, h: f64) -> f64 {
     rho * (0.17 * h) * (0.17 * h) * s2.sqrt()
 }
 
-/// WALE (Nicoud and Ducros 1999): $\mu_t = \rho (C_w h)^2
-/// (S^d{:}S^d)^{3/2} / ((S{:}S)^{5/2} + (S^d{:}S^d)^{5/4})$ with $C_w = 0.325$ and $S^d$ the
-/// traceless symmetric part of the squared velocity gradient, Pa s; arguments as in [`Viscosity::dynamic`]. Zero in
-/// pure shear, and falling with the cube of the distance to a wall.
+/// WALE (Nicoud and Ducros 1999): $`\mu_t = \rho (C_w h)^2 (S^d{:}S^d)^{3/2} / ((S{:}S)^{5/2} + (S^d{:}S^d)^{5/4})`$
+/// with $`C_w = 0.325`$ and $`S^d`$ the traceless symmetric part of the squared velocity gradient, Pa s; arguments as
+/// in [`Viscosity::dynamic`]. Zero in pure shear, and falling with the cube of the distance to a wall.
 pub fn wale(rho: f64, g: &Mat3, h: f64) -> f64 {
     let square = g * g;
     let third = square.trace() / 3.0;
@@ -167,7 +167,7 @@ pub fn wale(rho: f64, g: &Mat3, h: f64) -> f64 {
 }
 
 /// Force of the air on a face of area vector `area` for viscosity `mu` and
-/// velocity gradient `g`: $\tau\cdot S$ with Stokes' hypothesis, N.
+/// velocity gradient `g`: $`\tau\cdot S`$ with Stokes' hypothesis, N.
 #[inline(always)]
 pub fn stress_force(mu: f64, g: &Mat3, area: Vec3) -> Vec3 {
     let divergence = g.trace() * (2.0 / 3.0);

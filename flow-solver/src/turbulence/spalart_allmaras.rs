@@ -1,14 +1,16 @@
 //! Spalart-Allmaras, point by point.
 //!
 //! Spalart and Allmaras (1994) in the form of Allmaras, Johnson and Spalart (ICCFD7-1902, 2012):
-//! the standard model where the working variable $\tilde\nu$ is positive, its negative
+//! the standard model where the working variable $`\tilde\nu`$ is positive, its negative
 //! continuation (SA-neg) where a coarse grid lets it undershoot. For constant density
-//! $$\frac{D\tilde\nu}{Dt} = P - D + \frac1\sigma\left[\nabla\cdot\big((\nu + f_n\tilde\nu)
-//! \nabla\tilde\nu\big) + c_{b2}|\nabla\tilde\nu|^2\right],\qquad \nu_t = f_{v1}\tilde\nu .$$
+//! ```math
+//! \frac{D\tilde\nu}{Dt} = P - D + \frac1\sigma\left[\nabla\cdot\big((\nu + f_n\tilde\nu)
+//! \nabla\tilde\nu\big) + c_{b2}|\nabla\tilde\nu|^2\right],\qquad \nu_t = f_{v1}\tilde\nu .
+//! ```
 
-/// $\sigma$: diffusion.
+/// $`\sigma`$: diffusion.
 pub const SIGMA: f64 = 2.0 / 3.0;
-/// $c_{b2}$: diffusion by squared gradients.
+/// $`c_{b2}`$: diffusion by squared gradients.
 pub const CB2: f64 = 0.622;
 /// Von Karman's constant.
 pub const KAPPA: f64 = 0.41;
@@ -31,12 +33,12 @@ fn fv1(chi: f64) -> f64 {
     c3 / (c3 + CV1 * CV1 * CV1)
 }
 
-/// Kinematic eddy viscosity $\nu_t$ of the working variable `x` at molecular viscosity `nu`, m2/s.
+/// Kinematic eddy viscosity $`\nu_t`$ of the working variable `x` at molecular viscosity `nu`, m2/s.
 pub fn eddy_viscosity(x: f64, nu: f64) -> f64 {
     if x > 0.0 { x * fv1(x / nu) } else { 0.0 }
 }
 
-/// Diffusivity of the working variable, $\nu + f_n\tilde\nu$, m2/s: positive for any `x`.
+/// Diffusivity of the working variable, $`\nu + f_n\tilde\nu`$, m2/s: positive for any `x`.
 pub fn diffusivity(x: f64, nu: f64) -> f64 {
     if x >= 0.0 {
         return nu + x;
@@ -108,9 +110,9 @@ pub fn ddes(a: &LengthScaleInput) -> f64 {
 mod tests {
     use super::*;
 
-    /// The log layer is an exact solution: with $\tilde\nu = \kappa u_\tau y$ and
-    /// $S = u_\tau / (\kappa y)$ production, destruction and diffusion balance once viscosity is
-    /// negligible, which is how $c_{w1}$ is chosen.
+    /// The log layer is an exact solution: with $`\tilde\nu = \kappa u_\tau y`$ and
+    /// $`S = u_\tau / (\kappa y)`$ production, destruction and diffusion balance once viscosity is
+    /// negligible, which is how $`c_{w1}`$ is chosen.
     #[test]
     fn source_and_diffusion_balance_in_the_log_layer() {
         let (tau, y, nu) = (1.3, 0.02, 1e-9);
@@ -121,8 +123,8 @@ mod tests {
         assert!(balance.abs() < 1e-5 * diffusion, "{balance} {diffusion}");
     }
 
-    /// In the whole inner layer $\tilde\nu = \kappa u_\tau y$ is exact, also where viscosity
-    /// counts: S~ is made so that it stays $u_\tau/(\kappa y)$ (below, without $f_{t2}$).
+    /// In the whole inner layer $`\tilde\nu = \kappa u_\tau y`$ is exact, also where viscosity
+    /// counts: $`\tilde S`$ is made so that it stays $`u_\tau/(\kappa y)`$ (below, without $`f_{t2}`$).
     #[test]
     fn source_and_diffusion_balance_in_the_buffer_layer() {
         let (tau, nu) = (1.0, 1.0);

@@ -140,6 +140,19 @@ impl Scene {
 }
 
 /// Reads and validates a scene file.
+///
+/// # Examples
+///
+/// ```
+/// # use std::path::Path;
+/// let scene = case::load(Path::new("../../cases/square-drop/scene.toml"))?;
+/// assert_eq!(scene.name, "square-drop");
+/// let descent = &scene.stages[2];
+/// assert_eq!((descent.kind, descent.windows()), (case::StageKind::Coupled, 20));
+/// // A key that the file leaves out has its default.
+/// assert_eq!(scene.coupling.max_iterations, 30);
+/// # Ok::<(), case::SceneError>(())
+/// ```
 pub fn load(file: &Path) -> Result<Scene, SceneError> {
     let text = std::fs::read_to_string(file).map_err(|e| {
         SceneError::plain(
@@ -152,6 +165,18 @@ pub fn load(file: &Path) -> Result<Scene, SceneError> {
 }
 
 /// Parses and validates the text of a scene; `file` is for messages.
+///
+/// # Examples
+///
+/// An error names the place, the key and the remedy:
+///
+/// ```
+/// # use std::path::Path;
+/// let text = std::fs::read_to_string("../../cases/square-drop/scene.toml")?;
+/// let error = case::parse(Path::new("scene.toml"), &text.replace("thickness_m", "thikness_m")).unwrap_err();
+/// assert!(error.to_string().contains("thikness_m"), "{error}");
+/// # Ok::<(), std::io::Error>(())
+/// ```
 pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     let error = |problems| SceneError::new(file, text, problems);
     let document = DeTable::parse(text).map_err(|e| {

@@ -1,6 +1,6 @@
 //! Small dense least squares over a few long columns.
 
-/// $QR$ factors of columns that arrive one by one.
+/// $`QR`$ factors of columns that arrive one by one.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Columns {
     q: Vec<Vec<f64>>,

@@ -10,8 +10,8 @@ use crate::partners::LoadOverWindow;
 
 const SUBSTEPS: u64 = 4;
 
-/// One mode: a mass on a spring, in a fluid of added mass $a$ and damping $c$ under an outer
-/// pressure $f(t)$: $p = f - c\,\dot x - a\,\ddot x$ at the end of a window, by BDF2.
+/// One mode: a mass on a spring, in a fluid of added mass $`a`$ and damping $`c`$ under an outer
+/// pressure $`f(t)`$: $`p = f - c\,\dot x - a\,\ddot x`$ at the end of a window, by BDF2.
 struct Oscillator {
     mass: f64,
     stiffness: f64,
@@ -19,7 +19,7 @@ struct Oscillator {
     damping: f64,
     /// A constant outer pressure.
     steady: f64,
-    /// The outer pressure that gives the motion $(1 - \cos t)^3$.
+    /// The outer pressure that gives the motion $`(1 - \cos t)^3`$.
     driven: bool,
     accepted: [f64; 2],
     trial: [f64; 2],

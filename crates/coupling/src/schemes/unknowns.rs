@@ -17,7 +17,7 @@ pub struct Unknowns {
 impl Unknowns {
     /// For `nodes` canopy nodes and windows of `dt` seconds.
     ///
-    /// The velocity is scaled by $\Delta t \sqrt{N}$: a change of the frame's velocity then has the norm of the nodal
+    /// The velocity is scaled by $`\Delta t \sqrt{N}`$: a change of the frame's velocity then has the norm of the nodal
     /// displacements that move the canopy equally far through the air within the window.
     pub fn new(nodes: usize, dt: f64, descends: bool) -> Self {
         let velocity_scale = dt * (nodes as f64).sqrt();

@@ -1,10 +1,12 @@
 //! Transfer of motion and loads between the canopy of the scene and the surface of a structure that has its own.
 //!
-//! A point $c$ of the canopy is projected on the nearest triangle of the structure's surface, with the barycentric
-//! coordinates $w_i$ and the height $h$ along its unit normal $n$, both in the unstressed configuration. It moves
+//! A point $`c`$ of the canopy is projected on the nearest triangle of the structure's surface, with the barycentric
+//! coordinates $`w_i`$ and the height $`h`$ along its unit normal $`n`$, both in the unstressed configuration. It moves
 //! with it,
 //!
-//! $$ c = \sum_i w_i x_i + h\,n(x), $$
+//! ```math
+//! c = \sum_i w_i x_i + h\,n(x),
+//! ```
 //!
 //! which is linear interpolation on the surface and exact for rigid motion, on it or off it. Loads are transferred by
 //! sampling: a face of the structure gets the mean of the canopy's load at its sampling points, and the smallest

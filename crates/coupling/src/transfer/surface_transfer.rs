@@ -129,7 +129,7 @@ impl Transfer {
     }
 }
 
-/// Corrects the forces at `middles` by the smallest $A_f (a + b \times (c_f - c_0))$ that gives them the sum and the
+/// Corrects the forces at `middles` by the smallest $`A_f (a + b \times (c_f - c_0))`$ that gives them the sum and the
 /// moment of `forces` at `x`.
 fn restore(x: &[Vec3], forces: &[Vec3], sizes: &[f64], middles: &[Vec3], on_faces: &mut [Vec3]) {
     let total: f64 = sizes.iter().sum();

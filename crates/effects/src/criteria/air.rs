@@ -15,10 +15,9 @@ const ALONG: f64 = 0.5;
 /// Change of the drag of a bluff body with a sharp edge by a model of its turbulent wake.
 const WAKE: f64 = 0.01;
 
-/// Air that passes at $v$ under the pressure jump $p$ (Forchheimer's law, $p = a v + b v^2$) fills the wake: the drag
-/// falls by about twice the share $v / U$ (bluff plates with bleed: Castro, J. Fluid Mech. 46, 1971; parachutes:
-/// Knacke 1992, section 5.2). A scene that names no cloth is judged with MIL-C-7020 type III.
-/// Within a factor of 3.
+/// Air that passes at $`v`$ under the pressure jump $`p`$ (Forchheimer's law, $`p = a v + b v^2`$) fills the wake: the
+/// drag falls by about twice the share $`v / U`$ (bluff plates with bleed: Castro, J. Fluid Mech. 46, 1971; parachutes:
+/// Knacke 1992, section 5.2). A scene that names no cloth is judged with MIL-C-7020 type III. Within a factor of 3.
 pub fn permeability(s: &Scope<'_>) -> Assessment {
     if let Err(why) = s.bluff() {
         return Assessment::not(why);
@@ -45,11 +44,11 @@ pub fn permeability(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// Friction on both sides of the canopy, $2 c_f q A$ times the square 0.3 of the tangential over the
-/// free speed and the part 0.5 of it along the stream, over the drag; $c_f$ of a plate, $1.328 Re^{-1/2}$ below $Re = 5 \cdot 10^5$ and $0.074 Re^{-1/5}$ above
-/// (Schlichting, Boundary-Layer Theory, 1979, chapters 7 and 21). Its direction is open: friction also moves the
-/// separation. Where cells at the canopy are thicker than the boundary layer $h > \delta$, the grid has only
-/// the share $\delta / h$ of it. Within a factor of 5.
+/// Friction on both sides of the canopy, $`2 c_f q A`$ times the square 0.3 of the tangential over the free speed and
+/// the part 0.5 of it along the stream, over the drag; $`c_f`$ of a plate, $`1.328 Re^{-1/2}`$ below
+/// $`Re = 5 \cdot 10^5`$ and $`0.074 Re^{-1/5}`$ above (Schlichting, Boundary-Layer Theory, 1979, chapters 7 and 21).
+/// Its direction is open: friction also moves the separation. Where cells at the canopy are thicker than the boundary
+/// layer $`h > \delta`$, the grid has only the share $`\delta / h`$ of it. Within a factor of 5.
 pub fn viscosity(s: &Scope<'_>) -> Assessment {
     if let Err(why) = s.bluff() {
         return Assessment::not(why);
@@ -78,8 +77,8 @@ pub fn viscosity(s: &Scope<'_>) -> Assessment {
 }
 
 /// A wake is turbulent from a Reynolds number of about 300 on, and a model has something to add where eddies of
-/// Kolmogorov's size $L Re^{-3/4}$ are smaller than a cell. The edge fixes the separation: the drag of
-/// discs and cups is the same to some per cent from $Re = 10^3$ to $10^6$ (Hoerner, Fluid-Dynamic Drag, 1965,
+/// Kolmogorov's size $`L Re^{-3/4}`$ are smaller than a cell. The edge fixes the separation: the drag of
+/// discs and cups is the same to some per cent from $`Re = 10^3`$ to $`10^6`$ (Hoerner, Fluid-Dynamic Drag, 1965,
 /// sections 3-7 and 3-9); 1 % within a factor of 5.
 pub fn turbulence(s: &Scope<'_>) -> Assessment {
     if let Err(why) = s.bluff() {
@@ -98,7 +97,7 @@ pub fn turbulence(s: &Scope<'_>) -> Assessment {
     }
 }
 
-/// Air that is stopped warms by $(\gamma - 1)/2\, M^2$ of its temperature; its density and with it the pressure
+/// Air that is stopped warms by $`(\gamma - 1)/2\, M^2`$ of its temperature; its density and with it the pressure
 /// change by that share (Shapiro, The Dynamics and Thermodynamics of Compressible Fluid Flow, 1953, chapter 4).
 /// Without the equation the air is isothermal. Within a factor of 10.
 pub fn energy(s: &Scope<'_>) -> Assessment {
@@ -140,7 +139,7 @@ pub fn gust(s: &Scope<'_>) -> Assessment {
 }
 
 /// The frame falls through wind of another speed at each height: the drag goes with the speed of the air past the
-/// canopy, $|w| w_z$ ([`crate::fall`]). Without the effect the wind is that of the reference height
+/// canopy, $`|w| w_z`$ ([`crate::fall`]). Without the effect the wind is that of the reference height
 /// everywhere. Within a factor of 5.
 pub fn shear(s: &Scope<'_>) -> Assessment {
     if let Err(why) = s.bluff() {

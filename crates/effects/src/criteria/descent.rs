@@ -12,9 +12,9 @@ const PAYLOAD_DENSITY: f64 = 500.0;
 /// Drag coefficient of a cube with a face to the stream (Hoerner 1965, section 3-8).
 const CUBE: f64 = 1.05;
 
-/// Drag of lines across the stream at the sine of their slant: $C d L q \sin^3\theta$ (Hoerner 1965, section 3-3),
-/// half of it on the canopy, and along them $\pi c_f d L q \cos^3\theta$. Lines that bend inwards draw the skirt in:
-/// the radial pull rises by $\cos\theta / (2 \sin^2\theta)$, some 3 times the share, and the drag area falls by about
+/// Drag of lines across the stream at the sine of their slant: $`C d L q \sin^3\theta`$ (Hoerner 1965, section 3-3),
+/// half of it on the canopy, and along them $`\pi c_f d L q \cos^3\theta`$. Lines that bend inwards draw the skirt in:
+/// the radial pull rises by $`\cos\theta / (2 \sin^2\theta)`$, some 3 times the share, and the drag area falls by about
 /// twice the share. The direction of the change is open. Within a factor of 5.
 pub fn line_drag(s: &Scope<'_>) -> Assessment {
     let n = s.n;
@@ -46,12 +46,12 @@ pub fn line_drag(s: &Scope<'_>) -> Assessment {
 }
 
 /// Drag area of a payload whose own is not known, m2: a cube of its mass (kg) at the density of cargo,
-/// $C (m / \rho)^{2/3}$.
+/// $`C (m / \rho)^{2/3}`$.
 pub fn typical_drag_area(mass_kg: f64) -> f64 {
     CUBE * (mass_kg / PAYLOAD_DENSITY).powf(2.0 / 3.0)
 }
 
-/// The payload's drag area relative to the canopy's, $C A / (C_D S)$: the payload carries that share of the weight
+/// The payload's drag area relative to the canopy's, $`C A / (C_D S)`$: the payload carries that share of the weight
 /// itself (Hoerner 1965, section 3-8). A scene that gives no drag area is judged with a cube of the payload's
 /// mass at 500 kg/m3. Within a factor of 3.
 pub fn payload_drag(s: &Scope<'_>) -> Assessment {
@@ -74,9 +74,9 @@ pub fn payload_drag(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// A payload that swings out by the angle $\varphi = w / U\, (1 - \cos 2\pi t / T)$ under a cross wind $w$, or by
-/// $v_0 / \sqrt{g L}$ from its own first velocity, on a pendulum of period $T = 2\pi \sqrt{L/g}$: the lines' vertical
-/// force and the drag change with $\varphi^2 / 2$ (Knacke 1992, section 4.5). Within a factor of 10.
+/// A payload that swings out by the angle $`\varphi = w / U\, (1 - \cos 2\pi t / T)`$ under a cross wind $`w`$, or by
+/// $`v_0 / \sqrt{g L}`$ from its own first velocity, on a pendulum of period $`T = 2\pi \sqrt{L/g}`$: the lines'
+/// vertical force and the drag change with $`\varphi^2 / 2`$ (Knacke 1992, section 4.5). Within a factor of 10.
 pub fn body(s: &Scope<'_>) -> Assessment {
     let n = s.n;
     if s.fall.motion != Motion::Falls || n.suspension == 0.0 {

@@ -8,13 +8,13 @@ use super::unsigned;
 use crate::estimate::{Assessment, Scope, percent};
 use crate::fall::Influence;
 
-/// Slack of the hoop of a flat disc that is drawn into a half sphere: $1 - 2/\pi$.
+/// Slack of the hoop of a flat disc that is drawn into a half sphere: $`1 - 2/\pi`$.
 const HOOP_SLACK: f64 = 1.0 - 2.0 / PI;
 
 /// Fabric folds where it is pushed together. Without the tension field each cell carries compression up to
-/// plate buckling, $\pi^2 E t^3 / (12 (1 - \nu^2) l^2)$ (Timoshenko and Gere, Theory of Elastic Stability, 1961,
-/// section 9.2), far more than the pressure can give ($p R$); the slack of the hoop then lies in folds of the size
-/// of a cell, which take the share $s\, l / R$ from the canopy's area with the slack $s = 1 - 2/\pi$ of a flat
+/// plate buckling, $`\pi^2 E t^3 / (12 (1 - \nu^2) l^2)`$ (Timoshenko and Gere, Theory of Elastic Stability, 1961,
+/// section 9.2), far more than the pressure can give ($`p R`$); the slack of the hoop then lies in folds of the size
+/// of a cell, which take the share $`s\, l / R`$ from the canopy's area with the slack $`s = 1 - 2/\pi`$ of a flat
 /// disc that becomes a half sphere. Within a factor of 5.
 pub fn wrinkling(s: &Scope<'_>) -> Assessment {
     let (n, f) = (s.n, &s.scene().fabric);
@@ -37,9 +37,9 @@ pub fn wrinkling(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// A weft that is weaker than the warp stretches more: the area changes by the difference of the
-/// strains $\varepsilon\, |E_1/E_2 - 1|$ in one direction, and by $\tfrac12 \varepsilon\, |G_0/G - 1|$ in shear, with
-/// the membrane strain $\varepsilon = p R / (2 E t)$ of a sphere and $G_0 = E / (2 (1 + \nu))$ (Reddy, Mechanics of
+/// A weft that is weaker than the warp stretches more: the area changes by the difference of the strains
+/// $`\varepsilon\, |E_1/E_2 - 1|`$ in one direction, and by $`\tfrac12 \varepsilon\, |G_0/G - 1|`$ in shear, with the
+/// membrane strain $`\varepsilon = p R / (2 E t)`$ of a sphere and $`G_0 = E / (2 (1 + \nu))`$ (Reddy, Mechanics of
 /// Laminated Composite Plates and Shells, 2004, section 2.4). Within a factor of 5.
 pub fn orthotropic(s: &Scope<'_>) -> Assessment {
     let (n, f) = (s.n, &s.scene().fabric);
@@ -64,8 +64,9 @@ pub fn orthotropic(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// Pulled by the strain $e$, a neo-Hookean film carries $S = \mu (1 - (1 + 2 e)^{-3/2}) \approx E e (1 - \tfrac52 e)$: for the
-/// same stress it stretches by $\tfrac52 e^2$ more than a linear one, and its area by twice that. Within a factor of 5.
+/// Pulled by the strain $`e`$, a neo-Hookean film carries
+/// $`S = \mu (1 - (1 + 2 e)^{-3/2}) \approx E e (1 - \tfrac52 e)`$: for the same stress it stretches by
+/// $`\tfrac52 e^2`$ more than a linear one, and its area by twice that. Within a factor of 5.
 pub fn law(s: &Scope<'_>) -> Assessment {
     if s.scene().fabric.law == case::Law::StVenantKirchhoff {
         return Assessment::not(
@@ -80,8 +81,8 @@ pub fn law(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// Fabric stretched by $\sigma_0$ in its cut shape is shorter by the strain $\sigma_0 (1 - \nu) / E$ both ways once it
-/// is free: the area falls by twice that (plane stress, equal in all directions). Within a factor of 5.
+/// Fabric stretched by $`\sigma_0`$ in its cut shape is shorter by the strain $`\sigma_0 (1 - \nu) / E`$ both ways once
+/// it is free: the area falls by twice that (plane stress, equal in all directions). Within a factor of 5.
 pub fn prestress(s: &Scope<'_>) -> Assessment {
     let f = &s.scene().fabric;
     if f.prestress_pa <= 0.0 {
@@ -119,8 +120,8 @@ pub fn lines(s: &Scope<'_>) -> Assessment {
     })
 }
 
-/// A line through the skirt of length $L_r$ holds the mouth to the diameter $L_r / \pi$. The drag area of a reefed
-/// canopy falls about with the reefing ratio $L_r / (\pi D_0)$ over $2/\pi$ of the free skirt, to the power 1.5
+/// A line through the skirt of length $`L_r`$ holds the mouth to the diameter $`L_r / \pi`$. The drag area of a reefed
+/// canopy falls about with the reefing ratio $`L_r / (\pi D_0)`$ over $`2/\pi`$ of the free skirt, to the power 1.5
 /// (curves of Knacke 1992, section 5.6). Within a factor of 3.
 pub fn reefing(s: &Scope<'_>) -> Assessment {
     let scene = s.scene();
@@ -149,9 +150,9 @@ pub fn reefing(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// A tape with the stiffness of the lines, parallel to one cell width of fabric: the strain falls from $\varepsilon$ to
-/// $\varepsilon / (1 + r)$ with $r = A Y / (E t l)$ along the tape, the area by twice the difference.
-/// Within a factor of 5.
+/// A tape with the stiffness of the lines, parallel to one cell width of fabric: the strain falls from $`\varepsilon`$
+/// to $`\varepsilon / (1 + r)`$ with $`r = A Y / (E t l)`$ along the tape, the area by twice the difference. Within a
+/// factor of 5.
 pub fn reinforcements(s: &Scope<'_>) -> Assessment {
     let (n, f) = (s.n, &s.scene().fabric);
     let case::Canopy::Atps(_) = &s.scene().canopy else {
@@ -172,7 +173,7 @@ pub fn reinforcements(s: &Scope<'_>) -> Assessment {
     )
 }
 
-/// Fabric that weighs $\rho t g$ per area relieves the pressure jump $p$ by that share: the crown sinks, and the
+/// Fabric that weighs $`\rho t g`$ per area relieves the pressure jump $`p`$ by that share: the crown sinks, and the
 /// drag area changes by about half of it; the lines no longer carry the weight of the fabric and of half of
 /// themselves (the paper, equation 1). Without the effect all weight acts at the payload. Within a factor of 5.
 pub fn fabric_gravity(s: &Scope<'_>) -> Assessment {

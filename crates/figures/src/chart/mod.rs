@@ -43,6 +43,29 @@ pub struct Panels {
 }
 
 /// A figure.
+///
+/// # Examples
+///
+/// A curve of the descent speed as SVG:
+///
+/// ```
+/// use figures::chart::{Axis, Figure, Panel, Panels, Series};
+/// use figures::colour;
+///
+/// let points: Vec<[f64; 2]> = (0..=20).map(|i| f64::from(i) * 0.1).map(|t| [t, 4.0 - t.exp2()]).collect();
+/// let panel = Panel {
+///     title: "Descent".into(),
+///     x: Axis::through("time (s)", points.iter().map(|p| p[0])),
+///     y: Axis::around("descent speed (m/s)", false, points.iter().map(|p| p[1])),
+///     series: vec![Series::curve("computed", colour::series(0), points)],
+///     band: None,
+///     references: Vec::new(),
+/// };
+/// let figure = Figure::Panels(Panels::single(panel, [640.0, 320.0]));
+/// let svg = figure.svg().file();
+/// assert!(svg.starts_with("<svg") && svg.contains("descent speed (m/s)"));
+/// assert_eq!(figure.size()[0], 640);
+/// ```
 #[derive(Clone, Debug)]
 pub enum Figure {
     /// Curves and points.

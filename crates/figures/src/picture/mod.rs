@@ -173,7 +173,7 @@ fn flow_at(
 /// PNG data of a picture and the time of its snapshot, s.
 pub type Png = (f64, Vec<u8>);
 
-/// [`flow_at`] as the bytes of a PNG file.
+/// Picture of the flow at `time` (s) as the bytes of a PNG file.
 pub fn flow_png(
     results: &RunSnapshots,
     stage: usize,

@@ -11,6 +11,31 @@ use crate::{Operator, Preconditioner};
 /// and the preconditioner may change between iterations. Orthogonalisation is
 /// classical Gram-Schmidt, done twice where the first pass cancels much: an iteration has
 /// one or two reductions whatever the basis size. Owns its workspace.
+///
+/// # Examples
+///
+/// ```
+/// use std::rc::Rc;
+///
+/// use comm::{Comm, Halo};
+/// use linalg::{BlockCsr, BlockJacobi, Gmres, KrylovParams};
+///
+/// // Two unknowns per row: block rows are dense 2 x 2 blocks.
+/// let mut a = BlockCsr::<2>::from_adjacency(Rc::new(Halo::solo(2)), &[vec![1], vec![0]]);
+/// for row in 0..2 {
+///     for slot in a.row(row) {
+///         let diagonal = a.cols()[slot] as usize == row;
+///         a.values[slot] = if diagonal { [[4.0, 1.0], [0.0, 4.0]] } else { [[-1.0, 0.0], [0.5, -1.0]] };
+///     }
+/// }
+/// let b = [4.0, 3.5, 4.0, 3.5];
+/// let mut x = vec![0.0; 4];
+/// let jacobi = BlockJacobi::<2>::new(&a)?;
+/// let info = Gmres::new(&Comm::solo()).solve(&a, &jacobi, &b, &mut x, KrylovParams::default())?;
+/// assert!(x.iter().all(|x| (x - 1.0).abs() < 1e-7), "{x:?}");
+/// assert!(info.final_residual <= 1e-8 * info.rhs_norm);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Gmres {
     comm: Comm,
     /// Orthonormal basis, `m + 1` vectors.

@@ -24,6 +24,33 @@ use overlap::Overlap;
 ///
 /// Single precision halves what a solve reads and costs GMRES an iteration where the matrix
 /// is very ill conditioned; the solution is as accurate, since GMRES computes in `f64`.
+///
+/// # Examples
+///
+/// On one rank with one subdomain a single iteration of GMRES solves the system:
+///
+/// ```
+/// use std::rc::Rc;
+///
+/// use comm::{Comm, Halo};
+/// use linalg::{BlockCsr, Gmres, KrylovParams, SchwarzLu};
+///
+/// let n = 50;
+/// let neighbours: Vec<Vec<u32>> = (0..n).map(|i: u32| vec![i.saturating_sub(1), (i + 1).min(n - 1)]).collect();
+/// let mut a = BlockCsr::<1>::from_adjacency(Rc::new(Halo::solo(n as usize)), &neighbours);
+/// for row in 0..n as usize {
+///     for slot in a.row(row) {
+///         a.values[slot] = if a.cols()[slot] as usize == row { [[2.0]] } else { [[-1.0]] };
+///     }
+/// }
+/// let lu = SchwarzLu::<1, f64>::new(&a)?;
+/// let mut x = vec![0.0; n as usize];
+/// let solved = Gmres::new(&Comm::solo()).solve(&a, &lu, &vec![1.0; n as usize], &mut x, KrylovParams::default())?;
+/// assert_eq!(solved.iterations, 1);
+/// // -u'' = 1 with zero values next to both ends: u_i = (i + 1) (n - i) / 2.
+/// assert!((x[0] - 25.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct SchwarzLu<const B: usize = 3, T: Real = f32> {
     overlap: Overlap<B>,
     parts: Vec<(Domain, BlockLu<B, T>)>,

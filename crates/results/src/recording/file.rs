@@ -127,6 +127,39 @@ impl Writer {
 }
 
 /// Reads the exchanges of a stage.
+///
+/// # Examples
+///
+/// ```
+/// use channel::{STATS, Window};
+/// use results::recording::{Event, Header, Reader, Writer};
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("exchange.rec");
+/// let header = Header {
+///     contract: channel::CONTRACT_VERSION,
+///     version: "1.0.0".into(),
+///     scene: "example".into(),
+///     stage: ("descent".into(), 0),
+///     canopy: (4, 1),
+///     surface_hash: channel::surface_hash(&[[0, 1, 2, 3]]),
+///     grid_nodes: 0,
+///     ranks: [1; 3],
+/// };
+/// let at = (&Window::default()).into();
+/// let mut writer = Writer::create(&path, &header)?;
+/// writer.push(Event::Flow { at, load: &[12.0, 0.0, 0.0, 0.0][..], stats: [0.0; STATS] })?;
+/// writer.push(Event::Accept { at })?;
+/// writer.flush()?;
+///
+/// let mut reader = Reader::open(&path)?;
+/// assert_eq!(reader.header().scene, "example");
+/// let Some(Event::Flow { load, .. }) = reader.next_event()? else { panic!("a flow solve is first") };
+/// assert_eq!(load, [12.0, 0.0, 0.0, 0.0]);
+/// assert!(matches!(reader.next_event()?, Some(Event::Accept { .. })));
+/// assert!(reader.next_event()?.is_none());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Reader {
     file: BufReader<File>,
     path: PathBuf,

@@ -1,7 +1,7 @@
 //! The extrapolated value of a quantity, and the error of a sample relative to it.
 //!
 //! The extrapolated value is the exact value if the scene gives one. Otherwise it is the value of the base plus the
-//! extrapolated change of each parameter, $\phi=\phi_b+\sum_d(\phi_{d,0}-\phi_b)$. The parameters of the sweep count
+//! extrapolated change of each parameter, $`\phi=\phi_b+\sum_d(\phi_{d,0}-\phi_b)`$. The parameters of the sweep count
 //! once, with the sweep. The uncertainty is the root of the sum of squares of the uncertainties of the limits.
 //!
 //! Errors of different sign can cancel by chance, so that a coarse sample matches the extrapolated value. The error of

@@ -1,13 +1,13 @@
 //! Limit, order of convergence and uncertainty of a refinement sequence.
 //!
-//! The error of the values $\phi_i$ at cell sizes (or time steps, or tolerances) $h_i$ is modelled as
-//! $\phi_i-\phi_0=\alpha h_i^p$, fitted by least squares. The uncertainty follows Eça and Hoekstra, J. Comput. Phys. 262
-//! (2014), who extend the grid convergence index of Roache (1994) to more than three values and to scatter:
+//! The error of the values $`\phi_i`$ at cell sizes (or time steps, or tolerances) $`h_i`$ is modelled as
+//! $`\phi_i-\phi_0=\alpha h_i^p`$, fitted by least squares. The uncertainty follows Eça and Hoekstra, J. Comput. Phys.
+//! 262 (2014), who extend the grid convergence index of Roache (1994) to more than three values and to scatter:
 //!
 //! - A fitted order between 0.5 and the formal order (with a margin) is used with the safety factor 1.25. Above it, the
 //!   formal order is used; below it, order 1 or 2, whichever fits better. Both have the safety factor 3.
-//! - $U_i=F\epsilon+\sigma+|\phi_i-\phi_\text{fit}|$ if the scatter $\sigma$ is below the range parameter $\Delta$ of the
-//!   data, else $3\frac{\sigma}{\Delta}(\ldots)$.
+//! - $`U_i=F\epsilon+\sigma+|\phi_i-\phi_\text{fit}|`$ if the scatter $`\sigma`$ is below the range parameter
+//!   $`\Delta`$ of the data, else $`3\frac{\sigma}{\Delta}(\ldots)`$.
 //!
 //! Three values that oscillate have no order; their uncertainty is three times the range, as is that of two values.
 //! For four and more values, oscillation is scatter about the fit. If a monotone sequence converges more slowly than any
@@ -94,7 +94,7 @@ pub struct Convergence {
     pub uncertainty: Vec<f64>,
     /// Uncertainty of `limit` (half width).
     pub limit_uncertainty: f64,
-    /// Factor of $h^p$ in the fit; 0 without a fit.
+    /// Factor of $`h^p`$ in the fit; 0 without a fit.
     pub slope: f64,
 }
 
@@ -238,8 +238,8 @@ struct Fit {
     scatter: f64,
 }
 
-/// Linear least-squares fit of $\phi_0+\alpha h^p$ for a given order. The scatter is the standard deviation of the
-/// residuals with $n-2$ degrees of freedom.
+/// Linear least-squares fit of $`\phi_0+\alpha h^p`$ for a given order. The scatter is the standard deviation of the
+/// residuals with $`n-2`$ degrees of freedom.
 fn fixed_order(answers: &[(f64, f64)], order: f64) -> Fit {
     let n = answers.len() as f64;
     let x = |h: f64| h.powf(order);

@@ -45,7 +45,7 @@ pub struct AccuracyArgs {
     /// Scene file; its section [accuracy] names quantities and parameters [default: those that fit the scene]
     scene: PathBuf,
     /// Folder of the samples and the results; an interrupted study resumes there
-    /// [default: runs/accuracy-<scene name>]
+    /// [default: runs/accuracy-NAME with the name of the scene]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Restrict the study to these parameters (and `sweep`)

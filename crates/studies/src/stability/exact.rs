@@ -1,15 +1,17 @@
 //! Closed-form solution of the model problem: free vibration of a prestressed panel in air.
 //!
-//! A panel under the tension $T$ (N/m), fixed along its edges, is released from its static shape
-//! under a pressure $p$. With open sides (gauge pressure zero there) its modes
-//! $\sin(a x)\sin(b y)$, $k^2=a^2+b^2$, are also those of the potential of incompressible air
-//! in the box, $\phi\sim\sin(ax)\sin(by)\,g(z)$ with $g''=k^2g$. A layer of height $H$ adds the
+//! A panel under the tension $`T`$ (N/m), fixed along its edges, is released from its static shape
+//! under a pressure $`p`$. With open sides (gauge pressure zero there) its modes
+//! $`\sin(a x)\sin(b y)`$, $`k^2=a^2+b^2`$, are also those of the potential of incompressible air
+//! in the box, $`\phi\sim\sin(ax)\sin(by)\,g(z)`$ with $`g''=k^2g`$. A layer of height $`H`$ adds the
 //! mass per area
 //!
-//! $$ m_a = \frac{\rho}{k}\coth kH \ \text{(closed)}, \qquad m_a = \frac{\rho}{k}\tanh kH\ \text{(open)}, $$
+//! ```math
+//! m_a = \frac{\rho}{k}\coth kH \ \text{(closed)}, \qquad m_a = \frac{\rho}{k}\tanh kH\ \text{(open)},
+//! ```
 //!
-//! from $g=\cosh k(H-z)$, $\phi_z(H)=0$, and $g=\sinh k(H-z)$, $\phi(H)=0$. The modes are
-//! uncoupled: $w_k(t)=w_k(0)\cos\omega_k t$, $\omega_k^2=Tk^2/(m+m_a)$. Guided sides (a strip)
+//! from $`g=\cosh k(H-z)`$, $`\phi_z(H)=0`$, and $`g=\sinh k(H-z)`$, $`\phi(H)=0`$. The modes are
+//! uncoupled: $`w_k(t)=w_k(0)\cos\omega_k t`$, $`\omega_k^2=Tk^2/(m+m_a)`$. Guided sides (a strip)
 //! have modes along x alone.
 
 use std::f64::consts::PI;
@@ -28,7 +30,7 @@ struct Mode {
     volume: f64,
     /// Amplitude squared times area over its mean square, m4: doubles as mass per (kg/m2).
     weight: f64,
-    /// $Tk^2$, N/m3.
+    /// $`Tk^2`$, N/m3.
     stiffness: f64,
 }
 

@@ -18,13 +18,13 @@ use crate::topology::Adjacency;
 use coarsen::{Coarse, MergedLevel};
 use coarsest::Coarsest;
 
-/// Symmetric matrix $(m_i + \sum_j k_{ij}) x_i - \sum_j k_{ij} x_j$ in the rows of
+/// Symmetric matrix $`(m_i + \sum_j k_{ij}) x_i - \sum_j k_{ij} x_j`$ in the rows of
 /// an [`Adjacency`].
 #[derive(Clone, Debug, Default)]
 pub struct Matrix {
-    /// $m_i\ge 0$ of each owned row: storage and open boundaries.
+    /// $`m_i\ge 0`$ of each owned row: storage and open boundaries.
     pub own: Vec<f32>,
-    /// $k_{ij}\ge 0$ of each entry, and one more that nobody reads.
+    /// $`k_{ij}\ge 0`$ of each entry, and one more that nobody reads.
     pub off: Vec<f32>,
     /// Diagonal, filled by [`Matrix::complete`].
     pub diagonal: Vec<f32>,

@@ -7,6 +7,28 @@ use crate::error::RunError;
 use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 
 /// Turns an iterate and its response into the next iterate.
+///
+/// # Examples
+///
+/// Interface quasi-Newton (IQN-ILS) on a linear problem of two unknowns, whose plain iteration grows by up to 3 in each
+/// step:
+///
+/// ```
+/// use case::{Acceleration, Coupling};
+/// use coupling::schemes::{Uniform, accelerator};
+///
+/// let response = |x: &[f64]| vec![4.0 - 3.0 * x[0], 1.0 + 0.5 * x[0] - 2.0 * x[1]];
+/// let coupling = Coupling { acceleration: Acceleration::IqnIls, ..Coupling::default() };
+/// let mut newton = accelerator(&coupling, 2, Box::new(Uniform(0.1)));
+/// let (mut x, mut next) = (vec![0.0; 2], vec![0.0; 2]);
+/// newton.begin_window();
+/// for _ in 0..6 {
+///     newton.next(&x, &response(&x), &mut next);
+///     std::mem::swap(&mut x, &mut next);
+/// }
+/// // x = response(x)
+/// assert!((x[0] - 1.0).abs() < 1e-9 && (x[1] - 0.5).abs() < 1e-9, "{x:?}");
+/// ```
 pub trait Accelerator {
     /// A new window begins; columns may be kept.
     fn begin_window(&mut self);

@@ -18,7 +18,7 @@ pub struct MassProperties {
     pub fabric_kg_m2: f64,
     /// The air.
     pub air: Air,
-    /// Displacement at the end of a window, in $\Delta t^2/m$, per pressure at its end: half the weight of that
+    /// Displacement at the end of a window, in $`\Delta t^2/m`$, per pressure at its end: half the weight of that
     /// pressure in the load over the substeps.
     pub response: f64,
     /// Falling mass, kg; 0 without descent.
@@ -29,25 +29,29 @@ pub struct MassProperties {
 ///
 /// The flow responds to a normal displacement of the canopy with the pressure of the accelerated air. In potential
 /// flow the jump of the potential over a thin
-/// surface is the strength $\Gamma$ of a sheet of vortex rings; with the normal
-/// velocities $A\Gamma$ that rings of unit strength induce at the faces, the
-/// added mass per area is $\rho A^{-1}$ for any wave length and any outline with
-/// its vents. A window turns a change $\delta x$ of the iterate into
-/// $-G\,\delta x$, $G = g A^{-1}$, with
+/// surface is the strength $`\Gamma`$ of a sheet of vortex rings; with the normal
+/// velocities $`A\Gamma`$ that rings of unit strength induce at the faces, the
+/// added mass per area is $`\rho A^{-1}`$ for any wave length and any outline with
+/// its vents. A window turns a change $`\delta x`$ of the iterate into
+/// $`-G\,\delta x`$, $`G = g A^{-1}`$, with
 ///
-/// $$ g = \tfrac94\, s\, \rho / m'' $$
+/// ```math
+/// g = \tfrac94\, s\, \rho / m''
+/// ```
 ///
-/// ($\tfrac94$: BDF2 of BDF2 velocities; $s$: `response`; $m''$: fabric per
-/// area; stiffness is neglected, which only adds damping). So the residual $r$ requires
-/// the step $e = (I+G)^{-1} r = (A+gI)^{-1}A\,r$ along the normals. Tangential
+/// ($`\tfrac94`$: BDF2 of BDF2 velocities; $`s`$: `response`; $`m''`$: fabric per
+/// area; stiffness is neglected, which only adds damping). So the residual $`r`$ requires
+/// the step $`e = (I+G)^{-1} r = (A+gI)^{-1}A\,r`$ along the normals. Tangential
 /// motion moves no air: there the full residual is the step.
 ///
-/// The frame's vertical motion $V$ (velocity times $\Delta t$) accelerates the same air, and the air's force
-/// accelerates the frame: with $b = \rho A^{-T} a_z / M$, $a_z$
+/// The frame's vertical motion $`V`$ (velocity times $`\Delta t`$) accelerates the same air, and the air's force
+/// accelerates the frame: with $`b = \rho A^{-T} a_z / M`$, $`a_z`$
 /// the faces' areas upwards, both are solved together,
 ///
-/// $$ \delta x + G\,\delta x + \tfrac23 G n_z\,\delta V = r, \qquad
-///    \delta V + b\cdot(\tfrac94\,\delta x + \tfrac32 n_z\,\delta V) = r_V. $$
+/// ```math
+/// \delta x + G\,\delta x + \tfrac23 G n_z\,\delta V = r, \qquad
+/// \delta V + b\cdot(\tfrac94\,\delta x + \tfrac32 n_z\,\delta V) = r_V.
+/// ```
 ///
 /// (Solved separately, the two would converge with a factor of 0.9 only.)
 #[derive(Clone)]
@@ -60,7 +64,7 @@ pub struct AddedMassRelaxation {
     /// Faces at each node.
     node_faces: Vec<f64>,
     groups: PanelGroups,
-    /// g and $(A + gI)^{-1}$, of which $(I + G)^{-1} = I - g (A + gI)^{-1}$.
+    /// g and $`(A + gI)^{-1}`$, of which $`(I + G)^{-1} = I - g (A + gI)^{-1}`$.
     gain: f64,
     inverse: Inverse,
     /// Step per residual for waves shorter than the faces resolve.
@@ -205,7 +209,7 @@ impl Relaxation for AddedMassRelaxation {
     }
 }
 
-/// $(I + G)^{-1} r$ with $G = g A^{-1}$.
+/// $`(I + G)^{-1} r`$ with $`G = g A^{-1}`$.
 fn apply_inverse(gain: f64, inverse: &Inverse, r: &DVector<f64>) -> DVector<f64> {
     r - DVector::from_vec(inverse.apply(r.as_slice())) * gain
 }

@@ -43,7 +43,7 @@ impl Accelerator for Constant {
 }
 
 /// Aitken's dynamic relaxation (Irons and Tuck 1969; Kuettler and Wall 2008):
-/// $\omega_{k+1} = -\omega_k\, r_k \cdot (r_{k+1}-r_k) / |r_{k+1}-r_k|^2$.
+/// $`\omega_{k+1} = -\omega_k\, r_k \cdot (r_{k+1}-r_k) / |r_{k+1}-r_k|^2`$.
 pub struct Aitken {
     first: f64,
     omega: f64,

@@ -7,13 +7,15 @@ use super::relaxation::Relaxation;
 use crate::geometry::{at, distinct};
 use crate::schemes::unknowns::Unknowns;
 
-/// Newton's step for a model of both programs: the structure responds to a pressure $\delta p$ with
-/// $S\,\delta p$ along the normals, the flow a displacement $\delta x$ with $-S^{-1}G\,\delta x$,
-/// $G$ as in [`AddedMassRelaxation`]. With the residuals $r_x$, $r_p$ of both,
+/// Newton's step for a model of both programs: the structure responds to a pressure $`\delta p`$ with
+/// $`S\,\delta p`$ along the normals, the flow a displacement $`\delta x`$ with $`-S^{-1}G\,\delta x`$,
+/// $`G`$ as in [`AddedMassRelaxation`]. With the residuals $`r_x`$, $`r_p`$ of both,
 ///
-/// $$ (I + G)\,\delta x = r_x + S\,r_p, \qquad \delta p = S^{-1}(\delta x - r_x). $$
+/// ```math
+/// (I + G)\,\delta x = r_x + S\,r_p, \qquad \delta p = S^{-1}(\delta x - r_x).
+/// ```
 ///
-/// The load is scaled by [`Unknowns::with_loads`], so that $S$ is of order one.
+/// The load is scaled by [`Unknowns::with_loads`], so that $`S`$ is of order one.
 pub struct JacobiRelaxation {
     model: AddedMassRelaxation,
     unknowns: Unknowns,

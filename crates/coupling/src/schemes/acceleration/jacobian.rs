@@ -109,9 +109,11 @@ struct Secants {
 /// Multi-vector (IQN-IMVJ; Lindner, Mehl, Scheufele, Uekermann 2015): the inverse Jacobian of a window corrects that of
 /// the window before so that it fits the window's own secants and changes as little as possible otherwise,
 ///
-/// $$ J_k = J_{k-1} + (\delta X_k - J_{k-1}\,\delta R_k)\,\delta R_k^+ , $$
+/// ```math
+/// J_k = J_{k-1} + (\delta X_k - J_{k-1}\,\delta R_k)\,\delta R_k^+ ,
+/// ```
 ///
-/// so $J_k r = \delta X_k \delta R_k^+ r + J_{k-1}(r - \delta R_k\delta R_k^+ r)$: the columns of the newest window
+/// so $`J_k r = \delta X_k \delta R_k^+ r + J_{k-1}(r - \delta R_k\delta R_k^+ r)`$: the columns of the newest window
 /// remove the part that they span, the remainder is passed to the windows before, and the part that none spans to a
 /// [`Relaxation`]. No matrix of the size of the interface is needed. Memory is bounded by dropping the oldest window
 /// (the restart RS-SLIDE of Scheufele and Mehl 2017). Unlike in IQN-ILS, columns of past windows never compete with

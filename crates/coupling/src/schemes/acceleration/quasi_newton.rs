@@ -1,12 +1,14 @@
 //! Interface quasi-Newton iteration with an inverse Jacobian of the residual.
 //!
-//! Pairs of iterates give the change of the residual $r = \tilde x - x$ over a step: columns $\delta r_j$ and $\delta
-//! x_j$. The next step removes the part of the residual that the columns span, and relaxes the rest:
+//! Pairs of iterates give the change of the residual $`r = \tilde x - x`$ over a step: columns $`\delta r_j`$ and
+//! $`\delta x_j`$. The next step removes the part of the residual that the columns span, and relaxes the rest:
 //!
-//! $$ c = -\operatorname*{argmin}_c \|\,\delta R\,c - r\|, \qquad
-//!    x \leftarrow x + \delta X\,c + \Omega\,(r + \delta R\,c). $$
+//! ```math
+//! c = -\arg\min_c \|\,\delta R\,c - r\|, \qquad
+//! x \leftarrow x + \delta X\,c + \Omega\,(r + \delta R\,c).
+//! ```
 //!
-//! With $\Omega = I$ this is the method as published. A canopy is far lighter than the air it moves at *every* wave
+//! With $`\Omega = I`$ this is the method as published. A canopy is far lighter than the air it moves at *every* wave
 //! length that the mesh resolves, so a full step amplifies the unspanned part; a [`Relaxation`] by the added mass
 //! makes the iteration contract there as well.
 //!

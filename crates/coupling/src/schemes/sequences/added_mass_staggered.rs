@@ -13,11 +13,11 @@ use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
 
 /// Staggered scheme with implicit added mass: the structure's substeps under the surrogate's load, whose defect is
-/// extrapolated with order $k$, then mesh and flow around the result. One flow solve per window, second order for $k
-/// \ge 1$.
+/// extrapolated with order $`k`$, then mesh and flow around the result. One flow solve per window, second order for
+/// $`k \ge 1`$.
 ///
 /// Linear analysis (one mode, added mass 1e-3 to 300 times the fabric's, frequency of the dry fabric times window 0
-/// to 40, ten substeps, load interpolation `mean`, $k = 1$): no mode grows where the surrogate's added mass is
+/// to 40, ten substeps, load interpolation `mean`, $`k = 1`$): no mode grows where the surrogate's added mass is
 /// between 0.9 and 1.3 of the flow's; the largest growth per window is 1.9 at 0.7 and 1.09 at 1.5. Some motions of
 /// the ATPS canopy on its grid are outside of that range and diverge; the cheapest stable scheme there is
 /// [`super::block_quasi_newton::BlockQuasiNewton`], which corrects the surrogate by secants.
@@ -29,7 +29,7 @@ pub struct AddedMassStaggered {
     defect: Vec<f64>,
 }
 
-/// Density of the surrogate relative to the air's in [`AddedMassStaggered`]: the centre of the stable range.
+/// Density of the surrogate relative to the air's in `AddedMassStaggered`: the centre of the stable range.
 pub const SURROGATE_DENSITY_FACTOR: f64 = 1.1;
 
 impl FromSurrogate for AddedMassStaggered {

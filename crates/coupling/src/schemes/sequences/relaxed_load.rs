@@ -10,19 +10,21 @@ use crate::schemes::window::scheme::{CouplingScheme, FromScene, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
 
-/// The staggered scheme of Dettmer and Peric (2013). The structure moves under a load $f$ that is predicted by
-/// extrapolation of order $k$, the flow responds with $\tilde f_{n+1}$, and the fraction $\beta$ of its response
+/// The staggered scheme of Dettmer and Peric (2013). The structure moves under a load $`f`$ that is predicted by
+/// extrapolation of order $`k`$, the flow responds with $`\tilde f_{n+1}`$, and the fraction $`\beta`$ of its response
 /// (`coupling.relaxation`) corrects the prediction:
 ///
-/// $$ f^P_{n+1} = 2 f_n - f_{n-1} \;(k = 1), \qquad
-///    f_{n+1} = \beta\,\tilde f_{n+1} + (1 - \beta)\,f^P_{n+1}. $$
+/// ```math
+/// f^P_{n+1} = 2 f_n - f_{n-1} \;(k = 1), \qquad
+/// f_{n+1} = \beta\,\tilde f_{n+1} + (1 - \beta)\,f^P_{n+1}.
+/// ```
 ///
-/// Over the substeps the load is the mean of $f_n$ and $f^P_{n+1}$. The order in time is $k + 1$; the error grows as
-/// $1/\beta$. One flow solve per window.
+/// Over the substeps the load is the mean of $`f_n`$ and $`f^P_{n+1}`$. The order in time is $`k + 1`$; the error grows
+/// as $`1/\beta`$. One flow solve per window.
 ///
-/// Where the load responds to a load as $\tilde f = c - G f$, a window multiplies deviations from the equilibrium by
-/// the roots of $z^2 - (2(1-\beta) - \tfrac32\beta G)\,z + (1-\beta) - \tfrac12\beta G$ ($k = 1$), both within the
-/// unit circle for $\beta < 4 / (3 + 2 G)$, however large $G$ is. A light canopy in a flow is more difficult: in
+/// Where the load responds to a load as $`\tilde f = c - G f`$, a window multiplies deviations from the equilibrium by
+/// the roots of $`z^2 - (2(1-\beta) - \tfrac32\beta G)\,z + (1-\beta) - \tfrac12\beta G`$ ($`k = 1`$), both within the
+/// unit circle for $`\beta < 4 / (3 + 2 G)`$, however large $`G`$ is. A light canopy in a flow is more difficult: in
 /// `cases/square-drop` its loads oscillate, while `structure-first` fails in the fifth window.
 pub struct RelaxedLoad {
     order: usize,
@@ -114,7 +116,7 @@ mod tests {
     use super::*;
     use crate::schemes::test_support::{ClosedForm, one_mode};
 
-    /// A structure without inertia, $x = f$ at the end of a window, and a flow $\tilde f = c - G x$.
+    /// A structure without inertia, $`x = f`$ at the end of a window, and a flow $`\tilde f = c - G x`$.
     struct Affine {
         gain: f64,
         push: f64,

@@ -11,8 +11,8 @@ use crate::schemes::window::scheme::{CouplingScheme, FromScene, SchemeSettings};
 use crate::schemes::window::solvers::Solvers;
 use crate::schemes::window::state::{Configuration, WindowState};
 
-/// Serial staggered, structure first: the structure's substeps under a load extrapolated with order $k$, then mesh,
-/// flow and descent. $k = 0$ is the paper's scheme, first order in time; for $k \ge 1$ it is second order (load and
+/// Serial staggered, structure first: the structure's substeps under a load extrapolated with order $`k`$, then mesh,
+/// flow and descent. $`k = 0`$ is the paper's scheme, first order in time; for $`k \ge 1`$ it is second order (load and
 /// frame velocity are then second order).
 pub struct StructureFirstSerialStaggered {
     order: usize,
@@ -76,7 +76,7 @@ impl CouplingScheme for StructureFirstSerialStaggered {
 }
 
 /// Conventional serial staggered (Farhat and Lesoinne 2000; Piperno's generalised form): one Gauss-Seidel sweep from
-/// unknowns extrapolated with order $k$. Order in time $k + 1$, at most two.
+/// unknowns extrapolated with order $`k`$. Order in time $`k + 1`$, at most two.
 pub struct ConventionalSerialStaggered {
     order: usize,
     applied: AppliedLoad,
@@ -123,8 +123,8 @@ impl CouplingScheme for ConventionalSerialStaggered {
 }
 
 /// Improved serial staggered (Lesoinne and Farhat 1998): the flow's windows end at the midpoints of the structure's.
-/// The canopy is extrapolated to the midpoint with order $k$; the flow's response is the load of the structure's
-/// whole window. Second order in time for $k \ge 1$.
+/// The canopy is extrapolated to the midpoint with order $`k`$; the flow's response is the load of the structure's
+/// whole window. Second order in time for $`k \ge 1`$.
 ///
 /// The flow starts half a window before the structure, which has no effect where the flow is developed or at rest.
 pub struct ImprovedSerialStaggered {

@@ -3,10 +3,12 @@
 //! The load of the flow is split into the pressure that accelerates the added mass of the air, and a defect that
 //! depends weakly on the motion within a window:
 //!
-//! $$ p(x) = q - \rho A^{-1} a_n(x), $$
+//! ```math
+//! p(x) = q - \rho A^{-1} a_n(x),
+//! ```
 //!
-//! $a_n$ is the normal acceleration of the faces by the same backward differences as in mesh-mover and flow-solver,
-//! $A$ the influence matrix of the vortex lattice ([`super::vortex_lattice`]). The defect $q$ is extrapolated from
+//! $`a_n`$ is the normal acceleration of the faces by the same backward differences as in mesh-mover and flow-solver,
+//! $`A`$ the influence matrix of the vortex lattice ([`super::vortex_lattice`]). The defect $`q`$ is extrapolated from
 //! past windows before the flow solve, and measured after it. Secants correct the surrogate: differences of flow
 //! responses within a window, less the surrogate's prediction.
 //!

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 /// Partial sums in parallel (vector lanes).
 const LANES: usize = 16;
 
-/// $A^{-1}$ in single precision, by rows: a product reads it once, while two triangular solves would read twice as
+/// $`A^{-1}`$ in single precision, by rows: a product reads it once, while two triangular solves would read twice as
 /// many bytes with dependent operations.
 #[derive(Clone)]
 pub(crate) struct Inverse {

@@ -24,8 +24,8 @@ impl PanelGroups {
     /// At most `most` groups of neighbours, compact and of even size, by pairwise merging. `None` where creases and
     /// gaps leave more.
     ///
-    /// A smooth motion sampled in groups of size $H$ leaves a sawtooth of period $H$. Its first wave,
-    /// $k = 2\pi/H$, adds the mass $2\rho/k$ to both sides of the surface: `short_wave_length` is $H/\pi$.
+    /// A smooth motion sampled in groups of size $`H`$ leaves a sawtooth of period $`H`$. Its first wave,
+    /// $`k = 2\pi/H`$, adds the mass $`2\rho/k`$ to both sides of the surface: `short_wave_length` is $`H/\pi`$.
     pub fn new(
         positions: &[Vec3],
         faces: &[[u32; 4]],

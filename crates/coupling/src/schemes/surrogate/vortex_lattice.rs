@@ -2,13 +2,15 @@
 //! faces.
 //!
 //! In compressible air only a part of the canopy interacts within a window. Linear acoustics, discretised in time by
-//! second-order backward differences, gives at the end of a window of length $\Delta t$
+//! second-order backward differences, gives at the end of a window of length $`\Delta t`$
 //!
-//! $$ \nabla^2 p - \kappa^2 p = \text{history}, \qquad \kappa = \frac{3}{2 c \Delta t}, $$
+//! ```math
+//! \nabla^2 p - \kappa^2 p = \text{history}, \qquad \kappa = \frac{3}{2 c \Delta t},
+//! ```
 //!
-//! so a jump over the surface acts with the kernel $e^{-\kappa r}/(4 \pi r)$ instead of $1/(4 \pi r)$, and a wave of
-//! number $k$ has the added mass $2\rho/\sqrt{k^2 + \kappa^2}$. With $\Delta t$ = 5 ms the range $1/\kappa$ is 1 m: a
-//! canopy of 8 m then has a quarter of its incompressible added mass.
+//! so a jump over the surface acts with the kernel $`e^{-\kappa r}/(4 \pi r)`$ instead of $`1/(4 \pi r)`$, and a wave
+//! of number $`k`$ has the added mass $`2\rho/\sqrt{k^2 + \kappa^2}`$. With $`\Delta t`$ = 5 ms the range $`1/\kappa`$
+//! is 1 m: a canopy of 8 m then has a quarter of its incompressible added mass.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +23,7 @@ use crate::geometry::{Vec3, centre, direction, distinct, quad_area_vector};
 pub struct VortexLattice {
     /// Positions of the nodes, m.
     pub positions: Vec<Vec3>,
-    /// Screening parameter $\kappa$, 1/m; see [`Air::screening`].
+    /// Screening parameter $`\kappa`$, 1/m; see [`Air::screening`].
     pub screening: f64,
     /// Area vectors of the faces, m2.
     pub areas: Vec<Vec3>,
@@ -29,8 +31,8 @@ pub struct VortexLattice {
     pub normals: Vec<Vec3>,
     /// Groups of faces that share one vortex ring.
     pub(crate) groups: PanelGroups,
-    /// Normal velocity at group i per strength of the ring around group j, 1/m: for a jump of the potential $\Gamma$,
-    /// $A\Gamma$ is the velocity of the surface.
+    /// Normal velocity at group i per strength of the ring around group j, 1/m: for a jump of the potential $`\Gamma`$,
+    /// $`A\Gamma`$ is the velocity of the surface.
     pub influence: DMatrix<f64>,
 }
 
@@ -49,14 +51,14 @@ impl Air {
         Self { density, sound: f64::INFINITY }
     }
 
-    /// The screening parameter $\kappa$, 1/m, for windows of length `dt`, s.
+    /// The screening parameter $`\kappa`$, 1/m, for windows of length `dt`, s.
     pub fn screening(&self, dt: f64) -> f64 {
         1.5 / (self.sound * dt)
     }
 }
 
 impl VortexLattice {
-    /// With at most `most` rings, in air with the `screening` $\kappa$ (1/m); `None` where the faces cannot be merged
+    /// With at most `most` rings, in air with the `screening` $`\kappa`$ (1/m); `None` where the faces cannot be merged
     /// into so few groups.
     ///
     /// The ring of a group runs along its outline, and its velocity is the area-weighted mean over its faces.
@@ -172,9 +174,9 @@ impl Doublet {
         all
     }
 
-    /// Contribution of compressibility to the normal velocity at `at`: $n \cdot \nabla\nabla D \cdot a$ with $D =
-    /// (e^{-\kappa r} - 1)/(4 \pi r)$. Across the plane of the doublet it is $\kappa^2/(8\pi r)$; on its `own` face,
-    /// approximated by a square, $1/r$ is replaced by its mean.
+    /// Contribution of compressibility to the normal velocity at `at`: $`n \cdot \nabla\nabla D \cdot a`$ with
+    /// $`D = (e^{-\kappa r} - 1)/(4 \pi r)`$. Across the plane of the doublet it is $`\kappa^2/(8\pi r)`$; on its `own`
+    /// face, approximated by a square, $`1/r`$ is replaced by its mean.
     fn screened(&self, k: f64, at: Vec3, normal: Vec3, own: bool) -> f64 {
         use std::f64::consts::PI;
         let size = self.area.norm();

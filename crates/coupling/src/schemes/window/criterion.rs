@@ -43,12 +43,12 @@ impl LoadFloor {
 }
 
 /// A window is converged when for every field
-/// $\|\tilde x - x\| \le \epsilon \max(\|\tilde x - x^n\|, \text{floor})$.
+/// $`\|\tilde x - x\| \le \epsilon \max(\|\tilde x - x^n\|, \text{floor})`$.
 #[derive(Clone, Debug)]
 pub struct Criterion {
     /// Fields of the vector.
     pub fields: Vec<Field>,
-    /// $\epsilon$.
+    /// $`\epsilon`$.
     pub tolerance: f64,
     /// Length of the windows relative to the planned one.
     length: f64,

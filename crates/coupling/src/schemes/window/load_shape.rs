@@ -2,12 +2,13 @@
 //!
 //! The flow is solved at the ends of windows only; between them the structure's substeps move without the response of
 //! the air. Where the fabric is light, its displacement is determined by the mean load of a window, so the weights
-//! determine the behaviour of a pressure that alternates from window to window. With $\bar p = a p^{n+1} + b p^n + c
-//! p^{n-1}$ its amplification $r$ satisfies $a r^2 + b r + c = 0$; second order about the middle of the window
-//! requires $a = 1/2 + c$, $b = 1/2 - 2c$; the double root $c = 1/16$ damps fastest, $r = -1/3$.
+//! determine the behaviour of a pressure that alternates from window to window. With
+//! $`\bar p = a p^{n+1} + b p^n + c p^{n-1}`$ its amplification $`r`$ satisfies $`a r^2 + b r + c = 0`$; second order
+//! about the middle of the window requires $`a = 1/2 + c`$, $`b = 1/2 - 2c`$; the double root $`c = 1/16`$ damps
+//! fastest, $`r = -1/3`$.
 //!
 //! Linear analysis of a converged window (one mode, ten substeps, flow with added
-//! mass and BDF2 velocities, fabric of 0.037 kg/m2, $\Delta t$ = 5 ms, tension 0 to
+//! mass and BDF2 velocities, fabric of 0.037 kg/m2, $`\Delta t`$ = 5 ms, tension 0 to
 //! 60 N/m, wave lengths 0.7 to 13 m, structure with rho_inf 0.9) gives the largest
 //! amplification per window of any mode, and of alternating modes alone, without
 //! and with half of the structure's velocity along the normal averaged
@@ -30,8 +31,8 @@ use super::values::InterfaceState;
 pub const MEAN_WEIGHTS: [f64; 3] = [9.0 / 16.0, 3.0 / 8.0, 1.0 / 16.0];
 
 /// The same for a window that is `ratio` times as long as the one before it: second order about its middle requires
-/// $a = 1/2 + c/r$ and $b = 1/2 - c(1 + 1/r)$; $c$ gives the double root $b^2 = 4ac$, that is $c = \tfrac12 / (k +
-/// \sqrt{k^2 - (1 - 1/r)^2})$ with $k = 3 + 1/r$.
+/// $`a = 1/2 + c/r`$ and $`b = 1/2 - c(1 + 1/r)`$; $`c`$ gives the double root $`b^2 = 4ac`$, that is
+/// $`c = \tfrac12 / (k + \sqrt{k^2 - (1 - 1/r)^2})`$ with $`k = 3 + 1/r`$.
 pub fn mean_weights(ratio: f64) -> [f64; 3] {
     let inverse = 1.0 / ratio;
     let k = 3.0 + inverse;
@@ -42,7 +43,7 @@ pub fn mean_weights(ratio: f64) -> [f64; 3] {
 /// Flow loads of a window, each `[faces][LOAD_WIDTH]`, Pa.
 ///
 /// A canopy that was held until the window begins is released by it: the load at its start did not act on the free
-/// fabric. The mean above would make the load jump to about $-b/a$ of it and alternate afterwards. The window
+/// fabric. The mean above would make the load jump to about $`-b/a`$ of it and alternate afterwards. The window
 /// therefore uses the load of its end throughout, a first-order step after a jump (Rannacher 1984), and the next one
 /// uses no load before its own start.
 #[derive(Clone, Copy, Debug)]

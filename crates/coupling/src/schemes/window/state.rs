@@ -18,9 +18,9 @@ pub struct WindowState {
     pub end: InterfaceValues,
     /// Unknowns at its start.
     pub start: Vec<f64>,
-    /// Iterate $x$ of the unknowns.
+    /// Iterate $`x`$ of the unknowns.
     pub x: Vec<f64>,
-    /// Response $\tilde x$ of the solvers to it.
+    /// Response $`\tilde x`$ of the solvers to it.
     pub x_tilde: Vec<f64>,
     /// The iterate in preparation.
     pub next: Vec<f64>,
@@ -104,7 +104,7 @@ impl WindowState {
         self.interface.load.get_or_insert_with(|| self.end.load.clone());
     }
 
-    /// Packs displacement and velocity of the last responses into $\tilde x$.
+    /// Packs displacement and velocity of the last responses into $`\tilde x`$.
     pub fn pack_response(&mut self, unknowns: &Unknowns) {
         unknowns.pack(&self.end.displacement, self.end.velocity, &mut self.x_tilde);
     }

@@ -210,8 +210,8 @@ impl WindowLoop {
         }
     }
 
-    /// The coupling iteration (paper, section 4): from the predicted unknowns $x$, sweeps through the solvers give
-    /// the response $\tilde x$, until both agree; otherwise the acceleration or the scheme gives the next iterate.
+    /// The coupling iteration (paper, section 4): from the predicted unknowns $`x`$, sweeps through the solvers give
+    /// the response $`\tilde x`$, until both agree; otherwise the acceleration or the scheme gives the next iterate.
     fn iterate(&mut self, partners: &mut dyn Partners, shorter: bool) -> Result<(), RunError> {
         let Self { scheme, accelerator, problem, stopping, state, .. } = self;
         let solvers = &mut problem.solvers(partners);
