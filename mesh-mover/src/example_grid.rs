@@ -8,7 +8,6 @@ use mesh::{FlowGrid, Patch, StructureMesh};
 /// `wiggle` moves interior nodes off the plate by that fraction of a cell; `stretch` below 1 reduces the height of
 /// the layers towards the plate by that ratio each; with `mixed`, every third column of cells is cut into prisms and
 /// every seventh cell elsewhere into six pyramids, so that faces match.
-/// seventh cell elsewhere into six pyramids, so faces still match.
 pub fn plate_in_box(n: usize, wiggle: f64, stretch: f64, mixed: bool) -> FlowGrid {
     plate_with_margin(n, n.div_ceil(4), wiggle, stretch, mixed)
 }

@@ -142,7 +142,7 @@ impl<'a> StageRun<'a> {
         self.unconverged += u64::from(excess > 1.0);
         if excess > channel::UNCONVERGED_LIMIT {
             return Err(Fault::new(format!(
-                "window {} (t = {:.6} s) is not converged: residual {:.2e} of the load, {excess:.1} times its target; \
+                "window {} (t = {:.6} s) is not converged: residual {:.2e} relative to the load, {excess:.1} times its target; \
                  more substeps, or a larger structure.newton_tolerance (structure.static_tolerance) where rounding \
                  allows no less",
                 w.index,

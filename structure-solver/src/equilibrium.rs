@@ -67,8 +67,8 @@ pub struct EquilibriumInfo {
 pub enum EquilibriumError {
     /// Steps of any size fail.
     #[error(
-        "no way to an equilibrium: pseudo-time step {number} failed at any size ({cause}{}); \
-         is the structure held, and the load one that it can carry?",
+        "no equilibrium found: pseudo-time step {number} failed at every step size ({cause}{}); \
+         check that the structure is supported and can carry the load",
         place(element)
     )]
     Stuck {
@@ -82,7 +82,7 @@ pub enum EquilibriumError {
     /// A part moves away without limit.
     #[error(
         "node {node} has moved {distance:.2e} m, {SIZES} times the size of the structure: \
-         nothing holds it against the load; fix it, or remove the load"
+         it has no support against the load; fix it, or remove the load"
     )]
     Runaway {
         /// Node (global) that moved furthest.
@@ -92,8 +92,8 @@ pub enum EquilibriumError {
     },
     /// The steps ran out.
     #[error(
-        "no equilibrium in {steps} pseudo-time steps: residual {residual:.2e} of the load, largest at node {node}{}, \
-         largest motion {moved:.2e} m in the last step; a part that nothing holds never rests",
+        "no equilibrium in {steps} pseudo-time steps: residual {residual:.2e} relative to the load, largest at node {node}{}, \
+         largest displacement {moved:.2e} m in the last step; a part without support has no equilibrium",
         place(element)
     )]
     NotConverged {

@@ -57,7 +57,9 @@ pub enum ExplicitError {
         node: u64,
     },
     /// No stiffness at all, or NaN.
-    #[error("the highest frequency of the structure came out as {0} rad/s: check moduli, thickness and mass")]
+    #[error(
+        "the estimated highest frequency of the structure is {0} rad/s, which is not valid: check moduli, thickness and mass"
+    )]
     Frequency(f64),
 }
 

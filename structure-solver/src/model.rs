@@ -37,7 +37,7 @@ pub enum ModelError {
     },
     /// The warp of a fabric stands on it.
     #[error(
-        "fabric.orthotropic.direction stands on face {face}: it has no direction there; name another, or none"
+        "fabric.orthotropic.direction is normal to face {face}: its projection onto the face vanishes; give another direction, or none"
     )]
     NoWarp {
         /// Face of the mesh.
@@ -54,15 +54,15 @@ pub enum ModelError {
         rest_length: f64,
     },
     /// A reefing line without a skirt.
-    #[error("a reefing line runs where suspension lines are attached to the canopy: {nodes} are too few")]
+    #[error(
+        "a reefing line connects the nodes where suspension lines are attached to the canopy, but the canopy has only {nodes} of them"
+    )]
     NoSkirt {
         /// Nodes where lines are attached.
         nodes: usize,
     },
     /// Contact on several ranks.
-    #[error(
-        "contact of the fabric with itself is found on one rank, but there are {ranks}: use --ranks structure=1"
-    )]
+    #[error("self-contact of the fabric requires one rank, but there are {ranks}: use --ranks structure=1")]
     ContactRanks {
         /// Ranks of the program.
         ranks: usize,
@@ -86,8 +86,8 @@ pub enum ModelError {
     },
     /// Two parts that touch without being joined.
     #[error(
-        "nodes {here} and {there} both lie at {position:?} m, but no element joins their parts, and nothing holds \
-         that of node {here}: merge them (in Gmsh: Coherence Mesh)"
+        "nodes {here} and {there} both lie at {position:?} m, but no element connects their parts, and the part \
+         of node {here} has no support: merge the nodes (in Gmsh: Coherence Mesh)"
     )]
     Apart {
         /// Node of the part that nothing holds.
@@ -99,8 +99,8 @@ pub enum ModelError {
     },
     /// A part that nothing holds.
     #[error(
-        "nothing holds the part of node {node} at {position:?} m ({nodes} nodes) along {axes}: \
-         join it to the rest, or fix a node of it"
+        "the part of node {node} at {position:?} m ({nodes} nodes) has no support along {axes}: \
+         connect it with the rest, or fix one of its nodes"
     )]
     Drifts {
         /// Lowest node of the part.

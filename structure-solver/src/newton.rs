@@ -75,7 +75,7 @@ pub struct NewtonInfo {
 pub enum NewtonError {
     /// Too many Newton steps.
     #[error(
-        "no balance of forces in {steps} Newton steps: residual {residual:.2e} of the load, largest at node {node}"
+        "Newton's method did not converge in {steps} steps: residual {residual:.2e} relative to the load, largest at node {node}"
     )]
     NotConverged {
         /// Newton steps.

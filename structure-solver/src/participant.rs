@@ -123,7 +123,7 @@ impl StructureSolver {
     fn at_start(comm: &Comm, scene: &Scene, stage: usize, out: &Path, resumed: bool) -> Result<Self, Fault> {
         if stage >= scene.stages.len() {
             let n = scene.stages.len();
-            return Err(Fault::new(format!("the scene has {n} stages, so there is no stage {stage}")));
+            return Err(Fault::new(format!("the scene has {n} stages, so stage {stage} does not exist")));
         }
         let mesh = Rc::new(mesh::structure_mesh(scene).map_err(Fault::new)?);
         crate::assemble::check_held(scene, stage, &mesh).map_err(Fault::new)?;
@@ -383,7 +383,7 @@ impl Participant for StructureSolver {
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
         let _part = timing::part("accept");
         if self.computed.is_none_or(|(index, _)| index != w.index) {
-            let none = || Fault::new(format!("window {} was accepted before it was answered", w.index));
+            let none = || Fault::new(format!("window {} was accepted before it was solved", w.index));
             return Err(self.stuck.take().unwrap_or_else(none));
         }
         let mut averaged = 0.0;

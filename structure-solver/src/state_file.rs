@@ -74,7 +74,7 @@ fn read(path: &Path, nodes: usize) -> Result<Vec<f64>, StateError> {
     if values.len() != 9 * nodes {
         let found = values.len() / 9;
         return unfit(format!(
-            "it holds a structure of {found} nodes, but the scene's has {nodes}: the canopy was changed since"
+            "it contains a structure of {found} nodes, but the scene has one of {nodes}: the canopy has been changed"
         ));
     }
     if values.iter().any(|v| !v.is_finite()) {

@@ -129,7 +129,7 @@ pub fn restore_state(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fau
     if comm.all_gather_u64(cut).iter().any(|c| *c != cut) {
         return Err(Fault::new(archive::Error::content(
             &file,
-            "ranks do not agree on the factors that were kept",
+            "the saved factorisations of the ranks differ",
         )));
     }
     let matrix: &mut BlockCsr<3> = &mut dynamics.system.matrix;

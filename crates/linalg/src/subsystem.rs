@@ -35,7 +35,7 @@ pub enum SubsystemError {
     #[error(transparent)]
     Singular(#[from] SingularBlock),
     /// The same on another rank.
-    #[error("a diagonal block on another rank has no inverse")]
+    #[error("a diagonal block on another rank is singular")]
     OtherRank,
     /// The iteration failed.
     #[error(transparent)]

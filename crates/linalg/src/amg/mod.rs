@@ -53,7 +53,7 @@ pub enum AmgError {
         level: usize,
     },
     /// The coarsest matrix is singular.
-    #[error("the coarsest multigrid level is singular (is any node held?): {0}")]
+    #[error("the coarsest multigrid level is singular (check that a node is fixed): {0}")]
     Coarsest(#[from] FactorError),
 }
 

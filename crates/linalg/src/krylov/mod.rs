@@ -67,7 +67,7 @@ impl std::fmt::Debug for History {
 pub enum KrylovError {
     /// Too many iterations.
     #[error(
-        "no convergence in {iterations} iterations: residual {residual:.3e}, wanted {target:.3e} \
+        "no convergence in {iterations} iterations: residual {residual:.3e}, target {target:.3e} \
          (raise the iteration limit, loosen the tolerance or use a stronger preconditioner)"
     )]
     NotConverged {
@@ -94,7 +94,7 @@ pub enum KrylovError {
     },
     /// Rounding keeps the true residual above the target.
     #[error(
-        "the residual stalls at {residual:.3e}, above the wanted {target:.3e}: the tolerance is below what rounding allows"
+        "the residual stagnates at {residual:.3e}, above the target {target:.3e}: the tolerance is below the rounding error"
     )]
     Stalled {
         /// True residual norm.

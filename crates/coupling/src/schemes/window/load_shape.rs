@@ -48,9 +48,9 @@ pub fn mean_weights(ratio: f64) -> [f64; 3] {
 /// uses no load before its own start.
 #[derive(Clone, Copy, Debug)]
 pub struct FlowLoads<'a> {
-    /// One window before the start; the start's own where there was none.
-    pub before: &'a [f64],
     /// One window before the start; the load at the start where there was none.
+    pub before: &'a [f64],
+    /// At the start of the window.
     pub start: &'a [f64],
     /// At its end.
     pub end: &'a [f64],
