@@ -1,15 +1,15 @@
 //! Energy balance of the structure: what was put into it, and what time integration created.
 //!
-//! Over a window the kinetic and strain energy $E$ changes by the work $W$ of everything outside
-//! of the structure, less what damping takes, and by $C = \Delta E - W$, which no physics
-//! accounts for. Stresses of averaged strains with midpoint inertia give $C \le 0$ in every step
+//! Over a window the kinetic and strain energy $`E`$ changes by the work $`W`$ of everything outside
+//! of the structure, less what damping takes, and by $`C = \Delta E - W`$, which no physics
+//! accounts for. Stresses of averaged strains with midpoint inertia give $`C \le 0`$ in every step
 //! of any length (Simo and Tarnow 1992; [`crate::materials::step`]), up to the work of the residual
 //! forces of Newton's method. Newmark's method and central differences give
 //! no such bound, so each window is checked.
 //!
-//! **The bound.** $C$ summed over the stage may not exceed [`STAGE_SHARE`] of the throughput
-//! $E_0 + \sum |W_k|$ (initial energy, and the sizes of all works $W_k$ by kind and window), nor
-//! $C$ of one window [`WINDOW_SHARE`] of the energy at its start and the sizes of its works: beyond
+//! **The bound.** $`C`$ summed over the stage may not exceed [`STAGE_SHARE`] of the throughput
+//! $`E_0 + \sum |W_k|`$ (initial energy, and the sizes of all works $`W_k`$ by kind and window), nor
+//! $`C`$ of one window [`WINDOW_SHARE`] of the energy at its start and the sizes of its works: beyond
 //! that, most of the motion is an artefact. Both have a floor, the energy of the whole structure at
 //! a uniform strain of [`FLOOR_STRAIN`]: less moves nothing that is of interest.
 

@@ -1,12 +1,12 @@
 //! Equilibrium under a constant load, from any start: pseudo-transient continuation.
 //!
-//! The structure creeps down its energy, $\delta M (u_{k+1}-u_k) + R(u_{k+1}) =
-//! F(u_{k+1})$: implicit Euler of an overdamped motion. Where fabric is slack and a
+//! The structure creeps down its energy, $`\delta M (u_{k+1}-u_k) + R(u_{k+1}) =
+//! F(u_{k+1})`$: implicit Euler of an overdamped motion. Where fabric is slack and a
 //! static tangent is singular, the mass term keeps the step well posed; a flat sheet
-//! without stiffness across it simply starts to move. $\delta$ falls as the steps
+//! without stiffness across it simply starts to move. $`\delta`$ falls as the steps
 //! succeed (Kelley and Keyes, SIAM J. Numer. Anal. 35, 1998, 508-523), so that the
 //! last steps are Newton's for the static equations; a step that fails is taken back
-//! and repeated with a larger $\delta$. Nothing depends on the mass in the end.
+//! and repeated with a larger $`\delta`$. Nothing depends on the mass in the end.
 
 use crate::dynamics::{Dynamics, place};
 use crate::failure_site::{self, FailureSite};

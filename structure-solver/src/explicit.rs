@@ -1,20 +1,24 @@
 //! Explicit time integration: central differences on a lumped mass.
 //!
-//! Velocity form of the central differences, with mass damping $c$ and $f$ the forces
+//! Velocity form of the central differences, with mass damping $`c`$ and $`f`$ the forces
 //! per mass (Belytschko, Liu and Moran, Nonlinear Finite Elements, section 6.2):
-//! $$v_{1/2} = \frac{v_0 + \frac h2 f_0}{1 + \frac h2 c},\quad u_1 = u_0 + h\,v_{1/2},\quad
-//!   v_1 = (1 - \tfrac h2 c)\,v_{1/2} + \tfrac h2 f_1$$
+//!
+//! ```math
+//! v_{1/2} = \frac{v_0 + \frac h2 f_0}{1 + \frac h2 c},\quad u_1 = u_0 + h\,v_{1/2},\quad
+//!   v_1 = (1 - \tfrac h2 c)\,v_{1/2} + \tfrac h2 f_1
+//! ```
+//!
 //! Second order, no equations to solve, no numerical damping: where fabric snaps between
-//! slack and taut nothing has to converge. Stable for $h < 2/\omega$ with $\omega$ the
+//! slack and taut nothing has to converge. Stable for $`h < 2/\omega`$ with $`\omega`$ the
 //! highest circular frequency of the discrete structure.
 //!
 //! That frequency is computed, not estimated from edge lengths: power iteration on
-//! $M^{-1}K$ with $K$ the assembled stiffness of the structure blown up a little in all
+//! $`M^{-1}K`$ with $`K`$ the assembled stiffness of the structure blown up a little in all
 //! directions, where every membrane and line is taut. Fabric in wrinkles or slack is no
 //! stiffer: the relaxed energy of a tension field is a minimum over the wrinkling strain of
 //! the taut energy, and a minimum of functions has at most the curvature of the lowest of them.
-//! Strain stiffens: a stretched element has $K \le (1 + 3E)K_0$ for the largest principal
-//! Green strain $E$, as its gradient grows with $1 + 2E$ and its stress adds $E$; so the
+//! Strain stiffens: a stretched element has $`K \le (1 + 3E)K_0`$ for the largest principal
+//! Green strain $`E`$, as its gradient grows with $`1 + 2E`$ and its stress adds $`E`$; so the
 //! step is estimated again for each window.
 
 use comm::Comm;

@@ -29,7 +29,7 @@ pub struct Measures {
     pub riser_force: f64,
     /// Volume between the canopy and the horizontal plane through its hem, m3.
     pub volume: f64,
-    /// Mean vertical force over the window on what holds the structure, N: see [`crate::support`].
+    /// Mean vertical force over the window on what holds the structure, N: see `support.rs`.
     pub support_force: f64,
     /// Vertical momentum of the nodes of free height in the frame, N s.
     pub vertical_momentum: f64,

@@ -1,16 +1,22 @@
 //! Implicit time integration: Newmark and generalized-alpha.
 //!
-//! With the new displacements $u_1$ as unknowns (paper, equation 5, re-derived:
+//! With the new displacements $`u_1`$ as unknowns (paper, equation 5, re-derived:
 //! the print has lost the dots of velocities and accelerations):
-//! $$a_1 = \frac{u_1-u_0}{\beta\Delta t^2} - \frac{v_0}{\beta\Delta t} - (\frac1{2\beta}-1)a_0$$
-//! $$v_1 = v_0 + \Delta t\,((1-\gamma)a_0+\gamma a_1)$$
 //!
-//! Balance holds at the point $u_\alpha=(1-\alpha_f)u_1+\alpha_f u_0$ for forces and
-//! $a_\alpha=(1-\alpha_m)a_1+\alpha_m a_0$ for inertia (Chung and Hulbert 1993).
-//! Newmark, as in the paper, is $\alpha_f=\alpha_m=0$. It conserves the energy of
+//! ```math
+//! a_1 = \frac{u_1-u_0}{\beta\Delta t^2} - \frac{v_0}{\beta\Delta t} - (\frac1{2\beta}-1)a_0
+//! ```
+//!
+//! ```math
+//! v_1 = v_0 + \Delta t\,((1-\gamma)a_0+\gamma a_1)
+//! ```
+//!
+//! Balance holds at the point $`u_\alpha=(1-\alpha_f)u_1+\alpha_f u_0`$ for forces and
+//! $`a_\alpha=(1-\alpha_m)a_1+\alpha_m a_0`$ for inertia (Chung and Hulbert 1993).
+//! Newmark, as in the paper, is $`\alpha_f=\alpha_m=0`$. It conserves the energy of
 //! linear vibrations only: where fabric snaps between slack and taut it can create
 //! energy without bound (the air bag of the paper does so from 0.006 s on). With
-//! $\alpha_f>0$ the stresses come from averaged strains instead
+//! $`\alpha_f>0`$ the stresses come from averaged strains instead
 //! ([`crate::materials::step`]), which creates none.
 
 /// Coefficients of the time integration.

@@ -1,23 +1,25 @@
 //! Vertical force of the structure on what holds it, from the momentum of the structure.
 //!
-//! In a frame that moves with the payload, $p = \sum_i m_i \dot u_{i,z}$ changes by the external forces $F$, by damping,
-//! by the weight and inertia of the frame $b = -g - \dot v$ where the scene asks for them, and by the
-//! reaction $-R$ of the held nodes. Internal forces cancel. Over a window of length $T$
+//! In a frame that moves with the payload, $`p = \sum_i m_i \dot u_{i,z}`$ changes by the external forces $`F`$, by damping,
+//! by the weight and inertia of the frame $`b = -g - \dot v`$ where the scene asks for them, and by the
+//! reaction $`-R`$ of the held nodes. Internal forces cancel. Over a window of length $`T`$
 //!
-//! $$ \bar R\,T = \int F_z\,dt - c \sum_i m_i \Delta u_{i,z} - \Delta p + b\,m\,T . $$
+//! ```math
+//! \bar R\,T = \int F_z\,dt - c \sum_i m_i \Delta u_{i,z} - \Delta p + b\,m\,T .
+//! ```
 //!
-//! $\int F_z\,dt$ is summed at the points in time at which the steps balance forces, $\Delta p$ is that of the
-//! velocities, and $c\,m\,\Delta u$ is the impulse of mass-proportional damping. So the momentum of structure and
+//! $`\int F_z\,dt`$ is summed at the points in time at which the steps balance forces, $`\Delta p`$ is that of the
+//! velocities, and $`c\,m\,\Delta u`$ is the impulse of mass-proportional damping. So the momentum of structure and
 //! payload together changes by the external impulse to round-off, whatever the time integration and
-//! the tolerance of Newton's method. $m$ is the mass of the structure without the payload.
+//! the tolerance of Newton's method. $`m`$ is the mass of the structure without the payload.
 //!
-//! Nodes whose height is prescribed have no share in $p$: what moves them is outside, and the force on it is
+//! Nodes whose height is prescribed have no share in $`p`$: what moves them is outside, and the force on it is
 //! that of the lines, without the inertia of the payload's own point mass.
 
 use crate::dynamics::{Dynamics, WindowInfo};
 
 impl Dynamics {
-    /// Mean of $\bar R - b\,m$ over the window of `dt` seconds that was computed last and gave `info`, N: the force
+    /// Mean of $`\bar R - b\,m`$ over the window of `dt` seconds that was computed last and gave `info`, N: the force
     /// on the held nodes without their and the structure's weight in the frame. Collective.
     pub fn mean_support_force(&self, dt: f64, info: &WindowInfo) -> f64 {
         let (from, to) = (&self.accepted, &self.current);

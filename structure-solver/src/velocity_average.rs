@@ -11,28 +11,28 @@ use crate::system::System;
 /// towards the mean velocity over the window.
 ///
 /// The flow knows the canopy at the ends of windows only. Several substeps end a
-/// window with a velocity $v$ of their own, and where the fabric is much lighter than
-/// the air it moves, nothing holds it to the motion that the flow sees: $v$ alternates
+/// window with a velocity $`v`$ of their own, and where the fabric is much lighter than
+/// the air it moves, nothing holds it to the motion that the flow sees: $`v`$ alternates
 /// from window to window, undamped. With
-/// $v \leftarrow v + \chi\, n\, n \cdot ((x^{n+1} - x^n) / \Delta t - v)$ this dies out.
+/// $`v \leftarrow v + \chi\, n\, n \cdot ((x^{n+1} - x^n) / \Delta t - v)`$ this dies out.
 ///
-/// Only the part along the normal $n$ may be drawn. Linear analysis (one mode, the
-/// coupler's mean load, added mass $\mu$ times the fabric's, frequency $\omega$ of the dry
-/// fabric) gives the largest amplification of any mode in a window for $\chi$ = 1/2:
+/// Only the part along the normal $`n`$ may be drawn. Linear analysis (one mode, the
+/// coupler's mean load, added mass $`\mu`$ times the fabric's, frequency $`\omega`$ of the dry
+/// fabric) gives the largest amplification of any mode in a window for $`\chi`$ = 1/2:
 ///
-/// | $\mu$ | 0.001 | 0.01 | 0.1 to 2 | 10 | 50 |
+/// | $`\mu`$ | 0.001 | 0.01 | 0.1 to 2 | 10 | 50 |
 /// |---|---|---|---|---|---|
 /// | largest | 1.053 | 1.047 | 1.000 | 1.0004 | 1.0005 |
-/// | at $\omega \Delta t$ | 3.32 | 3.32 | | 0.70 | 1.44 |
+/// | at $`\omega \Delta t`$ | 3.32 | 3.32 | | 0.70 | 1.44 |
 ///
 /// So modes that the air does not hold (in the plane of the fabric, lines) and that turn
 /// a little over half a period in a window would be pumped, alternating, by 5 % in each.
-/// Where a mode has the share $\varphi^2$ of its energy along the normal, it meets
-/// $\varphi^2 \mu$ and $\varphi^2 \chi$: no such mode grows by more than 1.0005.
+/// Where a mode has the share $`\varphi^2`$ of its energy along the normal, it meets
+/// $`\varphi^2 \mu`$ and $`\varphi^2 \chi`$: no such mode grows by more than 1.0005.
 ///
 /// The price is a first-order error in the inertia of the *fabric* (up to a third of
 /// its mass), which is small relative to that of the air where this is needed. Without a choice of
-/// the scene $\chi$ falls with the air's share ([`fitting`]).
+/// the scene $`\chi`$ falls with the air's share (`fitting`).
 #[derive(Clone, Debug)]
 pub struct VelocityAverage {
     weight: f64,
@@ -83,12 +83,12 @@ impl VelocityAverage {
 const LEAST: f64 = 1e-3;
 
 /// Added mass over fabric mass of the first mode of a square panel of this area (m2), from
-/// `air` (kg/m3) on both sides and `fabric` (kg/m2): $2 \rho / (k m)$, $k = \sqrt 2 \pi / a$.
+/// `air` (kg/m3) on both sides and `fabric` (kg/m2): $`2 \rho / (k m)`$, $`k = \sqrt 2 \pi / a`$.
 fn mass_ratio(air: f64, fabric: f64, area: f64) -> f64 {
     2.0 * air * area.sqrt() / (std::f64::consts::SQRT_2 * std::f64::consts::PI * fabric)
 }
 
-/// $\chi$ for air that weighs `mu` times the fabric: one half where the velocity alternates,
+/// $`\chi`$ for air that weighs `mu` times the fabric: one half where the velocity alternates,
 /// nothing where the fabric's inertia counts. From about 10 on it saves iterations,
 /// and only far above windows fail without it (docs/records/stability.md).
 fn fitting(mu: f64) -> f64 {

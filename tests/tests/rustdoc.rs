@@ -36,20 +36,13 @@ fn faults(file: &str, line: usize, markdown: &str, as_code: bool) -> (Vec<String
     (faults, found.len())
 }
 
-/// Crates whose doc comments still write `$...$`.
-fn is_pending(file: &str) -> bool {
-    ["structure-solver/", "crates/linalg/", "crates/comm/", "crates/mesh/", "crates/case/"]
-        .iter()
-        .any(|folder| file.starts_with(folder))
-}
-
 #[test]
 fn equations_of_doc_comments_can_be_typeset() {
     let mut wrong = Vec::new();
     let mut count = 0;
     for file in files("*.rs") {
         for (line, comment) in doc_comments(&text(&file)) {
-            let (faults, found) = faults(&file, line, &comment, !is_pending(&file));
+            let (faults, found) = faults(&file, line, &comment, true);
             wrong.extend(faults);
             count += found;
         }

@@ -65,7 +65,7 @@ impl Wind {
     }
 
     /// Largest speed past a frame that moves upwards with `rise` (m/s) in the first `duration` seconds of the stage, m/s:
-    /// [steady wind alone, with the gust]. Both change as half a cosine, so 64 intervals miss $(\pi/128)^2/2$ = 0.03 %
+    /// [steady wind alone, with the gust]. Both change as half a cosine, so 64 intervals miss $`(\pi/128)^2/2`$ = 0.03 %
     /// of a change at most, and nothing where neither changes.
     pub fn fastest(&self, duration: f64, rise: f64) -> [f64; 2] {
         let past = |w: [f64; 3]| (w[0].powi(2) + w[1].powi(2) + (w[2] - rise).powi(2)).sqrt();

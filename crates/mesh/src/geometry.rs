@@ -24,13 +24,13 @@ pub fn distinct(face: &[u32; 4]) -> &[u32] {
     if face[2] == face[3] { &face[..3] } else { face }
 }
 
-/// Area vector of a triangle, m2: $\tfrac12 (b - a) \times (c - a)$, along its normal by the right-hand rule.
+/// Area vector of a triangle, m2: $`\tfrac12 (b - a) \times (c - a)`$, along its normal by the right-hand rule.
 #[inline(always)]
 pub fn triangle_area_vector([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(&(c - a)) * 0.5
 }
 
-/// Area vector of a quadrilateral, m2: $\tfrac12 (c - a) \times (d - b)$, however it is bent or cut into triangles.
+/// Area vector of a quadrilateral, m2: $`\tfrac12 (c - a) \times (d - b)`$, however it is bent or cut into triangles.
 /// A triangle repeats its last corner.
 #[inline(always)]
 pub fn quad_area_vector([a, b, c, d]: [Vec3; 4]) -> Vec3 {

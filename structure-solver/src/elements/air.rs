@@ -1,7 +1,10 @@
 //! Drag of the air on lines: each segment a cylinder in cross flow.
 //!
-//! $$\frac{F}{L} = \tfrac12\rho d\,\bigl(C\,|w_n|\,w_n + \pi C_f\,|w_t|\,w_t\bigr)$$
-//! with $w_n$, $w_t$ the parts of the relative air velocity across and along the segment
+//! ```math
+//! \frac{F}{L} = \tfrac12\rho d\,\bigl(C\,|w_n|\,w_n + \pi C_f\,|w_t|\,w_t\bigr)
+//! ```
+//!
+//! with $`w_n`$, $`w_t`$ the parts of the relative air velocity across and along the segment
 //! (cross-flow principle: Hoerner, Fluid-Dynamic Drag, 1965, chapter 3). The velocity of a
 //! segment is the mean of its ends' over the step. The air is that of the far field.
 //!

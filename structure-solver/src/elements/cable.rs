@@ -1,8 +1,8 @@
 //! The 2-node cable (paper, equation 4).
 //!
-//! The Green strain is measured against the rest length $L$, which need not be
-//! the initial distance: $E = (l^2 - L^2) / (2 L^2)$. The axial force is
-//! $N = A S l / L$ with $S = Y E$.
+//! The Green strain is measured against the rest length $`L`$, which need not be
+//! the initial distance: $`E = (l^2 - L^2) / (2 L^2)`$. The axial force is
+//! $`N = A S l / L`$ with $`S = Y E`$.
 
 use super::{Kernel, Load, Step};
 use mesh::geometry::{Mat3, Vec3};
@@ -73,7 +73,7 @@ pub fn force(s: f64, d: Vec3, rest_length: f64, area: f64) -> Vec3 {
     d * (area * s / rest_length)
 }
 
-/// The block $k$ of the tangent $[[k,-k],[-k,k]]$ of [`force`] (N/m), `y` the
+/// The block $`k`$ of the tangent $`[[k,-k],[-k,k]]`$ of [`force`] (N/m), `y` the
 /// derivative of the stress. The strain grows along `by` (m): `d` itself, or the
 /// vector between the ends in another configuration that makes the stress.
 #[inline(always)]

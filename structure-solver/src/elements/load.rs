@@ -18,8 +18,8 @@ pub fn pressure_force(p: f64, x: &[Vec3; 3]) -> Vec3 {
 /// node `m` in all three rows. Nonsymmetric over one triangle; over a sheet only
 /// the terms of the rim remain so.
 ///
-/// The area vector is $a = \tfrac12 (x_1-x_0)\times(x_2-x_0)$, so
-/// $\partial a/\partial x_m = \tfrac12 [e_m]_\times$ with the opposite edge $e_m$.
+/// The area vector is $`a = \tfrac12 (x_1-x_0)\times(x_2-x_0)`$, so
+/// $`\partial a/\partial x_m = \tfrac12 [e_m]_\times`$ with the opposite edge $`e_m`$.
 #[inline(always)]
 pub fn pressure_tangent(p: f64, x: &[Vec3; 3]) -> [Mat3; 3] {
     [0, 1, 2].map(|m| skew(opposite_edge(x, m) * (p / 6.0)))
@@ -48,9 +48,9 @@ pub fn traction_tangent(t: Vec3, x: &[Vec3; 3]) -> [Mat3; 3] {
 /// Forces (N) on the corners of a face that carry the load of its two triangles over to the flow's wall.
 ///
 /// The flow's wall between four corners is a saddle (four triangles around their mean; the bilinear surface encloses the
-/// same volume). Two triangles with the diagonal $x_0 x_2$ have the same area vector, so the same force, but enclose a
-/// volume that differs by $V = \tfrac{1}{12} \det(x_1-x_0,\, x_2-x_0,\, x_3-x_0)$ where the face is bent. Pressure does the
-/// work of the wall's volume only with the further forces $p\,\partial V/\partial x_n$, whose sum and moment are zero.
+/// same volume). Two triangles with the diagonal $`x_0 x_2`$ have the same area vector, so the same force, but enclose a
+/// volume that differs by $`V = \tfrac{1}{12} \det(x_1-x_0,\, x_2-x_0,\, x_3-x_0)`$ where the face is bent. Pressure does the
+/// work of the wall's volume only with the further forces $`p\,\partial V/\partial x_n`$, whose sum and moment are zero.
 #[inline(always)]
 pub fn bend_force(p: f64, x: &[Vec3; 4]) -> [Vec3; 4] {
     let [u, v, w] = edges(x);

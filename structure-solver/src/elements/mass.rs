@@ -10,9 +10,9 @@ pub enum MassMatrix {
     Lumped,
 }
 
-/// Shares $m_{NM}/m$ of a linear simplex with `N` nodes (2: cable, 3: membrane).
+/// Shares $`m_{NM}/m`$ of a linear simplex with `N` nodes (2: cable, 3: membrane).
 ///
-/// Consistent: $(1+\delta_{NM}) / (N (N+1))$, that is 2/6 and 1/6 for a cable,
+/// Consistent: $`(1+\delta_{NM}) / (N (N+1))`$, that is 2/6 and 1/6 for a cable,
 /// 2/12 and 1/12 for a triangle.
 pub fn shares<const N: usize>(kind: MassMatrix) -> [[f64; N]; N] {
     let n = N as f64;

@@ -1,10 +1,10 @@
 //! The 3-node membrane: total Lagrangian, constant strain (paper, equations 2 and 3).
 //!
 //! The reference triangle is laid into a plane frame of its own. There the
-//! shape functions have constant gradients $H_{N,\alpha}$, the columns of the
-//! deformation gradient are $f_\alpha = \sum_N x_N H_{N,\alpha}$, and the Green
-//! strain is $E_{\alpha\beta} = \tfrac12 (f_\alpha\cdot f_\beta - \delta_{\alpha\beta})$.
-//! Strains and stresses are in Voigt order: 11, 22, 12 with $\gamma = 2E_{12}$.
+//! shape functions have constant gradients $`H_{N,\alpha}`$, the columns of the
+//! deformation gradient are $`f_\alpha = \sum_N x_N H_{N,\alpha}`$, and the Green
+//! strain is $`E_{\alpha\beta} = \tfrac12 (f_\alpha\cdot f_\beta - \delta_{\alpha\beta})`$.
+//! Strains and stresses are in Voigt order: 11, 22, 12 with $`\gamma = 2E_{12}`$.
 
 use super::{Kernel, Load, Sheet, Step, load};
 use crate::materials::StepLaw;
@@ -97,8 +97,8 @@ pub fn force(h: &[f64; 4], d: &Deformation, s: &[f64; 3], volume: f64) -> [Vec3;
 /// Tangent of [`force`], blocks `[row node][column node]` (N/m), with the
 /// material tangent `c` (Pa, Voigt). Symmetric for symmetric `c`.
 ///
-/// Paper, equation 3: $K_{NM} = V\,(H_N\cdot S H_M\, I + \sum_{ab} D_{ab}\, f_a f_b^T)$
-/// with $D_{ab} = \sum_{\alpha\beta} H_{N\alpha} C_{a\alpha b\beta} H_{M\beta}$. The
+/// Paper, equation 3: $`K_{NM} = V\,(H_N\cdot S H_M\, I + \sum_{ab} D_{ab}\, f_a f_b^T)`$
+/// with $`D_{ab} = \sum_{\alpha\beta} H_{N\alpha} C_{a\alpha b\beta} H_{M\beta}`$. The
 /// rows and columns of node 0 follow from rigid translation.
 #[inline(always)]
 pub fn stiffness(

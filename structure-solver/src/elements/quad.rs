@@ -1,7 +1,7 @@
 //! The 4-node membrane: bilinear, 2x2 points of quadrature, total Lagrangian.
 //!
 //! At each point the reference element has a tangent plane of its own, with
-//! gradients $H_{N,\alpha}$ of the four shape functions; there everything is as in
+//! gradients $`H_{N,\alpha}`$ of the four shape functions; there everything is as in
 //! the triangle ([`super::membrane`]). The element passes the patch test in any
 //! shape, and two nodes in one place make it the triangle of the other three.
 

@@ -1,10 +1,10 @@
 //! Contact of fabric with itself: nodes against faces, by a penalty.
 //!
-//! A node $P$ within the thickness $h$ of a triangle that it is no corner of is pushed away
-//! along the normal $n$, on the side on which it came near ($s = \pm 1$):
-//! $f = k\,(h - s\,n\cdot(P - Q))\,s\,n$ with $Q$ the foot of $P$ on the triangle, which takes
-//! $-f$ by its barycentric coordinates. Both forces lie on one line, so momentum and moment of
-//! momentum stay; they are the gradient of $\tfrac12 k (h - s d)^2$ (Wriggers, Computational
+//! A node $`P`$ within the thickness $`h`$ of a triangle that it is no corner of is pushed away
+//! along the normal $`n`$, on the side on which it came near ($`s = \pm 1`$):
+//! $`f = k\,(h - s\,n\cdot(P - Q))\,s\,n`$ with $`Q`$ the foot of $`P`$ on the triangle, which takes
+//! $`-f`$ by its barycentric coordinates. Both forces lie on one line, so momentum and moment of
+//! momentum stay; they are the gradient of $`\tfrac12 k (h - s d)^2`$ (Wriggers, Computational
 //! Contact Mechanics, 2006, chapter 5).
 //!
 //! Pairs are found with a hash of boxes of the size of an edge, once for each step, with a

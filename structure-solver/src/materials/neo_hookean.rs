@@ -2,11 +2,11 @@ use super::{Material, Moduli, Regime, Strain, Stress};
 
 /// Incompressible neo-Hookean film in plane stress: rubber, latex, soft polymer films at large strain.
 ///
-/// $W = \tfrac{\mu}{2}(C_{11}+C_{22}+1/J-3)$ with $C = I+2E$, $J = \det C$ in the plane; the
-/// thickness stretches by $J^{-1/2}$, so that the volume stays. $S = \mu\,(I - C^{-1}/J)$, and
-/// with the cofactors $a = (C_{22}, C_{11}, -C_{12})$ the tangent is
-/// $\mu\,(4\,a\otimes a/J^3 - (\partial a/\partial E)/J^2)$. Young's modulus at small strains is
-/// $3\mu$, Poisson's ratio 1/2. (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.)
+/// $`W = \tfrac{\mu}{2}(C_{11}+C_{22}+1/J-3)`$ with $`C = I+2E`$, $`J = \det C`$ in the plane; the
+/// thickness stretches by $`J^{-1/2}`$, so that the volume stays. $`S = \mu\,(I - C^{-1}/J)`$, and
+/// with the cofactors $`a = (C_{22}, C_{11}, -C_{12})`$ the tangent is
+/// $`\mu\,(4\,a\otimes a/J^3 - (\partial a/\partial E)/J^2)`$. Young's modulus at small strains is
+/// $`3\mu`$, Poisson's ratio 1/2. (Holzapfel, Nonlinear Solid Mechanics, 2000, section 6.5.)
 #[derive(Clone, Copy, Debug)]
 pub struct NeoHookean {
     /// Shear modulus, Pa.
@@ -56,9 +56,9 @@ impl Material for NeoHookean {
 /// Tension field of [`NeoHookean`]: the relaxed energy of Pipkin (IMA J. Appl. Math. 36, 1986,
 /// 85-99; closed form by Steigmann, Proc. R. Soc. A 429, 1990, 141-173).
 ///
-/// With principal stretches $\lambda_1\ge\lambda_2$: slack where $\lambda_1\le1$, taut where
-/// $\lambda_2\ge\lambda_1^{-1/2}$, the width of a strip under tension; between them wrinkled, with
-/// $S = \mu\,(1-\lambda_1^{-3})\,n\otimes n$ along the first principal direction.
+/// With principal stretches $`\lambda_1\ge\lambda_2`$: slack where $`\lambda_1\le1`$, taut where
+/// $`\lambda_2\ge\lambda_1^{-1/2}`$, the width of a strip under tension; between them wrinkled, with
+/// $`S = \mu\,(1-\lambda_1^{-3})\,n\otimes n`$ along the first principal direction.
 #[derive(Clone, Copy, Debug)]
 pub struct NeoHookeanTensionField {
     taut: NeoHookean,
@@ -157,8 +157,8 @@ mod tests {
 
     const Y: f64 = 6.0;
 
-    /// Uniaxial: nominal stress $\mu(\lambda-\lambda^{-2})$ at a width of $\lambda^{-1/2}$; equal pulls:
-    /// $\mu(\lambda-\lambda^{-5})$ (Treloar, The Physics of Rubber Elasticity, 1975, chapter 4).
+    /// Uniaxial: nominal stress $`\mu(\lambda-\lambda^{-2})`$ at a width of $`\lambda^{-1/2}`$; equal pulls:
+    /// $`\mu(\lambda-\lambda^{-5})`$ (Treloar, The Physics of Rubber Elasticity, 1975, chapter 4).
     #[test]
     fn pulls_have_their_closed_forms() {
         let mu = Y / 3.0;

@@ -3,14 +3,14 @@ use super::{Material, Moduli, Regime, StVenantKirchhoff, Strain, Stress};
 /// Tension field of an orthotropic St. Venant-Kirchhoff sheet.
 ///
 /// The stress of a sheet that cannot be compressed is the positive semi-definite one
-/// of greatest complementary energy, $S = \arg\max_{S\succeq0} (S:E - \tfrac12 S:D:S)$
-/// with the compliance $D$ (the dual of Pipkin's relaxed energy, IMA J. Appl. Math. 36,
-/// 1986, 85-99). Taut: $C:E$ where that is positive semi-definite. Slack: zero where no
-/// direction is lengthened. Wrinkled: $S=\sigma\,n\otimes n$ with $\sigma$ and the angle
-/// $\theta$ of $n$ that make $L=\sigma f-\tfrac12\sigma^2 g$ greatest, $f=n\cdot En$,
-/// $g=n\otimes n:D:n\otimes n$; unlike in an isotropic sheet, $n$ is no principal
-/// direction of $E$. The tangent $-B H^{-1} B^T$, $H$ the second derivatives of $L$ and
-/// $B$ those of $S$ by $(\sigma,\theta)$, is exact and symmetric.
+/// of greatest complementary energy, $`S = \arg\max_{S\succeq0} (S:E - \tfrac12 S:D:S)`$
+/// with the compliance $`D`$ (the dual of Pipkin's relaxed energy, IMA J. Appl. Math. 36,
+/// 1986, 85-99). Taut: $`C:E`$ where that is positive semi-definite. Slack: zero where no
+/// direction is lengthened. Wrinkled: $`S=\sigma\,n\otimes n`$ with $`\sigma`$ and the angle
+/// $`\theta`$ of $`n`$ that make $`L=\sigma f-\tfrac12\sigma^2 g`$ greatest, $`f=n\cdot En`$,
+/// $`g=n\otimes n:D:n\otimes n`$; unlike in an isotropic sheet, $`n`$ is no principal
+/// direction of $`E`$. The tangent $`-B H^{-1} B^T`$, $`H`$ the second derivatives of $`L`$ and
+/// $`B`$ those of $`S`$ by $`(\sigma,\theta)`$, is exact and symmetric.
 #[derive(Clone, Copy, Debug)]
 pub struct OrthotropicTensionField {
     taut: StVenantKirchhoff,

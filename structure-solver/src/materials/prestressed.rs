@@ -1,7 +1,7 @@
 use super::{Material, Moduli, Regime, Strain, Stress};
 
 /// A law about a stress that is there without strain: the fabric was stretched before it was
-/// measured. $S(E) = S_0(E + E_0)$, $W(E) = W_0(E + E_0)$ with the strain $E_0$ that the
+/// measured. $`S(E) = S_0(E + E_0)`$, $`W(E) = W_0(E + E_0)`$ with the strain $`E_0`$ that the
 /// prestress needs; the energy counts from where the fabric is slack.
 #[derive(Clone, Copy, Debug)]
 pub struct Prestressed<M> {

@@ -82,12 +82,12 @@ impl StepStart {
 
 /// Stress of a step from `start` to strain `end`.
 ///
-/// With $E_w = wE_1+(1-w)E_0$, $w\ge\tfrac12$, a quadratic energy satisfies
-/// $S(E_w):\Delta E \ge \Delta W$, with equality at $w=\tfrac12$: nothing is created
+/// With $`E_w = wE_1+(1-w)E_0`$, $`w\ge\tfrac12`$, a quadratic energy satisfies
+/// $`S(E_w):\Delta E \ge \Delta W`$, with equality at $`w=\tfrac12`$: nothing is created
 /// (Simo and Tarnow 1992). A tension field is not quadratic where its state
-/// changes within the step; there the least correction along $\Delta E$ restores
+/// changes within the step; there the least correction along $`\Delta E`$ restores
 /// the bound, as in a discrete gradient (Gonzalez 1996):
-/// $S = S(E_w) + \beta\,\Delta E,\ \beta=\max(0,\Delta W-S(E_w):\Delta E)/(\Delta E:\Delta E)$.
+/// $`S = S(E_w) + \beta\,\Delta E,\ \beta=\max(0,\Delta W-S(E_w):\Delta E)/(\Delta E:\Delta E)`$.
 #[inline(always)]
 pub fn stress(m: &impl Material, start: &StepStart, end: Strain, w: f64) -> Stress {
     let s = m.stress(mean(start, &end, w));

@@ -1,6 +1,6 @@
 use super::{Material, Moduli, Strain, Stress};
 
-/// St. Venant-Kirchhoff: $S = C:E$ with constant moduli.
+/// St. Venant-Kirchhoff: $`S = C:E`$ with constant moduli.
 #[derive(Clone, Copy, Debug)]
 pub struct StVenantKirchhoff {
     moduli: Moduli,

@@ -3,20 +3,20 @@ use super::{Material, Moduli, Regime, StVenantKirchhoff, Strain, Stress};
 /// Tension field of an isotropic St. Venant-Kirchhoff sheet (Lu, Accorsi and
 /// Leonard, Int. J. Numer. Meth. Eng. 50, 2001, 1017-1038).
 ///
-/// Wrinkles shorten the sheet at no cost: they add $\mu\,w\otimes w$, $\mu\ge0$,
-/// to the Green strain until no stress acts across them, $\tilde S w = 0$. The
+/// Wrinkles shorten the sheet at no cost: they add $`\mu\,w\otimes w`$, $`\mu\ge0`$,
+/// to the Green strain until no stress acts across them, $`\tilde S w = 0`$. The
 /// wrinkled stress is then uniaxial, so the lengthened strain has its principal
-/// axes along and across the wrinkles; as only its $ww$ part was changed, the
-/// tension runs along the principal direction $n$ of $E$ itself. With
-/// principal Green strains $e_1\ge e_2$:
-/// * slack, $e_1\le0$: $S=0$;
-/// * taut, $e_2+\nu e_1\ge0$: the full law;
-/// * wrinkled, between: $S = Y e_1\, n\otimes n$.
+/// axes along and across the wrinkles; as only its $`ww`$ part was changed, the
+/// tension runs along the principal direction $`n`$ of $`E`$ itself. With
+/// principal Green strains $`e_1\ge e_2`$:
+/// * slack, $`e_1\le0`$: $`S=0`$;
+/// * taut, $`e_2+\nu e_1\ge0`$: the full law;
+/// * wrinkled, between: $`S = Y e_1\, n\otimes n`$.
 ///
 /// The stress is continuous over both borders. The wrinkled tangent
-/// $Y\,(N\otimes N + \frac{2e_1}{e_1-e_2} P\otimes P)$, with $N=n\otimes n$ and
-/// $P=\mathrm{sym}(n\otimes w)$, includes the rotation of $n$. It is symmetric
-/// and positive semi-definite, and $e_1-e_2>(1+\nu)e_1$ keeps it bounded.
+/// $`Y\,(N\otimes N + \frac{2e_1}{e_1-e_2} P\otimes P)`$, with $`N=n\otimes n`$ and
+/// $`P=\mathrm{sym}(n\otimes w)`$, includes the rotation of $`n`$. It is symmetric
+/// and positive semi-definite, and $`e_1-e_2>(1+\nu)e_1`$ keeps it bounded.
 #[derive(Clone, Copy, Debug)]
 pub struct TensionField {
     taut: StVenantKirchhoff,

@@ -1,12 +1,12 @@
 //! Stiffness-proportional damping: stresses proportional to the rate of the elastic
 //! ones.
 //!
-//! Over a step from strain $E_0$ to $E_1$ the stress is
-//! $S_v = \frac{\beta}{\Delta t}(S(E_1)-S(E_0))$. For small motions about a taut state
-//! that is Rayleigh's $\beta K v$; being made of strains it sees no rigid motion. The
-//! work over the step, $S_v:(E_1-E_0)$, is never negative, because each law is the
+//! Over a step from strain $`E_0`$ to $`E_1`$ the stress is
+//! $`S_v = \frac{\beta}{\Delta t}(S(E_1)-S(E_0))`$. For small motions about a taut state
+//! that is Rayleigh's $`\beta K v`$; being made of strains it sees no rigid motion. The
+//! work over the step, $`S_v:(E_1-E_0)`$, is never negative, because each law is the
 //! gradient of a convex energy. The rate is that of the middle of the step: second
-//! order with the midpoint family, first order in $\beta\Delta t$ with Newmark.
+//! order with the midpoint family, first order in $`\beta\Delta t`$ with Newmark.
 
 use super::step::{Elastic, StepLaw, StepStart};
 use super::{Material, Moduli, Strain, Stress};

@@ -37,9 +37,9 @@ fn cable_hangs_in_a_catenary() {
 /// Half span and sag of an elastic cable of rest length 2 `l` between level supports, for a horizontal
 /// tension `h` (N), weight `w` per rest length (N/m) and axial stiffness `ya` (N).
 ///
-/// At rest length $s$ from the middle the tension is $N=\sqrt{H^2+(ws)^2}$; along
-/// the line $dx/ds=\lambda H/N$, $dz/ds=\lambda ws/N$, where the stretch obeys
-/// $N=YA\,\lambda(\lambda^2-1)/2$ (St. Venant-Kirchhoff). Simpson's rule.
+/// At rest length $`s`$ from the middle the tension is $`N=\sqrt{H^2+(ws)^2}`$; along
+/// the line $`dx/ds=\lambda H/N`$, $`dz/ds=\lambda ws/N`$, where the stretch obeys
+/// $`N=YA\,\lambda(\lambda^2-1)/2`$ (St. Venant-Kirchhoff). Simpson's rule.
 fn elastic_catenary(h: f64, w: f64, l: f64, ya: f64) -> [f64; 2] {
     let slope = |s: f64| {
         let n = h.hypot(w * s);
@@ -67,7 +67,7 @@ fn elastic_catenary(h: f64, w: f64, l: f64, ya: f64) -> [f64; 2] {
 }
 
 /// Irvine's closed form of the same for Hooke's law and small strains:
-/// $x=Hl/YA+(H/w)\,\mathrm{asinh}(wl/H)$, $z=wl^2/(2YA)+(H/w)(\sqrt{1+(wl/H)^2}-1)$.
+/// $`x=Hl/YA+(H/w)\,\mathrm{asinh}(wl/H)`$, $`z=wl^2/(2YA)+(H/w)(\sqrt{1+(wl/H)^2}-1)`$.
 fn irvine(h: f64, w: f64, l: f64, ya: f64) -> [f64; 2] {
     let t = w * l / h;
     [h * l / ya + h / w * t.asinh(), 0.5 * w * l * l / ya + h / w * (t.hypot(1.0) - 1.0)]

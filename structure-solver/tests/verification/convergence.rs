@@ -62,10 +62,10 @@ const MATERIAL: [f64; 2] = [1e6, 0.3];
 
 /// Manufactured position, and the traction on the deformed area that holds it.
 ///
-/// Balance on the reference plane: $b = -h\,\partial_\alpha(f_\beta S_{\alpha\beta})$ with
-/// the tangents $f_\alpha=\partial_\alpha x$, $S=C:E$ and
-/// $\partial_\gamma E_{\alpha\beta}=\tfrac12(f_{\alpha,\gamma}\cdot f_\beta+f_\alpha\cdot f_{\beta,\gamma})$;
-/// the traction is $b/|f_1\times f_2|$.
+/// Balance on the reference plane: $`b = -h\,\partial_\alpha(f_\beta S_{\alpha\beta})`$ with
+/// the tangents $`f_\alpha=\partial_\alpha x`$, $`S=C:E`$ and
+/// $`\partial_\gamma E_{\alpha\beta}=\tfrac12(f_{\alpha,\gamma}\cdot f_\beta+f_\alpha\cdot f_{\beta,\gamma})`$;
+/// the traction is $`b/|f_1\times f_2|`$.
 fn manufactured(x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
     let mut place = [STRETCH * x, STRETCH * y, 0.0];
     // f[a][i], df[c][a][i]: derivative by c of the tangent a.

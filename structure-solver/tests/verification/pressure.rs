@@ -12,13 +12,13 @@ const TERMS: usize = 60;
 
 /// Hencky's solution for a clamped disc (Z. Math. Phys. 63, 1915), by its series.
 ///
-/// Balance: $N_r w' = -qr/2$ across, $N_\theta=(rN_r)'$ in the plane; compatibility:
-/// $r(N_r+N_\theta)' = -\tfrac12 Eh\,w'^2$. With $\rho=r/a$ and
-/// $N_r=\tfrac14(Ehq^2a^2)^{1/3}B(\rho)$ these give $B^2(B''+3B'/\rho)=-8$, solved by
-/// $B=\sum b_{2n}\rho^{2n}$: order by order, $\sum_j C_j D_{m-j} = -8\,\delta_{m0}$ for the
-/// coefficients $C$ of $B^2$ and $D_m=(2m+2)(2m+4)b_{2m+2}$. So $b_2=-1/b_0^2$; $b_0$
-/// follows from $u_r(a)=0$: $(1-\nu)B(1)+B'(1)=0$. Last,
-/// $w=2a(qa/Eh)^{1/3}\int_\rho^1 s/B\,ds$.
+/// Balance: $`N_r w' = -qr/2`$ across, $`N_\theta=(rN_r)'`$ in the plane; compatibility:
+/// $`r(N_r+N_\theta)' = -\tfrac12 Eh\,w'^2`$. With $`\rho=r/a`$ and
+/// $`N_r=\tfrac14(Ehq^2a^2)^{1/3}B(\rho)`$ these give $`B^2(B''+3B'/\rho)=-8`$, solved by
+/// $`B=\sum b_{2n}\rho^{2n}`$: order by order, $`\sum_j C_j D_{m-j} = -8\,\delta_{m0}`$ for the
+/// coefficients $`C`$ of $`B^2`$ and $`D_m=(2m+2)(2m+4)b_{2m+2}`$. So $`b_2=-1/b_0^2`$; $`b_0`$
+/// follows from $`u_r(a)=0`$: $`(1-\nu)B(1)+B'(1)=0`$. Last,
+/// $`w=2a(qa/Eh)^{1/3}\int_\rho^1 s/B\,ds`$.
 struct Hencky {
     b: [f64; TERMS],
 }

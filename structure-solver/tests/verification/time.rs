@@ -9,7 +9,7 @@ use structure_solver::scheme::Scheme;
 use crate::common::*;
 use crate::shapes::*;
 
-/// $\alpha_m, \alpha_f, \gamma, \beta$ of generalized-alpha (Chung and Hulbert 1993, equations 17,
+/// $`\alpha_m, \alpha_f, \gamma, \beta`$ of generalized-alpha (Chung and Hulbert 1993, equations 17,
 /// 18, 20, 25), and of the trapezoidal rule.
 fn textbook(rho: Option<f64>) -> [f64; 4] {
     let Some(rho) = rho else { return [0.0, 0.0, 0.5, 0.25] };
@@ -36,13 +36,13 @@ fn ramp_errors(rho: Option<f64>, steps: u64) -> [f64; 2] {
     [d.accepted.u[2] - 1.0 / 6.0, d.accepted.v[2] - 0.5]
 }
 
-/// Under a load $ct$ the accelerations of generalized-alpha are
-/// $a_n = c(t_n + \delta) - c\delta r^n$, $\delta = (\alpha_m-\alpha_f)h$,
-/// $r = -\alpha_m/(1-\alpha_m)$. Summed by Newmark's formulas:
-/// $v_N - v = k_v c h^2$ with $k_v = (\alpha_f-\alpha_m)(1-\gamma+\gamma r)/(1-r)$ (the part of
-/// $r^N$ is gone), and $u_N - u = c t h^2 (k_v + \tfrac12(\alpha_m-\alpha_f) + \beta - \tfrac16)$
-/// up to $h/t$. A load taken elsewhere in the step gives $v$ an error of first order; $\beta$ off by
-/// one per cent changes the constant of $u$ by three.
+/// Under a load $`ct`$ the accelerations of generalized-alpha are
+/// $`a_n = c(t_n + \delta) - c\delta r^n`$, $`\delta = (\alpha_m-\alpha_f)h`$,
+/// $`r = -\alpha_m/(1-\alpha_m)`$. Summed by Newmark's formulas:
+/// $`v_N - v = k_v c h^2`$ with $`k_v = (\alpha_f-\alpha_m)(1-\gamma+\gamma r)/(1-r)`$ (the part of
+/// $`r^N`$ is gone), and $`u_N - u = c t h^2 (k_v + \tfrac12(\alpha_m-\alpha_f) + \beta - \tfrac16)`$
+/// up to $`h/t`$. A load taken elsewhere in the step gives $`v`$ an error of first order; $`\beta`$ off by
+/// one per cent changes the constant of $`u`$ by three.
 #[test]
 fn a_growing_load_acts_where_the_scheme_says() {
     let mut wrong = Vec::new();
@@ -87,9 +87,9 @@ fn displacements(rho: Option<f64>, phase: f64, steps: usize) -> Vec<f64> {
     all
 }
 
-/// Newmark's method with $\gamma = \tfrac12$: $u_n = \cos n\theta$ with
-/// $\cos\theta = 1 - \tfrac12\Omega^2/(1+\beta\Omega^2)$, $\Omega$ the phase of a step. Its error constant
-/// $(\beta - \tfrac1{12})/2$ follows; $\beta$ off by one per cent moves $u_{40}$ by 6e-3.
+/// Newmark's method with $`\gamma = \tfrac12`$: $`u_n = \cos n\theta`$ with
+/// $`\cos\theta = 1 - \tfrac12\Omega^2/(1+\beta\Omega^2)`$, $`\Omega`$ the phase of a step. Its error constant
+/// $`(\beta - \tfrac1{12})/2`$ follows; $`\beta`$ off by one per cent moves $`u_{40}`$ by 6e-3.
 #[test]
 fn newmark_has_the_frequency_of_its_closed_form() {
     let omega = 0.5;
@@ -107,8 +107,8 @@ fn newmark_has_the_frequency_of_its_closed_form() {
     assert!((constant + 1.0 / 12.0).abs() < 2e-5, "{constant}");
 }
 
-/// $u_n \propto z^n$ where $(\alpha_m+(1-\alpha_m)z)(z-1)^2 + \Omega^2(\alpha_f+(1-\alpha_f)z)
-/// [1-\gamma+\gamma z + (\tfrac12-\beta+\beta z)(z-1)] = 0$: each four displacements in turn obey this
+/// $`u_n \propto z^n`$ where $`(\alpha_m+(1-\alpha_m)z)(z-1)^2 + \Omega^2(\alpha_f+(1-\alpha_f)z)
+/// [1-\gamma+\gamma z + (\tfrac12-\beta+\beta z)(z-1)] = 0`$: each four displacements in turn obey this
 /// cubic. One per cent in any coefficient breaks it by 1e-3.
 #[test]
 fn a_linear_vibration_obeys_the_recurrence_of_the_scheme() {

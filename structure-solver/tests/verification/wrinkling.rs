@@ -11,9 +11,9 @@ use crate::shapes::*;
 /// Stein and Hedgepeth's moment 2M/(Ph) and band of wrinkles b/h for a curvature kappa*.
 ///
 /// A section carries tension that grows linearly from the border of the wrinkles at height b:
-/// $P=\tfrac12 Et\kappa(h-b)^2$, acting at $h-(h-b)/3$, so $M/(Ph)=\tfrac16+b/(3h)$. With
-/// $\kappa^*=Et h^2\kappa/(2P)$: $b/h=1-1/\sqrt{\kappa^*}$ and $2M/(Ph)=1-\tfrac23/\sqrt{\kappa^*}$;
-/// without wrinkles, $\kappa^*\le1$, $2M/(Ph)=\kappa^*/3$.
+/// $`P=\tfrac12 Et\kappa(h-b)^2`$, acting at $`h-(h-b)/3`$, so $`M/(Ph)=\tfrac16+b/(3h)`$. With
+/// $`\kappa^*=Et h^2\kappa/(2P)`$: $`b/h=1-1/\sqrt{\kappa^*}`$ and $`2M/(Ph)=1-\tfrac23/\sqrt{\kappa^*}`$;
+/// without wrinkles, $`\kappa^*\le1`$, $`2M/(Ph)=\kappa^*/3`$.
 pub fn stein_hedgepeth(kappa_star: f64) -> [f64; 2] {
     if kappa_star > 1.0 {
         let share = 1.0 / kappa_star.sqrt();

@@ -113,31 +113,31 @@ fn heights(s: &Shear, c: &mut Check) {
 /// Wind over height, m above ground (Stull, An Introduction to Boundary Layer Meteorology, 1988, chapter 9).
 #[derive(Clone, Debug, PartialEq)]
 pub enum WindProfile {
-    /// $(z/z_r)^\alpha$ times a wind.
+    /// $`(z/z_r)^\alpha`$ times a wind.
     Power {
         /// Wind at the reference height, m/s.
         wind: [f64; 3],
-        /// $z_r$, m.
+        /// $`z_r`$, m.
         reference: f64,
-        /// $\alpha$.
+        /// $`\alpha`$.
         exponent: f64,
     },
-    /// $\ln(z/z_0)/\ln(z_r/z_0)$ times a wind: the neutral surface layer.
+    /// $`\ln(z/z_0)/\ln(z_r/z_0)`$ times a wind: the neutral surface layer.
     Log {
         /// Wind at the reference height, m/s.
         wind: [f64; 3],
-        /// $z_r$, m.
+        /// $`z_r`$, m.
         reference: f64,
-        /// $z_0$, m.
+        /// $`z_0`$, m.
         roughness: f64,
     },
-    /// $1 + s (z - z_r)$ times a wind.
+    /// $`1 + s (z - z_r)`$ times a wind.
     Linear {
         /// Wind at the reference height, m/s.
         wind: [f64; 3],
-        /// $z_r$, m.
+        /// $`z_r`$, m.
         reference: f64,
-        /// $s$, 1/m.
+        /// $`s`$, 1/m.
         slope: f64,
     },
     /// Linear between given heights, constant beyond.

@@ -100,7 +100,7 @@ fn tentative<const F: usize>(
     (q, r)
 }
 
-/// $P = (I - \omega D^{-1} A)\,T$ for the owned rows.
+/// $`P = (I - \omega D^{-1} A)\,T`$ for the owned rows.
 fn smooth<const F: usize, S: Real>(
     a: &BlockCsr<F, S>,
     inverse: &[[[f64; F]; F]],

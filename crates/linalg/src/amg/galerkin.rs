@@ -1,4 +1,4 @@
-//! The coarse matrix $P^T A P$, rows distributed like the coarse nodes.
+//! The coarse matrix $`P^T A P`$, rows distributed like the coarse nodes.
 
 use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
@@ -141,7 +141,7 @@ impl<const F: usize> LocalRows<F> {
     }
 }
 
-/// $P^T A P$ of the owned rows of `a`, on `n_coarse` local coarse nodes.
+/// $`P^T A P`$ of the owned rows of `a`, on `n_coarse` local coarse nodes.
 fn triple_product<const F: usize, S: Real>(
     a: &BlockCsr<F, S>,
     p: &CoarseRows<F>,

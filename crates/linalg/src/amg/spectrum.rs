@@ -5,7 +5,7 @@ use crate::vector::{axpy, dot, xpby};
 use crate::{BlockCsr, Operator};
 
 /// An estimate from above, by a few percent, of the largest eigenvalue of
-/// $D^{-1} A$ with the block diagonal $D$: Lanczos through the coefficients of
+/// $`D^{-1} A`$ with the block diagonal $`D`$: Lanczos through the coefficients of
 /// conjugate gradients, from a fixed rough vector. Collective.
 pub(super) fn largest<const F: usize, S: Real>(
     a: &BlockCsr<F, S>,

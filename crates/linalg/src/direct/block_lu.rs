@@ -6,10 +6,10 @@
 //! type that is stable; as a preconditioner what little it loses costs GMRES an iteration.
 //!
 //! A supernode eliminates rows 1 and updates rows 2 of its dense front
-//! $F = \begin{pmatrix} F_{11} & F_{12} \\ F_{21} & F_{22} \end{pmatrix}$. Kept are
-//! $R = (W,\ -W F_{12})$ by rows and $H = F_{21} W$ by columns, with $W = F_{11}^{-1}$:
-//! both sweeps of a solve are then plain products, $b_2 \leftarrow b_2 - H b_1$ upwards and
-//! $x_1 = R\,(b_1; x_2)$ downwards.
+//! $`F = \begin{pmatrix} F_{11} & F_{12} \\ F_{21} & F_{22} \end{pmatrix}`$. Kept are
+//! $`R = (W,\ -W F_{12})`$ by rows and $`H = F_{21} W`$ by columns, with $`W = F_{11}^{-1}`$:
+//! both sweeps of a solve are then plain products, $`b_2 \leftarrow b_2 - H b_1`$ upwards and
+//! $`x_1 = R\,(b_1; x_2)`$ downwards.
 
 use std::cell::RefCell;
 
