@@ -59,7 +59,7 @@ impl State {
             ));
         }
         if !s.now.iter().chain(maybe.into_iter().flatten()).chain([&s.dt]).all(|x| x.is_finite()) {
-            return Err("it holds values that are not finite".into());
+            return Err("it contains values that are not finite".into());
         }
         let second_order_without_length = !s.before.is_empty() && s.dt <= 0.0;
         if s.dt < 0.0 || second_order_without_length || s.transition[0] > s.transition[1] {

@@ -97,6 +97,6 @@ impl MotionWarmStart {
         let doubles = self.qualities.iter().chain(&single).chain(&mover.numbers);
         let finite = doubles.chain(mover.doubles.iter().flatten()).all(|x| x.is_finite())
             && mover.singles.iter().flatten().all(|x| x.is_finite());
-        if finite { Ok(()) } else { Err("it holds values that are not finite".into()) }
+        if finite { Ok(()) } else { Err("it contains values that are not finite".into()) }
     }
 }

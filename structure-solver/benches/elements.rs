@@ -8,7 +8,7 @@ mod support;
 
 use std::hint::black_box;
 
-use structure_solver::loops::{FaceLoad, Place};
+use structure_solver::loops::{Configuration, FaceLoad};
 
 /// Processor seconds that one measurement takes at least.
 const ENOUGH: f64 = 0.3;
@@ -63,12 +63,16 @@ fn main() {
             let middle: Vec<f64> = x.iter().zip(&reference).map(|(a, b)| 0.5 * (a + b)).collect();
             d.system.anchor(&reference);
             for blend in [false, true] {
-                let place = if blend { Place { at: &middle, end: &x, weight: 0.5 } } else { Place::only(&x) };
+                let configuration = if blend {
+                    Configuration { at: &middle, end: &x, weight: 0.5 }
+                } else {
+                    Configuration::only(&x)
+                };
                 let forces = cost(|| {
-                    d.system.forces(black_box(place), load, &mut out);
+                    d.system.forces(black_box(configuration), load, &mut out);
                 });
                 let assembly = cost(|| {
-                    d.system.tangent(black_box(place), load, 1.0, 1e8, &mut out);
+                    d.system.tangent(black_box(configuration), load, 1.0, 1e8, &mut out);
                 });
                 println!(
                     "{:>9} {name:>9} {blend:>6} {:>12.1} {:>14.1}",

@@ -4,9 +4,9 @@ use crate::energy::Works;
 use crate::explicit::{Explicit, ExplicitError};
 use crate::failure_site::{self, FailureSite};
 use crate::linear::LinearSolver;
-use crate::loops::{FaceLoad, Place};
+use crate::loops::{Configuration, FaceLoad};
 use crate::motion::Motion;
-use crate::newton::{Balance, Newton, NewtonError, NewtonInfo, NewtonParams, State};
+use crate::newton::{Newton, NewtonError, NewtonInfo, NewtonParams, State, StepEquation};
 use crate::payload::Payload;
 use crate::scheme::Scheme;
 use crate::system::System;
@@ -206,7 +206,7 @@ impl Dynamics {
         }
         self.system.set_step(f64::INFINITY);
         let mut f = vec![0.0; self.x.len()];
-        self.system.forces(Place::only(&self.x), load, &mut f);
+        self.system.forces(Configuration::only(&self.x), load, &mut f);
         self.system.add_mass_product(&self.next.u, &mut f);
         let owned = 3 * self.system.model.n_owned();
         for (i, f) in f.iter_mut().enumerate() {
@@ -227,7 +227,7 @@ impl Dynamics {
         }
         self.system.set_step(f64::INFINITY);
         let f = &mut self.force[0];
-        self.system.forces(Place::only(&self.x), load, f);
+        self.system.forces(Configuration::only(&self.x), load, f);
         f.iter_mut().for_each(|f| *f = -*f);
         self.system.add_mass_product(&self.next.u, f);
         self.system.constrain(f);
@@ -260,7 +260,7 @@ impl Dynamics {
         }
         let form = self.scheme.step(dt / substeps as f64, self.damping);
         let start = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
-        let balance = Balance { from: &self.current, form, load: start, body };
+        let balance = StepEquation { from: &self.current, form, load: start, body };
         self.system.set_step(f64::INFINITY);
         self.system.set_time(self.time);
         self.scale = self.newton.load_scale(&self.system, &balance);
@@ -350,7 +350,7 @@ impl Dynamics {
         let form = self.scheme.step(dt, self.damping);
         let at = span[0] + form.force_weight * (span[1] - span[0]);
         blend(load, at, &mut self.pressure, &mut self.traction);
-        let balance = Balance {
+        let balance = StepEquation {
             from: &self.current,
             form,
             load: FaceLoad { pressure: &self.pressure, traction: &self.traction },

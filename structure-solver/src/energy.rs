@@ -19,7 +19,7 @@ use channel::{Fault, structure_stats as stat};
 use serde::{Deserialize, Serialize};
 
 use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
-use crate::loops::{FaceLoad, Place};
+use crate::loops::{Configuration, FaceLoad};
 use crate::measures::Measures;
 use crate::system::System;
 
@@ -336,7 +336,7 @@ impl Dynamics {
         self.place_between(at);
         let end = end.as_deref().unwrap_or(&self.x);
         let face_load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
-        self.system.forces(Place { at: &self.x, end, weight }, face_load, out);
+        self.system.forces(Configuration { at: &self.x, end, weight }, face_load, out);
     }
 }
 

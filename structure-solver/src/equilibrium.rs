@@ -10,8 +10,8 @@
 
 use crate::dynamics::{Dynamics, place};
 use crate::failure_site::{self, FailureSite};
-use crate::loops::{FaceLoad, Place};
-use crate::newton::{Balance, NewtonError, NewtonInfo, Stop};
+use crate::loops::{Configuration, FaceLoad};
+use crate::newton::{NewtonError, NewtonInfo, StepEquation, Stop};
 use crate::scheme::StepForm;
 
 /// When a search for an equilibrium ends.
@@ -230,7 +230,7 @@ impl Dynamics {
         self.system.set_step(f64::INFINITY);
         c.scale = c.scale.max({
             let form = StepForm::overdamped(0.0);
-            let balance = Balance { from: &self.current, form, load, body };
+            let balance = StepEquation { from: &self.current, form, load, body };
             self.newton.load_scale(&self.system, &balance)
         });
         let (mass_factor, rounding) = match c.mass_factor {
@@ -266,7 +266,7 @@ impl Dynamics {
         self.newton.set_static_tolerance((INNER * c.residual).clamp(0.3 * params.tolerance, INNER));
         loop {
             let form = StepForm::overdamped(step.mass_factor);
-            let balance = Balance { from: &self.current, form, load, body };
+            let balance = StepEquation { from: &self.current, form, load, body };
             let solved =
                 self.newton.step(&mut self.system, &mut self.linear, &balance, &[], c.scale, &mut self.next);
             match solved {
@@ -340,7 +340,7 @@ impl Dynamics {
             self.next.a[i] = -body[i % 3];
         }
         let [g, _] = &mut self.force;
-        self.system.forces(Place::only(&self.x), load, g);
+        self.system.forces(Configuration::only(&self.x), load, g);
         self.system.add_mass_product(&self.next.a, g);
         self.system.constrain(g);
         self.system.comm().sum(g[..n].iter().map(|g| g * g).sum()).sqrt()
@@ -351,7 +351,7 @@ impl Dynamics {
     /// only: such as strains of [`ROUNDING`] make.
     fn first_factor(&mut self, c: &mut Continuation, load: FaceLoad<'_>) -> (f64, bool) {
         let (mut force, mut stiffness, mut fastest) = (0.0f64, 0.0f64, 0.0f64);
-        self.system.tangent(Place::only(&self.x), load, 1.0, 0.0, &mut self.next.a);
+        self.system.tangent(Configuration::only(&self.x), load, 1.0, 0.0, &mut self.next.a);
         let n = self.system.model.n_owned();
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];

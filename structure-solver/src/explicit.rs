@@ -29,7 +29,7 @@ use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
 use crate::elements::membrane;
 use crate::failure_site::principal;
 use crate::flat::at;
-use crate::loops::{FaceLoad, Place};
+use crate::loops::{Configuration, FaceLoad};
 use crate::model::Model;
 use crate::newton::{NewtonError, NewtonInfo, State, Stop, vertical_sum};
 use crate::payload::Payload;
@@ -179,7 +179,7 @@ fn highest_frequency(system: &mut System, inverse_mass: &[f64]) -> f64 {
     system.set_step(f64::INFINITY);
     // A reefing line is stiffest drawn in.
     system.set_time(f64::INFINITY);
-    system.tangent(Place::only(&x), load, 1.0, 0.0, &mut work);
+    system.tangent(Configuration::only(&x), load, 1.0, 0.0, &mut work);
     // Any start with a share of the highest mode will do: alternating signs, which are
     // the same whatever the partition.
     let model = &system.model;
@@ -391,7 +391,7 @@ impl Dynamics {
     fn explicit_forces(&mut self, e: &mut Explicit, share: f64, load: LoadPath<'_>) {
         blend(load, share, &mut self.pressure, &mut self.traction);
         let load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
-        self.system.forces(Place::only(&self.x), load, &mut e.force);
+        self.system.forces(Configuration::only(&self.x), load, &mut e.force);
         e.evaluations += 1;
     }
 

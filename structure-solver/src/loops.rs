@@ -34,7 +34,7 @@ pub struct FaceLoad<'a> {
 /// 1992; Kuhl and Crisfield 1999), where strains at averaged positions can create
 /// energy without bound.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<'a> {
+pub struct Configuration<'a> {
     /// Positions that turn stresses into forces, m.
     pub at: &'a [f64],
     /// Positions at the end of the step, m.
@@ -43,7 +43,7 @@ pub struct Place<'a> {
     pub weight: f64,
 }
 
-impl<'a> Place<'a> {
+impl<'a> Configuration<'a> {
     /// Forces of positions `x` alone.
     pub fn only(x: &'a [f64]) -> Self {
         Self { at: x, end: x, weight: 1.0 }
@@ -120,14 +120,14 @@ pub trait ElementLoop {
     }
 
     /// Adds internal minus external forces (N) to `out`.
-    fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]);
+    fn forces(&self, configuration: Configuration<'_>, load: FaceLoad<'_>, out: &mut [f64]);
 
     /// As [`ElementLoop::forces`], and adds `factor` times their derivative to
     /// the blocks of the system matrix. The derivative is by `at`, with `end`
     /// moving in proportion (`factor` is their common weight).
     fn tangent(
         &self,
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
@@ -136,8 +136,14 @@ pub trait ElementLoop {
 
     /// As [`ElementLoop::forces`] for the elements that touch an `active` node, shape
     /// `[n_local]`: right in the rows of active nodes, of no meaning in others.
-    fn forces_near(&self, _active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces(place, load, out);
+    fn forces_near(
+        &self,
+        _active: &[bool],
+        configuration: Configuration<'_>,
+        load: FaceLoad<'_>,
+        out: &mut [f64],
+    ) {
+        self.forces(configuration, load, out);
     }
 
     /// As [`ElementLoop::tangent`] for the elements that touch an `active` node, shape
@@ -145,13 +151,13 @@ pub trait ElementLoop {
     fn tangent_near(
         &self,
         _active: &[bool],
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        self.tangent(place, load, factor, out, blocks);
+        self.tangent(configuration, load, factor, out, blocks);
     }
 
     /// Adds external forces alone (N) to `out`.
@@ -175,7 +181,7 @@ pub trait ElementLoop {
     }
 
     /// Finds where the blocks of the elements lie in the system matrix.
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32);
+    fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32);
 
     /// Principal stresses (Pa, first the larger) and state of membrane elements, by
     /// element. A bilinear element says it for each of the two triangles of its face.

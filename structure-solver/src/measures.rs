@@ -36,7 +36,7 @@ pub struct Measures {
 }
 
 /// Input of the measures, except the state.
-pub struct Gauge {
+pub struct Diagnostics {
     /// Local nodes of the hem that this rank owns.
     hem: Vec<u32>,
     /// Cables counted here that end on a fixed node, with the end (0 or 1) there.
@@ -47,7 +47,7 @@ pub struct Gauge {
     w: Vec<f64>,
 }
 
-impl Gauge {
+impl Diagnostics {
     /// The hem is where suspension lines start; without lines it is the rim.
     pub fn new(system: &System, mesh: &StructureMesh) -> Self {
         let model = &system.model;

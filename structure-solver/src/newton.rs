@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::elimination::Elimination;
 use crate::linear::LinearSolver;
-use crate::loops::{FaceLoad, Place};
+use crate::loops::{Configuration, FaceLoad};
 use crate::rigid::BodyState;
 use crate::scheme::StepForm;
 use crate::system::System;
@@ -166,8 +166,8 @@ pub struct Newton {
     pub(crate) applied_z: f64,
 }
 
-/// What a time step balances.
-pub struct Balance<'a> {
+/// The equation that a time step solves: balance of forces at a point of the step.
+pub struct StepEquation<'a> {
     /// Old state.
     pub from: &'a State,
     /// Time integration.
@@ -234,7 +234,7 @@ impl Newton {
         &mut self,
         system: &mut System,
         linear: &mut LinearSolver,
-        balance: &Balance<'_>,
+        balance: &StepEquation<'_>,
         guesses: &[&[f64]],
         scale: f64,
         to: &mut State,
@@ -274,8 +274,8 @@ impl Newton {
     }
 
     /// The old state's part of the inertia, and the strains at the start of the step.
-    fn start(&mut self, system: &mut System, balance: &Balance<'_>) {
-        let Balance { from, form, .. } = balance;
+    fn start(&mut self, system: &mut System, balance: &StepEquation<'_>) {
+        let StepEquation { from, form, .. } = balance;
         for i in 0..self.w0.len() {
             self.w0[i] = form.from_v * from.v[i] + form.from_a * from.a[i] - balance.body[i % 3];
         }
@@ -350,7 +350,7 @@ impl Newton {
     /// Brings the nodes with the largest imbalance to balance among themselves, see
     /// [`crate::elimination`]. Leaves the better of old and new displacements, with
     /// their residual in `g`; returns its norm.
-    fn eliminate(&mut self, system: &mut System, balance: &Balance<'_>, norm: f64, scale: f64) -> f64 {
+    fn eliminate(&mut self, system: &mut System, balance: &StepEquation<'_>, norm: f64, scale: f64) -> f64 {
         let _part = timing::part("nonlinear elimination");
         let n = 3 * system.model.n_owned();
         let form = balance.form;
@@ -365,10 +365,10 @@ impl Newton {
                 begun = true;
             }
             let start = Instant::now();
-            let place = Place { at: &self.x, end: &self.end, weight: form.force_weight };
+            let configuration = Configuration { at: &self.x, end: &self.end, weight: form.force_weight };
             let active = &self.elimination.active;
             let (k, m) = (form.force_weight, form.mass_factor);
-            system.tangent_near(active, place, balance.load, k, m, &mut self.rhs);
+            system.tangent_near(active, configuration, balance.load, k, m, &mut self.rhs);
             self.assembly_s += start.elapsed().as_secs_f64();
             for (r, g) in self.rhs[..n].iter_mut().zip(&self.g[..n]) {
                 *r = -g;
@@ -395,7 +395,7 @@ impl Newton {
 
     /// Norm of the applied load; without load, of the residual forces of the old
     /// state, so that a free motion has a scale too.
-    pub fn load_scale(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+    pub fn load_scale(&mut self, system: &System, balance: &StepEquation<'_>) -> f64 {
         let n = 3 * system.model.n_owned();
         for i in 0..self.x.len() {
             self.x[i] = system.model.reference[i] + balance.from.u[i];
@@ -404,7 +404,7 @@ impl Newton {
         system.external(&self.x, balance.load, &mut self.g);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
-        system.forces(Place::only(&self.x), balance.load, &mut self.rhs);
+        system.forces(Configuration::only(&self.x), balance.load, &mut self.rhs);
         system.constrain(&mut self.rhs);
         let mut sums = [dot(&self.g[..n], &self.g[..n]), 0.0];
         // R - F + F = R.
@@ -415,7 +415,7 @@ impl Newton {
     }
 
     /// Leaves the best start in `self.u` and its residual in `self.g`; returns its norm.
-    fn predict(&mut self, system: &System, balance: &Balance<'_>, guesses: &[&[f64]]) -> f64 {
+    fn predict(&mut self, system: &System, balance: &StepEquation<'_>, guesses: &[&[f64]]) -> f64 {
         let State { u, v, a, .. } = balance.from;
         let dt = balance.form.dt;
         let (mut best, mut applied_z) = (f64::INFINITY, 0.0);
@@ -443,13 +443,13 @@ impl Newton {
     }
 
     /// Residual forces at `self.u` into `self.g`; returns their norm.
-    fn residual(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+    fn residual(&mut self, system: &System, balance: &StepEquation<'_>) -> f64 {
         let _part = timing::part("residual");
         let start = Instant::now();
         let n = 3 * system.model.n_owned();
-        self.place(system, balance);
-        let place = Place { at: &self.x, end: &self.end, weight: balance.form.force_weight };
-        system.forces(place, balance.load, &mut self.g);
+        self.set_configuration(system, balance);
+        let configuration = Configuration { at: &self.x, end: &self.end, weight: balance.form.force_weight };
+        system.forces(configuration, balance.load, &mut self.g);
         self.applied_z = -vertical_sum(&self.g[..n]);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
@@ -459,14 +459,14 @@ impl Newton {
 
     /// As [`Newton::residual`] after the displacements moved by `self.du`, which leaves
     /// most nodes where they were.
-    fn residual_near(&mut self, system: &System, balance: &Balance<'_>) -> f64 {
+    fn residual_near(&mut self, system: &System, balance: &StepEquation<'_>) -> f64 {
         let _part = timing::part("residual");
         let start = Instant::now();
         let n = 3 * system.model.n_owned();
-        self.place(system, balance);
+        self.set_configuration(system, balance);
         let reached = self.elimination.reach(system, &self.du);
-        let place = Place { at: &self.x, end: &self.end, weight: balance.form.force_weight };
-        system.balance_near(reached, place, balance.load, &self.w, &mut self.rhs);
+        let configuration = Configuration { at: &self.x, end: &self.end, weight: balance.form.force_weight };
+        system.balance_near(reached, configuration, balance.load, &self.w, &mut self.rhs);
         let (g, rhs) = (self.g.as_chunks_mut::<3>().0, self.rhs.as_chunks::<3>().0);
         for ((g, r), _) in g.iter_mut().zip(rhs).zip(reached).filter(|(_, reached)| **reached) {
             *g = *r;
@@ -476,19 +476,19 @@ impl Newton {
     }
 
     /// Residual and matrix at `self.u`.
-    fn tangent(&mut self, system: &mut System, balance: &Balance<'_>) {
+    fn tangent(&mut self, system: &mut System, balance: &StepEquation<'_>) {
         let _part = timing::part("tangent");
         let start = Instant::now();
-        self.place(system, balance);
+        self.set_configuration(system, balance);
         let form = balance.form;
-        let place = Place { at: &self.x, end: &self.end, weight: form.force_weight };
-        system.tangent(place, balance.load, form.force_weight, form.mass_factor, &mut self.g);
+        let configuration = Configuration { at: &self.x, end: &self.end, weight: form.force_weight };
+        system.tangent(configuration, balance.load, form.force_weight, form.mass_factor, &mut self.g);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
         self.assembly_s += start.elapsed().as_secs_f64();
     }
 
-    fn place(&mut self, system: &System, balance: &Balance<'_>) {
+    fn set_configuration(&mut self, system: &System, balance: &StepEquation<'_>) {
         let (u0, form) = (&balance.from.u, balance.form);
         for i in 0..self.u.len() {
             let du = self.u[i] - u0[i];
@@ -503,7 +503,7 @@ impl Newton {
     /// a root of `phi(s) = du . g(u + s du)`. For a conservative load `g` is the
     /// gradient of the incremental energy, so this minimises it along the line.
     /// Leaves `u` there; returns the norm of the residual.
-    fn search(&mut self, system: &System, balance: &Balance<'_>, before: f64) -> f64 {
+    fn search(&mut self, system: &System, balance: &StepEquation<'_>, before: f64) -> f64 {
         let _part = timing::part("line search");
         let n = 3 * system.model.n_owned();
         self.base.copy_from_slice(&self.u);
@@ -539,7 +539,7 @@ impl Newton {
         norm
     }
 
-    fn finish(&self, balance: &Balance<'_>, to: &mut State) {
+    fn finish(&self, balance: &StepEquation<'_>, to: &mut State) {
         let State { u, v, a, .. } = balance.from;
         for i in 0..u.len() {
             let a1 = balance.form.acceleration(self.u[i] - u[i], v[i], a[i]);

@@ -18,7 +18,7 @@ use crate::equilibrium::{EquilibriumParams, PseudoStep};
 use crate::explicit::Explicit;
 use crate::linear::LinearCost;
 use crate::loops::FaceLoad;
-use crate::measures::{Gauge, Measures};
+use crate::measures::{Diagnostics, Measures};
 use crate::newton::State;
 use crate::payload::{self, Log, Payload};
 use crate::snapshot::Pictures;
@@ -63,7 +63,7 @@ pub struct StructureSolver {
     scene: Scene,
     mesh: Rc<StructureMesh>,
     dynamics: Dynamics,
-    gauge: Gauge,
+    gauge: Diagnostics,
     pictures: Pictures,
     /// Load at the start and at the end of the window.
     pressure: [Vec<f64>; 2],
@@ -151,7 +151,7 @@ impl StructureSolver {
         if s.integration == Integration::Explicit && scene.stages[stage].solve == Solve::Dynamic {
             dynamics.integrate_explicitly(s.explicit_safety).map_err(Fault::new)?;
         }
-        let gauge = Gauge::new(&dynamics.system, &mesh);
+        let gauge = Diagnostics::new(&dynamics.system, &mesh);
         let gravity = scene.resolved().gravity_m_s2;
         let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();

@@ -14,7 +14,7 @@ use mesh::StructureMesh;
 
 use crate::dynamics::Dynamics;
 use crate::flat::at;
-use crate::loops::{FaceLoad, Place};
+use crate::loops::{Configuration, FaceLoad};
 use crate::newton::State;
 use crate::rigid::{BodyState, RigidBody};
 use crate::state_file::{StateError, agree};
@@ -223,7 +223,7 @@ impl Dynamics {
                 (0..3).for_each(|c| p.w[3 * n + c] = -gravity[c]);
             }
         }
-        self.system.forces(Place::only(&self.x), load, &mut p.f);
+        self.system.forces(Configuration::only(&self.x), load, &mut p.f);
         self.system.add_mass_product(&p.w, &mut p.f);
     }
 }

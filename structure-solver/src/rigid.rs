@@ -116,7 +116,7 @@ impl RigidBody {
         s.spin += s.turn_back(s.torque) * h;
     }
 
-    /// Place after `h` seconds without force.
+    /// Configuration after `h` seconds without force.
     pub fn drift(&self, s: &mut BodyState, h: f64) {
         s.x += s.v * h;
         for (axis, share) in [(0, 0.5), (1, 0.5), (2, 1.0), (1, 0.5), (0, 0.5)] {

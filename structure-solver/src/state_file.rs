@@ -78,7 +78,7 @@ fn read(path: &Path, nodes: usize) -> Result<Vec<f64>, StateError> {
         ));
     }
     if values.iter().any(|v| !v.is_finite()) {
-        return unfit("it holds values that are not finite".into());
+        return unfit("it contains values that are not finite".into());
     }
     Ok(values)
 }

@@ -6,7 +6,7 @@ use linalg::{BlockCsr, Cg, KrylovError, KrylovParams, Operator, Preconditioner};
 
 use crate::elements::mass::MassMatrix;
 use crate::flat::Block;
-use crate::loops::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use crate::loops::{Configuration, ELSEWHERE, ElementLoop, FaceLoad};
 use crate::model::Model;
 use mesh::geometry::Vec3;
 
@@ -61,7 +61,7 @@ impl System {
         };
         let mut mass = vec![0.0; matrix.cols().len()];
         for element_loop in &mut loops {
-            element_loop.place(&slot);
+            element_loop.assign_slots(&slot);
             for (element, (nodes, m)) in element_loop.masses().into_iter().enumerate() {
                 let shares = element_loop.mass_shares(element, kind);
                 let share = |i: usize, j: usize| shares[i * nodes.len() + j];
@@ -209,10 +209,10 @@ impl System {
     }
 
     /// `out = R - F` on the owned rows: internal minus external forces, N.
-    pub fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
+    pub fn forces(&self, configuration: Configuration<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
         out.fill(0.0);
         self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
-        self.loops.iter().for_each(|l| l.forces(place, load, out));
+        self.loops.iter().for_each(|l| l.forces(configuration, load, out));
     }
 
     /// Strain energy of the elements counted on this rank at positions `x` (m), J.
@@ -243,7 +243,7 @@ impl System {
     /// columns replaced by their diagonal.
     pub fn tangent(
         &mut self,
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         stiffness_factor: f64,
         mass_factor: f64,
@@ -255,7 +255,7 @@ impl System {
             *block = scaled_identity(mass_factor * m);
         }
         for l in &self.loops {
-            l.tangent(place, load, stiffness_factor, out, &mut self.matrix.values);
+            l.tangent(configuration, load, stiffness_factor, out, &mut self.matrix.values);
         }
         self.mask(mass_factor, |_| true);
     }
@@ -264,7 +264,7 @@ impl System {
     pub fn tangent_near(
         &mut self,
         active: &[bool],
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         stiffness_factor: f64,
         mass_factor: f64,
@@ -278,7 +278,7 @@ impl System {
             }
         }
         for l in &self.loops {
-            l.tangent_near(active, place, load, stiffness_factor, out, &mut self.matrix.values);
+            l.tangent_near(active, configuration, load, stiffness_factor, out, &mut self.matrix.values);
         }
         self.mask(mass_factor, |node| active[node as usize]);
     }
@@ -306,14 +306,14 @@ impl System {
     pub fn balance_near(
         &self,
         active: &[bool],
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         w: &[f64],
         out: &mut [f64],
     ) {
         out.fill(0.0);
         self.nodal.iter().for_each(|&(i, f)| out[i as usize] -= f);
-        self.loops.iter().for_each(|l| l.forces_near(active, place, load, out));
+        self.loops.iter().for_each(|l| l.forces_near(active, configuration, load, out));
         self.add_mass_product_in(w, out, |i| active[i]);
         self.constrain(out);
     }

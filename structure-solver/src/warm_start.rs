@@ -39,9 +39,9 @@ pub struct DirectWarmStart {
     pub matrix: Vec<[[f64; 3]; 3]>,
 }
 
-/// A rank's memory.
+/// Warm-start data of a rank.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Memory {
+pub struct WarmStart {
     /// Displacements, velocities and accelerations of local nodes, ghosts included.
     pub nodes: [Vec<f64>; 3],
     /// Of the linear solver.
@@ -50,9 +50,9 @@ pub struct Memory {
     pub loops: Vec<Vec<f64>>,
 }
 
-/// What a memory must fit.
+/// Dimensions that saved warm-start data must match.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub struct Dimensions {
     /// Numbers of a vector over the local nodes.
     pub numbers: usize,
     /// Element loops.
@@ -61,65 +61,65 @@ pub struct Shape {
     pub blocks: usize,
 }
 
-impl Memory {
+impl WarmStart {
     /// Reads what [`save`] wrote; `None` where there is none.
     ///
     /// # Errors
-    /// A file that is damaged or does not fit, or holds what is no number.
-    pub fn read(file: &Path, shape: Shape) -> Result<Option<Self>, archive::Error> {
-        channel::load_warm_start(file, MAGIC, VERSION, |m: &Self| m.check(shape))
+    /// The file is damaged or does not match, or contains a value that is not a number.
+    pub fn read(file: &Path, dimensions: Dimensions) -> Result<Option<Self>, archive::Error> {
+        channel::load_warm_start(file, MAGIC, VERSION, |m: &Self| m.check(dimensions))
     }
 
-    fn check(&self, shape: Shape) -> Result<(), String> {
+    fn check(&self, dimensions: Dimensions) -> Result<(), String> {
         let matrix = self.linear.direct.as_ref().map_or(&[][..], |d| &d.matrix);
         let at = self.linear.direct.as_ref().map_or(0.0, |d| d.at);
         let vectors = self.nodes.iter().chain(&self.loops).flatten();
-        if self.nodes.iter().any(|v| v.len() != shape.numbers) || self.loops.len() != shape.loops {
-            return Err("it is of another structure".into());
+        if self.nodes.iter().any(|v| v.len() != dimensions.numbers) || self.loops.len() != dimensions.loops {
+            return Err("it belongs to another structure".into());
         }
-        if !matrix.is_empty() && matrix.len() != shape.blocks {
-            return Err("its matrix is of another structure".into());
+        if !matrix.is_empty() && matrix.len() != dimensions.blocks {
+            return Err("its matrix belongs to another structure".into());
         }
         if !vectors.chain(matrix.as_flattened().as_flattened()).chain([&at]).all(|x| x.is_finite()) {
-            return Err("it holds values that are not finite".into());
+            return Err("it contains values that are not finite".into());
         }
         Ok(())
     }
 }
 
-/// Writes this rank's memory below `folder`.
+/// Writes the warm-start data of this rank below `folder`.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn save(dynamics: &Dynamics, folder: &Path) -> Result<(), archive::Error> {
     let State { u, v, a, .. } = &dynamics.accepted;
-    let memory = Memory {
+    let warm_start = WarmStart {
         nodes: [u.clone(), v.clone(), a.clone()],
         linear: dynamics.linear.save_state(),
         loops: dynamics.system.loops().iter().map(|l| l.save_state()).collect(),
     };
     let comm = dynamics.system.comm();
     let file = channel::warm_start_file(folder, Role::Structure, comm.rank(), comm.size());
-    archive::save(&file, MAGIC, VERSION, &memory).map(|_| ())
+    archive::save(&file, MAGIC, VERSION, &warm_start).map(|_| ())
 }
 
-/// Takes up what [`save`] wrote; `false` where another number of ranks has written it. Collective.
+/// Restores what [`save`] wrote; `false` if another number of ranks wrote it. Collective.
 ///
 /// # Errors
-/// On every rank: a file of one of them that cannot be used.
+/// On every rank, if the file of one of them cannot be used.
 pub fn restore_state(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fault> {
     let comm = dynamics.system.comm().clone();
     let file = channel::warm_start_file(folder, Role::Structure, comm.rank(), comm.size());
-    let shape = Shape {
+    let dimensions = Dimensions {
         numbers: dynamics.accepted.u.len(),
         loops: dynamics.system.loops().len(),
         blocks: dynamics.system.matrix.values.len(),
     };
-    let memory = agree(&comm, Memory::read(&file, shape))?;
-    if !comm.all(memory.is_some()) {
+    let warm_start = agree(&comm, WarmStart::read(&file, dimensions))?;
+    if !comm.all(warm_start.is_some()) {
         return Ok(false);
     }
-    let Memory { nodes: [u, v, a], linear, loops } = memory.expect("all ranks have one");
+    let WarmStart { nodes: [u, v, a], linear, loops } = warm_start.expect("all ranks have one");
     let restored =
         dynamics.system.loops_mut().iter_mut().zip(&loops).try_for_each(|(l, m)| l.restore_state(m));
     agree(&comm, restored.map_err(|reason| archive::Error::content(&file, reason)))?;

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::load::Limit;
 
 /// Maximum time of a response, allowing for software rendering on a shared machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const DEADLINE: Duration = Duration::from_secs(60);
 /// Polling interval.
 const LOOK: Duration = Duration::from_millis(50);
 
@@ -92,7 +92,7 @@ impl Browser {
         let mut bytes = message.to_string().into_bytes();
         bytes.push(0);
         self.input.write_all(&bytes).expect("the browser listens");
-        let limit = Limit::new(PATIENCE);
+        let limit = Limit::new(DEADLINE);
         loop {
             let answer = match self.messages.recv_timeout(LOOK) {
                 Ok(answer) => answer,
@@ -126,7 +126,7 @@ impl Browser {
 
     /// Waits until an expression is true.
     pub fn until(&mut self, expression: &str) {
-        let limit = Limit::new(PATIENCE);
+        let limit = Limit::new(DEADLINE);
         while self.evaluate(expression) != json!(true) {
             limit.demand(format_args!("never true: {expression}"));
             std::thread::sleep(LOOK);

@@ -19,7 +19,7 @@ const GONE: Duration = Duration::from_secs(5);
 /// Deadline of runs with a stall, on an idle machine.
 const DEADLINE_S: u64 = 8;
 /// Limit for start-up and computation.
-const PATIENCE: Duration = Duration::from_secs(180);
+const DEADLINE: Duration = Duration::from_secs(180);
 /// Limit for the window that the coupler completes after a request to end.
 const WINDOW: Duration = Duration::from_secs(30);
 /// Polling interval.
@@ -159,7 +159,7 @@ impl<'a> Try<'a> {
     /// Waits for the moment of the fault in a rank, or injects the fault into the coupler.
     fn reach_moment(&mut self) -> Result<(), Failure> {
         let note = self.folder.path().join("note");
-        let came = Limit::new(PATIENCE)
+        let came = Limit::new(DEADLINE)
             .until(LOOK, || note.exists() || self.run.try_wait().is_ok_and(|s| s.is_some()));
         if let Err(late) = came {
             return Err(Failure::Wrong(self.give_up(&format!("the moment did not come: {late}"))));
@@ -200,7 +200,7 @@ impl<'a> Try<'a> {
             return Ok((status, took));
         }
         let limit = match self.cell.fault {
-            "late" | "twice" => PATIENCE,
+            "late" | "twice" => DEADLINE,
             _ if self.cell.stalls() => deadline + GONE,
             _ => GONE,
         };
@@ -309,7 +309,7 @@ fn program_of(cell: &Cell) -> [String; 2] {
 fn try_cell(base: &Base, cell: &Cell, thorough: fn(&Cell) -> bool) -> Result<Duration, String> {
     // Solves before the fault must meet the deadline, which grows with the load and on a repetition.
     for times in [1, 2, 4, 8] {
-        let free = if cell.stalls() { DEADLINE_S } else { PATIENCE.as_secs() };
+        let free = if cell.stalls() { DEADLINE_S } else { DEADLINE.as_secs() };
         let mut run = Try::start(base, cell, times * deadline_s(free));
         match run.reach_moment() {
             Ok(()) => {}

@@ -73,15 +73,15 @@ fn sealed(bytes: &mut Vec<u8>) {
 }
 
 /// A completed descent with one rank per program and all options that have warm-start data.
-struct Flown {
+struct CompletedRun {
     folder: tempfile::TempDir,
     scene: Scene,
 }
 
-impl Flown {
+impl CompletedRun {
     fn once() -> &'static Self {
-        static FLOWN: OnceLock<Flown> = OnceLock::new();
-        FLOWN.get_or_init(|| {
+        static COMPLETED: OnceLock<CompletedRun> = OnceLock::new();
+        COMPLETED.get_or_init(|| {
             let folder = tempfile::tempdir_in("/dev/shm").expect("a folder");
             let more = "wrinkling = true\n[fabric.contact]\ndistance_m = 0.003\n[flow.viscosity]\n\
                         dynamic_viscosity_pa_s = 1.8e-5\nturbulence = \"spalart-allmaras\"\n\
@@ -96,7 +96,7 @@ impl Flown {
             let ranks = ["--quiet", "--ranks", "structure=1,mesh=1,flow=1"];
             succeed(ripstop_run(&file, &folder.path().join("out"), &ranks));
             let scene = case::load(&file).expect("a good scene");
-            Flown { folder, scene }
+            CompletedRun { folder, scene }
         })
     }
 
@@ -137,7 +137,7 @@ impl Flown {
 /// Mutates each file of the state of a program, with corrected checksums: the program restarts from it or reports the
 /// file and the error, and accepts finite values only.
 fn states_of(role: Role, more: &[&str]) {
-    let flown = Flown::once();
+    let flown = CompletedRun::once();
     let (_folder, state) = flown.state();
     let memory = channel::warm_start_file(&state, role, 0, 1);
     let mut files = vec![case::state_file(&state, role), memory];
@@ -198,7 +198,7 @@ fn damaged_flow_states_are_read_or_refused() {
 /// The files alone, with as many inputs as for other formats.
 #[test]
 fn damaged_state_files_are_read_or_refused() {
-    let flown = Flown::once();
+    let flown = CompletedRun::once();
     let (_state, good) = flown.state();
     let (_folder, file) = slot();
     let whole = |name: &str| std::fs::read(good.join(name)).expect("a file of the state");
@@ -218,9 +218,9 @@ fn damaged_state_files_are_read_or_refused() {
     fuzz("flow state", &[whole("flow.bin")], sealed, &mut flow, "spoilt");
 
     let nodes = structure.coords.len();
-    let memory = structure_solver::warm_start::Memory::read;
-    let mut shape = structure_solver::warm_start::Shape { numbers: 3 * nodes, loops: 0, blocks: 0 };
-    let good_memory: structure_solver::warm_start::Memory =
+    let memory = structure_solver::warm_start::WarmStart::read;
+    let mut shape = structure_solver::warm_start::Dimensions { numbers: 3 * nodes, loops: 0, blocks: 0 };
+    let good_memory: structure_solver::warm_start::WarmStart =
         archive::load(&good.join("structure-memory-0-of-1.bin"), *b"ripstmem", 1).expect("a memory");
     shape.loops = good_memory.loops.len();
     shape.blocks = good_memory.linear.direct.as_ref().map_or(0, |d| d.matrix.len());

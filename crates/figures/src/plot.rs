@@ -60,7 +60,7 @@ fn descent_figure(
         let all = values.iter().copied().chain(references.iter().map(|r| r.value));
         Panel {
             title: title.into(),
-            x: Axis::through("time, s", [0.0].into_iter().chain(time.iter().copied())),
+            x: Axis::spanning("time, s", [0.0].into_iter().chain(time.iter().copied())),
             y: Axis::around(label, false, all),
             series: vec![Series::curve("", colour, points)],
             band: None,
@@ -100,7 +100,7 @@ fn difference_figure(stage: &str, comparison: &Comparison) -> Figure {
     let tolerance = comparison.tolerance.max(low);
     let panel = Panel {
         title: format!("stage {stage}: relative difference between the runs"),
-        x: Axis::through("window", [0.0, end].into_iter()),
+        x: Axis::spanning("window", [0.0, end].into_iter()),
         y: Axis {
             label: "difference / largest value of the field, -".into(),
             division: Division::Logarithmic,

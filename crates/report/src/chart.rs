@@ -96,7 +96,7 @@ impl Chart {
         };
         let panel = Panel {
             title: String::new(),
-            x: Axis::through("time, s", finite().map(|p| p.0)),
+            x: Axis::spanning("time, s", finite().map(|p| p.0)),
             y: Axis::around(&self.heading(), self.logarithmic, values),
             series: self.series.iter().enumerate().map(curve).collect(),
             band: None,

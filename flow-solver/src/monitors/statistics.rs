@@ -105,7 +105,7 @@ impl Statistics {
         }
         let numbers = saved.mean.iter().chain(&saved.moment).chain([&saved.span]);
         if !numbers.copied().all(f64::is_finite) || saved.span < 0.0 {
-            return Err(unfit("it holds values that are not finite numbers"));
+            return Err(unfit("it contains values that are not finite numbers"));
         }
         self.span = saved.span;
         for (k, &g) in topology.numbering.owned().iter().enumerate() {

@@ -91,7 +91,7 @@ mod tests {
 
     use super::*;
     use crate::flat::at;
-    use crate::loops::{ElementLoop, Elements, FaceLoad, Place};
+    use crate::loops::{Configuration, ElementLoop, Elements, FaceLoad};
     use crate::materials::{Elastic, TensionField};
     use crate::model::Model;
     use crate::system::System;
@@ -144,13 +144,13 @@ mod tests {
         let force = |s: f64| {
             let x: Vec<f64> = x.iter().zip(&d).map(|(x, d)| x + s * d).collect();
             let mut f = vec![0.0; n];
-            system.forces(Place::only(&x), load, &mut f);
+            system.forces(Configuration::only(&x), load, &mut f);
             f
         };
         let h = 1e-6;
         let (up, down) = (force(h), force(-h));
         let mut kd = vec![0.0; n];
-        system.tangent(Place::only(&x), load, 1.0, 0.0, &mut kd);
+        system.tangent(Configuration::only(&x), load, 1.0, 0.0, &mut kd);
         linalg::Operator::apply(&system.matrix, &mut d.clone(), &mut kd);
         for i in 0..n {
             let difference = (up[i] - down[i]) / (2.0 * h);

@@ -22,7 +22,7 @@ use crate::materials::{Regime, Strain, Stress};
 use mass::MassMatrix;
 use mesh::geometry::{Mat3, Vec3};
 
-/// Positions of an element's nodes in a step, m; see [`crate::loops::Place`].
+/// Positions of an element's nodes in a step, m; see [`crate::loops::Configuration`].
 #[derive(Clone, Copy, Debug)]
 pub struct Step<const N: usize> {
     /// Positions that turn stresses into forces.

@@ -6,7 +6,7 @@ use mesh::{Cable, CableKind, StructureMesh};
 use crate::dynamics::{Dynamics, DynamicsParams, LoadPath};
 use crate::elements::cable::{self, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
-use crate::loops::{ElementLoop, Elements, FaceLoad, Place};
+use crate::loops::{Configuration, ElementLoop, Elements, FaceLoad};
 use crate::materials::{Elastic, KelvinVoigt, TensionField, Viscous};
 use crate::model::{Model, Surface};
 use crate::newton::NewtonParams;
@@ -64,17 +64,17 @@ fn tangent_is_the_derivative() {
         let force = |s: f64| {
             let [at, end] = &positions(s);
             let mut f = vec![0.0; 12];
-            system.forces(Place { at, end, weight }, load, &mut f);
+            system.forces(Configuration { at, end, weight }, load, &mut f);
             f
         };
         let h = 1e-6;
         let (up, down) = (force(h), force(-h));
         let [at, end] = &positions(0.0);
         let mut g = vec![0.0; 12];
-        system.tangent(Place { at, end, weight }, load, weight, 0.0, &mut g);
+        system.tangent(Configuration { at, end, weight }, load, weight, 0.0, &mut g);
         assert_eq!(g, {
             let mut f = vec![0.0; 12];
-            system.forces(Place { at, end, weight }, load, &mut f);
+            system.forces(Configuration { at, end, weight }, load, &mut f);
             f
         });
         let mut kd = vec![0.0; 12];
@@ -186,14 +186,14 @@ fn the_matrix_of_quadrilaterals_is_the_derivative_of_their_forces() {
             let end: Vec<f64> = (0..n).map(|i| x1[i] + s * d[i]).collect();
             let at: Vec<f64> = (0..n).map(|i| (1.0 - weight) * x0[i] + weight * end[i]).collect();
             let mut f = vec![0.0; n];
-            system.forces(Place { at: &at, end: &end, weight }, load, &mut f);
+            system.forces(Configuration { at: &at, end: &end, weight }, load, &mut f);
             f
         };
         let h = 1e-6;
         let (up, down) = (force(h), force(-h));
         let at: Vec<f64> = (0..n).map(|i| (1.0 - weight) * x0[i] + weight * x1[i]).collect();
         let mut kd = vec![0.0; n];
-        system.tangent(Place { at: &at, end: &x1, weight }, load, weight, 0.0, &mut kd);
+        system.tangent(Configuration { at: &at, end: &x1, weight }, load, weight, 0.0, &mut kd);
         linalg::Operator::apply(&system.matrix, &mut d.clone(), &mut kd);
         for i in 3..n {
             let difference = (up[i] - down[i]) / (2.0 * h);

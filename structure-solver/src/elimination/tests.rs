@@ -8,7 +8,7 @@ use comm::Comm;
 use super::*;
 use crate::assemble;
 use crate::dynamics::{Dynamics, LoadPath};
-use crate::loops::{FaceLoad, Place};
+use crate::loops::{Configuration, FaceLoad};
 
 /// The octant of the paper's air bag with 2 n^2 triangles.
 fn bag(n: usize, tolerance: f64) -> Dynamics {
@@ -111,7 +111,7 @@ fn a_correction_balances_the_chosen_nodes_alone() {
     g[3 * node..3 * node + 3].copy_from_slice(&[0.1, -0.2, 0.3]);
     assert!(e.choose(&d.system, &g, norm(&g), 1.0));
     let mut out = vec![0.0; n];
-    d.system.tangent_near(&e.active, Place::only(&x), load, 1.0, 2e8, &mut out);
+    d.system.tangent_near(&e.active, Configuration::only(&x), load, 1.0, 2e8, &mut out);
     let mut du = vec![f64::NAN; n];
     assert!(e.correct(&d.system, &g, &mut du));
     let mut product = vec![0.0; n];

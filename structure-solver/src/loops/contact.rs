@@ -14,7 +14,7 @@
 
 use std::collections::HashMap;
 
-use super::{ELSEWHERE, ElementLoop, FaceLoad, Place};
+use super::{Configuration, ELSEWHERE, ElementLoop, FaceLoad};
 use crate::flat::{Block, add_at, add_block, at};
 use crate::model::Model;
 use mesh::geometry::{Mat3, Vec3};
@@ -204,8 +204,8 @@ impl ElementLoop for Contact {
 
     fn anchor(&mut self, _x: &[f64]) {}
 
-    fn forces(&self, place: Place<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for (p, n, w, gap) in self.active(place.at) {
+    fn forces(&self, configuration: Configuration<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
+        for (p, n, w, gap) in self.active(configuration.at) {
             let f = n * (-self.stiffness * gap);
             add_at(out, p.node as usize, f);
             for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
@@ -216,14 +216,14 @@ impl ElementLoop for Contact {
 
     fn tangent(
         &self,
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        self.forces(place, load, out);
-        for (p, n, w, _) in self.active(place.at) {
+        self.forces(configuration, load, out);
+        for (p, n, w, _) in self.active(configuration.at) {
             let k: Mat3 = n * (factor * self.stiffness) * n.transpose();
             add_block(&mut blocks[self.slots[p.node as usize] as usize], &k);
             for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
@@ -236,7 +236,7 @@ impl ElementLoop for Contact {
         self.active(x).map(|(_, _, _, gap)| 0.5 * self.stiffness * gap * gap).sum()
     }
 
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+    fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
         for &n in &self.nodes {
             self.slots[n as usize] = slot(n, n);
         }
@@ -276,7 +276,7 @@ mod tests {
     fn forces(contact: &Contact, x: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; x.len()];
         let load = FaceLoad { pressure: &[], traction: &[] };
-        contact.forces(Place { at: x, end: x, weight: 1.0 }, load, &mut out);
+        contact.forces(Configuration { at: x, end: x, weight: 1.0 }, load, &mut out);
         out
     }
 
@@ -303,7 +303,7 @@ mod tests {
             }
             let (mut blocks, mut out) = (vec![[[0.0; 3]; 3]; 4], vec![0.0; 12]);
             let load = FaceLoad { pressure: &[], traction: &[] };
-            contact.tangent(Place { at: &x, end: &x, weight: 1.0 }, load, 0.6, &mut out, &mut blocks);
+            contact.tangent(Configuration { at: &x, end: &x, weight: 1.0 }, load, 0.6, &mut out, &mut blocks);
             assert_eq!(out, found);
             for i in 0..3 {
                 for j in 0..3 {

@@ -1,7 +1,7 @@
 //! Elements of one kernel on a rank: gathering, scattering and assembly, once for all kernels.
 
 use super::stencil::Stencil;
-use super::{ElementLoop, FaceLoad, Place, principal_stresses};
+use super::{Configuration, ElementLoop, FaceLoad, principal_stresses};
 use crate::elements::mass::MassMatrix;
 use crate::elements::{Kernel, Load, Sheet, Step};
 use crate::failure_site::principal;
@@ -48,12 +48,12 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
     fn forces_with<const TRACTION: bool, const BLEND: bool>(
         &self,
         active: Option<&[bool]>,
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         out: &mut [f64],
     ) {
         for e in self.chosen(active) {
-            let (step, load) = (e.step::<BLEND>(place), e.load::<K, TRACTION>(load));
+            let (step, load) = (e.step::<BLEND>(configuration), e.load::<K, TRACTION>(load));
             e.stencil.scatter(&self.kernel.force::<TRACTION, BLEND>(&e.data, &step, &load), out);
         }
     }
@@ -61,43 +61,55 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
     fn tangent_with<const TRACTION: bool, const BLEND: bool>(
         &self,
         active: Option<&[bool]>,
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
         for e in self.chosen(active) {
-            let (step, load) = (e.step::<BLEND>(place), e.load::<K, TRACTION>(load));
+            let (step, load) = (e.step::<BLEND>(configuration), e.load::<K, TRACTION>(load));
             let (force, k) = self.kernel.tangent::<TRACTION, BLEND>(&e.data, &step, &load, factor);
             e.stencil.scatter(&force, out);
             e.stencil.add_blocks(&k, blocks);
         }
     }
 
-    fn forces_of(&self, active: Option<&[bool]>, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        match (K::LOADED && !load.traction.is_empty(), K::RATE || place.weight != 1.0) {
-            (false, false) => self.forces_with::<false, false>(active, place, load, out),
-            (false, true) => self.forces_with::<false, true>(active, place, load, out),
-            (true, false) => self.forces_with::<true, false>(active, place, load, out),
-            (true, true) => self.forces_with::<true, true>(active, place, load, out),
+    fn forces_of(
+        &self,
+        active: Option<&[bool]>,
+        configuration: Configuration<'_>,
+        load: FaceLoad<'_>,
+        out: &mut [f64],
+    ) {
+        match (K::LOADED && !load.traction.is_empty(), K::RATE || configuration.weight != 1.0) {
+            (false, false) => self.forces_with::<false, false>(active, configuration, load, out),
+            (false, true) => self.forces_with::<false, true>(active, configuration, load, out),
+            (true, false) => self.forces_with::<true, false>(active, configuration, load, out),
+            (true, true) => self.forces_with::<true, true>(active, configuration, load, out),
         }
     }
 
     fn tangent_of(
         &self,
         active: Option<&[bool]>,
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        match (K::LOADED && !load.traction.is_empty(), K::RATE || place.weight != 1.0) {
-            (false, false) => self.tangent_with::<false, false>(active, place, load, factor, out, blocks),
-            (false, true) => self.tangent_with::<false, true>(active, place, load, factor, out, blocks),
-            (true, false) => self.tangent_with::<true, false>(active, place, load, factor, out, blocks),
-            (true, true) => self.tangent_with::<true, true>(active, place, load, factor, out, blocks),
+        match (K::LOADED && !load.traction.is_empty(), K::RATE || configuration.weight != 1.0) {
+            (false, false) => {
+                self.tangent_with::<false, false>(active, configuration, load, factor, out, blocks)
+            }
+            (false, true) => {
+                self.tangent_with::<false, true>(active, configuration, load, factor, out, blocks)
+            }
+            (true, false) => {
+                self.tangent_with::<true, false>(active, configuration, load, factor, out, blocks)
+            }
+            (true, true) => self.tangent_with::<true, true>(active, configuration, load, factor, out, blocks),
         }
     }
 
@@ -118,10 +130,10 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
 
 impl<D, const N: usize> Element<D, N> {
     #[inline(always)]
-    fn step<const BLEND: bool>(&self, place: Place<'_>) -> Step<N> {
-        let at = self.stencil.gather(place.at);
+    fn step<const BLEND: bool>(&self, configuration: Configuration<'_>) -> Step<N> {
+        let at = self.stencil.gather(configuration.at);
         if BLEND {
-            Step { at, end: self.stencil.gather(place.end), weight: place.weight }
+            Step { at, end: self.stencil.gather(configuration.end), weight: configuration.weight }
         } else {
             Step::only(at)
         }
@@ -181,35 +193,41 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         self.sum(|e| self.kernel.dissipation(&e.data, &e.stencil.gather(before), &e.stencil.gather(after)))
     }
 
-    fn forces(&self, place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces_of(None, place, load, out);
+    fn forces(&self, configuration: Configuration<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
+        self.forces_of(None, configuration, load, out);
     }
 
     fn tangent(
         &self,
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        self.tangent_of(None, place, load, factor, out, blocks);
+        self.tangent_of(None, configuration, load, factor, out, blocks);
     }
 
-    fn forces_near(&self, active: &[bool], place: Place<'_>, load: FaceLoad<'_>, out: &mut [f64]) {
-        self.forces_of(Some(active), place, load, out);
+    fn forces_near(
+        &self,
+        active: &[bool],
+        configuration: Configuration<'_>,
+        load: FaceLoad<'_>,
+        out: &mut [f64],
+    ) {
+        self.forces_of(Some(active), configuration, load, out);
     }
 
     fn tangent_near(
         &self,
         active: &[bool],
-        place: Place<'_>,
+        configuration: Configuration<'_>,
         load: FaceLoad<'_>,
         factor: f64,
         out: &mut [f64],
         blocks: &mut [Block],
     ) {
-        self.tangent_of(Some(active), place, load, factor, out, blocks);
+        self.tangent_of(Some(active), configuration, load, factor, out, blocks);
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
@@ -237,8 +255,8 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         self.kernel.mass_shares(&self.elements[element].data, kind).as_flattened().to_vec()
     }
 
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        self.elements.iter_mut().for_each(|e| e.stencil.place(slot));
+    fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        self.elements.iter_mut().for_each(|e| e.stencil.assign_slots(slot));
     }
 
     fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {

@@ -22,7 +22,7 @@ impl<const N: usize> Stencil<N> {
     }
 
     /// Finds the blocks in the matrix, see [`super::ElementLoop::place`].
-    pub(super) fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+    pub(super) fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
         self.slots = self.nodes.map(|n| self.nodes.map(|m| slot(n, m)));
     }
 

@@ -5,7 +5,7 @@ use linalg::Operator;
 use mesh::StructureMesh;
 use proptest::prelude::*;
 use structure_solver::elements::cable::TensionOnly;
-use structure_solver::loops::{FaceLoad, Place};
+use structure_solver::loops::{Configuration, FaceLoad};
 use structure_solver::materials::{Material, StVenantKirchhoff, TensionField};
 use structure_solver::model::Warp;
 use structure_solver::system::System;
@@ -24,7 +24,7 @@ fn affine_deformations_leave_inner_nodes_in_balance() {
         let x: Vec<f64> = m.coords.iter().flat_map(map).collect();
         let mut f = vec![0.0; x.len()];
         let load = FaceLoad { pressure: &vec![0.0; m.faces.len()], traction: &[] };
-        system.forces(Place::only(&x), load, &mut f);
+        system.forces(Configuration::only(&x), load, &mut f);
         let largest = norm(&f);
         system.constrain(&mut f);
         assert!(norm(&f) < 1e-13 * largest, "{} of {largest}", norm(&f));
@@ -144,14 +144,14 @@ fn derivative_error(m: &StructureMesh, system: &mut System, x: &[f64]) -> f64 {
     let mut d: Vec<f64> = (0..n).map(|i| wave(i, 0.9)).collect();
     system.constrain(&mut d);
     let mut g = vec![0.0; n];
-    system.tangent(Place::only(x), load, 1.0, 0.0, &mut g);
+    system.tangent(Configuration::only(x), load, 1.0, 0.0, &mut g);
     let mut kd = vec![0.0; n];
     system.matrix.apply(&mut d.clone(), &mut kd);
     let h = 1e-6;
     let at = |s: f64| {
         let y: Vec<f64> = x.iter().zip(&d).map(|(x, d)| x + s * d).collect();
         let mut f = vec![0.0; n];
-        system.forces(Place::only(&y), load, &mut f);
+        system.forces(Configuration::only(&y), load, &mut f);
         system.constrain(&mut f);
         f
     };
@@ -216,7 +216,7 @@ proptest! {
         let traction: Vec<f64> = (0..3 * m.faces.len()).map(|i| 400.0 * (i as f64).sin()).collect();
         let forces = |x: &[f64], traction: &[f64]| {
             let mut f = vec![0.0; x.len()];
-            system.forces(Place::only(x), FaceLoad { pressure: &pressure, traction }, &mut f);
+            system.forces(Configuration::only(x), FaceLoad { pressure: &pressure, traction }, &mut f);
             f
         };
         let here = turn(&forces(&x, &traction), [0.0; 3]);
@@ -232,7 +232,7 @@ proptest! {
         let (m, system) = fabric_with_lines(TensionField::new(1e6, 0.3));
         let x = wild(&m, by);
         let mut f = vec![0.0; x.len()];
-        system.forces(Place::only(&x), FaceLoad { pressure: &vec![0.0; m.faces.len()], traction: &[] }, &mut f);
+        system.forces(Configuration::only(&x), FaceLoad { pressure: &vec![0.0; m.faces.len()], traction: &[] }, &mut f);
         let (mut sum, mut moment) = ([0.0; 3], [0.0; 3]);
         for (x, f) in x.as_chunks::<3>().0.iter().zip(f.as_chunks::<3>().0) {
             let cross = [x[1] * f[2] - x[2] * f[1], x[2] * f[0] - x[0] * f[2], x[0] * f[1] - x[1] * f[0]];

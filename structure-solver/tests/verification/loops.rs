@@ -7,7 +7,7 @@ use structure_solver::elements::air::Cylinder;
 use structure_solver::elements::cable::{self, TwoWay};
 use structure_solver::elements::mass::MassMatrix;
 use structure_solver::elements::reefing::Schedule;
-use structure_solver::loops::{ElementLoop, Elements, FaceLoad, Place};
+use structure_solver::loops::{Configuration, ElementLoop, Elements, FaceLoad};
 use structure_solver::materials::{Elastic, KelvinVoigt, StVenantKirchhoff, TensionField, Viscous};
 use structure_solver::model::{Model, Surface};
 use structure_solver::system::System;
@@ -131,8 +131,9 @@ struct Quiet<L>(L);
 
 impl<L: ElementLoop> ElementLoop for Quiet<L> {
     fn anchor(&mut self, _x: &[f64]) {}
-    fn forces(&self, _place: Place<'_>, _load: FaceLoad<'_>, _out: &mut [f64]) {}
-    fn tangent(&self, _: Place<'_>, _: FaceLoad<'_>, _: f64, _: &mut [f64], _: &mut [[[f64; 3]; 3]]) {}
+    fn forces(&self, _place: Configuration<'_>, _load: FaceLoad<'_>, _out: &mut [f64]) {}
+    fn tangent(&self, _: Configuration<'_>, _: FaceLoad<'_>, _: f64, _: &mut [f64], _: &mut [[[f64; 3]; 3]]) {
+    }
     fn external(&self, _x: &[f64], _load: FaceLoad<'_>, _out: &mut [f64]) {}
     fn energy(&self, _x: &[f64]) -> f64 {
         0.0
@@ -143,8 +144,8 @@ impl<L: ElementLoop> ElementLoop for Quiet<L> {
     fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64> {
         self.0.mass_shares(element, kind)
     }
-    fn place(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
-        self.0.place(slot);
+    fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
+        self.0.assign_slots(slot);
     }
 }
 
@@ -160,9 +161,9 @@ fn mix(a: &[f64], b: &[f64], s: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + s * (b - a)).collect()
 }
 
-fn forces(system: &System, place: Place<'_>, load: FaceLoad<'_>) -> Vec<f64> {
-    let mut f = vec![0.0; place.at.len()];
-    system.forces(place, load, &mut f);
+fn forces(system: &System, configuration: Configuration<'_>, load: FaceLoad<'_>) -> Vec<f64> {
+    let mut f = vec![0.0; configuration.at.len()];
+    system.forces(configuration, load, &mut f);
     f
 }
 
@@ -176,7 +177,7 @@ fn forces_are_the_gradients_of_the_energies() {
     for kind in ELASTIC {
         let system = system_of(&patch(), kind);
         let x = waved(&system.model.reference, 1.1, 0.05, 2.1);
-        let f = forces(&system, Place::only(&x), UNLOADED);
+        let f = forces(&system, Configuration::only(&x), UNLOADED);
         let h = 1e-5;
         for i in 0..x.len() {
             let energy = |s: f64| {
@@ -221,7 +222,7 @@ fn forces_rotate_with_the_body_and_balance() {
                 let (x0, x1) = (moved(&x0), moved(&x1));
                 system.anchor(&x0);
                 let at = mix(&x0, &x1, weight);
-                let f = forces(&system, Place { at: &at, end: &x1, weight }, load);
+                let f = forces(&system, Configuration { at: &at, end: &x1, weight }, load);
                 (f, at, system.energy(&x1), system.dissipation(&x0, &x1))
             };
             let (f, at, energy, taken) = step(&|x| x.to_vec());
@@ -256,7 +257,7 @@ fn rigid_motion_causes_no_force() {
         let x = system.model.reference.clone();
         let there = shifted(&turned(&x));
         system.anchor(&x);
-        let f = forces(&system, Place::only(&there), UNLOADED);
+        let f = forces(&system, Configuration::only(&there), UNLOADED);
         assert!(norm(&f) < 1e-13, "{kind:?}: {f:?}");
         assert!(system.energy(&there).abs() < 1e-14 && system.dissipation(&x, &there).abs() < 1e-14);
     }
@@ -283,7 +284,7 @@ fn affine_map_leaves_inner_nodes_in_balance() {
             .flat_map(|p| [1.2 * p[0] + 0.1 * p[1], 1.1 * p[1] - 0.05 * p[0], 0.3 * p[0] - 0.2 * p[1]])
             .collect();
         let pressure = vec![0.0; m.faces.len()];
-        let f = forces(&system, Place::only(&x), FaceLoad { pressure: &pressure, traction: &[] });
+        let f = forces(&system, Configuration::only(&x), FaceLoad { pressure: &pressure, traction: &[] });
         let inner = inner_nodes(&m);
         assert!(!inner.is_empty() && norm(&f) > 1e-3, "{kind:?}");
         for n in inner {
@@ -306,15 +307,15 @@ fn tangents_are_the_derivatives_of_the_forces() {
                 let d: Vec<f64> = (0..n).map(|i| (i as f64 * seed).sin()).collect();
                 let force = |s: f64| {
                     let end: Vec<f64> = x1.iter().zip(&d).map(|(x, d)| x + s * d).collect();
-                    forces(&system, Place { at: &mix(&x0, &end, weight), end: &end, weight }, LOADED)
+                    forces(&system, Configuration { at: &mix(&x0, &end, weight), end: &end, weight }, LOADED)
                 };
                 let h = 1e-5;
                 let (up, down) = (force(h), force(-h));
                 let at = mix(&x0, &x1, weight);
                 let mut kd = vec![0.0; n];
-                let place = Place { at: &at, end: &x1, weight };
-                let plain = forces(&system, place, LOADED);
-                system.tangent(place, LOADED, weight, 0.0, &mut kd);
+                let configuration = Configuration { at: &at, end: &x1, weight };
+                let plain = forces(&system, configuration, LOADED);
+                system.tangent(configuration, LOADED, weight, 0.0, &mut kd);
                 assert!(largest_difference(&plain, &kd) < 1e-14, "{kind:?}: the same forces");
                 system.matrix.apply(&mut d.clone(), &mut kd);
                 for i in 0..n {
@@ -336,16 +337,16 @@ fn rows_of_some_nodes_are_those_of_all() {
         let x1 = waved(&x0, 1.02, 0.03, 1.3);
         let at = mix(&x0, &x1, 0.7);
         system.anchor(&x0);
-        let place = Place { at: &at, end: &x1, weight: 0.7 };
-        let (full, mut out) = (forces(&system, place, LOADED), vec![0.0; n]);
-        system.tangent(place, LOADED, 0.7, 3.0, &mut out);
+        let configuration = Configuration { at: &at, end: &x1, weight: 0.7 };
+        let (full, mut out) = (forces(&system, configuration, LOADED), vec![0.0; n]);
+        system.tangent(configuration, LOADED, 0.7, 3.0, &mut out);
         let blocks = system.matrix.values.clone();
         let w: Vec<f64> = (0..n).map(|i| (i as f64 * 0.3).cos()).collect();
         let mut inertia = vec![0.0; n];
         system.add_mass_product(&w, &mut inertia);
         for node in 0..n / 3 {
             let active: Vec<bool> = (0..n / 3).map(|k| k == node).collect();
-            system.balance_near(&active, place, LOADED, &w, &mut out);
+            system.balance_near(&active, configuration, LOADED, &w, &mut out);
             for i in 3 * node..3 * node + 3 {
                 assert!(
                     (out[i] - full[i] - inertia[i]).abs() < 1e-14,
@@ -355,8 +356,8 @@ fn rows_of_some_nodes_are_those_of_all() {
                 );
             }
             system.matrix.values.iter_mut().flatten().flatten().for_each(|v| *v = 7.0);
-            system.tangent_near(&active, place, LOADED, 0.7, 3.0, &mut out);
-            system.tangent_near(&active, place, LOADED, 0.7, 3.0, &mut out);
+            system.tangent_near(&active, configuration, LOADED, 0.7, 3.0, &mut out);
+            system.tangent_near(&active, configuration, LOADED, 0.7, 3.0, &mut out);
             for i in 3 * node..3 * node + 3 {
                 assert!((out[i] - full[i]).abs() < 1e-14, "{kind:?} {i}: {} {}", out[i], full[i]);
             }
@@ -382,12 +383,12 @@ fn the_drag_of_lines_has_its_derivative_by_velocity() {
             let d: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i % 3 == c))).collect();
             let force = |s: f64| {
                 let end: Vec<f64> = x1.iter().zip(&d).map(|(x, d)| x + s * d).collect();
-                forces(&system, Place { at: &mix(&x0, &end, weight), end: &end, weight }, UNLOADED)
+                forces(&system, Configuration { at: &mix(&x0, &end, weight), end: &end, weight }, UNLOADED)
             };
             let h = 1e-6;
             let (up, down) = (force(h), force(-h));
             let (at, mut kd) = (mix(&x0, &x1, weight), vec![0.0; n]);
-            system.tangent(Place { at: &at, end: &x1, weight }, UNLOADED, weight, 0.0, &mut kd);
+            system.tangent(Configuration { at: &at, end: &x1, weight }, UNLOADED, weight, 0.0, &mut kd);
             system.matrix.apply(&mut d.clone(), &mut kd);
             assert!(norm(&kd) > 0.01, "{kd:?}");
             for i in 0..n {
@@ -412,13 +413,13 @@ fn damping_takes_the_work_of_its_forces() {
         let x0 = waved(&system.model.reference, 1.1, 0.05, 2.1);
         let x1 = waved(&x0, 1.1, 0.08, 1.3);
         let at = mix(&x0, &x1, weight);
-        let place = Place { at: &at, end: &x1, weight };
+        let configuration = Configuration { at: &at, end: &x1, weight };
         system.anchor(&x0);
-        let mut f = forces(&system, place, UNLOADED);
+        let mut f = forces(&system, configuration, UNLOADED);
         if let Some(kind) = without {
             let mut elastic = system_of(&patch(), kind);
             elastic.anchor(&x0);
-            let all = forces(&elastic, place, UNLOADED);
+            let all = forces(&elastic, configuration, UNLOADED);
             f.iter_mut().zip(all).for_each(|(f, e)| *f -= e);
         }
         let du: Vec<f64> = x1.iter().zip(&x0).map(|(b, a)| b - a).collect();
@@ -443,7 +444,7 @@ fn steps_of_averaged_strains_store_their_work() {
         let x1 = waved(&x0, 1.1, 0.05, 1.3);
         system.anchor(&x0);
         let at = mix(&x0, &x1, 0.5);
-        let f = forces(&system, Place { at: &at, end: &x1, weight: 0.5 }, UNLOADED);
+        let f = forces(&system, Configuration { at: &at, end: &x1, weight: 0.5 }, UNLOADED);
         let du: Vec<f64> = x1.iter().zip(&x0).map(|(b, a)| b - a).collect();
         let (work, stored) = (dot(&f, &du), system.energy(&x1) - system.energy(&x0));
         assert!((work - stored).abs() < 1e-13 && stored > 1e-3, "{kind:?}: {work} {stored}");
@@ -491,8 +492,10 @@ fn bent_faces_have_the_load_of_bilinear_elements() {
         let x = waved(&system.model.reference, 1.1, 0.05, 2.1);
         let mut out = vec![0.0; x.len()];
         system.external(&x, pressed, &mut out);
-        let (full, free) =
-            (forces(&system, Place::only(&x), pressed), forces(&system, Place::only(&x), UNLOADED));
+        let (full, free) = (
+            forces(&system, Configuration::only(&x), pressed),
+            forces(&system, Configuration::only(&x), UNLOADED),
+        );
         let taken: Vec<f64> = free.iter().zip(&full).map(|(a, b)| a - b).collect();
         assert!(largest_difference(&taken, &out) < 1e-14, "{kind:?}");
         out
@@ -542,9 +545,9 @@ fn an_affine_map_has_its_closed_forms() {
             assert!((sum - exact).abs() < 1e-13, "{kind:?} {c}: {sum} {exact}");
         }
         // Loads count with the other sign among the forces.
-        let (loaded, free) = (forces(&system, Place::only(&x), load), {
+        let (loaded, free) = (forces(&system, Configuration::only(&x), load), {
             let none = vec![0.0; faces];
-            forces(&system, Place::only(&x), FaceLoad { pressure: &none, traction: &[] })
+            forces(&system, Configuration::only(&x), FaceLoad { pressure: &none, traction: &[] })
         });
         let difference: Vec<f64> = free.iter().zip(&loaded).map(|(a, b)| a - b).collect();
         assert!(largest_difference(&difference, &external) < 1e-14, "{kind:?}");
@@ -574,7 +577,7 @@ fn tensions_have_their_closed_form() {
     let mut line = Elements::reefing(&model, y, area, SCHEDULE, SKIRT);
     line.set_time(2.05);
     let mut f = vec![0.0; x.len()];
-    line.forces(Place::only(&x), UNLOADED, &mut f);
+    line.forces(Configuration::only(&x), UNLOADED, &mut f);
     // The first node has the first segment, the last the last; the second has that of the first with the other sign.
     let pulls = [0, 1, 2].map(|k| match k {
         0 => norm(&f[..3]),

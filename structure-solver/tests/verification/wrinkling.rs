@@ -1,7 +1,7 @@
 //! A tension field with a closed form: a strip in bending.
 
 use structure_solver::dynamics::Dynamics;
-use structure_solver::loops::{FaceLoad, Place};
+use structure_solver::loops::{Configuration, FaceLoad};
 use structure_solver::materials::TensionField;
 use structure_solver::scheme::Scheme;
 
@@ -52,7 +52,7 @@ pub fn bend(element: Element, n: usize, kappa_star: f64) -> [f64; 3] {
     rest(&mut d, load, [0.0; 3], 1e-4);
     let x = positions(&d);
     let mut f = vec![0.0; x.len()];
-    d.system.forces(Place::only(&x), load, &mut f);
+    d.system.forces(Configuration::only(&x), load, &mut f);
     let (mut tension, mut moment) = (0.0, 0.0);
     for (i, p) in m.coords.iter().enumerate().filter(|(_, p)| p[0] == h) {
         tension += f[3 * i];

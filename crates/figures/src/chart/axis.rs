@@ -50,7 +50,7 @@ impl Axis {
     }
 
     /// An axis from the smallest to the largest finite value, such as times.
-    pub fn through(label: &str, values: impl Iterator<Item = f64>) -> Self {
+    pub fn spanning(label: &str, values: impl Iterator<Item = f64>) -> Self {
         let shown = values.filter(|v| v.is_finite());
         let (low, high) = shown.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
         let range = if low < high {
@@ -220,8 +220,8 @@ mod tests {
             Axis::around("x", true, std::iter::empty()),
             Axis::around("x", false, [2.0, 2.0].into_iter()),
             Axis::around("x", false, [0.0, 0.0].into_iter()),
-            Axis::through("x", [3.0].into_iter()),
-            Axis::through("x", [f64::NAN].into_iter()),
+            Axis::spanning("x", [3.0].into_iter()),
+            Axis::spanning("x", [f64::NAN].into_iter()),
         ] {
             assert!(axis.range[1] > axis.range[0]);
         }

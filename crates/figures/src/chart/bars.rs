@@ -72,7 +72,7 @@ impl Bars {
         let rows = Axis::categories("", names).reversed();
         let most = self.rows.iter().map(Bar::total).fold(f64::MIN_POSITIVE, f64::max);
         let end = if self.shares { 100.0 } else { 1.02 * most };
-        let across = Axis::through(&self.label, [0.0, end].into_iter());
+        let across = Axis::spanning(&self.label, [0.0, end].into_iter());
         let totals = self.rows.iter().map(|r| width(&self.total_label(r), MARK) + 14.0);
         let margin =
             Margin { top: self.legend().height + 6.0, right: totals.fold(20.0, f64::max), left: 0.0 };
@@ -149,7 +149,7 @@ impl Columns {
         let across = Axis::categories(&self.across, names);
         let values = self.columns.iter().map(|c| c.1).filter(|v| v.is_finite());
         let most = values.fold(f64::MIN_POSITIVE, f64::max);
-        let up = Axis::through(&self.label, [0.0, 1.12 * most].into_iter());
+        let up = Axis::spanning(&self.label, [0.0, 1.12 * most].into_iter());
         Plot::new(&across, &up, Self::SIZE, Margin { top: 12.0, right: 16.0, left: 0.0 })
     }
 

@@ -55,7 +55,7 @@ pub struct Panels {
 /// let points: Vec<[f64; 2]> = (0..=20).map(|i| f64::from(i) * 0.1).map(|t| [t, 4.0 - t.exp2()]).collect();
 /// let panel = Panel {
 ///     title: "Descent".into(),
-///     x: Axis::through("time (s)", points.iter().map(|p| p[0])),
+///     x: Axis::spanning("time (s)", points.iter().map(|p| p[0])),
 ///     y: Axis::around("descent speed (m/s)", false, points.iter().map(|p| p[1])),
 ///     series: vec![Series::curve("computed", colour::series(0), points)],
 ///     band: None,

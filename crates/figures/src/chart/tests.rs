@@ -108,7 +108,7 @@ fn values_that_are_not_finite_are_accepted() {
     for logarithmic in [false, true] {
         let panel = Panel {
             title: String::new(),
-            x: Axis::through("time, s", points.iter().map(|p| p[0])),
+            x: Axis::spanning("time, s", points.iter().map(|p| p[0])),
             y: Axis::around("a < b", logarithmic, points.iter().map(|p| p[1])),
             series: vec![Series::curve("", series(0), points.clone())],
             band: None,

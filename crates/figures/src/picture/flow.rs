@@ -8,7 +8,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::legend::{Legend, Range};
-use super::raster::{Place, Raster};
+use super::raster::{Position, Raster};
 use super::slice::{NodeSpeeds, Patch, Plane};
 use super::view::{DARK, bounds};
 use crate::colour::{COOL, INK, PAPER, Rgb};
@@ -131,7 +131,7 @@ impl Flow {
         let scale = w / (high[0] - low[0]).max(1e-9);
         let field_height = (scale * (high[1] - low[1])).clamp(0.2 * w, 2.0 * w).round();
         let mut raster = Raster::new(look.width, (field_height + BELOW * look.text) as u32);
-        let place = |p: [f64; 2]| -> Place { [scale * (p[0] - low[0]), scale * (high[1] - p[1]), 0.0] };
+        let place = |p: [f64; 2]| -> Position { [scale * (p[0] - low[0]), scale * (high[1] - p[1]), 0.0] };
         let legend = legend(look.fastest);
         for patch in &self.patches {
             let middle = patch.middle();
@@ -158,7 +158,7 @@ impl Flow {
     fn write_on<DB: Canvas>(
         &self,
         area: &DrawingArea<DB, Shift>,
-        place: impl Fn([f64; 2]) -> Place,
+        place: impl Fn([f64; 2]) -> Position,
         h: f64,
         look: &Look<'_>,
     ) -> Drawn<DB> {
@@ -186,7 +186,7 @@ impl Flow {
 
     /// Arrows of the in-plane velocity on a regular lattice, with the length of the spacing at the largest speed. Each
     /// arrow is a polyline through its tail, tip and head.
-    fn arrows(&self, place: impl Fn([f64; 2]) -> Place, look: &Look<'_>) -> Vec<Vec<[f64; 2]>> {
+    fn arrows(&self, place: impl Fn([f64; 2]) -> Position, look: &Look<'_>) -> Vec<Vec<[f64; 2]>> {
         let [low, high] = self.window;
         let (columns, fastest) = (look.arrows, look.fastest);
         let spacing = (high[0] - low[0]) / f64::from(columns);

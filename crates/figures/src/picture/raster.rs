@@ -4,7 +4,7 @@ use crate::colour::{PAPER, Rgb};
 use crate::pixels::{FINE, Samples};
 
 /// A point in the picture: pixels right and down, and depth.
-pub(super) type Place = [f64; 3];
+pub(super) type Position = [f64; 3];
 
 /// The raster: colours and depths of the samples.
 pub(super) struct Raster {
@@ -35,7 +35,7 @@ impl Raster {
     }
 
     /// Draws a triangle with linear interpolation of its corner colours, where it is nearest.
-    pub(super) fn triangle(&mut self, corners: [Place; 3], colours: [Rgb; 3]) {
+    pub(super) fn triangle(&mut self, corners: [Position; 3], colours: [Rgb; 3]) {
         let fine = f64::from(FINE);
         let [width, height] = self.samples.size().map(|s| (s * FINE) as usize);
         let p = corners.map(|c| [c[0] * fine, c[1] * fine]);
@@ -70,7 +70,7 @@ impl Raster {
     }
 
     /// Draws a convex polygon of one colour.
-    pub(super) fn polygon(&mut self, corners: &[Place], colour: Rgb) {
+    pub(super) fn polygon(&mut self, corners: &[Position], colour: Rgb) {
         if let [first, rest @ ..] = corners {
             for pair in rest.windows(2) {
                 self.triangle([*first, pair[0], pair[1]], [colour; 3]);
@@ -79,7 +79,7 @@ impl Raster {
     }
 
     /// Draws a straight line, `width` pixels wide, with square ends.
-    pub(super) fn line(&mut self, ends: [Place; 2], width: f64, colour: Rgb) {
+    pub(super) fn line(&mut self, ends: [Position; 2], width: f64, colour: Rgb) {
         let [a, b] = ends;
         let along = [b[0] - a[0], b[1] - a[1]];
         let length = along[0].hypot(along[1]);
@@ -88,7 +88,7 @@ impl Raster {
         }
         let [x, y] = along.map(|d| 0.5 * width * d / length);
         // Longer by half its width, so that no gap opens between two lines that meet.
-        let corner = |e: Place, s: f64, t: f64| [e[0] - s * y + t * x, e[1] + s * x + t * y, e[2]];
+        let corner = |e: Position, s: f64, t: f64| [e[0] - s * y + t * x, e[1] + s * x + t * y, e[2]];
         let corners =
             [corner(a, 1.0, -1.0), corner(b, 1.0, 1.0), corner(b, -1.0, 1.0), corner(a, -1.0, -1.0)];
         self.polygon(&corners, colour);

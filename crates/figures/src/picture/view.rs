@@ -5,7 +5,7 @@ use mesh::geometry::{Vec3, at};
 use mesh::vtk::read::Piece;
 
 use super::legend::Legend;
-use super::raster::{Place, Raster};
+use super::raster::{Position, Raster};
 use crate::colour::Rgb;
 
 /// Lines of the parachute.
@@ -63,7 +63,7 @@ impl View {
     }
 
     /// Projects a point.
-    pub(super) fn place(&self, point: Point) -> Place {
+    pub(super) fn place(&self, point: Point) -> Position {
         let d = Vec3::from(point) - self.eye;
         let depth = -d.dot(&self.axes[2]);
         // `right.cross(&back)` points downwards, as pixels do.
@@ -116,7 +116,7 @@ pub(super) fn at_points(canopy: &Piece, cell_values: &[f64]) -> (Vec<f64>, Vec<V
 pub(super) fn draw(raster: &mut Raster, view: &View, body: &Body, legend: &Legend, pen: f64) {
     let canopy = body.canopy;
     let (_, normals) = at_points(canopy, &vec![0.0; canopy.n_cells()]);
-    let places: Vec<Place> = canopy.points.iter().map(|&p| view.place(p)).collect();
+    let places: Vec<Position> = canopy.points.iter().map(|&p| view.place(p)).collect();
     let colours: Vec<Rgb> =
         (0..places.len()).map(|i| lit(legend.colour(body.values[i]), normals[i], view)).collect();
     for cell in 0..canopy.n_cells() {
@@ -128,12 +128,12 @@ pub(super) fn draw(raster: &mut Raster, view: &View, body: &Body, legend: &Legen
         }
     }
     // Lines lie a little nearer than the fabric that they touch.
-    let near = |p: Place| [p[0], p[1], p[2] * 0.998];
+    let near = |p: Position| [p[0], p[1], p[2] * 0.998];
     for [a, b] in hem(canopy) {
         raster.line([near(places[a as usize]), near(places[b as usize])], 1.3 * pen, [0.25, 0.18, 0.28]);
     }
     let Some(lines) = body.lines else { return };
-    let places: Vec<Place> = lines.points.iter().map(|&p| view.place(p)).collect();
+    let places: Vec<Position> = lines.points.iter().map(|&p| view.place(p)).collect();
     for cell in 0..lines.n_cells() {
         for ends in lines.edges(cell) {
             raster.line(ends.map(|i| near(places[i as usize])), pen, DARK);

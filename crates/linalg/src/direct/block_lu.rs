@@ -42,7 +42,7 @@ pub enum FactorError {
 
 /// Where the factor of one front lies in the common storage. Rows and columns are filled
 /// up with zeros to whole vector registers.
-struct Place {
+struct FrontLocation {
     n1: usize,
     n2: usize,
     /// `R`, `n1 x (n1 + n2)` by rows.
@@ -51,7 +51,7 @@ struct Place {
     h: std::ops::Range<usize>,
 }
 
-impl Place {
+impl FrontLocation {
     /// Length of a row of `R`.
     fn row(&self) -> usize {
         padded(self.n1 + self.n2)
@@ -65,7 +65,7 @@ impl Place {
 /// LU factor of a matrix of `B x B` blocks, stored in precision `T`.
 pub(crate) struct BlockLu<const B: usize, T: Real> {
     plan: Symbolic,
-    places: Vec<Place>,
+    places: Vec<FrontLocation>,
     /// `R` of all fronts and `H` of all fronts, each in the order in which a solve reads them.
     r: Vec<T>,
     h: Vec<T>,
@@ -90,7 +90,7 @@ struct Work<T> {
 
 impl<T: Real> Work<T> {
     /// Fills the parts of a front with zeros; returns that of its update.
-    fn cleared_front(&mut self, place: &Place) -> Vec<T> {
+    fn cleared_front(&mut self, place: &FrontLocation) -> Vec<T> {
         let (n1, n2) = (place.n1, place.n2);
         let mut update = self.pool.pop().unwrap_or_default();
         for (part, n) in [
@@ -107,7 +107,7 @@ impl<T: Real> Work<T> {
 
     /// Eliminates rows 1 of the assembled front: fills `r` and `h` of the factor and leaves the Schur complement
     /// in `update`. False where the factor is not finite.
-    fn eliminate(&mut self, place: &Place, r: &mut [T], h: &mut [T], update: &mut [T]) -> bool {
+    fn eliminate(&mut self, place: &FrontLocation, r: &mut [T], h: &mut [T], update: &mut [T]) -> bool {
         let (n1, n2) = (place.n1, place.n2);
         // By rows: the transpose by columns.
         let by_rows = MatMut::from_column_major_slice_with_stride_mut(&mut *r, n1 + n2, n1, place.row());
@@ -183,10 +183,10 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
 
     /// Lays out the factor and its work space.
     fn of_plan(plan: Symbolic) -> Self {
-        let mut places: Vec<Place> = plan
+        let mut places: Vec<FrontLocation> = plan
             .fronts
             .iter()
-            .map(|f| Place { n1: f.n_pivot * B, n2: f.pattern.len() * B, r: 0..0, h: 0..0 })
+            .map(|f| FrontLocation { n1: f.n_pivot * B, n2: f.pattern.len() * B, r: 0..0, h: 0..0 })
             .collect();
         let (h, mut at) = whole_lines(places.iter().map(|p| p.n1 * p.column()).sum());
         for p in &mut places {
@@ -198,7 +198,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             p.r = at..at + p.n1 * p.row();
             at = p.r.end;
         }
-        let most = |f: fn(&Place) -> usize| places.iter().map(f).max().unwrap_or(0);
+        let most = |f: fn(&FrontLocation) -> usize| places.iter().map(f).max().unwrap_or(0);
         let n1 = most(|p| p.n1);
         let stack = StackReq::or(
             pivoted::factor::lu_in_place_scratch::<usize, T>(n1, n1, Par::Seq, Default::default()),
@@ -228,7 +228,7 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
 
     /// Multiplications (each with an addition) of a factorisation that stores no inverse.
     pub fn flops(&self) -> u64 {
-        let of = |p: &Place| p.n1 * (p.n1 * p.n1 / 3 + p.n1 * p.n2 + p.n2 * p.n2);
+        let of = |p: &FrontLocation| p.n1 * (p.n1 * p.n1 / 3 + p.n1 * p.n2 + p.n2 * p.n2);
         self.places.iter().map(|p| of(p) as u64).sum()
     }
 
