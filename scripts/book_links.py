@@ -35,13 +35,13 @@ def corrected(page, book, docs):
             index = re.sub(r"README\.html$", "index.html", match[2])
             return match[1] + (match[2] if os.path.exists(inside) else index) + match[3]
         file = os.path.normpath(source / match[2])
+        count += 1
         api = crate_page(file, book)
         if api:
             return match[1] + os.path.relpath(api, page.parent) + match[3]
         markdown = re.sub(r"\.html$", ".md", file)
         if not os.path.exists(file) and os.path.exists(markdown):
             file = markdown
-        count += 1
         return match[1] + os.path.relpath(file, page.parent) + match[3]
 
     return LINK.sub(correct, page.read_text()), count
@@ -56,7 +56,7 @@ def main():
         total += count
         if count:
             page.write_text(text)
-    print(f"book: {total} links lead to files of the repository")
+    print(f"book: {total} links lead to the API documentation or to files of the repository")
 
 
 main()

@@ -63,6 +63,26 @@ fn megabytes(text: &str) -> Result<f64, String> {
 ///
 /// # Errors
 /// The folder contains no run, a result cannot be read, or a file cannot be written.
+///
+/// # Examples
+///
+/// As a command of another program:
+///
+/// ```
+/// use clap::Parser;
+/// use report::{ReportArgs, report};
+/// use terminal::Console;
+///
+/// #[derive(Parser)]
+/// struct Command {
+///     #[command(flatten)]
+///     report: ReportArgs,
+/// }
+///
+/// let command = Command::parse_from(["report", "runs/no-such-run", "--markdown"]);
+/// let error = report(&command.report, &Console::new(true)).unwrap_err();
+/// assert!(error.to_string().contains("runs/no-such-run"), "{error}");
+/// ```
 pub fn report(args: &ReportArgs, console: &Console) -> Result<(), RunError> {
     let run = Run::open(&args.run)?;
     let document = document::document(&run, (args.canopy_mb * 1e6) as usize)?;
