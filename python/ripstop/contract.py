@@ -55,9 +55,9 @@ class Header(ctypes.Structure):
     def problem(self, session, role, rank, length):
         """What is wrong with the parts that every message shares; None if nothing is."""
         for what, found, expected in [
-            ("magic number", self.magic, MAGIC),
+            ("magic number", f"{self.magic:#x}", f"{MAGIC:#x}"),
             ("contract version", self.contract, VERSION),
-            ("session", f"{self.session:x}", f"{session:x}"),
+            ("session", f"{self.session:#x}", f"{session:#x}"),
             ("sender", f"{self.role}.{self.rank}", f"{role}.{rank}"),
             ("length", self.length, length),
         ]:

@@ -1,4 +1,4 @@
-"""What a solver program is to the rest of the system."""
+"""Interface of a solver program: `Participant`, and its arguments, `Run`."""
 
 import argparse
 import json
@@ -121,7 +121,7 @@ def load_state(path):
     except (OSError, ValueError) as error:
         why = f" ({error})" if isinstance(error, OSError) else ""
         raise Fault(
-            f"{path} is no state that this program wrote{why}: run the earlier stage with this program too"
+            f"{path} is not a state of this program{why}: run the earlier stage with this program too"
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""The loop of one rank of a participant."""
+"""Serves one rank of a participant."""
 
 import json
 import os
@@ -44,6 +44,15 @@ def main(make):
         sys.exit(f"{make.program or make.__name__}: {error}")
 
 
+# Programs by role, as the messages of the coupler name them.
+PROGRAMS = {"structure": "structure-solver", "mesh": "mesh-mover", "flow": "flow-solver"}
+
+
+def spelled(kind):
+    """Name of a message kind as the contract spells it, such as `SendLayout`; None is an unknown code."""
+    return kind.name.title().replace("_", "") if kind is not None else "an unknown kind"
+
+
 def describe(error):
     """One message for an exception: its place in the participant, where it is no `Fault`."""
     if isinstance(error, Fault):
@@ -60,8 +69,8 @@ def describe(error):
 def report(run, role, message):
     """Reports to the coupler that this rank cannot start."""
     try:
-        post = Post(run, role, 0.2)
-        post.tell_fault(post.answer_sender(TEXT_WORDS), 0, Window(), message)
+        member = Membership(run, role, 0.2)
+        member.send_fault(member.answer_sender(TEXT_WORDS), 0, Window(), message)
         # The coupler connects to a new sender when it next looks: stay until then.
         time.sleep(0.3)
     except Exception as error:  # the end of the process shows it too
@@ -71,33 +80,38 @@ def report(run, role, message):
 def serve(participant, run, guardian=None):
     """Serves one rank from the handshake to the coupler's `stop`; returns the number of
     accepted windows. A fault of the participant is reported to the coupler first."""
-    post = Post(run, participant.role, run.deadline_s)
-    guardian = guardian or Guardian(post.notice, post.coupler)
+    member = Membership(run, participant.role, run.deadline_s)
+    guardian = guardian or Guardian(member.notice, member.coupler)
     try:
-        server = RankServer(participant, post)
+        server = RankServer(participant, member)
         server.handshake()
         return server.run(guardian)
     finally:
-        post.close()
+        member.close()
 
 
-class Post:
+class Membership:
     """A rank's membership of a session."""
 
-    def __init__(self, run, role, patience):
+    def __init__(self, run, role, timeout_s):
         self.at, self.role = run, role
         place = Place(run.session)
-        self.notice, self.coupler = find_coupler(place, patience)
+        self.notice, self.coupler = find_coupler(place, timeout_s)
         self.id = int(self.notice["id"], 16)
         self.ranks = dict(self.notice["roles"])
         expected = self.ranks.get(role, 0)
         if run.rank >= expected:
-            raise Fault(f"session `{run.session}` has {expected} ranks of {role}, this is rank {run.rank}")
+            raise Fault(
+                f"session `{run.session}` has {expected} ranks of {PROGRAMS[role]}, this is rank {run.rank} of {run.ranks}: "
+                "start it with the number of ranks that the coupler expects"
+            )
         me = f"{role}.{run.rank}"
         try:
             self.lock = Lock(place.lock_file(me))
         except BlockingIOError as error:
-            raise Fault(f"session `{run.session}` already has a {me}: it was started twice") from error
+            raise Fault(
+                f"session `{run.session}` already has a {PROGRAMS[role]} (rank {run.rank}): it was started twice"
+            ) from error
         self.link = Link(place, me)
         self.ports = []
         flows = self.ranks.get("flow", 0)
@@ -138,59 +152,66 @@ class Post:
             window=window or Window(),
         )
 
-    def tell_fault(self, answers, sequence, window, message):
+    def send_fault(self, answers, sequence, window, message):
         """Reports a fault to the coupler."""
         answers.send_text(self.header(Kind.FAULT, sequence, window), message)
         self.coupler_bell.ring()
 
+    def coupler_name(self):
+        """The coupler, as messages name it."""
+        return f"the coupler of session `{self.at.session}` (process {self.notice['pid']})"
+
     def wait(self, step, poll):
-        """Polls, and sleeps in between until somebody rings."""
+        """Polls, and sleeps between polls until a notification."""
         start = time.monotonic()
         while True:
-            # Looked at first: what the coupler sent before it died still counts.
+            # Checked before the poll: messages sent before the coupler died are still valid.
             alive = self.coupler.is_held()
             found = poll()
             if found is not None:
                 return found
-            where = f"the coupler of session `{self.at.session}` (process {self.notice['pid']})"
+            where = self.coupler_name()
             if not alive:
                 raise Ended(f"{where} died in {during(*step)}")
             limit = LOOK_S
             if self.at.deadline_s:
                 left = self.at.deadline_s - (time.monotonic() - start)
                 if left <= 0:
-                    raise Ended(f"{where} said nothing in {during(*step)} for {self.at.deadline_s} s")
+                    raise Ended(
+                        f"{where} sent nothing in {during(*step)} for {self.at.deadline_s:.1f} s "
+                        "(the deadline of this program)"
+                    )
                 limit = min(limit, left)
             self.sleeper.sleep(limit)
 
 
 class RankServer:
-    """The place of one rank in a session: its channels, and where it stands."""
+    """Serves the commands of one rank: its channels and the state of its windows."""
 
-    def __init__(self, participant, post):
-        self.participant, self.post = participant, post
-        self.role, self.rank = post.role, post.at.rank
+    def __init__(self, participant, member):
+        self.participant, self.member = participant, member
+        self.role, self.rank = member.role, member.at.rank
         self.sequence, self.step = 0, (Kind.ANNOUNCE, Window())
         self.unit = OUTPUT[self.role]
         self.layout_out = self.grid_out = None
         self.pieces, self.index = [], np.arange(0)
         self.open = self.last = None
-        self.commands = post.keep(post.link.receiver(service("command", self.role), post.ranks[self.role]))
-        self.readable = 1 + post.ranks.get("flow", 0)
+        self.commands = member.keep(member.link.receiver(service("command", self.role), member.ranks[self.role]))
+        self.readable = 1 + member.ranks.get("flow", 0)
         self.answers = None
         hello = self.guarded(self.hello)
         words = len(self.output_rows) * WIDTH[self.unit]
         if self.role == "mesh":
             name = service("grid", rank=self.rank)
-            self.grid_out = post.keep(post.link.sender(name, words, self.readable, newest_wins=True))
+            self.grid_out = member.keep(member.link.sender(name, words, self.readable, newest_wins=True))
             words = 0
-        self.answers = post.answer_sender(max(words, TEXT_WORDS, len(hello)))
-        self.answers.send_text(post.header(Kind.ANNOUNCE, 0), hello)
-        post.coupler_bell.ring()
+        self.answers = member.answer_sender(max(words, TEXT_WORDS, len(hello)))
+        self.answers.send_text(member.header(Kind.ANNOUNCE, 0), hello)
+        member.coupler_bell.ring()
 
     def hello(self):
         """The announcement, as text."""
-        p, at = self.participant, self.post.at
+        p, at = self.participant, self.member.at
         self.output_rows = np.asarray(p.output_rows(), dtype=np.uint64)
         self.grid_rows = np.asarray(p.grid_rows(), dtype=np.uint64)
         announcement = {
@@ -210,26 +231,26 @@ class RankServer:
 
     def handshake(self):
         """Up to the first window."""
-        post, link = self.post, self.post.link
+        member, link = self.member, self.member.link
         self.welcome = json.loads(self.text(self.expect(Kind.WELCOME)))
         layouts = []
         if self.role == "flow":
             for rank in range(len(self.welcome["mesh_rows"])):
                 name = service("grid", rank=rank)
-                self.pieces.append(post.keep(link.receiver(name, self.readable, newest_wins=True)))
-                layouts.append(post.keep(link.receiver(service("layout", "mesh", rank), self.readable)))
+                self.pieces.append(member.keep(link.receiver(name, self.readable, newest_wins=True)))
+                layouts.append(member.keep(link.receiver(service("layout", "mesh", rank), self.readable)))
         self.done()
         self.expect(Kind.SEND_LAYOUT).drop()
         rows = np.concatenate([self.output_rows, self.grid_rows]).astype(float)
         mesh = self.role == "mesh"
         receivers = self.readable if mesh else 1
-        self.layout_out = post.keep(link.sender(service("layout", self.role, self.rank), len(rows), receivers))
+        self.layout_out = member.keep(link.sender(service("layout", self.role, self.rank), len(rows), receivers))
         loan = self.layout_out.loan(len(rows))
         loan.payload[:] = rows
-        got = loan.send(post.header(Kind.LAYOUT, self.sequence, None, Unit.ROWS, len(rows)))
+        got = loan.send(member.header(Kind.LAYOUT, self.sequence, None, Unit.ROWS, len(rows)))
         self.delivered(Kind.LAYOUT, got, 1 + (self.welcome["grid_readers"] if mesh else 0))
-        if post.readers:
-            post.readers.ring()
+        if member.readers:
+            member.readers.ring()
         if layouts:
             self.index_grid(layouts)
         self.done()
@@ -246,7 +267,7 @@ class RankServer:
             message.drop()
         missing = [int(row) for row in self.grid_rows if int(row) not in place]
         if missing:
-            self.broken(f"grid node {missing[0]}, which this rank reads, is on no rank of the mesh")
+            self.broken(f"grid node {missing[0]}, which this rank reads, is on no rank of the mesh-mover")
         self.index = np.array([place[int(row)] for row in self.grid_rows], dtype=int)
 
     def run(self, guardian):
@@ -278,23 +299,26 @@ class RankServer:
                 self.done()
                 return accepted
             else:
-                self.broken(f"{kind.name} between windows")
+                self.broken(f"unexpected command `{spelled(kind)}` between windows")
 
     def turn(self, w):
-        """What is wrong with computing window `w` now, if anything."""
+        """The problem with computing window `w` now, or None."""
         if self.open and (w.index != self.open[0] or w.iteration <= self.open[1]):
-            return f"window {w.index} iteration {w.iteration} after {self.open}, which was not accepted"
+            return (
+                f"window {w.index} iteration {w.iteration} after window {self.open[0]} "
+                f"iteration {self.open[1]}, which was not accepted"
+            )
         if not self.open and self.last is not None and w.index != self.last + 1:
             return f"window {w.index} after window {self.last} was accepted"
         if not (0 < w.dt < np.inf and np.isfinite(w.time)):
-            return f"a window from {w.time} s of {w.dt} s"
+            return f"an invalid window: start {w.time} s, length {w.dt} s"
         self.open = (w.index, w.iteration)
         return None
 
     def advance(self, command, w):
         """One window: input read in place, output written in place."""
         if self.layout_out:
-            self.post.ports.remove(self.layout_out)
+            self.member.ports.remove(self.layout_out)
             self.layout_out.close()
             self.layout_out = None
         problem = self.turn(w)
@@ -307,7 +331,7 @@ class RankServer:
         grid = self.moved_grid(w)
         loan = (self.grid_out or self.answers).loan(len(self.output_rows) * WIDTH[self.unit])
         start = time.monotonic()
-        header = self.post.header(Kind.OUTPUT, self.sequence, w)
+        header = self.member.header(Kind.OUTPUT, self.sequence, w)
 
         def compute():
             output = loan.payload.reshape(-1, WIDTH[self.unit])
@@ -323,11 +347,11 @@ class RankServer:
         command.drop()
         words = len(loan.payload)
         if self.grid_out:
-            got = loan.send(self.post.header(Kind.GRID, self.sequence, w, self.unit, words))
+            got = loan.send(self.member.header(Kind.GRID, self.sequence, w, self.unit, words))
             readers = self.welcome["grid_readers"] + self.welcome["coupler_reads_grid"]
             self.delivered(Kind.GRID, got, readers)
-            if self.post.readers:
-                self.post.readers.ring()
+            if self.member.readers:
+                self.member.readers.ring()
             self.answer(self.answers.send(header))
         else:
             header.unit, header.length = self.unit, words
@@ -345,7 +369,7 @@ class RankServer:
                         return message
                     message.drop()
                     if found > (w.index, w.iteration):
-                        self.broken(f"the mesh (rank {rank}) is ahead, in window {found[0]} iteration {found[1]}")
+                        self.broken(f"the mesh-mover (rank {rank}) is ahead, in window {found[0]} iteration {found[1]}")
                 command = self.commands.receive()
                 if command:
                     self.end_early(command)
@@ -364,43 +388,43 @@ class RankServer:
             row, component = bad[0]
             raise Fault(
                 f"component {component} of output row {self.output_rows[row]} is {output[row, component]} (NaN "
-                "also where it was not written): the solution has diverged or the row was left out"
+                "also where it was not written): the solution has diverged or the row was not written"
             )
 
     def guarded(self, call, loan=None):
-        """A call of the participant; whatever it raises is reported."""
+        """Runs a function of the participant; reports any exception to the coupler."""
         try:
             return call()
         except BaseException as error:
             message = describe(error)
             if loan:
                 loan.drop()  # only one message can be in the making
-            self.answers = self.answers or self.post.answer_sender(TEXT_WORDS)
-            self.post.tell_fault(self.answers, self.sequence, self.step[1], message)
+            self.answers = self.answers or self.member.answer_sender(TEXT_WORDS)
+            self.member.send_fault(self.answers, self.sequence, self.step[1], message)
             raise Ended(f"{during(*self.step)}: {message}") from None
 
     def broken(self, problem):
         """Ends this rank because another process violated the contract; reports it to the coupler."""
-        self.post.tell_fault(self.answers, self.sequence, self.step[1], problem)
-        raise Ended(f"message out of turn in {during(*self.step)}: {problem}")
+        self.member.send_fault(self.answers, self.sequence, self.step[1], problem)
+        raise Ended(f"message out of order in {during(*self.step)}: {problem}")
 
     def check(self, message, role, rank, kind, unit):
-        """Ends this rank where another's message is not what is due."""
-        problem = message.header.problem(self.post.id, ROLES[role], rank, len(message.payload))
+        """Ends this rank if a message of another rank is not the expected one."""
+        problem = message.header.problem(self.member.id, ROLES[role], rank, len(message.payload))
         if not problem and (message.header.kind, message.header.unit) != (kind, unit):
-            problem = f"kind {message.header.kind} where {kind.name} was due"
+            problem = f"kind {message.header.kind} where {spelled(kind)} was expected"
         if problem:
             self.broken(f"{role} (rank {rank}): {problem}")
 
     def wait(self, poll):
         """Polls asleep."""
-        return self.post.wait(self.step, poll)
+        return self.member.wait(self.step, poll)
 
     def next(self):
         """The next command."""
         command = self.wait(self.commands.receive)
         header = command.header
-        problem = header.problem(self.post.id, COUPLER, 0, len(command.payload))
+        problem = header.problem(self.member.id, COUPLER, 0, len(command.payload))
         if not problem and header.sequence != self.sequence + 1:
             problem = f"command {header.sequence} after command {self.sequence}"
         if not problem and command.kind is None:
@@ -417,7 +441,7 @@ class RankServer:
         """The next command, which must be of this kind."""
         command = self.next()
         if command.kind != kind:
-            self.broken(f"{command.kind.name} where {kind.name} was due")
+            self.broken(f"{spelled(command.kind)} where {spelled(kind)} was expected")
         return command
 
     def end_early(self, command):
@@ -427,7 +451,7 @@ class RankServer:
             raise Ended(message)
         if kind == Kind.ABORT:
             raise Ended(f"the run was ended in {during(*self.step)}: {message}")
-        self.broken(f"command {kind} before the last was answered")
+        self.broken(f"command {spelled(kind)} before the last one was answered")
 
     def text(self, message):
         """Text of a message."""
@@ -437,16 +461,16 @@ class RankServer:
 
     def done(self):
         """Answers the last command."""
-        self.answer(self.answers.send(self.post.header(Kind.DONE, self.sequence, self.step[1])))
+        self.answer(self.answers.send(self.member.header(Kind.DONE, self.sequence, self.step[1])))
 
     def answer(self, got):
         """An answer was sent."""
         self.delivered(Kind.OUTPUT, got, 1)
-        self.post.coupler_bell.ring()
+        self.member.coupler_bell.ring()
 
     def delivered(self, kind, got, expected):
-        """Ends this rank where a message missed a reader."""
+        """Ends this rank if a message did not reach every reader."""
         if got != expected:
-            if not self.post.coupler.is_held():
-                raise Ended(f"the coupler died in {during(*self.step)}")
-            self.broken(f"{kind.name} reached {got} of {expected} readers")
+            if not self.member.coupler.is_held():
+                raise Ended(f"{self.member.coupler_name()} died in {during(*self.step)}")
+            self.broken(f"`{spelled(kind)}` reached {got} of {expected} readers")

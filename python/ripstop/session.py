@@ -1,4 +1,4 @@
-"""Where a session lives on this machine, and who of it is alive."""
+"""Paths of a session on this machine, and locks that show which of its processes run."""
 
 import fcntl
 import json
@@ -56,7 +56,7 @@ class Lock:
 
 
 class Watch:
-    """An eye on the lock of another process."""
+    """Observes the lock of another process."""
 
     def __init__(self, path):
         self.file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -67,8 +67,8 @@ class Watch:
         return struct.unpack(FLOCK, answer)[0] != fcntl.F_UNLCK
 
 
-def find_coupler(place, patience=None):
-    """Notice and watch of a live coupler, waited for `patience` seconds (None: for ever)."""
+def find_coupler(place, timeout_s=None):
+    """Notice and watch of a live coupler; waits for `timeout_s` seconds (None: for ever)."""
     start = time.monotonic()
     while True:
         notice = place.notice()
@@ -80,16 +80,16 @@ def find_coupler(place, patience=None):
             break
         if watch:
             os.close(watch.file)
-        if patience is not None and time.monotonic() - start >= patience:
+        if timeout_s is not None and time.monotonic() - start >= timeout_s:
             raise Fault(
-                f"no coupler opened session `{place.session}` within {patience} s: "
+                f"no coupler opened session `{place.session}` within {timeout_s:.1f} s: "
                 "start `ripstop run` or `ripstop attach` first"
             )
         time.sleep(0.02)
     if notice["contract"] != VERSION:
         raise Fault(
-            f"the coupler of session `{place.session}` speaks contract version {notice['contract']}, "
-            f"this participant speaks {VERSION}: take both from the same version"
+            f"the coupler of session `{place.session}` uses contract version {notice['contract']}, "
+            f"this participant uses {VERSION}: build both from the same version"
         )
     return notice, watch
 
