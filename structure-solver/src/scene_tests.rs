@@ -202,11 +202,11 @@ fn an_orthotropic_bag_knows_its_warp() {
 }
 
 #[test]
-fn a_warp_that_stands_on_a_panel_is_refused() {
+fn warp_direction_normal_to_a_panel_is_refused() {
     let fabric =
         "[fabric.orthotropic]\nyoungs_modulus_2_pa = 1e8\nshear_modulus_pa = 1e7\ndirection = [0, 0, 1]";
     let error = structure(&scene(BAG, fabric, LAST), None).err().expect("no direction");
-    assert!(error.contains("stands on face 0"), "{error}");
+    assert!(error.contains("normal to face 0"), "{error}");
 }
 
 /// Cables along x, rest length 1 m each.
