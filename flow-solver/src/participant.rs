@@ -78,7 +78,13 @@ fn started<G: Gas<N>, const N: usize>(
     let topology = setup.topology(comm, viscosity.is_active())?;
     let nodes = topology.node_global.iter().map(|&n| setup.grid.coords[n as usize].into()).collect();
     let limiter = setup.flow.limiter.as_ref().map(|l| l.k);
-    let spatial = Spatial { gas, viscosity, chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 }, limiter };
+    let spatial = Spatial {
+        gas,
+        viscosity,
+        chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 },
+        limiter,
+        upwind_share: setup.flow.convection.upwind_share,
+    };
     let mut solver = Solver::new(comm, topology, nodes, spatial, setup.settings).map_err(Fault::new)?;
     if let Some(shear) = &setup.shear {
         solver.set_shear(shear.clone());

@@ -7,7 +7,8 @@ use crate::geometry::{FaceMetric, Metrics};
 use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
 use crate::physics::{
-    self, BoundaryFace, FaceFlux, FluxParameters, Gas, Interface, Viscosity, ViscosityModel, velocity,
+    self, Blending, BoundaryFace, FaceFlux, FluxParameters, Gas, Interface, Viscosity, ViscosityModel,
+    velocity,
 };
 use crate::topology::{OpenSides, Side, Topology};
 
@@ -24,6 +25,8 @@ pub struct Spatial<G, V = ViscosityModel> {
     pub chi: f64,
     /// Venkatakrishnan's K where gradients are limited.
     pub limiter: Option<f64>,
+    /// Smallest upwind share of the convective flux, see [`Blending`]: 1 is upwind everywhere.
+    pub upwind_share: f64,
 }
 
 /// Evaluates `$body` with `$typed`, the scheme `$spatial` with the type of its viscosity.
@@ -99,14 +102,14 @@ struct Between<'a> {
 impl<G: Copy> Spatial<G> {
     /// The same scheme with this viscosity.
     pub(crate) fn with<V>(&self, viscosity: V) -> Spatial<G, V> {
-        let Self { gas, chi, limiter, .. } = *self;
-        Spatial { gas, viscosity, chi, limiter }
+        let Self { gas, chi, limiter, upwind_share, .. } = *self;
+        Spatial { gas, viscosity, chi, limiter, upwind_share }
     }
 
     /// Net outflow of each owned cell for the state `q`.
     ///
     /// Fills the ghosts of `q`, `gradient` on all local cells, and what
-    /// passes each face. Entries of `residual` for
+    /// passes each face; with `renew`, its blending by the state as well. Entries of `residual` for
     /// ghosts are left meaningless. Collective.
     pub fn evaluate<const N: usize>(
         &self,
@@ -116,6 +119,7 @@ impl<G: Copy> Spatial<G> {
         gradient: &mut [Gradient<N>],
         residual: &mut [[f64; N]],
         face_flux: &mut [FaceFlux],
+        renew: bool,
     ) where
         G: Gas<N>,
     {
@@ -135,12 +139,12 @@ impl<G: Copy> Spatial<G> {
         let n = on.topology.n_inside;
         on.halo.overlap(gradient.as_flattened_mut().as_flattened_mut(), 3 * N, |gradient| {
             let field = Field { q, gradient: gradient.as_chunks::<N>().0.as_chunks().0 };
-            for_viscosity!(self, s => s.interior(on, scheme, field, residual, face_flux, 0..n));
+            for_viscosity!(self, s => s.interior(on, scheme, field, residual, face_flux, 0..n, renew));
         });
         let field = Field { q, gradient };
         let border = n..on.topology.cells.len();
         for_viscosity!(self, s => {
-            s.interior(on, scheme, field, residual, face_flux, border);
+            s.interior(on, scheme, field, residual, face_flux, border, renew);
             s.walls(on, scheme, field, residual);
         });
         self.open_boundaries(on, scheme, field, residual, face_flux);
@@ -217,6 +221,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         residual: &mut [[f64; N]],
         face_flux: &mut [FaceFlux],
         range: std::ops::Range<usize>,
+        renew: bool,
     ) where
         G: Gas<N>,
     {
@@ -228,8 +233,11 @@ impl<G, V: Viscosity> Spatial<G, V> {
             let (i, j) = (i as usize, j as usize);
             let pair = Between { face, cells: [i, j], way: on.metrics.centre(j) - on.metrics.centre(i) };
             let [l, r] = self.reconstructed(field, &pair);
+            if renew {
+                face_flux.blending = self.blending(on, scheme, field, &pair, [&l, &r]);
+            }
             let Interface { mut flux, mass, rhie_chow } =
-                physics::interface(&self.gas, scheme, &l, &r, face, face_flux.previous);
+                physics::interface(&self.gas, scheme, &l, &r, face, face_flux);
             (face_flux.mass, face_flux.rhie_chow) = (mass as f32, rhie_chow as f32);
             if V::ACTIVE {
                 let viscous = self.viscous_flux(on, field, &pair, [&l, &r]);
@@ -242,6 +250,30 @@ impl<G, V: Viscosity> Spatial<G, V> {
                 residual[j][v] -= flux[v];
             }
         }
+    }
+
+    /// Blending of a face by the state, with the reconstructed states `l` and `r` on its two sides.
+    #[inline(always)]
+    fn blending<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &FluxParameters,
+        field: Field<'_, N>,
+        pair: &Between<'_>,
+        [l, r]: [&[f64; N]; 2],
+    ) -> Blending {
+        let &Between { face, cells: [i, j], way } = pair;
+        if on.topology.upwind[i] || on.topology.upwind[j] {
+            return Blending::UPWIND;
+        }
+        let (gi, gj) = (&field.gradient[i], &field.gradient[j]);
+        let step = std::array::from_fn(|v| field.q[j][v] - field.q[i][v]);
+        let along =
+            std::array::from_fn(|v| 0.5 * (gradient::along(gi, v, &way) + gradient::along(gj, v, &way)));
+        let passing = 0.5 * (velocity(l) + velocity(r)).dot(&face.area) - face.grid_flux;
+        let courant = passing.abs() / (scheme.rate * on.metrics.volume[i].min(on.metrics.volume[j]));
+        let least = self.upwind_share.max(physics::unresolved_in_time(courant));
+        Blending::sensed::<N>(&step, &along, 0.5 * (l[0] - r[0]), least)
     }
 
     /// States on the two sides of a face between two cells.

@@ -12,6 +12,11 @@ use mesh::{FaceTable, FlowGrid, Patch, clean_face};
 use crate::physics::Permeability;
 use crate::stencil::Neighbourhoods;
 
+/// Cells from the canopy or a wall in which the convective flux stays upwind. The velocity is singular at a rim: with central
+/// fluxes up to the plate, the drag of the square plate at Re 200 on 31 360 cells is 1.410 instead of 1.524; with 1, 2, 3, 5
+/// upwind cells it is 1.461, 1.512, 1.520, 1.524.
+const WALL_CELLS: usize = 3;
+
 /// How one side of a boundary face acts on its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Side {
@@ -67,6 +72,9 @@ pub struct Topology {
     pub cells: Vec<[u32; 2]>,
     /// Faces between owned cells: the first ones of all.
     pub n_inside: usize,
+    /// Whether the fluxes of each local cell stay upwind: near the canopy or a wall, and at the outer boundary, where
+    /// one-sided gradients feed energy to a central flux.
+    pub upwind: Vec<bool>,
     /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
     pub slip: Vec<Side>,
     /// Sides where air sticks to the wall.
@@ -175,6 +183,8 @@ impl Topology {
         parts.add_canopy(viscous, cloth);
         let mut t = parts.t;
         t.adjacency = Adjacency::new(t.n_owned, &t.cells);
+        let upwind = upwind_cells(grid.cells.len(), faces);
+        t.upwind = t.numbering.global.iter().map(|&c| upwind[c as usize]).collect();
         t.wide = wide.map(|w| w.rows(&t.numbering));
         t
     }
@@ -216,6 +226,25 @@ impl Topology {
             visit(s.face as usize, s.cell as usize, s.sign);
         }
     }
+}
+
+/// Cells of the whole grid whose fluxes stay upwind: at the outer boundary, and within [`WALL_CELLS`] of the canopy or a wall,
+/// counted over faces.
+fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
+    let mut near = vec![false; cells];
+    let walls = faces.boundary.iter().filter(|(patch, ..)| *patch == Patch::Wall).map(|&(_, _, c)| c);
+    let canopy = faces.canopy.iter().flat_map(|&(inside, outside)| [inside, outside]);
+    walls.chain(canopy).for_each(|c| near[c as usize] = true);
+    for _ in 1..WALL_CELLS {
+        let before = near.clone();
+        for &(_, i, j) in &faces.interior {
+            let touched = before[i as usize] || before[j as usize];
+            near[i as usize] |= touched;
+            near[j as usize] |= touched;
+        }
+    }
+    faces.boundary.iter().for_each(|&(_, _, c)| near[c as usize] = true);
+    near
 }
 
 /// Owners of the cells of the whole grid, as one rank sees them.

@@ -8,8 +8,8 @@ use common::{Noise, isothermal, settings};
 use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::geometry::{FaceMetric, Metrics};
 use flow_solver::physics::{
-    self, Air, BoundaryFace, FarField, FluxParameters, Gas, IdealGas, Inviscid, Isothermal, OpenBoundary,
-    Outlet,
+    self, Air, Blending, BoundaryFace, FaceFlux, FarField, FluxParameters, Gas, IdealGas, Inviscid,
+    Isothermal, OpenBoundary, Outlet,
 };
 use flow_solver::shear::{Profile, WindShear};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of};
@@ -69,9 +69,18 @@ fn near<const N: usize>(a: &[f64; N], b: &[f64; N]) {
     }
 }
 
-/// Mass by the mean velocity, the half jump of pressure and what history holds; all carried by the side that it comes
-/// from; a pressure that lacks a quarter of rho U times the jump of the normal velocity.
+/// Mass by the mean velocity, the half jump of pressure without its resolved part and what history holds; carried by the
+/// side that it comes from and, in the central share, by the mean; a pressure that lacks a quarter of rho U times the jump of
+/// the normal velocity, in the upwind share.
 fn between_two_states<G: Gas<N>, const N: usize>(gas: G) {
+    for blending in [Blending::UPWIND, Blending { upwind: 0.25, resolved: 16.0 }] {
+        blended_states(&gas, blending);
+    }
+}
+
+fn blended_states<G: Gas<N>, const N: usize>(gas: &G, blending: Blending) {
+    let kept = FaceFlux { previous: PAST, blending, ..FaceFlux::default() };
+    let share = f64::from(blending.upwind);
     for (grid_flux, turn) in [(0.3, false), (-9.0, false), (0.3, true), (12.0, true)] {
         let (face, spacing) = slanted(grid_flux);
         assert!((face.spacing() - spacing).abs() < 1e-6);
@@ -82,23 +91,27 @@ fn between_two_states<G: Gas<N>, const N: usize>(gas: G) {
         if turn {
             std::mem::swap(&mut l, &mut r);
         }
-        let found = physics::interface(&gas, &scheme(), &l, &r, &face, PAST);
+        let found = physics::interface(gas, &scheme(), &l, &r, &face, &kept);
         let unit = face.area * (1.0 / face.area.norm());
         let mean: Vec3 = Vec3::from_fn(|d, _| 0.5 * (l[1 + d] + r[1 + d]));
         let volume = mean.dot(&face.area) - grid_flux;
         let from = if volume > 0.0 { &l } else { &r };
         let (rho, c) = (gas.density(from), gas.sound_speed_squared(from).sqrt());
         let half = 0.5 * (l[0] - r[0]);
-        let e = rhie_chow(spacing, 3.0 * half, against(mean));
+        let resolved =
+            if half * f64::from(blending.resolved) > 0.0 { f64::from(blending.resolved) } else { 0.0 };
+        let e = rhie_chow(spacing, 3.0 * (half - resolved), against(mean));
         assert!((found.rhie_chow - e).abs() < 1e-6 * e.abs(), "{} {e}", found.rhie_chow);
         let mass = rho * volume + face.area.norm() * (e + half / c);
         assert!((found.mass - mass).abs() < 1e-6 * mass.abs(), "{} {mass}", found.mass);
         let jump: f64 = (0..3).map(|d| (r[1 + d] - l[1 + d]) * unit[d]).sum();
-        let p = 0.5 * (l[0] + r[0]) - 0.25 * rho * against(mean) * jump;
-        let (carried, push) =
+        let p = 0.5 * (l[0] + r[0]) - share * 0.25 * rho * against(mean) * jump;
+        let (upwind, push) =
             (gas.carried(if mass > 0.0 { &l } else { &r }), gas.pressure_flux(p, face.area, grid_flux));
-        near(&found.flux, &std::array::from_fn(|v| mass * carried[v] + push[v]));
-        let wall: physics::Interface<N> = physics::wall(&gas, p, face.area, grid_flux);
+        let (left, right) = (gas.carried(&l), gas.carried(&r));
+        let carried = |v: usize| share * upwind[v] + (1.0 - share) * 0.5 * (left[v] + right[v]);
+        near(&found.flux, &std::array::from_fn(|v| mass * carried(v) + push[v]));
+        let wall: physics::Interface<N> = physics::wall(gas, p, face.area, grid_flux);
         near(&wall.flux, &push);
         assert_eq!((wall.mass, wall.rhie_chow), (0.0, 0.0));
     }

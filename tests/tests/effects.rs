@@ -210,13 +210,14 @@ fn flow_effects_change_the_results_as_predicted() {
     let viscous = "[flow.viscosity]\ndynamic_viscosity_pa_s = 0.05\n";
     // Impulsive start: the first window is compared, because the later ones oscillate.
     type See = fn(&Path, &str, &str) -> f64;
-    let cases: [(&str, String, See, Moves); 6] = [
+    let cases: [(&str, String, See, Moves); 7] = [
         ("viscosity", viscous.to_owned(), last, Up),
         ("turbulence", format!("{viscous}turbulence = \"smagorinsky\"\n"), last, Up),
         ("permeability", "[fabric.permeability]\nviscous_pa_s_m = 50.0\n".into(), first, Down),
         ("gust", "[flow.gust]\nvelocity_m_s = [0, 0, 2]\nduration_s = 0.1\n".into(), first, Up),
         ("energy", "[flow.energy]\n".into(), first, Anyhow),
         ("limiter", "[flow.limiter]\nk = 0.5\n".into(), first, Anyhow),
+        ("convection", "[flow.convection]\nupwind_share = 0\n".into(), last, Anyhow),
     ];
     for (name, more, see, moves) in cases {
         let out = run_to_end(folder, name, &format!("{base}{more}"));

@@ -309,7 +309,7 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
     let cuts = [("inflation", 6), ("flow", 1), ("fall", 2)];
     let many = "[structure]\nspectral_radius = 0.8\n[flow.viscosity]\ndynamic_viscosity_pa_s = 1.8e-5\nturbulence = \"spalart-allmaras\"\n\
                 [flow.shear]\nstart_height_m = 10.0\nprofile = \"linear\"\nslope_per_m = 0.2\n\
-                [flow.gust]\nvelocity_m_s = [0, 0.5, 0]\nstart_s = 0.45\nduration_s = 0.1\nclock = \"run\"\n\
+                [flow.convection]\nupwind_share = 0\n[flow.gust]\nvelocity_m_s = [0, 0.5, 0]\nstart_s = 0.45\nduration_s = 0.1\nclock = \"run\"\n\
                 [[flow.probe]]\nname = \"near\"\nposition_m = [0.3, 0.2, 0.1]\n\
                 [flow.statistics]\n[[flow.slice]]\nname = \"cut\"\npoint_m = [0, 0, 0]\nnormal = [1, 0, 0]\nevery_windows = 2\n\
                 [fabric.permeability]\nviscous_pa_s_m = 50.0\n\

@@ -27,6 +27,13 @@ use crate::topology::{Adjacency, OpenSides, Side, Topology};
 /// 250 880 cells (first six steps): 45, 36, 33, 34, 37 iterations at 0, 0.5, 0.8, 0.9, 1.
 const FOLLOWING: f64 = 0.8;
 
+/// Central part of the transport between two cells, in shares of their stored mass over the step: the sum over a cell's
+/// faces stays below its diagonal at any Courant number, so that a Gauss-Seidel sweep converges.
+const STORED_SHARE: f64 = 1.0 / 3.0;
+/// The same in shares of the mass flux. The Taylor-Green vortex at Courant number 0.8 takes 3.3 iterations a step with 0, 2.8
+/// with 0.5 and 1.
+const MOST_CENTRAL: f64 = 0.5;
+
 /// Matrices and workspace of the pressure correction.
 #[derive(Debug)]
 pub struct PressureCorrection {
@@ -202,6 +209,7 @@ impl PressureCorrection {
         scheme: &FluxParameters,
         field: Field<'_, N>,
         face_flux: &[FaceFlux],
+        rate: f64,
     ) {
         let (t, m, density) = (on.topology, on.metrics, &self.density);
         let viscosity = |i: usize| {
@@ -213,12 +221,16 @@ impl PressureCorrection {
             let (i, j) = (i as usize, j as usize);
             let face = &m.faces[f];
             let mass = f64::from(face_flux[f].mass);
-            let mut both = 0.25 * scheme.velocity_diffusion * mass.abs();
+            let share = f64::from(face_flux[f].blending.upwind);
+            let mut both = 0.25 * share * scheme.velocity_diffusion * mass.abs();
             if V::ACTIVE {
                 both += 0.5 * (viscosity(i) + viscosity(j)) * face.magnitude() / face.spacing();
             }
             let [si, sj] = t.adjacency.slot[f];
-            let (ki, kj) = (both + (-mass).max(0.0), both + mass.max(0.0));
+            let stored = 0.5 * rate * f64::from(density[i] + density[j]) * m.volume[i].min(m.volume[j]);
+            let central = (STORED_SHARE * stored).min(MOST_CENTRAL * (1.0 - share) * mass.abs());
+            let upwind = 0.5 * (mass.abs() - central);
+            let (ki, kj) = (both + upwind - 0.5 * mass, both + upwind + 0.5 * mass);
             self.off[si as usize] = ki as f32;
             self.off[sj as usize] = kj as f32;
             self.diagonal[i] += ki;
@@ -381,7 +393,7 @@ impl<G: Gas<N>, const N: usize> Correction<G, N> for PressureCorrection {
         let _part = timing::part("assembly");
         let rate = scheme.rate * extra;
         self.assemble_storage(&spatial.gas, on, field.q, rate);
-        for_viscosity!(spatial, s => self.assemble_transport(&s, on, scheme, field, face_flux));
+        for_viscosity!(spatial, s => self.assemble_transport(&s, on, scheme, field, face_flux, rate));
         self.assemble_pores(spatial, on, scheme, field.q, face_flux);
         self.assemble_held::<G, N>(on, scheme);
         self.assemble_response(on);

@@ -19,6 +19,7 @@
 //!   $`U_u = \min(c, U)`$. With the unsteady one it would swamp the momentum
 //!   equation whenever the time step is small.
 
+use super::blending::Blending;
 use super::gas::Gas;
 use super::velocity;
 use crate::geometry::FaceMetric;
@@ -84,6 +85,8 @@ pub struct FaceFlux {
     pub rhie_chow: f32,
     /// Rhie-Chow flux at the last two accepted time levels, newest first, kg/(m2 s).
     pub previous: [f32; 2],
+    /// Upwind share and resolved pressure, of the step.
+    pub blending: Blending,
 }
 
 /// Numerical flux through a face.
@@ -97,7 +100,8 @@ pub struct Interface<const N: usize> {
     pub rhie_chow: f64,
 }
 
-/// Flux through a face between the states `l` and `r` on its two sides.
+/// Flux through a face between the states `l` and `r` on its two sides; of `kept`, the stored flux of the face, it reads
+/// the history and the blending.
 #[inline(always)]
 pub fn interface<G: Gas<N>, const N: usize>(
     gas: &G,
@@ -105,8 +109,10 @@ pub fn interface<G: Gas<N>, const N: usize>(
     l: &[f64; N],
     r: &[f64; N],
     face: &FaceMetric,
-    previous: [f32; 2],
+    kept: &FaceFlux,
 ) -> Interface<N> {
+    let FaceFlux { previous, blending, .. } = *kept;
+    let share = f64::from(blending.upwind);
     let s = face.area;
     let mean = (velocity(l) + velocity(r)) * 0.5;
     let speed = relative_speed(scheme, mean);
@@ -115,11 +121,18 @@ pub fn interface<G: Gas<N>, const N: usize>(
     let rho = gas.density(upwind(volume));
     let c2 = gas.sound_speed_squared(upwind(volume));
     let half = 0.5 * (l[0] - r[0]);
-    let rhie_chow = scheme.rhie_chow(previous, scheme.pressure_diffusion * half, face.spacing(), speed);
+    let push = scheme.pressure_diffusion * blending.diffused(half);
+    let rhie_chow = scheme.rhie_chow(previous, push, face.spacing(), speed);
     let mass = rho * volume + face.magnitude() * (rhie_chow + half / c2.sqrt());
-    let carried = gas.carried(upwind(mass));
+    let (up, down) = if mass > 0.0 { (l, r) } else { (r, l) };
+    let mut carried = gas.carried(up);
+    if share < 1.0 {
+        for (c, d) in carried.iter_mut().zip(gas.carried(down)) {
+            *c += 0.5 * (1.0 - share) * (d - *c);
+        }
+    }
     let jump = (velocity(r) - velocity(l)).dot(&s);
-    let diffusion = scheme.velocity_diffusion * rho * speed * jump / face.magnitude();
+    let diffusion = share * scheme.velocity_diffusion * rho * speed * jump / face.magnitude();
     let p = 0.5 * (l[0] + r[0] - diffusion);
     let mut flux = gas.pressure_flux(p, s, face.grid_flux);
     for (f, c) in flux.iter_mut().zip(carried) {
@@ -173,7 +186,7 @@ mod tests {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([7.0, 3.0, 0.0, 0.0], [7.0, 2.0, 0.0, 0.0]);
-        let found = interface(&gas, &scheme(), &l, &r, &face, [0.0; 2]);
+        let found = interface(&gas, &scheme(), &l, &r, &face, &FaceFlux::default());
         let rho = gas.density(&l);
         let mass = rho * 2.5 * 2.0;
         assert!((found.mass - mass).abs() < 1e-12 * mass && found.rhie_chow == 0.0, "{found:?}");
@@ -190,7 +203,7 @@ mod tests {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([10.0, 0.0, 0.0, 1.0], [4.0, 0.0, 0.0, 1.0]);
-        let found = interface(&gas, &scheme(), &l, &r, &face, [0.0; 2]);
+        let found = interface(&gas, &scheme(), &l, &r, &face, &FaceFlux::default());
         // A spacing of zero leaves what fades: 2 (U + 10 floor), U = 0.5, floor = 0.5.
         let rhie_chow = 3.0 * 3.0 / (2.0 * (0.5 + 5.0));
         let sound = gas.sound_speed_squared(&r).sqrt();

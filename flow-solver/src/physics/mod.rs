@@ -4,6 +4,7 @@
 //! the undisturbed air (so no digits are lost at Mach 0.014), velocity relative
 //! to the ground, temperature difference from the undisturbed air.
 
+mod blending;
 mod flux;
 mod gas;
 mod open_boundary;
@@ -11,6 +12,7 @@ mod permeability;
 mod precondition;
 mod viscosity;
 
+pub use blending::{Blending, unresolved_in_time};
 pub(crate) use flux::relative_speed;
 pub use flux::{FaceFlux, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, wall};
 pub use gas::{Air, Gas, IdealGas, Isothermal};

@@ -80,6 +80,16 @@ impl Iteration {
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Residual of the step at `q`: primitive, weighted to N. Returns its norm.
     pub(super) fn evaluate(&mut self) -> f64 {
+        self.evaluate_at(false)
+    }
+
+    /// As [`Solver::evaluate`] at the initial guess of a step, whose state sets the blending of the fluxes.
+    fn evaluate_guess(&mut self) -> f64 {
+        // Upwind everywhere, as the fluxes are from the start.
+        self.evaluate_at(self.spatial.upwind_share < 1.0)
+    }
+
+    fn evaluate_at(&mut self, renew: bool) -> f64 {
         let _part = timing::part("residual");
         self.spatial.evaluate(
             &domain!(self),
@@ -88,6 +98,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             &mut self.gradient,
             &mut self.residual,
             &mut self.face_flux,
+            renew,
         );
         let gas = &self.spatial.gas;
         let push = self.wind_change * self.settings.air.density;
@@ -133,14 +144,14 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let inertia = ratio * self.inertia();
         if order != Backward::FIRST {
             self.extrapolate(ratio);
-            let norm = self.evaluate();
+            let norm = self.evaluate_guess();
             self.start = inertia;
             if !(norm.is_nan() || norm > inertia) {
                 return norm;
             }
         }
         self.start_from_last();
-        self.start = self.evaluate();
+        self.start = self.evaluate_guess();
         self.start
     }
 

@@ -50,7 +50,8 @@ pub fn solver_on<G: Gas<N>, V: Viscosity, const N: usize>(
     let topology = Topology::new(&grid, &faces, &part, &order, 0, V::ACTIVE);
     let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
     drop((grid, faces, order, part));
-    let spatial = Spatial { gas, viscosity: viscosity.into(), chi: 1.0 / 3.0, limiter: None };
+    let spatial =
+        Spatial { gas, viscosity: viscosity.into(), chi: 1.0 / 3.0, limiter: None, upwind_share: 1.0 };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
 }
 
@@ -67,7 +68,8 @@ pub fn solver_with_cloth<G: Gas<N>, V: Viscosity, const N: usize>(
     let part = vec![0; grid.cells.len()];
     let topology = Topology::with_cloth(grid, &faces, &part, &order, 0, V::ACTIVE, cloth);
     let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
-    let spatial = Spatial { gas, viscosity: viscosity.into(), chi: 1.0 / 3.0, limiter: None };
+    let spatial =
+        Spatial { gas, viscosity: viscosity.into(), chi: 1.0 / 3.0, limiter: None, upwind_share: 1.0 };
     Solver::new(&Comm::solo(), topology, nodes, spatial, settings).unwrap()
 }
 

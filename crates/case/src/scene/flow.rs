@@ -37,6 +37,9 @@ pub struct Flow {
     pub viscosity: Option<Viscosity>,
     /// Solves the energy equation. Absent: isothermal, four equations.
     pub energy: Option<Energy>,
+    /// Convective flux.
+    #[serde(default)]
+    pub convection: Convection,
     /// Limits gradients (Venkatakrishnan). Absent: unlimited, second order.
     pub limiter: Option<Limiter>,
     /// The volume grid around the canopy.
@@ -163,6 +166,22 @@ impl FlowSolver {
     }
 }
 
+/// Convective flux of the flow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Convection {
+    /// Smallest share of upwind differences. 1: upwind everywhere. 0: central where grid and time step resolve the flow, which
+    /// keeps eddies of few cells; upwind elsewhere, within three cells of the canopy and of walls, and in cells at the outer
+    /// boundary.
+    pub upwind_share: f64,
+}
+
+impl Default for Convection {
+    fn default() -> Self {
+        Self { upwind_share: 1.0 }
+    }
+}
+
 /// How the implicit system of a pseudo-time step is solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -195,6 +214,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(f) = &scene.flow else { return };
     c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");
     c.range("flow.temperature_k", f.temperature_k, 10.0..=5000.0, "a temperature in kelvin");
+    c.range("flow.convection.upwind_share", f.convection.upwind_share, 0.0..=1.0, "a share");
     flow_grid::generated(&f.grid, c);
     c.positive("flow.solver.residual_drop", f.solver.residual_drop, 0.9, "a factor");
     c.count("flow.solver.max_iterations", f.solver.iterations(), 1..=100_000, "iterations");

@@ -47,7 +47,8 @@ pub(crate) use descent::STANDARD_GRAVITY;
 pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
 pub use flow::{
-    Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence, Viscosity,
+    Convection, Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence,
+    Viscosity,
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
 pub use layout::*;
