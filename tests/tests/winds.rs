@@ -148,7 +148,7 @@ fn periodic_stage_equals_stages_of_one_pulse() {
     for ((time, whole), part) in periodic.iter().zip(&parts) {
         let expected = 0.5 * (1.0 - (TAU * time / 0.08).cos());
         println!("{time:.3} s: {whole:.6} of one stage, {part:.6} of three, wind {expected:.6} m/s");
-        assert!((whole - part).abs() < 2e-4, "{time} s: {whole} and {part} m/s");
+        assert!((whole - part).abs() < 1e-5, "{time} s: {whole} and {part} m/s");
         assert!((whole - expected).abs() < 3e-3, "{time} s: {whole} instead of {expected} m/s");
     }
 }
