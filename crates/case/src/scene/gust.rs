@@ -108,7 +108,7 @@ impl Gust {
     fn in_period(&self, since: f64) -> Option<f64> {
         let Some(period) = self.period_s.filter(|_| since >= 0.0) else { return Some(since) };
         let count = (since / period).floor();
-        self.cycles.is_none_or(|n| count < f64::from(n)).then(|| since - count * period)
+        self.cycles.is_none_or(|n| count < f64::from(n)).then_some(since - count * period)
     }
 
     fn in_table(&self, time: f64) -> f64 {
