@@ -139,6 +139,7 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             "flow",
             "flow.gust",
             channel::STAGE_WIND,
+            channel::GUST_SHAPE,
             "stage.steady",
             "flow.shear",
             "fabric.permeability",

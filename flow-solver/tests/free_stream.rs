@@ -192,3 +192,66 @@ fn gradients_of_linear_fields_are_exact() {
         assert!(seen * 2 > s.q.len());
     }
 }
+
+/// A periodic, rising or tabulated wind moves all air alike: without an obstacle the stream stays uniform and has the
+/// wind's velocity, on grids that move, to the round-off of the solves.
+#[test]
+fn free_stream_follows_every_shape_of_a_gust() {
+    use case::{Gust, GustShape};
+    let pulse = Gust::pulse([2.0, -5.0, 1.0], 0.01, 0.04);
+    let table = |time_s: &[f64], factor: &[f64]| (time_s.to_vec(), factor.to_vec());
+    let (time_s, factor) = table(&[0.0, 0.013, 0.03, 0.05], &[0.2, 1.0, -0.7, 0.2]);
+    let shapes = [
+        ("train", Gust { period_s: Some(0.05), ..pulse.clone() }),
+        ("ramp", Gust { shape: GustShape::Ramp, ..pulse.clone() }),
+        ("sine", Gust { shape: GustShape::Sine, duration_s: None, period_s: Some(0.05), ..pulse.clone() }),
+        (
+            "table",
+            Gust {
+                shape: GustShape::Table,
+                duration_s: None,
+                period_s: Some(0.06),
+                time_s,
+                factor,
+                ..pulse.clone()
+            },
+        ),
+        ("pulse", pulse),
+    ];
+    for (name, gust) in shapes {
+        let wind = case::Wind::uniform([3.0, -2.0, 4.0]).with_gust(gust, 0.0);
+        for moved in [false, true] {
+            let (e, least) = drift_in(&wind, moved);
+            println!("free stream in a {name}, grid moved {moved}: {e:.1e}, span of the wind {least:.2} m/s");
+            assert!(least > 2.0 && e < 1e-12, "{name}, grid moved {moved}: {e:e}");
+        }
+    }
+}
+
+/// Largest deviation of the air from `wind` (m/s) over 60 steps, and the span of its second component, m/s.
+fn drift_in(wind: &case::Wind, moved: bool) -> (f64, f64) {
+    let air = settings([0.0; 3], 1.0).air;
+    let gas = flow_solver::physics::Isothermal::new(air);
+    let grid = shaken(BoxShape::Prisms);
+    let mut s = solver_of(&grid, gas, Laminar { viscosity: 1e-3 }, settings(wind.at(0.0), 1e-11));
+    let start = s.nodes.clone();
+    let (mut noise, dt) = (Noise(11), 2.5e-3);
+    let (mut worst, mut span) = (0.0f64, [f64::INFINITY, f64::NEG_INFINITY]);
+    for k in 0..60 {
+        let t = dt * f64::from(k);
+        if moved {
+            for (x, x0) in s.nodes.iter_mut().flatten().zip(start.iter().flatten()) {
+                *x = x0 + 0.02 * noise.next();
+            }
+        }
+        s.set_far_field_velocity([t + dt, t, t - dt].map(|t| wind.at(t).into()), dt);
+        s.advance(&Step { dt, frame: Vec3::zeros(), repeat: false, moved }).unwrap();
+        s.accept(dt, moved);
+        let now = wind.at(t + dt);
+        span = [span[0].min(now[1]), span[1].max(now[1])];
+        for q in &s.q {
+            worst = (0..3).map(|d| (q[1 + d] - now[d]).abs()).fold(worst, f64::max);
+        }
+    }
+    (worst, span[1] - span[0])
+}

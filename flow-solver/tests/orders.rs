@@ -292,7 +292,7 @@ fn unequal_steps_have_variable_step_bdf2_weights() {
 #[test]
 fn gust_accelerates_the_whole_domain_uniformly() {
     let grid = box_grid_of(BoxShape::Prisms, [3, 4, 3], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
-    let gust = case::Gust { velocity_m_s: [2.0, -5.0, 0.0], start_s: 0.05, duration_s: 0.4, clock: None };
+    let gust = case::Gust::pulse([2.0, -5.0, 0.0], 0.05, 0.4);
     let wind = case::Wind::uniform([3.0, 0.0, 1.0]).with_gust(gust, 0.0);
     let mut s = isothermal(&grid, Inviscid, settings(wind.steady(), 1e-9));
     let dt = 0.02;

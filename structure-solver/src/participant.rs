@@ -27,10 +27,11 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 22] = [
+const EFFECTS: [&str; 23] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
+    channel::GUST_SHAPE,
     "fabric.wrinkling",
     "fabric.orthotropic",
     "fabric.law",

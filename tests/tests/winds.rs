@@ -119,3 +119,36 @@ fn truncated_gust_is_reported_by_check_and_before_the_run() {
     assert!(String::from_utf8_lossy(&run.stderr).contains("a jump of 1.000 m/s"), "{run:?}");
     assert!(fs::read_to_string(out.join("summary.json")).expect("a summary").contains("a jump of 1.000 m/s"));
 }
+
+/// A train of pulses in one stage is the list of stages with one pulse each: the same air at the probe, to the tolerance
+/// of the solves.
+#[test]
+fn periodic_stage_equals_stages_of_one_pulse() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (base, _) = SHEET.split_once("[[stage]]\nname = \"fall\"").expect("a stage");
+    let stage = |name: &str, duration: f64, period: &str| {
+        format!(
+            "[[stage]]\nname = \"{name}\"\nkind = \"flow-only\"\nduration_s = {duration}\nwindow_s = 1e-2\n\
+             [stage.gust]\nvelocity_m_s = [0, 1, 0]\nduration_s = 0.08\n{period}"
+        )
+    };
+    let run = |name: &str, stages: &str| {
+        let file = folder.path().join(format!("{name}.toml"));
+        fs::write(&file, format!("{base}{stages}")).expect("written");
+        let out = folder.path().join(name);
+        succeed(ripstop_run(&file, &out, &["--quiet"]));
+        out
+    };
+    let names = ["one", "two", "three"];
+    let list: String = names.iter().map(|name| stage(name, 0.08, "")).collect();
+    let (list, whole) = (run("list", &list), run("whole", &stage("all", 0.24, "period_s = 0.08\n")));
+    let periodic = probe(&whole, "all");
+    let parts: Vec<f64> = names.iter().flat_map(|name| probe(&list, name)).map(|row| row.1).collect();
+    assert_eq!((periodic.len(), parts.len()), (24, 24));
+    for ((time, whole), part) in periodic.iter().zip(&parts) {
+        let expected = 0.5 * (1.0 - (TAU * time / 0.08).cos());
+        println!("{time:.3} s: {whole:.6} of one stage, {part:.6} of three, wind {expected:.6} m/s");
+        assert!((whole - part).abs() < 1e-5, "{time} s: {whole} and {part} m/s");
+        assert!((whole - expected).abs() < 3e-3, "{time} s: {whole} instead of {expected} m/s");
+    }
+}

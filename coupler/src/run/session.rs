@@ -157,10 +157,12 @@ fn clean_up(context: &StageContext<'_>, session: &Session) {
 pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     let mut all: Vec<_> =
         effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect();
-    if scene.has_stage_wind() {
-        all.push((Role::Flow, channel::STAGE_WIND.to_owned()));
+    let winds =
+        [(scene.has_stage_wind(), channel::STAGE_WIND), (scene.has_general_gust(), channel::GUST_SHAPE)];
+    for (_, effect) in winds.into_iter().filter(|(needed, _)| *needed) {
+        all.push((Role::Flow, effect.to_owned()));
         if scene.structure_meets_wind() {
-            all.push((Role::Structure, channel::STAGE_WIND.to_owned()));
+            all.push((Role::Structure, effect.to_owned()));
         }
     }
     all

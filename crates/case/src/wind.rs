@@ -65,18 +65,19 @@ impl Wind {
     }
 
     /// Largest speed past a frame that moves upwards with `rise` (m/s) in the first `duration` seconds of the stage, m/s:
-    /// [steady wind alone, with the gust]. Both change as half a cosine, so 64 intervals miss $`(\pi/128)^2/2`$ = 0.03 %
-    /// of a change at most, and nothing where neither changes.
+    /// [steady wind alone, with the gust]. Smooth changes are a cosine or sine, so 64 intervals miss $`(\pi/128)^2/2`$ =
+    /// 0.03 % of a change at most, and nothing where neither changes; a table has its largest values at its times.
     pub fn fastest(&self, duration: f64, rise: f64) -> [f64; 2] {
         let past = |w: [f64; 3]| (w[0].powi(2) + w[1].powi(2) + (w[2] - rise).powi(2)).sqrt();
         let whole = (0.0, duration);
-        let gust =
-            self.gust.as_ref().map(|(g, origin)| (g.start_s - origin, g.start_s - origin + g.duration_s));
-        let changes = [Some(whole), self.ramp.map(|(_, time)| (0.0, time)), gust];
-        let times = changes.into_iter().flatten().flat_map(|(from, to)| {
-            (0..=64).map(move |k| (from + (to - from) * f64::from(k) / 64.0).clamp(0.0, duration))
-        });
-        times.fold([0.0f64; 2], |[steady, most], t| {
+        let gust = self.gust.as_ref().map_or(Vec::new(), |(g, origin)| g.samples(*origin, duration));
+        let changes = [Some(whole), self.ramp.map(|(_, time)| (0.0, time))];
+        let times = changes
+            .into_iter()
+            .flatten()
+            .flat_map(|(from, to)| (0..=64).map(move |k| from + (to - from) * f64::from(k) / 64.0))
+            .chain(gust);
+        times.map(|t| t.clamp(0.0, duration)).fold([0.0f64; 2], |[steady, most], t| {
             [steady.max(past(self.ramped(t))), most.max(past(self.own(t)))]
         })
     }
@@ -107,7 +108,8 @@ impl Wind {
     /// Whether a gust blows at some time within `duration` (s) of the stage.
     pub fn gusts(&self, duration: f64) -> bool {
         let blows = |(gust, origin): &(Gust, f64)| {
-            gust.start_s < origin + duration && gust.start_s + gust.duration_s > *origin
+            let [start, end] = gust.acts();
+            start < origin + duration && end > *origin
         };
         self.gust.as_ref().is_some_and(blows)
     }
@@ -143,6 +145,11 @@ impl Scene {
     /// Whether any stage has a gust.
     pub fn has_gust(&self) -> bool {
         (0..self.stages.len()).any(|stage| self.gust(stage).is_some())
+    }
+
+    /// Whether any stage has a gust that is more than one pulse of the shape `1 - cos`.
+    pub fn has_general_gust(&self) -> bool {
+        (0..self.stages.len()).any(|stage| self.gust(stage).is_some_and(|(g, _)| g.is_general()))
     }
 
     /// Whether parts of the structure meet the undisturbed air: lines with drag, a payload that moves.

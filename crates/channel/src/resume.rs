@@ -16,6 +16,10 @@ pub const SUPPORT_FORCE: &str = "descent.equation";
 /// stages, and gusts whose time runs through several stages.
 pub const STAGE_WIND: &str = "stage.wind";
 
+/// Effect of a program that evaluates all shapes of a gust as `case::Gust` defines them: ramps, sines, tables and trains
+/// of pulses.
+pub const GUST_SHAPE: &str = "flow.gust.shape";
+
 /// File with the warm-start data of a rank, in addition to its part of the program's state: warm starts, factors and
 /// all other data that affect only the last digits and are useless for another number of ranks.
 pub fn warm_start_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {

@@ -47,12 +47,24 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "stages.gust",
         what: "a gust acts during a stage with flow; the gust of a stage acts during that stage",
-        estimate: "start_s and duration_s on the clock of the gust, compared with the planned durations of the stages",
+        estimate: "start and end of the gust on its clock, compared with the planned durations of the stages",
         range: "warning if the gust overlaps no stage with flow, or a gust of a stage does not overlap that stage",
         source: "the scene defines a gust that has no effect",
         severity: Warning,
         remedy: "compare start_s, clock and the durations of the stages",
         when: When::Before(gust),
+    },
+    Check {
+        id: "stages.gust-period",
+        what: "windows resolve the period of a gust that repeats",
+        estimate: "period of the gust over window_s, in stages with flow that the gust overlaps; of a train of pulses the \
+                   duration of a pulse",
+        range: "warning below 20 windows in a period; otherwise a note",
+        source: "the second-order time differences change the frequency omega of a response by (omega dt)^2 / 3, 3.3 % at 20 \
+                 windows in a period",
+        severity: Warning,
+        remedy: "shorten window_s of the stage",
+        when: When::Before(gust_period),
     },
     Check {
         id: "stages.start",
@@ -105,12 +117,37 @@ fn gust(facts: &Facts<'_>) -> Vec<Judged> {
     found
 }
 
+/// Windows in the period of a gust below which the response of the flow is not resolved.
+const WINDOWS_PER_PERIOD: f64 = 20.0;
+
+fn gust_period(facts: &Facts<'_>) -> Vec<Judged> {
+    let (scene, times) = (facts.scene, StageTimes::planned(facts.scene));
+    let mut found = Vec::new();
+    for (k, stage) in facts.stages().filter(|(_, s)| s.kind.roles().contains(&Role::Flow) && s.in_time()) {
+        let period = scene.gust(k).and_then(|(gust, _)| gust.shortest_period());
+        let Some(period) = period.filter(|_| scene.wind(k, &times).gusts(times.of(k))) else { continue };
+        let windows = period / stage.window_s;
+        let severity = if windows < WINDOWS_PER_PERIOD { Warning } else { Note };
+        let figure = format!(
+            "stage `{}` has {} windows in the gust's period of {} s",
+            stage.name,
+            digits(windows),
+            digits(period)
+        );
+        let longest = digits(period / WINDOWS_PER_PERIOD);
+        let remedy = format!("set window_s of the stage to {longest} s or less");
+        found.push(Judged::new(severity, format!("stage[{k}].window_s"), figure).remedy(remedy));
+    }
+    found
+}
+
 /// The times of a gust that overlaps none of `stages`, and the times of these stages.
 fn gust_times(scene: &Scene, times: &StageTimes, stages: &[usize]) -> String {
     let what = "the gust overlaps no stage with flow";
     let first = stages.first().and_then(|k| Some((*k, scene.gust(*k)?)));
     let (Some((first, (gust, clock))), Some(last)) = (first, stages.last()) else { return what.into() };
     let at = |k: usize| times.clock(scene, k, clock);
+    let [begin, end] = gust.acts();
     let name = match clock {
         Clock::Stage => "of the stage",
         Clock::Release => "from the release",
@@ -118,8 +155,8 @@ fn gust_times(scene: &Scene, times: &StageTimes, stages: &[usize]) -> String {
     };
     format!(
         "{what}: it acts from {} to {} s {name}, `{}` begins at {} s and `{}` ends at {} s",
-        digits(gust.start_s),
-        digits(gust.start_s + gust.duration_s),
+        digits(begin),
+        digits(end),
         scene.stages[first].name,
         digits(at(first)),
         scene.stages[*last].name,
@@ -165,8 +202,7 @@ mod tests {
         let late = |start_s: f64| {
             found(gust, |s| {
                 let flow = s.flow.as_mut().expect("a flow");
-                flow.gust =
-                    Some(case::Gust { velocity_m_s: [1.0; 3], start_s, duration_s: 0.05, clock: None });
+                flow.gust = Some(case::Gust::pulse([1.0; 3], start_s, 0.05));
             })
         };
         // The descent takes 0.1 s from the release.
@@ -181,8 +217,7 @@ mod tests {
         // The gust of a stage with flow, and of a stage without.
         let own = |stage: usize, start_s: f64| {
             found(gust, |s| {
-                let gust = case::Gust { velocity_m_s: [1.0; 3], start_s, duration_s: 0.05, clock: None };
-                s.stages[stage].gust = Some(gust);
+                s.stages[stage].gust = Some(case::Gust::pulse([1.0; 3], start_s, 0.05));
             })
         };
         assert!(own(1, 0.19).is_empty());
@@ -199,9 +234,7 @@ mod tests {
     #[test]
     fn truncated_gust_and_impulsive_start_are_reported() {
         let cut = |s: &mut case::Scene| {
-            let gust =
-                case::Gust { velocity_m_s: [0.0, 0.0, 2.0], start_s: 0.15, duration_s: 0.1, clock: None };
-            s.stages[1].gust = Some(gust);
+            s.stages[1].gust = Some(case::Gust::pulse([0.0, 0.0, 2.0], 0.15, 0.1));
         };
         let text = found(wind, cut).join("; ");
         assert!(text.starts_with("stage[2].gust: the wind changes"), "{text}");

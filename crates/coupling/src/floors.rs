@@ -39,7 +39,8 @@ pub(crate) fn load_scale(
 ) -> f64 {
     let case::CanopyAir { density_kg_m3: density, sound_m_s: sound } = scene.resolved().canopy_air;
     let square = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>();
-    let gust = scene.gust(stage).map_or(0.0, |(gust, _)| square(gust.velocity_m_s));
+    let gust =
+        scene.gust(stage).map_or(0.0, |(gust, _)| square(gust.velocity_m_s) * gust.largest_factor().powi(2));
     let blown = scene.stages[..stage].iter().filter(|s| s.kind == StageKind::PreInflation);
     let blown = blown.filter_map(|s| s.pressure_pa).fold(0.0, |most: f64, p| most.max(p.abs()));
     let carried = state.load.as_deref().unwrap_or(&[]).chunks_exact(channel::LOAD_WIDTH).map(|l| l[0] * l[0]);

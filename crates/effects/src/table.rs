@@ -477,8 +477,8 @@ pub const TABLE: &[Entry] = &[
     Entry {
         key: "flow.gust",
         what: "gust",
-        model: "all air accelerates equally and returns to its velocity",
-        equation: "w(t) = w_0 + G (1 - cos(2 pi t / T)) / 2",
+        model: "all air accelerates equally: a pulse, pulses that repeat, a ramp, a sine or a table over time",
+        equation: "w(t) = w_0 + G f(t); f = (1 - cos(2 pi t / T)) / 2 of a pulse, (1 - cos(pi t / T)) / 2 of a ramp, sin(2 pi t / T)",
         reference: "one-minus-cosine gust: CS-25.341",
         programs: FLOW,
         announced_by: Some(Role::Flow),

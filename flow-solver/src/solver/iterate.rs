@@ -101,7 +101,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             renew,
         );
         let gas = &self.spatial.gas;
-        let push = self.wind_change * self.settings.air.density;
+        let push = self.wind_change.map(|a| a * self.settings.air.density);
         let mut sum = 0.0;
         for i in 0..self.topology.n_owned {
             let (q, r, h) = (&self.q[i], &mut self.residual[i], &self.history[i]);
@@ -112,7 +112,12 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             }
             *r = gas.primitive_residual(q, r);
             for d in 0..3 {
-                r[1 + d] -= self.metrics.volume[i] * push[d];
+                r[1 + d] -= self.metrics.volume[i] * push[0][d];
+            }
+            for (level, push) in
+                self.previous.iter().zip(&push[1..]).filter(|(level, _)| !level.volume.is_empty())
+            {
+                (0..3).for_each(|d| r[1 + d] -= level.volume[i] * push[d]);
             }
             r[0] *= mass_weight(self.metrics.size[i], &self.scheme);
             if N > 4 {

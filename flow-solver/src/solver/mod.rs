@@ -117,8 +117,10 @@ pub struct Solver<G, const N: usize> {
     /// Constants of the last step's flux.
     pub scheme: FluxParameters,
     /// Acceleration of the undisturbed air, m/s2, as a source term in all cells: a gust then
-    /// creates no pressure wave at the boundary.
-    pub wind_change: Vec3,
+    /// creates no pressure wave at the boundary. Per volume of a cell at the end of the step, at its start and one step
+    /// earlier: on a moving grid the momentum of a uniform stream changes by $`\sum_k c_k V_k w_k / \Delta t`$, of which
+    /// the grid fluxes carry $`w_0 \sum_k c_k V_k / \Delta t`$, so that the source is the sum of $`c_k V_k (w_k - w_0) / \Delta t`$.
+    pub wind_change: [Vec3; 3],
     /// Change of the undisturbed velocity in this step and in the last one, m/s.
     wind_gain: [Vec3; 2],
     /// Source terms of the conserved quantities in owned cells per unit time and
@@ -209,7 +211,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
                 velocity_diffusion: settings.velocity_diffusion,
                 pressure_diffusion: 2.0 / (1.0 - spatial.chi),
             },
-            wind_change: Vec3::zeros(),
+            wind_change: [Vec3::zeros(); 3],
             wind_gain: [Vec3::zeros(); 2],
             source: Vec::new(),
             shear: None,

@@ -24,7 +24,11 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let c = self.order(dt).c;
         self.settings.wind = wind[0];
         self.wind_gain = [wind[0] - wind[1], wind[1] - wind[2]];
-        self.wind_change = (wind[0] * c[0] + wind[1] * c[1] + wind[2] * c[2]) / dt;
+        self.wind_change = if self.settings.moving {
+            [Vec3::zeros(), (wind[1] - wind[0]) * (c[1] / dt), (wind[2] - wind[0]) * (c[2] / dt)]
+        } else {
+            [(wind[0] * c[0] + wind[1] * c[1] + wind[2] * c[2]) / dt, Vec3::zeros(), Vec3::zeros()]
+        };
     }
 
     /// Length of the step before one of length `dt`, as its time difference sees it, s.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{flow_grid, monitors, shear, wind};
+use super::{flow_grid, gust, monitors, shear};
 use crate::check::Check;
 use crate::{
     FlowBox, Forces, Grid, GridFile, Gust, Probe, Scene, Shear, Slice, Statistics, SurfacePressure,
@@ -227,7 +227,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         shear::check(s, f, c);
     }
     if let Some(g) = &f.gust {
-        wind::gust(g, "flow.gust", c);
+        gust::check(g, "flow.gust", c);
     }
     flow_grid::around_panel(scene, f, c);
 }

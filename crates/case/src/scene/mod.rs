@@ -12,6 +12,7 @@ mod descent;
 mod fabric;
 mod flow;
 mod flow_grid;
+mod gust;
 mod layout;
 mod lines;
 mod mesh;
@@ -51,6 +52,7 @@ pub use flow::{
     Viscosity,
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
+pub use gust::{Gust, GustShape};
 pub use layout::*;
 pub use lines::{LineDrag, Lines};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
@@ -68,7 +70,7 @@ pub use stages::{Solve, Stage, StageKind};
 pub use steady::Steady;
 pub use structure::{Integration, Mass, Membrane, Structure};
 pub use times::{StageTimes, save_time};
-pub use wind::{Clock, Gust, StageWind};
+pub use wind::{Clock, StageWind};
 
 use crate::check::{Allowed, Check, NAME_OF_FOLDER, Refusal, plain_name};
 use crate::error::{Problem, SceneError};

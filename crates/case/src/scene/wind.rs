@@ -1,12 +1,12 @@
-//! Winds and gusts of stages, and the clocks that they follow.
-
-use std::f64::consts::TAU;
+//! Winds of stages, and the clocks that winds and gusts follow.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::check::Check;
 use crate::{Flow, Scene, Stage};
+
+use super::gust::{self, THREE_SPEEDS};
 
 /// What a time in a scene counts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -19,31 +19,6 @@ pub enum Clock {
     Release,
     /// The start of the first stage.
     Run,
-}
-
-/// A gust of the shape `1 - cos`: it moves all air equally.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Gust {
-    /// What the gust adds to the wind at its height, m/s.
-    pub velocity_m_s: [f64; 3],
-    /// When it begins, s on its clock.
-    #[serde(default)]
-    pub start_s: f64,
-    /// How long it lasts, s.
-    pub duration_s: f64,
-    /// What `start_s` counts from. Absent: the release in `[flow.gust]`, the start of the stage in
-    /// `[stage.gust]`.
-    pub clock: Option<Clock>,
-}
-
-impl Gust {
-    /// What the gust adds to the wind at `t` (s on its clock), m/s.
-    pub fn at(&self, t: f64) -> [f64; 3] {
-        let phase = (t - self.start_s) / self.duration_s;
-        let share = if (0.0..=1.0).contains(&phase) { 0.5 * (1.0 - (TAU * phase).cos()) } else { 0.0 };
-        self.velocity_m_s.map(|v| share * v)
-    }
 }
 
 /// Steady wind of one stage, instead of `flow.wind_m_s`. It is the same at all heights and so refused together with
@@ -60,15 +35,6 @@ pub struct StageWind {
     pub ramp_s: f64,
 }
 
-const THREE_SPEEDS: &str = "three numbers in m/s";
-
-/// Refuses gusts that last no time.
-pub(super) fn gust(g: &Gust, path: &str, c: &mut Check) {
-    c.positive(&format!("{path}.duration_s"), g.duration_s, 1e6, "a time in s");
-    c.range(&format!("{path}.start_s"), g.start_s, 0.0..=1e6, "in s");
-    c.finite(&format!("{path}.velocity_m_s"), &g.velocity_m_s, "a velocity", THREE_SPEEDS);
-}
-
 /// Refuses wind and gust of one stage that its flow cannot have.
 pub(super) fn of_stage(scene: &Scene, stage: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     let Some(flow) = &scene.flow else {
@@ -83,7 +49,7 @@ pub(super) fn of_stage(scene: &Scene, stage: &Stage, at: &dyn Fn(&str) -> String
         steady_wind(w, flow, stage, at, c);
     }
     if let Some(g) = &stage.gust {
-        gust(g, &at("gust"), c);
+        gust::check(g, &at("gust"), c);
     }
     let common = flow.gust.as_ref().is_some_and(|g| g.clock == Some(Clock::Stage));
     if !stage.in_time() && (stage.gust.is_some() || (common && stage.steady.is_some())) {

@@ -121,7 +121,7 @@ pub fn limiter(s: &Scope<'_>) -> Assessment {
 }
 
 /// A gust accelerates all air equally: the air past the canopy changes by its velocity, the drag with the square
-/// of the speed and with the added mass times its rate ([`crate::fall`]; CS-25.341 for the shape).
+/// of the speed and with the added mass times its rate ([`crate::fall`]; CS-25.341 for the shape of a pulse).
 /// Within a factor of 3.
 pub fn gust(s: &Scope<'_>) -> Assessment {
     if let Err(why) = s.bluff() {
@@ -133,8 +133,12 @@ pub fn gust(s: &Scope<'_>) -> Assessment {
     let mut calm = s.scene().clone();
     remove_gusts(&mut calm);
     let without = Wind::of(&calm, s.stage);
-    let share = length(&g.velocity_m_s) / s.n.speed;
-    let why = format!("{} of the stream over {} s", percent(share), g.duration_s);
+    let share = percent(g.largest_speed() / s.n.speed);
+    let why = match (g.shape, g.duration_s, g.shortest_period()) {
+        (_, _, Some(period)) => format!("{share} of the stream with a period of {period} s"),
+        (_, Some(time), None) => format!("{share} of the stream over {time} s"),
+        (_, None, None) => format!("{share} of the stream by a table of {} times", g.time_s.len()),
+    };
     s.of_wind(&without, &signed(3.0), why)
 }
 
