@@ -42,7 +42,10 @@ fn main() {
         }
     }
     let cost = clock.elapsed().as_secs_f64() / (steps * s.topology.n_owned) as f64;
-    println!("# energy beside the reference at t = 5, 9, 12: {:.4?}", vortex::deviations(&energies, dt));
+    println!(
+        "# energy compared with the reference at t = 5, 9, 12: {:.4?}",
+        vortex::deviations(&energies, dt)
+    );
     println!("# largest rate of decay {:.5} at t = {:.2}", peak.0, peak.1);
     println!(
         "# {:.2} iterations a step, {:.2} us a cell and step",

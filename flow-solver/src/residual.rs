@@ -109,7 +109,7 @@ impl<G: Copy> Spatial<G> {
     /// Net outflow of each owned cell for the state `q`.
     ///
     /// Fills the ghosts of `q`, `gradient` on all local cells, and what
-    /// passes each face; with `renew`, its blending by the state as well. Entries of `residual` for
+    /// passes each face, and its blending where `scheme` renews it. Entries of `residual` for
     /// ghosts are left meaningless. Collective.
     pub fn evaluate<const N: usize>(
         &self,
@@ -119,7 +119,6 @@ impl<G: Copy> Spatial<G> {
         gradient: &mut [Gradient<N>],
         residual: &mut [[f64; N]],
         face_flux: &mut [FaceFlux],
-        renew: bool,
     ) where
         G: Gas<N>,
     {
@@ -139,12 +138,12 @@ impl<G: Copy> Spatial<G> {
         let n = on.topology.n_inside;
         on.halo.overlap(gradient.as_flattened_mut().as_flattened_mut(), 3 * N, |gradient| {
             let field = Field { q, gradient: gradient.as_chunks::<N>().0.as_chunks().0 };
-            for_viscosity!(self, s => s.interior(on, scheme, field, residual, face_flux, 0..n, renew));
+            for_viscosity!(self, s => s.interior(on, scheme, field, residual, face_flux, 0..n));
         });
         let field = Field { q, gradient };
         let border = n..on.topology.cells.len();
         for_viscosity!(self, s => {
-            s.interior(on, scheme, field, residual, face_flux, border, renew);
+            s.interior(on, scheme, field, residual, face_flux, border);
             s.walls(on, scheme, field, residual);
         });
         self.open_boundaries(on, scheme, field, residual, face_flux);
@@ -221,7 +220,6 @@ impl<G, V: Viscosity> Spatial<G, V> {
         residual: &mut [[f64; N]],
         face_flux: &mut [FaceFlux],
         range: std::ops::Range<usize>,
-        renew: bool,
     ) where
         G: Gas<N>,
     {
@@ -233,7 +231,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
             let (i, j) = (i as usize, j as usize);
             let pair = Between { face, cells: [i, j], way: on.metrics.centre(j) - on.metrics.centre(i) };
             let [l, r] = self.reconstructed(field, &pair);
-            if renew {
+            if scheme.renews_blending {
                 face_flux.blending = self.blending(on, scheme, field, &pair, [&l, &r]);
             }
             let Interface { mut flux, mass, rhie_chow } =

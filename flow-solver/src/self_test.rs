@@ -58,13 +58,8 @@ fn run<V: Viscosity>(
         velocity_diffusion: crate::physics::VELOCITY_DIFFUSION,
         moving: true,
     };
-    let spatial = Spatial {
-        gas: Isothermal::new(air),
-        viscosity: viscosity.into(),
-        chi: 1.0 / 3.0,
-        limiter: None,
-        upwind_share: 0.0,
-    };
+    let (gas, viscosity) = (Isothermal::new(air), viscosity.into());
+    let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None, upwind_share: 0.0 };
     let mut solver = Solver::new(comm, topology, start.clone(), spatial, settings).map_err(Fault::new)?;
     if viscosity.transported() {
         let model = SpalartAllmaras::new(&solver.topology, 2e-3, air.density, ddes);

@@ -47,6 +47,7 @@ fn scheme() -> FluxParameters {
         floor_squared: 0.25,
         velocity_diffusion: 0.5,
         pressure_diffusion: 3.0,
+        renews_blending: false,
     }
 }
 

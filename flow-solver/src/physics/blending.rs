@@ -15,7 +15,7 @@
 
 use super::velocity;
 
-/// Upwind share of an unresolved difference. Taylor-Green vortex at Re 1600 on 64 cells per wavelength, energy beside the
+/// Upwind share of an unresolved difference. Taylor-Green vortex at Re 1600 on 64 cells per wavelength, energy compared with the
 /// reference at t = 5, 9, 12: -1.2, -5.1, -0.4 % with 0.5; -1.2, -4.7, +0.4 % with 1.
 const UNRESOLVED: f64 = 0.5;
 

@@ -44,6 +44,8 @@ pub struct FluxParameters {
     pub floor_squared: f64,
     /// Weight of the velocity diffusion.
     pub velocity_diffusion: f64,
+    /// Whether the evaluation sets the blending of faces by its state.
+    pub renews_blending: bool,
     /// Weight of the pressure diffusion: 2 is the momentum interpolation of
     /// pressure-based methods for states that the jump takes in full.
     pub pressure_diffusion: f64,
@@ -167,6 +169,7 @@ mod tests {
             floor_squared: 0.25,
             velocity_diffusion: VELOCITY_DIFFUSION,
             pressure_diffusion: 3.0,
+            renews_blending: false,
         }
     }
 

@@ -80,16 +80,6 @@ impl Iteration {
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Residual of the step at `q`: primitive, weighted to N. Returns its norm.
     pub(super) fn evaluate(&mut self) -> f64 {
-        self.evaluate_at(false)
-    }
-
-    /// As [`Solver::evaluate`] at the initial guess of a step, whose state sets the blending of the fluxes.
-    fn evaluate_guess(&mut self) -> f64 {
-        // Upwind everywhere, as the fluxes are from the start.
-        self.evaluate_at(self.spatial.upwind_share < 1.0)
-    }
-
-    fn evaluate_at(&mut self, renew: bool) -> f64 {
         let _part = timing::part("residual");
         self.spatial.evaluate(
             &domain!(self),
@@ -98,7 +88,6 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             &mut self.gradient,
             &mut self.residual,
             &mut self.face_flux,
-            renew,
         );
         let gas = &self.spatial.gas;
         let push = self.wind_change.map(|a| a * self.settings.air.density);
@@ -126,6 +115,15 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             sum += r.iter().map(|x| x * x).sum::<f64>();
         }
         self.halo.comm().sum(sum).sqrt()
+    }
+
+    /// As [`Solver::evaluate`] at the initial guess of a step, whose state sets the blending of the fluxes.
+    fn evaluate_guess(&mut self) -> f64 {
+        // Upwind everywhere: the blending never changes.
+        self.scheme.renews_blending = self.spatial.upwind_share < 1.0;
+        let norm = self.evaluate();
+        self.scheme.renews_blending = false;
+        norm
     }
 
     /// Corrects the state until the residual of the step has dropped to its target. Collective.

@@ -210,6 +210,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
                 floor_squared: settings.reference_speed * settings.reference_speed,
                 velocity_diffusion: settings.velocity_diffusion,
                 pressure_diffusion: 2.0 / (1.0 - spatial.chi),
+                renews_blending: false,
             },
             wind_change: [Vec3::zeros(); 3],
             wind_gain: [Vec3::zeros(); 2],

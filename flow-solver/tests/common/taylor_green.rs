@@ -50,7 +50,7 @@ pub fn at_start(
         [p, u, v, 0.0]
     };
     for (q, x) in s.q.iter_mut().zip(&s.metrics.centre) {
-        *q = state((*x).into());
+        *q = state(*x);
     }
     for level in &mut s.previous {
         level.q.copy_from_slice(&s.q);
