@@ -346,13 +346,16 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Round-off level of the residual norm, N.
     pub(super) fn round_off(&self) -> f64 {
         let speed = 10.0 * self.settings.reference_speed + self.scheme.frame.norm();
+        // Enthalpy of the undisturbed air over c_p, in the weight of the temperature residual.
+        let Air { temperature, gamma, .. } = self.settings.air;
+        let heat = if N > 4 { TEMPERATURE_WEIGHT * temperature * (1.0 - 1.0 / gamma) } else { 0.0 };
         let n = self.topology.n_owned;
         let cells = self.metrics.volume[..n].iter().zip(&self.metrics.size);
         let sum: f64 = cells
             .map(|(v, h)| {
                 let w = mass_weight(*h, &self.scheme);
                 // Momentum stored and passed, and mass in the weight of its row.
-                let e = (self.scheme.rate * v + speed * h * h) * (speed + w);
+                let e = (self.scheme.rate * v + speed * h * h) * (speed + w + heat);
                 e * e
             })
             .sum();
