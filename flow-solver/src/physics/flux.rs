@@ -9,7 +9,7 @@
 //!   pressure-based methods (Rhie-Chow). The flux that it adds to the interpolated
 //!   momentum, $`e`$, is an unknown of the face with its own history (Cubero and Fueyo 2007),
 //!   ```math
-//!   \partial_t e + \frac{2(U + U_\infty)}{\delta} e = -\frac{k}{2\delta}[p],
+//!   \partial_t e + \left(\frac{2(U + U_\infty)}{\delta} + \frac{6\nu}{\delta^2}\right) e = -\frac{k}{2\delta}[p],
 //!   ```
 //!   by the backward difference of the step: strong enough against odd-even
 //!   decoupling, limited by the time that pressure acts in a step, and independent of
@@ -46,6 +46,8 @@ pub struct FluxParameters {
     pub velocity_diffusion: f64,
     /// Whether the evaluation sets the blending of faces by its state.
     pub renews_blending: bool,
+    /// Kinematic viscosity of the fluid, m2/s.
+    pub kinematic_viscosity: f64,
     /// Weight of the pressure diffusion: 2 is the momentum interpolation of
     /// pressure-based methods for states that the jump takes in full.
     pub pressure_diffusion: f64,
@@ -58,10 +60,12 @@ impl FluxParameters {
     #[inline(always)]
     pub(super) fn rhie_chow(&self, previous: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
         let (held, resistance) = self.resistance(previous, spacing, speed);
-        (push - held) / resistance
+        let friction = VISCOUS_RESISTANCE * self.kinematic_viscosity / spacing.max(f64::MIN_POSITIVE);
+        (push - held) / (resistance + friction)
     }
 
-    /// History term of the Rhie-Chow equation, Pa, and its resistance (the coefficient of the new value), m/s: see [`FluxParameters::rhie_chow`].
+    /// History term of the Rhie-Chow equation, Pa, and its resistance without viscosity (the coefficient of the new value), m/s: see
+    /// [`FluxParameters::rhie_chow`].
     #[inline(always)]
     pub(crate) fn resistance(&self, previous: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
         let held = self.rhie_chow[1] * f64::from(previous[0]) + self.rhie_chow[2] * f64::from(previous[1]);
@@ -76,6 +80,11 @@ impl FluxParameters {
 /// cells is off by 13.8e-4, 8.8e-4, 6.8e-4, 5.8e-4 with 1, 2, 3, 4; the plate takes 2.9,
 /// 3.1, 3.25, 3.5 iterations a step.
 const FADING: f64 = 2.0;
+
+/// Viscous part of the resistance, times $`\nu/\delta`$: what the neighbours of a cube of side $`\delta`$ hold its velocity with.
+/// Without it the pressure diffusion of a step with $`\nu\Delta t/h^2 \gg 1`$ is that many times too strong: a cavity takes 71
+/// iterations at 10 instead of 13, and does not converge from 50 on.
+const VISCOUS_RESISTANCE: f64 = 6.0;
 
 /// Stored flux of a face, in single precision: the mass flux is read by preconditioners only, the Rhie-Chow flux is
 /// small against the mass flux.
@@ -170,6 +179,7 @@ mod tests {
             velocity_diffusion: VELOCITY_DIFFUSION,
             pressure_diffusion: 3.0,
             renews_blending: false,
+            kinematic_viscosity: 0.0,
         }
     }
 

@@ -209,6 +209,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
                 wind: settings.wind,
                 floor_squared: settings.reference_speed * settings.reference_speed,
                 velocity_diffusion: settings.velocity_diffusion,
+                kinematic_viscosity: spatial.viscosity.molecular() / settings.air.density,
                 pressure_diffusion: 2.0 / (1.0 - spatial.chi),
                 renews_blending: false,
             },
