@@ -17,6 +17,9 @@ use crate::stencil::Neighbourhoods;
 /// upwind cells it is 1.461, 1.512, 1.520, 1.524.
 const WALL_CELLS: usize = 3;
 
+/// In [`Topology::region`]: air enters or leaves.
+pub const OPEN_REGION: u16 = u16::MAX;
+
 /// How one side of a boundary face acts on its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Side {
@@ -75,6 +78,10 @@ pub struct Topology {
     /// Whether the fluxes of each local cell stay upwind: near the canopy or a wall, and at the outer boundary, where
     /// one-sided gradients feed energy to a central flux.
     pub upwind: Vec<bool>,
+    /// Region of each local cell that no air enters or leaves, from 0; [`OPEN_REGION`] in all others.
+    pub region: Vec<u16>,
+    /// Regions of the whole grid that no air enters or leaves.
+    pub n_closed_regions: usize,
     /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
     pub slip: Vec<Side>,
     /// Sides where air sticks to the wall.
@@ -185,6 +192,9 @@ impl Topology {
         t.adjacency = Adjacency::new(t.n_owned, &t.cells);
         let upwind = upwind_cells(grid.cells.len(), faces);
         t.upwind = t.numbering.global.iter().map(|&c| upwind[c as usize]).collect();
+        let (region, n_closed_regions) = closed_regions(grid.cells.len(), faces, cloth.is_some());
+        t.region = t.numbering.global.iter().map(|&c| region[c as usize]).collect();
+        t.n_closed_regions = n_closed_regions;
         t.wide = wide.map(|w| w.rows(&t.numbering));
         t
     }
@@ -245,6 +255,38 @@ fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
     }
     faces.boundary.iter().for_each(|&(_, _, c)| near[c as usize] = true);
     near
+}
+
+/// Regions of cells of the whole grid that no air enters or leaves, and their number; `permeable`: air passes the canopy.
+fn closed_regions(cells: usize, faces: &FaceTable, permeable: bool) -> (Vec<u16>, usize) {
+    let mut root: Vec<u32> = (0..cells as u32).collect();
+    fn find(root: &mut [u32], mut c: u32) -> u32 {
+        while root[c as usize] != c {
+            root[c as usize] = root[root[c as usize] as usize];
+            c = root[c as usize];
+        }
+        c
+    }
+    let through = faces.canopy.iter().filter(|_| permeable).copied();
+    for (i, j) in faces.interior.iter().map(|&(_, i, j)| (i, j)).chain(through) {
+        let (a, b) = (find(&mut root, i), find(&mut root, j));
+        root[a.max(b) as usize] = a.min(b);
+    }
+    let mut number: HashMap<u32, u16> = HashMap::new();
+    for &(patch, _, c) in &faces.boundary {
+        if !matches!(patch, Patch::Wall | Patch::Slip | Patch::Symmetry) {
+            number.insert(find(&mut root, c), OPEN_REGION);
+        }
+    }
+    let mut closed = 0;
+    let region = (0..cells as u32).map(|c| {
+        *number.entry(find(&mut root, c)).or_insert_with(|| {
+            closed += 1;
+            // More are not counted: their mass is what the pressure equation makes it.
+            u16::try_from(closed - 1).unwrap_or(OPEN_REGION)
+        })
+    });
+    (region.collect(), closed.min(OPEN_REGION as usize))
 }
 
 /// Owners of the cells of the whole grid, as one rank sees them.

@@ -18,7 +18,7 @@ use crate::geometry::vec3::Vec3;
 use crate::gradient::{self, Field};
 use crate::physics::{self, BoundaryFace, FaceFlux, FluxParameters, Gas, OpenBoundary, Viscosity};
 use crate::residual::{Domain, Spatial, for_viscosity};
-use crate::topology::{Adjacency, OpenSides, Side, Topology};
+use crate::topology::{Adjacency, OPEN_REGION, OpenSides, Side, Topology};
 
 /// Share of the neighbours' coefficients that the response of the velocity to
 /// pressure leaves out: 0 is SIMPLE, where the neighbours stand still, 1 SIMPLEC,
@@ -58,6 +58,8 @@ pub struct PressureCorrection {
     pressure: PressureSystem,
     /// Symmetric Gauss-Seidel sweeps of a correction.
     sweeps: usize,
+    /// Sums over closed regions: defect of mass, kg/s, and its derivative by pressure, kg/(s Pa).
+    region_sums: Vec<f64>,
     transported: Vec<[f32; 4]>,
     correction: Vec<f32>,
     /// Relative tolerance of the pressure equation.
@@ -118,6 +120,7 @@ impl PressureCorrection {
             porous_faces: Vec::with_capacity(topology.porous_faces.len()),
             pressure: PressureSystem::new(&topology.adjacency, all),
             sweeps: 1,
+            region_sums: vec![0.0; 2 * topology.n_closed_regions],
             transported: vec![[0.0; 4]; all],
             correction: vec![0.0; all],
             tolerance: 0.05,
@@ -385,6 +388,23 @@ impl PressureCorrection {
         }
     }
 
+    /// In each region that no air enters or leaves: shifts the correction of pressure such that its mass is right. The pressure equation
+    /// determines the mean there by compressibility alone, to a tolerance that is a large error where steps are long. Collective.
+    fn conserve_mass<const N: usize>(&mut self, on: &Domain<'_>, rate: f64, r: &[[f64; N]]) {
+        let t = on.topology;
+        let (defect, storage) = (0, t.n_closed_regions);
+        self.region_sums.fill(0.0);
+        for i in (0..t.n_owned).filter(|&i| t.region[i] != OPEN_REGION) {
+            let (k, stored) = (t.region[i] as usize, rate * on.metrics.volume[i] / f64::from(self.sound2[i]));
+            self.region_sums[defect + k] -= r[i][0] + stored * f64::from(self.correction[i]);
+            self.region_sums[storage + k] += stored;
+        }
+        on.halo.comm().sum_slice(&mut self.region_sums);
+        for (p, &k) in self.correction.iter_mut().zip(&t.region).filter(|(_, k)| **k != OPEN_REGION) {
+            *p += (self.region_sums[defect + k as usize] / self.region_sums[storage + k as usize]) as f32;
+        }
+    }
+
     /// Adds this share of the corrections of pressure and velocity to `q`.
     fn correct<G: Gas<N>, const N: usize>(&self, gas: &G, on: &Domain<'_>, share: f64, q: &mut [[f64; N]]) {
         let mut held = self.held.iter().peekable();
@@ -458,6 +478,9 @@ impl<G: Gas<N>, const N: usize> Correction<G, N> for PressureCorrection {
         let rows = &on.topology.adjacency;
         let report =
             self.pressure.solve(rows, on.halo, &mut self.correction, self.tolerance, self.max_iterations);
+        if on.topology.n_closed_regions > 0 {
+            self.conserve_mass(on, scheme.rate, r);
+        }
         self.correct(gas, on, share, q);
         report
     }
