@@ -54,14 +54,13 @@ pub struct FluxParameters {
 }
 
 impl FluxParameters {
-    /// Rhie-Chow flux of a face, kg/(m2 s): the difference of its mass flux per area from the mean momentum.
+    /// Rhie-Chow flux of a face of the outer boundary, kg/(m2 s): the difference of its mass flux per area from the mean momentum.
     /// `previous`: the same at the last two time levels; `push`: driving pressure, Pa; `spacing`: distance of the
     /// cell centres along the normal, m; `speed`: speed of the air relative to the frame, m/s.
     #[inline(always)]
     pub(super) fn rhie_chow(&self, previous: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
         let (held, resistance) = self.resistance(previous, spacing, speed);
-        let friction = VISCOUS_RESISTANCE * self.kinematic_viscosity / spacing.max(f64::MIN_POSITIVE);
-        (push - held) / (resistance + friction)
+        (push - held) / resistance
     }
 
     /// History term of the Rhie-Chow equation, Pa, and its resistance without viscosity (the coefficient of the new value), m/s: see
@@ -83,7 +82,8 @@ const FADING: f64 = 2.0;
 
 /// Viscous part of the resistance, times $`\nu/\delta`$: what the neighbours of a cube of side $`\delta`$ hold its velocity with.
 /// Without it the pressure diffusion of a step with $`\nu\Delta t/h^2 \gg 1`$ is that many times too strong: a cavity takes 71
-/// iterations at 10 instead of 13, and does not converge from 50 on.
+/// iterations at 10 instead of 13, and does not converge from 50 on. Faces of the outer boundary have none: there the whole pressure drives the
+/// flux, not its difference from the reconstruction.
 const VISCOUS_RESISTANCE: f64 = 6.0;
 
 /// Stored flux of a face, in single precision: the mass flux is read by preconditioners only, the Rhie-Chow flux is
@@ -133,7 +133,9 @@ pub fn interface<G: Gas<N>, const N: usize>(
     let c2 = gas.sound_speed_squared(upwind(volume));
     let half = 0.5 * (l[0] - r[0]);
     let push = scheme.pressure_diffusion * blending.diffused(half);
-    let rhie_chow = scheme.rhie_chow(previous, push, face.spacing(), speed);
+    let (held, resistance) = scheme.resistance(previous, face.spacing(), speed);
+    let friction = VISCOUS_RESISTANCE * scheme.kinematic_viscosity / face.spacing().max(f64::MIN_POSITIVE);
+    let rhie_chow = (push - held) / (resistance + friction);
     let mass = rho * volume + face.magnitude() * (rhie_chow + half / c2.sqrt());
     let (up, down) = if mass > 0.0 { (l, r) } else { (r, l) };
     let mut carried = gas.carried(up);
