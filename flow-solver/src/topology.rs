@@ -75,7 +75,7 @@ pub struct Topology {
     pub cells: Vec<[u32; 2]>,
     /// Faces between owned cells: the first ones of all.
     pub n_inside: usize,
-    /// Whether the fluxes of each local cell stay upwind: near the canopy or a wall, and at the outer boundary, where
+    /// Whether the fluxes of each local cell stay upwind: near the canopy or a wall, and at the outer boundary but for planes of symmetry, where
     /// one-sided gradients feed energy to a central flux.
     pub upwind: Vec<bool>,
     /// Region of each local cell that no air enters or leaves, from 0; [`OPEN_REGION`] in all others.
@@ -84,6 +84,8 @@ pub struct Topology {
     pub n_closed_regions: usize,
     /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
     pub slip: Vec<Side>,
+    /// Those of `slip` in planes of symmetry, sorted by cell.
+    pub symmetry: Vec<Side>,
     /// Sides where air sticks to the wall.
     pub no_slip: Vec<Side>,
     /// Sides that air passes, by their condition, in the order of [`Patch`].
@@ -238,7 +240,7 @@ impl Topology {
     }
 }
 
-/// Cells of the whole grid whose fluxes stay upwind: at the outer boundary, and within [`WALL_CELLS`] of the canopy or a wall,
+/// Cells of the whole grid whose fluxes stay upwind: at the outer boundary but for planes of symmetry, and within [`WALL_CELLS`] of the canopy or a wall,
 /// counted over faces.
 fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
     let mut near = vec![false; cells];
@@ -253,7 +255,8 @@ fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
             near[j as usize] |= touched;
         }
     }
-    faces.boundary.iter().for_each(|&(_, _, c)| near[c as usize] = true);
+    let outer = faces.boundary.iter().filter(|(patch, ..)| *patch != Patch::Symmetry);
+    outer.for_each(|&(_, _, c)| near[c as usize] = true);
     near
 }
 
@@ -408,7 +411,11 @@ impl Builder<'_> {
             let t = &mut self.t;
             match patch {
                 Patch::Wall => t.no_slip.push(side),
-                Patch::Slip | Patch::Symmetry => t.slip.push(side),
+                Patch::Slip => t.slip.push(side),
+                Patch::Symmetry => {
+                    t.slip.push(side);
+                    t.symmetry.push(side);
+                }
                 open => match t.open.iter_mut().find(|o| o.patch == open) {
                     Some(of_patch) => of_patch.sides.push(side),
                     None => t.open.push(OpenSides { patch: open, sides: vec![side] }),
@@ -416,6 +423,7 @@ impl Builder<'_> {
             }
         }
         self.t.open.sort_by_key(|o| o.patch);
+        self.t.symmetry.sort_by_key(|side| side.cell);
     }
 
     fn add_canopy(&mut self, viscous: bool, cloth: Option<Permeability>) {
