@@ -112,3 +112,17 @@ fn steps_that_viscosity_dominates_converge() {
         }
     }
 }
+
+/// Tolerances below round-off end a step there, and the report says so.
+#[test]
+fn tolerance_below_round_off_ends_a_step_at_round_off() {
+    let report = |drop: f64| {
+        let mut s = cavity(BoxShape::Hexahedra, 8, 0.01, drop);
+        s.advance(&step(0.05, true)).unwrap()
+    };
+    let (fine, tight) = (report(1e-8), report(1e-16));
+    println!("{fine:?}\n{tight:?}");
+    assert!(fine.met && fine.round_off.is_none(), "{fine:?}");
+    let level = tight.round_off.expect("below round-off");
+    assert!(tight.met && tight.end <= level && level < 1e-11 * tight.start, "{tight:?}");
+}
