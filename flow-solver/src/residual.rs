@@ -63,9 +63,11 @@ pub struct Domain<'a> {
     /// Velocity of the middle of each face that is not between two cells, in the
     /// falling frame, m/s (walls need it).
     pub wall_velocity: &'a [Vec3],
-    /// Difference of the undisturbed wind from [`FluxParameters::wind`] on each face that is not
+    /// Difference of the undisturbed wind, or of the velocity of an inlet, from [`FluxParameters::wind`] on each face that is not
     /// between two cells, m/s. Empty: nothing.
     pub sheared: &'a [Vec3],
+    /// Gauge pressure outside of each face that is not between two cells, Pa. Empty: 0.
+    pub outer_pressure: &'a [f64],
     /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
     /// [`ViscosityModel::transported`].
     pub eddy: &'a [f64],
@@ -86,7 +88,13 @@ impl Domain<'_> {
 
     /// The face of an open `side`; `scheme` is that of [`Domain::scheme_at`].
     pub fn boundary_face<'a>(&'a self, scheme: &'a FluxParameters, side: &Side) -> BoundaryFace<'a> {
-        BoundaryFace { scheme, metric: self.face(side), sign: side.sign }
+        let pressure = self.outer_pressure.get(side.face as usize - self.topology.cells.len());
+        BoundaryFace {
+            scheme,
+            metric: self.face(side),
+            sign: side.sign,
+            pressure: pressure.copied().unwrap_or_default(),
+        }
     }
 }
 

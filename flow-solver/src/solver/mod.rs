@@ -2,6 +2,7 @@
 
 use comm::{Comm, Halo};
 
+use crate::boundary_values::{BoundaryArrays, BoundaryValues};
 use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
 use crate::geometry::vec3::Vec3;
@@ -129,6 +130,9 @@ pub struct Solver<G, const N: usize> {
     /// Wind by height. `None`: the same everywhere.
     shear: Option<WindShear>,
     sheared: Vec<Vec3>,
+    /// Data of boundary patches. `None`: the undisturbed air and walls that move with the grid.
+    boundary_values: Option<Box<BoundaryValues>>,
+    outer_pressure: Vec<f64>,
     turbulence: Option<Box<SpalartAllmaras>>,
     turbulence_lost: bool,
     /// Residual of the turbulence equation over its target in the last accepted step; 0: not solved.
@@ -162,6 +166,7 @@ macro_rules! domain {
             halo: &$s.halo,
             wall_velocity: &$s.wall_velocity,
             sheared: &$s.sheared,
+            outer_pressure: &$s.outer_pressure,
             eddy: &$s.eddy,
         }
     };
@@ -217,6 +222,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             source: Vec::new(),
             shear: None,
             sheared: Vec::new(),
+            boundary_values: None,
+            outer_pressure: Vec::new(),
             turbulence: None,
             turbulence_lost: false,
             turbulence_excess: 0.0,
