@@ -145,6 +145,8 @@ pub(crate) struct BoundaryArrays<'a> {
     pub pressure: &'a mut [f64],
     /// Velocity of walls in the falling frame, m/s: that of the grid before.
     pub wall_velocity: &'a mut [Vec3],
+    /// Rotation of walls from the face to the centre of its cell, m/s.
+    pub wall_spin: &'a mut [Vec3],
 }
 
 /// Faces of a named patch with a condition.
@@ -270,6 +272,7 @@ impl BoundaryValues {
                     }
                     Value::Sliding(_) | Value::Rotation(..) => {
                         arrays.wall_velocity[face] += p.velocity(k, metrics, factor);
+                        arrays.wall_spin[face] = p.spin(side, metrics) * factor;
                     }
                 }
             }
@@ -309,6 +312,16 @@ impl PatchValues {
             Value::Pressure(_) => Vec3::zeros(),
             Value::Sliding(v) => v * factor,
             Value::Rotation(rate, point) => rate.cross(&(metrics.border(side.face) - point)) * factor,
+        }
+    }
+
+    /// Velocity of the wall, continued as a rigid body to the centre of the cell, less that at the face, m/s.
+    fn spin(&self, side: &Side, metrics: &Metrics) -> Vec3 {
+        match self.value {
+            Value::Rotation(rate, _) => {
+                rate.cross(&(metrics.centre(side.cell as usize) - metrics.border(side.face)))
+            }
+            _ => Vec3::zeros(),
         }
     }
 

@@ -63,6 +63,9 @@ pub struct Domain<'a> {
     /// Velocity of the middle of each face that is not between two cells, in the
     /// falling frame, m/s (walls need it).
     pub wall_velocity: &'a [Vec3],
+    /// Rigid rotation of a wall from the middle of each of these faces to the centre of its cell, m/s: a fluid that
+    /// rotates with the wall has no shear. Empty: 0.
+    pub wall_spin: &'a [Vec3],
     /// Difference of the undisturbed wind, or of the velocity of an inlet, from [`FluxParameters::wind`] on each face that is not
     /// between two cells, m/s. Empty: nothing.
     pub sheared: &'a [Vec3],
@@ -208,7 +211,8 @@ fn traction<const N: usize>(
     side: &Side,
 ) -> Vec3 {
     let face = on.face(side);
-    let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side);
+    let spin = on.wall_spin.get(side.face as usize - on.topology.cells.len()).copied().unwrap_or_default();
+    let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side) - spin;
     // Its own distance: a wall of zero thickness has another cell behind it.
     let height = on.metrics.height(side);
     physics::wall_traction(mu, slip, face.area * (1.0 / face.magnitude()), height)

@@ -29,6 +29,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let faces = self.topology.face_nodes.len() - self.topology.cells.len();
         self.sheared.resize(faces, Vec3::zeros());
         self.outer_pressure = vec![0.0; faces];
+        self.wall_spin = vec![Vec3::zeros(); faces];
         let floor = 0.1 * values.largest_speed(self.comm(), &self.metrics);
         self.settings.reference_speed = self.settings.reference_speed.max(floor);
         self.scheme.floor_squared = self.settings.reference_speed * self.settings.reference_speed;
@@ -66,6 +67,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             excess: &mut self.sheared,
             pressure: &mut self.outer_pressure,
             wall_velocity: &mut self.wall_velocity,
+            wall_spin: &mut self.wall_spin,
         };
         Ok(values.fill(self.halo.comm(), &self.metrics, (wind, sound), &mut arrays)?)
     }

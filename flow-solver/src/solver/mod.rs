@@ -133,6 +133,7 @@ pub struct Solver<G, const N: usize> {
     /// Data of boundary patches. `None`: the undisturbed air and walls that move with the grid.
     boundary_values: Option<Box<BoundaryValues>>,
     outer_pressure: Vec<f64>,
+    wall_spin: Vec<Vec3>,
     turbulence: Option<Box<SpalartAllmaras>>,
     turbulence_lost: bool,
     /// Residual of the turbulence equation over its target in the last accepted step; 0: not solved.
@@ -167,6 +168,7 @@ macro_rules! domain {
             wall_velocity: &$s.wall_velocity,
             sheared: &$s.sheared,
             outer_pressure: &$s.outer_pressure,
+            wall_spin: &$s.wall_spin,
             eddy: &$s.eddy,
         }
     };
@@ -224,6 +226,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             sheared: Vec::new(),
             boundary_values: None,
             outer_pressure: Vec::new(),
+            wall_spin: Vec::new(),
             turbulence: None,
             turbulence_lost: false,
             turbulence_excess: 0.0,
