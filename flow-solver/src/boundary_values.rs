@@ -24,7 +24,7 @@ const CANCELLED: f64 = 1e-6;
 /// Data that a patch cannot have. Every rank returns the same error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BoundaryValueError {
-    /// A formula that is none.
+    /// A text that is not a formula.
     #[error("patch \"{patch}\": {source}")]
     Formula {
         /// The patch.

@@ -120,7 +120,7 @@ impl InletValues {
     /// The profile.
     ///
     /// # Errors
-    /// The text of the formula is none.
+    /// The text is not a formula.
     pub fn compiled_profile(&self) -> Result<InletProfile, FormulaError> {
         Ok(match (&self.profile, &self.profile_table) {
             (Some(text), _) => InletProfile::Formula(Formula::parse(text, &["x", "y", "z"])?),
@@ -145,7 +145,7 @@ impl TimeFactor {
     /// The function of an optional factor.
     ///
     /// # Errors
-    /// The text of the formula is none.
+    /// The text is not a formula.
     pub fn compiled(this: Option<&Self>) -> Result<TimeFunction, FormulaError> {
         Ok(match this {
             None => TimeFunction::Constant,
