@@ -149,6 +149,16 @@ pub(crate) struct BoundaryArrays<'a> {
     pub wall_spin: &'a mut [Vec3],
 }
 
+/// Data of patches and what they set on each face that is not between two cells. Empty where no patch has data.
+#[derive(Default)]
+pub(crate) struct BoundaryState {
+    pub values: Option<Box<BoundaryValues>>,
+    /// Gauge pressure outside, Pa.
+    pub pressure: Vec<f64>,
+    /// Rotation of walls from the face to the centre of its cell, m/s.
+    pub spin: Vec<Vec3>,
+}
+
 /// Faces of a named patch with a condition.
 fn sides_of(
     patch: &str,

@@ -46,8 +46,16 @@ const PLAIN: [Patch; 6] =
 const PATCHES: [Patch; 6] =
     [Patch::Slip, Patch::Slip, Patch::Wall, Patch::Inlet, Patch::Inlet, Patch::Outlet];
 
-/// A flow rate, a velocity, a pressure and a sliding wall, each over the time.
-fn data(grid: &FlowGrid, faces: &FaceTable, topology: &Topology) -> Result<Option<BoundaryValues>, Fault> {
+/// A flow rate, a velocity, a pressure and a sliding wall, each over the time, where the patches are [`PATCHES`].
+fn data(
+    patches: [Patch; 6],
+    grid: &FlowGrid,
+    faces: &FaceTable,
+    topology: &Topology,
+) -> Result<Option<BoundaryValues>, Fault> {
+    if patches != PATCHES {
+        return Ok(None);
+    }
     let factor = |formula: &str| Some(TimeFactor { formula: Some(formula.into()), ..TimeFactor::default() });
     let inlets = [
         InletValues {
@@ -96,9 +104,7 @@ fn run<V: Viscosity>(
         let model = SpalartAllmaras::new(&solver.topology, 2e-3, air.density, ddes);
         solver.set_turbulence(model);
     }
-    if patches == PATCHES
-        && let Some(values) = data(&grid, &faces, &solver.topology)?
-    {
+    if let Some(values) = data(patches, &grid, &faces, &solver.topology)? {
         solver.set_boundary_values(values).map_err(Fault::new)?;
     }
     let mut loads = Loads::new(&solver);

@@ -5,8 +5,11 @@
 
 use std::fmt;
 
+type Function = fn(f64) -> f64;
+type Pair = fn(f64, f64) -> f64;
+
 /// Names of the functions of one number.
-const FUNCTIONS: [(&str, fn(f64) -> f64); 8] = [
+const FUNCTIONS: [(&str, Function); 8] = [
     ("sin", f64::sin),
     ("cos", f64::cos),
     ("tan", f64::tan),
@@ -17,7 +20,7 @@ const FUNCTIONS: [(&str, fn(f64) -> f64); 8] = [
     ("tanh", f64::tanh),
 ];
 /// Names of the functions of two numbers.
-const PAIRS: [(&str, fn(f64, f64) -> f64); 2] = [("min", f64::min), ("max", f64::max)];
+const PAIRS: [(&str, Pair); 2] = [("min", f64::min), ("max", f64::max)];
 /// Intermediate values of a formula at most.
 const STACK: usize = 32;
 /// Characters of a formula at most.
@@ -67,8 +70,8 @@ enum Op {
     Multiply,
     Divide,
     Power,
-    Function(fn(f64) -> f64),
-    Pair(fn(f64, f64) -> f64),
+    Function(Function),
+    Pair(Pair),
 }
 
 impl Formula {

@@ -109,6 +109,10 @@ fn data_that_a_patch_cannot_have_are_refused_with_key_and_remedy() {
         assert!(wanted.iter().all(|w| message.contains(w)), "{text}: {message}");
         assert!(message.contains("scene.toml:"), "no place: {message}");
     }
+}
+
+#[test]
+fn moving_wall_of_an_inviscid_flow_is_refused() {
     let inviscid = PANEL.replacen("top = \"slip\"", "top = \"wall\"", 1);
     let inviscid =
         inviscid.replacen("[flow.solver]", &format!("{WALL}velocity_m_s = [1, 0, 0]\n[flow.solver]"), 1);

@@ -28,27 +28,27 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         values.place(self.comm(), &self.metrics)?;
         let faces = self.topology.face_nodes.len() - self.topology.cells.len();
         self.sheared.resize(faces, Vec3::zeros());
-        self.outer_pressure = vec![0.0; faces];
-        self.wall_spin = vec![Vec3::zeros(); faces];
+        self.boundary.pressure = vec![0.0; faces];
+        self.boundary.spin = vec![Vec3::zeros(); faces];
         let floor = 0.1 * values.largest_speed(self.comm(), &self.metrics);
         self.settings.reference_speed = self.settings.reference_speed.max(floor);
         self.scheme.floor_squared = self.settings.reference_speed * self.settings.reference_speed;
-        self.boundary_values = Some(Box::new(values));
+        self.boundary.values = Some(Box::new(values));
         Ok(())
     }
 
     /// Sets the time at the end of the next step, s since the start of the stage, for the data of boundary patches.
     pub fn set_boundary_time(&mut self, time: f64) {
-        if let Some(values) = &mut self.boundary_values {
+        if let Some(values) = &mut self.boundary.values {
             values.time = time;
         }
     }
 
     /// Sets the data of boundary patches at the end of the step. Collective.
     pub(super) fn fill_boundary_values(&mut self, moved: bool) -> Result<(), FlowError> {
-        let Some(mut values) = self.boundary_values.take() else { return Ok(()) };
+        let Some(mut values) = self.boundary.values.take() else { return Ok(()) };
         let outcome = self.fill_from(&mut values, moved);
-        self.boundary_values = Some(values);
+        self.boundary.values = Some(values);
         outcome
     }
 
@@ -65,9 +65,9 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let sound = gas.sound_speed_squared(&gas.undisturbed(wind)).sqrt();
         let mut arrays = BoundaryArrays {
             excess: &mut self.sheared,
-            pressure: &mut self.outer_pressure,
+            pressure: &mut self.boundary.pressure,
             wall_velocity: &mut self.wall_velocity,
-            wall_spin: &mut self.wall_spin,
+            wall_spin: &mut self.boundary.spin,
         };
         Ok(values.fill(self.halo.comm(), &self.metrics, (wind, sound), &mut arrays)?)
     }

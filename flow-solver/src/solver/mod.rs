@@ -2,7 +2,7 @@
 
 use comm::{Comm, Halo};
 
-use crate::boundary_values::{BoundaryArrays, BoundaryValues};
+use crate::boundary_values::{BoundaryArrays, BoundaryState, BoundaryValues};
 use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
 use crate::geometry::vec3::Vec3;
@@ -130,10 +130,8 @@ pub struct Solver<G, const N: usize> {
     /// Wind by height. `None`: the same everywhere.
     shear: Option<WindShear>,
     sheared: Vec<Vec3>,
-    /// Data of boundary patches. `None`: the undisturbed air and walls that move with the grid.
-    boundary_values: Option<Box<BoundaryValues>>,
-    outer_pressure: Vec<f64>,
-    wall_spin: Vec<Vec3>,
+    /// Data of boundary patches. Empty: the undisturbed air and walls that move with the grid.
+    boundary: BoundaryState,
     turbulence: Option<Box<SpalartAllmaras>>,
     turbulence_lost: bool,
     /// Residual of the turbulence equation over its target in the last accepted step; 0: not solved.
@@ -167,8 +165,8 @@ macro_rules! domain {
             halo: &$s.halo,
             wall_velocity: &$s.wall_velocity,
             sheared: &$s.sheared,
-            outer_pressure: &$s.outer_pressure,
-            wall_spin: &$s.wall_spin,
+            outer_pressure: &$s.boundary.pressure,
+            wall_spin: &$s.boundary.spin,
             eddy: &$s.eddy,
         }
     };
@@ -224,9 +222,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             source: Vec::new(),
             shear: None,
             sheared: Vec::new(),
-            boundary_values: None,
-            outer_pressure: Vec::new(),
-            wall_spin: Vec::new(),
+            boundary: BoundaryState::default(),
             turbulence: None,
             turbulence_lost: false,
             turbulence_excess: 0.0,
