@@ -2,6 +2,7 @@
 
 use comm::Comm;
 
+use crate::boundary_values::BoundaryValueError;
 use crate::geometry::vec3::Vec3;
 
 /// A step that cannot be computed. Every rank returns the same error.
@@ -66,6 +67,9 @@ pub enum FlowError {
         /// Steps whose iterations ran out.
         unsolved: usize,
     },
+    /// Data of a boundary patch cannot be used.
+    #[error("flow: {0}")]
+    BoundaryValue(#[from] BoundaryValueError),
     /// The turbulence variable is not a finite number.
     #[error("flow: the turbulence equation diverged in the last step; shorten window_s")]
     Turbulence,

@@ -14,6 +14,7 @@
 #![allow(clippy::needless_range_loop)]
 
 mod allocator;
+pub mod boundary_values;
 mod error;
 pub mod geometry;
 pub mod gradient;

@@ -7,6 +7,7 @@ use case::{Flow, Role, Turbulence, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
 
+use crate::boundary_values::BoundaryValues;
 use crate::error::FlowError;
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
@@ -91,6 +92,13 @@ fn started<G: Gas<N>, const N: usize>(
     if let Some(shear) = &setup.shear {
         solver.set_shear(shear.clone());
     }
+    let flow = &setup.flow;
+    let (grid, faces) = (&setup.grid, &setup.faces);
+    let values =
+        BoundaryValues::new(&flow.inlets, &flow.outlets, &flow.moving_walls, grid, faces, &solver.topology);
+    if let Some(values) = values.map_err(Fault::new)? {
+        solver.set_boundary_values(values).map_err(Fault::new)?;
+    }
     Ok(solver)
 }
 
@@ -142,6 +150,7 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             "flow.gust",
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
+            channel::BOUNDARY_VALUES,
             "stage.steady",
             "flow.shear",
             "fabric.permeability",
@@ -227,7 +236,10 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
             FlowError::BadState { .. } => 2.0,
             FlowError::InvertedCell { .. } => 3.0,
             FlowError::Unsolved { .. } => 4.0,
-            FlowError::BadNode { .. } | FlowError::Unsteady { .. } | FlowError::Turbulence => 0.0,
+            FlowError::BadNode { .. }
+            | FlowError::BoundaryValue(_)
+            | FlowError::Unsteady { .. }
+            | FlowError::Turbulence => 0.0,
         };
         let words = format!("window {} (t = {:.4} s): {error}", w.index, w.time);
         if self.march.is_some() || values[flow_stats::NO_ANSWER] == 0.0 {
@@ -332,6 +344,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         (self.solved_window, self.failure) = (None, None);
         let times = [w.dt, 0.0, -self.solver.step_before(w.dt)];
         self.solver.set_far_field_velocity(times.map(|t| self.wind.at(w.time + t).into()), w.dt);
+        self.solver.set_boundary_time(w.time + w.dt);
         let outcome = match &self.march {
             None => self.solver.advance(&step).map(|report| (self.loads.compute(&self.solver), report)),
             Some(march) => steady::solve_window(march, &mut self.solver, &mut self.loads, frame),

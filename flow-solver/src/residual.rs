@@ -63,9 +63,14 @@ pub struct Domain<'a> {
     /// Velocity of the middle of each face that is not between two cells, in the
     /// falling frame, m/s (walls need it).
     pub wall_velocity: &'a [Vec3],
-    /// Difference of the undisturbed wind from [`FluxParameters::wind`] on each face that is not
+    /// Rigid rotation of a wall from the middle of each of these faces to the centre of its cell, m/s: a fluid that
+    /// rotates with the wall has no shear. Empty: 0.
+    pub wall_spin: &'a [Vec3],
+    /// Difference of the undisturbed wind, or of the velocity of an inlet, from [`FluxParameters::wind`] on each face that is not
     /// between two cells, m/s. Empty: nothing.
     pub sheared: &'a [Vec3],
+    /// Gauge pressure outside of each face that is not between two cells, Pa. Empty: 0.
+    pub outer_pressure: &'a [f64],
     /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
     /// [`ViscosityModel::transported`].
     pub eddy: &'a [f64],
@@ -86,7 +91,13 @@ impl Domain<'_> {
 
     /// The face of an open `side`; `scheme` is that of [`Domain::scheme_at`].
     pub fn boundary_face<'a>(&'a self, scheme: &'a FluxParameters, side: &Side) -> BoundaryFace<'a> {
-        BoundaryFace { scheme, metric: self.face(side), sign: side.sign }
+        let pressure = self.outer_pressure.get(side.face as usize - self.topology.cells.len());
+        BoundaryFace {
+            scheme,
+            metric: self.face(side),
+            sign: side.sign,
+            pressure: pressure.copied().unwrap_or_default(),
+        }
     }
 }
 
@@ -201,7 +212,8 @@ fn traction<const N: usize>(
     side: &Side,
 ) -> Vec3 {
     let face = on.face(side);
-    let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side);
+    let spin = on.wall_spin.get(side.face as usize - on.topology.cells.len()).copied().unwrap_or_default();
+    let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side) - spin;
     // Its own distance: a wall of zero thickness has another cell behind it.
     let height = on.metrics.height(side);
     physics::wall_traction(mu, slip, face.area * (1.0 / face.magnitude()), height)

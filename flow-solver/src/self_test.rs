@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use case::{InletValues, MovingWall, OutletValues, TimeFactor};
 use channel::Fault;
 use comm::Comm;
-use mesh::{FaceTable, Patch, plate_grid};
+use mesh::{FaceTable, FlowGrid, Patch, plate_grid};
 
+use crate::boundary_values::BoundaryValues;
 use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
 use crate::permeable::Permeability;
@@ -14,10 +16,11 @@ use crate::residual::Spatial;
 use crate::setup::partitioned;
 use crate::solver::{Method, Settings, Solver, Step};
 use crate::state;
+use crate::topology::Topology;
 use crate::turbulence::{SpalartAllmaras, ddes};
 
-/// A plate in a viscous stream on a grid that heaves and twists, airtight, permeable or with
-/// detached eddies, as `effect` names it: the force after each of four steps. The state after
+/// A plate in a viscous stream on a grid that heaves and twists, airtight, permeable, with
+/// detached eddies or with data on patches, as `effect` names it: the force after each of four steps. The state after
 /// the second step is written to `file`, or,
 /// where `file` exists, the run starts from it. Collective.
 ///
@@ -27,10 +30,47 @@ use crate::turbulence::{SpalartAllmaras, ddes};
 pub fn self_test(comm: &Comm, file: &Path, effect: &str) -> Result<Vec<Vec3>, Fault> {
     let viscosity = 0.02;
     match effect {
-        "turbulent" => run(comm, file, Turbulent { viscosity, eddies: EddyViscosity::TransportInput }, None),
-        "permeable" => run(comm, file, Laminar { viscosity }, Some(Permeability::new(5.0, 1.0))),
-        _ => run(comm, file, Laminar { viscosity }, None),
+        "turbulent" => {
+            run(comm, file, Turbulent { viscosity, eddies: EddyViscosity::TransportInput }, None, PLAIN)
+        }
+        "permeable" => run(comm, file, Laminar { viscosity }, Some(Permeability::new(5.0, 1.0)), PLAIN),
+        "patches" => run(comm, file, Laminar { viscosity }, None, PATCHES),
+        _ => run(comm, file, Laminar { viscosity }, None, PLAIN),
     }
+}
+
+/// Conditions on low and high x, y and z.
+const PLAIN: [Patch; 6] =
+    [Patch::Slip, Patch::Slip, Patch::FarField, Patch::FarField, Patch::FarField, Patch::Outlet];
+/// The same with patches that [`data`] is for.
+const PATCHES: [Patch; 6] =
+    [Patch::Slip, Patch::Slip, Patch::Wall, Patch::Inlet, Patch::Inlet, Patch::Outlet];
+
+/// A flow rate, a velocity, a pressure and a sliding wall, each over the time, where the patches are [`PATCHES`].
+fn data(
+    patches: [Patch; 6],
+    grid: &FlowGrid,
+    faces: &FaceTable,
+    topology: &Topology,
+) -> Result<Option<BoundaryValues>, Fault> {
+    if patches != PATCHES {
+        return Ok(None);
+    }
+    let factor = |formula: &str| Some(TimeFactor { formula: Some(formula.into()), ..TimeFactor::default() });
+    let inlets = [
+        InletValues {
+            patch: "back".into(),
+            flow_rate_m3_s: Some(6.0),
+            profile: Some("2 - x^2/3".into()),
+            factor: factor("1 + t"),
+            ..InletValues::default()
+        },
+        InletValues { patch: "bottom".into(), velocity_m_s: Some([0.5, 0.0, 4.0]), ..InletValues::default() },
+    ];
+    let outlets = [OutletValues { patch: "top".into(), pressure_pa: 3.0, factor: factor("exp(-t)") }];
+    let wall = MovingWall { patch: "front".into(), ..MovingWall::default() };
+    let walls = [MovingWall { velocity_m_s: Some([0.0, 0.0, 2.0]), factor: factor("cos(t)"), ..wall }];
+    BoundaryValues::new(&inlets, &outlets, &walls, grid, faces, topology).map_err(Fault::new)
 }
 
 fn run<V: Viscosity>(
@@ -38,10 +78,9 @@ fn run<V: Viscosity>(
     file: &Path,
     viscosity: V,
     cloth: Option<Permeability>,
+    patches: [Patch; 6],
 ) -> Result<Vec<Vec3>, Fault> {
     let (lo, hi) = (Vec3::new(-1.5, -1.5, -1.0), Vec3::new(1.5, 1.5, 2.0));
-    let side = Patch::Slip;
-    let patches = [side, side, Patch::FarField, Patch::FarField, Patch::FarField, Patch::Outlet];
     let grid = plate_grid([12, 12, 12], lo.into(), hi.into(), patches, 4, [4..8, 3..9]);
     let faces = FaceTable::new(&grid).map_err(Fault::new)?;
     let topology = partitioned(&grid, &faces, comm, true, cloth)?;
@@ -65,6 +104,9 @@ fn run<V: Viscosity>(
         let model = SpalartAllmaras::new(&solver.topology, 2e-3, air.density, ddes);
         solver.set_turbulence(model);
     }
+    if let Some(values) = data(patches, &grid, &faces, &solver.topology)? {
+        solver.set_boundary_values(values).map_err(Fault::new)?;
+    }
     let mut loads = Loads::new(&solver);
     let totals = (grid.cells.len(), grid.coords.len());
     let resumed = file.exists();
@@ -87,6 +129,7 @@ fn run<V: Viscosity>(
             solver.nodes[i] = now;
             solver.node_velocity[i] = (now - before) / dt;
         }
+        solver.set_boundary_time(t);
         let step = Step { dt, frame: Vec3::new(0.0, 0.1, -0.5), repeat: false, moved: true };
         solver.advance(&step).map_err(Fault::new)?;
         forces.push(loads.compute(&solver).force);

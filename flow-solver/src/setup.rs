@@ -84,11 +84,11 @@ fn speed_at_start(
              flow-solver supports subsonic flow only; lower wind_m_s or initial_speed_m_s"
         )));
     }
-    let still = speed == 0.0 && !scene.has_stage_wind() && !sheared;
+    let still = speed == 0.0 && !scene.has_stage_wind() && !sheared && !flow.has_boundary_values();
     if still && scene.stages[stage].kind == case::StageKind::FlowOnly {
         return Err(Fault::new(format!(
             "stage {stage} runs the flow around a fixed canopy, but the free stream has no velocity: \
-             set descent.initial_speed_m_s or flow.wind_m_s"
+             set descent.initial_speed_m_s, flow.wind_m_s or the velocity of an inlet, [[flow.inlet]]"
         )));
     }
     Ok(speed)

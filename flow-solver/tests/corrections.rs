@@ -332,7 +332,7 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     // The velocity through a far face that is not left is held by the stiffness of sound against that of the transport.
     let leaving = |side: &flow_solver::topology::Side| {
         let metric = &m.faces[side.face as usize];
-        FarField.leaving(&BoundaryFace { scheme: &scheme, metric, sign: side.sign })
+        FarField.leaving(&BoundaryFace { scheme: &scheme, metric, sign: side.sign, pressure: 0.0 })
     };
     let held: Vec<(usize, Vec3, f64)> = t
         .sides_of(Patch::FarField)

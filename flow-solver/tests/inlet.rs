@@ -24,7 +24,7 @@ fn flux_of<G: Gas<N>, const N: usize>(gas: G) {
     assert_eq!(sides.len(), 12);
     for side in sides {
         let metric = &s.metrics.faces[side.face as usize];
-        let at = BoundaryFace { scheme: &s.scheme, metric, sign: side.sign };
+        let at = BoundaryFace { scheme: &s.scheme, metric, sign: side.sign, pressure: 0.0 };
         let inlet = open_boundary::<G, N>(Patch::Inlet).expect("air passes");
         let found = inlet.flux(&gas, &at, &q, &q, [0.25, -0.125]);
         let area = metric.area * side.sign;

@@ -209,7 +209,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
             let wind = WIND + more;
             let at = physics::FluxParameters { wind, ..scheme };
             let inside = field.value(m.border(side.face));
-            let at = physics::BoundaryFace { scheme: &at, metric: f, sign: side.sign };
+            let at = physics::BoundaryFace { scheme: &at, metric: f, sign: side.sign, pressure: 0.0 };
             let condition = physics::open_boundary::<G, N>(*patch).expect("air passes");
             let passing = condition.flux(&gas, &at, &inside, &s.q[c], [0.0; 2]);
             let kept = &face_flux[side.face as usize];

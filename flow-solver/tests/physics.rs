@@ -140,7 +140,7 @@ fn far<G: Gas<N>, const N: usize>(gas: G) {
                 let scheme = FluxParameters { wind, ..scheme() };
                 let q: [f64; N] = std::array::from_fn(|v| [30.0, 3.0, 1.0, -2.0, 4.0][v]);
                 let cell: [f64; N] = std::array::from_fn(|v| [45.0, 2.0, 1.5, -2.5, 3.0][v]);
-                let at = BoundaryFace { scheme: &scheme, metric: &face, sign };
+                let at = BoundaryFace { scheme: &scheme, metric: &face, sign, pressure: 0.0 };
                 let found = FarField.flux(&gas, &at, &q, &cell, PAST);
                 let area = face.area.norm();
                 let unit = face.area * (sign / area);

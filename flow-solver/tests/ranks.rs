@@ -58,6 +58,13 @@ fn results_agree_for_one_to_four_ranks_and_restarts() {
 }
 
 #[test]
+fn data_of_patches_are_independent_of_rank_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, none) = (agree("patches"), forces(1, &folder.path().join("state"), "plain"));
+    assert!((data[3][2] / none[3][2] - 1.0).abs() > 1e-3, "{data:?} {none:?}");
+}
+
+#[test]
 fn permeable_plate_is_independent_of_rank_count() {
     // Less drag than the airtight one, or the cloth is not there.
     let folder = tempfile::tempdir().unwrap();

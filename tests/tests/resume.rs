@@ -339,6 +339,25 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
     same_in_parts(folder.path(), "moved", &format!("{SHEET}{regrid}{DEVELOP}{moved}"), &cuts);
 }
 
+/// Data of patches are functions of the time of the stage: nothing of them is saved.
+#[test]
+fn resumed_run_is_bitwise_identical_with_data_of_patches() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let duct = "name = \"duct\"\n[canopy]\nkind = \"panel\"\nsize_m = [0.5, 0.5]\ncells = [4, 4]\n\
+                [fabric]\nyoungs_modulus_pa = 1e6\npoisson_ratio = 0.3\nthickness_m = 1e-3\ndensity_kg_m3 = 1000.0\n\
+                [flow]\n[flow.viscosity]\ndynamic_viscosity_pa_s = 0.01\n\
+                [flow.box]\nbelow_m = 0.5\nabove_m = 0.5\nlayers_below = 5\nlayers_above = 5\nbehind_m = 1.0\ncells_behind = 8\n\
+                [flow.box.sides]\nleft = \"inlet\"\nright = \"outlet\"\nbottom = \"wall\"\n\
+                [[flow.inlet]]\npatch = \"left\"\nflow_rate_m3_s = 1.0\nprofile = \"1 + z^2\"\n\
+                factor = { formula = \"1 + 0.3*sin(20*t)\" }\n\
+                [[flow.outlet]]\npatch = \"right\"\npressure_pa = 5.0\nfactor = { time_s = [0, 1], value = [1, 2] }\n\
+                [[flow.moving_wall]]\npatch = \"bottom\"\nvelocity_m_s = [2.0, 0.0, 0.0]\n\
+                [[flow.probe]]\nname = \"near\"\nposition_m = [0.3, 0.2, 0.1]\n\
+                [ranks]\nstructure = 1\nflow = 2\nmesh = 1\n\
+                [[stage]]\nname = \"flow\"\nkind = \"flow-only\"\nduration_s = 0.2\nwindow_s = 1e-2\n";
+    same_in_parts(folder.path(), "duct", duct, &[("flow", 3), ("flow", 9)]);
+}
+
 fn copy(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).expect("a folder");
     for entry in std::fs::read_dir(from).expect("a folder").flatten() {

@@ -165,5 +165,8 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
             all.push((Role::Structure, effect.to_owned()));
         }
     }
+    if scene.flow.as_ref().is_some_and(case::Flow::has_boundary_values) {
+        all.push((Role::Flow, channel::BOUNDARY_VALUES.to_owned()));
+    }
     all
 }

@@ -7,6 +7,7 @@ const UNITS: &[(&str, &str)] = &[
     ("_rad_s", "rad/s"),
     ("_kg_m3", "kg/m³"),
     ("_kg_m2", "kg m²"),
+    ("_m3_s", "m³/s"),
     ("_kg_s", "kg/s"),
     ("_pa_s", "Pa s"),
     ("_per_s", "1/s"),
@@ -39,6 +40,7 @@ fn units_are_read_from_the_ends_of_names() {
     for (name, expected) in [
         ("duration_s", Some("s")),
         ("wind_m_s", Some("m/s")),
+        ("flow_rate_m3_s", Some("m³/s")),
         ("gravity_m_s2", Some("m/s²")),
         ("inertial_pa_s2_m2", Some("Pa s²/m²")),
         ("viscous_pa_s_m", Some("Pa s/m")),

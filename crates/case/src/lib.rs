@@ -8,6 +8,7 @@
 mod boundaries;
 mod check;
 mod error;
+mod formula;
 mod overrides;
 mod place;
 mod renamed;
@@ -17,6 +18,7 @@ mod wind;
 pub use boundaries::{Jump, jumps};
 pub use check::Allowed;
 pub use error::{Problem, SceneError};
+pub use formula::{Formula, FormulaError};
 pub use overrides::{NotATable, Override, parse_overridden, set_value};
 pub use place::place_of;
 pub use renamed::{Renamed, current_path, current_value, renamed};

@@ -20,6 +20,10 @@ pub const STAGE_WIND: &str = "stage.wind";
 /// of pulses.
 pub const GUST_SHAPE: &str = "flow.gust.shape";
 
+/// Effect of a flow whose inlets, outlets and walls have data of their own, as `case::InletValues`, `case::OutletValues` and
+/// `case::MovingWall` define them.
+pub const BOUNDARY_VALUES: &str = "flow.boundary-values";
+
 /// File with the warm-start data of a rank, in addition to its part of the program's state: warm starts, factors and
 /// all other data that affect only the last digits and are useless for another number of ranks.
 pub fn warm_start_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {

@@ -27,7 +27,8 @@ pub const CHECKS: &[Check] = &[
         what: "the initial air speed relative to the canopy is nonzero and near the steady speed",
         estimate: "free-stream speed relative to the canopy at the start of the first coupled stage: \
                    descent.initial_speed_m_s with the wind and gust of that stage",
-        range: "warning at 0 m/s; error at 0 m/s in a scene with a flow-only stage and neither gust nor shear; \
+        range: "warning at 0 m/s; error at 0 m/s in a scene with a flow-only stage and neither gust, shear nor data of \
+                inlets, outlets or walls; \
                 warning above three times the steady speed of descent.steady-speed",
         source: "a flow-only stage at 0 m/s develops no flow; drag coefficients refer to the initial speed; at three \
                  times the steady speed the drag is nine times the weight",
@@ -167,7 +168,8 @@ fn initial_speed(f: &Facts<'_>) -> Vec<Judged> {
 
 /// The error of a flow-only stage in still air.
 fn still_air(f: &Facts<'_>) -> Vec<Judged> {
-    if air_moves(f, |_| true) {
+    let driven = f.scene.flow.as_ref().is_some_and(case::Flow::has_boundary_values);
+    if driven || air_moves(f, |_| true) {
         return Vec::new();
     }
     let Some((_, stage)) = f.stages_of(StageKind::FlowOnly).next() else { return Vec::new() };
@@ -176,7 +178,10 @@ fn still_air(f: &Facts<'_>) -> Vec<Judged> {
         speed if speed > 0.0 => {
             format!("set descent.initial_speed_m_s near the steady speed of about {} m/s", digits(speed))
         }
-        _ => "set flow.wind_m_s, or add [descent] with initial_speed_m_s".into(),
+        _ => {
+            "set flow.wind_m_s or the velocity of an [[flow.inlet]], or add [descent] with initial_speed_m_s"
+                .into()
+        }
     };
     let figure = format!(
         "stage `{}` develops the flow around a canopy at rest, but the air is at rest too",

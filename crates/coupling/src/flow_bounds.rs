@@ -2,7 +2,7 @@
 //!
 //! $`W`$ is the sum of the largest speed of the undisturbed air past the canopy and of the largest speed of the
 //! canopy's own motion so far in the stage; $`P`$ is the largest pressure that the scene applies or that carries the
-//! weight. Air reaches at most a few times
+//! weight. Inlets, outlets and walls with data of their own count in $`W`$ and $`P`$, their grid in $`L`$. Air reaches at most a few times
 //! ```math
 //! W + \sqrt{2P/\rho}
 //! ```
@@ -19,6 +19,7 @@ use case::{Role, Scene};
 use channel::{STATS, flow_stats as stat};
 use serde::{Deserialize, Serialize};
 
+use crate::boundary_drive::BoundaryDrive;
 pub use crate::impossible_flow::ImpossibleFlow;
 use crate::interface::CanopyInterface;
 
@@ -32,13 +33,13 @@ const LEAST_MACH: f64 = 1e-3;
 pub struct FlowBounds {
     /// Largest speed of the canopy in the frame so far, m/s.
     canopy: f64,
-    /// Largest speed of the undisturbed air in the frame so far, m/s.
+    /// Largest speed of the undisturbed air in the frame so far, or of an inlet or wall with data, m/s.
     stream: f64,
     density: f64,
     sound: f64,
     /// Largest pressure that the scene applies, or that carries the weight, Pa.
     pressure: f64,
-    /// Size of the canopy, m.
+    /// Size of the canopy, or of a grid that boundary data drive, m.
     size: f64,
 }
 
@@ -56,13 +57,14 @@ impl FlowBounds {
             let mass = d.payload_mass_kg + interface.masses.fabric + interface.masses.cables;
             mass * d.gravity_m_s2 / d.reference_area_m2
         });
+        let drive = BoundaryDrive::new(scene).unwrap_or(BoundaryDrive { speed: 0.0, pressure: 0.0, size });
         Some(Self {
             canopy: 0.0,
-            stream: 0.0,
+            stream: drive.speed,
             density: flow.density_kg_m3,
             sound: flow.sound_speed(),
-            pressure: applied + weight,
-            size,
+            pressure: applied + weight + drive.pressure,
+            size: size.max(drive.size),
         })
     }
 

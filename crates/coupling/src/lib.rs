@@ -7,6 +7,7 @@
 
 pub mod assembly;
 pub mod balance;
+pub mod boundary_drive;
 pub mod convergence;
 pub mod descent;
 pub mod descent_limits;

@@ -45,6 +45,7 @@ pub(crate) fn add_box_cells(
     patches: [Patch; 6],
     node: impl Fn(usize, usize, usize) -> u32,
 ) {
+    grid.patch_names = case::BoxSides::NAMES.map(String::from).to_vec();
     for k in 0..n[2] {
         for j in 0..n[1] {
             for i in 0..n[0] {
@@ -60,8 +61,9 @@ pub(crate) fn add_box_cells(
                     (k == 0, 0),
                     (k + 1 == n[2], 1),
                 ];
-                for ((outer, face), patch) in ends.into_iter().zip(patches) {
+                for (((outer, face), patch), side) in ends.into_iter().zip(patches).zip(0..) {
                     if outer {
+                        grid.patch_of.push(side);
                         grid.boundary.push((patch, crate::HEX_FACES[face].map(|v| cell[v])));
                     }
                 }
@@ -100,7 +102,8 @@ pub fn plate_grid(
 /// A box of cells of another shape, from the same boxes.
 pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches: [Patch; 6]) -> FlowGrid {
     let base = box_grid(n, lo, hi, patches);
-    let mut grid = FlowGrid { coords: base.coords.clone(), ..Default::default() };
+    let mut grid =
+        FlowGrid { coords: base.coords.clone(), patch_names: base.patch_names, ..Default::default() };
     for cell in &base.cells {
         let [a, b, c, d, e, f, g, h] = *cell;
         match shape {
@@ -123,7 +126,7 @@ pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches
             }
         }
     }
-    for &(patch, f) in &base.boundary {
+    for (&(patch, f), &side) in base.boundary.iter().zip(&base.patch_of) {
         // Diagonals as the cells' own: prisms cut z-faces from the first node to
         // the third; tetrahedra cut all faces from the lowest to the highest node.
         let z_face = base.coords[f[0] as usize][2] == base.coords[f[1] as usize][2]
@@ -132,7 +135,9 @@ pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches
             let low = (0..4).min_by_key(|&i| f[i]).expect("four nodes");
             let [p, q, r, s] = std::array::from_fn(|i| f[(low + i) % 4]);
             grid.boundary.extend([(patch, [p, q, r, r]), (patch, [p, r, s, s])]);
+            grid.patch_of.extend([side; 2]);
         } else {
+            grid.patch_of.push(side);
             grid.boundary.push((patch, f));
         }
     }

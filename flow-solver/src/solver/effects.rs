@@ -1,4 +1,4 @@
-//! Wind by height and transported turbulence.
+//! Wind by height, data of boundary patches and transported turbulence.
 
 use super::*;
 
@@ -17,6 +17,59 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             }
         }
         self.shear = Some(shear);
+    }
+
+    /// Gives boundary patches data of their own. Call it after [`Solver::set_shear`]. The floor of the reference speeds
+    /// is at least a tenth of the largest speed among them. Collective.
+    ///
+    /// # Errors
+    /// Data that a patch cannot have.
+    pub fn set_boundary_values(&mut self, mut values: BoundaryValues) -> Result<(), FlowError> {
+        values.place(self.comm(), &self.metrics)?;
+        let faces = self.topology.face_nodes.len() - self.topology.cells.len();
+        self.sheared.resize(faces, Vec3::zeros());
+        self.boundary.pressure = vec![0.0; faces];
+        self.boundary.spin = vec![Vec3::zeros(); faces];
+        let floor = 0.1 * values.largest_speed(self.comm(), &self.metrics);
+        self.settings.reference_speed = self.settings.reference_speed.max(floor);
+        self.scheme.floor_squared = self.settings.reference_speed * self.settings.reference_speed;
+        self.boundary.values = Some(Box::new(values));
+        Ok(())
+    }
+
+    /// Sets the time at the end of the next step, s since the start of the stage, for the data of boundary patches.
+    pub fn set_boundary_time(&mut self, time: f64) {
+        if let Some(values) = &mut self.boundary.values {
+            values.time = time;
+        }
+    }
+
+    /// Sets the data of boundary patches at the end of the step. Collective.
+    pub(super) fn fill_boundary_values(&mut self, moved: bool) -> Result<(), FlowError> {
+        let Some(mut values) = self.boundary.values.take() else { return Ok(()) };
+        let outcome = self.fill_from(&mut values, moved);
+        self.boundary.values = Some(values);
+        outcome
+    }
+
+    fn fill_from(&mut self, values: &mut BoundaryValues, moved: bool) -> Result<(), FlowError> {
+        if moved {
+            values.place(self.halo.comm(), &self.metrics)?;
+        }
+        let first = self.topology.cells.len();
+        for side in values.wall_sides() {
+            let of_grid = self.mean_node_velocity(side.face);
+            self.wall_velocity[side.face as usize - first] = of_grid;
+        }
+        let (wind, gas) = (self.scheme.wind, &self.spatial.gas);
+        let sound = gas.sound_speed_squared(&gas.undisturbed(wind)).sqrt();
+        let mut arrays = BoundaryArrays {
+            excess: &mut self.sheared,
+            pressure: &mut self.boundary.pressure,
+            wall_velocity: &mut self.wall_velocity,
+            wall_spin: &mut self.boundary.spin,
+        };
+        Ok(values.fill(self.halo.comm(), &self.metrics, (wind, sound), &mut arrays)?)
     }
 
     /// Adds the eddy viscosity of `turbulence`; the stress must be [`crate::physics::EddyViscosity::TransportInput`].

@@ -2,6 +2,7 @@
 
 use comm::{Comm, Halo};
 
+use crate::boundary_values::{BoundaryArrays, BoundaryState, BoundaryValues};
 use crate::error::{FlowError, agree};
 use crate::geometry::Metrics;
 use crate::geometry::vec3::Vec3;
@@ -131,6 +132,8 @@ pub struct Solver<G, const N: usize> {
     /// Wind by height. `None`: the same everywhere.
     shear: Option<WindShear>,
     sheared: Vec<Vec3>,
+    /// Data of boundary patches. Empty: the undisturbed air and walls that move with the grid.
+    boundary: BoundaryState,
     turbulence: Option<Box<SpalartAllmaras>>,
     turbulence_lost: bool,
     /// Residual of the turbulence equation over its target in the last accepted step; 0: not solved.
@@ -164,6 +167,8 @@ macro_rules! domain {
             halo: &$s.halo,
             wall_velocity: &$s.wall_velocity,
             sheared: &$s.sheared,
+            outer_pressure: &$s.boundary.pressure,
+            wall_spin: &$s.boundary.spin,
             eddy: &$s.eddy,
         }
     };
@@ -220,6 +225,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             source: Vec::new(),
             shear: None,
             sheared: Vec::new(),
+            boundary: BoundaryState::default(),
             turbulence: None,
             turbulence_lost: false,
             turbulence_excess: 0.0,

@@ -24,14 +24,22 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         Metrics::swept(&self.topology, &self.previous[0].nodes, &self.nodes, &mut self.swept);
         if self.spatial.viscosity.is_active() {
             for side in &self.topology.no_slip {
-                let nodes = self.topology.face_nodes[side.face as usize];
-                let count = if nodes[2] == nodes[3] { 3 } else { 4 };
-                let sum =
-                    nodes[..count].iter().fold(Vec3::zeros(), |s, &n| s + self.node_velocity[n as usize]);
-                self.wall_velocity[side.face as usize - self.topology.cells.len()] = sum / count as f64;
+                let mean = self.mean_node_velocity(side.face);
+                self.wall_velocity[side.face as usize - self.topology.cells.len()] = mean;
             }
         }
         Ok(())
+    }
+
+    /// Mean velocity of the nodes of a face in the falling frame, m/s; zero on a grid at rest.
+    pub(super) fn mean_node_velocity(&self, face: u32) -> Vec3 {
+        if self.node_velocity.is_empty() {
+            return Vec3::zeros();
+        }
+        let nodes = self.topology.face_nodes[face as usize];
+        let count = if nodes[2] == nodes[3] { 3 } else { 4 };
+        let sum = nodes[..count].iter().fold(Vec3::zeros(), |s, &n| s + self.node_velocity[n as usize]);
+        sum / count as f64
     }
 
     pub(super) fn check_volumes(&self) -> Result<(), FlowError> {

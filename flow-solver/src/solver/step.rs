@@ -13,6 +13,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             self.move_grid()?;
         }
         self.prepare(step, order);
+        self.fill_boundary_values(step.moved)?;
         let report = self.iterate(step, order)?;
         Ok(report)
     }

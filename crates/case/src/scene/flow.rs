@@ -3,11 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{flow_grid, gust, monitors, shear};
+use super::{boundary_values, flow_grid, gust, monitors, shear};
 use crate::check::Check;
 use crate::{
-    FlowBox, Forces, Grid, GridFile, Gust, Probe, Scene, Shear, Slice, Statistics, SurfacePressure,
-    UndisturbedAir,
+    FlowBox, Forces, Grid, GridFile, Gust, InletValues, MovingWall, OutletValues, Probe, Scene, Shear, Slice,
+    Statistics, SurfacePressure, UndisturbedAir,
 };
 
 /// Specific gas constant of dry air, J/(kg K).
@@ -50,6 +50,15 @@ pub struct Flow {
     /// A box of cells around a panel instead of `[flow.grid]`.
     #[serde(rename = "box")]
     pub box_grid: Option<FlowBox>,
+    /// Velocity or flow rate of single inlets.
+    #[serde(default, rename = "inlet")]
+    pub inlets: Vec<InletValues>,
+    /// Pressure of single outlets.
+    #[serde(default, rename = "outlet")]
+    pub outlets: Vec<OutletValues>,
+    /// Sliding and rotating walls.
+    #[serde(default, rename = "moving_wall")]
+    pub moving_walls: Vec<MovingWall>,
     /// Pseudo-time iterations.
     #[serde(default)]
     pub solver: FlowSolver,
@@ -75,6 +84,11 @@ fn sea_level_temperature() -> f64 {
 }
 
 impl Flow {
+    /// Whether boundary patches have data of their own.
+    pub fn has_boundary_values(&self) -> bool {
+        !(self.inlets.is_empty() && self.outlets.is_empty() && self.moving_walls.is_empty())
+    }
+
     /// Speed of sound in the undisturbed air as the scene's equations have it, m/s: isothermal without the
     /// energy equation.
     pub fn sound_speed(&self) -> f64 {
@@ -230,4 +244,5 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         gust::check(g, "flow.gust", c);
     }
     flow_grid::around_panel(scene, f, c);
+    boundary_values::check(scene, f, c);
 }

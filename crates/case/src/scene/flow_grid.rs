@@ -66,16 +66,30 @@ fn canopy() -> String {
 pub enum Condition {
     /// Undisturbed air far away.
     FarField,
-    /// Gauge pressure of zero, the rest from inside.
+    /// Gauge pressure of zero or of `[[flow.outlet]]`, the rest from inside.
     Outlet,
-    /// No slip, moving with the grid.
+    /// No slip, moving with the grid; with `[[flow.moving_wall]]` also along it.
     Wall,
     /// No flow through, no friction.
     Slip,
     /// Mirror plane.
     Symmetry,
-    /// Velocity of the undisturbed air, pressure from inside: the fan of a wind tunnel.
+    /// Velocity of the undisturbed air or of `[[flow.inlet]]`, pressure from inside: the fan of a wind tunnel.
     Inlet,
+}
+
+impl Condition {
+    /// As a scene writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FarField => "far-field",
+            Self::Outlet => "outlet",
+            Self::Wall => "wall",
+            Self::Slip => "slip",
+            Self::Symmetry => "symmetry",
+            Self::Inlet => "inlet",
+        }
+    }
 }
 
 /// Hexahedra in a box around a panel, instead of `[flow.grid]`: the canopy's own cells
@@ -137,6 +151,9 @@ impl Default for BoxSides {
 }
 
 impl BoxSides {
+    /// Names of the sides, in the order of [`BoxSides::in_order`].
+    pub const NAMES: [&str; 6] = ["left", "right", "front", "back", "bottom", "top"];
+
     /// Low and high x, low and high y, low and high z.
     pub fn in_order(&self) -> [Condition; 6] {
         [self.left, self.right, self.front, self.back, self.bottom, self.top]

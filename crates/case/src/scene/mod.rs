@@ -6,6 +6,7 @@
 //! One file for each section holds its types, their defaults and the rules about its keys.
 
 mod accuracy;
+mod boundary_values;
 mod canopy;
 mod coupling;
 mod descent;
@@ -39,6 +40,9 @@ use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
 pub use accuracy::{Accuracy, Measured, Parameter, Quantity, Statistic};
+pub use boundary_values::{
+    InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
+};
 pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
 pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,

@@ -74,6 +74,7 @@ impl Reader<'_> {
         let mut number = self.canopy_nodes(&mut grid, canopy, positions, &surfaces.membrane)?;
         let elements = self.cells(&mut grid, &mut number);
         check_cells(&grid, &elements)?;
+        grid.patch_names = conditions.iter().map(|(name, _)| (*name).clone()).collect();
         for (k, nodes) in &surfaces.patches {
             let (name, condition) = conditions[*k];
             let face = numbered(&number, nodes).ok_or_else(|| GridFileError::Misplaced {
@@ -82,6 +83,7 @@ impl Reader<'_> {
                 what: "is not a face of any cell",
             })?;
             grid.boundary.push((*condition, face));
+            grid.patch_of.push(*k as u16);
         }
         self.canopy_faces(&mut grid, canopy, &surfaces.membrane, &number)?;
         let table = FaceTable::new(&grid).map_err(|e| match e {

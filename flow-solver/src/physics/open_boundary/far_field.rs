@@ -20,7 +20,7 @@ impl FarField {
     /// enters or passes along, 1 within 60 degrees of the outward normal.
     #[inline(always)]
     pub fn leaving(self, at: &BoundaryFace<'_>) -> f64 {
-        let &BoundaryFace { scheme, metric: face, sign } = at;
+        let &BoundaryFace { scheme, metric: face, sign, .. } = at;
         let relative = sign * (scheme.wind - scheme.frame).dot(&face.area) / face.magnitude();
         (2.0 * relative / relative_speed(scheme, scheme.wind)).clamp(0.0, 1.0)
     }

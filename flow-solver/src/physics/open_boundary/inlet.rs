@@ -1,10 +1,10 @@
-//! Given velocity.
+//! Prescribed velocity.
 
 use super::{BoundaryFace, OpenBoundary, OpenFace, Passing};
 use crate::physics::flux::Interface;
 use crate::physics::gas::Gas;
 
-/// The velocity of the undisturbed air, whatever the flow does, as the fan of a closed wind tunnel imposes it; the
+/// The velocity of the undisturbed air, or of the inlet's own data, whatever the flow does, as the fan of a closed wind tunnel imposes it; the
 /// pressure comes from inside. Air that enters has the undisturbed temperature. Waves are reflected.
 #[derive(Clone, Copy, Debug)]
 pub struct Inlet;

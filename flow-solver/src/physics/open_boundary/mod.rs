@@ -34,6 +34,8 @@ pub struct BoundaryFace<'a> {
     pub metric: &'a FaceMetric,
     /// +1 where the face's area vector points out of the domain, else -1.
     pub sign: f64,
+    /// Gauge pressure outside, Pa: that of an outlet.
+    pub pressure: f64,
 }
 
 /// Boundary condition of an open outer face: its flux, and the derivatives that a preconditioner needs.

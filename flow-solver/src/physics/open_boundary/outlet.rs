@@ -1,10 +1,11 @@
-//! Zero gauge pressure.
+//! Prescribed pressure.
 
 use super::{BoundaryFace, OpenBoundary, OpenFace, Passing, hypot};
 use crate::physics::flux::Interface;
 use crate::physics::gas::Gas;
 
-/// Zero gauge pressure; the velocity comes from inside. What comes in is undisturbed air.
+/// A given gauge pressure, zero unless the outlet has data; the velocity comes from inside. What comes in is undisturbed
+/// air.
 #[derive(Clone, Copy, Debug)]
 pub struct Outlet;
 
@@ -22,12 +23,13 @@ impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for Outlet {
         let far = gas.undisturbed(scheme.wind);
         let (rho, c) = (gas.density(q), gas.sound_speed_squared(q).sqrt());
         let inner = open.speed(q);
-        let rhie_chow = scheme.rhie_chow(previous, q[0], at.metric.spacing(), hypot(inner, scheme));
+        let push = q[0] - at.pressure;
+        let rhie_chow = scheme.rhie_chow(previous, push, at.metric.spacing(), hypot(inner, scheme));
         open.flux(
             gas,
             q,
             &far,
-            Passing { momentum: rho * inner + rhie_chow + q[0] / c, pressure: 0.0, rhie_chow },
+            Passing { momentum: rho * inner + rhie_chow + push / c, pressure: at.pressure, rhie_chow },
         )
     }
 }
