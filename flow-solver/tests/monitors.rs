@@ -436,6 +436,98 @@ fn tetrahedra_around_a_membrane_run() {
     assert!((drag[3] / hexahedra[3] - 1.0).abs() < 0.15, "{drag:?} {hexahedra:?}");
 }
 
+/// Columns of `[[flow.forces.coefficients]]` on one rank and on three, checked against each other and against the sets of
+/// the canopy and of the walls.
+#[test]
+fn force_coefficients_are_independent_of_rank_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    let panel = "kind = \"panel\"\nsize_m = [2.0, 1.0]\ncells = [6, 3]\n";
+    let tunnel = "[flow.box]\nbelow_m = 1.0\nabove_m = 1.0\nlayers_below = 5\nlayers_above = 5\nahead_m = 1.0\n\
+                  cells_ahead = 3\nbehind_m = 1.0\ncells_behind = 3\n[flow.box.sides]\nleft = \"inlet\"\nright = \"outlet\"\n\
+                  bottom = \"wall\"\ntop = \"wall\"\n[flow.forces]\nmoment_point_m = [0.5, 0.0, -1.0]\n\
+                  drag_direction = [2.0, 0.0, 0.0]\n";
+    let entry = |name: &str, patches: &str, rest: &str| {
+        format!(
+            "[[flow.forces.coefficients]]\nname = \"{name}\"\npatches = [{patches}]\nreference_area_m2 = 2.5\n\
+             reference_length_m = 0.4\n{rest}"
+        )
+    };
+    let entries = [
+        entry("sheet", "\"canopy\"", "reference_speed_m_s = 4.0\n"),
+        entry("walls", "\"top\", \"bottom\"", ""),
+        entry("floor", "\"bottom\"", "moment_point_m = [1.0, 2.0, 3.0]\n"),
+        entry(
+            "all",
+            "\"canopy\", \"top\", \"bottom\"",
+            "drag_direction = [0, 0, 1]\nlift_direction = [-1, 0, 0]\n",
+        ),
+    ]
+    .concat();
+    let square = "kind = \"square\"\nwidth_m = 2.0\ncells_across = 6\n";
+    let generated = "[flow.grid]\nlayers_inside = 3\nlayers_outside = 8\nfirst_layer_m = 0.2\n";
+    let text = SCENE
+        .replace(square, panel)
+        .replace(generated, "")
+        .replace("[flow.viscosity]", "[flow]\nwind_m_s = [3.0, 0.0, 0.5]\n[flow.viscosity]");
+    std::fs::write(&scene, [&text, tunnel, &entries].concat()).unwrap();
+    let [one, three] = [1, 3].map(|ranks| {
+        let out = folder.path().join(format!("out{ranks}"));
+        run_alone(&scene, 0, &out, ranks).unwrap();
+        table(&out.join("a/forces.csv"))
+    });
+    let last = |column: &str| *one[column].last().unwrap();
+    let vector =
+        |on: &str, what: &str, unit: &str| ["x", "y", "z"].map(|d| last(&format!("{on}_{what}_{d}_{unit}")));
+    for (name, _) in &one {
+        let size = ["pressure_force", "shear_force"]
+            .map(|w| vector("all", w, "n"))
+            .concat()
+            .iter()
+            .fold(0.0f64, |m, x| m.max(x.abs()));
+        for (a, b) in one[name].iter().zip(&three[name]) {
+            assert!((a - b).abs() < 1e-6 * size.max(a.abs()), "{name}: {a} {b}");
+        }
+    }
+    // The sets of columns that a scene has anyway; nine decimals are written.
+    for (own, set) in [("sheet", "canopy"), ("walls", "wall")] {
+        for (what, unit) in [("pressure_force", "n"), ("shear_force", "n"), ("moment", "n_m")] {
+            let (a, b) = (vector(own, what, unit), vector(set, what, unit));
+            assert_close(&a, &b, 1e-8, &format!("{own} {what}"));
+        }
+        assert_close(&[last(&format!("{own}_drag_n"))], &[last(&format!("{set}_drag_n"))], 1e-8, own);
+    }
+    // Coefficients by hand: the speed of the scene, and the undisturbed air relative to the falling frame.
+    let q = 0.5 * 1.225 * 2.5;
+    let air = 3.0f64.powi(2) + 4.5f64.powi(2);
+    for (name, v2) in [("sheet", 16.0), ("walls", air), ("all", air)] {
+        for (force, coefficient) in [("drag", "cd"), ("side", "cs"), ("lift", "cl")] {
+            let expected = last(&format!("{name}_{force}_n")) / (q * v2);
+            assert_close(&[last(&format!("{name}_{coefficient}"))], &[expected], 1e-8, name);
+        }
+    }
+    let pitch = last("walls_moment_y_n_m") / (q * air * 0.4);
+    assert_close(&[last("walls_cm_pitch")], &[pitch], 1e-8, "pitch");
+    // All surfaces, with axes turned by 90 degrees: drag along z, lift against x.
+    let total = |d: &str| {
+        ["canopy", "wall"]
+            .map(|on| last(&format!("{on}_pressure_force_{d}_n")) + last(&format!("{on}_shear_force_{d}_n")))
+            .iter()
+            .sum::<f64>()
+    };
+    assert_close(
+        &[last("all_drag_n"), last("all_lift_n"), last("all_side_n")],
+        &[total("z"), -total("x"), total("y")],
+        1e-7,
+        "turned axes",
+    );
+    assert!(
+        last("sheet_drag_n") > 0.0
+            && last("walls_drag_n") > 0.0
+            && last("floor_drag_n") < last("walls_drag_n")
+    );
+}
+
 /// The case that users copy: its drag coefficient is near that of 250 880 hexahedra in a larger
 /// box, 1.52.
 #[test]

@@ -38,13 +38,14 @@ pub fn box_grid(n: [usize; 3], lo: Point, hi: Point, patches: [Patch; 6]) -> Flo
 }
 
 /// Adds `n` hexahedra along x, y, z between the nodes that `node` numbers, and the outer faces with their patches:
-/// low x, high x, low y, high y, low z, high z.
+/// low x, high x, low y, high y, low z, high z. Side of each of these faces, in this order.
 pub(crate) fn add_box_cells(
     grid: &mut FlowGrid,
     n: [usize; 3],
     patches: [Patch; 6],
     node: impl Fn(usize, usize, usize) -> u32,
-) {
+) -> Vec<u16> {
+    let mut sides = Vec::new();
     for k in 0..n[2] {
         for j in 0..n[1] {
             for i in 0..n[0] {
@@ -60,8 +61,9 @@ pub(crate) fn add_box_cells(
                     (k == 0, 0),
                     (k + 1 == n[2], 1),
                 ];
-                for ((outer, face), patch) in ends.into_iter().zip(patches) {
+                for (side, ((outer, face), patch)) in (0u16..).zip(ends.into_iter().zip(patches)) {
                     if outer {
+                        sides.push(side);
                         grid.boundary.push((patch, crate::HEX_FACES[face].map(|v| cell[v])));
                     }
                 }
@@ -69,6 +71,7 @@ pub(crate) fn add_box_cells(
             }
         }
     }
+    sides
 }
 
 /// A box of hexahedra with a plate of zero thickness: the z-faces at level
@@ -94,6 +97,60 @@ pub fn plate_grid(
             grid.canopy_faces.push([node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)]);
         }
     }
+    grid
+}
+
+/// A box of hexahedra without those whose i, j, k lie in the ranges of `block`: a rigid body inside, whose faces are the
+/// named patch `body` with the condition wall. The sides have the names of [`case::BoxSides::NAMES`].
+pub fn block_grid(
+    n: [usize; 3],
+    lo: Point,
+    hi: Point,
+    patches: [Patch; 6],
+    block: [Range<usize>; 3],
+) -> FlowGrid {
+    let base = box_grid(n, lo, hi, patches);
+    let mut sides = add_box_cells(&mut FlowGrid::default(), n, patches, |_, _, _| 0);
+    let inside = |cell: usize| {
+        let place = [cell % n[0], cell / n[0] % n[1], cell / (n[0] * n[1])];
+        place.iter().zip(&block).all(|(p, range)| range.contains(p))
+    };
+    // Nodes in use keep their order.
+    let mut number = vec![None; base.coords.len()];
+    let kept = || (0..base.cells.len()).filter(|&c| !inside(c));
+    kept().flat_map(|c| base.cells[c]).for_each(|v| number[v as usize] = Some(0));
+    let mut grid = FlowGrid::default();
+    for (x, number) in base.coords.iter().zip(&mut number).filter(|(_, number)| number.is_some()) {
+        *number = Some(grid.coords.len() as u32);
+        grid.coords.push(*x);
+    }
+    let used = |face: [u32; 4]| face.map(|v| number[v as usize].unwrap_or_default());
+    grid.cells = kept().map(|c| base.cells[c].map(|v| number[v as usize].unwrap_or_default())).collect();
+    grid.boundary = base.boundary.iter().map(|(patch, f)| (*patch, used(*f))).collect();
+    let step = [1, n[0], n[0] * n[1]];
+    for c in kept() {
+        for (face, (axis, up)) in [
+            (5, (0, false)),
+            (3, (0, true)),
+            (2, (1, false)),
+            (4, (1, true)),
+            (0, (2, false)),
+            (1, (2, true)),
+        ] {
+            let place = c / step[axis] % n[axis];
+            let next = if up {
+                (place + 1 < n[axis]).then(|| c + step[axis])
+            } else {
+                (place > 0).then(|| c - step[axis])
+            };
+            if next.is_some_and(inside) {
+                grid.boundary.push((Patch::Wall, used(crate::HEX_FACES[face].map(|v| base.cells[c][v]))));
+                sides.push(case::BoxSides::NAMES.len() as u16);
+            }
+        }
+    }
+    grid.patch_names = case::BoxSides::NAMES.into_iter().chain(["body"]).map(String::from).collect();
+    grid.boundary_patch = sides;
     grid
 }
 

@@ -108,6 +108,10 @@ pub struct FlowGrid {
     pub canopy_faces: Vec<[u32; 4]>,
     /// Outer boundary faces with their condition.
     pub boundary: Vec<(Patch, [u32; 4])>,
+    /// Names of the patches of the outer boundary, as [`case::Flow::patches`]. Empty where the grid names none.
+    pub patch_names: Vec<String>,
+    /// Patch of each face of [`FlowGrid::boundary`], as its place among the names. Empty where the grid names none.
+    pub boundary_patch: Vec<u16>,
 }
 
 /// The six faces of a hexahedron in VTK order, each oriented outwards.

@@ -70,7 +70,8 @@ impl Reader<'_> {
         self.check_names(canopy)?;
         let conditions: Vec<(&String, &Condition)> = self.file.patches.iter().collect();
         let surfaces = self.surfaces(&conditions);
-        let mut grid = FlowGrid::default();
+        let patch_names = conditions.iter().map(|(name, _)| (*name).clone()).collect();
+        let mut grid = FlowGrid { patch_names, ..FlowGrid::default() };
         let mut number = self.canopy_nodes(&mut grid, canopy, positions, &surfaces.membrane)?;
         let elements = self.cells(&mut grid, &mut number);
         check_cells(&grid, &elements)?;
@@ -82,6 +83,8 @@ impl Reader<'_> {
                 what: "is not a face of any cell",
             })?;
             grid.boundary.push((*condition, face));
+            // The scene has at most 65 535 patches.
+            grid.boundary_patch.push(*k as u16);
         }
         self.canopy_faces(&mut grid, canopy, &surfaces.membrane, &number)?;
         let table = FaceTable::new(&grid).map_err(|e| match e {

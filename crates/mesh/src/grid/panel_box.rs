@@ -1,6 +1,6 @@
 //! Hexahedra in a box around a panel: columns of cells below and above it.
 
-use case::{FlowBox, PanelCanopy};
+use case::{BoxSides, FlowBox, PanelCanopy};
 
 use crate::boxes::add_box_cells;
 use crate::structure::{positive, refuse};
@@ -67,7 +67,8 @@ pub(super) fn panel_box(
         }
     }
     let node = |i: usize, j: usize, k: usize| number[i + (nx + 1) * (j + (ny + 1) * k)];
-    add_box_cells(&mut grid, [nx, ny, nz], b.sides.in_order(), node);
+    grid.patch_names = BoxSides::NAMES.map(String::from).to_vec();
+    grid.boundary_patch = add_box_cells(&mut grid, [nx, ny, nz], b.sides.in_order(), node);
     Ok(grid)
 }
 
