@@ -46,4 +46,4 @@ pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;
 pub use solver::{Method, Report, Settings, Solver, Step, WarmStart};
-pub use surface_force::{Coefficients, ForceSum, Surfaces};
+pub use surface_force::{Coefficients, ForceSum, Surfaces, Watched};

@@ -111,13 +111,43 @@ impl Surfaces {
         }
         sum
     }
+}
 
-    /// Force and moment about the origin on all ranks. Collective.
-    pub fn total<G: Gas<N>, const N: usize>(&self, solver: &Solver<G, N>, loads: &Loads) -> Total {
-        let mut sums = [self.force(solver, loads, Vec3::zeros())];
+/// The force that the participant reports and that a march to a steady state watches.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Watched {
+    /// That on the canopy.
+    Canopy,
+    /// That on all no-slip walls of the outer boundary.
+    Walls,
+    /// That on chosen surfaces.
+    Surfaces(Surfaces),
+}
+
+impl Watched {
+    /// Of a stage of `kind` of `scene`, on a grid whose patches have the names `patches`.
+    pub fn of(scene: &case::Scene, kind: case::StageKind, patches: &[String]) -> Self {
+        match (scene.watched_force(kind), &scene.flow) {
+            (case::WatchedForce::Entry(entry), Some(flow)) => {
+                Self::Surfaces(Surfaces::new(entry, flow, patches))
+            }
+            (case::WatchedForce::Walls, _) => Self::Walls,
+            _ => Self::Canopy,
+        }
+    }
+
+    /// Computes `loads` of the solver's last step: force and moment about the origin. Collective.
+    pub fn compute<G: Gas<N>, const N: usize>(&self, solver: &Solver<G, N>, loads: &mut Loads) -> Total {
+        let canopy = loads.compute(solver);
+        let own = match self {
+            Self::Canopy => return canopy,
+            Self::Walls => no_slip_walls(solver, Vec3::zeros()),
+            Self::Surfaces(surfaces) => surfaces.force(solver, loads, Vec3::zeros()),
+        };
+        let mut sums = [own];
         summed(solver, &mut sums);
-        let [pressure, shear, moment] = sums[0];
-        Total { force: pressure + shear, moment }
+        let [pressure, viscous, moment] = sums[0];
+        Total { force: pressure + viscous, moment }
     }
 }
 

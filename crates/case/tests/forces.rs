@@ -86,3 +86,25 @@ fn coefficients_have_no_scale_at_zero_speed() {
     entry.reference_speed_m_s = Some(1.0);
     assert_eq!(entry.force_scale(1.2, 0.0), Some(0.6));
 }
+
+#[test]
+fn watched_force_is_that_of_the_scene_in_flow_only_stages() {
+    use case::{StageKind, WatchedForce};
+    let scene = case::parse(Path::new("scene.toml"), SCENE).unwrap();
+    assert_eq!(scene.watched_force(StageKind::FlowOnly), WatchedForce::Canopy);
+    let watching = |name: &str| {
+        let text = format!("[flow.forces]\nwatch = \"{name}\"\n[[flow.forces.coefficients]]");
+        case::parse(Path::new("scene.toml"), &SCENE.replace("[[flow.forces.coefficients]]", &text))
+    };
+    let scene = watching("floor").unwrap();
+    assert_eq!(scene.watched_force(StageKind::FlowOnly).name(), "floor");
+    assert_eq!(scene.watched_direction(StageKind::FlowOnly), [1.0, 0.0, 0.0]);
+    assert_eq!(scene.watched_force(StageKind::Coupled), WatchedForce::Canopy);
+    assert_eq!(scene.watched_direction(StageKind::Coupled), [0.0, 0.0, 1.0]);
+    assert_eq!(watching("wall").unwrap().watched_force(StageKind::FlowOnly), WatchedForce::Walls);
+    let text = watching("flor").unwrap_err().to_string();
+    assert!(
+        text.contains("the name \"flor\"") && text.contains("name one of: floor, canopy, wall"),
+        "{text}"
+    );
+}

@@ -47,11 +47,10 @@ fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
     );
     let payload = DescentModel::of(scene, interface).map_or_else(String::new, |m| {
         let weight = m.mass_kg * m.gravity_m_s2;
-        format!(
-            ", with payload {:.3} kg; drag balances the weight of {weight:.1} N at a drag coefficient of {:.3}",
-            m.mass_kg,
-            m.drag_coefficient(weight)
-        )
+        let coefficient = m.drag_coefficient(weight).map_or_else(String::new, |c| {
+            format!("; drag balances the weight of {weight:.1} N at a drag coefficient of {c:.3}")
+        });
+        format!(", with payload {:.3} kg{coefficient}", m.mass_kg)
     });
     let masses = format!(
         "masses: fabric {:.4} kg ({:.3} m2), lines {:.4} kg{payload}",

@@ -21,10 +21,18 @@ pub const HISTORY: &[Column] = &[
     column("time_s", "Time at the end of the window, from the start of the stage."),
     column("descent_speed_m_s", "Descent speed of the frame at the end of the window, positive downwards."),
     column("acceleration_m_s2", "Acceleration of the frame, positive upwards."),
-    column("drag_n", "Vertical force of the air on the canopy, positive upwards."),
-    column("cd", "Drag over dynamic pressure and `descent.reference_area_m2`. Empty without `[descent]`."),
-    column("force_x_n", "Force of the air on the canopy along x."),
-    column("force_y_n", "Force of the air on the canopy along y."),
+    column(
+        "drag_n",
+        "Vertical force of the air on the canopy, positive upwards. In a stage of kind `flow-only` with \
+         `flow.forces.watch`, the force on the surfaces chosen there along their drag direction.",
+    ),
+    column(
+        "cd",
+        "Drag over the dynamic pressure at the initial speed and `descent.reference_area_m2`; with `flow.forces.watch`, \
+         over those of the chosen entry. Empty without a reference area and at zero speed.",
+    ),
+    column("force_x_n", "Force of the air on the canopy along x; with `flow.forces.watch`, as the drag."),
+    column("force_y_n", "The same along y."),
     column("coupling_iterations", "Coupling iterations of the window."),
     column(
         "coupling_residual",

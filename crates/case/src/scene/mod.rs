@@ -56,7 +56,7 @@ pub use gust::{Gust, GustShape};
 pub use layout::*;
 pub use lines::{LineDrag, Lines};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
-pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure};
+pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure, WatchedForce};
 pub use motions::{Motion, interpolate};
 pub use nodes::{Force, PointMass};
 pub use output::Output;

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::check::{Check, plain_name};
-use crate::{BoxSides, Condition, Flow};
+use crate::{BoxSides, Condition, Flow, Scene, StageKind};
 
 /// A point whose values are written after every window, to `probes.csv` in the stage's
 /// folder: gauge pressure, velocity relative to the falling frame, temperature, each
@@ -42,11 +42,42 @@ pub struct Forces {
     pub drag_direction: [f64; 3],
     /// Forces, moments and coefficients of chosen surfaces.
     pub coefficients: Vec<ForceCoefficients>,
+    /// The force that history, progress and summary of stages of kind `flow-only` show as the drag and that
+    /// `stage.steady.force_change` watches: the name of an entry of `[[flow.forces.coefficients]]`, `canopy`, or `wall`
+    /// (all no-slip walls). Absent: `canopy`.
+    pub watch: Option<String>,
+}
+
+/// A force that a stage watches and reports as its drag.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WatchedForce<'a> {
+    /// That on the canopy; the drag is its vertical component.
+    Canopy,
+    /// That on all no-slip walls of the outer boundary; the drag is along `flow.forces.drag_direction`.
+    Walls,
+    /// That of an entry of `[[flow.forces.coefficients]]`.
+    Entry(&'a ForceCoefficients),
+}
+
+impl WatchedForce<'_> {
+    /// Name in `flow.forces.watch` and of its columns in `forces.csv`.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Canopy => CANOPY,
+            Self::Walls => WALL,
+            Self::Entry(entry) => &entry.name,
+        }
+    }
 }
 
 impl Default for Forces {
     fn default() -> Self {
-        Self { moment_point_m: [0.0; 3], drag_direction: [0.0, 0.0, 1.0], coefficients: Vec::new() }
+        Self {
+            moment_point_m: [0.0; 3],
+            drag_direction: [0.0, 0.0, 1.0],
+            coefficients: Vec::new(),
+            watch: None,
+        }
     }
 }
 
@@ -76,8 +107,10 @@ pub struct ForceCoefficients {
 
 /// Name of the canopy among the surfaces of `[[flow.forces.coefficients]]`.
 const CANOPY: &str = "canopy";
+/// Name of all no-slip walls of the outer boundary.
+const WALL: &str = "wall";
 /// Sets of columns that `forces.csv` has on its own.
-const OWN_FORCES: [&str; 2] = [CANOPY, "wall"];
+const OWN_FORCES: [&str; 2] = [CANOPY, WALL];
 /// Largest sine of the angle between two directions that count as parallel.
 const PARALLEL: f64 = 1e-6;
 
@@ -121,6 +154,33 @@ impl ForceCoefficients {
     /// Whether the canopy is one of the surfaces of `flow`.
     pub fn has_canopy(&self, flow: &Flow) -> bool {
         !flow.patches().iter().any(|p| p.0 == CANOPY) && self.patches.iter().any(|p| p == CANOPY)
+    }
+}
+
+impl Scene {
+    /// The force that a stage of this kind watches and reports as its drag.
+    pub fn watched_force(&self, kind: StageKind) -> WatchedForce<'_> {
+        let forces = self.flow.as_ref().and_then(|f| f.forces.as_ref());
+        let (StageKind::FlowOnly, Some(forces)) = (kind, forces) else { return WatchedForce::Canopy };
+        match forces.watch.as_deref() {
+            None | Some(CANOPY) => WatchedForce::Canopy,
+            Some(WALL) => WatchedForce::Walls,
+            Some(name) => {
+                let entry = forces.coefficients.iter().find(|e| e.name == name);
+                entry.map_or(WatchedForce::Canopy, WatchedForce::Entry)
+            }
+        }
+    }
+
+    /// Unit vector along the drag of [`Scene::watched_force`].
+    pub fn watched_direction(&self, kind: StageKind) -> [f64; 3] {
+        let up = [0.0, 0.0, 1.0];
+        let Some(forces) = self.flow.as_ref().and_then(|f| f.forces.as_ref()) else { return up };
+        match self.watched_force(kind) {
+            WatchedForce::Canopy => up,
+            WatchedForce::Walls => unit(forces.drag_direction),
+            WatchedForce::Entry(entry) => unit(entry.drag_direction.unwrap_or(forces.drag_direction)),
+        }
     }
 }
 
@@ -185,6 +245,14 @@ pub(super) fn check(f: &Flow, c: &mut Check) {
         direction("flow.forces.drag_direction".into(), s.drag_direction, c);
         c.finite("flow.forces.moment_point_m", &s.moment_point_m, "the point", "three in m");
         (0..s.coefficients.len()).for_each(|k| coefficients(f, s, k, c));
+        let names: Vec<&str> = s.coefficients.iter().map(|e| e.name.as_str()).chain(OWN_FORCES).collect();
+        if let Some(name) = s.watch.as_deref().filter(|n| !names.contains(n)) {
+            c.refuse(
+                "flow.forces.watch",
+                format!("no entry of [[flow.forces.coefficients]] has the name \"{name}\""),
+                format!("name one of: {}", names.join(", ")),
+            );
+        }
     }
 }
 
