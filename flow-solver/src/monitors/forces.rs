@@ -29,6 +29,8 @@ pub struct Forces {
     point: Vec3,
     /// Unit vector.
     drag: Vec3,
+    /// Whether there is a canopy.
+    canopy: bool,
     /// Whether the outer boundary has no-slip walls.
     walls: bool,
     entries: Vec<Entry>,
@@ -54,7 +56,7 @@ impl Forces {
         solver: &Solver<G, N>,
     ) -> Result<Self, Fault> {
         let own = solver.topology.no_slip.iter().any(|s| s.canopy == u32::MAX);
-        let walls = !solver.comm().all(!own);
+        let (canopy, walls) = (!setup.grid.canopy_faces.is_empty(), !solver.comm().all(!own));
         let entry = |e: &case::ForceCoefficients| {
             let coefficients = Coefficients::new(e, f).ok_or_else(|| {
                 Fault::new(format!(
@@ -66,8 +68,11 @@ impl Forces {
             Ok(Entry { scene: e.clone(), surfaces, coefficients })
         };
         let entries = f.coefficients.iter().map(entry).collect::<Result<Vec<_>, Fault>>()?;
-        let mut columns: Vec<String> =
-            ["canopy", "wall"][..1 + usize::from(walls)].iter().flat_map(|on| sum_columns(on)).collect();
+        let mut columns: Vec<String> = [("canopy", canopy), ("wall", walls)]
+            .iter()
+            .filter(|set| set.1)
+            .flat_map(|set| sum_columns(set.0))
+            .collect();
         for e in &entries {
             columns.extend(sum_columns(&e.scene.name));
             columns.extend(OF_AN_ENTRY.map(|c| format!("{}_{c}", e.scene.name)));
@@ -76,6 +81,7 @@ impl Forces {
         Ok(Self {
             point: f.moment_point_m.into(),
             drag: drag * (1.0 / drag.norm()),
+            canopy,
             walls,
             entries,
             density: setup.flow.density_kg_m3,
@@ -94,7 +100,10 @@ impl Forces {
         time: f64,
         folder: &Path,
     ) -> Result<(), Fault> {
-        let mut sums = vec![surface_force::canopy(solver, loads, self.point)];
+        let mut sums = Vec::new();
+        if self.canopy {
+            sums.push(surface_force::canopy(solver, loads, self.point));
+        }
         if self.walls {
             sums.push(surface_force::no_slip_walls(solver, self.point));
         }

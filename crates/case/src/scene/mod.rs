@@ -87,7 +87,8 @@ pub struct Scene {
     pub title: String,
     /// Geometry of fabric, lines and payload.
     pub canopy: Canopy,
-    /// Material of the fabric.
+    /// Material of the fabric; needed where there is a canopy.
+    #[serde(default = "Fabric::absent")]
     pub fabric: Fabric,
     /// Material of suspension lines and risers; needed when the canopy has lines.
     pub lines: Option<Lines>,

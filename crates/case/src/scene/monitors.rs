@@ -44,7 +44,7 @@ pub struct Forces {
     pub coefficients: Vec<ForceCoefficients>,
     /// The force that history, progress and summary of stages of kind `flow-only` show as the drag and that
     /// `stage.steady.force_change` watches: the name of an entry of `[[flow.forces.coefficients]]`, `canopy`, or `wall`
-    /// (all no-slip walls). Absent: `canopy`.
+    /// (all no-slip walls). Absent: `canopy`; in a scene without a canopy the first entry, or `wall` without one.
     pub watch: Option<String>,
 }
 
@@ -161,25 +161,28 @@ impl Scene {
     /// The force that a stage of this kind watches and reports as its drag.
     pub fn watched_force(&self, kind: StageKind) -> WatchedForce<'_> {
         let forces = self.flow.as_ref().and_then(|f| f.forces.as_ref());
-        let (StageKind::FlowOnly, Some(forces)) = (kind, forces) else { return WatchedForce::Canopy };
-        match forces.watch.as_deref() {
-            None | Some(CANOPY) => WatchedForce::Canopy,
+        let entries = forces.map_or(&[][..], |f| &f.coefficients);
+        let default = || match entries.first() {
+            _ if self.has_canopy() => WatchedForce::Canopy,
+            Some(entry) => WatchedForce::Entry(entry),
+            None => WatchedForce::Walls,
+        };
+        match forces.and_then(|f| f.watch.as_deref()) {
+            _ if kind != StageKind::FlowOnly => WatchedForce::Canopy,
+            None => default(),
             Some(WALL) => WatchedForce::Walls,
-            Some(name) => {
-                let entry = forces.coefficients.iter().find(|e| e.name == name);
-                entry.map_or(WatchedForce::Canopy, WatchedForce::Entry)
-            }
+            Some(name) => entries.iter().find(|e| e.name == name).map_or_else(default, WatchedForce::Entry),
         }
     }
 
     /// Unit vector along the drag of [`Scene::watched_force`].
     pub fn watched_direction(&self, kind: StageKind) -> [f64; 3] {
         let up = [0.0, 0.0, 1.0];
-        let Some(forces) = self.flow.as_ref().and_then(|f| f.forces.as_ref()) else { return up };
+        let common = self.flow.as_ref().and_then(|f| f.forces.as_ref()).map_or(up, |f| f.drag_direction);
         match self.watched_force(kind) {
             WatchedForce::Canopy => up,
-            WatchedForce::Walls => unit(forces.drag_direction),
-            WatchedForce::Entry(entry) => unit(entry.drag_direction.unwrap_or(forces.drag_direction)),
+            WatchedForce::Walls => unit(common),
+            WatchedForce::Entry(entry) => unit(entry.drag_direction.unwrap_or(common)),
         }
     }
 }
@@ -222,7 +225,7 @@ pub struct SurfacePressure {
 const WRITTEN: [&str; 6] = ["flow", "canopy", "lines", "canopy_air", "history", "state"];
 
 /// Refuses invalid and repeated names, and invalid positions and directions.
-pub(super) fn check(f: &Flow, c: &mut Check) {
+pub(super) fn check(f: &Flow, canopy: bool, c: &mut Check) {
     for (k, p) in f.probes.iter().enumerate() {
         let taken = f.probes[..k].iter().any(|q| q.name == p.name);
         name(format!("flow.probe[{k}].name"), &p.name, taken, c);
@@ -244,8 +247,10 @@ pub(super) fn check(f: &Flow, c: &mut Check) {
     if let Some(s) = &f.forces {
         direction("flow.forces.drag_direction".into(), s.drag_direction, c);
         c.finite("flow.forces.moment_point_m", &s.moment_point_m, "the point", "three in m");
-        (0..s.coefficients.len()).for_each(|k| coefficients(f, s, k, c));
-        let names: Vec<&str> = s.coefficients.iter().map(|e| e.name.as_str()).chain(OWN_FORCES).collect();
+        (0..s.coefficients.len()).for_each(|k| coefficients(f, canopy, k, c));
+        let own = &OWN_FORCES[usize::from(!canopy)..];
+        let names: Vec<&str> =
+            s.coefficients.iter().map(|e| e.name.as_str()).chain(own.iter().copied()).collect();
         if let Some(name) = s.watch.as_deref().filter(|n| !names.contains(n)) {
             c.refuse(
                 "flow.forces.watch",
@@ -256,12 +261,13 @@ pub(super) fn check(f: &Flow, c: &mut Check) {
     }
 }
 
-/// Entry `k` of `[[flow.forces.coefficients]]`.
-fn coefficients(flow: &Flow, forces: &Forces, k: usize, c: &mut Check) {
+/// Entry `k` of `[[flow.forces.coefficients]]` of a scene with or without a canopy.
+fn coefficients(flow: &Flow, canopy: bool, k: usize, c: &mut Check) {
+    let Some(forces) = &flow.forces else { return };
     let (entry, at) = (&forces.coefficients[k], |key: &str| format!("flow.forces.coefficients[{k}].{key}"));
     let earlier = forces.coefficients[..k].iter().map(|e| e.name.as_str());
     name(at("name"), &entry.name, earlier.chain(OWN_FORCES).any(|n| n == entry.name), c);
-    surfaces(flow, entry, &at("patches"), c);
+    surfaces(flow, canopy, (entry, &at("patches")), c);
     for (key, v) in [("drag_direction", entry.drag_direction), ("lift_direction", entry.lift_direction)] {
         if let Some(v) = v {
             direction(at(key), v, c);
@@ -285,11 +291,11 @@ fn coefficients(flow: &Flow, forces: &Forces, k: usize, c: &mut Check) {
 }
 
 /// Refuses surfaces that the grid does not have, and those that air passes.
-fn surfaces(flow: &Flow, entry: &ForceCoefficients, at: &str, c: &mut Check) {
+fn surfaces(flow: &Flow, canopy: bool, (entry, at): (&ForceCoefficients, &str), c: &mut Check) {
     let patches = flow.patches();
     let solid = |condition| matches!(condition, Condition::Wall | Condition::Slip | Condition::Symmetry);
     let mut walls: Vec<&str> = patches.iter().filter(|p| solid(p.1)).map(|p| p.0).collect();
-    if !walls.contains(&CANOPY) {
+    if canopy && !walls.contains(&CANOPY) {
         walls.push(CANOPY);
     }
     let remedy = || format!("name surfaces among: {}", walls.join(", "));
@@ -301,7 +307,7 @@ fn surfaces(flow: &Flow, entry: &ForceCoefficients, at: &str, c: &mut Check) {
             Some((_, condition)) if !solid(*condition) => {
                 format!("air passes the patch \"{patch}\": it has no force")
             }
-            None if patch != CANOPY => format!("the flow grid has no patch \"{patch}\""),
+            None if patch != CANOPY || !canopy => format!("the flow grid has no patch \"{patch}\""),
             _ if entry.patches[..k].contains(patch) => format!("the patch \"{patch}\" occurs twice"),
             _ => continue,
         };
