@@ -116,7 +116,8 @@ fn body_without_a_canopy_is_checked_run_and_reported() {
     let report = ripstop(&["report"], &outs[0]);
     assert!(report.status.success(), "{}", String::from_utf8_lossy(&report.stderr));
     let page = fs::read_to_string(outs[0].join("report.html")).expect("a page");
-    assert!(!page.contains("NaN") && !page.contains(">inf"), "a number is missing in the report");
+    assert!(page.contains("Drag of block") && page.contains("Flow around the body"));
+    assert!(!page.contains(">NaN") && !page.contains(">inf"), "a number is missing in the report");
 }
 
 #[test]

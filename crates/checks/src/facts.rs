@@ -107,7 +107,9 @@ impl<'a> Facts<'a> {
 
     /// Whether the scene has what the check `id` is about: a canopy, or a length of the body for numbers of the flow.
     pub fn has_subject(&self, id: &str) -> bool {
-        let of_a_canopy = id.starts_with("fabric.") || id.starts_with("lines.") || id == "stage.canopy-mode";
+        let of_a_canopy = id.starts_with("fabric.")
+            || id.starts_with("lines.")
+            || ["stage.canopy-mode", "flow.courant"].contains(&id);
         let of_a_length = ["flow.reynolds", "stage.development", "stage.shedding"].contains(&id);
         (self.scene.has_canopy() || !of_a_canopy) && (self.numbers.width > 0.0 || !of_a_length)
     }

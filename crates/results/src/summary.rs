@@ -274,7 +274,9 @@ impl StageSummary {
             ),
             StageKind::FlowOnly | StageKind::Prescribed => {
                 let drag = drag(&s.drag_of, s.drag_n, 1);
-                format!("  {}: {drag} at {:.4} m/s{rejected}; {}", s.name, s.descent_speed_m_s, s.ended)
+                // A frame at rest has no sign.
+                let speed = s.descent_speed_m_s + 0.0;
+                format!("  {}: {drag} at {speed:.4} m/s{rejected}; {}", s.name, s.ended)
             }
             StageKind::Coupled => format!(
                 "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
