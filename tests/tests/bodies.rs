@@ -90,7 +90,7 @@ fn body_without_a_canopy_is_checked_run_and_reported() {
     assert!(!text.contains("NaN") && !text.contains("inf "), "{text}");
     let outs = [1, 2].map(|ranks| {
         let out = folder.path().join(format!("out{ranks}"));
-        let run = succeed(ripstop_run(&file, &out, &["--set", &format!("ranks.flow={ranks}")]));
+        let run = succeed(ripstop_run(&file, &out, &["--ranks", &format!("flow={ranks}")]));
         let text = String::from_utf8_lossy(&run.stdout).into_owned() + &String::from_utf8_lossy(&run.stderr);
         println!("{text}");
         assert!(text.contains("drag of block"), "{text}");

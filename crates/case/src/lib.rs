@@ -18,7 +18,7 @@ pub use boundaries::{Jump, jumps};
 pub use check::Allowed;
 pub use error::{Problem, SceneError};
 pub use overrides::{NotATable, Override, parse_overridden, set_value};
-pub use place::place_of;
+pub use place::{place_of, with_absolute_paths};
 pub use renamed::{Renamed, current_path, current_value, renamed};
 pub use scene::*;
 pub use wind::Wind;
