@@ -8,7 +8,11 @@ use results::history;
 use ripstop_tests::{changed_scene, ripstop_run, succeed};
 
 /// Every monitor of the flow, and a payload that is a body.
-const MONITORS: &str = "[flow.forces]
+const MONITORS: &str = "[[flow.forces.coefficients]]
+name = \"sheet\"
+patches = [\"canopy\"]
+reference_area_m2 = 4.0
+reference_length_m = 2.0
 [flow.statistics]
 [flow.surface_pressure]
 every_windows = 1

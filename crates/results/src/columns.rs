@@ -169,8 +169,8 @@ pub const FORCE_COEFFICIENTS: &[Column] = &[
     column("{name}_cs", "Side force over the same."),
     column("{name}_cl", "Lift over the same."),
     column("{name}_cm_roll", "Moment about the axis of the drag over the same and `reference_length_m`."),
-    column("{name}_cm_pitch", "Moment about the axis of the side force, likewise."),
-    column("{name}_cm_yaw", "Moment about the axis of the lift, likewise."),
+    column("{name}_cm_pitch", "Moment about the axis of the side force over the same."),
+    column("{name}_cm_yaw", "Moment about the axis of the lift over the same."),
 ];
 
 /// Columns of `probes.csv`, a row for each accepted window, where the scene has `[[flow.probe]]`; one set for each probe.
