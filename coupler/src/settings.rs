@@ -99,7 +99,10 @@ pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), Run
     let all: Vec<&str> = overrides.iter().map(|o| o.option.as_str()).collect();
     let write = |table: &Table| toml::to_string(table).map_err(|e| input(&e));
     let scene = case::parse_overridden(file, &text, &write(&table)?, &overrides).map_err(|e| input(&e))?;
-    let path = |path: &PathBuf| Value::String(path.to_string_lossy().into_owned());
+    let path = |path: &PathBuf| {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
+        Value::String(path.to_string_lossy().into_owned())
+    };
     if let Canopy::Gmsh(g) = &scene.canopy {
         set_value(&mut table, &["canopy"], "file", path(&g.file))?;
     }

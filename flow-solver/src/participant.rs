@@ -20,6 +20,7 @@ use crate::snapshot::Snapshots;
 use crate::solver::{Report, Solver, Step};
 use crate::state;
 use crate::steady::{self, March};
+use crate::surface_force::Watched;
 use crate::turbulence::{self, SpalartAllmaras};
 use crate::warm_start::RankWarmStart;
 
@@ -34,6 +35,7 @@ pub struct FlowParticipant<G, const N: usize> {
     moved: bool,
     wind: Wind,
     march: Option<March>,
+    watched: Watched,
     /// Window of the last flow solve that is not accepted yet, and its length, s.
     solved_window: Option<(u64, f64)>,
     /// Why the last flow solve failed.
@@ -191,6 +193,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
             moved: false,
             wind: setup.wind.clone(),
             march: setup.march,
+            watched: setup.watched.clone(),
             solved_window: None,
             failure: None,
             round_off_reported: false,
@@ -346,8 +349,13 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         self.solver.set_far_field_velocity(times.map(|t| self.wind.at(w.time + t).into()), w.dt);
         self.solver.set_boundary_time(w.time + w.dt);
         let outcome = match &self.march {
-            None => self.solver.advance(&step).map(|report| (self.loads.compute(&self.solver), report)),
-            Some(march) => steady::solve_window(march, &mut self.solver, &mut self.loads, frame),
+            None => self
+                .solver
+                .advance(&step)
+                .map(|report| (self.watched.compute(&self.solver, &mut self.loads), report)),
+            Some(march) => {
+                steady::solve_window(march, &mut self.solver, &mut self.loads, &self.watched, frame)
+            }
         };
         let (total, report) = match outcome {
             Ok(answer) => answer,

@@ -200,6 +200,21 @@ impl<G: Copy> Spatial<G> {
     ) -> Vec3 {
         traction(self.viscosity.molecular(), on, scheme, q, side)
     }
+
+    /// Viscous force of the air on a slip wall, N: the normal stress of air that spreads along it.
+    pub fn slip_wall_force<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        q: &[[f64; N]],
+        gradient: &[Gradient<N>],
+        side: &Side,
+    ) -> Vec3
+    where
+        G: Gas<N>,
+    {
+        let flux = for_viscosity!(self, s => s.normal_stress(on, Field { q, gradient }, side));
+        Vec3::new(flux[1], flux[2], flux[3])
+    }
 }
 
 /// The same for a fluid of dynamic viscosity `mu`, Pa s. The sub-grid model is silent at a wall: no eddy is smaller

@@ -13,6 +13,7 @@ use crate::physics::{Air, VELOCITY_DIFFUSION};
 use crate::shear::WindShear;
 use crate::solver::{Method, Settings};
 use crate::steady::March;
+use crate::surface_force::Watched;
 use crate::topology::Topology;
 
 /// Flow settings of one stage of a scene.
@@ -43,6 +44,8 @@ pub struct Setup {
     pub shear: Option<WindShear>,
     /// Marches to a steady state.
     pub march: Option<March>,
+    /// The force that the stage reports, and that a march watches.
+    pub watched: Watched,
 }
 
 /// How far the residual must fall, in units of the coupling tolerance: the flow stops at a tenth of the drop of
@@ -193,6 +196,7 @@ impl Setup {
             max_steps: s.max_steps as usize,
             max_courant: s.max_courant,
         });
+        let watched = Watched::of(&scene, plan.kind, &grid.patch_names);
         Ok(Self {
             source: scene.source_state(out, stage, Role::Flow),
             folder: case::stage_folder(out, &scene, stage),
@@ -206,6 +210,7 @@ impl Setup {
             wind,
             shear,
             march,
+            watched,
             scene,
         })
     }

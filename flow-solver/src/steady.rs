@@ -9,6 +9,7 @@ use crate::geometry::vec3::Vec3;
 use crate::loads::{Loads, Total};
 use crate::physics::Gas;
 use crate::solver::{Report, Solver, Step};
+use crate::surface_force::Watched;
 
 /// Stopping criteria of a march to a steady state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,11 +151,12 @@ pub(crate) fn solve_window<G: Gas<N>, const N: usize>(
     march: &March,
     solver: &mut Solver<G, N>,
     loads: &mut Loads,
+    watched: &Watched,
     frame: Vec3,
 ) -> Result<(Total, Report), FlowError> {
     let mut total = Total::default();
     let marched = march.run(solver, frame, |s| {
-        total = loads.compute(s);
+        total = watched.compute(s, loads);
         total.force
     })?;
     // Either criterion of the scene ends a march; without one it returns an error.

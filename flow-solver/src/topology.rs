@@ -33,6 +33,9 @@ pub struct Side {
     pub canopy: u32,
 }
 
+/// Patch of a face of the outer boundary that belongs to no named patch.
+pub const NO_PATCH: u16 = u16::MAX;
+
 /// Sides of one open boundary condition.
 #[derive(Clone, Debug)]
 pub struct OpenSides {
@@ -82,6 +85,9 @@ pub struct Topology {
     pub region: Vec<u16>,
     /// Regions of the whole grid that no air enters or leaves.
     pub n_closed_regions: usize,
+    /// Patch of each local face of the outer boundary, the first of which is face `cells.len()`, as
+    /// [`FlowGrid::boundary_patch`]; [`NO_PATCH`] without a name.
+    pub boundary_patch: Vec<u16>,
     /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
     pub slip: Vec<Side>,
     /// Those of `slip` in planes of symmetry, sorted by cell.
@@ -220,6 +226,12 @@ impl Topology {
     /// The open sides of the condition `patch`.
     pub fn sides_of(&self, patch: Patch) -> impl Iterator<Item = &Side> + Clone {
         self.open.iter().filter(move |o| o.patch == patch).flat_map(|o| &o.sides)
+    }
+
+    /// Named patch of a side of the outer boundary; `None` on the canopy and without a name.
+    pub fn patch_of(&self, side: &Side) -> Option<u16> {
+        let place = (side.face as usize).checked_sub(self.cells.len())?;
+        self.boundary_patch.get(place).copied().filter(|p| *p != NO_PATCH)
     }
 
     /// All sides of boundary and canopy faces.
@@ -409,6 +421,7 @@ impl Builder<'_> {
             let face = self.add_face(nodes, faces.interior.len() + f);
             let side = Side { face, cell: self.local(c).expect("owned"), sign: 1.0, canopy: u32::MAX };
             let t = &mut self.t;
+            t.boundary_patch.push(self.grid.boundary_patch.get(f).copied().unwrap_or(NO_PATCH));
             match patch {
                 Patch::Wall => t.no_slip.push(side),
                 Patch::Slip => t.slip.push(side),

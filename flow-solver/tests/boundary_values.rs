@@ -258,7 +258,7 @@ fn ring(nr: usize, na: usize) -> FlowGrid {
             ];
             for (_, face, patch, name) in all.into_iter().filter(|a| a.0) {
                 grid.boundary.push((patch, HEX_FACES[face].map(|v| cell[v])));
-                grid.patch_of.push(name);
+                grid.boundary_patch.push(name);
             }
             grid.cells.push(cell);
         }

@@ -436,6 +436,108 @@ fn tetrahedra_around_a_membrane_run() {
     assert!((drag[3] / hexahedra[3] - 1.0).abs() < 0.15, "{drag:?} {hexahedra:?}");
 }
 
+/// A panel in a wind tunnel between two walls; entries of `[[flow.forces.coefficients]]`.
+fn panel_with_coefficients() -> String {
+    let panel = "kind = \"panel\"\nsize_m = [2.0, 1.0]\ncells = [6, 3]\n";
+    let tunnel = "[flow.box]\nbelow_m = 1.0\nabove_m = 1.0\nlayers_below = 5\nlayers_above = 5\nahead_m = 1.0\n\
+                  cells_ahead = 3\nbehind_m = 1.0\ncells_behind = 3\n[flow.box.sides]\nleft = \"inlet\"\nright = \"outlet\"\n\
+                  bottom = \"wall\"\ntop = \"wall\"\n[flow.forces]\nmoment_point_m = [0.5, 0.0, -1.0]\n\
+                  drag_direction = [2.0, 0.0, 0.0]\n";
+    let entry = |name: &str, patches: &str, rest: &str| {
+        format!(
+            "[[flow.forces.coefficients]]\nname = \"{name}\"\npatches = [{patches}]\nreference_area_m2 = 2.5\n\
+             reference_length_m = 0.4\n{rest}"
+        )
+    };
+    let all = "\"canopy\", \"top\", \"bottom\"";
+    let entries = [
+        entry("sheet", "\"canopy\"", "reference_speed_m_s = 4.0\n"),
+        entry("walls", "\"top\", \"bottom\"", ""),
+        entry("floor", "\"bottom\"", "moment_point_m = [1.0, 2.0, 3.0]\n"),
+        entry("all", all, "drag_direction = [0, 0, 1]\nlift_direction = [-1, 0, 0]\n"),
+    ]
+    .concat();
+    let square = "kind = \"square\"\nwidth_m = 2.0\ncells_across = 6\n";
+    let generated = "[flow.grid]\nlayers_inside = 3\nlayers_outside = 8\nfirst_layer_m = 0.2\n";
+    let wind = "[flow]\nwind_m_s = [3.0, 0.0, 0.5]\n[flow.viscosity]";
+    let text = SCENE.replace(square, panel).replace(generated, "").replace("[flow.viscosity]", wind);
+    [&text, tunnel, &entries].concat()
+}
+
+type Columns = BTreeMap<String, Vec<f64>>;
+
+fn last_of(table: &Columns, column: &str) -> f64 {
+    *table[column].last().unwrap()
+}
+
+fn last_vector(table: &Columns, on: &str, what: &str) -> [f64; 3] {
+    ["x", "y", "z"].map(|d| last_of(table, &format!("{on}_{what}_force_{d}_n")))
+}
+
+/// The sum of both forces.
+fn last_force(table: &Columns, on: &str) -> [f64; 3] {
+    let [pressure, shear] = ["pressure", "shear"].map(|what| last_vector(table, on, what));
+    std::array::from_fn(|d| pressure[d] + shear[d])
+}
+
+/// Columns of `[[flow.forces.coefficients]]` on one rank and on three, checked against each other and against the sets of
+/// the canopy and of the walls. A table has ten digits.
+#[test]
+fn force_coefficients_are_independent_of_rank_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, panel_with_coefficients()).unwrap();
+    let [one, three] = [1, 3].map(|ranks| {
+        let out = folder.path().join(format!("out{ranks}"));
+        run_alone(&scene, 0, &out, ranks).unwrap();
+        table(&out.join("a/forces.csv"))
+    });
+    let size = last_force(&one, "all").iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    for (name, values) in &one {
+        for (a, b) in values.iter().zip(&three[name]) {
+            assert!((a - b).abs() < 1e-6 * size.max(a.abs()), "{name}: {a} {b}");
+        }
+    }
+    for (own, set) in [("sheet", "canopy"), ("walls", "wall")] {
+        for what in ["pressure", "shear"] {
+            assert_close(&last_vector(&one, own, what), &last_vector(&one, set, what), 1e-8, own);
+        }
+        for column in ["moment_x_n_m", "moment_y_n_m", "moment_z_n_m", "drag_n"] {
+            let [a, b] = [own, set].map(|on| last_of(&one, &format!("{on}_{column}")));
+            assert!((a - b).abs() < 1e-8 * size, "{own}_{column}: {a} {b}");
+        }
+    }
+    // Axes turned by 90 degrees: drag along z, lift against x.
+    let (canopy, walls) = (last_force(&one, "canopy"), last_force(&one, "wall"));
+    let [x, y, z] = std::array::from_fn(|d| canopy[d] + walls[d]);
+    let turned = ["drag", "lift", "side"].map(|f| last_of(&one, &format!("all_{f}_n")));
+    assert_close(&turned, &[z, -x, y], 1e-7, "turned axes");
+    let drag = |name: &str| last_of(&one, &format!("{name}_drag_n"));
+    assert!(drag("sheet") > 0.0 && drag("walls") > drag("floor") && drag("floor") > 0.0);
+}
+
+/// By hand: with the speed of the scene, and with that of the undisturbed air relative to the falling frame.
+#[test]
+fn force_coefficients_are_those_by_hand() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, panel_with_coefficients()).unwrap();
+    run_alone(&scene, 0, folder.path(), 1).unwrap();
+    let forces = table(&folder.path().join("a/forces.csv"));
+    let last = |column: &str| last_of(&forces, column);
+    let air = 3.0f64.powi(2) + 4.5f64.powi(2);
+    for (name, speed_squared) in [("sheet", 16.0), ("walls", air), ("all", air)] {
+        let scale = 0.5 * 1.225 * 2.5 * speed_squared;
+        for (force, coefficient) in [("drag", "cd"), ("side", "cs"), ("lift", "cl")] {
+            let expected = last(&format!("{name}_{force}_n")) / scale;
+            assert_close(&[last(&format!("{name}_{coefficient}"))], &[expected], 1e-8, name);
+        }
+    }
+    let scale = 0.5 * 1.225 * 2.5 * air * 0.4;
+    assert_close(&[last("walls_cm_pitch")], &[last("walls_moment_y_n_m") / scale], 1e-8, "pitch");
+    assert_close(&[last("all_cm_yaw")], &[-last("all_moment_x_n_m") / scale], 1e-8, "yaw about -x");
+}
+
 /// The case that users copy: its drag coefficient is near that of 250 880 hexahedra in a larger
 /// box, 1.52.
 #[test]

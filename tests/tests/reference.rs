@@ -2,13 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use results::columns::{Column, FORCES, ITERATIONS, PAYLOAD, PROBES, first_difference};
+use results::columns::{Column, FORCE_COEFFICIENTS, FORCES, ITERATIONS, PAYLOAD, PROBES, first_difference};
 use results::files::{RECORDING, RUN, ResultFile, matches};
 use results::history;
 use ripstop_tests::{changed_scene, ripstop_run, succeed};
 
 /// Every monitor of the flow, and a payload that is a body.
-const MONITORS: &str = "[flow.forces]
+const MONITORS: &str = "[[flow.forces.coefficients]]
+name = \"sheet\"
+patches = [\"canopy\"]
+reference_area_m2 = 4.0
+reference_length_m = 2.0
 [flow.statistics]
 [flow.surface_pressure]
 every_windows = 1
@@ -81,7 +85,7 @@ fn files_and_columns_of_a_run_are_those_of_the_reference() {
         assert_eq!(header(&out, &format!("{}/history.csv", stage.name)), history::names(stage.kind));
     }
     compare_columns(ITERATIONS, &out, "descent/iterations.csv");
-    compare_columns(FORCES, &out, "descent/forces.csv");
+    compare_columns(&[FORCES, FORCE_COEFFICIENTS].concat(), &out, "descent/forces.csv");
     compare_columns(PROBES, &out, "descent/probes.csv");
     compare_columns(PAYLOAD, &out, "descent/payload.csv");
 }

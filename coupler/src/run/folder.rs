@@ -73,11 +73,13 @@ pub(super) fn clear(folder: &Path) -> Result<(), RunError> {
     fs::create_dir_all(folder).map_err(RunError::file("create", folder))
 }
 
-/// Copies the scene `file` into the folder `out`.
+/// Copies the scene `file` into the folder `out`, with absolute paths of the files that it names.
 pub(crate) fn copy_scene(file: &Path, out: &Path) -> Result<(), RunError> {
     let copy = out.join(SCENE);
     if copy != file {
-        fs::copy(file, &copy).map_err(RunError::file("write", &copy))?;
+        let text = fs::read_to_string(file).map_err(RunError::file("read", file))?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        fs::write(&copy, case::with_absolute_paths(&text, folder)).map_err(RunError::file("write", &copy))?;
     }
     Ok(())
 }

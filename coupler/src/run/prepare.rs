@@ -63,7 +63,7 @@ pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
         })?,
     };
     let elements = interface.sizes.triangles;
-    if scene.ranks.structure as usize > elements {
+    if scene.has_canopy() && scene.ranks.structure as usize > elements {
         return Err(RunError::Input(format!(
             "{} ranks for the structure, but its mesh has only {elements} membrane elements: use fewer ranks",
             scene.ranks.structure

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use case::{Role, Solve, StageKind};
+use case::{Role, Solve, StageKind, WatchedForce};
 use channel::{Window, flow_stats};
 use coupling::descent::DescentModel;
 use coupling::energy::InterfaceEnergyBalance;
@@ -122,6 +122,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let all = context.windows();
         let windows = context.options.stop_after_windows.map_or(all, |n| n.min(all));
         summary.ended = "failed".into();
+        summary.drag_of = context.scene.watched_force(stage.kind).name().into();
         let first = resumed.map_or(0, |saved| saved.windows);
         Ok(Self {
             records,
@@ -132,7 +133,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
                 Some(saved) => saved.flow_bounds,
                 None => FlowBounds::new(context.scene, context.interface),
             },
-            progress: Progress::new(context.console, &stage.name, stage.kind, clock.planned(), windows),
+            progress: Progress::new(context.console, &stage.name, stage.kind, clock.planned(), windows)
+                .with_drag_of(context.scene.watched_force(stage.kind).name()),
             clock,
             saves: Saves::default(),
             windows,
@@ -305,12 +307,43 @@ impl<'c, 'p> StageRun<'c, 'p> {
         }
     }
 
+    /// The force that the stage reports as its drag.
+    fn watched(&self) -> WatchedForce<'c> {
+        self.context.scene.watched_force(self.context.description().kind)
+    }
+
+    /// Coefficient of the drag `drag_n`, N, at the end of the window.
+    fn drag_coefficient(&self, drag_n: f64) -> Option<f64> {
+        let (context, scene) = (self.context, self.context.scene);
+        match self.watched() {
+            WatchedForce::Canopy => self.descent.and_then(|d| d.drag_coefficient(drag_n)),
+            WatchedForce::Walls => None,
+            WatchedForce::Entry(entry) => {
+                let flow = scene.flow.as_ref()?;
+                if entry.reference_speed_m_s.is_none() && flow.shear.is_some() {
+                    // The speed depends on the height: `forces.csv` has the coefficient.
+                    return None;
+                }
+                let wind = scene.wind(context.stage, &context.times());
+                let velocity = self.stepper.state().velocity;
+                let air = flow_bounds::undisturbed_air(&wind, self.clock.time(), velocity);
+                let speed = air.iter().map(|v| v * v).sum::<f64>().sqrt();
+                entry.force_scale(flow.density_kg_m3, speed).map(|scale| drag_n / scale)
+            }
+        }
+    }
+
     /// The history row of a window; adds the window to the interface energy balance.
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
         let (on_structure, by_flow) = self.stepper.interface_work().unwrap_or_default();
         self.interface_energy.add_window(window.dt, on_structure, by_flow, report.converged);
         let state = self.stepper.state();
+        let direction = self.context.scene.watched_direction(self.context.description().kind);
+        let drag_n = match self.watched() {
+            WatchedForce::Canopy => report.force[2],
+            _ => direction.iter().zip(&report.force).map(|(d, f)| d * f).sum(),
+        };
         Row {
             window: self.index,
             time_s: self.clock.time(),
@@ -319,7 +352,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
             done: self.clock.planned(),
             descent_speed_m_s: -state.velocity,
             acceleration_m_s2: state.acceleration,
-            drag_coefficient: self.descent.map(|d| d.drag_coefficient(report.force[2])),
+            drag_n,
+            drag_coefficient: self.drag_coefficient(drag_n),
             interface_work_j: by_flow,
             energy_error_j: on_structure - by_flow,
             interface_energy: self.interface_energy,

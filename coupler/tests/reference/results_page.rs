@@ -160,8 +160,11 @@ fn page() -> String {
     add(
         "Columns of `forces.csv`",
         format!(
-            "`{{on}}` is `canopy`; a second set with `wall` follows where the outer boundary has no-slip walls.\n\n{}",
-            columns_table(columns::FORCES)
+            "`{{on}}` is `canopy`; a second set with `wall` follows where the outer boundary has no-slip walls, then one set for \
+             each entry of `[[flow.forces.coefficients]]` with its name.\n\n{}\n\
+             After its set, each entry has further columns:\n\n{}",
+            columns_table(columns::FORCES),
+            columns_table(columns::FORCE_COEFFICIENTS)
         ),
     );
     add("Columns of `probes.csv`", format!("One set for each probe.\n\n{}", columns_table(columns::PROBES)));

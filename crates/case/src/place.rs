@@ -1,6 +1,7 @@
 //! Where a key of a scene stands in its text, and which key stands at a place.
 
 use std::ops::Range;
+use std::path::Path;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -14,6 +15,27 @@ pub fn place_of(text: &str, path: &str) -> Option<(usize, usize)> {
     let document = DeTable::parse(text).ok()?;
     let at = span_of(&document, path)?.start;
     Some(line_and_column(text, at))
+}
+
+/// The text of a scene that lies in `folder`, with absolute paths of the files that it names: a copy of it in another
+/// folder is the same scene. All else stays as written.
+pub fn with_absolute_paths(text: &str, folder: &Path) -> String {
+    let Ok(document) = DeTable::parse(text) else { return text.to_owned() };
+    let mut paths: Vec<(Range<usize>, String)> = ["canopy.file", "flow.grid_file.path"]
+        .into_iter()
+        .filter_map(|key| {
+            let span = span_of(&document, key)?;
+            // Without the key the span is that of a table.
+            let value: toml::Table = format!("value = {}", text.get(span.clone())?).parse().ok()?;
+            let path = folder.join(value.get("value")?.as_str()?);
+            let path = std::path::absolute(&path).unwrap_or(path);
+            Some((span, toml::Value::String(path.to_string_lossy().into_owned()).to_string()))
+        })
+        .collect();
+    paths.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+    let mut text = text.to_owned();
+    paths.into_iter().for_each(|(span, path)| text.replace_range(span, &path));
+    text
 }
 
 /// Bytes of the value at a dotted path (`fabric.thickness_m`, `stage[1].window_s`),
@@ -68,4 +90,24 @@ fn value_path(value: &Spanned<DeValue<'_>>, at: &Range<usize>, path: &str) -> Op
 
 fn covers(span: &Range<usize>, at: &Range<usize>) -> bool {
     span.start <= at.start && at.start < span.end.max(span.start + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_of_a_scene_name_the_same_files() {
+        let text = "[canopy] # a mesh\nfile = 'a \"b\".msh'\n[flow.grid_file]\nmembrane = \"path\"\npath   = \"../c.msh\" # d\n";
+        let copy = with_absolute_paths(text, Path::new("/x/y"));
+        assert!(
+            copy.contains("[canopy] # a mesh") && copy.contains("path   = \"/x/y/../c.msh\" # d"),
+            "{copy}"
+        );
+        let value: toml::Table = copy.parse().expect("TOML");
+        assert_eq!(value["canopy"]["file"].as_str(), Some("/x/y/a \"b\".msh"));
+        assert_eq!(with_absolute_paths(&copy, Path::new("/z")), copy);
+        let without = "[canopy]\nkind = \"none\"\n[flow.grid_file]\nmembrane = \"e\"\n";
+        assert_eq!(with_absolute_paths(without, Path::new("/z")), without);
+    }
 }

@@ -12,7 +12,11 @@ use crate::shared_memory;
 /// The description of the scene; `first`: the first stage to run, from 0.
 pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<String> {
     let mut lines = vec![scene.caption()];
-    lines.extend(canopy(scene, interface));
+    if scene.has_canopy() {
+        lines.extend(canopy(scene, interface));
+    } else {
+        lines.push("canopy: none".into());
+    }
     if scene.flow.is_some() {
         lines.push(flow_grid(scene, interface));
     }
@@ -47,11 +51,10 @@ fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
     );
     let payload = DescentModel::of(scene, interface).map_or_else(String::new, |m| {
         let weight = m.mass_kg * m.gravity_m_s2;
-        format!(
-            ", with payload {:.3} kg; drag balances the weight of {weight:.1} N at a drag coefficient of {:.3}",
-            m.mass_kg,
-            m.drag_coefficient(weight)
-        )
+        let coefficient = m.drag_coefficient(weight).map_or_else(String::new, |c| {
+            format!("; drag balances the weight of {weight:.1} N at a drag coefficient of {c:.3}")
+        });
+        format!(", with payload {:.3} kg{coefficient}", m.mass_kg)
     });
     let masses = format!(
         "masses: fabric {:.4} kg ({:.3} m2), lines {:.4} kg{payload}",
@@ -66,6 +69,7 @@ fn what(scene: &Scene, stage: &Stage) -> String {
             "structure alone under {} Pa",
             stage.pressure_pa.map_or_else(|| "?".into(), |p| p.to_string())
         ),
+        StageKind::FlowOnly if !scene.has_canopy() => "flow alone around rigid bodies at rest".into(),
         StageKind::FlowOnly => "flow alone around the canopy at rest".into(),
         StageKind::Prescribed => "mesh and flow around the canopy with prescribed motion".into(),
         StageKind::Coupled => {
@@ -117,10 +121,8 @@ fn flow_grid(scene: &Scene, interface: &CanopyInterface) -> String {
             match mesh::FaceTable::new(&grid) {
                 Ok(faces) => {
                     let report = mesh::QualityReport::new(&grid, &faces).to_string();
-                    format!(
-                        "{sizes}; around the unstressed canopy:\n  {}",
-                        report.trim_end().replace('\n', "\n  ")
-                    )
+                    let around = if scene.has_canopy() { "; around the unstressed canopy" } else { "" };
+                    format!("{sizes}{around}:\n  {}", report.trim_end().replace('\n', "\n  "))
                 }
                 Err(_) => sizes + "; its quality is in grid.txt in the folder of each stage",
             }

@@ -101,8 +101,17 @@ impl<'a> Facts<'a> {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
             Canopy::Gmsh(_) => self.mesh.cables.iter().any(|c| c.kind == CableKind::SuspensionLine),
-            Canopy::AirBag(_) | Canopy::Panel(_) => false,
+            Canopy::AirBag(_) | Canopy::Panel(_) | Canopy::None => false,
         }
+    }
+
+    /// Whether the scene has what the check `id` is about: a canopy, or a length of the body for numbers of the flow.
+    pub fn has_subject(&self, id: &str) -> bool {
+        let of_a_canopy = id.starts_with("fabric.")
+            || id.starts_with("lines.")
+            || ["stage.canopy-mode", "flow.courant"].contains(&id);
+        let of_a_length = ["flow.reynolds", "stage.development", "stage.shedding"].contains(&id);
+        (self.scene.has_canopy() || !of_a_canopy) && (self.numbers.width > 0.0 || !of_a_length)
     }
 
     /// Weight of payload, fabric and lines, N; 0 without descent.

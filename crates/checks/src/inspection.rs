@@ -41,7 +41,9 @@ impl Inspection {
     pub fn new(facts: &Facts<'_>, place: impl Fn(&str) -> String) -> Self {
         let mut findings = Vec::new();
         for check in all() {
-            if let When::Before(judge) = check.when {
+            if let When::Before(judge) = check.when
+                && facts.has_subject(check.id)
+            {
                 findings.extend(judge(facts).into_iter().map(|j| complete(check, j, &place)));
             }
         }

@@ -198,14 +198,14 @@ impl DescentModel {
         if self.drag_in_structure { canopy + structure.values[structure_stats::AIR_FORCE] } else { canopy }
     }
 
-    /// Drag coefficient on the reference area and the *initial* speed, as in the paper.
-    pub fn drag_coefficient(&self, force_z: f64) -> f64 {
-        force_z
-            / (0.5
-                * self.air_density_kg_m3
-                * self.reference_speed_m_s
-                * self.reference_speed_m_s
-                * self.reference_area_m2)
+    /// Drag coefficient on the reference area and the *initial* speed, as in the paper; `None` where that is zero.
+    pub fn drag_coefficient(&self, force_z: f64) -> Option<f64> {
+        let scale = 0.5
+            * self.air_density_kg_m3
+            * self.reference_speed_m_s
+            * self.reference_speed_m_s
+            * self.reference_area_m2;
+        scale.is_normal().then(|| force_z / scale)
     }
 }
 
@@ -229,6 +229,11 @@ mod tests {
 
     /// A sphere in free fall: terminal speed sqrt(2 m g / (rho C A)). It drifts with the wind; across the wind its
     /// drag grows with the whole relative speed.
+    #[test]
+    fn drag_has_no_coefficient_at_zero_speed() {
+        assert_eq!(DescentModel { reference_speed_m_s: 0.0, ..ATPS }.drag_coefficient(-3.0), None);
+    }
+
     #[test]
     fn payload_without_canopy_reaches_its_terminal_speed() {
         let drag = PayloadDrag { half_density_area: 0.5 * 1.225 * 0.8, wind_m_s: [0.0; 3] };
@@ -281,7 +286,7 @@ mod tests {
         // Paper: drag equals weight at 4.8768 m/s for Cd 1.735 on 41.3614 m2.
         let weight = ATPS.mass_kg * ATPS.gravity_m_s2;
         assert_eq!(ATPS.acceleration(weight), 0.0);
-        assert!((ATPS.drag_coefficient(weight) - 1.735).abs() < 5e-4);
+        assert!((ATPS.drag_coefficient(weight).expect("a speed") - 1.735).abs() < 5e-4);
     }
 
     #[test]

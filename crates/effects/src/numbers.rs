@@ -20,7 +20,7 @@ pub struct Numbers<'a> {
     pub density: f64,
     /// Mach number of the largest speed, with gusts.
     pub mach: f64,
-    /// Width of the canopy as built, m.
+    /// Width of the canopy as built, m; without a canopy the largest reference length of a body, 0 where none is given.
     pub width: f64,
     /// Reynolds number of `speed` and `width`.
     pub reynolds: f64,
@@ -65,7 +65,7 @@ impl<'a> Numbers<'a> {
         let Speeds { steady: speed, release: release_speed, stages: stage_speeds } = Speeds::of(scene, fall);
         let fastest = stage_speeds.iter().fold(speed, |most, [_, gusty]| most.max(*gusty));
         let density = air.density_kg_m3;
-        let width = width(mesh);
+        let width = if scene.has_canopy() { width(mesh) } else { body_length(scene) };
         let dynamic_pressure = 0.5 * density * speed * speed;
         let pressure = inflation_pressure(scene).unwrap_or(dynamic_pressure);
         let f = &scene.fabric;
@@ -97,7 +97,11 @@ impl<'a> Numbers<'a> {
             line_length: free.into_iter().map(|k| mesh.cable_length(k)).sum(),
             line_diameter: scene.lines.as_ref().map_or(0.0, case::Lines::round_diameter_m),
             suspension: (lowest(&mesh.coords[..mesh.n_canopy]) - lowest(&mesh.coords)).max(0.0),
-            strain: pressure * 0.25 * width / (f.youngs_modulus_pa * f.thickness_m),
+            strain: if f.is_absent() {
+                0.0
+            } else {
+                pressure * 0.25 * width / (f.youngs_modulus_pa * f.thickness_m)
+            },
             drag: if falling_mass > 0.0 { falling_mass * gravity } else { dynamic_pressure * fabric_area },
             duration: scene.stages.iter().map(|s| s.duration_s).fold(0.0, f64::max),
         }
@@ -158,6 +162,13 @@ pub fn length(v: &[f64; 3]) -> f64 {
 }
 
 /// Width of the canopy along the wider of the axes x and y, m.
+/// Largest reference length of `[[flow.forces.coefficients]]`, m: the size of a rigid body; 0 where none is given.
+fn body_length(scene: &Scene) -> f64 {
+    let forces = scene.flow.as_ref().and_then(|f| f.forces.as_ref());
+    let entries = forces.map_or(&[][..], |f| &f.coefficients);
+    entries.iter().map(|e| e.reference_length_m).fold(0.0, f64::max)
+}
+
 fn width(mesh: &StructureMesh) -> f64 {
     let extent = |axis: usize| {
         let (low, high) = mesh.coords[..mesh.n_canopy]
@@ -175,7 +186,7 @@ fn cells_across(scene: &Scene, mesh: &StructureMesh) -> f64 {
         Canopy::Square(f) | Canopy::Circular(f) => f64::from(f.cells_across),
         Canopy::AirBag(a) => f64::from(a.cells_across),
         Canopy::Panel(p) => f64::from(p.cells[0]),
-        Canopy::Gmsh(_) => (mesh.faces.len() as f64).sqrt(),
+        Canopy::Gmsh(_) | Canopy::None => (mesh.faces.len() as f64).sqrt(),
     }
 }
 

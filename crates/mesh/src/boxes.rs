@@ -63,7 +63,7 @@ pub(crate) fn add_box_cells(
                 ];
                 for (((outer, face), patch), side) in ends.into_iter().zip(patches).zip(0..) {
                     if outer {
-                        grid.patch_of.push(side);
+                        grid.boundary_patch.push(side);
                         grid.boundary.push((patch, crate::HEX_FACES[face].map(|v| cell[v])));
                     }
                 }
@@ -99,6 +99,60 @@ pub fn plate_grid(
     grid
 }
 
+/// A box of hexahedra without those whose i, j, k lie in the ranges of `block`: a rigid body inside, whose faces are the
+/// named patch `body` with the condition wall. The sides have the names of [`case::BoxSides::NAMES`].
+pub fn block_grid(
+    n: [usize; 3],
+    lo: Point,
+    hi: Point,
+    patches: [Patch; 6],
+    block: [Range<usize>; 3],
+) -> FlowGrid {
+    let base = box_grid(n, lo, hi, patches);
+    let mut sides = base.boundary_patch.clone();
+    let inside = |cell: usize| {
+        let place = [cell % n[0], cell / n[0] % n[1], cell / (n[0] * n[1])];
+        place.iter().zip(&block).all(|(p, range)| range.contains(p))
+    };
+    // Nodes in use keep their order.
+    let mut number = vec![None; base.coords.len()];
+    let kept = || (0..base.cells.len()).filter(|&c| !inside(c));
+    kept().flat_map(|c| base.cells[c]).for_each(|v| number[v as usize] = Some(0));
+    let mut grid = FlowGrid::default();
+    for (x, number) in base.coords.iter().zip(&mut number).filter(|(_, number)| number.is_some()) {
+        *number = Some(grid.coords.len() as u32);
+        grid.coords.push(*x);
+    }
+    let used = |face: [u32; 4]| face.map(|v| number[v as usize].unwrap_or_default());
+    grid.cells = kept().map(|c| base.cells[c].map(|v| number[v as usize].unwrap_or_default())).collect();
+    grid.boundary = base.boundary.iter().map(|(patch, f)| (*patch, used(*f))).collect();
+    let step = [1, n[0], n[0] * n[1]];
+    for c in kept() {
+        for (face, (axis, up)) in [
+            (5, (0, false)),
+            (3, (0, true)),
+            (2, (1, false)),
+            (4, (1, true)),
+            (0, (2, false)),
+            (1, (2, true)),
+        ] {
+            let place = c / step[axis] % n[axis];
+            let next = if up {
+                (place + 1 < n[axis]).then(|| c + step[axis])
+            } else {
+                (place > 0).then(|| c - step[axis])
+            };
+            if next.is_some_and(inside) {
+                grid.boundary.push((Patch::Wall, used(crate::HEX_FACES[face].map(|v| base.cells[c][v]))));
+                sides.push(case::BoxSides::NAMES.len() as u16);
+            }
+        }
+    }
+    grid.patch_names = case::BoxSides::NAMES.into_iter().chain(["body"]).map(String::from).collect();
+    grid.boundary_patch = sides;
+    grid
+}
+
 /// A box of cells of another shape, from the same boxes.
 pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches: [Patch; 6]) -> FlowGrid {
     let base = box_grid(n, lo, hi, patches);
@@ -126,7 +180,7 @@ pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches
             }
         }
     }
-    for (&(patch, f), &side) in base.boundary.iter().zip(&base.patch_of) {
+    for (&(patch, f), &side) in base.boundary.iter().zip(&base.boundary_patch) {
         // Diagonals as the cells' own: prisms cut z-faces from the first node to
         // the third; tetrahedra cut all faces from the lowest to the highest node.
         let z_face = base.coords[f[0] as usize][2] == base.coords[f[1] as usize][2]
@@ -135,9 +189,9 @@ pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches
             let low = (0..4).min_by_key(|&i| f[i]).expect("four nodes");
             let [p, q, r, s] = std::array::from_fn(|i| f[(low + i) % 4]);
             grid.boundary.extend([(patch, [p, q, r, r]), (patch, [p, r, s, s])]);
-            grid.patch_of.extend([side; 2]);
+            grid.boundary_patch.extend([side; 2]);
         } else {
-            grid.patch_of.push(side);
+            grid.boundary_patch.push(side);
             grid.boundary.push((patch, f));
         }
     }

@@ -108,16 +108,16 @@ pub struct FlowGrid {
     pub canopy_faces: Vec<[u32; 4]>,
     /// Outer boundary faces with their condition.
     pub boundary: Vec<(Patch, [u32; 4])>,
-    /// Names of the boundary patches, by which a scene gives them data.
+    /// Names of the patches of the outer boundary, as [`case::Flow::patches`]. Empty where the grid names none.
     pub patch_names: Vec<String>,
-    /// Named patch of each boundary face: its place in `patch_names`. Empty where the patches have no names.
-    pub patch_of: Vec<u16>,
+    /// Patch of each face of [`FlowGrid::boundary`], as its place among the names. Empty where the grid names none.
+    pub boundary_patch: Vec<u16>,
 }
 
 impl FlowGrid {
     /// Name of the patch of a boundary face, if it has one.
     pub fn patch_name(&self, boundary_face: usize) -> Option<&str> {
-        let patch = *self.patch_of.get(boundary_face)?;
+        let patch = *self.boundary_patch.get(boundary_face)?;
         self.patch_names.get(usize::from(patch)).map(String::as_str)
     }
 }

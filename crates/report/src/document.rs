@@ -215,6 +215,7 @@ fn slices(run: &Run, missing: &mut Vec<String>) -> Result<Option<Section>, RunEr
         let Some(times) = run.results.times(stage.index, Kind::Flow)? else { continue };
         let all = times.all();
         let name = &run.stage(stage).name;
+        let body = if run.scene().has_canopy() { "canopy" } else { "body" };
         let mut pictures = Vec::new();
         let mut wanted: Vec<(f64, bool)> =
             frames::evenly(all.len(), 3).into_iter().map(|i| (all[i].time, false)).collect();
@@ -233,16 +234,16 @@ fn slices(run: &Run, missing: &mut Vec<String>) -> Result<Option<Section>, RunEr
             pictures.push(Picture {
                 id: format!("flow-{}", pictures.len()),
                 caption: format!(
-                    "Air speed relative to the canopy, m/s, in the plane {plane} at t = {time:.3} s."
+                    "Air speed relative to the {body}, m/s, in the plane {plane} at t = {time:.3} s."
                 ),
                 png,
             });
         }
         return Ok(Some(Section {
             id: "flow".into(),
-            title: "Flow around the canopy".into(),
+            title: format!("Flow around the {body}"),
             lead: format!(
-                "Speed of the air relative to the canopy in vertical planes, stage {name}. Arrows show the direction in \
+                "Speed of the air relative to the {body} in vertical planes, stage {name}. Arrows show the direction in \
                  the plane."
             ),
             blocks: vec![Block::Pictures(pictures)],

@@ -1,6 +1,6 @@
 //! The key figures at the top of the report.
 
-use case::{Role, StageKind};
+use case::{Role, StageKind, WatchedForce};
 use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
 use figures::plot;
@@ -86,7 +86,12 @@ fn drag(run: &Run) -> Option<Card> {
     if let Some(weight) = weight(run) {
         notes.push(format!("weight {} N", digits(weight)));
     }
-    if run.stage(stage).kind != StageKind::Coupled {
+    let kind = run.stage(stage).kind;
+    let watched = run.scene().watched_force(kind);
+    if watched != WatchedForce::Canopy {
+        return Some(card(&format!("Drag of {}", watched.name()), format!("{} N", digits(mean)), notes));
+    }
+    if kind != StageKind::Coupled {
         let speed = stage.columns.last("descent_speed_m_s").unwrap_or(f64::NAN);
         notes.push(format!("at {} m/s", digits(speed)));
     }

@@ -20,7 +20,7 @@ pub(super) fn section(run: &Run) -> Section {
     rows.push(("version".into(), version(summary)));
     rows.push(("machine".into(), machine(summary)));
     rows.push(("ranks".into(), ranks(run)));
-    if let Ok(interface) = CanopyInterface::new(scene) {
+    if let (Ok(interface), true) = (CanopyInterface::new(scene), scene.has_canopy()) {
         let (sizes, masses) = (&interface.sizes, &interface.masses);
         let (fabric, lines) = (masses.fabric, masses.cables);
         let value = format!("{} triangles; fabric {fabric:.2} kg, lines {lines:.2} kg", sizes.triangles);
@@ -91,7 +91,7 @@ fn ranks(run: &Run) -> String {
 pub(super) fn kind(kind: case::StageKind) -> &'static str {
     match kind {
         case::StageKind::PreInflation => "structure alone under a constant pressure",
-        case::StageKind::FlowOnly => "flow alone around the canopy at rest",
+        case::StageKind::FlowOnly => "flow alone on a fixed grid",
         case::StageKind::Coupled => "coupled structure, flow and descent",
         case::StageKind::Prescribed => "flow around a canopy with prescribed motion",
     }

@@ -1,5 +1,6 @@
 //! The sections of a stage: its curves and statistics, from the history and the snapshots.
 
+use case::WatchedForce;
 use figures::plot;
 
 use super::bars::Bars;
@@ -21,6 +22,15 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     if !falls {
         // The scene prescribes the speed.
         found.retain(|c| c.title != "Descent speed");
+    }
+    let watched = run.scene().watched_force(described.kind);
+    for chart in found.iter_mut().filter(|_| watched != WatchedForce::Canopy) {
+        let along = match chart.title.as_str() {
+            "Drag" => "its drag direction",
+            "Side force" => "x and y",
+            _ => continue,
+        };
+        chart.note = format!("Force of the air on {} along {along}.", watched.name());
     }
     for chart in &mut found {
         match chart.title.as_str() {

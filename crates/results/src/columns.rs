@@ -21,10 +21,18 @@ pub const HISTORY: &[Column] = &[
     column("time_s", "Time at the end of the window, from the start of the stage."),
     column("descent_speed_m_s", "Descent speed of the frame at the end of the window, positive downwards."),
     column("acceleration_m_s2", "Acceleration of the frame, positive upwards."),
-    column("drag_n", "Vertical force of the air on the canopy, positive upwards."),
-    column("cd", "Drag over dynamic pressure and `descent.reference_area_m2`. Empty without `[descent]`."),
-    column("force_x_n", "Force of the air on the canopy along x."),
-    column("force_y_n", "Force of the air on the canopy along y."),
+    column(
+        "drag_n",
+        "Vertical force of the air on the canopy, positive upwards. In a stage of kind `flow-only` with \
+         `flow.forces.watch`, the force on the surfaces chosen there along their drag direction.",
+    ),
+    column(
+        "cd",
+        "Drag over the dynamic pressure at the initial speed and `descent.reference_area_m2`; with `flow.forces.watch`, \
+         over those of the chosen entry. Empty without a reference area and at zero speed.",
+    ),
+    column("force_x_n", "Force of the air on the canopy along x; with `flow.forces.watch`, as the drag."),
+    column("force_y_n", "The same along y."),
     column("coupling_iterations", "Coupling iterations of the window."),
     column(
         "coupling_residual",
@@ -130,19 +138,39 @@ pub const ITERATIONS: &[Column] = &[
 ];
 
 /// Columns of `forces.csv`, a row for each accepted window, where the scene has `[flow.forces]`. `{on}` is `canopy`; a
-/// second set has `wall` where the outer boundary has no-slip walls.
+/// second set has `wall` where the outer boundary has no-slip walls; one set for each entry of
+/// `[[flow.forces.coefficients]]` has its name.
 pub const FORCES: &[Column] = &[
     column("time_s", "Time at the end of the window, from the start of the stage."),
     column("{on}_pressure_force_x_n", "Force by pressure along x."),
     column("{on}_pressure_force_y_n", "Force by pressure along y."),
     column("{on}_pressure_force_z_n", "Force by pressure along z."),
-    column("{on}_shear_force_x_n", "Force by shear along x."),
+    column("{on}_shear_force_x_n", "Force by shear along x; on slip walls by the viscous normal stress."),
     column("{on}_shear_force_y_n", "Force by shear along y."),
     column("{on}_shear_force_z_n", "Force by shear along z."),
-    column("{on}_moment_x_n_m", "Moment of both about `flow.forces.moment_point_m`, x."),
-    column("{on}_moment_y_n_m", "Moment of both about `flow.forces.moment_point_m`, y."),
-    column("{on}_moment_z_n_m", "Moment of both about `flow.forces.moment_point_m`, z."),
-    column("{on}_drag_n", "Sum of both forces along `flow.forces.drag_direction`."),
+    column("{on}_moment_x_n_m", "Moment of both about `moment_point_m`, x."),
+    column("{on}_moment_y_n_m", "Moment of both about `moment_point_m`, y."),
+    column("{on}_moment_z_n_m", "Moment of both about `moment_point_m`, z."),
+    column("{on}_drag_n", "Sum of both forces along `drag_direction`."),
+];
+
+/// Columns of `forces.csv` that follow those of [`FORCES`] for each entry of `[[flow.forces.coefficients]]`, which `{name}`
+/// is the name of.
+pub const FORCE_COEFFICIENTS: &[Column] = &[
+    column("{name}_side_n", "Sum of both forces along lift x drag."),
+    column(
+        "{name}_lift_n",
+        "Sum of both forces along the lift: the component of `lift_direction` normal to the drag.",
+    ),
+    column(
+        "{name}_cd",
+        "Drag over dynamic pressure and `reference_area_m2`. Empty at zero speed, as all coefficients.",
+    ),
+    column("{name}_cs", "Side force over the same."),
+    column("{name}_cl", "Lift over the same."),
+    column("{name}_cm_roll", "Moment about the axis of the drag over the same and `reference_length_m`."),
+    column("{name}_cm_pitch", "Moment about the axis of the side force over the same."),
+    column("{name}_cm_yaw", "Moment about the axis of the lift over the same."),
 ];
 
 /// Columns of `probes.csv`, a row for each accepted window, where the scene has `[[flow.probe]]`; one set for each probe.

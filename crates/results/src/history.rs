@@ -36,7 +36,9 @@ pub struct Row {
     pub descent_speed_m_s: f64,
     /// Acceleration of the frame (upward), m/s2.
     pub acceleration_m_s2: f64,
-    /// Drag coefficient; `None` without descent.
+    /// Drag, N: of the force that the stage watches, along its direction.
+    pub drag_n: f64,
+    /// Drag coefficient; `None` without a reference area or at zero speed.
     pub drag_coefficient: Option<f64>,
     /// Work of the air on the canopy in this window, J.
     pub interface_work_j: f64,
@@ -74,9 +76,10 @@ impl std::fmt::Display for Cell {
         match self {
             Self::Count(n) => write!(f, "{n}"),
             // Nine digits: further digits are below the tolerances of the solvers.
-            Self::Number(x) => write!(f, "{x:.8e}"),
+            Self::Number(x) if x.is_finite() => write!(f, "{x:.8e}"),
             Self::Flag(b) => write!(f, "{}", u8::from(*b)),
-            Self::Nothing => Ok(()),
+            // An infinite ratio is no value.
+            Self::Number(_) | Self::Nothing => Ok(()),
             Self::Wall(s) => write!(f, "{s:.4}"),
         }
     }
@@ -196,7 +199,7 @@ fn descent_cells(row: &Row) -> [(&'static str, Cell); 6] {
     [
         ("descent_speed_m_s", Number(row.descent_speed_m_s)),
         ("acceleration_m_s2", Number(row.acceleration_m_s2)),
-        ("drag_n", Number(force[2])),
+        ("drag_n", Number(row.drag_n)),
         ("cd", row.drag_coefficient.map_or(Nothing, Number)),
         ("force_x_n", Number(force[0])),
         ("force_y_n", Number(force[1])),

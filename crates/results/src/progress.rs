@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use terminal::{Console, clock, counted};
 
 use crate::history::Row;
+use crate::summary::drag;
 
 /// Interval of progress lines without a terminal.
 const EVERY: Duration = Duration::from_secs(5);
@@ -19,6 +20,8 @@ pub struct Progress {
     stage: String,
     kind: StageKind,
     windows: u64,
+    /// Surfaces whose drag is shown.
+    drag_of: String,
     /// Windows completed before the restart.
     first: u64,
     start: Instant,
@@ -44,10 +47,17 @@ impl Progress {
             stage: stage.to_owned(),
             kind,
             windows,
+            drag_of: case::WatchedForce::Canopy.name().into(),
             first,
             start: Instant::now(),
             last_line: None,
         }
+    }
+
+    /// Shows the drag of the surfaces named `of`.
+    pub fn with_drag_of(mut self, of: &str) -> Self {
+        self.drag_of = of.into();
+        self
     }
 
     /// Shows work before the first window.
@@ -71,7 +81,7 @@ impl Progress {
             clock(wall),
             clock(rest)
         );
-        text += &state(self.kind, row);
+        text += &state(self.kind, &self.drag_of, row);
         if let Some(bar) = &self.bar {
             bar.set_position(done);
             bar.set_message(text.clone());
@@ -98,7 +108,7 @@ impl Drop for Progress {
     }
 }
 
-fn state(kind: StageKind, row: &Row) -> String {
+fn state(kind: StageKind, drag_of: &str, row: &Row) -> String {
     let structure = &row.report.stats[case::Role::Structure as usize].values;
     match kind {
         StageKind::PreInflation => format!(
@@ -107,11 +117,11 @@ fn state(kind: StageKind, row: &Row) -> String {
             structure[structure_stats::PROJECTED_AREA],
             energies(structure[structure_stats::KINETIC_ENERGY], structure[structure_stats::STRAIN_ENERGY])
         ),
-        StageKind::FlowOnly | StageKind::Prescribed => format!(" | drag {:.0} N", row.report.force[2]),
+        StageKind::FlowOnly | StageKind::Prescribed => format!(" | {}", drag(drag_of, row.drag_n, 0)),
         StageKind::Coupled => format!(
             " | descent {:.3} m/s | drag {:.0} N | {}{}",
             row.descent_speed_m_s,
-            row.report.force[2],
+            row.drag_n,
             counted(u64::from(row.report.iterations), "iteration"),
             if row.report.converged { "" } else { " (not converged)" }
         ),

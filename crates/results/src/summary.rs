@@ -93,6 +93,9 @@ pub struct StageSummary {
     pub descent_speed_m_s: f64,
     /// Mean of the descent speed over the last half of the stage, m/s.
     pub mean_descent_speed_m_s: f64,
+    /// Surfaces whose drag it is: `canopy`, or as `flow.forces.watch` names them.
+    #[serde(default = "canopy")]
+    pub drag_of: String,
     /// Drag at the end, N.
     pub drag_n: f64,
     /// Mean of the drag over the last half of the stage, N.
@@ -120,6 +123,20 @@ pub struct StageSummary {
     #[serde(skip)]
     /// Descent speed (m/s) and vertical force of the air (N) at the end of each window so far.
     pub speeds: Vec<(f64, f64)>,
+}
+
+fn canopy() -> String {
+    case::WatchedForce::Canopy.name().into()
+}
+
+/// The drag in words: of the canopy with `decimals`; of other surfaces, which may be small, with their name and four
+/// decimals.
+pub(crate) fn drag(of: &str, drag_n: f64, decimals: usize) -> String {
+    if of == case::WatchedForce::Canopy.name() {
+        format!("drag {drag_n:.decimals$} N")
+    } else {
+        format!("drag of {of} {drag_n:.4} N")
+    }
 }
 
 impl StageSummary {
@@ -154,6 +171,7 @@ impl StageSummary {
             shortest_window_s: stage.window_s,
             descent_speed_m_s: 0.0,
             mean_descent_speed_m_s: 0.0,
+            drag_of: canopy(),
             drag_n: 0.0,
             mean_drag_n: 0.0,
             interface_energy_error_j: 0.0,
@@ -201,7 +219,7 @@ impl StageSummary {
         self.not_converged += u64::from(!report.converged);
         self.shortest_window_s = self.shortest_window_s.min(row.window_s);
         self.descent_speed_m_s = row.descent_speed_m_s;
-        self.drag_n = report.force[2];
+        self.drag_n = row.drag_n;
         self.interface_energy_error_j = row.interface_energy.added_j;
         self.interface_work_j = row.interface_energy.work_j;
         self.interface_energy_error_share = row.interface_energy.share();
@@ -212,7 +230,7 @@ impl StageSummary {
         self.largest_local_mach = self.largest_local_mach.max(mach);
         self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
         self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
-        self.speeds.push((row.descent_speed_m_s, report.force[2]));
+        self.speeds.push((row.descent_speed_m_s, row.drag_n));
         let late = &self.speeds[self.speeds.len() / 2..];
         let mean = |of: fn(&(f64, f64)) -> f64| late.iter().map(of).sum::<f64>() / late.len() as f64;
         self.mean_descent_speed_m_s = mean(|s| s.0);
@@ -261,10 +279,10 @@ impl StageSummary {
                 s.name, s.vertical_load_n, s.projected_area_m2, s.ended
             ),
             StageKind::FlowOnly | StageKind::Prescribed => {
-                format!(
-                    "  {}: drag {:.1} N at {:.4} m/s{rejected}; {}",
-                    s.name, s.drag_n, s.descent_speed_m_s, s.ended
-                )
+                let drag = drag(&s.drag_of, s.drag_n, 1);
+                // A frame at rest has no sign.
+                let speed = s.descent_speed_m_s + 0.0;
+                format!("  {}: {drag} at {speed:.4} m/s{rejected}; {}", s.name, s.ended)
             }
             StageKind::Coupled => format!(
                 "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \

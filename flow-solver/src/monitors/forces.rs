@@ -1,4 +1,4 @@
-//! Forces and moments about a point, split by their cause.
+//! Forces and moments, split by their cause, and their coefficients.
 
 use std::path::Path;
 
@@ -8,49 +8,85 @@ use super::table::Table;
 use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
 use crate::physics::Gas;
+use crate::setup::Setup;
 use crate::solver::Solver;
+use crate::surface_force::{self, Coefficients, ForceSum, Surfaces};
 
-/// Force by pressure, force by shear, moment of both.
-type Sum = [Vec3; 3];
+/// Columns of a sum: two forces, a moment, the drag.
+const VECTORS: [(&str, &str); 3] = [("pressure_force", "n"), ("shear_force", "n"), ("moment", "n_m")];
+/// Further columns of an entry of `[[flow.forces.coefficients]]`.
+const OF_AN_ENTRY: [&str; 8] = ["side_n", "lift_n", "cd", "cs", "cl", "cm_roll", "cm_pitch", "cm_yaw"];
+
+/// An entry of `[[flow.forces.coefficients]]`.
+struct Entry {
+    scene: case::ForceCoefficients,
+    surfaces: Surfaces,
+    coefficients: Coefficients,
+}
 
 /// The table `forces.csv`.
 pub struct Forces {
     point: Vec3,
     /// Unit vector.
     drag: Vec3,
+    /// Whether there is a canopy.
+    canopy: bool,
     /// Whether the outer boundary has no-slip walls.
     walls: bool,
+    entries: Vec<Entry>,
+    /// Density of the undisturbed air, kg/m3.
+    density: f64,
     table: Table,
 }
 
-fn put(sum: &mut Sum, pressure: Vec3, shear: Vec3, arm: Vec3) {
-    sum[0] += pressure;
-    sum[1] += shear;
-    sum[2] += arm.cross(&(pressure + shear));
+fn sum_columns(on: &str) -> Vec<String> {
+    let vectors =
+        VECTORS.iter().flat_map(|(what, unit)| ["x", "y", "z"].map(|d| format!("{on}_{what}_{d}_{unit}")));
+    vectors.chain([format!("{on}_drag_n")]).collect()
 }
 
 impl Forces {
-    /// About the point of `f`. Collective.
-    pub fn new<G: Gas<N>, const N: usize>(f: &case::Forces, solver: &Solver<G, N>) -> Self {
+    /// About the points of `f`, which is of the scene of `setup`. Collective.
+    ///
+    /// # Errors
+    /// Drag and lift of an entry are parallel.
+    pub fn new<G: Gas<N>, const N: usize>(
+        f: &case::Forces,
+        setup: &Setup,
+        solver: &Solver<G, N>,
+    ) -> Result<Self, Fault> {
         let own = solver.topology.no_slip.iter().any(|s| s.canopy == u32::MAX);
-        let walls = !solver.comm().all(!own);
-        let columns: Vec<String> = ["canopy", "wall"][..1 + usize::from(walls)]
+        let (canopy, walls) = (!setup.grid.canopy_faces.is_empty(), !solver.comm().all(!own));
+        let entry = |e: &case::ForceCoefficients| {
+            let coefficients = Coefficients::new(e, f).ok_or_else(|| {
+                Fault::new(format!(
+                    "drag and lift of \"{}\" in [[flow.forces.coefficients]] are parallel",
+                    e.name
+                ))
+            })?;
+            let surfaces = Surfaces::new(e, &setup.flow, &setup.grid.patch_names);
+            Ok(Entry { scene: e.clone(), surfaces, coefficients })
+        };
+        let entries = f.coefficients.iter().map(entry).collect::<Result<Vec<_>, Fault>>()?;
+        let mut columns: Vec<String> = [("canopy", canopy), ("wall", walls)]
             .iter()
-            .flat_map(|on| {
-                let vector =
-                    |what: &str, unit: &str| ["x", "y", "z"].map(|d| format!("{on}_{what}_{d}_{unit}"));
-                let parts =
-                    [vector("pressure_force", "n"), vector("shear_force", "n"), vector("moment", "n_m")];
-                parts.into_iter().flatten().chain([format!("{on}_drag_n")]).collect::<Vec<_>>()
-            })
+            .filter(|set| set.1)
+            .flat_map(|set| sum_columns(set.0))
             .collect();
+        for e in &entries {
+            columns.extend(sum_columns(&e.scene.name));
+            columns.extend(OF_AN_ENTRY.map(|c| format!("{}_{c}", e.scene.name)));
+        }
         let drag = Vec3::from(f.drag_direction);
-        Self {
+        Ok(Self {
             point: f.moment_point_m.into(),
             drag: drag * (1.0 / drag.norm()),
+            canopy,
             walls,
+            entries,
+            density: setup.flow.density_kg_m3,
             table: Table::new("forces.csv", &columns),
-        }
+        })
     }
 
     /// A row of `forces.csv`; `loads` are those of the accepted state. Collective.
@@ -64,35 +100,30 @@ impl Forces {
         time: f64,
         folder: &Path,
     ) -> Result<(), Fault> {
-        let (on, t) = (solver.domain(), &solver.topology);
-        let mut sums: [Sum; 2] = [[Vec3::zeros(); 3]; 2];
-        for (load, &face) in loads.faces[..t.canopy.n_owned].iter().zip(&t.canopy_face) {
-            let f = &solver.metrics.faces[face as usize];
-            let shear = Vec3::new(load[1], load[2], load[3]) * f.magnitude();
-            put(&mut sums[0], f.area * load[0], shear, solver.metrics.border(face) - self.point);
+        let mut sums = Vec::new();
+        if self.canopy {
+            sums.push(surface_force::canopy(solver, loads, self.point));
         }
         if self.walls {
-            for side in t.no_slip.iter().filter(|s| s.canopy == u32::MAX) {
-                let f = &solver.metrics.faces[side.face as usize];
-                let p = solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side);
-                let shear = if solver.spatial.viscosity.is_active() {
-                    solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side) * f.magnitude()
-                } else {
-                    Vec3::zeros()
-                };
-                let arm = solver.metrics.border(side.face) - self.point;
-                put(&mut sums[1], f.area * (side.sign * p), shear, arm);
-            }
+            sums.push(surface_force::no_slip_walls(solver, self.point));
         }
-        let used = &sums[..1 + usize::from(self.walls)];
-        let mut numbers: Vec<f64> = used.as_flattened().iter().flatten().copied().collect();
-        solver.comm().sum_slice(&mut numbers);
-        let mut row = Vec::with_capacity(20);
-        for sum in numbers.chunks_exact(9) {
-            row.extend_from_slice(sum);
-            let force = Vec3::from_column_slice(&sum[..3]) + Vec3::from_column_slice(&sum[3..6]);
-            row.push(self.drag.dot(&force));
+        let own = sums.len();
+        sums.extend(self.entries.iter().map(|e| e.surfaces.force(solver, loads, e.coefficients.point)));
+        surface_force::summed(solver, &mut sums);
+        let mut row = Vec::new();
+        for sum in &sums[..own] {
+            put(&mut row, sum);
+            row.push(self.drag.dot(&(sum[0] + sum[1])));
+        }
+        let speed = (solver.scheme.wind - solver.scheme.frame).norm();
+        for (sum, e) in sums[own..].iter().zip(&self.entries) {
+            put(&mut row, sum);
+            row.extend(e.coefficients.row(sum, e.scene.force_scale(self.density, speed)));
         }
         self.table.row(solver.comm(), folder, time, &row)
     }
+}
+
+fn put(row: &mut Vec<f64>, sum: &ForceSum) {
+    row.extend(sum.iter().flat_map(|v| v.iter().copied()));
 }

@@ -63,7 +63,7 @@ impl Monitors {
         Ok(Self {
             probes,
             statistics,
-            forces: flow.forces.as_ref().map(|f| Forces::new(f, solver)),
+            forces: flow.forces.as_ref().map(|f| Forces::new(f, setup, solver)).transpose()?,
             slices: flow.slices.iter().map(Slice::new).collect(),
             surface: flow.surface_pressure.as_ref().map(|s| Surface::new(s.every_windows, solver)),
             folder: setup.folder.clone(),

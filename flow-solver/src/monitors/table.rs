@@ -27,7 +27,7 @@ impl Table {
         }
     }
 
-    /// Adds a row. The first one drops rows at and after its time that an earlier run
+    /// Adds a row; a value that is not finite is an empty cell. The first row drops rows at and after its time that an earlier run
     /// has left. Collective.
     ///
     /// # Errors
@@ -54,7 +54,10 @@ impl Table {
         }
         let mut line = format!("{time:.9}");
         for v in values {
-            line += &format!(",{v:.9e}");
+            line.push(',');
+            if v.is_finite() {
+                line += &format!("{v:.9e}");
+            }
         }
         line.push('\n');
         let (_, file) = self.file.as_mut().expect("opened above");

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::Scene;
 use crate::check::Check;
+use crate::{Scene, StageKind};
 
 /// Geometry of fabric, lines and payload. Lengths are of the unstressed state.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -30,6 +30,9 @@ pub enum Canopy {
     ///
     /// It has no stiffness across its plane except that of `fabric.prestress_pa`.
     Panel(PanelCanopy),
+    /// No canopy: the flow around rigid bodies alone, which are wall patches of `[flow.grid_file]`. All stages are of kind
+    /// `flow-only`; `[fabric]` and `[lines]` are left out.
+    None,
 }
 
 /// The ATPS cross parachute. Defaults are Table 2 of the paper.
@@ -183,8 +186,13 @@ impl Scene {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
             // A file may have none; what it has needs [lines], which the structure checks.
-            Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) => false,
+            Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) | Canopy::None => false,
         }
+    }
+
+    /// Whether there is a canopy.
+    pub fn has_canopy(&self) -> bool {
+        !matches!(self.canopy, Canopy::None)
     }
 
     /// Whether lines or reinforcements are known or may come with a file.
@@ -213,6 +221,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
             c.count("canopy.cells_across", a.cells_across, 2..=2000, "cells along the quarter sheet");
         }
         Canopy::Panel(p) => panel(p, c),
+        Canopy::None => none(scene, c),
         Canopy::Gmsh(g) => {
             if !g.file.is_file() {
                 c.refuse(
@@ -228,6 +237,37 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
             "canopy",
             "the canopy has lines but the scene has no [lines]",
             "add [lines] with their material",
+        );
+    }
+}
+
+/// Refuses what a scene without a canopy cannot have.
+fn none(scene: &Scene, c: &mut Check) {
+    if scene.grid_file().is_none() {
+        c.refuse(
+            "canopy.kind",
+            "no grid can be generated without a canopy",
+            "add [flow.grid_file] with the body as a patch \"wall\", or name a kind of canopy",
+        );
+    }
+    let surface = scene.flow.as_ref().is_some_and(|f| f.surface_pressure.is_some());
+    for (key, given) in [
+        ("fabric", !scene.fabric.is_absent()),
+        ("lines", scene.lines.is_some()),
+        ("fabric_gravity", scene.fabric_gravity.is_some()),
+        ("reefing", !scene.reefing.is_empty()),
+        ("point_mass", !scene.point_masses.is_empty()),
+        ("flow.surface_pressure", surface),
+    ] {
+        if given {
+            c.refuse(key, format!("`{key}` belongs to a canopy, and canopy.kind is \"none\""), "remove it");
+        }
+    }
+    for (k, s) in scene.stages.iter().enumerate().filter(|(_, s)| s.kind != StageKind::FlowOnly) {
+        c.refuse(
+            &format!("stage[{k}].kind"),
+            format!("stage \"{}\" moves a canopy, and canopy.kind is \"none\"", s.name),
+            "use kind = \"flow-only\", or name a kind of canopy",
         );
     }
 }

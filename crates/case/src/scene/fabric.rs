@@ -142,9 +142,42 @@ impl Fabric {
     }
 }
 
+impl Fabric {
+    /// What a scene without the section `[fabric]` has.
+    pub(crate) fn absent() -> Self {
+        Self {
+            law: Law::default(),
+            youngs_modulus_pa: 0.0,
+            poisson_ratio: 0.0,
+            thickness_m: 0.0,
+            density_kg_m3: 0.0,
+            wrinkling: false,
+            prestress_pa: 0.0,
+            orthotropic: None,
+            permeability: None,
+            contact: None,
+        }
+    }
+
+    /// Whether the scene has no section `[fabric]`.
+    pub fn is_absent(&self) -> bool {
+        [self.youngs_modulus_pa, self.thickness_m, self.density_kg_m3] == [0.0; 3]
+    }
+}
+
 /// Refuses invalid materials.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let f = &scene.fabric;
+    if f.is_absent() {
+        if scene.has_canopy() {
+            c.refuse(
+                "fabric",
+                "the canopy has no material: the section [fabric] is missing",
+                "add [fabric] with youngs_modulus_pa, poisson_ratio, thickness_m and density_kg_m3",
+            );
+        }
+        return;
+    }
     c.positive("fabric.youngs_modulus_pa", f.youngs_modulus_pa, 1e13, "a modulus in Pa");
     c.above(
         "fabric.poisson_ratio",

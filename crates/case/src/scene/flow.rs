@@ -236,7 +236,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         c.positive("flow.viscosity.dynamic_viscosity_pa_s", v.dynamic_viscosity_pa_s, 1e4, "in Pa s");
     }
     flow_grid::from_file(f, c);
-    monitors::check(f, c);
+    monitors::check(f, scene.has_canopy(), c);
     if let Some(s) = &f.shear {
         shear::check(s, f, c);
     }

@@ -170,6 +170,9 @@ pub(super) fn generated(g: &Grid, c: &mut Check) {
     c.range("flow.grid.wake_widths", g.wake_widths, 1.5..=1000.0, "in canopy widths");
 }
 
+/// Patches of a grid at most: they are numbered in 16 bits, the largest number means none.
+const MAX_PATCHES: usize = u16::MAX as usize;
+
 /// Refuses inlets where no other boundary lets the pressure adjust.
 fn has_an_exit(key: &str, conditions: impl IntoIterator<Item = Condition>, c: &mut Check) {
     let (mut inlet, mut exit) = (false, false);
@@ -190,6 +193,13 @@ fn has_an_exit(key: &str, conditions: impl IntoIterator<Item = Condition>, c: &m
 pub(super) fn from_file(f: &Flow, c: &mut Check) {
     if let Some(g) = &f.grid_file {
         has_an_exit("flow.grid_file.patches", g.patches.values().copied(), c);
+        if g.patches.len() > MAX_PATCHES {
+            c.refuse(
+                "flow.grid_file.patches",
+                format!("the grid file has {} patches", g.patches.len()),
+                format!("use at most {MAX_PATCHES}"),
+            );
+        }
     }
     if let Some(g) = f.grid_file.as_ref().filter(|g| !g.path.is_file()) {
         c.refuse(

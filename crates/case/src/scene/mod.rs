@@ -60,7 +60,7 @@ pub use gust::{Gust, GustShape};
 pub use layout::*;
 pub use lines::{LineDrag, Lines};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
-pub use monitors::{Forces, Probe, Slice, Statistics, SurfacePressure};
+pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure, WatchedForce};
 pub use motions::{Motion, interpolate};
 pub use nodes::{Force, PointMass};
 pub use output::Output;
@@ -91,7 +91,8 @@ pub struct Scene {
     pub title: String,
     /// Geometry of fabric, lines and payload.
     pub canopy: Canopy,
-    /// Material of the fabric.
+    /// Material of the fabric; needed where there is a canopy.
+    #[serde(default = "Fabric::absent")]
     pub fabric: Fabric,
     /// Material of suspension lines and risers; needed when the canopy has lines.
     pub lines: Option<Lines>,

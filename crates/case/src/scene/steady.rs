@@ -13,8 +13,8 @@ pub struct Steady {
     /// The state is steady once the residual of the steady equations has fallen by this
     /// factor.
     pub residual_drop: f64,
-    /// Or once the force on the canopy has changed by less than this share of itself over
-    /// the last ten steps.
+    /// Or once the force of `flow.forces.watch`, by default that on the canopy, has changed by less than this share
+    /// of itself over the last ten steps.
     pub force_change: f64,
     /// Steps at most; a flow that is not steady by then ends the run.
     pub max_steps: u32,

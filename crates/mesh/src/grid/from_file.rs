@@ -69,12 +69,12 @@ impl Reader<'_> {
     fn grid(&self, canopy: &StructureMesh, positions: &[Point]) -> Result<FlowGrid, Trouble> {
         self.check_names(canopy)?;
         let conditions: Vec<(&String, &Condition)> = self.file.patches.iter().collect();
-        let surfaces = self.surfaces(&conditions);
-        let mut grid = FlowGrid::default();
+        let surfaces = self.surfaces(&conditions, !canopy.faces.is_empty());
+        let patch_names = conditions.iter().map(|(name, _)| (*name).clone()).collect();
+        let mut grid = FlowGrid { patch_names, ..FlowGrid::default() };
         let mut number = self.canopy_nodes(&mut grid, canopy, positions, &surfaces.membrane)?;
         let elements = self.cells(&mut grid, &mut number);
         check_cells(&grid, &elements)?;
-        grid.patch_names = conditions.iter().map(|(name, _)| (*name).clone()).collect();
         for (k, nodes) in &surfaces.patches {
             let (name, condition) = conditions[*k];
             let face = numbered(&number, nodes).ok_or_else(|| GridFileError::Misplaced {
@@ -83,7 +83,8 @@ impl Reader<'_> {
                 what: "is not a face of any cell",
             })?;
             grid.boundary.push((*condition, face));
-            grid.patch_of.push(*k as u16);
+            // The scene has at most 65 535 patches.
+            grid.boundary_patch.push(*k as u16);
         }
         self.canopy_faces(&mut grid, canopy, &surfaces.membrane, &number)?;
         let table = FaceTable::new(&grid).map_err(|e| match e {
@@ -111,14 +112,15 @@ impl Reader<'_> {
         Ok(grid)
     }
 
-    fn surfaces(&self, conditions: &[(&String, &Condition)]) -> Surfaces<'_> {
+    /// The surface elements by their groups; without a canopy no group is the membrane.
+    fn surfaces(&self, conditions: &[(&String, &Condition)], canopy: bool) -> Surfaces<'_> {
         let mut surfaces = Surfaces::default();
         let flat = |s| matches!(s, ElementShape::Triangle | ElementShape::Quadrilateral);
         for block in self.msh.blocks.iter().filter(|b| flat(b.shape)) {
             let names: Vec<&str> = self.msh.names_of(block.entity).collect();
             let patch = conditions.iter().position(|(n, _)| names.contains(&n.as_str()));
             for (_, nodes) in block.elements() {
-                if names.contains(&self.file.membrane.as_str()) {
+                if canopy && names.contains(&self.file.membrane.as_str()) {
                     surfaces.membrane.push(nodes);
                 } else if let Some(k) = patch {
                     surfaces.patches.push((k, nodes));

@@ -123,6 +123,13 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
         Canopy::Panel(_) => {
             return Err(refuse("canopy.kind", "panel", "the grid around a panel is a box: add [flow.box]"));
         }
+        Canopy::None => {
+            return Err(refuse(
+                "canopy.kind",
+                "none",
+                "no grid is generated without a canopy: add [flow.grid_file]",
+            ));
+        }
         Canopy::Gmsh(_) => {
             return Err(refuse(
                 "canopy.kind",

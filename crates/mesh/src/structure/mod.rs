@@ -35,6 +35,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::AirBag(b) => flat::air_bag(b),
         Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
         Canopy::Panel(p) => panel::panel(p),
+        Canopy::None => Ok(StructureMesh::default()),
     }?;
     if scene.lines.is_none() && !mesh.cables.is_empty() {
         return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));

@@ -12,7 +12,7 @@ use crate::summary::StageSummary;
 
 const FILE: &str = "progress.bin";
 const KIND: [u8; 8] = *b"ripprogr";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Progress of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]

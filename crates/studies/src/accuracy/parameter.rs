@@ -61,6 +61,7 @@ fn has_role(scene: &Scene, role: Role) -> bool {
 fn structure_grid(scene: &Scene, _: usize) -> Result<(), &'static str> {
     match scene.canopy {
         Canopy::Gmsh(_) => Err("its canopy mesh is read from a file; repeat the study with a finer file"),
+        Canopy::None => Err("it has no canopy"),
         _ => Ok(()),
     }
 }
@@ -153,7 +154,7 @@ fn refine_structure(scene: &mut Scene, _: usize, f: f64) {
         Canopy::Square(c) | Canopy::Circular(c) => c.cells_across = even(c.cells_across, f),
         Canopy::AirBag(b) => b.cells_across = times(b.cells_across, f),
         Canopy::Panel(p) => p.cells = p.cells.map(|c| if c == 1 { 1 } else { times(c, f) }),
-        Canopy::Gmsh(_) => {}
+        Canopy::Gmsh(_) | Canopy::None => {}
     }
 }
 
