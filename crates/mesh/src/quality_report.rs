@@ -146,6 +146,21 @@ fn centroid(x: &[Vec3; 8]) -> Vec3 {
     o + sum * (1.0 / volume)
 }
 
+/// Angle between the normal and the line of the two cell centres, degrees, and first cell of each face between cells.
+pub(crate) fn non_orthogonality(grid: &FlowGrid, faces: &FaceTable) -> Vec<(f64, u32)> {
+    let centre: Vec<Vec3> = grid.cells.iter().map(|c| centroid(&quality::corners(&grid.coords, c))).collect();
+    let angle = |&(nodes, i, j): &(crate::faces::FaceNodes, u32, u32)| {
+        let (area, _) = face_shape(grid, nodes);
+        (degrees_between(centre[j as usize] - centre[i as usize], area), i)
+    };
+    faces.interior.iter().map(angle).collect()
+}
+
+/// Angle between two vectors, degrees.
+fn degrees_between(a: Vec3, b: Vec3) -> f64 {
+    (a.dot(&b) / (a.norm() * b.norm())).clamp(-1.0, 1.0).acos().to_degrees()
+}
+
 impl QualityReport {
     /// Looks at every cell and every face between two cells.
     pub fn new(grid: &FlowGrid, faces: &FaceTable) -> Self {
@@ -178,8 +193,7 @@ impl QualityReport {
             let (a, b) = (centre[i as usize], centre[j as usize]);
             let d = b - a;
             let along = d.dot(&area);
-            let cosine = along / (d.norm() * area.norm());
-            angle.add(cosine.clamp(-1.0, 1.0).acos().to_degrees(), i);
+            angle.add(degrees_between(d, area), i);
             let cross = a + d * ((middle - a).dot(&area) / along);
             let off = (middle - cross).norm() / d.norm();
             skew.add(if off.is_finite() { off } else { f64::MAX.sqrt() }, i);

@@ -107,6 +107,27 @@ pub enum GridFileError {
         /// Faces of the canopy.
         expected: usize,
     },
+    /// Too many faces whose normal is far from the line of the two cell centres: the pressure iterations of the flow would stall.
+    #[error(
+        "{:.0} % of the faces between cells have a normal more than {limit} degrees from the line of the two cell centres (at most {:.0} % are \
+         solved; the worst, {worst:.1} degrees, is at element {element} at {} m): the cells are too flat; use prisms or hexahedra in thin layers, or \
+         smaller elements along them",
+        100.0 * share, 100.0 * allowed, at(place)
+    )]
+    NonOrthogonal {
+        /// Share of such faces.
+        share: f64,
+        /// Share that is allowed.
+        allowed: f64,
+        /// Angle from which a face counts, degrees.
+        limit: f64,
+        /// Largest angle, degrees.
+        worst: f64,
+        /// Tag of a cell of that face.
+        element: u64,
+        /// Centre of that cell, m.
+        place: Point,
+    },
     /// A face of a patch or of the membrane at a wrong location.
     #[error("the face of \"{name}\" at {} m {what}", at(place))]
     Misplaced {

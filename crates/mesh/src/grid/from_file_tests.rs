@@ -225,3 +225,35 @@ fn damaged_binary_files_are_rejected_with_the_location() {
         assert!(matches!(e, MeshError::File { .. } | MeshError::GridFile { .. }), "{e}");
     }
 }
+
+/// Tetrahedra and pyramids five times flatter than wide are read, ten times flatter ones refused; hexahedra and prisms of any flatness are read.
+#[test]
+fn grids_of_flat_cells_are_refused_where_their_faces_are_far_from_orthogonal() {
+    let folder = tempfile::tempdir().unwrap();
+    let read = |shape: BoxShape, thickness: f64| {
+        let path = folder.path().join("grid.msh");
+        let grid = box_grid_of(shape, [10; 3], [0.0; 3], [1.0, 1.0, thickness], PATCHES);
+        write(&path, &grid, false);
+        from_file(&file(path, &ALL), &StructureMesh::default(), &[])
+    };
+    for (shape, thickness) in [
+        (BoxShape::Hexahedra, 0.01),
+        (BoxShape::Prisms, 0.01),
+        (BoxShape::Pyramids, 0.2),
+        (BoxShape::Tetrahedra, 0.2),
+    ] {
+        assert!(read(shape, thickness).is_ok(), "{shape:?}, {thickness}");
+    }
+    for shape in [BoxShape::Pyramids, BoxShape::Tetrahedra] {
+        match read(shape, 0.1) {
+            Err(MeshError::GridFile { source, .. }) => {
+                assert!(
+                    matches!(*source, Bad::NonOrthogonal { share, worst, .. } if share > 0.1 && worst > 78.0),
+                    "{source}"
+                );
+                assert!(source.to_string().contains("too flat"), "{source}");
+            }
+            other => panic!("{shape:?}: {other:?}"),
+        }
+    }
+}
