@@ -182,6 +182,21 @@ mod step;
 
 pub use restart::WarmStart;
 
+/// Constants of the flux before the first step.
+fn before_first_step<G>(spatial: &Spatial<G>, settings: &Settings) -> FluxParameters {
+    FluxParameters {
+        rate: 0.0,
+        rhie_chow: [0.0; 3],
+        frame: Vec3::zeros(),
+        wind: settings.wind,
+        floor_squared: settings.reference_speed * settings.reference_speed,
+        velocity_diffusion: settings.velocity_diffusion,
+        kinematic_viscosity: spatial.viscosity.molecular() / settings.air.density,
+        pressure_diffusion: 2.0 / (1.0 - spatial.chi),
+        renews_blending: false,
+    }
+}
+
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Undisturbed air everywhere, on a grid with node positions `nodes` (local). Collective.
     pub fn new(
@@ -209,17 +224,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             previous: [instant.clone(), instant],
             first_order_steps: 2,
             last_dt: 0.0,
-            scheme: FluxParameters {
-                rate: 0.0,
-                rhie_chow: [0.0; 3],
-                frame: Vec3::zeros(),
-                wind: settings.wind,
-                floor_squared: settings.reference_speed * settings.reference_speed,
-                velocity_diffusion: settings.velocity_diffusion,
-                kinematic_viscosity: spatial.viscosity.molecular() / settings.air.density,
-                pressure_diffusion: 2.0 / (1.0 - spatial.chi),
-                renews_blending: false,
-            },
+            scheme: before_first_step(&spatial, &settings),
             wind_change: [Vec3::zeros(); 3],
             wind_gain: [Vec3::zeros(); 2],
             source: Vec::new(),
