@@ -144,6 +144,11 @@ const DURING: &[(&str, &str, &str)] = &[
         "measured_flows_pass_and_unphysical_flows_fail",
     ),
     (
+        "flow.local-mach",
+        "crates/coupling/src/local_mach.rs",
+        "local_mach_number_warns_once_and_is_limited_to_one",
+    ),
+    (
         "stages.release-pressure",
         "crates/coupling/src/release.rs",
         "release_pressures_are_compared_where_a_flow_was_developed",

@@ -2,7 +2,8 @@
 
 use crate::geometry::Metrics;
 use crate::geometry::vec3::{Mat3, Vec3};
-use crate::topology::Topology;
+use crate::physics::velocity;
+use crate::topology::{Side, Topology};
 
 /// Gradient of `N` variables: `g[direction][variable]`.
 pub type Gradient<const N: usize> = [[f64; N]; 3];
@@ -48,10 +49,34 @@ pub struct Field<'a, const N: usize> {
 #[derive(Clone, Debug, Default)]
 pub struct LeastSquares {
     weight: Vec<[f32; 3]>,
+    /// Mirror images of cells at planes of symmetry, sorted by cell.
+    images: Vec<Image>,
     /// Scratch: how far each cell's reconstruction reaches.
     reach: Vec<f32>,
     /// Cells whose reconstruction is shortened, and by how much.
     shortened: Vec<(u32, f64)>,
+}
+
+/// Mirror image of a cell in a plane of symmetry. All unknowns but the velocity along the normal are those of the cell.
+#[derive(Clone, Copy, Debug)]
+struct Image {
+    cell: u32,
+    face: u32,
+    /// Unit normal out of the domain.
+    normal: Vec3,
+    /// From the centre of the cell to that of the image, m.
+    way: Vec3,
+    /// As those of neighbours, 1/m.
+    weight: Vec3,
+}
+
+impl Image {
+    fn new(side: &Side, metrics: &Metrics) -> Self {
+        let area = metrics.faces[side.face as usize].area * side.sign;
+        let normal = area / area.norm();
+        let way = normal * (2.0 * metrics.height(side));
+        Self { cell: side.cell, face: side.face, normal, way, weight: Vec3::zeros() }
+    }
 }
 
 /// Largest sum of the weights (their absolute values) with which neighbours may
@@ -71,6 +96,7 @@ impl LeastSquares {
     pub fn new(topology: &Topology, metrics: &Metrics) -> Self {
         let mut this = Self {
             weight: vec![[0.0; 3]; topology.stencil().cell.len()],
+            images: Vec::with_capacity(topology.symmetry.len()),
             reach: vec![0.0; topology.n_owned],
             shortened: Vec::new(),
         };
@@ -81,30 +107,55 @@ impl LeastSquares {
     /// Recomputes the weights after the grid has moved.
     pub fn update(&mut self, topology: &Topology, metrics: &Metrics) {
         let a = topology.stencil();
+        self.images.clear();
+        self.images.extend(topology.symmetry.iter().map(|side| Image::new(side, metrics)));
+        let mut images = self.images.iter_mut().peekable();
         for i in 0..topology.n_owned {
             let row = a.start[i] as usize..a.start[i + 1] as usize;
             let x = metrics.centre(i);
             // xx, yy, zz, xy, xz, yz
             let mut m = [0.0; 6];
             for k in row.clone() {
-                let d = metrics.centre(a.cell[k] as usize) - x;
-                let w = 1.0 / d.norm_squared();
-                for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
-                    *m += w * d[p] * d[q];
+                add_distance(&mut m, metrics.centre(a.cell[k] as usize) - x);
+            }
+            let mut mine: [Option<&mut Image>; FACES as usize] = Default::default();
+            for image in &mut mine {
+                *image = images.next_if(|image| image.cell as usize == i);
+                if let Some(image) = image {
+                    add_distance(&mut m, image.way);
                 }
             }
             let inverse = inverse(m);
             for k in row {
                 let d = metrics.centre(a.cell[k] as usize) - x;
-                let w = d * (1.0 / d.norm_squared());
-                self.weight[k] = [
-                    (inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2]) as f32,
-                    (inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2]) as f32,
-                    (inverse[4] * w[0] + inverse[5] * w[1] + inverse[2] * w[2]) as f32,
-                ];
+                self.weight[k] = weight(&inverse, d).map(|w| w as f32);
+            }
+            for image in mine.into_iter().flatten() {
+                image.weight = weight(&inverse, image.way).into();
             }
         }
         self.find_needles(topology, metrics);
+    }
+
+    /// Adds the mirror images to the gradients of the owned cells at planes of symmetry: the velocity along their normal changes its sign
+    /// relative to the plane.
+    pub fn add_images<const N: usize>(
+        &self,
+        metrics: &Metrics,
+        q: &[[f64; N]],
+        gradient: &mut [Gradient<N>],
+    ) {
+        for image in &self.images {
+            let cell = image.cell as usize;
+            let face = &metrics.faces[image.face as usize];
+            let plane = face.grid_flux / face.magnitude() * face.area.dot(&image.normal).signum();
+            let change = 2.0 * (plane - velocity(&q[cell]).dot(&image.normal));
+            for d in 0..3 {
+                for e in 0..3 {
+                    gradient[cell][d][1 + e] += image.weight[d] * change * image.normal[e];
+                }
+            }
+        }
     }
 
     fn find_needles(&mut self, topology: &Topology, metrics: &Metrics) {
@@ -195,6 +246,26 @@ impl LeastSquares {
         }
         sum
     }
+}
+
+/// Adds the distance `d` of a neighbour to the matrix (xx, yy, zz, xy, xz, yz) of a cell.
+#[inline(always)]
+fn add_distance(m: &mut [f64; 6], d: Vec3) {
+    let w = 1.0 / d.norm_squared();
+    for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+        *m += w * d[p] * d[q];
+    }
+}
+
+/// Weight of a neighbour at the distance `d`, with the inverse of the matrix of the cell.
+#[inline(always)]
+fn weight(inverse: &[f64; 6], d: Vec3) -> [f64; 3] {
+    let w = d * (1.0 / d.norm_squared());
+    [
+        inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2],
+        inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2],
+        inverse[4] * w[0] + inverse[5] * w[1] + inverse[2] * w[2],
+    ]
 }
 
 /// Inverse of a symmetric matrix (xx, yy, zz, xy, xz, yz); where neighbours do

@@ -39,6 +39,8 @@ pub struct FlowParticipant<G, const N: usize> {
     solved_window: Option<(u64, f64)>,
     /// Why the last flow solve failed.
     failure: Option<Fault>,
+    /// Whether the log says that steps end at round-off.
+    round_off_reported: bool,
 }
 
 /// Creates the participant with the effects that the scene enables. Collective.
@@ -185,6 +187,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
             watched: setup.watched.clone(),
             solved_window: None,
             failure: None,
+            round_off_reported: false,
         };
         if let Some(folder) = setup.source.as_ref().and_then(|f| f.parent()).filter(|_| setup.resumed) {
             participant.restore_state(comm, folder)?;
@@ -252,6 +255,18 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         self.failure = Some(Fault::new(words));
         output.fill(0.0);
         Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
+    }
+
+    /// Says once in a stage that the tolerances ask for less than round-off.
+    fn report_round_off(&mut self, report: &Report) {
+        if let Some(residual) = report.round_off.filter(|_| !self.round_off_reported) {
+            self.round_off_reported = true;
+            if self.solver.comm().is_root() {
+                eprintln!(
+                    "flow-solver: flow.solver.residual_drop asks for less than round-off: steps end at a residual of {residual:.1e} N"
+                );
+            }
+        }
     }
 
     fn stats(&self, total: &Total, report: &Report, dt: f64) -> [f64; channel::STATS] {
@@ -335,6 +350,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         };
         let owned = &self.loads.faces[..self.solver.topology.canopy.n_owned];
         output.copy_from_slice(owned.as_flattened());
+        self.report_round_off(&report);
         let values = self.stats(&total, &report, w.dt);
         let finite = output.iter().chain(&values).all(|x| x.is_finite());
         if !self.solver.comm().all(finite) {

@@ -127,6 +127,7 @@ impl<G: Copy> Spatial<G> {
             on.gradients.inside(on.topology, q.as_chunks().0, gradient);
         });
         on.gradients.border(on.topology, q, gradient);
+        on.gradients.add_images(on.metrics, q, gradient);
         on.gradients.shorten(gradient);
         if let Some(k) = self.limiter {
             let speed = scheme.floor_squared.sqrt() * 10.0;

@@ -97,7 +97,49 @@ fn speed_at_start(
     Ok(speed)
 }
 
-/// How the steps of a stage are solved; `wind` is that of its start, `speed` that at which it meets the canopy, m/s.
+/// Pressure that moves a free canopy, Pa: the weight per area of fabric, and the prescribed pressures of the stages up to `stage`.
+fn largest_pressure(scene: &Scene, stage: usize, structure: &StructureMesh) -> f64 {
+    let area = structure.fabric_area(|_| true).max(f64::MIN_POSITIVE);
+    let areal_mass = scene.fabric.thickness_m * scene.fabric.density_kg_m3;
+    let weight =
+        scene.descent.as_ref().map_or(0.0, |d| (d.payload_mass_kg / area + areal_mass) * d.gravity_m_s2);
+    let prescribed = scene.stages[..=stage].iter().filter_map(|s| s.pressure_pa);
+    prescribed.fold(weight, |most, p| most.max(p.abs()))
+}
+
+/// Share of the speeds that a flow can reach later, where its stream is slower at the start.
+const LATER: f64 = 0.2;
+
+/// Speed scale of the flow in a stage, m/s; it has no absolute floor, so that the answer does not depend on units. The speed of the free
+/// stream relative to the canopy at the start (`speed`), at least a fifth of the largest of
+/// - that speed at any later time of the stage, with its gust;
+/// - prescribed motions of the canopy;
+/// - where the canopy moves freely, the speed $`\sqrt{2 p / \rho}`$ whose dynamic pressure is [`largest_pressure`].
+///
+/// Where nothing moves the air, a thousandth of the speed of sound.
+fn speed_scale(scene: &Scene, stage: usize, structure: &StructureMesh, wind: &Wind, speed: f64) -> f64 {
+    let plan = &scene.stages[stage];
+    let resolved = scene.resolved();
+    let air = resolved.canopy_air;
+    let [_, blown] = wind.fastest(plan.duration_s, -resolved.initial_speed_m_s);
+    let moved = plan.motions.iter().flat_map(|m| {
+        let steps = m.time_s.windows(2).zip(m.displacement_m.windows(2));
+        steps.map(|(t, d)| (Vec3::from(d[1]) - Vec3::from(d[0])).norm() / (t[1] - t[0]))
+    });
+    let loaded = match plan.kind {
+        case::StageKind::Coupled => {
+            (2.0 * largest_pressure(scene, stage, structure) / air.density_kg_m3).sqrt()
+        }
+        _ => 0.0,
+    };
+    let later = moved.fold(blown.max(loaded), f64::max);
+    match speed.max(LATER * later) {
+        0.0 => 1e-3 * air.sound_m_s,
+        scale => scale,
+    }
+}
+
+/// How the steps of a stage are solved; `wind` is that of its start, `speed` the [`speed_scale`] of the stage, m/s.
 fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) -> Settings {
     let plan = &scene.stages[stage];
     let moving = plan.kind != case::StageKind::FlowOnly;
@@ -114,8 +156,7 @@ fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) ->
             FlowMethod::Gmres => Method::PressureCorrection { depth: if moving { 5 } else { 4 } },
             FlowMethod::LuSgs => Method::LuSgs { courant: 1e3 },
         },
-        // A canopy that starts at rest soon moves at metres per second.
-        reference_speed: 0.1 * speed.max(1.0),
+        reference_speed: 0.1 * speed,
         velocity_diffusion: VELOCITY_DIFFUSION,
         moving,
     }
@@ -147,6 +188,7 @@ impl Setup {
             Some(shear) => wind.with_steady(shear.base().into()),
         };
         let speed = speed_at_start(&scene, stage, flow, &wind, shear.is_some())?;
+        let scale = speed_scale(&scene, stage, &structure, &wind, speed);
         let plan = &scene.stages[stage];
         let march = plan.steady.as_ref().map(|s| March {
             residual_drop: s.residual_drop,
@@ -159,7 +201,7 @@ impl Setup {
             source: scene.source_state(out, stage, Role::Flow),
             folder: case::stage_folder(out, &scene, stage),
             window_s: plan.window_s,
-            settings: settings(&scene, stage, flow, wind.at(0.0).into(), speed),
+            settings: settings(&scene, stage, flow, wind.at(0.0).into(), scale),
             flow: flow.clone(),
             structure,
             grid,

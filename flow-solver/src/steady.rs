@@ -170,6 +170,7 @@ pub(crate) fn solve_window<G: Gas<N>, const N: usize>(
         iterations: marched.iterations,
         linear_iterations: marched.linear_iterations,
         mass_defect: 0.0,
+        round_off: None,
     };
     Ok((total, report))
 }

@@ -17,6 +17,9 @@ use crate::stencil::Neighbourhoods;
 /// upwind cells it is 1.461, 1.512, 1.520, 1.524.
 const WALL_CELLS: usize = 3;
 
+/// In [`Topology::region`]: air enters or leaves.
+pub const OPEN_REGION: u16 = u16::MAX;
+
 /// How one side of a boundary face acts on its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Side {
@@ -75,14 +78,20 @@ pub struct Topology {
     pub cells: Vec<[u32; 2]>,
     /// Faces between owned cells: the first ones of all.
     pub n_inside: usize,
-    /// Whether the fluxes of each local cell stay upwind: near the canopy or a wall, and at the outer boundary, where
+    /// Whether the fluxes of each local cell stay upwind: near the canopy or a wall, and at the outer boundary but for planes of symmetry, where
     /// one-sided gradients feed energy to a central flux.
     pub upwind: Vec<bool>,
     /// Patch of each local face of the outer boundary, the first of which is face `cells.len()`, as
     /// [`FlowGrid::boundary_patch`]; [`NO_PATCH`] without a name.
     pub boundary_patch: Vec<u16>,
+    /// Region of each local cell that no air enters or leaves, from 0; [`OPEN_REGION`] in all others.
+    pub region: Vec<u16>,
+    /// Regions of the whole grid that no air enters or leaves.
+    pub n_closed_regions: usize,
     /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
     pub slip: Vec<Side>,
+    /// Those of `slip` in planes of symmetry, sorted by cell.
+    pub symmetry: Vec<Side>,
     /// Sides where air sticks to the wall.
     pub no_slip: Vec<Side>,
     /// Sides that air passes, by their condition, in the order of [`Patch`].
@@ -191,6 +200,9 @@ impl Topology {
         t.adjacency = Adjacency::new(t.n_owned, &t.cells);
         let upwind = upwind_cells(grid.cells.len(), faces);
         t.upwind = t.numbering.global.iter().map(|&c| upwind[c as usize]).collect();
+        let (region, n_closed_regions) = closed_regions(grid.cells.len(), faces, cloth.is_some());
+        t.region = t.numbering.global.iter().map(|&c| region[c as usize]).collect();
+        t.n_closed_regions = n_closed_regions;
         t.wide = wide.map(|w| w.rows(&t.numbering));
         t
     }
@@ -240,7 +252,7 @@ impl Topology {
     }
 }
 
-/// Cells of the whole grid whose fluxes stay upwind: at the outer boundary, and within [`WALL_CELLS`] of the canopy or a wall,
+/// Cells of the whole grid whose fluxes stay upwind: at the outer boundary but for planes of symmetry, and within [`WALL_CELLS`] of the canopy or a wall,
 /// counted over faces.
 fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
     let mut near = vec![false; cells];
@@ -255,8 +267,41 @@ fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
             near[j as usize] |= touched;
         }
     }
-    faces.boundary.iter().for_each(|&(_, _, c)| near[c as usize] = true);
+    let outer = faces.boundary.iter().filter(|(patch, ..)| *patch != Patch::Symmetry);
+    outer.for_each(|&(_, _, c)| near[c as usize] = true);
     near
+}
+
+/// Regions of cells of the whole grid that no air enters or leaves, and their number; `permeable`: air passes the canopy.
+fn closed_regions(cells: usize, faces: &FaceTable, permeable: bool) -> (Vec<u16>, usize) {
+    let mut root: Vec<u32> = (0..cells as u32).collect();
+    fn find(root: &mut [u32], mut c: u32) -> u32 {
+        while root[c as usize] != c {
+            root[c as usize] = root[root[c as usize] as usize];
+            c = root[c as usize];
+        }
+        c
+    }
+    let through = faces.canopy.iter().filter(|_| permeable).copied();
+    for (i, j) in faces.interior.iter().map(|&(_, i, j)| (i, j)).chain(through) {
+        let (a, b) = (find(&mut root, i), find(&mut root, j));
+        root[a.max(b) as usize] = a.min(b);
+    }
+    let mut number: HashMap<u32, u16> = HashMap::new();
+    for &(patch, _, c) in &faces.boundary {
+        if !matches!(patch, Patch::Wall | Patch::Slip | Patch::Symmetry) {
+            number.insert(find(&mut root, c), OPEN_REGION);
+        }
+    }
+    let mut closed = 0;
+    let region = (0..cells as u32).map(|c| {
+        *number.entry(find(&mut root, c)).or_insert_with(|| {
+            closed += 1;
+            // More are not counted: their mass is what the pressure equation makes it.
+            u16::try_from(closed - 1).unwrap_or(OPEN_REGION)
+        })
+    });
+    (region.collect(), closed.min(OPEN_REGION as usize))
 }
 
 /// Owners of the cells of the whole grid, as one rank sees them.
@@ -379,7 +424,11 @@ impl Builder<'_> {
             t.boundary_patch.push(self.grid.boundary_patch.get(f).copied().unwrap_or(NO_PATCH));
             match patch {
                 Patch::Wall => t.no_slip.push(side),
-                Patch::Slip | Patch::Symmetry => t.slip.push(side),
+                Patch::Slip => t.slip.push(side),
+                Patch::Symmetry => {
+                    t.slip.push(side);
+                    t.symmetry.push(side);
+                }
                 open => match t.open.iter_mut().find(|o| o.patch == open) {
                     Some(of_patch) => of_patch.sides.push(side),
                     None => t.open.push(OpenSides { patch: open, sides: vec![side] }),
@@ -387,6 +436,7 @@ impl Builder<'_> {
             }
         }
         self.t.open.sort_by_key(|o| o.patch);
+        self.t.symmetry.sort_by_key(|side| side.cell);
     }
 
     fn add_canopy(&mut self, viscous: bool, cloth: Option<Permeability>) {

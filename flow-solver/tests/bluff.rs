@@ -30,12 +30,13 @@ const RHO: f64 = 1.225;
 
 /// Mean drag coefficient, mean lift coefficient towards the side of the symmetry plane that the
 /// wake leans to, and Strouhal number of the lift.
-fn sphere_300(n: usize, nr: usize, end: f64) -> [f64; 3] {
+fn sphere_300(n: usize, nr: usize, end: f64, upwind: f64) -> [f64; 3] {
     let grid = bodies::half_shell(n, nr, 15.0);
     let speed = 4.0;
     let mut set = settings([speed, 0.0, 0.0], 1e-2);
     set.moving = false;
     let mut s = isothermal(&grid, Laminar { viscosity: RHO * speed / 300.0 }, set);
+    s.spatial.upwind_share = upwind;
     // A push to one side: the wake need not find the asymmetry by round-off.
     for previous in &mut s.previous {
         for (q, x) in previous.q.iter_mut().zip(&s.metrics.centre) {
@@ -93,7 +94,7 @@ fn sphere_300(n: usize, nr: usize, end: f64) -> [f64; 3] {
 #[test]
 #[ignore = "nightly: 2 minutes"]
 fn sphere_at_reynolds_300() {
-    let [cd, cl, _] = sphere_300(16, 40, 120.0);
+    let [cd, cl, _] = sphere_300(16, 40, 120.0, 1.0);
     assert!((cd - 0.663).abs() < 0.06, "{cd}");
     assert!((cl - 0.067).abs() < 0.04, "{cl}");
 }
@@ -102,7 +103,7 @@ fn sphere_at_reynolds_300() {
 #[test]
 #[ignore = "nightly: 10 minutes"]
 fn sphere_at_reynolds_300_refined() {
-    let [cd, cl, st] = sphere_300(24, 60, 120.0);
+    let [cd, cl, st] = sphere_300(24, 60, 120.0, 1.0);
     assert!((cd - 0.663).abs() < 0.03, "{cd}");
     assert!((cl - 0.067).abs() < 0.02, "{cl}");
     assert!((st - 0.1355).abs() < 0.01, "{st}");
@@ -112,10 +113,19 @@ fn sphere_at_reynolds_300_refined() {
 #[test]
 #[ignore = "nightly: 30 minutes"]
 fn sphere_at_reynolds_300_refined_again() {
-    let [cd, cl, st] = sphere_300(32, 80, 140.0);
+    let [cd, cl, st] = sphere_300(32, 80, 140.0, 1.0);
     assert!((cd - 0.663).abs() < 0.02, "{cd}");
     assert!((cl - 0.067).abs() < 0.015, "{cl}");
     assert!((st - 0.1355).abs() < 0.006, "{st}");
+}
+
+/// The hybrid flux on the coarsest grid: 0.034 and 0.011 off. Its lift is irregular, see docs/records/verification.md.
+#[test]
+#[ignore = "nightly: 2 minutes"]
+fn sphere_at_reynolds_300_hybrid() {
+    let [cd, cl, _] = sphere_300(16, 40, 120.0, 0.0);
+    assert!((cd - 0.663).abs() < 0.045, "{cd}");
+    assert!((cl - 0.067).abs() < 0.02, "{cl}");
 }
 
 /// A square sheet of side 1 m, or a disk of this diameter, with `across` cells along it.

@@ -48,6 +48,7 @@ fn scheme() -> FluxParameters {
         velocity_diffusion: 0.5,
         pressure_diffusion: 3.0,
         renews_blending: false,
+        kinematic_viscosity: 0.0,
     }
 }
 

@@ -5,11 +5,12 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use case::{Role, Solve, StageKind, WatchedForce};
-use channel::Window;
+use channel::{Window, flow_stats};
 use coupling::descent::DescentModel;
 use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::{Location, RunError};
 use coupling::flow_bounds::{self, FlowBounds};
+use coupling::local_mach;
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 use coupling::structure_energy;
@@ -376,6 +377,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             self.interface_energy.warning(&warning_context),
             self.stepper.warning(),
             structure_energy::warning(self.summary.structure_energy_created_share, structure),
+            self.mach_warning(row),
         ];
         for text in texts.into_iter().flatten() {
             console.warning(&format!(
@@ -384,6 +386,12 @@ impl<'c, 'p> StageRun<'c, 'p> {
                 context.description().name
             ));
         }
+    }
+
+    fn mach_warning(&self, row: &Row) -> Option<String> {
+        let flow = self.context.scene.flow.as_ref()?;
+        let mach = flow_bounds::flow_statistics(&row.report.stats)[flow_stats::MAX_MACH];
+        local_mach::warning(flow.energy.is_some(), self.summary.largest_local_mach, mach)
     }
 
     /// Refuses unphysical speeds and pressures of the flow in the window of `row`, whose initial displacement is
@@ -399,11 +407,16 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let wind = context.scene.wind(context.stage, &context.times());
         let air = flow_bounds::undisturbed_air(&wind, row.time_s, -row.descent_speed_m_s);
         let displacement = [before, &self.stepper.state().displacement];
-        bounds.check(dt, air, displacement, flow_bounds::flow_statistics(&row.report.stats)).map_err(|flow| {
-            let place =
-                Location { window: Some((row.window, u64::from(row.report.iterations))), ..context.place() };
-            RunError::ImpossibleFlow { place, flow, saved: None }
-        })
+        let statistics = flow_bounds::flow_statistics(&row.report.stats);
+        let place =
+            || Location { window: Some((row.window, u64::from(row.report.iterations))), ..context.place() };
+        bounds.check(dt, air, displacement, statistics).map_err(|flow| RunError::ImpossibleFlow {
+            place: place(),
+            flow,
+            saved: None,
+        })?;
+        local_mach::check(statistics[flow_stats::MAX_MACH])
+            .map_err(|flow| RunError::Supersonic { place: place(), flow })
     }
 
     /// Writes the snapshots of the programs that are due at the planned window `done`.

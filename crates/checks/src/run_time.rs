@@ -115,6 +115,17 @@ pub const CHECKS: &[Check] = &[
         when: When::During(&["coupler"]),
     },
     Check {
+        id: "flow.local-mach",
+        what: "the equations of the flow are valid at its local Mach numbers",
+        estimate: "largest Mach number of a cell (MAX_MACH), largest_local_mach in summary.json",
+        range: "warning above 0.3 for isothermal air, above 0.7 with [flow.energy]; an error from 1",
+        source: "density of isothermal air is wrong by (gamma - 1) M^2 / 2, 1.8 % at 0.3; shocks are not captured, and boundaries and \
+                 preconditioner are made for subsonic flow",
+        severity: Error,
+        remedy: "add [flow.energy], or lower descent.initial_speed_m_s or flow.wind_m_s",
+        when: When::During(&["coupler"]),
+    },
+    Check {
         id: "stages.at-rest",
         what: "the canopy is at rest at the end of a pre-inflation that a stage with the flow starts from",
         estimate: "kinetic energy over strain energy in the last window",

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use case::Role;
 
 use crate::impossible_flow::ImpossibleFlow;
+use crate::local_mach::SupersonicFlow;
 use crate::structure_energy::EnergyCreated;
 
 /// Location in a run: stage, window and coupling iteration.
@@ -150,6 +151,14 @@ pub enum RunError {
         flow: ImpossibleFlow,
         /// Folder of the state that was saved.
         saved: Option<PathBuf>,
+    },
+    /// A local Mach number beyond what the equations describe.
+    #[error("{flow}; in {place}")]
+    Supersonic {
+        /// Where.
+        place: Location,
+        /// The Mach number.
+        flow: SupersonicFlow,
     },
     /// The coupling iteration failed although every program responded.
     #[error("the coupling failed in {place}: {message}")]

@@ -17,6 +17,7 @@ pub mod flow_bounds;
 mod geometry;
 mod impossible_flow;
 pub mod interface;
+pub mod local_mach;
 pub mod partners;
 pub mod release;
 pub mod schemes;

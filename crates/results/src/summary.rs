@@ -113,6 +113,9 @@ pub struct StageSummary {
     /// balance (as in a static stage).
     #[serde(default)]
     pub structure_energy_created_share: Option<f64>,
+    /// Largest local Mach number of the flow; 0 without a flow.
+    #[serde(default)]
+    pub largest_local_mach: f64,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -176,6 +179,7 @@ impl StageSummary {
             interface_energy_error_share: 0.0,
             structure_energy_created_j: 0.0,
             structure_energy_created_share: None,
+            largest_local_mach: 0.0,
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
@@ -222,6 +226,8 @@ impl StageSummary {
         let structure = &report.stats[Role::Structure as usize].values;
         self.structure_energy_created_j = structure[structure_stats::ENERGY_CREATED_SUM];
         self.structure_energy_created_share = coupling::structure_energy::share(structure);
+        let mach = report.stats[Role::Flow as usize].values[flow_stats::MAX_MACH];
+        self.largest_local_mach = self.largest_local_mach.max(mach);
         self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
         self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
         self.speeds.push((row.descent_speed_m_s, row.drag_n));

@@ -85,6 +85,8 @@ pub struct Report {
     pub linear_iterations: usize,
     /// Sum of the continuity residual over all cells, kg/s.
     pub mass_defect: f64,
+    /// Residual level of round-off, N, where the tolerances ask for less in a step that begins far above it: the step ends there.
+    pub round_off: Option<f64>,
 }
 
 /// The flow on one rank's part of the grid.
@@ -209,6 +211,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
                 wind: settings.wind,
                 floor_squared: settings.reference_speed * settings.reference_speed,
                 velocity_diffusion: settings.velocity_diffusion,
+                kinematic_viscosity: spatial.viscosity.molecular() / settings.air.density,
                 pressure_diffusion: 2.0 / (1.0 - spatial.chi),
                 renews_blending: false,
             },

@@ -101,7 +101,7 @@ pub fn des97(a: &LengthScaleInput) -> f64 {
 
 /// Delayed detached eddies (Spalart et al. 2006): boundary layers keep the wall distance.
 pub fn ddes(a: &LengthScaleInput) -> f64 {
-    let rd = a.viscosity / (a.gradient.max(1e-10) * KAPPA * KAPPA * a.wall * a.wall);
+    let rd = a.viscosity / (a.gradient.max(f64::MIN_POSITIVE) * KAPPA * KAPPA * a.wall * a.wall);
     let fd = 1.0 - (8.0 * rd).powi(3).tanh();
     a.wall - fd * (a.wall - CDES * a.delta).max(0.0)
 }

@@ -1,5 +1,5 @@
-//! Three-dimensional Taylor-Green vortex at Reynolds number 1600 in one octant of its box; the symmetry planes are slip
-//! walls. Units: initial speed, and wavelength over 2 pi.
+//! Three-dimensional Taylor-Green vortex at Reynolds number 1600 in one octant of its box; its faces are planes of
+//! symmetry. Units: initial speed, and wavelength over 2 pi.
 #![allow(dead_code)]
 
 use std::f64::consts::PI;
@@ -36,7 +36,7 @@ pub fn at_start(
     drop: f64,
     upwind: f64,
 ) -> Solver<flow_solver::physics::Isothermal, 4> {
-    let grid = box_grid_of(shape, [n; 3], [0.0; 3], [PI; 3], [Patch::Slip; 6]);
+    let grid = box_grid_of(shape, [n; 3], [0.0; 3], [PI; 3], [Patch::Symmetry; 6]);
     let mut settings = common::settings([0.0; 3], drop);
     settings.reference_speed = 0.1;
     settings.moving = false;
