@@ -66,6 +66,11 @@ const CLASSES: &[(&str, &str, &str)] = &[
         "`coupling.scheme = \"implicit\"`, a shorter `window_s`, a finer grid.",
     ),
     (
+        "Supersonic",
+        "The local Mach number reaches 1: the stream is too fast, or a cell at a sharp edge.",
+        "Lower `descent.initial_speed_m_s` or `flow.wind_m_s`, shorten `window_s`, enlarge `first_layer_m`.",
+    ),
+    (
         "Coupling",
         "The coupling iterations diverge or stagnate.",
         "Shorten `window_s`, more `substeps`, another `coupling.acceleration`.",

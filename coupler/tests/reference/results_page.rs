@@ -160,7 +160,7 @@ fn page() -> String {
     add(
         "Columns of `forces.csv`",
         format!(
-            "`{{on}}` is `canopy`; a second set with `wall` follows where the outer boundary has no-slip walls, then one set for \
+            "`{{on}}` is `canopy` where there is one; a set with `wall` follows where the outer boundary has no-slip walls, then one set for \
              each entry of `[[flow.forces.coefficients]]` with its name.\n\n{}\n\
              After its set, each entry has further columns:\n\n{}",
             columns_table(columns::FORCES),

@@ -137,8 +137,8 @@ pub const ITERATIONS: &[Column] = &[
     column("coupling_residual", "As in `history.csv`, after this iteration."),
 ];
 
-/// Columns of `forces.csv`, a row for each accepted window, where the scene has `[flow.forces]`. `{on}` is `canopy`; a
-/// second set has `wall` where the outer boundary has no-slip walls; one set for each entry of
+/// Columns of `forces.csv`, a row for each accepted window, where the scene has `[flow.forces]`. `{on}` is `canopy`
+/// where there is one; a set has `wall` where the outer boundary has no-slip walls; one set for each entry of
 /// `[[flow.forces.coefficients]]` has its name.
 pub const FORCES: &[Column] = &[
     column("time_s", "Time at the end of the window, from the start of the stage."),
