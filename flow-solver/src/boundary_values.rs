@@ -240,11 +240,11 @@ impl BoundaryValues {
         Ok(())
     }
 
-    /// Largest speed at a factor of 1, m/s. Collective.
-    pub(crate) fn largest_speed(&self, comm: &Comm, metrics: &Metrics) -> f64 {
+    /// Largest speed at a factor of 1 in air of the density `rho` (kg/m3), m/s: that of a pressure is $`\sqrt{2|p|/\rho}`$. Collective.
+    pub(crate) fn largest_speed(&self, comm: &Comm, metrics: &Metrics, rho: f64) -> f64 {
         let own = self.patches.iter().flat_map(|p| {
             (0..p.sides.len()).map(|k| match p.value {
-                Value::Pressure(_) => 0.0,
+                Value::Pressure(pressure) => (2.0 * pressure.abs() / rho).sqrt(),
                 _ => p.velocity(k, metrics, 1.0).norm(),
             })
         });

@@ -101,6 +101,8 @@ fn started<G: Gas<N>, const N: usize>(
     if let Some(values) = values.map_err(Fault::new)? {
         solver.set_boundary_values(values).map_err(Fault::new)?;
     }
+    // Where neither the scene nor its patches have a speed.
+    solver.set_speed_scale(0.0);
     Ok(solver)
 }
 

@@ -114,9 +114,10 @@ const LATER: f64 = 0.2;
 /// stream relative to the canopy at the start (`speed`), at least a fifth of the largest of
 /// - that speed at any later time of the stage, with its gust;
 /// - prescribed motions of the canopy;
+/// - the wind at any height, where it changes with height;
 /// - where the canopy moves freely, the speed $`\sqrt{2 p / \rho}`$ whose dynamic pressure is [`largest_pressure`].
 ///
-/// Where nothing moves the air, a thousandth of the speed of sound.
+/// 0 where none of these moves the air: then the data of patches do, or nothing ([`Solver::set_speed_scale`](crate::Solver::set_speed_scale)).
 fn speed_scale(scene: &Scene, stage: usize, structure: &StructureMesh, wind: &Wind, speed: f64) -> f64 {
     let plan = &scene.stages[stage];
     let resolved = scene.resolved();
@@ -133,10 +134,12 @@ fn speed_scale(scene: &Scene, stage: usize, structure: &StructureMesh, wind: &Wi
         _ => 0.0,
     };
     let later = moved.fold(blown.max(loaded), f64::max);
-    match speed.max(LATER * later) {
-        0.0 => 1e-3 * air.sound_m_s,
-        scale => scale,
-    }
+    speed.max(LATER * later)
+}
+
+/// Largest wind of a shear over the height of a grid, m/s.
+fn largest_wind(shear: &WindShear, grid: &FlowGrid) -> f64 {
+    grid.coords.iter().map(|x| (shear.base() + shear.excess(x[2])).norm()).fold(0.0, f64::max)
 }
 
 /// How the steps of a stage are solved; `wind` is that of its start, `speed` the [`speed_scale`] of the stage, m/s.
@@ -188,7 +191,8 @@ impl Setup {
             Some(shear) => wind.with_steady(shear.base().into()),
         };
         let speed = speed_at_start(&scene, stage, flow, &wind, shear.is_some())?;
-        let scale = speed_scale(&scene, stage, &structure, &wind, speed);
+        let sheared = shear.as_ref().map_or(0.0, |s| largest_wind(s, &grid));
+        let scale = speed_scale(&scene, stage, &structure, &wind, speed).max(LATER * sheared);
         let plan = &scene.stages[stage];
         let march = plan.steady.as_ref().map(|s| March {
             residual_drop: s.residual_drop,

@@ -30,11 +30,23 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.sheared.resize(faces, Vec3::zeros());
         self.boundary.pressure = vec![0.0; faces];
         self.boundary.spin = vec![Vec3::zeros(); faces];
-        let floor = 0.1 * values.largest_speed(self.comm(), &self.metrics);
-        self.settings.reference_speed = self.settings.reference_speed.max(floor);
-        self.scheme.floor_squared = self.settings.reference_speed * self.settings.reference_speed;
+        let speed = values.largest_speed(self.comm(), &self.metrics, self.settings.air.density);
+        self.set_speed_scale(speed);
         self.boundary.values = Some(Box::new(values));
         Ok(())
+    }
+
+    /// Raises the speed scale to `speed`, m/s, whose tenth floors the reference speeds. Where nothing at all moves the air it is a thousandth of
+    /// the speed of sound.
+    pub fn set_speed_scale(&mut self, speed: f64) {
+        let gas = &self.spatial.gas;
+        let sound = gas.sound_speed_squared(&gas.undisturbed(self.settings.wind)).sqrt();
+        let reference = match self.settings.reference_speed.max(0.1 * speed) {
+            0.0 => 1e-4 * sound,
+            reference => reference,
+        };
+        self.settings.reference_speed = reference;
+        self.scheme.floor_squared = reference * reference;
     }
 
     /// Sets the time at the end of the next step, s since the start of the stage, for the data of boundary patches.
