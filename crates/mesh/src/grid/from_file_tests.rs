@@ -86,6 +86,18 @@ fn read(grid: &FlowGrid, binary: bool) -> FlowGrid {
     from_file(&file(path, &ALL), &canopy, &canopy.coords).unwrap()
 }
 
+#[test]
+fn boundary_faces_have_the_names_of_their_groups() {
+    for grid in [tetrahedra(), read(&tetrahedra(), false)] {
+        assert_eq!(grid.boundary_patch.len(), grid.boundary.len());
+    }
+    let grid = read(&tetrahedra(), true);
+    for (face, (condition, _)) in grid.boundary.iter().enumerate() {
+        assert_eq!(grid.patch_name(face), Some(name(*condition).as_str()), "face {face}");
+    }
+    assert_eq!(grid.patch_name(grid.boundary.len()), None);
+}
+
 fn sorted_volumes(grid: &FlowGrid) -> Vec<f64> {
     (0..grid.cells.len()).map(|c| quality::cell_volume(grid, c)).collect()
 }
