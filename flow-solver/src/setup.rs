@@ -192,8 +192,9 @@ impl Setup {
         };
         let speed = speed_at_start(&scene, stage, flow, &wind, shear.is_some())?;
         let sheared = shear.as_ref().map_or(0.0, |s| largest_wind(s, &grid));
-        let scale = speed_scale(&scene, stage, &structure, &wind, speed).max(LATER * sheared);
         let plan = &scene.stages[stage];
+        let scale = speed_scale(&scene, stage, &structure, &wind, speed);
+        let scale = scale.max(LATER * sheared.max(mesh::body_speed(plan, &grid)));
         let march = plan.steady.as_ref().map(|s| March {
             residual_drop: s.residual_drop,
             force_change: s.force_change,

@@ -57,6 +57,7 @@ fn bench(n: usize, name: &str, mover: Box<dyn Mover>) {
         state: None,
         outer: Default::default(),
         regridder: None,
+        bodies: Default::default(),
     };
     let mut mover = MeshMover::on_grid(setup, &Comm::solo()).expect("the sample grid is sound");
     let start = seconds_run() - clock;

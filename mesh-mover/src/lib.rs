@@ -10,6 +10,7 @@
 //! * [`near_wall_following`]: explicit small motions between the solves of one window;
 //! * [`motion`]: one linear solve first, then increments with an updated reference, then [`untangle`], then an error
 //!   that names the cell; new grids where the scene requests them;
+//! * [`bodies`]: rigid bodies that move as prescribed;
 //! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`] and warm-start data ([`warm_start`]);
 //!   [`allocator`];
 //! * [`standalone`]: a prescribed motion without partners, on any mesh of a canopy ([`resample`]), with pictures
@@ -24,6 +25,7 @@
 
 pub mod allocator;
 pub mod benchmark_motions;
+pub mod bodies;
 pub mod canopy_distance;
 pub mod cross_section;
 pub mod elastic;

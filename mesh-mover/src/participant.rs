@@ -9,6 +9,7 @@ use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Point, StructureMesh};
 
 use crate::allocator::release_free_memory;
+use crate::bodies::Bodies;
 use crate::local::LocalGrid;
 use crate::motion::{
     Builder, GridTransition, Limits, Motion, MotionError, MotionResult, Positions, Regridder,
@@ -26,6 +27,7 @@ pub struct MeshMover {
     motion: Motion,
     /// Unstressed positions of the canopy, flat, m.
     unstressed: Vec<f64>,
+    bodies: Bodies,
     /// Panel of each canopy node, for messages.
     panels: Vec<u32>,
     surface: Surface,
@@ -49,7 +51,7 @@ struct Surface {
 
 /// Inputs of a mesh-mover before its rank's part is extracted.
 pub struct Setup<'a> {
-    /// The start grid.
+    /// The start grid, with the bodies ([`Bodies::add_to`]).
     pub grid: &'a FlowGrid,
     /// The canopy: unstressed coordinates, interface faces, panels.
     pub structure: &'a StructureMesh,
@@ -65,6 +67,8 @@ pub struct Setup<'a> {
     pub outer: OuterBoundary,
     /// Builds new grids; `None`: none are built.
     pub regridder: Option<Regridder>,
+    /// Rigid bodies that move as prescribed.
+    pub bodies: Bodies,
 }
 
 impl MeshMover {
@@ -74,7 +78,7 @@ impl MeshMover {
     /// # Errors
     /// No grid, more ranks than cells, unreadable files, an invalid start grid.
     pub fn new(scene: &Scene, stage: usize, out: &Path, comm: &Comm) -> Result<Self, Fault> {
-        Self::from_state(scene, stage, out, scene.source_state(out, stage, Role::Mesh), comm)
+        Self::from_state(scene, stage, out, None, comm)
     }
 
     /// As [`MeshMover::new`], within the stage: continues from the state that [`Participant::save`] wrote to
@@ -89,8 +93,7 @@ impl MeshMover {
         folder: &Path,
         comm: &Comm,
     ) -> Result<Self, Fault> {
-        let state = case::state_file(folder, Role::Mesh);
-        let mut this = Self::from_state(scene, stage, out, Some(state), comm)?;
+        let mut this = Self::from_state(scene, stage, out, Some(folder), comm)?;
         match warm_start::load(comm, folder)? {
             Some(saved) => {
                 let file = channel::warm_start_file(folder, Role::Mesh, comm.rank(), comm.size());
@@ -107,21 +110,33 @@ impl MeshMover {
         Ok(this)
     }
 
+    /// The mover at the start of the stage, or with the state in the folder `resumed`.
     fn from_state(
         scene: &Scene,
         stage: usize,
         out: &Path,
-        state: Option<PathBuf>,
+        resumed: Option<&Path>,
         comm: &Comm,
     ) -> Result<Self, Fault> {
         let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
         let grid = start_grid(scene, stage, out, &structure)?;
         let owner = owners(&grid, comm.size())?;
-        let state =
-            state.map(|path| State::load(&path, grid.coords.len())).transpose().map_err(Fault::new)?;
         let mover = crate::movers::mover(&scene.mesh);
         let limits = Limits::from(&scene.mesh);
         let regridder = regridder(scene, &structure, &grid);
+        let mut bodies = Bodies::new(&scene.stages[stage].body_motions, &grid)?;
+        let grid = bodies.add_to(grid);
+        let load = |path: PathBuf| State::load(&path, grid.coords.len()).map_err(Fault::new);
+        let earlier =
+            scene.source_state(out, stage, Role::Mesh).filter(|_| resumed.is_none() || !bodies.is_empty());
+        let earlier = earlier.map(load).transpose()?;
+        // Bodies start where the earlier stage left them, also in a run that resumes within the stage.
+        let start = earlier.as_ref().map_or(grid.coords.as_flattened(), |s| &s.now);
+        bodies.set_start(&interface_positions(&grid, start));
+        let state = match resumed {
+            Some(folder) => Some(load(case::state_file(folder, Role::Mesh))?),
+            None => earlier,
+        };
         let outer = scene.mesh.outer_boundary;
         let setup = Setup {
             structure: &structure,
@@ -132,6 +147,7 @@ impl MeshMover {
             state,
             outer,
             regridder,
+            bodies,
         };
         Self::on_grid(setup, comm)
     }
@@ -141,11 +157,11 @@ impl MeshMover {
     /// # Errors
     /// An invalid start grid, or a canopy that the grid does not contain.
     pub fn on_grid(setup: Setup<'_>, comm: &Comm) -> Result<Self, Fault> {
-        let Setup { grid, structure, owner, mover, limits, state, outer, regridder } = setup;
-        if grid.canopy_nodes.len() != structure.n_canopy {
+        let Setup { grid, structure, owner, mover, limits, state, outer, regridder, bodies } = setup;
+        let canopy_nodes = grid.canopy_nodes.len() - bodies.len();
+        if canopy_nodes != structure.n_canopy {
             return Err(Fault::new(format!(
-                "the flow grid contains {} canopy nodes, the structure mesh has {}: give both programs the same scene",
-                grid.canopy_nodes.len(),
+                "the flow grid contains {canopy_nodes} canopy nodes, the structure mesh has {}: give both programs the same scene",
                 structure.n_canopy
             )));
         }
@@ -157,7 +173,7 @@ impl MeshMover {
         let local = LocalGrid::with_outer(grid, owner, outer, comm);
         let positions = |global: &[Point]| Positions {
             grid: local.gather(global),
-            canopy: grid.canopy_nodes.iter().flat_map(|&a| global[a as usize]).collect(),
+            canopy: interface_positions(grid, global.as_flattened()),
         };
         let of = |flat: &[f64]| (!flat.is_empty()).then(|| positions(flat.as_chunks::<3>().0));
         let state = state.unwrap_or_default();
@@ -172,6 +188,7 @@ impl MeshMover {
         Ok(Self {
             motion,
             unstressed,
+            bodies,
             panels,
             surface: Surface {
                 faces: structure.faces.len() as u64,
@@ -263,7 +280,7 @@ impl MeshMover {
 
     /// The canopy node nearest to a point, and its distance, m.
     fn nearest(&self, at: &Point) -> Option<(usize, f64)> {
-        nearest(self.trial.canopy.as_chunks::<3>().0, at)
+        nearest(self.trial.canopy[..self.unstressed.len()].as_chunks::<3>().0, at)
     }
 
     /// A motion error with its location on the canopy.
@@ -279,6 +296,14 @@ impl MeshMover {
             }
             None => String::new(),
         };
+        if !self.bodies.is_empty() {
+            return Fault::new(format!(
+                "grid motion, window {}, iteration {}: {error}{nearest}; rigid bodies move in this stage: reduce \
+                 [[stage.body_motion]], move the outer patches along with the body, or try mesh.outer_boundary = \
+                 \"sliding\"",
+                w.index, w.iteration
+            ));
+        }
         Fault::new(format!(
             "grid motion, window {}, iteration {}: {error}{nearest}; shorter windows, or a start grid \
              around a shape closer to this one, may help",
@@ -311,7 +336,7 @@ impl Participant for MeshMover {
             surface_hash: self.surface.hash,
             grid_nodes: self.motion.grid.n_global as u64,
             output_width: WIDTH as u64,
-            effects: vec![channel::RESUME.into(), "coupling.adaptive".into()],
+            effects: [channel::RESUME, "coupling.adaptive", channel::BODY_MOTION].map(String::from).to_vec(),
         }
     }
 
@@ -327,6 +352,7 @@ impl Participant for MeshMover {
             return Err(Fault::new(format!("window {} has a length of {} s", w.index, w.dt)));
         }
         self.read_canopy(input.canopy)?;
+        self.bodies.positions(w.time + w.dt, &mut self.trial.canopy)?;
         let moved = match self.motion.follow(&self.now, &mut self.trial) {
             Ok(moved) => moved,
             Err(error) => {
@@ -436,6 +462,12 @@ impl Participant for MeshMover {
         // The flow-solver writes the grid with its fields.
         Ok(())
     }
+}
+
+/// Positions of the interface nodes of `grid` among those of all nodes, flat, m.
+fn interface_positions(grid: &FlowGrid, all: &[f64]) -> Vec<f64> {
+    let all = all.as_chunks::<3>().0;
+    grid.canopy_nodes.iter().flat_map(|&a| all[a as usize]).collect()
 }
 
 /// Builds the new grids that the scene requests around the canopy of `structure`; they have the cells of `grid`.

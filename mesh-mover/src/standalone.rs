@@ -120,6 +120,7 @@ fn on_the_way(
         state: None,
         outer: scene.mesh.outer_boundary,
         regridder: regridder(scene, structure, &grid),
+        bodies: Default::default(),
     };
     MeshMover::on_grid(setup, comm)
 }

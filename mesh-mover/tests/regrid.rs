@@ -64,6 +64,7 @@ impl MoverFixture {
             outer: settings.outer_boundary,
             regridder: (below > 0.0)
                 .then(|| Regridder::new(Regrid { quality_threshold: below, step }, build)),
+            bodies: Default::default(),
         };
         let mover = MeshMover::on_grid(setup, &Comm::solo()).unwrap();
         let output = vec![f64::NAN; 6 * grid.coords.len()];

@@ -168,5 +168,8 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     if scene.flow.as_ref().is_some_and(case::Flow::has_boundary_values) {
         all.push((Role::Flow, channel::BOUNDARY_VALUES.to_owned()));
     }
+    if scene.stages.iter().any(|s| !s.body_motions.is_empty()) {
+        all.push((Role::Mesh, channel::BODY_MOTION.to_owned()));
+    }
     all
 }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{Motion, Role, Scene, Stage, StageKind, StageTimes};
+use crate::{BodyMotion, Motion, Role, Scene, Stage, StageKind, StageTimes};
 
 /// Change of the wind, as a share of the speed of the stream, that the flow takes without notice: it changes
 /// the dynamic pressure by 0.2 %.
@@ -17,11 +17,11 @@ const ROUND_OFF: f64 = 1e-9;
 pub struct Jump {
     /// Stage at whose start it changes, from 0.
     pub stage: usize,
-    /// What the scene calls it: `wind`, `gust`, `motion` or `force`.
+    /// What the scene calls it: `wind`, `gust`, `motion`, `body_motion` or `force`.
     pub key: &'static str,
     /// Size of the change, in [`Jump::unit`].
     pub size: f64,
-    /// `m/s`, `m` or `N`.
+    /// `m/s`, `rad/s`, `m` or `N`.
     pub unit: &'static str,
     /// What changes, from what to what, between which stages.
     pub what: String,
@@ -41,6 +41,7 @@ pub fn jumps(scene: &Scene, times: &StageTimes) -> Vec<Jump> {
     for stage in 0..scene.stages.len() {
         all.extend(wind(scene, stage, times));
         motions(scene, stage, times, &mut all);
+        bodies(scene, stage, &mut all);
         forces(scene, stage, &mut all);
     }
     all
@@ -208,6 +209,56 @@ fn ended_motions(scene: &Scene, stage: usize, times: &StageTimes, all: &mut Vec<
                     "let the table of the stage before end with intervals in which the velocity falls to \
                          zero"
                         .into(),
+            });
+        }
+    }
+}
+
+/// Share of the largest speed of a body below which a change of its velocity counts as none.
+const BODY_SHARE: f64 = 1e-3;
+
+/// Velocities of rigid bodies at the start of a stage that follows one with the flow.
+fn bodies(scene: &Scene, stage: usize, all: &mut Vec<Jump>) {
+    let this = &scene.stages[stage];
+    let flows = |s: &&Stage| s.kind.roles().contains(&Role::Flow);
+    let Some(before) = stage.checked_sub(1).map(|k| &scene.stages[k]).filter(flows) else { return };
+    let velocity = |s: &Stage, m: &BodyMotion, from: f64, to: f64| -> Option<[f64; 4]> {
+        let m = m.compiled().ok().filter(|_| s.in_time())?;
+        let (a, b) = (m.at(from), m.at(to));
+        let d = difference(b.displacement, a.displacement);
+        Some([d[0], d[1], d[2], b.angle - a.angle].map(|d| d / (to - from)))
+    };
+    for m in &this.body_motions {
+        let short = 1e-4 * this.window_s;
+        let Some(after) = velocity(this, m, 0.0, short) else { continue };
+        let earlier = before.body_motions.iter().find(|b| b.patches == m.patches);
+        let end = before.planned_s();
+        let old = earlier.and_then(|b| velocity(before, b, end - short, end)).unwrap_or_default();
+        let change = |range: std::ops::Range<usize>| {
+            let square = |v: [f64; 4]| range.clone().map(|i| v[i] * v[i]).sum::<f64>();
+            let by = [0, 1, 2, 3].map(|i| after[i] - old[i]);
+            // The motion itself changes the velocity during the short time.
+            let fastest = m.compiled().map_or(0.0, |c| c.largest_speed(1.0, this.windows(), this.window_s));
+            Some(square(by).sqrt()).filter(|size| *size > BODY_SHARE * fastest)
+        };
+        for (size, unit, what) in
+            [(change(0..3), "m/s", "velocity"), (change(3..4), "rad/s", "angular velocity")]
+        {
+            let Some(size) = size else { continue };
+            all.push(Jump {
+                stage,
+                key: "body_motion",
+                size,
+                unit,
+                what: format!(
+                    "the {what} of the body \"{}\" changes between the end of stage `{}` and the start of stage `{}`",
+                    m.patches.join("\", \""),
+                    before.name,
+                    this.name
+                ),
+                remedy: "choose formulas whose rate at t = 0 is that at the end of the stage before, as \"0.1*(1 - cos(t))\" \
+                         after rest"
+                    .into(),
             });
         }
     }

@@ -110,7 +110,7 @@ pub mod structure_stats {
 
 /// Indices into [`Stats::values`] of the flow.
 pub mod flow_stats {
-    /// Force on the canopy at the end of the window, N: x, y, z at 0, 1, 2. In a stage of kind `flow-only`, whose flow no
+    /// Force on the canopy at the end of the window, N: x, y, z at 0, 1, 2. In a scene without a canopy, and in a stage of kind `flow-only`, whose flow no
     /// other program reads, that on the surfaces of `flow.forces.watch`.
     pub const FORCE: usize = 0;
     /// Unsteady residual before the first iteration, scaled.

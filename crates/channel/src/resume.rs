@@ -24,6 +24,9 @@ pub const GUST_SHAPE: &str = "flow.gust.shape";
 /// `case::MovingWall` define them.
 pub const BOUNDARY_VALUES: &str = "flow.boundary-values";
 
+/// Effect of a mesh-mover that moves rigid bodies as `case::BodyMotion` defines it.
+pub const BODY_MOTION: &str = "stage.body-motion";
+
 /// File with the warm-start data of a rank, in addition to its part of the program's state: warm starts, factors and
 /// all other data that affect only the last digits and are useless for another number of ranks.
 pub fn warm_start_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {

@@ -24,10 +24,11 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "stages.motion",
-        what: "prescribed motions start without displacement, and their velocity is continuous between stages",
+        what: "prescribed motions start without displacement, and their velocity is continuous between stages, also that of \
+               rigid bodies",
         estimate: "displacement at the start of the stage; velocity at its start minus velocity at the end of \
                    the previous stage",
-        range: "warning above round-off, 1e-9 m and 1e-9 m/s",
+        range: "warning above round-off, 1e-9 m and 1e-9 m/s; of bodies above 0.1 % of their largest speed",
         source: "a jump of the velocity V of a wall is a pressure of rho V c in the first window, with the speed of \
                  sound c",
         severity: Warning,
@@ -94,7 +95,7 @@ fn wind(facts: &Facts<'_>) -> Vec<Judged> {
 }
 
 fn motion(facts: &Facts<'_>) -> Vec<Judged> {
-    jumps_of(facts, &["motion"])
+    jumps_of(facts, &["motion", "body_motion"])
 }
 
 fn force(facts: &Facts<'_>) -> Vec<Judged> {

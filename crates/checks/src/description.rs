@@ -71,6 +71,9 @@ fn what(scene: &Scene, stage: &Stage) -> String {
         ),
         StageKind::FlowOnly if !scene.has_canopy() => "flow alone around rigid bodies at rest".into(),
         StageKind::FlowOnly => "flow alone around the canopy at rest".into(),
+        StageKind::Prescribed if stage.motions.is_empty() => {
+            "mesh and flow around rigid bodies with prescribed motion".into()
+        }
         StageKind::Prescribed => "mesh and flow around the canopy with prescribed motion".into(),
         StageKind::Coupled => {
             "coupled structure, mesh and flow".to_owned()

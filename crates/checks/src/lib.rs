@@ -18,6 +18,7 @@ pub mod run_time;
 pub mod shared_memory;
 pub mod table;
 
+mod bodies;
 mod boundaries;
 mod descent;
 mod fabric;

@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::finding::{Judged, Severity};
-use super::{boundaries, descent, fabric, flow, lines, names, resources, run_time, time};
+use super::{bodies, boundaries, descent, fabric, flow, lines, names, resources, run_time, time};
 
 /// A check: what Ripstop compares with what.
 pub struct Check {
@@ -42,6 +42,7 @@ pub fn all() -> impl Iterator<Item = &'static Check> {
         flow::CHECKS,
         time::CHECKS,
         boundaries::CHECKS,
+        bodies::CHECKS,
         resources::CHECKS,
         run_time::CHECKS,
     ]

@@ -1,4 +1,4 @@
-//! What inlets, outlets and walls with data of their own can cause in a flow.
+//! What inlets, outlets and walls with data of their own, and rigid bodies that move, can cause in a flow.
 
 use case::{Flow, Scene, TimeFactor, TimeFunction};
 use mesh::FlowGrid;
@@ -11,7 +11,7 @@ const SAMPLES: u32 = 256;
 /// Largest speed and pressure that the data of boundary patches prescribe, and the size of the grid that they drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoundaryDrive {
-    /// Largest speed of an inlet or a wall, m/s.
+    /// Largest speed of an inlet, a wall or a body, m/s.
     pub speed: f64,
     /// Largest pressure: of an outlet, and of friction over the grid at that speed, Pa.
     pub pressure: f64,
@@ -23,7 +23,8 @@ impl BoundaryDrive {
     /// Of a scene that has such data; its grid is built to know the area of the patches. Where no grid can be built, the
     /// flow itself reports why; until then the speed of sound stands for the speed.
     pub fn new(scene: &Scene) -> Option<Self> {
-        let flow = scene.flow.as_ref().filter(|f| f.has_boundary_values())?;
+        let bodies = scene.stages.iter().any(|s| !s.body_motions.is_empty());
+        let flow = scene.flow.as_ref().filter(|f| bodies || f.has_boundary_values())?;
         let grid = mesh::structure_mesh(scene)
             .and_then(|s| mesh::flow_grid(scene, &s, &s.coords[..s.n_canopy]))
             .unwrap_or_default();
@@ -35,7 +36,8 @@ impl BoundaryDrive {
         }
         let inlets = flow.inlets.iter().map(|i| inlet_speed(i, &grid) * largest(i.factor.as_ref()));
         let walls = flow.moving_walls.iter().map(|w| wall_speed(w, &grid) * largest(w.factor.as_ref()));
-        drive.speed = inlets.chain(walls).fold(0.0, f64::max);
+        let bodies = scene.stages.iter().map(|s| mesh::body_speed(s, &grid));
+        drive.speed = inlets.chain(walls).chain(bodies).fold(0.0, f64::max);
         let extents = extents(&grid);
         drive.size = extents.iter().copied().fold(0.0, f64::max);
         drive.pressure += friction(flow, drive.speed, extents);

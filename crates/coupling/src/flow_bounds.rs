@@ -2,7 +2,7 @@
 //!
 //! $`W`$ is the sum of the largest speed of the undisturbed air past the canopy and of the largest speed of the
 //! canopy's own motion so far in the stage; $`P`$ is the largest pressure that the scene applies or that carries the
-//! weight. Inlets, outlets and walls with data of their own count in $`W`$ and $`P`$, their grid in $`L`$. Air reaches at most a few times
+//! weight. Inlets, outlets and walls with data of their own, and bodies that move, count in $`W`$ and $`P`$, their grid in $`L`$. Air reaches at most a few times
 //! ```math
 //! W + \sqrt{2P/\rho}
 //! ```

@@ -3,6 +3,7 @@
 //! Topology and coordinates only: no physics and no MPI. Everything here is
 //! deterministic, so each program builds the same mesh from the same scene.
 
+mod bodies;
 mod boxes;
 mod error;
 mod faces;
@@ -17,6 +18,7 @@ mod structure;
 mod types;
 pub mod vtk;
 
+pub use bodies::{Clearance, body_speed, clearance};
 pub use boxes::*;
 pub use error::*;
 pub use faces::*;

@@ -120,6 +120,12 @@ impl FlowGrid {
         let patch = *self.boundary_patch.get(boundary_face)?;
         self.patch_names.get(usize::from(patch)).map(String::as_str)
     }
+
+    /// Boundary faces of the patches with these names, as their places in [`FlowGrid::boundary`].
+    pub fn faces_of<'a>(&'a self, patches: &'a [String]) -> impl Iterator<Item = usize> + 'a {
+        let of_patch = |k: &usize| self.patch_name(*k).is_some_and(|name| patches.iter().any(|p| p == name));
+        (0..self.boundary.len()).filter(of_patch)
+    }
 }
 
 /// The six faces of a hexahedron in VTK order, each oriented outwards.

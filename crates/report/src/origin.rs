@@ -93,7 +93,7 @@ pub(super) fn kind(kind: case::StageKind) -> &'static str {
         case::StageKind::PreInflation => "structure alone under a constant pressure",
         case::StageKind::FlowOnly => "flow alone on a fixed grid",
         case::StageKind::Coupled => "coupled structure, flow and descent",
-        case::StageKind::Prescribed => "flow around a canopy with prescribed motion",
+        case::StageKind::Prescribed => "flow around a canopy or bodies with prescribed motion",
     }
 }
 

@@ -23,7 +23,7 @@ pub const HISTORY: &[Column] = &[
     column("acceleration_m_s2", "Acceleration of the frame, positive upwards."),
     column(
         "drag_n",
-        "Vertical force of the air on the canopy, positive upwards. In a stage of kind `flow-only` with \
+        "Vertical force of the air on the canopy, positive upwards. In a stage of kind `flow-only` or without a canopy, with \
          `flow.forces.watch`, the force on the surfaces chosen there along their drag direction.",
     ),
     column(

@@ -35,6 +35,7 @@ impl MoverFixture {
             state,
             outer: settings.outer_boundary,
             regridder: None,
+            bodies: Default::default(),
         };
         let mover = MeshMover::on_grid(setup, comm).unwrap();
         let output = vec![f64::NAN; 6 * mover.output_rows().len()];

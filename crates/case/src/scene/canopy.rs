@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::check::Check;
-use crate::{Scene, StageKind};
+use crate::{Scene, Stage, StageKind};
 
 /// Geometry of fabric, lines and payload. Lengths are of the unstressed state.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -263,11 +263,16 @@ fn none(scene: &Scene, c: &mut Check) {
             c.refuse(key, format!("`{key}` belongs to a canopy, and canopy.kind is \"none\""), "remove it");
         }
     }
-    for (k, s) in scene.stages.iter().enumerate().filter(|(_, s)| s.kind != StageKind::FlowOnly) {
+    let without_canopy = |s: &Stage| match s.kind {
+        StageKind::FlowOnly => true,
+        StageKind::Prescribed => s.motions.is_empty(),
+        StageKind::Coupled | StageKind::PreInflation => false,
+    };
+    for (k, s) in scene.stages.iter().enumerate().filter(|(_, s)| !without_canopy(s)) {
         c.refuse(
             &format!("stage[{k}].kind"),
             format!("stage \"{}\" moves a canopy, and canopy.kind is \"none\"", s.name),
-            "use kind = \"flow-only\", or name a kind of canopy",
+            "use kind = \"flow-only\", or \"prescribed\" with [[stage.body_motion]] instead of [[stage.motion]], or name a kind of canopy",
         );
     }
 }

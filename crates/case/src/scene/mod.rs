@@ -6,6 +6,7 @@
 //! One file for each section holds its types, their defaults and the rules about its keys.
 
 mod accuracy;
+mod body_motion;
 mod boundary_values;
 mod canopy;
 mod coupling;
@@ -40,6 +41,7 @@ use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
 pub use accuracy::{Accuracy, Measured, Parameter, Quantity, Statistic};
+pub use body_motion::{BodyMotion, BodyRotation, Pose, RigidMotion};
 pub use boundary_values::{
     InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
 };

@@ -42,7 +42,7 @@ pub struct Forces {
     pub drag_direction: [f64; 3],
     /// Forces, moments and coefficients of chosen surfaces.
     pub coefficients: Vec<ForceCoefficients>,
-    /// The force that history, progress and summary of stages of kind `flow-only` show as the drag and that
+    /// The force that history, progress and summary of stages of kind `flow-only`, or without a canopy, show as the drag and that
     /// `stage.steady.force_change` watches: the name of an entry of `[[flow.forces.coefficients]]`, `canopy`, or `wall`
     /// (all no-slip walls). Absent: `canopy`; in a scene without a canopy the first entry, or `wall` without one.
     pub watch: Option<String>,
@@ -168,7 +168,7 @@ impl Scene {
             None => WatchedForce::Walls,
         };
         match forces.and_then(|f| f.watch.as_deref()) {
-            _ if kind != StageKind::FlowOnly => WatchedForce::Canopy,
+            _ if kind != StageKind::FlowOnly && self.has_canopy() => WatchedForce::Canopy,
             None => default(),
             Some(WALL) => WatchedForce::Walls,
             Some(name) => entries.iter().find(|e| e.name == name).map_or_else(default, WatchedForce::Entry),

@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{steady, wind};
+use super::{body_motion, steady, wind};
 use crate::check::{Check, NAME_OF_FOLDER, plain_name};
-use crate::{Canopy, Clock, Force, Gust, Integration, Motion, Role, Scene, StageWind, Steady};
+use crate::{BodyMotion, Canopy, Clock, Force, Gust, Integration, Motion, Role, Scene, StageWind, Steady};
 
 /// One stage of a run.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -49,6 +49,9 @@ pub struct Stage {
     /// Prescribed motions of nodes.
     #[serde(default, rename = "motion")]
     pub motions: Vec<Motion>,
+    /// Prescribed motions of rigid bodies.
+    #[serde(default, rename = "body_motion")]
+    pub body_motions: Vec<BodyMotion>,
     /// Forces on nodes.
     #[serde(default, rename = "force")]
     pub forces: Vec<Force>,
@@ -79,8 +82,8 @@ pub enum StageKind {
     FlowOnly,
     /// Structure, mesh and flow, coupled, with the descent (paper, section 5.2).
     Coupled,
-    /// Mesh and flow around a canopy that moves by `[[stage.motion]]`, at the initial descent
-    /// speed.
+    /// Mesh and flow around a canopy that moves by `[[stage.motion]]` and bodies that move by `[[stage.body_motion]]`, at
+    /// the initial descent speed.
     Prescribed,
 }
 
@@ -124,6 +127,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         steady::check(scene, stage, &at, c);
         wind::of_stage(scene, stage, &at, c);
         prescribed(scene, k, &at, c);
+        body_motion::check(scene, k, &at, c);
         times(stage, &at, c);
         steps_and_damping(scene, stage, &at, c);
         nodes(stage, &at, c);
@@ -283,11 +287,11 @@ fn prescribed(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Chec
     if s.kind != StageKind::Prescribed {
         return;
     }
-    if s.motions.is_empty() {
+    if s.motions.is_empty() && s.body_motions.is_empty() {
         c.refuse(
             &at("kind"),
-            format!("stage \"{}\" moves the canopy as prescribed, but prescribes nothing", s.name),
-            "add a [[stage.motion]], or use kind = \"flow-only\"",
+            format!("stage \"{}\" moves canopy and bodies as prescribed, but prescribes nothing", s.name),
+            "add a [[stage.motion]] of the canopy or a [[stage.body_motion]], or use kind = \"flow-only\"",
         );
     }
     if !s.forces.is_empty() {
