@@ -145,7 +145,7 @@ pub(crate) struct BoundaryArrays<'a> {
     pub pressure: &'a mut [f64],
     /// Velocity of walls in the falling frame, m/s: that of the grid before.
     pub wall_velocity: &'a mut [Vec3],
-    /// Rotation of walls from the face to the centre of its cell, m/s.
+    /// Rotation of walls from the face to the centre of its cell, m/s: that of the grid before.
     pub wall_spin: &'a mut [Vec3],
 }
 
@@ -282,7 +282,7 @@ impl BoundaryValues {
                     }
                     Value::Sliding(_) | Value::Rotation(..) => {
                         arrays.wall_velocity[face] += p.velocity(k, metrics, factor);
-                        arrays.wall_spin[face] = p.spin(side, metrics) * factor;
+                        arrays.wall_spin[face] += p.spin(side, metrics) * factor;
                     }
                 }
             }

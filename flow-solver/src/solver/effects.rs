@@ -57,21 +57,25 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     }
 
     /// Sets the data of boundary patches at the end of the step. Collective.
-    pub(super) fn fill_boundary_values(&mut self, moved: bool) -> Result<(), FlowError> {
+    pub(super) fn fill_boundary_values(&mut self, moved: bool, dt: f64) -> Result<(), FlowError> {
         let Some(mut values) = self.boundary.values.take() else { return Ok(()) };
-        let outcome = self.fill_from(&mut values, moved);
+        let outcome = self.fill_from(&mut values, moved, dt);
         self.boundary.values = Some(values);
         outcome
     }
 
-    fn fill_from(&mut self, values: &mut BoundaryValues, moved: bool) -> Result<(), FlowError> {
+    fn fill_from(&mut self, values: &mut BoundaryValues, moved: bool, dt: f64) -> Result<(), FlowError> {
         if moved {
             values.place(self.halo.comm(), &self.metrics)?;
         }
         let first = self.topology.cells.len();
         for side in values.wall_sides() {
-            let of_grid = self.mean_node_velocity(side.face);
-            self.wall_velocity[side.face as usize - first] = of_grid;
+            let (velocity, spin) = match moved {
+                true => self.rigid_wall(side, dt),
+                false => Default::default(),
+            };
+            self.wall_velocity[side.face as usize - first] = velocity;
+            self.boundary.spin[side.face as usize - first] = spin;
         }
         let (wind, gas) = (self.scheme.wind, &self.spatial.gas);
         let sound = gas.sound_speed_squared(&gas.undisturbed(wind)).sqrt();

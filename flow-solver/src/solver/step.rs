@@ -10,10 +10,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         }
         let order = self.order(step.dt);
         if step.moved {
-            self.move_grid()?;
+            self.move_grid(step.dt)?;
         }
         self.prepare(step, order);
-        self.fill_boundary_values(step.moved)?;
+        self.fill_boundary_values(step.moved, step.dt)?;
         let report = self.iterate(step, order)?;
         Ok(report)
     }
