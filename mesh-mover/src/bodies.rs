@@ -74,6 +74,16 @@ impl Bodies {
         Ok(this)
     }
 
+    /// As [`Bodies::new`], in a stage that starts with the nodes of `grid` where they are.
+    ///
+    /// # Errors
+    /// As [`Bodies::new`].
+    pub fn at_rest(motions: &[BodyMotion], grid: &FlowGrid) -> Result<Self, Fault> {
+        let mut this = Self::new(motions, grid)?;
+        this.start = this.nodes.iter().map(|&n| grid.coords[n as usize]).collect();
+        Ok(this)
+    }
+
     /// Number of nodes of all bodies.
     pub fn len(&self) -> usize {
         self.nodes.len()
