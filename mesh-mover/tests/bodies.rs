@@ -84,15 +84,25 @@ fn body_is_where_its_motion_ends_and_the_outer_boundary_at_rest() {
     assert!(free > 8 * 8, "the grid between follows: {free}");
 }
 
+/// A repeated window with half the length: body nodes to the bit. Within a window the nodes near the body follow it without a
+/// new solve, so that others differ by some per cent of a cell of 1 m.
 #[test]
 fn rejected_window_leaves_no_trace() {
-    let (mut once, mut twice) = (mover(&motion()), mover(&motion()));
+    let (motion, grid) = (motion(), grid());
+    let (mut once, mut twice) = (mover(&motion), mover(&motion));
+    let body: Vec<u32> = grid.faces_of(&motion.patches).flat_map(|f| grid.boundary[f].1).collect();
     for (index, time) in [(0, 0.0), (1, 0.5 * DT)] {
         let half = window(index, 1, time, 0.5 * DT);
         advance(&mut twice, &window(index, 0, time, DT));
-        assert_eq!(advance(&mut once, &half), advance(&mut twice, &half));
-        once.accept(&half).unwrap();
-        twice.accept(&half).unwrap();
+        let [a, b] = [&mut once, &mut twice].map(|mover| {
+            let rows = advance(mover, &half);
+            mover.accept(&half).unwrap();
+            rows
+        });
+        let (a, b) = (a.as_chunks::<6>().0, b.as_chunks::<6>().0);
+        assert!(body.iter().all(|&n| a[n as usize] == b[n as usize]));
+        let off = a.iter().zip(b).flat_map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).abs())).fold(0.0, f64::max);
+        assert!(off < 0.05, "{off}");
     }
 }
 

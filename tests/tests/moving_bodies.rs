@@ -378,13 +378,15 @@ fn later_stages_start_where_the_body_is() {
         format!("[[stage.body_motion]]\npatches = [\"body\"]\ndisplacement_m = [\"{x}\", \"0\", \"0\"]\n")
     };
     let text = format!(
-        "{start}{}{}",
+        "{}{}{}{}",
+        start.replace("wind_m_s = [0.0,", "wind_m_s = [0.1,"),
         stage("first", "prescribed", &motion("2*t")),
+        stage("held", "flow-only", ""),
         stage("second", "prescribed", &motion("-t"))
     );
     let file = scene(folder.path(), "stages", &text);
     let out = folder.path().join("stages");
-    succeed(ripstop_run(&file, &out, &["--quiet", "--stop-after-windows", "7"]));
+    succeed(ripstop_run(&file, &out, &["--quiet", "--stop-after-windows", "12"]));
     succeed(ripstop_run(&file, &out, &["--quiet", "--resume"]));
     let middle = |stage: &str| {
         let state =

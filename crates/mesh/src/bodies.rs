@@ -95,7 +95,7 @@ fn fixed_nodes(
     let touching: Vec<_> = shared.iter().filter_map(|&k| grid.boundary_patch.get(k)).collect();
     let fixed = |k: &usize| {
         let touches = grid.boundary_patch.get(*k).is_some_and(|p| touching.contains(&p));
-        !face_moves[*k] && !(sliding && touches)
+        !(face_moves[*k] || sliding && touches)
     };
     let mut nodes: Vec<u32> =
         (0..grid.boundary.len()).filter(fixed).flat_map(|k| grid.boundary[k].1).collect();
