@@ -72,7 +72,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         for side in values.wall_sides() {
             let (velocity, spin) = match moved {
                 true => self.rigid_wall(side, dt),
-                false => Default::default(),
+                false => (self.mean_node_velocity(side.face), Vec3::zeros()),
             };
             self.wall_velocity[side.face as usize - first] = velocity;
             self.boundary.spin[side.face as usize - first] = spin;

@@ -43,7 +43,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// Velocity of a wall of the outer boundary at its face, and what the rotation of the wall as a rigid body adds to it at the
     /// centre of the cell, m/s: a rotation of wall and air together has no friction. By the time difference of the step, as the
-    /// volumes that the face sweeps.
+    /// volumes that the face sweeps. Where the nodes are at rest, the velocities that the grid comes with: a wall may slide on it.
     pub(super) fn rigid_wall(&self, side: &Side, dt: f64) -> (Vec3, Vec3) {
         let [c0, _, c2] = self.order(dt).c;
         let [x1, x2] = [&self.previous[0].nodes, &self.previous[1].nodes];
@@ -55,7 +55,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let count = nodes.len() as f64;
         let mean = nodes.iter().fold(Vec3::zeros(), |s, &n| s + velocity(n)) / count;
         if nodes.iter().all(|&n| velocity(n) == Vec3::zeros()) {
-            return (mean, Vec3::zeros());
+            return (self.mean_node_velocity(side.face), Vec3::zeros());
         }
         let middle = nodes.iter().fold(Vec3::zeros(), |s, &n| s + self.nodes[n as usize]) / count;
         let rate =
