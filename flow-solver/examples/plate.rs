@@ -12,7 +12,7 @@ mod common;
 mod plate;
 
 use flow_solver::geometry::vec3::Vec3;
-use flow_solver::physics::{EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent};
+use flow_solver::physics::{EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent, WallTreatment};
 use flow_solver::turbulence::{SpalartAllmaras, ddes};
 use flow_solver::{Loads, Method, Solver, Step};
 
@@ -48,7 +48,11 @@ fn main() {
         let solver = common::solver_on(grid, IdealGas::new(air), viscosity, settings);
         run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));
     } else if arg(11, 0.0) == 1.0 {
-        let modelled = Turbulent { viscosity: viscosity.viscosity, eddies: EddyViscosity::TransportInput };
+        let modelled = Turbulent {
+            viscosity: viscosity.viscosity,
+            eddies: EddyViscosity::TransportInput,
+            wall: WallTreatment::Automatic,
+        };
         let mut solver = common::solver_on(grid, Isothermal::new(air), modelled, settings);
         solver.set_turbulence(SpalartAllmaras::new(&solver.topology, modelled.viscosity, 1.225, ddes));
         run(solver, steps, dt, speed, arg(6, 2.0), arg(10, 0.0));

@@ -12,7 +12,7 @@ use crate::error::FlowError;
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
 use crate::physics::{
-    EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent, ViscosityModel, velocity,
+    EddyViscosity, Gas, IdealGas, Isothermal, Laminar, Turbulent, ViscosityModel, WallTreatment, velocity,
 };
 use crate::residual::Spatial;
 use crate::setup::Setup;
@@ -70,7 +70,11 @@ fn viscosity(flow: &Flow) -> ViscosityModel {
             EddyViscosity::TransportInput
         }
     };
-    Turbulent { viscosity, eddies }.into()
+    let wall = match v.wall_treatment() {
+        Some(case::WallTreatment::Automatic) => WallTreatment::Automatic,
+        Some(case::WallTreatment::Resolved) | None => WallTreatment::Resolved,
+    };
+    Turbulent { viscosity, eddies, wall }.into()
 }
 
 /// The solver on this rank's part of the grid, in undisturbed air. Collective.
@@ -283,6 +287,17 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         }
     }
 
+    /// Says how far the first cells are from no-slip walls, where turbulence is modelled. Collective.
+    fn report_wall_units(&self) {
+        if !matches!(self.solver.spatial.viscosity, ViscosityModel::Turbulent(_)) {
+            return;
+        }
+        let units = self.solver.wall_units();
+        if let (true, Some([median, largest])) = (self.solver.comm().is_root(), units) {
+            println!("y+ of the first cells at no-slip walls: median {median:.1}, largest {largest:.1}");
+        }
+    }
+
     fn stats(&self, total: &Total, report: &Report, dt: f64) -> [f64; channel::STATS] {
         let s = &self.solver;
         let (mut mach, mut courant, mut high, mut low) = (0.0f64, 0.0f64, f64::MIN, f64::MAX);
@@ -393,6 +408,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
         let _part = timing::part("save");
+        self.report_wall_units();
         let s = &self.solver;
         let file = case::state_file(folder, Role::Flow);
         if let Some(statistics) = self.monitors.statistics() {

@@ -8,9 +8,10 @@ use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
 use crate::physics::{
     self, Blending, BoundaryFace, FaceFlux, FluxParameters, Gas, Interface, Viscosity, ViscosityModel,
-    velocity,
+    WallLaw, WallTreatment, velocity,
 };
 use crate::topology::{OpenSides, Side, Topology};
+use crate::turbulence::face_viscosity;
 
 /// Models and constants of the spatial scheme. Loops over faces take it with the type of its viscosity, see
 /// `for_viscosity`.
@@ -74,6 +75,9 @@ pub struct Domain<'a> {
     /// Transported dynamic eddy viscosity of local cells, Pa s. Read where
     /// [`ViscosityModel::transported`].
     pub eddy: &'a [f64],
+    /// Transported working variable of local cells times density, Pa s, from which that of faces follows: the eddy viscosity
+    /// itself grows with its fourth power next to walls, where the mean of two cells is far off.
+    pub working: &'a [f64],
 }
 
 impl Domain<'_> {
@@ -197,8 +201,11 @@ impl<G: Copy> Spatial<G> {
         scheme: &FluxParameters,
         q: &[[f64; N]],
         side: &Side,
-    ) -> Vec3 {
-        traction(self.viscosity.molecular(), on, scheme, q, side)
+    ) -> Vec3
+    where
+        G: Gas<N>,
+    {
+        self.near_wall(on, scheme, q, side).traction()
     }
 
     /// Viscous force of the air on a slip wall, N: the normal stress of air that spreads along it.
@@ -217,21 +224,42 @@ impl<G: Copy> Spatial<G> {
     }
 }
 
-/// The same for a fluid of dynamic viscosity `mu`, Pa s. The sub-grid model is silent at a wall: no eddy is smaller
-/// than it.
-fn traction<const N: usize>(
-    mu: f64,
-    on: &Domain<'_>,
-    scheme: &FluxParameters,
-    q: &[[f64; N]],
-    side: &Side,
-) -> Vec3 {
-    let face = on.face(side);
-    let spin = on.wall_spin.get(side.face as usize - on.topology.cells.len()).copied().unwrap_or_default();
-    let slip = velocity(&q[side.cell as usize]) - wall_velocity(on, scheme, side) - spin;
-    // Its own distance: a wall of zero thickness has another cell behind it.
-    let height = on.metrics.height(side);
-    physics::wall_traction(mu, slip, face.area * (1.0 / face.magnitude()), height)
+/// The air next to a no-slip wall.
+#[derive(Clone, Copy, Debug)]
+pub struct NearWall {
+    /// Velocity along the wall and relative to it, m/s.
+    pub slip: Vec3,
+    /// Distance of the cell centre, m.
+    pub height: f64,
+    /// Dynamic viscosity of the fluid, Pa s. The sub-grid model is silent at a wall: no eddy is smaller than it.
+    pub viscosity: f64,
+    /// The law of the wall, where friction follows from it.
+    pub law: Option<WallLaw>,
+}
+
+impl NearWall {
+    /// Shear stress on the wall, Pa.
+    #[inline(always)]
+    pub fn traction(&self) -> Vec3 {
+        let stress = self.law.map_or(1.0, |law| law.stress);
+        physics::wall_traction(self.viscosity * stress, self.slip, self.height)
+    }
+
+    /// Derivative of the shear stress by the slip times the height, Pa s, where the law of the wall gives it.
+    #[inline(always)]
+    pub fn stiffness(&self) -> Option<f64> {
+        self.law.map(|law| self.viscosity * law.stress * law.exponent)
+    }
+
+    /// Height in wall units, $`y^+`$, at density `rho`, kg/m3.
+    pub fn units(&self, rho: f64) -> f64 {
+        (self.traction().norm() * rho).sqrt() * self.height / self.viscosity
+    }
+
+    /// Velocity gradient at the cell centre, 1/s.
+    pub fn gradient(&self) -> f64 {
+        self.slip.norm() / self.height * self.law.map_or(1.0, |law| law.gradient)
+    }
 }
 
 fn wall_velocity(on: &Domain<'_>, scheme: &FluxParameters, side: &Side) -> Vec3 {
@@ -355,7 +383,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         let h = 0.5 * (on.metrics.size[i] + on.metrics.size[j]);
         let mut mu = self.viscosity.dynamic(self.gas.density(l), &u, h);
         if self.viscosity.transported() {
-            mu += 0.5 * (on.eddy[i] + on.eddy[j]);
+            mu = face_viscosity([on.working[i], on.working[j]], mu);
         }
         let force = physics::stress_force(mu, &u, face.area);
         let work = force.dot(&((velocity(l) + velocity(r)) * 0.5));
@@ -423,8 +451,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
     where
         G: Gas<N>,
     {
-        let mu = self.viscosity.into().molecular();
-        let force = traction(mu, on, scheme, field.q, side) * on.face(side).magnitude();
+        let force = self.near_wall(on, scheme, field.q, side).traction() * on.face(side).magnitude();
         let wall = wall_velocity(on, scheme, side);
         let heat = self.gas.conduction(0.0, |_| 0.0, -force.dot(&wall));
         let mut flux = heat.map(|h| -h);
@@ -432,6 +459,35 @@ impl<G, V: Viscosity> Spatial<G, V> {
             flux[1 + d] += force[d];
         }
         flux
+    }
+}
+
+impl<G, V: Copy + Into<ViscosityModel>> Spatial<G, V> {
+    /// The air next to the no-slip wall of `side`.
+    pub fn near_wall<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &FluxParameters,
+        q: &[[f64; N]],
+        side: &Side,
+    ) -> NearWall
+    where
+        G: Gas<N>,
+    {
+        let (face, model, cell) = (on.face(side), self.viscosity.into(), side.cell as usize);
+        let spin =
+            on.wall_spin.get(side.face as usize - on.topology.cells.len()).copied().unwrap_or_default();
+        let velocity = velocity(&q[cell]) - wall_velocity(on, scheme, side) - spin;
+        let slip = physics::along_wall(velocity, face.area * (1.0 / face.magnitude()));
+        // Its own distance: a wall of zero thickness has another cell behind it.
+        let (height, viscosity) = (on.metrics.height(side), model.molecular());
+        let law = match model.wall_treatment() {
+            WallTreatment::Resolved => None,
+            WallTreatment::Automatic => {
+                Some(WallLaw::new(slip.norm(), height, viscosity / self.gas.density(&q[cell])))
+            }
+        };
+        NearWall { slip, height, viscosity, law }
     }
 }
 

@@ -11,7 +11,7 @@ use crate::boundary_values::BoundaryValues;
 use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
 use crate::permeable::Permeability;
-use crate::physics::{Air, EddyViscosity, Isothermal, Laminar, Turbulent, Viscosity};
+use crate::physics::{Air, EddyViscosity, Isothermal, Laminar, Turbulent, Viscosity, WallTreatment};
 use crate::residual::Spatial;
 use crate::setup::partitioned;
 use crate::solver::{Method, Settings, Solver, Step};
@@ -30,9 +30,13 @@ use crate::turbulence::{SpalartAllmaras, ddes};
 pub fn self_test(comm: &Comm, file: &Path, effect: &str) -> Result<Vec<Vec3>, Fault> {
     let viscosity = 0.02;
     match effect {
-        "turbulent" => {
-            run(comm, file, Turbulent { viscosity, eddies: EddyViscosity::TransportInput }, None, PLAIN)
-        }
+        "turbulent" => run(
+            comm,
+            file,
+            Turbulent { viscosity, eddies: EddyViscosity::TransportInput, wall: WallTreatment::Automatic },
+            None,
+            PLAIN,
+        ),
         "permeable" => run(comm, file, Laminar { viscosity }, Some(Permeability::new(5.0, 1.0)), PLAIN),
         "patches" => run(comm, file, Laminar { viscosity }, None, PATCHES),
         _ => run(comm, file, Laminar { viscosity }, None, PLAIN),

@@ -22,7 +22,7 @@ use std::f64::consts::PI;
 
 use common::{at_rest, isothermal, settings};
 use flow_solver::Loads;
-use flow_solver::physics::{EddyViscosity, Laminar, Turbulent, Viscosity};
+use flow_solver::physics::{EddyViscosity, Laminar, Turbulent, Viscosity, WallTreatment};
 use flow_solver::turbulence::{SpalartAllmaras, ddes};
 use mesh::FlowGrid;
 
@@ -196,7 +196,7 @@ fn high(disk: bool, across: usize) -> f64 {
     let viscosity = RHO * SPEED / 1e5;
     drag(
         &sheet(disk, across),
-        Turbulent { viscosity, eddies: EddyViscosity::TransportInput },
+        Turbulent { viscosity, eddies: EddyViscosity::TransportInput, wall: WallTreatment::Automatic },
         Some(viscosity),
         [0.16 / across as f64, 50.0, 150.0],
     )

@@ -16,9 +16,10 @@ use flow_solver::implicit::{Correction, LuSgs, PressureCorrection, PressureSyste
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
     self, Air, BoundaryFace, EddyViscosity, FaceFlux, FarField, FluxParameters, Gas, IdealGas, Inviscid,
-    Isothermal, Turbulent, Viscosity, preconditioner, reference_speed, spectral_radius,
+    Isothermal, Turbulent, Viscosity, WallTreatment, preconditioner, reference_speed, spectral_radius,
 };
 use flow_solver::residual::Domain;
+use flow_solver::topology::Side;
 use flow_solver::{Settings, Solver};
 use mesh::{FlowGrid, Patch, box_grid, plate_grid};
 use nalgebra::{DMatrix, DVector};
@@ -140,6 +141,21 @@ fn porous_faces<G: Gas<N>, const N: usize>(s: &Solver<G, N>) -> Vec<([usize; 2],
         .collect()
 }
 
+/// Derivative of the friction on a wall by the velocity, times the height, by differences; `None` where the wall is resolved.
+fn stiffness<G: Gas<N>, const N: usize>(
+    s: &Solver<G, N>,
+    on: &Domain<'_>,
+    scheme: &FluxParameters,
+    side: &Side,
+) -> Option<f64> {
+    let wall = s.spatial.near_wall(on, scheme, &s.q, side);
+    wall.law?;
+    let (speed, step) = (wall.slip.norm(), 1e-5 * wall.slip.norm());
+    let nu = wall.viscosity / s.spatial.gas.density(&s.q[side.cell as usize]);
+    let stress = |u: f64| wall.viscosity * u * physics::WallLaw::new(u, wall.height, nu).stress;
+    Some((stress(speed + step) - stress(speed - step)) / (2.0 * step))
+}
+
 /// `(D + L) D^-1 (D + U) x = -r` of LU-SGS: `D` of pseudo time, time and half the waves, off-diagonal blocks
 /// `(A - lambda Gamma) / 2`.
 #[expect(clippy::too_many_lines, reason = "the method written down once more, from top to bottom")]
@@ -207,7 +223,8 @@ fn lu_sgs<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosity: V, own: f6
     if V::ACTIVE {
         for side in &t.no_slip {
             let c = side.cell as usize;
-            waves[c] += 2.0 * nu(c) * m.faces[side.face as usize].area.norm() / m.height(side);
+            let nu = stiffness(&s, &on, &scheme, side).map_or_else(|| nu(c), |mu| mu / gas.density(&s.q[c]));
+            waves[c] += 2.0 * nu * m.faces[side.face as usize].area.norm() / m.height(side);
         }
     }
     for c in 0..n {
@@ -237,8 +254,14 @@ fn lu_sgs_matches_its_dense_factors() {
     lu_sgs::<_, _, 4>(Isothermal::new(cold()), Inviscid, 0.0);
     lu_sgs::<_, _, 5>(
         IdealGas::new(cold()),
-        Turbulent { viscosity: 0.3, eddies: EddyViscosity::TransportInput },
+        Turbulent { viscosity: 0.3, eddies: EddyViscosity::TransportInput, wall: WallTreatment::Resolved },
         0.3,
+    );
+    let wall = WallTreatment::Automatic;
+    lu_sgs::<_, _, 4>(
+        Isothermal::new(cold()),
+        Turbulent { viscosity: 1e-3, eddies: EddyViscosity::TransportInput, wall },
+        1e-3,
     );
 }
 
@@ -306,7 +329,8 @@ fn pressure_correction<G: Gas<N>, V: Viscosity, const N: usize>(gas: G, viscosit
     if V::ACTIVE {
         for side in &t.no_slip {
             let c = side.cell as usize;
-            a[(c, c)] += mu(c) * area(side.face) / m.height(side);
+            let mu = stiffness(&s, &on, &scheme, side).unwrap_or_else(|| mu(c));
+            a[(c, c)] += mu * area(side.face) / m.height(side);
         }
     }
     let passing: Vec<_> = porous_faces(&s)
@@ -421,8 +445,14 @@ fn pressure_correction_matches_its_dense_system() {
     pressure_correction::<_, _, 4>(Isothermal::new(cold()), Inviscid, 0.0);
     pressure_correction::<_, _, 5>(
         IdealGas::new(cold()),
-        Turbulent { viscosity: 0.3, eddies: EddyViscosity::TransportInput },
+        Turbulent { viscosity: 0.3, eddies: EddyViscosity::TransportInput, wall: WallTreatment::Resolved },
         0.3,
+    );
+    let wall = WallTreatment::Automatic;
+    pressure_correction::<_, _, 4>(
+        Isothermal::new(cold()),
+        Turbulent { viscosity: 1e-3, eddies: EddyViscosity::TransportInput, wall },
+        1e-3,
     );
 }
 

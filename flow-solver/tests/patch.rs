@@ -15,6 +15,7 @@ use flow_solver::gradient::Gradient;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{
     self, Air, EddyViscosity, FaceFlux, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity,
+    WallTreatment,
 };
 use flow_solver::residual::Domain;
 use flow_solver::topology::OpenSides;
@@ -92,6 +93,16 @@ fn stepping<G, const N: usize>(s: &Solver<G, N>, frame: Vec3) -> physics::FluxPa
     physics::FluxParameters { rate: 150.0, rhie_chow: [150.0, -200.0, 50.0], frame, ..s.scheme }
 }
 
+/// Viscosity of a constant stress between two cells with a linear working variable, by ten thousand midpoints.
+fn series([a, b]: [f64; 2], mu: f64) -> f64 {
+    let n = 10_000;
+    let resistance = |k: i32| {
+        let x = (a + (b - a) * (f64::from(k) + 0.5) / f64::from(n)) / mu;
+        1.0 / (mu * (1.0 + x * x.powi(3) / (x.powi(3) + 7.1f64.powi(3))))
+    };
+    f64::from(n) / (0..n).map(resistance).sum::<f64>()
+}
+
 /// Compares the residual of a linear field with the fluxes of the field itself, in every cell in which
 /// the gradient is exact and whose neighbours' is; all of them on hexahedra.
 #[expect(clippy::too_many_lines, reason = "the fluxes of one field on every kind of face")]
@@ -110,21 +121,20 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
         f.grid_flux = f.area.dot(&frame) + 0.01 * noise.next();
     }
     let eddy: Vec<f64> = (0..s.q.len()).map(|_| 0.3 + 0.2 * noise.next()).collect();
+    let fluid = viscosity.dynamic(1.0, &Mat3::zeros(), 0.0);
+    let working: Vec<f64> = (0..s.q.len()).map(|_| fluid * (8.0 + noise.next())).collect();
     let borders = s.metrics.faces.len() - s.topology.cells.len();
     let wall: Vec<Vec3> = (0..borders).map(|_| Vec3::from_fn(|_, _| noise.next())).collect();
     let sheared: Vec<Vec3> = (0..borders).map(|_| Vec3::from_fn(|_, _| noise.next())).collect();
-    let on = Domain { wall_velocity: &wall, sheared: &sheared, eddy: &eddy, ..s.domain() };
+    let on = Domain { wall_velocity: &wall, sheared: &sheared, eddy: &eddy, working: &working, ..s.domain() };
     let scheme = stepping(&s, frame);
     let (found, gradient, face_flux) = evaluate(&s, &on, &scheme);
 
     let (t, m) = (&s.topology, &s.metrics);
     let g = field.velocity_slope();
-    let more = |mu: f64, cells: &[usize]| {
-        mu + if s.spatial.viscosity.transported() {
-            cells.iter().map(|&c| eddy[c]).sum::<f64>() / cells.len() as f64
-        } else {
-            0.0
-        }
+    let of_cell = |mu: f64, c: usize| mu + if s.spatial.viscosity.transported() { eddy[c] } else { 0.0 };
+    let of_face = |mu: f64, i: usize, j: usize| {
+        if s.spatial.viscosity.transported() { series([working[i], working[j]], mu) } else { mu }
     };
     // Where a needle is shortened, gradients are not exact.
     let straight = |c: usize| {
@@ -147,7 +157,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
         }
         if V::ACTIVE {
             let mu = viscosity.dynamic(gas.density(&q), &g, 0.5 * (m.size[i] + m.size[j]));
-            let mu = more(mu, &[i, j]);
+            let mu = of_face(mu, i, j);
             let pull = force(mu, &g, f.area);
             (0..3).for_each(|d| flux[1 + d] -= pull[d]);
             if N > 4 {
@@ -171,7 +181,7 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
     if V::ACTIVE {
         for side in &t.slip {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
-            let mu = more(viscosity.dynamic(gas.density(&s.q[c]), &g, m.size[c]), &[c]);
+            let mu = of_cell(viscosity.dynamic(gas.density(&s.q[c]), &g, m.size[c]), c);
             let n = f.area * (1.0 / f.area.norm());
             let normal = side.sign * force(mu, &g, f.area).dot(&n);
             gain(c, std::array::from_fn(|v| if (1..4).contains(&v) { -normal * n[v - 1] } else { 0.0 }));
@@ -184,8 +194,12 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
             let slip: Vec3 = Vec3::from_fn(|d, _| air[1 + d] - w[d] - frame[d]);
             let along: Vec3 = Vec3::from_fn(|d, _| slip[d] - slip.dot(&n) * n[d]);
             let height = side.sign * (m.border(side.face) - m.centre(c)).dot(&n);
-            // No eddies at a wall: the fluid's own viscosity.
-            let mu = viscosity.dynamic(gas.density(air), &Mat3::zeros(), 0.0);
+            // No eddies at a wall: the fluid's own viscosity, or what the law of the wall makes of it.
+            let mut mu = viscosity.dynamic(gas.density(air), &Mat3::zeros(), 0.0);
+            if s.spatial.viscosity.wall_treatment() == WallTreatment::Automatic {
+                let law = physics::WallLaw::new(along.norm(), height, mu / gas.density(air));
+                mu *= law.y * mu / (gas.density(air) * along.norm() * height) * law.y;
+            }
             let drag = along.map(|u| mu * u / height * f.area.norm());
             let work = (0..3).map(|d| drag[d] * (w[d] + frame[d])).sum::<f64>();
             gain(
@@ -254,12 +268,25 @@ fn fluxes_of_linear_fields_are_exact_in_isothermal_air() {
         linear_field(
             shape,
             Isothermal::new(air),
-            Turbulent { viscosity: 0.2, eddies: EddyViscosity::TransportInput },
+            Turbulent {
+                viscosity: 0.2,
+                eddies: EddyViscosity::TransportInput,
+                wall: WallTreatment::Resolved,
+            },
         );
         linear_field(
             shape,
             Isothermal::new(air),
-            Turbulent { viscosity: 0.1, eddies: EddyViscosity::Smagorinsky },
+            Turbulent {
+                viscosity: 1e-3,
+                eddies: EddyViscosity::TransportInput,
+                wall: WallTreatment::Automatic,
+            },
+        );
+        linear_field(
+            shape,
+            Isothermal::new(air),
+            Turbulent { viscosity: 0.1, eddies: EddyViscosity::Smagorinsky, wall: WallTreatment::Resolved },
         );
     }
 }
@@ -272,7 +299,11 @@ fn fluxes_of_linear_fields_are_exact_in_ideal_gas() {
         linear_field(
             shape,
             IdealGas::new(air),
-            Turbulent { viscosity: 0.4, eddies: EddyViscosity::TransportInput },
+            Turbulent {
+                viscosity: 0.4,
+                eddies: EddyViscosity::TransportInput,
+                wall: WallTreatment::Automatic,
+            },
         );
     }
 }

@@ -10,7 +10,9 @@ use std::f64::consts::PI;
 
 use common::{at_rest, isothermal, settings, solver_of};
 use flow_solver::geometry::vec3::Vec3;
-use flow_solver::physics::{EddyViscosity, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent};
+use flow_solver::physics::{
+    EddyViscosity, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, WallTreatment,
+};
 use flow_solver::{Loads, Method, Step};
 use mesh::{Patch, box_grid};
 
@@ -318,7 +320,7 @@ fn air_at_rest_stays_at_rest() {
     let grid = box_grid([5, 4, 3], [0.0; 3], [1.0; 3], [Patch::Wall; 6]);
     let mut s = isothermal(
         &grid,
-        Turbulent { viscosity: 1.8e-5, eddies: EddyViscosity::Smagorinsky },
+        Turbulent { viscosity: 1.8e-5, eddies: EddyViscosity::Smagorinsky, wall: WallTreatment::Resolved },
         settings([0.0; 3], 1e-6),
     );
     s.advance(&at_rest(0.01)).unwrap();

@@ -139,6 +139,7 @@ fn effects_of_the_flow_are_checked_for_sense_and_contradictions() {
         (shear("\"table\"\nheight_m = [0, 9]\ntable_m_s = [[0, 0, 0], [1, 0, 0]]"), STEADY),
         (turbulent("ddes"), STEADY),
         (turbulent("spalart-allmaras"), march),
+        (format!("{}wall_treatment = \"automatic\"\n", turbulent("wale")), STEADY),
         (cloth("cloth = \"mil-c7020-type3\""), march),
         (cloth("viscous_pa_s_m = inf"), STEADY),
     ] {
@@ -157,6 +158,7 @@ fn effects_of_the_flow_are_checked_for_sense_and_contradictions() {
         (windy("\"power\"\nexponent = 3"), STEADY, "0.1 to 0.3 is usual"),
         (windy("\"power\""), march, "another wind at every height"),
         (turbulent("wale"), march, "never steady"),
+        ("[flow.viscosity]\nwall_treatment = \"resolved\"\n".to_owned(), STEADY, "has no law of the wall"),
         (
             "[flow.gust]\nvelocity_m_s = [1, 0, 0]\nduration_s = 1\nclock = \"stage\"\n".to_owned(),
             march,

@@ -1,6 +1,6 @@
 //! Checks of the flow: grid, resolution along and across the canopy, outer boundary, Mach number.
 
-use case::{Canopy, StageKind};
+use case::{Canopy, StageKind, WallTreatment};
 
 use super::facts::{Facts, digits, percent};
 use super::finding::Judged;
@@ -47,11 +47,13 @@ pub const CHECKS: &[Check] = &[
         estimate: "boundary-layer thickness delta half a width downstream along the canopy: 5 x / Re_x^1/2 laminar, 0.37 x / Re_x^1/5 turbulent (Re_x above \
                    5e5); with a turbulence model y+ = u_tau y / nu of the first cell centre, \
                    u_tau = U (0.029 Re_x^-1/5)^1/2",
-        range: "warning for a first layer thicker than delta / 5, or y+ above 5 with a turbulence model",
-        source: "Schlichting, Boundary Layer Theory; the flow-solver has no wall functions; its flat plate is \
-                 verified at y+ 0.93",
+        range: "warning for a first layer thicker than delta / 5, or, with a turbulence model, y+ above 300; with \
+                flow.viscosity.wall_treatment = \"resolved\" above 5",
+        source: "Schlichting, Boundary Layer Theory; docs/records/verification.md: skin friction of the flat plate at y+ 1 to 300 \
+                 with the law of the wall",
         severity: Warning,
-        remedy: "reduce flow.grid.first_layer_m and add layers; or omit [flow.viscosity]: with separation at the rim the \
+        remedy: "reduce flow.grid.first_layer_m and add layers; where only y+ is too large, set \
+                 flow.viscosity.wall_treatment = \"automatic\"; or omit [flow.viscosity]: with separation at the rim the \
                  drag of a canopy is mainly pressure drag",
         when: When::Before(boundary_layer),
     },
@@ -180,9 +182,13 @@ fn boundary_layer(f: &Facts<'_>) -> Vec<Judged> {
     let (run, re) = (0.5 * n.width, 0.5 * n.reynolds);
     let delta = thickness(run, re);
     let plus = wall_units(0.5 * first, n.speed, v.dynamic_viscosity_pa_s / n.density, re);
-    let modelled = v.turbulence.is_some();
-    let severity = if first > 0.2 * delta || (modelled && plus > 5.0) { Warning } else { Note };
-    let wall = if modelled { format!(", y+ about {}", digits(plus)) } else { String::new() };
+    let largest = match v.wall_treatment() {
+        None => f64::INFINITY,
+        Some(WallTreatment::Automatic) => 300.0,
+        Some(WallTreatment::Resolved) => 5.0,
+    };
+    let severity = if first > 0.2 * delta || plus > largest { Warning } else { Note };
+    let wall = if v.turbulence.is_some() { format!(", y+ about {}", digits(plus)) } else { String::new() };
     let figure = format!(
         "at a Reynolds number of {} the boundary layer is about {} m thick; the first cells are {} m{wall}",
         digits(n.reynolds),

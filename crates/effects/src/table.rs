@@ -53,7 +53,7 @@ fn turbulence(s: &Scene) -> Option<Turbulence> {
 
 fn laminar(s: &mut Scene) {
     if let Some(v) = s.flow.as_mut().and_then(|f| f.viscosity.as_mut()) {
-        v.turbulence = None;
+        (v.turbulence, v.wall_treatment) = (None, None);
     }
 }
 

@@ -147,7 +147,9 @@ impl<const N: usize> LuSgs<N> {
         if V::ACTIVE {
             for side in &t.no_slip {
                 let (face, i) = (&m.faces[side.face as usize], side.cell as usize);
-                self.wave_sum[i] += 2.0 * nu(i) * face.magnitude() / m.height(side);
+                let wall = spatial.near_wall(on, scheme, q, side);
+                let stiffness = wall.stiffness().map_or_else(|| nu(i), |mu| mu / gas.density(&q[i]));
+                self.wave_sum[i] += 2.0 * stiffness * face.magnitude() / wall.height;
             }
         }
     }

@@ -276,8 +276,10 @@ impl PressureCorrection {
             self.sweeps = if sums[0] > VISCOUS * sums[1] { VISCOUS_SWEEPS } else { 1 };
             for side in &t.no_slip {
                 let face = &m.faces[side.face as usize];
+                let wall = spatial.near_wall(on, scheme, field.q, side);
                 self.diagonal[side.cell as usize] +=
-                    viscosity(side.cell as usize) * face.magnitude() / m.height(side);
+                    wall.stiffness().unwrap_or_else(|| viscosity(side.cell as usize)) * face.magnitude()
+                        / wall.height;
             }
         }
     }

@@ -7,6 +7,7 @@
 mod blending;
 mod flux;
 mod gas;
+mod law_of_the_wall;
 mod open_boundary;
 mod permeability;
 mod precondition;
@@ -16,11 +17,13 @@ pub use blending::{Blending, unresolved_in_time};
 pub(crate) use flux::relative_speed;
 pub use flux::{FaceFlux, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, wall};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
+pub use law_of_the_wall::{WallLaw, WallTreatment, velocity_ratio, velocity_slope};
 pub use open_boundary::{BoundaryFace, FarField, OpenBoundary, Outlet, open_boundary};
 pub use permeability::Permeability;
 pub use precondition::{preconditioner, reference_speed, spectral_radius};
 pub use viscosity::{
-    EddyViscosity, Inviscid, Laminar, Turbulent, Viscosity, ViscosityModel, stress_force, wall_traction,
+    EddyViscosity, Inviscid, Laminar, Turbulent, Viscosity, ViscosityModel, along_wall, stress_force,
+    wall_traction,
 };
 
 use crate::geometry::vec3::Vec3;

@@ -1,5 +1,6 @@
 //! Viscous stress: none, laminar, or with an eddy viscosity.
 
+use super::WallTreatment;
 use crate::geometry::vec3::{Mat3, Vec3};
 
 /// How the stress at a face follows from the velocity gradient. Loops over faces are compiled for each; what calls
@@ -52,6 +53,8 @@ pub struct Turbulent {
     pub viscosity: f64,
     /// Model of the eddy viscosity.
     pub eddies: EddyViscosity,
+    /// Friction on no-slip walls.
+    pub wall: WallTreatment,
 }
 
 /// Where an eddy viscosity comes from. A choice at run time: its cost is negligible against the flux of a face, and all
@@ -110,6 +113,14 @@ impl ViscosityModel {
             Self::Inviscid => 0.0,
             Self::Laminar(laminar) => laminar.viscosity,
             Self::Turbulent(turbulent) => turbulent.viscosity,
+        }
+    }
+
+    /// Friction on no-slip walls.
+    pub fn wall_treatment(&self) -> WallTreatment {
+        match self {
+            Self::Inviscid | Self::Laminar(_) => WallTreatment::Resolved,
+            Self::Turbulent(turbulent) => turbulent.wall,
         }
     }
 }
@@ -174,11 +185,17 @@ pub fn stress_force(mu: f64, g: &Mat3, area: Vec3) -> Vec3 {
     ((g + g.transpose()) * area - area * divergence) * mu
 }
 
-/// Shear stress on a wall from air moving at `slip` relative to it at
-/// normal distance `distance`, Pa. `normal` has unit length.
+/// Shear stress on a wall from air moving at `slip` along it at normal distance `distance`, Pa. `mu` is the viscosity
+/// of the fluid, or the effective one of the law of the wall.
 #[inline(always)]
-pub fn wall_traction(mu: f64, slip: Vec3, normal: Vec3, distance: f64) -> Vec3 {
-    (slip - normal * slip.dot(&normal)) * mu / distance
+pub fn wall_traction(mu: f64, slip: Vec3, distance: f64) -> Vec3 {
+    slip * mu / distance
+}
+
+/// The part of a velocity along a wall of unit normal `normal`.
+#[inline(always)]
+pub fn along_wall(velocity: Vec3, normal: Vec3) -> Vec3 {
+    velocity - normal * velocity.dot(&normal)
 }
 
 #[cfg(test)]
@@ -191,12 +208,12 @@ mod tests {
         let mut g = Mat3::zeros();
         g[(1, 0)] = 3.0;
         assert_eq!(stress_force(0.5, &g, Vec3::y() * 2.0), Vec3::x() * 3.0);
-        assert_eq!(wall_traction(0.5, Vec3::new(3.0, 1.0, 0.0), Vec3::y(), 1.0), Vec3::x() * 1.5);
+        assert_eq!(wall_traction(0.5, along_wall(Vec3::new(3.0, 1.0, 0.0), Vec3::y()), 1.0), Vec3::x() * 1.5);
     }
 
     #[test]
     fn wale_vanishes_in_pure_shear_but_not_in_rotation() {
-        let w = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale };
+        let w = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale, wall: WallTreatment::Resolved };
         let mut g = Mat3::zeros();
         assert_eq!(w.dynamic(1.2, &g, 0.1), 1e-5);
         g[(1, 0)] = 30.0;
@@ -214,14 +231,16 @@ mod tests {
         let mut g = Mat3::zeros();
         (g[(0, 1)], g[(1, 0)]) = (2.0, -2.0);
         assert_eq!(stress_force(1.0, &g, Vec3::new(1.0, 2.0, 3.0)), Vec3::zeros());
-        let s = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Smagorinsky };
+        let s =
+            Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Smagorinsky, wall: WallTreatment::Resolved };
         assert_eq!(s.dynamic(1.2, &g, 0.1), 1e-5);
     }
 
     /// `|S|^2 = 2 S:S`: the shear rate in shear, and twice the squares of the rates in plain strain.
     #[test]
     fn smagorinsky_is_proportional_to_the_strain_rate() {
-        let s = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Smagorinsky };
+        let s =
+            Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Smagorinsky, wall: WallTreatment::Resolved };
         let mut g = Mat3::zeros();
         g[(1, 0)] = 3.0;
         let exact = |rate: f64| 1e-5 + 1.2 * (0.17 * 0.1) * (0.17 * 0.1) * rate;
@@ -239,7 +258,8 @@ mod tests {
         (g[(0, 1)], g[(1, 0)]) = (a, b);
         let (strain, squared): (f64, f64) = (0.5 * (a + b) * (a + b), 6.0 / 9.0 * a * a * b * b);
         let rate = squared.powf(1.5) / (strain.powf(2.5) + squared.powf(1.25));
-        let found = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale }.dynamic(1.2, &g, 0.1);
+        let found = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale, wall: WallTreatment::Resolved }
+            .dynamic(1.2, &g, 0.1);
         assert!((found - (1e-5 + 1.2 * 0.0325 * 0.0325 * rate)).abs() < 1e-14, "{found}");
     }
 
@@ -253,7 +273,8 @@ mod tests {
         let d2: f64 = squares.iter().map(|s| (s - mean) * (s - mean)).sum();
         let s2: f64 = squares.iter().sum();
         let rate = d2.powf(1.5) / (s2.powf(2.5) + d2.powf(1.25));
-        let found = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale }.dynamic(1.2, &g, 0.1);
+        let found = Turbulent { viscosity: 1e-5, eddies: EddyViscosity::Wale, wall: WallTreatment::Resolved }
+            .dynamic(1.2, &g, 0.1);
         assert!((found - (1e-5 + 1.2 * 0.0325 * 0.0325 * rate)).abs() < 1e-14, "{found}");
     }
 
@@ -265,7 +286,8 @@ mod tests {
         let exact = [2.0, 0.5, -1.0].map(|rate| 0.7 * (2.0 * rate - 2.0 / 3.0 * 1.5));
         (0..3).for_each(|i| assert!((force[i] - exact[i] * (i + 1) as f64).abs() < 1e-14, "{force:?}"));
         // Of the slip (2, 1, 3) the normal (0.6, 0, 0.8) takes 3.6.
-        let traction = wall_traction(0.5, Vec3::new(2.0, 1.0, 3.0), Vec3::new(0.6, 0.0, 0.8), 0.25);
+        let traction =
+            wall_traction(0.5, along_wall(Vec3::new(2.0, 1.0, 3.0), Vec3::new(0.6, 0.0, 0.8)), 0.25);
         let exact = [2.0 * (2.0 - 3.6 * 0.6), 2.0, 2.0 * (3.0 - 3.6 * 0.8)];
         (0..3).for_each(|i| assert!((traction[i] - exact[i]).abs() < 1e-14, "{traction:?}"));
     }

@@ -1,6 +1,9 @@
 //! Wind by height, data of boundary patches and transported turbulence.
 
 use super::*;
+use crate::physics::WallTreatment;
+use crate::residual::NearWall;
+use crate::topology::Side;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Lets the wind change with height, in the far field from now on and in all of the air
@@ -94,7 +97,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             self.spatial.viscosity.transported(),
             "this viscosity model has no transported eddy viscosity"
         );
-        turbulence.eddy(&self.densities(), &mut self.eddy);
+        turbulence.eddy(&self.densities(), &mut self.eddy, &mut self.working);
         self.turbulence = Some(Box::new(turbulence));
     }
 
@@ -112,6 +115,34 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.q.iter().map(|q| self.spatial.gas.density(q)).collect()
     }
 
+    /// Velocity gradient in the cell of each no-slip side, 1/s, where friction follows from the law of the wall; otherwise
+    /// empty.
+    fn wall_gradient(&self) -> Vec<f64> {
+        match self.spatial.viscosity.wall_treatment() {
+            WallTreatment::Resolved => Vec::new(),
+            WallTreatment::Automatic => self.near_walls().map(|wall| wall.gradient()).collect(),
+        }
+    }
+
+    /// The air next to each no-slip side of this rank.
+    fn near_walls(&self) -> impl Iterator<Item = NearWall> {
+        let on = domain!(self);
+        self.topology.no_slip.iter().map(move |side| self.spatial.near_wall(&on, &self.scheme, &self.q, side))
+    }
+
+    /// Median and largest distance of cell centres from their no-slip wall in wall units, $`y^+`$; `None` where there is no
+    /// such wall. Collective.
+    pub fn wall_units(&self) -> Option<[f64; 2]> {
+        let units = |(side, wall): (&Side, NearWall)| {
+            wall.units(self.spatial.gas.density(&self.q[side.cell as usize]))
+        };
+        let own: Vec<f64> = self.topology.no_slip.iter().zip(self.near_walls()).map(units).collect();
+        let mut all = self.comm().all_gather_var(&own);
+        let middle = all.len() / 2;
+        let largest = all.iter().copied().fold(0.0, f64::max);
+        (!all.is_empty()).then(|| [*all.select_nth_unstable_by(middle, f64::total_cmp).1, largest])
+    }
+
     /// Transports the turbulence over the step of length `dt` that was computed last. Collective.
     pub(super) fn advance_turbulence(&mut self, dt: f64) {
         let _part = timing::part("turbulence");
@@ -124,11 +155,13 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             .map(|i| [mass(0, i), if c[2] == 0.0 { 0.0 } else { mass(1, i) }])
             .collect();
         let density = self.densities();
+        let wall_gradient = self.wall_gradient();
         let flow = TransportInput {
             density: &density,
             gradient: &self.gradient,
             face_flux: &self.face_flux,
             before: &before,
+            wall_gradient: &wall_gradient,
             nodes: &self.nodes,
             drop: self.settings.residual_drop,
         };
@@ -140,7 +173,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             turbulence.value.copy_from_slice(&turbulence.previous[0]);
             self.turbulence_lost = true;
         }
-        turbulence.eddy(&density, &mut self.eddy);
+        turbulence.eddy(&density, &mut self.eddy, &mut self.working);
         self.turbulence = Some(turbulence);
     }
 }

@@ -139,6 +139,8 @@ pub struct Solver<G, const N: usize> {
     /// Residual of the turbulence equation over its target in the last accepted step; 0: not solved.
     turbulence_excess: f64,
     eddy: Vec<f64>,
+    /// Working variable of the turbulence model times density, Pa s.
+    working: Vec<f64>,
     least_squares: LeastSquares,
     wall_velocity: Vec<Vec3>,
     /// Volume swept by each face in this step and in the last one, m3. Empty until the
@@ -170,6 +172,7 @@ macro_rules! domain {
             outer_pressure: &$s.boundary.pressure,
             wall_spin: &$s.boundary.spin,
             eddy: &$s.eddy,
+            working: &$s.working,
         }
     };
 }
@@ -235,6 +238,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             turbulence_lost: false,
             turbulence_excess: 0.0,
             eddy: vec![0.0; if spatial.viscosity.transported() { n } else { 0 }],
+            working: vec![0.0; if spatial.viscosity.transported() { n } else { 0 }],
             least_squares,
             wall_velocity: vec![Vec3::zeros(); faces - topology.cells.len()],
             swept: Vec::new(),

@@ -146,7 +146,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.face_flux.fill(FaceFlux::default());
         self.rhie_chow_is_reset = true;
         if let Some(turbulence) = &self.turbulence {
-            turbulence.eddy(&self.densities(), &mut self.eddy);
+            turbulence.eddy(&self.densities(), &mut self.eddy, &mut self.working);
         }
         Ok(())
     }

@@ -8,8 +8,9 @@ mod spalart_allmaras;
 mod transport;
 mod wall_distance;
 
+pub(crate) use spalart_allmaras::{CV1, face_viscosity};
 pub use spalart_allmaras::{
-    Length, LengthScaleInput, ddes, des97, diffusivity, eddy_viscosity, rans, source,
+    KAPPA, Length, LengthScaleInput, ddes, des97, diffusivity, eddy_viscosity, rans, source,
 };
 pub use transport::{SpalartAllmaras, TransportInput, WallDistances};
 pub use wall_distance::Walls;

@@ -18,7 +18,8 @@ const CB1: f64 = 0.1355;
 const CW1: f64 = CB1 / (KAPPA * KAPPA) + (1.0 + CB2) / SIGMA;
 const CW2: f64 = 0.3;
 const CW3: f64 = 2.0;
-const CV1: f64 = 7.1;
+/// Of the damping next to walls, $`f_{v1}`$.
+pub const CV1: f64 = 7.1;
 const CT3: f64 = 1.2;
 const CT4: f64 = 0.5;
 const CN1: f64 = 16.0;
@@ -36,6 +37,20 @@ fn fv1(chi: f64) -> f64 {
 /// Kinematic eddy viscosity $`\nu_t`$ of the working variable `x` at molecular viscosity `nu`, m2/s.
 pub fn eddy_viscosity(x: f64, nu: f64) -> f64 {
     if x > 0.0 { x * fv1(x / nu) } else { 0.0 }
+}
+
+/// Dynamic viscosity at a face, eddies included, between cells whose working variables times density are `a` and `b`, for
+/// the molecular viscosity `mu`; all in Pa s. It is the mean of a constant stress through a layer in which $`\tilde\nu`$ is linear,
+/// as next to a wall:
+/// ```math
+/// \frac1{\mu_f} = \int_0^1 \frac{ds}{\mu + \mu_t\big(a + s (b - a)\big)} .
+/// ```
+/// Three points of Gauss: in the logarithmic layer, between cells at heights of 1 and 3, off by 0.1 % where the mean of the two is off by 10 %.
+#[inline(always)]
+pub fn face_viscosity([a, b]: [f64; 2], mu: f64) -> f64 {
+    let resistance = |s: f64| 1.0 / (mu + eddy_viscosity(a + s * (b - a), mu));
+    const NODE: f64 = 0.112_701_665_379_258_3;
+    18.0 / (5.0 * (resistance(NODE) + resistance(1.0 - NODE)) + 8.0 * resistance(0.5))
 }
 
 /// Diffusivity of the working variable, $`\nu + f_n\tilde\nu`$, m2/s: positive for any `x`.

@@ -34,6 +34,8 @@ pub struct TransportInput<'a, const N: usize> {
     /// Mass of owned cells at the last two time levels times the backward difference's coefficient
     /// over the step, kg/s: negative, and then positive or zero.
     pub before: &'a [[f64; 2]],
+    /// Velocity gradient by the law of the wall in the cell of each no-slip side, 1/s. Empty: walls are resolved.
+    pub wall_gradient: &'a [f64],
     /// Node positions, m.
     pub nodes: &'a [Vec3],
     /// The residual must fall by this factor.
@@ -152,10 +154,11 @@ impl SpalartAllmaras {
         self.walls_at = walls.at.into_iter().map(Vec3::from).collect();
     }
 
-    /// Dynamic eddy viscosity of all local cells, Pa s.
-    pub fn eddy(&self, density: &[f64], eddy: &mut [f64]) {
-        for ((e, x), rho) in eddy.iter_mut().zip(&self.value).zip(density) {
+    /// Dynamic eddy viscosity of all local cells, and working variable times density, Pa s.
+    pub fn eddy(&self, density: &[f64], eddy: &mut [f64], working: &mut [f64]) {
+        for (((e, w), x), rho) in eddy.iter_mut().zip(working).zip(&self.value).zip(density) {
             *e = rho * eddy_viscosity(x[0], self.viscosity / rho);
+            *w = rho * x[0];
         }
     }
 
@@ -192,6 +195,16 @@ impl SpalartAllmaras {
         });
     }
 
+    /// Sets the vorticity of cells at a wall to the law of the wall's, where walls are not resolved: differences over such
+    /// a cell are not the gradient at its centre, which production needs. Negative in all other cells.
+    fn fill_wall_gradient(&mut self, on: &Domain<'_>, gradient: &[f64]) {
+        self.vorticity.fill(-1.0);
+        for (side, &gradient) in on.topology.no_slip.iter().zip(gradient) {
+            let w = &mut self.vorticity[side.cell as usize];
+            *w = w.max(gradient);
+        }
+    }
+
     /// The working variable at the end of the step. Collective.
     pub fn advance<const N: usize>(
         &mut self,
@@ -201,10 +214,17 @@ impl SpalartAllmaras {
         let comm = on.halo.comm();
         let n = on.topology.n_owned;
         self.update_walls(on, flow.nodes);
+        self.fill_wall_gradient(on, flow.wall_gradient);
         for i in 0..n {
             let g = &flow.gradient[i];
-            self.vorticity[i] = gradient::vorticity(g).norm();
+            let resolved = gradient::vorticity(g).norm();
             let gradient = g.iter().map(|g| g[1] * g[1] + g[2] * g[2] + g[3] * g[3]).sum::<f64>().sqrt();
+            // Cells at a wall hold what `fill_wall_gradient` has left there.
+            let [vorticity, gradient] = match self.vorticity[i] {
+                by_law if by_law >= 0.0 => [by_law; 2],
+                _ => [resolved, gradient],
+            };
+            self.vorticity[i] = vorticity;
             let nu = self.viscosity / flow.density[i];
             let viscosity = nu + eddy_viscosity(self.previous[0][i][0], nu);
             let around = LengthScaleInput { wall: self.wall[i], delta: self.delta[i], viscosity, gradient };

@@ -106,6 +106,20 @@ pub struct Viscosity {
     pub dynamic_viscosity_pa_s: f64,
     /// Model of the unresolved turbulence. Absent: laminar.
     pub turbulence: Option<Turbulence>,
+    /// Friction of a turbulent flow on the canopy and on walls. Absent: `automatic` with `spalart-allmaras`, `des97` and `ddes`,
+    /// `resolved` with `smagorinsky` and `wale`.
+    pub wall_treatment: Option<WallTreatment>,
+}
+
+impl Viscosity {
+    /// Friction on walls: the scene's, or that of its turbulence model. `None`: laminar.
+    pub fn wall_treatment(&self) -> Option<WallTreatment> {
+        let of_model = match self.turbulence? {
+            Turbulence::Smagorinsky | Turbulence::Wale => WallTreatment::Resolved,
+            Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes => WallTreatment::Automatic,
+        };
+        Some(self.wall_treatment.unwrap_or(of_model))
+    }
 }
 
 fn air_viscosity() -> f64 {
@@ -130,6 +144,17 @@ pub enum Turbulence {
     /// Delayed detached eddies (Spalart et al. 2006): as `des97`, but boundary layers stay
     /// modelled on any grid.
     Ddes,
+}
+
+/// Friction of a turbulent flow on walls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum WallTreatment {
+    /// By the law of the wall of Spalart-Allmaras, from the viscous sublayer to the logarithmic layer: first cells at
+    /// any y+ up to about 300.
+    Automatic,
+    /// By the velocity difference over the first cell: the grid resolves the viscous sublayer, y+ about 1.
+    Resolved,
 }
 
 /// The energy equation.
@@ -234,6 +259,13 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     c.count("flow.solver.max_iterations", f.solver.iterations(), 1..=100_000, "iterations");
     if let Some(v) = &f.viscosity {
         c.positive("flow.viscosity.dynamic_viscosity_pa_s", v.dynamic_viscosity_pa_s, 1e4, "in Pa s");
+        if v.wall_treatment.is_some() && v.turbulence.is_none() {
+            c.refuse(
+                "flow.viscosity.wall_treatment",
+                "a laminar flow has no law of the wall: its friction is always resolved",
+                "remove the key, or set flow.viscosity.turbulence",
+            );
+        }
     }
     flow_grid::from_file(f, c);
     monitors::check(f, scene.has_canopy(), c);

@@ -55,7 +55,7 @@ pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
 pub use flow::{
     Convection, Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence,
-    Viscosity,
+    Viscosity, WallTreatment,
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
 pub use gust::{Gust, GustShape};

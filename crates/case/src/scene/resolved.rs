@@ -88,7 +88,7 @@ impl Default for Viscosity {
     /// Air at sea level, laminar.
     fn default() -> Self {
         let dynamic_viscosity_pa_s = UndisturbedAir::SEA_LEVEL.dynamic_viscosity_pa_s;
-        Self { dynamic_viscosity_pa_s, turbulence: None }
+        Self { dynamic_viscosity_pa_s, turbulence: None, wall_treatment: None }
     }
 }
 
