@@ -92,7 +92,7 @@ fn started<G: Gas<N>, const N: usize>(
         viscosity,
         chi: if limiter.is_some() { 0.0 } else { 1.0 / 3.0 },
         limiter,
-        upwind_share: setup.flow.convection.upwind_share,
+        upwind_share: setup.flow.upwind_share(),
     };
     let mut solver = Solver::new(comm, topology, nodes, spatial, setup.settings).map_err(Fault::new)?;
     if let Some(shear) = &setup.shear {

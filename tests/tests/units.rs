@@ -133,18 +133,21 @@ fn drag_coefficient_is_the_same_over_six_decades_of_each_unit() {
     }
 }
 
-/// The energy equation loses digits as the Mach number falls: at Mach 1e-7 round-off of the heat is 5e-5 of the drag, and the
-/// steps end at that level instead of at the limit of iterations.
+/// The energy equation loses digits as the Mach number falls: at Mach 1e-6 round-off of the heat is 4e-5 of the drag (at 1e-7 1e-4 with the
+/// upwind and 2e-3 with the hybrid flux), and the steps end at that level instead of at the limit of iterations.
 #[test]
 fn energy_equation_ends_at_round_off_at_low_mach_number() {
     let folder = tempfile::tempdir().expect("a folder");
     let run =
         |speed: f64| run(folder.path(), "flow", &plate(Units { speed, ..Units::ONE }, "[flow.energy]\n"));
     let (cd, iterations) = run(1e-3);
-    let (other, work) = run(1e-5);
+    let (other, work) = run(1e-4);
     let difference = largest_difference(&other, &cd);
     println!("drag differs by {difference:.1e}, {work} iterations of {iterations}");
-    assert!(difference < 1e-4 && work <= iterations, "{difference:e}, {work} of {iterations} iterations");
+    assert!(
+        difference < 1e-4 && work < 0.95 * iterations,
+        "{difference:e}, {work} of {iterations} iterations"
+    );
 }
 
 /// The slow descent of `cases/hard/low-mach`, slower by another factor of a hundred: Mach 1e-5, with moduli that make the strains equal.

@@ -89,6 +89,16 @@ impl Flow {
         !(self.inlets.is_empty() && self.outlets.is_empty() && self.moving_walls.is_empty())
     }
 
+    /// Smallest share of upwind differences in the convective flux: the scene's, or that of its equations. In inviscid flow the
+    /// upwind flux is nearer to the limit on coarse grids; a Reynolds average has no eddies to keep.
+    pub fn upwind_share(&self) -> f64 {
+        let of_equations = match &self.viscosity {
+            Some(v) if v.turbulence != Some(Turbulence::SpalartAllmaras) => 0.0,
+            _ => 1.0,
+        };
+        self.convection.upwind_share.unwrap_or(of_equations)
+    }
+
     /// Speed of sound in the undisturbed air as the scene's equations have it, m/s: isothermal without the
     /// energy equation.
     pub fn sound_speed(&self) -> f64 {
@@ -206,19 +216,14 @@ impl FlowSolver {
 }
 
 /// Convective flux of the flow.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Convection {
     /// Smallest share of upwind differences. 1: upwind everywhere. 0: central where grid and time step resolve the flow, which
     /// keeps eddies of few cells; upwind elsewhere, within three cells of the canopy and of walls, and in cells at the outer
-    /// boundary.
-    pub upwind_share: f64,
-}
-
-impl Default for Convection {
-    fn default() -> Self {
-        Self { upwind_share: 1.0 }
-    }
+    /// boundary. Absent: 0 in laminar flow and with `smagorinsky`, `wale`, `des97` and `ddes`; 1 in inviscid flow and with
+    /// `spalart-allmaras`, which resolve no small eddies.
+    pub upwind_share: Option<f64>,
 }
 
 /// How the implicit system of a pseudo-time step is solved.
@@ -253,7 +258,9 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(f) = &scene.flow else { return };
     c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");
     c.range("flow.temperature_k", f.temperature_k, 10.0..=5000.0, "a temperature in kelvin");
-    c.range("flow.convection.upwind_share", f.convection.upwind_share, 0.0..=1.0, "a share");
+    if let Some(share) = f.convection.upwind_share {
+        c.range("flow.convection.upwind_share", share, 0.0..=1.0, "a share");
+    }
     flow_grid::generated(&f.grid, c);
     c.positive("flow.solver.residual_drop", f.solver.residual_drop, 0.9, "a factor");
     c.count("flow.solver.max_iterations", f.solver.iterations(), 1..=100_000, "iterations");

@@ -113,6 +113,26 @@ mod tests {
         assert_eq!((r.wind_m_s, r.line_diameter_m), ([0.0; 3], 0.0));
     }
 
+    /// Eddies that are resolved keep their energy; inviscid flow and a Reynolds average have none to keep.
+    #[test]
+    fn upwind_share_follows_the_equations() {
+        let share = |flow: &str| resolved_flow(flow).upwind_share();
+        assert_eq!(share("[flow]\n"), 1.0);
+        assert_eq!(share("[flow.viscosity]\n"), 0.0);
+        for (model, expected) in
+            [("wale", 0.0), ("smagorinsky", 0.0), ("des97", 0.0), ("ddes", 0.0), ("spalart-allmaras", 1.0)]
+        {
+            let viscosity = format!("[flow.viscosity]\nturbulence = \"{model}\"\n");
+            assert_eq!(share(&viscosity), expected, "{model}");
+            assert_eq!(share(&format!("{viscosity}[flow.convection]\nupwind_share = 0.3\n")), 0.3, "{model}");
+        }
+    }
+
+    fn resolved_flow(flow: &str) -> crate::Flow {
+        let scene = crate::parse(std::path::Path::new("scene.toml"), &format!("{STILL}{flow}"));
+        scene.unwrap_or_else(|e| panic!("{e}")).flow.expect("a flow")
+    }
+
     #[test]
     fn what_is_given_is_taken() {
         let descent =
