@@ -23,6 +23,7 @@ pub mod limiter;
 mod loads;
 pub mod monitors;
 mod participant;
+pub mod periodic;
 pub mod permeable;
 pub mod physics;
 pub mod residual;

@@ -105,6 +105,11 @@ fn started<G: Gas<N>, const N: usize>(
     if let Some(values) = values.map_err(Fault::new)? {
         solver.set_boundary_values(values).map_err(Fault::new)?;
     }
+    if let Some(force) = flow.body_force_n_m3 {
+        let mut source = [0.0; N];
+        source[1..4].copy_from_slice(&force);
+        solver.source = vec![source; solver.topology.n_owned];
+    }
     // Where neither the scene nor its patches have a speed.
     solver.set_speed_scale(0.0);
     Ok(solver)
@@ -159,6 +164,8 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
             channel::BOUNDARY_VALUES,
+            channel::PERIODIC,
+            channel::BODY_FORCE,
             "stage.steady",
             "flow.shear",
             "fabric.permeability",

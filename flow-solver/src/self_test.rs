@@ -20,7 +20,7 @@ use crate::topology::Topology;
 use crate::turbulence::{SpalartAllmaras, ddes};
 
 /// A plate in a viscous stream on a grid that heaves and twists, airtight, permeable, with
-/// detached eddies or with data on patches, as `effect` names it: the force after each of four steps. The state after
+/// detached eddies, with data on patches or between periodic sides, as `effect` names it: the force after each of four steps. The state after
 /// the second step is written to `file`, or,
 /// where `file` exists, the run starts from it. Collective.
 ///
@@ -39,6 +39,7 @@ pub fn self_test(comm: &Comm, file: &Path, effect: &str) -> Result<Vec<Vec3>, Fa
         ),
         "permeable" => run(comm, file, Laminar { viscosity }, Some(Permeability::new(5.0, 1.0)), PLAIN),
         "patches" => run(comm, file, Laminar { viscosity }, None, PATCHES),
+        "periodic" => run(comm, file, Laminar { viscosity }, None, PERIODIC),
         _ => run(comm, file, Laminar { viscosity }, None, PLAIN),
     }
 }
@@ -46,6 +47,9 @@ pub fn self_test(comm: &Comm, file: &Path, effect: &str) -> Result<Vec<Vec3>, Fa
 /// Conditions on low and high x, y and z.
 const PLAIN: [Patch; 6] =
     [Patch::Slip, Patch::Slip, Patch::FarField, Patch::FarField, Patch::FarField, Patch::Outlet];
+/// The same with periodic sides.
+const PERIODIC: [Patch; 6] =
+    [Patch::Periodic, Patch::Periodic, Patch::Periodic, Patch::Periodic, Patch::FarField, Patch::Outlet];
 /// The same with patches that [`data`] is for.
 const PATCHES: [Patch; 6] =
     [Patch::Slip, Patch::Slip, Patch::Wall, Patch::Inlet, Patch::Inlet, Patch::Outlet];

@@ -87,11 +87,11 @@ fn speed_at_start(
              flow-solver supports subsonic flow only; lower wind_m_s or initial_speed_m_s"
         )));
     }
-    let still = speed == 0.0 && !scene.has_stage_wind() && !sheared && !flow.has_boundary_values();
+    let still = speed == 0.0 && !scene.has_stage_wind() && !sheared && !flow.is_driven();
     if still && scene.stages[stage].kind == case::StageKind::FlowOnly {
         return Err(Fault::new(format!(
             "stage {stage} runs the flow around a fixed canopy, but the free stream has no velocity: \
-             set descent.initial_speed_m_s, flow.wind_m_s or the velocity of an inlet, [[flow.inlet]]"
+             set descent.initial_speed_m_s, flow.wind_m_s, the velocity of an inlet, [[flow.inlet]], or flow.body_force_n_m3"
         )));
     }
     Ok(speed)
@@ -142,6 +142,16 @@ fn largest_wind(shear: &WindShear, grid: &FlowGrid) -> f64 {
     grid.coords.iter().map(|x| (shear.base() + shear.excess(x[2])).norm()).fold(0.0, f64::max)
 }
 
+/// Speed of air that the force on it has moved across the grid, $`\sqrt{2 f L / \rho}`$, m/s.
+fn forced_speed(flow: &Flow, grid: &FlowGrid) -> f64 {
+    let extent = |c: usize| {
+        let along = grid.coords.iter().map(|x| x[c]);
+        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    };
+    let length = [0, 1, 2].map(extent).into_iter().fold(0.0, f64::max);
+    (2.0 * flow.body_force() * length / flow.density_kg_m3).sqrt()
+}
+
 /// How the steps of a stage are solved; `wind` is that of its start, `speed` the [`speed_scale`] of the stage, m/s.
 fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) -> Settings {
     let plan = &scene.stages[stage];
@@ -190,11 +200,19 @@ impl Setup {
             None => wind,
             Some(shear) => wind.with_steady(shear.base().into()),
         };
+        if shear.is_some() && faces.periodic.periods.iter().any(|p| p[2].abs() > 1e-6 * Vec3::from(*p).norm())
+        {
+            return Err(Fault::new(
+                "the wind of [flow.shear] changes with height, but periodic patches lie above each other: \
+                 remove [flow.shear] or choose another condition for them",
+            ));
+        }
         let speed = speed_at_start(&scene, stage, flow, &wind, shear.is_some())?;
         let sheared = shear.as_ref().map_or(0.0, |s| largest_wind(s, &grid));
         let plan = &scene.stages[stage];
         let scale = speed_scale(&scene, stage, &structure, &wind, speed);
-        let scale = scale.max(LATER * sheared.max(mesh::body_speed(plan, &grid)));
+        let driven = forced_speed(flow, &grid).max(mesh::body_speed(plan, &grid));
+        let scale = scale.max(LATER * sheared.max(driven));
         let march = plan.steady.as_ref().map(|s| March {
             residual_drop: s.residual_drop,
             force_change: s.force_change,

@@ -9,12 +9,14 @@
 use comm::Numbering;
 use mesh::{FaceTable, FlowGrid};
 
+use crate::periodic::{Shift, opposite};
 use crate::topology::Adjacency;
 
 /// Neighbourhoods of the cells of a whole grid.
 pub(crate) struct Neighbourhoods {
     start: Vec<u32>,
-    cell: Vec<u32>,
+    /// Cells, and by how much their images are moved.
+    cell: Vec<(u32, Shift)>,
     /// Whether the neighbours' neighbours belong to it.
     wide: Vec<bool>,
 }
@@ -27,12 +29,17 @@ impl Neighbourhoods {
             return None;
         }
         let mut start = vec![0u32; grid.cells.len() + 1];
-        let pairs = || faces.interior.iter().flat_map(|&(_, i, j)| [(i, j), (j, i)]);
+        let still = Shift::default();
+        let inside = || faces.interior.iter().flat_map(|&(_, i, j)| [(i, (j, still)), (j, (i, still))]);
+        let across = || {
+            faces.periodic.faces.iter().flat_map(|f| [0, 1].map(|side| (f.cells[side], opposite(f, side))))
+        };
+        let pairs = || inside().chain(across());
         pairs().for_each(|(i, _)| start[i as usize + 1] += 1);
         for c in 0..grid.cells.len() {
             start[c + 1] += start[c];
         }
-        let (mut next, mut cell) = (start.clone(), vec![0; 2 * faces.interior.len()]);
+        let (mut next, mut cell) = (start.clone(), vec![(0, still); pairs().count()]);
         for (i, j) in pairs() {
             cell[next[i as usize] as usize] = j;
             next[i as usize] += 1;
@@ -40,20 +47,21 @@ impl Neighbourhoods {
         Some(Self { start, cell, wide })
     }
 
-    fn neighbours(&self, c: u32) -> &[u32] {
+    fn neighbours(&self, c: u32) -> &[(u32, Shift)] {
         &self.cell[self.start[c as usize] as usize..self.start[c as usize + 1] as usize]
     }
 
     /// Calls `visit` with the neighbourhood of each of `cells`, in their order.
-    pub fn of_all(&self, cells: &[u64], mut visit: impl FnMut(&[u32])) {
+    pub fn of_all(&self, cells: &[u64], mut visit: impl FnMut(&[(u32, Shift)])) {
         let mut row = Vec::new();
         for &c in cells {
             let c = c as u32;
             row.clear();
             row.extend_from_slice(self.neighbours(c));
             if self.wide[c as usize] {
-                for &j in self.neighbours(c) {
-                    row.extend(self.neighbours(j).iter().filter(|&&k| k != c));
+                for &(j, moved) in self.neighbours(c) {
+                    let further = self.neighbours(j).iter().map(|&(k, shift)| (k, shift + moved));
+                    row.extend(further.filter(|&k| k != (c, Shift::default())));
                 }
                 row.sort_unstable();
                 row.dedup();
@@ -68,8 +76,10 @@ impl Neighbourhoods {
         let mut local = Vec::new();
         self.of_all(numbering.owned(), |row| {
             local.clear();
-            local.extend(row.iter().map(|&j| {
-                numbering.local(u64::from(j)).expect("ghosts were taken from the same neighbourhoods") as u32
+            local.extend(row.iter().map(|&(j, shift)| {
+                numbering
+                    .local_image(u64::from(j), shift.number())
+                    .expect("ghosts were taken from the same neighbourhoods") as u32
             }));
             local.sort_unstable();
             let owned = local.partition_point(|&j| (j as usize) < numbering.n_owned);

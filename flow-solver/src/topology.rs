@@ -7,8 +7,10 @@
 use std::collections::HashMap;
 
 use comm::Numbering;
-use mesh::{FaceTable, FlowGrid, Patch, clean_face};
+use mesh::{FaceNodes, FaceTable, FlowGrid, Patch, clean_face};
 
+use crate::geometry::vec3::Vec3;
+use crate::periodic::{self, Shift, opposite};
 use crate::physics::Permeability;
 use crate::stencil::Neighbourhoods;
 
@@ -71,11 +73,15 @@ pub struct Topology {
     pub cell_nodes: Vec<[u32; 8]>,
     /// Local nodes of each face; a triangle repeats its last node.
     pub face_nodes: Vec<[u32; 4]>,
-    /// Number in the whole grid of each face: between cells, boundary, canopy.
+    /// Number in the whole grid of each face: between cells, boundary, canopy, periodic patches. Both copies of a periodic face have one number.
     pub face_global: Vec<u32>,
     /// First and second cell of each face between cells: the first
     /// `cells.len()` faces. At least one of them is owned.
     pub cells: Vec<[u32; 2]>,
+    /// Ghosts that are images of cells in a periodic domain, and by how much they are moved, m.
+    pub images: Vec<(u32, Vec3)>,
+    /// Translations of the periodic domain, m.
+    pub periods: Vec<Vec3>,
     /// Faces between owned cells: the first ones of all.
     pub n_inside: usize,
     /// Whether the fluxes of each local cell stay upwind: near the canopy or a wall, and at the outer boundary but for planes of symmetry, where
@@ -185,12 +191,14 @@ impl Topology {
     ) -> Self {
         let wide = Neighbourhoods::new(grid, faces);
         let numbering = numbered(faces, Owners { part, rank }, order, cloth.is_some(), wide.as_ref());
+        let periods = periodic::periods(&faces.periodic);
+        let images = images(&numbering, &periods);
         let mut parts = Builder {
             grid,
             faces,
             of: Owners { part, rank },
             node_local: HashMap::new(),
-            t: Self { n_owned: numbering.n_owned, numbering, ..Self::default() },
+            t: Self { n_owned: numbering.n_owned, numbering, images, periods, ..Self::default() },
         };
         parts.add_cells();
         parts.add_interior();
@@ -252,6 +260,18 @@ impl Topology {
     }
 }
 
+/// Pairs of cells of the whole grid with a face between them, periodic ones included.
+fn neighbours(faces: &FaceTable) -> impl Iterator<Item = (u32, u32)> {
+    let inside = faces.interior.iter().map(|&(_, i, j)| (i, j));
+    inside.chain(faces.periodic.faces.iter().map(|f| (f.cells[0], f.cells[1])))
+}
+
+/// Ghosts that are images, and by how much they are moved, m.
+fn images(numbering: &Numbering, periods: &[Vec3]) -> Vec<(u32, Vec3)> {
+    let moved = numbering.image.iter().zip(numbering.n_owned as u32..).filter(|(image, _)| **image != 0);
+    moved.map(|(&image, ghost)| (ghost, Shift::of_number(image).translation(periods))).collect()
+}
+
 /// Cells of the whole grid whose fluxes stay upwind: at the outer boundary but for planes of symmetry, and within [`WALL_CELLS`] of the canopy or a wall,
 /// counted over faces.
 fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
@@ -261,13 +281,14 @@ fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
     walls.chain(canopy).for_each(|c| near[c as usize] = true);
     for _ in 1..WALL_CELLS {
         let before = near.clone();
-        for &(_, i, j) in &faces.interior {
+        for (i, j) in neighbours(faces) {
             let touched = before[i as usize] || before[j as usize];
             near[i as usize] |= touched;
             near[j as usize] |= touched;
         }
     }
-    let outer = faces.boundary.iter().filter(|(patch, ..)| *patch != Patch::Symmetry);
+    let outer =
+        faces.boundary.iter().filter(|(patch, ..)| !matches!(patch, Patch::Symmetry | Patch::Periodic));
     outer.for_each(|&(_, _, c)| near[c as usize] = true);
     near
 }
@@ -283,13 +304,13 @@ fn closed_regions(cells: usize, faces: &FaceTable, permeable: bool) -> (Vec<u16>
         c
     }
     let through = faces.canopy.iter().filter(|_| permeable).copied();
-    for (i, j) in faces.interior.iter().map(|&(_, i, j)| (i, j)).chain(through) {
+    for (i, j) in neighbours(faces).chain(through) {
         let (a, b) = (find(&mut root, i), find(&mut root, j));
         root[a.max(b) as usize] = a.min(b);
     }
     let mut number: HashMap<u32, u16> = HashMap::new();
     for &(patch, _, c) in &faces.boundary {
-        if !matches!(patch, Patch::Wall | Patch::Slip | Patch::Symmetry) {
+        if !matches!(patch, Patch::Wall | Patch::Slip | Patch::Symmetry | Patch::Periodic) {
             number.insert(find(&mut root, c), OPEN_REGION);
         }
     }
@@ -338,17 +359,24 @@ fn numbered(
     wide: Option<&Neighbourhoods>,
 ) -> Numbering {
     let owned: Vec<u64> = order.iter().filter(|&&c| of.is_mine(c)).map(|&c| u64::from(c)).collect();
-    let mut ghosts: Vec<(u64, u32)> = faces.interior.iter().filter_map(|&(_, i, j)| of.ghost(i, j)).collect();
+    let image = |(cell, shift): (u32, Shift)| (u64::from(cell), of.part[cell as usize], shift.number());
+    let plain = |(cell, owner): (u64, u32)| (cell, owner, 0);
+    let mut ghosts: Vec<(u64, u32, u32)> =
+        faces.interior.iter().filter_map(|&(_, i, j)| of.ghost(i, j)).map(plain).collect();
+    for face in &faces.periodic.faces {
+        let mine = [0, 1].into_iter().filter(|&side| of.is_mine(face.cells[side]));
+        ghosts.extend(mine.map(|side| image(opposite(face, side))));
+    }
     if cloth {
-        ghosts.extend(faces.canopy.iter().filter_map(|&(i, o)| of.ghost(i, o)));
+        ghosts.extend(faces.canopy.iter().filter_map(|&(i, o)| of.ghost(i, o)).map(plain));
     }
     if let Some(wide) = wide {
         wide.of_all(&owned, |row| {
-            let foreign = row.iter().filter(|&&j| !of.is_mine(j));
-            ghosts.extend(foreign.map(|&j| (u64::from(j), of.part[j as usize])));
+            let foreign = row.iter().filter(|&&(j, shift)| shift != Shift::default() || !of.is_mine(j));
+            ghosts.extend(foreign.map(|&j| image(j)));
         });
     }
-    Numbering::new(owned, ghosts)
+    Numbering::with_images(owned, ghosts)
 }
 
 /// A topology whose cells are numbered, as its faces are added: between cells, boundary, canopy.
@@ -393,29 +421,51 @@ impl Builder<'_> {
     }
 
     fn add_interior(&mut self) {
-        let mut interior: Vec<(usize, u32, u32)> = Vec::new();
-        for (f, &(_, i, j)) in self.faces.interior.iter().enumerate() {
+        let mut interior: Vec<(usize, FaceNodes, u32, u32)> = Vec::new();
+        for (f, &(nodes, i, j)) in self.faces.interior.iter().enumerate() {
             if let (true, Some(a), Some(b)) =
                 (self.of.is_mine(i) || self.of.is_mine(j), self.local(i), self.local(j))
             {
-                interior.push((f, a, b));
+                interior.push((f, nodes, a, b));
             }
         }
+        self.add_periodic(&mut interior);
         // Those that need no ghost first; near in memory what is near in space.
         let n_owned = self.t.n_owned;
-        let ghostly = |f: &(usize, u32, u32)| f.1.max(f.2) as usize >= n_owned;
-        interior.sort_by_key(|f| (ghostly(f), f.1.min(f.2), f.1.max(f.2)));
+        let ghostly = |f: &(usize, FaceNodes, u32, u32)| f.2.max(f.3) as usize >= n_owned;
+        interior.sort_by_key(|f| (ghostly(f), f.2.min(f.3), f.2.max(f.3)));
         self.t.n_inside = interior.partition_point(|f| !ghostly(f));
-        for (f, a, b) in interior {
-            self.add_face(self.faces.interior[f].0, f);
+        for (f, nodes, a, b) in interior {
+            self.add_face(nodes, f);
             self.t.cells.push([a, b]);
+        }
+    }
+
+    /// Lists the faces of periodic patches at owned cells, with their first and second cell, one of them an image.
+    fn add_periodic(&self, list: &mut Vec<(usize, FaceNodes, u32, u32)>) {
+        let faces = self.faces;
+        let before = faces.interior.len() + faces.boundary.len() + faces.canopy.len();
+        for (k, face) in faces.periodic.faces.iter().enumerate() {
+            for side in [0, 1] {
+                if !self.of.is_mine(face.cells[side]) {
+                    continue;
+                }
+                let (cell, shift) = opposite(face, side);
+                let image = self.t.numbering.local_image(u64::from(cell), shift.number());
+                let mut pair =
+                    [self.local(face.cells[side]), image.map(|c| c as u32)].map(|c| c.expect("numbered"));
+                if side == 1 {
+                    pair.reverse();
+                }
+                list.push((before + k, face.nodes[side], pair[0], pair[1]));
+            }
         }
     }
 
     fn add_boundary(&mut self) {
         let faces = self.faces;
         for (f, &(patch, nodes, c)) in faces.boundary.iter().enumerate() {
-            if !self.of.is_mine(c) {
+            if !self.of.is_mine(c) || patch == Patch::Periodic {
                 continue;
             }
             let face = self.add_face(nodes, faces.interior.len() + f);
@@ -424,7 +474,7 @@ impl Builder<'_> {
             t.boundary_patch.push(self.grid.boundary_patch.get(f).copied().unwrap_or(NO_PATCH));
             match patch {
                 Patch::Wall => t.no_slip.push(side),
-                Patch::Slip => t.slip.push(side),
+                Patch::Slip | Patch::Periodic => t.slip.push(side),
                 Patch::Symmetry => {
                     t.slip.push(side);
                     t.symmetry.push(side);

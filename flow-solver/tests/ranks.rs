@@ -65,6 +65,13 @@ fn data_of_patches_are_independent_of_rank_count() {
 }
 
 #[test]
+fn periodic_sides_are_independent_of_rank_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let (pair, none) = (agree("periodic"), forces(1, &folder.path().join("state"), "plain"));
+    assert!((pair[3][2] / none[3][2] - 1.0).abs() > 1e-4, "{pair:?} {none:?}");
+}
+
+#[test]
 fn permeable_plate_is_independent_of_rank_count() {
     // Less drag than the airtight one, or the cloth is not there.
     let folder = tempfile::tempdir().unwrap();

@@ -336,7 +336,9 @@ impl Participant for MeshMover {
             surface_hash: self.surface.hash,
             grid_nodes: self.motion.grid.n_global as u64,
             output_width: WIDTH as u64,
-            effects: [channel::RESUME, "coupling.adaptive", channel::BODY_MOTION].map(String::from).to_vec(),
+            effects: [channel::RESUME, "coupling.adaptive", channel::BODY_MOTION, channel::PERIODIC]
+                .map(String::from)
+                .to_vec(),
         }
     }
 

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use linalg::BlockCsr;
-use mesh::FlowGrid;
 use mesh::geometry::{Vec3, at};
+use mesh::{FlowGrid, Patch};
 
 use crate::elastic::Coupling;
 
@@ -25,16 +25,18 @@ pub struct Slide {
 const FLAT: f64 = 1e-9;
 
 /// The nodes of the outer boundary that may slide, by global node: within the plane of their faces, or along the edge
-/// of two planes. Nodes of three planes, of curved faces and of the canopy are fixed.
+/// of two planes. Nodes of three planes, of curved faces, of periodic patches and of the canopy are fixed.
 pub fn slides(grid: &FlowGrid) -> BTreeMap<u32, TangentProjection> {
     // Orthonormalised unit normals of the planes that meet in a node; `None`: fixed.
     let mut planes: BTreeMap<u32, Option<Vec<Vec3>>> = BTreeMap::new();
-    for (_, face) in &grid.boundary {
+    for (patch, face) in &grid.boundary {
         let p = face.map(|a| at(&grid.coords, a));
         let area = (p[2] - p[0]).cross(&(p[3] - p[1]));
         let size = area.norm();
         let n = area / size;
-        let flat = size > 0.0 && p.iter().all(|q| n.dot(&(q - p[0])).abs() <= FLAT * size.sqrt());
+        let flat = *patch != Patch::Periodic
+            && size > 0.0
+            && p.iter().all(|q| n.dot(&(q - p[0])).abs() <= FLAT * size.sqrt());
         for &a in face {
             let known = planes.entry(a).or_insert_with(|| Some(Vec::new()));
             let Some(list) = known.as_mut().filter(|_| flat) else {

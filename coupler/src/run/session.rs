@@ -168,6 +168,13 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     if scene.flow.as_ref().is_some_and(case::Flow::has_boundary_values) {
         all.push((Role::Flow, channel::BOUNDARY_VALUES.to_owned()));
     }
+    if scene.flow.as_ref().is_some_and(case::Flow::is_periodic) {
+        all.push((Role::Flow, channel::PERIODIC.to_owned()));
+        all.push((Role::Mesh, channel::PERIODIC.to_owned()));
+    }
+    if scene.flow.as_ref().is_some_and(|f| f.body_force() > 0.0) {
+        all.push((Role::Flow, channel::BODY_FORCE.to_owned()));
+    }
     if scene.stages.iter().any(|s| !s.body_motions.is_empty()) {
         all.push((Role::Mesh, channel::BODY_MOTION.to_owned()));
     }

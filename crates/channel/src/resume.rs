@@ -24,6 +24,13 @@ pub const GUST_SHAPE: &str = "flow.gust.shape";
 /// `case::MovingWall` define them.
 pub const BOUNDARY_VALUES: &str = "flow.boundary-values";
 
+/// Effect of a flow that joins the patches of a periodic pair, and of a mesh-mover that keeps their nodes at rest, as
+/// `case::Condition::Periodic` defines it.
+pub const PERIODIC: &str = "flow.periodic";
+
+/// Effect of a flow with a force on the air, `case::Flow::body_force_n_m3`.
+pub const BODY_FORCE: &str = "flow.body-force";
+
 /// Effect of a mesh-mover that moves rigid bodies as `case::BodyMotion` defines it.
 pub const BODY_MOTION: &str = "stage.body-motion";
 

@@ -168,7 +168,7 @@ fn initial_speed(f: &Facts<'_>) -> Vec<Judged> {
 
 /// The error of a flow-only stage in still air.
 fn still_air(f: &Facts<'_>) -> Vec<Judged> {
-    let driven = f.scene.flow.as_ref().is_some_and(case::Flow::has_boundary_values);
+    let driven = f.scene.flow.as_ref().is_some_and(case::Flow::is_driven);
     if driven || air_moves(f, |_| true) {
         return Vec::new();
     }

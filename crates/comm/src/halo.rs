@@ -154,6 +154,9 @@ impl Halo {
         }
         let n_ghost = self.n_local - self.n_owned;
         recv.resize(n_ghost * width, T::default());
+        if let Some((owned, ghosts)) = self.to_itself(width) {
+            recv[ghosts].copy_from_slice(&send[owned]);
+        }
         self.start(send, recv, width, false);
         let result = work(x);
         self.wait();
@@ -174,6 +177,9 @@ impl Halo {
         recv.clear();
         recv.extend_from_slice(&x[self.n_owned * width..]);
         send.resize(self.send_index.len() * width, T::default());
+        if let Some((owned, ghosts)) = self.to_itself(width) {
+            send[owned].copy_from_slice(&recv[ghosts]);
+        }
         self.start(recv, send, width, true);
         self.wait();
         for (k, &i) in self.send_index.iter().enumerate() {
@@ -182,6 +188,15 @@ impl Halo {
             }
         }
         x[self.n_owned * width..].fill(T::default());
+    }
+
+    /// Places of the values that this rank has images of itself: among the sent ones and among the ghosts.
+    fn to_itself(&self, width: usize) -> Option<(std::ops::Range<usize>, std::ops::Range<usize>)> {
+        let me = self.comm.rank() as i32;
+        let (_, owned) = self.send.iter().find(|(rank, _)| *rank == me)?;
+        let (_, ghosts) = self.recv.iter().find(|(rank, _)| *rank == me)?;
+        let ghosts = (ghosts.start - self.n_owned) * width..(ghosts.end - self.n_owned) * width;
+        Some((owned.start * width..owned.end * width, ghosts))
     }
 
     fn start<T: Scalar>(&self, out: &[T], into: &mut [T], width: usize, transpose: bool) {
@@ -194,17 +209,10 @@ impl Halo {
         let ghost =
             |r: &std::ops::Range<usize>| (r.start - self.n_owned) * width..(r.end - self.n_owned) * width;
         let owned = |r: &std::ops::Range<usize>| r.start * width..r.end * width;
-        let (from, to): (Vec<_>, Vec<_>) = if transpose {
-            (
-                self.send.iter().map(|(q, r)| (*q, owned(r))).collect(),
-                self.recv.iter().map(|(q, r)| (*q, ghost(r))).collect(),
-            )
-        } else {
-            (
-                self.recv.iter().map(|(q, r)| (*q, ghost(r))).collect(),
-                self.send.iter().map(|(q, r)| (*q, owned(r))).collect(),
-            )
-        };
+        let me = self.comm.rank() as i32;
+        let sent = self.send.iter().filter(|(q, _)| *q != me).map(|(q, r)| (*q, owned(r))).collect();
+        let received = self.recv.iter().filter(|(q, _)| *q != me).map(|(q, r)| (*q, ghost(r))).collect();
+        let (from, to): (Vec<_>, Vec<_>) = if transpose { (sent, received) } else { (received, sent) };
         const TAG: i32 = 71;
         let datatype = T::equivalent_datatype();
         for (rank, range) in from {
@@ -249,6 +257,9 @@ impl Halo {
     fn wait(&self) {
         let start = std::time::Instant::now();
         let mut requests = self.requests.borrow_mut();
+        if requests.is_empty() {
+            return;
+        }
         // SAFETY: the requests were made by `start` and are completed once.
         unsafe {
             ffi::MPI_Waitall(requests.len() as i32, requests.as_mut_ptr(), ffi::RSMPI_STATUSES_IGNORE);

@@ -24,7 +24,7 @@ impl BoundaryDrive {
     /// flow itself reports why; until then the speed of sound stands for the speed.
     pub fn new(scene: &Scene) -> Option<Self> {
         let bodies = scene.stages.iter().any(|s| !s.body_motions.is_empty());
-        let flow = scene.flow.as_ref().filter(|f| bodies || f.has_boundary_values())?;
+        let flow = scene.flow.as_ref().filter(|f| bodies || f.is_driven())?;
         let grid = mesh::structure_mesh(scene)
             .and_then(|s| mesh::flow_grid(scene, &s, &s.coords[..s.n_canopy]))
             .unwrap_or_default();
@@ -37,10 +37,13 @@ impl BoundaryDrive {
         let inlets = flow.inlets.iter().map(|i| inlet_speed(i, &grid) * largest(i.factor.as_ref()));
         let walls = flow.moving_walls.iter().map(|w| wall_speed(w, &grid) * largest(w.factor.as_ref()));
         let bodies = scene.stages.iter().map(|s| mesh::body_speed(s, &grid));
-        drive.speed = inlets.chain(walls).chain(bodies).fold(0.0, f64::max);
+        // Without walls the force accelerates the air all the time.
+        let duration: f64 = scene.stages.iter().map(|s| s.duration_s).sum();
+        let forced = flow.body_force() / flow.density_kg_m3 * duration;
+        drive.speed = inlets.chain(walls).chain(bodies).fold(forced, f64::max);
         let extents = extents(&grid);
         drive.size = extents.iter().copied().fold(0.0, f64::max);
-        drive.pressure += friction(flow, drive.speed, extents);
+        drive.pressure += friction(flow, drive.speed, extents) + flow.body_force() * drive.size;
         Some(drive)
     }
 }

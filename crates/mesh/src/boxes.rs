@@ -46,6 +46,8 @@ pub(crate) fn add_box_cells(
     node: impl Fn(usize, usize, usize) -> u32,
 ) {
     grid.patch_names = case::BoxSides::NAMES.map(String::from).to_vec();
+    grid.periodic =
+        [0, 2, 4].into_iter().filter(|k| patches[*k] == Patch::Periodic).map(pair_of_sides).collect();
     for k in 0..n[2] {
         for j in 0..n[1] {
             for i in 0..n[0] {
@@ -71,6 +73,11 @@ pub(crate) fn add_box_cells(
             }
         }
     }
+}
+
+/// A side of a box and the opposite one.
+fn pair_of_sides(low: usize) -> [u16; 2] {
+    [low as u16, low as u16 + 1]
 }
 
 /// A box of hexahedra with a plate of zero thickness: the z-faces at level
@@ -150,14 +157,19 @@ pub fn block_grid(
     }
     grid.patch_names = case::BoxSides::NAMES.into_iter().chain(["body"]).map(String::from).collect();
     grid.boundary_patch = sides;
+    grid.periodic = base.periodic;
     grid
 }
 
 /// A box of cells of another shape, from the same boxes.
 pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches: [Patch; 6]) -> FlowGrid {
     let base = box_grid(n, lo, hi, patches);
-    let mut grid =
-        FlowGrid { coords: base.coords.clone(), patch_names: base.patch_names, ..Default::default() };
+    let mut grid = FlowGrid {
+        coords: base.coords.clone(),
+        patch_names: base.patch_names,
+        periodic: base.periodic,
+        ..Default::default()
+    };
     for cell in &base.cells {
         let [a, b, c, d, e, f, g, h] = *cell;
         match shape {

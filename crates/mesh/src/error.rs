@@ -91,6 +91,14 @@ pub enum MeshError {
         /// Nodes of the face.
         nodes: [u32; 4],
     },
+    /// Two patches of a periodic pair that are not the same but for a translation, or that cannot be periodic.
+    #[error("the periodic patches \"{}\" and \"{}\": {reason}", patches[0], patches[1])]
+    Periodic {
+        /// Names of the patches.
+        patches: [String; 2],
+        /// What is wrong, and what helps.
+        reason: String,
+    },
     /// A cell with no or negative volume.
     #[error("cell {cell} near ({:.4}, {:.4}, {:.4}) has the volume {volume:.3e} m3, but volumes must be positive", at[0], at[1], at[2])]
     NegativeVolume {

@@ -1,5 +1,6 @@
 //! Who is whose neighbour: the faces of a volume grid.
 
+use crate::periodic::{self, PeriodicFaces};
 use crate::{FlowGrid, HEX_FACES, MeshError, Patch, quality};
 
 /// A quadrilateral face in its cycle; a triangle repeats its last node.
@@ -17,6 +18,8 @@ pub struct FaceTable {
     /// Condition, nodes (normal out of the domain) and cell, in the order of
     /// [`FlowGrid::boundary`].
     pub boundary: Vec<(Patch, FaceNodes, u32)>,
+    /// Faces of the periodic patches, which lie between two cells.
+    pub periodic: PeriodicFaces,
 }
 
 /// The face without repeated neighbours in its cycle, triangles closed by
@@ -42,7 +45,8 @@ pub fn cell_face(cell: &[u32; 8], side: usize) -> Option<FaceNodes> {
     clean_face(HEX_FACES[side].map(|i| cell[i]))
 }
 
-fn key(mut face: FaceNodes) -> FaceNodes {
+/// A face in whatever cycle.
+pub(crate) fn key(mut face: FaceNodes) -> FaceNodes {
     // A triangle counts its repeated node once: the free place takes the largest number.
     if face[2] == face[3] {
         face[3] = u32::MAX;
@@ -163,6 +167,7 @@ impl FaceTable {
         table.take_canopy(grid, &sides, &mut partner)?;
         table.take_boundary(grid, &sides, &mut partner)?;
         table.take_interior(&sides, &partner)?;
+        table.periodic = periodic::paired(grid, &table.boundary)?;
         Ok(table)
     }
 

@@ -112,6 +112,8 @@ pub struct FlowGrid {
     pub patch_names: Vec<String>,
     /// Patch of each face of [`FlowGrid::boundary`], as its place among the names. Empty where the grid names none.
     pub boundary_patch: Vec<u16>,
+    /// Pairs of patches with the condition [`Patch::Periodic`], as their places among the names: the second is the first, translated.
+    pub periodic: Vec<[u16; 2]>,
 }
 
 impl FlowGrid {

@@ -97,6 +97,10 @@ impl Metrics {
         // Ghosts as their owners have them: what is rounded to single precision must not
         // depend on the ranks.
         halo.exchange(self.centre.as_flattened_mut(), 3);
+        for (ghost, moved) in &topology.images {
+            let centre = &mut self.centre[*ghost as usize];
+            *centre = (Vec3::from(*centre) + moved).into();
+        }
     }
 
     /// Areas of the faces and volumes of the cells; returns by how much the centres of volume lie from the points

@@ -24,8 +24,8 @@ struct Node {
 }
 
 impl Walls {
-    /// All walls of the grid at node positions `x` (of this rank). Quadrilaterals are four
-    /// triangles about the mean of their corners. Collective.
+    /// All walls of the grid at node positions `x` (of this rank), in a periodic domain with their images next to it. Quadrilaterals are
+    /// four triangles about the mean of their corners. Collective.
     pub fn gather(comm: &Comm, topology: &Topology, x: &[Vec3]) -> Self {
         let mut corners: Vec<f64> = Vec::new();
         for side in topology.no_slip.iter().filter(|s| s.sign > 0.0) {
@@ -43,6 +43,10 @@ impl Walls {
                 let m = face::mean(&p);
                 triangles.extend((0..4).map(|k| [p[k], p[(k + 1) % 4], m]));
             }
+        }
+        for period in &topology.periods {
+            let moved = |s: f64| triangles.iter().map(move |t: &[Vec3; 3]| t.map(|x| x + period * s));
+            triangles = triangles.iter().copied().chain(moved(1.0)).chain(moved(-1.0)).collect();
         }
         Self::new(triangles)
     }

@@ -36,7 +36,20 @@ pub fn at_start(
     drop: f64,
     upwind: f64,
 ) -> Solver<flow_solver::physics::Isothermal, 4> {
-    let grid = box_grid_of(shape, [n; 3], [0.0; 3], [PI; 3], [Patch::Symmetry; 6]);
+    at_start_in([0.0; 3], [PI; 3], [Patch::Symmetry; 6], shape, n, drop, upwind)
+}
+
+/// As [`at_start`] in the box from `low` to `high` with these `sides`, on `n` cells along each edge.
+pub fn at_start_in(
+    low: [f64; 3],
+    high: [f64; 3],
+    sides: [Patch; 6],
+    shape: BoxShape,
+    n: usize,
+    drop: f64,
+    upwind: f64,
+) -> Solver<flow_solver::physics::Isothermal, 4> {
+    let grid = box_grid_of(shape, [n; 3], low, high, sides);
     let mut settings = common::settings([0.0; 3], drop);
     settings.reference_speed = 0.1;
     settings.moving = false;
@@ -61,7 +74,8 @@ pub fn at_start(
 /// Kinetic energy per mass.
 pub fn energy(s: &Solver<flow_solver::physics::Isothermal, 4>) -> f64 {
     let of_cell = |(q, v): (&[f64; 4], &f64)| 0.5 * v * (q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    s.q.iter().zip(&s.metrics.volume).map(of_cell).sum::<f64>() / PI.powi(3)
+    let owned = s.topology.n_owned;
+    s.q[..owned].iter().zip(&s.metrics.volume).map(of_cell).sum::<f64>() / PI.powi(3)
 }
 
 /// Dissipation by the viscosity of the resolved flow, per mass.

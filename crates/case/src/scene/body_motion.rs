@@ -230,7 +230,13 @@ fn patches(flow: &Flow, earlier: &[BodyMotion], motion: &BodyMotion, at: &str, c
         }
         let with_data = flow.moving_walls.iter().map(|w| &w.patch);
         let with_data = with_data.chain(flow.inlets.iter().map(|i| &i.patch)).any(|p| p == patch);
-        if with_data || *condition == Condition::Inlet {
+        if *condition == Condition::Periodic {
+            c.refuse(
+                &at,
+                format!("the patch \"{patch}\" is periodic: it stays at rest"),
+                "name other patches",
+            );
+        } else if with_data || *condition == Condition::Inlet {
             c.refuse(
                 &at,
                 format!("the patch \"{patch}\" has a velocity of its own, which is given where the grid is at rest"),

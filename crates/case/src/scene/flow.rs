@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::{boundary_values, flow_grid, gust, monitors, shear};
 use crate::check::Check;
 use crate::{
-    FlowBox, Forces, Grid, GridFile, Gust, InletValues, MovingWall, OutletValues, Probe, Scene, Shear, Slice,
-    Statistics, SurfacePressure, UndisturbedAir,
+    Condition, FlowBox, Forces, Grid, GridFile, Gust, InletValues, MovingWall, OutletValues, Probe, Scene,
+    Shear, Slice, Statistics, SurfacePressure, UndisturbedAir,
 };
 
 /// Specific gas constant of dry air, J/(kg K).
@@ -33,6 +33,8 @@ pub struct Flow {
     pub gust: Option<Gust>,
     /// Wind that changes with height. Absent: the same everywhere.
     pub shear: Option<Shear>,
+    /// Force on the air per volume, N/m3. It drives a periodic channel as the pressure gradient of the opposite sign would, Pa/m. Absent: none.
+    pub body_force_n_m3: Option<[f64; 3]>,
     /// Viscosity. Absent: inviscid.
     pub viscosity: Option<Viscosity>,
     /// Solves the energy equation. Absent: isothermal, four equations.
@@ -97,6 +99,21 @@ impl Flow {
             _ => 1.0,
         };
         self.convection.upwind_share.unwrap_or(of_equations)
+    }
+
+    /// Whether data of boundary patches or a force can move the air.
+    pub fn is_driven(&self) -> bool {
+        self.has_boundary_values() || self.body_force() > 0.0
+    }
+
+    /// Magnitude of the force on the air, N/m3.
+    pub fn body_force(&self) -> f64 {
+        self.body_force_n_m3.map_or(0.0, |[x, y, z]| (x * x + y * y + z * z).sqrt())
+    }
+
+    /// Whether boundary patches are periodic.
+    pub fn is_periodic(&self) -> bool {
+        self.patches().iter().any(|p| p.1 == Condition::Periodic)
     }
 
     /// Speed of sound in the undisturbed air as the scene's equations have it, m/s: isothermal without the
@@ -253,6 +270,25 @@ impl Scene {
     }
 }
 
+/// Refuses a force that the equations or the boundaries do not hold.
+fn body_force(f: &Flow, c: &mut Check) {
+    const KEY: &str = "flow.body_force_n_m3";
+    let Some(force) = f.body_force_n_m3 else { return };
+    c.finite(KEY, &force, "the force", "three numbers in N/m3");
+    if f.energy.is_some() {
+        c.refuse(KEY, "the energy equation has no work of a force", "remove the key or [flow.energy]");
+    }
+    let patches = f.patches();
+    let undisturbed = patches.is_empty() || patches.iter().any(|p| p.1 == Condition::FarField);
+    if undisturbed && f.body_force() > 0.0 {
+        c.refuse(
+            KEY,
+            "a force would accelerate the undisturbed air of the far field too",
+            "remove the key, or set no patch to \"far-field\": use \"periodic\", \"inlet\" and \"outlet\", or walls",
+        );
+    }
+}
+
 /// Refuses invalid properties of the air and invalid equations, grids, monitors and winds.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(f) = &scene.flow else { return };
@@ -261,6 +297,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(share) = f.convection.upwind_share {
         c.range("flow.convection.upwind_share", share, 0.0..=1.0, "a share");
     }
+    body_force(f, c);
     flow_grid::generated(&f.grid, c);
     c.positive("flow.solver.residual_drop", f.solver.residual_drop, 0.9, "a factor");
     c.count("flow.solver.max_iterations", f.solver.iterations(), 1..=100_000, "iterations");

@@ -54,6 +54,9 @@ pub struct GridFile {
     pub membrane: String,
     /// Condition on each physical group of outer faces.
     pub patches: BTreeMap<String, Condition>,
+    /// Pairs of patches with the condition `periodic`: the second is the first, translated.
+    #[serde(default)]
+    pub periodic: Vec<[String; 2]>,
 }
 
 fn canopy() -> String {
@@ -76,6 +79,9 @@ pub enum Condition {
     Symmetry,
     /// Velocity of the undisturbed air or of `[[flow.inlet]]`, pressure from inside: the fan of a wind tunnel.
     Inlet,
+    /// One of two patches that are the same but for a translation: what leaves through one enters through the other. In a box, opposite
+    /// sides; in a grid file, a pair of `flow.grid_file.periodic`. Its nodes are at rest; the canopy does not touch it.
+    Periodic,
 }
 
 impl Condition {
@@ -88,6 +94,7 @@ impl Condition {
             Self::Slip => "slip",
             Self::Symmetry => "symmetry",
             Self::Inlet => "inlet",
+            Self::Periodic => "periodic",
         }
     }
 }
@@ -193,6 +200,7 @@ fn has_an_exit(key: &str, conditions: impl IntoIterator<Item = Condition>, c: &m
 pub(super) fn from_file(f: &Flow, c: &mut Check) {
     if let Some(g) = &f.grid_file {
         has_an_exit("flow.grid_file.patches", g.patches.values().copied(), c);
+        periodic_pairs(g, c);
         if g.patches.len() > MAX_PATCHES {
             c.refuse(
                 "flow.grid_file.patches",
@@ -207,6 +215,67 @@ pub(super) fn from_file(f: &Flow, c: &mut Check) {
             format!("the grid file {} does not exist", g.path.display()),
             "name a Gmsh file (4.1) by its path from the scene's folder",
         );
+    }
+}
+
+/// Refuses pairs of patches that are no pairs, and periodic patches without one.
+fn periodic_pairs(g: &GridFile, c: &mut Check) {
+    const KEY: &str = "flow.grid_file.periodic";
+    let periodic = |name: &String| g.patches.get(name) == Some(&Condition::Periodic);
+    let listed = || g.periodic.iter().flatten();
+    for (k, name) in listed().enumerate() {
+        let at = format!("{KEY}[{}]", k / 2);
+        if !periodic(name) {
+            let what = match g.patches.get(name) {
+                Some(other) => format!("the patch \"{name}\" has the condition \"{}\"", other.name()),
+                None => format!("the grid file has no patch \"{name}\""),
+            };
+            c.refuse(
+                &at,
+                what,
+                format!("set {name} = \"periodic\" in [flow.grid_file.patches], or remove the pair"),
+            );
+        } else if listed().take(k).any(|earlier| earlier == name) {
+            c.refuse(
+                &at,
+                format!("the patch \"{name}\" occurs twice"),
+                "name each periodic patch in one pair",
+            );
+        }
+    }
+    for name in g.patches.keys().filter(|name| periodic(name) && !listed().any(|n| n == *name)) {
+        c.refuse(
+            &format!("flow.grid_file.patches.{name}"),
+            format!("the periodic patch \"{name}\" has no partner"),
+            format!("add `periodic = [[\"{name}\", \"...\"]]` to [flow.grid_file]"),
+        );
+    }
+}
+
+/// Refuses sides of a box whose opposite side is not periodic too, and those that the panel touches.
+fn periodic_sides(b: &FlowBox, c: &mut Check) {
+    let sides = b.sides.in_order();
+    let names = BoxSides::NAMES;
+    let beyond = |side: usize| match side {
+        0 => b.cells_ahead > 0,
+        1 => b.cells_behind > 0,
+        2 | 3 => false,
+        _ => true,
+    };
+    for (k, name) in names.iter().enumerate().filter(|(k, _)| sides[*k] == Condition::Periodic) {
+        let opposite = k ^ 1;
+        let at = format!("flow.box.sides.{name}");
+        if sides[opposite] != Condition::Periodic {
+            let what = format!("the opposite side is \"{}\"", sides[opposite].name());
+            c.refuse(&at, what, format!("set {} = \"periodic\" too", names[opposite]));
+        } else if !beyond(k) {
+            let remedy = if k < 2 {
+                "add cells between them: `ahead_m`, `cells_ahead`, `behind_m` and `cells_behind`"
+            } else {
+                "use \"slip\" or \"symmetry\", or a grid file with cells between them"
+            };
+            c.refuse(&at, "the panel touches this side", remedy);
+        }
     }
 }
 
@@ -235,6 +304,7 @@ pub(super) fn around_panel(scene: &Scene, flow: &Flow, c: &mut Check) {
         c.refuse("flow.box", "the scene has two grids", "remove [flow.box] or [flow.grid_file]");
     }
     has_an_exit("flow.box.sides", b.sides.in_order(), c);
+    periodic_sides(b, c);
     box_sizes(b, c);
 }
 

@@ -26,7 +26,7 @@ pub enum GridFileError {
     /// An outer face of a named group without a condition.
     #[error(
         "the patch \"{name}\" has no condition: add `{name} = \"far-field\"` (or outlet, inlet, wall, slip, \
-         symmetry) to [flow.grid_file.patches]"
+         symmetry, periodic) to [flow.grid_file.patches]"
     )]
     NoCondition {
         /// Name of the group.

@@ -86,6 +86,9 @@ impl Reader<'_> {
             // The scene has at most 65 535 patches.
             grid.boundary_patch.push(*k as u16);
         }
+        let place =
+            |name: &String| conditions.iter().position(|(n, _)| *n == name).map_or(u16::MAX, |k| k as u16);
+        grid.periodic = self.file.periodic.iter().map(|[a, b]| [place(a), place(b)]).collect();
         self.canopy_faces(&mut grid, canopy, &surfaces.membrane, &number)?;
         let table = FaceTable::new(&grid).map_err(|e| match e {
             MeshError::OpenFace { nodes, cell } => {

@@ -16,6 +16,7 @@ pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
         shear: None,
         viscosity: None,
         energy: None,
+        body_force_n_m3: None,
         convection: case::Convection::default(),
         limiter: None,
         grid: Default::default(),

@@ -259,9 +259,11 @@ fn number(halo: &Halo, parent: &[u32], n_coarse: usize) -> Numbered {
             Some(*end)
         })
         .collect();
+    // Images of owned cells belong to owned coarse cells: positions, which differ, enter the finest level alone.
     let ghosts: Vec<(u64, u32)> = number[parent.len()..]
         .iter()
         .map(|&g| (g as u64, ends.partition_point(|&e| e <= g as u64) as u32))
+        .filter(|&(_, owner)| owner as usize != comm.rank())
         .collect();
     let numbering = Numbering::new((offset..offset + n_coarse as u64).collect(), ghosts.clone());
     let coarse_of: Vec<u32> = number

@@ -21,7 +21,7 @@ pub fn open_boundary<G: Gas<N>, const N: usize>(patch: Patch) -> Option<&'static
         Patch::FarField => Some(&FarField),
         Patch::Outlet => Some(&Outlet),
         Patch::Inlet => Some(&inlet::Inlet),
-        Patch::Wall | Patch::Slip | Patch::Symmetry => None,
+        Patch::Wall | Patch::Slip | Patch::Symmetry | Patch::Periodic => None,
     }
 }
 
