@@ -37,7 +37,12 @@ fn flow_of(grid: &FlowGrid) -> case::Flow {
     let scene = case::parse(std::path::Path::new("scene.toml"), text).expect("a scene");
     let mut flow = scene.flow.expect("a flow");
     let patches = grid.patch_names.iter().map(|n| (n.clone(), Condition::Wall)).collect::<BTreeMap<_, _>>();
-    flow.grid_file = Some(case::GridFile { path: "grid.msh".into(), membrane: "canopy".into(), patches });
+    flow.grid_file = Some(case::GridFile {
+        path: "grid.msh".into(),
+        membrane: "canopy".into(),
+        patches,
+        periodic: Vec::new(),
+    });
     flow
 }
 

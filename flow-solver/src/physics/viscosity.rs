@@ -157,7 +157,7 @@ pub fn smagorinsky(rho: f64, g: &Mat3, h: f64) -> f64 {
 }
 
 /// WALE (Nicoud and Ducros 1999): $`\mu_t = \rho (C_w h)^2 (S^d{:}S^d)^{3/2} / ((S{:}S)^{5/2} + (S^d{:}S^d)^{5/4})`$
-/// with $`C_w = 0.325`$ and $`S^d`$ the traceless symmetric part of the squared velocity gradient, Pa s; arguments as
+/// with $`C_w = 0.55`$, of isotropic turbulence (the paper: 0.55 to 0.60; $`C_w^2 = 10.6\, C_s^2`$ with the $`C_s`$ of Smagorinsky's model here), and $`S^d`$ the traceless symmetric part of the squared velocity gradient, Pa s; arguments as
 /// in [`Viscosity::dynamic`]. Zero in pure shear, and falling with the cube of the distance to a wall.
 pub fn wale(rho: f64, g: &Mat3, h: f64) -> f64 {
     let square = g * g;
@@ -174,7 +174,7 @@ pub fn wale(rho: f64, g: &Mat3, h: f64) -> f64 {
     let bottom = s2 * s2 * s2.sqrt() + d2 * d2.sqrt().sqrt();
     // Where nothing turns or stretches both are zero.
     let rate = if bottom > f64::MIN_POSITIVE { d2 * d2.sqrt() / bottom } else { 0.0 };
-    rho * (0.325 * h) * (0.325 * h) * rate
+    rho * (0.55 * h) * (0.55 * h) * rate
 }
 
 /// Force of the air on a face of area vector `area` for viscosity `mu` and

@@ -29,9 +29,20 @@ const CV3: f64 = 0.9;
 /// Of detached eddies, of hexahedra (Shur et al. 1999).
 const CDES: f64 = 0.65;
 
+/// Of the low-Reynolds correction, $`f_w^*`$.
+const FW_STAR: f64 = 0.424;
+
 fn fv1(chi: f64) -> f64 {
     let c3 = chi * chi * chi;
     c3 / (c3 + CV1 * CV1 * CV1)
+}
+
+fn fv2(chi: f64) -> f64 {
+    1.0 - chi / (1.0 + chi * fv1(chi))
+}
+
+fn ft2(chi: f64) -> f64 {
+    CT3 * (-CT4 * chi * chi).exp()
 }
 
 /// Kinematic eddy viscosity $`\nu_t`$ of the working variable `x` at molecular viscosity `nu`, m2/s.
@@ -70,14 +81,13 @@ pub fn source(x: f64, nu: f64, w: f64, d: f64) -> f64 {
     }
     let chi = x / nu;
     let k2d2 = KAPPA * KAPPA * d * d;
-    let fv2 = 1.0 - chi / (1.0 + chi * fv1(chi));
-    let more = x / k2d2 * fv2;
+    let more = x / k2d2 * fv2(chi);
     let s = if more >= -CV2 * w {
         w + more
     } else {
         w + w * (CV2 * CV2 * w + CV3 * more) / ((CV3 - 2.0 * CV2) * w - more)
     };
-    let ft2 = CT3 * (-CT4 * chi * chi).exp();
+    let ft2 = ft2(chi);
     // Far from walls in still air nothing is produced; r is then at its bound.
     let r = if s * k2d2 > 1e-300 { (x / (s * k2d2)).min(10.0) } else { 10.0 };
     let g = r + CW2 * (r.powi(6) - r);
@@ -99,6 +109,8 @@ pub struct LengthScaleInput {
     pub viscosity: f64,
     /// Norm of the velocity gradient, 1/s.
     pub gradient: f64,
+    /// Working variable over molecular viscosity.
+    pub chi: f64,
 }
 
 /// Length scale of a model.
@@ -114,11 +126,27 @@ pub fn des97(a: &LengthScaleInput) -> f64 {
     a.wall.min(CDES * a.delta)
 }
 
+/// Low-Reynolds correction of the length scale (Spalart et al. 2006, appendix): the terms that the model has for the vicinity of walls would take
+/// away most of a small eddy viscosity far from them. With it the model at equilibrium is a Smagorinsky model at any ratio of
+/// viscosities:
+/// ```math
+/// \Psi^2 = \min\left[100,\; \frac{1 - \frac{c_{b1}}{c_{w1} \kappa^2 f_w^*} \left(f_{t2} + (1 - f_{t2}) f_{v2}\right)}
+/// {f_{v1} \max(10^{-10}, 1 - f_{t2})}\right]
+/// ```
+fn low_reynolds(chi: f64) -> f64 {
+    if chi <= 0.0 {
+        return 10.0;
+    }
+    let ft2 = ft2(chi);
+    let near_walls = CB1 / (CW1 * KAPPA * KAPPA * FW_STAR) * (ft2 + (1.0 - ft2) * fv2(chi));
+    ((1.0 - near_walls) / (fv1(chi) * (1.0 - ft2).max(1e-10)).max(f64::MIN_POSITIVE)).clamp(0.0, 100.0).sqrt()
+}
+
 /// Delayed detached eddies (Spalart et al. 2006): boundary layers keep the wall distance.
 pub fn ddes(a: &LengthScaleInput) -> f64 {
     let rd = a.viscosity / (a.gradient.max(f64::MIN_POSITIVE) * KAPPA * KAPPA * a.wall * a.wall);
     let fd = 1.0 - (8.0 * rd).powi(3).tanh();
-    a.wall - fd * (a.wall - CDES * a.delta).max(0.0)
+    a.wall - fd * (a.wall - low_reynolds(a.chi) * CDES * a.delta).max(0.0)
 }
 
 #[cfg(test)]
@@ -167,14 +195,19 @@ mod tests {
 
     #[test]
     fn lengths() {
-        let near = LengthScaleInput { wall: 0.01, delta: 0.1, viscosity: 1e-3, gradient: 100.0 };
+        let near = LengthScaleInput { wall: 0.01, delta: 0.1, viscosity: 1e-3, gradient: 100.0, chi: 1e4 };
         assert_eq!((rans(&near), des97(&near)), (0.01, 0.01));
         let far = LengthScaleInput { wall: 1.0, ..near };
         assert!((des97(&far) - 0.065).abs() < 1e-15);
-        assert!((ddes(&far) - 0.065).abs() < 1e-9);
+        assert!((ddes(&far) - 0.065).abs() < 1e-4);
+        // By the formula, in another program.
+        for (chi, psi) in [(0.0, 10.0), (1.0, 10.0), (5.0, 2.556854136), (10.0, 1.230355666), (1e6, 1.0)] {
+            assert!((low_reynolds(chi) - psi).abs() < 1e-6, "{chi}: {}", low_reynolds(chi));
+        }
         // In a boundary layer (r_d = 1) on a grid that is too fine along the wall only the first
         // gives up the wall.
-        let layer = LengthScaleInput { wall: 0.1, delta: 0.02, viscosity: 0.1681, gradient: 100.0 };
+        let layer =
+            LengthScaleInput { wall: 0.1, delta: 0.02, viscosity: 0.1681, gradient: 100.0, chi: 100.0 };
         assert!(des97(&layer) < 0.02 && (ddes(&layer) - 0.1).abs() < 1e-12);
     }
 }

@@ -226,8 +226,14 @@ impl SpalartAllmaras {
             };
             self.vorticity[i] = vorticity;
             let nu = self.viscosity / flow.density[i];
-            let viscosity = nu + eddy_viscosity(self.previous[0][i][0], nu);
-            let around = LengthScaleInput { wall: self.wall[i], delta: self.delta[i], viscosity, gradient };
+            let working = self.previous[0][i][0];
+            let around = LengthScaleInput {
+                wall: self.wall[i],
+                delta: self.delta[i],
+                viscosity: nu + eddy_viscosity(working, nu),
+                gradient,
+                chi: working / nu,
+            };
             self.scale[i] = (self.length)(&around);
         }
         self.value.copy_from_slice(&self.previous[0]);

@@ -159,7 +159,7 @@ fn air_viscosity() -> f64 {
 pub enum Turbulence {
     /// Smagorinsky with a constant of 0.17.
     Smagorinsky,
-    /// WALE (Nicoud and Ducros 1999) with a constant of 0.325: none in pure shear, so
+    /// WALE (Nicoud and Ducros 1999) with a constant of 0.55: none in pure shear, so
     /// that it fades towards walls.
     Wale,
     /// Spalart-Allmaras in its negative form (Allmaras, Johnson and Spalart 2012): one

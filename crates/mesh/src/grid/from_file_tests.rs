@@ -30,7 +30,7 @@ fn name(patch: Patch) -> String {
 
 fn file(path: PathBuf, patches: &[(&str, Condition)]) -> GridFile {
     let patches: BTreeMap<String, Condition> = patches.iter().map(|(n, c)| ((*n).to_owned(), *c)).collect();
-    GridFile { path, membrane: "canopy".into(), patches }
+    GridFile { path, membrane: "canopy".into(), patches, periodic: Vec::new() }
 }
 
 const ALL: [(&str, Condition); 5] = [
