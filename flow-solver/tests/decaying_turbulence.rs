@@ -9,7 +9,7 @@ use isotropic::Model;
 /// The table of the paper holds its own fluctuations and dissipation: 22.2, 12.8 and 8.95 cm/s, and 633 and 174 cm2/s3 at the later stations.
 #[test]
 fn measured_spectra_have_their_published_integrals() {
-    let step = 0.001;
+    let step: f64 = 0.001;
     let sum = |station: usize, weight: fn(f64) -> f64| -> f64 {
         let k = (0..5000).map(|i| 15.0 * (1.0 + step).powi(i)).take_while(|k| *k < 2000.0);
         k.map(|k| isotropic::measured(station, k) * weight(k) * k * step).sum()

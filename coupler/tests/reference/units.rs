@@ -6,6 +6,7 @@ const UNITS: &[(&str, &str)] = &[
     ("_pa_s_m", "Pa s/m"),
     ("_rad_s", "rad/s"),
     ("_kg_m3", "kg/m³"),
+    ("_n_m3", "N/m³"),
     ("_kg_m2", "kg m²"),
     ("_m3_s", "m³/s"),
     ("_kg_s", "kg/s"),

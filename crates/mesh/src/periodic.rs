@@ -125,7 +125,7 @@ impl Pair<'_> {
             let (_, first, cell) = self.boundary[k];
             let moved = first.map(|n| partner[&n]);
             let Some(&other) = second.get(&key(moved)) else {
-                let middle = self.mean(&distinct(&first));
+                let middle = self.mean(distinct(&first));
                 return Err(format!(
                     "the face at {} of the first is none of the second; mesh one as a copy of the other (Gmsh: Periodic Surface)",
                     place(middle)

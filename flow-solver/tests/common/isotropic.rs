@@ -1,5 +1,5 @@
 //! Isotropic turbulence that decays behind a grid, in a periodic box: Comte-Bellot and Corrsin (1971), mesh of 5.08 cm in 10 m/s.
-#![allow(dead_code)]
+#![allow(dead_code, clippy::needless_range_loop)]
 
 use std::f64::consts::PI;
 

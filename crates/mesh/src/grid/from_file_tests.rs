@@ -24,6 +24,7 @@ fn name(patch: Patch) -> String {
         Patch::Slip => "sides",
         Patch::Symmetry => "mirror",
         Patch::Inlet => "inlet",
+        Patch::Periodic => "pair",
     }
     .into()
 }
