@@ -11,14 +11,13 @@
 
 #![allow(clippy::needless_range_loop)]
 
-#[path = "common/bodies.rs"]
-mod bodies;
 mod common;
 #[allow(dead_code, reason = "the plate of the peers is for another test")]
 #[path = "common/plate.rs"]
 mod plate;
 
-use std::f64::consts::PI;
+#[path = "common/sphere.rs"]
+mod sphere;
 
 use common::{at_rest, isothermal, settings};
 use flow_solver::Loads;
@@ -28,64 +27,8 @@ use mesh::FlowGrid;
 
 const RHO: f64 = 1.225;
 
-/// Mean drag coefficient, mean lift coefficient towards the side of the symmetry plane that the
-/// wake leans to, and Strouhal number of the lift.
 fn sphere_300(n: usize, nr: usize, end: f64, upwind: f64) -> [f64; 3] {
-    let grid = bodies::half_shell(n, nr, 15.0);
-    let speed = 4.0;
-    let mut set = settings([speed, 0.0, 0.0], 1e-2);
-    set.moving = false;
-    let mut s = isothermal(&grid, Laminar { viscosity: RHO * speed / 300.0 }, set);
-    s.spatial.upwind_share = upwind;
-    // A push to one side: the wake need not find the asymmetry by round-off.
-    for previous in &mut s.previous {
-        for (q, x) in previous.q.iter_mut().zip(&s.metrics.centre) {
-            let r2 = x.iter().map(|x| x * x).sum::<f64>();
-            q[3] += speed * 0.3 * (x[0] / r2) * (-0.1 * r2).exp();
-        }
-    }
-    let scale = 0.5 * RHO * speed * speed * PI / 8.0;
-    let mut series: Vec<[f64; 3]> = Vec::new();
-    let (mut t, mut k) = (0.0, 0);
-    while t < end {
-        let dt = if k < 20 { 0.005 } else { 0.02 };
-        s.advance(&at_rest(dt)).unwrap();
-        s.accept(dt, false);
-        t += dt * speed;
-        k += 1;
-        let domain = s.domain();
-        let mut force = [0.0; 3];
-        for side in &s.topology.no_slip {
-            let f = &s.metrics.faces[side.face as usize];
-            let p = s.spatial.wall_pressure(&domain, &s.q, &s.gradient, side);
-            let shear = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side);
-            for d in 0..3 {
-                force[d] += p * side.sign * f.area[d] + f.magnitude() * shear[d];
-            }
-        }
-        series.push([t, force[0] / scale, force[2] / scale]);
-        if k % 100 == 0 {
-            println!("t U/D {t:.1}: cd {:.4} cl {:.4}", force[0] / scale, force[2] / scale);
-        }
-    }
-    // Whole periods in the second half, from one upward crossing of the mean lift to another.
-    let late: Vec<[f64; 3]> = series.iter().filter(|r| r[0] > 0.5 * end).copied().collect();
-    let mean = |rows: &[[f64; 3]], c: usize| rows.iter().map(|r| r[c]).sum::<f64>() / rows.len() as f64;
-    let middle = mean(&late, 2);
-    let up: Vec<usize> =
-        (1..late.len()).filter(|&k| late[k - 1][2] < middle && late[k][2] >= middle).collect();
-    let (first, last) = (*up.first().unwrap_or(&0), *up.last().unwrap_or(&(late.len() - 1)));
-    let periods = up.len().saturating_sub(1) as f64;
-    let strouhal = periods / (late[last][0] - late[first][0]);
-    let found = [mean(&late[first..last], 1), mean(&late[first..last], 2).abs(), strouhal];
-    println!(
-        "sphere Re 300, {} cells: cd {:.4}, cl {:.4}, St {:.4}",
-        grid.cells.len(),
-        found[0],
-        found[1],
-        found[2]
-    );
-    found
+    sphere::wake(300.0, [n, nr], end, upwind)
 }
 
 /// Published: drag coefficient 0.655 to 0.671, lift coefficient 0.065 to 0.069, Strouhal number

@@ -1,0 +1,73 @@
+//! The wake of a sphere, half of it between a plane of symmetry and the far field.
+
+use std::f64::consts::PI;
+
+use flow_solver::physics::Laminar;
+
+use super::common::{at_rest, isothermal, settings};
+
+#[path = "bodies.rs"]
+mod bodies;
+
+const RHO: f64 = 1.225;
+
+/// Mean drag coefficient, mean lift coefficient towards the side of the symmetry plane that the
+/// wake leans to, and Strouhal number of the lift.
+pub fn wake(reynolds: f64, [n, nr]: [usize; 2], end: f64, upwind: f64) -> [f64; 3] {
+    let grid = bodies::half_shell(n, nr, 15.0);
+    let speed = 4.0;
+    let mut set = settings([speed, 0.0, 0.0], 1e-2);
+    set.moving = false;
+    let mut s = isothermal(&grid, Laminar { viscosity: RHO * speed / reynolds }, set);
+    s.spatial.upwind_share = upwind;
+    // A push to one side: the wake need not find the asymmetry by round-off.
+    for previous in &mut s.previous {
+        for (q, x) in previous.q.iter_mut().zip(&s.metrics.centre) {
+            let r2 = x.iter().map(|x| x * x).sum::<f64>();
+            q[3] += speed * 0.3 * (x[0] / r2) * (-0.1 * r2).exp();
+        }
+    }
+    let scale = 0.5 * RHO * speed * speed * PI / 8.0;
+    let mut series: Vec<[f64; 3]> = Vec::new();
+    let (mut t, mut k) = (0.0, 0);
+    while t < end {
+        let dt = if k < 20 { 0.005 } else { 0.02 };
+        s.advance(&at_rest(dt)).unwrap();
+        s.accept(dt, false);
+        t += dt * speed;
+        k += 1;
+        let domain = s.domain();
+        let mut force = [0.0; 3];
+        for side in &s.topology.no_slip {
+            let f = &s.metrics.faces[side.face as usize];
+            let p = s.spatial.wall_pressure(&domain, &s.q, &s.gradient, side);
+            let shear = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side);
+            for d in 0..3 {
+                force[d] += p * side.sign * f.area[d] + f.magnitude() * shear[d];
+            }
+        }
+        series.push([t, force[0] / scale, force[2] / scale]);
+        if k % 100 == 0 {
+            println!("t U/D {t:.1}: cd {:.4} cl {:.4}", force[0] / scale, force[2] / scale);
+        }
+    }
+    // Whole periods in the second half, from one upward crossing of the mean lift to another.
+    let late: Vec<[f64; 3]> = series.iter().filter(|r| r[0] > 0.5 * end).copied().collect();
+    let mean = |rows: &[[f64; 3]], c: usize| rows.iter().map(|r| r[c]).sum::<f64>() / rows.len() as f64;
+    let middle = mean(&late, 2);
+    let up: Vec<usize> =
+        (1..late.len()).filter(|&k| late[k - 1][2] < middle && late[k][2] >= middle).collect();
+    let (first, last) = (*up.first().unwrap_or(&0), *up.last().unwrap_or(&(late.len() - 1)));
+    let periods = up.len().saturating_sub(1) as f64;
+    let strouhal = periods / (late[last][0] - late[first][0]);
+    let found = [mean(&late[first..last], 1), mean(&late[first..last], 2).abs(), strouhal];
+    println!(
+        "sphere Re {reynolds}, {} cells, upwind share {upwind}: cd {:.4}, cl {:.4}, St {:.4}; at the end {:.4?}",
+        grid.cells.len(),
+        found[0],
+        found[1],
+        found[2],
+        series[series.len() - 1]
+    );
+    found
+}
