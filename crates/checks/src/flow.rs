@@ -1,6 +1,6 @@
 //! Checks of the flow: grid, resolution along and across the canopy, outer boundary, Mach number.
 
-use case::{Canopy, StageKind, WallTreatment};
+use case::{Canopy, StageKind, Turbulence, WallTreatment};
 
 use super::facts::{Facts, digits, percent};
 use super::finding::Judged;
@@ -56,6 +56,20 @@ pub const CHECKS: &[Check] = &[
                  flow.viscosity.wall_treatment = \"automatic\"; or omit [flow.viscosity]: with separation at the rim the \
                  drag of a canopy is mainly pressure drag",
         when: When::Before(boundary_layer),
+    },
+    Check {
+        id: "flow.eddies",
+        what: "the cells of the wake hold its eddies, and what is smaller has a model",
+        estimate: "largest extent h of the cells one width downstream, from the growth of the layers; eddies of 4 h keep their energy with the hybrid \
+                   flux, of 8 h with the upwind flux (flow.convection.upwind_share of 0.5 and above); smallest eddies \
+                   width / Re^3/4. Not assessed: grid files, inviscid flow, spalart-allmaras",
+        range: "warning for smallest resolved eddies above half the width, and for laminar flow above a Reynolds number of 1000 with cells of \
+                more than 10 of the smallest eddies",
+        source: "docs/records/verification.md: decaying isotropic turbulence; without a model a third of its energy has nowhere to go",
+        severity: Warning,
+        remedy: "raise flow.grid.layers_outside and canopy.cells_across; without a model set flow.viscosity.turbulence = \"wale\", or \"ddes\" where \
+                 boundary layers matter",
+        when: When::Before(eddies),
     },
     Check {
         id: "flow.outer-boundary",
@@ -196,6 +210,44 @@ fn boundary_layer(f: &Facts<'_>) -> Vec<Judged> {
         digits(first)
     );
     vec![Judged::new(severity, key, figure)]
+}
+
+/// Wave lengths, in cells, of the smallest eddies that keep their energy with the hybrid and with the upwind flux.
+const CELLS_OF_EDDY: [f64; 2] = [4.0, 8.0];
+
+fn eddies(f: &Facts<'_>) -> Vec<Judged> {
+    let n = &f.numbers;
+    let (Some(flow), Some(v), true) = (&f.scene.flow, f.scene.viscosity(), f.is_parachute()) else {
+        return Vec::new();
+    };
+    let averaged = v.turbulence == Some(Turbulence::SpalartAllmaras);
+    let (Some(cell), Some(Ok(_)), false) = (mesh::wake_cell(f.scene, n.width, n.cell), &f.grid, averaged)
+    else {
+        return Vec::new();
+    };
+    let cells = CELLS_OF_EDDY[usize::from(flow.upwind_share() >= 0.5)];
+    let share = cells * cell / n.width;
+    let smallest = n.width * n.reynolds.max(1.0).powf(-0.75);
+    let turbulent = n.reynolds > 1000.0;
+    let mut found = Vec::new();
+    if turbulent {
+        let figure = format!(
+            "the cells one width downstream are about {} m: eddies above {} of the width keep their energy",
+            digits(cell),
+            percent(share)
+        );
+        found.push(Judged::new(if share > 0.5 { Warning } else { Note }, "flow.grid.layers_outside", figure));
+    }
+    if turbulent && v.turbulence.is_none() && cell > 10.0 * smallest {
+        let figure = format!(
+            "the flow is laminar at a Reynolds number of {}, but its cells are {} times its smallest eddies of {} m",
+            digits(n.reynolds),
+            digits(cell / smallest),
+            digits(smallest)
+        );
+        found.push(Judged::new(Warning, "flow.viscosity.turbulence", figure));
+    }
+    found
 }
 
 fn outer_boundary(f: &Facts<'_>) -> Vec<Judged> {

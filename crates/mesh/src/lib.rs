@@ -24,7 +24,7 @@ pub use boxes::*;
 pub use error::*;
 pub use faces::*;
 pub use geometry::Point;
-pub use grid::{GridFileError, GridSizes, draft_grid, flow_grid, grid_sizes};
+pub use grid::{GridFileError, GridSizes, draft_grid, flow_grid, grid_sizes, wake_cell};
 pub use msh::write_msh;
 pub use partition::*;
 pub use periodic::{PeriodicFace, PeriodicFaces};

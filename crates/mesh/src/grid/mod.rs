@@ -19,7 +19,7 @@ use crate::quality;
 use crate::structure::{AtpsLayout, flat_layout, positive, refuse};
 use crate::{FlowGrid, MeshError, StructureMesh};
 pub use file_error::GridFileError;
-pub use sizes::{GridSizes, grid_sizes};
+pub use sizes::{GridSizes, grid_sizes, wake_cell};
 use topology::Blocks;
 
 use case::{Canopy, Grid, Scene};

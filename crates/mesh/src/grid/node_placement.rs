@@ -93,6 +93,20 @@ impl Curve {
 /// `layers + 1` values from 0 to 1 whose first step is `first`, growing by a
 /// constant ratio; evenly spaced where `first` is larger than that.
 fn stretch(first: f64, layers: usize) -> Vec<f64> {
+    let ratio = growth(first, layers);
+    let total = (0..layers).fold(0.0, |s, _| s * ratio + 1.0);
+    let mut values = vec![0.0];
+    let mut step = 1.0 / total;
+    for l in 0..layers {
+        values.push(values[l] + step);
+        step *= ratio;
+    }
+    values[layers] = 1.0;
+    values
+}
+
+/// Ratio of a step to the one before of `layers` steps to 1, the first of size `first`; 1 where that is too large.
+pub(super) fn growth(first: f64, layers: usize) -> f64 {
     let sum = |ratio: f64| (0..layers).fold(0.0, |s, _| s * ratio + 1.0);
     let (mut low, mut high) = (1.0, 1.0);
     if sum(1.0) * first < 1.0 && layers > 1 {
@@ -104,16 +118,7 @@ fn stretch(first: f64, layers: usize) -> Vec<f64> {
             if sum(middle) * first < 1.0 { low = middle } else { high = middle }
         }
     }
-    let ratio = 0.5 * (low + high);
-    let total = sum(ratio);
-    let mut values = vec![0.0];
-    let mut step = 1.0 / total;
-    for l in 0..layers {
-        values.push(values[l] + step);
-        step *= ratio;
-    }
-    values[layers] = 1.0;
-    values
+    0.5 * (low + high)
 }
 
 /// Smooth map of the cube to the ball of radius 1.

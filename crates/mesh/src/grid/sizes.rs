@@ -2,7 +2,7 @@
 
 use case::{Canopy, FlowBox, PanelCanopy, Scene};
 
-use super::{blocks, from_file};
+use super::{blocks, from_file, node_placement};
 use crate::structure::refuse;
 use crate::{MeshError, StructureMesh};
 
@@ -35,6 +35,30 @@ pub fn grid_sizes(scene: &Scene, canopy: &StructureMesh) -> Result<GridSizes, Me
     Ok(GridSizes { cells: blocks.cells() as u64, nodes: blocks.nodes as u64 })
 }
 
+/// Largest extent of the cells one width downstream of a canopy of this `width` (m) with cells of size `edge` (m), m, in a generated grid or a box: from
+/// the growth of the layers and the spread of the lines. `None` where a file gives the grid.
+pub fn wake_cell(scene: &Scene, width: f64, edge: f64) -> Option<f64> {
+    let flow = scene.flow.as_ref()?;
+    if flow.grid_file.is_some() || !(width > 0.0 && edge > 0.0) {
+        return None;
+    }
+    if let Some(b) = &flow.box_grid {
+        let mean = |length: f64, cells: u32| if cells > 0 { length / f64::from(cells) } else { 0.0 };
+        let high = mean(b.above_m, b.layers_above).max(mean(b.below_m, b.layers_below));
+        return Some(edge.max(high).max(mean(b.behind_m, b.cells_behind)));
+    }
+    let g = &flow.grid;
+    let ratio = node_placement::growth(g.first_layer_m / (g.wake_widths * width), g.layers_outside as usize);
+    // Of the cell whose middle is there.
+    let along = match ratio - 1.0 {
+        0.0 => g.wake_widths * width / f64::from(g.layers_outside),
+        more => (g.first_layer_m + more * width) / (1.0 + 0.5 * more),
+    };
+    // Lines from the canopy end on a quarter of the far field.
+    let spread = 1.0 + (std::f64::consts::SQRT_2 * g.far_field_widths - 1.0) / g.wake_widths;
+    Some(along.max(edge * spread))
+}
+
 /// Nodes of the panel's plane beyond the panel are single, as all others: the panel's faces are walls
 /// between cells that share nodes.
 fn of_box(b: &FlowBox, p: &PanelCanopy) -> GridSizes {
@@ -60,6 +84,42 @@ mod tests {
             let sizes = grid_sizes(&scene, &canopy).unwrap();
             assert_eq!(sizes.cells, grid.cells.len() as u64, "{name}");
             assert_eq!(sizes.nodes, grid.coords.len() as u64, "{name}");
+        }
+    }
+
+    /// The estimate of the cells in the wake against the grid itself: the median largest extent of cells about one width above the canopy.
+    #[test]
+    fn cells_of_the_wake_are_as_large_as_estimated() {
+        let cases = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases");
+        let scene = case::load(&cases.join("square-drop/scene.toml")).unwrap();
+        for layers in [12, 24] {
+            for far in [4.0, 8.0] {
+                let mut scene = scene.clone();
+                let grid = &mut scene.flow.as_mut().unwrap().grid;
+                (grid.layers_outside, grid.far_field_widths) = (layers, far);
+                let Canopy::Square(square) = &scene.canopy else { panic!("a square") };
+                let (width, edge) = (square.width_m, square.width_m / f64::from(square.cells_across));
+                let canopy = structure_mesh(&scene).unwrap();
+                let made = draft_grid(&scene, &canopy, &canopy.coords[..canopy.n_canopy]).unwrap();
+                let top = canopy.coords[..canopy.n_canopy].iter().map(|x| x[2]).fold(f64::MIN, f64::max);
+                let mut sizes: Vec<f64> = Vec::new();
+                for cell in &made.cells {
+                    let at = cell.map(|n| made.coords[n as usize]);
+                    let middle = [0, 1, 2].map(|d| at.iter().map(|x| x[d]).sum::<f64>() / 8.0);
+                    let above = (middle[2] - top) / width;
+                    if (0.7..1.3).contains(&above) && middle[0].hypot(middle[1]) < 0.5 * width {
+                        let extent = |d: usize| {
+                            let along = at.iter().map(|x| x[d]);
+                            along.clone().fold(f64::MIN, f64::max) - along.fold(f64::MAX, f64::min)
+                        };
+                        sizes.push(extent(0).max(extent(1)).max(extent(2)));
+                    }
+                }
+                sizes.sort_by(f64::total_cmp);
+                let (found, estimate) = (sizes[sizes.len() / 2], wake_cell(&scene, width, edge).unwrap());
+                println!("{layers} layers, {far} widths: {found:.3} m, estimated {estimate:.3} m");
+                assert!((estimate / found).ln().abs() < 0.3, "{found} m, estimated {estimate} m");
+            }
         }
     }
 
