@@ -116,7 +116,6 @@ pub fn block_grid(
     block: [Range<usize>; 3],
 ) -> FlowGrid {
     let base = box_grid(n, lo, hi, patches);
-    let mut sides = base.boundary_patch.clone();
     let inside = |cell: usize| {
         let place = [cell % n[0], cell / n[0] % n[1], cell / (n[0] * n[1])];
         place.iter().zip(&block).all(|(p, range)| range.contains(p))
@@ -131,8 +130,20 @@ pub fn block_grid(
         grid.coords.push(*x);
     }
     let used = |face: [u32; 4]| face.map(|v| number[v as usize].unwrap_or_default());
+    let sorted = |mut face: [u32; 4]| {
+        face.sort_unstable();
+        face
+    };
+    // Where the block reaches the sides of the box, these have no faces.
+    let gone: std::collections::HashSet<[u32; 4]> = (0..base.cells.len())
+        .filter(|&c| inside(c))
+        .flat_map(|c| crate::HEX_FACES.map(|face| sorted(face.map(|v| base.cells[c][v]))))
+        .collect();
+    let outer =
+        || base.boundary.iter().zip(&base.boundary_patch).filter(|((_, f), _)| !gone.contains(&sorted(*f)));
+    let mut sides: Vec<u16> = outer().map(|(_, side)| *side).collect();
     grid.cells = kept().map(|c| base.cells[c].map(|v| number[v as usize].unwrap_or_default())).collect();
-    grid.boundary = base.boundary.iter().map(|(patch, f)| (*patch, used(*f))).collect();
+    grid.boundary = outer().map(|((patch, f), _)| (*patch, used(*f))).collect();
     let step = [1, n[0], n[0] * n[1]];
     for c in kept() {
         for (face, (axis, up)) in [
@@ -208,4 +219,23 @@ pub fn box_grid_of(shape: BoxShape, n: [usize; 3], lo: Point, hi: Point, patches
         }
     }
     grid
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::FaceTable;
+
+    /// A block that reaches from one side of the box to the opposite one: both sides have a hole there, and stay a periodic pair.
+    #[test]
+    fn a_block_through_the_box_leaves_holes_in_its_sides() {
+        let (p, s) = (Patch::Periodic, Patch::Slip);
+        let grid = block_grid([4, 3, 4], [0.0; 3], [1.0; 3], [s, s, p, p, s, s], [1..3, 0..3, 1..3]);
+        assert_eq!(grid.cells.len(), 36);
+        let of = |patch| grid.boundary.iter().filter(|(other, _)| *other == patch).count();
+        assert_eq!((of(p), of(s), of(Patch::Wall)), (24, 48, 24));
+        assert_eq!(grid.boundary.len(), grid.boundary_patch.len());
+        let table = FaceTable::new(&grid).expect("every face has a cell");
+        assert_eq!(table.periodic.faces.len(), 12);
+    }
 }

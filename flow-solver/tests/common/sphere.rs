@@ -57,17 +57,22 @@ pub fn wake(reynolds: f64, [n, nr]: [usize; 2], end: f64, upwind: f64) -> [f64; 
     let middle = mean(&late, 2);
     let up: Vec<usize> =
         (1..late.len()).filter(|&k| late[k - 1][2] < middle && late[k][2] >= middle).collect();
-    let (first, last) = (*up.first().unwrap_or(&0), *up.last().unwrap_or(&(late.len() - 1)));
-    let periods = up.len().saturating_sub(1) as f64;
+    // A steady wake has no crossings, or those of its last digits: the mean is over all of it.
+    let range = late.iter().fold([f64::MAX, f64::MIN], |[low, high], r| [low.min(r[2]), high.max(r[2])]);
+    let swing = range[1] - range[0];
+    let (first, last, periods) = match up[..] {
+        [first, .., last] if swing > 1e-3 => (first, last, up.len() as f64 - 1.0),
+        _ => (0, late.len() - 1, 0.0),
+    };
     let strouhal = periods / (late[last][0] - late[first][0]);
     let found = [mean(&late[first..last], 1), mean(&late[first..last], 2).abs(), strouhal];
+    let [_, drag, lift] = late[late.len() - 1];
     println!(
-        "sphere Re {reynolds}, {} cells, upwind share {upwind}: cd {:.4}, cl {:.4}, St {:.4}; at the end {:.4?}",
+        "sphere Re {reynolds}, {} cells, upwind share {upwind}: mean cd {:.4}, cl {:.4}, St {strouhal:.4}; at the end cd {drag:.4}, cl {lift:.4}; \
+         lift moves by {swing:.4}",
         grid.cells.len(),
         found[0],
         found[1],
-        found[2],
-        series[series.len() - 1]
     );
     found
 }
