@@ -74,13 +74,20 @@ fn force(s: &Solver<Isothermal, 4>) -> [f64; 2] {
     sum.map(|f| f / (0.5 * RHO * SPEED * SPEED * SPAN))
 }
 
-/// Mean drag, root mean square of the lift, and Strouhal number by upward crossings of its mean.
+/// Mean drag, root mean square of the lift, and Strouhal number by upward crossings of its mean, each after a visit well below it.
 fn statistics(rows: &[[f64; 3]]) -> [f64; 3] {
     let n = rows.len() as f64;
     let mean = |c: usize| rows.iter().map(|r| r[c]).sum::<f64>() / n;
     let lift = mean(2);
     let square = rows.iter().map(|r| (r[2] - lift).powi(2)).sum::<f64>() / n;
-    let up: Vec<usize> = (1..rows.len()).filter(|&k| rows[k - 1][2] < lift && rows[k][2] >= lift).collect();
+    let (mut up, mut low) = (Vec::new(), false);
+    for (k, row) in rows.iter().enumerate() {
+        low |= row[2] < lift - 0.5 * square.sqrt();
+        if low && row[2] >= lift {
+            up.push(k);
+            low = false;
+        }
+    }
     let strouhal = match up[..] {
         [first, .., last] => (up.len() - 1) as f64 / (rows[last][0] - rows[first][0]),
         _ => 0.0,

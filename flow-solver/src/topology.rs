@@ -474,7 +474,9 @@ impl Builder<'_> {
             t.boundary_patch.push(self.grid.boundary_patch.get(f).copied().unwrap_or(NO_PATCH));
             match patch {
                 Patch::Wall => t.no_slip.push(side),
-                Patch::Slip | Patch::Periodic => t.slip.push(side),
+                Patch::Slip => t.slip.push(side),
+                // Its faces lie between cells.
+                Patch::Periodic => {}
                 Patch::Symmetry => {
                     t.slip.push(side);
                     t.symmetry.push(side);

@@ -93,11 +93,18 @@ const SPEED: f64 = 4.88;
 
 /// Mean drag coefficient of the sheet over the times `from` to `end` (in U/D), by steps of `dt` s;
 /// `eddies`: delayed detached eddies, in a wake that is pushed to one side at the start: by round-off alone
-/// it takes 30 to 45 U/D to leave the symmetric state, whose drag is a third too low.
-fn drag<V: Viscosity>(grid: &FlowGrid, viscosity: V, eddies: Option<f64>, [dt, from, end]: [f64; 3]) -> f64 {
+/// it takes 30 to 45 U/D to leave the symmetric state, whose drag is a third too low. `upwind`: smallest upwind share.
+fn drag<V: Viscosity>(
+    grid: &FlowGrid,
+    viscosity: V,
+    eddies: Option<f64>,
+    [dt, from, end]: [f64; 3],
+    upwind: f64,
+) -> f64 {
     let mut set = settings([0.0, 0.0, SPEED], 1e-2);
     set.moving = false;
     let mut s = isothermal(grid, viscosity, set);
+    s.spatial.upwind_share = upwind;
     if let Some(viscosity) = eddies {
         s.set_turbulence(SpalartAllmaras::new(&s.topology, viscosity, RHO, ddes));
         for previous in &mut s.previous {
@@ -135,13 +142,14 @@ fn drag<V: Viscosity>(grid: &FlowGrid, viscosity: V, eddies: Option<f64>, [dt, f
 }
 
 /// At a Reynolds number of 1e5, over 50 to 150 U/D.
-fn high(disk: bool, across: usize) -> f64 {
+fn high(disk: bool, across: usize, upwind: f64) -> f64 {
     let viscosity = RHO * SPEED / 1e5;
     drag(
         &sheet(disk, across),
         Turbulent { viscosity, eddies: EddyViscosity::TransportInput, wall: WallTreatment::Automatic },
         Some(viscosity),
         [0.16 / across as f64, 50.0, 150.0],
+        upwind,
     )
 }
 
@@ -149,29 +157,40 @@ fn high(disk: bool, across: usize) -> f64 {
 #[test]
 #[ignore = "nightly: 2 minutes"]
 fn square_plate_normal_to_the_stream() {
-    let cd = high(false, 8);
+    let cd = high(false, 8, 1.0);
     assert!((cd - 1.17).abs() < 0.03, "{cd}");
 }
 
 #[test]
 #[ignore = "nightly: 2 minutes"]
 fn disk_normal_to_the_stream() {
-    let cd = high(true, 8);
+    let cd = high(true, 8, 1.0);
     assert!((cd - 1.17).abs() < 0.03, "{cd}");
 }
 
 #[test]
 #[ignore = "nightly: 8 minutes"]
 fn square_plate_normal_to_the_stream_refined() {
-    let cd = high(false, 12);
+    let cd = high(false, 12, 1.0);
     assert!((cd - 1.17).abs() < 0.02, "{cd}");
 }
 
 #[test]
 #[ignore = "nightly: 8 minutes"]
 fn disk_normal_to_the_stream_refined() {
-    let cd = high(true, 12);
+    let cd = high(true, 12, 1.0);
     assert!((cd - 1.17).abs() < 0.02, "{cd}");
+}
+
+/// The same with the hybrid flux, as scenes with `ddes` have it: 1.178 and 1.248 are records, the latter 7 % above what is published.
+#[test]
+#[ignore = "nightly: 12 minutes"]
+fn square_plate_normal_to_the_stream_hybrid() {
+    for (across, recorded) in [(8, 1.178), (12, 1.248)] {
+        let cd = high(false, across, 0.0);
+        println!("{across} across, hybrid: {cd:.4}");
+        assert!((cd - recorded).abs() < 0.03, "{across} across: {cd}, recorded {recorded}");
+    }
 }
 
 /// The wake is steady at a Reynolds number of 100. Published: a drag coefficient of about 1.28.
@@ -181,7 +200,7 @@ fn disk_at_reynolds_100() {
     let viscosity = RHO * SPEED / 1e2;
     for across in [8, 12, 16] {
         let steps = [0.16 / across as f64, 18.0, 20.0];
-        let cd = drag(&sheet(true, across), Laminar { viscosity }, None, steps);
+        let cd = drag(&sheet(true, across), Laminar { viscosity }, None, steps, 1.0);
         println!("{across} across: {cd:.4}");
         assert!((cd - 1.28).abs() < 0.01, "{cd}");
     }
