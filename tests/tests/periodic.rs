@@ -92,6 +92,22 @@ fn force_drives_a_periodic_channel_to_the_parabola() {
     }
 }
 
+/// A march to the steady state at a low viscosity: 25 m/s in the exact solution, far above what the force moves within the length of the channel.
+#[test]
+fn march_to_a_fast_steady_channel_is_not_taken_for_impossible() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write(folder.path(), &channel());
+    let scene = folder.path().join("scene.toml");
+    let steady = CHANNEL
+        .replace("= 0.05", "= 1e-3")
+        .replace("duration_s = 100.0\nwindow_s = 5.0", "[stage.steady]\nforce_change = 1e-5");
+    fs::write(&scene, steady).expect("written");
+    let out = folder.path().join("out");
+    succeed(ripstop_run(&scene, &out, &["--quiet"]));
+    let friction = *column(&out, "forces.csv", "plates_drag_n").last().expect("a row");
+    assert!((friction / 0.4 - 1.0).abs() < 1e-3, "{friction} N instead of the force on 2 m3");
+}
+
 /// A stream through a box whose ends are one: an elastic panel, the grid that follows it, and the same numbers on two ranks.
 #[test]
 fn panel_swings_between_periodic_ends() {
@@ -143,6 +159,12 @@ fn wrong_pairs_are_refused_with_place_and_remedy() {
             "[[\"left\", \"right\"], [\"front\", \"back\"]]",
             "[[\"left\", \"front\"], [\"right\", \"back\"]]",
             ["\"left\" and \"front\": they have 24 and 48 faces", "Periodic Surface"],
+        ),
+        (
+            "kind = \"flow-only\"\nduration_s = 100.0\nwindow_s = 5.0\n",
+            "kind = \"prescribed\"\nduration_s = 1.0\nwindow_s = 0.1\n[[stage.body_motion]]\npatches = [\"top\"]\n[stage.body_motion.rotation]\n\
+             axis = [0.0, 1.0, 0.0]\npoint_m = [0.0, 0.0, 0.0]\nangle_rad = \"0.1*sin(t)^2\"\n",
+            ["on two periodic patches apart", "use `displacement_m` alone"],
         ),
         ("[0.2, 0.0, 0.0]\n", "[0.2, 0.0, 0.0]\n[flow.energy]\n", ["no work of a force", "remove the key"]),
         ("top = \"wall\"", "top = \"far-field\"", ["undisturbed air of the far field", "set no patch"]),

@@ -62,10 +62,10 @@ pub const CHECKS: &[Check] = &[
         what: "the cells of the wake hold its eddies, and what is smaller has a model",
         estimate: "largest extent h of the cells one width downstream, from the growth of the layers; eddies of 4 h keep their energy with the hybrid \
                    flux, of 8 h with the upwind flux (flow.convection.upwind_share of 0.5 and above); smallest eddies \
-                   width / Re^3/4. Not assessed: grid files, inviscid flow, spalart-allmaras",
+                   width / Re^3/4. Not assessed: grid files, inviscid flow, spalart-allmaras, and what the eddies do to the drag",
         range: "warning for smallest resolved eddies above half the width, and for laminar flow above a Reynolds number of 1000 with cells of \
                 more than 10 of the smallest eddies",
-        source: "docs/records/verification.md: decaying isotropic turbulence; without a model a third of its energy has nowhere to go",
+        source: "docs/records/verification.md: measured in decaying isotropic turbulence; without a model a third of its energy has nowhere to go",
         severity: Warning,
         remedy: "raise flow.grid.layers_outside and canopy.cells_across; without a model set flow.viscosity.turbulence = \"wale\", or \"ddes\" where \
                  boundary layers matter",

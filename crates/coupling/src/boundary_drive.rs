@@ -37,15 +37,30 @@ impl BoundaryDrive {
         let inlets = flow.inlets.iter().map(|i| inlet_speed(i, &grid) * largest(i.factor.as_ref()));
         let walls = flow.moving_walls.iter().map(|w| wall_speed(w, &grid) * largest(w.factor.as_ref()));
         let bodies = scene.stages.iter().map(|s| mesh::body_speed(s, &grid));
-        // Without walls the force accelerates the air all the time.
-        let duration: f64 = scene.stages.iter().map(|s| s.duration_s).sum();
-        let forced = flow.body_force() / flow.density_kg_m3 * duration;
-        drive.speed = inlets.chain(walls).chain(bodies).fold(forced, f64::max);
         let extents = extents(&grid);
         drive.size = extents.iter().copied().fold(0.0, f64::max);
+        let forced = forced_speed(scene, flow, drive.size);
+        drive.speed = inlets.chain(walls).chain(bodies).fold(forced, f64::max);
         drive.pressure += friction(flow, drive.speed, extents) + flow.body_force() * drive.size;
         Some(drive)
     }
+}
+
+/// Largest speed that the force on the air can cause over a grid of this `size` (m), m/s: without walls it accelerates the air all the time; a
+/// march to a steady state has no time, and ends at most at plane Poiseuille flow over the whole grid, $`f L^2 / (8 \mu)`$, or, without
+/// friction, where the equations do.
+fn forced_speed(scene: &Scene, flow: &Flow, size: f64) -> f64 {
+    let force = flow.body_force();
+    if force == 0.0 {
+        return 0.0;
+    }
+    let duration: f64 = scene.stages.iter().map(|s| s.duration_s).sum();
+    let steady = match &flow.viscosity {
+        _ if scene.stages.iter().all(|s| s.steady.is_none()) => 0.0,
+        Some(v) => force * size * size / (8.0 * v.dynamic_viscosity_pa_s),
+        None => f64::INFINITY,
+    };
+    (force / flow.density_kg_m3 * duration).max(steady.min(flow.sound_speed()))
 }
 
 /// Pressure drop of a plane channel as long as the grid and as high as its smallest extent, $`12 \mu U L / h^2`$, Pa.

@@ -9,8 +9,9 @@ use crate::{FlowGrid, MeshError, Patch};
 /// Translations that a grid has at most: one for each direction of space.
 const MAX_PERIODS: usize = 3;
 
-/// Nodes of a pair may be off by this share of the shortest edge of its faces: a file has few digits.
-const NEAR: f64 = 1e-3;
+/// Nodes of a pair may be off by this share of the shortest edge of its faces. Both copies of a face have areas of their own, so that mass is
+/// conserved to this share.
+const NEAR: f64 = 1e-6;
 
 /// Faces of periodic patches.
 #[derive(Clone, Debug, Default, PartialEq)]

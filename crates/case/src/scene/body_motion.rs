@@ -247,6 +247,13 @@ fn patches(flow: &Flow, earlier: &[BodyMotion], motion: &BodyMotion, at: &str, c
 }
 
 fn formulas(scene: &Scene, k: usize, motion: &BodyMotion, at: &str, c: &mut Check) {
+    if motion.rotation.is_some() && scene.flow.as_ref().is_some_and(Flow::is_periodic) {
+        c.refuse(
+            &format!("{at}.rotation"),
+            "a rotation can move the nodes of a body on two periodic patches apart",
+            "use `displacement_m` alone, rotate a surface of revolution by [[flow.moving_wall]], or choose another condition than \"periodic\"",
+        );
+    }
     if motion.displacement_m.is_none() && motion.rotation.is_none() {
         return c.refuse(at, "the body has no motion", "add `displacement_m` or `rotation`");
     }
