@@ -9,7 +9,7 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{at_rest, isothermal, settings};
+use common::{at_rest, growing, isothermal, settings, wall_force};
 use flow_solver::Solver;
 use flow_solver::physics::{EddyViscosity, Isothermal, Laminar, Turbulent, WallTreatment};
 use flow_solver::turbulence::{SpalartAllmaras, ddes};
@@ -18,20 +18,6 @@ use mesh::{FlowGrid, Patch, block_grid};
 const RHO: f64 = 1.225;
 const SPEED: f64 = 10.0;
 const SPAN: f64 = 4.0;
-
-/// `n` cells over `length`, the first of size `h`, growing by a constant factor: their ends.
-fn growing(n: usize, length: f64, h: f64) -> Vec<f64> {
-    let sum = |q: f64| (0..n).map(|k| h * q.powi(k as i32)).sum::<f64>();
-    let (mut low, mut high) = (1.0, 3.0);
-    for _ in 0..200 {
-        let q = 0.5 * (low + high);
-        *(if sum(q) < length { &mut low } else { &mut high }) = q;
-    }
-    let mut x = vec![0.0];
-    (0..n).for_each(|k| x.push(x[k] + h * low.powi(k as i32)));
-    x[n] = length;
-    x
-}
 
 /// Ends of cells along a line through the cylinder, which lies from -0.5 to 0.5, and the cells in front of it.
 fn line(ahead: (usize, f64), body: usize, behind: (usize, f64), h: f64) -> (Vec<f64>, usize) {
@@ -59,19 +45,10 @@ fn tunnel(refine: f64) -> FlowGrid {
     grid
 }
 
-/// Force of the air on the cylinder, in units of dynamic pressure and frontal area.
+/// Force of the air on the cylinder along x and y, in units of dynamic pressure and frontal area.
 fn force(s: &Solver<Isothermal, 4>) -> [f64; 2] {
-    let domain = s.domain();
-    let mut sum = [0.0; 2];
-    for side in &s.topology.no_slip {
-        let f = &s.metrics.faces[side.face as usize];
-        let p = s.spatial.wall_pressure(&domain, &s.q, &s.gradient, side);
-        let shear = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side);
-        for d in 0..2 {
-            sum[d] += p * side.sign * f.area[d] + f.magnitude() * shear[d];
-        }
-    }
-    sum.map(|f| f / (0.5 * RHO * SPEED * SPEED * SPAN))
+    let force = wall_force(s) / (0.5 * RHO * SPEED * SPEED * SPAN);
+    [force.x, force.y]
 }
 
 /// Mean drag, root mean square of the lift, and Strouhal number by upward crossings of its mean, each after a visit well below it.

@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{isothermal, settings};
+use common::{growing, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{EddyViscosity, Isothermal, Turbulent, WallTreatment};
 use flow_solver::steady::March;
@@ -16,20 +16,6 @@ use mesh::{FlowGrid, Patch};
 const RHO: f64 = 1.225;
 const SPEED: f64 = 30.0;
 const REYNOLDS: f64 = 36_000.0;
-
-/// `n` cells over `length`, the first of size `h`, growing by a constant factor: their ends.
-fn growing(n: usize, length: f64, h: f64) -> Vec<f64> {
-    let sum = |q: f64| (0..n).map(|k| h * q.powi(k as i32)).sum::<f64>();
-    let (mut low, mut high) = (1.0, 3.0);
-    for _ in 0..200 {
-        let q = 0.5 * (low + high);
-        *(if sum(q) < length { &mut low } else { &mut high }) = q;
-    }
-    let mut x = vec![0.0];
-    (0..n).for_each(|k| x.push(x[k] + h * low.powi(k as i32)));
-    x[n] = length;
-    x
-}
 
 /// Ends of cells from `a` to `b` that are small at both, `half` from each.
 fn between(a: f64, b: f64, half: usize, h: f64) -> Vec<f64> {

@@ -93,3 +93,29 @@ impl Noise {
         (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 }
+
+/// Force of the air on all no-slip walls, N.
+pub fn wall_force(s: &Solver<Isothermal, 4>) -> Vec3 {
+    let domain = s.domain();
+    let of_side = |side: &flow_solver::topology::Side| {
+        let face = &s.metrics.faces[side.face as usize];
+        let pressure = s.spatial.wall_pressure(&domain, &s.q, &s.gradient, side);
+        let shear = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side);
+        face.area * (pressure * side.sign) + shear * face.magnitude()
+    };
+    s.topology.no_slip.iter().map(of_side).sum()
+}
+
+/// `n` cells over `length`, the first of size `h`, growing by a constant factor: their ends.
+pub fn growing(n: usize, length: f64, h: f64) -> Vec<f64> {
+    let sum = |q: f64| (0..n).map(|k| h * q.powi(k as i32)).sum::<f64>();
+    let (mut low, mut high) = (1.0, 3.0);
+    for _ in 0..200 {
+        let q = 0.5 * (low + high);
+        *(if sum(q) < length { &mut low } else { &mut high }) = q;
+    }
+    let mut x = vec![0.0];
+    (0..n).for_each(|k| x.push(x[k] + h * low.powi(k as i32)));
+    x[n] = length;
+    x
+}

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use flow_solver::physics::Laminar;
 
-use super::common::{at_rest, isothermal, settings};
+use super::common::{at_rest, isothermal, settings, wall_force};
 
 #[path = "bodies.rs"]
 mod bodies;
@@ -36,19 +36,10 @@ pub fn wake(reynolds: f64, [n, nr]: [usize; 2], end: f64, upwind: f64) -> [f64; 
         s.accept(dt, false);
         t += dt * speed;
         k += 1;
-        let domain = s.domain();
-        let mut force = [0.0; 3];
-        for side in &s.topology.no_slip {
-            let f = &s.metrics.faces[side.face as usize];
-            let p = s.spatial.wall_pressure(&domain, &s.q, &s.gradient, side);
-            let shear = s.spatial.wall_traction(&domain, &s.scheme, &s.q, side);
-            for d in 0..3 {
-                force[d] += p * side.sign * f.area[d] + f.magnitude() * shear[d];
-            }
-        }
-        series.push([t, force[0] / scale, force[2] / scale]);
+        let force = wall_force(&s) / scale;
+        series.push([t, force.x, force.z]);
         if k % 100 == 0 {
-            println!("t U/D {t:.1}: cd {:.4} cl {:.4}", force[0] / scale, force[2] / scale);
+            println!("t U/D {t:.1}: cd {:.4} cl {:.4}", force.x, force.z);
         }
     }
     // Whole periods in the second half, from one upward crossing of the mean lift to another.
