@@ -115,6 +115,12 @@ fn body_without_a_canopy_is_checked_run_and_reported() {
     assert!(summary.contains("\"drag_of\": \"block\""), "{summary}");
     let report = ripstop(&["report"], &outs[0]);
     assert!(report.status.success(), "{}", String::from_utf8_lossy(&report.stderr));
+    let picture = ripstop(&["picture"], &outs[0]);
+    let text = String::from_utf8_lossy(&picture.stderr).into_owned();
+    assert!(
+        !picture.status.success() && text.contains("the scene has none") && text.contains("ParaView"),
+        "{text}"
+    );
     let page = fs::read_to_string(outs[0].join("report.html")).expect("a page");
     assert!(page.contains("Drag of block") && page.contains("Flow around the body"));
     assert!(!page.contains(">NaN") && !page.contains(">inf"), "a number is missing in the report");

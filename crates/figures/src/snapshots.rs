@@ -120,6 +120,12 @@ impl RunSnapshots {
 
     /// The error of missing snapshots.
     pub fn none(&self, series: &str, key: &str) -> RunError {
+        if !self.scene.has_canopy() {
+            return RunError::Input(format!(
+                "{}: pictures show a canopy and the flow around it, but the scene has none. Open flow.pvd in the folder of a stage with ParaView",
+                self.folder.display()
+            ));
+        }
         RunError::Input(format!(
             "{} contains no snapshots to draw: {series} is missing. Run the scene again with `ripstop run` and \
              output.{key} above 0 (4 writes every fourth window)",
