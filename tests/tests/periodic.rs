@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use mesh::{FlowGrid, Patch, box_grid};
+use mesh::{FlowGrid, Patch, block_grid, box_grid};
 use ripstop_tests::{ripstop_run, succeed};
 
 const CHANNEL: &str = r#"name = "channel"
@@ -134,6 +134,48 @@ fn panel_swings_between_periodic_ends() {
     };
     let (one, two) = (load(1), load(2));
     assert!(one.abs() > 0.0 && (one - two).abs() < 5e-3 * one.abs(), "{one} and {two}");
+}
+
+/// A bar through a box of one cell that heaves: its nodes on both periodic sides move along. This plane flow on a plane grid has the same forces
+/// between planes of symmetry.
+#[test]
+fn bar_through_periodic_sides_moves_as_between_planes_of_symmetry() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (inlet, outlet, slip) = (Patch::Inlet, Patch::Outlet, Patch::Slip);
+    let run = |name: &str, side: Patch, pairs: &str| {
+        let sides = [inlet, outlet, side, side, slip, slip];
+        write(
+            folder.path(),
+            &block_grid([16, 1, 12], [-2.0, 0.0, -2.0], [4.0, 0.5, 2.0], sides, [5..7, 0..1, 5..7]),
+        );
+        let (head, _) = CHANNEL.split_once("[flow.solver]").expect("a solver");
+        let head = head
+            .replace("body_force_n_m3 = [0.2, 0.0, 0.0]", "wind_m_s = [2.0, 0.0, 0.0]")
+            .replace("periodic = [[\"left\", \"right\"], [\"front\", \"back\"]]", pairs)
+            .replace("left = \"periodic\"", "left = \"inlet\"")
+            .replace("right = \"periodic\"", "right = \"outlet\"")
+            .replace("\"periodic\"", &format!("\"{}\"", side.name()))
+            .replace(
+                "bottom = \"wall\"\ntop = \"wall\"",
+                "bottom = \"slip\"\ntop = \"slip\"\nbody = \"wall\"",
+            );
+        let scene = folder.path().join(format!("{name}.toml"));
+        let rest = "[flow.solver]\nresidual_drop = 1e-6\n[flow.forces]\n[ranks]\nflow = 1\nmesh = 1\n[[stage]]\nname = \"start\"\n\
+                    kind = \"prescribed\"\nduration_s = 0.5\nwindow_s = 0.025\n[[stage.body_motion]]\npatches = [\"body\"]\n\
+                    displacement_m = [\"0\", \"0\", \"0.04*(1 - cos(4*pi*t))\"]\n";
+        fs::write(&scene, head + rest).expect("written");
+        let out = folder.path().join(name);
+        succeed(ripstop_run(&scene, &out, &["--quiet"]));
+        ["x", "z"].map(|axis| column(&out, "forces.csv", &format!("wall_pressure_force_{axis}_n")))
+    };
+    let periodic = run("periodic", Patch::Periodic, "periodic = [[\"front\", \"back\"]]");
+    let symmetric = run("symmetric", Patch::Symmetry, "");
+    let size = symmetric.iter().flatten().fold(0.0f64, |most, f| most.max(f.abs()));
+    let apart = periodic.iter().flatten().zip(symmetric.iter().flatten());
+    let apart = apart.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("forces up to {size:.3} N are {apart:.1e} N apart");
+    assert_eq!(periodic[0].len(), 20);
+    assert!(size > 0.1 && apart < 1e-7 * size, "{apart} of {size} N");
 }
 
 #[test]
