@@ -36,6 +36,7 @@ pub mod state;
 pub mod steady;
 mod stencil;
 mod surface_force;
+mod symmetry;
 pub mod time;
 pub mod topology;
 pub mod turbulence;

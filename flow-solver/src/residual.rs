@@ -161,6 +161,7 @@ impl<G: Copy> Spatial<G> {
         for_viscosity!(self, s => {
             s.interior(on, scheme, field, residual, face_flux, border);
             s.walls(on, scheme, field, residual);
+            s.symmetry_planes(on, scheme, field, residual, face_flux);
         });
         self.open_boundaries(on, scheme, field, residual, face_flux);
         self.porous_fluxes(on, scheme, field, residual, face_flux);
@@ -208,18 +209,19 @@ impl<G: Copy> Spatial<G> {
         self.near_wall(on, scheme, q, side).traction()
     }
 
-    /// Viscous force of the air on a slip wall, N: the normal stress of air that spreads along it.
+    /// Viscous force of the air on a slip wall or a plane of symmetry, N: the normal stress of air that spreads along it.
+    /// `missing`: see [`Mirrored::missing_slope`](crate::symmetry::Mirrored::missing_slope), 0 at a wall.
     pub fn slip_wall_force<const N: usize>(
         &self,
         on: &Domain<'_>,
-        q: &[[f64; N]],
-        gradient: &[Gradient<N>],
+        field: Field<'_, N>,
         side: &Side,
+        missing: f64,
     ) -> Vec3
     where
         G: Gas<N>,
     {
-        let flux = for_viscosity!(self, s => s.normal_stress(on, Field { q, gradient }, side));
+        let flux = for_viscosity!(self, s => s.normal_stress(on, field, side, missing));
         Vec3::new(flux[1], flux[2], flux[3])
     }
 }
@@ -293,6 +295,12 @@ impl<G, V: Viscosity> Spatial<G, V> {
             let Interface { mut flux, mass, rhie_chow } =
                 physics::interface(&self.gas, scheme, &l, &r, face, face_flux);
             (face_flux.mass, face_flux.rhie_chow) = (mass as f32, rhie_chow as f32);
+            if face_flux.blending.upwind < 1.0 {
+                let correction = self.split_form_correction(field, &pair, face_flux.blending);
+                for (f, c) in flux[1..4].iter_mut().zip(&correction) {
+                    *f += c;
+                }
+            }
             if V::ACTIVE {
                 let viscous = self.viscous_flux(on, field, &pair, [&l, &r]);
                 for (f, v) in flux.iter_mut().zip(viscous) {
@@ -350,6 +358,28 @@ impl<G, V: Viscosity> Spatial<G, V> {
             r[v] -= chi_j * (step - gradient::along(gj, v, &way));
         }
         [l, r]
+    }
+
+    /// Fourth-order part of the central flux of momentum, N. The farther neighbours along the line of centres follow from the
+    /// gradients, which are central differences on an even grid.
+    #[inline(always)]
+    fn split_form_correction<const N: usize>(
+        &self,
+        field: Field<'_, N>,
+        pair: &Between<'_>,
+        blending: Blending,
+    ) -> Vec3
+    where
+        G: Gas<N>,
+    {
+        let &Between { face, cells: [i, j], way } = pair;
+        let (gi, gj) = (&field.gradient[i], &field.gradient[j]);
+        let half = (velocity(&field.q[j]) - velocity(&field.q[i])) * 0.5;
+        let predicted = |g: &Gradient<N>| Vec3::from_fn(|d, _| gradient::along(g, 1 + d, &way));
+        let (beta, gamma) = (half - predicted(gi), predicted(gj) - half);
+        let rho = 0.5 * (self.gas.density(&field.q[i]) + self.gas.density(&field.q[j]));
+        let share = 1.0 - f64::from(blending.upwind);
+        physics::split_form_correction(beta, gamma, face.area) * (share * rho)
     }
 
     /// What stress and conduction pass from the second cell of a face to the first, between the states `l` and `r`
@@ -411,7 +441,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         }
         if V::ACTIVE {
             for side in &t.slip {
-                gain(residual, side, &self.normal_stress(on, field, side));
+                gain(residual, side, &self.normal_stress(on, field, side, 0.0));
             }
             for side in &t.no_slip {
                 gain(residual, side, &self.friction(on, scheme, field, side));
@@ -419,14 +449,53 @@ impl<G, V: Viscosity> Spatial<G, V> {
         }
     }
 
-    /// No friction, but the normal stress of air that spreads along a slip wall.
-    fn normal_stress<const N: usize>(&self, on: &Domain<'_>, field: Field<'_, N>, side: &Side) -> [f64; N]
+    /// Planes of symmetry: the flux between a cell and its mirror image, which passes no mass.
+    fn symmetry_planes<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        scheme: &FluxParameters,
+        field: Field<'_, N>,
+        residual: &mut [[f64; N]],
+        face_flux: &mut [FaceFlux],
+    ) where
+        G: Gas<N>,
+    {
+        for side in &on.topology.symmetry {
+            let mirror = self.mirrored(on, field, side);
+            let blending = &mut face_flux[side.face as usize].blending;
+            if scheme.renews_blending {
+                blending.upwind = if on.topology.upwind[side.cell as usize] {
+                    1.0
+                } else {
+                    mirror.upwind.max(self.upwind_share) as f32
+                };
+            }
+            let p = mirror.pressure(scheme, f64::from(blending.upwind));
+            let face = on.face(side);
+            let f = physics::wall(&self.gas, p, face.area * side.sign, side.sign * face.grid_flux);
+            gain(residual, side, &f.flux);
+            if V::ACTIVE {
+                gain(residual, side, &self.normal_stress(on, field, side, mirror.missing_slope()));
+            }
+        }
+    }
+
+    /// No friction, but the normal stress of air that spreads along a slip wall or a plane of symmetry.
+    /// `missing`: what the gradient of the cell lacks of the slope of the normal velocity along the normal, 1/s.
+    fn normal_stress<const N: usize>(
+        &self,
+        on: &Domain<'_>,
+        field: Field<'_, N>,
+        side: &Side,
+        missing: f64,
+    ) -> [f64; N]
     where
         G: Gas<N>,
     {
         let area = on.face(side).area;
         let cell = side.cell as usize;
-        let u = gradient::of_velocity(&field.gradient[cell]);
+        let mut u = gradient::of_velocity(&field.gradient[cell]);
+        u += area * area.transpose() * (missing / area.norm_squared());
         let mut mu = self.viscosity.dynamic(self.gas.density(&field.q[cell]), &u, on.metrics.size[cell]);
         if self.viscosity.transported() {
             mu += on.eddy[cell];

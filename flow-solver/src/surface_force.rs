@@ -3,6 +3,7 @@
 use case::ForceCoefficients;
 
 use crate::geometry::vec3::Vec3;
+use crate::gradient::Field;
 use crate::loads::{Loads, Total};
 use crate::physics::Gas;
 use crate::solver::Solver;
@@ -36,29 +37,48 @@ fn walls<G: Gas<N>, const N: usize>(
     chosen: impl Fn(&Side) -> bool,
 ) -> ForceSum {
     let (t, mut sum) = (&solver.topology, ForceSum::default());
-    for (sides, sticks) in [(&t.no_slip, true), (&t.slip, false)] {
+    for (sides, wall) in
+        [(&t.no_slip, Wall::NoSlip), (&t.slip, Wall::Slip), (&t.symmetry, Wall::PlaneOfSymmetry)]
+    {
         for side in sides.iter().filter(|s| s.canopy == u32::MAX && chosen(s)) {
-            add_wall(&mut sum, solver, side, sticks, point);
+            add_wall(&mut sum, solver, side, wall, point);
         }
     }
     sum
 }
 
-/// Adds the force on a side of the outer boundary, where air sticks to it or slips.
+/// Sides of the outer boundary that air does not pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Wall {
+    NoSlip,
+    Slip,
+    PlaneOfSymmetry,
+}
+
+/// Adds the force on a side of the outer boundary.
 fn add_wall<G: Gas<N>, const N: usize>(
     sum: &mut ForceSum,
     solver: &Solver<G, N>,
     side: &Side,
-    sticks: bool,
+    wall: Wall,
     point: Vec3,
 ) {
     let on = solver.domain();
     let f = &solver.metrics.faces[side.face as usize];
-    let p = solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side);
-    let viscous = match (solver.spatial.viscosity.is_active(), sticks) {
+    let field = Field { q: &solver.q, gradient: &solver.gradient };
+    let (p, missing) = if wall == Wall::PlaneOfSymmetry {
+        let upwind = f64::from(solver.face_flux()[side.face as usize].blending.upwind);
+        let mirror = solver.spatial.mirrored(&on, field, side);
+        (mirror.pressure(&solver.scheme, upwind), mirror.missing_slope())
+    } else {
+        (solver.spatial.wall_pressure(&on, &solver.q, &solver.gradient, side), 0.0)
+    };
+    let viscous = match (solver.spatial.viscosity.is_active(), wall) {
         (false, _) => Vec3::zeros(),
-        (true, true) => solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side) * f.magnitude(),
-        (true, false) => solver.spatial.slip_wall_force(&on, &solver.q, &solver.gradient, side),
+        (true, Wall::NoSlip) => {
+            solver.spatial.wall_traction(&on, &solver.scheme, &solver.q, side) * f.magnitude()
+        }
+        (true, _) => solver.spatial.slip_wall_force(&on, field, side, missing),
     };
     add(sum, f.area * (side.sign * p), viscous, solver.metrics.border(side.face) - point);
 }
@@ -67,7 +87,7 @@ fn add_wall<G: Gas<N>, const N: usize>(
 pub fn no_slip_walls<G: Gas<N>, const N: usize>(solver: &Solver<G, N>, point: Vec3) -> ForceSum {
     let mut sum = ForceSum::default();
     let sides = solver.topology.no_slip.iter().filter(|s| s.canopy == u32::MAX);
-    sides.for_each(|side| add_wall(&mut sum, solver, side, true, point));
+    sides.for_each(|side| add_wall(&mut sum, solver, side, Wall::NoSlip, point));
     sum
 }
 

@@ -94,9 +94,9 @@ pub struct Topology {
     /// Patch of each local face of the outer boundary, the first of which is face `cells.len()`, as
     /// [`FlowGrid::boundary_patch`]; [`NO_PATCH`] without a name.
     pub boundary_patch: Vec<u16>,
-    /// Sides where nothing passes and nothing rubs: slip, symmetry, inviscid canopy.
+    /// Walls where nothing rubs: slip, inviscid canopy.
     pub slip: Vec<Side>,
-    /// Those of `slip` in planes of symmetry, sorted by cell.
+    /// Sides in planes of symmetry, sorted by cell.
     pub symmetry: Vec<Side>,
     /// Sides where air sticks to the wall.
     pub no_slip: Vec<Side>,
@@ -244,7 +244,7 @@ impl Topology {
 
     /// All sides of boundary and canopy faces.
     pub fn sides(&self) -> impl Iterator<Item = &Side> {
-        self.slip.iter().chain(&self.no_slip).chain(self.open_sides())
+        self.slip.iter().chain(&self.symmetry).chain(&self.no_slip).chain(self.open_sides())
     }
 
     /// Calls `visit(face, cell, sign)` for each side of each face; `sign` is +1
@@ -477,10 +477,7 @@ impl Builder<'_> {
                 Patch::Slip => t.slip.push(side),
                 // Its faces lie between cells.
                 Patch::Periodic => {}
-                Patch::Symmetry => {
-                    t.slip.push(side);
-                    t.symmetry.push(side);
-                }
+                Patch::Symmetry => t.symmetry.push(side),
                 open => match t.open.iter_mut().find(|o| o.patch == open) {
                     Some(of_patch) => of_patch.sides.push(side),
                     None => t.open.push(OpenSides { patch: open, sides: vec![side] }),

@@ -173,13 +173,13 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
         }
     }
     let mut gain = |c: usize, flux: [f64; N]| (0..N).for_each(|v| exact[c][v] += flux[v]);
-    for side in t.slip.iter().chain(&t.no_slip) {
+    for side in t.slip.iter().chain(&t.symmetry).chain(&t.no_slip) {
         let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
         let p = field.value(m.border(side.face))[0];
         gain(c, gas.pressure_flux(p, f.area * side.sign, side.sign * f.grid_flux));
     }
     if V::ACTIVE {
-        for side in &t.slip {
+        for side in t.slip.iter().chain(&t.symmetry) {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let mu = of_cell(viscosity.dynamic(gas.density(&s.q[c]), &g, m.size[c]), c);
             let n = f.area * (1.0 / f.area.norm());

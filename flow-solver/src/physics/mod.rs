@@ -15,7 +15,9 @@ mod viscosity;
 
 pub use blending::{Blending, unresolved_in_time};
 pub(crate) use flux::relative_speed;
-pub use flux::{FaceFlux, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, wall};
+pub use flux::{
+    FaceFlux, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, split_form_correction, wall,
+};
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use law_of_the_wall::{WallLaw, WallTreatment, velocity_ratio, velocity_slope};
 pub use open_boundary::{BoundaryFace, FarField, OpenBoundary, Outlet, open_boundary};
