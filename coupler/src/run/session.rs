@@ -157,10 +157,16 @@ fn clean_up(context: &StageContext<'_>, session: &Session) {
 pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     let mut all: Vec<_> =
         effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect();
-    let winds =
-        [(scene.has_stage_wind(), channel::STAGE_WIND), (scene.has_general_gust(), channel::GUST_SHAPE)];
+    let winds = [
+        (scene.has_stage_wind(), channel::STAGE_WIND),
+        (scene.has_general_gust(), channel::GUST_SHAPE),
+        (scene.has_perturbation(), channel::PERTURBATION),
+    ];
     for (_, effect) in winds.into_iter().filter(|(needed, _)| *needed) {
-        all.push((Role::Flow, effect.to_owned()));
+        // The table of effects may ask the flow for it already.
+        if !all.contains(&(Role::Flow, effect.to_owned())) {
+            all.push((Role::Flow, effect.to_owned()));
+        }
         if scene.structure_meets_wind() {
             all.push((Role::Structure, effect.to_owned()));
         }

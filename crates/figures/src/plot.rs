@@ -8,6 +8,7 @@ use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use results::history;
 use results::recording::compare::{Comparison, FIELDS, Field};
+use results::wake::Wake;
 
 use crate::chart::{Axis, Division, Figure, Panel, Panels, Reference, Series, WIDTH, short};
 use crate::colour::series;
@@ -43,7 +44,10 @@ pub fn descent(
         return Ok(());
     }
     let weight = DescentModel::of(scene, interface).map(|m| m.mass_kg * m.gravity_m_s2);
-    let figure = descent_figure(scene, [&time, &speed, &drag], weight, published(scene));
+    // A mean that covers too few periods, or a symmetric wake, is not compared with a steady value.
+    let steady = Wake::of_history(&columns).is_some_and(|wake| wake.verdicts().is_empty());
+    let published = if steady { published(scene) } else { &[] };
+    let figure = descent_figure(scene, [&time, &speed, &drag], weight, published);
     figure.svg().save(picture)
 }
 
