@@ -148,6 +148,8 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/local_mach.rs",
         "local_mach_number_warns_once_and_is_limited_to_one",
     ),
+    ("wake.symmetric", "crates/results/src/wake.rs", "symmetric_wake_is_reported_with_its_side_force"),
+    ("wake.periods", "crates/results/src/wake.rs", "mean_over_too_few_periods_is_reported_with_their_number"),
     (
         "stages.release-pressure",
         "crates/coupling/src/release.rs",

@@ -163,6 +163,7 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             "flow.gust",
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
+            channel::PERTURBATION,
             channel::BOUNDARY_VALUES,
             channel::PERIODIC,
             channel::BODY_FORCE,

@@ -228,6 +228,28 @@ fn free_stream_follows_every_shape_of_a_gust() {
     }
 }
 
+/// The air follows the pulse of `[stage.perturbation]` too, across a stream that is at an angle to all axes.
+#[test]
+fn free_stream_follows_a_perturbation() {
+    let scene = "name = \"p\"\n[canopy]\nkind = \"panel\"\nsize_m = [1, 1]\ncells = [4, 4]\n\
+                 [fabric]\nyoungs_modulus_pa = 1e6\npoisson_ratio = 0.3\nthickness_m = 1e-3\ndensity_kg_m3 = 1000.0\n\
+                 [flow]\nwind_m_s = [3.0, -2.0, 4.0]\n\
+                 [flow.box]\nbelow_m = 1\nabove_m = 1\nlayers_below = 5\nlayers_above = 5\n\
+                 [flow.box.sides]\nleft = \"far-field\"\nright = \"far-field\"\nfront = \"far-field\"\nback = \"far-field\"\n\
+                 bottom = \"far-field\"\ntop = \"far-field\"\n\
+                 [[stage]]\nname = \"f\"\nkind = \"flow-only\"\nduration_s = 0.15\nwindow_s = 2.5e-3\n\
+                 [stage.perturbation]\nspeed_share = 0.4\nduration_s = 0.1\nstart_s = 0.01\nseed = 3\n";
+    let scene = case::parse(std::path::Path::new("p.toml"), scene).unwrap_or_else(|e| panic!("{e}"));
+    let wind = scene.wind(0, &case::StageTimes::planned(&scene));
+    for moved in [false, true] {
+        let (e, span) = drift_in(&wind, moved);
+        println!(
+            "free stream in a perturbation, grid moved {moved}: {e:.1e}, span of the wind {span:.2} m/s"
+        );
+        assert!(span > 0.5 && e < 1e-12, "grid moved {moved}: {e:e}");
+    }
+}
+
 /// Largest deviation of the air from `wind` (m/s) over 60 steps, and the span of its second component, m/s.
 fn drift_in(wind: &case::Wind, moved: bool) -> (f64, f64) {
     let air = settings([0.0; 3], 1.0).air;

@@ -27,11 +27,12 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 23] = [
+const EFFECTS: [&str; 24] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
     channel::GUST_SHAPE,
+    channel::PERTURBATION,
     "fabric.wrinkling",
     "fabric.orthotropic",
     "fabric.law",

@@ -319,7 +319,10 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
     let whole = same_in_parts(
         folder.path(),
         "many",
-        &format!("{SHEET}{many}{INFLATE}{DEVELOP}{FALL}stiffness_damping_s = 1e-4\n"),
+        &format!(
+            "{SHEET}{many}{INFLATE}{DEVELOP}{FALL}stiffness_damping_s = 1e-4\n\
+             [stage.perturbation]\nduration_s = 0.025\nseed = 5\n"
+        ),
         &cuts,
     );
     for file in ["fall/payload.csv", "fall/probes.csv", "fall/cut.pvd", "fall/flow.pvd", "fall/canopy.pvd"] {
@@ -328,7 +331,8 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
     let other = "[lines.drag]\ndiameter_m = 0.01\n[structure]\nintegration = \"explicit\"\n[flow.energy]\n[flow.limiter]\nk = 0.5\n\
                  [flow.gust]\nvelocity_m_s = [0.3, 0.5, 0]\nshape = \"sine\"\nstart_s = 0.41\nperiod_s = 0.11\nclock = \"run\"\n\
                  [flow.solver]\nresidual_drop = 1e-3\n[mesh]\nmover = \"laplacian\"\n";
-    same_in_parts(folder.path(), "other", &format!("{SHEET}{other}{INFLATE}{DEVELOP}{FALL}"), &cuts);
+    let pulse = "[stage.perturbation]\nduration_s = 0.08\n";
+    same_in_parts(folder.path(), "other", &format!("{SHEET}{other}{INFLATE}{DEVELOP}{pulse}{FALL}"), &cuts);
     let folds = "[structure]\nspectral_radius = 0.8\n[fabric.contact]\ndistance_m = 0.003\n[fabric_gravity]\n[[reefing]]\nlength_m = 7.0\ndraw_in_s = 0.3\n";
     let cuts_within = [("inflation", 9), ("inflation", 21)];
     same_in_parts(folder.path(), "folds", &format!("{SHEET}{folds}{INFLATE}"), &cuts_within);

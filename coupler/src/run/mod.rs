@@ -22,6 +22,7 @@ use figures::plot;
 use results::state;
 use results::summary::{RunSummary, StageSummary};
 use results::timings::StageTimings;
+use results::wake::Wake;
 use terminal::Console;
 
 pub(crate) use self::folder::copy_scene;
@@ -125,6 +126,11 @@ impl<'a> Run<'a> {
         let ended = session::run_stage(&context, &self.prepared.file, self.options, state, &mut summary);
         let warnings = summary.convergence.stage_warnings(&summary.name, summary.windows);
         warnings.iter().for_each(|text| self.console.warning(text));
+        summary.assess_wake();
+        if ended.is_ok() && self.prepared.scene.main_stage() == stage {
+            let verdicts = summary.wake.iter().flat_map(Wake::verdicts);
+            verdicts.for_each(|v| self.console.warning(&v.warning(&summary.name)));
+        }
         let folder = case::stage_folder(context.out, context.scene, stage);
         let (name, roles) = (&description.name, description.kind.roles());
         self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));

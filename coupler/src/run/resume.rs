@@ -60,7 +60,11 @@ impl Resume {
         for before in self.record.first..self.stage {
             if let Ok(progress) = Progress::load(&case::state_folder(out, scene, before)) {
                 warnings = progress.warnings;
-                self.summaries.push(StageSummary { speeds: progress.speeds, ..progress.summary });
+                self.summaries.push(StageSummary {
+                    speeds: progress.speeds,
+                    wake_samples: progress.wake,
+                    ..progress.summary
+                });
             }
         }
         warnings

@@ -157,10 +157,16 @@ fn clean_up(context: &StageContext<'_>, session: &Session) {
 pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     let mut all: Vec<_> =
         effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect();
-    let winds =
-        [(scene.has_stage_wind(), channel::STAGE_WIND), (scene.has_general_gust(), channel::GUST_SHAPE)];
+    let winds = [
+        (scene.has_stage_wind(), channel::STAGE_WIND),
+        (scene.has_general_gust(), channel::GUST_SHAPE),
+        (scene.has_perturbation(), channel::PERTURBATION),
+    ];
     for (_, effect) in winds.into_iter().filter(|(needed, _)| *needed) {
-        all.push((Role::Flow, effect.to_owned()));
+        // The table of effects may ask the flow for it already.
+        if !all.contains(&(Role::Flow, effect.to_owned())) {
+            all.push((Role::Flow, effect.to_owned()));
+        }
         if scene.structure_meets_wind() {
             all.push((Role::Structure, effect.to_owned()));
         }
@@ -179,4 +185,31 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
         all.push((Role::Mesh, channel::BODY_MOTION.to_owned()));
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flow that does not know the pulse is refused by name; so is a structure whose lines meet the air. Each is asked once.
+    #[test]
+    fn perturbation_is_asked_of_the_programs_that_evaluate_the_wind() {
+        let scene = |more: &str| {
+            let text = include_str!("../../../cases/square-drop/scene.toml");
+            let text = text.replace("[coupling]", &format!("{more}[coupling]"));
+            let text = text.replace(
+                "duration_s = 0.2\nwindow_s = 2e-2\n",
+                "duration_s = 1.0\nwindow_s = 2e-2\n[stage.perturbation]\n",
+            );
+            case::parse(std::path::Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"))
+        };
+        let asked = |scene: &Scene, role: Role, effect: &str| {
+            required_effects(scene).into_iter().filter(|(r, e)| *r == role && e == effect).count()
+        };
+        let (bare, drag) = (scene(""), scene("[lines.drag]\n"));
+        for effect in [channel::STAGE_WIND, channel::PERTURBATION] {
+            assert_eq!((asked(&bare, Role::Flow, effect), asked(&bare, Role::Structure, effect)), (1, 0));
+            assert_eq!((asked(&drag, Role::Flow, effect), asked(&drag, Role::Structure, effect)), (1, 1));
+        }
+    }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use case::{Role, Solve, StageKind, WatchedForce};
+use case::{Canopy, Role, Solve, StageKind, WatchedForce};
 use channel::{Window, flow_stats};
 use coupling::descent::DescentModel;
 use coupling::energy::InterfaceEnergyBalance;
@@ -19,6 +19,7 @@ use results::checkpoint::{self, Seal};
 use results::history::{History, Iterations, Row};
 use results::progress::Progress;
 use results::summary::StageSummary;
+use results::wake::{self, Sample};
 
 use super::saves::Saves;
 use super::{StageContext, Stepper, stepper};
@@ -111,7 +112,11 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let mut stepper = stepper(context, partners, state)?;
         if let Some(saved) = resumed {
             stepper.restore_state(&saved.stepper)?;
-            *summary = StageSummary { speeds: saved.speeds.clone(), ..saved.summary.clone() };
+            *summary = StageSummary {
+                speeds: saved.speeds.clone(),
+                wake_samples: saved.wake.clone(),
+                ..saved.summary.clone()
+            };
         }
         let folder = case::stage_folder(context.out, context.scene, context.stage);
         let records = Records::open(&folder, stage.kind, resumed.is_some())?;
@@ -238,6 +243,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         self.records.history.sync()?;
         let ended = std::mem::take(&mut self.ended);
         self.summary.ended.clone_from(&ended);
+        self.summary.assess_wake();
         self.summary.wall_s = self.wall_before + self.progress.seconds();
         self.save(Some(ended))?;
         self.summary.wall_s = self.wall_before + self.progress.seconds();
@@ -333,6 +339,31 @@ impl<'c, 'p> StageRun<'c, 'p> {
         }
     }
 
+    /// The wake at the end of a window of length `dt` (s); `None` where it is not assessed.
+    fn wake(&self, dt: f64, report: &WindowReport) -> Option<Sample> {
+        let (context, stage) = (self.context, self.context.description());
+        let falls =
+            context.scene.descent.is_some() && stage.kind.roles().contains(&Role::Flow) && stage.in_time();
+        let enclosed = matches!(context.scene.canopy, Canopy::Panel(_) | Canopy::AirBag(_) | Canopy::None);
+        if !falls || enclosed || self.watched() != WatchedForce::Canopy {
+            return None;
+        }
+        let state = self.stepper.state();
+        let wind = context.scene.wind(context.stage, &context.times());
+        let air = flow_bounds::undisturbed_air(&wind, self.clock.time(), state.velocity);
+        let speed = air.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let across = wake::diameter(context.interface.projected_area(&state.displacement));
+        let passed = if across > 0.0 { dt * speed / across } else { 0.0 };
+        let before = self.summary.wake_samples.last().map_or(0.0, |s| s.diameters);
+        Some(Sample {
+            time_s: self.clock.time(),
+            drag_n: report.force[2],
+            side_n: [report.force[0], report.force[1]],
+            pendulum_deg: context.interface.pendulum_angle(&state.displacement).map(f64::to_degrees),
+            diameters: before + passed,
+        })
+    }
+
     /// The history row of a window; adds the window to the interface energy balance.
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
@@ -354,6 +385,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             acceleration_m_s2: state.acceleration,
             drag_n,
             drag_coefficient: self.drag_coefficient(drag_n),
+            wake: self.wake(window.dt, &report),
             interface_work_j: by_flow,
             energy_error_j: on_structure - by_flow,
             interface_energy: self.interface_energy,
@@ -479,6 +511,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             flow_bounds: self.flow_bounds,
             summary: so_far,
             speeds: self.summary.speeds.clone(),
+            wake: self.summary.wake_samples.clone(),
             warnings: self.context.console.warnings(),
         };
         progress.save(draft)?;

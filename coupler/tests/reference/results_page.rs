@@ -10,6 +10,7 @@ use results::history;
 use results::recording::compare::FIELDS;
 use results::summary::{RunSummary, StageSummary};
 use results::timings::{ProgramTimings, StageTimings};
+use results::wake::Sample;
 use serde_json::Value;
 
 use super::markdown::{anchor, compare_or_write, head, inline, root, table};
@@ -29,6 +30,7 @@ empty cell where there is no value.";
 const STRUCTS: &[(&str, &str)] = &[
     ("RunSummary", "crates/results/src/summary.rs"),
     ("StageSummary", "crates/results/src/summary.rs"),
+    ("Wake", "crates/results/src/wake.rs"),
     ("Convergence", "crates/coupling/src/convergence.rs"),
     ("UnconvergedCount", "crates/coupling/src/convergence.rs"),
     ("Finding", "crates/results/src/finding.rs"),
@@ -101,6 +103,7 @@ fn json_type(rust: &str) -> String {
         "String" | "str" => "string".into(),
         "f64" => "number".into(),
         "u32" | "u64" | "usize" => "integer".into(),
+        "bool" => "boolean".into(),
         "StageKind" => "`stage.kind`".into(),
         "Severity" => "`note`, `warning` or `error`".into(),
         _ if rust.starts_with("&'static ") => json_type(&rust["&'static ".len()..]),
@@ -182,6 +185,9 @@ fn page_of_results_is_generated_from_the_code() {
 /// A summary in which every list has an entry.
 fn summary() -> RunSummary {
     let scene = case::load(&root().join("cases/square-drop/scene.toml")).expect("a scene");
+    let mut stage = StageSummary::new(&scene.stages[0]);
+    stage.wake_samples.push(Sample { time_s: 1.0, drag_n: 1.0, diameters: 1.0, ..Sample::default() });
+    stage.assess_wake();
     let part = timing::Part { path: vec!["advance".into()], calls: 1, seconds: 1.0 };
     RunSummary {
         scene: scene.name.clone(),
@@ -203,7 +209,7 @@ fn summary() -> RunSummary {
         warnings: vec!["a warning".into()],
         wall_s: 1.0,
         ranks: [1; 3],
-        stages: vec![StageSummary::new(&scene.stages[0])],
+        stages: vec![stage],
         timings: vec![StageTimings {
             stage: "descent".into(),
             programs: vec![ProgramTimings { program: "coupler".into(), parts: vec![part] }],

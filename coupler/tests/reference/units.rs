@@ -20,6 +20,7 @@ const UNITS: &[(&str, &str)] = &[
     ("_bytes", "byte"),
     ("_gib", "GiB"),
     ("_rad", "rad"),
+    ("_deg", "°"),
     ("_kg", "kg"),
     ("_pa", "Pa"),
     ("_m3", "m³"),

@@ -17,6 +17,8 @@ pub struct Wind {
     ramp: Option<([f64; 3], f64)>,
     /// A gust, and its clock at the start of the stage, s.
     gust: Option<(Gust, f64)>,
+    /// Pulse of `[stage.perturbation]`; its clock is that of the stage.
+    perturbation: Option<Gust>,
     /// A stage without time: the wind of its instant.
     held: bool,
     /// Wind of the last stage with the flow, and the time of its end, s since its start.
@@ -32,6 +34,11 @@ impl Wind {
     /// With `gust`, whose clock shows `origin` (s) at the start of the stage.
     pub fn with_gust(self, gust: Gust, origin: f64) -> Self {
         Self { gust: Some((gust, origin)), ..self }
+    }
+
+    /// With `pulse`, whose times count from the start of the stage.
+    pub fn with_perturbation(self, pulse: Gust) -> Self {
+        Self { perturbation: Some(pulse), ..self }
     }
 
     /// With `steady` (m/s) in place of the steady wind of this stage and of those before.
@@ -71,12 +78,14 @@ impl Wind {
         let past = |w: [f64; 3]| (w[0].powi(2) + w[1].powi(2) + (w[2] - rise).powi(2)).sqrt();
         let whole = (0.0, duration);
         let gust = self.gust.as_ref().map_or(Vec::new(), |(g, origin)| g.samples(*origin, duration));
+        let pulse = self.perturbation.as_ref().map_or(Vec::new(), |p| p.samples(0.0, duration));
         let changes = [Some(whole), self.ramp.map(|(_, time)| (0.0, time))];
         let times = changes
             .into_iter()
             .flatten()
             .flat_map(|(from, to)| (0..=64).map(move |k| from + (to - from) * f64::from(k) / 64.0))
-            .chain(gust);
+            .chain(gust)
+            .chain(pulse);
         times.map(|t| t.clamp(0.0, duration)).fold([0.0f64; 2], |[steady, most], t| {
             [steady.max(past(self.ramped(t))), most.max(past(self.own(t)))]
         })
@@ -85,14 +94,10 @@ impl Wind {
     /// Velocity by this stage alone, m/s.
     fn own(&self, t: f64) -> [f64; 3] {
         let t = if self.held { 0.0 } else { t };
-        let steady = self.ramped(t);
-        match &self.gust {
-            None => steady,
-            Some((gust, origin)) => {
-                let more = gust.at(origin + t);
-                std::array::from_fn(|i| steady[i] + more[i])
-            }
-        }
+        let gust = self.gust.as_ref().map(|(gust, origin)| gust.at(origin + t));
+        let pulse = self.perturbation.as_ref().map(|pulse| pulse.at(t));
+        let add = |sum: [f64; 3], more: [f64; 3]| std::array::from_fn(|i| sum[i] + more[i]);
+        [gust, pulse].into_iter().flatten().fold(self.ramped(t), add)
     }
 
     fn ramped(&self, t: f64) -> [f64; 3] {
@@ -132,7 +137,8 @@ impl Scene {
         };
         let gust = self.gust(stage).map(|(gust, clock)| (gust.clone(), times.clock(self, stage, clock)));
         let held = !description.in_time();
-        Wind { steady, ramp, gust, held, before }
+        let perturbation = self.perturbation(stage);
+        Wind { steady, ramp, gust, perturbation, held, before }
     }
 
     /// The gust that `stage` may meet, and its clock.
@@ -158,8 +164,8 @@ impl Scene {
         payload || self.line_drag().is_some()
     }
 
-    /// Whether the wind belongs to stages or clocks: a gust, or a wind of a stage.
+    /// Whether the wind belongs to stages or clocks: a gust, a perturbation, or a wind of a stage.
     pub fn has_stage_wind(&self) -> bool {
-        self.has_gust() || self.stages.iter().any(|s| s.wind.is_some())
+        self.has_gust() || self.has_perturbation() || self.stages.iter().any(|s| s.wind.is_some())
     }
 }

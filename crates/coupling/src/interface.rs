@@ -5,7 +5,7 @@ use channel::LOAD_WIDTH;
 use mesh::{CableKind, StructureMesh};
 
 use crate::error::RunError;
-use crate::geometry::{Vec3, at, face_force, quad_area_vector};
+use crate::geometry::{Vec3, at, centre, face_force, quad_area_vector};
 
 /// The interface as the coupler knows it; every program builds the same one from the scene.
 ///
@@ -29,6 +29,8 @@ pub struct CanopyInterface {
     pub faces: Vec<[u32; 4]>,
     /// Panel of each interface node (the last of its faces), for messages.
     pub panels: Vec<u32>,
+    /// Position of the payload, m, where it is one node at rest in the frame.
+    pub payload: Option<mesh::Point>,
     /// Masses of fabric and lines, kg.
     pub masses: Masses,
     /// Sizes of the structure mesh, for reports.
@@ -80,13 +82,14 @@ impl CanopyInterface {
             cables: mesh.cables.len(),
             fabric_area: mesh.fabric_area(|_| true),
         };
+        let payload = payload(scene, &mesh);
         let mut coords = mesh.coords;
         coords.truncate(mesh.n_canopy);
         let mut panels = vec![0; coords.len()];
         for (face, &panel) in mesh.faces.iter().zip(&mesh.face_panel) {
             face.iter().for_each(|&a| panels[a as usize] = panel);
         }
-        Ok(Self { coords, faces: mesh.faces, panels, masses, sizes })
+        Ok(Self { coords, faces: mesh.faces, panels, payload, masses, sizes })
     }
 
     /// Interface nodes.
@@ -134,6 +137,26 @@ impl CanopyInterface {
         (area > 0.0).then(|| force / area)
     }
 
+    /// Area (m2) of the shape with `displacement` (`[nodes][3]`, m) projected on a horizontal plane: of the faces that look upwards.
+    pub fn projected_area(&self, displacement: &[f64]) -> f64 {
+        self.faces.iter().map(|face| quad_area_vector(self.corners(face, displacement))[2].max(0.0)).sum()
+    }
+
+    /// Angle (rad) between the vertical and the line from the payload to the centroid, by area, of the shape with `displacement`
+    /// (`[nodes][3]`, m). `None` without a payload at rest in the frame.
+    pub fn pendulum_angle(&self, displacement: &[f64]) -> Option<f64> {
+        let payload = Vec3::from(self.payload?);
+        let (mut sum, mut area) = (Vec3::zeros(), 0.0);
+        for face in &self.faces {
+            let corners = self.corners(face, displacement);
+            let size = quad_area_vector(corners).norm();
+            sum += size * centre(&corners);
+            area += size;
+        }
+        let axis = sum / area - payload;
+        (area > 0.0).then(|| axis[0].hypot(axis[1]).atan2(axis[2]))
+    }
+
     /// Corners of a face of the canopy with `displacement` (`[nodes][3]`), m.
     fn corners(&self, face: &[u32; 4], displacement: &[f64]) -> [Vec3; 4] {
         face.map(|n| Vec3::from(self.coords[n as usize]) + at(displacement, n))
@@ -161,6 +184,16 @@ fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
     shares
 }
 
+/// Position of the node that carries the payload: the only one off the canopy that is held in all directions.
+fn payload(scene: &Scene, mesh: &StructureMesh) -> Option<mesh::Point> {
+    if scene.payload_body().is_some() {
+        return None;
+    }
+    let mut held = mesh.fixed.iter().filter(|(n, c)| *n as usize >= mesh.n_canopy && *c == [true; 3]);
+    let node = held.next().filter(|_| held.next().is_none())?.0;
+    Some(mesh.coords[node as usize])
+}
+
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
     let fabric = mesh.fabric_area(|_| true) * scene.fabric.thickness_m * scene.fabric.density_kg_m3;
     let cables = scene.lines.as_ref().map_or(0.0, |lines| {
@@ -180,6 +213,7 @@ mod tests {
             coords: vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 2.0, 0.0], [0.0, 2.0, 0.0]],
             faces: vec![[0, 1, 2, 3]],
             panels: vec![0; 4],
+            payload: Some([1.0, 1.0, -2.0]),
             masses: Masses { fabric: 0.0, cables: 0.0, points: 0.0 },
             sizes: Sizes { nodes: 4, triangles: 2, cables: 0, fabric_area: 4.0 },
         }
@@ -195,6 +229,27 @@ mod tests {
         let mut along = still;
         (0..4).for_each(|n| along[3 * n] = 0.5);
         assert!((square().work(&[10.0, 3.0, 0.0, 0.0], &still, &along) - 6.0).abs() < 1e-12);
+    }
+
+    /// By hand: the centre of a square of 2 m, 2 m above the payload, moved by 1 m along x, then tilted about y by 30 degrees.
+    #[test]
+    fn pendulum_angle_and_projected_area_follow_the_shape() {
+        let still = [0.0; 12];
+        assert_eq!((square().pendulum_angle(&still), square().projected_area(&still)), (Some(0.0), 4.0));
+        let mut aside = still;
+        (0..4).for_each(|n| aside[3 * n] = 1.0);
+        let angle = square().pendulum_angle(&aside).expect("a payload");
+        assert!((angle - 0.5f64.atan()).abs() < 1e-14, "{angle}");
+        let (sin, cos) = (std::f64::consts::PI / 6.0).sin_cos();
+        let mut tilted = still;
+        for n in [1, 2] {
+            (tilted[3 * n], tilted[3 * n + 2]) = (2.0 * cos - 2.0, 2.0 * sin);
+        }
+        assert!((square().projected_area(&tilted) - 4.0 * cos).abs() < 1e-14);
+        // The centroid moves to (cos, 1, sin).
+        let angle = square().pendulum_angle(&tilted).expect("a payload");
+        assert!((angle - ((1.0 - cos) / (2.0 + sin)).atan()).abs() < 1e-14, "{angle}");
+        assert_eq!(CanopyInterface { payload: None, ..square() }.pendulum_angle(&still), None);
     }
 
     #[test]

@@ -491,6 +491,23 @@ pub const TABLE: &[Entry] = &[
         with: None,
     },
     Entry {
+        key: "stage.perturbation",
+        what: "pulse of wind across the stream that takes the wake out of its symmetric state",
+        model: "all air accelerates equally, in a direction that a seed chooses; off: a symmetric wake stays symmetric until \
+                round-off has grown, over 30 to 60 diameters of the stream",
+        equation: "w(t) = w_0 + s U d (1 - cos(2 pi t / T)) / 2, d across the stream, T = D / U",
+        reference: "shape: CS-25.341; hash of the seed: Steele, Lea and Flood, OOPSLA (2014)",
+        programs: FLOW,
+        announced_by: Some(Role::Flow),
+        criterion: "not assessed: chooses between states of the wake; a symmetric one has a drag up to a third lower",
+        on: case::Scene::has_perturbation,
+        assess: c::perturbation,
+        cost: "none",
+        needs: None,
+        without: Some(|s| s.stages.iter_mut().for_each(|g| g.perturbation = None)),
+        with: None,
+    },
+    Entry {
         key: "flow.shear",
         what: "wind by height",
         model: "far field face by face: power, logarithmic or linear law, or a table",

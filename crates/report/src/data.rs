@@ -6,6 +6,7 @@ use case::{Scene, StageKind};
 use coupling::error::RunError;
 use figures::snapshots::{Kind, RunSnapshots};
 use results::history;
+use results::wake::Wake;
 use serde_json::Value;
 
 /// Columns of a history, by name.
@@ -52,6 +53,11 @@ impl Columns {
         let n = late.len() as f64;
         let mean = late.iter().sum::<f64>() / n;
         Some((mean, (late.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()))
+    }
+
+    /// The wake of the stage; `None` where its history has none.
+    pub(super) fn wake(&self) -> Option<Wake> {
+        Wake::of_history(&self.0)
     }
 
     /// Number of windows.

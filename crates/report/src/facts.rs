@@ -73,10 +73,24 @@ fn descent_speed(run: &Run) -> Option<Card> {
         format!("mean of the last half, standard deviation {}", digits(deviation)),
         format!("{} m/s at the end", digits(last)),
     ];
-    for (value, name) in plot::published(run.scene()) {
-        notes.push(format!("{name} {value}: {:+.1} %", 100.0 * (mean - value) / value));
+    let published = plot::published(run.scene());
+    match not_comparable(stage) {
+        Some(why) if !published.is_empty() => {
+            notes.push(format!("not compared with published values: {why}"))
+        }
+        _ => notes.extend(
+            published.iter().map(|(v, name)| format!("{name} {v}: {:+.1} %", 100.0 * (mean - v) / v)),
+        ),
     }
     Some(card("Descent speed", format!("{} m/s", digits(mean)), notes))
+}
+
+/// Why the means of a stage are not set next to a steady value; `None` where they may be.
+pub(super) fn not_comparable(stage: &StageData) -> Option<String> {
+    let Some(wake) = stage.columns.wake() else {
+        return Some("the history does not state what its means cover".into());
+    };
+    wake.verdicts().into_iter().next_back().map(|verdict| verdict.figure)
 }
 
 fn drag(run: &Run) -> Option<Card> {

@@ -15,7 +15,6 @@ mod document;
 mod facts;
 mod frames;
 mod html;
-mod long_term;
 mod markdown;
 mod openings;
 mod origin;

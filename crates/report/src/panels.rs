@@ -38,6 +38,12 @@ pub(super) const MOTION: &[Panel] = &[
         &[("force_x_n", "along x"), ("force_y_n", "along y")],
     ),
     panel(
+        "Pendulum angle",
+        "deg",
+        "Angle between the vertical and the line from the payload to the centroid of the canopy.",
+        &[("pendulum_angle_deg", "pendulum angle")],
+    ),
+    panel(
         "Projected area",
         "m2",
         "Area of the canopy projected onto the horizontal plane.",

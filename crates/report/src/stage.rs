@@ -2,13 +2,13 @@
 
 use case::WatchedForce;
 use figures::plot;
+use results::long_term::{LongTerm, long_term};
 
 use super::bars::Bars;
 use super::chart::{Chart, Series, digits};
 use super::data::{Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::frames::{Measure, StageFrames};
-use super::long_term::{LongTerm, long_term};
 use super::panels::{MOTION, SOLVERS, charts};
 use super::{facts, origin};
 
@@ -35,8 +35,9 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     for chart in &mut found {
         match chart.title.as_str() {
             "Descent speed" => {
-                let published = plot::published(run.scene());
-                chart.references = published.iter().map(|(v, n)| (*v, format!("{n} {v}"))).collect();
+                let published = plot::published(run.scene()).iter();
+                let published = published.filter(|_| facts::not_comparable(stage).is_none());
+                chart.references = published.map(|(v, n)| (*v, format!("{n} {v}"))).collect();
             }
             "Drag" => {
                 chart.references =
@@ -54,6 +55,10 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
         && let Some(table) = long_term_table(stage)
     {
         blocks.push(Block::Text(LONG_TERM.into()));
+        blocks.push(Block::Table(table));
+    }
+    if let Some(table) = wake_table(stage) {
+        blocks.push(Block::Text(WAKE.into()));
         blocks.push(Block::Table(table));
     }
     if let Some(bars) = frames.and_then(|f| line_bars(f, &id)) {
@@ -224,6 +229,33 @@ fn long_term_table(stage: &StageData) -> Option<Table> {
         ["", "from t, s", "mean", "95 % interval", "batches", "main period, s", "share of the variance"];
     let caption = "Long-term mean, confidence interval and main period; units in the first column.".into();
     (!rows.is_empty()).then(|| Table { caption, head: head.map(str::to_owned).to_vec(), rows })
+}
+
+const WAKE: &str = "Wake. The statistics cover the last half of the windows, as the means do. The side force is horizontal; its main period and \
+    Strouhal number are those along its axis of largest variance, and the Strouhal number is given for at least four \
+    periods. U is the speed of the undisturbed air relative to the frame, D the diameter of a circle of the projected area.";
+
+/// Side force, pendulum angle, Strouhal number, and what of the wake they cover.
+fn wake_table(stage: &StageData) -> Option<Table> {
+    let wake = stage.columns.wake()?;
+    let percent = |share: f64| format!("{} %", digits(100.0 * share));
+    let given = |value: Option<f64>, text: fn(f64) -> String| value.map_or("-".into(), text);
+    let counted =
+        if wake.periods_measured { "of the side force" } else { "of a disk (Strouhal number 0.135)" };
+    let mut rows = vec![
+        ("diameters of stream in the stage, U/D".to_owned(), digits(wake.stream_diameters)),
+        ("the same in the last half".into(), digits(wake.mean_stream_diameters)),
+        ("rms side force, N".into(), digits(wake.side_force_rms_n)),
+        ("the same over the mean drag".into(), percent(wake.side_force_share)),
+        ("rms pendulum angle, deg".into(), given(wake.pendulum_rms_deg, digits)),
+        ("largest pendulum angle, deg".into(), given(wake.pendulum_largest_deg, digits)),
+        ("Strouhal number of the side force".into(), given(wake.strouhal, digits)),
+        ("its share of the variance".into(), given(wake.strouhal_share, |s| format!("{:.0} %", 100.0 * s))),
+        (format!("periods {counted}"), digits(wake.periods)),
+    ];
+    rows.extend(wake.verdicts().into_iter().map(|v| (format!("warning {}", v.check), v.figure)));
+    let rows = rows.into_iter().map(|(name, value)| vec![name, value]).collect();
+    Some(Table { caption: "Wake of the canopy; units in the first column.".into(), head: Vec::new(), rows })
 }
 
 /// Initial and final values, extremes and late means.

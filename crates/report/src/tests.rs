@@ -102,6 +102,49 @@ fn page_loads_nothing_and_is_well_formed() {
     }
 }
 
+/// The descent of the paper over `rows` windows of 0.5 s with side forces of amplitude `side` (N), 0.5 diameters of stream a second.
+fn atps(side: f64, rows: u32) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = include_str!("../../../cases/atps-descent/scene.toml")
+        .replace("duration_s = 1.0", "duration_s = 1000.0");
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let mut text = String::from(
+        "window,time_s,descent_speed_m_s,drag_n,force_x_n,force_y_n,pendulum_angle_deg,stream_diameters\n",
+    );
+    for i in 1..=rows {
+        let t = f64::from(i) * 0.5;
+        let swing = (0.5 * t).sin();
+        text += &format!(
+            "{i},{t},{},1050,{},0,{},{}\n",
+            4.7 + 0.1 * swing,
+            side * swing,
+            2.0 * swing.abs(),
+            0.5 * t
+        );
+    }
+    std::fs::create_dir_all(folder.path().join("descent")).unwrap();
+    std::fs::write(folder.path().join("descent").join("history.csv"), text).unwrap();
+    page(folder.path())
+}
+
+#[test]
+fn published_values_stand_next_to_means_of_a_developed_wake_only() {
+    let developed = atps(300.0, 800);
+    for part in ["paper 4.69392: +", "Strouhal number of the side force", "0.159", "Pendulum angle"] {
+        assert!(developed.contains(part), "{part}");
+    }
+    assert!(!developed.contains("not compared with published values"));
+    let short = atps(300.0, 20);
+    let symmetric = atps(9.0, 800);
+    for (page, why) in
+        [(&short, "a confidence interval needs 4"), (&symmetric, "the wake is still symmetric")]
+    {
+        assert!(page.contains("not compared with published values") && page.contains(why), "{why}");
+        assert!(!page.contains("4.69392"), "{why}");
+    }
+    assert!(symmetric.contains("warning wake.symmetric") && short.contains("warning wake.periods"));
+}
+
 /// Two shapes of a sheet with a square hole of 1 m2, then of 2 m x 1 m.
 fn shapes(folder: &Path) {
     let mut series = Series::new(folder.join("canopy.pvd"));

@@ -33,6 +33,17 @@ pub const HISTORY: &[Column] = &[
     ),
     column("force_x_n", "Force of the air on the canopy along x; with `flow.forces.watch`, as the drag."),
     column("force_y_n", "The same along y."),
+    column(
+        "pendulum_angle_deg",
+        "Angle between the vertical and the line from the payload to the centroid of the canopy. Empty without a payload at rest \
+         in the frame.",
+    ),
+    column(
+        "stream_diameters",
+        "Diameters of stream that have passed the canopy since the start of the stage: integral of U/D, with the speed U of the \
+         undisturbed air relative to the frame and the diameter D of a circle of the projected area. Empty where the wake is not \
+         assessed: without a canopy that falls, in a box, and in a steady stage.",
+    ),
     column("coupling_iterations", "Coupling iterations of the window."),
     column(
         "coupling_residual",

@@ -14,6 +14,8 @@ use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::schemes::WindowReport;
 
+use crate::wake::Sample;
+
 /// First of the columns of wall times, which are not reproducible.
 pub const FIRST_WALL_COLUMN: &str = "structure_wall_s";
 
@@ -40,6 +42,8 @@ pub struct Row {
     pub drag_n: f64,
     /// Drag coefficient; `None` without a reference area or at zero speed.
     pub drag_coefficient: Option<f64>,
+    /// Wake of a canopy; `None` where it is not assessed.
+    pub wake: Option<Sample>,
     /// Work of the air on the canopy in this window, J.
     pub interface_work_j: f64,
     /// Energy added by the coupling in this window, J.
@@ -193,7 +197,7 @@ pub fn names(kind: StageKind) -> Vec<&'static str> {
     cells(kind, &Row::default()).into_iter().map(|(name, _)| name).collect()
 }
 
-fn descent_cells(row: &Row) -> [(&'static str, Cell); 6] {
+fn descent_cells(row: &Row) -> [(&'static str, Cell); 8] {
     use Cell::{Nothing, Number};
     let force = row.report.force;
     [
@@ -203,6 +207,8 @@ fn descent_cells(row: &Row) -> [(&'static str, Cell); 6] {
         ("cd", row.drag_coefficient.map_or(Nothing, Number)),
         ("force_x_n", Number(force[0])),
         ("force_y_n", Number(force[1])),
+        ("pendulum_angle_deg", row.wake.and_then(|w| w.pendulum_deg).map_or(Nothing, Number)),
+        ("stream_diameters", row.wake.map_or(Nothing, |w| Number(w.diameters))),
     ]
 }
 

@@ -14,6 +14,7 @@ use terminal::{clock, counted};
 use crate::finding::Finding;
 use crate::history::Row;
 use crate::timings::StageTimings;
+use crate::wake::{Sample, Wake};
 
 /// Parts of the wall time of a stage: keys of [`StageSummary`] and their names.
 pub const STAGE_PARTS: [(&str, &str); 5] = [
@@ -116,6 +117,9 @@ pub struct StageSummary {
     /// Largest local Mach number of the flow; 0 without a flow.
     #[serde(default)]
     pub largest_local_mach: f64,
+    /// Wake of the canopy over the last half of the windows; `None` where it is not assessed.
+    #[serde(default)]
+    pub wake: Option<Wake>,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -123,6 +127,9 @@ pub struct StageSummary {
     #[serde(skip)]
     /// Descent speed (m/s) and vertical force of the air (N) at the end of each window so far.
     pub speeds: Vec<(f64, f64)>,
+    #[serde(skip)]
+    /// Wake at the end of each window so far.
+    pub wake_samples: Vec<Sample>,
 }
 
 fn canopy() -> String {
@@ -180,9 +187,11 @@ impl StageSummary {
             structure_energy_created_j: 0.0,
             structure_energy_created_share: None,
             largest_local_mach: 0.0,
+            wake: None,
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
+            wake_samples: Vec::new(),
         }
     }
 
@@ -194,6 +203,11 @@ impl StageSummary {
             let peak = &mut self.peak_memory_bytes[*role as usize];
             *peak = usage.peak_bytes.max(*peak);
         }
+    }
+
+    /// Evaluates the wake over the windows so far.
+    pub fn assess_wake(&mut self) {
+        self.wake = Wake::of(&self.wake_samples);
     }
 
     /// Adds a window.
@@ -230,6 +244,7 @@ impl StageSummary {
         self.largest_local_mach = self.largest_local_mach.max(mach);
         self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
         self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
+        self.wake_samples.extend(row.wake);
         self.speeds.push((row.descent_speed_m_s, row.drag_n));
         let late = &self.speeds[self.speeds.len() / 2..];
         let mean = |of: fn(&(f64, f64)) -> f64| late.iter().map(of).sum::<f64>() / late.len() as f64;
@@ -367,6 +382,8 @@ impl RunSummary {
         ));
         lines.extend(self.stages.iter().map(StageSummary::row));
         lines.extend(self.stages.iter().filter(|s| s.windows > 0).map(StageSummary::outcome));
+        let wakes = self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.wake?.line())));
+        lines.extend(wakes);
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {

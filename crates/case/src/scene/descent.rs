@@ -129,7 +129,8 @@ fn mach(scene: &Scene, c: &mut Check) {
     let fall = scene.resolved().initial_speed_m_s;
     let most = |stage: usize| {
         let steady = scene.stages[stage].wind.as_ref().map_or(flow.wind_m_s, |w| w.velocity_m_s);
-        length(&steady) + scene.gust(stage).map_or(0.0, |(g, _)| g.largest_speed())
+        let gust = scene.gust(stage).map_or(0.0, |(g, _)| g.largest_speed());
+        length(&steady) + gust + scene.perturbation(stage).map_or(0.0, |p| p.largest_speed())
     };
     let speed = fall + (0..scene.stages.len()).map(most).fold(0.0, f64::max);
     if speed > 0.5 * sound {

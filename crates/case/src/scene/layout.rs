@@ -26,6 +26,12 @@ pub fn canopy_file(folder: &Path) -> PathBuf {
 }
 
 impl Scene {
+    /// The stage whose means a summary and a report quote: the last coupled one, else the last.
+    pub fn main_stage(&self) -> usize {
+        let coupled = self.stages.iter().rposition(|s| s.kind == StageKind::Coupled);
+        coupled.unwrap_or(self.stages.len().saturating_sub(1))
+    }
+
     /// The latest stage before `stage` in which `role` ran: its state is where
     /// the role starts from.
     pub fn source_stage(&self, stage: usize, role: Role) -> Option<usize> {

@@ -22,6 +22,7 @@ mod monitors;
 mod motions;
 mod nodes;
 mod output;
+mod perturbation;
 mod programs;
 mod reefing;
 mod resolved;
@@ -66,6 +67,7 @@ pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfaceP
 pub use motions::{Motion, interpolate};
 pub use nodes::{Force, PointMass};
 pub use output::Output;
+pub use perturbation::Perturbation;
 use programs::Programs;
 pub use programs::{Ranks, Role};
 pub use reefing::Reefing;

@@ -3,9 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{body_motion, steady, wind};
+use super::{body_motion, perturbation, steady, wind};
 use crate::check::{Check, NAME_OF_FOLDER, plain_name};
-use crate::{BodyMotion, Canopy, Clock, Force, Gust, Integration, Motion, Role, Scene, StageWind, Steady};
+use crate::{
+    BodyMotion, Canopy, Clock, Force, Gust, Integration, Motion, Perturbation, Role, Scene, StageWind, Steady,
+};
 
 /// One stage of a run.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -46,6 +48,8 @@ pub struct Stage {
     pub wind: Option<StageWind>,
     /// A gust in this stage. Absent: `[flow.gust]`.
     pub gust: Option<Gust>,
+    /// A short pulse of wind across the stream, in addition to wind and gust, that takes the wake out of its symmetric state.
+    pub perturbation: Option<Perturbation>,
     /// Prescribed motions of nodes.
     #[serde(default, rename = "motion")]
     pub motions: Vec<Motion>,
@@ -126,6 +130,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         name(scene, k, &at, c);
         steady::check(scene, stage, &at, c);
         wind::of_stage(scene, stage, &at, c);
+        perturbation::check(scene, k, &at, c);
         prescribed(scene, k, &at, c);
         body_motion::check(scene, k, &at, c);
         times(stage, &at, c);

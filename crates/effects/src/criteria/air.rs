@@ -142,6 +142,14 @@ pub fn gust(s: &Scope<'_>) -> Assessment {
     s.of_wind(&without, &signed(3.0), why)
 }
 
+/// A perturbation chooses between states of the wake: how far they differ is known after a run only.
+pub fn perturbation(_: &Scope<'_>) -> Assessment {
+    Assessment::not(
+        "it takes a wake out of its symmetric state: how far the states differ is known after a run only (bluff bodies: a \
+         third of the drag)",
+    )
+}
+
 /// The frame falls through wind of another speed at each height: the drag goes with the speed of the air past the
 /// canopy, $`|w| w_z`$ ([`crate::fall`]). Without the effect the wind is that of the reference height
 /// everywhere. Within a factor of 5.

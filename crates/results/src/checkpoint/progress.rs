@@ -9,10 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use super::unusable;
 use crate::summary::StageSummary;
+use crate::wake::Sample;
 
 const FILE: &str = "progress.bin";
 const KIND: [u8; 8] = *b"ripprogr";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// Progress of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -35,6 +36,8 @@ pub struct Progress {
     pub warnings: Vec<String>,
     /// Descent speed (m/s) and drag (N) of each window, for means.
     pub speeds: Vec<(f64, f64)>,
+    /// Wake at the end of each window, for its statistics.
+    pub wake: Vec<Sample>,
 }
 
 impl Progress {

@@ -2,22 +2,22 @@
 
 /// Long-term statistics of a signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LongTerm {
+pub struct LongTerm {
     /// End of the initial transient, which is removed, s.
-    pub(super) from: f64,
+    pub from: f64,
     /// Mean after the transient.
-    pub(super) mean: f64,
+    pub mean: f64,
     /// Half width of the 95 % confidence interval of the mean, and the number of batches; `None` if the batches are
     /// too few or serially correlated.
-    pub(super) margin: Option<(f64, usize)>,
+    pub margin: Option<(f64, usize)>,
     /// Main period, s, and its share of the variance; `None` without a dominant period.
-    pub(super) period: Option<(f64, f64)>,
+    pub period: Option<(f64, f64)>,
 }
 
 /// Minimum number of points.
 const MIN_POINTS: usize = 40;
 /// Minimum number of batches of a confidence interval.
-const MIN_BATCHES: usize = 4;
+pub const MIN_BATCHES: usize = 4;
 /// Maximum number of batches.
 const MAX_BATCHES: usize = 10;
 /// Minimum von Neumann ratio of the batch means: squared differences of successive means over squared deviations
@@ -40,7 +40,7 @@ const STUDENT: [f64; 7] = [3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
 /// of the signal (MSER: White, Simulation 69, 1997). The main period is the peak of the periodogram of the rest,
 /// detrended, with a Hann window. The confidence interval comes from the means of batches of equal length (Student's
 /// t). Each batch contains whole main periods, which makes the batch means nearly independent.
-pub(super) fn long_term(points: &[(f64, f64)]) -> Option<LongTerm> {
+pub fn long_term(points: &[(f64, f64)]) -> Option<LongTerm> {
     let (time, values) = even(points)?;
     let step = (time.1 - time.0) / (values.len() - 1) as f64;
     let cut = transient(&values);
