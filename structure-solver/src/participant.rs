@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 23] = [
+const EFFECTS: [&str; 25] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
@@ -42,6 +42,8 @@ const EFFECTS: [&str; 23] = [
     "stage.force",
     "lines",
     "lines.tension_only",
+    "risers",
+    "tapes",
     "structure.spectral_radius",
     "structure.integration",
     "fabric_gravity",
