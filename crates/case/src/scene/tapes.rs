@@ -136,7 +136,7 @@ fn section(path: &str, axial_stiffness_n: f64, mass_kg_m: f64, c: &mut Check) {
     c.positive(&format!("{path}.mass_kg_m"), mass_kg_m, 10.0, MASS);
 }
 
-/// Refuses sections that are none, tapes where the canopy has no place for them, and risers without lines.
+/// Refuses invalid sections, tapes where the canopy has no place for them, and risers without lines.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(r) = &scene.risers {
         section("risers", r.axial_stiffness_n, r.mass_kg_m, c);
