@@ -136,3 +136,26 @@ fn tensions_are_in_the_order_of_the_cables() {
     assert_eq!(lines[..28], tensions[..28], "suspension lines as without tapes");
     assert!(tensions[28..32].iter().zip(&lines[28..32]).all(|(a, b)| a > b), "stiffer risers");
 }
+
+/// The former `canopy.reinforcements` are tapes at hem, seams and vents with the section of the lines: the same mass, and the
+/// same forces in a stretched shape.
+#[test]
+fn former_reinforcements_are_tapes_with_the_section_of_the_lines() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/atps-descent/scene.toml");
+    let mut former = case::load(&file).expect("a scene");
+    let mut tapes = former.clone();
+    let case::Canopy::Atps(a) = &mut former.canopy else { panic!("an ATPS scene") };
+    a.reinforcements = true;
+    let lines = tapes.lines.as_ref().expect("lines");
+    let tape = Some(case::Tape {
+        axial_stiffness_n: lines.youngs_modulus_pa * lines.area_m2,
+        mass_kg_m: lines.density_kg_m3 * lines.area_m2,
+    });
+    tapes.tapes = Some(case::Tapes { hem: tape, seams: tape, vents: tape, ..case::Tapes::default() });
+    let [former, tapes] = [former, tapes].map(|s| assembled(&s));
+    let [a, b] = [&former, &tapes].map(|d| d.system.total_mass());
+    assert!((a / b - 1.0).abs() < 1e-14, "{a} is not {b}");
+    let [a, b] = [&former, &tapes].map(|d| forces(d, [1.03, 1.05]));
+    let scale = a.iter().fold(0.0f64, |m, f| m.max(f.abs()));
+    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12 * scale), "of {scale} N");
+}
