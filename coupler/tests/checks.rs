@@ -17,6 +17,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("atps-descent/finer-flow.toml", &["fabric.strain"]),
     ("atps-descent/five-seconds.toml", &["fabric.strain"]),
     ("atps-descent/scene.toml", &["fabric.strain"]),
+    ("atps-descent/tapes.toml", &["fabric.strain"]),
     ("atps-inflation/scene.toml", &["fabric.strain", "flow.cells-across", "stage.damping"]),
     ("atps-paper-scale/descent.toml", &["fabric.strain"]),
     ("atps-paper-scale/scene.toml", &["fabric.strain"]),

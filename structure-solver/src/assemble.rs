@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use case::{Integration, Law, Membrane, Scene, Solve};
 use comm::Comm;
-use mesh::{MeshError, StructureMesh};
+use mesh::{CableKind, MeshError, StructureMesh};
 
 use crate::dynamics::{Dynamics, DynamicsParams};
 use crate::elements::air::Cylinder;
@@ -35,18 +35,10 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     let damping = scene.stages[stage].stiffness_damping_s;
     let mut all = Loops::new();
     membranes(scene, damping, model, &mut all);
-    match (&scene.lines, model.cables.first()) {
-        (_, None) => {}
-        (None, Some(c)) => return Err(ModelError::NoMaterial { cable: c.global as usize }),
-        (Some(l), Some(_)) => {
-            let youngs_modulus = l.youngs_modulus_pa;
-            if l.tension_only {
-                lines(l, damping, model, TensionOnly { youngs_modulus }, &mut all);
-            } else {
-                lines(l, damping, model, TwoWay { youngs_modulus }, &mut all);
-            }
-        }
+    if let Some(c) = model.cables.iter().find(|c| c.kind.section(scene).is_none()) {
+        return Err(ModelError::NoMaterial { cable: c.global as usize });
     }
+    cables(scene, damping, model, &mut all);
     Ok(all)
 }
 
@@ -106,12 +98,81 @@ fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all:
     }
 }
 
-fn lines(l: &case::Lines, damping: f64, model: &Model, law: impl CableLaw, all: &mut Loops) {
-    let elastic = || cable::Elastic { law, offset: l.prestress_pa / l.youngs_modulus_pa };
-    all.push(Box::new(Elements::cables(model, elastic(), l.area_m2, l.density_kg_m3)));
-    if damping > 0.0 {
-        let viscous = cable::Viscous::new(elastic(), damping);
-        all.push(Box::new(Elements::cables(model, viscous, l.area_m2, l.density_kg_m3)));
+/// Elements of lines, risers and tapes: one loop for each section.
+fn cables(scene: &Scene, damping: f64, model: &Model, all: &mut Loops) {
+    let own_risers = scene.risers.is_some();
+    if let Some(l) = &scene.lines {
+        let section = CableSection {
+            tension_only: l.tension_only,
+            youngs_modulus: l.youngs_modulus_pa,
+            offset: l.prestress_pa / l.youngs_modulus_pa,
+            area: l.area_m2,
+            density: l.density_kg_m3,
+        };
+        let of_lines = |kind| match kind {
+            CableKind::SuspensionLine | CableKind::Reinforcement => true,
+            CableKind::Riser => !own_risers,
+            CableKind::Tape(_) => false,
+        };
+        section.push(damping, model, of_lines, all);
+        if let Some(r) = scene.risers {
+            let section = CableSection::of(l.tension_only, r.axial_stiffness_n, r.mass_kg_m);
+            section.push(damping, model, |kind| kind == CableKind::Riser, all);
+        }
+    }
+    let Some(tapes) = &scene.tapes else { return };
+    for (place, tape) in tapes.places() {
+        let section = CableSection::of(tapes.tension_only, tape.axial_stiffness_n, tape.mass_kg_m);
+        section.push(damping, model, |kind| kind == CableKind::Tape(place), all);
+    }
+}
+
+/// Section of cable elements.
+struct CableSection {
+    tension_only: bool,
+    /// Pa.
+    youngs_modulus: f64,
+    /// Green strain of the pre-stress.
+    offset: f64,
+    /// m2.
+    area: f64,
+    /// kg/m3.
+    density: f64,
+}
+
+impl CableSection {
+    /// Of an axial stiffness (N) and a mass for each metre (kg/m), as a cross-section of 1 m2 that has them.
+    fn of(tension_only: bool, axial_stiffness: f64, mass: f64) -> Self {
+        Self { tension_only, youngs_modulus: axial_stiffness, offset: 0.0, area: 1.0, density: mass }
+    }
+
+    /// Adds the elements of the `chosen` kinds.
+    fn push(&self, damping: f64, model: &Model, chosen: impl Fn(CableKind) -> bool, all: &mut Loops) {
+        if !model.cables.iter().any(|c| chosen(c.kind)) {
+            return;
+        }
+        let youngs_modulus = self.youngs_modulus;
+        if self.tension_only {
+            self.push_law(damping, model, chosen, TensionOnly { youngs_modulus }, all);
+        } else {
+            self.push_law(damping, model, chosen, TwoWay { youngs_modulus }, all);
+        }
+    }
+
+    fn push_law(
+        &self,
+        damping: f64,
+        model: &Model,
+        chosen: impl Fn(CableKind) -> bool,
+        law: impl CableLaw,
+        all: &mut Loops,
+    ) {
+        let elastic = || cable::Elastic { law, offset: self.offset };
+        all.push(Box::new(Elements::cables_of(model, &chosen, elastic(), self.area, self.density)));
+        if damping > 0.0 {
+            let viscous = cable::Viscous::new(elastic(), damping);
+            all.push(Box::new(Elements::cables_of(model, &chosen, viscous, self.area, self.density)));
+        }
     }
 }
 

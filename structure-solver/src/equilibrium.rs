@@ -481,6 +481,7 @@ mod tests {
             rest_length: length / f64::from(n),
             kind: CableKind::SuspensionLine,
             line: 0,
+            share: 1.0,
         };
         let mesh = StructureMesh {
             coords: (0..=n).map(|i| [span * f64::from(i) / f64::from(n), 0.0, 0.0]).collect(),

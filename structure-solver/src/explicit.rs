@@ -424,7 +424,13 @@ mod tests {
             face_panel: vec![0],
             triangles: vec![[0, 1, 2]],
             triangle_face: vec![0],
-            cables: vec![Cable { nodes: [3, 0], rest_length: 1.5, kind: CableKind::Riser, line: 0 }],
+            cables: vec![Cable {
+                nodes: [3, 0],
+                rest_length: 1.5,
+                kind: CableKind::Riser,
+                line: 0,
+                share: 1.0,
+            }],
             ..Default::default()
         };
         let model = Model::new(&Comm::solo(), &mesh, &[0; 4]).expect("a good mesh");

@@ -195,7 +195,12 @@ pub trait ElementLoop {
         Vec::new()
     }
 
-    /// Tensions (N) of cable elements.
+    /// Places of the elements with a tension among [`crate::model::Model::cables`].
+    fn cables(&self) -> &[u32] {
+        &[]
+    }
+
+    /// Tensions (N) of cable elements, in the order of [`ElementLoop::cables`].
     fn tensions(&self, _x: &[f64]) -> Vec<f64> {
         Vec::new()
     }

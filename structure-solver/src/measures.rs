@@ -122,7 +122,7 @@ impl Diagnostics {
                 lift += load.traction[3 * face + 2] * a.norm();
             }
         }
-        let tensions: Vec<f64> = system.loops().iter().flat_map(|l| l.tensions(x)).collect();
+        let tensions = system.tensions(x);
         let pull = |&(k, end): &(u32, usize)| {
             let c = &model.cables[k as usize];
             let [from, to] = [c.nodes[end], c.nodes[1 - end]].map(|n| at(x, n as usize));

@@ -68,7 +68,7 @@ pub enum ModelError {
         ranks: usize,
     },
     /// A cable without a material.
-    #[error("cable {cable} has no material: add [lines] to the scene")]
+    #[error("cable {cable} has no material: add [lines] to the scene, or [tapes] where it is a tape")]
     NoMaterial {
         /// Cable of the mesh.
         cable: usize,
@@ -196,6 +196,8 @@ pub struct CableElement {
     pub kind: CableKind,
     /// Line that it is a part of.
     pub line: u32,
+    /// Lines of its kind that it stands for.
+    pub share: f64,
     /// Number in the mesh, for messages.
     pub global: u32,
 }
@@ -407,8 +409,9 @@ impl Part<'_> {
 
     fn cables(&self, numbers: &[usize]) -> Vec<CableElement> {
         let of = |&c: &usize| {
-            let mesh::Cable { nodes, rest_length, kind, line } = self.mesh.cables[c];
-            CableElement { nodes: nodes.map(|n| self.local(n)), rest_length, kind, line, global: c as u32 }
+            let mesh::Cable { nodes, rest_length, kind, line, share } = self.mesh.cables[c];
+            let nodes = nodes.map(|n| self.local(n));
+            CableElement { nodes, rest_length, kind, line, share, global: c as u32 }
         };
         let mut all: Vec<_> = numbers.iter().map(of).collect();
         all.sort_by_key(|c| self.is_ghost(c.nodes[0]));
@@ -531,7 +534,7 @@ mod tests {
         assert!(error(&m).contains("node 3"));
         let mut m = one_triangle();
         let kind = CableKind::SuspensionLine;
-        m.cables.push(mesh::Cable { nodes: [0, 1], rest_length: 0.0, kind, line: 0 });
+        m.cables.push(mesh::Cable { nodes: [0, 1], rest_length: 0.0, kind, line: 0, share: 1.0 });
         assert!(error(&m).contains("rest length of 0 m"));
     }
 }

@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 24] = [
+const EFFECTS: [&str; 26] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
@@ -43,6 +43,8 @@ const EFFECTS: [&str; 24] = [
     "stage.force",
     "lines",
     "lines.tension_only",
+    "risers",
+    "tapes",
     "structure.spectral_radius",
     "structure.integration",
     "fabric_gravity",

@@ -214,7 +214,9 @@ fn chain(n: u32, fixed: Vec<(u32, [bool; 3])>) -> StructureMesh {
     let kind = CableKind::SuspensionLine;
     StructureMesh {
         coords: (0..=n).map(|i| [f64::from(i), 0.0, 0.0]).collect(),
-        cables: (0..n).map(|i| Cable { nodes: [i, i + 1], rest_length: 1.0, kind, line: 0 }).collect(),
+        cables: (0..n)
+            .map(|i| Cable { nodes: [i, i + 1], rest_length: 1.0, kind, line: 0, share: 1.0 })
+            .collect(),
         fixed,
         node_sets: [("end".to_owned(), vec![n])].into(),
         ..Default::default()

@@ -31,7 +31,7 @@ impl Pictures {
     /// Canopy: displacement and velocity of nodes; of triangles the principal
     /// second Piola-Kirchhoff stresses and Green strains, the state (0 slack, 1 wrinkled,
     /// 2 taut) and the pressure jump. Lines: the tension of each cable, the line that it
-    /// is a part of and what it models (0 suspension line, 1 riser, 2 reinforcement).
+    /// is a part of and what it models ([`mesh::CableKind::number`]).
     pub fn add(
         &mut self,
         system: &System,
@@ -95,8 +95,8 @@ impl Fields {
         let strain = gather(comm, &global, &rows, 2, mesh.triangles.len());
         let own = &model.cables[..model.n_own_cables];
         let global: Vec<u64> = own.iter().map(|c| u64::from(c.global)).collect();
-        let rows: Vec<f64> = system.loops().iter().flat_map(|l| l.tensions(&x)).take(own.len()).collect();
-        let tension = gather(comm, &global, &rows, 1, mesh.cables.len());
+        let rows = &system.tensions(&x)[..own.len()];
+        let tension = gather(comm, &global, rows, 1, mesh.cables.len());
         comm.is_root().then_some(Self { u, v, fabric, strain, tension })
     }
 
@@ -132,7 +132,7 @@ impl Fields {
     fn write_lines(&self, path: &Path, mesh: &StructureMesh) -> Result<(), MeshError> {
         let ends: Vec<[u32; 2]> = mesh.cables.iter().map(|c| c.nodes).collect();
         let line: Vec<u32> = mesh.cables.iter().map(|c| c.line).collect();
-        let kind: Vec<u32> = mesh.cables.iter().map(|c| c.kind as u32).collect();
+        let kind: Vec<u32> = mesh.cables.iter().map(|c| c.kind.number()).collect();
         let fields = [
             ("tension_n", Values::F64(&self.tension)),
             ("line", Values::U32(&line)),

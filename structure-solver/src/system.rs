@@ -220,6 +220,17 @@ impl System {
         self.loops.iter().map(|l| l.energy(x)).sum()
     }
 
+    /// Tensions (N) of the cables of the model at positions `x` (m), in its order.
+    pub fn tensions(&self, x: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; self.model.cables.len()];
+        for l in &self.loops {
+            for (&row, tension) in l.cables().iter().zip(l.tensions(x)) {
+                all[row as usize] = tension;
+            }
+        }
+        all
+    }
+
     /// Work of the constant forces on owned nodes over the displacements `du` (m), J.
     pub fn nodal_work(&self, du: &[f64]) -> f64 {
         let owned = 3 * self.model.n_owned();

@@ -161,6 +161,7 @@ mod tests {
                 rest_length: 1.0,
                 kind: mesh::CableKind::SuspensionLine,
                 line: 0,
+                share: 1.0,
             }],
             ..Default::default()
         };

@@ -21,6 +21,6 @@ pub use error::{Problem, SceneError};
 pub use formula::{Formula, FormulaError};
 pub use overrides::{NotATable, Override, parse_overridden, set_value};
 pub use place::{place_of, with_absolute_paths};
-pub use renamed::{Renamed, current_path, current_value, renamed};
+pub use renamed::{Renamed, current_path, current_value, renamed, replacement};
 pub use scene::*;
 pub use wind::Wind;

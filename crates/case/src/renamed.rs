@@ -19,6 +19,11 @@ const KEYS: &[[&str; 3]] = &[
     ["mesh.regrid", "below", "quality_threshold"],
 ];
 
+/// Keys that are still read and have their former meaning, in whose place another section stands: dotted path of the section,
+/// key, section that replaces it.
+const SUPERSEDED: &[[&str; 3]] =
+    &[["canopy", "reinforcements", "tapes"], ["canopy", "reinforcement_spacing_cells", "tapes.grid"]];
+
 /// Former values: dotted path of the key without indices, former value, current value.
 const VALUES: &[[&str; 3]] = &[
     ["coupling.staggered.sequence", "flow-first", "conventional-serial"],
@@ -36,19 +41,32 @@ pub struct Renamed {
     pub old: String,
     /// Its current name, such as `coupling.load_interpolation`, or `"improved-serial"`.
     pub new: String,
+    /// It keeps its meaning, and another section replaces it.
+    pub superseded: bool,
 }
 
 impl Renamed {
     /// What is written and what it is now, in a sentence without full stop.
     pub fn sentence(&self) -> String {
-        format!("{} is now `{}`", self.old, self.new)
+        if self.superseded {
+            format!("{} is replaced by [{}]", self.old, self.new)
+        } else {
+            format!("{} is now `{}`", self.old, self.new)
+        }
     }
+}
+
+/// The section that replaces the key at `path` (dotted, indices are ignored), which is still read.
+pub fn replacement(path: &str) -> Option<&'static str> {
+    let (section, key) = path.rsplit_once('.')?;
+    current(SUPERSEDED, &without_indices(section), key)
 }
 
 impl fmt::Display for Renamed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (line, column) = self.place;
-        write!(f, "{line}:{column}: {}; the former name is still accepted", self.sentence())
+        let what = if self.superseded { "key" } else { "name" };
+        write!(f, "{line}:{column}: {}; the former {what} is still accepted", self.sentence())
     }
 }
 
@@ -66,9 +84,15 @@ fn in_table(text: &str, table: &DeTable<'_>, section: &str, found: &mut Vec<Rena
         let name: &str = key.get_ref();
         let path = join(section, current_key(section, name));
         let place = |byte: usize| line_and_column(text, byte);
+        let at = key.span().start;
         if current(KEYS, section, name).is_some() {
             let old = format!("key `{}`", join(section, name));
-            found.push(Renamed { place: place(key.span().start), key: path.clone(), old, new: path.clone() });
+            let (key, new, superseded) = (path.clone(), path.clone(), false);
+            found.push(Renamed { place: place(at), key, old, new, superseded });
+        }
+        if let Some(new) = current(SUPERSEDED, section, name) {
+            let (key, old) = (path.clone(), format!("key `{path}`"));
+            found.push(Renamed { place: place(at), key, old, new: new.into(), superseded: true });
         }
         match value.get_ref() {
             DeValue::Table(inner) => in_table(text, inner, &path, found),
@@ -80,7 +104,8 @@ fn in_table(text: &str, table: &DeTable<'_>, section: &str, found: &mut Vec<Rena
                 if let Some(new) = current(VALUES, &path, word) {
                     let old = format!("value `{path} = \"{word}\"`");
                     let new = format!("\"{new}\"");
-                    found.push(Renamed { place: place(value.span().start), key: path.clone(), old, new });
+                    let (place, key) = (place(value.span().start), path.clone());
+                    found.push(Renamed { place, key, old, new, superseded: false });
                 }
             }
             _ => {}
@@ -201,6 +226,22 @@ mod tests {
         assert_ne!(text, SCENE);
         let error = parse(Path::new("scene.toml"), &text).expect_err("refused").to_string();
         assert!(error.contains("`load` in [coupling] is the former name of `load_interpolation`"), "{error}");
+    }
+
+    #[test]
+    fn superseded_keys_keep_their_meaning_and_warn() {
+        let text = "[canopy]\nkind = \"atps\"\nreinforcements = true\nreinforcement_spacing_cells = 5\n";
+        let warnings: Vec<String> = renamed(text).iter().map(ToString::to_string).collect();
+        assert_eq!(
+            warnings,
+            [
+                "3:1: key `canopy.reinforcements` is replaced by [tapes]; the former key is still accepted",
+                "4:1: key `canopy.reinforcement_spacing_cells` is replaced by [tapes.grid]; the former key is still accepted",
+            ]
+        );
+        assert_eq!(replacement("canopy.reinforcements"), Some("tapes"));
+        assert_eq!(replacement("canopy.cells_across"), None);
+        assert_eq!(current_path("canopy.reinforcements"), "canopy.reinforcements");
     }
 
     #[test]

@@ -56,11 +56,16 @@ fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
         });
         format!(", with payload {:.3} kg{coefficient}", m.mass_kg)
     });
-    let masses = format!(
-        "masses: fabric {:.4} kg ({:.3} m2), lines {:.4} kg{payload}",
-        interface.masses.fabric, sizes.fabric_area, interface.masses.cables
-    );
-    [mesh, masses]
+    let parts = interface.masses.parts();
+    let parts: Vec<String> = parts
+        .into_iter()
+        .map(|(name, mass)| match name.as_str() {
+            "fabric" => format!("fabric {mass:.4} kg ({:.3} m2)", sizes.fabric_area),
+            _ => format!("{name} {mass:.4} kg"),
+        })
+        .collect();
+    let all = interface.masses.suspended();
+    [mesh, format!("masses: {}; in all {all:.4} kg{payload}", parts.join(", "))]
 }
 
 fn what(scene: &Scene, stage: &Stage) -> String {

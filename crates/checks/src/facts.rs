@@ -109,6 +109,7 @@ impl<'a> Facts<'a> {
     pub fn has_subject(&self, id: &str) -> bool {
         let of_a_canopy = id.starts_with("fabric.")
             || id.starts_with("lines.")
+            || id.starts_with("tapes.")
             || ["stage.canopy-mode", "flow.courant"].contains(&id);
         let of_a_length = ["flow.reynolds", "stage.development", "stage.shedding"].contains(&id);
         (self.scene.has_canopy() || !of_a_canopy) && (self.numbers.width > 0.0 || !of_a_length)

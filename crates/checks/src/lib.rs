@@ -25,6 +25,7 @@ mod fabric;
 mod flow;
 mod lines;
 mod resources;
+mod tapes;
 mod time;
 
 pub use finding::{Finding, Judged, Severity};

@@ -30,6 +30,8 @@ pub fn former(text: &str, settings: &[String]) -> Vec<FormerName> {
         let current = case::current_path(key);
         if current != key {
             all.push(FormerName { text: format!("key `{key}` is now `{current}`"), key: current });
+        } else if let Some(new) = case::replacement(key) {
+            all.push(FormerName { text: format!("key `{key}` is replaced by [{new}]"), key: current });
         } else if let Some(new) = case::current_value(key, value) {
             let text = format!("value `{key} = \"{value}\"` is now `\"{new}\"`");
             all.push(FormerName { key: current, text });

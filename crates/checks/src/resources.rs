@@ -225,8 +225,8 @@ fn response(f: &Facts<'_>, s: &Stage) -> f64 {
     } else if f.scene.structure.integration == Integration::Explicit {
         let fabric = &f.scene.fabric;
         let wave = (fabric.youngs_modulus_pa / fabric.density_kg_m3).sqrt();
-        let line = f.scene.lines.as_ref().map_or(0.0, |l| (l.youngs_modulus_pa / l.density_kg_m3).sqrt());
-        let crossings = f.mesh.cables.iter().map(|c| line / c.rest_length).fold(wave / n.cell, f64::max);
+        let crossing = |c: &mesh::Cable| Some(c.kind.section(f.scene)?.wave_speed() / c.rest_length);
+        let crossings = f.mesh.cables.iter().filter_map(crossing).fold(wave / n.cell, f64::max);
         // A step is a share of 2 over the highest frequency, about 2 of these crossings.
         EXPLICIT_S * (s.window_s * crossings / f.scene.structure.explicit_safety).max(f64::from(s.substeps))
     } else {

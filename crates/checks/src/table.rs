@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::finding::{Judged, Severity};
-use super::{bodies, boundaries, descent, fabric, flow, lines, names, resources, run_time, time};
+use super::{bodies, boundaries, descent, fabric, flow, lines, names, resources, run_time, tapes, time};
 
 /// A check: what Ripstop compares with what.
 pub struct Check {
@@ -38,6 +38,7 @@ pub fn all() -> impl Iterator<Item = &'static Check> {
         names::CHECKS,
         fabric::CHECKS,
         lines::CHECKS,
+        tapes::CHECKS,
         descent::CHECKS,
         flow::CHECKS,
         time::CHECKS,

@@ -162,9 +162,12 @@ impl CoupledStage<'_> {
 
     /// Masses of fabric, air and falling system.
     fn mass_properties(&self) -> MassProperties {
-        let fabric = &self.scene.fabric;
+        let (fabric, interface) = (&self.scene.fabric, self.interface);
+        // Tapes move with the fabric.
+        let tapes = interface.masses.all_tapes();
+        let smeared = if tapes > 0.0 { tapes / interface.sizes.fabric_area } else { 0.0 };
         MassProperties {
-            fabric_kg_m2: fabric.thickness_m * fabric.density_kg_m3,
+            fabric_kg_m2: fabric.thickness_m * fabric.density_kg_m3 + smeared,
             air: self.air(),
             response: response(&self.scene.coupling),
             falling_kg: self.descent.map_or(0.0, |d| d.mass_kg),

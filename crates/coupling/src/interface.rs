@@ -1,6 +1,6 @@
 //! The interface between structure and flow: geometry of the canopy, masses, work of loads.
 
-use case::Scene;
+use case::{Scene, TapePlace};
 use channel::LOAD_WIDTH;
 use mesh::{CableKind, StructureMesh};
 
@@ -38,12 +38,20 @@ pub struct CanopyInterface {
 }
 
 /// Masses of the parts of the parachute, kg.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Masses {
     /// Fabric.
     pub fabric: f64,
-    /// Lines, risers and reinforcements.
+    /// Lines, risers, reinforcements and tapes.
     pub cables: f64,
+    /// Of them the suspension lines.
+    pub lines: f64,
+    /// Of them the risers.
+    pub risers: f64,
+    /// Of them the line elements of `canopy.reinforcements` or of a mesh file.
+    pub reinforcements: f64,
+    /// Of them the tapes, in the order of [`TapePlace::ALL`].
+    pub tapes: [f64; 4],
     /// Point masses, without the payload.
     pub points: f64,
 }
@@ -52,6 +60,23 @@ impl Masses {
     /// Mass of everything suspended above the payload, kg.
     pub fn suspended(&self) -> f64 {
         self.fabric + self.cables + self.points
+    }
+
+    /// Mass of all tapes, kg.
+    pub fn all_tapes(&self) -> f64 {
+        self.tapes.iter().sum()
+    }
+
+    /// The parts that have a mass, in words and kg.
+    pub fn parts(&self) -> Vec<(String, f64)> {
+        let mut parts = vec![("fabric".to_owned(), self.fabric), ("lines".to_owned(), self.lines)];
+        parts.push(("risers".into(), self.risers));
+        parts.push(("reinforcements".into(), self.reinforcements));
+        let tapes = TapePlace::ALL.into_iter().zip(self.tapes);
+        parts.extend(tapes.map(|(place, mass)| (format!("tapes.{}", place.name()), mass)));
+        parts.push(("point masses".into(), self.points));
+        parts.retain(|(name, mass)| *mass > 0.0 || name == "fabric");
+        parts
     }
 }
 
@@ -196,12 +221,20 @@ fn payload(scene: &Scene, mesh: &StructureMesh) -> Option<mesh::Point> {
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
     let fabric = mesh.fabric_area(|_| true) * scene.fabric.thickness_m * scene.fabric.density_kg_m3;
-    let cables = scene.lines.as_ref().map_or(0.0, |lines| {
-        let kinds = [CableKind::SuspensionLine, CableKind::Riser, CableKind::Reinforcement];
-        let length: f64 = kinds.into_iter().map(|k| mesh.cable_length(k)).sum();
-        length * lines.area_m2 * lines.density_kg_m3
+    let of = |kind: CableKind| kind.section(scene).map_or(0.0, |s| mesh.cable_length(kind) * s.mass_kg_m);
+    let tapes = TapePlace::ALL.map(|place| of(CableKind::Tape(place)));
+    let [lines, risers, reinforcements] =
+        [CableKind::SuspensionLine, CableKind::Riser, CableKind::Reinforcement].map(of);
+    // One product for all kinds with the section of the lines: digits of earlier builds.
+    let with_lines = scene.lines.as_ref().map_or(0.0, |l| {
+        let risers = (CableKind::Riser, scene.risers.is_none());
+        let kinds = [(CableKind::SuspensionLine, true), risers, (CableKind::Reinforcement, true)];
+        let length: f64 = kinds.into_iter().filter(|k| k.1).map(|k| mesh.cable_length(k.0)).sum();
+        length * l.area_m2 * l.density_kg_m3
     });
-    Masses { fabric, cables, points: mesh.hung_point_masses(scene) }
+    let own_risers = if scene.risers.is_some() { risers } else { 0.0 };
+    let cables = with_lines + own_risers + tapes.iter().sum::<f64>();
+    Masses { fabric, cables, lines, risers, reinforcements, tapes, points: mesh.hung_point_masses(scene) }
 }
 
 #[cfg(test)]
@@ -214,7 +247,7 @@ mod tests {
             faces: vec![[0, 1, 2, 3]],
             panels: vec![0; 4],
             payload: Some([1.0, 1.0, -2.0]),
-            masses: Masses { fabric: 0.0, cables: 0.0, points: 0.0 },
+            masses: Masses::default(),
             sizes: Sizes { nodes: 4, triangles: 2, cables: 0, fabric_area: 4.0 },
         }
     }
@@ -310,5 +343,31 @@ mod tests {
         // Paper: fabric 5.216 kg, cables 0.701 kg.
         assert!((canopy.masses.fabric - 5.216).abs() < 5e-4, "{:?}", canopy.masses);
         assert!((canopy.masses.cables - 0.701).abs() < 5e-4, "{:?}", canopy.masses);
+        // Of them 28 lines of 6.4008 m and 4 risers of 1.2192 m.
+        let lines = 28.0 * 6.4008 * 3.11e-6 * 1223.50932;
+        assert!((canopy.masses.lines - lines).abs() < 1e-12, "{:?}", canopy.masses);
+        let parts: f64 = canopy.masses.parts().iter().map(|p| p.1).sum();
+        assert!((parts - canopy.masses.suspended()).abs() < 1e-14 * parts, "{parts}");
+    }
+
+    /// Tapes and risers of their own count with their own mass: 1 g/m of hem (24.384 m), 2 g/m of risers (4.8768 m), and
+    /// 139.874 m2 of fabric with 4 g/m each 0.5 m both ways.
+    #[test]
+    fn masses_of_tapes_and_risers() {
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
+        let mut scene = case::load(&file).expect("a scene");
+        let plain = CanopyInterface::new(&scene).expect("a canopy").masses;
+        let hem = case::Tape { axial_stiffness_n: 1e3, mass_kg_m: 1e-3 };
+        let grid = case::TapeGrid { axial_stiffness_n: 1e3, mass_kg_m: 4e-3, spacing_m: 0.5 };
+        scene.tapes = Some(case::Tapes { hem: Some(hem), grid: Some(grid), ..case::Tapes::default() });
+        scene.risers = Some(case::Risers { axial_stiffness_n: 1e4, mass_kg_m: 2e-3 });
+        let masses = CanopyInterface::new(&scene).expect("a canopy").masses;
+        let grid_kg = 2.0 * 139.874 / 0.5 * 4e-3;
+        assert!((masses.tapes[0] - 0.024384).abs() < 1e-12, "{masses:?}");
+        assert!((masses.tapes[3] - grid_kg).abs() < 1e-5 * grid_kg, "{masses:?}");
+        assert!((masses.risers - 4.8768 * 2e-3).abs() < 1e-12, "{masses:?}");
+        let sum = plain.lines + masses.risers + masses.all_tapes();
+        assert!((masses.cables - sum).abs() < 1e-14 * sum, "{masses:?}");
     }
 }

@@ -40,8 +40,12 @@ pub struct Numbers<'a> {
     pub fabric_area: f64,
     /// Mass of fabric, kg.
     pub fabric_mass: f64,
-    /// Mass of lines, kg.
+    /// Mass of lines and risers, kg.
     pub line_mass: f64,
+    /// Mass of tapes, kg.
+    pub tape_mass: f64,
+    /// Axial stiffness of the tapes times their length, N m.
+    pub tape_stiffness: f64,
     /// Mass that falls, kg; 0 without descent.
     pub falling_mass: f64,
     /// Unstretched length of lines and risers that stand free in the air, m.
@@ -69,9 +73,10 @@ impl<'a> Numbers<'a> {
         let dynamic_pressure = 0.5 * density * speed * speed;
         let pressure = inflation_pressure(scene).unwrap_or(dynamic_pressure);
         let f = &scene.fabric;
-        let (fabric_mass, line_mass) = (interface.masses.fabric, interface.masses.cables);
+        let (fabric_mass, tape_mass) = (interface.masses.fabric, interface.masses.all_tapes());
+        let line_mass = interface.masses.cables - tape_mass;
         let falling_mass =
-            scene.descent.as_ref().map_or(0.0, |d| d.payload_mass_kg + fabric_mass + line_mass);
+            scene.descent.as_ref().map_or(0.0, |d| d.payload_mass_kg + fabric_mass + line_mass + tape_mass);
         let free = [CableKind::SuspensionLine, CableKind::Riser];
         let lowest = |nodes: &[[f64; 3]]| nodes.iter().map(|x| x[2]).fold(f64::INFINITY, f64::min);
         let fabric_area = interface.sizes.fabric_area;
@@ -93,6 +98,8 @@ impl<'a> Numbers<'a> {
             fabric_area,
             fabric_mass,
             line_mass,
+            tape_mass,
+            tape_stiffness: mesh.tape_stiffness(scene),
             falling_mass,
             line_length: free.into_iter().map(|k| mesh.cable_length(k)).sum(),
             line_diameter: scene.lines.as_ref().map_or(0.0, case::Lines::round_diameter_m),

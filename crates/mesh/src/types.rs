@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 /// Condition on an outer boundary face, as scenes name it.
 pub use case::Condition as Patch;
+use case::{Scene, TapePlace};
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Point;
@@ -63,6 +64,9 @@ pub struct Cable {
     pub kind: CableKind,
     /// Number of the line it is a part of, for line tensions.
     pub line: u32,
+    /// Lines of its kind that it stands for: 1, except for tapes of a grid ([`case::TapeGrid`]). Stiffness and mass
+    /// for each metre are those of its kind times this number.
+    pub share: f64,
 }
 
 /// Kind of line that a cable element models.
@@ -72,8 +76,61 @@ pub enum CableKind {
     SuspensionLine,
     /// From a confluence point to the payload.
     Riser,
-    /// Along a panel edge, on canopy nodes.
+    /// Along a panel edge, on canopy nodes, with the section of the suspension lines.
     Reinforcement,
+    /// A tape on canopy nodes, with a section of its own.
+    Tape(TapePlace),
+}
+
+impl CableKind {
+    /// Number in `lines.pvd`: 0 suspension line, 1 riser, 2 reinforcement, tapes: 3 hem, 4 seam, 5 vent, 6 grid.
+    pub fn number(self) -> u32 {
+        match self {
+            CableKind::SuspensionLine => 0,
+            CableKind::Riser => 1,
+            CableKind::Reinforcement => 2,
+            CableKind::Tape(place) => 3 + place as u32,
+        }
+    }
+
+    /// Whether it stands free in the air.
+    pub fn is_free(self) -> bool {
+        matches!(self, CableKind::SuspensionLine | CableKind::Riser)
+    }
+
+    /// Section of this kind in a scene; `None` where the scene gives none.
+    pub fn section(self, scene: &Scene) -> Option<Section> {
+        let of = |axial_stiffness_n, mass_kg_m| Section { axial_stiffness_n, mass_kg_m };
+        match self {
+            CableKind::Tape(place) => {
+                let tape = scene.tapes.as_ref()?.section(place)?;
+                Some(of(tape.axial_stiffness_n, tape.mass_kg_m))
+            }
+            CableKind::Riser if scene.risers.is_some() => {
+                scene.risers.map(|r| of(r.axial_stiffness_n, r.mass_kg_m))
+            }
+            _ => {
+                let l = scene.lines.as_ref()?;
+                Some(of(l.youngs_modulus_pa * l.area_m2, l.density_kg_m3 * l.area_m2))
+            }
+        }
+    }
+}
+
+/// Section of lines, risers or tapes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Section {
+    /// Axial stiffness EA, N.
+    pub axial_stiffness_n: f64,
+    /// Mass for each metre, kg/m.
+    pub mass_kg_m: f64,
+}
+
+impl Section {
+    /// Speed of a wave along it, m/s.
+    pub fn wave_speed(&self) -> f64 {
+        (self.axial_stiffness_n / self.mass_kg_m).sqrt()
+    }
 }
 
 /// The volume grid around a canopy.

@@ -22,8 +22,9 @@ pub(super) fn section(run: &Run) -> Section {
     rows.push(("ranks".into(), ranks(run)));
     if let (Ok(interface), true) = (CanopyInterface::new(scene), scene.has_canopy()) {
         let (sizes, masses) = (&interface.sizes, &interface.masses);
-        let (fabric, lines) = (masses.fabric, masses.cables);
-        let value = format!("{} triangles; fabric {fabric:.2} kg, lines {lines:.2} kg", sizes.triangles);
+        let parts = masses.parts().into_iter().map(|(name, mass)| format!("{name} {mass:.3} kg"));
+        let parts: Vec<String> = parts.collect();
+        let value = format!("{} triangles; {}", sizes.triangles, parts.join(", "));
         rows.push(("structure".into(), value));
     }
     let on: Vec<&str> = TABLE.iter().filter(|e| (e.on)(scene)).map(|e| e.key).collect();

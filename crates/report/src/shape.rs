@@ -15,9 +15,9 @@ pub(super) struct Shape {
     pub(super) cell: Vec<usize>,
     /// Boundary edges of the fabric, with the orientation of their triangle.
     pub(super) hem: Vec<[u32; 2]>,
-    /// Elements of lines, risers and reinforcements.
+    /// Elements of lines, risers, reinforcements and tapes.
     pub(super) cables: Vec<[u32; 2]>,
-    /// Kind of each cable: 0 suspension line, 1 riser, 2 reinforcement.
+    /// Kind of each cable: 0 suspension line, 1 riser, 2 reinforcement, 3 to 6 tapes.
     pub(super) kind: Vec<u8>,
     /// Line number of each cable element.
     pub(super) line: Vec<u32>,

@@ -84,7 +84,7 @@ pub const RUN: &[ResultFile] = &[
         "{stage}/lines_{number}.vtu",
         STRUCTURE,
         "`output.surface_every_windows`",
-        "Lines: tension, number of the line, kind (0 suspension line, 1 riser, 2 reinforcement). VTK XML.",
+        "Lines: tension, number of the line, kind (0 suspension line, 1 riser, 2 reinforcement; tapes: 3 hem, 4 seam, 5 vent, 6 grid). VTK XML.",
     ),
     file(
         "{stage}/payload.csv",

@@ -219,8 +219,6 @@ impl<L: CableLaw> AxialStress for Viscous<L> {
 pub struct Cable<S> {
     /// Its stress.
     pub stress: S,
-    /// Cross-section, m2.
-    pub area: f64,
     /// Density, kg/m3.
     pub density: f64,
 }
@@ -229,13 +227,15 @@ pub struct Cable<S> {
 pub struct Line<T> {
     /// Rest length (m), or what [`AxialStress::rest_length`] makes it of.
     length: f64,
+    /// Cross-section, m2.
+    area: f64,
     start: T,
 }
 
 impl<S: AxialStress> Cable<S> {
-    /// An element made with `length`; a step starts with the vector `d` between its ends (m).
-    pub fn element(&self, length: f64, d: Vec3) -> Line<S::Start> {
-        Line { length, start: self.stress.start(d, self.stress.rest_length(length)) }
+    /// An element of cross-section `area` (m2) made with `length`; a step starts with the vector `d` between its ends (m).
+    pub fn element(&self, length: f64, area: f64, d: Vec3) -> Line<S::Start> {
+        Line { length, area, start: self.stress.start(d, self.stress.rest_length(length)) }
     }
 
     /// Vectors between the ends in a step, rest length, stress and its derivative.
@@ -270,7 +270,7 @@ impl<S: AxialStress> Kernel<2> for Cable<S> {
         _load: &Load,
     ) -> [Vec3; 2] {
         let ([d, _], rest_length, (s, _)) = self.state(e, step);
-        let f = force(s, d, rest_length, self.area);
+        let f = force(s, d, rest_length, e.area);
         [-f, f]
     }
 
@@ -283,27 +283,27 @@ impl<S: AxialStress> Kernel<2> for Cable<S> {
         factor: f64,
     ) -> ([Vec3; 2], [[Mat3; 2]; 2]) {
         let ([d, end], rest_length, (s, y)) = self.state(e, step);
-        let f = force(s, d, rest_length, self.area);
-        let k = stiffness(s, y, d, end, rest_length, self.area);
+        let f = force(s, d, rest_length, e.area);
+        let k = stiffness(s, y, d, end, rest_length, e.area);
         let [plus, minus] = [factor, -factor].map(|s| k.map(|row| row * s));
         ([-f, f], [[plus, minus], [minus, plus]])
     }
 
     fn energy(&self, e: &Self::Element, x: &[Vec3; 2]) -> f64 {
-        self.stress.energy(x, self.stress.rest_length(e.length), self.area)
+        self.stress.energy(x, self.stress.rest_length(e.length), e.area)
     }
 
     fn dissipation(&self, e: &Self::Element, before: &[Vec3; 2], after: &[Vec3; 2]) -> f64 {
         let by = [between(before), between(after)];
-        self.stress.dissipation(&e.start, by, self.stress.rest_length(e.length), self.area)
+        self.stress.dissipation(&e.start, by, self.stress.rest_length(e.length), e.area)
     }
 
     fn mass(&self, e: &Self::Element) -> Option<f64> {
-        (!S::ADDS).then(|| self.density * self.area * self.stress.rest_length(e.length))
+        (!S::ADDS).then(|| self.density * e.area * self.stress.rest_length(e.length))
     }
 
     fn tension(&self, e: &Self::Element, x: &[Vec3; 2]) -> Option<f64> {
-        self.stress.tension(x, self.stress.rest_length(e.length), self.area)
+        self.stress.tension(x, self.stress.rest_length(e.length), e.area)
     }
 
     fn set_step(&mut self, dt: f64) {
@@ -325,12 +325,12 @@ mod tests {
     #[test]
     fn lines_conform() {
         fn check(law: impl CableLaw, length: f64) {
-            let kernel = Cable { stress: Elastic { law, offset: 0.0 }, area: 0.3, density: 2.0 };
+            let kernel = Cable { stress: Elastic { law, offset: 0.0 }, density: 2.0 };
             let rest = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.1 + length, 0.2, 0.3)];
-            conforms(&kernel, || kernel.element(length, between(&rest)), rest, X);
-            let mut damping = Cable { stress: Viscous::new(kernel.stress, 0.4), area: 0.3, density: 2.0 };
+            conforms(&kernel, || kernel.element(length, 0.3, between(&rest)), rest, X);
+            let mut damping = Cable { stress: Viscous::new(kernel.stress, 0.4), density: 2.0 };
             damping.set_step(0.2);
-            conforms_in_a_step(&damping, || damping.element(length, between(&rest)), rest, X);
+            conforms_in_a_step(&damping, || damping.element(length, 0.3, between(&rest)), rest, X);
         }
         check(TensionOnly { youngs_modulus: 5.0 }, 1.1);
         check(TwoWay { youngs_modulus: 5.0 }, 1.1);

@@ -22,6 +22,8 @@ pub struct Elements<K: Kernel<N>, const N: usize> {
     n_own: usize,
     /// Elements whose states are reported, one for each row; all in their order where `None`.
     rows: Option<Vec<u32>>,
+    /// Places of cable elements among the cables of the model.
+    cables: Vec<u32>,
 }
 
 /// An element of the mesh: its local nodes, the face that loads it, and what its kernel keeps.
@@ -37,7 +39,12 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
     ) -> Self {
         let elements =
             parts.map(|(nodes, face, data)| Element { stencil: Stencil::new(nodes), face, data }).collect();
-        Self { kernel, elements, n_own, rows }
+        Self { kernel, elements, n_own, rows, cables: Vec::new() }
+    }
+
+    /// With the places of its elements among the cables of the model.
+    pub(super) fn with_cables(self, cables: Vec<u32>) -> Self {
+        Self { cables, ..self }
     }
 
     /// All elements, or those that touch an `active` node. Asked element by element, so that both are one compiled loop.
@@ -265,6 +272,10 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
 
     fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
         self.sheets(x, |s| principal(s.strain))
+    }
+
+    fn cables(&self) -> &[u32] {
+        &self.cables
     }
 
     fn tensions(&self, x: &[f64]) -> Vec<f64> {

@@ -12,6 +12,7 @@ use crate::elements::reefing::{Reefing, Schedule};
 use crate::flat::at;
 use crate::materials::StepLaw;
 use crate::model::{CableElement, Model};
+use mesh::CableKind;
 use mesh::geometry::Vec3;
 
 /// A two-node element has no face.
@@ -64,11 +65,26 @@ impl Elements<BentFace, 4> {
 impl<S: AxialStress> Elements<Cable<S>, 2> {
     /// All cables of `model`: cross-section in m2, density in kg/m3.
     pub fn cables(model: &Model, stress: S, area: f64, density: f64) -> Self {
-        let kernel = Cable { stress, area, density };
-        let of =
-            |c: &CableElement| (c.nodes, NO_FACE, kernel.element(c.rest_length, between(model, c.nodes)));
-        let parts: Vec<_> = model.cables.iter().map(of).collect();
-        Self::new(kernel, parts.into_iter(), model.n_own_cables, None)
+        Self::cables_of(model, |_| true, stress, area, density)
+    }
+
+    /// The cables of `model` of some kinds. Each has the cross-section `area` (m2) times its share, and `density` (kg/m3).
+    pub fn cables_of(
+        model: &Model,
+        chosen: impl Fn(CableKind) -> bool,
+        stress: S,
+        area: f64,
+        density: f64,
+    ) -> Self {
+        let kernel = Cable { stress, density };
+        let (mut rows, mut parts) = (Vec::new(), Vec::new());
+        for (row, c) in model.cables.iter().enumerate().filter(|(_, c)| chosen(c.kind)) {
+            let element = kernel.element(c.rest_length, c.share * area, between(model, c.nodes));
+            rows.push(row as u32);
+            parts.push((c.nodes, NO_FACE, element));
+        }
+        let n_own = rows.partition_point(|row| (*row as usize) < model.n_own_cables);
+        Self::new(kernel, parts.into_iter(), n_own, None).with_cables(rows)
     }
 }
 
@@ -77,10 +93,10 @@ impl Elements<Cable<Reefing>, 2> {
     /// `skirt` is their length in the whole unstressed structure, m.
     pub fn reefing(model: &Model, youngs_modulus: f64, area: f64, schedule: Schedule, skirt: f64) -> Self {
         // Massless, but with blocks in the matrix.
-        let kernel = Cable { stress: Reefing::new(youngs_modulus, schedule, skirt), area, density: 0.0 };
+        let kernel = Cable { stress: Reefing::new(youngs_modulus, schedule, skirt), density: 0.0 };
         let of = |t: &[u32; 2]| {
             let d = between(model, *t);
-            (*t, NO_FACE, kernel.element(d.norm() / skirt, d))
+            (*t, NO_FACE, kernel.element(d.norm() / skirt, area, d))
         };
         let parts: Vec<_> = model.ties.iter().map(of).collect();
         Self::new(kernel, parts.into_iter(), model.n_own_ties, None)
@@ -90,7 +106,7 @@ impl Elements<Cable<Reefing>, 2> {
 impl Elements<LineDrag, 2> {
     /// The cables of `model` that stand free in the air.
     pub fn line_drag(model: &Model, cylinder: Cylinder) -> Self {
-        let free = |c: &&CableElement| c.kind != mesh::CableKind::Reinforcement;
+        let free = |c: &&CableElement| c.kind.is_free();
         let of = |c: &CableElement| (c.nodes, NO_FACE, air::Strand::default());
         let n_own = model.cables[..model.n_own_cables].iter().filter(free).count();
         Self::new(LineDrag::new(cylinder), model.cables.iter().filter(free).map(of), n_own, None)

@@ -11,6 +11,7 @@ mod explicit;
 mod loops;
 mod pressure;
 mod shapes;
+mod tapes;
 mod time;
 mod vibrations;
 mod wrinkling;

@@ -63,11 +63,11 @@ pub struct Atps {
     pub cells_along_vent: u32,
     /// Quadrilaterals along the stitched part of an arm.
     pub cells_along_stitching: u32,
-    /// Line elements along the panel edges (hem, seams, vents), sharing canopy
+    /// Former form of `[tapes]`: line elements along the panel edges (hem, seams, vents), sharing canopy
     /// nodes, with the section and stiffness of the suspension lines.
     pub reinforcements: bool,
-    /// With `reinforcements`: quadrilaterals between further line elements that run
-    /// along and across all panels, a grid of tapes. 0: none.
+    /// Former form of `[tapes.grid]`. With `reinforcements`: quadrilaterals between further line elements that run
+    /// along and across all panels, a grid of tapes that depends on the mesh. 0: none.
     pub reinforcement_spacing_cells: u32,
 }
 
@@ -254,6 +254,8 @@ fn none(scene: &Scene, c: &mut Check) {
     for (key, given) in [
         ("fabric", !scene.fabric.is_absent()),
         ("lines", scene.lines.is_some()),
+        ("risers", scene.risers.is_some()),
+        ("tapes", scene.tapes.is_some()),
         ("fabric_gravity", scene.fabric_gravity.is_some()),
         ("reefing", !scene.reefing.is_empty()),
         ("point_mass", !scene.point_masses.is_empty()),

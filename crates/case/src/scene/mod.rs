@@ -31,6 +31,7 @@ mod shear;
 mod stages;
 mod steady;
 mod structure;
+mod tapes;
 mod times;
 mod wind;
 
@@ -77,6 +78,7 @@ pub use shear::{Shear, ShearProfile, WindProfile};
 pub use stages::{Solve, Stage, StageKind};
 pub use steady::Steady;
 pub use structure::{Integration, Mass, Membrane, Structure};
+pub use tapes::{Risers, Tape, TapeGrid, TapePlace, Tapes};
 pub use times::{StageTimes, save_time};
 pub use wind::{Clock, StageWind};
 
@@ -100,6 +102,10 @@ pub struct Scene {
     pub fabric: Fabric,
     /// Material of suspension lines and risers; needed when the canopy has lines.
     pub lines: Option<Lines>,
+    /// Section of the risers, where it is not that of the lines.
+    pub risers: Option<Risers>,
+    /// Tapes sewn on the fabric. Absent: none.
+    pub tapes: Option<Tapes>,
     /// Time integration and solvers of the structure.
     #[serde(default)]
     pub structure: Structure,
@@ -239,6 +245,7 @@ fn checked(scene: &Scene) -> Check {
     canopy::check(scene, &mut c);
     fabric::check(scene, &mut c);
     lines::check(scene, &mut c);
+    tapes::check(scene, &mut c);
     nodes::check(scene, &mut c);
     structure::check(scene, &mut c);
     mesh::check(scene, &mut c);

@@ -13,7 +13,7 @@ use case::Scene;
 pub use descent::{body, descent, line_drag, payload_drag, typical_drag_area};
 pub use structure::{
     contact, fabric_gravity, integration, law, lines, mass_damping, moving_grid, orthotropic, prescribed,
-    prestress, reefing, reinforcements, stiffness_damping, wrinkling,
+    prestress, reefing, reinforcements, risers, stiffness_damping, tapes, wrinkling,
 };
 
 use super::estimate::Certainty;

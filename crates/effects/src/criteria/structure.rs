@@ -173,6 +173,31 @@ pub fn reinforcements(s: &Scope<'_>) -> Assessment {
     )
 }
 
+/// Tapes of axial stiffness $`Y A`$ and length $`L`$, smeared over both directions of the fabric area $`S`$: the strain falls from
+/// $`\varepsilon`$ to $`\varepsilon / (1 + r)`$ with $`r = \sum Y A L / (2 E t S)`$, the area by twice the difference. Within a
+/// factor of 5.
+pub fn tapes(s: &Scope<'_>) -> Assessment {
+    let (n, f) = (s.n, &s.scene().fabric);
+    if n.tape_stiffness == 0.0 {
+        return Assessment::not("the scene has no [tapes]: their places and sections are the designer's");
+    }
+    let ratio = n.tape_stiffness / (2.0 * f.youngs_modulus_pa * f.thickness_m * n.fabric_area);
+    let area = 2.0 * n.strain * ratio / (1.0 + ratio);
+    s.of(
+        &Influence::of_canopy(-area),
+        &unsigned(5.0),
+        format!(
+            "smeared tapes are {ratio:.1} times as stiff as the fabric, whose strain is {}",
+            percent(n.strain)
+        ),
+    )
+}
+
+/// Risers are part of what is built.
+pub fn risers(_: &Scope<'_>) -> Assessment {
+    Assessment::not("part of what is built: their length counts, their stretch is below that of the lines")
+}
+
 /// Fabric that weighs $`\rho t g`$ per area relieves the pressure jump $`p`$ by that share: the crown sinks, and the
 /// drag area changes by about half of it; the lines no longer carry the weight of the fabric and of half of
 /// themselves (the paper, equation 1). Without the effect all weight acts at the payload. Within a factor of 5.
@@ -182,7 +207,7 @@ pub fn fabric_gravity(s: &Scope<'_>) -> Assessment {
         return Assessment::not("no pressure is given to compare the weight of the fabric with");
     }
     let share = n.fabric_kg_m2 * n.gravity / n.pressure;
-    let mass = n.fabric_mass + 0.5 * n.line_mass;
+    let mass = n.fabric_mass + n.tape_mass + 0.5 * n.line_mass;
     let influence = Influence {
         canopy: -0.5 * share,
         on_canopy: if n.falling_mass > 0.0 { mass / n.falling_mass } else { 0.0 },

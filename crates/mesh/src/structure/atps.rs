@@ -294,7 +294,13 @@ fn reinforce(mesh: &mut StructureMesh, layout: &AtpsLayout, first_line: u32, spa
         for pair in nodes.windows(2) {
             let [a, b] = [pair[0], pair[1]];
             let rest_length = (at(&mesh.coords, a) - at(&mesh.coords, b)).norm();
-            mesh.cables.push(Cable { nodes: [a, b], rest_length, kind: CableKind::Reinforcement, line });
+            mesh.cables.push(Cable {
+                nodes: [a, b],
+                rest_length,
+                kind: CableKind::Reinforcement,
+                line,
+                share: 1.0,
+            });
         }
         line += 1;
     };

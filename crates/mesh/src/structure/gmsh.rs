@@ -105,7 +105,13 @@ impl<'a> Builder<'a> {
                     let line = place_in(&mut lines, (entity, kind));
                     let nodes = [self.add(*a), self.add(*b)];
                     let [p, q] = nodes.map(|n| at(&self.mesh.coords, n));
-                    self.mesh.cables.push(Cable { nodes, rest_length: (p - q).norm(), kind, line });
+                    self.mesh.cables.push(Cable {
+                        nodes,
+                        rest_length: (p - q).norm(),
+                        kind,
+                        line,
+                        share: 1.0,
+                    });
                 }
                 let Some(held) = held(name) else { continue };
                 for &tag in nodes {

@@ -9,6 +9,9 @@ mod panel;
 mod payload;
 mod skirt;
 #[cfg(test)]
+mod tape_tests;
+mod tapes;
+#[cfg(test)]
 pub(crate) mod tests;
 
 pub(crate) use atps::AtpsLayout;
@@ -37,7 +40,10 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::Panel(p) => panel::panel(p),
         Canopy::None => Ok(StructureMesh::default()),
     }?;
-    if scene.lines.is_none() && !mesh.cables.is_empty() {
+    if let Some(tapes) = &scene.tapes {
+        mesh.add_tapes(&scene.canopy, tapes)?;
+    }
+    if mesh.cables.iter().any(|c| c.kind.section(scene).is_none()) {
         return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));
     }
     if let Some(body) = body {
@@ -98,7 +104,7 @@ impl StructureMesh {
                 self.push_node(std::array::from_fn(|i| a[i] + t * (b[i] - a[i])))
             };
             let rest_length = rest_length / segments as f64;
-            self.cables.push(Cable { nodes: [from, to], rest_length, kind, line });
+            self.cables.push(Cable { nodes: [from, to], rest_length, kind, line, share: 1.0 });
             from = to;
         }
     }
@@ -121,8 +127,16 @@ impl StructureMesh {
             .sum()
     }
 
-    /// Unstretched length of the cables of a kind, m.
+    /// Unstretched length of the lines or tapes of a kind, m.
     pub fn cable_length(&self, kind: CableKind) -> f64 {
-        self.cables.iter().filter(|c| c.kind == kind).map(|c| c.rest_length).sum()
+        self.cables.iter().filter(|c| c.kind == kind).map(|c| c.share * c.rest_length).sum()
+    }
+
+    /// Axial stiffness times length of all tapes (N m): over twice the area of the fabric, the stiffness of a grid that
+    /// is as stiff (N/m).
+    pub fn tape_stiffness(&self, scene: &case::Scene) -> f64 {
+        let tape = |c: &&Cable| matches!(c.kind, CableKind::Tape(_));
+        let of = |c: &Cable| Some(c.kind.section(scene)?.axial_stiffness_n * c.share * c.rest_length);
+        self.cables.iter().filter(tape).filter_map(of).sum()
     }
 }

@@ -30,6 +30,8 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             prestress_pa: 0.0,
             drag: None,
         }),
+        risers: None,
+        tapes: None,
         structure: Structure::default(),
         flow: None,
         mesh: MeshMotion::default(),
