@@ -95,6 +95,9 @@ enum Command {
     Picture(figures::picture::PictureArgs),
     /// Write an HTML report of a run: results, the canopy in three dimensions, wall times
     Report(report::ReportArgs),
+    /// Print settled means with 95 % intervals, swing, and wake of a complete, running or interrupted run
+    #[command(after_help = CODES)]
+    Statistics(crate::statistics_command::StatisticsArgs),
     /// Study accuracy against cost: vary parameters of a scene, extrapolate, recommend the cheapest settings
     #[command(after_help = CODES)]
     Accuracy(studies::accuracy::AccuracyArgs),
@@ -347,6 +350,10 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::Man { folder } => crate::shell_help::write_manual_pages(&folder),
         Command::Picture(args) => figures::picture::picture(&args, console),
         Command::Report(args) => report::report(&args, console),
+        Command::Statistics(args) => {
+            print(&crate::statistics_command::statistics(&args)?);
+            Ok(())
+        }
     }
 }
 

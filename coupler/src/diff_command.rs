@@ -66,7 +66,8 @@ pub fn diff(args: &DiffArgs) -> Result<(bool, String), RunError> {
     Ok((same, text.join("\n")))
 }
 
-fn scene_of(folder: &Path) -> Result<Scene, RunError> {
+/// The scene of a recording or a folder of results.
+pub(crate) fn scene_of(folder: &Path) -> Result<Scene, RunError> {
     let file = folder.join("scene.toml");
     if !file.is_file() {
         return Err(RunError::Input(format!(

@@ -22,3 +22,4 @@ pub mod settings;
 pub mod shell_help;
 mod signals;
 pub mod stages;
+pub mod statistics_command;

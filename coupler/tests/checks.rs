@@ -14,6 +14,7 @@ use coupling::interface::CanopyInterface;
 /// `low-mach` have 5 and 4 substeps in a period of the fabric on its lines.
 const CASES: &[(&str, &[&str])] = &[
     ("air-bag/scene.toml", &[]),
+    ("atps-174kg/scene.toml", &["fabric.strain"]),
     ("atps-descent/finer-flow.toml", &["fabric.strain"]),
     ("atps-descent/five-seconds.toml", &["fabric.strain"]),
     ("atps-descent/scene.toml", &["fabric.strain"]),

@@ -3,7 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use ripstop_tests::{History, changed_scene, ripstop_run, succeed};
+use results::settled::SettledMean;
+use ripstop_tests::{History, changed_scene, ripstop_run, root, succeed};
 
 /// `square-drop` on a coarse grid from a static shape, with `changes`.
 fn small(folder: &Path, changes: &[(&str, &str)]) -> PathBuf {
@@ -98,4 +99,67 @@ fn momentum_and_energy_of_a_long_descent_are_balanced() {
     let [most, end, missing] = balance(&history);
     assert!(missing < 0.01, "{missing}");
     assert!(most < 0.02 && (-0.05..0.005).contains(&end), "{most} {end}");
+}
+
+/// Duration of the descent whose settled means are compared, s: 50 U/D.
+const DESCENT_S: f64 = 100.0;
+/// Settled descent speed of the coarse ATPS descent with a perturbed wake (seed 1), and the half width of its 95 % interval, m/s: of the
+/// first 94 s, as the two values below (`ripstop statistics`).
+const SPEED_M_S: (f64, f64) = (4.5108, 0.0742);
+/// Settled drag, and the half width of its 95 % interval, N. The weight is 1 045.5 N.
+const DRAG_N: (f64, f64) = (1045.60, 1.98);
+/// Settled projected area, and the half width of its 95 % interval, m2.
+const PROJECTED_AREA_M2: (f64, f64) = (64.500, 0.656);
+
+/// Half width of the band of the difference of two means with these half widths: that of the difference of two independent means at 95 %,
+/// times 1.3 for 99 %, so that one of a hundred runs fails by chance.
+fn band(a: f64, b: f64) -> f64 {
+    1.3 * a.hypot(b)
+}
+
+/// The settled means of `studies/atps-descent/coarse.toml` agree with their recorded values within the band of both intervals. Round-off of
+/// another build gives another history of the wake with the same means.
+#[test]
+#[ignore = "nightly: 30 minutes"]
+fn settled_means_of_the_coarse_descent_are_reproduced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let duration = format!("stage.descent.duration_s={DESCENT_S}");
+    let options = [
+        "--quiet",
+        "--ranks",
+        "flow=1,mesh=1",
+        "--set",
+        &duration,
+        "--set",
+        "stage.descent.perturbation={seed=1}",
+    ];
+    succeed(ripstop_run(&root().join("studies/atps-descent/coarse.toml"), &out, &options));
+    let text = std::fs::read_to_string(out.join("summary.json")).expect("a summary");
+    let summary: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let stages = summary["stages"].as_array().expect("stages");
+    let descent = stages.iter().find(|s| s["name"] == "descent").expect("the descent");
+    let settled: Vec<SettledMean> =
+        serde_json::from_value(descent["settled"].clone()).expect("settled means");
+    for mean in &settled {
+        eprintln!("{}", mean.line());
+    }
+    let share = descent["wake"]["side_force_share"].as_f64().expect("a side force");
+    assert!(share > results::wake::SYMMETRIC_SHARE, "the wake is symmetric: side force {share} of the drag");
+    for (quantity, (expected, half_width)) in
+        [("descent_speed_m_s", SPEED_M_S), ("drag_n", DRAG_N), ("projected_area_m2", PROJECTED_AREA_M2)]
+    {
+        let found = settled.iter().find(|m| m.quantity == quantity).expect("a settled mean");
+        // Batches that are correlated by chance give no interval: then the band uses the recorded one. Drift fails.
+        assert!(
+            found.stationary != Some(false) || found.drift.is_some_and(|d| d.abs() < 2.0 * half_width),
+            "{found:?}"
+        );
+        let allowed = band(half_width, found.interval_95.unwrap_or(half_width));
+        assert!(
+            (found.mean - expected).abs() < allowed,
+            "{quantity}: {} instead of {expected} ± {allowed}",
+            found.mean
+        );
+    }
 }

@@ -124,17 +124,18 @@ fn drag_coefficient_is_the_same_over_six_decades_of_each_unit() {
     ] {
         let (other, work) = run(units, "");
         let difference = largest_difference(&other[5..], &cd[5..]);
-        // To first order in the Mach number, after the waves of the impulsive start.
+        // To first order in the Mach number, after the waves of the impulsive start; the steps end at 1e-6 of their inertia, which is up to
+        // 4e-6 of the drag.
         let mach = 4.0 * units.speed / 287.6;
-        let allowed = 2e-6 + 0.5 * mach;
+        let allowed = 6e-6 + 0.5 * mach;
         println!("{units:?}: drag differs by {difference:.1e}, {work} iterations of {iterations}");
         assert!(difference < allowed, "{units:?}: {difference:e} above {allowed:e}");
         assert!(work < 1.1 * iterations, "{units:?}: {work} iterations instead of {iterations}");
     }
 }
 
-/// The energy equation loses digits as the Mach number falls: at Mach 1e-6 round-off of the heat is 4e-5 of the drag (at 1e-7 1e-4 with the
-/// upwind and 2e-3 with the hybrid flux), and the steps end at that level instead of at the limit of iterations.
+/// The energy equation loses digits as the Mach number falls: at Mach 1e-6 round-off of the heat is 1.2e-4 of the drag with the
+/// hybrid flux, and the steps end at that level instead of at the limit of iterations.
 #[test]
 fn energy_equation_ends_at_round_off_at_low_mach_number() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -145,7 +146,7 @@ fn energy_equation_ends_at_round_off_at_low_mach_number() {
     let difference = largest_difference(&other, &cd);
     println!("drag differs by {difference:.1e}, {work} iterations of {iterations}");
     assert!(
-        difference < 1e-4 && work < 0.95 * iterations,
+        difference < 2e-4 && work < 0.95 * iterations,
         "{difference:e}, {work} of {iterations} iterations"
     );
 }

@@ -122,16 +122,18 @@ impl<'a> Run<'a> {
         }
         let mut summary = StageSummary::new(description);
         let context = self.context(stage);
+        let folder = case::stage_folder(context.out, context.scene, stage);
         timing::take();
         let ended = session::run_stage(&context, &self.prepared.file, self.options, state, &mut summary);
         let warnings = summary.convergence.stage_warnings(&summary.name, summary.windows);
         warnings.iter().for_each(|text| self.console.warning(text));
-        summary.assess_wake();
-        if ended.is_ok() && self.prepared.scene.main_stage() == stage {
-            let verdicts = summary.wake.iter().flat_map(Wake::verdicts);
-            verdicts.for_each(|v| self.console.warning(&v.warning(&summary.name)));
+        summary.assess(&folder.join("history.csv"));
+        if ended.is_ok()
+            && self.prepared.scene.main_stage() == stage
+            && let Some(verdict) = summary.wake.as_ref().and_then(Wake::verdict)
+        {
+            self.console.warning(&verdict.warning(&summary.name));
         }
-        let folder = case::stage_folder(context.out, context.scene, stage);
         let (name, roles) = (&description.name, description.kind.roles());
         self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));
         self.summary.stages.push(summary);

@@ -243,7 +243,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         self.records.history.sync()?;
         let ended = std::mem::take(&mut self.ended);
         self.summary.ended.clone_from(&ended);
-        self.summary.assess_wake();
+        let folder = case::stage_folder(self.context.out, self.context.scene, self.context.stage);
+        self.summary.assess(&folder.join("history.csv"));
         self.summary.wall_s = self.wall_before + self.progress.seconds();
         self.save(Some(ended))?;
         self.summary.wall_s = self.wall_before + self.progress.seconds();

@@ -8,9 +8,10 @@ use results::files::{self, ResultFile};
 use results::finding::{Finding, Severity};
 use results::history;
 use results::recording::compare::FIELDS;
+use results::settled::SettledMean;
 use results::summary::{RunSummary, StageSummary};
 use results::timings::{ProgramTimings, StageTimings};
-use results::wake::Sample;
+use results::wake::{Sample, Wake};
 use serde_json::Value;
 
 use super::markdown::{anchor, compare_or_write, head, inline, root, table};
@@ -31,6 +32,7 @@ const STRUCTS: &[(&str, &str)] = &[
     ("RunSummary", "crates/results/src/summary.rs"),
     ("StageSummary", "crates/results/src/summary.rs"),
     ("Wake", "crates/results/src/wake.rs"),
+    ("SettledMean", "crates/results/src/settled.rs"),
     ("Convergence", "crates/coupling/src/convergence.rs"),
     ("UnconvergedCount", "crates/coupling/src/convergence.rs"),
     ("Finding", "crates/results/src/finding.rs"),
@@ -187,7 +189,10 @@ fn summary() -> RunSummary {
     let scene = case::load(&root().join("cases/square-drop/scene.toml")).expect("a scene");
     let mut stage = StageSummary::new(&scene.stages[0]);
     stage.wake_samples.push(Sample { time_s: 1.0, drag_n: 1.0, diameters: 1.0, ..Sample::default() });
-    stage.assess_wake();
+    let time: Vec<f64> = (1..100).map(f64::from).collect();
+    let drag = time.iter().map(|t| t.sin()).collect();
+    stage.wake = Wake::of(&stage.wake_samples);
+    stage.settled = SettledMean::all(&[("time_s".into(), time), ("drag_n".into(), drag)]);
     let part = timing::Part { path: vec!["advance".into()], calls: 1, seconds: 1.0 };
     RunSummary {
         scene: scene.name.clone(),

@@ -130,7 +130,7 @@ pub const CHECKS: &[Check] = &[
         what: "the means of the main stage are those of a wake that is not symmetric",
         estimate: "root mean square of the side force over the mean drag, both over the last half of the windows \
                    (wake.side_force_share in summary.json)",
-        range: "warning below 3 %",
+        range: "warning below 3 %, where the mean covers four periods of a disk; a shorter stage has wake.periods, with the side force",
         source: "a bluff body in a symmetric scene keeps a symmetric wake for 30 to 60 U/D, whose drag is up to a third too low; the \
                  ATPS has 0.9 % (9 N of 1 050 N) in it and 10 to 50 % after it, and 3 % is the geometric mean of 0.9 and 10 %",
         severity: Warning,
@@ -140,8 +140,8 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "wake.periods",
         what: "the means of the main stage cover the periods that a confidence interval needs",
-        estimate: "time of the last half of the windows over the main period of the side force along its principal axis; without one, \
-                   0.135 times the diameters of stream in that time (wake.periods in summary.json)",
+        estimate: "time of the last half of the windows over the main period of the side force along its principal axis; without one, or with a \
+                   side force below 3 % of the drag, 0.135 times the diameters of stream in that time (wake.periods in summary.json)",
         range: "warning below 4",
         source: "the interval of a mean comes from the means of at least four batches of whole periods; 0.135 is the Strouhal number of a \
                  disk across the stream (Berger, Scholz and Schumm, J. Fluids Struct. 4, 1990)",

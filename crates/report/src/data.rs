@@ -6,6 +6,7 @@ use case::{Scene, StageKind};
 use coupling::error::RunError;
 use figures::snapshots::{Kind, RunSnapshots};
 use results::history;
+use results::settled::SettledMean;
 use results::wake::Wake;
 use serde_json::Value;
 
@@ -18,6 +19,11 @@ impl Columns {
     pub(super) fn get(&self, name: &str) -> Option<&[f64]> {
         let (_, values) = self.0.iter().find(|(n, _)| n == name)?;
         values.iter().any(|v| v.is_finite()).then_some(&values[..])
+    }
+
+    /// The settled mean of a column; `None` for fewer than 40 values or a constant column.
+    pub(super) fn settled(&self, name: &str) -> Option<SettledMean> {
+        SettledMean::of(name, &self.0)
     }
 
     /// Time and value of each row; empty without such a column.
@@ -200,13 +206,9 @@ fn read_history(path: &Path, missing: &mut Vec<String>) -> Result<Columns, RunEr
     if !path.is_file() {
         return Ok(Columns::default());
     }
-    let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
-    let whole = text.rfind('\n').map_or(0, |end| end + 1);
-    if whole < text.len() {
+    let (columns, incomplete) = history::read_complete_rows(path)?;
+    if incomplete {
         missing.push(format!("the last line of {}: it is incomplete", path.display()));
     }
-    if whole == 0 {
-        return Ok(Columns::default());
-    }
-    history::parse(&text[..whole], path).map(Columns)
+    Ok(Columns(columns))
 }

@@ -67,12 +67,24 @@ fn descent_speed(run: &Run) -> Option<Card> {
     if run.stage(stage).kind != StageKind::Coupled || run.scene().descent.is_none() {
         return None;
     }
-    let (mean, deviation) = stage.columns.late("descent_speed_m_s")?;
+    let (late, deviation) = stage.columns.late("descent_speed_m_s")?;
     let last = stage.columns.last("descent_speed_m_s").unwrap_or(f64::NAN);
-    let mut notes = vec![
-        format!("mean of the last half, standard deviation {}", digits(deviation)),
-        format!("{} m/s at the end", digits(last)),
-    ];
+    let settled = stage.columns.settled("descent_speed_m_s");
+    let interval = settled.as_ref().and_then(|s| Some((s.mean, s.interval_95?, s)));
+    let (mean, value, note) = match interval {
+        Some((mean, half_width, s)) => (
+            mean,
+            format!("{} ± {} m/s", digits(mean), digits(half_width)),
+            format!("settled mean from {} s, 95 % interval of {} batches", digits(s.from_s), s.batches),
+        ),
+        None => (
+            late,
+            format!("{} m/s", digits(late)),
+            format!("mean of the last half, standard deviation {}", digits(deviation)),
+        ),
+    };
+    let mut notes = vec![note, format!("{} m/s at the end", digits(last))];
+    notes.extend(settled.and_then(|s| s.no_interval).map(|why| format!("no interval: {why}")));
     let published = plot::published(run.scene());
     match not_comparable(stage) {
         Some(why) if !published.is_empty() => {
@@ -82,7 +94,7 @@ fn descent_speed(run: &Run) -> Option<Card> {
             published.iter().map(|(v, name)| format!("{name} {v}: {:+.1} %", 100.0 * (mean - v) / v)),
         ),
     }
-    Some(card("Descent speed", format!("{} m/s", digits(mean)), notes))
+    Some(card("Descent speed", value, notes))
 }
 
 /// Why the means of a stage are not set next to a steady value; `None` where they may be.
@@ -90,7 +102,9 @@ pub(super) fn not_comparable(stage: &StageData) -> Option<String> {
     let Some(wake) = stage.columns.wake() else {
         return Some("the history does not state what its means cover".into());
     };
-    wake.verdicts().into_iter().next_back().map(|verdict| verdict.figure)
+    wake.verdict()
+        .map(|verdict| verdict.figure)
+        .or_else(|| stage.columns.settled("descent_speed_m_s")?.no_interval)
 }
 
 fn drag(run: &Run) -> Option<Card> {

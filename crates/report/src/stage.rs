@@ -2,7 +2,8 @@
 
 use case::WatchedForce;
 use figures::plot;
-use results::long_term::{LongTerm, long_term};
+use results::long_term::METHOD;
+use results::settled::QUANTITIES;
 
 use super::bars::Bars;
 use super::chart::{Chart, Series, digits};
@@ -54,7 +55,8 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     if coupled(described.kind)
         && let Some(table) = long_term_table(stage)
     {
-        blocks.push(Block::Text(LONG_TERM.into()));
+        blocks.push(Block::Text(format!("Settled means. Method: {METHOD}. The main period is the peak of the periodogram, given if it carries at \
+             least a quarter of the variance.")));
         blocks.push(Block::Table(table));
     }
     if let Some(table) = wake_table(stage) {
@@ -197,37 +199,44 @@ fn line_bars(frames: &StageFrames, id: &str) -> Option<Bars> {
     })
 }
 
-/// Column, name and unit of the tabulated quantities.
-const MAIN: [(&str, &str, &str); 8] = [
-    ("descent_speed_m_s", "descent speed", "m/s"),
-    ("drag_n", "drag", "N"),
-    ("cd", "drag coefficient", "-"),
-    ("projected_area_m2", "projected area", "m2"),
-    ("volume_m3", "volume", "m3"),
-    ("riser_force_n", "riser force", "N"),
-    ("max_line_tension_n", "maximum line tension", "N"),
-    ("structure_strain_energy_j", "elastic energy", "J"),
-];
-
-const LONG_TERM: &str = "Long-term statistics. The initial transient is removed by the marginal standard error rule (MSER; at \
-    most half of the stage). The main period is the peak of the periodogram, given if it carries at least a quarter of the \
-    variance. The 95 % confidence interval comes from the means of batches of whole periods; it is given for at least \
-    four batches without serial correlation.";
-
-/// Long-term means with confidence intervals, and main periods.
+/// Settled means with confidence intervals, and main oscillations.
 fn long_term_table(stage: &StageData) -> Option<Table> {
     let row = |(name, label, unit): (&str, &str, &str)| {
-        let LongTerm { from, mean, margin, period } = long_term(&stage.columns.series(name))?;
-        let (interval, batches) =
-            margin.map_or(("-".into(), "-".into()), |(m, n)| (format!("± {}", digits(m)), n.to_string()));
-        let (period, share) = period
-            .map_or(("-".into(), "-".into()), |(p, share)| (digits(p), format!("{:.0} %", 100.0 * share)));
-        Some(vec![format!("{label}, {unit}"), digits(from), digits(mean), interval, batches, period, share])
+        let found = stage.columns.settled(name)?;
+        let given = |value: Option<f64>| value.map_or("-".into(), digits);
+        let interval = match (found.interval_95, found.no_interval) {
+            (Some(half_width), _) => format!("± {}", digits(half_width)),
+            (None, why) => why.map_or("-".into(), |why| format!("none: {why}")),
+        };
+        let stationary = found.stationary.map_or("not known", |yes| if yes { "yes" } else { "no" });
+        let share = found.swing_share.map_or("-".into(), |share| format!("{:.0} %", 100.0 * share));
+        let cells = [
+            digits(found.from_s),
+            digits(found.mean),
+            interval,
+            found.batches.to_string(),
+            stationary.into(),
+            given(found.drift),
+            given(found.swing_amplitude),
+            given(found.swing_period_s),
+            share,
+        ];
+        Some([format!("{label}, {unit}")].into_iter().chain(cells).collect())
     };
-    let rows: Vec<Vec<String>> = MAIN.into_iter().filter_map(row).collect();
-    let head =
-        ["", "from t, s", "mean", "95 % interval", "batches", "main period, s", "share of the variance"];
-    let caption = "Long-term mean, confidence interval and main period; units in the first column.".into();
+    let rows: Vec<Vec<String>> = QUANTITIES.into_iter().filter_map(row).collect();
+    let head = [
+        "",
+        "from t, s",
+        "mean",
+        "95 % interval",
+        "batches",
+        "stationary",
+        "drift",
+        "swing amplitude",
+        "main period, s",
+        "share of the variance",
+    ];
+    let caption = "Settled mean, confidence interval and main oscillation; units in the first column.".into();
     (!rows.is_empty()).then(|| Table { caption, head: head.map(str::to_owned).to_vec(), rows })
 }
 
@@ -253,7 +262,7 @@ fn wake_table(stage: &StageData) -> Option<Table> {
         ("its share of the variance".into(), given(wake.strouhal_share, |s| format!("{:.0} %", 100.0 * s))),
         (format!("periods {counted}"), digits(wake.periods)),
     ];
-    rows.extend(wake.verdicts().into_iter().map(|v| (format!("warning {}", v.check), v.figure)));
+    rows.extend(wake.verdict().map(|v| (format!("warning {}", v.check), v.figure)));
     let rows = rows.into_iter().map(|(name, value)| vec![name, value]).collect();
     Some(Table { caption: "Wake of the canopy; units in the first column.".into(), head: Vec::new(), rows })
 }
@@ -261,7 +270,7 @@ fn wake_table(stage: &StageData) -> Option<Table> {
 /// Initial and final values, extremes and late means.
 fn table(stage: &StageData) -> Table {
     let mut rows = Vec::new();
-    for (name, label, unit) in MAIN {
+    for (name, label, unit) in QUANTITIES {
         let Some(values) = stage.columns.get(name) else { continue };
         let finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         let Some((mean, deviation)) = stage.columns.late(name) else { continue };

@@ -143,6 +143,8 @@ fn published_values_stand_next_to_means_of_a_developed_wake_only() {
         assert!(!page.contains("4.69392"), "{why}");
     }
     assert!(symmetric.contains("warning wake.symmetric") && short.contains("warning wake.periods"));
+    // One verdict for a stage.
+    assert!(!atps(9.0, 20).contains("wake.symmetric"));
 }
 
 /// Two shapes of a sheet with a square hole of 1 m2, then of 2 m x 1 m.

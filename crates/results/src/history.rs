@@ -398,6 +398,18 @@ pub fn read(path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
     parse(&text, path)
 }
 
+/// Columns of the complete rows of a history file, and whether an incomplete last line was left out: that of a stage that runs or was
+/// killed. No columns for an empty file.
+///
+/// # Errors
+/// The file cannot be read, or is not a table of numbers.
+pub fn read_complete_rows(path: &Path) -> Result<(Vec<(String, Vec<f64>)>, bool), RunError> {
+    let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
+    let complete = text.rfind('\n').map_or(0, |end| end + 1);
+    let columns = if complete == 0 { Vec::new() } else { parse(&text[..complete], path)? };
+    Ok((columns, complete < text.len()))
+}
+
 /// Columns of the text of a history file, as [`read`].
 ///
 /// # Errors

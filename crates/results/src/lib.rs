@@ -17,6 +17,7 @@ pub mod program;
 pub mod progress;
 pub mod provenance;
 pub mod recording;
+pub mod settled;
 pub mod state;
 pub mod summary;
 pub mod timings;

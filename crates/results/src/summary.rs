@@ -13,6 +13,7 @@ use terminal::{clock, counted};
 
 use crate::finding::Finding;
 use crate::history::Row;
+use crate::settled::SettledMean;
 use crate::timings::StageTimings;
 use crate::wake::{Sample, Wake};
 
@@ -120,6 +121,9 @@ pub struct StageSummary {
     /// Wake of the canopy over the last half of the windows; `None` where it is not assessed.
     #[serde(default)]
     pub wake: Option<Wake>,
+    /// Settled means of the quantities of `history.csv`; empty in a stage without a flow and in one with fewer than 40 windows.
+    #[serde(default)]
+    pub settled: Vec<SettledMean>,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -188,6 +192,7 @@ impl StageSummary {
             structure_energy_created_share: None,
             largest_local_mach: 0.0,
             wake: None,
+            settled: Vec::new(),
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
@@ -205,9 +210,23 @@ impl StageSummary {
         }
     }
 
-    /// Evaluates the wake over the windows so far.
-    pub fn assess_wake(&mut self) {
+    /// Evaluates the wake and the settled means over the windows so far, the latter from the history file of the stage. A history that cannot be read
+    /// leaves them out: it is not needed for the run.
+    pub fn assess(&mut self, history: &Path) {
         self.wake = Wake::of(&self.wake_samples);
+        if self.kind.roles().contains(&Role::Flow) {
+            self.settled = SettledMean::of_file(history).unwrap_or_default();
+        }
+    }
+
+    /// Settled means in words: of descent speed and drag, or of the drag where the stage prescribes the speed.
+    fn settled_lines(&self) -> impl Iterator<Item = String> + '_ {
+        let shown: &[&str] = match self.kind {
+            StageKind::Coupled => &["descent_speed_m_s", "drag_n"],
+            _ => &["drag_n"],
+        };
+        let means = self.settled.iter().filter(|m| shown.contains(&m.quantity.as_str()));
+        means.map(|m| format!("  {}: settled mean of {}", self.name, m.line()))
     }
 
     /// Adds a window.
@@ -382,6 +401,7 @@ impl RunSummary {
         ));
         lines.extend(self.stages.iter().map(StageSummary::row));
         lines.extend(self.stages.iter().filter(|s| s.windows > 0).map(StageSummary::outcome));
+        lines.extend(self.stages.iter().flat_map(StageSummary::settled_lines));
         let wakes = self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.wake?.line())));
         lines.extend(wakes);
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
