@@ -339,8 +339,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             Ok(())
         }
         Command::Schema => {
-            let text = serde_json::to_string_pretty(&case::schema()).unwrap_or_default();
-            print(&text);
+            print(&serde_json::to_string_pretty(&case::schema()).unwrap_or_default());
             Ok(())
         }
         Command::Completions { shell } => {

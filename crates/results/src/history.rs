@@ -389,7 +389,10 @@ fn append(path: &Path) -> Result<File, RunError> {
     File::options().append(true).open(path).map_err(RunError::file("write", path))
 }
 
-/// Columns of a history file by name; empty cells are NaN.
+/// Columns of a history by name; empty cells are NaN.
+pub type Columns = Vec<(String, Vec<f64>)>;
+
+/// Columns of a history file.
 ///
 /// # Errors
 /// The file cannot be read, or is not a table of numbers.
@@ -403,7 +406,7 @@ pub fn read(path: &Path) -> Result<Vec<(String, Vec<f64>)>, RunError> {
 ///
 /// # Errors
 /// The file cannot be read, or is not a table of numbers.
-pub fn read_complete_rows(path: &Path) -> Result<(Vec<(String, Vec<f64>)>, bool), RunError> {
+pub fn read_complete_rows(path: &Path) -> Result<(Columns, bool), RunError> {
     let text = std::fs::read_to_string(path).map_err(RunError::file("read", path))?;
     let complete = text.rfind('\n').map_or(0, |end| end + 1);
     let columns = if complete == 0 { Vec::new() } else { parse(&text[..complete], path)? };
