@@ -3,6 +3,8 @@
 mod common;
 #[path = "common/shapes.rs"]
 mod shapes;
+#[path = "common/wake.rs"]
+mod wake;
 
 use std::f64::consts::PI;
 
@@ -127,4 +129,26 @@ fn cups_have_drag() {
         println!("{shape:?}: drag coefficient after 1 U/D {drag:.3}");
         assert!((0.2..4.0).contains(&drag), "{shape:?}: {drag}");
     }
+}
+
+/// Drag with a slow oscillation, side force on a turning circle: mean, amplitude and frequency are found; the interval of
+/// uncorrelated noise is that of its standard error.
+#[test]
+fn statistics_of_a_known_signal() {
+    let mut noise = Noise(3);
+    let rows: Vec<[f64; 4]> = (1..=4000)
+        .map(|k| {
+            let t = 0.05 * f64::from(k);
+            let (sin, cos) = (2.0 * PI * 0.137 * t).sin_cos();
+            [t, 1.2 + 0.3 * noise.next(), 0.1 + 0.2 * sin, 0.2 * cos]
+        })
+        .collect();
+    let s = wake::statistics(&rows);
+    println!("{s:?}");
+    assert_eq!(s.batches, 10);
+    assert!((s.drag - 1.2).abs() < 2.0 * s.interval, "{s:?}");
+    // Noise of variance 0.03 in 2000 values: standard error 0.0039, times 2.26.
+    assert!((0.5..2.0).contains(&(s.interval / 0.0088)), "{s:?}");
+    assert!((s.side - 0.2).abs() < 2e-3, "{s:?}");
+    assert!((s.strouhal - 0.137).abs() < 2e-3, "{s:?}");
 }
