@@ -8,7 +8,7 @@ use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
 use crate::physics::{
     self, Blending, BoundaryFace, FaceFlux, FluxParameters, Gas, Interface, Viscosity, ViscosityModel,
-    WallLaw, WallTreatment, velocity,
+    WallLaw, WallTreatment, relative_speed, velocity,
 };
 use crate::topology::{OpenSides, Side, Topology};
 use crate::turbulence::face_viscosity;
@@ -105,6 +105,42 @@ impl Domain<'_> {
     }
 }
 
+/// Gradients of all local cells, and what the second pass adds to them.
+#[derive(Debug)]
+pub struct Slopes<'a, const N: usize> {
+    /// Of all local cells.
+    pub gradient: &'a mut [Gradient<N>],
+    /// Scratch of [`LeastSquares::compact_correction`] for the owned cells, zero at first; empty: one pass.
+    pub correction: &'a mut [Gradient<N>],
+}
+
+impl<'a, const N: usize> Slopes<'a, N> {
+    /// Gradients without a second pass, as of the upwind flux.
+    pub fn one_pass(gradient: &'a mut [Gradient<N>]) -> Self {
+        Self { gradient, correction: &mut [] }
+    }
+}
+
+/// Second pass of the gradients of owned cells, as far as the time step resolves what crosses a cell: with long steps their wide
+/// stencils cost iterations and gain nothing. Collective.
+fn correct<const N: usize>(on: &Domain<'_>, scheme: &FluxParameters, q: &[[f64; N]], slopes: Slopes<'_, N>) {
+    let Slopes { gradient, correction } = slopes;
+    let (grid, typical) = ((on.topology, on.metrics), 10.0 * scheme.floor_squared.sqrt());
+    let share = |i: usize| {
+        let speed = relative_speed(scheme, velocity(&q[i])).max(typical);
+        1.0 - physics::unresolved_in_time(speed / (scheme.rate * on.metrics.size[i]))
+    };
+    on.halo.overlap(gradient.as_flattened_mut().as_flattened_mut(), 3 * N, |gradient| {
+        let gradient = gradient.as_chunks::<N>().0.as_chunks().0;
+        on.gradients.compact_correction(grid, gradient, correction, share, false);
+    });
+    on.gradients.compact_correction(grid, gradient, correction, share, true);
+    let corrections = correction.as_flattened().as_flattened();
+    for (g, c) in gradient.as_flattened_mut().as_flattened_mut().iter_mut().zip(corrections) {
+        *g += c;
+    }
+}
+
 /// A face between two cells.
 struct Between<'a> {
     face: &'a FaceMetric,
@@ -131,12 +167,13 @@ impl<G: Copy> Spatial<G> {
         on: &Domain<'_>,
         scheme: &FluxParameters,
         q: &mut [[f64; N]],
-        gradient: &mut [Gradient<N>],
+        slopes: Slopes<'_, N>,
         residual: &mut [[f64; N]],
         face_flux: &mut [FaceFlux],
     ) where
         G: Gas<N>,
     {
+        let Slopes { gradient, correction } = slopes;
         // Faces without ghosts are evaluated during the halo exchange.
         on.halo.overlap(q.as_flattened_mut(), N, |q| {
             on.gradients.inside(on.topology, q.as_chunks().0, gradient);
@@ -144,6 +181,9 @@ impl<G: Copy> Spatial<G> {
         on.gradients.border(on.topology, q, gradient);
         on.gradients.add_images(on.metrics, q, gradient);
         on.gradients.shorten(gradient);
+        if !correction.is_empty() {
+            correct(on, scheme, q, Slopes { gradient: &mut *gradient, correction });
+        }
         if let Some(k) = self.limiter {
             let speed = scheme.floor_squared.sqrt() * 10.0;
             let mut typical = [speed; N];

@@ -17,7 +17,7 @@ use flow_solver::physics::{
     self, Air, EddyViscosity, FaceFlux, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, Viscosity,
     WallTreatment,
 };
-use flow_solver::residual::Domain;
+use flow_solver::residual::{Domain, Slopes};
 use flow_solver::topology::OpenSides;
 use flow_solver::{Loads, Solver};
 use mesh::{BoxShape, FlowGrid, Patch, box_grid, box_grid_of, plate_grid};
@@ -84,7 +84,7 @@ fn evaluate<G: Gas<N>, const N: usize>(
     let n = s.q.len();
     let (mut q, mut gradient) = (s.q.clone(), vec![[[0.0; N]; 3]; n]);
     let (mut residual, mut face_flux) = (vec![[0.0; N]; n], s.face_flux().to_vec());
-    s.spatial.evaluate(on, scheme, &mut q, &mut gradient, &mut residual, &mut face_flux);
+    s.spatial.evaluate(on, scheme, &mut q, Slopes::one_pass(&mut gradient), &mut residual, &mut face_flux);
     (residual, gradient, face_flux)
 }
 
@@ -598,7 +598,14 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
     let (mut q, mut gradient, mut residual) = (s.q.clone(), vec![[[0.0; N]; 3]; n], vec![[0.0; N]; n]);
     let previous = [0.02f32, -0.05];
     let mut face_flux = vec![FaceFlux { previous, ..FaceFlux::default() }; s.metrics.faces.len()];
-    s.spatial.evaluate(&s.domain(), &scheme, &mut q, &mut gradient, &mut residual, &mut face_flux);
+    s.spatial.evaluate(
+        &s.domain(),
+        &scheme,
+        &mut q,
+        Slopes::one_pass(&mut gradient),
+        &mut residual,
+        &mut face_flux,
+    );
     // The same grid with walls: all but what passes the cloth.
     let mut tight = solver_with_cloth(&grid, gas, Inviscid, settings(WIND, 1e-3), None);
     tight.q.clone_from(&s.q);
@@ -607,7 +614,14 @@ fn cloth<G: Gas<N>, const N: usize>(gas: G, turned: f64, skew: f64) {
     }
     let mut closed = vec![[0.0; N]; n];
     let mut kept = vec![FaceFlux { previous, ..FaceFlux::default() }; s.metrics.faces.len()];
-    tight.spatial.evaluate(&tight.domain(), &scheme, &mut q, &mut gradient, &mut closed, &mut kept);
+    tight.spatial.evaluate(
+        &tight.domain(),
+        &scheme,
+        &mut q,
+        Slopes::one_pass(&mut gradient),
+        &mut closed,
+        &mut kept,
+    );
     assert_eq!(s.topology.porous_faces.len(), 9);
     for porous_face in &s.topology.porous_faces {
         let (i, o, k) =

@@ -92,11 +92,13 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Residual of the step at `q`: primitive, weighted to N. Returns its norm.
     pub(super) fn evaluate(&mut self) -> f64 {
         let _part = timing::part("residual");
+        let corrected = if self.spatial.upwind_share < 1.0 { self.topology.n_owned } else { 0 };
+        self.gradient_correction.resize(corrected, [[0.0; N]; 3]);
         self.spatial.evaluate(
             &domain!(self),
             &self.scheme,
             &mut self.q,
-            &mut self.gradient,
+            Slopes { gradient: &mut self.gradient, correction: &mut self.gradient_correction },
             &mut self.residual,
             &mut self.face_flux,
         );

@@ -9,7 +9,7 @@ use crate::geometry::vec3::Vec3;
 use crate::gradient::{Field, Gradient, LeastSquares};
 use crate::implicit::{Correction, LuSgs, NonlinearGmres, PressureCorrection};
 use crate::physics::{Air, FaceFlux, FluxParameters, Gas};
-use crate::residual::{Domain, Spatial};
+use crate::residual::{Domain, Slopes, Spatial};
 use crate::shear::WindShear;
 use crate::state::TimeLevel;
 use crate::time::Backward;
@@ -109,6 +109,8 @@ pub struct Solver<G, const N: usize> {
     pub q: Vec<[f64; N]>,
     /// Their gradients.
     pub gradient: Vec<Gradient<N>>,
+    /// Scratch of their second pass where the flux may be central, else empty.
+    gradient_correction: Vec<Gradient<N>>,
     /// Geometry at the end of the step.
     pub metrics: Metrics,
     /// The last two accepted time levels, newest first.
@@ -224,6 +226,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         let solver = Self {
             node_velocity: vec![Vec3::zeros(); instant.nodes.len()],
             gradient: vec![[[0.0; N]; 3]; n],
+            gradient_correction: Vec::new(),
             previous: [instant.clone(), instant],
             first_order_steps: 2,
             last_dt: 0.0,
