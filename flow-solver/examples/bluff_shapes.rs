@@ -1,7 +1,7 @@
 //! Drag of shapes of zero thickness in a stream at Reynolds number 1e5.
 //!
 //! `cargo run --release -p flow-solver --example bluff_shapes -- <disk|plate|cup-open|cup-away> <inviscid|laminar|wale|ddes>
-//! <cells across> <end, U/D> <seed of the push> [smallest upwind share] [time step times cells across, U/D]`
+//! <cells across> <end, U/D> <seed of the push> [smallest upwind share] [time step times cells across, U/D] [half width of the box, D; cups]`
 //!
 //! Mean drag coefficient of the second half with a 95 % interval by batch means, means of quarters, root mean square of the side
 //! force (flat shapes: of the moment about the centre by the diameter), Strouhal number, cells and iterations per step. The default upwind share is that of a scene with the model.
@@ -30,6 +30,7 @@ fn main() {
         seed: number(5, 1.0) as u64,
         upwind: number(6, model.upwind_share()),
         courant: number(7, 0.8),
+        half: number(8, 5.0),
     };
     let begin = std::time::Instant::now();
     let wake = case.run(|[t, drag, x, y]| {

@@ -50,11 +50,17 @@ impl Shape {
 
     /// The grid with `across` cells of the wake per diameter or side; a multiple of 4.
     pub fn grid(self, across: usize) -> FlowGrid {
+        self.grid_in(across, 5.0)
+    }
+
+    /// The same in a box of another half width, m; around cups only.
+    pub fn grid_in(self, across: usize, half: f64) -> FlowGrid {
+        assert!(!self.is_flat() || half == 5.0, "the grid of a flat shape is 10 m wide");
         match self {
             Self::Plate => sheet(false, across),
             Self::Disk => sheet(true, across),
-            Self::CupOpen => cup(across, true),
-            Self::CupAway => cup(across, false),
+            Self::CupOpen => cup(across, true, half),
+            Self::CupAway => cup(across, false, half),
         }
     }
 }
@@ -80,11 +86,12 @@ pub fn sheet(disk: bool, across: usize) -> FlowGrid {
 /// Half the edge of the cube around the sphere that the rectilinear cells leave free, m.
 const CUBE: f64 = 0.75;
 
-/// A hemisphere of diameter 1 m about the origin, its opening towards low z (`open`) or high z. Rectilinear cells of edge
+/// A hemisphere of diameter 1 m about the origin, its opening towards low z (`open`) or high z, in a box of half width
+/// `half`, m. Rectilinear cells of edge
 /// 1/`across` m around a cube; layers from the cube to the sphere, and from the sphere to a rounded cube of cells within it.
-pub fn cup(across: usize, open: bool) -> FlowGrid {
+pub fn cup(across: usize, open: bool, half: f64) -> FlowGrid {
     let n = 3 * across / 2;
-    let mut grid = box_around_cube(across, n);
+    let mut grid = box_around_cube(across, n, half);
     // The faces of the cube, their normals inwards; its nodes, numbered in order of appearance, and their places along x, y, z.
     let mut faces: Vec<[u32; 4]> = Vec::new();
     grid.boundary.retain(|(patch, nodes)| {
@@ -127,25 +134,26 @@ pub fn cup(across: usize, open: bool) -> FlowGrid {
 }
 
 /// The box of rectilinear cells without the cube, which has `n` cells along each edge and lies where the patch is a wall.
-fn box_around_cube(across: usize, n: usize) -> FlowGrid {
+fn box_around_cube(across: usize, n: usize, half: f64) -> FlowGrid {
     let h = 1.0 / across as f64;
     let share = |n: usize| (n * across + 8) / 16;
     let even = |from: f64, cells: usize| (1..=cells).map(move |k| from + k as f64 * h);
-    let outward = growing(share(18), 5.0 - CUBE, h);
-    let low: Vec<f64> = outward.iter().rev().map(|s| -CUBE - s).collect();
-    let mut y = low.clone();
+    let beside = share(18) + (share(6) as f64 * (half / 5.0).log2()).round() as usize;
+    let outward = growing(beside, half - CUBE, h);
+    let ahead = growing(share(18), 5.0 - CUBE, h);
+    let low = |steps: &[f64]| steps.iter().rev().map(|s| -CUBE - s).collect::<Vec<f64>>();
+    let mut y = low(&outward);
     y.extend((1..=n).map(|k| CUBE * (2.0 * k as f64 / n as f64 - 1.0)));
     y.extend(outward[1..].iter().map(|s| CUBE + s));
-    let (mut z, behind) = (low, n + share(20));
+    let (mut z, behind) = (low(&ahead), n + share(20));
     z.extend(even(-CUBE, behind));
     let end = -CUBE + behind as f64 * h;
     z.extend(growing(share(28), 10.0 - end, h)[1..].iter().map(|s| end + s));
     let cells = [y.len() - 1, y.len() - 1, z.len() - 1];
     let side = Patch::Slip;
     let patches = [side, side, side, side, Patch::FarField, Patch::Outlet];
-    let cube = share(18)..share(18) + n;
-    let mut grid =
-        block_grid(cells, [0.0; 3], cells.map(|n| n as f64), patches, [cube.clone(), cube.clone(), cube]);
+    let (side, front) = (beside..beside + n, share(18)..share(18) + n);
+    let mut grid = block_grid(cells, [0.0; 3], cells.map(|n| n as f64), patches, [side.clone(), side, front]);
     for x in &mut grid.coords {
         *x = [y[x[0].round() as usize], y[x[1].round() as usize], z[x[2].round() as usize]];
     }

@@ -63,6 +63,8 @@ pub struct Case {
     pub upwind: f64,
     /// Time step times cells across, U/D.
     pub courant: f64,
+    /// Half width of the box, m.
+    pub half: f64,
 }
 
 /// What a run gives.
@@ -101,7 +103,7 @@ impl Case {
     fn solver<V: Viscosity>(&self, viscosity: V) -> Solver<Isothermal, 4> {
         let mut set = settings([0.0, 0.0, SPEED], 1e-2);
         set.moving = false;
-        let mut s = isothermal(&self.shape.grid(self.across), viscosity, set);
+        let mut s = isothermal(&self.shape.grid_in(self.across, self.half), viscosity, set);
         s.spatial.upwind_share = self.upwind;
         s
     }
