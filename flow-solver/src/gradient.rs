@@ -271,14 +271,15 @@ impl LeastSquares {
         border: bool,
     ) {
         let ((topology, metrics), a) = (on, on.0.stencil());
-        for (i, change) in change.iter_mut().enumerate() {
-            let row = a.start[i] as usize..a.start[i + 1] as usize;
-            if (a.start[i + 1] > a.ghost[i]) != border || topology.upwind[i] || row.len() > FACES as usize {
-                continue;
-            }
+        let row = |i: usize| a.start[i] as usize..a.start[i + 1] as usize;
+        let corrected = |i: usize| {
+            (a.start[i + 1] > a.ghost[i]) == border && !topology.upwind[i] && row(i).len() <= FACES as usize
+        };
+        for i in (0..change.len()).filter(|&i| corrected(i)) {
             let (x, gi, third) = (metrics.centre(i), &gradient[i], COMPACT * share(i));
+            let change = &mut change[i];
             *change = [[0.0; N]; 3];
-            for (&j, w) in a.cell[row.clone()].iter().zip(&self.weight[row]) {
+            for (&j, w) in a.cell[row(i)].iter().zip(&self.weight[row(i)]) {
                 let (d, gj) = (metrics.centre(j as usize) - x, &gradient[j as usize]);
                 for v in 0..N {
                     let second = third * (along(gj, v, &d) - along(gi, v, &d));
@@ -286,10 +287,7 @@ impl LeastSquares {
                 }
             }
         }
-        for image in self.images.iter().filter(|image| {
-            let i = image.cell as usize;
-            (a.start[i + 1] > a.ghost[i]) == border && !topology.upwind[i]
-        }) {
+        for image in self.images.iter().filter(|image| corrected(image.cell as usize)) {
             let i = image.cell as usize;
             image.add_correction(&gradient[i], COMPACT * share(i), &mut change[i]);
         }
