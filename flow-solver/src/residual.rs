@@ -250,7 +250,7 @@ impl<G: Copy> Spatial<G> {
     }
 
     /// Viscous force of the air on a slip wall or a plane of symmetry, N: the normal stress of air that spreads along it.
-    /// `missing`: see [`Mirrored::missing_slope`](crate::symmetry::Mirrored::missing_slope), 0 at a wall.
+    /// `missing`: what the gradient lacks of the slope of the normal velocity along the normal of a plane of symmetry, 1/s; 0 at a wall.
     pub fn slip_wall_force<const N: usize>(
         &self,
         on: &Domain<'_>,

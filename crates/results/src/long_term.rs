@@ -79,7 +79,7 @@ fn student(degrees_of_freedom: usize) -> f64 {
     STUDENT[degrees_of_freedom.saturating_sub(2).min(STUDENT.len() - 1)]
 }
 
-/// Long-term statistics of points (time, value) with increasing times; `None` for fewer than [`MIN_POINTS`] finite
+/// Long-term statistics of points (time, value) with increasing times; `None` for fewer than 40 finite
 /// values or a constant signal.
 ///
 /// The initial transient ends where the marginal standard error of the rest is minimal, at the latest in the middle
