@@ -79,7 +79,7 @@ window_s = {window:e}
         layer = 0.12 * length,
         mass = 5.0 * density * length.powi(3),
         area = width * width,
-        duration = 0.2 * units.time(),
+        duration = 0.28 * units.time(),
         window = 0.02 * units.time(),
     )
 }
@@ -123,11 +123,12 @@ fn drag_coefficient_is_the_same_over_six_decades_of_each_unit() {
         Units { speed: 1.0, ..Units::ONE },
     ] {
         let (other, work) = run(units, "");
-        let difference = largest_difference(&other[5..], &cd[5..]);
-        // Sound of the impulsive start has not left the grid: 7.6e-3 of the drag at Mach 0.014, 2.7e-3 at Mach 0.0014. The steps end at 1e-6 of
-        // their inertia, which is up to 4e-6 of the drag.
+        let difference = largest_difference(&other[8..], &cd[8..]);
+        // The characteristic far field is of first order in the Mach number: 0.08 M of the drag with the upwind flux at any time, 0.05 to 0.15 M with
+        // the hybrid flux, once the sound of the impulsive start has left the grid (five windows: 0.5 M, seven: 0.1 M). The steps end at 1e-6
+        // of their inertia, which is up to 4e-6 of the drag.
         let mach = 4.0 * units.speed / 287.6;
-        let allowed = 6e-6 + 0.6 * mach;
+        let allowed = 6e-6 + 0.15 * mach;
         println!("{units:?}: drag differs by {difference:.1e}, {work} iterations of {iterations}");
         assert!(difference < allowed, "{units:?}: {difference:e} above {allowed:e}");
         assert!(work < 1.1 * iterations, "{units:?}: {work} iterations instead of {iterations}");

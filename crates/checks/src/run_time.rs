@@ -140,8 +140,9 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "wake.periods",
         what: "the means of the main stage cover the periods that a confidence interval needs",
-        estimate: "time of the last half of the windows over the main period of the side force along its principal axis; without one, or with a \
-                   side force below 3 % of the drag, 0.135 times the diameters of stream in that time (wake.periods in summary.json)",
+        estimate: "time of the last half of the windows over the main period of the side force along its principal axis; without one, with a \
+                   Strouhal number above 0.3, or with a side force below 3 % of the drag, 0.135 times the diameters of stream in that time \
+                   (wake.periods in summary.json)",
         range: "warning below 4",
         source: "the interval of a mean comes from the means of at least four batches of whole periods; 0.135 is the Strouhal number of a \
                  disk across the stream (Berger, Scholz and Schumm, J. Fluids Struct. 4, 1990)",

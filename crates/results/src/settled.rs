@@ -97,6 +97,11 @@ impl SettledMean {
             .map_or((self.quantity.as_str(), "-"), |(_, label, unit)| (label, unit))
     }
 
+    /// What the mean is: a settled one has an interval.
+    pub fn kind(&self) -> &'static str {
+        if self.interval_95.is_some() { "settled mean" } else { "mean" }
+    }
+
     /// Mean and interval, or why there is none, in words.
     pub fn line(&self) -> String {
         let (label, unit) = self.label();
@@ -160,7 +165,7 @@ mod tests {
         let all = SettledMean::all(&history(60.0, |t| 4.6 + swing(t)));
         let [mean] = &all[..] else { panic!("one column: {all:?}") };
         assert!((mean.mean - 4.6).abs() < mean.interval_95.expect("an interval"), "{mean:?}");
-        assert_eq!((mean.stationary, &mean.no_interval), (Some(true), &None));
+        assert_eq!((mean.stationary, &mean.no_interval, mean.kind()), (Some(true), &None, "settled mean"));
         assert!(mean.batches >= 4 && mean.from_s < 31.0 && (mean.to_s - 60.0).abs() < 1e-9, "{mean:?}");
         assert!((mean.swing_period_s.expect("a period") - 2.2).abs() < 0.02);
         for part in ["MSER", "batch means", "Student's t"] {
@@ -178,6 +183,7 @@ mod tests {
         let drift = SettledMean::all(&history(60.0, |t| 4.0 + 0.05 * t + swing(t)));
         assert_eq!((drift[0].stationary, drift[0].interval_95), (Some(false), None));
         assert!(drift[0].line().contains("no interval: the mean drifts, by +"), "{}", drift[0].line());
+        assert_eq!(drift[0].kind(), "mean");
         let short = SettledMean::all(&history(6.0, |t| 4.6 + swing(t)));
         assert_eq!((short[0].stationary, short[0].interval_95), (None, None));
         assert!(short[0].line().contains("an interval needs 4"), "{}", short[0].line());

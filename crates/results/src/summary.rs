@@ -226,7 +226,7 @@ impl StageSummary {
             _ => &["drag_n"],
         };
         let means = self.settled.iter().filter(|m| shown.contains(&m.quantity.as_str()));
-        means.map(|m| format!("  {}: settled mean of {}", self.name, m.line()))
+        means.map(|m| format!("  {}: {} of {}", self.name, m.kind(), m.line()))
     }
 
     /// Adds a window.

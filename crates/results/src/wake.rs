@@ -15,6 +15,9 @@ pub const SYMMETRIC_SHARE: f64 = 0.03;
 /// Strouhal number by which periods are counted where the side force has no main period: that of a disk across the stream, Berger,
 /// Scholz and Schumm, J. Fluids Struct. 4 (1990).
 pub const DISK_STROUHAL: f64 = 0.135;
+/// Largest Strouhal number that counts as that of a wake: twice that of a disk, and above those of spheres (0.2) and cylinders (0.12 to
+/// 0.22). A faster side force is that of a canopy that vibrates or breathes.
+pub const LARGEST_STROUHAL: f64 = 0.3;
 /// Periods in a mean below which it has no confidence interval: one batch of each.
 pub const MIN_PERIODS: f64 = MIN_BATCHES as f64;
 
@@ -55,13 +58,13 @@ pub struct Wake {
     pub pendulum_rms_deg: Option<f64>,
     /// Largest such angle, degrees.
     pub pendulum_largest_deg: Option<f64>,
-    /// Strouhal number f D/U of the main period of the side force along its principal axis; `None` with fewer than four periods, or
-    /// with a side force below 3 % of the drag.
+    /// Strouhal number f D/U of the main period of the side force along its principal axis; `None` with fewer than four periods,
+    /// with a side force below 3 % of the drag, or above 0.3, where it is not that of a wake.
     pub strouhal: Option<f64>,
     /// Share of that period in the variance.
     pub strouhal_share: Option<f64>,
-    /// Periods of the side force; without a main period, or with a side force below 3 % of the drag, those of a disk: 0.135 times
-    /// the diameters.
+    /// Periods of the side force; without a main period, with a Strouhal number above 0.3, or with a side force below 3 % of the drag,
+    /// those of a disk: 0.135 times the diameters.
     pub periods: f64,
     /// Whether the periods are those of a main period that was found.
     pub periods_measured: bool,
@@ -120,7 +123,9 @@ impl Wake {
         let share = rms / drag.abs().max(f64::MIN_POSITIVE);
         // In a symmetric wake the side force oscillates with the canopy, not with the wake.
         let force = (share >= SYMMETRIC_SHARE).then(|| principal(late));
-        let period = force.and_then(|force| long_term(&force)?.swing).map(|s| (s.period, s.share));
+        let of_a_wake = |s: &(f64, f64)| time < LARGEST_STROUHAL * diameters * s.0;
+        let period =
+            force.and_then(|force| long_term(&force)?.swing).map(|s| (s.period, s.share)).filter(of_a_wake);
         let periods = period.map_or(DISK_STROUHAL * diameters, |(p, _)| time / p);
         let enough = period.filter(|_| periods >= MIN_PERIODS && diameters > 0.0);
         Some(Self {
@@ -300,6 +305,22 @@ mod tests {
             let wake = Wake::of(&stage(end, |_| 300.0, |_| 0.0)).expect("a wake");
             assert!(!wake.periods_measured, "{wake:?}");
             assert_eq!(check(&wake) == Some("wake.periods"), short, "{end}: {wake:?}");
+        }
+    }
+
+    /// A large side force with a period of 0.5 s, a Strouhal number of 4: the wake has had 1.35 of its periods in 10 diameters.
+    #[test]
+    fn vibration_of_the_canopy_does_not_count_as_periods_of_the_wake() {
+        let at = |end: f64, period: f64| {
+            Wake::of(&stage(end, |t| 300.0 * (TAU * t / period).sin(), |_| 0.0)).expect("a wake")
+        };
+        let wake = at(40.0, 0.5);
+        assert_eq!((wake.periods_measured, wake.strouhal, check(&wake)), (false, None, Some("wake.periods")));
+        assert!((wake.periods - 1.35).abs() < 0.01, "{wake:?}");
+        // On both sides of the bound, with a stream of 0.5 diameters a second.
+        for (strouhal, measured) in [(0.32, false), (0.28, true)] {
+            let wake = at(200.0, 2.0 / strouhal);
+            assert_eq!((wake.periods_measured, wake.strouhal.is_some()), (measured, measured), "{wake:?}");
         }
     }
 
