@@ -10,6 +10,7 @@
 //! * [`near_wall_following`]: explicit small motions between the solves of one window;
 //! * [`motion`]: one linear solve first, then increments with an updated reference, then [`untangle`], then an error
 //!   that names the cell; new grids where the scene requests them;
+//! * [`rigid_motion`]: the rotation of the canopy that the whole grid follows;
 //! * [`bodies`]: rigid bodies that move as prescribed;
 //! * [`participant`]: the contract with the coupler, [`velocity`], saved [`state`] and warm-start data ([`warm_start`]);
 //!   [`allocator`];
@@ -44,6 +45,7 @@ pub mod position_error;
 pub mod quality;
 pub mod radial_basis;
 pub mod resample;
+pub mod rigid_motion;
 pub mod slide;
 pub mod solution_projection;
 pub mod solve;

@@ -6,15 +6,16 @@ use std::time::Instant;
 use case::{OuterBoundary, Role, Scene};
 use channel::{Announcement, Fault, Input, Participant, Stats, Window, mesh_stats};
 use comm::Comm;
-use mesh::{FaceTable, FlowGrid, Point, StructureMesh};
+use mesh::{FaceTable, FlowGrid, Patch, Point, StructureMesh};
 
 use crate::allocator::release_free_memory;
 use crate::bodies::Bodies;
 use crate::local::LocalGrid;
 use crate::motion::{
-    Builder, GridTransition, Limits, Motion, MotionError, MotionResult, Positions, Regridder,
+    Builder, GridTransition, Limits, Motion, MotionError, MotionResult, NewGrid, Positions, Regridder,
 };
 use crate::mover::Mover;
+use crate::rigid_motion::RigidMotion;
 use crate::state::State;
 use crate::velocity::{first_order, second_order, weights};
 use crate::warm_start;
@@ -37,6 +38,11 @@ pub struct MeshMover {
     dt: f64,
     /// The last response, until it is accepted.
     trial: Positions,
+    /// Whether the grid may turn with the canopy, and how far it does at the end of the last accepted window and of the one in work, which keeps
+    /// it for all its solves.
+    turns: bool,
+    turned: RigidMotion,
+    turning: Option<(u64, f64, RigidMotion)>,
     answered: Option<(Window, MotionResult)>,
     /// Whether the start grid differs from the scene's.
     new_start: bool,
@@ -183,9 +189,17 @@ impl MeshMover {
         let reference = of(&state.reference).unwrap_or_else(|| start.clone());
         let [step, steps] = state.transition;
         let transition = of(&state.offset).map(|offset| GridTransition { offset: offset.grid, step, steps });
+        // Any other condition than the far field's holds at a place.
+        let turns = bodies.is_empty()
+            && outer == OuterBoundary::Fixed
+            && grid.boundary.iter().all(|(patch, _)| *patch == Patch::FarField);
+        let turned = if turns { RigidMotion::of(&start.canopy, &now.canopy) } else { RigidMotion::REST };
         let motion = Motion::new(local, start, reference, mover, limits).map_err(Fault::new)?;
         let motion = motion.with_regrid(regridder, transition);
         Ok(Self {
+            turns,
+            turned,
+            turning: None,
             motion,
             unstressed,
             bodies,
@@ -217,6 +231,51 @@ impl MeshMover {
     /// Why the last window failed, if it did.
     pub fn failure(&self) -> Option<&Fault> {
         self.failure.as_ref()
+    }
+
+    /// Moves the trial grid to the trial canopy: in the frame that turns with it.
+    fn follow(&mut self, w: &Window) -> Result<MotionResult, MotionError> {
+        let turn = match self.turning {
+            Some((index, dt, turn)) if (index, dt) == (w.index, w.dt) => turn,
+            _ if self.turns => RigidMotion::of(&self.motion.start().canopy, &self.trial.canopy),
+            _ => RigidMotion::REST,
+        };
+        self.turning = Some((w.index, w.dt, turn));
+        if turn.is_rest() && self.turned.is_rest() {
+            return self.motion.follow(&self.now, &mut self.trial);
+        }
+        let mut from = self.now.clone();
+        for x in [&mut from.grid, &mut from.canopy] {
+            self.turned.to_turned_frame(x);
+        }
+        let canopy = self.trial.canopy.clone();
+        turn.to_turned_frame(&mut self.trial.canopy);
+        let moved = self.motion.follow(&from, &mut self.trial);
+        turn.to_places(&mut self.trial.grid);
+        self.trial.canopy = canopy;
+        // The canopy's nodes are exact bitwise.
+        let (grid, canopy) = (self.trial.grid.as_chunks_mut::<3>().0, self.trial.canopy.as_chunks::<3>().0);
+        for &(local, k) in &self.motion.grid.canopy {
+            grid[local as usize] = canopy[k as usize];
+        }
+        moved
+    }
+
+    /// Ends the window in the frame that turns with the canopy.
+    fn accept_motion(&mut self, moved: &MotionResult) -> Option<Result<NewGrid, String>> {
+        if self.turned.is_rest() {
+            return self.motion.accept(&self.now, &moved.shape);
+        }
+        let mut now = self.now.clone();
+        for x in [&mut now.grid, &mut now.canopy] {
+            self.turned.to_turned_frame(x);
+        }
+        self.motion.accept(&now, &moved.shape)
+    }
+
+    /// Where a point that the motion names is.
+    fn place(&self, at: &Point) -> Point {
+        self.turning.map_or(*at, |(_, _, turn)| turn.place(at))
     }
 
     fn read_canopy(&mut self, displacement: &[f64]) -> Result<(), Fault> {
@@ -260,11 +319,12 @@ impl MeshMover {
                 v[mesh_stats::WORST_CELL] = f64::from(shape.cell);
                 v[mesh_stats::MIN_QUALITY] = shape.quality;
                 v[mesh_stats::MIN_VOLUME_RATIO] = shape.volume_ratio;
-                v[mesh_stats::NEAREST_NODE] = self.nearest(&shape.at).map_or(-1.0, |(k, _)| k as f64);
+                v[mesh_stats::NEAREST_NODE] =
+                    self.nearest(&self.place(&shape.at)).map_or(-1.0, |(k, _)| k as f64);
             }
             MotionError::Mover(crate::mover::MoverError::Inverted { cell, at, .. }) => {
                 v[mesh_stats::WORST_CELL] = f64::from(*cell);
-                v[mesh_stats::NEAREST_NODE] = self.nearest(at).map_or(-1.0, |(k, _)| k as f64);
+                v[mesh_stats::NEAREST_NODE] = self.nearest(&self.place(at)).map_or(-1.0, |(k, _)| k as f64);
             }
             MotionError::Mover(_) => {
                 v[mesh_stats::WORST_CELL] = -1.0;
@@ -290,7 +350,7 @@ impl MeshMover {
             MotionError::Mover(crate::mover::MoverError::Inverted { at, .. }) => *at,
             MotionError::Mover(_) => return Fault::new(format!("grid motion, window {}: {error}", w.index)),
         };
-        let nearest = match self.nearest(&at) {
+        let nearest = match self.nearest(&self.place(&at)) {
             Some((k, d)) => {
                 format!("; nearest canopy node {k} (panel {}), {d:.4} m away", self.panels[k])
             }
@@ -355,7 +415,7 @@ impl Participant for MeshMover {
         }
         self.read_canopy(input.canopy)?;
         self.bodies.positions(w.time + w.dt, &mut self.trial.canopy)?;
-        let moved = match self.motion.follow(&self.now, &mut self.trial) {
+        let moved = match self.follow(w) {
             Ok(moved) => moved,
             Err(error) => {
                 let fault = self.explain(&error, w);
@@ -415,7 +475,8 @@ impl Participant for MeshMover {
         std::mem::swap(before, &mut self.now);
         std::mem::swap(&mut self.now, &mut self.trial);
         self.dt = w.dt;
-        let new_grid = self.motion.accept(&self.now, &moved.shape);
+        self.turned = self.turning.take().map_or(RigidMotion::REST, |(_, _, turn)| turn);
+        let new_grid = self.accept_motion(&moved);
         self.new_start |= self.motion.new_grids() > 0;
         if let Some(new_grid) = new_grid.filter(|_| self.motion.grid.comm().is_root()) {
             match new_grid {

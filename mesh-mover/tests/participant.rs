@@ -239,3 +239,61 @@ fn velocities_are_second_order_over_unequal_windows() {
         }
     }
 }
+
+/// A canopy that swings by 60 degrees about a point below it: the cells around it keep their shape, its nodes are exact, and a run that
+/// resumes in the middle finds the same grid.
+#[test]
+fn grid_turns_with_a_swinging_canopy() {
+    let swing = |structure: &mesh::StructureMesh, degrees: f64| -> Vec<f64> {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let turned = |p: &[f64; 3]| {
+            let z = p[2] + 0.3;
+            [cos * p[0] + sin * z - p[0], 0.0, cos * z - sin * p[0] - 0.3 - p[2]]
+        };
+        structure.coords.iter().flat_map(turned).collect()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let mut fixture = fixture();
+    let start = fixture.advance(&window(0, 0), &swing(&fixture.structure, 0.0)).unwrap();
+    let mut worst = 1.0f64;
+    let last = 12;
+    for index in 0..=last {
+        let d = swing(&fixture.structure, 5.0 * index as f64);
+        if index == last {
+            fixture.mover.save(folder.path()).unwrap();
+        }
+        let stats = fixture.advance(&window(index, 0), &d).unwrap();
+        worst = worst.min(stats.values[mesh_stats::MIN_QUALITY]);
+        assert_eq!(stats.values[mesh_stats::INCREMENTS], 1.0, "{index}");
+        let rows = fixture.output.as_chunks::<6>().0;
+        for (k, &a) in fixture.grid.canopy_nodes.iter().enumerate() {
+            for i in 0..3 {
+                assert_eq!(rows[a as usize][i], fixture.structure.coords[k][i] + d[3 * k + i]);
+            }
+        }
+        if index < last {
+            fixture.mover.accept(&window(index, 0)).unwrap();
+        }
+    }
+    let start = start.values[mesh_stats::MIN_QUALITY];
+    println!("smallest scaled Jacobian {worst:.3}, at the start {start:.3}");
+    assert!(worst > 0.8 * start, "{worst} of {start}");
+    // The next solve of the window differs by a small motion, and so does the grid.
+    let first = fixture.output.clone();
+    let near = swing(&fixture.structure, 5.0 * last as f64 + 1e-4);
+    fixture.advance(&window(last, 1), &near).unwrap();
+    let moved = positions(&first)
+        .iter()
+        .zip(positions(&fixture.output))
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
+    assert!(moved > 0.0 && moved < 1e-5, "{moved:e}");
+    // Without the past solutions: a few times the tolerance, as the error is smooth.
+    let state = State::load(&case::state_file(folder.path(), Role::Mesh), fixture.grid.coords.len()).unwrap();
+    let mut again = MoverFixture::new(&Comm::solo(), &MeshMotion::default(), Some(state));
+    again.advance(&window(last, 0), &swing(&fixture.structure, 5.0 * last as f64)).unwrap();
+    for (i, (a, b)) in first.iter().zip(&again.output).enumerate() {
+        let bound = if i % 6 < 3 { 3.0 * CLOSE } else { 4.5 * CLOSE / 0.25 };
+        assert!((a - b).abs() < bound, "{i}: {a} {b}");
+    }
+}

@@ -11,6 +11,23 @@ mod bodies;
 
 const RHO: f64 = 1.225;
 
+/// Frequency at the largest amplitude of the lift in `rows` (time in D/U, drag, lift), with a Hann window, from two cycles to 0.5.
+fn main_frequency(rows: &[[f64; 3]]) -> f64 {
+    let (start, end) = (rows[0][0], rows[rows.len() - 1][0]);
+    let mean = rows.iter().map(|r| r[2]).sum::<f64>() / rows.len() as f64;
+    let amplitude = |f: f64| {
+        let sum = rows.iter().fold([0.0; 2], |[re, im], [t, _, lift]| {
+            let hann = 1.0 - (2.0 * PI * (t - start) / (end - start)).cos();
+            let (s, c) = (2.0 * PI * f * t).sin_cos();
+            [re + hann * (lift - mean) * c, im + hann * (lift - mean) * s]
+        });
+        sum[0].hypot(sum[1])
+    };
+    let step = 0.05 / (end - start);
+    let frequencies = (40..).map(|k| step * f64::from(k)).take_while(|f| *f < 0.5);
+    frequencies.max_by(|a, b| amplitude(*a).total_cmp(&amplitude(*b))).unwrap_or(0.0)
+}
+
 /// Mean drag coefficient, mean lift coefficient towards the side of the symmetry plane that the
 /// wake leans to, and Strouhal number of the lift.
 pub fn wake(reynolds: f64, [n, nr]: [usize; 2], end: f64, upwind: f64) -> [f64; 3] {
@@ -55,7 +72,7 @@ pub fn wake(reynolds: f64, [n, nr]: [usize; 2], end: f64, upwind: f64) -> [f64; 
         [first, .., last] if swing > 1e-3 => (first, last, up.len() as f64 - 1.0),
         _ => (0, late.len() - 1, 0.0),
     };
-    let strouhal = periods / (late[last][0] - late[first][0]);
+    let strouhal = if periods > 0.0 { main_frequency(&late) } else { 0.0 };
     let found = [mean(&late[first..last], 1), mean(&late[first..last], 2).abs(), strouhal];
     let [_, drag, lift] = late[late.len() - 1];
     println!(

@@ -1,0 +1,86 @@
+//! Linear constraints on the velocity of faces.
+
+use crate::grid::{Grid, Velocity};
+use crate::poisson::Box3;
+
+/// Constraints $`\sum_f w_f u_f + r \lambda = b`$ on faces of the grid, with the force $`w_f \lambda`$ on the air at each face.
+#[derive(Clone, Debug, Default)]
+pub struct FluxConstraints {
+    /// First entry of each row; one more than rows.
+    pub offsets: Vec<usize>,
+    /// Component and position in its array.
+    pub faces: Vec<(u8, usize)>,
+    /// Weight, m2.
+    pub weights: Vec<f64>,
+    /// Right-hand side b, m3/s.
+    pub target: Vec<f64>,
+    /// Permeability r times area, m3/(s Pa).
+    pub permeability: Vec<f64>,
+    /// Cells next to the faces.
+    pub cells: Box3,
+}
+
+impl FluxConstraints {
+    /// Without rows.
+    pub fn new(grid: &Grid) -> Self {
+        Self { offsets: vec![0], cells: [0, 1, 2].map(|d| grid.axes[d].len()..0), ..Self::default() }
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.target.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.target.is_empty()
+    }
+
+    /// Adds a row of `entries`: component, cell whose lower face it is, weight.
+    pub fn push(
+        &mut self,
+        grid: &Grid,
+        entries: &[(usize, [usize; 3], f64)],
+        target: f64,
+        permeability: f64,
+    ) {
+        for (c, cell, weight) in entries {
+            self.faces.push((*c as u8, grid.at(cell.map(|i| i as isize))));
+            self.weights.push(*weight);
+            for (d, (range, upper)) in self.cells.iter_mut().zip(cell).enumerate() {
+                range.start = range.start.min(upper - usize::from(d == *c));
+                range.end = range.end.max(upper + 1);
+            }
+        }
+        self.offsets.push(self.faces.len());
+        self.target.push(target);
+        self.permeability.push(permeability);
+    }
+
+    fn entries(&self, row: usize) -> impl Iterator<Item = (&(u8, usize), &f64)> {
+        let range = self.offsets[row]..self.offsets[row + 1];
+        self.faces[range.clone()].iter().zip(&self.weights[range])
+    }
+
+    /// Sum of the weighted velocities of a row, m3/s.
+    pub fn flux(&self, u: &Velocity, row: usize) -> f64 {
+        self.entries(row).map(|((c, at), w)| w * u[*c as usize][*at]).sum()
+    }
+
+    /// Adds the weights times `value` to `u`.
+    pub fn spread(&self, u: &mut Velocity, row: usize, value: f64) {
+        for ((c, at), w) in self.entries(row) {
+            u[*c as usize][*at] += w * value;
+        }
+    }
+
+    /// Largest speed at the faces of a row, m/s.
+    pub fn largest_speed(&self, u: &Velocity, row: usize) -> f64 {
+        self.entries(row).map(|((c, at), _)| u[*c as usize][*at].abs()).fold(0.0, f64::max)
+    }
+
+    /// Sum of squared weights.
+    pub fn square(&self, row: usize) -> f64 {
+        self.entries(row).map(|(_, w)| w * w).sum()
+    }
+}

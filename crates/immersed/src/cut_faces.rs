@@ -1,0 +1,391 @@
+//! Triangulated surfaces in the even core of the grid: the faces of cells that they cut, and the constraints there.
+//!
+//! A surface cuts a face of the grid where it crosses the line between the centres of the two cells next to it. The triangles are rasterised
+//! along x, y and z with one rule for shared edges, so that the cut faces of a closed surface leave no hole, whatever its shape. The velocity
+//! through the cut faces is that of the surface, so nothing leaks; the pressure may jump there.
+//!
+//! A constraint belongs to the column of a face that the surface cuts at the largest angle (the dominant one), and to the faces next to it that it cuts at a smaller
+//! angle: the flux through all of them together is that of the surface, and its unknown is one pressure jump. This is the normal
+//! velocity and the normal force of the surface; along it the air slides.
+
+use std::collections::HashMap;
+
+use nalgebra::Vector3;
+
+use crate::constraints::FluxConstraints;
+use crate::grid::Grid;
+
+/// A node outside the even core of the grid, or too close to its end.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "node {node} of the surface at {axis} = {at:.4} m is outside the even part of the grid, from {from:.4} to {to:.4} m"
+)]
+pub struct OutsideCore {
+    /// Number of the node.
+    pub node: usize,
+    /// Axis.
+    pub axis: char,
+    /// Coordinate, m.
+    pub at: f64,
+    /// Least coordinate of a node, m.
+    pub from: f64,
+    /// Largest coordinate of a node, m.
+    pub to: f64,
+}
+
+/// Where a triangle crosses the line through the centres of the cells along an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Axis of the line.
+    pub axis: usize,
+    /// Cell whose lower face along the axis is cut.
+    pub cell: [usize; 3],
+    /// Triangle.
+    pub triangle: usize,
+    /// Shares of the triangle's nodes.
+    pub shares: [f64; 3],
+    /// Unit normal of the triangle.
+    pub normal: Vector3<f64>,
+}
+
+/// Cut faces of a surface with their constraints.
+#[derive(Clone, Debug, Default)]
+pub struct CutFaces {
+    /// Constraints.
+    pub rows: FluxConstraints,
+    /// Crossings, those of a face one after the other.
+    crossings: Vec<Crossing>,
+    /// Of each row's entries: the crossings of its face.
+    of_entry: Vec<std::ops::Range<usize>>,
+    /// Area of a face, m2.
+    area: f64,
+}
+
+/// Least cosine between the normals of a face that is cut at a small angle and the one whose constraint it joins.
+const SAME_SHEET: f64 = 0.3;
+/// Cells around a face in which that one is sought.
+const REACH: isize = 2;
+
+/// Signed double area of the triangle of p and an edge, bitwise the same from both sides of the edge but for its sign.
+#[inline(always)]
+fn edge(p: [f64; 2], from: ([f64; 2], u32), to: ([f64; 2], u32)) -> (f64, bool) {
+    let forward = from.1 < to.1;
+    let (low, high) = if forward { (from.0, to.0) } else { (to.0, from.0) };
+    let e = (high[0] - low[0]) * (p[1] - low[1]) - (high[1] - low[1]) * (p[0] - low[0]);
+    (if forward { e } else { -e }, forward)
+}
+
+/// A triangle in units of core cells, from the first face of the core.
+struct Triangle {
+    number: usize,
+    nodes: [u32; 3],
+    x: [Vector3<f64>; 3],
+    normal: Vector3<f64>,
+}
+
+impl Triangle {
+    /// Crossings with the lines along `axis` through the centres of cells; `start`: first cell of the core.
+    fn crossings(&self, axis: usize, start: [usize; 3], mut found: impl FnMut(Crossing)) {
+        let Self { number, nodes, x, normal } = self;
+        let [a, b] = [(axis + 1) % 3, (axis + 2) % 3];
+        let flat = x.map(|x| [x[a] - 0.5, x[b] - 0.5]);
+        let range = |c: usize| {
+            let (low, high) = flat.iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p[c]), h.max(p[c])));
+            low.ceil() as isize..=high.floor() as isize
+        };
+        // The triangle is seen from below.
+        let turned = normal[axis] < 0.0;
+        for q in range(1) {
+            for p in range(0) {
+                let at = [p as f64, q as f64];
+                let mut shares = [0.0; 3];
+                let inside = (0..3).all(|i| {
+                    let [j, k] = [(i + 1) % 3, (i + 2) % 3];
+                    let (e, forward) = edge(at, (flat[j], nodes[j]), (flat[k], nodes[k]));
+                    let e = if turned { -e } else { e };
+                    shares[i] = e;
+                    e > 0.0 || e == 0.0 && forward != turned
+                });
+                let sum: f64 = shares.iter().sum();
+                if !inside || sum <= 0.0 {
+                    continue;
+                }
+                let shares = shares.map(|s| s / sum);
+                let along: f64 = shares.iter().zip(x).map(|(s, x)| s * x[axis]).sum();
+                let above = (along - 0.5).ceil();
+                let mut cell = [0; 3];
+                (cell[a], cell[b], cell[axis]) =
+                    (start[a] + p as usize, start[b] + q as usize, start[axis] + above as usize);
+                found(Crossing { axis, cell, triangle: *number, shares, normal: *normal });
+            }
+        }
+    }
+}
+
+impl CutFaces {
+    /// Of the triangles `faces` of nodes at `positions` (m, in the frame of the grid) on a grid with cubes in its core; `permeability` of
+    /// the cloth, m/(s Pa).
+    ///
+    /// # Errors
+    /// A node is not at least three cells inside the core.
+    pub fn new(
+        grid: &Grid,
+        positions: &[Vector3<f64>],
+        faces: &[[u32; 3]],
+        permeability: f64,
+    ) -> Result<Self, OutsideCore> {
+        let start = [0, 1, 2].map(|d| grid.axes[d].core.start);
+        let h = grid.axes[0].spacing;
+        let scaled = scaled_positions(grid, positions)?;
+        let mut crossings = Vec::new();
+        for (number, nodes) in faces.iter().enumerate() {
+            let x = nodes.map(|n| scaled[n as usize]);
+            let area = (x[1] - x[0]).cross(&(x[2] - x[0]));
+            let Some(normal) = area.try_normalize(1e-14) else { continue };
+            let triangle = Triangle { number, nodes: *nodes, x, normal };
+            for axis in 0..3 {
+                triangle.crossings(axis, start, |c| crossings.push(c));
+            }
+        }
+        let key = |c: &Crossing| (grid.at(c.cell.map(|i| i as isize)), c.axis, c.triangle);
+        crossings.sort_by_key(key);
+        let mut cut = Self { rows: FluxConstraints::new(grid), crossings, of_entry: Vec::new(), area: h * h };
+        cut.assemble(grid, permeability);
+        Ok(cut)
+    }
+
+    /// Crossings of each cut face.
+    fn faces(&self) -> Vec<std::ops::Range<usize>> {
+        let mut faces = Vec::new();
+        let mut from = 0;
+        for i in 1..=self.crossings.len() {
+            let next = self.crossings.get(i);
+            let own = &self.crossings[from];
+            if next.is_none_or(|c| (c.cell, c.axis) != (own.cell, own.axis)) {
+                faces.push(from..i);
+                from = i;
+            }
+        }
+        faces
+    }
+
+    /// The rows of all cut faces.
+    fn assemble(&mut self, grid: &Grid, permeability: f64) {
+        if self.crossings.is_empty() {
+            return;
+        }
+        let faces = self.faces();
+        let first = |f: &std::ops::Range<usize>| &self.crossings[f.start];
+        let dominant = |c: &Crossing| c.normal[c.axis].abs() >= c.normal.amax() - 1e-12;
+        let mut places: HashMap<[usize; 3], Vec<usize>> = HashMap::new();
+        for (i, face) in faces.iter().enumerate().filter(|(_, f)| dominant(first(f))) {
+            places.entry(first(face).cell).or_default().push(i);
+        }
+        let mut members: Vec<Vec<(usize, f64)>> = vec![Vec::new(); faces.len()];
+        for (i, face) in faces.iter().enumerate() {
+            let own = first(face);
+            let joined = if dominant(own) { Some(i) } else { nearest(own, &places, |j| first(&faces[j])) };
+            let joined = joined.unwrap_or(i);
+            let turned = own.normal.dot(&first(&faces[joined]).normal) < 0.0;
+            let sign = own.normal[own.axis].signum() * if turned { -1.0 } else { 1.0 };
+            members[joined].push((i, sign));
+        }
+        let (mut rows, mut of_entry) = (FluxConstraints::new(grid), Vec::new());
+        for (joined, members) in members.iter().enumerate().filter(|(_, m)| !m.is_empty()) {
+            let own = first(&faces[joined]);
+            let entries: Vec<_> = members
+                .iter()
+                .map(|(i, sign)| (first(&faces[*i]).axis, first(&faces[*i]).cell, sign * self.area))
+                .collect();
+            of_entry.extend(members.iter().map(|(i, _)| faces[*i].clone()));
+            let area = self.area / own.normal[own.axis].abs().max(0.1);
+            rows.push(grid, &entries, 0.0, permeability * area);
+        }
+        (self.rows, self.of_entry) = (rows, of_entry);
+    }
+
+    /// Sets the velocities of the nodes, m/s.
+    pub fn set_velocities(&mut self, faces: &[[u32; 3]], velocities: &[Vector3<f64>]) {
+        for row in 0..self.rows.len() {
+            let mut target = 0.0;
+            for entry in self.rows.offsets[row]..self.rows.offsets[row + 1] {
+                let range = self.of_entry[entry].clone();
+                let count = range.len() as f64;
+                let at = |c: &Crossing| -> f64 {
+                    let nodes = faces[c.triangle];
+                    (0..3).map(|i| c.shares[i] * velocities[nodes[i] as usize][c.axis]).sum()
+                };
+                let mean = self.crossings[range].iter().map(at).sum::<f64>() / count;
+                target += self.rows.weights[entry] * mean;
+            }
+            self.rows.target[row] = target;
+        }
+    }
+
+    /// Adds the forces of the air on the nodes (N) for the pressure jumps of the rows. Force and moment are those that the air loses, to
+    /// round-off: each acts along the line of its crossing. Layers that cut one face share its jump.
+    pub fn add_forces(&self, faces: &[[u32; 3]], jumps: &[f64], forces: &mut [Vector3<f64>]) {
+        for (row, jump) in jumps.iter().enumerate() {
+            for entry in self.rows.offsets[row]..self.rows.offsets[row + 1] {
+                let range = self.of_entry[entry].clone();
+                let force = self.rows.weights[entry] * jump / range.len() as f64;
+                for c in &self.crossings[range] {
+                    for (node, share) in faces[c.triangle].iter().zip(&c.shares) {
+                        forces[*node as usize][c.axis] += share * force;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Pressure jumps of the rows from those of another set of cut faces, `old` with `jumps`: the start of an iteration.
+    pub fn transfer(&self, old: &Self, jumps: &[f64]) -> Vec<f64> {
+        let mut at: HashMap<(u8, usize), f64> = HashMap::new();
+        for (row, jump) in jumps.iter().enumerate() {
+            for entry in old.rows.offsets[row]..old.rows.offsets[row + 1] {
+                at.insert(old.rows.faces[entry], jump * old.rows.weights[entry].signum());
+            }
+        }
+        let of_row = |row: usize| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for entry in self.rows.offsets[row]..self.rows.offsets[row + 1] {
+                if let Some(jump) = at.get(&self.rows.faces[entry]) {
+                    sum += jump * self.rows.weights[entry].signum();
+                    count += 1.0;
+                }
+            }
+            if count > 0.0 { sum / count } else { 0.0 }
+        };
+        (0..self.rows.len()).map(of_row).collect()
+    }
+
+    /// All crossings.
+    pub fn crossings(&self) -> &[Crossing] {
+        &self.crossings
+    }
+}
+
+/// Positions in units of core cells, from the first face of the core.
+fn scaled_positions(grid: &Grid, positions: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, OutsideCore> {
+    let mut scaled = Vec::with_capacity(positions.len());
+    for (node, x) in positions.iter().enumerate() {
+        for d in 0..3 {
+            let axis = &grid.axes[d];
+            let place = |cell: f64| axis.faces[axis.core.start] + axis.spacing * cell;
+            let (from, to) = (place(3.0), place(axis.core.len() as f64 - 3.0));
+            if !(from..=to).contains(&x[d]) {
+                return Err(OutsideCore { node, axis: ['x', 'y', 'z'][d], at: x[d], from, to });
+            }
+        }
+        scaled.push(Vector3::from_fn(|d, _| {
+            (x[d] - grid.axes[d].faces[grid.axes[d].core.start]) / grid.axes[d].spacing
+        }));
+    }
+    Ok(scaled)
+}
+
+/// The dominant face nearest to the crossing `own`, of the same sheet, by its normal.
+fn nearest<'a>(
+    own: &Crossing,
+    places: &HashMap<[usize; 3], Vec<usize>>,
+    crossing: impl Fn(usize) -> &'a Crossing,
+) -> Option<usize> {
+    let middle =
+        |c: &Crossing| Vector3::from_fn(|d, _| c.cell[d] as f64 + if d == c.axis { 0.0 } else { 0.5 });
+    let mut best = (f64::INFINITY, None);
+    for dz in -REACH..=REACH {
+        for dy in -REACH..=REACH {
+            for dx in -REACH..=REACH {
+                let cell = [0, 1, 2].map(|d| own.cell[d].wrapping_add_signed([dx, dy, dz][d]));
+                for &j in places.get(&cell).into_iter().flatten() {
+                    let other = crossing(j);
+                    if own.normal.dot(&other.normal).abs() < SAME_SHEET {
+                        continue;
+                    }
+                    // Off the tangent plane is farther than along it.
+                    let apart = middle(own) - middle(other);
+                    let distance = apart.norm_squared() + 3.0 * own.normal.dot(&apart).powi(2);
+                    if distance < best.0 - 1e-12 {
+                        best = (distance, Some(j));
+                    }
+                }
+            }
+        }
+    }
+    best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::axis::Axis;
+    use crate::grid::{End, Ends};
+    use crate::shapes;
+
+    fn grid(cells: usize) -> Grid {
+        let axis = || Axis::even(-1.0, 1.0, cells);
+        let slip = Ends::Open([End::Slip, End::Slip]);
+        Grid::new([axis(), axis(), axis()], [slip, slip, slip])
+    }
+
+    /// A line crosses a closed surface as often outwards as inwards, also where it meets nodes and edges exactly.
+    #[test]
+    fn closed_surface_has_no_hole() {
+        let grid = grid(40);
+        for (level, radius, shift) in [(3, 0.7, 0.0), (2, 0.5, 0.025), (3, 0.61, 0.0137), (0, 0.7, 0.025)] {
+            let (mut nodes, faces) = shapes::sphere(radius, level);
+            nodes.iter_mut().for_each(|x| *x += Vector3::repeat(shift));
+            let cut = CutFaces::new(&grid, &nodes, &faces, 0.0).expect("inside");
+            let mut lines: HashMap<(usize, usize, usize), [i32; 2]> = HashMap::new();
+            for c in cut.crossings() {
+                let [a, b] = [(c.axis + 1) % 3, (c.axis + 2) % 3];
+                let sums = lines.entry((c.axis, c.cell[a], c.cell[b])).or_default();
+                sums[0] += c.normal[c.axis].signum() as i32;
+                sums[1] += 1;
+            }
+            assert!(lines.values().all(|s| s[0] == 0 && s[1] >= 2), "{level} {radius} {shift}");
+            assert!(lines.len() > 3 * (1.9 * radius * radius * 400.0) as usize, "{}", lines.len());
+        }
+    }
+
+    /// Every cut face belongs to one row, and the forces on nodes have the resultant and moment of those on faces.
+    #[test]
+    fn forces_on_nodes_are_those_on_faces() {
+        let grid = grid(32);
+        let (nodes, faces) = shapes::sphere(0.6, 3);
+        let nodes: Vec<_> = nodes.iter().map(|x| x + Vector3::new(0.01, 0.02, -0.03)).collect();
+        let cut = CutFaces::new(&grid, &nodes, &faces, 0.0).expect("inside");
+        let jumps: Vec<f64> = (0..cut.rows.len()).map(|r| 1.0 + (r as f64).sin()).collect();
+        let mut forces = vec![Vector3::zeros(); nodes.len()];
+        cut.add_forces(&faces, &jumps, &mut forces);
+        let (mut total, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        for (row, jump) in jumps.iter().enumerate() {
+            for entry in cut.rows.offsets[row]..cut.rows.offsets[row + 1] {
+                let c = &cut.crossings[cut.of_entry[entry].start];
+                let x = Vector3::from_fn(|d, _| grid.coordinate(c.axis, d, c.cell[d]));
+                let f = Vector3::ith(c.axis, cut.rows.weights[entry] * jump);
+                total += f;
+                moment += x.cross(&f);
+            }
+        }
+        let sum: Vector3<f64> = forces.iter().sum();
+        let turn: Vector3<f64> = nodes.iter().zip(&forces).map(|(x, f)| x.cross(f)).sum();
+        assert!(
+            (sum - total).norm() < 1e-12 && (turn - moment).norm() < 1e-12,
+            "{sum} {total} {turn} {moment}"
+        );
+        let mut seen: Vec<_> = cut.rows.faces.clone();
+        seen.sort_unstable();
+        let count = seen.len();
+        seen.dedup();
+        assert_eq!((seen.len(), count), (cut.faces().len(), cut.faces().len()));
+    }
+
+    #[test]
+    fn node_outside_the_core_is_named() {
+        let (mut nodes, faces) = shapes::sphere(0.5, 1);
+        nodes[7].y = 0.97;
+        let error = CutFaces::new(&grid(20), &nodes, &faces, 0.0).expect_err("outside");
+        assert!(error.to_string().contains("node 7") && error.to_string().contains("y = 0.97"), "{error}");
+    }
+}

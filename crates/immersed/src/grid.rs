@@ -1,0 +1,195 @@
+//! Rectilinear grid and the layout of its staggered arrays.
+//!
+//! Component c of the velocity lies on the lower face of its cell along c (marker and cell, Harlow and Welch 1965). All arrays have
+//! the same shape with [`GHOSTS`] layers around the cells, x fastest, so that a neighbour along d is a constant stride away.
+
+use nalgebra::Vector3;
+
+use crate::axis::Axis;
+
+/// Layers of cells around the grid that boundary conditions fill.
+pub const GHOSTS: usize = 2;
+
+/// What holds at one end of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The far field's velocity.
+    Inflow,
+    /// The far field's velocity across, no gradient along.
+    Slip,
+    /// Pressure zero, no gradient of the velocity.
+    Outflow,
+}
+
+/// Both ends of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ends {
+    /// The ends are one.
+    Periodic,
+    /// The low and the high end.
+    Open([End; 2]),
+}
+
+/// Rectilinear grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Cells along x, y, z.
+    pub axes: [Axis; 3],
+    /// Conditions at the ends of x, y, z.
+    pub ends: [Ends; 3],
+    /// Distance of neighbours along an axis in an array.
+    pub strides: [usize; 3],
+}
+
+/// Three staggered components.
+pub type Velocity = [Vec<f64>; 3];
+
+impl Grid {
+    /// Grid of the product of `axes`.
+    pub fn new(axes: [Axis; 3], ends: [Ends; 3]) -> Self {
+        let [nx, ny] = [0, 1].map(|d| axes[d].len() + 2 * GHOSTS);
+        Self { axes, ends, strides: [1, nx, nx * ny] }
+    }
+
+    /// Numbers of cells along x, y, z.
+    pub fn cells(&self) -> [usize; 3] {
+        [0, 1, 2].map(|d| self.axes[d].len())
+    }
+
+    /// Number of cells.
+    pub fn count(&self) -> usize {
+        self.cells().iter().product()
+    }
+
+    /// Length of an array with its ghosts.
+    pub fn array_len(&self) -> usize {
+        self.cells().iter().map(|n| n + 2 * GHOSTS).product()
+    }
+
+    /// Position in an array of the cell `cell`, whose indices may be as small as -[`GHOSTS`].
+    #[inline(always)]
+    pub fn at(&self, cell: [isize; 3]) -> usize {
+        let g = GHOSTS as isize;
+        (0..3).map(|d| (cell[d] + g) as usize * self.strides[d]).sum()
+    }
+
+    /// A velocity that is the same everywhere.
+    pub fn uniform(&self, velocity: Vector3<f64>) -> Velocity {
+        [0, 1, 2].map(|c| vec![velocity[c]; self.array_len()])
+    }
+
+    /// Faces of component `c` along c whose velocity is solved for: all but those that the far field sets.
+    pub fn unknown_faces(&self, c: usize) -> std::ops::Range<usize> {
+        let n = self.axes[c].len();
+        match self.ends[c] {
+            Ends::Periodic => 0..n,
+            Ends::Open([low, high]) => {
+                usize::from(low != End::Outflow)..n + usize::from(high == End::Outflow)
+            }
+        }
+    }
+
+    /// Distance of the centres of the cells below and above face `i` along `d`, m; at an open end half a cell, to the boundary.
+    pub fn centre_distance(&self, d: usize, i: usize) -> f64 {
+        let w = &self.axes[d].widths;
+        match (i, self.ends[d]) {
+            (0, Ends::Periodic) => 0.5 * (w[0] + w[w.len() - 1]),
+            (0, _) => 0.5 * w[0],
+            (i, Ends::Periodic) if i == w.len() => 0.5 * (w[0] + w[i - 1]),
+            (i, _) if i == w.len() => 0.5 * w[i - 1],
+            (i, _) => 0.5 * (w[i - 1] + w[i]),
+        }
+    }
+
+    /// Coordinate along `d` of component `c` in cell `i`, m.
+    pub fn coordinate(&self, c: usize, d: usize, i: usize) -> f64 {
+        if c == d { self.axes[d].faces[i] } else { self.axes[d].centre(i) }
+    }
+
+    /// All cells.
+    pub fn all_cells(&self) -> [std::ops::Range<usize>; 3] {
+        [0, 1, 2].map(|d| 0..self.axes[d].len())
+    }
+
+    /// Sets the velocity through an outflow to that of the face before it.
+    pub fn copy_to_outflow(&self, u: &mut Velocity) {
+        for (c, u) in u.iter_mut().enumerate() {
+            let Ends::Open(ends) = self.ends[c] else { continue };
+            let [a, b] = [(c + 1) % 3, (c + 2) % 3];
+            for (end, (face, inner)) in
+                ends.iter().zip([(0, 1), (self.axes[c].len(), self.axes[c].len() - 1)])
+            {
+                if *end != End::Outflow {
+                    continue;
+                }
+                for q in 0..self.axes[b].len() {
+                    for p in 0..self.axes[a].len() {
+                        let at = |i: usize| {
+                            let mut cell = [0; 3];
+                            (cell[a], cell[b], cell[c]) = (p as isize, q as isize, i as isize);
+                            self.at(cell)
+                        };
+                        u[at(face)] = u[at(inner)];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Fills the ghosts of `u` and the faces that the far field's velocity `far` (m/s) sets.
+    pub fn fill_ghosts(&self, u: &mut Velocity, far: Vector3<f64>) {
+        for (c, values) in u.iter_mut().enumerate() {
+            for d in 0..3 {
+                self.fill_end(values, c, d, far[c]);
+            }
+        }
+    }
+
+    /// Fills both ends of axis `d` for component `c`.
+    fn fill_end(&self, u: &mut [f64], c: usize, d: usize, far: f64) {
+        let (n, s) = (self.axes[d].len() as isize, self.strides[d]);
+        let [a, b] = [(d + 1) % 3, (d + 2) % 3];
+        let extent = |axis: usize| self.axes[axis].len() + 2 * GHOSTS;
+        for q in 0..extent(b) {
+            for p in 0..extent(a) {
+                let base = p * self.strides[a] + q * self.strides[b];
+                let at = |i: isize| base + (i + GHOSTS as isize) as usize * s;
+                match self.ends[d] {
+                    Ends::Periodic => {
+                        for layer in 1..=GHOSTS as isize {
+                            u[at(-layer)] = u[at(n - layer)];
+                            u[at(n + layer - 1)] = u[at(layer - 1)];
+                        }
+                    }
+                    Ends::Open([low, high]) => {
+                        // The boundary is face 0 of a normal component, else between cells -1 and 0.
+                        let (own, first) = if c == d { (0, 1) } else { (-1, 0) };
+                        if c == d && low != End::Outflow {
+                            u[at(0)] = far;
+                        }
+                        for layer in 1..=GHOSTS as isize {
+                            u[at(-layer)] = match low {
+                                End::Inflow => far,
+                                End::Slip if c == d => 2.0 * far - u[at(layer)],
+                                End::Slip => u[at(layer - 1)],
+                                End::Outflow => u[at(own + 1)],
+                            };
+                        }
+                        if c == d && high != End::Outflow {
+                            u[at(n)] = far;
+                        }
+                        for layer in first..GHOSTS as isize {
+                            u[at(n + layer)] = match high {
+                                End::Inflow => far,
+                                End::Slip if c == d => 2.0 * far - u[at(n - layer)],
+                                End::Slip => u[at(n - layer - 1)],
+                                End::Outflow if c == d => u[at(n)],
+                                End::Outflow => u[at(n - 1)],
+                            };
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
