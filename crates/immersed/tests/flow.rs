@@ -176,6 +176,41 @@ fn added_mass_of_a_sphere_converges() {
     assert!(errors[2].abs() < 0.02 && errors[0].abs() < 0.1, "{errors:?}");
 }
 
+/// Rim of a square plate by its added mass (DNV-RP-H103: 0.579 pi/4 of the cube of its side), in cells outside its edge: a third of a cell at any angle to
+/// the grid. The columns that it cuts have its area to half a cell at the rim, so the force across is that share of it.
+#[test]
+fn plate_has_its_added_mass_at_any_angle() {
+    let cells = 16.0;
+    let h = 1.0 / cells;
+    for degrees in [0.0f64, 20.0, 45.0] {
+        let axis = || Axis::stretched([-0.8, 0.8], h, [5.0, 5.0], 1.2, 2);
+        let grid = Grid::new([axis(), axis(), axis()], [SLIP, SLIP, Ends::Open([End::Inflow, End::Outflow])]);
+        let mut flow = Flow::new(grid, settings(Vector3::zeros(), 0.0, 0.0));
+        let angle = degrees.to_radians();
+        let turn = Rotation3::from_axis_angle(&Vector3::x_axis(), angle)
+            * Rotation3::from_axis_angle(&Vector3::y_axis(), 0.7 * angle);
+        let (plate, faces) = shapes::plate(16);
+        let nodes: Vec<_> = plate.iter().map(|x| turn * x + Vector3::new(0.06, 0.14, 0.2) * h).collect();
+        let normal = turn * Vector3::z();
+        let mut cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
+        cut.set_velocities(&faces, &vec![normal; nodes.len()]);
+        flow.predict(1e-3, Vector3::zeros());
+        let jumps = flow.solve_constraints(&cut.rows);
+        let mut forces = vec![Vector3::zeros(); nodes.len()];
+        cut.add_forces(&faces, &jumps.jump, &mut forces);
+        let total: Vector3<f64> = forces.iter().sum();
+        let mass = -total.dot(&normal) * 1e-3 / 1.2;
+        let across = (total + normal * (mass * 1.2e3)).norm() / total.norm();
+        let rim = 0.5 * cells * ((mass / (0.579 * std::f64::consts::FRAC_PI_4)).cbrt() - 1.0);
+        println!(
+            "{degrees} degrees: rim {rim:.3} cells outside, force across {across:.3}, {} iterations",
+            jumps.iterations
+        );
+        assert!((0.15..0.5).contains(&rim) && across < 0.04, "{degrees}: {rim} {across}");
+        assert!(jumps.iterations < 60, "{}", jumps.iterations);
+    }
+}
+
 /// Crumpled disks that move at random for 20 steps: no NaN, every step solved.
 fn crumpled(count: u64) {
     let axis = || Axis::even(-1.0, 1.0, 24);

@@ -70,11 +70,11 @@ fn descent_speed(run: &Run) -> Option<Card> {
     let (late, deviation) = stage.columns.late("descent_speed_m_s")?;
     let last = stage.columns.last("descent_speed_m_s").unwrap_or(f64::NAN);
     let settled = stage.columns.settled("descent_speed_m_s");
-    let interval = settled.as_ref().and_then(|s| Some((s.mean, s.interval_95?, s)));
+    let interval = settled.as_ref().and_then(|s| Some((s.mean, s.mean_and_interval()?, s)));
     let (mean, value, note) = match interval {
-        Some((mean, half_width, s)) => (
+        Some((mean, value, s)) => (
             mean,
-            format!("{} ± {} m/s", digits(mean), digits(half_width)),
+            format!("{value} m/s"),
             format!("settled mean from {} s, 95 % interval of {} batches", digits(s.from_s), s.batches),
         ),
         None => (

@@ -102,6 +102,13 @@ impl SettledMean {
         if self.interval_95.is_some() { "settled mean" } else { "mean" }
     }
 
+    /// Mean and half width of its interval with two digits of it, without unit; `None` without an interval.
+    pub fn mean_and_interval(&self) -> Option<String> {
+        let half_width = self.interval_95?;
+        let places = decimals(half_width);
+        Some(format!("{:.places$} ± {half_width:.places$}", self.mean))
+    }
+
     /// Mean and interval, or why there is none, in words.
     pub fn line(&self) -> String {
         let (label, unit) = self.label();
@@ -176,6 +183,8 @@ mod tests {
             "{}",
             mean.line()
         );
+        let exact = SettledMean { mean: 4.51873, interval_95: Some(0.071_49), ..mean.clone() };
+        assert_eq!(exact.mean_and_interval().as_deref(), Some("4.519 ± 0.071"));
     }
 
     #[test]
